@@ -1,0 +1,92 @@
+# `make` alone lists the commands. The first one that needs it builds the environment, from the exact
+# versions of constraints.txt; stamp files inside it say what it holds, so the next one starts at once.
+
+PYTHON ?= python3
+VENV   ?= .venv
+JOBS   ?= 2
+
+BIN     := $(VENV)/bin
+RUN     := $(BIN)/python -m
+INSTALL := $(RUN) pip install -qq --disable-pip-version-check --constraint constraints.txt
+
+export MPLBACKEND := Agg
+# One BLAS thread in each of the JOBS processes: they do not fight for cores, and sums keep their order.
+ONE_THREAD := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1
+
+.DEFAULT_GOAL := help
+.DELETE_ON_ERROR:
+.PHONY: help demo test proof bench format constraints clean
+
+help:
+	@echo "make demo         solve the time-optimal motion of the L1 prototype, then generate and check its C code"
+	@echo "make test         lint, types and all tests: what CI runs"
+	@echo "make proof        long statistics and formal checks"
+	@echo "make bench        benchmarks and rivals"
+	@echo "make format       bring the Python files into the form that make test asks for"
+	@echo "make constraints  resolve constraints.txt anew"
+	@echo "make clean        remove what was built and the caches; the environment, $(VENV), stays"
+	@echo "PYTHON=python3.12 chooses the interpreter of the environment, JOBS=4 the test processes."
+
+demo: $(VENV)/.core
+	$(BIN)/gtmodel solve problems/l1_min_time.toml --plot --out build/demo
+	$(BIN)/gtmodel codegen problems/l1_controller.toml -o build/l1 --check
+
+test: $(VENV)/.dev
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/basedpyright --pythonpath $(BIN)/python
+	$(ONE_THREAD) $(RUN) pytest -n $(JOBS)
+
+# pytest ends with 5 where no test carries the marker.
+proof: $(VENV)/.dev
+	@$(ONE_THREAD) $(RUN) pytest -n $(JOBS) -m proof || { status=$$?; \
+	  test $$status -eq 5 && echo "No test is marked 'proof' yet: nothing was proved."; }
+
+# Every script runs, also after one that failed; a script says itself which tool it lacks.
+bench: $(VENV)/.bench
+	@status=0; ran=0; for script in tests/bench/bench_*.py; do \
+	  test -e "$$script" || continue; \
+	  ran=1; echo "== $$script"; $(ONE_THREAD) $(BIN)/python "$$script" || status=1; \
+	done; \
+	test $$ran -eq 1 || echo "No benchmark in tests/bench yet: nothing was measured."; exit $$status
+
+format: $(VENV)/.dev
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+# A failed or broken-off install leaves no stamp, and the next make repeats it.
+$(VENV)/.core: pyproject.toml constraints.txt | $(BIN)/python
+	@echo "Installing gtmodel into $(VENV) ..."
+	@$(INSTALL) -e .
+	@touch $@
+
+$(VENV)/.dev: pyproject.toml constraints.txt | $(BIN)/python
+	@echo "Installing gtmodel, its tests' tools and the oracles into $(VENV) (some minutes the first time) ..."
+	@$(INSTALL) -e '.[dev,oracle]'
+	@touch $(VENV)/.core $@
+
+$(VENV)/.bench: pyproject.toml constraints.txt | $(BIN)/python
+	@echo "Installing gtmodel, the oracles and the rivals into $(VENV) (some minutes the first time) ..."
+	@$(INSTALL) -e '.[dev,oracle,bench]'
+	@touch $(VENV)/.core $(VENV)/.dev $@
+
+$(BIN)/python:
+	@$(PYTHON) -c 'pass' 2>/dev/null || { echo "There is no working '$(PYTHON)'. Name a Python 3.11 or newer: make $(or $(MAKECMDGOALS),test) PYTHON=python3.12"; exit 1; }
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { \
+	  echo "gtmodel needs Python 3.11 or newer; '$(PYTHON)' is $$($(PYTHON) -c 'import platform; print(platform.python_version())')." \
+	       "Name another one: make $(or $(MAKECMDGOALS),test) PYTHON=python3.12"; exit 1; }
+	@$(PYTHON) -m venv $(VENV) || { rm -f $@; \
+	  echo "'$(PYTHON) -m venv' failed. On Debian and Ubuntu the package python3-venv may be missing."; exit 1; }
+
+# Resolved in an environment of its own; `list` and not `freeze`, which may write local paths.
+constraints: $(BIN)/python
+	rm -rf build/resolve && $(BIN)/python -m venv build/resolve
+	build/resolve/bin/python -m pip install --quiet --disable-pip-version-check --only-binary :all: -e '.[dev,oracle,bench,notebooks]'
+	{ sed -n '/^#/p' constraints.txt; \
+	  build/resolve/bin/python -m pip list --format freeze --exclude-editable \
+	    --exclude pip --exclude setuptools | LC_ALL=C sort -f; } > build/constraints.txt
+	mv build/constraints.txt constraints.txt
+
+clean:
+	rm -rf build dist .pytest_cache .ruff_cache .hypothesis
+	find . -path './$(VENV)' -prune -o -name __pycache__ -type d -prune -exec rm -rf {} +

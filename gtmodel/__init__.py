@@ -1,0 +1,39 @@
+"""gtmodel: write a robot's equations once; every causality is derived.
+
+Language: Model, Connector, Optimization; variable, input, parameter, part, parts, port, outer, connect, der.
+Engines: Model.causal (any causality), solve (optimal control), simulate, generate (C code).
+"""
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+from . import lang as _lang
+from . import mechanics
+from .compiler.causal import CausalFunction, compile_causal
+from .lang import *  # noqa: F403
+from .results import SolveStatus, Status, Trajectory
+
+if TYPE_CHECKING:
+    from . import robots
+
+# what a person calls on a model lives in the engines; bound here so that the language imports none of them
+_lang.Model.causal = compile_causal
+
+__version__ = "0.1.0"
+
+__all__ = [
+    "CausalFunction",
+    "SolveStatus",
+    "Status",
+    "Trajectory",
+    "mechanics",
+    "robots",
+]
+__all__ += _lang.__all__
+
+
+def __getattr__(name: str) -> Any:
+    # the core stands without the robots (a test deletes them): they are imported when first asked for
+    if name == "robots":
+        return importlib.import_module(".robots", __name__)
+    raise AttributeError(f"module '{__name__}' has no attribute '{name}'")

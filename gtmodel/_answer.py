@@ -1,0 +1,74 @@
+"""How a command ends: a table or one JSON object on stdout, a sentence on stderr, and the exit code."""
+
+from __future__ import annotations
+
+import sys
+import time
+import traceback
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+from gtmodel import _terminal as terminal
+from gtmodel.results import SolveStatus
+
+if TYPE_CHECKING:
+    from gtmodel.kinds.run import Finished
+
+_EXIT = {SolveStatus.SOLVED: 0, SolveStatus.BAD_INPUT: 2}
+
+
+class Answer:
+    """What is known about a command when it ends: problem, kind, how a run finished, or other data to print."""
+
+    def __init__(self, problem: str) -> None:
+        self.problem = problem
+        self.kind: str | None = None
+        self.title = ""
+        self.finished: Finished | None = None
+        self.data: dict[str, Any] | None = None
+
+
+@contextmanager
+def answering(context: typer.Context, as_json: bool, asked: str) -> Iterator[Answer]:
+    """Whatever happens inside becomes a table or one JSON object, a sentence on stderr, and the exit code."""
+    from gtmodel.kinds import faults, report
+
+    began = time.monotonic()
+    answer = Answer(Path(asked).name)
+    try:
+        with terminal.nothing_on_stdout() if as_json else nullcontext():
+            yield answer
+    except (typer.Exit, BrokenPipeError):
+        raise
+    except BaseException as error:
+        if context.obj:
+            traceback.print_exc()
+        status, sentence = faults.describe(error, asked)
+        print(sentence, file=sys.stderr)
+        if as_json:
+            print_json(report.refused(answer.problem, answer.kind, sentence, status, time.monotonic() - began))
+        raise typer.Exit(_EXIT.get(status, 1)) from None
+    if answer.finished is None:
+        if as_json and answer.data is not None:
+            print_json(answer.data)
+        return
+    outcome, wall_s = answer.finished.outcome, answer.finished.wall_s
+    if as_json:
+        print_json(report.summary(answer.problem, answer.kind, outcome, wall_s))
+    else:
+        terminal.outcome_table(answer.title, outcome)
+        for path in answer.finished.files:
+            print(f"wrote {path}")
+    if not outcome.status.ok:
+        print(f"{asked}: {outcome.message or outcome.status.sentence}", file=sys.stderr)
+    raise typer.Exit(_EXIT.get(outcome.status, 1))
+
+
+def print_json(data: dict[str, Any]) -> None:
+    from gtmodel.kinds import report
+
+    print(report.line(data))

@@ -1,0 +1,145 @@
+"""What the command line shows to people: tables on stdout, progress on stderr, Ctrl-C as a request to stop."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import signal
+import sys
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, redirect_stdout, suppress
+from typing import Any
+
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.status import Status
+from rich.table import Table
+from rich.text import Text
+
+from gtmodel.kinds import Context, Outcome
+from gtmodel.kinds.units import split
+
+_WIDE = 4096  # columns where nobody looks: a pipe must not break lines
+
+
+def table(head: Sequence[str], rows: Iterable[Sequence[str]], title: str = "") -> None:
+    """Print one table. Texts are shown as they are: a bracket is no markup."""
+    console = Console() if sys.stdout.isatty() else Console(width=_WIDE, no_color=True)
+    shown = Table(box=SIMPLE_HEAD, title=Text(title) if title else None, title_justify="left", pad_edge=False)
+    for name in head:
+        shown.add_column(name, overflow="fold")
+    for row in rows:
+        shown.add_row(*(Text(cell) for cell in row))
+    with console.capture() as captured:
+        console.print(shown)
+    # rich pads every line to the width of the table
+    sys.stdout.write("\n".join(line.rstrip() for line in captured.get().splitlines()).strip("\n") + "\n")
+
+
+def number(value: Any) -> str:
+    """A value for people: six digits, lists separated by commas."""
+    if value is None:
+        return "none"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, (str, int)):
+        return str(value)
+    if isinstance(value, Mapping):
+        return ", ".join(f"{k} = {number(v)}" for k, v in value.items())
+    if hasattr(value, "tolist"):
+        return number(value.tolist())
+    if isinstance(value, (list, tuple)):
+        return ", ".join(number(v) for v in value)
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def outcome_table(title: str, outcome: Outcome) -> None:
+    """Print one outcome: its status, its rows, its checks."""
+    message = "" if outcome.message == outcome.status.value else outcome.message
+    rows = [("status", outcome.status.value, "", message)]
+    if outcome.iterations is not None:
+        rows.append(("iterations", str(outcome.iterations), "", ""))
+    for label, value, *unit in outcome.rows or _rows(outcome.values):
+        rows.append((label, number(value), str(unit[0]) if unit else "", ""))
+    for name, check in outcome.checks.items():
+        stem, unit = split(name)
+        bound = "" if check.bound is None else f" (bound {number(check.bound)})"
+        verdict = "passed" if check.passed else "FAILED"
+        rows.append((stem.replace("_", " "), number(check.value), unit, f"{verdict}{bound}"))
+    table(("quantity", "value", "unit", ""), rows, title)
+
+
+def _rows(values: Mapping[str, Any]) -> Iterator[tuple[str, Any, str]]:
+    for name, value in values.items():
+        stem, unit = split(name)
+        yield stem.replace("_", " "), value, unit
+
+
+@contextmanager
+def nothing_on_stdout() -> Iterator[None]:
+    """What a model, a solver or a compiler prints meanwhile goes to stderr: stdout holds one JSON object only."""
+    sys.stdout.flush()
+    try:
+        saved = os.dup(1)
+        os.dup2(2, 1)
+    except OSError:
+        saved = None
+    try:
+        with redirect_stdout(sys.stderr):
+            yield
+    finally:
+        _flush_c()
+        if saved is not None:
+            os.dup2(saved, 1)
+            os.close(saved)
+
+
+def _flush_c() -> None:
+    """Push out what C code still holds in its own buffer for stdout."""
+    with suppress(OSError, AttributeError):
+        ctypes.CDLL(None).fflush(None)
+
+
+@contextmanager
+def watching(context: Context) -> Iterator[None]:
+    """Progress on stderr when it is a terminal; the first Ctrl-C asks for a stop, the second one breaks off."""
+
+    def interrupt(_signal: int, _frame: Any) -> None:
+        if context.stop_requested:
+            raise KeyboardInterrupt
+        context.request_stop()
+        print("stopping at the best iterate; Ctrl-C again breaks off", file=sys.stderr)
+
+    try:
+        before = signal.signal(signal.SIGINT, interrupt)
+    except ValueError:  # not the main thread: nobody presses Ctrl-C here
+        before = None
+    try:
+        if not sys.stderr.isatty():
+            yield
+            return
+        with Console(stderr=True).status("working") as status:
+            context.progress = _Shown(status)
+            yield
+    finally:
+        if before is not None:
+            signal.signal(signal.SIGINT, before)
+
+
+class _Shown:
+    """Progress as one changing line."""
+
+    def __init__(self, status: Status) -> None:
+        self._status = status
+        self._stage = "working"
+
+    def __call__(
+        self,
+        stage: str | None = None,
+        fraction: float | None = None,
+        numbers: Mapping[str, float] | None = None,
+    ) -> None:
+        self._stage = stage or self._stage
+        parts = [self._stage if fraction is None else f"{self._stage} {fraction:.0%}"]
+        parts += [f"{name} {number(value)}" for name, value in (numbers or {}).items()]
+        self._status.update(Text(", ".join(parts)))

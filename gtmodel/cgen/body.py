@@ -1,0 +1,78 @@
+"""gt_<name>_body.c and .h: CasADi's code, with what a controller does not need taken out."""
+
+from __future__ import annotations
+
+import re
+import tempfile
+from pathlib import Path
+
+import casadi as ca
+
+from ..compiler.causal import CausalFunction
+from .errors import GenerationError
+from .interface import Interface
+from .text import comment
+
+_EXPORTED = re.compile(r"^CASADI_SYMBOL_EXPORT [^\n]*?(\w+)\([^\n]*\{(?:[^\n]*\}\n|.*?^\}\n)\n?", re.M | re.S)
+_CONSTANT = re.compile(r"^static const casadi_int (casadi_s\d+)\[[^\n]*;\n", re.M)
+SIZES = ("SZ_ARG", "SZ_RES", "SZ_IW", "SZ_W")
+
+
+def casadi_function(face: Interface) -> ca.Function:
+    """The function of `face` under its C name, instruction by instruction as Python evaluates it.
+
+    It is built again, not called: a call would simplify, and might round differently. Raises GenerationError
+    if an output is not dense.
+    """
+    f = face.function
+    built = CausalFunction(f.plan, f.inputs, f.outputs, face.body).casadi
+    if built.name() != face.body or not all(built.sparsity_out(n).is_dense() for n in range(built.n_out())):
+        raise GenerationError(f"the function '{face.key}' has a sparse output or no C name; this is a gtmodel error")
+    return built
+
+
+def body(name: str, faces: list[Interface]) -> tuple[str, str]:
+    """Texts of the C file and its header."""
+    prefix = f"gt_{name}_body"
+    generator = ca.CodeGenerator(f"{prefix}.c", {"with_header": True, "prefix": prefix})
+    for face in faces:
+        generator.add(casadi_function(face))
+    with tempfile.TemporaryDirectory() as folder:
+        source = Path(generator.generate(f"{folder}/"))
+        text, declarations = source.read_text(), source.with_suffix(".h").read_text()
+    if "#error" in text:
+        raise GenerationError("CasADi cannot write C for one of the functions: its text holds an #error line")
+    return _source(text, prefix, {face.body for face in faces}), _header(declarations, name, faces)
+
+
+def _source(text: str, prefix: str, wanted: set[str]) -> str:
+    """CasADi's text without the functions that describe themselves at run time, and including our headers."""
+    text = _EXPORTED.sub(lambda m: m[0] if m[1] in wanted else "", text)
+    text = text.replace("/* Configuration this file was compiled with */\n", "")
+    for constant in _CONSTANT.findall(text):
+        if len(re.findall(rf"\b{constant}\b", text)) == 2:  # its #define and its definition
+            text = re.sub(rf"^(#define {constant} |static const casadi_int {constant}\[)[^\n]*\n", "", text, flags=re.M)
+    include = "#include <math.h>\n"
+    if text.count(include) != 1 or any(f" {symbol}(" not in text for symbol in wanted):
+        raise GenerationError(f"CasADi {ca.__version__} writes C in a form that gtmodel does not know")
+    text = text.replace(include, f'#include "gt_float.h"\n#include "{prefix}.h"\n\n{include}')
+    lines = [line.rstrip() for line in text.splitlines()]
+    return re.sub(r"\n{3,}", "\n\n", "\n".join(lines)).strip("\n") + "\n"
+
+
+def _header(declarations: str, name: str, faces: list[Interface]) -> str:
+    guard = f"GT_{name.upper()}_BODY_H"
+    parts = [
+        comment([f"Generated bodies without guards: call the functions of gt_{name}.h instead.", "",
+                 "SZ_*: how many pointers, integers and doubles of scratch a body takes."]),
+        f'#ifndef {guard}\n#define {guard}\n\n#ifdef __cplusplus\nextern "C" {{\n#endif\n\n',
+    ]  # fmt: skip
+    for face in faces:
+        for size in SIZES:
+            number = re.search(rf"^#define {face.body}_{size} (\d+)$", declarations, re.M)
+            if number is None:
+                raise GenerationError(f"CasADi {ca.__version__} does not state {size} of '{face.key}'")
+            parts.append(f"#define {face.macro}_{size} {number[1]}\n")
+        parts.append(f"int {face.body}(const double **arg, double **res, long long int *iw, double *w, int mem);\n\n")
+    parts.append("#ifdef __cplusplus\n}\n#endif\n\n#endif\n")
+    return "".join(parts)

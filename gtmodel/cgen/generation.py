@@ -1,0 +1,96 @@
+"""From causal functions to a folder of C."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import casadi as ca
+
+from .._files import codegen_dir
+from ..compiler.causal import CausalFunction
+from .body import body
+from .errors import GenerationError
+from .folder import write
+from .header import header
+from .interface import Interface, interfaces
+from .manifest import FILE, gtmodel_version, manifest, parameters_hash, sha256
+from .readme import makefile, readme
+from .status_header import status_header
+from .vectors import selftest
+from .wrapper import wrapper
+
+RUNTIME = ("gt_compare.h", "gt_float.h", "gt_guard.h")
+STATUS = "gt_status.h"
+_MAIN = "gt_model_main.c"
+
+
+@dataclass(frozen=True)
+class Generated:
+    """A generated folder: its files, and the C names of its functions by their names."""
+
+    folder: Path
+    name: str
+    files: tuple[str, ...]
+    functions: dict[str, str]
+
+    @property
+    def header(self) -> Path:
+        """The header that a project includes."""
+        return self.folder / f"gt_{self.name}.h"
+
+
+def generate(
+    functions: Mapping[str, CausalFunction],
+    out: Path,
+    *,
+    name: str,
+    overwrite: bool = False,
+    provenance: Mapping[str, str] | None = None,
+) -> Generated:
+    """Write a folder of C99 that compiles as delivered: `cc *.c -lm`.
+
+    Args:
+        functions: causal functions by the name they get in C, `gt_<name>_<function>`. Parameters are folded in.
+        out: a new or empty folder, or one that gtmodel generated.
+        name: of the whole, part of every file name and symbol: several folders link into one program.
+        overwrite: replace also files of ours that were changed by hand.
+        provenance: what header and manifest say about the origin, e.g. robot, problem file and its hash.
+
+    Raises GenerationError for a name that is no C identifier or is taken, and for a folder that is not ours;
+    ModelError for a parameter without a value.
+    """
+    faces = interfaces(functions, name)
+    texts = contents(faces, name, dict(provenance or {}))
+    hashes = _hashes(faces, texts[f"gt_{name}_body.c"])
+    write(Path(out), texts, manifest(name, faces, provenance or {}, texts, hashes), overwrite)
+    return Generated(Path(out), name, (*texts, FILE), {f.key: f.symbol for f in faces})
+
+
+def contents(faces: list[Interface], name: str, provenance: Mapping[str, str]) -> dict[str, str]:
+    """Text of every file but the manifest, by file name."""
+    own = f"gt_{name}"
+    if f"{own}.h".lower() in (*RUNTIME, STATUS):
+        raise GenerationError(f"'{name}' cannot name the generated code: {own}.h belongs to the runtime")
+    source, declarations = body(name, faces)
+    about = [f"gtmodel {gtmodel_version()}, CasADi {ca.__version__}."]
+    about += [f"{key}: {value}" for key, value in provenance.items()]
+    runtime = codegen_dir() / "runtime"
+    main = (runtime / _MAIN).read_text(encoding="utf-8").replace("gt_model", own)
+    return {
+        f"{own}.h": header(name, faces, about, _hashes(faces, source)),
+        f"{own}.c": wrapper(name, faces),
+        f"{own}_body.h": declarations,
+        f"{own}_body.c": source,
+        f"{own}_selftest.c": selftest(name, faces),
+        f"{own}_main.c": main,
+        **{file: (runtime / file).read_text(encoding="utf-8") for file in RUNTIME},
+        STATUS: status_header(),
+        "Makefile": makefile(name),
+        "README.md": readme(name, faces),
+    }
+
+
+def _hashes(faces: list[Interface], source: str) -> dict[str, str]:
+    return {"parameters_sha256": parameters_hash(faces), "body_sha256": sha256(source)}

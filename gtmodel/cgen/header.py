@@ -1,0 +1,76 @@
+"""gt_<name>.h: the typed interface that a project includes."""
+
+from __future__ import annotations
+
+from ..compiler.causal import CausalFunction
+from .interface import Interface, Member
+from .text import comment
+
+_CONVENTIONS = [
+    "Every number is in SI units; a member's name ends in its unit. Matrices are stored row by row. A function "
+    "writes its outputs only when it returns GT_OK; otherwise they keep their last values. Functions hold no state "
+    "and may be called from several threads at once. Pointers must not be NULL.",
+]
+
+
+def header(name: str, faces: list[Interface], about: list[str], hashes: dict[str, str]) -> str:
+    """Text of the public header; `about` opens it, `hashes` become string macros."""
+    guard = f"GT_{name.upper()}_H"
+    parts = [
+        comment([f"gt_{name}: functions of a robot or machine, generated from its equations.", "", *about, ""]
+                + _CONVENTIONS),
+        f"#ifndef {guard}\n#define {guard}\n\n",
+        '#include "gt_status.h"\n\n',
+        '#ifdef __cplusplus\nextern "C" {\n#endif\n\n',
+        comment(["What this code was made from, for logs; manifest.json holds the same."]),
+        *[f'#define GT_{name.upper()}_{key.upper()} "{value}"\n' for key, value in hashes.items()],
+        "\n",
+        *[_declarations(face) for face in faces],
+        comment(["Compares every function with stored results of Python by ==; returns how many vectors differ."]),
+        f"int gt_{name}_selftest(void);\n\n",
+        comment(["The largest difference that the self-test sees, relative where the number is above one."]),
+        f"double gt_{name}_selftest_difference(void);\n\n",
+        "#ifdef __cplusplus\n}\n#endif\n\n#endif\n",
+    ]  # fmt: skip
+    return "".join(parts)
+
+
+def _declarations(face: Interface) -> str:
+    symbol = face.symbol
+    inputs = ", ".join(m.signal for m in face.inputs) or "nothing"
+    title = f"{face.key}: {', '.join(m.signal for m in face.outputs)} from {inputs}."
+    return "".join(
+        [
+            comment([title, *conditions(face.function)]),
+            _struct(f"{symbol}_in", face.inputs),
+            _struct(f"{symbol}_out", face.outputs),
+            f"gt_status {symbol}(const {symbol}_in *in, {symbol}_out *out);\n\n",
+        ]
+    )
+
+
+def conditions(function: CausalFunction) -> list[str]:
+    """Which of several solutions the function takes, and what its statuses mean."""
+    roots = [r for b in function.plan.blocks for r in b.roots]
+    lines = [f"- of two solutions for {r.label}: the one with the {'+' if r.value > 0 else '-'} root" for r in roots]
+    kinds = [m.kind for m in function.margins]
+    if "discriminant" in kinds:
+        lines.append("- GT_OUT_OF_RANGE where no real solution exists")
+    if "pivot" in kinds:
+        lines.append(f"- GT_SINGULAR where one of {kinds.count('pivot')} pivots vanishes; manifest.json names them")
+    return lines
+
+
+def _struct(name: str, members: tuple[Member, ...]) -> str:
+    rows = [f"    {m.declaration} {comment([_describe(m)]).rstrip()}\n" for m in members]
+    rows = rows or ["    double unused; /* C knows no empty struct */\n"]
+    return f"typedef struct {name} {{\n{''.join(rows)}}} {name};\n\n"
+
+
+def _describe(m: Member) -> str:
+    unit = {"?": "unit not declared", "": "1"}.get(m.unit, m.unit)
+    shape = f", {' x '.join(map(str, m.shape))} row by row" if len(m.shape) > 1 else ""
+    text = f"{m.signal} [{unit}{shape}]"
+    if m.description:
+        text += f": {m.description}"
+    return f"{text} ({m.where})" if m.where else text

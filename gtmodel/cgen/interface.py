@@ -1,0 +1,151 @@
+"""The C face of a causal function: names of its type, its function and the members of its structs."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+from ..compiler.causal import CausalFunction, Signal, c_name
+from .errors import GenerationError
+
+_IDENTIFIER = re.compile(r"[A-Za-z][A-Za-z0-9]*(_[A-Za-z0-9]+)*")
+_UNITLESS = {"", "1", "?"}
+KEYWORDS = frozenset(
+    """alignas alignof and and_eq asm auto bitand bitor bool break case catch char class compl concept const
+    const_cast constexpr continue decltype default delete do double dynamic_cast else enum explicit export extern
+    false float for friend goto if inline int long mutable namespace new noexcept not not_eq nullptr operator or
+    or_eq private protected public register reinterpret_cast restrict return short signed sizeof static
+    static_assert static_cast struct switch template this thread_local throw true try typedef typeid typename union
+    unsigned using virtual void volatile wchar_t while xor xor_eq""".split()
+)
+
+
+@dataclass(frozen=True)
+class Member:
+    """One member of a struct: `size` doubles, an array unless the signal is a scalar."""
+
+    identifier: str
+    size: int
+    is_array: bool
+    signal: str
+    shape: tuple[int, ...]
+    unit: str
+    description: str
+    where: str
+
+    @property
+    def declaration(self) -> str:
+        """Such as `double q_m[3];`."""
+        return f"double {self.identifier}[{self.size}];" if self.is_array else f"double {self.identifier};"
+
+    def address(self, struct: str) -> str:
+        """C expression for the address of the first number, `struct` being `in->` or `out.`."""
+        return f"{struct}{self.identifier}" if self.is_array else f"&{struct}{self.identifier}"
+
+
+@dataclass(frozen=True)
+class Interface:
+    """A causal function under the C name `symbol`, with typed inputs and outputs."""
+
+    key: str
+    symbol: str
+    function: CausalFunction
+    inputs: tuple[Member, ...]
+    outputs: tuple[Member, ...]
+
+    @property
+    def body(self) -> str:
+        """C name of the generated body."""
+        return f"{self.symbol}_body"
+
+    @property
+    def macro(self) -> str:
+        """Prefix of the macros of this function."""
+        return self.symbol.upper()
+
+    @property
+    def input_size(self) -> int:
+        """How many doubles the struct of inputs holds."""
+        return sum(m.size for m in self.inputs)
+
+    @property
+    def output_size(self) -> int:
+        """How many doubles the struct of outputs holds."""
+        return sum(m.size for m in self.outputs)
+
+
+def interfaces(functions: Mapping[str, CausalFunction], name: str) -> list[Interface]:
+    """C faces of the functions, in their order.
+
+    Raises GenerationError for a name that is no identifier, and for two names that meet in C.
+    """
+    check_identifier(name, "the name of the generated code")
+    if not functions:
+        raise GenerationError("there is no function to generate; give at least one")
+    result = []
+    for key, function in functions.items():
+        check_identifier(key, "a function")
+        inputs = [_record(function, s) for s in function.inputs]
+        if function.plan.uses_time:
+            inputs.append((Signal("time", (), "s", ()), "time", "", ""))
+        outputs = [_record(function, s) for s in function.outputs]
+        result.append(Interface(key, f"gt_{name}_{key}", function, _members(inputs), _members(outputs)))
+    _check_distinct(result, name)
+    return result
+
+
+def check_identifier(name: str, what: str) -> None:
+    """GenerationError unless the name can be part of a C identifier."""
+    if not _IDENTIFIER.fullmatch(name):
+        raise GenerationError(
+            f"'{name}' cannot name {what}: use letters, digits and single underscores, beginning with a letter"
+        )
+
+
+def unit_suffix(unit: str) -> str:
+    """A unit as a word of an identifier: N.m -> Nm, m/s2 -> m_s2, 1/s -> per_s, "" for a pure number."""
+    if unit in _UNITLESS:
+        return ""
+    text = f"per_{unit[2:]}" if unit.startswith("1/") else unit
+    return re.sub(r"[^A-Za-z0-9_]+", "", text.replace("/", "_")).strip("_")
+
+
+def _record(function: CausalFunction, s: Signal) -> tuple[Signal, str, str, str]:
+    v = function.flat.variables[s.pairs[0][0]]
+    return s, c_name(s.name), v.description, str(v.where)
+
+
+def _members(records: Iterable[tuple[Signal, str, str, str]]) -> tuple[Member, ...]:
+    taken: set[str] = set()
+    result = []
+    for s, name, description, where in records:
+        suffix = unit_suffix(s.unit)
+        base = _ascii(f"{name}_{suffix}" if suffix else name)
+        identifier, n = base, 1
+        while identifier in taken or identifier in KEYWORDS:
+            n += 1
+            identifier = f"{base}_{n}"
+        taken.add(identifier)
+        size = len(s.pairs) if s.pairs else 1
+        result.append(Member(identifier, size, bool(s.shape), s.name, s.shape, s.unit, description, where))
+    return tuple(result)
+
+
+def _ascii(text: str) -> str:
+    """Letters outside ASCII by their code point; a digit in front gets an x."""
+    plain = "".join(c if c.isascii() else f"u{ord(c):04x}" for c in text)
+    return f"x{plain}" if plain[:1].isdigit() else plain
+
+
+def _check_distinct(faces: list[Interface], name: str) -> None:
+    taken = {f"gt_{name}_{own}".lower(): "the self-test" for own in ("selftest", "selftest_difference")}
+    for face in faces:
+        for symbol in (face.symbol, face.body, f"{face.symbol}_in", f"{face.symbol}_out"):
+            # macros are written in capitals
+            if symbol.lower() in taken:
+                other = taken[symbol.lower()]
+                raise GenerationError(
+                    f"the function '{face.key}' needs the C name {symbol}, which {other} has; rename it"
+                )
+            taken[symbol.lower()] = f"the function '{face.key}'"

@@ -1,0 +1,116 @@
+"""manifest.json: what a generated folder holds and what it was made from. The same input gives the same bytes."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+
+from ..compiler.causal import PIVOT_TOLERANCE, CausalFunction
+from ..results.status import Status
+from .interface import Interface, Member
+
+FORMAT = "gtmodel-c-1"
+FILE = "manifest.json"
+_KEYS = frozenset(
+    """format name gtmodel casadi parameters_sha256 body_sha256 provenance compile pivot_tolerance statuses functions
+    models files""".split()
+)
+
+
+def sha256(text: str) -> str:
+    """Hash of a text in UTF-8."""
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def changed_files(folder: Path, content: dict[str, Any]) -> list[str]:
+    """Files of the manifest that are no longer as they were written, missing ones included."""
+    changed = []
+    for file, expected in content["files"].items():
+        path = folder / file
+        if not path.is_file() or sha256(path.read_text(encoding="utf-8", errors="replace")) != expected:
+            changed.append(file)
+    return changed
+
+
+def parameters(function: CausalFunction) -> list[dict[str, Any]]:
+    """Names, values and units of the parameters that were folded into a function."""
+    return [{"name": q.name, "value": q.value, "unit": q.unit or "?"} for q in function.flat.parameters]
+
+
+def parameters_hash(faces: list[Interface]) -> str:
+    """Hash of all parameter names and values, exact to the last bit."""
+    named = {f.key: [[q.name, float(q.value).hex()] for q in f.function.flat.parameters] for f in faces}
+    return sha256(json.dumps(named, sort_keys=True))
+
+
+def interface_entry(face: Interface) -> dict[str, Any]:
+    """What a caller of one function must know."""
+    return {
+        "name": face.key,
+        "symbol": face.symbol,
+        "inputs": [_member(m) for m in face.inputs],
+        "outputs": [_member(m) for m in face.outputs],
+    }
+
+
+def manifest(
+    name: str, faces: list[Interface], provenance: Mapping[str, str], files: Mapping[str, str], hashes: dict[str, str]
+) -> dict[str, Any]:
+    """The manifest as a dictionary; `files` are the texts of the other files."""
+    models: list[dict[str, Any]] = []
+    of_flat: dict[int, int] = {}
+    functions = []
+    for face in faces:
+        flat = face.function.flat
+        if id(flat) not in of_flat:
+            of_flat[id(flat)] = len(models)
+            models.append({"title": flat.title, "parameters": parameters(face.function)})
+        margins = [{"kind": m.kind, "label": m.label, "scale": m.scale} for m in face.function.margins]
+        functions.append({**interface_entry(face), "model": of_flat[id(flat)], "margins": margins})
+    return {
+        "format": FORMAT,
+        "name": name,
+        "gtmodel": gtmodel_version(),
+        "casadi": ca.__version__,
+        **hashes,
+        "provenance": dict(provenance),
+        "compile": {"bit_equal_with": ["-ffp-contract=off"], "never": ["-ffast-math", "-Ofast"], "link": ["-lm"]},
+        "pivot_tolerance": PIVOT_TOLERANCE,
+        "statuses": [{"code": int(s), "name": s.c_name, "sentence": s.sentence} for s in Status],
+        "functions": functions,
+        "models": models,
+        "files": {file: sha256(text) for file, text in sorted(files.items())},
+    }
+
+
+def read(folder: Path) -> dict[str, Any] | None:
+    """The manifest of a folder; None if it has none, or one that this form of gtmodel did not write."""
+    try:
+        content = json.loads((folder / FILE).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    if not isinstance(content, dict) or content.get("format") != FORMAT or set(content) != _KEYS:
+        return None
+    # a manifest speaks of files of its own folder only, whatever somebody wrote into it
+    return content if all(Path(file).name == file for file in content["files"]) else None
+
+
+def gtmodel_version() -> str:
+    """Version of the running gtmodel."""
+    from .. import __version__  # the package itself is complete only after this module was imported
+
+    return __version__
+
+
+def _member(m: Member) -> dict[str, Any]:
+    return {
+        "member": m.identifier,
+        "signal": m.signal,
+        "shape": list(m.shape),
+        "unit": m.unit,
+    }

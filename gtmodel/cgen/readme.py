@@ -1,0 +1,143 @@
+"""README.md and Makefile of a generated folder."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..results.status import Status
+from .interface import Interface, Member
+from .points import draw, evaluate
+
+_README = """\
+# gt_{name}
+
+C99 functions that gtmodel made from the equations of a model. No memory is allocated, no state is held, nothing
+but libm is called.
+
+{functions}
+
+## Compile
+
+    cc *.c -lm && ./a.out        # runs the self-test
+    make check                   # the same with warnings, and libgt_{name}.a
+
+In a project, compile every `.c` file of this folder with your own and include `gt_{name}.h`. The `main` in
+`gt_{name}_main.c` is weak and gives way to yours; with a compiler that has no weak symbols define `GT_NO_MAIN`.
+
+- Compile with `-ffp-contract=off`: then every result equals Python's bit for bit, and the self-test says `==`.
+- Never compile with `-ffast-math` or `-Ofast`: they remove the tests for NaN. The headers refuse them.
+- The numbers from sin, cos, tanh and the like come from your libm and may differ in the last bit.
+
+## Call
+
+```c
+#include <stdio.h>
+
+#include "gt_{name}.h"
+
+int main(void)
+{{
+    {symbol}_in in{initial};
+    {symbol}_out out;
+    gt_status status;
+
+{fill}
+    status = {symbol}(&in, &out);
+    if (status != GT_OK) {{
+        (void)printf("%s\\n", gt_status_sentence(status));
+        return 1;
+    }}
+    (void)printf("{output} = %.17g\\n", out.{output});
+    return 0;
+}}
+```
+
+Members are in SI units and end in their unit; `gt_{name}.h` describes each. Outputs are written only with `GT_OK`;
+with every other status they keep what they held.
+
+| status | code | meaning |
+|---|---|---|
+{statuses}
+
+Compare the status with `GT_OK` before using a value. Functions may be called from several threads at once.
+
+## Files
+
+`gt_{name}.h` what you include · `gt_{name}.c` guards · `gt_{name}_body.c` equations · `gt_{name}_selftest.c` stored
+results · `gt_{name}_main.c` runs them · `gt_float.h`, `gt_guard.h`, `gt_compare.h`, `gt_status.h` shared by all
+generated folders · `manifest.json` functions, units, parameters and hashes.
+
+Do not edit: change the model and generate again. `gtmodel codegen PROBLEM.toml -o DIR --check`
+compares with Python.
+"""
+
+_MAKEFILE = """\
+# make: the library; make check: the self-test; make clean
+CC ?= cc
+CFLAGS ?= -std=c99 -O2 -Wall -Wextra -Wno-unused-parameter
+GT_FLAGS = -ffp-contract=off
+OBJECTS = gt_{name}.o gt_{name}_body.o gt_{name}_selftest.o
+
+libgt_{name}.a: $(OBJECTS)
+\t$(AR) rcs $@ $(OBJECTS)
+
+check: gt_{name}_check
+\t./gt_{name}_check
+
+gt_{name}_check: gt_{name}_main.o libgt_{name}.a
+\t$(CC) $(LDFLAGS) -o $@ gt_{name}_main.o libgt_{name}.a -lm
+
+%.o: %.c $(wildcard *.h)
+\t$(CC) $(CFLAGS) $(GT_FLAGS) -c -o $@ $<
+
+clean:
+\trm -f gt_{name}_check libgt_{name}.a gt_{name}_main.o $(OBJECTS)
+
+.PHONY: check clean
+"""
+
+
+def makefile(name: str) -> str:
+    """Text of the Makefile."""
+    return _MAKEFILE.format(name=name)
+
+
+def readme(name: str, faces: list[Interface]) -> str:
+    """Text of the README: how to compile, how to call, what the statuses mean."""
+    face = faces[0]
+    first = face.outputs[0]
+    return _README.format(
+        name=name,
+        functions="\n".join(_line(f) for f in faces),
+        symbol=face.symbol,
+        initial="" if face.inputs else " = {0.0}",
+        fill="\n".join(_fill(face)),
+        output=f"{first.identifier}[0]" if first.is_array else first.identifier,
+        statuses="\n".join(f"| `{s.c_name}` | {int(s)} | {s.sentence} |" for s in Status),
+    )
+
+
+def _line(face: Interface) -> str:
+    results, given = (", ".join(m.signal for m in side) or "nothing" for side in (face.outputs, face.inputs))
+    return f"- `{face.symbol}`: {results} from {given}"
+
+
+def _fill(face: Interface) -> list[str]:
+    """Assignments of an input for which the function has a solution."""
+    row = iter(_example(face))
+    lines = []
+    for m in face.inputs:
+        lines += [f"    in.{target} = {next(row)!r};" for target in _elements(m)]
+    return lines
+
+
+def _elements(m: Member) -> list[str]:
+    return [f"{m.identifier}[{k}]" for k in range(m.size)] if m.is_array else [m.identifier]
+
+
+def _example(face: Interface) -> list[float]:
+    values = draw(face.function, 100, seed=1)
+    short = np.array([[float(f"{x:.3g}") for x in row] for row in values.tolist()]).reshape(values.shape)
+    _, status = evaluate(face.function, short)
+    good = np.flatnonzero(status == Status.OK)
+    return short[int(good[0]) if len(good) else 0].tolist()

@@ -1,0 +1,73 @@
+"""The C compiler of this machine: strict compilation, a shared library, the symbols it asks for."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+from dataclasses import dataclass
+from pathlib import Path
+
+STANDARD = ("-std=c99", "-O2", "-ffp-contract=off")
+WARNINGS = ("-Wall", "-Wextra", "-Wconversion", "-Wshadow", "-pedantic", "-Werror")
+# CasADi gives every body the same parameters and uses those it needs
+BODY_EXCEPTIONS = ("-Wno-unused-parameter",)
+# objects show what the code itself calls: a distribution's hardening would add calls of its own
+PLAIN = ("-fPIC", "-fno-stack-protector", "-U_FORTIFY_SOURCE")
+LINK = ("-lm",)
+SECONDS = 300.0
+# what generated code may ask for: libm, and what a compiler makes of a struct copy
+ALLOWED_SYMBOLS = frozenset(
+    """acos acosh asin asinh atan atan2 atanh ceil copysign cos cosh erf exp expm1 fabs floor fmax fmin fmod hypot
+    log log10 log1p pow remainder sin sincos sinh sqrt tan tanh memcpy memset""".split()
+) | {"_GLOBAL_OFFSET_TABLE_"}
+
+
+@dataclass(frozen=True)
+class Toolchain:
+    """Absolute paths of the compiler and of nm."""
+
+    cc: str
+    nm: str
+
+    def run(self, *command: str | Path) -> tuple[bool, str]:
+        """Whether a command succeeded, and all it printed."""
+        try:
+            done = subprocess.run(
+                [str(c) for c in command], capture_output=True, text=True, errors="replace", timeout=SECONDS
+            )
+        except (OSError, subprocess.TimeoutExpired) as error:
+            return False, str(error)
+        return done.returncode == 0, done.stdout + done.stderr
+
+    def compile(self, source: Path, target: Path, *, body: bool) -> tuple[bool, str]:
+        """Compile one file with all warnings as errors; a CasADi body may have unused parameters."""
+        exceptions = BODY_EXCEPTIONS if body else ()
+        return self.run(self.cc, *STANDARD, *WARNINGS, *exceptions, *PLAIN, "-c", source, "-o", target)
+
+    def link_shared(self, objects: list[Path], target: Path) -> tuple[bool, str]:
+        """Link objects into a shared library."""
+        return self.run(self.cc, "-shared", "-o", target, *objects, *LINK)
+
+    def foreign_symbols(self, objects: list[Path]) -> tuple[bool, list[str]]:
+        """Names that the objects neither define nor may ask for; False if nm fails."""
+        good, text = self.run(self.nm, "-g", *objects)
+        wanted, defined = set[str](), set[str]()
+        for line in text.splitlines():
+            match line.split():
+                case ["U", name]:
+                    wanted.add(name)
+                case [_, _, name]:
+                    defined.add(name)
+        return good, sorted(wanted - defined - ALLOWED_SYMBOLS)
+
+
+def find() -> Toolchain | str:
+    """The toolchain, or one sentence on what is missing. The variable CC names another compiler."""
+    wanted = os.environ.get("CC", "").strip() or "cc"
+    cc, nm = shutil.which(wanted), shutil.which("nm")
+    if cc is None:
+        return f"there is no C compiler '{wanted}' on this machine: install one (package gcc), or set CC"
+    if nm is None:
+        return "there is no 'nm' on this machine: install the package binutils"
+    return Toolchain(cc, nm)

@@ -1,0 +1,108 @@
+"""gt_<name>_selftest.c: inputs, statuses and outputs as Python computed them, with all their bits."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..results.status import Status
+from .interface import Interface, Member
+from .points import HELD, awkward, draw, evaluate
+from .text import comment, hexadecimal
+
+CANDIDATES = 400
+GOOD, BAD = 12, 3  # vectors of each function with GT_OK, and with each other status that turns up
+
+
+def vectors(face: Interface) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Chosen inputs (rows, n), outputs (rows, m) and statuses (rows,), a NaN and an infinity among them."""
+    inputs = np.concatenate([draw(face.function, CANDIDATES, seed=0), awkward(face.function)])
+    _, status = evaluate(face.function, inputs)
+    chosen: list[int] = []
+    for code in Status:
+        chosen += np.flatnonzero(status == code)[: GOOD if code == Status.OK else BAD].tolist()
+    inputs = inputs[chosen]
+    if inputs.shape[1]:
+        bad = np.repeat(inputs[:1], 2, axis=0)
+        bad[0, 0], bad[1, -1] = np.nan, np.inf
+        inputs = np.concatenate([inputs, bad])
+    outputs, status = evaluate(face.function, inputs)
+    return inputs, outputs, status
+
+
+def selftest(name: str, faces: list[Interface]) -> str:
+    """Text of the self-test; a vector whose status is not ok proves that the outputs are held."""
+    calls = "".join(f"    failures += {face.key}_failures(worst);\n" for face in faces)
+    parts = [
+        comment([f"gt_{name}: results of Python with all their bits, and the comparison with them."]),
+        f'#include "gt_{name}.h"\n\n#include "gt_compare.h"\n#include "gt_guard.h"\n\n#include <math.h>\n\n',
+        comment(["What stands in the outputs before a call, and after one that fails."]),
+        f"#define GT_HELD ({HELD!r})\n\n",
+        *[_tables(face) + _comparison(face) for face in faces],
+        f"static int total(double *worst)\n{{\n    int failures = 0;\n\n{calls}    return failures;\n}}\n\n",
+        f"int gt_{name}_selftest(void)\n{{\n    double worst = 0.0;\n\n    return total(&worst);\n}}\n\n",
+        f"double gt_{name}_selftest_difference(void)\n{{\n    double worst = 0.0;\n\n"
+        "    (void)total(&worst);\n    return worst;\n}\n",
+    ]
+    return "".join(parts)
+
+
+def _tables(face: Interface) -> str:
+    inputs, outputs, status = vectors(face)
+    held = [["GT_HELD"] * outputs.shape[1] if s != Status.OK else map(hexadecimal, row.tolist())
+            for row, s in zip(outputs, status.tolist(), strict=True)]  # fmt: skip
+    given = [list(map(hexadecimal, row)) for row in inputs.tolist()]
+    codes = ", ".join(Status(int(s)).c_name for s in status)
+    n = len(status)
+    tables = [
+        _table(f"{face.key}_inputs[{n}][{inputs.shape[1]}]", given) if face.inputs else "",
+        _table(f"{face.key}_outputs[{n}][{outputs.shape[1]}]", held),
+        f"static const gt_status {face.key}_status[{n}] = {{{codes}}};\n\n",
+    ]
+    return "".join(tables)
+
+
+def _table(declarator: str, rows: list) -> str:
+    lines = ",\n".join("    {" + ", ".join(row) + "}" for row in rows)
+    return f"static const double {declarator} = {{\n{lines}\n}};\n\n"
+
+
+def _comparison(face: Interface) -> str:
+    symbol, key = face.symbol, face.key
+    rows = f"(int)(sizeof({key}_status) / sizeof({key}_status[0]))"
+    lines = [
+        f"static int {key}_failures(double *worst)\n{{\n",
+        f"    const int rows = {rows};\n    int failures = 0;\n    int row;\n\n",
+        "    for (row = 0; row < rows; row++) {\n",
+        f"        {symbol}_in in;\n        {symbol}_out out;\n        int good;\n\n",
+        *([] if face.inputs else ["        in.unused = 0.0;\n"]),
+        *_fill(face.inputs, "in.", f"{key}_inputs"),
+        *_hold(face.outputs),
+        f"        good = ({symbol}(&in, &out) == {key}_status[row]) ? 1 : 0;\n",
+        *_compare(face.outputs, f"{key}_outputs"),
+        "        failures += (good != 0) ? 0 : 1;\n    }\n    return failures;\n}\n\n",
+    ]
+    return "".join(lines)
+
+
+def _fill(members: tuple[Member, ...], struct: str, table: str) -> list[str]:
+    return [f"        gt_copy({m.address(struct)}, &{table}[row][{k}], {m.size});\n" for k, m in _offsets(members)]
+
+
+def _hold(members: tuple[Member, ...]) -> list[str]:
+    lines = []
+    for m in members:
+        names = [f"out.{m.identifier}[{k}]" for k in range(m.size)] if m.is_array else [f"out.{m.identifier}"]
+        lines += [f"        {name} = GT_HELD;\n" for name in names]
+    return lines
+
+
+def _compare(members: tuple[Member, ...], table: str) -> list[str]:
+    return [
+        f"        good &= gt_all_equal({m.address('out.')}, &{table}[row][{k}], {m.size}, worst);\n"
+        for k, m in _offsets(members)
+    ]
+
+
+def _offsets(members: tuple[Member, ...]) -> list[tuple[int, Member]]:
+    starts = np.cumsum([0, *[m.size for m in members]])[:-1]
+    return list(zip(starts.tolist(), members, strict=True))

@@ -1,0 +1,198 @@
+"""The command ``gtmodel``. Exit code 0: solved; 1: not solved; 2: bad input, one plain sentence on stderr."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+# nobody looks at a window; set before anything imports matplotlib
+os.environ.setdefault("MPLBACKEND", "Agg")
+
+import typer
+from typer.exceptions import TyperException
+
+from gtmodel import _terminal as terminal
+from gtmodel._answer import Answer, answering, print_json
+from gtmodel.results import SolveStatus
+
+app = typer.Typer(
+    help="Kinematics, dynamics, optimal motions and C code of parallel robots, from one set of equations.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+
+Json = Annotated[bool, typer.Option("--json", help="Print exactly one JSON object on stdout.")]
+Problem = Annotated[str, typer.Argument(metavar="PROBLEM.toml", help="Problem file, or the name of a shipped one.")]
+Set = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="KEY=VALUE", help="Change a key of the file, as limits.force_N=500; repeatable."),
+]
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        from gtmodel import __version__
+
+        print(f"gtmodel {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    context: typer.Context,
+    version: Annotated[
+        bool, typer.Option("--version", is_eager=True, callback=_version, help="Print the version.")
+    ] = False,
+    debug: Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")] = False,
+) -> None:
+    context.obj = debug
+
+
+@app.command("list")
+def list_(
+    context: typer.Context,
+    what: Annotated[str, typer.Argument(metavar="[robots|problems]")] = "all",
+    as_json: Json = False,
+) -> None:
+    """Show the robots of the catalogue and the problems shipped with gtmodel."""
+    from gtmodel.kinds import listing
+
+    with answering(context, as_json, what) as answer:
+        found = answer.data = listing.of(what)
+        for n, (name, entries) in enumerate(found.items() if not as_json else ()):
+            if n:
+                print()
+            head = (name.removesuffix("s"), *listing.HEADS[name])
+            terminal.table(head, [(key, *texts.values()) for key, texts in entries.items()])
+
+
+@app.command()
+def explain(
+    context: typer.Context,
+    what: Annotated[str, typer.Argument(metavar="ROBOT|PROBLEM.toml", help="As robot = in a problem file.")],
+    known: Annotated[list[str] | None, typer.Option(help="Prescribed variables, separated by commas.")] = None,
+    targets: Annotated[list[str] | None, typer.Option(help="Variables to compute.")] = None,
+    prefer: Annotated[list[str] | None, typer.Option(help="Variables to keep as states.")] = None,
+    settings: Set = None,
+) -> None:
+    """Show how a robot's variables follow from the known ones, or what a problem asks for."""
+    from gtmodel.kinds import explaining
+
+    with answering(context, False, what):
+        print(explaining.of(what, known or (), targets or (), prefer or (), settings or ()))
+
+
+@app.command()
+def schema(
+    context: typer.Context,
+    kind: Annotated[str | None, typer.Argument(metavar="KIND", help="Without it: the kinds.")] = None,
+    as_json: Json = False,
+) -> None:
+    """Show the keys of a kind of problem, with units and defaults, and what its `values` will hold."""
+    from gtmodel import kinds
+    from gtmodel.kinds import schema as described
+
+    with answering(context, as_json, kind or "schema") as answer:
+        document = answer.data = {"kinds": kinds.names()} if kind is None else described.document(kind)
+        if as_json:
+            return
+        if kind is None:
+            terminal.table(("kind", "what it is"), kinds.names().items())
+            return
+        terminal.table(
+            ("key", "type", "unit", "default", "description"),
+            [tuple(key.values()) for key in document["keys"]],
+            f"{kind}: {document['description']}",
+        )
+        print()
+        rows = [(name, about["unit"], about["description"]) for name, about in document["values"].items()]
+        terminal.table(("in values", "unit", "description"), rows)
+
+
+@app.command()
+def solve(
+    context: typer.Context,
+    problem: Problem,
+    settings: Set = None,
+    out: Annotated[Path | None, typer.Option(metavar="DIR", help="Write the result into this folder.")] = None,
+    as_json: Json = False,
+    plot: Annotated[bool, typer.Option(help="Draw pictures; without --out into ./NAME-result.")] = False,
+    max_seconds: Annotated[float | None, typer.Option(metavar="S", help="Stop then, keeping the best iterate.")] = None,
+    start: Annotated[
+        Path | None, typer.Option(metavar="RESULT", help="Start from the result.json of an earlier --out.")
+    ] = None,
+) -> None:
+    """Solve a problem. Ctrl-C stops it and keeps the best iterate."""
+    from gtmodel.kinds import run
+
+    with answering(context, as_json, problem) as answer:
+        loaded = _load(problem, settings, answer)
+        job = run.context_of(loaded, max_seconds=max_seconds, start=start)
+        folder = out or (Path(f"{job.name}-result") if plot else None)
+        with terminal.watching(job):
+            answer.finished = run.solve(loaded, job, out=folder, plot=plot)
+        if plot and not answer.finished.outcome.figures:
+            print(f"{problem}: there is no picture of this result", file=sys.stderr)
+
+
+@app.command()
+def codegen(
+    context: typer.Context,
+    problem: Problem,
+    out: Annotated[Path, typer.Option("-o", "--out", metavar="DIR", help="Folder to write the code into.")],
+    check: Annotated[bool, typer.Option("--check", help="Compile it and compare it with Python.")] = False,
+    settings: Set = None,
+    as_json: Json = False,
+) -> None:
+    """Generate the C code of a robot's functions."""
+    from gtmodel.kinds import run
+
+    with answering(context, as_json, problem) as answer:
+        loaded = _load(problem, settings, answer)
+        job = run.context_of(loaded)
+        with terminal.watching(job):
+            answer.finished = run.generate(loaded, job, out, verify=check)
+
+
+def _load(problem: str, settings: Sequence[str] | None, answer: Answer) -> Any:
+    from gtmodel.kinds.load import load
+
+    loaded = load(problem, settings or ())
+    answer.problem, answer.kind = loaded.name, loaded.problem.kind
+    answer.title = loaded.problem.title or loaded.path.stem
+    if loaded.shipped:
+        print(f"there is no {problem} here; the one shipped with gtmodel is used: {loaded.path}", file=sys.stderr)
+    return loaded
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line and return its exit code."""
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    try:
+        code = app(args=words, prog_name="gtmodel", standalone_mode=False)
+        sys.stdout.flush()
+    except TyperException as error:  # a wrong option, or no command at all
+        sentence = error.format_message().rstrip(".")
+        if not words:
+            print(sentence)
+            return error.exit_code
+        asked = " ".join(["gtmodel", *words[:1]])
+        print(f"{asked}: {sentence}; '{asked} --help' shows the options.", file=sys.stderr)
+        if "--json" in words:
+            from gtmodel.kinds import report
+
+            print_json(report.refused("", None, sentence, SolveStatus.BAD_INPUT, 0.0))
+        return 2
+    except BrokenPipeError:  # `gtmodel list | head`: the reader has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
+    return code if isinstance(code, int) else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

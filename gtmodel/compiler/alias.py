@@ -1,0 +1,146 @@
+"""Alias elimination: rows that say A^(i) = +-B^(j) disappear, and every removed name stays askable."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import casadi as ca
+
+from ..lang.source import ModelError
+from .flat import FlatEquation, FlatModel
+
+
+@dataclass(frozen=True)
+class Alias:
+    """removed^(k) = sign * kept^(order + k)."""
+
+    sign: int
+    kept: int
+    order: int
+
+
+@dataclass
+class AliasResult:
+    """Equations left over, and what became of every removed variable."""
+
+    equations: list[FlatEquation]
+    removed: dict[int, Alias]
+
+    def resolve(self, index: int, order: int) -> tuple[int, int, int]:
+        """(sign, kept index, derivative order) of variable `index` differentiated `order` times."""
+        sign = 1
+        while index in self.removed:
+            a = self.removed[index]
+            sign, index, order = sign * a.sign, a.kept, order + a.order
+        return sign, index, order
+
+    def rewrite(self, flat: FlatModel, expression: ca.SX) -> ca.SX:
+        """An expression of the original names in terms of the kept ones."""
+        old, new = [], []
+        for index, order in flat.scope.symbols_in(expression):
+            if index in self.removed:
+                sign, kept, k = self.resolve(index, order)
+                old.append(flat.scope.symbol(index, order))
+                new.append(sign * flat.scope.symbol(kept, k))
+        if not old:
+            return expression
+        return ca.substitute([expression], [ca.vertcat(*old)], [ca.vertcat(*new)])[0]
+
+
+def eliminate(flat: FlatModel, protected: frozenset[int]) -> AliasResult:
+    """Remove aliases until none is left; variables in `protected` are kept under their own name.
+
+    Only a variable that stands at order 0 is removed (v == der(r) removes v); A' == B' removes nothing,
+    because a constant is free. Raises ModelError when two different fixed starts meet in one class.
+    """
+    result = AliasResult(list(flat.equations), {})
+    while _sweep(flat, protected, result):
+        pass
+    _check_starts(flat, result)
+    return result
+
+
+def _sweep(flat: FlatModel, protected: frozenset[int], result: AliasResult) -> bool:
+    scope = flat.scope
+    pairs = sorted({pair for e in result.equations for pair in scope.symbols_in(e.residual)})
+    if not pairs:
+        return False
+    symbols = ca.vertcat(*[scope.symbol(*pair) for pair in pairs])
+    residuals = ca.vertcat(*[e.residual for e in result.equations])
+    jacobian = ca.jacobian(residuals, symbols)
+    remainder = ca.substitute([residuals], [symbols], [ca.DM.zeros(len(pairs), 1)])[0]
+    rows: dict[int, list[tuple[int, ca.SX]]] = {}
+    nonzeros = jacobian.nonzeros()
+    row_index, col_index = jacobian.sparsity().get_triplet()
+    for row, col, value in zip(row_index, col_index, nonzeros, strict=True):
+        rows.setdefault(row, []).append((col, value))
+    removed: dict[int, Alias] = {}
+    kept: set[int] = set()
+    drop: set[int] = set()
+    for row in sorted(rows):
+        entries = [(pairs[c], v) for c, v in rows[row] if not v.is_zero()]
+        if len(entries) != 2 or not all(v.is_constant() for _, v in entries) or not remainder[row].is_zero():
+            continue
+        (a, va), (b, vb) = entries
+        ca_, cb_ = float(va), float(vb)
+        if a[0] == b[0] or abs(ca_) != abs(cb_):
+            continue
+        sign = -1 if ca_ == cb_ else 1
+        choice = _choose(flat, protected, a, b)
+        for gone, stays in choice:
+            if gone[0] in removed or gone[0] in kept or stays[0] in removed:
+                continue
+            removed[gone[0]] = Alias(sign, stays[0], stays[1])
+            kept.add(stays[0])
+            drop.add(row)
+            break
+    if not removed:
+        return False
+    result.removed.update(removed)
+    result.equations = [
+        replace(e, residual=result.rewrite(flat, e.residual)) if _touches(scope, e, removed) else e
+        for i, e in enumerate(result.equations)
+        if i not in drop
+    ]
+    for e in result.equations:
+        if not scope.symbols_in(e.residual):
+            raise ModelError(
+                f"'{e.label}' repeats what connections and equal names already say; remove it", e.where
+            )
+    return True
+
+
+def _touches(scope: object, e: FlatEquation, removed: dict[int, Alias]) -> bool:
+    return any(i in removed for i, _ in scope.symbols_in(e.residual))  # type: ignore[attr-defined]
+
+
+def _choose(
+    flat: FlatModel, protected: frozenset[int], a: tuple[int, int], b: tuple[int, int]
+) -> list[tuple[tuple[int, int], tuple[int, int]]]:
+    """Candidates (gone, stays), best first: low state preference, deep path and long name go first."""
+    candidates = []
+    for gone, stays in ((a, b), (b, a)):
+        if gone[1] == 0 and gone[0] not in protected:
+            candidates.append((gone, stays))
+
+    def rank(pair: tuple[tuple[int, int], tuple[int, int]]) -> tuple[int, int, int, str]:
+        v = flat.variables[pair[0][0]]
+        return (v.prefer, -v.name.count("."), -len(v.name), v.name)
+
+    return sorted(candidates, key=rank)
+
+
+def _check_starts(flat: FlatModel, result: AliasResult) -> None:
+    seen: dict[tuple[int, int], tuple[float, int]] = {}
+    for v in flat.variables:
+        if v.start is None or not v.fixed:
+            continue
+        sign, kept, order = result.resolve(v.index, 0)
+        value = sign * v.start
+        if (kept, order) in seen and seen[(kept, order)][0] != value:
+            other = flat.variables[seen[(kept, order)][1]]
+            raise ModelError(
+                f"'{v.name}' starts at {v.start:g} ({v.where}) and '{other.name}' at {other.start:g} "
+                f"({other.where}), but they are the same quantity; give one of them"
+            )
+        seen.setdefault((kept, order), (value, v.index))

@@ -1,0 +1,47 @@
+"""What a solved block is: assignments in order, with the margins that decide its status."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import casadi as ca
+
+
+@dataclass(frozen=True, eq=False)
+class Margin:
+    """A number that must stay on the good side: discriminant >= 0, |pivot| above a tolerance.
+
+    `kind` is "discriminant" or "pivot"; `scale` (typical size) is found at the sample points.
+    """
+
+    kind: str
+    expression: ca.SX
+    label: str
+    scale: float = 1.0
+
+
+@dataclass(eq=False)
+class Root:
+    """A square root with a branch: `sign` is a symbol, `slope` = 2 qa t + qb tells it at a known point.
+
+    `told_by` names the declared branch that tells its two solutions apart; empty: the start values do.
+    """
+
+    sign: ca.SX
+    slope: ca.SX
+    label: str
+    value: int = 0
+    told_by: str = ""
+
+
+@dataclass(eq=False)
+class SolvedBlock:
+    """One block: unknown symbols in order with their expressions of earlier symbols."""
+
+    kind: str
+    unknowns: list[str]
+    equations: list[str]
+    assignments: list[tuple[ca.SX, ca.SX]]
+    margins: list[Margin] = field(default_factory=list)
+    roots: list[Root] = field(default_factory=list)
+    detail: str = ""

@@ -1,0 +1,133 @@
+"""Branches: the sign of each root, told by the geometry that components declare, else by the start values."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import casadi as ca
+import numpy as np
+
+from ..lang.source import ModelError
+from .blocks import Root
+from .flat import FlatModel
+from .points import RESIDUAL_TOLERANCE, Sampler
+
+if TYPE_CHECKING:
+    from .plan import Plan
+
+# a branch expression that only changes its sign with the root is the root's own name, up to round-off
+OWN = 1e-9
+
+
+def check_branches(flat: FlatModel, wanted: Mapping[str, int]) -> None:
+    """Raises ModelError for a branch that nobody declares, or a sign that is neither +1 nor -1."""
+    names = {b.name for b in flat.branches}
+    for name, sign in wanted.items():
+        if name not in names:
+            raise ModelError(f"{flat.title} has no branch '{name}'; it has {', '.join(sorted(names)) or 'none'}")
+        if sign not in (-1, 1):
+            raise ModelError(f"branch '{name}' takes +1 or -1; found {sign}")
+
+
+def settle(plan: Plan, sampler: Sampler, wanted: Mapping[str, int]) -> None:
+    """Give every root its sign, and replace the plan's samples by points on the chosen branches.
+
+    A branch tells the solutions of a root apart if its expression changes sign, in the same sense at every
+    sample, when the root does; its sign is the wanted one, +1 by default. A root that no branch tells apart
+    takes the side of the start values. Branches that tell no root of this causality apart play no part.
+    """
+    roots = [r for b in plan.blocks for r in b.roots]
+    if not roots:
+        return
+    names, sides, values = _functions(plan, sampler, roots)
+    p = plan.flat.p0
+    slopes = ca.Function("slopes", [sampler.w, plan.flat.p, plan.flat.scope.time], [_column([r.slope for r in roots])])
+    at_start = np.array([_row(slopes(w, p, 0.0)) for w in plan.samples])
+    signs = np.ones(len(roots))
+    for n, root in enumerate(roots):
+        seen = {}
+        for side in (1, -1):
+            signs[n] = side
+            seen[side] = np.array([_row(sides(w, p, 0.0, signs)) for w in plan.samples])
+        teller = _teller(names, seen[1], seen[-1], wanted)
+        if teller is not None:
+            root.told_by, sense = names[teller[0]], teller[1]
+            root.value = sense * wanted.get(root.told_by, 1)
+        else:
+            positive = int(np.sum(at_start[:, n] > 0))
+            if positive not in (0, len(at_start)):
+                raise ModelError(
+                    f"{plan.flat.title}: {root.label} has two solutions and nothing tells them apart; declare "
+                    "gt.branch(name, expression) or give start values near the wanted one"
+                )
+            root.value = 1 if positive else -1
+        signs[n] = root.value
+    found = []
+    for sample in plan.samples:
+        w = sample.copy()
+        computed, numbers = values
+        w[computed] = _row(numbers(w, p, 0.0, signs))
+        if not np.all(np.isfinite(w)) or sampler.correct(w) > RESIDUAL_TOLERANCE:
+            continue
+        if np.all(_row(slopes(w, p, 0.0)) * signs > 0):
+            found.append(w)
+    if not found:
+        raise ModelError(
+            f"{plan.flat.title}: no pose on the wanted branches was found; give start values near a home pose"
+        )
+    plan.samples = np.array(found)
+
+
+def _functions(
+    plan: Plan, sampler: Sampler, roots: list[Root]
+) -> tuple[list[str], ca.Function, tuple[list[int], ca.Function]]:
+    """Names and values of the branch expressions that this causality computes, and the computed symbols' values."""
+    flat = plan.flat
+    assigned = [a for b in plan.blocks for a in b.assignments]
+    computed = [pair for pair in (flat.scope.owner(s) for s, _ in assigned) if pair is not None]
+    known = set(plan.known)
+    given = {*computed, *plan.inputs, *plan.states}
+    names, expressions = [], []
+    for b in flat.branches:
+        e = plan.alias.rewrite(flat, b.expression)
+        inside = flat.scope.symbols_in(e)
+        if all((p in given or p[0] in known) and p in sampler.position for p in inside):
+            names.append(b.name)
+            expressions.append(e)
+    symbols = [flat.scope.symbol(*p) for p in computed]
+    _, results = ca.substitute_inplace(
+        [s for s, _ in assigned], [e for _, e in assigned], [_column(expressions), _column(symbols)]
+    )
+    arguments = [sampler.w, flat.p, flat.scope.time, _column([r.sign for r in roots])]
+    sides, numbers = (ca.Function("sides", arguments, [e]) for e in results)
+    return names, sides, ([sampler.position[p] for p in computed], numbers)
+
+
+def _teller(
+    names: list[str], plus: np.ndarray, minus: np.ndarray, wanted: Mapping[str, int]
+) -> tuple[int, int] | None:
+    """(branch, sense) of the branch that tells a root apart, given its values on both sides of the root.
+
+    Of several, one whose expression merely changes sign comes first, then one that was asked for.
+    """
+    best: tuple[tuple[bool, bool, int], int] | None = None
+    for n, name in enumerate(names):
+        a, b = plus[:, n], minus[:, n]
+        finite = np.isfinite(a) & np.isfinite(b)
+        a, b = a[finite], b[finite]
+        if not a.size or np.any(a * b >= 0) or np.any(a * a[0] < 0):
+            continue
+        own = bool(np.all(np.abs(a + b) <= OWN * np.abs(a - b)))
+        rank = (not own, name not in wanted, n)
+        if best is None or rank < best[0]:
+            best = (rank, 1 if a[0] > 0 else -1)
+    return None if best is None else (best[0][2], best[1])
+
+
+def _column(expressions: list[ca.SX]) -> ca.SX:
+    return ca.vertcat(*expressions) if expressions else ca.SX(0, 1)
+
+
+def _row(value: ca.DM) -> np.ndarray:
+    return np.asarray(value.full()).reshape(-1)

@@ -1,0 +1,88 @@
+"""Connection sets: potentials equal, flows sum to zero, a lone port has zero flow."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import casadi as ca
+
+from ..lang.bind import Tree, element_names
+from ..lang.connect import Connection
+from ..lang.declare import Variable
+from ..lang.model import Connector, Model
+from ..lang.source import ModelError, SourceLocation
+
+Face = tuple[int, bool]  # port number, seen from inside its owner
+
+
+def connection_equations(
+    tree: Tree, connections: list[tuple[Connection, Model]]
+) -> Iterator[tuple[ca.SX, str, str, SourceLocation]]:
+    """Equations of all connection sets as (residual, label, component path, where).
+
+    A port seen from inside the component that owns it counts with the opposite flow sign. Raises ModelError
+    for a connection between ports that are neither the component's own nor its parts'.
+    """
+    number = {id(p): i for i, p in enumerate(tree.ports)}
+    parent: dict[Face, Face] = {}
+
+    def find(face: Face) -> Face:
+        while parent.setdefault(face, face) != face:
+            parent[face] = parent[parent[face]]
+            face = parent[face]
+        return face
+
+    where: dict[Face, SourceLocation] = {}
+    for connection, component in connections:
+        faces = []
+        for port in (connection.a, connection.b):
+            owner = port.__dict__["_parent"]
+            own = owner is component
+            if not own and (owner is None or owner.__dict__["_parent"] is not component):
+                raise ModelError(
+                    f"port '{port.__dict__['_path']}' is neither a port of "
+                    f"'{component.__dict__['_path'] or type(component).__name__}' nor of one of its parts",
+                    connection.where,
+                )
+            faces.append((number[id(port)], own))
+        a, b = find(faces[0]), find(faces[1])
+        if a == b:
+            raise ModelError(
+                f"'{connection.a.__dict__['_path']}' and '{connection.b.__dict__['_path']}' are connected twice",
+                connection.where,
+            )
+        parent[max(a, b)] = min(a, b)
+        where.setdefault(faces[0], connection.where)
+        where.setdefault(faces[1], connection.where)
+    for i in range(len(tree.ports)):
+        find((i, False))
+    sets: dict[Face, list[Face]] = {}
+    for face in sorted(parent):
+        sets.setdefault(find(face), []).append(face)
+    for _, faces in sorted(sets.items()):
+        yield from _set_equations(tree, faces, where)
+
+
+def _set_equations(
+    tree: Tree, faces: list[Face], where: dict[Face, SourceLocation]
+) -> Iterator[tuple[ca.SX, str, str, SourceLocation]]:
+    ports: list[Connector] = [tree.ports[i] for i, _ in faces]
+    first = ports[0]
+    origin = next((where[f] for f in faces if f in where), None)
+    names = " ~ ".join(p.__dict__["_path"] for p in ports)
+    for name, item in type(first)._declared.items():
+        if not isinstance(item, Variable):
+            continue
+        line = origin or item.where
+        component = first.__dict__["_path"].rpartition(".")[0]
+        columns = [ca.vec(getattr(p, name).sx.T) for p in ports]
+        for k, element in enumerate(element_names(name, item.shape)):
+            if item.role == "flow":
+                total = ca.SX(0)
+                for column, (_, own) in zip(columns, faces, strict=True):
+                    total = total - column[k] if own else total + column[k]
+                yield total, f"flow {element} of {names}", component, line
+            elif item.role == "potential":
+                for column, port in zip(columns[1:], ports[1:], strict=True):
+                    label = f"connection {first.__dict__['_path']}.{element} ~ {port.__dict__['_path']}.{element}"
+                    yield columns[0][k] - column[k], label, component, line

@@ -1,0 +1,33 @@
+"""Emission: expressions of solved unknowns written in what a plan reads."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import casadi as ca
+
+from .plan import Plan
+
+
+def express(
+    plan: Plan, expressions: Sequence[ca.SX], parameters: ca.SX | None = None, extra: Sequence[tuple[ca.SX, ca.SX]] = ()
+) -> list[ca.SX]:
+    """Rewrite expressions of kept symbols in terms of the plan's inputs, parameters and time.
+
+    Args:
+        parameters: numbers or expressions that replace the parameter symbols; None keeps them as symbols.
+        extra: further (symbol, value) pairs substituted first.
+
+    One common-subexpression pass over everything comes last: SX itself shares nothing.
+    """
+    given = {s.element_hash() for s, _ in extra}  # what is given is not computed
+    roots = [r for b in plan.blocks for r in b.roots]
+    pairs = [*extra]
+    if parameters is not None and plan.flat.parameters:
+        pairs.append((plan.flat.p, parameters))
+    pairs += [(r.sign, ca.SX(r.value)) for r in roots]
+    pairs += [a for b in plan.blocks for a in b.assignments if a[0].element_hash() not in given]
+    results = list(expressions)
+    if pairs:
+        _, results = ca.substitute_inplace([s for s, _ in pairs], [v for _, v in pairs], results)
+    return ca.cse(results) if results else []

@@ -1,0 +1,44 @@
+"""The certificate of a causality in text."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from .causal import CausalFunction
+
+
+def explain(f: CausalFunction) -> str:
+    """Inputs, outputs, structure, and every block with its kind, unknowns, branch and origin of its equations."""
+    plan, flat = f.plan, f.flat
+    lines = [
+        f"{flat.title}: {', '.join(s.name for s in f.outputs)} from {', '.join(s.name for s in f.inputs) or 'nothing'}",
+        f"  {len(flat.equations)} equations, {len(plan.alias.equations)} after {len(plan.alias.removed)} aliases; "
+        f"index {plan.structure.index}; {plan.structure.degrees_of_freedom} degrees of freedom",
+    ]
+    states = [flat.symbol_name(*p) for p in plan.states]
+    if states:
+        lines.append(f"  states: {', '.join(states)}")
+    counts: dict[str, int] = {}
+    for b in plan.blocks:
+        counts[b.kind] = counts.get(b.kind, 0) + 1
+    lines.append("  blocks: " + (", ".join(f"{n} {kind}" for kind, n in sorted(counts.items())) or "none"))
+    for n, b in enumerate(plan.blocks, 1):
+        if b.kind == "explicit":
+            lines.append(f"  {n:3d} explicit  {b.unknowns[0]}  from {b.equations[0]}")
+            continue
+        lines.append(f"  {n:3d} {b.kind}, {len(b.unknowns)} unknowns: {', '.join(b.unknowns)}")
+        lines.append(f"      {b.detail}")
+        for r in b.roots:
+            told = f"branch '{r.told_by}'" if r.told_by else "the start values"
+            lines.append(f"      root of {r.label}: sign {'+' if r.value > 0 else '-'}, by {told}")
+        for m in b.margins:
+            good = "must not be negative" if m.kind == "discriminant" else "must not vanish"
+            lines.append(f"      {m.kind} of {m.label} {good} (typical size {m.scale:.3g})")
+        lines += [f"      {e}" for e in b.equations]
+    assumed = sorted(q.name for q in flat.parameters if q.nonzero)
+    if assumed:
+        lines.append(f"  assumes nonzero: {', '.join(assumed)}")
+    if flat.branches:
+        lines.append(f"  declared branches: {', '.join(b.name for b in flat.branches)}")
+    return "\n".join(lines)

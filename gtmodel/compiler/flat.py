@@ -1,0 +1,301 @@
+"""Flattening: a model becomes named scalar variables, parameters and equations with their origin."""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from ..lang.bind import Tree, bind, element_names
+from ..lang.connect import Branch, Connection, flatten_items
+from ..lang.expression import Relation
+from ..lang.model import Model
+from ..lang.scope import Scope, derivative_name
+from ..lang.source import ModelError, SourceLocation, of_frame
+from .connections import connection_equations
+
+_DER = re.compile(r"^der\((?P<inner>.+?)(?:,\s*(?P<order>\d+))?\)$")
+
+
+@dataclass(frozen=True)
+class FlatVariable:
+    """One scalar variable: everything later stages need to know about it. Values in SI units."""
+
+    name: str
+    index: int
+    role: str
+    unit: str | None
+    component: str
+    where: SourceLocation
+    description: str
+    nominal: float = 1.0
+    min: float = -np.inf
+    max: float = np.inf
+    start: float | None = None
+    fixed: bool = False
+    prefer: int = 0
+
+
+@dataclass(frozen=True)
+class FlatParameter:
+    """One scalar parameter symbol; value NaN where none was given."""
+
+    name: str
+    symbol: ca.SX
+    value: float
+    unit: str | None
+    nonzero: bool
+    where: SourceLocation
+    free: bool = False
+    min: float = -np.inf
+    max: float = np.inf
+
+
+@dataclass(frozen=True)
+class FlatEquation:
+    """One scalar equation residual == 0, with the component and the line that wrote it."""
+
+    residual: ca.SX
+    label: str
+    component: str
+    where: SourceLocation
+
+
+@dataclass(frozen=True)
+class FlatBranch:
+    """A named geometric branch: the sign of an expression tells two solutions apart."""
+
+    name: str
+    expression: ca.SX
+    where: SourceLocation
+
+
+@dataclass
+class FlatModel:
+    """The flat system. `groups` maps every declared name to its shape and scalar variable indices."""
+
+    scope: Scope
+    title: str
+    variables: list[FlatVariable]
+    parameters: list[FlatParameter]
+    equations: list[FlatEquation]
+    branches: list[FlatBranch]
+    groups: dict[str, tuple[tuple[int, ...], list[int]]]
+    bindings: dict[str, ca.SX]
+    root: Model
+    initial: list[FlatEquation] = field(default_factory=list)
+    positive: frozenset[str] = frozenset()
+    cache: dict[Any, Any] = field(default_factory=dict, repr=False)
+
+    @property
+    def p(self) -> ca.SX:
+        """All parameter symbols as one column."""
+        return ca.vertcat(*[q.symbol for q in self.parameters]) if self.parameters else ca.SX(0, 1)
+
+    @property
+    def p0(self) -> np.ndarray:
+        """Parameter values (k,), NaN where missing."""
+        return np.array([q.value for q in self.parameters])
+
+    def require_values(self) -> np.ndarray:
+        """Parameter values; ModelError naming the first parameter without one."""
+        for q in self.parameters:
+            if not np.isfinite(q.value):
+                raise ModelError(f"parameter '{q.name}' of {self.title} has no value; give it one", q.where)
+        return self.p0
+
+    def lookup(self, name: str) -> tuple[tuple[int, ...], list[int], int]:
+        """Shape, scalar indices and derivative order of a name such as `T`, `T[0]`, `der(q)`, `der(q,2)`."""
+        order = 0
+        inner = name.strip()
+        while (m := _DER.match(inner)) is not None:
+            order += int(m["order"] or 1)
+            inner = m["inner"].strip()
+        if inner in self.groups:
+            shape, indices = self.groups[inner]
+            return shape, indices, order
+        for v in self.variables:
+            if v.name == inner:
+                return (), [v.index], order
+        names = list(self.groups) + [v.name for v in self.variables]
+        close = difflib.get_close_matches(inner, names, n=3)
+        hint = f"did you mean {' or '.join(repr(c) for c in close)}?" if close else f"top-level names are {self.top()}"
+        raise ModelError(f"{self.title} has no variable '{inner}'; {hint}")
+
+    def top(self) -> str:
+        """Names declared at the top level, for messages."""
+        return ", ".join(n for n in self.groups if "." not in n) or "none"
+
+    def symbol_name(self, index: int, order: int) -> str:
+        return derivative_name(self.variables[index].name, order)
+
+
+def flatten(model: Model) -> FlatModel:
+    """Flatten a configured model.
+
+    Raises ModelError, with file and line, for items that are no equations, trivial equations, mis-shaped or
+    mis-dimensioned relations and wrong connections.
+    """
+    tree = bind(model)
+    equations: list[FlatEquation] = []
+    initial: list[FlatEquation] = []
+    branches: list[FlatBranch] = []
+    connections: list[tuple[Connection, Model]] = []
+    for component in tree.components:
+        path = component.__dict__["_path"]
+        count = 0
+        for item, where in _items(component.equations(), component):
+            if isinstance(item, Relation):
+                for residual in _scalars(item, path, tree.scope):
+                    count += 1
+                    equations.append(FlatEquation(residual, _label(path, count, component), path, item.where))
+            elif isinstance(item, Connection):
+                connections.append((item, component))
+            elif isinstance(item, Branch):
+                name = f"{path}.{item.name}" if path else item.name
+                branches.append(FlatBranch(name, item.expression.sx, item.where))
+            else:
+                raise _no_equation(item, component, where)
+        for item, where in _items(component.initial_equations(), component):
+            if not isinstance(item, Relation) or item.op != "==":
+                raise _no_equation(item, component, where)
+            for k, residual in enumerate(_scalars(item, path, tree.scope)):
+                initial.append(FlatEquation(residual, f"{_label(path, k + 1, component)} (initial)", path, item.where))
+    for residual, label, path, where in connection_equations(tree, connections):
+        equations.append(FlatEquation(residual, label, path, where))
+    parameters = _parameters(tree)
+    return FlatModel(
+        scope=tree.scope,
+        title=type(model).__name__,
+        variables=_variables(tree),
+        parameters=parameters,
+        equations=equations,
+        branches=branches,
+        groups={r.name: (r.item.shape, r.indices) for r in tree.variables},
+        bindings={r.name: r.expression for r in tree.parameters},
+        root=tree.root,
+        initial=initial,
+        positive=frozenset(q.name for q in parameters if q.symbol.element_hash() in _flagged(tree, "positive")),
+    )
+
+
+def _label(path: str, count: int, component: Model) -> str:
+    return f"{path or type(component).__name__} equation {count}"
+
+
+def _items(source: Iterable[Any], component: Model) -> Iterable[tuple[Any, SourceLocation | None]]:
+    """Items of a generator with the line of its current yield."""
+    if source is None:
+        raise ModelError(
+            f"equations() of {type(component).__name__} returned nothing; expected 'yield' in front of each equation",
+            getattr(component, "where", None),
+        )
+    for item in source:
+        frame = getattr(source, "gi_frame", None)
+        where = of_frame(frame.f_code.co_filename, frame.f_lineno) if frame is not None else None
+        for single in flatten_items(item):
+            yield single, where
+
+
+def _no_equation(item: Any, component: Model, where: SourceLocation | None) -> ModelError:
+    shown = item if isinstance(item, (bool, int, float, str)) else type(item).__name__
+    return ModelError(
+        f"{type(component).__name__}.equations() yielded {shown}, which is no equation; expected 'a == b' on "
+        "expressions of the model, gt.connect or gt.branch",
+        where,
+    )
+
+
+def _scalars(item: Relation, path: str, scope: Scope) -> Iterable[ca.SX]:
+    """Scalar residuals of a relation, row by row; trivial ones are errors."""
+    if item.op != "==":
+        raise ModelError(f"'{item.op}' is no equation; put inequalities into constraints()", item.where)
+    residual = ca.vec((item.lhs - item.rhs).T)
+    for k in range(residual.numel()):
+        r = residual[k]
+        if not scope.symbols_in(r):
+            held = r.is_zero()
+            what = "always true" if held else f"without any variable (it says {r} == 0)"
+            raise ModelError(f"an equation of '{path or 'the model'}' is {what}; remove it or mend it", item.where)
+        yield r
+
+
+def _numbers(tree: Tree, sx: ca.SX | None, n: int, default: float) -> np.ndarray:
+    """Numeric attribute values from parameter values."""
+    if sx is None:
+        return np.full(n, default)
+    symbols = ca.vertcat(*tree.scope.parameters) if tree.scope.parameters else ca.SX(0, 1)
+    values = np.full(len(tree.scope.parameters), np.nan)
+    for r in tree.parameters:
+        if r.values is not None:
+            values[r.indices] = r.values
+    f = ca.Function("attribute", [symbols], [sx])
+    return np.asarray(f(values)).reshape(-1)
+
+
+def _variables(tree: Tree) -> list[FlatVariable]:
+    result: list[FlatVariable] = []
+    for r in tree.variables:
+        a = r.attributes
+        n = len(r.indices)
+        nominal = _numbers(tree, a["nominal"], n, 1.0)
+        low = _numbers(tree, a["min"], n, -np.inf)
+        high = _numbers(tree, a["max"], n, np.inf)
+        start = None if a["start"] is None else _numbers(tree, a["start"], n, 0.0)
+        for k, (index, name) in enumerate(zip(r.indices, element_names(r.name, r.item.shape), strict=True)):
+            if low[k] > high[k]:
+                raise ModelError(f"'{name}' has min {low[k]:g} above max {high[k]:g}", r.item.where)
+            result.append(
+                FlatVariable(
+                    name, index, r.item.role, r.item.unit, r.component, r.item.where, r.item.description,
+                    float(nominal[k]), float(low[k]), float(high[k]),
+                    None if start is None else float(start[k]), bool(a["fixed"]), int(a["prefer"]),
+                )
+            )  # fmt: skip
+    return sorted(result, key=lambda v: v.index)
+
+
+def _parameters(tree: Tree) -> list[FlatParameter]:
+    nonzero = _flagged(tree, "nonzero")
+    result = []
+    for r in tree.parameters:
+        for k, index in enumerate(r.indices):
+            symbol = tree.scope.parameters[index]
+            result.append(
+                FlatParameter(
+                    tree.scope.parameter_names[index],
+                    symbol,
+                    float(r.values[k]) if r.values is not None else np.nan,
+                    r.item.unit,
+                    symbol.element_hash() in nonzero,
+                    r.item.where,
+                    not hasattr(r.item, "nonzero"),
+                    *_limits(r.item, k),
+                )
+            )
+    return result
+
+
+def _flagged(tree: Tree, flag: str) -> set[int]:
+    """Parameter symbols that some declaration, perhaps of a part bound to them, calls positive or nonzero."""
+    found = set()
+    for r in tree.parameters:
+        if getattr(r.item, flag, False):
+            found |= {s.element_hash() for s in ca.vertsplit(r.expression) if s.is_symbolic()}
+    return found
+
+
+def _limits(item: Any, k: int) -> tuple[float, float]:
+    def one(value: Any, default: float) -> float:
+        if value is None:
+            return default
+        return float(np.broadcast_to(np.asarray(value, float), item.shape).reshape(-1)[k])
+
+    if not hasattr(item, "low"):
+        return -np.inf, np.inf
+    return one(item.low, -np.inf), one(item.high, np.inf)

@@ -1,0 +1,66 @@
+"""Which expressions may be divided by: constants, and parameter expressions that cannot vanish."""
+
+from __future__ import annotations
+
+import casadi as ca
+
+from .flat import FlatModel
+
+POSITIVE, NEGATIVE, NONZERO, UNKNOWN = "+", "-", "n", "?"
+
+
+class SignAnalysis:
+    """Signs of parameter expressions from the declared `positive` and `nonzero`."""
+
+    def __init__(self, flat: FlatModel) -> None:
+        self._symbols: dict[int, str] = {}
+        for q in flat.parameters:
+            sign = UNKNOWN
+            if q.nonzero:
+                sign = (POSITIVE if q.value > 0 else NEGATIVE) if _declared_positive(flat, q.name) else NONZERO
+            self._symbols[q.symbol.element_hash()] = sign
+
+    def kind(self, e: ca.SX) -> str | None:
+        """ "constant" or "parameter" if the scalar may be divided by, else None."""
+        if e.is_constant():
+            return "constant" if float(e) != 0.0 else None
+        if any(s.element_hash() not in self._symbols for s in ca.symvar(e)):
+            return None
+        return "parameter" if self.sign(e) != UNKNOWN else None
+
+    def sign(self, e: ca.SX) -> str:
+        if e.is_constant():
+            value = float(e)
+            return POSITIVE if value > 0 else NEGATIVE if value < 0 else UNKNOWN
+        if e.is_symbolic():
+            return self._symbols.get(e.element_hash(), UNKNOWN)
+        op = e.op()
+        if op in (ca.OP_MUL, ca.OP_DIV):
+            return _product(self.sign(e.dep(0)), self.sign(e.dep(1)))
+        if op == ca.OP_ADD:
+            return _sum(self.sign(e.dep(0)), self.sign(e.dep(1)))
+        if op == ca.OP_SUB:
+            return _sum(self.sign(e.dep(0)), _product(NEGATIVE, self.sign(e.dep(1))))
+        if op == ca.OP_NEG:
+            return _product(NEGATIVE, self.sign(e.dep(0)))
+        if op == ca.OP_SQ:
+            return UNKNOWN if self.sign(e.dep(0)) == UNKNOWN else POSITIVE
+        if op in (ca.OP_SQRT, ca.OP_INV, ca.OP_TWICE):
+            return self.sign(e.dep(0))
+        return UNKNOWN
+
+
+def _declared_positive(flat: FlatModel, name: str) -> bool:
+    return name in flat.positive
+
+
+def _product(a: str, b: str) -> str:
+    if UNKNOWN in (a, b):
+        return UNKNOWN
+    if NONZERO in (a, b):
+        return NONZERO
+    return POSITIVE if a == b else NEGATIVE
+
+
+def _sum(a: str, b: str) -> str:
+    return a if a == b and a in (POSITIVE, NEGATIVE) else UNKNOWN

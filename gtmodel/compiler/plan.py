@@ -1,0 +1,221 @@
+"""From a flat model, what is known and what is asked to an ordered list of solved blocks."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from ..lang.source import ModelError
+from .alias import AliasResult, eliminate
+from .blocks import SolvedBlock
+from .branch import check_branches, settle
+from .flat import FlatModel
+from .graph import strong_components
+from .linear import solve_linear
+from .pivots import SignAnalysis
+from .points import Sampler
+from .quadric import NoClosedForm, solve_nonlinear
+from .states import Stage, choose
+from .structure import Structure, analyse
+
+SAMPLE_POINTS = 5  # rank decisions want three; two more tell whether a root's sign depends on the pose
+
+Pair = tuple[int, int]
+
+
+@dataclass(eq=False)
+class Plan:
+    """A causality worked out: `inputs` are the chain symbols it reads, `blocks` what it computes.
+
+    `samples` are consistent points (rows) over the chain symbols `pairs`.
+    """
+
+    flat: FlatModel
+    alias: AliasResult
+    structure: Structure
+    stages: list[Stage]
+    known: list[int]
+    states: list[Pair]
+    inputs: list[Pair]
+    blocks: list[SolvedBlock]
+    pairs: list[Pair]
+    samples: np.ndarray
+    uses_time: bool
+
+    def symbol(self, index: int, order: int) -> ca.SX:
+        """Expression of an original variable's derivative in kept symbols."""
+        sign, kept, k = self.alias.resolve(index, order)
+        s = self.flat.scope.symbol(kept, k)
+        return s if sign > 0 else -s
+
+
+def make_plan(
+    flat: FlatModel,
+    known: Sequence[int],
+    targets: Sequence[Pair],
+    prefer: Sequence[int] = (),
+    branches: Mapping[str, int] | None = None,
+    rates: bool = False,
+) -> Plan:
+    """Work out one causality.
+
+    Args:
+        known: scalar variable indices prescribed from outside, with all their derivatives.
+        targets: (index, order) pairs to compute.
+        prefer: scalar variable indices to keep as states.
+        branches: sign +1 or -1 by branch name; the default is +1.
+        rates: compute the derivative of every state too.
+
+    Raises ModelError for a system that is not square, redundant, singular, without a consistent point, or
+    with a block that has no closed form.
+    """
+    check_branches(flat, branches or {})
+    alias = eliminate(flat, frozenset(known))
+    known_set = set(known)
+    in_equations = {i for e in alias.equations for i, _ in flat.scope.symbols_in(e.residual)}
+    unknowns = [v.index for v in flat.variables if v.index not in alias.removed and v.index not in known_set]
+    _check_known(flat, known, in_equations)
+    structure = analyse(flat, alias.equations, unknowns)
+    column = {j: n for n, j in enumerate(unknowns)}
+    wanted = [alias.resolve(*t)[1:] for t in targets]
+    deficit = max([order - int(structure.d[column[i]]) for i, order in wanted if i in column], default=0)
+    structure = structure.raised(max(0, deficit))
+    derivatives = _differentiate(flat, structure)
+    pairs = _pairs(flat, derivatives, structure, wanted)
+    stage_residuals = [
+        ca.vertcat(*[derivatives[i][structure.c[i] + k] for i in range(len(structure.c)) if structure.c[i] + k >= 0])
+        for k in range(-int(structure.d.max(initial=0)), 1)
+    ]
+    sampler = Sampler(flat, pairs, [r for r in stage_residuals if r.numel()], _starts(flat, alias))
+    samples = sampler.points(SAMPLE_POINTS)
+    stages = choose(flat, structure, _jacobians(flat, structure, derivatives, sampler, samples), _kept(alias, prefer))
+    solver: dict[Pair, Pair] = {}
+    states: list[Pair] = []
+    for stage in stages:
+        chosen = set(stage.matched.values())
+        for i, j in stage.matched.items():
+            solver[(unknowns[j], int(structure.d[j]) + stage.k)] = (i, int(structure.c[i]) + stage.k)
+        states += [(unknowns[j], int(structure.d[j]) + stage.k) for j in stage.columns if j not in chosen]
+    states = sorted(p for p in states if p not in solver)
+    if rates:
+        wanted += [(i, k + 1) for i, k in states]
+    unknown_of = {node: pair for pair, node in solver.items()}
+    used = {node: flat.scope.symbols_in(derivatives[node[0]][node[1]]) for node in unknown_of}
+    components = strong_components(
+        [solver[p] for p in wanted if p in solver],
+        lambda node: [solver[p] for p in used[node] if p in solver and solver[p] != node],
+    )
+    analysis = SignAnalysis(flat)
+    blocks = [_solve(flat, structure, derivatives, c, unknown_of, analysis) for c in components]
+    read = {p for c in components for node in c for p in used[node] if p not in solver}
+    read |= {p for p in wanted if p not in solver}
+    time_key = flat.scope.time.element_hash()
+    uses_time = any(
+        s.element_hash() == time_key for b in blocks for _, e in b.assignments for s in ca.symvar(e)
+    )
+    plan = Plan(
+        flat, alias, structure, stages, list(known), states, sorted(read), blocks, pairs, samples, uses_time
+    )
+    settle(plan, sampler, branches or {})
+    _size_margins(plan, sampler)
+    return plan
+
+
+def _check_known(flat: FlatModel, known: Sequence[int], in_equations: set[int]) -> None:
+    for i in known:
+        if i not in in_equations:
+            raise ModelError(f"'{flat.variables[i].name}' is given as known, but no equation uses it")
+
+
+def _kept(alias: AliasResult, prefer: Sequence[int]) -> frozenset[int]:
+    return frozenset(alias.resolve(i, 0)[1] for i in prefer)
+
+
+def _differentiate(flat: FlatModel, structure: Structure) -> list[list[ca.SX]]:
+    """derivatives[i][m] = m-th time derivative of equation i, m = 0..c_i, all equations of one order at once."""
+    result = [[e.residual] for e in structure.equations]
+    for m in range(int(structure.c.max(initial=0))):
+        rows = [i for i in range(len(result)) if structure.c[i] > m]
+        rates = flat.scope.derivative(ca.vertcat(*[result[i][m] for i in rows]))
+        for n, i in enumerate(rows):
+            result[i].append(rates[n])
+    return result
+
+
+def _pairs(
+    flat: FlatModel, derivatives: list[list[ca.SX]], structure: Structure, wanted: Sequence[Pair]
+) -> list[Pair]:
+    pairs = {p for chain in derivatives for e in chain for p in flat.scope.symbols_in(e)}
+    pairs |= {(j, m) for n, j in enumerate(structure.unknowns) for m in range(int(structure.d[n]) + 1)}
+    return sorted(pairs | set(wanted))
+
+
+def _starts(flat: FlatModel, alias: AliasResult) -> dict[Pair, float]:
+    """Start values by kept symbol: a variable's own before that of a removed name for the same quantity."""
+    starts: dict[Pair, float] = {}
+    for v in sorted(flat.variables, key=lambda v: v.index in alias.removed):
+        if v.start is not None:
+            sign, kept, order = alias.resolve(v.index, 0)
+            starts.setdefault((kept, order), sign * v.start)
+    return starts
+
+
+def _jacobians(
+    flat: FlatModel, structure: Structure, derivatives: list[list[ca.SX]], sampler: Sampler, samples: np.ndarray
+) -> list[np.ndarray]:
+    top = ca.vertcat(*[derivatives[i][structure.c[i]] for i in range(len(structure.c))])
+    columns = ca.vertcat(
+        *[flat.scope.symbol(j, int(structure.d[n])) for n, j in enumerate(structure.unknowns)]
+    )
+    f = ca.Function("system", [sampler.w, flat.p, flat.scope.time], [ca.jacobian(top, columns)])
+    return [np.asarray(f(w, flat.p0, 0.0).full()) for w in samples]
+
+
+def _solve(
+    flat: FlatModel,
+    structure: Structure,
+    derivatives: list[list[ca.SX]],
+    nodes: list[Pair],
+    unknown_of: dict[Pair, Pair],
+    signs: SignAnalysis,
+) -> SolvedBlock:
+    order = sorted(nodes, key=lambda n: unknown_of[n])  # canonical: by declaration of the unknowns
+    rows = sorted(nodes)
+    residuals = [derivatives[i][m] for i, m in rows]
+    unknowns = [flat.scope.symbol(*unknown_of[n]) for n in order]
+    names = [flat.symbol_name(*unknown_of[n]) for n in order]
+    equations = [
+        f"{structure.equations[i].label}{chr(39) * m} ({structure.equations[i].where})" for i, m in rows
+    ]
+    label = names[0] if len(names) == 1 else f"{names[0]}..{names[-1]}"
+    jacobian = ca.jacobian(ca.vertcat(*residuals), ca.vertcat(*unknowns))
+    keys = {s.element_hash() for s in unknowns}
+    if not any(s.element_hash() in keys for s in ca.symvar(jacobian)):
+        assignments, margins, how = solve_linear(residuals, unknowns, signs, label)
+        kind = "explicit" if len(nodes) == 1 and not margins else "linear"
+        return SolvedBlock(kind, names, equations, assignments, margins, [], how)
+    try:
+        assignments, margins, roots, how = solve_nonlinear(residuals, unknowns, signs, label)
+    except NoClosedForm:
+        raise ModelError(
+            f"{flat.title}: the block of {', '.join(names[:8])} has no closed form; its equations are "
+            f"{'; '.join(equations[:8])}"
+        ) from None
+    return SolvedBlock(how.split(" in ")[0], names, equations, assignments, margins, roots, how)
+
+
+def _size_margins(plan: Plan, sampler: Sampler) -> None:
+    """Typical sizes of the margins, read off the consistent points."""
+    flat = plan.flat
+    margins = [m for b in plan.blocks for m in b.margins]
+    if margins:
+        sizes = ca.Function(
+            "sizes", [sampler.w, flat.p, flat.scope.time], [ca.vertcat(*[m.expression for m in margins])]
+        )
+        values = np.abs([np.asarray(sizes(w, flat.p0, 0.0)).reshape(-1) for w in plan.samples])
+        scales = dict(zip(map(id, margins), np.median(values, axis=0), strict=True))
+        for b in plan.blocks:
+            b.margins = [type(m)(m.kind, m.expression, m.label, float(scales[id(m)]) or 1.0) for m in b.margins]

@@ -1,0 +1,104 @@
+"""Consistent points: numbers that satisfy all differentiated equations, found stage by stage."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from ..lang.source import ModelError
+from .flat import FlatModel
+
+MAX_TRIES = 400
+NEWTON_STEPS = 60
+# residuals are in SI units of equations of order one; Gauss-Newton converges quadratically past this
+RESIDUAL_TOLERANCE = 1e-11
+# spread of sample points round the declared start values, in nominals: large enough to leave symmetric poses
+SPREAD = 0.05
+# what has a start value gives way this much less than what has none: the points stay near the home pose
+HELD = 0.1
+
+
+@dataclass
+class Sampler:
+    """Makes consistent points of a differentiated system.
+
+    `pairs` are the chain symbols in order; `stages` the residuals of each stage, positions first; `starts`
+    the declared start values by chain symbol.
+    """
+
+    flat: FlatModel
+    pairs: list[tuple[int, int]]
+    stages: list[ca.SX]
+    starts: dict[tuple[int, int], float]
+
+    def __post_init__(self) -> None:
+        scope = self.flat.scope
+        self.position = {pair: n for n, pair in enumerate(self.pairs)}
+        self.w = ca.vertcat(*[scope.symbol(*pair) for pair in self.pairs])
+        self._functions = []
+        fixed: set[int] = set()
+        for residual in self.stages:
+            inside = {self.position[p] for p in scope.symbols_in(residual)}
+            new = sorted(inside - fixed)
+            fixed |= inside
+            columns = ca.vertcat(*[self.w[n] for n in new]) if new else ca.SX(0, 1)
+            jacobian = ca.jacobian(residual, columns)
+            arguments = [self.w, self.flat.p, scope.time]
+            fun = ca.Function("stage", arguments, [residual, ca.densify(jacobian)])
+            self._functions.append((fun, np.array(new, dtype=int)))
+        nominal = [self.flat.variables[index].nominal for index, _ in self.pairs]
+        held = [HELD if pair in self.starts else 1.0 for pair in self.pairs]
+        self._reach = np.multiply(nominal, held)
+
+    def points(self, count: int) -> np.ndarray:
+        """`count` consistent points near the start values, one per row. Raises ModelError if there is none."""
+        found: list[np.ndarray] = []
+        closest = np.inf
+        for seed in range(MAX_TRIES):
+            w = self._start(np.random.default_rng(seed))
+            residual = self.correct(w)
+            if residual > RESIDUAL_TOLERANCE:
+                closest = min(closest, residual)
+                continue
+            found.append(w)
+            if len(found) == count:
+                break
+        if not found:
+            raise ModelError(
+                f"{self.flat.title}: the equations have no common solution near the start values (closest residual "
+                f"{closest:.2g}); check parameters and start values"
+            )
+        return np.array(found)
+
+    def _start(self, rng: np.random.Generator) -> np.ndarray:
+        w = np.empty(len(self.pairs))
+        for n, pair in enumerate(self.pairs):
+            noise = self.flat.variables[pair[0]].nominal * rng.standard_normal()
+            w[n] = self.starts[pair] + SPREAD * noise if pair in self.starts else noise
+        return w
+
+    def correct(self, w: np.ndarray) -> float:
+        """Gauss-Newton with least-norm steps in each stage; changes w; returns the worst residual."""
+        p = self.flat.require_values()
+        worst = 0.0
+        for fun, new in self._functions:
+            norm = np.inf
+            for _ in range(NEWTON_STEPS):
+                r, jacobian = (np.asarray(x) for x in fun(w, p, 0.0))
+                r = r.reshape(-1)
+                if not np.all(np.isfinite(r)) or not np.all(np.isfinite(jacobian)):
+                    return np.inf
+                norm = float(np.max(np.abs(r), initial=0.0))
+                if norm <= RESIDUAL_TOLERANCE * 1e-2 or new.size == 0:
+                    break
+                step = self._reach[new] * np.linalg.lstsq(jacobian * self._reach[new], -r, rcond=1e-10)[0]
+                if np.max(np.abs(step)) <= 1e-15 * (1 + np.max(np.abs(w[new]))):
+                    break
+                w[new] += step
+            scale = max(1.0, float(np.max(np.abs(w[new]), initial=0.0)))
+            worst = max(worst, norm / scale)
+            if worst > RESIDUAL_TOLERANCE:
+                return worst
+        return worst

@@ -1,0 +1,179 @@
+"""Nonlinear blocks with closed form: explicit unknowns, one quadratic, a pencil of spheres (trilateration)."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+
+from .blocks import Margin, Root
+from .pivots import SignAnalysis
+
+Assignments = list[tuple[ca.SX, ca.SX]]
+
+
+class NoClosedForm(Exception):
+    """The block is neither a quadratic nor a pencil of proportional quadrics."""
+
+
+def solve_nonlinear(
+    residuals: list[ca.SX], unknowns: list[ca.SX], signs: SignAnalysis, label: str
+) -> tuple[Assignments, list[Margin], list[Root], str]:
+    """Closed form of a nonlinear block: assignments in order, margins, roots, a sentence on how.
+
+    Raises NoClosedForm if what is left after the explicit unknowns is neither one quadratic nor a pencil of
+    two or three quadrics with proportional Hessians.
+    """
+    residuals, left, explicit = _explicit(list(residuals), list(unknowns), signs)
+    n = len(left)
+    if n == 1:
+        core, margins, root = _quadratic(residuals[0], left[0], signs, label)
+        kind = "quadratic"
+    elif n in (2, 3):
+        core, margins, root = _pencil(residuals, left, signs, label)
+        kind = "sphere pencil"
+    else:
+        raise NoClosedForm
+    how = f"{kind} in {', '.join(s.name() for s in left)}"
+    if explicit:
+        how += f", {len(explicit)} explicit"
+    return core + list(reversed(explicit)), margins, [root], how
+
+
+def _explicit(
+    residuals: list[ca.SX], unknowns: list[ca.SX], signs: SignAnalysis
+) -> tuple[list[ca.SX], list[ca.SX], Assignments]:
+    """Take out unknowns that stand linearly, with an allowed pivot, in some row."""
+    taken: Assignments = []
+    while len(unknowns) > 1:
+        u = ca.vertcat(*unknowns)
+        jacobian = ca.jacobian(ca.vertcat(*residuals), u)
+        keys = {s.element_hash() for s in unknowns}
+        entries = list(zip(*jacobian.sparsity().get_triplet(), jacobian.nonzeros(), strict=True))
+        row_count = np.bincount([e[0] for e in entries], minlength=len(residuals))
+        col_count = np.bincount([e[1] for e in entries], minlength=len(unknowns))
+        nonlinear_rows = {i for i, _, v in entries if any(s.element_hash() in keys for s in ca.symvar(v))}
+        best = None
+        for i, j, value in entries:
+            kind = signs.kind(value)
+            if kind is None:
+                continue
+            cost = (row_count[i] - 1) * (col_count[j] - 1) + 50 * (kind == "parameter") + 1000 * (i in nonlinear_rows)
+            if best is None or cost < best[0]:
+                best = (cost, i, j, value)
+        if best is None or best[0] >= 1000:
+            break
+        _, i, j, pivot = best
+        x = unknowns.pop(j)
+        row = residuals.pop(i)
+        value = -ca.substitute([row], [x], [ca.SX(0)])[0] / pivot
+        residuals = ca.substitute(residuals, [x], [value])
+        taken.append((x, value))
+    return residuals, unknowns, taken
+
+
+def _quadratic(
+    residual: ca.SX, u: ca.SX, signs: SignAnalysis, label: str
+) -> tuple[Assignments, list[Margin], Root]:
+    slope = ca.gradient(residual, u)
+    curvature = ca.gradient(slope, u)
+    if _depends(curvature, [u]) or curvature.is_zero():
+        raise NoClosedForm
+    zero = ca.SX(0)
+    qa = curvature / 2
+    qb, qc = (ca.substitute([e], [u], [zero])[0] for e in (slope, residual))
+    t, margins, root = _root(qa, qb, qc, u, signs, label)
+    return [(u, t)], margins, root
+
+
+def _root(
+    qa: ca.SX, qb: ca.SX, qc: ca.SX, t: ca.SX, signs: SignAnalysis, label: str
+) -> tuple[ca.SX, list[Margin], Root]:
+    """t = (-qb + s sqrt(qb^2 - 4 qa qc)) / (2 qa), with half coefficients to save operations."""
+    half = qb / 2
+    discriminant = half * half - qa * qc
+    s = ca.SX.sym("sign")
+    margins = [Margin("discriminant", discriminant, label)]
+    if signs.kind(qa) is None:
+        margins.append(Margin("pivot", qa, label))
+    value = (s * ca.sqrt(discriminant) - half) / qa
+    return value, margins, Root(s, qa * t + half, label)
+
+
+def _pencil(
+    residuals: list[ca.SX], unknowns: list[ca.SX], signs: SignAnalysis, label: str
+) -> tuple[Assignments, list[Margin], Root]:
+    """Quadrics with proportional Hessians: differences are planes, the last sphere gives a quadratic.
+
+    The unknowns lie on V0 + t N, N perpendicular to all planes; N follows the declared order of rows.
+    """
+    n = len(unknowns)
+    v = ca.vertcat(*unknowns)
+    zero = ca.SX.zeros(n, 1)
+    hessians = []
+    for r in residuals:
+        h = ca.hessian(r, v)[0]
+        if _depends(h, unknowns):
+            raise NoClosedForm
+        hessians.append(ca.densify(h))
+    reference = _reference(hessians)
+    mu = [_ratio(h, hessians[reference]) for h in hessians]
+    others = [i for i in range(n) if i != reference]
+    planes = [residuals[i] - mu[i] * residuals[reference] for i in others]
+    gradients = [ca.substitute([ca.gradient(p, v)], [v], [zero])[0] for p in planes]
+    offsets = [-ca.substitute([p], [v], [zero])[0] for p in planes]
+    if n == 2:
+        b = gradients[0]
+        normal = ca.vertcat(-b[1], b[0])
+        square = ca.dot(b, b)
+        start = b * (offsets[0] / square)
+    else:
+        b1, b2 = gradients
+        normal = ca.cross(b1, b2)
+        square = ca.dot(normal, normal)
+        # the point of both planes nearest to the origin
+        start = (offsets[0] * ca.cross(b2, normal) + offsets[1] * ca.cross(normal, b1)) / square
+    row = residuals[reference]
+    slope = ca.gradient(row, v)
+    slope_at_start = ca.substitute([slope], [v], [start])[0]
+    qc = ca.substitute([row], [v], [start])[0]
+    qb = ca.dot(slope_at_start, normal)
+    qa = ca.dot(normal, hessians[reference] @ normal) / 2
+    line = ca.dot(v - start, normal) / square
+    t, margins, root = _root(qa, qb, qc, line, signs, label)
+    margins = [m for m in margins if m.kind != "pivot"] + [Margin("pivot", square, label)]
+    return [(u, start[k] + t * normal[k]) for k, u in enumerate(unknowns)], margins, root
+
+
+def _reference(hessians: list[ca.SX]) -> int:
+    for i, h in enumerate(hessians):
+        if not all(x.is_zero() for x in h.elements()):
+            return i
+    raise NoClosedForm
+
+
+def _ratio(h: ca.SX, reference: ca.SX) -> ca.SX:
+    """mu with h == mu * reference; a zero h (a plane) gives 0. Raises NoClosedForm if not proportional."""
+    pairs = list(zip(h.elements(), reference.elements(), strict=True))
+    if all(a.is_zero() for a, _ in pairs):
+        return ca.SX(0)
+    mu = next((a / b for a, b in pairs if not b.is_zero()), None)
+    if mu is None:
+        raise NoClosedForm
+    difference = ca.vertcat(*[a - mu * b for a, b in pairs])
+    symbols = ca.symvar(difference)
+    if not symbols:
+        if any(abs(float(x)) > 0 for x in ca.DM(difference).elements()):
+            raise NoClosedForm
+        return mu
+    # several parameter values: at one point a metric with a parameter may look proportional by chance
+    f = ca.Function("ratio", [ca.vertcat(*symbols)], [difference])
+    rng = np.random.default_rng(0)
+    for _ in range(3):
+        if np.max(np.abs(np.asarray(f(rng.uniform(0.5, 1.5, len(symbols)))))) > 1e-12:
+            raise NoClosedForm
+    return mu
+
+
+def _depends(expression: ca.SX, symbols: list[ca.SX]) -> bool:
+    keys = {s.element_hash() for s in symbols}
+    return any(s.element_hash() in keys for s in ca.symvar(expression))

@@ -1,0 +1,169 @@
+"""Rank-revealing choice of dummy derivatives: which columns each stage solves for, and so which are states."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import maximum_bipartite_matching
+
+from ..lang.source import ModelError
+from .flat import FlatModel
+from .structure import Structure
+
+# relative to the largest column: separates round-off of a consistent point (1e-12) from poor geometry (1e-5)
+RANK_TOLERANCE = 1e-8
+
+
+@dataclass(frozen=True)
+class Stage:
+    """Stage k: rows (equation numbers) with the unknown column each is matched to."""
+
+    k: int
+    rows: list[int]
+    columns: list[int]
+    matched: dict[int, int]
+
+
+def choose(
+    flat: FlatModel, structure: Structure, jacobians: list[np.ndarray], preferred: frozenset[int]
+) -> list[Stage]:
+    """Stages from positions (k = -max d) to k = 0 with their chosen columns.
+
+    `jacobians` are d f_i^(c_i) / d x_j^(d_j) at several consistent points; a choice is made at the point
+    where it is best conditioned. Raises ModelError for a redundant constraint or an identically singular
+    system, naming the equations of the left null vector.
+    """
+    lowest = -int(structure.d.max(initial=0))
+    solved: list[int] = []
+    stages: list[Stage] = []
+    pattern = set(structure.sigma)
+    for k in range(lowest, 1):
+        rows = [i for i in range(len(structure.c)) if structure.c[i] + k >= 0]
+        cols = [j for j in range(len(structure.d)) if structure.d[j] + k >= 0]
+        if rows:
+            scaled = [_scaled(flat, structure, m, rows, cols) for m in jacobians]
+            groups = _groups(flat, structure, cols, solved, preferred)
+            chosen = _best(flat, structure, k, rows, cols, scaled, groups)
+        else:
+            chosen = []
+        solved = chosen
+        stages.append(Stage(k, rows, cols, _match(rows, chosen, pattern, structure, k)))
+    return stages
+
+
+def _scaled(
+    flat: FlatModel, structure: Structure, jacobian: np.ndarray, rows: list[int], cols: list[int]
+) -> np.ndarray:
+    nominal = np.array([flat.variables[structure.unknowns[j]].nominal for j in cols])
+    m = jacobian[np.ix_(rows, cols)] * nominal
+    size = np.max(np.abs(m), axis=1, keepdims=True)
+    return m / np.where(size > 0, size, 1.0)
+
+
+def _groups(
+    flat: FlatModel, structure: Structure, cols: list[int], solved: list[int], preferred: frozenset[int]
+) -> list[list[int]]:
+    """Columns in the order in which they are to be solved: earlier choices, then low state preference."""
+    first = [j for j in cols if j in set(solved)]
+    rest = [j for j in cols if j not in set(solved)]
+
+    def preference(j: int) -> tuple[int, int]:
+        index = structure.unknowns[j]
+        return (int(index in preferred), flat.variables[index].prefer)
+
+    levels = sorted({preference(j) for j in rest})
+    return [first, *[[j for j in rest if preference(j) == level] for level in levels]]
+
+
+def _best(
+    flat: FlatModel,
+    structure: Structure,
+    k: int,
+    rows: list[int],
+    cols: list[int],
+    scaled: list[np.ndarray],
+    groups: list[list[int]],
+) -> list[int]:
+    best: list[int] = []
+    quality = 0.0
+    position = {j: n for n, j in enumerate(cols)}
+    for m in scaled:
+        chosen = _greedy(m, [[position[j] for j in g] for g in groups], len(rows))
+        if len(chosen) < len(rows):
+            continue
+        worst = min(_conditioning(other[:, chosen]) for other in scaled)
+        if worst > quality:
+            best, quality = [cols[n] for n in chosen], worst
+    if quality > RANK_TOLERANCE:
+        return best
+    if any(np.linalg.matrix_rank(m, tol=RANK_TOLERANCE) == len(rows) for m in scaled) and best:
+        return best
+    raise ModelError(_redundant(flat, structure, k, rows, scaled))
+
+
+def _conditioning(m: np.ndarray) -> float:
+    s = np.linalg.svd(m, compute_uv=False)
+    return float(s[-1] / s[0]) if s.size and s[0] > 0 else 0.0
+
+
+def _greedy(m: np.ndarray, groups: list[list[int]], count: int) -> list[int]:
+    """Pivoted elimination group by group; ties go to the first declared column."""
+    rest = m.copy()
+    limit = RANK_TOLERANCE * max(1.0, float(np.max(np.linalg.norm(m, axis=0), initial=0.0)))
+    chosen: list[int] = []
+    for group in groups:
+        left = list(group)
+        while left and len(chosen) < count:
+            norms = np.linalg.norm(rest[:, left], axis=0)
+            top = float(norms.max())
+            if top <= limit:
+                break
+            pick = int(np.argmax(norms >= top * (1 - 1e-9)))
+            j = left.pop(pick)
+            q = rest[:, j] / np.linalg.norm(rest[:, j])
+            rest -= np.outer(q, q @ rest)
+            chosen.append(j)
+    return chosen
+
+
+def _redundant(
+    flat: FlatModel, structure: Structure, k: int, rows: list[int], scaled: list[np.ndarray]
+) -> str:
+    """Names the equations in the left null vector."""
+    m = max(scaled, key=lambda a: np.linalg.matrix_rank(a, tol=RANK_TOLERANCE))
+    u, s, _ = np.linalg.svd(m)
+    rank = int(np.sum(s > RANK_TOLERANCE * max(s[0], 1e-300)))
+    null = u[:, rank:]
+    weight = np.max(np.abs(null), axis=1)
+    involved = [rows[i] for i in np.flatnonzero(weight > 1e-6)]
+    shown = "; ".join(
+        f"{structure.equations[i].label} ({structure.equations[i].where})" for i in involved[:8]
+    ) + (f"; and {len(involved) - 8} more" if len(involved) > 8 else "")
+    what = "are redundant or contradict each other" if k < 0 else "leave some unknowns undetermined (singular)"
+    level = {0: "highest derivatives", -1: "velocities", -2: "positions"}.get(k, f"stage {k}")
+    return (
+        f"{flat.title}: {len(rows)} equations of rank {rank} in stage {k} ({level}): these {what}: {shown}; "
+        "remove one, or make a part compliant"
+    )
+
+
+def _match(
+    rows: list[int], chosen: list[int], pattern: set[tuple[int, int]], structure: Structure, k: int
+) -> dict[int, int]:
+    """Row -> chosen column, only where the equation holds the column at its leading order."""
+    if not rows:
+        return {}
+    entries = [
+        (a, b)
+        for a, i in enumerate(rows)
+        for b, j in enumerate(chosen)
+        if (i, j) in pattern and structure.d[j] - structure.c[i] == structure.sigma[(i, j)]
+    ]
+    matrix = csr_matrix(
+        (np.ones(len(entries)), ([e[0] for e in entries], [e[1] for e in entries])), shape=(len(rows), len(chosen))
+    )
+    match = maximum_bipartite_matching(matrix, perm_type="column")
+    assert np.all(match >= 0), "a nonsingular matrix has a transversal"
+    return {i: chosen[int(match[a])] for a, i in enumerate(rows)}

@@ -1,0 +1,147 @@
+"""Structural analysis by the Sigma-method: differentiation counts, index and degrees of freedom."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import maximum_bipartite_matching, min_weight_full_bipartite_matching
+
+from ..lang.source import ModelError
+from .flat import FlatEquation, FlatModel
+
+
+@dataclass(frozen=True)
+class Structure:
+    """Offsets of the Sigma-method (Pryce 2001).
+
+    Equation i is differentiated c[i] times; unknown j is solved for at derivative d[j].
+    """
+
+    equations: list[FlatEquation]
+    unknowns: list[int]
+    sigma: dict[tuple[int, int], int]
+    c: np.ndarray
+    d: np.ndarray
+
+    @property
+    def degrees_of_freedom(self) -> int:
+        """Number of initial values that may be chosen."""
+        return int(self.d.sum() - self.c.sum())
+
+    @property
+    def index(self) -> int:
+        """Structural index: 3 for a mechanism with position constraints."""
+        return int(self.c.max(initial=0)) + int(np.any(self.d == 0))
+
+    def raised(self, deficit: int) -> Structure:
+        """The same system differentiated `deficit` more times, so that higher derivatives can be asked for."""
+        return Structure(self.equations, self.unknowns, self.sigma, self.c + deficit, self.d + deficit)
+
+
+def analyse(flat: FlatModel, equations: list[FlatEquation], unknowns: list[int]) -> Structure:
+    """Differentiation counts of a square system.
+
+    Raises ModelError if the numbers of equations and unknowns differ, or if some of them cannot be matched;
+    the sentence names the surplus equations or variables.
+    """
+    column = {j: n for n, j in enumerate(unknowns)}
+    sigma: dict[tuple[int, int], int] = {}
+    for i, e in enumerate(equations):
+        for index, order in flat.scope.symbols_in(e.residual):
+            if index in column:
+                key = (i, column[index])
+                sigma[key] = max(sigma.get(key, 0), order)
+    if len(equations) != len(unknowns):
+        raise ModelError(_unbalanced(flat, equations, unknowns, sigma))
+    match = _transversal(flat, equations, unknowns, sigma)
+    return Structure(equations, unknowns, sigma, *_offsets(len(equations), sigma, match))
+
+
+def _transversal(
+    flat: FlatModel, equations: list[FlatEquation], unknowns: list[int], sigma: dict[tuple[int, int], int]
+) -> np.ndarray:
+    """Column matched to each row by a highest-value transversal."""
+    n = len(equations)
+    if n == 0:
+        return np.zeros(0, dtype=int)
+    top = max(sigma.values(), default=0) + 1
+    keys = sorted(sigma)
+    weights = [float(top - sigma[k]) for k in keys]
+    matrix = csr_matrix((weights, ([k[0] for k in keys], [k[1] for k in keys])), shape=(n, n))
+    try:
+        rows, cols = min_weight_full_bipartite_matching(matrix)
+    except ValueError:
+        raise ModelError(_unbalanced(flat, equations, unknowns, sigma)) from None
+    match = np.empty(n, dtype=int)
+    match[rows] = cols
+    return match
+
+
+def _offsets(n: int, sigma: dict[tuple[int, int], int], match: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    c = np.zeros(n, dtype=int)
+    d = np.zeros(n, dtype=int)
+    keys = np.array(sorted(sigma), dtype=int).reshape(-1, 2)
+    values = np.array([sigma[tuple(k)] for k in keys.tolist()], dtype=int)
+    matched = np.array([sigma[(i, int(match[i]))] for i in range(n)], dtype=int)
+    while True:
+        d[:] = 0
+        np.maximum.at(d, keys[:, 1], values + c[keys[:, 0]])
+        new = d[match] - matched
+        if np.array_equal(new, c):
+            return c, d
+        c = new
+
+
+def _unbalanced(
+    flat: FlatModel, equations: list[FlatEquation], unknowns: list[int], sigma: dict[tuple[int, int], int]
+) -> str:
+    """A sentence on a system that is not square or cannot be matched, naming the surplus items."""
+    rows, cols = overdetermined_and_underdetermined(len(equations), len(unknowns), sigma)
+    text = f"{flat.title}: {len(equations)} equations for {len(unknowns)} unknowns"
+    if cols:
+        names = ", ".join(flat.variables[unknowns[j]].name for j in cols[:6]) + (", ..." if len(cols) > 6 else "")
+        text += f"; not determined: {names} (too few equations or too few known variables)"
+    if rows:
+        shown = "; ".join(f"{equations[i].label} ({equations[i].where})" for i in rows[:6])
+        more = f"; and {len(rows) - 6} more" if len(rows) > 6 else ""
+        text += f"; too many equations or knowns among: {shown}{more}"
+    return text
+
+
+def overdetermined_and_underdetermined(
+    rows: int, cols: int, sigma: dict[tuple[int, int], int]
+) -> tuple[list[int], list[int]]:
+    """Dulmage-Mendelsohn: rows of the overdetermined part, columns of the underdetermined part."""
+    keys = sorted(sigma)
+    matrix = csr_matrix(
+        (np.ones(len(keys)), ([k[0] for k in keys], [k[1] for k in keys])), shape=(rows, cols)
+    )
+    col_of_row = maximum_bipartite_matching(matrix, perm_type="column")
+    row_of_col = np.full(cols, -1)
+    for i, j in enumerate(col_of_row):
+        if j >= 0:
+            row_of_col[j] = i
+    by_row: dict[int, list[int]] = {}
+    by_col: dict[int, list[int]] = {}
+    for i, j in keys:
+        by_row.setdefault(i, []).append(j)
+        by_col.setdefault(j, []).append(i)
+    over = {i for i in range(rows) if col_of_row[i] < 0}
+    stack = sorted(over)
+    while stack:
+        for j in by_row.get(stack.pop(), []):
+            i = int(row_of_col[j])
+            if i >= 0 and i not in over:
+                over.add(i)
+                stack.append(i)
+    under = {j for j in range(cols) if row_of_col[j] < 0}
+    stack = sorted(under)
+    while stack:
+        for i in by_col.get(stack.pop(), []):
+            j = int(col_of_row[i])
+            if j >= 0 and j not in under:
+                under.add(j)
+                stack.append(j)
+    return sorted(over), sorted(under)

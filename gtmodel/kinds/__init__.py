@@ -1,0 +1,42 @@
+"""Problem kinds: the only place where robots and engines meet. One module per kind.
+
+A kind is a module with
+
+    NAME      its name in a problem file, ``kind = "..."``
+    Schema    a `Problem` subclass: every key of the file, described, its unit in its name
+    VALUES    what ``values`` will hold: name -> description, unit in the name
+    solve     (problem, context) -> Outcome
+    explain   optional: (problem, context) -> str
+
+`names` lists the kinds with one line each, `get` imports one; nothing else is imported before it is needed.
+"""
+
+from __future__ import annotations
+
+import difflib
+from importlib import import_module
+
+from .base import Check, Context, InputError, Kind, Outcome, Problem, Section
+
+_KINDS = {
+    "trajectory": "time- or energy-optimal motion of a robot between two poses",
+    "codegen": "C code of a robot's functions",
+    "optimization": "a dynamic optimisation problem written in Python",
+}
+
+
+def names() -> dict[str, str]:
+    """The kinds of problem, each with one line."""
+    return dict(_KINDS)
+
+
+def get(name: str) -> Kind:
+    """The kind of that name. Raises InputError with close matches."""
+    if name not in _KINDS:
+        close = difflib.get_close_matches(name, _KINDS, n=1)
+        hint = f"did you mean '{close[0]}'?" if close else f"there are {', '.join(_KINDS)}"
+        raise InputError(f"there is no kind '{name}'; {hint}")
+    return import_module(f"{__name__}.{name}")  # type: ignore[return-value]  # a module that is a Kind
+
+
+__all__ = ["Check", "Context", "InputError", "Kind", "Outcome", "Problem", "Section", "get", "names"]

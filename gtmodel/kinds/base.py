@@ -1,0 +1,141 @@
+"""What all kinds share: the base of their schemas, what solving gets (`Context`) and gives (`Outcome`)."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+
+import pydantic
+
+from gtmodel.results import SolveStatus, Trajectory
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+class InputError(ValueError):
+    """What a person gave is wrong: one plain sentence, and the key of the problem file where it is known."""
+
+    def __init__(self, sentence: str, key: str = "") -> None:
+        super().__init__(sentence)
+        self.sentence = sentence
+        self.key = key
+
+
+class Section(pydantic.BaseModel):
+    """A table of a problem file. Unknown keys are errors, numbers are finite and not written as text."""
+
+    model_config = pydantic.ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True)
+
+
+class Problem(Section):
+    """A problem file. A kind's schema adds its keys, each with a description; names carry their units."""
+
+    kind: str = pydantic.Field(description="kind of the problem; gtmodel schema lists the kinds")
+    title: str = pydantic.Field(default="", description="one line for tables and pictures")
+
+
+class Check(NamedTuple):
+    """A number that was tested: its value, the bound it must not exceed (None: no bound), and the verdict."""
+
+    value: float | None
+    bound: float | None
+    passed: bool
+
+
+class Row(NamedTuple):
+    """One row of the table that people see."""
+
+    label: str
+    value: Any
+    unit: str = ""
+
+
+@dataclass(kw_only=True)
+class Outcome:
+    """What solving a problem of any kind gives back.
+
+    values: numbers, lists and texts by name, as the kind's VALUES announces them; NaN becomes null.
+    rows: the table for people; made from `values` when empty. A plain tuple (label, value, unit) will do.
+    figures: file name without ending -> function that draws it; called only with --plot.
+    files: file name -> content of what the kind writes besides, such as parameters.toml.
+    """
+
+    status: SolveStatus
+    message: str = ""
+    objective: float | None = None
+    iterations: int | None = None
+    checks: Mapping[str, Any] = field(default_factory=dict)
+    values: Mapping[str, Any] = field(default_factory=dict)
+    trajectory: Trajectory | None = None
+    rows: list[Any] = field(default_factory=list)
+    figures: Mapping[str, Callable[[], Figure]] = field(default_factory=dict)
+    files: Mapping[str, str | bytes] = field(default_factory=dict)
+
+
+class Progress(Protocol):
+    """Shows how far the work is: what is being done, the fraction done from 0 to 1 if known, and numbers."""
+
+    def __call__(
+        self,
+        stage: str | None = None,
+        fraction: float | None = None,
+        numbers: Mapping[str, float] | None = None,
+    ) -> object: ...
+
+
+def silent(stage: str | None = None, fraction: float | None = None, numbers: Mapping[str, float] | None = None) -> None:
+    """Shows nothing."""
+
+
+@dataclass(kw_only=True)
+class Context:
+    """What a kind knows besides its problem.
+
+    name: of the problem, its file name without ending.
+    folder: of the problem file; relative paths in the file start there.
+    max_seconds: time limit [s] from the making of the context on; None for none.
+    start: an earlier result.json to start from.
+    inputs: files that were read besides the problem, name -> path; a kind enters them, run.toml keeps their hash.
+    """
+
+    name: str = "problem"
+    folder: Path = field(default_factory=Path)
+    progress: Progress = silent
+    max_seconds: float | None = None
+    start: Mapping[str, Any] | None = None
+    inputs: dict[str, Path] = field(default_factory=dict)
+    stop_requested: bool = False
+    began: float = field(default_factory=time.monotonic)
+
+    def request_stop(self) -> None:
+        """Ask the running solve to end with its best iterate, as Ctrl-C does."""
+        self.stop_requested = True
+
+    def interrupted(self) -> bool:
+        """True once a stop was requested or the time is over; engines ask once per iteration."""
+        return self.stop_requested or self.seconds_left() == 0.0
+
+    def seconds_left(self) -> float | None:
+        """Time left [s], never negative; None without a limit."""
+        if self.max_seconds is None:
+            return None
+        return max(0.0, self.max_seconds - (time.monotonic() - self.began))
+
+    def guess(self) -> Trajectory | None:
+        """The trajectory of the earlier result, to start from; None without one."""
+        stored = None if self.start is None else self.start.get("trajectory")
+        return None if stored is None else Trajectory(stored["time_s"], stored["values"], stored["units"])
+
+
+class Kind(Protocol):
+    """What a module of this package offers; see `gtmodel.kinds`."""
+
+    NAME: str
+    Schema: type[Problem]
+    VALUES: dict[str, str]
+
+    def solve(self, problem: Any, context: Context) -> Outcome: ...

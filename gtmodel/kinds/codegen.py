@@ -1,0 +1,117 @@
+"""Kind "codegen": C code of a robot's functions, written by ``gtmodel codegen``."""
+
+from __future__ import annotations
+
+from hashlib import sha256
+from pathlib import Path
+from typing import Literal
+
+from pydantic import Field, NonNegativeInt, PositiveInt
+
+from gtmodel.cgen import GenerationError, check, generate
+from gtmodel.compiler.causal import CausalFunction, c_name, compile_causal
+from gtmodel.results import SolveStatus
+
+from .base import Check, Context, InputError, Outcome, Row, Section
+from .robot_keys import RobotProblem
+
+NAME = "codegen"
+
+VALUES = {
+    "folder": "where the code was written",
+    "functions": "C name of each function -> its inputs and outputs",
+    "files": "files written, sorted",
+    "points": "with --check: number of random inputs compared per function",
+}
+
+
+class Function(Section):
+    """One function: these targets, computed from these known variables."""
+
+    name: str = Field(min_length=1, description="C name of the function")
+    known: list[str] = Field(default=[], description="names of variables that are prescribed with their derivatives")
+    targets: list[str] = Field(min_length=1, description='names such as "T", "der(q)", "der(T,2)"')
+    prefer: list[str] = Field(default=[], description="names to keep as states")
+    branches: dict[str, Literal[-1, 1]] = Field(default={}, description="sign by name of a declared branch")
+
+
+class Verification(Section):
+    """What --check does besides compiling: the C code and Python on the same random inputs."""
+
+    points: PositiveInt = Field(default=1000, description="random inputs per function")
+    seed: NonNegativeInt = Field(default=0, description="of the random inputs")
+
+
+class Schema(RobotProblem):
+    """C code of functions of one robot."""
+
+    name: str = Field(default="", description="prefix of the C names; the name of the problem file when empty")
+    functions: list[Function] = Field(min_length=1, description="what to generate")
+    check: Verification = Verification()
+
+
+def solve(problem: Schema, context: Context) -> Outcome:
+    """Not for this kind: it needs a folder. Raises InputError."""
+    raise InputError("generates code and solves nothing; use gtmodel codegen PROBLEM.toml -o DIR", "kind")
+
+
+def write(problem: Schema, context: Context, out: Path, *, verify: bool = False) -> Outcome:
+    """Generate the code into `out`; with `verify` compile it and compare it with Python.
+
+    Raises InputError for a wrong problem and for a folder that holds other people's files.
+    """
+    functions = compiled(problem, context)
+    context.progress("generating")
+    provenance = {"problem": context.name, "title": problem.title, "robot": problem.robot}
+    provenance["problem_sha256"] = sha256(problem.model_dump_json().encode()).hexdigest()
+    try:
+        generated = generate(functions, out, name=problem.name or c_name(context.name), provenance=provenance)
+    except GenerationError as error:
+        raise InputError(str(error)) from error
+    files = sorted(str(f) for f in generated.files)
+    signatures = {generated.functions[name]: _signature(f) for name, f in functions.items()}
+    values = {"folder": str(out), "functions": signatures, "files": files}
+    rows = [Row("folder", str(out)), Row("files", len(files))]
+    rows += [Row(name, _in_words(signature)) for name, signature in signatures.items()]
+    if not verify:
+        return Outcome(status=SolveStatus.SOLVED, message=f"generated {len(files)} files", values=values, rows=rows)
+    context.progress("compiling and comparing")
+    try:
+        report = check(out, functions, points=problem.check.points, seed=problem.check.seed)
+    except GenerationError as error:
+        return Outcome(status=SolveStatus.FAILED, message=str(error), values=values, rows=rows)
+    return Outcome(
+        status=SolveStatus.SOLVED if report.passed else SolveStatus.FAILED,
+        message=report.message,
+        checks={c.name: Check(c.value, c.bound, c.passed) for c in report.checks},
+        values={**values, "points": problem.check.points},
+        rows=rows,
+    )
+
+
+def explain(problem: Schema, context: Context) -> str:
+    """The certificate of every function."""
+    return "\n\n".join(f"{name}\n{f.explain()}" for name, f in compiled(problem, context).items())
+
+
+def compiled(problem: Schema, context: Context) -> dict[str, CausalFunction]:
+    """The functions by name. Raises InputError for a name given twice, ModelError for a wrong causality."""
+    model = problem.model(context)
+    functions: dict[str, CausalFunction] = {}
+    for n, f in enumerate(problem.functions):
+        if f.name in functions:
+            raise InputError(f"'{f.name}' names two functions", f"functions[{n}].name")
+        context.progress(f"deriving {f.name}", n / len(problem.functions))
+        functions[f.name] = compile_causal(model, f.known, f.targets, f.prefer, f.branches, f.name)
+    return functions
+
+
+def _signature(function: CausalFunction) -> dict[str, list[str]]:
+    return {
+        "inputs": [f"{s.name} [{s.unit}]" for s in function.inputs],
+        "outputs": [f"{s.name} [{s.unit}]" for s in function.outputs],
+    }
+
+
+def _in_words(signature: dict[str, list[str]]) -> str:
+    return f"{', '.join(signature['outputs'])} from {', '.join(signature['inputs']) or 'nothing'}"

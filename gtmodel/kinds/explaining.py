@@ -1,0 +1,61 @@
+"""``gtmodel explain``: the certificate of a causality of a robot, or what a problem asks for."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+from gtmodel.compiler.causal import compile_causal, flat_of
+
+from . import run
+from .base import Context, InputError
+from .load import load, parse, read
+from .robots import resolve
+
+
+def of(
+    what: str,
+    known: Iterable[str] = (),
+    targets: Iterable[str] = (),
+    prefer: Iterable[str] = (),
+    settings: Iterable[str] = (),
+) -> str:
+    """The text for a robot (see `robots.resolve`) or for a problem file.
+
+    known, targets, prefer: names, several in one text separated by commas. Raises InputError, and ModelError
+    with file and line for a causality that does not exist.
+    """
+    given, wanted, kept = split(known), split(targets), split(prefer)
+    if _is_problem(what):
+        if given or wanted or kept:
+            raise InputError(f"{what}: a problem file says itself what is known; leave --known and --targets out")
+        loaded = load(what, settings)
+        return run.explain(loaded, run.context_of(loaded))
+    model = resolve(what, Context(), key="")
+    if not wanted:
+        raise InputError(f"{what}: --targets is missing; top-level names are {flat_of(model).top()}")
+    return compile_causal(model, given, wanted, kept).explain()
+
+
+def split(texts: Iterable[str]) -> list[str]:
+    """Names out of texts, split at the commas that stand outside parentheses: "der(T,2),q" holds two."""
+    names: list[str] = []
+    for text in texts:
+        depth, start = 0, 0
+        for n, letter in enumerate(f"{text},"):
+            depth += (letter in "([") - (letter in ")]")
+            if letter == "," and depth <= 0:
+                names.append(f"{text},"[start:n].strip())
+                start = n + 1
+    return [name for name in names if name]
+
+
+def _is_problem(what: str) -> bool:
+    """A TOML file is a problem unless it is plainly a robot file."""
+    if not what.endswith(".toml"):
+        return False
+    try:
+        data = parse(read(Path(what)))
+    except InputError:
+        return True
+    return "kind" in data or "A_m" not in data

@@ -1,0 +1,53 @@
+"""Any exception of a run as a status and one plain sentence: bad input, a fault in a person's code, or ours."""
+
+from __future__ import annotations
+
+import os
+import sysconfig
+import traceback
+from pathlib import Path
+
+from gtmodel.lang import ModelError, UnitError
+from gtmodel.results import SolveStatus, TrajectoryError, UnknownNameError
+
+from .base import InputError
+from .load import located
+from .python_models import fault, sentence_of
+
+_PACKAGE = str(Path(__file__).resolve().parents[1]) + os.sep
+_NOBODYS = (_PACKAGE + "lang" + os.sep, sysconfig.get_path("stdlib") + os.sep, "<")
+
+
+def describe(error: BaseException, path: str = "") -> tuple[SolveStatus, str]:
+    """Status and sentence; `path` is the problem file and stands in front where the sentence does not name it."""
+    if isinstance(error, InputError):
+        named = not path or error.sentence.startswith((path, "--"))
+        return SolveStatus.BAD_INPUT, error.sentence if named else located(error, path)
+    prefix = f"{path}: " if path else ""
+    if isinstance(error, ModelError):
+        return SolveStatus.BAD_INPUT, prefix + sentence_of(error)
+    if isinstance(error, (UnitError, TrajectoryError, UnknownNameError)):
+        return SolveStatus.BAD_INPUT, f"{prefix}{error}"
+    if isinstance(error, KeyboardInterrupt):
+        return SolveStatus.INTERRUPTED, f"{prefix}stopped before there was a result"
+    if _in_persons_code(error):
+        return SolveStatus.BAD_INPUT, prefix + fault(error, "the model")
+    return SolveStatus.FAILED, (
+        f"{prefix}internal error: {type(error).__name__}: {_one_line(error)}; please report it, with the traceback "
+        "that gtmodel --debug shows"
+    )
+
+
+def _in_persons_code(error: BaseException) -> bool:
+    """True when the last code before the fault, the language and libraries apart, is not gtmodel's."""
+    owner = ""
+    for frame in traceback.extract_tb(error.__traceback__):
+        name = frame.filename
+        if not name.startswith(_NOBODYS) and "site-packages" not in name:
+            owner = name
+    return bool(owner) and not owner.startswith(_PACKAGE)
+
+
+def _one_line(error: BaseException) -> str:
+    text = " ".join(str(error).split())
+    return text if len(text) <= 300 else f"{text[:300]} ..."

@@ -1,0 +1,123 @@
+"""The keys of a schema as flat rows: dotted key, type, unit, default, description."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from functools import cache
+from typing import Any, NamedTuple
+
+import pydantic
+
+from .units import unit_of
+
+_TYPES = {
+    "number": "number",
+    "integer": "whole number",
+    "string": "text",
+    "boolean": "true or false",
+    "object": "table",
+    "array": "list",
+    "null": "nothing",
+}
+_BOUNDS = (("exclusiveMinimum", ">"), ("minimum", ">="), ("exclusiveMaximum", "<"), ("maximum", "<="))
+_NUMERIC = {"number", "integer"}
+
+REQUIRED = "required"
+
+
+class Key(NamedTuple):
+    """One key of a problem file; lists of tables are written ``functions[].name``."""
+
+    key: str
+    type: str
+    unit: str
+    default: str
+    description: str
+
+    @property
+    def name(self) -> str:
+        return self.key.rpartition(".")[2]
+
+    @property
+    def parent(self) -> str:
+        return self.key.rpartition(".")[0]
+
+
+@cache
+def keys_of(schema: type[pydantic.BaseModel]) -> tuple[Key, ...]:
+    """All keys of a schema, tables opened, in the order of the schema."""
+    document = schema.model_json_schema()
+    return tuple(_keys(document, document, "", True))
+
+
+def tables_of(schema: type[pydantic.BaseModel]) -> list[str]:
+    """Names of all tables of a schema, also empty ones: "limits", "functions[]"."""
+    parents = {key.parent for key in keys_of(schema)}
+    whole = {parent[: i if i >= 0 else None] for parent in parents for i in (parent.find("."), -1)}
+    return sorted(whole - {""})
+
+
+def _keys(node: Mapping[str, Any], document: Mapping[str, Any], prefix: str, needed: bool) -> Iterator[Key]:
+    required = node.get("required", [])
+    for name, field in node.get("properties", {}).items():
+        opened = [_resolve(choice, document) for choice in _choices(field)]
+        inner = [(c, "") for c in opened if "properties" in c]
+        inner += [(i, "[]") for c in opened if "properties" in (i := _resolve(c.get("items", {}), document))]
+        must = name in required
+        for table, suffix in inner:
+            yield from _keys(table, document, f"{prefix}{name}{suffix}.", needed and must)
+        if not inner:
+            default = _default(field, must, prefix, needed)
+            text = _type_text(field, document)
+            numeric = any(_is_numeric(c, document) for c in opened)
+            unit = field.get("unit") or (unit_of(name) if numeric else "")
+            yield Key(prefix + name, text, unit, default, field.get("description", ""))
+
+
+def _default(field: Mapping[str, Any], must: bool, prefix: str, needed: bool) -> str:
+    if must:
+        return REQUIRED if needed or not prefix else f"{REQUIRED} in [{prefix.rstrip('.')}]"
+    value = field.get("default")
+    return "" if value is None else json.dumps(value, ensure_ascii=False)
+
+
+def _choices(field: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    choices = field.get("anyOf") or field.get("oneOf") or [field]
+    return [c for c in choices if c.get("type") != "null"]
+
+
+def _resolve(node: Mapping[str, Any], document: Mapping[str, Any]) -> Mapping[str, Any]:
+    reference = node.get("$ref")
+    return document["$defs"][reference.rpartition("/")[2]] if reference else node
+
+
+def _items(node: Mapping[str, Any], document: Mapping[str, Any]) -> Mapping[str, Any]:
+    """What a list holds; a fixed-length list is taken to hold one type."""
+    return _resolve(node.get("items") or (node.get("prefixItems") or [{}])[0], document)
+
+
+def _is_numeric(node: Mapping[str, Any], document: Mapping[str, Any]) -> bool:
+    if node.get("type") == "array":
+        return any(_is_numeric(c, document) for c in _choices(_items(node, document)))
+    return node.get("type") in _NUMERIC
+
+
+def _type_text(field: Mapping[str, Any], document: Mapping[str, Any]) -> str:
+    texts = [_one_type(_resolve(c, document), document) for c in _choices(field)]
+    return " or ".join(dict.fromkeys(texts))
+
+
+def _one_type(node: Mapping[str, Any], document: Mapping[str, Any]) -> str:
+    if "enum" in node or "const" in node:
+        return " or ".join(f'"{v}"' for v in node.get("enum", [node.get("const")]))
+    kind = node.get("type")
+    if kind == "array":
+        low, high = node.get("minItems"), node.get("maxItems")
+        items = _type_text(_items(node, document), document)
+        if low is not None and low == high:
+            return f"list of {low} of: {items}"
+        return f"list of: {items}" if items else "list"
+    bounds = ", ".join(f"{sign} {node[key]:g}" for key, sign in _BOUNDS if key in node)
+    text = _TYPES.get(kind or "", "anything")
+    return f"{text} {bounds}" if bounds else text

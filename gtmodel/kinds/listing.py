@@ -1,0 +1,36 @@
+"""What there is: the robots of the catalogue and the problems shipped with gtmodel."""
+
+from __future__ import annotations
+
+import difflib
+from typing import Any
+
+from gtmodel._files import problems_dir
+from gtmodel.robots import catalogue
+
+from .base import InputError
+from .load import parse, read, shipped_names
+
+HEADS = {"robots": ("source",), "problems": ("kind", "title")}
+
+
+def of(what: str = "all") -> dict[str, Any]:
+    """{"robots": {name: {...}}} or {"problems": ...}, or both for "all". Raises InputError for another word."""
+    if what not in ("all", *HEADS):
+        close = difflib.get_close_matches(what, HEADS, n=1)
+        hint = f"did you mean '{close[0]}'?" if close else "expected 'robots' or 'problems'"
+        raise InputError(f"there is no list of '{what}'; {hint}")
+    found = {"robots": _robots, "problems": _problems}
+    return {name: make() for name, make in found.items() if what in ("all", name)}
+
+
+def _robots() -> dict[str, dict[str, str]]:
+    return {name: {"source": source} for name, source in catalogue.names().items()}
+
+
+def _problems() -> dict[str, dict[str, str]]:
+    found = {}
+    for name in shipped_names():
+        data = parse(read(problems_dir() / f"{name}.toml"))
+        found[name] = {"kind": str(data.get("kind", "")), "title": str(data.get("title", ""))}
+    return found

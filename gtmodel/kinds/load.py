@@ -1,0 +1,124 @@
+"""From a TOML file to a checked problem. Every fault is one plain sentence with the file and the key."""
+
+from __future__ import annotations
+
+import difflib
+import json
+import tomllib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+import pydantic
+
+from gtmodel._files import problems_dir
+
+from . import get, names
+from .base import InputError, Kind, Problem
+from .sentences import sentence_for, shown
+from .settings import apply
+
+S = TypeVar("S", bound=pydantic.BaseModel)
+
+
+@dataclass(frozen=True)
+class Loaded:
+    """A problem read from a file: where it lies, its bytes, and what `--set` changed."""
+
+    path: Path
+    content: bytes
+    settings: tuple[str, ...]
+    kind: Kind
+    problem: Problem
+    shipped: bool
+
+    @property
+    def name(self) -> str:
+        """File name; the same wherever the folder stands."""
+        return self.path.name
+
+
+def load(path: str | Path, settings: Iterable[str] = ()) -> Loaded:
+    """Read and check a problem file, or one shipped with gtmodel where there is no such file.
+
+    settings: texts "key=value" as in `--set`. Raises InputError; its sentence names the file and the key.
+    """
+    found, shipped = find(path)
+    settings = tuple(settings)
+    try:
+        content = read(found)
+        data = apply(parse(content), settings)
+        kind, problem = check(data)
+    except InputError as error:
+        raise InputError(located(error, found if shipped else path), error.key) from error
+    return Loaded(found, content, settings, kind, problem, shipped)
+
+
+def located(error: InputError, path: str | Path) -> str:
+    """The sentence of an error with file and key in front."""
+    return ": ".join(part for part in (str(path), error.key, error.sentence) if part)
+
+
+def find(path: str | Path) -> tuple[Path, bool]:
+    """The file, and True when it is one shipped with gtmodel: "problems/NAME.toml", "NAME.toml" or "NAME"."""
+    asked = Path(path)
+    if asked.exists():
+        return asked, False
+    folder = problems_dir()
+    if asked.parent in (Path(), Path("problems")):
+        for name in (asked.name, f"{asked.name}.toml"):
+            if (folder / name).is_file():
+                return folder / name, True
+    close = difflib.get_close_matches(asked.stem, shipped_names(), n=1)
+    hint = f"did you mean the shipped '{close[0]}'?" if close else "gtmodel list problems shows the shipped ones"
+    raise InputError(f"{path}: there is no such file; {hint}")
+
+
+def shipped_names() -> list[str]:
+    """Names of the problems shipped with gtmodel."""
+    return sorted(p.stem for p in problems_dir().glob("*.toml"))
+
+
+def read(path: Path) -> bytes:
+    """The bytes of a file. Raises InputError where it cannot be read."""
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        reason = "is a folder; name a TOML file" if path.is_dir() else f"cannot be read: {error.strerror}"
+        raise InputError(reason) from error
+
+
+def parse(content: bytes) -> dict[str, Any]:
+    """TOML as plain data. Raises InputError with the line."""
+    try:
+        return tomllib.loads(content.decode("utf-8"))
+    except UnicodeDecodeError as error:
+        line = content[: error.start].count(b"\n") + 1
+        raise InputError(f"line {line}: not UTF-8 text; save the file as UTF-8") from error
+    except tomllib.TOMLDecodeError as error:
+        reason, _, place = str(error).partition(" (at ")
+        line = place.partition(",")[0] if place else "the file"
+        raise InputError(f"{line}: not TOML: {reason[:1].lower()}{reason[1:]}") from error
+
+
+def check(data: Mapping[str, Any]) -> tuple[Kind, Problem]:
+    """The kind that the data name and the checked problem. Raises InputError for the first fault."""
+    if "kind" not in data:
+        raise InputError(f"is missing; expected one of {', '.join(names())}", "kind")
+    if not isinstance(data["kind"], str):
+        raise InputError(f"expected a text, one of {', '.join(names())}; found {shown(data['kind'])}", "kind")
+    try:
+        kind = get(data["kind"])
+    except InputError as error:
+        raise InputError(error.sentence, "kind") from error
+    return kind, validate(kind.Schema, data)
+
+
+def validate(schema: type[S], data: Mapping[str, Any]) -> S:
+    """The data as an instance of the schema. Raises InputError for the first fault."""
+    try:
+        # through JSON: its strict mode takes lists for tuples, but no text for a number
+        return schema.model_validate_json(json.dumps(data, default=str))
+    except pydantic.ValidationError as error:
+        raise sentence_for(error, schema, data) from None

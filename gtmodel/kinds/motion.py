@@ -1,0 +1,79 @@
+"""A robot's motion from one pose to another as an Optimization, and its straight-line guess."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from gtmodel import lang as gt
+from gtmodel.compiler.causal import CausalFunction
+from gtmodel.results import Status, Trajectory
+
+GUESS_TIME_S = 1.0
+SHORTEST_TIME_S = 0.05  # a free final time needs a lower bound; no motion of these robots is shorter
+
+
+def motion(
+    robot: gt.Model,
+    *,
+    start: np.ndarray,
+    goal: np.ndarray,
+    start_rest: list[str],
+    goal_rest: list[str],
+    force: float,
+    force_unit: float,
+    weight_time: float,
+    weight_energy: float,
+) -> gt.Optimization:
+    """Minimise weight_time * T + weight_energy * int sum (tau / force_unit)^2 dt from start to goal.
+
+    The robot must declare T (TCP position, m) and tau (motor forces, N). Rest lists name what vanishes at an
+    end: "velocity", "acceleration".
+    """
+
+    class Motion(gt.Optimization):
+        final_time = gt.free(GUESS_TIME_S, min=SHORTEST_TIME_S, unit="s")
+        force_limit = gt.parameter(force, unit="N", positive=True)
+        force_unit_N = gt.parameter(force_unit, unit="N", positive=True)
+        from_T = gt.parameter(start, unit="m")
+        to_T = gt.parameter(goal, unit="m")
+
+        def objective(self) -> Any:
+            cost = weight_time * self.final_time
+            if weight_energy:
+                tau = self.robot.tau
+                cost = cost + weight_energy * gt.integral(gt.dot(tau, tau) / self.force_unit_N**2)
+            return cost
+
+        def constraints(self) -> Any:
+            T = self.robot.T
+            yield gt.between(-self.force_limit, self.robot.tau, self.force_limit)
+            yield T.at(self.start_time) == self.from_T
+            yield T.at(self.final_time) == self.to_T
+            for instant, rest in ((self.start_time, start_rest), (self.final_time, goal_rest)):
+                for order, name in ((1, "velocity"), (2, "acceleration")):
+                    if name in rest:
+                        yield gt.der(T, order).at(instant) == 0
+
+    return type("Motion", (Motion,), {"robot": gt.part(type(robot), **robot.__dict__["_modifiers"])})()
+
+
+def line_guess(
+    inverse_dynamics: CausalFunction, start: np.ndarray, goal: np.ndarray, force: float, rows: int = 201
+) -> Trajectory:
+    """Straight line with a trapezoidal profile (1/4, 1/2, 1/4) of 1 s; forces by inverse dynamics, clipped."""
+    t = np.linspace(0.0, GUESS_TIME_S, rows)
+    r = t / GUESS_TIME_S
+    top = 4.0 / 3.0
+    s = np.where(
+        r < 0.25, 2 * top * r**2, np.where(r < 0.75, top * (r - 0.125), 1 - 2 * top * (1 - r) ** 2)
+    )
+    ds = np.where(r < 0.25, 4 * top * r, np.where(r < 0.75, top, 4 * top * (1 - r))) / GUESS_TIME_S
+    dds = np.where(r < 0.25, 4 * top, np.where(r < 0.75, 0.0, -4 * top)) / GUESS_TIME_S**2
+    step = goal - start
+    T, dT, ddT = start + s[:, None] * step, ds[:, None] * step, dds[:, None] * step
+    tau, status = inverse_dynamics(T, dT, ddT)
+    tau[status != Status.OK] = 0.0  # the line may leave the workspace; the optimum need not
+    values = {"robot.T": T, "der(robot.T)": dT, "robot.tau": np.clip(tau, -force, force)}
+    return Trajectory(t, values, {"robot.T": "m", "der(robot.T)": "m/s", "robot.tau": "N"})

@@ -1,0 +1,150 @@
+"""Models that a person wrote in Python, by "package.module:Class" or "path/to/file.py:Class"."""
+
+from __future__ import annotations
+
+import difflib
+import hashlib
+import importlib
+import importlib.util
+import os
+import sys
+import traceback
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from gtmodel.lang import Model, ModelError
+
+from .base import Context, InputError
+
+
+def is_reference(text: str) -> bool:
+    """True for a text that names something in Python."""
+    return ":" in text
+
+
+def hint(text: str) -> str:
+    """What to write for a text that looks like Python but names no class; "" for any other."""
+    if text.endswith(".py") or ("." in text and not text.endswith(".toml")):
+        return f"for a model in Python name its class too, as in '{text}:Robot'"
+    return ""
+
+
+def resolve(
+    reference: str,
+    context: Context,
+    key: str,
+    parameters: Mapping[str, Any] | None = None,
+    base: type[Model] = Model,
+) -> Any:
+    """The model that a reference names, configured with the parameters.
+
+    The class is made with the parameters; a model object gets them by `with_`; a function is called with
+    them. Modules are looked for in the working directory, then in the problem's folder.
+
+    Raises InputError: no such module, a fault while importing it (with file and line), no such name in it,
+    something else than a `base`, or a parameter that the model does not take.
+    """
+    place, _, name = reference.rpartition(":")
+    if not place or not name:
+        raise InputError(f"'{reference}' names no class; expected 'package.module:Class' or 'file.py:Class'", key)
+    module = _file(place, context, key) if place.endswith(".py") else _module(place, context, key)
+    if getattr(module, "__file__", None):
+        context.inputs[key] = Path(str(module.__file__))
+    found = getattr(module, name, None)
+    if found is None:
+        public = [n for n, item in vars(module).items() if isinstance(item, type) and issubclass(item, base)]
+        own = [n for n in public if vars(module)[n].__module__ == module.__name__]
+        close = difflib.get_close_matches(name, own, n=1)
+        tail = f"did you mean '{close[0]}'?" if close else f"its models are {', '.join(own) or 'none'}"
+        raise InputError(f"'{place}' holds no '{name}'; {tail}", key)
+    return _made(found, reference, key, dict(parameters or {}), base)
+
+
+def _made(found: Any, reference: str, key: str, parameters: dict[str, Any], base: type[Model]) -> Any:
+    try:
+        if isinstance(found, type) or (callable(found) and not isinstance(found, Model)):
+            if isinstance(found, type) and not issubclass(found, base):
+                raise InputError(f"'{reference}' is no {base.__name__}; its bases are {_bases(found)}", key)
+            model = found(**parameters)
+        else:
+            model = found.with_(**parameters) if isinstance(found, Model) else found
+    except ModelError as error:
+        raise InputError(sentence_of(error), "parameters" if parameters else key) from error
+    if not isinstance(model, base):
+        raise InputError(f"'{reference}' is {type(model).__name__}; expected a {base.__name__}", key)
+    return model
+
+
+def _bases(cls: type) -> str:
+    return ", ".join(b.__name__ for b in cls.__mro__[1:])
+
+
+def sentence_of(error: ModelError) -> str:
+    """A model error's sentence; the place is left out where it is this package and not the person's file."""
+    place = f" ({error.where})"
+    own = error.where is not None and error.where.file.startswith("kinds/")
+    return str(error).removesuffix(place) if own else str(error)
+
+
+def _module(name: str, context: Context, key: str) -> ModuleType:
+    with _on_path(Path.cwd(), context.folder):
+        try:
+            return importlib.import_module(name)
+        except ModuleNotFoundError as error:
+            if error.name and (name == error.name or name.startswith(f"{error.name}.")):
+                raise InputError(
+                    f"there is no Python module '{name}' here, in {context.folder} or installed", key
+                ) from error
+            raise InputError(fault(error, name), key) from error
+        except Exception as error:
+            raise InputError(fault(error, name), key) from error
+
+
+def _file(place: str, context: Context, key: str) -> ModuleType:
+    path = next((p for p in (context.folder / place, Path(place)) if p.is_file()), None)
+    if path is None:
+        raise InputError(f"there is no Python file '{place}' in {context.folder} or here", key)
+    path = path.resolve()
+    # two files of one name in different folders are two modules
+    name = f"{path.stem}_{hashlib.sha256(str(path).encode()).hexdigest()[:8]}"
+    spec = importlib.util.spec_from_file_location(name, path)
+    if spec is None or spec.loader is None:
+        raise InputError(f"'{place}' cannot be imported", key)
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    with _on_path(path.parent, Path.cwd(), context.folder):
+        try:
+            spec.loader.exec_module(module)
+        except Exception as error:
+            del sys.modules[name]
+            raise InputError(fault(error, place), key) from error
+    return module
+
+
+@contextmanager
+def _on_path(*folders: Path) -> Iterator[None]:
+    before = list(sys.path)
+    sys.path[:0] = [str(f.resolve()) for f in folders]
+    importlib.invalidate_caches()
+    try:
+        yield
+    finally:
+        sys.path[:] = before
+
+
+def fault(error: BaseException, what: str) -> str:
+    """An error in a person's Python file as a sentence with file and line."""
+    if isinstance(error, SyntaxError):
+        return f"'{what}' is not Python: {error.msg} ({error.filename}:{error.lineno})"
+    frames = traceback.extract_tb(error.__traceback__)
+    own = [f for f in frames if "importlib" not in f.filename and not f.filename.startswith(_HERE)]
+    place = f" ({own[-1].filename}:{own[-1].lineno})" if own else ""
+    if isinstance(error, ModelError):
+        return str(error)
+    return f"'{what}' cannot be used: {type(error).__name__}: {error}{place}"
+
+
+_HERE = str(Path(__file__).resolve().parents[1]) + os.sep

@@ -1,0 +1,97 @@
+"""A robot by reference: a catalogue name, a TOML robot file, or a Model written in Python."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from gtmodel.lang import Model, ModelError
+from gtmodel.robots import catalogue
+
+from . import python_models
+from .base import Context, InputError
+from .load import located, parse, read, validate
+from .robot_file import RobotFile
+
+_WORDS = {
+    "inertia": "inertia",
+    "smoothing": "friction.smoothing",
+    "velocity_scale": "friction.velocity_scale_m_s",
+    "payload": "payload_kg",
+}
+
+
+def resolve(
+    reference: str,
+    context: Context,
+    *,
+    key: str = "robot",
+    parameters: Mapping[str, Any] | None = None,
+    inertia: str | None = None,
+    smoothing: str | None = None,
+    velocity_scale: float | None = None,
+    payload: float | None = None,
+) -> Model:
+    """The model that a problem file means.
+
+    Args:
+        reference: catalogue name ("l1_tape"), "robot.toml", "package.module:Class" or "file.py:Class"; paths
+            start at the problem's folder, then at the working directory.
+        key: where the reference stands in the file, for messages.
+        parameters: modifiers of the model, by the names of its declarations.
+        inertia, smoothing, velocity_scale [m/s], payload [kg]: of a robot of the catalogue or a robot file;
+            None leaves the catalogue's own.
+
+    Raises InputError.
+    """
+    options = {"inertia": inertia, "smoothing": smoothing, "velocity_scale": velocity_scale, "payload": payload}
+    given = {name: value for name, value in options.items() if value is not None}
+    if python_models.is_reference(reference):
+        if given:
+            first = next(iter(given))
+            raise InputError(
+                f"applies to robots of the catalogue and robot files only; '{reference}' is a model in Python, "
+                "which takes it as a parameter",
+                _WORDS[first],
+            )
+        return python_models.resolve(reference, context, key, parameters)
+    modifiers = dict(parameters or {})
+    if reference.endswith(".toml"):
+        name, modifiers = _from_file(reference, context, key, given, modifiers)
+    elif reference in catalogue.names():
+        name = reference
+    else:
+        raise InputError(_unknown(reference), key)
+    try:
+        return catalogue.gantry_tau(name, **given, **modifiers)
+    except ModelError as error:
+        raise InputError(str(error), _WORDS["inertia"] if "inertia model" in str(error) else key) from error
+
+
+def _from_file(
+    reference: str, context: Context, key: str, given: dict[str, Any], modifiers: dict[str, Any]
+) -> tuple[str, dict[str, Any]]:
+    path = file_of(reference, context)
+    if path is None:
+        raise InputError(f"there is no robot file '{reference}' in {context.folder} or here", key)
+    try:
+        robot = validate(RobotFile, parse(read(path)))
+    except InputError as error:
+        raise InputError(located(error, reference), key) from error
+    context.inputs["robot"] = path
+    # a name is needed for the masses and friction that the file leaves out; the file gives all of the geometry
+    return next(iter(catalogue.names())), {**robot.modifiers(given.get("payload", 0.0)), **modifiers}
+
+
+def file_of(reference: str, context: Context) -> Path | None:
+    """The file of that name in the problem's folder or the working directory; None where there is none."""
+    return next((p for p in (context.folder / reference, Path(reference)) if p.is_file()), None)
+
+
+def _unknown(reference: str) -> str:
+    close = difflib.get_close_matches(reference, catalogue.names(), n=1)
+    hint = f"did you mean '{close[0]}'?" if close else f"there are {', '.join(catalogue.names())}"
+    python = python_models.hint(reference)
+    return f"there is no robot '{reference}'; {python or hint}"

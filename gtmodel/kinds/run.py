@@ -1,0 +1,67 @@
+"""One run of a problem, from the loaded file to the written folder."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from . import output
+from . import start as earlier
+from .base import Context, InputError, Outcome
+from .load import Loaded
+
+
+@dataclass(frozen=True)
+class Finished:
+    """An outcome, the wall time [s] that it took, and the files written."""
+
+    outcome: Outcome
+    wall_s: float
+    files: list[Path] = field(default_factory=list)
+
+
+def context_of(loaded: Loaded, *, max_seconds: float | None = None, start: Path | None = None) -> Context:
+    """A context for a loaded problem, with a time limit [s] and an earlier result to start from.
+
+    Raises InputError for a limit that is not positive and for a start that is no result of this kind.
+    """
+    if max_seconds is not None and not 0 < max_seconds < math.inf:
+        raise InputError(f"--max-seconds {max_seconds:g}: expected a positive time in s")
+    context = Context(name=loaded.path.stem, folder=loaded.path.parent, max_seconds=max_seconds)
+    if start is not None:
+        context.start = earlier.read(start, loaded.problem.kind)
+        context.inputs["start"] = start / "result.json" if start.is_dir() else start
+    return context
+
+
+def solve(loaded: Loaded, context: Context, *, out: Path | None = None, plot: bool = False) -> Finished:
+    """Solve a problem; write the result where `out` is given. Raises InputError, before the work where it can."""
+    if out is not None:
+        output.refuse_foreign(out)
+    outcome = loaded.kind.solve(loaded.problem, context)
+    wall_s = time.monotonic() - context.began
+    files = [] if out is None else output.write(out, loaded, context, outcome, wall_s=wall_s, plot=plot)
+    return Finished(outcome, wall_s, files)
+
+
+def generate(loaded: Loaded, context: Context, out: Path, *, verify: bool) -> Finished:
+    """Generate the code of a problem of kind codegen. Raises InputError for another kind."""
+    if loaded.problem.kind != "codegen":
+        raise InputError(f"is '{loaded.problem.kind}', which gives no code; use gtmodel solve", "kind")
+    from . import codegen
+
+    assert isinstance(loaded.problem, codegen.Schema)
+    outcome = codegen.write(loaded.problem, context, out, verify=verify)
+    return Finished(outcome, time.monotonic() - context.began)
+
+
+def explain(loaded: Loaded, context: Context) -> str:
+    """What the kind says about a problem; its checked keys where it says nothing."""
+    told = getattr(loaded.kind, "explain", None)
+    if told is not None:
+        return str(told(loaded.problem, context))
+    import tomli_w
+
+    return tomli_w.dumps(loaded.problem.model_dump(mode="json", exclude_none=True)).rstrip()

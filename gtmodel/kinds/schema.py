@@ -1,0 +1,29 @@
+"""What a kind takes and gives, as data: what ``gtmodel schema`` prints."""
+
+from __future__ import annotations
+
+import inspect
+from typing import Any
+
+from . import get, names
+from .fields import keys_of
+from .units import unit_of
+
+
+def document(kind: str) -> dict[str, Any]:
+    """The kind's JSON schema, with the flat list of its keys and the names in `values`. Raises InputError."""
+    found = get(kind)
+    return {
+        "kind": kind,
+        "description": names()[kind],
+        "keys": [{**key._asdict()} for key in keys_of(found.Schema)],
+        "values": values(kind),
+        "schema": found.Schema.model_json_schema(),
+    }
+
+
+def values(kind: str) -> dict[str, dict[str, str]]:
+    """Name -> unit and description of what `values` will hold."""
+    return {
+        name: {"unit": unit_of(name), "description": inspect.cleandoc(text)} for name, text in get(kind).VALUES.items()
+    }

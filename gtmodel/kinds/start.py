@@ -1,0 +1,33 @@
+"""An earlier ``result.json`` to start a solve from."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from gtmodel.results import Trajectory, TrajectoryError
+
+from .base import InputError
+
+
+def read(path: Path, kind: str) -> Mapping[str, Any]:
+    """The data of a result.json, or of the one in a folder. Raises InputError for any other file."""
+    file = path / "result.json" if path.is_dir() else path
+    if not file.is_file():
+        raise InputError(f"--start {path}: there is no such file; name the result.json of an earlier --out")
+    try:
+        data = json.loads(file.read_bytes())
+        found = data["kind"]
+    except (ValueError, KeyError, TypeError):
+        raise InputError(f"--start {path} is no result.json of gtmodel") from None
+    if found != kind:
+        raise InputError(f"--start {path} is a result of kind '{found}'; this problem is of kind '{kind}'")
+    stored = data.get("trajectory")
+    try:
+        if stored is not None:
+            Trajectory(stored["time_s"], stored["values"], stored["units"])
+    except (TrajectoryError, KeyError, TypeError, AttributeError) as error:
+        raise InputError(f"--start {path}: its trajectory cannot be read: {error}") from None
+    return data

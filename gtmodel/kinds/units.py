@@ -1,0 +1,42 @@
+"""The unit that a key carries in its name: ``force_N`` is in N, ``velocity_scale_m_s`` in m/s."""
+
+from __future__ import annotations
+
+from functools import cache
+
+from gtmodel.lang.units import UnitError, parse_unit
+
+_SPELLED = {"percent": "%", "Nm": "N.m"}
+_NO_UNIT = {"min"}  # the smallest, never minutes
+
+
+@cache
+def split(name: str) -> tuple[str, str]:
+    """Stem and unit of a key, ("force", "N"); the unit is "" when the name carries none.
+
+    The longest ending that reads as a unit counts; what follows its first symbol divides: ``m_s2`` is m/s2.
+    """
+    words = name.split("_")
+    for i in range(1, len(words)):
+        unit = _unit(words[i:])
+        if unit:
+            return "_".join(words[:i]), unit
+    return name, ""
+
+
+def _unit(words: list[str]) -> str:
+    if not all(words) or _NO_UNIT.intersection(words):
+        return ""
+    if len(words) == 1 and words[0] in _SPELLED:
+        return _SPELLED[words[0]]
+    text = "/".join(words)
+    try:
+        parse_unit(text)
+    except UnitError:
+        return ""
+    return text
+
+
+def unit_of(name: str) -> str:
+    """Unit text of a key; "" when its name carries none."""
+    return split(name)[1]

@@ -1,0 +1,282 @@
+"""Binding: a configured model becomes a tree of components whose attributes are expressions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from .declare import Declaration, Each, Free, Outer, Parameter, Part, Port, Variable
+from .expression import ONE, Expr, operand
+from .model import Connector, Model, check_parameter, walk_declarations
+from .scope import Scope
+from .source import ModelError, SourceLocation
+
+
+@dataclass
+class VariableRecord:
+    """A declared variable after binding: its name, its scalar chains and its attributes (SX or None)."""
+
+    name: str
+    item: Variable
+    component: str
+    indices: list[int]
+    attributes: dict[str, Any]
+
+
+@dataclass
+class ParameterRecord:
+    """A declared parameter after binding: own symbols with numeric values, or an expression of others."""
+
+    name: str
+    item: Parameter | Free
+    component: str
+    expression: ca.SX
+    indices: list[int]
+    values: np.ndarray | None
+
+
+@dataclass
+class Tree:
+    """Everything that binding created, in declaration order."""
+
+    scope: Scope
+    root: Model
+    components: list[Model] = field(default_factory=list)
+    variables: list[VariableRecord] = field(default_factory=list)
+    parameters: list[ParameterRecord] = field(default_factory=list)
+    ports: list[Connector] = field(default_factory=list)
+    inner_defaults: dict[type, Model] = field(default_factory=dict)
+
+
+def bind(model: Model) -> Tree:
+    """Bind a configured model: make all symbols and resolve modifiers, parts, ports and outer references."""
+    scope = Scope()
+    tree = Tree(scope=scope, root=model)
+    root = _bind(model, {}, "", None, tree)
+    tree.root = root
+    return tree
+
+
+def join(path: str, name: str) -> str:
+    return f"{path}.{name}" if path else name
+
+
+def _bind(config: Model, extra: dict[str, Any], path: str, parent: Model | None, tree: Tree) -> Model:
+    cls = type(config)
+    bound = object.__new__(cls)
+    values: dict[str, Any] = {}
+    bound.__dict__.update(_path=path, _parent=parent, _values=values, _scope=tree.scope)
+    bound.__dict__["_time"] = Expr(tree.scope.time, (), _second(), tree.scope)
+    modifiers = {**config.__dict__["_modifiers"], **extra}
+    if not isinstance(bound, Connector):
+        tree.components.append(bound)
+    for name, item in walk_declarations(cls):
+        given = modifiers.get(name)
+        if parent is not None:
+            given = _resolve(given, parent)
+        full = join(path, name)
+        if isinstance(item, Parameter):
+            values[name] = _parameter(item, given, full, path, name in modifiers, tree)
+        elif isinstance(item, Free):
+            values[name] = _free(item, full, path, tree)
+        elif isinstance(item, Variable):
+            values[name] = _variable(item, given or {}, full, path, bound, tree)
+        elif isinstance(item, Port):
+            values[name] = _port(item, full, bound, tree)
+        elif isinstance(item, Outer):
+            values[name] = _outer(item, bound, tree)
+        elif isinstance(item, Part):
+            values[name] = _part(item, given, full, bound, tree)
+    return bound
+
+
+def _second() -> Any:
+    from .units import parse_unit
+
+    return parse_unit("s").dimension
+
+
+def element_names(name: str, shape: tuple[int, ...]) -> list[str]:
+    """Scalar names of a vector or matrix: x[0], x[1], or A[0,0], A[0,1], ... (row by row)."""
+    if not shape:
+        return [name]
+    return [f"{name}[{','.join(map(str, index))}]" for index in np.ndindex(*shape)]
+
+
+def _assemble(symbols: list[ca.SX], shape: tuple[int, ...]) -> ca.SX:
+    """Scalars given row by row as a column vector or matrix."""
+    if len(shape) < 2:
+        return ca.vertcat(*symbols)
+    return ca.reshape(ca.vertcat(*symbols), shape[1], shape[0]).T
+
+
+def _parameter(item: Parameter, given: Any, full: str, path: str, is_given: bool, tree: Tree) -> Expr:
+    if isinstance(given, Expr):
+        if given.shape != item.shape:
+            raise ModelError(f"parameter '{full}' has shape {item.shape}; bound to shape {given.shape}", item.where)
+        if None not in (given.dimension, item.dimension) and given.dimension != item.dimension:
+            raise ModelError(
+                f"units do not fit: parameter '{full}' is in {item.unit}, bound to {given.dimension}", item.where
+            )
+        record = ParameterRecord(full, item, path, ca.vec(given.sx), [], None)
+        tree.parameters.append(record)
+        return given
+    value = given if is_given else item.default
+    values = None if value is None else check_parameter(item, value, full).reshape(-1)
+    names = element_names(full, item.shape)
+    first = len(tree.scope.parameters)
+    symbols = [tree.scope.new_parameter(n) for n in names]
+    indices = list(range(first, first + len(names)))
+    sx = _assemble(symbols, item.shape)
+    tree.parameters.append(ParameterRecord(full, item, path, ca.vertcat(*symbols), indices, values))
+    return Expr(sx, item.shape, item.dimension, tree.scope)
+
+
+def _free(item: Free, full: str, path: str, tree: Tree) -> Expr:
+    names = element_names(full, item.shape)
+    first = len(tree.scope.parameters)
+    symbols = [tree.scope.new_parameter(n) for n in names]
+    values = np.asarray(item.guess, float).reshape(-1)
+    indices = list(range(first, first + len(names)))
+    tree.parameters.append(ParameterRecord(full, item, path, ca.vertcat(*symbols), indices, values))
+    dimension = item.dimension if item.unit is not None else (_second() if full.endswith("_time") else None)
+    return Expr(_assemble(symbols, item.shape), item.shape, dimension, tree.scope)
+
+
+def _variable(
+    item: Variable, given: dict[str, Any], full: str, path: str, bound: Model, tree: Tree
+) -> Expr:
+    scope = tree.scope
+    names = element_names(full, item.shape)
+    first = len(scope.chains)
+    symbols = [scope.new_chain(n) for n in names]
+    attributes: dict[str, Any] = {}
+    for key, value in {**item.attributes, **given}.items():
+        if key in ("fixed", "prefer") or value is None:
+            attributes[key] = value
+            continue
+        if isinstance(value, Declaration):
+            value = getattr(bound, value.name)
+        elif callable(value):
+            value = value(bound)
+        sx, shape = operand(value, scope)
+        if shape != item.shape and shape != ():
+            raise ModelError(f"attribute {key} of '{full}' has shape {shape}; expected {item.shape}", item.where)
+        column = ca.repmat(sx, len(names), 1) if shape == () and len(names) > 1 else ca.vec(sx.T)
+        attributes[key] = column
+    indices = list(range(first, first + len(names)))
+    tree.variables.append(VariableRecord(full, item, path, indices, attributes))
+    return Expr(_assemble(symbols, item.shape), item.shape, item.dimension, scope)
+
+
+def _port(item: Port, full: str, owner: Model, tree: Tree) -> Any:
+    def one(name: str) -> Model:
+        connector = _bind(item.cls(), {}, name, owner, tree)
+        assert isinstance(connector, Connector)
+        tree.ports.append(connector)
+        return connector
+
+    if item.count is None:
+        return one(full)
+    return [one(f"{full}[{i}]") for i in range(item.count)]
+
+
+def _outer(item: Outer, bound: Model, tree: Tree) -> Model:
+    above: Model | None = bound.__dict__["_parent"]
+    while above is not None:
+        for value in above.__dict__["_values"].values():
+            if isinstance(value, item.cls):
+                return value
+        above = above.__dict__["_parent"]
+    if item.cls not in tree.inner_defaults:
+        path = item.cls.__name__.lower()
+        tree.inner_defaults[item.cls] = _bind(item.cls(), {}, path, None, tree)
+    return tree.inner_defaults[item.cls]
+
+
+def _resolve(value: Any, parent: Model) -> Any:
+    """A modifier in the scope of the enclosing component: declarations become their expressions."""
+    if isinstance(value, Declaration):
+        return getattr(parent, value.name)
+    if callable(value) and not isinstance(value, (type, Model)):
+        return value(parent)
+    return value
+
+
+def _part(item: Part, given: Any, full: str, parent: Model, tree: Tree) -> Any:
+    if item.count is None:
+        mods = {k: _resolve(v, parent) for k, v in item.modifiers.items()}
+        cls, mods = _split(_merge(Redeclared(item.cls, mods), given), full, item.where)
+        return _bind(cls(), mods, full, parent, tree)
+    count = len(given) if isinstance(given, (list, tuple)) else item.count
+    result = []
+    for i in range(count):
+        mods = {
+            k: _element(_resolve(v, parent), i, count, f"{full}.{k}", item.where) for k, v in item.modifiers.items()
+        }
+        override = given[i] if isinstance(given, (list, tuple)) else given
+        cls, mods = _split(_merge(Redeclared(item.cls, mods), override), full, item.where)
+        result.append(_bind(cls(), mods, f"{full}[{i}]", parent, tree))
+    return result
+
+
+@dataclass(frozen=True)
+class Redeclared:
+    """A part's class with its modifiers, after what inner and outer declarations say."""
+
+    cls: type[Model]
+    modifiers: dict[str, Any]
+
+
+def _merge(old: Any, new: Any) -> Any:
+    """Modifiers of an inner declaration overlaid by those of an outer one: the outer one wins."""
+    if new is None:
+        return old
+    if isinstance(new, Model):
+        new = Redeclared(type(new), new.__dict__["_modifiers"])
+    if isinstance(old, Model):
+        old = Redeclared(type(old), old.__dict__["_modifiers"])
+    if isinstance(old, type):
+        old = Redeclared(old, {})
+    if isinstance(new, type):
+        inner = old if isinstance(old, dict) else old.modifiers if isinstance(old, Redeclared) else {}
+        return Redeclared(new, inner)
+    if isinstance(new, Redeclared):
+        inner = old if isinstance(old, dict) else old.modifiers if isinstance(old, Redeclared) else {}
+        return Redeclared(new.cls, _merge(inner, new.modifiers))
+    if isinstance(new, dict) and isinstance(old, dict):
+        return {**old, **{k: _merge(old.get(k), v) for k, v in new.items()}}
+    if isinstance(new, dict) and isinstance(old, Redeclared):
+        return Redeclared(old.cls, _merge(old.modifiers, new))
+    return new
+
+
+def _split(merged: Any, full: str, where: SourceLocation) -> tuple[type[Model], dict[str, Any]]:
+    if isinstance(merged, Redeclared) and issubclass(merged.cls, Model):
+        merged.cls(**{k: v for k, v in merged.modifiers.items() if not isinstance(v, (Expr, Redeclared))})
+        unknown = set(merged.modifiers) - set(merged.cls._declared)
+        if unknown:
+            raise ModelError(f"{merged.cls.__name__} (part '{full}') has no declaration '{sorted(unknown)[0]}'", where)
+        return merged.cls, merged.modifiers
+    raise ModelError(f"part '{full}' takes a Model class, a model or a dictionary; found {merged!r}", where)
+
+
+def _element(value: Any, i: int, count: int, name: str, where: SourceLocation) -> Any:
+    if isinstance(value, Each):
+        return value.value
+    if isinstance(value, (type, Model, dict, Redeclared)):
+        return value
+    n = len(value) if hasattr(value, "__len__") else None
+    if n != count:
+        raise ModelError(
+            f"modifier '{name}' of an array of {count} parts needs {count} rows; found "
+            f"{'a single value' if n is None else n}; use gt.each(...) to give one value to all",
+            where,
+        )
+    return value[i]
+
+
+__all__ = ["ONE", "ParameterRecord", "Tree", "VariableRecord", "bind", "element_names", "join"]

@@ -1,0 +1,77 @@
+"""connect(a, b): potentials equal, flows sum to zero; and branch(name, expression)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from .expression import Expr, Relation
+from .model import Connector
+from .source import ModelError, SourceLocation, here
+
+
+@dataclass(frozen=True, eq=False)
+class Connection:
+    """Two connectors joined, and the line that joins them."""
+
+    a: Connector
+    b: Connector
+    where: SourceLocation
+
+
+@dataclass(frozen=True, eq=False)
+class Branch:
+    """A geometric name for one of several solutions: the sign of `expression`."""
+
+    name: str
+    expression: Expr
+    where: SourceLocation
+
+
+def connect(a: Any, b: Any) -> Connection | list[Any]:
+    """Join two ports of the same connector class (or two equally long arrays of ports).
+
+    Raises ModelError if the classes or lengths differ or if an argument is no port.
+    """
+    if isinstance(a, list) or isinstance(b, list):
+        if not (isinstance(a, list) and isinstance(b, list) and len(a) == len(b)):
+            raise ModelError("connect() takes two ports or two arrays of ports of equal length", here())
+        return [connect(x, y) for x, y in zip(a, b, strict=True)]
+    for p in (a, b):
+        if not isinstance(p, Connector):
+            raise ModelError(f"connect() takes ports; found {type(p).__name__}", here())
+    if a._signature() != b._signature():
+        raise ModelError(
+            f"'{a._path}' is a {type(a).__name__} and '{b._path}' a {type(b).__name__}: "
+            "only ports of one connector class can be connected",
+            here(),
+        )
+    if a is b:
+        raise ModelError(f"port '{a._path}' is connected to itself", here())
+    return Connection(a, b, here())
+
+
+def branch(name: str, expression: Any) -> Branch:
+    """Name a branch by geometry: solutions are told apart by the sign of a scalar expression.
+
+    The default configuration is the positive side; ask for the other one with
+    `model.causal(..., branches={"arm[0].ahead": -1})`.
+    """
+    if not isinstance(expression, Expr) or expression.shape != ():
+        raise ModelError(f"branch '{name}' takes a scalar expression", here())
+    return Branch(name, expression, here())
+
+
+def between(low: Any, x: Any, high: Any) -> list[Relation]:
+    """low <= x <= high."""
+    return [x >= low, x <= high]
+
+
+def flatten_items(item: Any) -> Iterator[Any]:
+    """Items yielded by equations(): lists are opened, everything else passes."""
+    if isinstance(item, (list, tuple)):
+        for x in item:
+            yield from flatten_items(x)
+    else:
+        yield item

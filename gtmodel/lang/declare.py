@@ -1,0 +1,241 @@
+"""What stands in a class body: variable, input, parameter, part, parts, port, outer, potential, flow, free."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from .source import ModelError, here
+from .units import UnitError, si_unit
+
+if TYPE_CHECKING:
+    from .model import Model
+
+Shape = tuple[int, ...]
+
+
+class Declaration:
+    """One named line of a class body; remembers where it was written."""
+
+    name: str = "?"
+
+    def __init__(self, description: str = "") -> None:
+        self.where = here()
+        self.description = description
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        if name.startswith("_"):
+            raise ModelError(f"declared names may not start with an underscore; found '{name}'", self.where)
+        self.name = name
+
+    def __get__(self, instance: Any, owner: type | None = None) -> Any:
+        return self if instance is None else instance._member(self)
+
+    def __set__(self, instance: Any, value: Any) -> None:
+        raise ModelError(
+            f"models are immutable: '{self.name}' cannot be assigned; give it when the model is made, "
+            f"or use model.with_({self.name}=...)",
+            here(),
+        )
+
+
+class _Quantity(Declaration):
+    def __init__(self, shape: int | Shape | None, unit: str | None, description: str) -> None:
+        super().__init__(description)
+        self.shape = as_shape(shape)
+        self.unit = unit
+        try:
+            self.dimension = None if unit is None else si_unit(unit).dimension
+        except UnitError as error:
+            raise ModelError(str(error), self.where) from None
+
+
+class Variable(_Quantity):
+    """Record of a variable: unit, nominal, min, max, start, fixed, state preference, role."""
+
+    def __init__(
+        self, shape: Any, unit: str | None, description: str, role: str, attributes: dict[str, Any]
+    ) -> None:
+        super().__init__(shape, unit, description)
+        self.role = role
+        self.attributes = attributes
+
+
+class Parameter(_Quantity):
+    """Record of a parameter: default value, unit, sign assumptions."""
+
+    def __init__(
+        self, default: Any, shape: Any, unit: str | None, description: str, positive: bool, nonzero: bool
+    ) -> None:
+        if shape is None and default is not None:
+            shape = np.shape(default)
+        super().__init__(shape, unit, description)
+        self.default = default
+        self.positive = positive
+        self.nonzero = nonzero or positive
+
+
+class Free(_Quantity):
+    """A constant that an optimisation chooses, e.g. a free final time."""
+
+    def __init__(self, guess: Any, low: Any, high: Any, unit: str | None, description: str) -> None:
+        super().__init__(np.shape(guess), unit, description)
+        self.guess = guess
+        self.low = low
+        self.high = high
+
+
+class Part(Declaration):
+    """A component, or an array of `count` of them, with modifiers for each."""
+
+    def __init__(self, cls: type[Model], count: int | None, modifiers: dict[str, Any]) -> None:
+        super().__init__()
+        if not isinstance(cls, type):
+            raise ModelError(f"a part takes a Model class; found {cls!r}", self.where)
+        self.cls = cls
+        self.count = count
+        self.modifiers = modifiers
+
+
+class Port(Declaration):
+    """A connector instance at the border of a component."""
+
+    def __init__(self, cls: type[Model], count: int | None) -> None:
+        super().__init__()
+        self.cls = cls
+        self.count = count
+
+
+class Outer(Declaration):
+    """A reference to the nearest enclosing component of a class, e.g. World (gravity)."""
+
+    def __init__(self, cls: type[Model]) -> None:
+        super().__init__()
+        self.cls = cls
+
+
+class Each:
+    """Marks a modifier of an array part that goes to every element unchanged."""
+
+    def __init__(self, value: Any) -> None:
+        self.value = value
+
+
+def as_shape(shape: int | Shape | None) -> Shape:
+    if shape is None:
+        return ()
+    return (int(shape),) if isinstance(shape, (int, np.integer)) else tuple(int(n) for n in shape)
+
+
+def variable(
+    shape: int | Shape | None = None,
+    *,
+    unit: str | None = None,
+    nominal: Any = None,
+    min: Any = None,
+    max: Any = None,
+    start: Any = None,
+    fixed: bool = False,
+    prefer: int = 0,
+    description: str = "",
+) -> Any:
+    """An unknown of the model.
+
+    Args:
+        shape: None for a scalar, n for a vector, (n, m) for a matrix.
+        unit: SI unit, e.g. "N/m"; None switches the dimension check off for this variable.
+        nominal: expected magnitude (> 0), used for scaling.
+        min, max: bounds, used by optimisation.
+        start: start or home value; with fixed=True an initial condition.
+        prefer: preference as a state; higher is kept longer, negative is avoided.
+    """
+    return Variable(shape, unit, description, "variable", _attributes(nominal, min, max, start, fixed, prefer))
+
+
+def input(
+    shape: int | Shape | None = None,
+    *,
+    unit: str | None = None,
+    nominal: Any = None,
+    min: Any = None,
+    max: Any = None,
+    start: Any = None,
+    prefer: int = 0,
+    description: str = "",
+) -> Any:
+    """A variable that the surroundings prescribe: known in simulation, free in optimisation.
+
+    Any causality may still ask for it as a target. Arguments as for `variable`.
+    """
+    return Variable(shape, unit, description, "input", _attributes(nominal, min, max, start, False, prefer))
+
+
+def potential(shape: int | Shape | None = None, *, unit: str | None = None, description: str = "") -> Any:
+    """A connector variable that is equal at all connected ports (position, voltage)."""
+    return Variable(shape, unit, description, "potential", _attributes(None, None, None, None, False, 0))
+
+
+def flow(shape: int | Shape | None = None, *, unit: str | None = None, description: str = "") -> Any:
+    """A connector variable that sums to zero over connected ports, positive into the component."""
+    return Variable(shape, unit, description, "flow", _attributes(None, None, None, None, False, 0))
+
+
+def parameter(
+    default: Any = None,
+    *,
+    unit: str | None = None,
+    shape: int | Shape | None = None,
+    positive: bool = False,
+    nonzero: bool = False,
+    description: str = "",
+) -> Any:
+    """A constant of the model. `positive` or `nonzero` let the compiler divide by it; values are checked."""
+    return Parameter(default, shape, unit, description, positive, nonzero)
+
+
+def free(
+    guess: Any, *, min: Any = None, max: Any = None, unit: str | None = None, description: str = ""
+) -> Any:
+    """A constant for the optimisation to choose: `final_time = gt.free(guess=1.0, min=0.2)`."""
+    return Free(guess, min, max, unit, description)
+
+
+def part(cls: type[Model], **modifiers: Any) -> Any:
+    """A component. Modifiers are values, parameters of the enclosing class (by name as declared there),
+    dictionaries for nested parts, a Model class (redeclaration), or functions of the enclosing model."""
+    return Part(cls, None, modifiers)
+
+
+def parts(count: int, cls: type[Model], **modifiers: Any) -> Any:
+    """An array of components; element i gets row i of each modifier, `gt.each(x)` gives x to all."""
+    return Part(cls, count, modifiers)
+
+
+def port(cls: type[Model]) -> Any:
+    """A connector at the border of a component."""
+    return Port(cls, None)
+
+
+def ports(count: int, cls: type[Model]) -> Any:
+    """An array of connectors."""
+    return Port(cls, count)
+
+
+def outer(cls: type[Model]) -> Any:
+    """The nearest enclosing part of this class; a default one is made at the root if there is none."""
+    return Outer(cls)
+
+
+def each(value: Any) -> Each:
+    """Give the same modifier to every element of an array of parts."""
+    return Each(value)
+
+
+ATTRIBUTES = ("nominal", "min", "max", "start", "fixed", "prefer")
+
+
+def _attributes(nominal: Any, low: Any, high: Any, start: Any, fixed: bool, prefer: int) -> dict[str, Any]:
+    if nominal is not None and np.any(np.asarray(nominal, float) <= 0):
+        raise ModelError(f"a nominal is a magnitude and must be positive; found {nominal}", here())
+    return dict(zip(ATTRIBUTES, (nominal, low, high, start, fixed, prefer), strict=True))

@@ -1,0 +1,258 @@
+"""Expressions of the language: CasADi SX that also knows shape, physical dimension and its scope."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from .scope import Scope
+from .source import ModelError, SourceLocation, here
+from .units import Dimension
+
+Shape = tuple[int, ...]
+ONE = Dimension()
+
+
+def _columns(shape: Shape) -> tuple[int, int]:
+    return (shape[0] if len(shape) > 0 else 1, shape[1] if len(shape) > 1 else 1)
+
+
+class Expr:
+    """A scalar (shape ()), vector (n,) or matrix (n, m) expression.
+
+    `dimension` is None where it is unknown (a variable declared without a unit). Plain numbers and arrays
+    adopt the other side's dimension in sums and equations and count as dimensionless in products.
+    """
+
+    __slots__ = ("dimension", "scope", "shape", "sx")
+    __array_priority__ = 1000.0
+
+    def __init__(self, sx: ca.SX, shape: Shape, dimension: Dimension | None, scope: Scope) -> None:
+        self.sx = sx
+        self.shape = shape
+        self.dimension = dimension
+        self.scope = scope
+
+    # numpy on the left hands over to us; functions such as np.sin work on expressions too
+    def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **kwargs: Any) -> Any:
+        from .functions import UFUNCS
+
+        fun = UFUNCS.get(ufunc.__name__)
+        if method != "__call__" or kwargs or fun is None:
+            return NotImplemented
+        return fun(*inputs)
+
+    def __len__(self) -> int:
+        if not self.shape:
+            raise TypeError("a scalar expression has no length")
+        return self.shape[0]
+
+    def __iter__(self) -> Iterator[Expr]:
+        if not self.shape:
+            raise TypeError("a scalar expression cannot be iterated over")
+        return (self[i] for i in range(self.shape[0]))
+
+    def __getitem__(self, index: int | slice | tuple[int, int]) -> Expr:
+        if not self.shape:
+            raise ModelError(f"a scalar cannot be indexed by {index}", here())
+        if isinstance(index, slice):
+            part = self.sx[index, :]
+            return Expr(part, (part.shape[0], *self.shape[1:]), self.dimension, self.scope)
+        row, rest = (index[0], index[1:]) if isinstance(index, tuple) else (index, ())
+        n = self.shape[0]
+        if not -n <= int(row) < n:
+            raise IndexError(f"index {row} is out of range for an expression of shape {self.shape}")
+        if rest:
+            return Expr(self.sx[int(row), int(rest[0])], (), self.dimension, self.scope)
+        return Expr(self.sx[int(row), :].T, self.shape[1:], self.dimension, self.scope)
+
+    def __repr__(self) -> str:
+        return f"Expr({self.sx}, shape={self.shape}, unit={self.dimension})"
+
+    def __neg__(self) -> Expr:
+        return Expr(-self.sx, self.shape, self.dimension, self.scope)
+
+    def __pos__(self) -> Expr:
+        return self
+
+    def __add__(self, other: Any) -> Expr:
+        a, b, dim, shape, scope = aligned(self, other, "+")
+        return Expr(a + b, shape, dim, scope)
+
+    __radd__ = __add__
+
+    def __sub__(self, other: Any) -> Expr:
+        a, b, dim, shape, scope = aligned(self, other, "-")
+        return Expr(a - b, shape, dim, scope)
+
+    def __rsub__(self, other: Any) -> Expr:
+        return -(self - other)
+
+    def __mul__(self, other: Any) -> Expr:
+        a, b, shape, scope = _elementwise(self, other, "*")
+        return Expr(a * b, shape, times(self.dimension, dimension_of(other)), scope)
+
+    __rmul__ = __mul__
+
+    def __truediv__(self, other: Any) -> Expr:
+        a, b, shape, scope = _elementwise(self, other, "/")
+        return Expr(a / b, shape, over(self.dimension, dimension_of(other)), scope)
+
+    def __rtruediv__(self, other: Any) -> Expr:
+        a, b, shape, scope = _elementwise(self, other, "/")
+        return Expr(b / a, shape, over(dimension_of(other), self.dimension), scope)
+
+    def __pow__(self, power: float | int) -> Expr:
+        if isinstance(power, Expr):
+            raise ModelError(f"an exponent must be a number; found {power}; use gt.exp and gt.log", here())
+        dim = None if self.dimension is None else self.dimension**power
+        return Expr(self.sx**power, self.shape, dim, self.scope)
+
+    def __matmul__(self, other: Any) -> Expr:
+        return matmul(self, other)
+
+    def __rmatmul__(self, other: Any) -> Expr:
+        return matmul(other, self)
+
+    def __eq__(self, other: object) -> Relation:  # type: ignore[override]
+        return relation(self, other, "==")
+
+    def __ne__(self, other: object) -> bool:  # type: ignore[override]
+        raise ModelError("'!=' is not an equation; expected '==', '<=' or '>='", here())
+
+    def __le__(self, other: object) -> Relation:
+        return relation(self, other, "<=")
+
+    def __ge__(self, other: object) -> Relation:
+        return relation(self, other, ">=")
+
+    __lt__ = __le__
+    __gt__ = __ge__
+    __hash__ = object.__hash__
+
+    def at(self, instant: Any) -> Expr:
+        """The expression's value at an instant: `x.at(self.final_time)`, `x.at(0.5)`."""
+        from .optimization import at
+
+        return at(self, instant)
+
+
+@dataclass(frozen=True, eq=False)
+class Relation:
+    """`lhs == rhs`, `lhs <= rhs` or `lhs >= rhs` with the line where it was written."""
+
+    lhs: ca.SX
+    rhs: ca.SX
+    op: str
+    shape: Shape
+    dimension: Dimension | None
+    scope: Scope
+    where: SourceLocation
+
+    @property
+    def residual(self) -> ca.SX:
+        """lhs - rhs, a column."""
+        return ca.vec(self.lhs - self.rhs)
+
+    def __bool__(self) -> bool:
+        raise ModelError(
+            f"an equation or inequality ('{self.op}') has no truth value while a model is being built; "
+            "expected it to be yielded; for a <= x <= b use gt.between(a, x, b)",
+            self.where,
+        )
+
+
+def dimension_of(value: Any) -> Dimension | None:
+    """Dimension of an operand; a plain number is dimensionless in products."""
+    return value.dimension if isinstance(value, Expr) else ONE
+
+
+def times(a: Dimension | None, b: Dimension | None) -> Dimension | None:
+    return None if a is None or b is None else a * b
+
+
+def over(a: Dimension | None, b: Dimension | None) -> Dimension | None:
+    return None if a is None or b is None else a / b
+
+
+def operand(value: Any, scope: Scope) -> tuple[ca.SX, Shape]:
+    """SX and shape of an expression, number, list or array."""
+    if isinstance(value, Expr):
+        if value.scope is not scope:
+            raise ModelError("expressions of two different models were combined; connect them as parts", here())
+        return value.sx, value.shape
+    if isinstance(value, (list, tuple)) and any(isinstance(v, Expr) for v in value):
+        from .functions import vector
+
+        e = vector(value)
+        return e.sx, e.shape
+    try:
+        array = np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        kind = type(value).__name__
+        raise ModelError(f"expected an expression, a number or an array; found {kind} {value!r}", here()) from None
+    if array.ndim > 2:
+        raise ModelError(f"arrays have at most two dimensions; found shape {array.shape}", here())
+    if not np.all(np.isfinite(array)):
+        raise ModelError(f"numbers in equations must be finite; found {value!r}", here())
+    return ca.SX(ca.DM(array.reshape(_columns(array.shape)))), tuple(array.shape)
+
+
+def _elementwise(a: Expr, b: Any, op: str) -> tuple[ca.SX, ca.SX, Shape, Scope]:
+    sb, shape_b = operand(b, a.scope)
+    if a.shape != shape_b and a.shape != () and shape_b != ():
+        raise ModelError(f"shapes {a.shape} and {shape_b} do not fit in '{op}'; expected equal shapes", here())
+    return a.sx, sb, a.shape or shape_b, a.scope
+
+
+def aligned(a: Expr, b: Any, op: str) -> tuple[ca.SX, ca.SX, Dimension | None, Shape, Scope]:
+    """Operands of a sum or a relation: equal shapes (a number may stand for a vector only when it is zero)
+    and equal dimensions; returns both, the common dimension, shape and scope."""
+    sb, shape_b = operand(b, a.scope)
+    if a.shape != shape_b:
+        zero = (not isinstance(b, Expr)) and shape_b == () and float(b) == 0.0
+        comparison = op in ("<=", ">=") and () in (a.shape, shape_b)
+        if not (zero or comparison):
+            raise ModelError(
+                f"shapes {a.shape} and {shape_b} do not fit in '{op}'; expected equal shapes", here()
+            )
+    if not isinstance(b, Expr):
+        dim = a.dimension
+    elif a.dimension is None or b.dimension is None:
+        dim = a.dimension if b.dimension is None else b.dimension
+    elif a.dimension != b.dimension:
+        raise ModelError(
+            f"units do not fit in '{op}': left is {a.dimension}, right is {b.dimension}; a bare number in a product "
+            "has no unit: declare it as a parameter with its unit",
+            here(),
+        )
+    else:
+        dim = a.dimension
+    return a.sx, sb, dim, a.shape if a.shape else shape_b, a.scope
+
+
+def relation(a: Expr, b: Any, op: str) -> Relation:
+    sa, sb, dim, shape, scope = aligned(a, b, op)
+    rows, cols = _columns(shape)
+    if sa.shape != (rows, cols):
+        sa = ca.repmat(sa, rows, cols)
+    if sb.shape != (rows, cols):
+        sb = ca.repmat(sb, rows, cols)
+    return Relation(sa, sb, op, shape, dim, scope, here())
+
+
+def matmul(a: Any, b: Any) -> Expr:
+    """Matrix product of expressions or arrays with inner lengths that fit."""
+    scope = a.scope if isinstance(a, Expr) else b.scope
+    (sa, shape_a), (sb, shape_b) = operand(a, scope), operand(b, scope)
+    if not shape_a or not shape_b or shape_a[-1] != shape_b[0]:
+        raise ModelError(f"shapes {shape_a} and {shape_b} do not fit in '@'", here())
+    product = (sa.T if len(shape_a) == 1 else sa) @ sb
+    shape = shape_a[:-1] + shape_b[1:]
+    if len(shape) == 1 and product.shape[0] == 1:
+        product = product.T
+    return Expr(product, shape, times(dimension_of(a), dimension_of(b)), scope)

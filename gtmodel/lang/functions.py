@@ -1,0 +1,188 @@
+"""Functions of the language on expressions, numbers and arrays: der, dot, cross, sin, tanh, ..."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from .expression import ONE, Expr, dimension_of, operand, times
+from .source import ModelError, here
+
+
+def _scope_of(*values: Any) -> Any:
+    return next((v.scope for v in values if isinstance(v, Expr)), None)
+
+
+def der(x: Any, order: int = 1) -> Expr:
+    """Time derivative of any expression, `order` times; unit divided by s each time.
+
+    Raises ModelError for a plain number (its derivative is zero: write 0) or a negative order.
+    """
+    if not isinstance(x, Expr):
+        raise ModelError(f"der() takes an expression of the model; found {x!r}", here())
+    if order < 0:
+        raise ModelError(f"der() takes an order of 0 or more; found {order}", here())
+    from .units import parse_unit
+
+    second = parse_unit("s").dimension
+    for _ in range(order):
+        dim = None if x.dimension is None else x.dimension / second
+        x = Expr(x.scope.derivative(x.sx), x.shape, dim, x.scope)
+    return x
+
+
+def dot(a: Any, b: Any) -> Expr:
+    """Scalar product of two vectors of equal length."""
+    scope = _scope_of(a, b)
+    if scope is None:
+        raise ModelError("gt.dot takes at least one expression of the model; use numpy.dot on numbers", here())
+    (sa, shape_a), (sb, shape_b) = operand(a, scope), operand(b, scope)
+    if len(shape_a) != 1 or shape_a != shape_b:
+        raise ModelError(f"dot() takes two vectors of equal length; found {shape_a} and {shape_b}", here())
+    return Expr(ca.dot(sa, sb), (), times(dimension_of(a), dimension_of(b)), scope)
+
+
+def cross(a: Any, b: Any) -> Expr:
+    """Vector product of two vectors of length 3."""
+    scope = _scope_of(a, b)
+    if scope is None:
+        raise ModelError("gt.cross takes at least one expression; use numpy.cross on numbers", here())
+    (sa, shape_a), (sb, shape_b) = operand(a, scope), operand(b, scope)
+    if shape_a != (3,) or shape_b != (3,):
+        raise ModelError(f"cross() takes two vectors of length 3; found {shape_a} and {shape_b}", here())
+    return Expr(ca.cross(sa, sb), (3,), times(dimension_of(a), dimension_of(b)), scope)
+
+
+def vector(parts: Sequence[Any]) -> Expr:
+    """A vector from scalars, or a matrix (one row each) from vectors of equal length."""
+    scope = _scope_of(*parts)
+    if scope is None:
+        raise ModelError("gt.vector takes at least one expression; use numpy.array on numbers", here())
+    items = [operand(p, scope) for p in parts]
+    shape = items[0][1]
+    if any(s != shape for _, s in items) or len(shape) > 1:
+        raise ModelError(f"parts of a vector have shapes {[s for _, s in items]}; expected equal ones", here())
+    dims = {p.dimension for p in parts if isinstance(p, Expr) and p.dimension is not None}
+    if len(dims) > 1:
+        raise ModelError(f"parts of a vector have different units: {sorted(map(str, dims))}", here())
+    dim = dims.pop() if dims else None
+    rows = [sx.T if shape else sx for sx, _ in items]
+    return Expr(ca.vertcat(*rows), (len(items), *shape), dim, scope)
+
+
+def sqrt(x: Any) -> Any:
+    """Square root; the unit is halved."""
+    if not isinstance(x, Expr):
+        return np.sqrt(x)
+    dim = None if x.dimension is None else x.dimension ** (1 / 2)
+    return Expr(ca.sqrt(x.sx), x.shape, dim, x.scope)
+
+
+def norm(x: Any) -> Any:
+    """Euclidean length of a vector."""
+    if not isinstance(x, Expr):
+        return float(np.linalg.norm(x))
+    return sqrt(dot(x, x))
+
+
+def absolute(x: Any) -> Any:
+    """Absolute value."""
+    return Expr(ca.fabs(x.sx), x.shape, x.dimension, x.scope) if isinstance(x, Expr) else np.abs(x)
+
+
+def sign(x: Any) -> Any:
+    """Sign, dimensionless: for identification away from zero; simulation refuses it."""
+    return Expr(ca.sign(x.sx), x.shape, ONE, x.scope) if isinstance(x, Expr) else np.sign(x)
+
+
+def _pure(name: str, fun: Callable[[ca.SX], ca.SX], numeric: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    def apply(x: Any) -> Any:
+        if not isinstance(x, Expr):
+            return numeric(x)
+        if x.dimension is not None and x.dimension != ONE:
+            raise ModelError(f"{name}() takes a dimensionless number or radians; found {x.dimension}", here())
+        return Expr(fun(x.sx), x.shape, ONE, x.scope)
+
+    apply.__name__ = name
+    apply.__doc__ = f"{name} of a dimensionless expression (angles in rad), elementwise."
+    return apply
+
+
+sin = _pure("sin", ca.sin, np.sin)
+cos = _pure("cos", ca.cos, np.cos)
+tan = _pure("tan", ca.tan, np.tan)
+asin = _pure("asin", ca.asin, np.arcsin)
+acos = _pure("acos", ca.acos, np.arccos)
+atan = _pure("atan", ca.atan, np.arctan)
+exp = _pure("exp", ca.exp, np.exp)
+log = _pure("log", ca.log, np.log)
+tanh = _pure("tanh", ca.tanh, np.tanh)
+
+
+def _pair(a: Any, b: Any, fun: Callable[[Any, Any], Any], numeric: Any, name: str) -> Any:
+    from .expression import aligned
+
+    if not isinstance(a, Expr) and not isinstance(b, Expr):
+        return numeric(a, b)
+    if not isinstance(a, Expr):
+        a, b = b, a
+        swapped = True
+    else:
+        swapped = False
+    sa, sb, dim, shape, scope = aligned(a, b, name)
+    return Expr(fun(sb, sa) if swapped else fun(sa, sb), shape, dim, scope)
+
+
+def minimum(a: Any, b: Any) -> Any:
+    """Smaller of two expressions of equal unit, elementwise."""
+    return _pair(a, b, ca.fmin, np.minimum, "minimum")
+
+
+def maximum(a: Any, b: Any) -> Any:
+    """Larger of two expressions of equal unit, elementwise."""
+    return _pair(a, b, ca.fmax, np.maximum, "maximum")
+
+
+def atan2(y: Any, x: Any) -> Any:
+    """Angle of the point (x, y) in rad; both of equal unit."""
+    e = _pair(y, x, ca.atan2, np.arctan2, "atan2")
+    return Expr(e.sx, e.shape, ONE, e.scope) if isinstance(e, Expr) else e
+
+
+def clip(x: Any, low: float, high: float) -> Any:
+    """x limited to [low, high]: piecewise linear."""
+    return minimum(maximum(x, low), high)
+
+
+UFUNCS: dict[str, Callable[..., Any]] = {
+    "add": lambda a, b: b + a if isinstance(b, Expr) else a + b,
+    "subtract": lambda a, b: b.__rsub__(a) if isinstance(b, Expr) and not isinstance(a, Expr) else a - b,
+    "multiply": lambda a, b: b * a if isinstance(b, Expr) else a * b,
+    "true_divide": lambda a, b: b.__rtruediv__(a) if isinstance(b, Expr) and not isinstance(a, Expr) else a / b,
+    "divide": lambda a, b: b.__rtruediv__(a) if isinstance(b, Expr) and not isinstance(a, Expr) else a / b,
+    "matmul": lambda a, b: b.__rmatmul__(a) if isinstance(b, Expr) and not isinstance(a, Expr) else a @ b,
+    "equal": lambda a, b: b == a if isinstance(b, Expr) else a == b,
+    "less_equal": lambda a, b: b >= a if isinstance(b, Expr) else a <= b,
+    "greater_equal": lambda a, b: b <= a if isinstance(b, Expr) else a >= b,
+    "negative": lambda a: -a,
+    "power": lambda a, b: a**b,
+    "square": lambda a: a**2,
+    "sqrt": sqrt,
+    "absolute": absolute,
+    "sign": sign,
+    "sin": sin,
+    "cos": cos,
+    "tan": tan,
+    "arcsin": asin,
+    "arccos": acos,
+    "arctan": atan,
+    "arctan2": atan2,
+    "exp": exp,
+    "log": log,
+    "tanh": tanh,
+    "minimum": minimum,
+    "maximum": maximum,
+}

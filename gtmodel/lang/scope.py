@@ -1,0 +1,89 @@
+"""Symbols of one flattening: every scalar variable is a chain x, x', x'', ... made on demand."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+
+
+@dataclass(frozen=True, eq=False)
+class Instant:
+    """A symbol that stands for an expression at one instant; time None means its integral over the horizon."""
+
+    symbol: ca.SX
+    expression: ca.SX
+    time: ca.SX | None
+
+
+class Scope:
+    """Registry of the derivative chains and parameters of one flattened model.
+
+    Symbols belong to the scope, never to the module: two flattenings of one model share nothing.
+    """
+
+    def __init__(self) -> None:
+        self.chains: list[list[ca.SX]] = []
+        self.names: list[str] = []
+        self._owner: dict[int, tuple[int, int]] = {}
+        self.parameters: list[ca.SX] = []
+        self.parameter_names: list[str] = []
+        self.time = ca.SX.sym("time")
+        self._time_key = self.time.element_hash()
+        self.instants: list[Instant] = []
+
+    def new_chain(self, name: str) -> ca.SX:
+        """A new scalar variable; returns its symbol of order 0."""
+        self.chains.append([])
+        self.names.append(name)
+        return self.symbol(len(self.chains) - 1, 0)
+
+    def symbol(self, index: int, order: int) -> ca.SX:
+        """The symbol of variable `index` differentiated `order` times."""
+        chain = self.chains[index]
+        while len(chain) <= order:
+            k = len(chain)
+            s = ca.SX.sym(derivative_name(self.names[index], k))
+            self._owner[s.element_hash()] = (index, k)
+            chain.append(s)
+        return chain[order]
+
+    def new_parameter(self, name: str) -> ca.SX:
+        """A new scalar parameter symbol: its time derivative is zero."""
+        s = ca.SX.sym(name)
+        self.parameters.append(s)
+        self.parameter_names.append(name)
+        return s
+
+    def owner(self, symbol: ca.SX) -> tuple[int, int] | None:
+        """(variable index, derivative order) of a chain symbol; None for parameters and time."""
+        return self._owner.get(symbol.element_hash())
+
+    def symbols_in(self, expression: ca.SX) -> list[tuple[int, int]]:
+        """Chain symbols that occur in an expression as sorted (variable index, order) pairs."""
+        found = (self._owner.get(s.element_hash()) for s in ca.symvar(expression))
+        return sorted(pair for pair in found if pair is not None)
+
+    def derivative(self, expression: ca.SX) -> ca.SX:
+        """Total time derivative of an expression, by the chain rule over all chain symbols in it."""
+        symbols: list[ca.SX] = []
+        rates: list[ca.SX] = []
+        for s in ca.symvar(expression):
+            key = s.element_hash()
+            pair = self._owner.get(key)
+            if pair is not None:
+                symbols.append(s)
+                rates.append(self.symbol(pair[0], pair[1] + 1))
+            elif key == self._time_key:
+                symbols.append(s)
+                rates.append(ca.SX(1))
+        if not symbols:
+            return ca.SX.zeros(*expression.shape)
+        return ca.jtimes(expression, ca.vertcat(*symbols), ca.vertcat(*rates))
+
+
+def derivative_name(name: str, order: int) -> str:
+    """`x`, `der(x)`, `der(x,2)`: the name under which a derivative is asked for."""
+    if order == 0:
+        return name
+    return f"der({name})" if order == 1 else f"der({name},{order})"

@@ -1,0 +1,417 @@
+"""SI units: what a declared unit text such as ``"kg.m2/s2"`` means, and conversion at the boundary.
+
+Inside gtmodel every number is in SI. Units with a scale (``mm``, ``deg``, ``ms``) are read here and nowhere
+else: `si_unit` refuses them in declarations, `convert` turns them into SI where data come in or go out.
+"""
+
+from __future__ import annotations
+
+import difflib
+import functools
+import math
+import re
+from dataclasses import dataclass
+from fractions import Fraction
+from numbers import Rational
+from typing import Any, NoReturn
+
+BASE_SYMBOLS = ("kg", "m", "s", "A", "K", "mol", "cd")
+MAX_TEXT_LENGTH = 100  # a unit is a short word; this bounds the recursion over parentheses
+MAX_DENOMINATOR = 64  # a float power is read as a fraction with at most this denominator: 0.5, 1/3, 0.125
+MAX_SCALE_BITS = 1000  # keeps every scale well inside the range of a double (2**-1022 .. 2**1024)
+
+
+class UnitError(ValueError):
+    """A unit text, or a combination of units, that has no meaning. The message is one plain sentence."""
+
+
+@dataclass(frozen=True)
+class Dimension:
+    """Product of powers of the seven SI base units; immutable and hashable.
+
+    exponents : the powers of (kg, m, s, A, K, mol, cd), seven ints or Fractions; whole ones are kept as ints.
+
+    An angle has dimension one, and torque and energy share theirs: messages to people should quote the
+    declared text of the unit, not ``str`` of its dimension.
+
+    Raises UnitError when there are not exactly seven exponents.
+    """
+
+    exponents: tuple[int | Fraction, ...] = (0,) * 7
+
+    def __post_init__(self) -> None:
+        exponents = tuple(e if type(e) is int else _rational(e) for e in self.exponents)
+        if len(exponents) != len(BASE_SYMBOLS):
+            raise UnitError(
+                f"a dimension got {len(exponents)} exponents; give seven, for {', '.join(BASE_SYMBOLS)}"
+            )
+        object.__setattr__(self, "exponents", exponents)
+
+    @property
+    def is_one(self) -> bool:
+        """True for a dimensionless quantity."""
+        return not any(self.exponents)
+
+    def __mul__(self, other: Dimension) -> Dimension:
+        if not isinstance(other, Dimension):
+            return NotImplemented
+        return Dimension(tuple(a + b for a, b in zip(self.exponents, other.exponents, strict=True)))
+
+    def __truediv__(self, other: Dimension) -> Dimension:
+        if not isinstance(other, Dimension):
+            return NotImplemented
+        return Dimension(tuple(a - b for a, b in zip(self.exponents, other.exponents, strict=True)))
+
+    def __pow__(self, power: int | float | Fraction) -> Dimension:
+        """Rational power. A float is accepted when it is a fraction with denominator up to 64."""
+        exact = _rational(power)
+        return Dimension(tuple(a * exact for a in self.exponents))
+
+    def __str__(self) -> str:
+        """The derived name (``"N"``) when there is one, else base units such as ``"kg.m/s"``.
+
+        1/s is written so, never ``"Hz"``: it may as well be an angular velocity. `parse_unit` reads it back.
+        """
+        return _DERIVED_NAME.get(self) or _base_text(self)
+
+
+def _rational(power: int | float | Fraction) -> int | Fraction:
+    """The exact power, an int where it is whole; raises UnitError for a float that is no simple fraction."""
+    exact = None
+    if isinstance(power, Rational):
+        exact = Fraction(int(power.numerator), int(power.denominator))
+    elif isinstance(power, float) and math.isfinite(power):
+        exact = Fraction(power).limit_denominator(MAX_DENOMINATOR)
+    if exact is not None and (exact == power or float(exact) == power):
+        return int(exact) if exact.denominator == 1 else exact
+    raise UnitError(
+        f"a dimension was raised to the power {power!r}; expected an integer or a fraction with a "
+        f"denominator up to {MAX_DENOMINATOR}, for example fractions.Fraction(1, 3)"
+    )
+
+
+def _base_text(dimension: Dimension) -> str:
+    above, below = [], []
+    for symbol, exponent in zip(BASE_SYMBOLS, dimension.exponents, strict=True):
+        if exponent:
+            size = Fraction(abs(exponent))
+            power = "" if size == 1 else str(size) if size.denominator == 1 else f"^({size})"
+            (above if exponent > 0 else below).append(symbol + power)
+    text = ".".join(above) or "1"
+    if not below:
+        return text
+    return f"{text}/{below[0]}" if len(below) == 1 else f"{text}/({'.'.join(below)})"
+
+
+DIMENSIONLESS = Dimension()
+_BASE = {
+    symbol: Dimension(tuple(int(i == j) for j in range(len(BASE_SYMBOLS))))
+    for i, symbol in enumerate(BASE_SYMBOLS)
+}
+
+
+@dataclass(frozen=True)
+class _ScaledSymbol:
+    """A symbol that is not SI: 1 symbol = factor * pi**pi_power of ``si``; ``noun`` is for the message."""
+
+    si: str
+    factor: Fraction
+    noun: str
+    pi_power: int = 0
+
+
+# Coherent SI names, each as a product of names above it. The order decides the canonical name of a dimension.
+_DERIVED = {
+    "N": "kg.m/s2",
+    "Pa": "N/m2",
+    "J": "N.m",
+    "W": "J/s",
+    "C": "A.s",
+    "V": "W/A",
+    "Ohm": "V/A",
+    "F": "C/V",
+    "Wb": "V.s",
+    "H": "Wb/A",
+    "T": "Wb/m2",
+}
+_SCALED = {
+    "um": _ScaledSymbol("m", Fraction(1, 10**6), "lengths"),
+    "mm": _ScaledSymbol("m", Fraction(1, 10**3), "lengths"),
+    "km": _ScaledSymbol("m", Fraction(10**3), "lengths"),
+    "us": _ScaledSymbol("s", Fraction(1, 10**6), "times"),
+    "ms": _ScaledSymbol("s", Fraction(1, 10**3), "times"),
+    "min": _ScaledSymbol("s", Fraction(60), "times"),
+    "g": _ScaledSymbol("kg", Fraction(1, 10**3), "masses"),
+    "deg": _ScaledSymbol("rad", Fraction(1, 180), "angles", pi_power=1),
+    "rpm": _ScaledSymbol("rad/s", Fraction(1, 30), "angular velocities", pi_power=1),
+    "kN": _ScaledSymbol("N", Fraction(10**3), "forces"),
+    "MN": _ScaledSymbol("N", Fraction(10**6), "forces"),
+    "kPa": _ScaledSymbol("Pa", Fraction(10**3), "pressures"),
+    "MPa": _ScaledSymbol("Pa", Fraction(10**6), "pressures"),
+    "GPa": _ScaledSymbol("Pa", Fraction(10**9), "pressures"),
+    "bar": _ScaledSymbol("Pa", Fraction(10**5), "pressures"),
+}
+_RADIAN_SYMBOLS = {"rad", "deg", "rpm"}
+
+
+@dataclass(frozen=True)
+class Unit:
+    """What `parse_unit` read.
+
+    text      : the text as written, stripped; ``"1"`` when it was empty.
+    dimension : its `Dimension`.
+    factor    : exact rational part of the scale.
+    pi_power  : power of pi in the scale (1 for ``deg`` and ``rpm``).
+
+    Two texts with one meaning ("J", "N.m") are two Units: compare ``dimension`` and ``scale``.
+    """
+
+    text: str
+    dimension: Dimension
+    factor: Fraction = Fraction(1)
+    pi_power: int = 0
+
+    @property
+    def scale(self) -> float:
+        """Value in SI of one of this unit: 0.001 for ``"mm"``."""
+        return float(self.factor) * math.pi**self.pi_power
+
+    @property
+    def is_si(self) -> bool:
+        """True when the scale is exactly one."""
+        return self.factor == 1 and self.pi_power == 0
+
+    @property
+    def si_text(self) -> str:
+        """The same unit with every scaled symbol replaced by its SI symbol: ``"N.mm"`` -> ``"N.m"``."""
+        if self.text in _SCALED:
+            return _SCALED[self.text].si
+        return re.sub(r"[A-Za-z]+", lambda found: _si_symbol(found.group()), self.text)
+
+
+def _si_symbol(symbol: str) -> str:
+    si = _SCALED[symbol].si if symbol in _SCALED else symbol
+    return f"({si})" if "/" in si else si
+
+
+@dataclass(frozen=True)
+class _Value:
+    """A partly read unit: dimension, exact scale factor, power of pi."""
+
+    dimension: Dimension
+    factor: Fraction = Fraction(1)
+    pi_power: int = 0
+
+    def __mul__(self, other: _Value) -> _Value:
+        return _Value(
+            self.dimension * other.dimension, self.factor * other.factor, self.pi_power + other.pi_power
+        )
+
+
+_SYMBOL = re.compile(r"[A-Za-z]+")
+_NUMBER = re.compile(r"[0-9]+")
+_POWER = re.compile(r"\^?(?P<whole>-?[0-9]+)|\^\((?P<above>-?[0-9]+)(?:/(?P<below>[0-9]+))?\)")
+
+
+class _Reader:
+    """Recursive descent over one text.
+
+    product = factor {("." | "*" | " " | "/") factor}, factor = (symbol | "1" | "(" product ")") [power].
+    """
+
+    def __init__(self, text: str) -> None:
+        self.text = text
+        self.at = 0
+
+    def read(self) -> _Value:
+        value = self.product()
+        if self.at < len(self.text):
+            self.fail_here()
+        return value
+
+    def product(self) -> _Value:
+        value, divided = self.factor(), False
+        while True:
+            spaced = self.skip_spaces()
+            mark = self.text[self.at : self.at + 1]
+            if mark in ("", ")"):
+                return value
+            if mark in ("/", ".", "*"):
+                self.at += 1
+            elif not spaced:
+                self.fail_here()
+            if mark == "/":
+                value, divided = value * self.power(self.factor(), Fraction(-1)), True
+            elif divided:
+                raise UnitError(
+                    f"unit {self.text!r} has a product after '/', which can be read in two ways; put the "
+                    "denominator in parentheses, as in 'J/(kg.K)', or the product first, as in 'J.K/kg'"
+                )
+            else:
+                value = value * self.factor()
+
+    def factor(self) -> _Value:
+        self.skip_spaces()
+        if found := _SYMBOL.match(self.text, self.at):
+            value = self.symbol(found.group())
+            self.at = found.end()
+        elif found := _NUMBER.match(self.text, self.at):
+            if found.group() != "1":
+                raise UnitError(
+                    f"unit {self.text!r} holds the number {found.group()}; the only number that may stand "
+                    "alone is 1, as in '1/s': put factors into the value"
+                )
+            self.at = found.end()
+            return _Value(DIMENSIONLESS)
+        elif self.text.startswith("(", self.at):
+            self.at += 1
+            value = self.product()
+            if not self.text.startswith(")", self.at):
+                raise UnitError(f"unit {self.text!r} has a '(' that is never closed; add the missing ')'")
+            self.at += 1
+        else:
+            self.fail_here()
+        if found := _POWER.match(self.text, self.at):
+            self.at = found.end()
+            below = int(found["below"] or 1)
+            if below == 0:
+                raise UnitError(
+                    f"unit {self.text!r} has a power with denominator 0; write a fraction such as '^(1/2)'"
+                )
+            value = self.power(value, Fraction(int(found["whole"] or found["above"]), below))
+        return value
+
+    def symbol(self, symbol: str) -> _Value:
+        if symbol not in _SYMBOLS:
+            close = difflib.get_close_matches(symbol, _SYMBOLS, n=3, cutoff=0.5)
+            close += [
+                f"{symbol[:i]}.{symbol[i:]}"
+                for i in range(1, len(symbol))
+                if symbol[:i] in _SYMBOLS and symbol[i:] in _SYMBOLS
+            ]
+            hint = (
+                "close matches are " + ", ".join(map(repr, close))
+                if close
+                else "known are " + ", ".join(_SYMBOLS)
+            )
+            raise UnitError(f"unit {self.text!r} holds the unknown symbol {symbol!r}; {hint}")
+        return _SYMBOLS[symbol]
+
+    def power(self, value: _Value, power: Fraction) -> _Value:
+        if power.denominator == 1:
+            bits = max(value.factor.numerator.bit_length(), value.factor.denominator.bit_length()) - 1
+            if max(bits, 2 * abs(value.pi_power)) * abs(power) > MAX_SCALE_BITS:
+                raise UnitError(
+                    f"unit {self.text!r} has a scale outside the range of a double; use smaller powers"
+                )
+            whole = int(power)
+            return _Value(value.dimension**power, value.factor**whole, value.pi_power * whole)
+        if value.factor != 1 or value.pi_power:
+            raise UnitError(
+                f"unit {self.text!r} takes a root of a scaled unit; write it with SI units instead"
+            )
+        return _Value(value.dimension**power)
+
+    def skip_spaces(self) -> bool:
+        start = self.at
+        while self.text.startswith(" ", self.at):
+            self.at += 1
+        return self.at > start
+
+    def fail_here(self) -> NoReturn:
+        if self.at >= len(self.text):
+            raise UnitError(
+                f"unit {self.text!r} ends where a symbol was expected; complete or remove the last operator"
+            )
+        raise UnitError(
+            f"unit {self.text!r} has an unexpected {self.text[self.at]!r} at character {self.at + 1}; "
+            "expected symbols joined by '.', '*', a space or '/', with powers such as 'm2', 's-1' or 'm^2'"
+        )
+
+
+_SYMBOLS: dict[str, _Value] = {symbol: _Value(dimension) for symbol, dimension in _BASE.items()}
+_SYMBOLS["rad"] = _Value(DIMENSIONLESS)
+for _name, _text in _DERIVED.items():
+    _SYMBOLS[_name] = _Reader(_text).read()
+_DERIVED_NAME = {_SYMBOLS[_name].dimension: _name for _name in _DERIVED}
+_SYMBOLS["Hz"] = _Reader("1/s").read()
+for _name, _scaled in _SCALED.items():
+    _SYMBOLS[_name] = _Reader(_scaled.si).read() * _Value(DIMENSIONLESS, _scaled.factor, _scaled.pi_power)
+
+
+@functools.lru_cache(maxsize=1024)
+def _parse(text: str) -> Unit:
+    value = _Reader(text).read() if text else _Value(DIMENSIONLESS)
+    bits = max(value.factor.numerator.bit_length(), value.factor.denominator.bit_length()) + 2 * abs(
+        value.pi_power
+    )
+    if bits > MAX_SCALE_BITS:
+        raise UnitError(f"unit {text!r} has a scale outside the range of a double; use smaller powers")
+    return Unit(text or "1", value.dimension, value.factor, value.pi_power)
+
+
+def parse_unit(text: str) -> Unit:
+    """Read a unit text, SI or scaled.
+
+    Symbols: kg m s A K mol cd rad, N Pa J W V Ohm F H Hz C Wb T, and with a scale um mm km us ms min g deg
+    rpm kN MN kPa MPa GPa bar. Products by ".", "*" or a space, quotients by "/", powers "m2", "m^2", "s-1",
+    "m^(1/2)", parentheses. "" and "1" are dimensionless. A product after "/" is refused as ambiguous.
+
+    Raises UnitError when the text is no string, a symbol is unknown (with close matches), or it cannot be
+    read; the message says where.
+    """
+    if not isinstance(text, str):
+        raise UnitError(
+            f"a unit is {text!r} of type {type(text).__name__}; expected a text such as 'm' or 'N.m/rad'"
+        )
+    text = text.strip()
+    if len(text) > MAX_TEXT_LENGTH:
+        raise UnitError(f"a unit text has {len(text)} characters; expected at most {MAX_TEXT_LENGTH}")
+    return _parse(text)
+
+
+def si_unit(text: str) -> Unit:
+    """Read a unit text that must be SI, as declarations of the language do.
+
+    Raises UnitError as `parse_unit` does, and when the scale is not one, naming the SI unit to use instead.
+    """
+    unit = parse_unit(text)
+    if not unit.is_si:
+        noun = _SCALED[unit.text].noun if unit.text in _SCALED else "the quantity"
+        raise UnitError(
+            f"unit {unit.text!r} has a scale of {unit.scale:g}; declare {noun} in {unit.si_text!r} and "
+            "convert at the boundary"
+        )
+    return unit
+
+
+def convert(value: Any, from_unit: str, to_unit: str) -> Any:
+    """The same quantity in another unit: ``convert(250.0, "mm", "m")`` is 0.25.
+
+    value : number or array (any shape), in `from_unit`; the result has its shape, in `to_unit`. Decimal
+    scales are applied by one exact factor or divisor, so 9 ms is 0.009 s and not 0.009000000000000001 s.
+
+    Raises UnitError when the dimensions differ, and between Hz (cycles) and rad/s, deg/s or rpm (angle): the
+    factor 2 pi between them is not a matter of units.
+    """
+    source, target = parse_unit(from_unit), parse_unit(to_unit)
+    if source.dimension != target.dimension:
+        raise UnitError(
+            f"unit {source.text!r} has dimension {source.dimension} and {target.text!r} has "
+            f"{target.dimension}; convert between units of one dimension only"
+        )
+    for cycles, angle in ((source, target), (target, source)):
+        if _holds(cycles, {"Hz"}) and _holds(angle, _RADIAN_SYMBOLS) and not _holds(angle, {"Hz"}):
+            raise UnitError(
+                f"unit {cycles.text!r} counts cycles and {angle.text!r} measures angle; multiply or divide "
+                "by 2 pi explicitly"
+            )
+    ratio, pi_power = source.factor / target.factor, source.pi_power - target.pi_power
+    if ratio.numerator != 1:
+        value = value * float(ratio.numerator)
+    value = value / float(ratio.denominator)
+    return value * math.pi**pi_power if pi_power else value
+
+
+def _holds(unit: Unit, symbols: set[str]) -> bool:
+    return not symbols.isdisjoint(_SYMBOL.findall(unit.text))

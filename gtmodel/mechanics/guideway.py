@@ -1,0 +1,23 @@
+"""A massless slide along a straight guideway."""
+
+from __future__ import annotations
+
+from .. import lang as gt
+from .frames import Flange, PointFrame
+
+
+class Guideway(gt.Model):
+    """Point A + q v on a straight line (Dressler 2012, eq. (6.4)).
+
+    |v| is a transmission scale (0.96 to 1.003 on real robots) and is never normalised. The flange's coordinate
+    is q; what pushes the flange along q is balanced by the frame's force along v.
+    """
+
+    A = gt.parameter(shape=3, unit="m", description="frame position at q = 0")
+    v = gt.parameter(shape=3, unit="1", description="guideway direction times transmission scale")
+    flange = gt.port(Flange)
+    frame = gt.port(PointFrame)
+
+    def equations(self):
+        yield self.frame.r == self.A + self.flange.s * self.v
+        yield self.flange.f + gt.dot(self.frame.f, self.v) == 0

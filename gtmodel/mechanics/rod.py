@@ -1,0 +1,49 @@
+"""Rods between spherical joints; all are rigid and of length L."""
+
+from __future__ import annotations
+
+from .. import lang as gt
+from .frames import PointFrame, World
+
+
+class Rod(gt.Model):
+    """Massless-inertia base of all rods: two joints at distance L [m], total mass m [kg].
+
+    `tension` [N/m] times the vector from a to b is the internal force that pulls the ends together.
+    Subclasses say how the mass is spread.
+    """
+
+    L = gt.parameter(unit="m", positive=True, description="length between joint centres")
+    m = gt.parameter(0.0, unit="kg", description="mass of the rod or link cluster")
+    a = gt.port(PointFrame)
+    b = gt.port(PointFrame)
+    tension = gt.variable(unit="N/m", nominal=100.0, description="internal force per length, pull positive")
+    world = gt.outer(World)
+
+    def equations(self):
+        d = self.b.r - self.a.r
+        yield gt.dot(d, d) == self.L**2
+        inertial_a, inertial_b = self.inertial_forces()
+        yield self.a.f == inertial_a - self.tension * d
+        yield self.b.f == inertial_b + self.tension * d
+
+    def inertial_forces(self):
+        """Mass times acceleration minus weight, as shared by the two ends [N]."""
+        raise gt.ModelError("a Rod must say how its mass is spread; use MidpointRod or UniformRod")
+
+
+class MidpointRod(Rod):
+    """Mass as a point at mid-length (Dressler 2012, eq. (6.7): m/4 and m/4)."""
+
+    def inertial_forces(self):
+        half = self.m / 2 * (gt.der((self.a.r + self.b.r) / 2, 2) - self.world.g)
+        return half, half
+
+
+class UniformRod(Rod):
+    """Mass spread evenly along a thin rod: consistent masses m/3 and m/6."""
+
+    def inertial_forces(self):
+        acc_a, acc_b = gt.der(self.a.r, 2), gt.der(self.b.r, 2)
+        weight = self.m / 2 * self.world.g
+        return self.m / 3 * acc_a + self.m / 6 * acc_b - weight, self.m / 6 * acc_a + self.m / 3 * acc_b - weight

@@ -1,0 +1,267 @@
+"""The NLP: derivatives of one element mapped over the mesh and scattered into sparse matrices.
+
+Differentiating the whole NLP costs a set-up that grows with the mesh; one element is differentiated instead.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from .element import Element, make_element, value_at
+from .mesh import Mesh
+from .problem import DynamicProblem
+
+
+@dataclass(eq=False)
+class Nlp:
+    """Functions for nlpsol, bounds, and where each unknown and row stands.
+
+    Unknowns X = [y_0, ..., y_(N-1), x_N, P], scaled by nominals (P by its own scale).
+    """
+
+    problem: DynamicProblem
+    mesh: Mesh
+    element: Element
+    functions: dict[str, ca.Function]
+    nlp: ca.Function
+    lbx: np.ndarray
+    ubx: np.ndarray
+    lbg: np.ndarray
+    ubg: np.ndarray
+    p_scale: np.ndarray
+
+    @property
+    def size(self) -> int:
+        return len(self.lbx)
+
+    def row_name(self, row: int) -> str:
+        """What a constraint row says, with element and collocation point."""
+        m = self.element.rows.numel()
+        if row >= m * self.mesh.elements:
+            return self.problem.points[row - m * self.mesh.elements].label
+        name, point = self.element.row_names[row % m]
+        place = f"element {row // m + 1}" + (f", point {point + 1}" if point >= 0 else "")
+        return f"{name} in {place}"
+
+
+def make_nlp(problem: DynamicProblem, mesh: Mesh) -> Nlp:
+    """Transcribe a dynamic problem on a mesh."""
+    element = make_element(problem, mesh)
+    n, m, N = element.layout.size, element.rows.numel(), mesh.elements
+    nx, nP = element.layout.nx, problem.P.numel()
+    p_scale = np.maximum(1.0, np.abs(problem.P_guess)) if nP else np.ones(0)
+    total = N * n + nx + nP
+    X = ca.MX.sym("X", total)
+    Y = ca.reshape(X[: N * n], n, N)
+    Pm = ca.repmat(X[N * n + nx :], 1, N)
+    D = ca.DM(np.vstack([mesh.h, mesh.edges[:-1]]))
+    y, P, d = element.y, ca.SX.sym("Ps", nP), element.d
+    rows, cost = (
+        ca.substitute([element.rows, element.cost], [element.P], [P * ca.DM(p_scale)]) if nP else
+        [element.rows, element.cost]
+    )  # fmt: skip
+    rows, cost = ca.cse([rows, cost])
+    J, JP = ca.jacobian(rows, y), ca.densify(ca.jacobian(rows, P))
+    lam_f, lam = ca.SX.sym("lam_f"), ca.SX.sym("lam", m)
+    L = lam_f * cost + ca.dot(lam, rows)
+    grad = ca.gradient(L, y)
+    Hyy = ca.triu(ca.jacobian(grad, y))
+    HyP = ca.densify(ca.jacobian(grad, P))
+    HPP = ca.densify(ca.hessian(L, P)[0]) if nP else ca.SX(0, 0)
+    args = [y, P, d]
+    e_g = _function("e_g", args, [rows, cost], N)
+    e_j = _function("e_j", args, [rows, ca.vertcat(*J.nonzeros()), JP], N)
+    e_h = _function("e_h", [*args, lam_f, lam], [ca.vertcat(*Hyy.nonzeros()) if Hyy.nnz() else ca.SX(0, 1), HyP, HPP], N)
+    e_d = _function("e_d", args, [cost, ca.densify(ca.jacobian(cost, y)), ca.densify(ca.jacobian(cost, P))], N)
+    point = _points(problem, mesh, element, p_scale)
+    z = X[point.index.tolist()] if point.index.size else ca.MX(0, 1)
+    mc = len(problem.points)
+    lam_all = ca.MX.sym("lam_g", N * m + mc)
+    sigma = ca.MX.sym("lam_f_x")
+
+    g_e, c_e = e_g(Y, Pm, D)
+    link = _link(X, n, m, nx, N)
+    mayer, rows_p = point.value(z)
+    g = ca.vertcat(ca.vec(g_e) - link, rows_p)
+    f = ca.sum2(c_e) + mayer
+
+    g_j, nzJ, dP = e_j(Y, Pm, D)
+    jac = _jacobian(J, nzJ, dP, point, z, n, m, nx, nP, N, total, mc)
+    _, dy, dPc = e_d(Y, Pm, D)
+    mayer_z = point.gradient(z)
+    grad_f = ca.vertcat(ca.vec(dy), ca.MX.zeros(nx, 1), ca.sum2(ca.reshape(dPc, nP, N)) if nP else ca.MX(0, 1))
+    if point.index.size:
+        spread = ca.DM.triplet(
+            point.index.tolist(), list(range(point.index.size)), np.ones(point.index.size), total, point.index.size
+        )
+        grad_f = grad_f + spread @ mayer_z
+    nz, yP, PP = e_h(Y, Pm, D, ca.repmat(sigma, 1, N), ca.reshape(lam_all[: N * m], m, N))
+    hess = _hessian(Hyy, nz, yP, PP, point, z, sigma, lam_all[N * m :], n, nx, nP, N, total)
+
+    parameters = ca.MX.sym("p", 0)
+    nlp = ca.Function("nlp", [X, parameters], [f, g], ["x", "p"], ["f", "g"])
+    functions = {
+        "jac_g": ca.Function("nlp_jac_g", [X, parameters], [g, jac], ["x", "p"], ["g", "jac_g_x"]),
+        "grad_f": ca.Function("nlp_grad_f", [X, parameters], [f, grad_f], ["x", "p"], ["f", "grad_f_x"]),
+        "hess_lag": ca.Function(
+            "nlp_hess_l", [X, parameters, sigma, lam_all], [hess], ["x", "p", "lam_f", "lam_g"], ["triu_hess_gamma_x_x"]
+        ),
+    }
+    lbx, ubx = _bounds(problem, element, mesh, p_scale)
+    lbg = np.concatenate([np.tile(element.low, N), [r.low for r in problem.points]])
+    ubg = np.concatenate([np.tile(element.high, N), [r.high for r in problem.points]])
+    return Nlp(problem, mesh, element, functions, nlp, lbx, ubx, lbg, ubg, p_scale)
+
+
+def _function(name: str, args: list[ca.SX], out: list[ca.SX], count: int) -> ca.Function:
+    return ca.Function(name, args, ca.cse(out)).map(count)
+
+
+def _link(X: ca.MX, n: int, m: int, nx: int, N: int) -> ca.MX:
+    """Left states of the next elements at their place in the rows."""
+    columns = [(k + 1) * n + i for k in range(N) for i in range(nx)]
+    rows = [k * m + i for k in range(N) for i in range(nx)]
+    pick = ca.DM.triplet(rows, list(range(len(rows))), [1.0] * len(rows), N * m, len(rows))
+    return pick @ X[columns] if rows else ca.MX.zeros(N * m, 1)
+
+
+@dataclass(eq=False)
+class _Point:
+    """Mayer term and point constraints as functions of the unknowns they touch."""
+
+    index: np.ndarray
+    value: ca.Function
+    gradient: ca.Function
+    jacobian: ca.Function
+    hessian: ca.Function
+    jac_sparsity: ca.Sparsity
+    hess_sparsity: ca.Sparsity
+
+
+def _points(problem: DynamicProblem, mesh: Mesh, element: Element, p_scale: np.ndarray) -> _Point:
+    layout, N = element.layout, mesh.elements
+    n, nx, nP = layout.size, layout.nx, problem.P.numel()
+    edges, h = mesh.edges, mesh.h
+    where = [min(N - 1, max(0, int(np.searchsorted(edges, i.s, side="right")) - 1)) for i in problem.instants]
+    used = sorted(set(where))
+    ys = {k: ca.SX.sym(f"y{k}", n) for k in used}
+    xN = ca.SX.sym("xN", nx)
+    Ps = ca.SX.sym("Ps", nP)
+    P = Ps * ca.DM(p_scale) if nP else Ps
+    out = ca.Function(
+        "instants",
+        [problem.x, problem.xd, problem.u, problem.P, problem.t],
+        [ca.vertcat(*[i.expression for i in problem.instants]) if problem.instants else ca.SX(0, 1)],
+    )
+    values = []
+    for number, (i, k) in enumerate(zip(problem.instants, where, strict=True)):
+        s = (i.s - edges[k]) / h[k]
+        x, xd, u, t = value_at(problem, mesh, layout, ys[k], P, float(h[k]), float(edges[k]), float(s))
+        if i.s == 1.0:
+            x = xN * ca.DM(problem.x_scale)
+        values.append(out(x, xd, u, P, t)[number])
+    symbols = [i.symbol for i in problem.instants]
+    old = ca.vertcat(*symbols, problem.P)
+    new = ca.vertcat(*values, P)
+    exprs = [problem.mayer, ca.vertcat(*[r.expression for r in problem.points]) if problem.points else ca.SX(0, 1)]
+    if old.numel():
+        exprs = ca.substitute(exprs, [old], [new])
+    mayer, rows = exprs
+    z = ca.vertcat(*[ys[k] for k in used], xN, Ps)
+    index = np.concatenate(
+        [np.arange(k * n, (k + 1) * n) for k in used] + [np.arange(N * n, N * n + nx), N * n + nx + np.arange(nP)]
+    ).astype(int)
+    # keep only what is really touched
+    touched = sorted(set(ca.jacobian_sparsity(ca.vertcat(mayer, rows), z).get_triplet()[1])) if z.numel() else []
+    zs = [z[j] for j in touched]
+    symbol = ca.SX.sym("z", len(touched))
+    if touched:
+        mayer, rows = ca.substitute([mayer, rows], [ca.vertcat(*zs)], [symbol])
+    lam_f, lam = ca.SX.sym("lam_f"), ca.SX.sym("lam", rows.numel())
+    jac = ca.jacobian(rows, symbol)
+    hess = ca.triu(ca.hessian(lam_f * mayer + ca.dot(lam, rows), symbol)[0])
+    return _Point(
+        index[touched],
+        ca.Function("points", [symbol], [mayer, rows]),
+        ca.Function("points_gradient", [symbol], [ca.densify(ca.gradient(mayer, symbol))]),
+        ca.Function("points_jacobian", [symbol], [ca.vertcat(*jac.nonzeros()) if jac.nnz() else ca.SX(0, 1)]),
+        ca.Function("points_hessian", [symbol, lam_f, lam], [hess]),
+        jac.sparsity(),
+        hess.sparsity(),
+    )
+
+
+def _scatter(rows: np.ndarray, cols: np.ndarray, values: ca.MX, shape: tuple[int, int]) -> ca.MX:
+    """Sparse matrix from triplets without duplicates: one gather at run time."""
+    order = np.lexsort((rows, cols))
+    sparsity = ca.Sparsity.triplet(*shape, rows.astype(int).tolist(), cols.astype(int).tolist())
+    return ca.MX(sparsity, values[order.tolist()])
+
+
+def _tile(rows: list[int], cols: list[int], N: int, dr: int, dc: int) -> tuple[np.ndarray, np.ndarray]:
+    k = np.repeat(np.arange(N), len(rows))
+    return np.tile(np.array(rows, int), N) + k * dr, np.tile(np.array(cols, int), N) + k * dc
+
+
+def _jacobian(
+    J: ca.SX, nz: ca.MX, dP: ca.MX, point: _Point, z: ca.MX,
+    n: int, m: int, nx: int, nP: int, N: int, total: int, mc: int,
+) -> ca.MX:  # fmt: skip
+    r1, c1 = _tile(*J.sparsity().get_triplet(), N, m, n)
+    r2 = np.array([k * m + i for k in range(N) for i in range(nx)], int)
+    c2 = np.array([(k + 1) * n + i for k in range(N) for i in range(nx)], int)
+    k, p, r = (a.ravel() for a in np.meshgrid(np.arange(N), np.arange(nP), np.arange(m), indexing="ij"))
+    r3, c3 = k * m + r, N * n + nx + p
+    rp, cp = (np.array(a, int) for a in point.jac_sparsity.get_triplet())
+    r4, c4 = rp + N * m, point.index[cp] if cp.size else cp
+    values = ca.vertcat(ca.vec(nz), -ca.MX.ones(len(r2), 1), ca.vec(dP), point.jacobian(z))
+    return _scatter(
+        np.concatenate([r1, r2, r3, r4]), np.concatenate([c1, c2, c3, c4]), values, (N * m + mc, total)
+    )
+
+
+def _hessian(
+    Hyy: ca.SX, nz: ca.MX, yP: ca.MX, PP: ca.MX, point: _Point, z: ca.MX, sigma: ca.MX, lam: ca.MX,
+    n: int, nx: int, nP: int, N: int, total: int,
+) -> ca.MX:  # fmt: skip
+    r1, c1 = _tile(*Hyy.sparsity().get_triplet(), N, n, n)
+    k, p, r = (a.ravel() for a in np.meshgrid(np.arange(N), np.arange(nP), np.arange(n), indexing="ij"))
+    r2, c2 = k * n + r, N * n + nx + p
+    result = _scatter(
+        np.concatenate([r1, r2]), np.concatenate([c1, c2]), ca.vertcat(ca.vec(nz), ca.vec(yP)), (total, total)
+    )
+    if nP:
+        summed = ca.reshape(ca.sum2(ca.reshape(PP, nP * nP, N)), nP, nP)
+        i, j = np.triu_indices(nP)
+        at = (i + j * nP).astype(int).tolist()
+        offset = N * n + nx
+        result = result + _scatter(i + offset, j + offset, ca.vec(summed)[at], (total, total))
+    if point.hess_sparsity.nnz():
+        rp, cp = (np.array(a, int) for a in point.hess_sparsity.get_triplet())
+        rows, cols = point.index[rp], point.index[cp]
+        values = point.hessian(z, sigma, lam).nz[:]
+        low, high = np.minimum(rows, cols), np.maximum(rows, cols)
+        result = result + _scatter(low, high, values, (total, total))
+    return result
+
+
+def _bounds(
+    problem: DynamicProblem, element: Element, mesh: Mesh, p_scale: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    layout, N = element.layout, mesh.elements
+    one_low, one_high = np.full(layout.size, -np.inf), np.full(layout.size, np.inf)
+    for rows, b in ((layout.left, problem.x_bounds), *((layout.x[c], problem.x_bounds) for c in range(mesh.points)),
+                    *((layout.u[c], problem.u_bounds) for c in range(mesh.points))):  # fmt: skip
+        one_low[rows], one_high[rows] = b.low, b.high
+    one_low, one_high = one_low / layout.scale, one_high / layout.scale
+    s = problem.x_scale
+    end_low = np.maximum(problem.x_bounds.low, problem.end_bounds.low) / s
+    end_high = np.minimum(problem.x_bounds.high, problem.end_bounds.high) / s
+    low = np.concatenate([np.tile(one_low, N), end_low, problem.P_bounds.low / p_scale])
+    high = np.concatenate([np.tile(one_high, N), end_high, problem.P_bounds.high / p_scale])
+    low[: layout.nx] = np.maximum(low[: layout.nx], problem.start_bounds.low / s)
+    high[: layout.nx] = np.minimum(high[: layout.nx], problem.start_bounds.high / s)
+    return low, high

@@ -1,0 +1,204 @@
+"""A solution read back by name: trajectory, free constants, cost, multipliers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from ..compiler.plan import Plan
+from ..lang.scope import derivative_name
+from ..results.status import SolveStatus
+from ..results.trajectory import Trajectory
+from .element import Layout
+from .nlp import Nlp
+from .problem import DynamicProblem
+from .tables import basis, basis_slope
+
+
+@dataclass(frozen=True)
+class Check:
+    """A number with its bound: passed when value <= bound; bound None only reports."""
+
+    value: float
+    bound: float | None = None
+
+    @property
+    def passed(self) -> bool:
+        return bool(np.isfinite(self.value)) and (self.bound is None or self.value <= self.bound)
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """Result of solve().
+
+    `trajectory` holds every top-level quantity at the mesh edges and collocation points; a control polynomial
+    is extrapolated to the start. `free` are the constants the optimisation chose; `seconds` is wall time.
+    """
+
+    status: SolveStatus
+    message: str
+    objective: float
+    iterations: int
+    trajectory: Trajectory
+    free: dict[str, float]
+    nlp: Nlp
+    x: np.ndarray
+    multipliers: np.ndarray
+    seconds: dict[str, float]
+    checks: dict[str, Check] = field(default_factory=dict)
+
+    def with_checks(self, **checks: Check) -> Solution:
+        return replace(self, checks={**self.checks, **checks})
+
+    @property
+    def problem(self) -> DynamicProblem:
+        return self.nlp.problem
+
+    @property
+    def final_time(self) -> float:
+        """End of the horizon [s]."""
+        return float(self.trajectory.time[-1])
+
+    def sample(self, s: np.ndarray) -> Trajectory:
+        """The collocation polynomials at fractions s of the horizon (increasing), with every named quantity."""
+        return evaluate(self.nlp, self.x, np.asarray(s, float))
+
+
+def read_solution(
+    nlp: Nlp,
+    x: np.ndarray,
+    g: np.ndarray,
+    *,
+    lam_g: np.ndarray,
+    status: SolveStatus,
+    message: str,
+    objective: float,
+    iterations: int,
+    seconds: dict[str, float],
+) -> Solution:
+    """Physical values of all names from the scaled unknowns."""
+    free = dict(zip(nlp.problem.free_names, constants(nlp, x).tolist(), strict=True))
+    violation = float(np.max(np.maximum(nlp.lbg - g, g - nlp.ubg), initial=0.0))
+    trajectory = evaluate(nlp, x, mesh_fractions(nlp))
+    solution = Solution(status, message, objective, iterations, trajectory, free, nlp, x, lam_g, seconds)
+    return solution.with_checks(constraint_violation=Check(max(0.0, violation), 1e-6))
+
+
+def mesh_fractions(nlp: Nlp) -> np.ndarray:
+    """Fractions of the horizon of the start and all collocation points (and the end, for Gauss)."""
+    mesh = nlp.mesh
+    s = [0.0]
+    for k in range(mesh.elements):
+        s += (mesh.edges[k] + mesh.h[k] * mesh.table.points).tolist()
+    if s[-1] < 1.0 - 1e-12:
+        s.append(1.0)
+    s[-1] = 1.0
+    return np.array(s)
+
+
+def constants(nlp: Nlp, x: np.ndarray) -> np.ndarray:
+    """Free constants in SI units."""
+    return x[nlp.mesh.elements * nlp.element.layout.size + nlp.element.layout.nx :] * nlp.p_scale
+
+
+def horizon(nlp: Nlp, x: np.ndarray) -> tuple[float, float]:
+    """Start and end time [s]."""
+    f = ca.Function("times", [nlp.problem.P], [nlp.problem.t0, nlp.problem.tf])
+    t0, tf = f(constants(nlp, x))
+    return float(t0), float(tf)
+
+
+def states_and_controls(
+    nlp: Nlp, x: np.ndarray, s: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """States, state rates and controls (len(s), n) and times at fractions s, from the polynomials.
+
+    At an element's edge the element on the left is used, except at s = 0.
+    """
+    mesh, layout = nlp.mesh, nlp.element.layout
+    t0, tf = horizon(nlp, x)
+    table, edges = mesh.table, mesh.edges
+    k = np.clip(np.searchsorted(edges, s, side="left") - 1, 0, mesh.elements - 1)
+    xs, rates, us = (np.zeros((len(s), n)) for n in (layout.nx, layout.nx, layout.nu))
+    for element in np.unique(k):
+        rows = np.flatnonzero(k == element)
+        local = np.clip((s[rows] - edges[element]) / mesh.h[element], 0.0, 1.0)
+        y = x[element * layout.size : (element + 1) * layout.size] * layout.scale
+        nodes = np.vstack([y[layout.left], y[layout.x]])
+        xs[rows] = basis(table.nodes, local) @ nodes
+        rates[rows] = basis_slope(table.nodes, local) @ nodes / (mesh.h[element] * (tf - t0))
+        if layout.nu:
+            values = y[layout.u]
+            us[rows] = values[:1] if mesh.control == "constant" else basis(table.points, local) @ values
+    return xs, rates, us, t0 + s * (tf - t0)
+
+
+def evaluate(nlp: Nlp, x: np.ndarray, s: np.ndarray) -> Trajectory:
+    """All top-level names at fractions s."""
+    xs, rates, us, times = states_and_controls(nlp, x, s)
+    return named(nlp.problem, xs, rates, us, times, constants(nlp, x))
+
+
+def named(
+    problem: DynamicProblem, xs: np.ndarray, rates: np.ndarray, us: np.ndarray, times: np.ndarray, P: np.ndarray
+) -> Trajectory:
+    """A trajectory of every quantity declared at the top or one level below, and of the states' derivatives."""
+    names, f = _outputs(problem)
+    n = len(times)
+    columns = [ca.DM(a.T) for a in (xs, rates, us)]
+    values = f.map(n)(*columns, ca.repmat(ca.DM(P), 1, n), ca.DM(times).T)
+    values = np.asarray(values.full())
+    result: dict[str, np.ndarray] = {}
+    units: dict[str, str] = {}
+    row = 0
+    for name, shape, size, unit in names:
+        block = values[row : row + size]
+        row += size
+        if not np.all(np.isfinite(block)):
+            continue  # a quantity that the best iterate of a failed solve cannot give
+        result[name] = block[0] if shape == () else block.T
+        if unit not in (None, "?"):
+            units[name] = unit
+    return Trajectory(times, result, units)
+
+
+def _outputs(problem: DynamicProblem) -> tuple[list[tuple[str, Any, int, str]], ca.Function]:
+    cached = problem.flat.cache.get(("outputs", id(problem)))
+    if cached is not None:
+        return cached
+    from ..compiler.causal import _unit
+
+    flat = problem.flat
+    entries: list[tuple[str, tuple[int, ...], list[tuple[int, int]]]] = []
+    for name, (shape, indices) in flat.groups.items():
+        if name.count(".") <= 1 and len(shape) < 2:
+            entries.append((name, shape, [(i, 0) for i in indices]))
+    states = set(problem.state_pairs)
+    for name, (shape, indices) in flat.groups.items():
+        for order in (1, 2):
+            if len(shape) < 2 and name.count(".") <= 1 and all(_known(problem, states, i, order) for i in indices):
+                entries.append((derivative_name(name, order), shape, [(i, order) for i in indices]))
+    builder = problem.builder
+    expressions = builder.express([flat.scope.symbol(i, k) for _, _, pairs in entries for i, k in pairs])
+    f = ca.Function(
+        "outputs", [problem.x, problem.xd, problem.u, problem.P, problem.t], [ca.vertcat(*expressions)]
+    )
+    table = [(n, shape, len(pairs), _unit(flat, pairs[0][0], pairs[0][1])) for n, shape, pairs in entries]
+    flat.cache[("outputs", id(problem))] = (table, f)
+    return table, f
+
+
+def _known(problem: DynamicProblem, states: set[tuple[int, int]], index: int, order: int) -> bool:
+    """A derivative that is a state or a state's rate."""
+    _, kept, k = problem.plan.alias.resolve(index, order)
+    return (kept, k) in states or ((kept, k - 1) in states and _rate_is_expressible(problem, kept, k))
+
+
+def _rate_is_expressible(problem: DynamicProblem, kept: int, k: int) -> bool:
+    symbol = problem.flat.scope.symbol(kept, k).element_hash()
+    plan: Plan = problem.plan
+    solved = {s.element_hash() for b in plan.blocks for s, _ in b.assignments}
+    return symbol in solved or (kept, k) in plan.inputs

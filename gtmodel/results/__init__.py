@@ -1,0 +1,26 @@
+"""What every engine returns and every plot takes.
+
+Status of a run
+    Status            outcome of one evaluation on data, shared with the generated C
+    SolveStatus       outcome of a whole solve or simulation
+    c_enum            `Status` as a C99 enumeration
+    c_sentences       its sentences as a C99 table
+
+Time series
+    Trajectory        named, unit-carrying, immutable: result, optimum, measurement, guess, scaling reference
+    TrajectoryError   data that make no trajectory
+    UnknownNameError  a signal name that is not there
+"""
+
+from gtmodel.results.status import SolveStatus, Status, c_enum, c_sentences
+from gtmodel.results.trajectory import Trajectory, TrajectoryError, UnknownNameError
+
+__all__ = [
+    "SolveStatus",
+    "Status",
+    "Trajectory",
+    "TrajectoryError",
+    "UnknownNameError",
+    "c_enum",
+    "c_sentences",
+]

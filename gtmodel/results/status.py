@@ -1,0 +1,82 @@
+"""The two status enumerations: one for functions on data (Python and C alike), one for whole solves.
+
+Functions on data, such as a `CausalFunction` or the generated C, return a `Status` next to the value and
+never throw: a bad row of an array must not lose the good ones, and a controller loop cannot throw.
+``solve()`` and ``simulate()`` answer with a `SolveStatus` and raise when it is not ok, unless called with
+``throw=False``.
+"""
+
+from __future__ import annotations
+
+import enum
+
+
+class Status(enum.IntEnum):
+    """What one evaluation of a function on data ended with; zero is good.
+
+    The integer is shared with C: `c_enum` and `c_sentences` write the C side from this table, so that there
+    is no second list to keep in step. ``sentence`` is the plain English shown to people.
+    """
+
+    sentence: str
+
+    OK = 0, "the value was computed"
+    OUT_OF_RANGE = 1, "the input lies outside the range where a solution exists"
+    NOT_CONVERGED = 2, "the iteration did not converge within its limit"
+    SINGULAR = 3, "the equations are singular at this point"
+    NOT_FINITE = 4, "a number that is not finite went in or came out"
+    STALE_INPUT = 5, "the input is older than the loop allows"
+
+    def __new__(cls, value: int, sentence: str) -> Status:
+        member = int.__new__(cls, value)
+        member._value_ = value
+        member.sentence = sentence
+        return member
+
+    @property
+    def c_name(self) -> str:
+        """The enumerator in the generated C, such as ``"GT_OUT_OF_RANGE"``."""
+        return f"GT_{self.name}"
+
+
+class SolveStatus(enum.StrEnum):
+    """What a whole solve or simulation ended with. The value is the machine word, as in ``result.json``.
+
+    ``sentence`` is the plain English shown to people; ``ok`` is True only for a solved problem: an
+    interrupted run, or one at its iteration limit, holds its best iterate, but is not to be relied on.
+    """
+
+    sentence: str
+
+    SOLVED = "solved", "a solution was found to the requested tolerance"
+    INFEASIBLE = "infeasible", "no point was found that satisfies all constraints"
+    ITERATION_LIMIT = "iteration_limit", "the iteration limit was reached before the tolerance was"
+    INTERRUPTED = "interrupted", "the run was stopped early, by the user or by its time limit"
+    NOT_FINITE = "not_finite", "a function or a derivative was not a finite number"
+    DIVERGED = "diverged", "the iterates or the state grew without bound"
+    BAD_INPUT = "bad_input", "the input was refused before the run began"
+    FAILED = "failed", "the solver stopped for another reason, given in its message"
+
+    def __new__(cls, word: str, sentence: str) -> SolveStatus:
+        member = str.__new__(cls, word)
+        member._value_ = word
+        member.sentence = sentence
+        return member
+
+    @property
+    def ok(self) -> bool:
+        """True when the problem was solved."""
+        return self is SolveStatus.SOLVED
+
+
+def c_enum() -> str:
+    """`Status` as a C99 enumeration, for a header; the same text at every call, ending in a newline."""
+    last = len(Status) - 1
+    lines = [f"    {s.c_name} = {s.value}{',' if s < last else ''} /* {s.sentence} */" for s in Status]
+    return "\n".join(["typedef enum gt_status {", *lines, "} gt_status;", ""])
+
+
+def c_sentences() -> str:
+    """The sentences of `Status` as a C99 table indexed by its value, for one .c file; ends in a newline."""
+    lines = [f'    "{s.sentence}"{"," if s < len(Status) - 1 else ""} /* {s.c_name} */' for s in Status]
+    return "\n".join(["static const char *const gt_status_sentences[] = {", *lines, "};", ""])

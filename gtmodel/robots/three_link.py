@@ -1,0 +1,76 @@
+"""The Gantry-Tau with three parallel-link clusters, simplified to one link each."""
+
+from __future__ import annotations
+
+from .. import lang as gt
+from ..mechanics import ForceMotor, Guideway, MidpointRod, PointFrame, PointMass, TanhFriction
+
+
+class Arm(gt.Model):
+    """One arm: a driven cart on a guideway and a link from the cart to the plate.
+
+    Branch `ahead`: the plate lies ahead of the cart along the guideway, dot(d, v) > 0.
+    """
+
+    A = gt.parameter(shape=3, unit="m", description="cart joint at q = 0")
+    v = gt.parameter(shape=3, unit="1", description="guideway direction, not normalised")
+    m_c = gt.parameter(unit="kg", description="cart mass")
+    tip = gt.port(PointFrame)
+    guideway = gt.part(Guideway, A=A, v=v)
+    cart = gt.part(PointMass, m=m_c)
+    rod = gt.part(MidpointRod)
+    friction = gt.part(TanhFriction)
+    motor = gt.part(ForceMotor)
+
+    def equations(self):
+        yield gt.connect(self.guideway.frame, self.cart.frame)
+        yield gt.connect(self.guideway.frame, self.rod.a)
+        yield gt.connect(self.rod.b, self.tip)
+        yield gt.connect(self.motor.flange, self.guideway.flange)
+        yield gt.connect(self.friction.flange, self.guideway.flange)
+        yield gt.branch("ahead", gt.dot(self.rod.b.r - self.rod.a.r, self.v))
+
+
+class GantryTau(gt.Model):
+    """Three-link Gantry-Tau: carts q [m], tool centre point T [m], motor forces tau [N].
+
+    Dressler 2012, eqs. (6.3)-(6.8), from components. Branch `plate_ahead`: the plate lies ahead of the plane
+    through the three cart joints, seen along the guideways; `arm[i].ahead` likewise for each cart alone.
+    """
+
+    A = gt.parameter(shape=(3, 3), unit="m", description="cart joints at q = 0, one row per arm")
+    v = gt.parameter(shape=(3, 3), unit="1", description="guideway directions, one row per arm")
+    L = gt.parameter(shape=3, unit="m", positive=True, description="link lengths")
+    m_p = gt.parameter(unit="kg", positive=True, description="plate mass, joints and payload included")
+    m_c = gt.parameter(shape=3, unit="kg", positive=True, description="cart masses, joints included")
+    m_a = gt.parameter([0.0, 0.0, 0.0], unit="kg", description="masses of the link clusters")
+    coulomb = gt.parameter([0.0, 0.0, 0.0], unit="N", description="Coulomb friction of each cart")
+    viscous = gt.parameter([0.0, 0.0, 0.0], unit="kg/s", description="viscous friction of each cart")
+    velocity_scale = gt.parameter(0.1, unit="m/s", positive=True, description="friction smoothing")
+    home = gt.parameter([0.0, 0.0, 0.0], unit="m", description="a reachable TCP position")
+    q = gt.variable(3, unit="m", description="cart coordinates along their guideways")
+    T = gt.variable(3, unit="m", start=home, prefer=1, description="tool centre point")
+    tau = gt.input(3, unit="N", nominal=100.0, description="motor forces")
+    arm = gt.parts(
+        3,
+        Arm,
+        A=A,
+        v=v,
+        m_c=m_c,
+        rod=lambda self: [dict(L=self.L[i], m=self.m_a[i]) for i in range(3)],
+        friction=lambda self: [
+            dict(coulomb=self.coulomb[i], viscous=self.viscous[i], velocity_scale=self.velocity_scale)
+            for i in range(3)
+        ],
+    )
+    plate = gt.part(PointMass, m=m_p)
+
+    def equations(self):
+        for i, arm in enumerate(self.arm):
+            yield gt.connect(arm.tip, self.plate.frame)
+            yield self.q[i] == arm.guideway.flange.s
+            yield self.tau[i] == arm.motor.force
+        yield self.T == self.plate.frame.r
+        p = [arm.rod.a.r for arm in self.arm]
+        normal = gt.cross(p[1] - p[0], p[2] - p[0])
+        yield gt.branch("plate_ahead", gt.dot(self.T - p[0], normal) * gt.dot(normal, self.v[0]))
