@@ -1,7 +1,7 @@
 """gtmodel: write a robot's equations once; every causality is derived.
 
 Language: Model, Connector, Optimization; variable, input, parameter, part, parts, port, outer, connect, der.
-Engines: Model.causal (any causality), solve (optimal control), simulate, generate (C code).
+Engines: Model.causal (any causality), solve (optimal control), cgen.generate (C code).
 """
 
 import importlib
@@ -11,6 +11,7 @@ from . import lang as _lang
 from . import mechanics
 from .compiler.causal import CausalFunction, compile_causal
 from .lang import *  # noqa: F403
+from .optimize import Mesh, NotSolved, Solution, SolverOptions, solve
 from .results import SolveStatus, Status, Trajectory
 
 if TYPE_CHECKING:
@@ -23,11 +24,16 @@ __version__ = "0.1.0"
 
 __all__ = [
     "CausalFunction",
+    "Mesh",
+    "NotSolved",
+    "Solution",
     "SolveStatus",
+    "SolverOptions",
     "Status",
     "Trajectory",
     "mechanics",
     "robots",
+    "solve",
 ]
 __all__ += _lang.__all__
 

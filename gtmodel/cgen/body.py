@@ -15,6 +15,10 @@ from .text import comment
 
 _EXPORTED = re.compile(r"^CASADI_SYMBOL_EXPORT [^\n]*?(\w+)\([^\n]*\{(?:[^\n]*\}\n|.*?^\}\n)\n?", re.M | re.S)
 _CONSTANT = re.compile(r"^static const casadi_int (casadi_s\d+)\[[^\n]*;\n", re.M)
+_ABOUT_HEADER = (
+    "Generated bodies without guards: call the functions of gt_{name}.h instead. "
+    "SZ_*: how many pointers, integers and doubles of scratch a body takes."
+)
 SIZES = ("SZ_ARG", "SZ_RES", "SZ_IW", "SZ_W")
 
 
@@ -63,10 +67,9 @@ def _source(text: str, prefix: str, wanted: set[str]) -> str:
 def _header(declarations: str, name: str, faces: list[Interface]) -> str:
     guard = f"GT_{name.upper()}_BODY_H"
     parts = [
-        comment([f"Generated bodies without guards: call the functions of gt_{name}.h instead.", "",
-                 "SZ_*: how many pointers, integers and doubles of scratch a body takes."]),
+        comment([_ABOUT_HEADER.format(name=name)]),
         f'#ifndef {guard}\n#define {guard}\n\n#ifdef __cplusplus\nextern "C" {{\n#endif\n\n',
-    ]  # fmt: skip
+    ]
     for face in faces:
         for size in SIZES:
             number = re.search(rf"^#define {face.body}_{size} (\d+)$", declarations, re.M)

@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
+from ..compiler.blocks import Root
 from ..compiler.causal import CausalFunction
 from .interface import Interface, Member
 from .text import comment
 
-_CONVENTIONS = [
+_CONVENTIONS = (
     "Every number is in SI units; a member's name ends in its unit. Matrices are stored row by row. A function "
     "writes its outputs only when it returns GT_OK; otherwise they keep their last values. Functions hold no state "
-    "and may be called from several threads at once. Pointers must not be NULL.",
-]
+    "and may be called from several threads at once. Pointers must not be NULL."
+)
 
 
 def header(name: str, faces: list[Interface], about: list[str], hashes: dict[str, str]) -> str:
     """Text of the public header; `about` opens it, `hashes` become string macros."""
     guard = f"GT_{name.upper()}_H"
     parts = [
-        comment([f"gt_{name}: functions of a robot or machine, generated from its equations.", "", *about, ""]
-                + _CONVENTIONS),
+        comment([f"gt_{name}: functions made from the equations of a model.", "", *about, "", _CONVENTIONS]),
         f"#ifndef {guard}\n#define {guard}\n\n",
         '#include "gt_status.h"\n\n',
         '#ifdef __cplusplus\nextern "C" {\n#endif\n\n',
@@ -31,7 +31,7 @@ def header(name: str, faces: list[Interface], about: list[str], hashes: dict[str
         comment(["The largest difference that the self-test sees, relative where the number is above one."]),
         f"double gt_{name}_selftest_difference(void);\n\n",
         "#ifdef __cplusplus\n}\n#endif\n\n#endif\n",
-    ]  # fmt: skip
+    ]
     return "".join(parts)
 
 
@@ -52,13 +52,18 @@ def _declarations(face: Interface) -> str:
 def conditions(function: CausalFunction) -> list[str]:
     """Which of several solutions the function takes, and what its statuses mean."""
     roots = [r for b in function.plan.blocks for r in b.roots]
-    lines = [f"- of two solutions for {r.label}: the one with the {'+' if r.value > 0 else '-'} root" for r in roots]
+    lines = [f"- of the two solutions for {r.label} the one {_chosen(r)}" for r in roots]
     kinds = [m.kind for m in function.margins]
     if "discriminant" in kinds:
         lines.append("- GT_OUT_OF_RANGE where no real solution exists")
     if "pivot" in kinds:
         lines.append(f"- GT_SINGULAR where one of {kinds.count('pivot')} pivots vanishes; manifest.json names them")
     return lines
+
+
+def _chosen(root: Root) -> str:
+    sign = f"with the {'+' if root.value > 0 else '-'} root"
+    return f"{sign}: branch {root.told_by}" if root.told_by else sign
 
 
 def _struct(name: str, members: tuple[Member, ...]) -> str:

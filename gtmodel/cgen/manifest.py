@@ -16,10 +16,10 @@ from .interface import Interface, Member
 
 FORMAT = "gtmodel-c-1"
 FILE = "manifest.json"
-_KEYS = frozenset(
-    """format name gtmodel casadi parameters_sha256 body_sha256 provenance compile pivot_tolerance statuses functions
-    models files""".split()
-)
+_KEYS = """
+    format name gtmodel casadi parameters_sha256 body_sha256 provenance compile pivot_tolerance statuses functions
+    models files
+"""
 
 
 def sha256(text: str) -> str:
@@ -94,7 +94,7 @@ def read(folder: Path) -> dict[str, Any] | None:
         content = json.loads((folder / FILE).read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return None
-    if not isinstance(content, dict) or content.get("format") != FORMAT or set(content) != _KEYS:
+    if not isinstance(content, dict) or content.get("format") != FORMAT or set(content) != set(_KEYS.split()):
         return None
     # a manifest speaks of files of its own folder only, whatever somebody wrote into it
     return content if all(Path(file).name == file for file in content["files"]) else None

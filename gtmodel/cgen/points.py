@@ -25,7 +25,8 @@ def draw(function: CausalFunction, rows: int, seed: int) -> np.ndarray:
     centres = np.zeros((len(plan.samples), len(pairs)))
     for column, pair in enumerate(pairs):
         if pair in position:
-            centres[:, column] = plan.samples[:, position[pair]]
+            # six digits: the noise of another linear algebra library must not reach the generated text
+            centres[:, column] = [float(f"{x:.6g}") for x in plan.samples[:, position[pair]]]
     sizes = np.ones(len(pairs))
     first = 0
     for s in function.inputs:

@@ -48,8 +48,10 @@ def selftest(name: str, faces: list[Interface]) -> str:
 
 def _tables(face: Interface) -> str:
     inputs, outputs, status = vectors(face)
-    held = [["GT_HELD"] * outputs.shape[1] if s != Status.OK else map(hexadecimal, row.tolist())
-            for row, s in zip(outputs, status.tolist(), strict=True)]  # fmt: skip
+    held = [
+        list(map(hexadecimal, row)) if s == Status.OK else ["GT_HELD"] * len(row)
+        for row, s in zip(outputs.tolist(), status.tolist(), strict=True)
+    ]
     given = [list(map(hexadecimal, row)) for row in inputs.tolist()]
     codes = ", ".join(Status(int(s)).c_name for s in status)
     n = len(status)
@@ -61,7 +63,7 @@ def _tables(face: Interface) -> str:
     return "".join(tables)
 
 
-def _table(declarator: str, rows: list) -> str:
+def _table(declarator: str, rows: list[list[str]]) -> str:
     lines = ",\n".join("    {" + ", ".join(row) + "}" for row in rows)
     return f"static const double {declarator} = {{\n{lines}\n}};\n\n"
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from ..compiler.blocks import Margin
 from ..compiler.causal import PIVOT_TOLERANCE
 from ..results.status import Status
+from .errors import GenerationError
 from .interface import Interface
 from .text import comment, decimal
 
@@ -60,5 +61,7 @@ def _guard(good: str, otherwise: Status, why: str = "") -> str:
 def _margin(n: int, margin: Margin) -> str:
     if margin.kind == "discriminant":
         return _guard(f"margins[{n}] >= 0.0", Status.OUT_OF_RANGE, f"discriminant of {margin.label}")
+    if margin.kind != "pivot":
+        raise GenerationError(f"the margin of {margin.label} is of the kind '{margin.kind}', which C does not know yet")
     test = f"fabs(margins[{n}]) > (GT_PIVOT_TOLERANCE * {decimal(margin.scale)})"
     return _guard(test, Status.SINGULAR, f"pivot of {margin.label}")

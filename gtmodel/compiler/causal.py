@@ -155,9 +155,9 @@ class CausalFunction:
         for m, row in zip(self.margins, results[-1], strict=True):
             value = float(row[0])
             if m.kind == "discriminant" and not value >= 0:
-                return f"{status.sentence} The root for {m.label} has the negative discriminant {value:.4g}."
+                return f"{status.sentence}: the root for {m.label} has the negative discriminant {value:.4g}"
             if m.kind == "pivot" and not abs(value) > PIVOT_TOLERANCE * m.scale:
-                return f"{status.sentence} The pivot for {m.label} is {value:.4g} (typically {m.scale:.4g})."
+                return f"{status.sentence}: the pivot for {m.label} is {value:.4g}, typically {m.scale:.4g}"
         return status.sentence
 
     def _columns(self, arguments: Sequence[Any]) -> tuple[list[np.ndarray], int | None]:

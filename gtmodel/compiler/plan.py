@@ -198,7 +198,7 @@ def _solve(
         kind = "explicit" if len(nodes) == 1 and not margins else "linear"
         return SolvedBlock(kind, names, equations, assignments, margins, [], how)
     try:
-        assignments, margins, roots, how = solve_nonlinear(residuals, unknowns, signs, label)
+        assignments, margins, roots, how = solve_nonlinear(residuals, unknowns, signs)
     except NoClosedForm:
         raise ModelError(
             f"{flat.title}: the block of {', '.join(names[:8])} has no closed form; its equations are "

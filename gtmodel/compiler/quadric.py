@@ -16,7 +16,7 @@ class NoClosedForm(Exception):
 
 
 def solve_nonlinear(
-    residuals: list[ca.SX], unknowns: list[ca.SX], signs: SignAnalysis, label: str
+    residuals: list[ca.SX], unknowns: list[ca.SX], signs: SignAnalysis
 ) -> tuple[Assignments, list[Margin], list[Root], str]:
     """Closed form of a nonlinear block: assignments in order, margins, roots, a sentence on how.
 
@@ -25,6 +25,7 @@ def solve_nonlinear(
     """
     residuals, left, explicit = _explicit(list(residuals), list(unknowns), signs)
     n = len(left)
+    label = ", ".join(s.name() for s in left)
     if n == 1:
         core, margins, root = _quadratic(residuals[0], left[0], signs, label)
         kind = "quadratic"

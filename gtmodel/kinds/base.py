@@ -17,12 +17,20 @@ if TYPE_CHECKING:
 
 
 class InputError(ValueError):
-    """What a person gave is wrong: one plain sentence, and the key of the problem file where it is known."""
+    """What a person gave is wrong: one plain sentence, with the file and its key where they are known."""
 
-    def __init__(self, sentence: str, key: str = "") -> None:
-        super().__init__(sentence)
+    def __init__(self, sentence: str, key: str = "", file: str = "") -> None:
+        super().__init__(sentence, key, file)
         self.sentence = sentence
         self.key = key
+        self.file = file
+
+    def __str__(self) -> str:
+        return ": ".join(part for part in (self.file, self.key, self.sentence) if part)
+
+    def within(self, file: str, key: str = "") -> InputError:
+        """The same fault seen from outside: in this file, at this key, unless it says so itself."""
+        return InputError(self.sentence, self.key or key, self.file or file)
 
 
 class Section(pydantic.BaseModel):

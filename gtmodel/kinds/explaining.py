@@ -28,12 +28,12 @@ def of(
     given, wanted, kept = split(known), split(targets), split(prefer)
     if _is_problem(what):
         if given or wanted or kept:
-            raise InputError(f"{what}: a problem file says itself what is known; leave --known and --targets out")
+            raise InputError("a problem file says itself what is known; leave --known and --targets out")
         loaded = load(what, settings)
         return run.explain(loaded, run.context_of(loaded))
     model = resolve(what, Context(), key="")
     if not wanted:
-        raise InputError(f"{what}: --targets is missing; top-level names are {flat_of(model).top()}")
+        raise InputError(f"name its --targets; top-level names are {flat_of(model).top()}")
     return compile_causal(model, given, wanted, kept).explain()
 
 

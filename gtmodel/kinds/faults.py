@@ -11,7 +11,6 @@ from gtmodel.lang import ModelError, UnitError
 from gtmodel.results import SolveStatus, TrajectoryError, UnknownNameError
 
 from .base import InputError
-from .load import located
 from .python_models import fault, sentence_of
 
 _PACKAGE = str(Path(__file__).resolve().parents[1]) + os.sep
@@ -19,10 +18,10 @@ _NOBODYS = (_PACKAGE + "lang" + os.sep, sysconfig.get_path("stdlib") + os.sep, "
 
 
 def describe(error: BaseException, path: str = "") -> tuple[SolveStatus, str]:
-    """Status and sentence; `path` is the problem file and stands in front where the sentence does not name it."""
+    """Status and sentence; `path` is the problem file."""
     if isinstance(error, InputError):
-        named = not path or error.sentence.startswith((path, "--"))
-        return SolveStatus.BAD_INPUT, error.sentence if named else located(error, path)
+        about_an_option = error.sentence.startswith("--") and not error.key
+        return SolveStatus.BAD_INPUT, str(error if about_an_option else error.within(path))
     prefix = f"{path}: " if path else ""
     if isinstance(error, ModelError):
         return SolveStatus.BAD_INPUT, prefix + sentence_of(error)

@@ -108,16 +108,22 @@ def _type_text(field: Mapping[str, Any], document: Mapping[str, Any]) -> str:
     return " or ".join(dict.fromkeys(texts))
 
 
+def _several(text: str) -> str:
+    """The type of a list's entries in the plural."""
+    for noun in ("whole number", "number", "text", "table", "list"):
+        if text.startswith(noun):
+            return f"{noun}s{text.removeprefix(noun)}"
+    return text
+
+
 def _one_type(node: Mapping[str, Any], document: Mapping[str, Any]) -> str:
     if "enum" in node or "const" in node:
         return " or ".join(f'"{v}"' for v in node.get("enum", [node.get("const")]))
     kind = node.get("type")
     if kind == "array":
         low, high = node.get("minItems"), node.get("maxItems")
-        items = _type_text(_items(node, document), document)
-        if low is not None and low == high:
-            return f"list of {low} of: {items}"
-        return f"list of: {items}" if items else "list"
+        count = f"{low} " if low is not None and low == high else ""
+        return f"list of {count}{_several(_type_text(_items(node, document), document))}"
     bounds = ", ".join(f"{sign} {node[key]:g}" for key, sign in _BOUNDS if key in node)
     text = _TYPES.get(kind or "", "anything")
     return f"{text} {bounds}" if bounds else text

@@ -51,13 +51,8 @@ def load(path: str | Path, settings: Iterable[str] = ()) -> Loaded:
         data = apply(parse(content), settings)
         kind, problem = check(data)
     except InputError as error:
-        raise InputError(located(error, found if shipped else path), error.key) from error
+        raise error.within(str(path)) from None
     return Loaded(found, content, settings, kind, problem, shipped)
-
-
-def located(error: InputError, path: str | Path) -> str:
-    """The sentence of an error with file and key in front."""
-    return ": ".join(part for part in (str(path), error.key, error.sentence) if part)
 
 
 def find(path: str | Path) -> tuple[Path, bool]:
@@ -72,7 +67,7 @@ def find(path: str | Path) -> tuple[Path, bool]:
                 return folder / name, True
     close = difflib.get_close_matches(asked.stem, shipped_names(), n=1)
     hint = f"did you mean the shipped '{close[0]}'?" if close else "gtmodel list problems shows the shipped ones"
-    raise InputError(f"{path}: there is no such file; {hint}")
+    raise InputError(f"there is no such file; {hint}", file=str(path))
 
 
 def shipped_names() -> list[str]:
@@ -111,7 +106,7 @@ def check(data: Mapping[str, Any]) -> tuple[Kind, Problem]:
     try:
         kind = get(data["kind"])
     except InputError as error:
-        raise InputError(error.sentence, "kind") from error
+        raise error.within("", "kind") from None
     return kind, validate(kind.Schema, data)
 
 

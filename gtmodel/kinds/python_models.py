@@ -98,9 +98,9 @@ def _module(name: str, context: Context, key: str) -> ModuleType:
                 raise InputError(
                     f"there is no Python module '{name}' here, in {context.folder} or installed", key
                 ) from error
-            raise InputError(fault(error, name), key) from error
+            raise InputError(fault(error, f"'{name}'"), key) from error
         except Exception as error:
-            raise InputError(fault(error, name), key) from error
+            raise InputError(fault(error, f"'{name}'"), key) from error
 
 
 def _file(place: str, context: Context, key: str) -> ModuleType:
@@ -120,7 +120,7 @@ def _file(place: str, context: Context, key: str) -> ModuleType:
             spec.loader.exec_module(module)
         except Exception as error:
             del sys.modules[name]
-            raise InputError(fault(error, place), key) from error
+            raise InputError(fault(error, f"'{place}'"), key) from error
     return module
 
 
@@ -138,13 +138,13 @@ def _on_path(*folders: Path) -> Iterator[None]:
 def fault(error: BaseException, what: str) -> str:
     """An error in a person's Python file as a sentence with file and line."""
     if isinstance(error, SyntaxError):
-        return f"'{what}' is not Python: {error.msg} ({error.filename}:{error.lineno})"
+        return f"{what} is not Python: {error.msg} ({error.filename}:{error.lineno})"
     frames = traceback.extract_tb(error.__traceback__)
     own = [f for f in frames if "importlib" not in f.filename and not f.filename.startswith(_HERE)]
     place = f" ({own[-1].filename}:{own[-1].lineno})" if own else ""
     if isinstance(error, ModelError):
         return str(error)
-    return f"'{what}' cannot be used: {type(error).__name__}: {error}{place}"
+    return f"{what} cannot be used: {type(error).__name__}: {error}{place}"
 
 
 _HERE = str(Path(__file__).resolve().parents[1]) + os.sep

@@ -12,7 +12,7 @@ from gtmodel.robots import catalogue
 
 from . import python_models
 from .base import Context, InputError
-from .load import located, parse, read, validate
+from .load import parse, read, validate
 from .robot_file import RobotFile
 
 _WORDS = {
@@ -79,7 +79,8 @@ def _from_file(
     try:
         robot = validate(RobotFile, parse(read(path)))
     except InputError as error:
-        raise InputError(located(error, reference), key) from error
+        inside = error.within(reference)
+        raise InputError(str(inside), key) if key else inside
     context.inputs["robot"] = path
     # a name is needed for the masses and friction that the file leaves out; the file gives all of the geometry
     return next(iter(catalogue.names())), {**robot.modifiers(given.get("payload", 0.0)), **modifiers}

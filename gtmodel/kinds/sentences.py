@@ -9,7 +9,7 @@ from typing import Any
 import pydantic
 
 from .base import InputError
-from .fields import REQUIRED, Key, keys_of, tables_of
+from .fields import Key, keys_of, tables_of
 from .units import split
 
 _EXPECTED = {
@@ -21,13 +21,12 @@ _EXPECTED = {
     "string_type": "a text",
     "bool_type": "true or false",
     "bool_parsing": "true or false",
-    "list_type": "a list",
-    "tuple_type": "a list",
     "dict_type": "a table",
     "model_type": "a table",
     "model_attributes_type": "a table",
     "finite_number": "a finite number",
 }
+_LISTS = {"list_type", "tuple_type", "too_short", "too_long"}
 _FIRST = {"extra_forbidden": 0, "missing": 2}  # a missing key is often the misspelt one
 
 
@@ -66,13 +65,16 @@ def _place(loc: tuple[str | int, ...], data: Any, kind: str) -> tuple[str | int,
     """The part of an error's location that is a key of the file, without the names of union members."""
     place: list[str | int] = []
     for n, part in enumerate(loc):
-        inside = part in data if isinstance(data, dict) else isinstance(data, list) and isinstance(part, int)
-        if inside:
+        if _holds(data, part):
             data = data[part]
         elif kind != "missing" or n < len(loc) - 1:
             continue
         place.append(part)
     return tuple(place)
+
+
+def _holds(data: Any, part: str | int) -> bool:
+    return part in data if isinstance(data, dict) else isinstance(data, list) and isinstance(part, int)
 
 
 def _sentence(
@@ -84,14 +86,16 @@ def _sentence(
         return _unknown(place, schema)
     known = _known(place, schema)
     if kind == "missing":
-        wanted = _of(known, [known.type]) if known else "a value"
+        wanted = _of(known, [a(known.type)]) if known else "a value"
         about = f" ({known.description})" if known and known.description else ""
         return f"is missing; expected {wanted}{about}", ""
     found = f"found {shown(_value_at(place, data))}"
     expected = [_EXPECTED[f["type"]] for f in faults if f["type"] in _EXPECTED]
-    if len(expected) == len(faults):
-        return f"expected {_of(known, list(dict.fromkeys(expected)))}; {found}", ""
-    return f"{_bound(next(f for f in faults if f['type'] not in _EXPECTED), known)}; {found}", ""
+    if known and (len(faults) > 1 or kind in _LISTS) and not isinstance(place[-1], int):
+        expected = [a(known.type)]
+    elif len(expected) != len(faults):
+        return f"{_bound(next(f for f in faults if f['type'] not in _EXPECTED), known)}; {found}", ""
+    return f"expected {_of(known, list(dict.fromkeys(expected)))}; {found}", ""
 
 
 def _of(known: Key | None, texts: list[str]) -> str:
@@ -102,9 +106,6 @@ def _bound(fault: Any, known: Key | None) -> str:
     kind, context = fault["type"], fault.get("ctx", {})
     if kind in ("literal_error", "enum"):
         return f"expected {context['expected']}"
-    if kind in ("too_short", "too_long"):
-        most = context.get("min_length", context.get("max_length"))
-        return f"expected at {'least' if kind == 'too_short' else 'most'} {most} of them"
     message = fault["msg"].removeprefix("Value error, ").removeprefix("Assertion failed, ")
     if message.startswith("Input should be "):
         unit = f" {known.unit}" if known and known.unit and context else ""
@@ -155,6 +156,11 @@ def _value_at(place: Sequence[str | int], data: Any) -> Any:
     return data
 
 
+def a(text: str) -> str:
+    """A type as the schema names it, with its article."""
+    return f"a {text}" if text.startswith(("number", "whole number", "text", "list", "table")) else text
+
+
 def shown(value: Any) -> str:
     """A value of a TOML file in words."""
     if isinstance(value, bool):
@@ -168,4 +174,4 @@ def shown(value: Any) -> str:
     return f"{value}"
 
 
-__all__ = ["REQUIRED", "dotted", "sentence_for", "shown"]
+__all__ = ["dotted", "sentence_for", "shown"]

@@ -93,16 +93,19 @@ class Expr:
         return -(self - other)
 
     def __mul__(self, other: Any) -> Expr:
+        other = gathered(other)
         a, b, shape, scope = _elementwise(self, other, "*")
         return Expr(a * b, shape, times(self.dimension, dimension_of(other)), scope)
 
     __rmul__ = __mul__
 
     def __truediv__(self, other: Any) -> Expr:
+        other = gathered(other)
         a, b, shape, scope = _elementwise(self, other, "/")
         return Expr(a / b, shape, over(self.dimension, dimension_of(other)), scope)
 
     def __rtruediv__(self, other: Any) -> Expr:
+        other = gathered(other)
         a, b, shape, scope = _elementwise(self, other, "/")
         return Expr(b / a, shape, over(dimension_of(other), self.dimension), scope)
 
@@ -179,17 +182,24 @@ def over(a: Dimension | None, b: Dimension | None) -> Dimension | None:
     return None if a is None or b is None else a / b
 
 
+def gathered(value: Any) -> Any:
+    """A list that holds expressions as one expression, with its unit; everything else as it is."""
+    if isinstance(value, (list, tuple)):
+        parts = [gathered(v) for v in value]
+        if any(isinstance(v, Expr) for v in parts):
+            from .functions import vector
+
+            return vector(parts)
+    return value
+
+
 def operand(value: Any, scope: Scope) -> tuple[ca.SX, Shape]:
     """SX and shape of an expression, number, list or array."""
+    value = gathered(value)
     if isinstance(value, Expr):
         if value.scope is not scope:
             raise ModelError("expressions of two different models were combined; connect them as parts", here())
         return value.sx, value.shape
-    if isinstance(value, (list, tuple)) and any(isinstance(v, Expr) for v in value):
-        from .functions import vector
-
-        e = vector(value)
-        return e.sx, e.shape
     try:
         array = np.asarray(value, dtype=float)
     except (TypeError, ValueError):
@@ -212,10 +222,11 @@ def _elementwise(a: Expr, b: Any, op: str) -> tuple[ca.SX, ca.SX, Shape, Scope]:
 def aligned(a: Expr, b: Any, op: str) -> tuple[ca.SX, ca.SX, Dimension | None, Shape, Scope]:
     """Operands of a sum or a relation: equal shapes (a number may stand for a vector only when it is zero)
     and equal dimensions; returns both, the common dimension, shape and scope."""
+    b = gathered(b)
     sb, shape_b = operand(b, a.scope)
     if a.shape != shape_b:
         zero = (not isinstance(b, Expr)) and shape_b == () and float(b) == 0.0
-        comparison = op in ("<=", ">=") and () in (a.shape, shape_b)
+        comparison = op in ("<=", ">=", "minimum", "maximum") and () in (a.shape, shape_b)
         if not (zero or comparison):
             raise ModelError(
                 f"shapes {a.shape} and {shape_b} do not fit in '{op}'; expected equal shapes", here()
@@ -247,6 +258,7 @@ def relation(a: Expr, b: Any, op: str) -> Relation:
 
 def matmul(a: Any, b: Any) -> Expr:
     """Matrix product of expressions or arrays with inner lengths that fit."""
+    a, b = gathered(a), gathered(b)
     scope = a.scope if isinstance(a, Expr) else b.scope
     (sa, shape_a), (sb, shape_b) = operand(a, scope), operand(b, scope)
     if not shape_a or not shape_b or shape_a[-1] != shape_b[0]:

@@ -8,7 +8,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from .expression import ONE, Expr, dimension_of, operand, times
+from .expression import ONE, Expr, dimension_of, gathered, operand, times
 from .source import ModelError, here
 
 
@@ -36,6 +36,7 @@ def der(x: Any, order: int = 1) -> Expr:
 
 def dot(a: Any, b: Any) -> Expr:
     """Scalar product of two vectors of equal length."""
+    a, b = gathered(a), gathered(b)
     scope = _scope_of(a, b)
     if scope is None:
         raise ModelError("gt.dot takes at least one expression of the model; use numpy.dot on numbers", here())
@@ -47,6 +48,7 @@ def dot(a: Any, b: Any) -> Expr:
 
 def cross(a: Any, b: Any) -> Expr:
     """Vector product of two vectors of length 3."""
+    a, b = gathered(a), gathered(b)
     scope = _scope_of(a, b)
     if scope is None:
         raise ModelError("gt.cross takes at least one expression; use numpy.cross on numbers", here())
@@ -58,6 +60,7 @@ def cross(a: Any, b: Any) -> Expr:
 
 def vector(parts: Sequence[Any]) -> Expr:
     """A vector from scalars, or a matrix (one row each) from vectors of equal length."""
+    parts = [gathered(p) for p in parts]
     scope = _scope_of(*parts)
     if scope is None:
         raise ModelError("gt.vector takes at least one expression; use numpy.array on numbers", here())

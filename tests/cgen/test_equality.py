@@ -1,0 +1,139 @@
+"""C equals Python: values bit for bit, statuses everywhere, outputs held; and the proof fails when it should."""
+
+import ctypes
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gtmodel import Status, cgen
+from gtmodel.cgen import toolchain
+from gtmodel.cgen.comparison import call
+from gtmodel.cgen.interface import interfaces
+from gtmodel.cgen.points import HELD, draw, evaluate
+from tests.cgen.conftest import Functions, c_files, copy, run, succeed
+
+POINTS = 1000
+
+
+@pytest.fixture(scope="module")
+def l1_report(l1: Functions, l1_folder: Path) -> cgen.CheckReport:
+    return cgen.check(l1_folder, l1, points=POINTS, seed=1)
+
+
+@pytest.fixture(scope="module")
+def small_report(small: Functions, small_folder: Path) -> cgen.CheckReport:
+    return cgen.check(small_folder, small, points=POINTS, seed=1)
+
+
+@pytest.mark.parametrize("which", ["l1_report", "small_report"])
+def test_every_function_equals_python(which: str, request: pytest.FixtureRequest) -> None:
+    report: cgen.CheckReport = request.getfixturevalue(which)
+    assert report.passed, str(report)
+    names = [c.name for c in report.checks]
+    assert len(set(names)) == len(names)
+    for key, ok in report.rows_ok.items():
+        # both kinds of points: enough where values are compared, enough where a status is
+        assert report.rows[key] >= POINTS and 0.2 * POINTS < ok
+        assert key == "slider" or key == "wobble" or ok < 0.9 * POINTS, key
+
+
+def load(folder: Path, place: Path) -> ctypes.CDLL:
+    sources = [folder / f for f in c_files(folder) if not f.endswith("_main.c")]
+    succeed("cc", "-O2", "-ffp-contract=off", "-shared", "-fPIC", *sources, "-lm", "-o", "library.so", cwd=place)
+    return ctypes.CDLL(str(place / "library.so"))
+
+
+def test_each_cause_has_its_status(small: Functions, small_folder: Path, tmp_path: Path) -> None:
+    face = interfaces({"pendulum": small["pendulum"]}, "small")[0]
+    #          ok          beyond L    bottom, x[0] = 0  overflow         NaN            infinite
+    inputs = [[-0.6, 0.3], [-1.2, 0.3], [-1.0, 0.3], [-0.6, 1e300], [np.nan, 0.3], [-0.6, -np.inf]]
+    outputs, status = call(load(small_folder, tmp_path), face, np.array(inputs))
+    expected = [Status.OK, Status.OUT_OF_RANGE, Status.SINGULAR] + [Status.NOT_FINITE] * 3
+    assert status.tolist() == expected
+    np.testing.assert_array_equal(status, evaluate(face.function, np.array(inputs))[1])
+    assert np.all(outputs[1:] == HELD)
+    # T = m (v^2 / L^2 - g y / L^2) in closed form
+    speed2 = 0.3**2 / (1 - 0.6**2)
+    assert outputs[0, 0] == pytest.approx(2.0 * (speed2 + 9.81 * 0.6), rel=1e-14)
+
+
+def test_same_result_however_calls_are_mixed(l1: Functions, l1_folder: Path, tmp_path: Path) -> None:
+    """No state: two functions called alternately give what each gives alone."""
+    library = load(l1_folder, tmp_path)
+    fk, ik = interfaces({k: l1[k] for k in ("fk", "ik")}, "l1")
+    q, T = draw(fk.function, 20, seed=3), draw(ik.function, 20, seed=4)
+    apart = call(library, fk, q)[0], call(library, ik, T)[0]
+    mixed = [(call(library, fk, q[n : n + 1])[0], call(library, ik, T[n : n + 1])[0]) for n in range(20)]
+    np.testing.assert_array_equal(apart[0], np.concatenate([m[0] for m in mixed]))
+    np.testing.assert_array_equal(apart[1], np.concatenate([m[1] for m in mixed]))
+
+
+def test_self_test_sees_any_changed_constant(l1: Functions, tmp_path: Path) -> None:
+    folder = cgen.generate({"fk": l1["fk"]}, tmp_path / "one", name="one").folder
+    body = folder / "gt_one_body.c"
+    text = body.read_text()
+    others = [f for f in c_files(folder) if f != body.name]
+    succeed("cc", "-O2", "-ffp-contract=off", "-c", *others, cwd=folder)
+    constants = list(re.finditer(r"(?<==)-?\d\.\d+(e[+-]\d+)?(?=;)", text))
+    assert len(constants) > 10
+    for constant in constants:
+        value = float(constant[0]) * (1 + 1e-9)
+        body.write_text(f"{text[: constant.start()]}{value!r}{text[constant.end() :]}")
+        succeed("sh", "-c", "cc -O2 -ffp-contract=off -c gt_one_body.c && cc *.o -lm", cwd=folder)
+        assert run("./a.out", cwd=folder).returncode == 1, constant[0]
+
+
+def test_check_sees_changed_code_and_other_parameters(small: Functions, small_folder: Path, tmp_path: Path) -> None:
+    folder = copy(small_folder, tmp_path)
+    body = folder / "gt_small_body.c"
+    body.write_text(body.read_text().replace("9.8100000000000005e+00", "9.8200000000000003e+00"))
+    report = cgen.check(folder, small, points=50)
+    failed = {c.name for c in report.checks if not c.passed}
+    assert failed == {"files_changed", "selftest_failures", "pendulum_values_different"}
+    assert not report.passed and "files_changed" in report.message
+
+    from tests.cgen.conftest import SliderCrank
+
+    other = {k: f for k, f in small.items()}
+    other["wobble"] = SliderCrank(r=0.11).causal(known="phi", targets="wobble")
+    failed = {c.name for c in cgen.check(small_folder, other, points=50).checks if not c.passed}
+    assert {"parameters_different", "wobble_values_different"} <= failed
+
+
+def test_check_sees_foreign_calls_and_warnings(small: Functions, small_folder: Path, tmp_path: Path) -> None:
+    folder = copy(small_folder, tmp_path)
+    source = folder / "gt_small.c"
+    source.write_text(
+        source.read_text() + "void *gt_small_more(void);\nvoid *gt_small_more(void) { return gt_other(); }\n"
+    )
+    source.write_text(
+        source.read_text().replace("void *gt_small_more", "void *gt_other(void);\nvoid *gt_small_more", 1)
+    )
+    checks = {c.name: c for c in cgen.check(folder, small, points=10).checks}
+    assert not checks["foreign_symbols"].passed and "gt_other" in checks["foreign_symbols"].detail
+    source.write_text(source.read_text() + "int gt_small_warn(double x);\nint gt_small_warn(double x) { return x; }\n")
+    checks = {c.name: c for c in cgen.check(folder, small, points=10).checks}
+    assert not checks["files_not_compiled"].passed and "conversion" in checks["files_not_compiled"].detail
+
+
+def test_missing_compiler_is_one_sentence(
+    small: Functions, small_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("CC", "no-such-compiler")
+    assert cgen.generate(small, tmp_path / "x", name="x").header.is_file()
+    report = cgen.check(small_folder, small)
+    assert not report.passed
+    assert report.message.startswith("there is no C compiler 'no-such-compiler' on this machine")
+    monkeypatch.setattr(toolchain.shutil, "which", lambda name: None if name == "nm" else name)
+    assert "binutils" in cgen.check(small_folder, small).message
+
+
+def test_check_refuses_folders_of_other_functions(small: Functions, small_folder: Path, tmp_path: Path) -> None:
+    with pytest.raises(cgen.GenerationError, match=r"holds no manifest\.json"):
+        cgen.check(tmp_path, small)
+    with pytest.raises(cgen.GenerationError, match="also holds 'pendulum'"):
+        cgen.check(small_folder, {k: small[k] for k in ("slider", "wobble")})
+    with pytest.raises(cgen.GenerationError, match="generated from another 'wobble'"):
+        cgen.check(small_folder, {**small, "wobble": small["slider"]})
