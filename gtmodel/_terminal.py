@@ -54,9 +54,8 @@ def number(value: Any) -> str:
 
 
 def outcome_table(title: str, outcome: Outcome) -> None:
-    """Print one outcome: its status, its rows, its checks."""
-    message = "" if outcome.message == outcome.status.value else outcome.message
-    rows = [("status", outcome.status.value, "", message)]
+    """Print one outcome: its status, its rows, its checks; the message below. A failure's goes to stderr."""
+    rows = [("status", outcome.status.value, "", "")]
     if outcome.iterations is not None:
         rows.append(("iterations", str(outcome.iterations), "", ""))
     for label, value, *unit in outcome.rows or _rows(outcome.values):
@@ -67,6 +66,8 @@ def outcome_table(title: str, outcome: Outcome) -> None:
         verdict = "passed" if check.passed else "FAILED"
         rows.append((stem.replace("_", " "), number(check.value), unit, f"{verdict}{bound}"))
     table(("quantity", "value", "unit", ""), rows, title)
+    if outcome.status.ok and outcome.message not in ("", outcome.status.value):
+        print(f"\n{outcome.message}")
 
 
 def _rows(values: Mapping[str, Any]) -> Iterator[tuple[str, Any, str]]:

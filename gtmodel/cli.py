@@ -121,7 +121,7 @@ def solve(
     settings: Set = None,
     out: Annotated[Path | None, typer.Option(metavar="DIR", help="Write the result into this folder.")] = None,
     as_json: Json = False,
-    plot: Annotated[bool, typer.Option(help="Draw pictures; without --out into ./NAME-result.")] = False,
+    plot: Annotated[bool, typer.Option("--plot", help="Draw pictures; without --out into ./NAME-result.")] = False,
     max_seconds: Annotated[float | None, typer.Option(metavar="S", help="Stop then, keeping the best iterate.")] = None,
     start: Annotated[
         Path | None, typer.Option(metavar="RESULT", help="Start from the result.json of an earlier --out.")

@@ -29,6 +29,11 @@ def casadi_function(face: Interface) -> ca.Function:
     if an output is not dense.
     """
     f = face.function
+    if f.plan.newton:
+        unknowns = "; ".join(", ".join(b.labels) for b in f.plan.newton)
+        raise GenerationError(
+            f"the function '{face.key}' iterates (Newton in {unknowns}); C is generated for closed forms only"
+        )
     built = CausalFunction(f.plan, f.inputs, f.outputs, face.body).casadi
     if built.name() != face.body or not all(built.sparsity_out(n).is_dense() for n in range(built.n_out())):
         raise GenerationError(f"the function '{face.key}' has a sparse output or no C name; this is a gtmodel error")
@@ -58,7 +63,7 @@ def _source(text: str, prefix: str, wanted: set[str]) -> str:
             text = re.sub(rf"^(#define {constant} |static const casadi_int {constant}\[)[^\n]*\n", "", text, flags=re.M)
     include = "#include <math.h>\n"
     if text.count(include) != 1 or any(f" {symbol}(" not in text for symbol in wanted):
-        raise GenerationError(f"CasADi {ca.__version__} writes C in a form that gtmodel does not know")
+        raise GenerationError(f"CasADi {ca.CasadiMeta.version()} writes C in a form that gtmodel does not know")
     text = text.replace(include, f'#include "gt_float.h"\n#include "{prefix}.h"\n\n{include}')
     lines = [line.rstrip() for line in text.splitlines()]
     return re.sub(r"\n{3,}", "\n\n", "\n".join(lines)).strip("\n") + "\n"
@@ -74,7 +79,7 @@ def _header(declarations: str, name: str, faces: list[Interface]) -> str:
         for size in SIZES:
             number = re.search(rf"^#define {face.body}_{size} (\d+)$", declarations, re.M)
             if number is None:
-                raise GenerationError(f"CasADi {ca.__version__} does not state {size} of '{face.key}'")
+                raise GenerationError(f"CasADi {ca.CasadiMeta.version()} does not state {size} of '{face.key}'")
             parts.append(f"#define {face.macro}_{size} {number[1]}\n")
         parts.append(f"int {face.body}(const double **arg, double **res, long long int *iw, double *w, int mem);\n\n")
     parts.append("#ifdef __cplusplus\n}\n#endif\n\n#endif\n")

@@ -74,7 +74,7 @@ def contents(faces: list[Interface], name: str, provenance: Mapping[str, str]) -
     if f"{own}.h".lower() in (*RUNTIME, STATUS):
         raise GenerationError(f"'{name}' cannot name the generated code: {own}.h belongs to the runtime")
     source, declarations = body(name, faces)
-    about = [f"gtmodel {gtmodel_version()}, CasADi {ca.__version__}."]
+    about = [f"gtmodel {gtmodel_version()}, CasADi {ca.CasadiMeta.version()}."]
     about += [f"{key}: {value}" for key, value in provenance.items()]
     runtime = codegen_dir() / "runtime"
     main = (runtime / _MAIN).read_text(encoding="utf-8").replace("gt_model", own)

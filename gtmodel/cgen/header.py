@@ -57,7 +57,7 @@ def conditions(function: CausalFunction) -> list[str]:
     if "discriminant" in kinds:
         lines.append("- GT_OUT_OF_RANGE where no real solution exists")
     if "pivot" in kinds:
-        lines.append(f"- GT_SINGULAR where one of {kinds.count('pivot')} pivots vanishes; manifest.json names them")
+        lines.append("- GT_SINGULAR where a pivot vanishes; manifest.json names the pivots")
     return lines
 
 

@@ -134,9 +134,8 @@ def _members(records: Iterable[tuple[Signal, str, str, str]]) -> tuple[Member, .
 
 
 def _ascii(text: str) -> str:
-    """Letters outside ASCII by their code point; a digit in front gets an x."""
-    plain = "".join(c if c.isascii() else f"u{ord(c):04x}" for c in text)
-    return f"x{plain}" if plain[:1].isdigit() else plain
+    """A Python identifier as a C99 identifier: letters outside ASCII by their code point."""
+    return "".join(c if c.isascii() else f"u{ord(c):04x}" for c in text)
 
 
 def _check_distinct(faces: list[Interface], name: str) -> None:

@@ -76,7 +76,7 @@ def manifest(
         "format": FORMAT,
         "name": name,
         "gtmodel": gtmodel_version(),
-        "casadi": ca.__version__,
+        "casadi": ca.CasadiMeta.version(),
         **hashes,
         "provenance": dict(provenance),
         "compile": {"bit_equal_with": ["-ffp-contract=off"], "never": ["-ffast-math", "-Ofast"], "link": ["-lm"]},

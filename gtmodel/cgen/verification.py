@@ -93,5 +93,11 @@ def _build(tools: Toolchain, folder: Path, content: dict, place: Path) -> tuple[
     checks.append(at_most("foreign_symbols", len(foreign) + (not good), detail=", ".join(foreign) or "libm only"))
     target = place / "library.so"
     good, text = tools.link_shared(silent, target)
-    checks.append(at_most("libraries_not_linked", int(not good), detail="" if good else text.strip()))
-    return (ctypes.CDLL(str(target)) if good else None), checks
+    library = None
+    if good:
+        try:
+            library = ctypes.CDLL(str(target))
+        except OSError as error:
+            text = str(error)
+    checks.append(at_most("libraries_not_loaded", int(library is None), detail="" if library else text.strip()))
+    return library, checks

@@ -6,6 +6,8 @@ from dataclasses import dataclass, field
 
 import casadi as ca
 
+from .newton import NewtonBlock
+
 
 @dataclass(frozen=True, eq=False)
 class Margin:
@@ -45,3 +47,4 @@ class SolvedBlock:
     margins: list[Margin] = field(default_factory=list)
     roots: list[Root] = field(default_factory=list)
     detail: str = ""
+    newton: NewtonBlock | None = None

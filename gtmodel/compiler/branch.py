@@ -79,6 +79,16 @@ def settle(plan: Plan, sampler: Sampler, wanted: Mapping[str, int]) -> None:
     plan.samples = np.array(found)
 
 
+def follow(plan: Plan, sampler: Sampler) -> None:
+    """Give every root the sign that it has at the plan's one sample."""
+    roots = [r for b in plan.blocks for r in b.roots]
+    if roots:
+        flat = plan.flat
+        slopes = ca.Function("slopes", [sampler.w, flat.p, flat.scope.time], [_column([r.slope for r in roots])])
+        for root, slope in zip(roots, _row(slopes(plan.samples[0], flat.p0, 0.0)), strict=True):
+            root.value = 1 if slope >= 0 else -1
+
+
 def _functions(
     plan: Plan, sampler: Sampler, roots: list[Root]
 ) -> tuple[list[str], ca.Function, tuple[list[int], ca.Function]]:
@@ -104,9 +114,7 @@ def _functions(
     return names, sides, ([sampler.position[p] for p in computed], numbers)
 
 
-def _teller(
-    names: list[str], plus: np.ndarray, minus: np.ndarray, wanted: Mapping[str, int]
-) -> tuple[int, int] | None:
+def _teller(names: list[str], plus: np.ndarray, minus: np.ndarray, wanted: Mapping[str, int]) -> tuple[int, int] | None:
     """(branch, sense) of the branch that tells a root apart, given its values on both sides of the root.
 
     Of several, one whose expression merely changes sign comes first, then one that was asked for.

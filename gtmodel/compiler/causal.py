@@ -14,7 +14,7 @@ from ..lang.model import Model
 from ..lang.scope import derivative_name
 from ..lang.source import ModelError
 from ..results.status import Status
-from .emit import express
+from .evaluate import Built, build
 from .explain import explain
 from .flat import FlatModel, flatten
 from .plan import Plan, make_plan
@@ -23,6 +23,7 @@ from .plan import Plan, make_plan
 PIVOT_TOLERANCE = 1e-9
 
 Pair = tuple[int, int]
+Group = tuple[str, tuple[int, ...], list[int]]
 
 
 @dataclass(frozen=True)
@@ -48,41 +49,49 @@ class CausalFunction:
     rows. It never throws on data: a row without a solution is NaN with a status that says why.
     """
 
-    def __init__(self, plan: Plan, inputs: list[Signal], outputs: list[Signal], name: str) -> None:
+    def __init__(
+        self,
+        plan: Plan,
+        inputs: list[Signal],
+        outputs: list[Signal],
+        name: str,
+        groups: Sequence[Group] = (),
+        preferred: Sequence[int] = (),
+        branches: Mapping[str, int] | None = None,
+    ) -> None:
         self.plan = plan
+        self.groups, self.preferred, self.branches = list(groups), list(preferred), dict(branches or {})
         self.flat = plan.flat
         self.inputs = inputs
         self.outputs = outputs
         self.name = name
         self.margins = [m for b in plan.blocks for m in b.margins]
 
-    def _build(self, parameters: ca.SX | None) -> ca.Function:
-        """parameters None: kept as a last input; else folded in as numbers."""
-        flat = self.flat
-        args = [ca.vertcat(*[flat.scope.symbol(*p) for p in s.pairs]) for s in self.inputs]
-        out = [ca.vertcat(*[self.plan.symbol(*p) for p in s.pairs]) for s in self.outputs]
-        margins = ca.vertcat(*[m.expression for m in self.margins]) if self.margins else ca.SX(0, 1)
-        results = express(self.plan, [*out, margins], parameters)
-        names_in = [c_name(s.name) for s in self.inputs]
-        names_out = [c_name(s.name) for s in self.outputs] + ["margins"]
-        if self.plan.uses_time:
-            args.append(flat.scope.time)
-            names_in.append("time")
-        if parameters is None:
-            args.append(flat.p)
-            names_in.append("parameters")
-        names_out = [f"out_{n}" if n in names_in else n for n in names_out]
-        return ca.Function(c_name(self.name), args, results, names_in, names_out)
-
     @cached_property
+    def _built(self) -> Built:
+        return build(self.plan, *self._signals(), c_name(self.name))
+
+    def _signals(self) -> tuple[list[tuple[str, Sequence[Pair]]], list[tuple[str, Sequence[Pair]]]]:
+        inputs: list[tuple[str, Sequence[Pair]]] = [(c_name(s.name), s.pairs) for s in self.inputs]
+        outputs: list[tuple[str, Sequence[Pair]]] = [(c_name(s.name), s.pairs) for s in self.outputs]
+        return inputs, outputs
+
+    @property
     def casadi(self) -> ca.Function:
-        """ca.Function (inputs...) -> (targets..., margins), parameters folded in as numbers."""
-        return self._build(ca.SX(ca.DM(self.flat.require_values())))
+        """ca.Function (inputs...) -> (targets..., margins), parameters folded in as numbers.
+
+        With Newton blocks it holds root finders started at the home pose; the call of this object is the
+        guarded road.
+        """
+        return self._built.whole
 
     @cached_property
     def casadi_parametric(self) -> ca.Function:
-        """ca.Function (inputs..., parameters) -> (targets..., margins)."""
-        return self._build(None)
+        """ca.Function (inputs..., parameters) -> (targets..., margins), algebra done without their values."""
+        known = [i for _, _, indices in self.groups for i in indices]
+        pairs = [p for s in self.outputs for p in s.pairs]
+        plan = make_plan(self.flat, known, pairs, self.preferred, self.branches)
+        return build(plan, *self._signals(), c_name(self.name), parametric=True).whole
 
     @property
     def parameter_names(self) -> list[str]:
@@ -91,20 +100,20 @@ class CausalFunction:
 
     @cached_property
     def _jacobian(self) -> ca.Function:
-        f = self.casadi
+        """(inputs..., z...) -> d targets / d inputs, d targets / d z, margins."""
+        f = self._built.closed
         args = f.sx_in()
         res = f.call(args)
-        n = len(self.outputs)
-        x = ca.vertcat(*args)
-        full = ca.jacobian(ca.vertcat(*res[:n]), x)
-        return ca.Function(f"jac_{f.name()}", args, [ca.densify(full), res[-1]])
+        n, inputs = len(self.outputs), len(args) - len(self._built.kernels)
+        targets = ca.vertcat(*res[:n])
+        parts = [ca.densify(ca.jacobian(targets, ca.vertcat(*a))) for a in (args[:inputs], args[inputs:])]
+        return ca.Function(f"jac_{f.name()}", args, [*parts, res[-1]])
 
     def __call__(self, *arguments: Any) -> Any:
         """Values of the targets, then the status. Raises TypeError for a wrong number or shape of arguments."""
         columns, rows = self._columns(arguments)
-        results = self._evaluate(self.casadi, columns)
+        results, status = self._evaluate(columns)
         values = [r.T for r in results[:-1]]
-        status = self.status(columns, results)
         for v in values:
             v[status != Status.OK] = np.nan
         shaped = [v.reshape(v.shape[0], *s.shape) for v, s in zip(values, self.outputs, strict=True)]
@@ -117,23 +126,53 @@ class CausalFunction:
         """d targets / d inputs, (outputs, inputs) or (n, outputs, inputs), and the status."""
         columns, rows = self._columns(arguments)
         n = columns[0].shape[1] if columns else 1
-        full, margins = self._evaluate(self._jacobian, columns)
-        total_in = sum(c.shape[0] for c in columns)
-        # CasADi maps matrices side by side: (outputs, n * inputs)
-        full = full.reshape(full.shape[0], n, total_in).transpose(1, 0, 2).copy()
-        status = self.status(columns, [full.reshape(n, -1).T, margins])
+        zs, found = self._unknowns(columns)
+        by_input, by_z, margins = _map(self._jacobian, [*columns, *zs])
+        full = _stack(by_input, n)
+        given = np.vstack(columns) if columns else np.zeros((0, n))
+        sensitivities: list[np.ndarray] = []
+        for kernel, z in zip(self._built.kernels, zs, strict=True):
+            dz = kernel.derivative(z, given)
+            k = given.shape[0] - sum(s.shape[1] for s in sensitivities)
+            total = dz[:, :, :k].copy()
+            for s in sensitivities:  # earlier unknowns depend on the inputs too
+                total += dz[:, :, k : k + s.shape[1]] @ s
+                k += s.shape[1]
+            sensitivities.append(total)
+            given = np.vstack([given, z])
+        if sensitivities:
+            full = full + _stack(by_z, n) @ np.concatenate(sensitivities, axis=1)
+        status = self.status(columns, [full.reshape(n, -1).T, margins], found)
         full[status != Status.OK] = np.nan
         return (full[0], Status(int(status[0]))) if rows is None else (full, status)
 
-    def _evaluate(self, f: ca.Function, columns: list[np.ndarray]) -> list[np.ndarray]:
+    def _unknowns(self, columns: list[np.ndarray]) -> tuple[list[np.ndarray], np.ndarray]:
+        """Unknowns of the Newton blocks, and a status code for each row."""
         n = columns[0].shape[1] if columns else 1
-        g = f if n == 1 else f.map(n)
-        return [np.array(r.full()) for r in g.call([ca.DM(c) for c in columns])]
-
-    def status(self, columns: list[np.ndarray], results: list[np.ndarray]) -> np.ndarray:
-        """Status code of each evaluated column from inputs, margins and outputs; the first cause wins."""
-        n = results[-1].shape[1]
         code = np.zeros(n, dtype=int)
+        zs: list[np.ndarray] = []
+        given = np.vstack(columns) if columns else np.zeros((0, n))
+        for kernel in self._built.kernels:
+            z, converged, singular = kernel.solve(given)
+            code = np.where((code == 0) & ~converged, Status.NOT_CONVERGED, code)
+            code = np.where((code == 0) & singular, Status.SINGULAR, code)
+            zs.append(z)
+            given = np.vstack([given, z])
+        return zs, code
+
+    def _evaluate(self, columns: list[np.ndarray]) -> tuple[list[np.ndarray], np.ndarray]:
+        """Targets and margins as columns, and the status of each column."""
+        zs, found = self._unknowns(columns)
+        results = _map(self._built.closed, [*columns, *zs])
+        return results, self.status(columns, results, found)
+
+    def status(
+        self, columns: list[np.ndarray], results: list[np.ndarray], found: np.ndarray | None = None
+    ) -> np.ndarray:
+        """Status code of each evaluated column from inputs, iterations (`found`), margins and outputs; the first
+        cause wins."""
+        n = results[-1].shape[1]
+        code = np.zeros(n, dtype=int) if found is None else found.copy()
         margins = results[-1]
         for m, row in zip(self.margins, margins, strict=True):
             with np.errstate(invalid="ignore"):
@@ -150,8 +189,11 @@ class CausalFunction:
     def diagnose(self, *arguments: Any) -> str:
         """One sentence on a single call: ok, or which root or pivot failed and by how much."""
         columns, _ = self._columns(arguments)
-        results = self._evaluate(self.casadi, columns)
-        status = Status(int(self.status(columns, results)[0]))
+        results, codes = self._evaluate(columns)
+        status = Status(int(codes[0]))
+        if status is Status.NOT_CONVERGED:
+            labels = "; ".join(k.label for k in self._built.kernels)
+            return f"{status.sentence}: no solution for {labels} was reached on the way from the home pose"
         for m, row in zip(self.margins, results[-1], strict=True):
             value = float(row[0])
             if m.kind == "discriminant" and not value >= 0:
@@ -194,6 +236,18 @@ class CausalFunction:
         return f"CausalFunction({', '.join(s.name for s in self.inputs)} -> {', '.join(s.name for s in self.outputs)})"
 
 
+def _map(f: ca.Function, columns: list[np.ndarray]) -> list[np.ndarray]:
+    """A function on columns side by side."""
+    n = columns[0].shape[1] if columns else 1
+    g = f if n == 1 else f.map(n)
+    return [np.array(r.full()) for r in g.call([ca.DM(c) for c in columns])]
+
+
+def _stack(matrix: np.ndarray, n: int) -> np.ndarray:
+    """Mapped matrices (r, n * c) as (n, r, c)."""
+    return matrix.reshape(matrix.shape[0], n, -1).transpose(1, 0, 2).copy()
+
+
 def c_name(name: str) -> str:
     """A name as a C identifier: der(T,2) -> d2_T, arm[0].rod -> arm_0_rod."""
     order = 0
@@ -201,11 +255,14 @@ def c_name(name: str) -> str:
         inner = name[4:-1]
         base, comma, k = inner.rpartition(",")
         name, order = (base, order + int(k)) if comma and k.strip().isdigit() else (inner, order + 1)
-    text = "".join(c if c.isalnum() else "_" for c in name).strip("_")
+    letters = (c if c.isascii() else f"u{ord(c):04x}" for c in name)
+    text = "".join(c if c.isalnum() else "_" for c in letters).strip("_") or "f"
     while "__" in text:
         text = text.replace("__", "_")
     prefix = "" if order == 0 else ("d_" if order == 1 else f"d{order}_")
-    return prefix + text
+    text = prefix + text
+    # CasADi refuses some words, and neither it nor C takes a leading digit
+    return f"f_{text}" if text in ("jac", "null", "hess") or text[0].isdigit() else text
 
 
 def compile_causal(
@@ -262,8 +319,12 @@ def _compile(
         )
     preferred = [i for text in prefer for i in flat.lookup(text)[1]]
     pairs = [p for s in outputs for p in s.pairs]
-    plan = make_plan(flat, indices, pairs, preferred, branches)
-    return CausalFunction(plan, input_signals(plan, groups), outputs, name or _function_name(outputs, groups))
+    numbers = ca.SX(ca.DM(flat.require_values()))
+    plan = make_plan(flat, indices, pairs, preferred, branches, fold=numbers)
+    signals = input_signals(plan, groups)
+    return CausalFunction(
+        plan, signals, outputs, name or _function_name(outputs, groups), groups, preferred, branches
+    )
 
 
 def flat_of(model: Model) -> FlatModel:
@@ -275,7 +336,7 @@ def flat_of(model: Model) -> FlatModel:
     return cached
 
 
-def input_signals(plan: Plan, groups: list[tuple[str, tuple[int, ...], list[int]]]) -> list[Signal]:
+def input_signals(plan: Plan, groups: list[Group]) -> list[Signal]:
     """States first, then the known variables with their derivatives as far as anything reads them."""
     flat = plan.flat
     known = {i for _, _, g in groups for i in g}
@@ -332,6 +393,6 @@ def _unit(flat: FlatModel, index: int, order: int) -> str:
     return f"1/{per}" if unit in ("1", "") else f"{unit}/{per}"
 
 
-def _function_name(outputs: list[Signal], groups: list[tuple[str, tuple[int, ...], list[int]]]) -> str:
+def _function_name(outputs: list[Signal], groups: list[Group]) -> str:
     out = "_".join(c_name(s.name) for s in outputs)
     return f"{out}_from_{'_'.join(c_name(n) for n, _, _ in groups)}" if groups else out

@@ -10,21 +10,20 @@ from .plan import Plan
 
 
 def express(
-    plan: Plan, expressions: Sequence[ca.SX], parameters: ca.SX | None = None, extra: Sequence[tuple[ca.SX, ca.SX]] = ()
+    plan: Plan, expressions: Sequence[ca.SX], extra: Sequence[tuple[ca.SX, ca.SX]] = ()
 ) -> list[ca.SX]:
-    """Rewrite expressions of kept symbols in terms of the plan's inputs, parameters and time.
+    """Rewrite expressions of kept symbols in terms of the plan's inputs, Newton unknowns, parameters and time.
 
-    Args:
-        parameters: numbers or expressions that replace the parameter symbols; None keeps them as symbols.
-        extra: further (symbol, value) pairs substituted first.
+    Parameters become what the plan has in their place; `extra` are further (symbol, value) pairs substituted
+    first, in place of what the plan would compute.
 
     One common-subexpression pass over everything comes last: SX itself shares nothing.
     """
     given = {s.element_hash() for s, _ in extra}  # what is given is not computed
     roots = [r for b in plan.blocks for r in b.roots]
     pairs = [*extra]
-    if parameters is not None and plan.flat.parameters:
-        pairs.append((plan.flat.p, parameters))
+    if plan.flat.parameters:
+        pairs.append((plan.flat.p, plan.parameters))
     pairs += [(r.sign, ca.SX(r.value)) for r in roots]
     pairs += [a for b in plan.blocks for a in b.assignments if a[0].element_hash() not in given]
     results = list(expressions)

@@ -12,12 +12,13 @@ import casadi as ca
 import numpy as np
 
 from ..lang.bind import Tree, bind, element_names
-from ..lang.connect import Branch, Connection, flatten_items
+from ..lang.connect import Branch, Connection, Energy, TreeEdge, flatten_items
 from ..lang.expression import Relation
 from ..lang.model import Model
 from ..lang.scope import Scope, derivative_name
 from ..lang.source import ModelError, SourceLocation, of_frame
 from .connections import connection_equations
+from .trees import check_trees
 
 _DER = re.compile(r"^der\((?P<inner>.+?)(?:,\s*(?P<order>\d+))?\)$")
 
@@ -75,6 +76,15 @@ class FlatBranch:
     where: SourceLocation
 
 
+@dataclass(frozen=True)
+class FlatEnergy:
+    """A term of the energy balance: stored [J], supplied [W] or dissipated [W]."""
+
+    kind: str
+    component: str
+    expression: ca.SX
+
+
 @dataclass
 class FlatModel:
     """The flat system. `groups` maps every declared name to its shape and scalar variable indices."""
@@ -90,6 +100,7 @@ class FlatModel:
     root: Model
     initial: list[FlatEquation] = field(default_factory=list)
     positive: frozenset[str] = frozenset()
+    energies: list[FlatEnergy] = field(default_factory=list)
     cache: dict[Any, Any] = field(default_factory=dict, repr=False)
 
     @property
@@ -122,7 +133,7 @@ class FlatModel:
         for v in self.variables:
             if v.name == inner:
                 return (), [v.index], order
-        names = list(self.groups) + [v.name for v in self.variables]
+        names = list(dict.fromkeys([*self.groups, *(v.name for v in self.variables)]))
         close = difflib.get_close_matches(inner, names, n=3)
         hint = f"did you mean {' or '.join(repr(c) for c in close)}?" if close else f"top-level names are {self.top()}"
         raise ModelError(f"{self.title} has no variable '{inner}'; {hint}")
@@ -145,7 +156,9 @@ def flatten(model: Model) -> FlatModel:
     equations: list[FlatEquation] = []
     initial: list[FlatEquation] = []
     branches: list[FlatBranch] = []
+    energies: list[FlatEnergy] = []
     connections: list[tuple[Connection, Model]] = []
+    edges: list[TreeEdge] = []
     for component in tree.components:
         path = component.__dict__["_path"]
         count = 0
@@ -159,6 +172,10 @@ def flatten(model: Model) -> FlatModel:
             elif isinstance(item, Branch):
                 name = f"{path}.{item.name}" if path else item.name
                 branches.append(FlatBranch(name, item.expression.sx, item.where))
+            elif isinstance(item, TreeEdge):
+                edges.append(item)
+            elif isinstance(item, Energy):
+                energies.append(FlatEnergy(item.kind, path, item.expression.sx))
             else:
                 raise _no_equation(item, component, where)
         for item, where in _items(component.initial_equations(), component):
@@ -166,6 +183,7 @@ def flatten(model: Model) -> FlatModel:
                 raise _no_equation(item, component, where)
             for k, residual in enumerate(_scalars(item, path, tree.scope)):
                 initial.append(FlatEquation(residual, f"{_label(path, k + 1, component)} (initial)", path, item.where))
+    check_trees([c for c, _ in connections], edges)
     for residual, label, path, where in connection_equations(tree, connections):
         equations.append(FlatEquation(residual, label, path, where))
     parameters = _parameters(tree)
@@ -180,6 +198,7 @@ def flatten(model: Model) -> FlatModel:
         bindings={r.name: r.expression for r in tree.parameters},
         root=tree.root,
         initial=initial,
+        energies=energies,
         positive=frozenset(q.name for q in parameters if q.symbol.element_hash() in _flagged(tree, "positive")),
     )
 
@@ -190,10 +209,12 @@ def _label(path: str, count: int, component: Model) -> str:
 
 def _items(source: Iterable[Any], component: Model) -> Iterable[tuple[Any, SourceLocation | None]]:
     """Items of a generator with the line of its current yield."""
-    if source is None:
+    if source is None or isinstance(source, (Relation, Connection, Branch)):
+        found = "nothing" if source is None else f"one {type(source).__name__.lower()}"
+        code = type(component).equations.__code__
         raise ModelError(
-            f"equations() of {type(component).__name__} returned nothing; expected 'yield' in front of each equation",
-            getattr(component, "where", None),
+            f"equations() of {type(component).__name__} returned {found}; expected 'yield' in front of each equation",
+            of_frame(code.co_filename, code.co_firstlineno),
         )
     for item in source:
         frame = getattr(source, "gi_frame", None)

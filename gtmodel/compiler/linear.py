@@ -5,9 +5,12 @@ from __future__ import annotations
 import casadi as ca
 
 from .blocks import Margin
-from .pivots import SignAnalysis
+from .pivots import SignAnalysis, pivot_cost
 
-PARAMETER_PIVOT_COST = 50  # constants first: dividing by a parameter costs an operation and an assumption
+# a difference of constants this small beside them is round-off of zero: entries are short decimals, seldom 1e-12
+CANCELLED = 1e-13
+# threshold pivoting: an entry this much smaller than another of its column would cost more than three digits
+MIN_PIVOT_RATIO = 1e-3
 
 Assignments = list[tuple[ca.SX, ca.SX]]
 
@@ -35,9 +38,10 @@ def solve_linear(
         for j in row:
             count[j] = count.get(j, 0) + 1
     eliminated: list[tuple[int, dict[int, ca.SX], ca.SX, ca.SX]] = []
-    kinds: dict[int, str | None] = {}
+    entry = _Entries(signs)
+    entry.learn([value for row in rows.values() for value in row.values()])
     while True:
-        pick = _cheapest(rows, count, signs, kinds)
+        pick = _cheapest(rows, count, entry)
         if pick is None:
             break
         i, j = pick
@@ -45,6 +49,7 @@ def solve_linear(
         pivot = row.pop(j)
         for k in row:
             count[k] -= 1
+        changed: list[ca.SX] = []
         for other, entries in rows.items():
             factor = entries.pop(j, None)
             if factor is None:
@@ -52,14 +57,17 @@ def solve_linear(
             factor = factor / pivot
             rhs[other] = rhs[other] - factor * rhs[i]
             for k, value in row.items():
-                new = entries[k] - factor * value if k in entries else -factor * value
+                new = _difference(entries[k], factor * value) if k in entries else -factor * value
                 if new.is_zero():
-                    del entries[k]
-                    count[k] -= 1
+                    if k in entries:
+                        del entries[k]
+                        count[k] -= 1
                 else:
                     count[k] += k not in entries
                     entries[k] = new
+                    changed.append(new)
         del count[j]
+        entry.learn(changed)
         eliminated.append((j, row, pivot, rhs[i]))
     assignments: Assignments = []
     margins: list[Margin] = []
@@ -77,23 +85,52 @@ def solve_linear(
     return assignments, margins, how
 
 
-def _cheapest(
-    rows: dict[int, dict[int, ca.SX]], count: dict[int, int], signs: SignAnalysis, kinds: dict[int, str | None]
-) -> tuple[int, int] | None:
-    best: tuple[int, int, int] | None = None
+class _Entries:
+    """Kind and size of matrix entries, worked out once for each; the entries are kept alive with them.
+
+    An entry that depends on the state is no pivot, but its size at a consistent point still tells which other
+    entries of its column are too small.
+    """
+
+    def __init__(self, signs: SignAnalysis) -> None:
+        self._signs = signs
+        self._known: dict[int, tuple[ca.SX, str | None, float]] = {}
+
+    def learn(self, entries: list[ca.SX]) -> None:
+        new = {e.element_hash(): e for e in entries if e.element_hash() not in self._known}
+        for (key, e), size in zip(new.items(), self._signs.sizes(list(new.values())), strict=True):
+            self._known[key] = (e, self._signs.kind(e), size)
+
+    def __call__(self, e: ca.SX) -> tuple[str | None, float]:
+        """("constant" | "parameter" | None: may it be divided by, size)."""
+        return self._known[e.element_hash()][1:]
+
+
+def _difference(a: ca.SX, b: ca.SX) -> ca.SX:
+    """a - b; exactly zero where two constants cancel but for round-off."""
+    new = a - b
+    if new.is_constant() and abs(float(new)) <= CANCELLED * abs(float(a)):
+        return ca.SX(0)
+    return new
+
+
+def _cheapest(rows: dict[int, dict[int, ca.SX]], count: dict[int, int], entry: _Entries) -> tuple[int, int] | None:
+    """Row and column of the cheapest allowed pivot that is not tiny beside its column."""
+    largest: dict[int, float] = {}
+    for row in rows.values():
+        for j, value in row.items():
+            largest[j] = max(largest.get(j, 0.0), entry(value)[1])
+    best: tuple[float, int, int] | None = None
     for i in sorted(rows):
         row = rows[i]
         for j in sorted(row):
-            cost = (len(row) - 1) * (count[j] - 1)
-            if best is not None and cost >= best[0]:
+            fill = (len(row) - 1) * (count[j] - 1)
+            if best is not None and fill >= best[0]:
                 continue
-            key = row[j].element_hash()
-            if key not in kinds:
-                kinds[key] = signs.kind(row[j])
-            kind = kinds[key]
-            if kind is None:
+            kind, size = entry(row[j])
+            if kind is None or not size >= MIN_PIVOT_RATIO * largest[j]:
                 continue
-            cost += PARAMETER_PIVOT_COST * (kind == "parameter")
+            cost = pivot_cost(kind, fill, size, largest[j])
             if best is None or cost < best[0]:
                 best = (cost, i, j)
     return None if best is None else best[1:]

@@ -2,17 +2,29 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
+
 import casadi as ca
+import numpy as np
 
 from .flat import FlatModel
+from .points import Sampler
+
+# constants first: dividing by a parameter costs an operation and an assumption
+PARAMETER_COST = 50
+# each digit that a pivot smaller than another entry of its column may lose counts like this many entries
+DIGIT_COST = 10
 
 POSITIVE, NEGATIVE, NONZERO, UNKNOWN = "+", "-", "n", "?"
 
 
 class SignAnalysis:
-    """Signs of parameter expressions from the declared `positive` and `nonzero`."""
+    """Signs of parameter expressions from the declared `positive` and `nonzero`; sizes at one consistent point."""
 
-    def __init__(self, flat: FlatModel) -> None:
+    def __init__(self, flat: FlatModel, sampler: Sampler, point: np.ndarray) -> None:
+        self._arguments = [sampler.w, flat.p, flat.scope.time]
+        self._numbers = [point, flat.p0, 0.0]
         self._symbols: dict[int, str] = {}
         for q in flat.parameters:
             sign = UNKNOWN
@@ -27,6 +39,13 @@ class SignAnalysis:
         if any(s.element_hash() not in self._symbols for s in ca.symvar(e)):
             return None
         return "parameter" if self.sign(e) != UNKNOWN else None
+
+    def sizes(self, expressions: Sequence[ca.SX]) -> list[float]:
+        """Magnitudes at the consistent point."""
+        if not expressions:
+            return []
+        f = ca.Function("sizes", self._arguments, [ca.vertcat(*expressions)])
+        return [abs(v) for v in f(*self._numbers).full().reshape(-1).tolist()]
 
     def sign(self, e: ca.SX) -> str:
         if e.is_constant():
@@ -48,6 +67,14 @@ class SignAnalysis:
         if op in (ca.OP_SQRT, ca.OP_INV, ca.OP_TWICE):
             return self.sign(e.dep(0))
         return UNKNOWN
+
+
+def pivot_cost(kind: str, fill: int, size: float, largest: float) -> float:
+    """Price of a pivot: the entries it fills in, the assumption it makes, and the digits it loses beside the
+    largest entry of its column; infinite for one that is zero beside it."""
+    if not size > 0 or not math.isfinite(largest):
+        return math.inf
+    return fill + PARAMETER_COST * (kind == "parameter") + DIGIT_COST * math.floor(math.log10(largest / size))
 
 
 def _declared_positive(flat: FlatModel, name: str) -> bool:

@@ -11,13 +11,14 @@ import numpy as np
 from ..lang.source import ModelError
 from .alias import AliasResult, eliminate
 from .blocks import SolvedBlock
-from .branch import check_branches, settle
+from .branch import check_branches, follow, settle
 from .flat import FlatModel
 from .graph import strong_components
 from .linear import solve_linear
+from .newton import NewtonBlock
 from .pivots import SignAnalysis
 from .points import Sampler
-from .quadric import NoClosedForm, solve_nonlinear
+from .quadric import NoClosedForm, eliminate_explicit, solve_nonlinear
 from .states import Stage, choose
 from .structure import Structure, analyse
 
@@ -30,7 +31,8 @@ Pair = tuple[int, int]
 class Plan:
     """A causality worked out: `inputs` are the chain symbols it reads, `blocks` what it computes.
 
-    `samples` are consistent points (rows) over the chain symbols `pairs`.
+    `samples` are consistent points (rows) over the chain symbols `pairs`. `parameters` are the numbers or
+    symbols that stand for the parameters in the blocks.
     """
 
     flat: FlatModel
@@ -44,6 +46,14 @@ class Plan:
     pairs: list[Pair]
     samples: np.ndarray
     uses_time: bool
+    parameters: ca.SX
+    sampler: Sampler
+    system: ca.SX
+
+    @property
+    def newton(self) -> list[NewtonBlock]:
+        """Blocks without a closed form, in order; their unknowns are inputs of what comes after them."""
+        return [b.newton for b in self.blocks if b.newton is not None]
 
     def symbol(self, index: int, order: int) -> ca.SX:
         """Expression of an original variable's derivative in kept symbols."""
@@ -59,6 +69,8 @@ def make_plan(
     prefer: Sequence[int] = (),
     branches: Mapping[str, int] | None = None,
     rates: bool = False,
+    fold: ca.SX | None = None,
+    at: np.ndarray | None = None,
 ) -> Plan:
     """Work out one causality.
 
@@ -68,14 +80,17 @@ def make_plan(
         prefer: scalar variable indices to keep as states.
         branches: sign +1 or -1 by branch name; the default is +1.
         rates: compute the derivative of every state too.
+        fold: numbers (or symbols) to put in place of the parameters before any algebra: zeros vanish and
+            numbers become pivots. The structure and the inputs do not depend on it.
+        at: one consistent point over the plan's `pairs`; states and branches are chosen there, whatever is
+            declared. The simulation uses it to switch states on the way.
 
-    Raises ModelError for a system that is not square, redundant, singular, without a consistent point, or
-    with a block that has no closed form.
+    Raises ModelError for a system that is not square, redundant, singular or without a consistent point.
     """
     check_branches(flat, branches or {})
-    alias = eliminate(flat, frozenset(known))
+    alias = eliminate(flat, frozenset([*known, *prefer]))
     known_set = set(known)
-    in_equations = {i for e in alias.equations for i, _ in flat.scope.symbols_in(e.residual)}
+    in_equations = {i for e in flat.equations for i, _ in flat.scope.symbols_in(e.residual)}
     unknowns = [v.index for v in flat.variables if v.index not in alias.removed and v.index not in known_set]
     _check_known(flat, known, in_equations)
     structure = analyse(flat, alias.equations, unknowns)
@@ -90,8 +105,16 @@ def make_plan(
         for k in range(-int(structure.d.max(initial=0)), 1)
     ]
     sampler = Sampler(flat, pairs, [r for r in stage_residuals if r.numel()], _starts(flat, alias))
-    samples = sampler.points(SAMPLE_POINTS)
-    stages = choose(flat, structure, _jacobians(flat, structure, derivatives, sampler, samples), _kept(alias, prefer))
+    samples = sampler.points(SAMPLE_POINTS) if at is None else at[None, :]
+    parameters = flat.p if fold is None else fold
+    folded = derivatives if fold is None else _folded(flat, derivatives, fold)
+    stages = choose(
+        flat,
+        structure,
+        _jacobians(flat, structure, derivatives, sampler, samples),
+        _kept(alias, prefer),
+        _pattern(flat, structure, folded),
+    )
     solver: dict[Pair, Pair] = {}
     states: list[Pair] = []
     for stage in stages:
@@ -103,23 +126,28 @@ def make_plan(
     if rates:
         wanted += [(i, k + 1) for i, k in states]
     unknown_of = {node: pair for pair, node in solver.items()}
-    used = {node: flat.scope.symbols_in(derivatives[node[0]][node[1]]) for node in unknown_of}
-    components = strong_components(
-        [solver[p] for p in wanted if p in solver],
-        lambda node: [solver[p] for p in used[node] if p in solver and solver[p] != node],
-    )
-    analysis = SignAnalysis(flat)
-    blocks = [_solve(flat, structure, derivatives, c, unknown_of, analysis) for c in components]
-    read = {p for c in components for node in c for p in used[node] if p not in solver}
+    roots = [solver[p] for p in wanted if p in solver]
+    used = _users(flat, folded, unknown_of, solver)
+    components = strong_components(roots, lambda node: [solver[p] for p in used[node] if p in solver])
+    analysis = SignAnalysis(flat, sampler, samples[0])
+    blocks = [_solve(flat, structure, folded, c, unknown_of, analysis) for c in components]
+    # what is read is told by the equations as written: a parameter that happens to be zero changes no signature
+    written = used if fold is None else _users(flat, derivatives, unknown_of, solver)
+    reached = strong_components(roots, lambda node: [solver[p] for p in written[node] if p in solver])
+    read = {p for c in reached for node in c for p in written[node] if p not in solver}
     read |= {p for p in wanted if p not in solver}
     time_key = flat.scope.time.element_hash()
     uses_time = any(
-        s.element_hash() == time_key for b in blocks for _, e in b.assignments for s in ca.symvar(e)
+        s.element_hash() == time_key for c in components for i, m in c for s in ca.symvar(folded[i][m])
     )
     plan = Plan(
-        flat, alias, structure, stages, list(known), states, sorted(read), blocks, pairs, samples, uses_time
-    )
-    settle(plan, sampler, branches or {})
+        flat, alias, structure, stages, list(known), states, sorted(read), blocks, pairs, samples, uses_time,
+        parameters, sampler, _system(flat, structure, folded),
+    )  # fmt: skip
+    if at is None:
+        settle(plan, sampler, branches or {})
+    else:
+        follow(plan, sampler)
     _size_margins(plan, sampler)
     return plan
 
@@ -145,6 +173,38 @@ def _differentiate(flat: FlatModel, structure: Structure) -> list[list[ca.SX]]:
     return result
 
 
+def _folded(flat: FlatModel, derivatives: list[list[ca.SX]], fold: ca.SX) -> list[list[ca.SX]]:
+    if not flat.parameters:
+        return derivatives
+    everything = ca.substitute([e for chain in derivatives for e in chain], [flat.p], [fold])
+    flatten = iter(everything)
+    return [[next(flatten) for _ in chain] for chain in derivatives]
+
+
+def _users(
+    flat: FlatModel, derivatives: list[list[ca.SX]], unknown_of: dict[Pair, Pair], solver: dict[Pair, Pair]
+) -> dict[Pair, list[Pair]]:
+    """Symbols that each node's equation uses, besides the one it is solved for."""
+    return {
+        node: [p for p in flat.scope.symbols_in(derivatives[node[0]][node[1]]) if solver.get(p) != node]
+        for node in unknown_of
+    }
+
+
+def _pattern(flat: FlatModel, structure: Structure, derivatives: list[list[ca.SX]]) -> set[tuple[int, int]]:
+    """Entries (equation, unknown) of the system Jacobian that are not identically zero."""
+    rows, cols = _system(flat, structure, derivatives).sparsity().get_triplet()
+    return set(zip(rows, cols, strict=True))
+
+
+def _system(flat: FlatModel, structure: Structure, derivatives: list[list[ca.SX]]) -> ca.SX:
+    """d f_i^(c_i) / d x_j^(d_j)."""
+    # SX also where nothing is left but aliases
+    top = ca.SX(ca.vertcat(*[derivatives[i][structure.c[i]] for i in range(len(structure.c))]))
+    columns = ca.SX(ca.vertcat(*[flat.scope.symbol(j, int(structure.d[n])) for n, j in enumerate(structure.unknowns)]))
+    return ca.jacobian(top, columns)
+
+
 def _pairs(
     flat: FlatModel, derivatives: list[list[ca.SX]], structure: Structure, wanted: Sequence[Pair]
 ) -> list[Pair]:
@@ -166,11 +226,7 @@ def _starts(flat: FlatModel, alias: AliasResult) -> dict[Pair, float]:
 def _jacobians(
     flat: FlatModel, structure: Structure, derivatives: list[list[ca.SX]], sampler: Sampler, samples: np.ndarray
 ) -> list[np.ndarray]:
-    top = ca.vertcat(*[derivatives[i][structure.c[i]] for i in range(len(structure.c))])
-    columns = ca.vertcat(
-        *[flat.scope.symbol(j, int(structure.d[n])) for n, j in enumerate(structure.unknowns)]
-    )
-    f = ca.Function("system", [sampler.w, flat.p, flat.scope.time], [ca.jacobian(top, columns)])
+    f = ca.Function("system", [sampler.w, flat.p, flat.scope.time], [_system(flat, structure, derivatives)])
     return [np.asarray(f(w, flat.p0, 0.0).full()) for w in samples]
 
 
@@ -200,10 +256,12 @@ def _solve(
     try:
         assignments, margins, roots, how = solve_nonlinear(residuals, unknowns, signs)
     except NoClosedForm:
-        raise ModelError(
-            f"{flat.title}: the block of {', '.join(names[:8])} has no closed form; its equations are "
-            f"{'; '.join(equations[:8])}"
-        ) from None
+        left, unknown, explicit = eliminate_explicit(residuals, unknowns, signs, nonlinear_rows=True)
+        scale = np.array([flat.variables[p[0]].nominal for p in map(flat.scope.owner, unknown) if p is not None])
+        labels = [u.name() for u in unknown]
+        how = f"Newton in {', '.join(labels)}" + (f", {len(explicit)} explicit" if explicit else "")
+        newton = NewtonBlock(unknown, left, labels, scale)
+        return SolvedBlock("Newton", names, equations, list(reversed(explicit)), [], [], how, newton)
     return SolvedBlock(how.split(" in ")[0], names, equations, assignments, margins, roots, how)
 
 

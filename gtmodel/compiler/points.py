@@ -10,7 +10,7 @@ import numpy as np
 from ..lang.source import ModelError
 from .flat import FlatModel
 
-MAX_TRIES = 400
+MAX_TRIES = 60
 NEWTON_STEPS = 60
 # residuals are in SI units of equations of order one; Gauss-Newton converges quadratically past this
 RESIDUAL_TOLERANCE = 1e-11

@@ -6,7 +6,9 @@ import casadi as ca
 import numpy as np
 
 from .blocks import Margin, Root
-from .pivots import SignAnalysis
+from .pivots import SignAnalysis, pivot_cost
+
+NONLINEAR_ROW = 1000  # costs more than any fill-in: only where nothing else is left
 
 Assignments = list[tuple[ca.SX, ca.SX]]
 
@@ -23,7 +25,7 @@ def solve_nonlinear(
     Raises NoClosedForm if what is left after the explicit unknowns is neither one quadratic nor a pencil of
     two or three quadrics with proportional Hessians.
     """
-    residuals, left, explicit = _explicit(list(residuals), list(unknowns), signs)
+    residuals, left, explicit = eliminate_explicit(residuals, unknowns, signs)
     n = len(left)
     label = ", ".join(s.name() for s in left)
     if n == 1:
@@ -40,10 +42,15 @@ def solve_nonlinear(
     return core + list(reversed(explicit)), margins, [root], how
 
 
-def _explicit(
-    residuals: list[ca.SX], unknowns: list[ca.SX], signs: SignAnalysis
+def eliminate_explicit(
+    residuals: list[ca.SX], unknowns: list[ca.SX], signs: SignAnalysis, nonlinear_rows: bool = False
 ) -> tuple[list[ca.SX], list[ca.SX], Assignments]:
-    """Take out unknowns that stand linearly, with an allowed pivot, in some row."""
+    """Take out unknowns that stand linearly, with an allowed pivot, in some row.
+
+    Rows nonlinear in other unknowns are spared unless `nonlinear_rows`: they may hold a quadric. Returns the
+    residuals and unknowns left, and what was taken out, last first in order of computation.
+    """
+    residuals, unknowns = list(residuals), list(unknowns)
     taken: Assignments = []
     while len(unknowns) > 1:
         u = ca.vertcat(*unknowns)
@@ -52,16 +59,20 @@ def _explicit(
         entries = list(zip(*jacobian.sparsity().get_triplet(), jacobian.nonzeros(), strict=True))
         row_count = np.bincount([e[0] for e in entries], minlength=len(residuals))
         col_count = np.bincount([e[1] for e in entries], minlength=len(unknowns))
-        nonlinear_rows = {i for i, _, v in entries if any(s.element_hash() in keys for s in ca.symvar(v))}
+        nonlinear = {i for i, _, v in entries if any(s.element_hash() in keys for s in ca.symvar(v))}
+        sizes = signs.sizes([value for _, _, value in entries])
+        largest = np.zeros(len(unknowns))
+        np.maximum.at(largest, [e[1] for e in entries], sizes)
         best = None
-        for i, j, value in entries:
+        for (i, j, value), size in zip(entries, sizes, strict=True):
             kind = signs.kind(value)
             if kind is None:
                 continue
-            cost = (row_count[i] - 1) * (col_count[j] - 1) + 50 * (kind == "parameter") + 1000 * (i in nonlinear_rows)
+            fill = (row_count[i] - 1) * (col_count[j] - 1)
+            cost = pivot_cost(kind, fill, size, largest[j]) + NONLINEAR_ROW * (i in nonlinear)
             if best is None or cost < best[0]:
                 best = (cost, i, j, value)
-        if best is None or best[0] >= 1000:
+        if best is None or (best[0] >= NONLINEAR_ROW and not nonlinear_rows):
             break
         _, i, j, pivot = best
         x = unknowns.pop(j)
@@ -72,9 +83,7 @@ def _explicit(
     return residuals, unknowns, taken
 
 
-def _quadratic(
-    residual: ca.SX, u: ca.SX, signs: SignAnalysis, label: str
-) -> tuple[Assignments, list[Margin], Root]:
+def _quadratic(residual: ca.SX, u: ca.SX, signs: SignAnalysis, label: str) -> tuple[Assignments, list[Margin], Root]:
     slope = ca.gradient(residual, u)
     curvature = ca.gradient(slope, u)
     if _depends(curvature, [u]) or curvature.is_zero():

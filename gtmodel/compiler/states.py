@@ -27,18 +27,18 @@ class Stage:
 
 
 def choose(
-    flat: FlatModel, structure: Structure, jacobians: list[np.ndarray], preferred: frozenset[int]
+    flat: FlatModel, structure: Structure, jacobians: list[np.ndarray], preferred: frozenset[int],
+    pattern: set[tuple[int, int]],
 ) -> list[Stage]:
     """Stages from positions (k = -max d) to k = 0 with their chosen columns.
 
     `jacobians` are d f_i^(c_i) / d x_j^(d_j) at several consistent points; a choice is made at the point
-    where it is best conditioned. Raises ModelError for a redundant constraint or an identically singular
+    where it is best conditioned; `pattern` holds the entries that do not vanish identically. Raises ModelError for a redundant constraint or an identically singular
     system, naming the equations of the left null vector.
     """
     lowest = -int(structure.d.max(initial=0))
     solved: list[int] = []
     stages: list[Stage] = []
-    pattern = set(structure.sigma)
     for k in range(lowest, 1):
         rows = [i for i in range(len(structure.c)) if structure.c[i] + k >= 0]
         cols = [j for j in range(len(structure.d)) if structure.d[j] + k >= 0]
@@ -51,6 +51,25 @@ def choose(
         solved = chosen
         stages.append(Stage(k, rows, cols, _match(rows, chosen, pattern, structure, k)))
     return stages
+
+
+def stage_choices(stages: list[Stage]) -> list[Stage]:
+    """Stages in which there was something to choose: more columns than rows."""
+    return [s for s in stages if s.rows and len(s.columns) > len(s.rows)]
+
+
+def conditioning(flat: FlatModel, structure: Structure, stages: list[Stage], jacobian: np.ndarray) -> float:
+    """Smallest ratio, over the stages with a choice, of the chosen columns' conditioning to the best choice's."""
+    worst = 1.0
+    for stage in stage_choices(stages):
+        m = _scaled(flat, structure, jacobian, stage.rows, stage.columns)
+        position = {j: n for n, j in enumerate(stage.columns)}
+        chosen = [position[j] for j in stage.matched.values()]
+        best = _greedy(m, [list(range(len(stage.columns)))], len(stage.rows))
+        if len(best) < len(stage.rows):
+            return 0.0  # no choice would do: a singular pose
+        worst = min(worst, _conditioning(m[:, chosen]) / max(1e-300, _conditioning(m[:, best])))
+    return worst
 
 
 def _scaled(
@@ -104,8 +123,9 @@ def _best(
 
 
 def _conditioning(m: np.ndarray) -> float:
+    """Smallest singular value; rows are scaled, so that a single small entry shows too."""
     s = np.linalg.svd(m, compute_uv=False)
-    return float(s[-1] / s[0]) if s.size and s[0] > 0 else 0.0
+    return float(s[-1]) if s.size else 1.0
 
 
 def _greedy(m: np.ndarray, groups: list[list[int]], count: int) -> list[int]:

@@ -8,15 +8,18 @@ import numpy as np
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import maximum_bipartite_matching, min_weight_full_bipartite_matching
 
-from ..lang.source import ModelError
+from ..lang.source import ModelError, SourceLocation
 from .flat import FlatEquation, FlatModel
+
+MAX_SHOWN = 12  # places named in one sentence
 
 
 @dataclass(frozen=True)
 class Structure:
     """Offsets of the Sigma-method (Pryce 2001).
 
-    Equation i is differentiated c[i] times; unknown j is solved for at derivative d[j].
+    Equation i is differentiated c[i] times; unknown j is solved for at derivative d[j]. `lift` of these times
+    are not needed to solve the system, only to reach derivatives that are asked for.
     """
 
     equations: list[FlatEquation]
@@ -24,6 +27,7 @@ class Structure:
     sigma: dict[tuple[int, int], int]
     c: np.ndarray
     d: np.ndarray
+    lift: int = 0
 
     @property
     def degrees_of_freedom(self) -> int:
@@ -33,11 +37,13 @@ class Structure:
     @property
     def index(self) -> int:
         """Structural index: 3 for a mechanism with position constraints."""
-        return int(self.c.max(initial=0)) + int(np.any(self.d == 0))
+        if not self.unknowns:
+            return 0
+        return int(self.c.max() - self.lift) + int(np.any(self.d == self.lift))
 
     def raised(self, deficit: int) -> Structure:
         """The same system differentiated `deficit` more times, so that higher derivatives can be asked for."""
-        return Structure(self.equations, self.unknowns, self.sigma, self.c + deficit, self.d + deficit)
+        return Structure(self.equations, self.unknowns, self.sigma, self.c + deficit, self.d + deficit, deficit)
 
 
 def analyse(flat: FlatModel, equations: list[FlatEquation], unknowns: list[int]) -> Structure:
@@ -104,10 +110,20 @@ def _unbalanced(
         names = ", ".join(flat.variables[unknowns[j]].name for j in cols[:6]) + (", ..." if len(cols) > 6 else "")
         text += f"; not determined: {names} (too few equations or too few known variables)"
     if rows:
-        shown = "; ".join(f"{equations[i].label} ({equations[i].where})" for i in rows[:6])
-        more = f"; and {len(rows) - 6} more" if len(rows) > 6 else ""
-        text += f"; too many equations or knowns among: {shown}{more}"
+        text += f"; too many equations or knowns among: {_listed([equations[i] for i in rows])}"
     return text
+
+
+def _listed(equations: list[FlatEquation]) -> str:
+    """Labels with file and line; equations of one component from one line stand together."""
+    groups: dict[tuple[str, SourceLocation], list[str]] = {}
+    for e in equations:
+        groups.setdefault((e.component, e.where), []).append(e.label)
+    shown = [
+        f"{labels[0]}{f' and {len(labels) - 1} more' if labels[1:] else ''} ({where})"
+        for (_, where), labels in groups.items()
+    ]
+    return "; ".join(shown[:MAX_SHOWN]) + (f"; and {len(shown) - MAX_SHOWN} more" if shown[MAX_SHOWN:] else "")
 
 
 def overdetermined_and_underdetermined(

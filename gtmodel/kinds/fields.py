@@ -77,7 +77,9 @@ def _keys(node: Mapping[str, Any], document: Mapping[str, Any], prefix: str, nee
 
 def _default(field: Mapping[str, Any], must: bool, prefix: str, needed: bool) -> str:
     if must:
-        return REQUIRED if needed or not prefix else f"{REQUIRED} in [{prefix.rstrip('.')}]"
+        table = f"[{prefix.removesuffix('.').replace('[]', '')}]"
+        table = f"[{table}]" if prefix.endswith("[].") else table
+        return REQUIRED if needed else f"{REQUIRED} in {table}"
     value = field.get("default")
     return "" if value is None else json.dumps(value, ensure_ascii=False)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import json
+import re
 import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -92,9 +93,10 @@ def parse(content: bytes) -> dict[str, Any]:
         line = content[: error.start].count(b"\n") + 1
         raise InputError(f"line {line}: not UTF-8 text; save the file as UTF-8") from error
     except tomllib.TOMLDecodeError as error:
-        reason, _, place = str(error).partition(" (at ")
-        line = place.partition(",")[0] if place else "the file"
-        raise InputError(f"{line}: not TOML: {reason[:1].lower()}{reason[1:]}") from error
+        reason = str(error).partition(" (at ")[0]
+        place = re.search(r"at line (\d+)", str(error))  # else at the end
+        line = place[1] if place else content.count(b"\n", 0, len(content.rstrip())) + 1
+        raise InputError(f"line {line}: not TOML: {reason[:1].lower()}{reason[1:]}") from error
 
 
 def check(data: Mapping[str, Any]) -> tuple[Kind, Problem]:

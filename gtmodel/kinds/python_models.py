@@ -8,9 +8,11 @@ import importlib
 import importlib.util
 import os
 import sys
+import sysconfig
 import traceback
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from importlib.machinery import PathFinder
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -91,6 +93,7 @@ def sentence_of(error: ModelError) -> str:
 
 def _module(name: str, context: Context, key: str) -> ModuleType:
     with _on_path(Path.cwd(), context.folder):
+        _forget_namesake(name.partition(".")[0], key)
         try:
             return importlib.import_module(name)
         except ModuleNotFoundError as error:
@@ -101,6 +104,18 @@ def _module(name: str, context: Context, key: str) -> ModuleType:
             raise InputError(fault(error, f"'{name}'"), key) from error
         except Exception as error:
             raise InputError(fault(error, f"'{name}'"), key) from error
+
+
+def _forget_namesake(name: str, key: str) -> None:
+    """Drop a module of that name that a person has in another folder; an installed one must stay."""
+    loaded = getattr(sys.modules.get(name), "__file__", None)
+    spec = PathFinder.find_spec(name)
+    if loaded is None or spec is None or spec.origin is None or Path(loaded) == Path(spec.origin):
+        return
+    if loaded.startswith((sysconfig.get_path("stdlib"), sys.prefix, _HERE)):
+        raise InputError(f"'{name}' is the name of an installed package; rename your file {spec.origin}", key)
+    for other in [m for m in sys.modules if m == name or m.startswith(f"{name}.")]:
+        del sys.modules[other]
 
 
 def _file(place: str, context: Context, key: str) -> ModuleType:

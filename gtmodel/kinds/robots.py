@@ -80,7 +80,7 @@ def _from_file(
         robot = validate(RobotFile, parse(read(path)))
     except InputError as error:
         inside = error.within(reference)
-        raise InputError(str(inside), key) if key else inside
+        raise (InputError(str(inside), key) if key else inside) from error
     context.inputs["robot"] = path
     # a name is needed for the masses and friction that the file leaves out; the file gives all of the geometry
     return next(iter(catalogue.names())), {**robot.modifiers(given.get("payload", 0.0)), **modifiers}

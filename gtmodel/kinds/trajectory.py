@@ -254,8 +254,7 @@ def _outcome(
         return _failed(problem, exported, f"the optimum cannot be re-simulated: {bad.message}; ")
     end_error = float(np.linalg.norm(tried.trajectory["robot.T"][-1] - goal))
     exported_end_error = float(np.linalg.norm(final["robot.T"][-1] - goal))
-    peak = float(np.max(np.abs(tried.trajectory["robot.tau"])))
-    exported_peak = float(np.max(np.abs(final["robot.tau"])))
+    peak, exported_peak = (max(map(abs, sum(run.control_range.values(), ()))) for run in (tried, exported_tried))
     values = {
         "final_time_s": solution.final_time,
         "energy": _energy(solution, unit),

@@ -1,6 +1,6 @@
 """The language: models, variables, equations, connections and optimisations, as a person writes them."""
 
-from .connect import Branch, Connection, between, branch, connect
+from .connect import Branch, Connection, Energy, TreeEdge, between, branch, connect, energy, tree_edge, tree_root
 from .declare import (
     each,
     flow,
@@ -48,12 +48,14 @@ __all__ = [
     "Branch",
     "Connection",
     "Connector",
+    "Energy",
     "Expr",
     "Model",
     "ModelError",
     "Optimization",
     "Relation",
     "SourceLocation",
+    "TreeEdge",
     "UnitError",
     "absolute",
     "acos",
@@ -69,6 +71,7 @@ __all__ = [
     "der",
     "dot",
     "each",
+    "energy",
     "exp",
     "flow",
     "free",
@@ -90,6 +93,8 @@ __all__ = [
     "sqrt",
     "tan",
     "tanh",
+    "tree_edge",
+    "tree_root",
     "variable",
     "vector",
 ]

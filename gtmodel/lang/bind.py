@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from .declare import Declaration, Each, Free, Outer, Parameter, Part, Port, Variable
-from .expression import ONE, Expr, operand
-from .model import Connector, Model, check_parameter, walk_declarations
+from .expression import ONE, Expr, gathered, operand
+from .model import Connector, Model, check_modifiers, check_parameter, walk_declarations
 from .scope import Scope
 from .source import ModelError, SourceLocation
 
@@ -57,7 +58,25 @@ def bind(model: Model) -> Tree:
     tree = Tree(scope=scope, root=model)
     root = _bind(model, {}, "", None, tree)
     tree.root = root
+    _check_bound(tree)
     return tree
+
+
+def _check_bound(tree: Tree) -> None:
+    """Sign and finiteness of parameters that are expressions of others; ModelError as for given values."""
+    bound = [r for r in tree.parameters if r.values is None and not r.indices]
+    if not bound:
+        return
+    numbers = np.full(len(tree.scope.parameters), np.nan)
+    for r in tree.parameters:
+        if r.values is not None:
+            numbers[r.indices] = r.values
+    f = ca.Function("bound", [ca.vertcat(*tree.scope.parameters)], [r.expression for r in bound])
+    for r, value in zip(bound, f.call([ca.DM(numbers)]), strict=True):
+        array = value.full().reshape(r.item.shape)
+        if not np.any(np.isnan(array)):
+            assert isinstance(r.item, Parameter)
+            check_parameter(r.item, array if r.item.shape else float(array), r.name)
 
 
 def join(path: str, name: str) -> str:
@@ -71,12 +90,13 @@ def _bind(config: Model, extra: dict[str, Any], path: str, parent: Model | None,
     bound.__dict__.update(_path=path, _parent=parent, _values=values, _scope=tree.scope)
     bound.__dict__["_time"] = Expr(tree.scope.time, (), _second(), tree.scope)
     modifiers = {**config.__dict__["_modifiers"], **extra}
+    if parent is not None:
+        modifiers = _resolve(modifiers, parent)
     if not isinstance(bound, Connector):
         tree.components.append(bound)
-    for name, item in walk_declarations(cls):
+
+    def member(name: str, item: Declaration) -> None:
         given = modifiers.get(name)
-        if parent is not None:
-            given = _resolve(given, parent)
         full = join(path, name)
         if isinstance(item, Parameter):
             values[name] = _parameter(item, given, full, path, name in modifiers, tree)
@@ -90,7 +110,22 @@ def _bind(config: Model, extra: dict[str, Any], path: str, parent: Model | None,
             values[name] = _outer(item, bound, tree)
         elif isinstance(item, Part):
             values[name] = _part(item, given, full, bound, tree)
+
+    # an outer reference from below may bind a part before its turn
+    pending = {name: partial(member, name, item) for name, item in walk_declarations(cls)}
+    bound.__dict__.update(_pending=pending, _classes={k: _class_of(modifiers.get(k)) for k in modifiers})
+    while pending:
+        pending.pop(next(iter(pending)))()
     return bound
+
+
+def _class_of(given: Any) -> type | None:
+    """The class that a modifier puts in place of a part's own; None if it leaves the class as it is."""
+    if isinstance(given, Redeclared):
+        return given.cls
+    if isinstance(given, Model):
+        return type(given)
+    return given if isinstance(given, type) else None
 
 
 def _second() -> Any:
@@ -114,6 +149,7 @@ def _assemble(symbols: list[ca.SX], shape: tuple[int, ...]) -> ca.SX:
 
 
 def _parameter(item: Parameter, given: Any, full: str, path: str, is_given: bool, tree: Tree) -> Expr:
+    given = gathered(given)
     if isinstance(given, Expr):
         if given.shape != item.shape:
             raise ModelError(f"parameter '{full}' has shape {item.shape}; bound to shape {given.shape}", item.where)
@@ -121,7 +157,7 @@ def _parameter(item: Parameter, given: Any, full: str, path: str, is_given: bool
             raise ModelError(
                 f"units do not fit: parameter '{full}' is in {item.unit}, bound to {given.dimension}", item.where
             )
-        record = ParameterRecord(full, item, path, ca.vec(given.sx), [], None)
+        record = ParameterRecord(full, item, path, ca.vec(given.sx.T), [], None)
         tree.parameters.append(record)
         return given
     value = given if is_given else item.default
@@ -146,9 +182,7 @@ def _free(item: Free, full: str, path: str, tree: Tree) -> Expr:
     return Expr(_assemble(symbols, item.shape), item.shape, dimension, tree.scope)
 
 
-def _variable(
-    item: Variable, given: dict[str, Any], full: str, path: str, bound: Model, tree: Tree
-) -> Expr:
+def _variable(item: Variable, given: dict[str, Any], full: str, path: str, bound: Model, tree: Tree) -> Expr:
     scope = tree.scope
     names = element_names(full, item.shape)
     first = len(scope.chains)
@@ -190,6 +224,11 @@ def _outer(item: Outer, bound: Model, tree: Tree) -> Model:
         for value in above.__dict__["_values"].values():
             if isinstance(value, item.cls):
                 return value
+        for name, other in type(above)._declared.items():
+            if isinstance(other, Part) and other.count is None and name in above.__dict__["_pending"]:
+                if issubclass(above.__dict__["_classes"].get(name) or other.cls, item.cls):
+                    above.__dict__["_pending"].pop(name)()
+                    return above.__dict__["_values"][name]
         above = above.__dict__["_parent"]
     if item.cls not in tree.inner_defaults:
         path = item.cls.__name__.lower()
@@ -198,11 +237,22 @@ def _outer(item: Outer, bound: Model, tree: Tree) -> Model:
 
 
 def _resolve(value: Any, parent: Model) -> Any:
-    """A modifier in the scope of the enclosing component: declarations become their expressions."""
+    """A modifier in the scope of the component that wrote it: declarations become their expressions."""
     if isinstance(value, Declaration):
+        if value.name not in type(parent)._declared:
+            raise ModelError(f"a modifier refers to '{value.name}', which {type(parent).__name__} does not declare")
         return getattr(parent, value.name)
-    if callable(value) and not isinstance(value, (type, Model)):
-        return value(parent)
+    if isinstance(value, Each):
+        return Each(_resolve(value.value, parent))
+    if isinstance(value, dict):
+        return {k: _resolve(v, parent) for k, v in value.items()}
+    if type(value) in (list, tuple):
+        return type(value)(_resolve(v, parent) for v in value)
+    if isinstance(value, Model):
+        given = value.__dict__.get("_modifiers")
+        return value if given is None else Redeclared(type(value), _resolve(given, parent))
+    if callable(value) and not isinstance(value, type):
+        return _resolve(value(parent), parent)
     return value
 
 
@@ -256,10 +306,7 @@ def _merge(old: Any, new: Any) -> Any:
 
 def _split(merged: Any, full: str, where: SourceLocation) -> tuple[type[Model], dict[str, Any]]:
     if isinstance(merged, Redeclared) and issubclass(merged.cls, Model):
-        merged.cls(**{k: v for k, v in merged.modifiers.items() if not isinstance(v, (Expr, Redeclared))})
-        unknown = set(merged.modifiers) - set(merged.cls._declared)
-        if unknown:
-            raise ModelError(f"{merged.cls.__name__} (part '{full}') has no declaration '{sorted(unknown)[0]}'", where)
+        check_modifiers(merged.cls, merged.modifiers, where, f" (part '{full}')")
         return merged.cls, merged.modifiers
     raise ModelError(f"part '{full}' takes a Model class, a model or a dictionary; found {merged!r}", where)
 

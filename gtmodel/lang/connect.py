@@ -9,6 +9,7 @@ from typing import Any
 from .expression import Expr, Relation
 from .model import Connector
 from .source import ModelError, SourceLocation, here
+from .units import si_unit
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,6 +28,64 @@ class Branch:
     name: str
     expression: Expr
     where: SourceLocation
+
+
+@dataclass(frozen=True, eq=False)
+class Energy:
+    """A term of the energy balance: "stored" [J], "supplied" [W] or "dissipated" [W]."""
+
+    kind: str
+    expression: Expr
+    where: SourceLocation
+
+
+@dataclass(frozen=True, eq=False)
+class TreeEdge:
+    """What is overdetermined in port b follows from port a; a None: from the component itself, b is a root."""
+
+    a: Connector | None
+    b: Connector
+    where: SourceLocation
+
+
+def tree_edge(a: Any, b: Any) -> TreeEdge:
+    """Say that the orientation of port b follows from that of port a through this component's equations.
+
+    For connectors that declare `overdetermined`. Connections and edges must form trees, each with at most one root.
+    """
+    return TreeEdge(*_overdetermined("tree_edge", a, b), here())
+
+
+def tree_root(port: Any) -> TreeEdge:
+    """Say that this component alone gives the orientation of a port: the world, a free body."""
+    return TreeEdge(None, *_overdetermined("tree_root", port), here())
+
+
+def _overdetermined(name: str, *ports: Any) -> tuple[Connector, ...]:
+    for p in ports:
+        if not isinstance(p, Connector) or not p.overdetermined:
+            raise ModelError(
+                f"{name}() takes ports whose connector is overdetermined; found {type(p).__name__}", here()
+            )
+    return ports
+
+
+def energy(*, stored: Any = None, supplied: Any = None, dissipated: Any = None) -> list[Energy]:
+    """Declare what a component contributes to the energy balance of a simulation.
+
+    stored: energy held [J]; supplied: power fed in from outside [W]; dissipated: power lost [W]. Scalars.
+    """
+    units = {"stored": "J", "supplied": "W", "dissipated": "W"}
+    result = []
+    for kind, value in (("stored", stored), ("supplied", supplied), ("dissipated", dissipated)):
+        if value is None:
+            continue
+        if not isinstance(value, Expr) or value.shape != ():
+            raise ModelError(f"energy({kind}=...) takes a scalar expression", here())
+        if value.dimension is not None and value.dimension != si_unit(units[kind]).dimension:
+            raise ModelError(f"energy({kind}=...) is in {units[kind]}; found {value.dimension}", here())
+        result.append(Energy(kind, value, here()))
+    return result
 
 
 def connect(a: Any, b: Any) -> Connection | list[Any]:

@@ -25,8 +25,6 @@ class Declaration:
         self.description = description
 
     def __set_name__(self, owner: type, name: str) -> None:
-        if name.startswith("_"):
-            raise ModelError(f"declared names may not start with an underscore; found '{name}'", self.where)
         self.name = name
 
     def __get__(self, instance: Any, owner: type | None = None) -> Any:
@@ -54,9 +52,7 @@ class _Quantity(Declaration):
 class Variable(_Quantity):
     """Record of a variable: unit, nominal, min, max, start, fixed, state preference, role."""
 
-    def __init__(
-        self, shape: Any, unit: str | None, description: str, role: str, attributes: dict[str, Any]
-    ) -> None:
+    def __init__(self, shape: Any, unit: str | None, description: str, role: str, attributes: dict[str, Any]) -> None:
         super().__init__(shape, unit, description)
         self.role = role
         self.attributes = attributes
@@ -194,9 +190,7 @@ def parameter(
     return Parameter(default, shape, unit, description, positive, nonzero)
 
 
-def free(
-    guess: Any, *, min: Any = None, max: Any = None, unit: str | None = None, description: str = ""
-) -> Any:
+def free(guess: Any, *, min: Any = None, max: Any = None, unit: str | None = None, description: str = "") -> Any:
     """A constant for the optimisation to choose: `final_time = gt.free(guess=1.0, min=0.2)`."""
     return Free(guess, min, max, unit, description)
 

@@ -228,9 +228,7 @@ def aligned(a: Expr, b: Any, op: str) -> tuple[ca.SX, ca.SX, Dimension | None, S
         zero = (not isinstance(b, Expr)) and shape_b == () and float(b) == 0.0
         comparison = op in ("<=", ">=", "minimum", "maximum") and () in (a.shape, shape_b)
         if not (zero or comparison):
-            raise ModelError(
-                f"shapes {a.shape} and {shape_b} do not fit in '{op}'; expected equal shapes", here()
-            )
+            raise ModelError(f"shapes {a.shape} and {shape_b} do not fit in '{op}'; expected equal shapes", here())
     if not isinstance(b, Expr):
         dim = a.dimension
     elif a.dimension is None or b.dimension is None:

@@ -128,6 +128,7 @@ tanh = _pure("tanh", ca.tanh, np.tanh)
 def _pair(a: Any, b: Any, fun: Callable[[Any, Any], Any], numeric: Any, name: str) -> Any:
     from .expression import aligned
 
+    a, b = gathered(a), gathered(b)
     if not isinstance(a, Expr) and not isinstance(b, Expr):
         return numeric(a, b)
     if not isinstance(a, Expr):

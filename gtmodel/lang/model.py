@@ -8,8 +8,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from .declare import ATTRIBUTES, Declaration, Free, Parameter, Part, Port, Variable
-from .source import ModelError, here
+from .declare import ATTRIBUTES, Declaration, Each, Free, Outer, Parameter, Part, Port, Variable
+from .expression import Expr
+from .source import ModelError, SourceLocation, here
 
 
 class Model:
@@ -36,35 +37,22 @@ class Model:
                 elif name in declared:
                     raise ModelError(f"'{name}' in {cls.__name__} hides a declaration of the same name")
         for name, item in declared.items():
+            if name.startswith("_"):
+                raise ModelError(f"declared names may not start with an underscore; found '{name}'", item.where)
             if name in _RESERVED:
                 raise ModelError(f"'{name}' is a method of every model; choose another name", item.where)
         cls._declared = declared
 
     def __init__(self, **modifiers: Any) -> None:
         self.__dict__["where"] = here()
-        self.__dict__["_modifiers"] = dict(modifiers)
-        for name, value in modifiers.items():
-            self._check_modifier(name, value)
+        self.__dict__["_modifiers"] = {name: _frozen(value) for name, value in modifiers.items()}
+        check_modifiers(type(self), modifiers, here())
 
     def __setattr__(self, name: str, value: Any) -> None:
         raise ModelError(f"models are immutable: '{name}' cannot be assigned; use model.with_({name}=...)", here())
 
-    def _check_modifier(self, name: str, value: Any) -> None:
-        declared = type(self)._declared
-        if name not in declared:
-            close = difflib.get_close_matches(name, declared, n=2)
-            hint = f"; did you mean '{close[0]}'?" if close else f"; it has {', '.join(sorted(declared)) or 'none'}"
-            raise ModelError(f"{type(self).__name__} has no declaration '{name}'{hint}", here())
-        item = declared[name]
-        if isinstance(item, Parameter) and _is_number(value):
-            check_parameter(item, value, name)
-        elif isinstance(item, Variable):
-            if not isinstance(value, dict) or set(value) - set(ATTRIBUTES):
-                raise ModelError(
-                    f"'{name}' is a variable: a modifier is a dictionary with keys of {', '.join(ATTRIBUTES)}; "
-                    f"found {value!r}",
-                    here(),
-                )
+    def __delattr__(self, name: str) -> None:
+        raise ModelError(f"models are immutable: '{name}' cannot be deleted", here())
 
     def _member(self, item: Declaration) -> Any:
         values = self.__dict__.get("_values")
@@ -99,7 +87,14 @@ class Model:
 
 
 class Connector(Model):
-    """A set of potentials and flows at which components are joined."""
+    """A set of potentials and flows at which components are joined.
+
+    `overdetermined` is the reason, told in errors, why such connectors may not be joined in a loop: a potential with
+    more numbers than freedoms, such as a rotation matrix. Components tell with gt.tree_edge and gt.tree_root which
+    port follows from which. Empty: loops are fine.
+    """
+
+    overdetermined: ClassVar[str] = ""
 
     @classmethod
     def _signature(cls) -> tuple[tuple[str, str, tuple[int, ...]], ...]:
@@ -120,28 +115,62 @@ def _late(item: Declaration) -> int:
     return 5 if isinstance(item, Part) else 4
 
 
-def _is_number(value: Any) -> bool:
-    if isinstance(value, (str, bool)) or value is None:
-        return False
-    try:
-        return np.asarray(value).dtype.kind in "iuf"
-    except (TypeError, ValueError):
-        return False
+def _frozen(value: Any) -> Any:
+    """A copy of a modifier that nobody else can change: arrays inside, also in lists and dictionaries."""
+    if isinstance(value, np.ndarray):
+        value = value.copy()
+        value.flags.writeable = False
+    elif isinstance(value, dict):
+        value = {k: _frozen(v) for k, v in value.items()}
+    elif type(value) in (list, tuple):
+        value = type(value)(_frozen(v) for v in value)
+    return value
 
 
-def check_parameter(item: Parameter, value: Any, name: str) -> np.ndarray:
+def check_modifiers(cls: type[Model], modifiers: dict[str, Any], where: SourceLocation, what: str = "") -> None:
+    """Raises ModelError for modifiers that a model of this class does not take; `what` is added to its name."""
+    for name, value in modifiers.items():
+        if name not in cls._declared:
+            close = difflib.get_close_matches(name, cls._declared, n=2)
+            known = ", ".join(sorted(cls._declared)) or "none"
+            hint = f"did you mean '{close[0]}'?" if close else f"it has {known}"
+            raise ModelError(f"{cls.__name__}{what} has no declaration '{name}'; {hint}", where)
+        item = cls._declared[name]
+        if isinstance(item, (Port, Outer)):
+            kind = "a port" if isinstance(item, Port) else "an outer reference"
+            raise ModelError(f"'{name}' of {cls.__name__}{what} is {kind} and takes no modifier", where)
+        if isinstance(item, Parameter) and not _symbolic(value):
+            check_parameter(item, value, name, where)
+        elif isinstance(item, Variable) and (not isinstance(value, dict) or set(value) - set(ATTRIBUTES)):
+            raise ModelError(
+                f"'{name}' is a variable: a modifier is a dictionary with keys of {', '.join(ATTRIBUTES)}; "
+                f"found {value!r}",
+                where,
+            )
+
+
+def _symbolic(value: Any) -> bool:
+    """True for what becomes a value only when the model is bound, and for None: no value."""
+    if isinstance(value, (list, tuple)):
+        return any(map(_symbolic, value))
+    return value is None or isinstance(value, (Declaration, Each, Expr)) or callable(value)
+
+
+def check_parameter(item: Parameter, value: Any, name: str, where: SourceLocation | None = None) -> np.ndarray:
     """The value as a float array of the declared shape; ModelError for shape, sign or a non-finite number."""
-    array = np.asarray(value, dtype=float)
+    where = where or item.where
+    try:
+        array = np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        raise ModelError(f"parameter '{name}' takes numbers of shape {item.shape}; found {value!r}", where) from None
     if array.shape != item.shape:
-        raise ModelError(
-            f"parameter '{name}' has shape {item.shape}; found a value of shape {array.shape}", item.where
-        )
+        raise ModelError(f"parameter '{name}' has shape {item.shape}; found a value of shape {array.shape}", where)
     if not np.all(np.isfinite(array)):
-        raise ModelError(f"parameter '{name}' must be finite; found {value}", item.where)
+        raise ModelError(f"parameter '{name}' must be finite; found {value}", where)
     if item.positive and np.any(array <= 0):
-        raise ModelError(f"parameter '{name}' is declared positive; found {value}", item.where)
+        raise ModelError(f"parameter '{name}' is declared positive; found {value}", where)
     if item.nonzero and np.any(array == 0):
-        raise ModelError(f"parameter '{name}' is declared nonzero; found {value}", item.where)
+        raise ModelError(f"parameter '{name}' is declared nonzero; found {value}", where)
     return array
 
 

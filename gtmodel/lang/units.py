@@ -42,9 +42,7 @@ class Dimension:
     def __post_init__(self) -> None:
         exponents = tuple(e if type(e) is int else _rational(e) for e in self.exponents)
         if len(exponents) != len(BASE_SYMBOLS):
-            raise UnitError(
-                f"a dimension got {len(exponents)} exponents; give seven, for {', '.join(BASE_SYMBOLS)}"
-            )
+            raise UnitError(f"a dimension got {len(exponents)} exponents; give seven, for {', '.join(BASE_SYMBOLS)}")
         object.__setattr__(self, "exponents", exponents)
 
     @property
@@ -105,8 +103,7 @@ def _base_text(dimension: Dimension) -> str:
 
 DIMENSIONLESS = Dimension()
 _BASE = {
-    symbol: Dimension(tuple(int(i == j) for j in range(len(BASE_SYMBOLS))))
-    for i, symbol in enumerate(BASE_SYMBOLS)
+    symbol: Dimension(tuple(int(i == j) for j in range(len(BASE_SYMBOLS)))) for i, symbol in enumerate(BASE_SYMBOLS)
 }
 
 
@@ -203,9 +200,7 @@ class _Value:
     pi_power: int = 0
 
     def __mul__(self, other: _Value) -> _Value:
-        return _Value(
-            self.dimension * other.dimension, self.factor * other.factor, self.pi_power + other.pi_power
-        )
+        return _Value(self.dimension * other.dimension, self.factor * other.factor, self.pi_power + other.pi_power)
 
 
 _SYMBOL = re.compile(r"[A-Za-z]+")
@@ -275,9 +270,7 @@ class _Reader:
             self.at = found.end()
             below = int(found["below"] or 1)
             if below == 0:
-                raise UnitError(
-                    f"unit {self.text!r} has a power with denominator 0; write a fraction such as '^(1/2)'"
-                )
+                raise UnitError(f"unit {self.text!r} has a power with denominator 0; write a fraction such as '^(1/2)'")
             value = self.power(value, Fraction(int(found["whole"] or found["above"]), below))
         return value
 
@@ -289,11 +282,7 @@ class _Reader:
                 for i in range(1, len(symbol))
                 if symbol[:i] in _SYMBOLS and symbol[i:] in _SYMBOLS
             ]
-            hint = (
-                "close matches are " + ", ".join(map(repr, close))
-                if close
-                else "known are " + ", ".join(_SYMBOLS)
-            )
+            hint = "close matches are " + ", ".join(map(repr, close)) if close else "known are " + ", ".join(_SYMBOLS)
             raise UnitError(f"unit {self.text!r} holds the unknown symbol {symbol!r}; {hint}")
         return _SYMBOLS[symbol]
 
@@ -301,15 +290,11 @@ class _Reader:
         if power.denominator == 1:
             bits = max(value.factor.numerator.bit_length(), value.factor.denominator.bit_length()) - 1
             if max(bits, 2 * abs(value.pi_power)) * abs(power) > MAX_SCALE_BITS:
-                raise UnitError(
-                    f"unit {self.text!r} has a scale outside the range of a double; use smaller powers"
-                )
+                raise UnitError(f"unit {self.text!r} has a scale outside the range of a double; use smaller powers")
             whole = int(power)
             return _Value(value.dimension**power, value.factor**whole, value.pi_power * whole)
         if value.factor != 1 or value.pi_power:
-            raise UnitError(
-                f"unit {self.text!r} takes a root of a scaled unit; write it with SI units instead"
-            )
+            raise UnitError(f"unit {self.text!r} takes a root of a scaled unit; write it with SI units instead")
         return _Value(value.dimension**power)
 
     def skip_spaces(self) -> bool:
@@ -342,9 +327,7 @@ for _name, _scaled in _SCALED.items():
 @functools.lru_cache(maxsize=1024)
 def _parse(text: str) -> Unit:
     value = _Reader(text).read() if text else _Value(DIMENSIONLESS)
-    bits = max(value.factor.numerator.bit_length(), value.factor.denominator.bit_length()) + 2 * abs(
-        value.pi_power
-    )
+    bits = max(value.factor.numerator.bit_length(), value.factor.denominator.bit_length()) + 2 * abs(value.pi_power)
     if bits > MAX_SCALE_BITS:
         raise UnitError(f"unit {text!r} has a scale outside the range of a double; use smaller powers")
     return Unit(text or "1", value.dimension, value.factor, value.pi_power)
@@ -361,9 +344,7 @@ def parse_unit(text: str) -> Unit:
     read; the message says where.
     """
     if not isinstance(text, str):
-        raise UnitError(
-            f"a unit is {text!r} of type {type(text).__name__}; expected a text such as 'm' or 'N.m/rad'"
-        )
+        raise UnitError(f"a unit is {text!r} of type {type(text).__name__}; expected a text such as 'm' or 'N.m/rad'")
     text = text.strip()
     if len(text) > MAX_TEXT_LENGTH:
         raise UnitError(f"a unit text has {len(text)} characters; expected at most {MAX_TEXT_LENGTH}")

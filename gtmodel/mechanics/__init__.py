@@ -1,24 +1,92 @@
-"""Mechanical parts written in the language: frames, guideway, rods, bodies, friction, motor."""
+"""Mechanical parts written in the language.
 
-from .bodies import PointMass
-from .frames import Flange, PointFrame, World
-from .friction import Friction, Frictionless, PiecewiseLinearFriction, TanhFriction
+Connectors: PointFrame, Frame, Flange, Shaft. World holds gravity; Ground, Anchor, FixedFlange, FixedShaft stand still.
+"""
+
+from .anchors import Anchor, FixedFlange, FixedShaft, Ground
+from .attitude import AnyQuaternion, Attitude, UnitQuaternion, ZYZAngles
+from .bodies import FreeBody, PointMass, RigidBody
+from .drive import Gear, Inertia, Mass, RackAndPinion
+from .fixed import Fixed, FixedTranslation, PointOnFrame
+from .frames import Flange, Frame, PointFrame, Shaft, World
+from .friction import (
+    DirectionalPiecewiseLinearFriction,
+    DirectionalTanhFriction,
+    Friction,
+    Frictionless,
+    PiecewiseLinearFriction,
+    StribeckFriction,
+    TanhFriction,
+)
+from .friction_rotational import (
+    RotationalDirectionalPiecewiseLinearFriction,
+    RotationalDirectionalTanhFriction,
+    RotationalFriction,
+    RotationalPiecewiseLinearFriction,
+    RotationalStribeckFriction,
+    RotationalTanhFriction,
+)
 from .guideway import Guideway
-from .motor import ForceMotor
+from .joints import Prismatic, Revolute, Spherical, Universal
+from .motor import ForceMotor, TorqueMotor
+from .plane import Plane
+from .plate import RigidPlate
 from .rod import MidpointRod, Rod, UniformRod
+from .spring_damper import FlangeSpringDamper, ShaftSpringDamper, SpringDamper
+from .wrist import Wrist, WristAxis
 
 __all__ = [
+    "Anchor",
+    "AnyQuaternion",
+    "Attitude",
+    "DirectionalPiecewiseLinearFriction",
+    "DirectionalTanhFriction",
+    "Fixed",
+    "FixedFlange",
+    "FixedShaft",
+    "FixedTranslation",
     "Flange",
+    "FlangeSpringDamper",
     "ForceMotor",
+    "Frame",
+    "FreeBody",
     "Friction",
     "Frictionless",
+    "Gear",
+    "Ground",
     "Guideway",
+    "Inertia",
+    "Mass",
     "MidpointRod",
     "PiecewiseLinearFriction",
+    "Plane",
     "PointFrame",
     "PointMass",
+    "PointOnFrame",
+    "Prismatic",
+    "RackAndPinion",
+    "Revolute",
+    "RigidBody",
+    "RigidPlate",
     "Rod",
+    "RotationalDirectionalPiecewiseLinearFriction",
+    "RotationalDirectionalTanhFriction",
+    "RotationalFriction",
+    "RotationalPiecewiseLinearFriction",
+    "RotationalStribeckFriction",
+    "RotationalTanhFriction",
+    "Shaft",
+    "ShaftSpringDamper",
+    "Spherical",
+    "SpringDamper",
+    "StribeckFriction",
     "TanhFriction",
+    "TorqueMotor",
     "UniformRod",
+    "UnitQuaternion",
+    "Universal",
     "World",
+    "Wrist",
+    "WristAxis",
+    "ZYZAngles",
 ]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from .. import lang as gt
 from .frames import Flange
+from .friction_law import CoulombViscousLaw, DirectionalLaw, PiecewiseLinearSign, StribeckLaw, TanhSign
 
 
 class Friction(gt.Model):
@@ -15,6 +16,7 @@ class Friction(gt.Model):
     def equations(self):
         yield self.flange.f == self.force
         yield self.force == self.law(gt.der(self.flange.s))
+        yield gt.energy(dissipated=self.force * gt.der(self.flange.s))
 
     def law(self, velocity):
         """Friction force [N] as a function of velocity [m/s]."""
@@ -29,27 +31,42 @@ class Frictionless(Friction):
 
 
 class _CoulombViscous(Friction):
-    """Coulomb and viscous friction (Dressler 2012, eq. (6.8)) with a smoothed sign."""
-
     coulomb = gt.parameter(0.0, unit="N", description="Coulomb friction force")
     viscous = gt.parameter(0.0, unit="kg/s", description="viscous friction coefficient")
     velocity_scale = gt.parameter(
         0.1, unit="m/s", positive=True, description="velocity at which the smoothed sign is near its end value"
     )
 
-    def law(self, velocity):
-        return self.coulomb * self.smooth_sign(velocity / self.velocity_scale) + self.viscous * velocity
+
+class TanhFriction(TanhSign, CoulombViscousLaw, _CoulombViscous):
+    """Coulomb and viscous friction (Dressler 2012, eq. (6.8)), sign smoothed by tanh(velocity / velocity_scale)."""
 
 
-class TanhFriction(_CoulombViscous):
-    """Sign smoothed by tanh(velocity / velocity_scale)."""
-
-    def smooth_sign(self, ratio):
-        return gt.tanh(ratio)
+class PiecewiseLinearFriction(PiecewiseLinearSign, CoulombViscousLaw, _CoulombViscous):
+    """Coulomb and viscous friction (Dressler 2012, eq. (6.8)), sign smoothed by a straight line between
+    -velocity_scale and velocity_scale."""
 
 
-class PiecewiseLinearFriction(_CoulombViscous):
-    """Sign smoothed by a straight line between -velocity_scale and velocity_scale."""
+class _Directional(_CoulombViscous):
+    coulomb = gt.parameter(0.0, unit="N", description="Coulomb friction force at positive velocity")
+    viscous = gt.parameter(0.0, unit="kg/s", description="viscous friction coefficient at positive velocity")
+    coulomb_minus = gt.parameter(unit="N", description="Coulomb friction force at negative velocity, positive")
+    viscous_minus = gt.parameter(unit="kg/s", description="viscous friction coefficient at negative velocity")
 
-    def smooth_sign(self, ratio):
-        return gt.clip(ratio, -1.0, 1.0)
+
+class DirectionalTanhFriction(TanhSign, DirectionalLaw, _Directional):
+    """Coefficients by direction (Dressler 2012, Table 6.1), sign smoothed by tanh(velocity / velocity_scale)."""
+
+
+class DirectionalPiecewiseLinearFriction(PiecewiseLinearSign, DirectionalLaw, _Directional):
+    """Coefficients by direction (Dressler 2012, Table 6.1), sign smoothed by a straight line."""
+
+
+class StribeckFriction(TanhSign, StribeckLaw, _CoulombViscous):
+    """Friction that falls from `breakaway` to `coulomb` as the motion begins; sign smoothed by tanh.
+
+    velocity_scale well below stribeck_velocity, or the peak is lost in the smoothing.
+    """
+
+    breakaway = gt.parameter(unit="N", description="friction force at the onset of motion, at least `coulomb`")
+    stribeck_velocity = gt.parameter(unit="m/s", positive=True, description="velocity over which friction falls")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from .. import lang as gt
-from .frames import Flange
+from .frames import Flange, Shaft
 
 
 class ForceMotor(gt.Model):
@@ -14,3 +14,22 @@ class ForceMotor(gt.Model):
 
     def equations(self):
         yield self.flange.f == -self.force
+        yield gt.energy(supplied=self.force * gt.der(self.flange.s))
+
+
+class TorqueMotor(gt.Model):
+    """A motor with rotor inertia J [kg m2] that turns the shaft through an ideal gear.
+
+    `torque` [N.m] is that of the motor, before the gear; the motor turns `ratio` times as fast as the shaft. The
+    rotor counts as inertia about the shaft alone: its gyroscopic effect on a moving link is neglected.
+    """
+
+    J = gt.parameter(0.0, unit="kg.m2", description="rotor inertia, motor side")
+    ratio = gt.parameter(1.0, unit="1", nonzero=True, description="motor angle per shaft angle")
+    shaft = gt.port(Shaft)
+    torque = gt.variable(unit="N.m", nominal=10.0, description="motor torque, positive along the motor's own angle")
+
+    def equations(self):
+        speed = self.ratio * gt.der(self.shaft.phi)
+        yield self.shaft.t == self.ratio * (self.J * gt.der(speed) - self.torque)
+        yield gt.energy(stored=self.J / 2 * speed**2, supplied=self.torque * speed)

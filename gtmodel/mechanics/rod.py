@@ -26,9 +26,15 @@ class Rod(gt.Model):
         inertial_a, inertial_b = self.inertial_forces()
         yield self.a.f == inertial_a - self.tension * d
         yield self.b.f == inertial_b + self.tension * d
+        weight = gt.dot(self.world.g, (self.a.r + self.b.r) / 2)
+        yield gt.energy(stored=self.kinetic_energy() - self.m * weight)
 
     def inertial_forces(self):
         """Mass times acceleration minus weight, as shared by the two ends [N]."""
+        raise gt.ModelError("a Rod must say how its mass is spread; use MidpointRod or UniformRod")
+
+    def kinetic_energy(self):
+        """Kinetic energy [J] of the mass so spread."""
         raise gt.ModelError("a Rod must say how its mass is spread; use MidpointRod or UniformRod")
 
 
@@ -39,6 +45,10 @@ class MidpointRod(Rod):
         half = self.m / 2 * (gt.der((self.a.r + self.b.r) / 2, 2) - self.world.g)
         return half, half
 
+    def kinetic_energy(self):
+        v = gt.der((self.a.r + self.b.r) / 2)
+        return self.m / 2 * gt.dot(v, v)
+
 
 class UniformRod(Rod):
     """Mass spread evenly along a thin rod: consistent masses m/3 and m/6."""
@@ -47,3 +57,7 @@ class UniformRod(Rod):
         acc_a, acc_b = gt.der(self.a.r, 2), gt.der(self.b.r, 2)
         weight = self.m / 2 * self.world.g
         return self.m / 3 * acc_a + self.m / 6 * acc_b - weight, self.m / 6 * acc_a + self.m / 3 * acc_b - weight
+
+    def kinetic_energy(self):
+        v_a, v_b = gt.der(self.a.r), gt.der(self.b.r)
+        return self.m / 6 * (gt.dot(v_a, v_a) + gt.dot(v_a, v_b) + gt.dot(v_b, v_b))

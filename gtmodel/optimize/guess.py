@@ -6,14 +6,16 @@ import numpy as np
 
 from ..lang.source import ModelError
 from ..results.trajectory import Trajectory
+from .attributes import names_of, start_of
 from .nlp import Nlp
 from .solution import Solution
 
 
 def initial_guess(nlp: Nlp, guess: Trajectory | Solution | None) -> np.ndarray:
-    """Scaled unknowns. A trajectory is stretched over the horizon of the free constants' guesses.
+    """Scaled unknowns. A trajectory's time span is the guess of a free horizon; it is stretched over the horizon.
 
-    Raises ModelError if a trajectory holds none of the states.
+    States and controls are found under any of their names. Raises ModelError if a trajectory holds none of
+    the states.
     """
     problem, mesh, layout = nlp.problem, nlp.mesh, nlp.element.layout
     free = problem.P_guess.copy()
@@ -21,47 +23,48 @@ def initial_guess(nlp: Nlp, guess: Trajectory | Solution | None) -> np.ndarray:
         for n, name in enumerate(problem.free_names):
             free[n] = guess.free.get(name, free[n])
         guess = guess.trajectory
-    flat = problem.flat
-    own = len(problem.state_pairs)
-    x_default = np.array([_start(flat, i, k) for i, k in problem.state_pairs] + [0.0] * (layout.nx - own))
-    u_default = np.array([_start(flat, i, 0) for i in problem.control_indices])
-    x_default = np.clip(x_default, problem.x_bounds.low, problem.x_bounds.high)
-    u_default = np.clip(u_default, problem.u_bounds.low, problem.u_bounds.high)
+    elif guess is not None and guess.duration > 0:
+        for name, time in (("start_time", guess.time[0]), ("final_time", guess.time[-1])):
+            if name in problem.free_names:
+                free[problem.free_names.index(name)] = time
+    free = np.clip(free, problem.P_bounds.low, problem.P_bounds.high)
+    flat, alias = problem.flat, problem.base.alias
+    states = [_series(guess, names_of(flat, alias, p), start_of(flat, alias, p)) for p in problem.state_pairs]
+    if guess is not None and states and not any(found for _, found in states):
+        raise ModelError(f"the guess holds none of the states {', '.join(problem.state_names)}")
+    states += [_series(None, [], 0.0)] * (layout.nx - len(states))
+    pairs = [(i, 0) for i in problem.control_indices]
+    controls = [_series(guess, names_of(flat, alias, p), start_of(flat, alias, p)) for p in pairs]
+    x_low, x_high, u_low, u_high = (
+        b for bounds in (problem.x_bounds, problem.u_bounds) for b in (bounds.low, bounds.high)
+    )
     values = np.zeros(nlp.size)
     n, N = layout.size, mesh.elements
-    columns = list(zip(problem.state_names, x_default, strict=True)), list(
-        zip(problem.control_names, u_default, strict=True)
-    )
-    series = [[_series(guess, name, default) for name, default in group] for group in columns]
-    if guess is not None and not any(found for _, found in series[0]):
-        raise ModelError(f"the guess holds none of the states {', '.join(problem.state_names)}")
     for k in range(N):
         s = mesh.edges[k] + mesh.h[k] * mesh.table.nodes
         block = np.zeros(n)
-        for j, (f, _) in enumerate(series[0]):
-            at = f(s)
+        for j, (f, _) in enumerate(states):
+            at = np.clip(f(s), x_low[j], x_high[j])
             block[layout.left[j]] = at[0]
             block[layout.x[:, j]] = at[1:]
-        for j, (f, _) in enumerate(series[1]):
-            block[layout.u[:, j]] = f(s[1:]) if mesh.control == "polynomial" else f(s).mean()
+        for j, (f, _) in enumerate(controls):
+            at = f(s[1:]) if mesh.control == "polynomial" else np.full(mesh.points, f(s).mean())
+            block[layout.u[:, j]] = np.clip(at, u_low[j], u_high[j])
         values[k * n : (k + 1) * n] = block / layout.scale
-    values[N * n : N * n + layout.nx] = [f(np.array([1.0]))[0] for f, _ in series[0]] / problem.x_scale
+    end = np.array([f(np.array([1.0]))[0] for f, _ in states])
+    values[N * n : N * n + layout.nx] = np.clip(end, x_low, x_high) / problem.x_scale
     values[N * n + layout.nx :] = free / nlp.p_scale
     return values
 
 
-def _start(flat: object, index: int, order: int) -> float:
-    v = flat.variables[index]  # type: ignore[attr-defined]
-    return float(v.start) if order == 0 and v.start is not None else 0.0
-
-
-def _series(guess: Trajectory | None, name: str, default: float):
-    """s in [0, 1] -> values, and whether the guess holds the name."""
-    values = None if guess is None else _column(guess, name)
-    if guess is None or values is None:
-        return (lambda s: np.full(len(s), default)), False
-    t = (guess.time - guess.time[0]) / guess.duration
-    return (lambda s: np.interp(s, t, values)), True
+def _series(guess: Trajectory | None, names: list[tuple[str, int]], default: float):
+    """s in [0, 1] -> values, and whether the guess holds one of the names."""
+    for name, sign in names if guess is not None else []:
+        values = _column(guess, name)
+        if values is not None:
+            t = (guess.time - guess.time[0]) / (guess.duration or 1.0)
+            return (lambda s: sign * np.interp(s, t, values)), True  # noqa: B023
+    return (lambda s: np.full(len(s), default)), False
 
 
 def _column(guess: Trajectory, name: str) -> np.ndarray | None:

@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from .tables import Table, table
+from .tables import SCHEMES, Table, table
 
 
 @dataclass(frozen=True)
@@ -31,6 +31,8 @@ class Mesh:
     def __post_init__(self) -> None:
         if self.elements < 1 or self.points < 1:
             raise ValueError(f"a mesh needs at least one element and one point; found {self.elements} x {self.points}")
+        if self.scheme not in SCHEMES:
+            raise ValueError(f"scheme is 'radau' or 'gauss'; found '{self.scheme}'")
         if self.control not in ("polynomial", "constant"):
             raise ValueError(f"control is 'polynomial' or 'constant'; found '{self.control}'")
         if self.lengths is not None and (len(self.lengths) != self.elements or min(self.lengths) <= 0):

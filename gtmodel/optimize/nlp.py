@@ -74,7 +74,8 @@ def make_nlp(problem: DynamicProblem, mesh: Mesh) -> Nlp:
     args = [y, P, d]
     e_g = _function("e_g", args, [rows, cost], N)
     e_j = _function("e_j", args, [rows, ca.vertcat(*J.nonzeros()), JP], N)
-    e_h = _function("e_h", [*args, lam_f, lam], [ca.vertcat(*Hyy.nonzeros()) if Hyy.nnz() else ca.SX(0, 1), HyP, HPP], N)
+    nz_Hyy = ca.vertcat(*Hyy.nonzeros()) if Hyy.nnz() else ca.SX(0, 1)
+    e_h = _function("e_h", [*args, lam_f, lam], [nz_Hyy, HyP, HPP], N)
     e_d = _function("e_d", args, [cost, ca.densify(ca.jacobian(cost, y)), ca.densify(ca.jacobian(cost, P))], N)
     point = _points(problem, mesh, element, p_scale)
     z = X[point.index.tolist()] if point.index.size else ca.MX(0, 1)
@@ -88,7 +89,7 @@ def make_nlp(problem: DynamicProblem, mesh: Mesh) -> Nlp:
     g = ca.vertcat(ca.vec(g_e) - link, rows_p)
     f = ca.sum2(c_e) + mayer
 
-    g_j, nzJ, dP = e_j(Y, Pm, D)
+    _, nzJ, dP = e_j(Y, Pm, D)
     jac = _jacobian(J, nzJ, dP, point, z, n, m, nx, nP, N, total, mc)
     _, dy, dPc = e_d(Y, Pm, D)
     mayer_z = point.gradient(z)

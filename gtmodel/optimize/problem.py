@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -15,9 +16,11 @@ from ..compiler.plan import Plan, make_plan
 from ..lang.expression import Expr
 from ..lang.optimization import Optimization
 from ..lang.source import ModelError
+from .attributes import Pair, nominal_of
+from .horizon import PointValue, horizon, initial_rows, point_values, require_length
 from .relations import Row, as_bound, relations
 
-Pair = tuple[int, int]
+FORMULATIONS = ("auto", "inverse", "explicit")
 
 
 @dataclass
@@ -34,15 +37,6 @@ class Bounds:
     def tighten(self, i: int, low: float, high: float) -> None:
         self.low[i] = max(self.low[i], low)
         self.high[i] = min(self.high[i], high)
-
-
-@dataclass(eq=False)
-class PointValue:
-    """An expression needed at one instant, s in [0, 1] of the horizon, known there as `symbol`."""
-
-    symbol: ca.SX
-    expression: ca.SX
-    s: float
 
 
 @dataclass(eq=False)
@@ -83,6 +77,7 @@ class DynamicProblem:
     points: list[Row]
     builder: Builder
     base: Plan
+    outputs: Any = None  # the function that evaluates every name, made when first asked for
 
     @property
     def state_names(self) -> list[str]:
@@ -99,33 +94,50 @@ class DynamicProblem:
 
     @property
     def x_scale(self) -> np.ndarray:
-        own = [self.flat.variables[i].nominal for i, _ in self.state_pairs]
+        own = [nominal_of(self.flat, self.base.alias, p) for p in self.state_pairs]
         return np.array(own + [1.0] * (self.x.numel() - len(own)))
 
     @property
     def u_scale(self) -> np.ndarray:
-        return np.array([self.flat.variables[i].nominal for i in self.control_indices])
+        return np.array([nominal_of(self.flat, self.base.alias, (i, 0)) for i in self.control_indices])
 
 
 def build(model: Optimization, formulation: str = "auto", prefer: Sequence[str] = ()) -> DynamicProblem:
-    """Flatten, choose states, and express cost and constraints in them.
+    """Flatten, choose states, and express cost and constraints in them; made once per configuration object.
 
     formulation: "explicit" (rates as functions of states and controls), "inverse" (controls as functions of
     states and their rates, for fully actuated models: no accelerations are eliminated), or "auto" (inverse
     where it exists). Raises ModelError with file and line.
     """
+    if formulation not in FORMULATIONS:
+        raise ValueError(f"formulation is one of {', '.join(FORMULATIONS)}; found '{formulation}'")
     flat = flat_of(model)
+    key = ("problem", formulation, tuple(prefer))
+    if key not in flat.cache:
+        flat.cache[key] = _build(model, flat, formulation, prefer)
+    return flat.cache[key]
+
+
+def _build(model: Optimization, flat: FlatModel, formulation: str, prefer: Sequence[str]) -> DynamicProblem:
     root = flat.root
     if not isinstance(root, Optimization):
         raise ModelError(f"{flat.title} is no Optimization; give it an objective and a horizon")
+    flat.scope.instants.clear()  # those of another formulation of the same model
     objective = root.objective()
     if not isinstance(objective, Expr) or objective.shape != ():
         raise ModelError(f"{flat.title}.objective() must return a scalar expression; found {objective!r}")
-    constraints = relations(root.constraints(), flat)
+    constraints = relations(root.constraints(), flat) + initial_rows(flat)
     controls = [v.index for v in flat.variables if v.role == "input"]
     preferred = [i for name in prefer for i in flat.lookup(name)[1]]
-    base = make_plan(flat, controls, _all_pairs(flat, constraints), preferred, rates=True)
+    fold = _fold(flat)
+    base = make_plan(flat, controls, _all_pairs(flat, constraints), preferred, rates=True, fold=fold)
     states = base.states
+    steep = [flat.symbol_name(i, k) for i, k in base.inputs if i in controls and k > 0]
+    if steep:
+        raise ModelError(
+            f"{flat.title} needs {', '.join(steep)}, but a control may jump; make it a state and its derivative "
+            "the control"
+        )
     plan, kind = base, "explicit"
     if formulation in ("auto", "inverse"):
         inverse = _inverse_plan(flat, controls, states, constraints)
@@ -137,6 +149,12 @@ def build(model: Optimization, formulation: str = "auto", prefer: Sequence[str] 
                 f"({len(controls)} controls for {len({i for i, _ in states})} coordinates); use formulation 'explicit'"
             )
     return Builder(model, root, flat, plan, kind, states, controls, base).problem(objective, constraints)
+
+
+def _fold(flat: FlatModel) -> ca.SX:
+    """Numbers for the parameters, symbols for the free constants."""
+    values = flat.require_values()
+    return ca.vertcat(*[q.symbol if q.free else ca.SX(values[n]) for n, q in enumerate(flat.parameters)])
 
 
 def _all_pairs(flat: FlatModel, constraints: list[Row]) -> list[Pair]:
@@ -155,7 +173,7 @@ def _inverse_plan(
     if any((i, k) not in states for i, top in states for k in range(top)):
         return None
     try:
-        plan = make_plan(flat, coordinates, _all_pairs(flat, constraints))
+        plan = make_plan(flat, coordinates, _all_pairs(flat, constraints), fold=_fold(flat))
     except ModelError:
         return None  # not every motion of these coordinates is possible: the explicit form always is
     top = {i: max(k for j, k in states if j == i) + 1 for i in coordinates}
@@ -185,29 +203,22 @@ class Builder:
         self.xd = ca.vertcat(*[ca.SX.sym(f"rate_{n}") for n in range(len(states))]) if states else ca.SX(0, 1)
         free = [q.symbol for q in flat.parameters if q.free]
         self.P = ca.vertcat(*free) if free else ca.SX(0, 1)
-        fixed = flat.require_values()
-        self.parameters = ca.vertcat(
-            *[q.symbol if q.free else ca.SX(fixed[n]) for n, q in enumerate(flat.parameters)]
-        )
+        self.parameters = _fold(flat)
         # a control is a variable of its own in both forms; in the inverse form the top rates are xd
-        self.extra: list[tuple[ca.SX, ca.SX]] = []
         self.control_symbols: dict[Pair, tuple[int, int]] = {}
         for n, i in enumerate(controls):
             sign, kept, order = plan.alias.resolve(i, 0)
-            self.extra.append((scope.symbol(kept, order), sign * self.u[n]))
             self.control_symbols[(kept, order)] = (n, sign)
-        self.top: dict[Pair, int] = {}
-        if kind == "inverse":
-            for n, (i, k) in enumerate(states):
-                if (i, k + 1) not in states:
-                    self.extra.append((scope.symbol(i, k + 1), self.xd[n]))
-                    self.top[(i, k + 1)] = n
+        top = [(i, k + 1, n) for n, (i, k) in enumerate(states) if kind == "inverse" and (i, k + 1) not in states]
+        self.rates = {(i, k): self.xd[n] for i, k, n in top}
 
     def express(self, expressions: list[ca.SX], with_controls: bool = True) -> list[ca.SX]:
         """Expressions of original names in x, xd, u, P and t."""
         rewritten = [self.plan.alias.rewrite(self.flat, e) for e in expressions]
-        extra = self.extra if with_controls else self.extra[len(self.controls) :]
-        return express(self.plan, rewritten, self.parameters if self.flat.parameters else None, extra)
+        given = dict(self.rates)
+        if with_controls:
+            given |= {pair: sign * self.u[n] for pair, (n, sign) in self.control_symbols.items()}
+        return express(self.plan, rewritten, [(self.flat.scope.symbol(*pair), e) for pair, e in given.items()])
 
     def problem(self, objective: Expr, constraints: list[Row]) -> DynamicProblem:
         flat, states = self.flat, self.states
@@ -228,8 +239,9 @@ class Builder:
             else:
                 symbol = flat.scope.symbol(v.index, 0)
                 path.append(Row(symbol, v.min, v.max, f"bounds of {v.name}", v.where))
-        t0, tf = self._horizon()
-        instants = self._instants(t0, tf)
+        ends = horizon(flat, self.P, self.parameters)
+        require_length(flat, ends, constraints)
+        instants = point_values(flat, ends, flat.scope.instants, self.parameters)
         points: list[Row] = []
         for row in constraints:
             if self._is_point(row.expression):
@@ -253,19 +265,19 @@ class Builder:
         path = [
             Row(e, r.low, r.high, r.label, r.where) for r, e in zip(path, values[len(instants) :], strict=True)
         ]
-        self._check_bounds(x_bounds, u_bounds)
+        P_bounds = Bounds(
+            np.array([q.min for q in flat.parameters if q.free]), np.array([q.max for q in flat.parameters if q.free])
+        )
+        self._check_bounds(x_bounds, u_bounds, P_bounds, start, end)
         rates, algebraic, labels, scale = self._dynamics()
         problem = DynamicProblem(
             model=self.model, flat=flat, plan=self.plan, formulation=self.kind, state_pairs=states,
             control_indices=self.controls, x=self.x, xd=self.xd, u=self.u, P=self.P, t=flat.scope.time,
-            t0=t0, tf=tf, rates=rates, algebraic=algebraic, algebraic_labels=labels, algebraic_scale=scale,
-            path=path, x_bounds=x_bounds, u_bounds=u_bounds,
-            P_bounds=Bounds(
-                np.array([q.min for q in flat.parameters if q.free]),
-                np.array([q.max for q in flat.parameters if q.free]),
-            ),
+            t0=ends.t0, tf=ends.tf, rates=rates, algebraic=algebraic, algebraic_labels=labels, algebraic_scale=scale,
+            path=path, x_bounds=x_bounds, u_bounds=u_bounds, P_bounds=P_bounds,
             P_guess=np.array([q.value for q in flat.parameters if q.free]),
-            start_bounds=start, end_bounds=end, integrals=[], instants=[], mayer=ca.SX(0), points=[], builder=self, base=self.base,
+            start_bounds=start, end_bounds=end, integrals=[], instants=[], mayer=ca.SX(0), points=[],
+            builder=self, base=self.base,
         )  # fmt: skip
         self._cost(problem, objective, points, instants)
         return problem
@@ -278,43 +290,11 @@ class Builder:
         rates = other.express([self.flat.scope.symbol(i, k + 1) for i, k in self.states])
         return ca.substitute(rates, [other.u], [self.u]) if rates and self.controls else rates
 
-    def _horizon(self) -> tuple[ca.SX, ca.SX]:
-        ends = []
-        for name in ("start_time", "final_time"):
-            value = getattr(self.root, name)
-            ends.append(value.sx if isinstance(value, Expr) else ca.SX(float(value)))
-        t0, tf = ends
-        if t0.is_constant() and tf.is_constant() and not float(tf) > float(t0):
-            raise ModelError(f"{self.flat.title}: the horizon ends at {float(tf):g} s, not after {float(t0):g} s")
-        for q in self.flat.parameters:
-            if q.free and q.name == "final_time" and not np.isfinite(q.min):
-                raise ModelError(
-                    f"{self.flat.title}: a free final time needs a lower bound; write gt.free(guess=..., min=0.1)",
-                    q.where,
-                )
-        return t0, tf
-
-    def _instants(self, t0: ca.SX, tf: ca.SX) -> list[PointValue]:
-        """Point values with their place s in [0, 1]; s must not depend on what the optimisation chooses."""
-        result = []
-        for instant in self.flat.scope.instants:
-            if instant.time is None:
-                continue
-            s = ca.Function("s", [self.P], [(instant.time - t0) / (tf - t0)])
-            values = [float(s(v)) for v in np.random.default_rng(0).uniform(0.5, 1.5, (2, self.P.numel()))]
-            if self.P.numel() and abs(values[0] - values[1]) > 1e-12:
-                raise ModelError(f"{self.flat.title}: an instant of .at() moves within the horizon; use its ends")
-            if not -1e-12 <= values[0] <= 1 + 1e-12:
-                raise ModelError(f"{self.flat.title}: an instant of .at() lies outside the horizon")
-            for k in range(instant.symbol.numel()):
-                result.append(PointValue(instant.symbol[k], instant.expression[k], min(1.0, max(0.0, values[0]))))
-        return result
-
     def _is_point(self, e: ca.SX) -> bool:
         keys = {s.element_hash() for i in self.flat.scope.instants for s in ca.vertsplit(ca.vec(i.symbol))}
-        free = {s.element_hash() for s in ca.vertsplit(self.P)} if self.P.numel() else set()
+        constant = {q.symbol.element_hash() for q in self.flat.parameters}
         found = [s.element_hash() for s in ca.symvar(e)]
-        return any(k in keys for k in found) or all(k in free for k in found)
+        return any(k in keys for k in found) or all(k in constant for k in found)
 
     def _end_bound(
         self, row: Row, instants: list[PointValue], position: dict[Pair, int], start: Bounds, end: Bounds
@@ -338,22 +318,34 @@ class Builder:
     def _initial(self, position: dict[Pair, int], start: Bounds) -> None:
         """Fixed start attributes are initial conditions."""
         for v in self.flat.variables:
-            if v.fixed and v.start is not None:
-                sign, kept, order = self.plan.alias.resolve(v.index, 0)
-                if (kept, order) not in position:
-                    raise ModelError(
-                        f"the fixed start of '{v.name}' cannot be held: it is no state; states are "
-                        f"{', '.join(self.flat.symbol_name(*p) for p in self.states)}",
-                        v.where,
-                    )
-                start.tighten(position[(kept, order)], sign * v.start, sign * v.start)
+            if not v.fixed:
+                continue
+            if v.start is None:
+                raise ModelError(f"'{v.name}' is fixed at the start, but at no value; give it start=...", v.where)
+            sign, kept, order = self.plan.alias.resolve(v.index, 0)
+            if (kept, order) not in position:
+                raise ModelError(
+                    f"the fixed start of '{v.name}' cannot be held: it is no state; states are "
+                    f"{', '.join(self.flat.symbol_name(*p) for p in self.states)}",
+                    v.where,
+                )
+            start.tighten(position[(kept, order)], sign * v.start, sign * v.start)
 
-    def _check_bounds(self, x: Bounds, u: Bounds) -> None:
-        names = [self.flat.symbol_name(*p) for p in self.states] + [self.flat.variables[i].name for i in self.controls]
-        low, high = np.concatenate([x.low, u.low]), np.concatenate([x.high, u.high])
-        for name, a, b in zip(names, low, high, strict=True):
-            if a > b:
-                raise ModelError(f"the bounds of '{name}' cross: at least {a:g} and at most {b:g}")
+    def _check_bounds(self, x: Bounds, u: Bounds, P: Bounds, start: Bounds, end: Bounds) -> None:
+        states = [self.flat.symbol_name(*p) for p in self.states]
+        controls = [self.flat.variables[i].name for i in self.controls]
+        free = [q.name for q in self.flat.parameters if q.free]
+        groups: list[tuple[str, list[str], tuple[Bounds, ...]]] = [
+            ("", states, (x,)), ("", controls, (u,)), ("", free, (P,)),
+            (" at the start", states, (x, start)), (" at the end", states, (x, end)),
+        ]  # fmt: skip
+        for place, names, bounds in groups:
+            for n, name in enumerate(names):
+                a, b = max(c.low[n] for c in bounds), min(c.high[n] for c in bounds)
+                if a > b:
+                    raise ModelError(
+                        f"{self.flat.title}: the bounds of '{name}' cross{place}: at least {a:g} and at most {b:g}"
+                    )
 
     def _dynamics(self) -> tuple[list[ca.SX | None], ca.SX, list[str], np.ndarray]:
         flat = self.flat
@@ -379,10 +371,12 @@ class Builder:
     def _cost(self, p: DynamicProblem, objective: Expr, points: list[Row], instants: list[PointValue]) -> None:
         """Split the objective into constant weights of integrals and a Mayer part; other integrals become states."""
         integrals = [i for i in self.flat.scope.instants if i.time is None]
-        cost = ca.substitute([objective.sx], [self.flat.p], [self.parameters])[0] if self.flat.parameters else objective.sx
+        cost = self._numbers(objective.sx)
         used_in_points = {s.element_hash() for r in points for s in ca.symvar(r.expression)}
         integrands = self.express([i.expression for i in integrals]) if integrals else []
+        along = [p.x, p.xd, p.u, p.P, p.t]
         for instant, integrand in zip(integrals, integrands, strict=True):
+            self._require(integrand, along, "the argument of gt.integral() holds a value at an instant or an integral")
             weight = ca.gradient(cost, instant.symbol)
             if weight.is_constant() and instant.symbol.element_hash() not in used_in_points:
                 p.integrals.append((instant.symbol, integrand, float(weight)))
@@ -391,14 +385,28 @@ class Builder:
             q = ca.SX.sym(f"integral_{p.x.numel()}")
             p.x, p.xd = ca.vertcat(p.x, q), ca.vertcat(p.xd, ca.SX.sym("rate_integral"))
             p.rates.append(integrand)
-            for b, low, high in ((p.x_bounds, -np.inf, np.inf), (p.start_bounds, 0, 0), (p.end_bounds, -np.inf, np.inf)):
-                b.low, b.high = np.append(b.low, low), np.append(b.high, high)
+            for b, reach in ((p.x_bounds, np.inf), (p.start_bounds, 0.0), (p.end_bounds, np.inf)):
+                b.low, b.high = np.append(b.low, -reach), np.append(b.high, reach)
             instants.append(PointValue(instant.symbol, q, 1.0))
+        at_points = [p.P, *(i.symbol for i in instants)]
+        self._require(cost, at_points, "objective() holds", "; take a value with .at(...) or gt.integral(...)")
         p.mayer = cost
         p.instants = instants
-        p.points = [
-            Row(ca.substitute([r.expression], [self.flat.p], [self.parameters])[0], r.low, r.high, r.label, r.where)
-            if self.flat.parameters
-            else r
-            for r in points
-        ]
+        for r in points:
+            e = self._numbers(r.expression)
+            self._require(e, at_points, f"{r.label} holds", ", beside a value at an instant or an integral")
+            if not ca.symvar(e):
+                raise ModelError(f"{r.label} holds no variable and nothing to choose: {r.low:g} <= {e} <= {r.high:g}")
+            p.points.append(Row(e, r.low, r.high, r.label, r.where))
+
+    def _numbers(self, e: ca.SX) -> ca.SX:
+        """An expression with the numbers of all parameters that are not free."""
+        return ca.substitute([e], [self.flat.p], [self.parameters])[0] if self.flat.parameters else e
+
+    def _require(self, e: ca.SX, allowed: list[ca.SX], sentence: str, hint: str = "") -> None:
+        """Raises ModelError for symbols in e that are none of these."""
+        known = {s.element_hash() for a in allowed for s in ca.vertsplit(ca.vec(a))}
+        strange = [s.name() for s in ca.symvar(e) if s.element_hash() not in known]
+        if strange:
+            named = f" {', '.join(strange)} along the whole path" if hint else ""
+            raise ModelError(f"{self.flat.title}: {sentence}{named}{hint}")

@@ -43,7 +43,7 @@ def relations(source: Iterable[Any] | None, flat: FlatModel) -> list[Row]:
             if not ca.symvar(residual[k]):
                 raise ModelError(f"a constraint holds no variable: {residual[k]} {item.op} 0", item.where)
             suffix = f"[{k}]" if residual.numel() > 1 else ""
-            rows.append(Row(residual[k], low, high, f"constraint {count}{suffix}", item.where))
+            rows.append(Row(residual[k], low, high, f"constraint {count}{suffix} ({item.where})", item.where))
     return rows
 
 

@@ -6,11 +6,13 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
+from scipy.interpolate import CubicHermiteSpline
 
 from ..results.status import SolveStatus
 from ..results.trajectory import Trajectory
 from .element import pointwise
 from .nlp import Nlp
+from .overshoot import control_range, controls_of
 from .problem import DynamicProblem
 from .solution import Solution, constants, horizon, named, states_and_controls
 
@@ -27,6 +29,7 @@ class Resimulation:
     defect: largest difference at any mesh edge, in nominals.
     violation: largest excess over a bound or path constraint anywhere between the nodes (SI units), and
     `violated`, its name; cost_error: integrated minus collocated cost.
+    control_range: lowest and highest value of each control at any instant, by name; exact.
     """
 
     status: SolveStatus
@@ -37,6 +40,7 @@ class Resimulation:
     violation: float
     violated: str
     cost_error: float
+    control_range: dict[str, tuple[float, float]]
 
 
 def resimulate(solution: Solution, tolerance: float = INTEGRATOR_TOLERANCE) -> Resimulation:
@@ -47,14 +51,14 @@ def resimulate(solution: Solution, tolerance: float = INTEGRATOR_TOLERANCE) -> R
     integrator = _integrator(nlp, tolerance)
     mesh, layout = nlp.mesh, nlp.element.layout
     edges, h = mesh.edges, mesh.h
+    low, high = control_range(nlp, solution.x)
+    ranges = dict(zip(problem.control_names, zip(low.tolist(), high.tolist(), strict=True), strict=True))
     fine = np.linspace(0.0, 1.0, SUBSTEPS + 1)
-    xs0, _, _, _ = states_and_controls(nlp, solution.x, np.array([0.0]))
-    x = xs0[0]
-    s_all, states, cost = [0.0], [x], 0.0
+    x = states_and_controls(nlp, solution.x, np.array([0.0]))[0][0]
+    states, cost = [], 0.0
     for k in range(mesh.elements):
         y = solution.x[k * layout.size : (k + 1) * layout.size] * layout.scale
-        u = y[layout.u].reshape(-1)
-        p = np.concatenate([[t0 + edges[k] * (tf - t0), h[k] * (tf - t0)], u, P])
+        p = np.concatenate([[t0 + edges[k] * (tf - t0), h[k] * (tf - t0)], y[layout.u].reshape(-1), P])
         try:
             result = integrator(x0=x, p=p)
         except RuntimeError:
@@ -62,27 +66,55 @@ def resimulate(solution: Solution, tolerance: float = INTEGRATOR_TOLERANCE) -> R
             return Resimulation(
                 SolveStatus.FAILED,
                 f"the integrator stopped after {time:.6g} s: the input leads out of the model's range",
-                None, {}, np.inf, np.inf, "", np.inf,
+                None, {}, np.inf, np.inf, "", np.inf, ranges,
             )  # fmt: skip
-        grid = np.asarray(result["xf"].full())
-        s_all += (edges[k] + h[k] * fine[1:]).tolist()
-        states += list(grid.T)
-        x = grid[:, -1]
+        states.append(np.vstack([x, np.asarray(result["xf"].full()).T]))
+        x = states[-1][-1]
         cost += float(np.sum(np.asarray(result["qf"].full())[:, -1]))
-    s = np.array(s_all)
+    # both ends of every element: a control may jump at an edge
+    s = (edges[:-1, None] + h[:, None] * fine).reshape(-1)
     s[-1] = 1.0
-    xs = np.array(states)
-    xs_c, _, us, times = states_and_controls(nlp, solution.x, s)
+    xs, us = np.vstack(states), np.vstack([controls_of(nlp, solution.x, k, fine) for k in range(mesh.elements)])
+    times = t0 + s * (tf - t0)
     rates = _rates(problem).map(len(s))(xs.T, us.T, ca.repmat(ca.DM(P), 1, len(s)), ca.DM(times).T).full().T
+    violation, name = _violation(problem, xs, rates, us, times, P, low, high)
+    # one row per instant from here on: at an edge that of the element on its left
+    kept = np.delete(np.arange(len(s)), np.arange(1, mesh.elements) * len(fine))
+    s, xs, us, times, rates = s[kept], xs[kept], us[kept], times[kept], rates[kept]
+    at_edges = np.arange(0, len(s), SUBSTEPS)
+    xs_c = states_and_controls(nlp, solution.x, s[at_edges])[0]
     end = dict(zip(problem.state_names, (xs[-1] - xs_c[-1]).tolist(), strict=True))
-    edges_rows = np.arange(0, len(s), SUBSTEPS)
-    defect = float(np.max(np.abs(xs - xs_c)[edges_rows] / problem.x_scale, initial=0.0))
-    violation, name = _violation(problem, xs, rates, us, times, P)
-    collocated = _collocated_integral(solution)
+    defect = float(np.max(np.abs(xs[at_edges] - xs_c) / problem.x_scale, initial=0.0))
     trajectory = named(problem, xs, rates, us, times, P)
+    places = np.array([i.s for i in problem.instants])
+    integrated = _between(times, xs, rates, us, t0 + places * (tf - t0))
+    mayer_error = _mayer(problem, *integrated, P) - _mayer(problem, *states_and_controls(nlp, solution.x, places), P)
+    cost_error = cost - _collocated_integral(solution) + mayer_error
     return Resimulation(
-        SolveStatus.SOLVED, "re-simulated", trajectory, end, defect, violation, name, cost - collocated
+        SolveStatus.SOLVED, "re-simulated", trajectory, end, defect, violation, name, cost_error, ranges
     )
+
+
+def _between(
+    times: np.ndarray, xs: np.ndarray, rates: np.ndarray, us: np.ndarray, at: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """States, rates and controls at other times: cubic in the states, linear in the rest."""
+    states = CubicHermiteSpline(times, xs, rates)(at)
+    other = [np.array([np.interp(at, times, c) for c in a.T]).reshape(a.shape[1], len(at)).T for a in (rates, us)]
+    return states, *other, at
+
+
+def _mayer(
+    problem: DynamicProblem, xs: np.ndarray, rates: np.ndarray, us: np.ndarray, times: np.ndarray, P: np.ndarray
+) -> float:
+    """The cost that is no integral, from the values at the instants it needs."""
+    inputs = [problem.x, problem.xd, problem.u, problem.P, problem.t]
+    expressions = ca.vertcat(*[i.expression for i in problem.instants]) if problem.instants else ca.SX(0, 1)
+    f = ca.Function("instants", inputs, [expressions])
+    rows = [zip(xs, rates, us, times, strict=True)] if problem.instants else []
+    values = [float(f(x, r, u, P, t)[n]) for group in rows for n, (x, r, u, t) in enumerate(group)]
+    symbols = ca.vertcat(*[i.symbol for i in problem.instants]) if problem.instants else ca.SX(0, 1)
+    return float(ca.Function("mayer", [symbols, problem.P], [problem.mayer])(values, P))
 
 
 def _rates(problem: DynamicProblem) -> ca.Function:
@@ -122,26 +154,30 @@ def _integrator(nlp: Nlp, tolerance: float) -> ca.Function:
     weights = ca.DM([w for _, _, w in problem.integrals]) if problem.integrals else ca.DM(0, 1)
     quad = length * ca.dot(weights, point[3]) if problem.integrals else ca.SX(0)
     dae = {"x": problem.x, "p": ca.vertcat(left, length, U, P), "t": s, "ode": length * rates, "quad": quad}
-    options = {"abstol": tolerance, "reltol": tolerance, "quad_err_con": True, "max_num_steps": 100000, "verbose": False}
-    options["disable_internal_warnings"] = True
+    options = {"abstol": tolerance, "reltol": tolerance, "quad_err_con": True, "max_num_steps": 100000}
+    options |= {"verbose": False, "disable_internal_warnings": True}
     grid = np.linspace(0.0, 1.0, SUBSTEPS + 1)[1:].tolist()
     return ca.integrator("resimulate", "cvodes", dae, 0.0, grid, options)
 
 
 def _violation(
-    problem: DynamicProblem, xs: np.ndarray, rates: np.ndarray, us: np.ndarray, times: np.ndarray, P: np.ndarray
-) -> tuple[float, str]:
+    problem: DynamicProblem, xs: np.ndarray, rates: np.ndarray, us: np.ndarray, times: np.ndarray, P: np.ndarray,
+    u_low: np.ndarray, u_high: np.ndarray,
+) -> tuple[float, str]:  # fmt: skip
     n = len(times)
     path = pointwise(problem).map(n)(
         ca.DM(xs.T), ca.DM(rates.T), ca.DM(us.T), ca.repmat(ca.DM(P), 1, n), ca.DM(times).T
     )[2].full().T  # fmt: skip
-    values = np.hstack([xs, us, path]) if path.size else np.hstack([xs, us])
+    lowest, highest = (
+        np.concatenate([f(xs, axis=0), u, f(path, axis=0) if path.size else []])
+        for f, u in ((np.min, u_low), (np.max, u_high))
+    )
     low = np.concatenate([problem.x_bounds.low, problem.u_bounds.low, [r.low for r in problem.path]])
     high = np.concatenate([problem.x_bounds.high, problem.u_bounds.high, [r.high for r in problem.path]])
     names = [*problem.state_names, *problem.control_names, *(r.label for r in problem.path)]
     if not names:
         return 0.0, ""
-    excess = np.max(np.maximum(low - values, values - high), axis=0)
+    excess = np.maximum(low - lowest, highest - high)
     worst = int(np.argmax(excess))
     return max(0.0, float(excess[worst])), names[worst]
 

@@ -12,7 +12,6 @@ from ..compiler.plan import Plan
 from ..lang.scope import derivative_name
 from ..results.status import SolveStatus
 from ..results.trajectory import Trajectory
-from .element import Layout
 from .nlp import Nlp
 from .problem import DynamicProblem
 from .tables import basis, basis_slope
@@ -121,7 +120,8 @@ def states_and_controls(
     mesh, layout = nlp.mesh, nlp.element.layout
     t0, tf = horizon(nlp, x)
     table, edges = mesh.table, mesh.edges
-    k = np.clip(np.searchsorted(edges, s, side="left") - 1, 0, mesh.elements - 1)
+    # a little to the left: time / duration may round past the edge it came from
+    k = np.clip(np.searchsorted(edges, s - 1e-12, side="left") - 1, 0, mesh.elements - 1)
     xs, rates, us = (np.zeros((len(s), n)) for n in (layout.nx, layout.nx, layout.nu))
     for element in np.unique(k):
         rows = np.flatnonzero(k == element)
@@ -166,9 +166,8 @@ def named(
 
 
 def _outputs(problem: DynamicProblem) -> tuple[list[tuple[str, Any, int, str]], ca.Function]:
-    cached = problem.flat.cache.get(("outputs", id(problem)))
-    if cached is not None:
-        return cached
+    if problem.outputs is not None:
+        return problem.outputs
     from ..compiler.causal import _unit
 
     flat = problem.flat
@@ -187,8 +186,8 @@ def _outputs(problem: DynamicProblem) -> tuple[list[tuple[str, Any, int, str]], 
         "outputs", [problem.x, problem.xd, problem.u, problem.P, problem.t], [ca.vertcat(*expressions)]
     )
     table = [(n, shape, len(pairs), _unit(flat, pairs[0][0], pairs[0][1])) for n, shape, pairs in entries]
-    flat.cache[("outputs", id(problem))] = (table, f)
-    return table, f
+    problem.outputs = (table, f)
+    return problem.outputs
 
 
 def _known(problem: DynamicProblem, states: set[tuple[int, int]], index: int, order: int) -> bool:

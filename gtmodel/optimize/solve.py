@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import casadi as ca
 import numpy as np
@@ -16,10 +16,11 @@ from ..results.trajectory import Trajectory
 from .guess import initial_guess
 from .mesh import Mesh
 from .nlp import Nlp, make_nlp
-from .problem import build
+from .problem import FORMULATIONS, build
 from .solution import Solution, read_solution
 
 Progress = Callable[[int, float, float], bool]
+HESSIANS = {"exact": "exact", "lbfgs": "limited-memory"}
 
 
 @dataclass(frozen=True)
@@ -32,16 +33,31 @@ class SolverOptions:
         max_seconds: wall-clock limit; reached means status interrupted with the best iterate.
         formulation: "auto", "inverse" or "explicit" (see optimize.problem.build).
         prefer: names to keep as states.
+        hessian: "exact", or "lbfgs" from gradients alone.
+
+    Raises ValueError for a number out of range or an unknown word.
     """
 
     tolerance: float = 1e-8
     max_iterations: int = 1000
     max_seconds: float | None = None
-    formulation: str = "auto"
+    formulation: Literal["auto", "inverse", "explicit"] = "auto"
     prefer: tuple[str, ...] = ()
+    hessian: Literal["exact", "lbfgs"] = "exact"
+
+    def __post_init__(self) -> None:
+        if not 0 < self.tolerance < 1:
+            raise ValueError(f"tolerance is between 0 and 1; found {self.tolerance:g}")
+        if self.max_iterations < 0 or (self.max_seconds is not None and not self.max_seconds >= 0):
+            raise ValueError(
+                f"max_iterations and max_seconds are not negative; found {self.max_iterations} and {self.max_seconds}"
+            )
+        for name, words in (("formulation", FORMULATIONS), ("hessian", HESSIANS)):
+            if getattr(self, name) not in words:
+                raise ValueError(f"{name} is one of {', '.join(words)}; found '{getattr(self, name)}'")
 
 
-class NotSolved(RuntimeError):
+class NotSolved(RuntimeError):  # noqa: N818  reads as a sentence: except NotSolved
     """Raised by solve() when the problem was not solved; `.solution` holds the best iterate."""
 
     def __init__(self, solution: Solution) -> None:
@@ -87,6 +103,7 @@ def solve_nlp(
         "mu_strategy": "adaptive",
         "print_level": 0,
         "sb": "yes",
+        "hessian_approximation": HESSIANS[options.hessian],
         "honor_original_bounds": "yes",  # IPOPT relaxes bounds by 1e-8 while it works
         "mumps_pivot_order": 0,  # AMD: 18 % per iteration on these banded systems
     }

@@ -6,9 +6,12 @@ casadi.collocation_coeff drops the node at 0 for one Radau point and returns hal
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.polynomial import legendre
+
+SCHEMES = ("radau", "gauss")
 
 
 @dataclass(frozen=True)
@@ -47,16 +50,20 @@ def points(scheme: str, count: int) -> np.ndarray:
             f, df = legendre.legval(roots, c), legendre.legval(roots, legendre.legder(c))
             roots[:-1] -= f[:-1] / df[:-1]
         return (roots + 1) / 2
-    raise ValueError(f"there is no collocation scheme '{scheme}'; there are radau and gauss")
+    raise ValueError(f"there is no collocation scheme '{scheme}'; there are {' and '.join(SCHEMES)}")
 
 
+@cache
 def table(scheme: str, count: int) -> Table:
-    """Points, differentiation matrix, weights and end values."""
+    """Points, differentiation matrix, weights and end values; read-only."""
     c = points(scheme, count)
     nodes = np.concatenate([[0.0], c])
     x, w = legendre.leggauss(count + 1)  # exact for the basis, without monomials that lose digits
     weights = (w / 2) @ basis(c, (x + 1) / 2)
-    return Table(scheme, c, basis_slope(nodes, c).T, weights, basis(nodes, np.array([1.0]))[0])
+    found = Table(scheme, c, basis_slope(nodes, c).T, weights, basis(nodes, np.array([1.0]))[0])
+    for array in (found.points, found.derivative, found.weights, found.end):
+        array.setflags(write=False)
+    return found
 
 
 def basis(nodes: np.ndarray, at: np.ndarray) -> np.ndarray:

@@ -12,7 +12,7 @@ from gtmodel.cgen import toolchain
 from gtmodel.cgen.comparison import call
 from gtmodel.cgen.interface import interfaces
 from gtmodel.cgen.points import HELD, draw, evaluate
-from tests.cgen.conftest import Functions, c_files, copy, run, succeed
+from tests.cgen.conftest import Functions, SliderCrank, c_files, copy, run, succeed
 
 POINTS = 1000
 
@@ -35,8 +35,8 @@ def test_every_function_equals_python(which: str, request: pytest.FixtureRequest
     assert len(set(names)) == len(names)
     for key, ok in report.rows_ok.items():
         # both kinds of points: enough where values are compared, enough where a status is
-        assert report.rows[key] >= POINTS and 0.2 * POINTS < ok
-        assert key == "slider" or key == "wobble" or ok < 0.9 * POINTS, key
+        assert report.rows[key] >= POINTS and ok > 0.2 * POINTS
+        assert ok < 0.9 * POINTS or key in ("slider", "wobble"), key  # a crank turns through every angle
 
 
 def load(folder: Path, place: Path) -> ctypes.CDLL:
@@ -88,15 +88,13 @@ def test_self_test_sees_any_changed_constant(l1: Functions, tmp_path: Path) -> N
 def test_check_sees_changed_code_and_other_parameters(small: Functions, small_folder: Path, tmp_path: Path) -> None:
     folder = copy(small_folder, tmp_path)
     body = folder / "gt_small_body.c"
-    body.write_text(body.read_text().replace("9.8100000000000005e+00", "9.8200000000000003e+00"))
+    body.write_text(body.read_text().replace("1.9620000000000001e+01", "1.9630000000000001e+01"))
     report = cgen.check(folder, small, points=50)
     failed = {c.name for c in report.checks if not c.passed}
     assert failed == {"files_changed", "selftest_failures", "pendulum_values_different"}
     assert not report.passed and "files_changed" in report.message
 
-    from tests.cgen.conftest import SliderCrank
-
-    other = {k: f for k, f in small.items()}
+    other = dict(small)
     other["wobble"] = SliderCrank(r=0.11).causal(known="phi", targets="wobble")
     failed = {c.name for c in cgen.check(small_folder, other, points=50).checks if not c.passed}
     assert {"parameters_different", "wobble_values_different"} <= failed

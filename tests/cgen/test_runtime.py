@@ -17,18 +17,22 @@ int main(void)
     const double numbers[7] = {0.0, -DBL_MAX, DBL_MIN / 4.0, NAN, INFINITY, -INFINITY, 1.0};
     const double x[3] = {1.0, 200.0, 3.0};
     double y[3], worst = 0.0;
-    int i;
+    int i, equal;
 
     for (i = 0; i < 7; i++) { (void)printf("%d", gt_all_finite(&numbers[i], 1)); }
     (void)printf(" %d%d%d\n", gt_all_finite(numbers, 3), gt_all_finite(numbers, 7), gt_all_finite(numbers, 0));
     gt_copy(y, x, 3);
-    (void)printf("%d %g\n", gt_all_equal(y, x, 3, &worst), worst);
+    equal = gt_all_equal(y, x, 3, &worst);
+    (void)printf("%d %g\n", equal, worst);
     y[1] = 202.0;
-    (void)printf("%d %g\n", gt_all_equal(y, x, 3, &worst), worst);
+    equal = gt_all_equal(y, x, 3, &worst);
+    (void)printf("%d %g\n", equal, worst);
     y[0] = 1.005;
-    (void)printf("%d %g\n", gt_all_equal(y, x, 1, &worst), worst);
+    equal = gt_all_equal(y, x, 1, &worst);
+    (void)printf("%d %g\n", equal, worst);
     y[2] = NAN;
-    (void)printf("%d %g\n", gt_all_equal(y, x, 3, &worst), worst);
+    equal = gt_all_equal(y, x, 3, &worst);
+    (void)printf("%d %g\n", equal, worst);
     for (i = -1; i < 7; i++) { (void)printf("%s\n", gt_status_sentence((gt_status)i)); }
     return 0;
 }

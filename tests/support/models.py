@@ -63,7 +63,7 @@ class FourBar(gt.Model):
     C = gt.variable(2, unit="m", start=[0.5, 0.5])
 
     def equations(self):
-        yield self.B == gt.vector([self.a * gt.cos(self.theta), self.a * gt.sin(self.theta)])
+        yield gt.vector([self.a * gt.cos(self.theta), self.a * gt.sin(self.theta)]) == self.B
         coupler = self.C - self.B
         rocker = gt.vector([self.C[0] - self.d, self.C[1]])
         yield gt.dot(coupler, coupler) == self.b**2

@@ -23,11 +23,7 @@ class SwingUp(gt.Optimization):
 
     angle = gt.parameter(1.0, unit="rad")
     final_time = gt.free(guess=1.0, min=0.1, unit="s")
-    pendulum = gt.part(Pendulum, g=0.0)
-    torque = gt.input(unit="N.m", min=-1.0, max=1.0)
-
-    def equations(self):
-        yield self.torque == self.pendulum.tau
+    pendulum = gt.part(Pendulum, g=0.0, tau=dict(min=-1.0, max=1.0))
 
     def objective(self):
         return self.final_time

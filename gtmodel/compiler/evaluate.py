@@ -1,0 +1,109 @@
+"""A plan as functions: one closed SX function, a kernel for each Newton block, and a ca.Function of all."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from .emit import express
+from .newton import NewtonKernel
+from .plan import Plan
+
+Pair = tuple[int, int]
+
+
+@dataclass(frozen=True, eq=False)
+class Built:
+    """closed: (inputs..., z of each Newton block...) -> (targets..., margins); `whole` has no z."""
+
+    closed: ca.Function
+    kernels: list[NewtonKernel]
+    whole: ca.Function
+
+
+def build(
+    plan: Plan,
+    inputs: Sequence[tuple[str, Sequence[Pair]]],
+    outputs: Sequence[tuple[str, Sequence[Pair]]],
+    name: str,
+    parametric: bool = False,
+) -> Built:
+    """Functions for a plan; inputs and outputs are (C name, chain symbols).
+
+    parametric: the parameter vector is the last input; else the plan must have numbers folded in.
+    """
+    flat = plan.flat
+    args = [ca.vertcat(*[flat.scope.symbol(*p) for p in pairs]) for _, pairs in inputs]
+    names_in = [n for n, _ in inputs]
+    if plan.uses_time:
+        args.append(flat.scope.time)
+        names_in.append("time")
+    if parametric:
+        args.append(flat.p)
+        names_in.append("parameters")
+    out = [ca.vertcat(*[plan.symbol(*p) for p in pairs]) for _, pairs in outputs]
+    names_out = [f"out_{n}" if n in names_in else n for n in [*(n for n, _ in outputs), "margins"]]
+    margins = [m.expression for b in plan.blocks for m in b.margins]
+    results = express(plan, [*out, ca.vertcat(*margins) if margins else ca.SX(0, 1)])
+    if not plan.newton:
+        whole = ca.Function(name, args, results, names_in, names_out)
+        return Built(whole, [], whole)
+    unknowns = [ca.vertcat(*b.unknowns) for b in plan.newton]
+    z_names = [f"z{k}" for k in range(len(unknowns))]
+    closed = ca.Function(f"{name}_closed", [*args, *unknowns], results, [*names_in, *z_names], names_out)
+    residuals = express(plan, [ca.vertcat(*b.residuals) for b in plan.newton])
+    # kernels take all that is given as one column: inputs, then the unknowns of earlier blocks
+    kernels = []
+    for k, (block, r) in enumerate(zip(plan.newton, residuals, strict=True)):
+        a, z = ca.vertcat(*args, *unknowns[:k]), unknowns[k]
+        kernels.append(
+            NewtonKernel(
+                residual=ca.Function(f"{name}_r{k}", [z, a], ca.cse([r, ca.densify(ca.jacobian(r, z))])),
+                sensitivity=ca.Function(f"{name}_s{k}", [z, a], [ca.densify(ca.jacobian(r, a))]),
+                z0=_sample(plan, z),
+                a0=_sample(plan, a, parametric),
+                scale=block.scale,
+                label=", ".join(block.labels),
+            )
+        )
+    return Built(closed, kernels, _whole(closed, kernels, residuals, unknowns, args, names_in, names_out, name))
+
+
+def _whole(
+    closed: ca.Function,
+    kernels: list[NewtonKernel],
+    residuals: list[ca.SX],
+    unknowns: list[ca.SX],
+    args: list[ca.SX],
+    names_in: list[str],
+    names_out: list[str],
+    name: str,
+) -> ca.Function:
+    """MX function with a root finder for each Newton block, started at the sample point."""
+    inputs = [ca.MX.sym(n, *a.shape) for n, a in zip(names_in, args, strict=True)]
+    zs: list[ca.MX] = []
+    for k, kernel in enumerate(kernels):
+        a = ca.vertcat(*args, *unknowns[:k])
+        problem = {"x": unknowns[k], "p": a, "g": residuals[k]}
+        options = {"error_on_fail": False, "abstol": 1e-13, "max_iter": 50}
+        finder = ca.rootfinder(f"{name}_find{k}", "newton", problem, options)
+        zs.append(finder(x0=kernel.z0, p=ca.vertcat(*inputs, *zs))["x"])
+    return ca.Function(name, inputs, closed.call([*inputs, *zs]), names_in, names_out)
+
+
+def _sample(plan: Plan, column: ca.SX, parametric: bool = False) -> np.ndarray:
+    """Values of a column of symbols at the first sample point; time 0, parameters at their values."""
+    flat = plan.flat
+    known = {pair: n for n, pair in enumerate(plan.pairs)}
+    parameters = {q.symbol.element_hash(): q.value for q in flat.parameters} if parametric else {}
+    values = []
+    for s in ca.vertsplit(column):
+        pair = flat.scope.owner(s)
+        if pair is not None:
+            values.append(plan.samples[0][known[pair]] if pair in known else 0.0)
+        else:
+            values.append(parameters.get(s.element_hash(), 0.0))
+    return np.array(values)

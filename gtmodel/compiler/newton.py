@@ -1,0 +1,143 @@
+"""Newton blocks on many rows at once, with a status for each: continuation from a known point."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+CORRECTIONS = 12
+# each correction must shrink to a quarter of the last: then Newton is inside its basin and cannot jump to
+# another assembly mode (a Newton-Kantorovich test without constants)
+CONTRACTION = 0.25
+# corrections this small, in nominals, are round-off of well-scaled equations
+CONVERGED = 1e-13
+SHORTEST_STEP = 1.0 / 1024
+MOST_STEPS = 200
+# smallest over largest singular value below which a solution is called singular: half of the digits are lost
+SINGULAR = 1e-8
+
+
+@dataclass(eq=False)
+class NewtonBlock:
+    """Equations without a closed form: residuals of the unknowns that are left after elimination.
+
+    `z0` and `scale` (nominals) are set from the sample points; labels name the unknowns.
+    """
+
+    unknowns: list[ca.SX]
+    residuals: list[ca.SX]
+    labels: list[str]
+    scale: np.ndarray
+
+    @property
+    def size(self) -> int:
+        return len(self.unknowns)
+
+
+@dataclass(eq=False)
+class NewtonKernel:
+    """r(z, a) == 0 with z (m,) unknown and a (k,) given; `start` = (z0, a0) solves it.
+
+    `residual`: (z, a) -> r, dr/dz; `sensitivity`: (z, a) -> dr/da.
+    """
+
+    residual: ca.Function
+    sensitivity: ca.Function
+    z0: np.ndarray
+    a0: np.ndarray
+    scale: np.ndarray
+    label: str
+
+    def solve(self, a: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Solutions for columns of a (k, n): z (m, n), converged (n,), singular (n,).
+
+        Follows the straight line from a0 to a in as few steps as contraction allows, usually one. A column
+        that cannot be reached so keeps NaN.
+        """
+        n = a.shape[1]
+        z = np.repeat(self.z0[:, None], n, axis=1)
+        done = np.zeros(n)
+        step = np.ones(n)
+        alive = np.all(np.isfinite(a), axis=0)
+        for _ in range(MOST_STEPS):
+            rows = np.flatnonzero(alive & (done < 1.0))
+            if rows.size == 0:
+                break
+            target = np.minimum(1.0, done[rows] + step[rows])
+            at = self.a0[:, None] + target * (a[:, rows] - self.a0[:, None])
+            at[:, target == 1.0] = a[:, rows][:, target == 1.0]
+            found, good = self._correct(z[:, rows], at)
+            z[:, rows[good]] = found[:, good]
+            done[rows[good]] = target[good]
+            step[rows[good]] = 2.0 * step[rows[good]]
+            step[rows[~good]] = 0.5 * step[rows[~good]]
+            alive[rows[~good]] &= step[rows[~good]] >= SHORTEST_STEP
+        converged = alive & (done >= 1.0)
+        z[:, ~converged] = np.nan
+        singular = np.zeros(n, dtype=bool)
+        ok = np.flatnonzero(converged)
+        if ok.size:
+            _, jacobian = self._evaluate(z[:, ok], a[:, ok])
+            s = np.linalg.svd(jacobian * self.scale, compute_uv=False)
+            singular[ok] = ~(s[:, -1] > SINGULAR * s[:, 0])
+        return z, converged, singular
+
+    def _evaluate(self, z: np.ndarray, a: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Residuals (m, n) and Jacobians (n, m, m)."""
+        n, m = z.shape[1], z.shape[0]
+        f = self.residual if n == 1 else self.residual.map(n)
+        r, j = f(ca.DM(z), ca.DM(a))
+        return np.array(r.full()), np.array(j.full()).reshape(m, n, m).transpose(1, 0, 2)
+
+    def _correct(self, z: np.ndarray, a: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Newton from z; good where every correction contracts until round-off."""
+        z = z.copy()
+        n = z.shape[1]
+        last = np.full(n, np.inf)
+        running = np.ones(n, dtype=bool)
+        good = np.zeros(n, dtype=bool)
+        for _ in range(CORRECTIONS):
+            rows = np.flatnonzero(running)
+            if rows.size == 0:
+                break
+            r, jacobian = self._evaluate(z[:, rows], a[:, rows])
+            step = _solve_rows(jacobian * self.scale, -r.T)
+            size = np.max(np.abs(step), axis=1)
+            bad = ~np.isfinite(size) | ((size > CONTRACTION * last[rows]) & (size > 1e3 * CONVERGED))
+            stalled = ~bad & (size > 0.5 * last[rows])  # round-off reached
+            move = ~bad
+            z[:, rows[move]] += self.scale[:, None] * step[move].T
+            finished = move & ((size <= CONVERGED) | stalled)
+            good[rows[finished]] = True
+            running[rows[finished | bad]] = False
+            last[rows] = size
+        return z, good
+
+    def derivative(self, z: np.ndarray, a: np.ndarray) -> np.ndarray:
+        """dz/da (n, m, k) by the implicit function theorem."""
+        n, m, k = z.shape[1], z.shape[0], a.shape[0]
+        _, jacobian = self._evaluate(z, a)
+        f = self.sensitivity if n == 1 else self.sensitivity.map(n)
+        by_a = np.array(f(ca.DM(z), ca.DM(a)).full()).reshape(m, n, k).transpose(1, 0, 2)
+        result = np.full((n, m, k), np.nan)
+        for i in range(n):
+            if np.all(np.isfinite(jacobian[i])) and np.all(np.isfinite(by_a[i])):
+                result[i] = -np.linalg.lstsq(jacobian[i], by_a[i], rcond=None)[0]
+        return result
+
+
+def _solve_rows(matrices: np.ndarray, rhs: np.ndarray) -> np.ndarray:
+    """Solutions of many small systems; NaN where a matrix is singular or not finite."""
+    result = np.full(rhs.shape, np.nan)
+    ok = np.all(np.isfinite(matrices), axis=(1, 2)) & np.all(np.isfinite(rhs), axis=1)
+    try:
+        result[ok] = np.linalg.solve(matrices[ok], rhs[ok][:, :, None])[:, :, 0]
+    except np.linalg.LinAlgError:
+        for i in np.flatnonzero(ok):
+            try:
+                result[i] = np.linalg.solve(matrices[i], rhs[i])
+            except np.linalg.LinAlgError:
+                continue
+    return result

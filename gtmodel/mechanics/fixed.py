@@ -1,0 +1,65 @@
+"""Rigid connections: a frame and a point placed on another frame."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .. import lang as gt
+from .frames import Frame, PointFrame
+
+
+class Fixed(gt.Model):
+    """Frame b fixed to frame a: displaced by d [m] and turned by the rotation R (3, 3), both in a's coordinates.
+
+    R takes b's coordinates to a's and must be a rotation (URDF: the origin of a joint). Massless.
+    """
+
+    d = gt.parameter([0.0, 0.0, 0.0], unit="m", description="from a to b, coordinates of a")
+    R = gt.parameter(np.eye(3), unit="1", description="rotation from coordinates of b to those of a")
+    a = gt.port(Frame)
+    b = gt.port(Frame)
+
+    def equations(self):
+        a, b = self.a, self.b
+        d = a.R @ self.d
+        yield gt.tree_edge(a, b)
+        yield b.r == a.r + d
+        yield b.R == a.R @ self.R
+        yield b.w == a.w
+        yield a.f + b.f == 0
+        yield a.t + b.t + gt.cross(d, b.f) == 0
+
+
+class FixedTranslation(gt.Model):
+    """Frame b fixed to frame a, parallel to it, displaced by d [m] in a's coordinates. Massless."""
+
+    d = gt.parameter(shape=3, unit="m", description="from a to b, coordinates of a")
+    a = gt.port(Frame)
+    b = gt.port(Frame)
+
+    def equations(self):
+        a, b = self.a, self.b
+        d = a.R @ self.d
+        yield gt.tree_edge(a, b)
+        yield b.r == a.r + d
+        yield b.R == a.R
+        yield b.w == a.w
+        yield a.f + b.f == 0
+        yield a.t + b.t + gt.cross(d, b.f) == 0
+
+
+class PointOnFrame(gt.Model):
+    """A point fixed to a frame at d [m], frame coordinates: the centre of a spherical joint.
+
+    From a Frame to a PointFrame and back: forces pass, orientation and torques do not.
+    """
+
+    d = gt.parameter([0.0, 0.0, 0.0], unit="m", description="from the frame's origin to the point, frame coordinates")
+    frame = gt.port(Frame)
+    point = gt.port(PointFrame)
+
+    def equations(self):
+        d = self.frame.R @ self.d
+        yield self.point.r == self.frame.r + d
+        yield self.frame.f + self.point.f == 0
+        yield self.frame.t + gt.cross(d, self.point.f) == 0

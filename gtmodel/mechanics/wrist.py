@@ -1,0 +1,74 @@
+"""A serial wrist with two revolute joints."""
+
+from __future__ import annotations
+
+from .. import lang as gt
+from .bodies import RigidBody
+from .fixed import FixedTranslation
+from .frames import Frame
+from .friction_rotational import RotationalTanhFriction
+from .joints import Revolute
+from .motor import TorqueMotor
+
+
+class WristAxis(gt.Model):
+    """One driven revolute axis with the body it turns; `tip` is parallel to the body, displaced by d."""
+
+    axis = gt.parameter(shape=3, unit="1", description="direction of the axis, coordinates of the mount")
+    d = gt.parameter(shape=3, unit="m", description="from the axis to the tip, body coordinates")
+    mount = gt.port(Frame)
+    tip = gt.port(Frame)
+    joint = gt.part(Revolute, axis=axis)
+    body = gt.part(RigidBody)
+    reach = gt.part(FixedTranslation, d=d)
+    motor = gt.part(TorqueMotor)
+    friction = gt.part(RotationalTanhFriction)
+
+    def equations(self):
+        yield gt.connect(self.mount, self.joint.a)
+        yield gt.connect(self.joint.b, self.body.frame)
+        yield gt.connect(self.joint.b, self.reach.a)
+        yield gt.connect(self.reach.b, self.tip)
+        yield gt.connect(self.joint.shaft, self.motor.shaft)
+        yield gt.connect(self.joint.shaft, self.friction.shaft)
+
+
+class Wrist(gt.Model):
+    """Two-DOF serial wrist, as hung on the plates of D1 and L1 (Dressler 2012, section 2.3): angles q [rad], motor
+    torques tau [N.m].
+
+    The first axis is along z of the mount, the second along y of the first body. No dimensions are printed: the
+    defaults are an EXAMPLE OF OURS, slender steel bodies of 0.12 m and 0.08 m.
+    """
+
+    axis = gt.parameter([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0]], unit="1", description="axes, one row each")
+    d = gt.parameter([[0.0, 0.0, -0.12], [0.0, 0.0, -0.08]], unit="m", description="from each axis to the next frame")
+    m = gt.parameter([2.0, 1.2], unit="kg", description="masses of the two bodies")
+    c = gt.parameter([[0.0, 0.0, -0.06], [0.0, 0.0, -0.04]], unit="m", description="centres of mass")
+    J = gt.parameter(
+        [[3e-3, 3e-3, 1e-3], [1e-3, 1e-3, 5e-4]], unit="kg.m2", description="principal moments of inertia, body axes"
+    )
+    mount = gt.port(Frame)
+    tool = gt.port(Frame)
+    q = gt.variable(2, unit="rad", start=[0.0, 0.0], prefer=1, description="joint angles")
+    tau = gt.input(2, unit="N.m", nominal=10.0, description="motor torques")
+    link = gt.parts(
+        2,
+        WristAxis,
+        axis=axis,
+        d=d,
+        body=lambda self: [dict(m=self.m[i], c=self.c[i], I=_diagonal(self.J[i])) for i in range(2)],
+    )
+
+    def equations(self):
+        first, second = self.link
+        yield gt.connect(self.mount, first.mount)
+        yield gt.connect(first.tip, second.mount)
+        yield gt.connect(second.tip, self.tool)
+        for i, link in enumerate(self.link):
+            yield self.q[i] == link.joint.shaft.phi
+            yield self.tau[i] == link.motor.torque
+
+
+def _diagonal(x):
+    return [[x[0], 0.0, 0.0], [0.0, x[1], 0.0], [0.0, 0.0, x[2]]]

@@ -1,0 +1,134 @@
+"""The horizon: its ends as expressions of the free constants, its shortest length, and instants on it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from ..compiler.flat import FlatModel
+from ..lang.expression import Expr
+from ..lang.scope import Instant
+from ..lang.source import ModelError
+from .relations import Row
+
+ROUND_OFF = 1e-12  # of times on a horizon of length 1
+
+
+@dataclass(eq=False)
+class PointValue:
+    """An expression needed at one instant, s in [0, 1] of the horizon, known there as `symbol`."""
+
+    symbol: ca.SX
+    expression: ca.SX
+    s: float
+
+
+@dataclass(frozen=True, eq=False)
+class Horizon:
+    """Start and final time [s] in the free constants P."""
+
+    t0: ca.SX
+    tf: ca.SX
+    P: ca.SX
+
+    @property
+    def length(self) -> ca.SX:
+        return self.tf - self.t0
+
+
+def horizon(flat: FlatModel, P: ca.SX, parameters: ca.SX) -> Horizon:
+    """Both ends of the model's horizon. Raises ModelError for an end that is no time or that comes too early."""
+    t0, tf = (_end(flat, name) for name in ("start_time", "final_time"))
+    if flat.parameters:
+        t0, tf = ca.substitute([t0, tf], [flat.p], [parameters])
+    if t0.is_constant() and tf.is_constant() and not float(tf) > float(t0):
+        raise ModelError(f"{flat.title}: the horizon ends at {float(tf):g} s, not after {float(t0):g} s")
+    return Horizon(t0, tf, P)
+
+
+def _end(flat: FlatModel, name: str) -> ca.SX:
+    value = getattr(flat.root, name)
+    if isinstance(value, Expr) and value.shape == ():
+        return value.sx
+    if isinstance(value, (int, float, np.number)) and not isinstance(value, bool) and np.isfinite(value):
+        return ca.SX(float(value))
+    raise ModelError(f"{flat.title}: {name} is a number [s], a gt.parameter or gt.free(...); found {value!r}")
+
+
+def initial_rows(flat: FlatModel) -> list[Row]:
+    """initial_equations() of all components as constraints at the start of the horizon."""
+    rows = []
+    for e in flat.initial:
+        symbol = ca.SX.sym(f"initial{len(flat.scope.instants)}")
+        flat.scope.instants.append(Instant(symbol, e.residual, _end(flat, "start_time")))
+        rows.append(Row(symbol, 0.0, 0.0, f"{e.label} ({e.where})", e.where))
+    return rows
+
+
+def require_length(flat: FlatModel, h: Horizon, constraints: Sequence[Row]) -> None:
+    """A free horizon must have a length bounded away from zero, by bounds or by a constraint. Raises ModelError."""
+    free = {q.symbol.element_hash(): q for q in flat.parameters if q.free}
+
+    def limits(end: ca.SX) -> tuple[float, float]:
+        if end.is_constant():
+            return float(end), float(end)
+        q = free[end.element_hash()]
+        return q.min, q.max
+
+    (low0, high0), (lowf, highf) = limits(h.t0), limits(h.tf)
+    if lowf > high0 or h.length.is_constant() or any(_shortest(row, h) > 0 for row in constraints):
+        return
+    first, last = (free.get(end.element_hash()) for end in (h.t0, h.tf))
+    if first is None and last is not None:
+        raise ModelError(
+            f"{flat.title}: a free final time needs a lower bound after the start at {low0:g} s; "
+            "write gt.free(guess=..., min=0.1)",
+            last.where,
+        )
+    if last is None and first is not None:
+        raise ModelError(
+            f"{flat.title}: a free start time needs an upper bound before the end at {highf:g} s; "
+            "write gt.free(guess=..., max=...)",
+            first.where,
+        )
+    raise ModelError(
+        f"{flat.title}: start and final time are both free and may meet; bound their difference: "
+        "yield self.final_time - self.start_time >= 0.1",
+        first.where if first else None,
+    )
+
+
+def _shortest(row: Row, h: Horizon) -> float:
+    """Lower bound of the horizon's length that a constraint a * length + b gives; -inf where it gives none."""
+    slopes = ca.vertcat(ca.gradient(row.expression, h.P), ca.gradient(h.length, h.P))
+    known = {s.element_hash() for s in ca.vertsplit(h.P)}
+    if not slopes.is_constant() or not {s.element_hash() for s in ca.symvar(row.expression)} <= known:
+        return -np.inf
+    row_slope, length_slope = np.array(ca.DM(slopes)).reshape(2, -1)
+    a = float(row_slope @ length_slope / (length_slope @ length_slope))
+    if a == 0.0 or np.max(np.abs(row_slope - a * length_slope)) > ROUND_OFF:
+        return -np.inf
+    b = float(ca.substitute([row.expression - a * h.length], [h.P], [ca.SX.zeros(*h.P.shape)])[0])
+    return (row.low - b) / a if a > 0 else (row.high - b) / a
+
+
+def point_values(flat: FlatModel, h: Horizon, instants: Sequence[Instant], parameters: ca.SX) -> list[PointValue]:
+    """Values of .at() with their place s in [0, 1]; s must not depend on what the optimisation chooses."""
+    result = []
+    for instant in instants:
+        if instant.time is None:
+            continue
+        time = ca.substitute([instant.time], [flat.p], [parameters])[0] if flat.parameters else instant.time
+        s = ca.Function("s", [h.P], [(time - h.t0) / h.length])
+        first, second = (float(s(v)) for v in np.random.default_rng(0).uniform(0.5, 1.5, (2, h.P.numel())))
+        if abs(first - second) > ROUND_OFF:
+            raise ModelError(f"{flat.title}: an instant of .at() moves within the horizon; use its ends")
+        if not -ROUND_OFF <= first <= 1 + ROUND_OFF:
+            raise ModelError(f"{flat.title}: an instant of .at() lies outside the horizon")
+        place = min(1.0, max(0.0, first))
+        for k in range(instant.symbol.numel()):
+            result.append(PointValue(instant.symbol[k], instant.expression[k], place))
+    return result

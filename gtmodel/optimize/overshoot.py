@@ -1,0 +1,40 @@
+"""What a control polynomial does between the points where it is bounded."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.polynomial import Polynomial
+
+from .nlp import Nlp
+from .tables import basis
+
+
+def control_range(nlp: Nlp, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Lowest and highest value (controls,) that the control polynomials take anywhere in their elements.
+
+    A polynomial of K points bounded at its points only overshoots between them, most at an element's ends.
+    """
+    layout, mesh = nlp.element.layout, nlp.mesh
+    low, high = np.full(layout.nu, np.inf), np.full(layout.nu, -np.inf)
+    degree = mesh.points - 1 if mesh.control == "polynomial" else 0
+    for k in range(mesh.elements):
+        y = x[k * layout.size : (k + 1) * layout.size] * layout.scale
+        for j in range(layout.nu):
+            polynomial = Polynomial.fit(mesh.table.points, y[layout.u[:, j]], degree, domain=[0, 1], window=[0, 1])
+            turns = polynomial.deriv().roots() if degree > 1 else np.zeros(0)
+            turns = turns[np.isreal(turns)].real
+            at = np.concatenate([[0.0, 1.0], mesh.table.points, turns[(turns > 0) & (turns < 1)]])
+            values = controls_of(nlp, x, k, at)[:, j]
+            low[j], high[j] = min(low[j], values.min()), max(high[j], values.max())
+    return low, high
+
+
+def controls_of(nlp: Nlp, x: np.ndarray, element: int, local: np.ndarray) -> np.ndarray:
+    """Controls (len(local), nu) of one element at fractions of it."""
+    layout, mesh = nlp.element.layout, nlp.mesh
+    if not layout.nu:
+        return np.zeros((len(local), 0))
+    y = x[element * layout.size : (element + 1) * layout.size] * layout.scale
+    if mesh.control == "constant":
+        return np.repeat(y[layout.u[:1]], len(local), 0)
+    return basis(mesh.table.points, local) @ y[layout.u]

@@ -1,0 +1,108 @@
+"""The Gantry-Tau with all six links and a rigid plate."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .. import lang as gt
+from ..mechanics import Flange, ForceMotor, Guideway, MidpointRod, PointFrame, PointMass, RigidPlate, TanhFriction
+
+LINKS = ("1", "2a", "2b", "3a", "3b", "3c")
+ARM = (0, 1, 1, 2, 2, 2)  # the cart on which each link stands
+
+
+class Cart(gt.Model):
+    """A driven cart; its reference point A + q v [m] carries the mass m [kg]. The links stand on `flange`."""
+
+    A = gt.parameter(shape=3, unit="m", description="reference point at q = 0")
+    v = gt.parameter(shape=3, unit="1", description="its motion per q, not normalised")
+    m = gt.parameter(unit="kg", description="cart mass, joints included")
+    flange = gt.port(Flange)
+    guideway = gt.part(Guideway, A=A, v=v)
+    body = gt.part(PointMass, m=m)
+    friction = gt.part(TanhFriction)
+    motor = gt.part(ForceMotor)
+
+    def equations(self):
+        yield gt.connect(self.guideway.frame, self.body.frame)
+        yield gt.connect(self.guideway.flange, self.flange)
+        yield gt.connect(self.motor.flange, self.flange)
+        yield gt.connect(self.friction.flange, self.flange)
+
+
+class Link(gt.Model):
+    """One link from a cart to the plate; its cart joint is A + q v (Dressler 2012, section 4.4: own A and v per link).
+
+    Branch `ahead`: the plate joint lies ahead of the cart joint along the guideway, dot(d, v) > 0.
+    """
+
+    A = gt.parameter(shape=3, unit="m", description="cart joint at q = 0")
+    v = gt.parameter(shape=3, unit="1", description="its motion per q, not normalised")
+    cart = gt.port(Flange)
+    tip = gt.port(PointFrame)
+    guideway = gt.part(Guideway, A=A, v=v)
+    rod = gt.part(MidpointRod)
+
+    def equations(self):
+        yield gt.connect(self.cart, self.guideway.flange)
+        yield gt.connect(self.guideway.frame, self.rod.a)
+        yield gt.connect(self.rod.b, self.tip)
+        yield gt.branch("ahead", gt.dot(self.rod.b.r - self.rod.a.r, self.v))
+
+
+class SixLink(gt.Model):
+    """Gantry-Tau with links 1, 2a, 2b, 3a, 3b, 3c and a rigid plate: carts q [m], pose T [m] and R, forces tau [N].
+
+    Link (i, j) closes |T + R B_ij - A_ij - q_i v_ij| = L_ij (Dressler 2012, section 4.4). The rows of A, v, L, B and
+    m_a are the links in the order of LINKS. The reference point of a cart, where its mass counts, moves with the mean
+    of its links' v. R = R(e), e a unit quaternion, scalar first; e and -e are the same pose.
+    """
+
+    A = gt.parameter(shape=(6, 3), unit="m", description="cart joints at q = 0")
+    v = gt.parameter(shape=(6, 3), unit="1", description="their motion per q, not normalised")
+    L = gt.parameter(shape=6, unit="m", positive=True, description="link lengths")
+    B = gt.parameter(shape=(6, 3), unit="m", description="plate joints from T, plate coordinates")
+    m_p = gt.parameter(unit="kg", positive=True, description="plate mass, joints and payload included")
+    c_p = gt.parameter([0.0, 0.0, 0.0], unit="m", description="plate's centre of mass from T, plate coordinates")
+    I_p = gt.parameter(shape=(3, 3), unit="kg.m2", description="plate's inertia about its centre of mass, plate axes")
+    m_c = gt.parameter(shape=3, unit="kg", positive=True, description="cart masses, joints included")
+    m_a = gt.parameter(np.zeros(6), unit="kg", description="link masses")
+    coulomb = gt.parameter([0.0, 0.0, 0.0], unit="N", description="Coulomb friction of each cart")
+    viscous = gt.parameter([0.0, 0.0, 0.0], unit="kg/s", description="viscous friction of each cart")
+    velocity_scale = gt.parameter(0.1, unit="m/s", positive=True, description="friction smoothing")
+    home = gt.parameter([0.0, 0.0, 0.0], unit="m", description="a reachable T")
+    home_e = gt.parameter([1.0, 0.0, 0.0, 0.0], unit="1", description="the quaternion there")
+    q = gt.variable(3, unit="m", description="cart coordinates along their guideways")
+    T = gt.variable(3, unit="m", start=home, prefer=1, description="tool centre point, origin of the plate frame")
+    e = gt.variable(4, unit="1", start=home_e, prefer=-1, description="plate quaternion, scalar first")
+    R = gt.variable((3, 3), unit="1", description="rotation from plate to world coordinates")
+    tau = gt.input(3, unit="N", nominal=100.0, description="motor forces")
+    cart = gt.parts(
+        3,
+        Cart,
+        A=lambda self: _means(self.A),
+        v=lambda self: _means(self.v),
+        m=m_c,
+        friction=lambda self: [
+            dict(coulomb=self.coulomb[i], viscous=self.viscous[i], velocity_scale=self.velocity_scale) for i in range(3)
+        ],
+    )
+    link = gt.parts(6, Link, A=A, v=v, rod=lambda self: [dict(L=self.L[k], m=self.m_a[k]) for k in range(6)])
+    plate = gt.part(RigidPlate, m=m_p, c=c_p, I=I_p, B=B)
+
+    def equations(self):
+        for k, link in enumerate(self.link):
+            yield gt.connect(link.cart, self.cart[ARM[k]].flange)
+            yield gt.connect(link.tip, self.plate.point[k])
+        for i, cart in enumerate(self.cart):
+            yield self.q[i] == cart.flange.s
+            yield self.tau[i] == cart.motor.force
+        yield self.plate.frame.r == self.T
+        yield self.e == self.plate.attitude.e
+        yield self.plate.frame.R == self.R
+
+
+def _means(rows):
+    """Mean over the links of each cart."""
+    groups = [[rows[k] for k in range(6) if ARM[k] == i] for i in range(3)]
+    return [sum(group[1:], group[0]) / len(group) for group in groups]

@@ -1,0 +1,133 @@
+"""Linear blocks: any pivot order must give the answer of a dense solver with pivoting."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+import gtmodel as gt
+from tests.support.compare import relative_error
+
+# Sparse elimination with threshold 1e-4 per pivot may lose some digits more than partial pivoting does.
+SPARSE = 1e-9
+ROUND_OFF = 1e-12
+MAX_CONDITION = 1e4
+
+
+def linear(A: np.ndarray, b: np.ndarray) -> gt.Model:
+    """A x = b with numbers as constants; zeros are left out."""
+    n = len(b)
+
+    def equations(self):
+        for i in range(n):
+            yield sum(float(A[i, j]) * self.x[j] for j in np.flatnonzero(A[i])) == self.u * float(b[i])
+
+    return type("Linear", (gt.Model,), {"x": gt.variable(n), "u": gt.input(), "equations": equations})()
+
+
+def solution(model: gt.Model, *arguments: Any) -> Any:
+    x, status = model.causal("u", "x")(1.0, *arguments)
+    assert status == gt.Status.OK
+    return x
+
+
+class TestConstantPivots:
+    def test_cancellation_is_no_pivot(self):
+        # 0.9 - 0.3 * 0.3 / 0.1 is 1e-16 in floating point: dividing by it gave 1.5 instead of 1.97
+        A = np.array([[0.1, 0.3, 1.0], [0.3, 0.9, -1.0], [0.7, 0.2, 5.0]])
+        b = np.array([1.0, 2.0, 3.0])
+        assert 0.9 - 0.3 * 0.3 / 0.1 != 0.0
+        assert relative_error(solution(linear(A, b)), np.linalg.solve(A, b)) < ROUND_OFF
+
+    @pytest.mark.parametrize("tiny", [1e-10, 1e-14, -1e-17])
+    def test_tiny_entries_are_no_pivots(self, tiny):
+        A = np.array([[tiny, 1.0], [1.0, 1.0]])
+        assert relative_error(solution(linear(A, np.array([1.0, 2.0]))), [1.0, 1.0]) < 1e-9
+
+    @settings(max_examples=60, deadline=None)
+    @given(st.data())
+    def test_like_a_dense_solver(self, data):
+        n = data.draw(st.integers(2, 6))
+        short = st.integers(-9, 9).map(lambda k: k / 10)
+        A = np.array(data.draw(st.lists(st.lists(short, min_size=n, max_size=n), min_size=n, max_size=n)))
+        assume(np.linalg.matrix_rank(A) == n and np.linalg.cond(A) < MAX_CONDITION)
+        b = np.arange(1.0, n + 1)
+        assert relative_error(solution(linear(A, b)), np.linalg.solve(A, b)) < SPARSE
+
+
+class TestOtherPivots:
+    def make(self, n: int, size: float) -> type[gt.Model]:
+        """A tridiagonal system whose coefficients are declared positive parameters, plus one state-dependent row."""
+
+        class Chain(gt.Model):
+            k = gt.parameter(size * np.arange(1.0, n + 1), positive=True)
+            c = gt.parameter(np.ones(n), unit=None)
+            x = gt.variable(n)
+            u = gt.input()
+            w = gt.input()
+
+            def equations(self):
+                for i in range(n):
+                    left = self.k[i] * self.x[i]
+                    if i:
+                        left = left + self.c[i] * self.x[i - 1]
+                    if i < n - 1:
+                        left = left - self.w * self.x[i + 1]
+                    yield left == self.u
+
+        return Chain
+
+    @pytest.mark.parametrize("size, w", [(1.0, 0.0), (1.0, 0.7), (1e-6, 0.7), (1e-6, -1.3), (1e6, 0.0), (1e6, -1.3)])
+    def test_parameters_and_states(self, size, w):
+        n = 5
+        f = self.make(n, size)().causal(["u", "w"], "x")
+        x, status = f(2.0, w)
+        A = np.diag(size * np.arange(1.0, n + 1)) + np.diag(np.ones(n - 1), -1) - w * np.diag(np.ones(n - 1), 1)
+        assert status == gt.Status.OK
+        assert relative_error(x, np.linalg.solve(A, np.full(n, 2.0)), floor=0.0) < ROUND_OFF * np.linalg.cond(A)
+
+    def test_parameters_stay_symbols_in_the_parametric_function(self):
+        n = 4
+        f = self.make(n, 1.0)().causal(["u", "w"], "x")
+        rng = np.random.default_rng(1)
+        k, c = rng.uniform(0.5, 2.0, n), rng.uniform(-1, 1, n)
+        found = f.casadi_parametric(2.0, 0.7, np.concatenate([k, c]))[0].full().reshape(-1)
+        A = np.diag(k) + np.diag(c[1:], -1) - 0.7 * np.diag(np.ones(n - 1), 1)
+        assert relative_error(found, np.linalg.solve(A, np.full(n, 2.0))) < ROUND_OFF
+
+    def test_a_state_dependent_pivot_that_vanishes_is_a_status(self):
+        class Division(gt.Model):
+            x = gt.variable()
+            w = gt.variable()
+            u = gt.input()
+
+            def equations(self):
+                yield self.w * self.x == self.u
+
+        f = Division().causal(["w", "u"], "x")
+        assert f(2.0, 3.0) == (1.5, gt.Status.OK)
+        x, status = f(0.0, 3.0)
+        assert np.isnan(x)
+        assert status == gt.Status.SINGULAR
+        assert "pivot for x is 0" in f.diagnose(0.0, 3.0)
+
+    def test_a_zero_on_the_diagonal_of_the_dense_core_is_no_obstacle(self):
+        class Turned(gt.Model):
+            x = gt.variable(3)
+            w = gt.variable(3)
+            u = gt.input()
+
+            def equations(self):
+                w = self.w
+                yield w[0] * self.x[1] + w[1] * self.x[2] == self.u
+                yield w[1] * self.x[0] + w[2] * self.x[1] == 2 * self.u
+                yield w[2] * self.x[0] - w[0] * self.x[2] == 3 * self.u
+
+        f = Turned().causal(["w", "u"], "x")
+        for w in ([1.0, 2.0, 3.0], [1.0, 2.0, 0.0], [-0.5, 0.3, 2.0]):
+            A = np.array([[0, w[0], w[1]], [w[1], w[2], 0], [w[2], 0, -w[0]]])
+            assert relative_error(f(w, 1.0)[0], np.linalg.solve(A, [1.0, 2.0, 3.0])) < ROUND_OFF

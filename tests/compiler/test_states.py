@@ -1,0 +1,130 @@
+"""Choice of states and rank decisions: at consistent points, with redundant constraints named and never dropped."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import gtmodel as gt
+from gtmodel import der
+from tests.support.models import Pendulum, SeriesRLC
+from tests.support.rods import FourRods, ThreeRods
+
+RODS = ThreeRods()
+
+
+def states(model: gt.Model, known: str | tuple[str, ...] = (), target: str = "", **options: object) -> list[str]:
+    plan = model.causal(known, target, **options).plan
+    return [plan.flat.symbol_name(*p) for p in plan.states]
+
+
+def pendulum(angle: float) -> Pendulum:
+    """Released at an angle from the lower rest position."""
+    return Pendulum(x=dict(start=np.sin(angle)), y=dict(start=-np.cos(angle)))
+
+
+class TestPendulum:
+    @pytest.mark.parametrize("angle", [np.pi / 2, -np.pi / 2, 1.4, 1.7, 2 * np.pi / 3])
+    def test_beside_the_pivot_the_height_is_the_state(self, angle):
+        # at x = L the state x stands still to first order: with it, every motion would be invisible
+        assert states(pendulum(angle), target="der(x,2)") == ["y", "der(y)"]
+
+    @pytest.mark.parametrize("angle", [0.0, 0.1, -0.3, np.pi])
+    def test_below_and_above_it_the_side(self, angle):
+        assert states(pendulum(angle), target="der(y,2)") == ["x", "der(x)"]
+
+    @pytest.mark.parametrize("prefer", ["x", "y"])
+    def test_between_them_the_wish_decides(self, prefer):
+        assert states(pendulum(np.pi / 4), target="tension", prefer=prefer) == [prefer, f"der({prefer})"]
+
+    def test_state_preference_of_the_declaration_decides_too(self):
+        class Preferring(Pendulum):
+            x = gt.variable(unit="m", start=0.6, prefer=1)
+
+        class Avoiding(Pendulum):
+            x = gt.variable(unit="m", start=0.6, prefer=-1)
+
+        assert states(Preferring(), target="tension") == ["x", "der(x)"]
+        assert states(Avoiding(), target="tension") == ["y", "der(y)"]
+
+    def test_asked_for_the_still_coordinate_it_says_what_is_wrong(self):
+        with pytest.raises(gt.ModelError, match="y has two solutions and nothing tells them apart; declare gt.branch"):
+            pendulum(np.pi / 2).causal((), "der(y,2)", prefer="x")
+
+
+class TestOthers:
+    def test_circuit(self):
+        # the aliases of the loop current are one state
+        found = states(SeriesRLC(), "u", "der(capacitor.v)", prefer=["capacitor.v", "inductor.i"])
+        assert sorted(found) == ["capacitor.v", "inductor.i"]
+
+    @pytest.mark.parametrize("prefer", ["T", "q"])
+    def test_rods(self, prefer):
+        names = [f"{prefer}[{i}]" for i in range(3)]
+        found = states(RODS, "tau", "der(T,2)", prefer=prefer)
+        assert sorted(found) == sorted(names + [f"der({n})" for n in names])
+
+    def test_a_servo_constraint_leaves_the_free_chain(self):
+        # two carts driven as prescribed, one by a given force: one free coordinate (Dressler 2012, section 3.5)
+        assert states(RODS, ("q[0]", "q[1]", "tau[2]"), "der(q[2],2)", prefer="q[2]") == ["q[2]", "der(q[2])"]
+
+
+# Home positions of the plate, all with some reach to spare.
+HOMES = np.array([1.5, -0.5, 0.8]) + 0.3 * np.random.default_rng(0).uniform(-1, 1, (10, 3))
+
+
+class TestRedundancy:
+    @pytest.mark.parametrize("home", HOMES, ids=range(len(HOMES)))
+    def test_a_fourth_parallel_rod_is_refused_and_named(self, home):
+        with pytest.raises(gt.ModelError) as error:
+            FourRods(home=home).causal("tau", "der(T,2)")
+        sentence = str(error.value)
+        assert "19 equations of rank 18 in stage -2 (positions)" in sentence
+        assert "redundant or contradict each other" in sentence
+        for culprit in ("rod[2] equation 1 (mechanics/rod.py:", "fourth equation 1 (mechanics/rod.py:"):
+            assert culprit in sentence
+        for innocent in ("rod[0]", "rod[1]", "cart", "motor"):
+            assert f"{innocent} equation" not in sentence.replace("at_cart", "")
+
+    @pytest.mark.parametrize("known, target", [("q", "T"), ("T", "q")])
+    def test_it_is_refused_in_every_causality(self, known, target):
+        with pytest.raises(gt.ModelError, match=r"too many equations or knowns among: .*fourth equation 1"):
+            FourRods().causal(known, target)
+
+    def test_a_rod_that_contradicts_the_others_has_no_solution(self):
+        class Contradicting(FourRods):
+            fourth = gt.part(gt.mechanics.MidpointRod, L=lambda self: 1.02 * self.L[2])
+
+        with pytest.raises(gt.ModelError, match="no common solution near the start values .closest residual"):
+            Contradicting().causal("tau", "der(T,2)")
+
+    def test_structurally_sound_but_identically_singular(self):
+        # x' + y' + y = u, x + y = w: the Sigma-method says one degree of freedom, the truth is none (y = u - w')
+        class Hidden(gt.Model):
+            x = gt.variable()
+            y = gt.variable()
+            u = gt.input()
+            w = gt.input()
+
+            def equations(self):
+                yield der(self.x) + der(self.y) + self.y == self.u
+                yield self.x + self.y == self.w
+
+        with pytest.raises(gt.ModelError) as error:
+            Hidden().causal(["u", "w"], ["x", "y"])
+        assert error.match(r"2 equations of rank 1 .*undetermined \(singular\): Hidden equation 1 .*Hidden equation 2")
+
+    def test_a_planar_loop_in_space(self):
+        # two rods in parallel between the same points: the classical redundancy
+        class Doubled(Pendulum):
+            second = gt.variable(unit="N/m")
+
+            def equations(self):
+                pull = self.tension + self.second
+                yield self.m * der(self.x, 2) == -pull * self.x
+                yield self.m * der(self.y, 2) == -pull * self.y - self.m * self.g
+                yield self.x**2 + self.y**2 == self.L**2
+                yield (self.x / self.L) ** 2 + (self.y / self.L) ** 2 == 1
+
+        with pytest.raises(gt.ModelError, match=r"2 equations of rank 1 in stage -2 \(positions\)"):
+            Doubled().causal((), "tension")

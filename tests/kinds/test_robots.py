@@ -1,0 +1,141 @@
+"""Robots by reference: the catalogue, a robot file, a model in Python."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import gtmodel as gt
+from gtmodel.kinds import Context, InputError, explaining
+from gtmodel.kinds.robots import resolve
+from tests.support.own_models import FILES
+
+Q = np.array([0.3, 0.4, 0.5])
+
+ROBOT = """
+title = "a copy of l1_tape"
+A_m = [[0.04, 0.0, 1.44], [0.25, -1.31, 1.46], [0.0, 0.0, 0.0]]
+v = [[1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 0.0, 0.0]]
+L_m = [2.05, 1.82, 1.81]
+"""
+
+
+MAKERS = """
+from pendulum import Pendulum
+long = Pendulum(L=2.0)
+three = 3
+def make(L):
+    return Pendulum(L=L)
+"""
+
+
+@pytest.fixture
+def context(tmp_path: Path) -> Context:
+    """A problem in a folder that holds a robot file and a model."""
+    (tmp_path / "copy.toml").write_text(ROBOT)
+    (tmp_path / "heavy.toml").write_text(ROBOT + "m_p_kg = 20.0\n")
+    (tmp_path / "pendulum.py").write_text(FILES["pendulum.py"])
+    (tmp_path / "makers.py").write_text(MAKERS)
+    return Context(folder=tmp_path)
+
+
+def test_robot_file_equals_the_catalogue_entry_it_copies(context: Context) -> None:
+    mine, printed = (resolve(name, context).causal(known="q", targets="T") for name in ("copy.toml", "l1_tape"))
+    assert np.array_equal(mine(Q)[0], printed(Q)[0])
+    assert context.inputs["robot"].name == "copy.toml"
+
+
+def test_payload_is_added_to_the_plate(context: Context) -> None:
+    plain, loaded, heavy = (
+        resolve(name, context, payload=payload)
+        for name, payload in (("l1_tape", None), ("l1_tape", 2.0), ("heavy.toml", 2.0))
+    )
+    assert loaded.m_p == pytest.approx(plain.m_p + 2.0)
+    assert heavy.m_p == pytest.approx(22.0)
+
+
+@pytest.mark.parametrize("reference", ["pendulum.py:Pendulum", "pendulum:Pendulum", "makers.py:make", "makers.py:long"])
+def test_models_in_python_take_parameters(context: Context, reference: str) -> None:
+    model = resolve(reference, context, parameters={"L": 3.0})
+    assert isinstance(model, gt.Model) and model.L == 3.0
+
+
+@pytest.mark.parametrize(
+    ("reference", "sentence"),
+    [
+        ("l1_tap", "robot: there is no robot 'l1_tap'; did you mean 'l1_tape'?"),
+        ("nowhere.toml", "robot: there is no robot file 'nowhere.toml'"),
+        ("pendulum.py", "for a model in Python name its class too, as in 'pendulum.py:Robot'"),
+        ("pendulum", "robot: there is no robot 'pendulum'; there are l1_camera"),
+        ("makers.py:three", "robot: 'makers.py:three' is int; expected a Model"),
+        ("makers.py:thre", "robot: 'makers.py' holds no 'thre'"),
+        ("pendulum.py:", "names no class"),
+        (":Pendulum", "names no class"),
+    ],
+)
+def test_wrong_references_are_sentences(context: Context, reference: str, sentence: str) -> None:
+    with pytest.raises(InputError) as caught:
+        resolve(reference, context)
+    assert sentence in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("line", "sentence"),
+    [
+        ("L_mm = [1.0, 1.0, 1.0]", "copy.toml: L_mm: unknown key; did you mean 'L_m' (m)?"),
+        ("m_p_kg = -1.0", "copy.toml: m_p_kg: must be greater than 0 kg; found -1.0"),
+        ("m_c_kg = [1.0]", "copy.toml: m_c_kg: expected a list of 3 numbers > 0 in kg; found [1.0]"),
+    ],
+)
+def test_faults_of_a_robot_file_name_both_files(context: Context, line: str, sentence: str) -> None:
+    (context.folder / "copy.toml").write_text(ROBOT + line)
+    with pytest.raises(InputError) as caught:
+        resolve("copy.toml", context)
+    assert str(caught.value) == f"robot: {sentence}"
+
+
+def test_catalogue_options_do_not_apply_to_a_model_in_python(context: Context) -> None:
+    with pytest.raises(InputError, match=r"^inertia: applies to robots of the catalogue"):
+        resolve("pendulum.py:Pendulum", context, inertia="model_1")
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("def (", r"'faulty\.py' is not Python: .*faulty\.py:2\)$"),
+        ("import nonsense_module", r"'faulty\.py' cannot be used: ModuleNotFoundError: .*faulty\.py:2\)$"),
+        ("1 / 0", r"'faulty\.py' cannot be used: ZeroDivisionError: .*faulty\.py:2\)$"),
+        ("class A(gt.Model):\n  x = gt.variable(unit='parsec')", r"unknown symbol 'parsec'.*faulty\.py:3\)$"),
+    ],
+)
+def test_faults_while_importing_name_the_line(context: Context, text: str, sentence: str) -> None:
+    (context.folder / "faulty.py").write_text(f"import gtmodel as gt\n{text}\n")
+    with pytest.raises(InputError, match=sentence):
+        resolve("faulty.py:A", context)
+
+
+def test_two_files_of_one_name_are_two_models(tmp_path: Path) -> None:
+    found = []
+    for folder, length in (("a", "0.6"), ("b", "0.7")):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "pendulum.py").write_text(FILES["pendulum.py"].replace("0.5", length))
+        there = Context(folder=tmp_path / folder)
+        found += [resolve(name, there).L for name in ("pendulum.py:Pendulum", "pendulum:Pendulum")]
+    assert found == [0.6, 0.6, 0.7, 0.7]
+
+
+def test_a_loaded_package_is_not_taken_for_a_persons_file(context: Context) -> None:
+    (context.folder / "numpy.py").write_text("A = 1\n")
+    with pytest.raises(InputError, match="'numpy' is the name of an installed package; rename your file"):
+        resolve("numpy:A", context)
+    assert resolve("gtmodel.robots.catalogue:gantry_tau", context, parameters={"name": "l1_tape"}).L[0] == 2.05
+
+
+def test_names_are_split_outside_parentheses() -> None:
+    assert explaining.split(["T, der(T,2)", "arm[0].rod.tension,,der(der(q, 1))"]) == [
+        "T",
+        "der(T,2)",
+        "arm[0].rod.tension",
+        "der(der(q, 1))",
+    ]
+    assert explaining.split([]) == []
