@@ -13,26 +13,33 @@ from .compiler.causal import CausalFunction, compile_causal
 from .lang import *  # noqa: F403
 from .optimize import Mesh, NotSolved, Solution, SolverOptions, solve
 from .results import SolveStatus, Status, Trajectory
+from .simulate import NotSimulated, Simulation, linearize, modes, simulate
 
 if TYPE_CHECKING:
     from . import robots
 
 # what a person calls on a model lives in the engines; bound here so that the language imports none of them
 _lang.Model.causal = compile_causal
+_lang.Model.simulate = simulate
 
 __version__ = "0.1.0"
 
 __all__ = [
     "CausalFunction",
     "Mesh",
+    "NotSimulated",
     "NotSolved",
+    "Simulation",
     "Solution",
     "SolveStatus",
     "SolverOptions",
     "Status",
     "Trajectory",
+    "linearize",
     "mechanics",
+    "modes",
     "robots",
+    "simulate",
     "solve",
 ]
 __all__ += _lang.__all__

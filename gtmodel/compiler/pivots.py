@@ -20,11 +20,11 @@ POSITIVE, NEGATIVE, NONZERO, UNKNOWN = "+", "-", "n", "?"
 
 
 class SignAnalysis:
-    """Signs of parameter expressions from the declared `positive` and `nonzero`; sizes at one consistent point."""
+    """Signs of parameter expressions from the declared `positive` and `nonzero`; sizes at consistent points."""
 
-    def __init__(self, flat: FlatModel, sampler: Sampler, point: np.ndarray) -> None:
+    def __init__(self, flat: FlatModel, sampler: Sampler, points: np.ndarray) -> None:
         self._arguments = [sampler.w, flat.p, flat.scope.time]
-        self._numbers = [point, flat.p0, 0.0]
+        self._points = [[w, flat.p0, 0.0] for w in points]
         self._symbols: dict[int, str] = {}
         for q in flat.parameters:
             sign = UNKNOWN
@@ -41,11 +41,11 @@ class SignAnalysis:
         return "parameter" if self.sign(e) != UNKNOWN else None
 
     def sizes(self, expressions: Sequence[ca.SX]) -> list[float]:
-        """Magnitudes at the consistent point."""
+        """Typical magnitudes: the medians over the consistent points."""
         if not expressions:
             return []
         f = ca.Function("sizes", self._arguments, [ca.vertcat(*expressions)])
-        return [abs(v) for v in f(*self._numbers).full().reshape(-1).tolist()]
+        return np.median([np.abs(f(*point).full().reshape(-1)) for point in self._points], axis=0).tolist()
 
     def sign(self, e: ca.SX) -> str:
         if e.is_constant():

@@ -129,7 +129,7 @@ def make_plan(
     roots = [solver[p] for p in wanted if p in solver]
     used = _users(flat, folded, unknown_of, solver)
     components = strong_components(roots, lambda node: [solver[p] for p in used[node] if p in solver])
-    analysis = SignAnalysis(flat, sampler, samples[0])
+    analysis = SignAnalysis(flat, sampler, samples)
     blocks = [_solve(flat, structure, folded, c, unknown_of, analysis) for c in components]
     # what is read is told by the equations as written: a parameter that happens to be zero changes no signature
     written = used if fold is None else _users(flat, derivatives, unknown_of, solver)

@@ -23,7 +23,9 @@ class Model:
     _declared: ClassVar[dict[str, Declaration]] = {}
     _path: str
     _values: dict[str, Any]
-    causal: ClassVar[Callable[..., Any]]  # bound by the package: see compiler.causal.compile_causal
+    # bound by the package: see compiler.causal.compile_causal and simulate.simulate
+    causal: ClassVar[Callable[..., Any]]
+    simulate: ClassVar[Callable[..., Any]]
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)

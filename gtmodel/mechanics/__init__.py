@@ -28,6 +28,7 @@ from .friction_rotational import (
 )
 from .guideway import Guideway
 from .joints import Prismatic, Revolute, Spherical, Universal
+from .load import FrameLoad, PointLoad
 from .motor import ForceMotor, TorqueMotor
 from .plane import Plane
 from .plate import RigidPlate
@@ -49,6 +50,7 @@ __all__ = [
     "FlangeSpringDamper",
     "ForceMotor",
     "Frame",
+    "FrameLoad",
     "FreeBody",
     "Friction",
     "Frictionless",
@@ -61,6 +63,7 @@ __all__ = [
     "PiecewiseLinearFriction",
     "Plane",
     "PointFrame",
+    "PointLoad",
     "PointMass",
     "PointOnFrame",
     "Prismatic",

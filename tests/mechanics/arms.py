@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 
 import gtmodel as gt
-from gtmodel.mechanics import Fixed, Frame, Ground, Prismatic, Revolute, RigidBody, TorqueMotor
+from gtmodel.mechanics import Fixed, Frame, Ground, Revolute, RigidBody, TorqueMotor
 
 Array = np.ndarray
 
@@ -131,12 +131,3 @@ def industrial_arm() -> ArmData:
         ratio=np.array([120.0, -150.0, 130.0, 60.0, 70.0, -50.0]),
     )  # fmt: skip
 
-
-class PolarArm(gt.Model):
-    """Swivel, tilt and telescope: two revolute axes and a prismatic one with a scale |v| = 2."""
-
-    q = gt.variable(3, unit="1", start=[0.1, 0.2, 0.3], prefer=1)
-    ground = gt.part(Ground)
-    swivel = gt.part(Revolute)
-    tilt = gt.part(Revolute, axis=[0.0, 1.0, 0.0])
-    telescope = gt.part(Prismatic, v=[2.0, 0.0, 0.0])
