@@ -19,8 +19,9 @@ if TYPE_CHECKING:
     from . import robots
 
 # what a person calls on a model lives in the engines; bound here so that the language imports none of them
-_lang.Model.causal = compile_causal
-_lang.Model.simulate = simulate
+for _cls in (_lang.Model, _lang.Builder):
+    _cls.causal = compile_causal
+    _cls.simulate = simulate
 
 __version__ = "0.1.0"
 

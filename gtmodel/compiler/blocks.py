@@ -38,7 +38,10 @@ class Root:
 
 @dataclass(eq=False)
 class SolvedBlock:
-    """One block: unknown symbols in order with their expressions of earlier symbols."""
+    """One block: unknown symbols in order with their expressions of earlier symbols.
+
+    `uses`: per equation the names of all symbols in it, for the picture of the block-triangular form.
+    """
 
     kind: str
     unknowns: list[str]
@@ -48,3 +51,4 @@ class SolvedBlock:
     roots: list[Root] = field(default_factory=list)
     detail: str = ""
     newton: NewtonBlock | None = None
+    uses: tuple[tuple[str, ...], ...] = ()

@@ -10,6 +10,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from ..lang.builder import Builder
 from ..lang.model import Model
 from ..lang.scope import derivative_name
 from ..lang.source import ModelError
@@ -266,7 +267,7 @@ def c_name(name: str) -> str:
 
 
 def compile_causal(
-    model: Model | FlatModel,
+    model: Model | Builder | FlatModel,
     known: str | Sequence[str] = (),
     targets: str | Sequence[str] = (),
     prefer: str | Sequence[str] = (),
@@ -327,7 +328,7 @@ def _compile(
     )
 
 
-def flat_of(model: Model) -> FlatModel:
+def flat_of(model: Model | Builder) -> FlatModel:
     """The flattened model; made once per configuration object."""
     cached = model.__dict__.get("_flat")
     if cached is None:

@@ -37,6 +37,8 @@ def connection_equations(
         faces = []
         for port in (connection.a, connection.b):
             owner = port.__dict__["_parent"]
+            while isinstance(owner, Connector):  # a port inside a port belongs to the same component
+                owner = owner.__dict__["_parent"]
             own = owner is component
             if not own and (owner is None or owner.__dict__["_parent"] is not component):
                 raise ModelError(

@@ -12,6 +12,7 @@ import casadi as ca
 import numpy as np
 
 from ..lang.bind import Tree, bind, element_names
+from ..lang.builder import Builder
 from ..lang.connect import Branch, Connection, Energy, TreeEdge, flatten_items
 from ..lang.expression import Relation
 from ..lang.model import Model
@@ -146,13 +147,13 @@ class FlatModel:
         return derivative_name(self.variables[index].name, order)
 
 
-def flatten(model: Model) -> FlatModel:
-    """Flatten a configured model.
+def flatten(model: Model | Builder) -> FlatModel:
+    """Flatten a configured model, or what a Builder holds.
 
     Raises ModelError, with file and line, for items that are no equations, trivial equations, mis-shaped or
     mis-dimensioned relations and wrong connections.
     """
-    tree = bind(model)
+    tree = model.tree if isinstance(model, Builder) else bind(model)
     equations: list[FlatEquation] = []
     initial: list[FlatEquation] = []
     branches: list[FlatBranch] = []
@@ -189,7 +190,7 @@ def flatten(model: Model) -> FlatModel:
     parameters = _parameters(tree)
     return FlatModel(
         scope=tree.scope,
-        title=type(model).__name__,
+        title=model.title if isinstance(model, Builder) else type(model).__name__,
         variables=_variables(tree),
         parameters=parameters,
         equations=equations,

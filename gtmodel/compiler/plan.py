@@ -131,6 +131,8 @@ def make_plan(
     components = strong_components(roots, lambda node: [solver[p] for p in used[node] if p in solver])
     analysis = SignAnalysis(flat, sampler, samples)
     blocks = [_solve(flat, structure, folded, c, unknown_of, analysis) for c in components]
+    for block, c in zip(blocks, components, strict=True):
+        block.uses = tuple(tuple(flat.symbol_name(*p) for p in (*used[n], unknown_of[n])) for n in sorted(c))
     # what is read is told by the equations as written: a parameter that happens to be zero changes no signature
     written = used if fold is None else _users(flat, derivatives, unknown_of, solver)
     reached = strong_components(roots, lambda node: [solver[p] for p in written[node] if p in solver])

@@ -1,5 +1,6 @@
 """The language: models, variables, equations, connections and optimisations, as a person writes them."""
 
+from .builder import Builder
 from .connect import Branch, Connection, Energy, TreeEdge, between, branch, connect, energy, tree_edge, tree_root
 from .declare import (
     each,
@@ -46,6 +47,7 @@ from .units import UnitError
 
 __all__ = [
     "Branch",
+    "Builder",
     "Connection",
     "Connector",
     "Energy",

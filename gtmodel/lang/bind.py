@@ -62,6 +62,28 @@ def bind(model: Model) -> Tree:
     return tree
 
 
+def empty_tree(root: Model) -> Tree:
+    """A tree with only a bound root, to be filled line by line."""
+    tree = Tree(scope=Scope(), root=root)
+    tree.root = _bind(root, {}, "", None, tree)
+    return tree
+
+
+def bind_variable(item: Variable, tree: Tree) -> Expr:
+    """Bind one more variable of the root."""
+    return _variable(item, {}, item.name, "", tree.root, tree)
+
+
+def bind_parameter(item: Parameter, tree: Tree) -> Expr:
+    """Bind one more parameter of the root."""
+    return _parameter(item, None, item.name, "", False, tree)
+
+
+def bind_part(item: Part, config: Model, tree: Tree) -> Model:
+    """Bind one more component of the root."""
+    return _bind(config, {}, item.name, tree.root, tree)
+
+
 def _check_bound(tree: Tree) -> None:
     """Sign and finiteness of parameters that are expressions of others; ModelError as for given values."""
     bound = [r for r in tree.parameters if r.values is None and not r.indices]

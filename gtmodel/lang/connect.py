@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from .expression import Expr, Relation
+from .declare import Port
 from .model import Connector
 from .source import ModelError, SourceLocation, here
 from .units import si_unit
@@ -108,7 +109,8 @@ def connect(a: Any, b: Any) -> Connection | list[Any]:
         )
     if a is b:
         raise ModelError(f"port '{a._path}' is connected to itself", here())
-    return Connection(a, b, here())
+    inner = [connect(getattr(a, n), getattr(b, n)) for n, item in type(a)._declared.items() if isinstance(item, Port)]
+    return [Connection(a, b, here()), *inner] if inner else Connection(a, b, here())
 
 
 def branch(name: str, expression: Any) -> Branch:

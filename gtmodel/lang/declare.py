@@ -167,9 +167,11 @@ def input(
     return Variable(shape, unit, description, "input", _attributes(nominal, min, max, start, False, prefer))
 
 
-def potential(shape: int | Shape | None = None, *, unit: str | None = None, description: str = "") -> Any:
-    """A connector variable that is equal at all connected ports (position, voltage)."""
-    return Variable(shape, unit, description, "potential", _attributes(None, None, None, None, False, 0))
+def potential(
+    shape: int | Shape | None = None, *, unit: str | None = None, prefer: int = 0, description: str = ""
+) -> Any:
+    """A connector variable that is equal at all connected ports (position, voltage); `prefer` as for `variable`."""
+    return Variable(shape, unit, description, "potential", _attributes(None, None, None, None, False, prefer))
 
 
 def flow(shape: int | Shape | None = None, *, unit: str | None = None, description: str = "") -> Any:

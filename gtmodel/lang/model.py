@@ -100,9 +100,9 @@ class Connector(Model):
 
     @classmethod
     def _signature(cls) -> tuple[tuple[str, str, tuple[int, ...]], ...]:
-        return tuple(
-            (name, item.role, item.shape) for name, item in cls._declared.items() if isinstance(item, Variable)
-        )
+        own = [(name, item.role, item.shape) for name, item in cls._declared.items() if isinstance(item, Variable)]
+        inner = [(name, item.cls.__name__, ()) for name, item in cls._declared.items() if isinstance(item, Port)]
+        return (*own, *inner)
 
 
 def walk_declarations(cls: type[Model]) -> Iterator[tuple[str, Declaration]]:
@@ -177,5 +177,5 @@ def check_parameter(item: Parameter, value: Any, name: str, where: SourceLocatio
 
 
 _RESERVED = frozenset(
-    ["equations", "initial_equations", "with_", "time", "causal", "simulate", "explain", "where", "constraints"]
+    ["equations", "initial_equations", "with_", "time", "causal", "simulate", "objective", "explain", "where", "constraints"]
 )

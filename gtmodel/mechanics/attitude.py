@@ -27,7 +27,7 @@ class Attitude(gt.Model):
 class UnitQuaternion(Attitude):
     """Quaternion e (4), scalar first; e.e = 1 is an ordinary equation. No orientation is singular."""
 
-    e = gt.variable(4, unit="1", start=[1.0, 0.0, 0.0, 0.0], prefer=-1, description="quaternion, scalar first")
+    e = gt.variable(4, unit="1", start=[1.0, 0.0, 0.0, 0.0], prefer=-2, description="quaternion, scalar first")
 
     def equations(self):
         yield gt.dot(self.e, self.e) == 1.0
@@ -43,7 +43,7 @@ class AnyQuaternion(Attitude):
     """Quaternion e (4), scalar first, of any length but zero, with no equation of its own: for causalities in which
     e is known."""
 
-    e = gt.variable(4, unit="1", start=[1.0, 0.0, 0.0, 0.0], prefer=-1, description="quaternion, scalar first")
+    e = gt.variable(4, unit="1", start=[1.0, 0.0, 0.0, 0.0], prefer=-2, description="quaternion, scalar first")
 
     def rotation(self):
         return quaternion_matrix(self.e) / gt.dot(self.e, self.e)

@@ -1,4 +1,8 @@
-"""Connectors of mechanics, and the world with its gravity."""
+"""Connectors of mechanics, and the world with its gravity.
+
+As states, coordinates of joints come before those of connectors: angles and travels 0, w -1, quaternions -2,
+positions -3, rotation matrices -4.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +14,7 @@ from .. import lang as gt
 class PointFrame(gt.Connector):
     """A point in the world frame: position r [m]; force f [N] acting on the component at that point."""
 
-    r = gt.potential(3, unit="m", description="position in the world frame")
+    r = gt.potential(3, unit="m", prefer=-3, description="position in the world frame")
     f = gt.flow(3, unit="N", description="force on the component")
 
 
@@ -25,9 +29,9 @@ class Frame(gt.Connector):
         "the orientation R of a Frame has nine numbers for three freedoms, so a loop of it contradicts itself; close "
         "the loop through rods or spherical joints, which pass no orientation on"
     )
-    r = gt.potential(3, unit="m", description="origin in the world frame")
-    R = gt.potential((3, 3), unit="1", description="rotation from frame to world coordinates")
-    w = gt.potential(3, unit="rad/s", description="angular velocity, world coordinates")
+    r = gt.potential(3, unit="m", prefer=-3, description="origin in the world frame")
+    R = gt.potential((3, 3), unit="1", prefer=-4, description="rotation from frame to world coordinates")
+    w = gt.potential(3, unit="rad/s", prefer=-1, description="angular velocity, world coordinates")
     f = gt.flow(3, unit="N", description="force on the component, world coordinates")
     t = gt.flow(3, unit="N.m", description="torque on the component about the origin, world coordinates")
 

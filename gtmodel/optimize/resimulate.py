@@ -155,7 +155,7 @@ def _integrator(nlp: Nlp, tolerance: float) -> ca.Function:
     quad = length * ca.dot(weights, point[3]) if problem.integrals else ca.SX(0)
     dae = {"x": problem.x, "p": ca.vertcat(left, length, U, P), "t": s, "ode": length * rates, "quad": quad}
     options = {"abstol": tolerance, "reltol": tolerance, "quad_err_con": True, "max_num_steps": 100000}
-    options |= {"verbose": False, "disable_internal_warnings": True}
+    options |= {"verbose": False, "disable_internal_warnings": True, "show_eval_warnings": False}
     grid = np.linspace(0.0, 1.0, SUBSTEPS + 1)[1:].tolist()
     return ca.integrator("resimulate", "cvodes", dae, 0.0, grid, options)
 

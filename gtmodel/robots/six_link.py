@@ -74,7 +74,7 @@ class SixLink(gt.Model):
     home_e = gt.parameter([1.0, 0.0, 0.0, 0.0], unit="1", description="the quaternion there")
     q = gt.variable(3, unit="m", description="cart coordinates along their guideways")
     T = gt.variable(3, unit="m", start=home, prefer=1, description="tool centre point, origin of the plate frame")
-    e = gt.variable(4, unit="1", start=home_e, prefer=-1, description="plate quaternion, scalar first")
+    e = gt.variable(4, unit="1", start=home_e, prefer=-2, description="plate quaternion, scalar first")
     R = gt.variable((3, 3), unit="1", description="rotation from plate to world coordinates")
     tau = gt.input(3, unit="N", nominal=100.0, description="motor forces")
     cart = gt.parts(

@@ -13,6 +13,7 @@ import numpy as np
 from ..compiler.causal import flat_of
 from ..compiler.initial import initial_point, start_values
 from ..compiler.plan import make_plan
+from ..lang.builder import Builder
 from ..lang.model import Model
 from ..lang.source import ModelError
 from .inputs import Inputs
@@ -31,7 +32,7 @@ class Mode:
 
 
 def linearize(
-    model: Model,
+    model: Model | Builder,
     inputs: Sequence[str] | str,
     outputs: Sequence[str] | str,
     *,

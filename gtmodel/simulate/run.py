@@ -13,6 +13,7 @@ from ..compiler.causal import flat_of
 from ..compiler.flat import FlatModel
 from ..compiler.initial import initial_point, missing_starts, start_values
 from ..compiler.plan import Plan, make_plan
+from ..lang.builder import Builder
 from ..lang.model import Model
 from ..lang.scope import derivative_name
 from ..lang.source import ModelError
@@ -66,7 +67,7 @@ class NotSimulated(RuntimeError):
 
 
 def simulate(
-    model: Model,
+    model: Model | Builder,
     final_time: float,
     *,
     start_time: float = 0.0,

@@ -59,7 +59,7 @@ def loaded(attitude: type = UnitQuaternion) -> gt.Model:
 def rotation(e: np.ndarray) -> np.ndarray:
     """Rotation of a quaternion of any length: columns are e x e* for the unit vectors x."""
     a, v = e[0], e[1:]
-    return ((a * a - v @ v) * np.eye(3) + 2 * np.outer(v, v) + 2 * a * np.cross(np.eye(3), -v)) / (e @ e)
+    return ((a * a - v @ v) * np.eye(3) + 2 * np.outer(v, v) + 2 * a * np.cross(np.eye(3), v)) / (e @ e)
 
 
 def quaternion_rates(e, w, turn):

@@ -1,0 +1,82 @@
+"""Builder: the same language without a class, for scripts and notebooks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import Any, ClassVar
+
+from . import declare
+from .bind import Tree, bind_parameter, bind_part, bind_variable, empty_tree
+from .connect import flatten_items
+from .expression import Expr
+from .model import Model
+from .source import ModelError, here
+
+
+class Builder:
+    """A model written line by line.
+
+        m = gt.Builder("oscillator")
+        k = m.parameter("k", 100.0, unit="N/m")
+        x = m.variable("x", unit="m", start=1.0)
+        m.add(gt.der(x, 2) * m.parameter("m", 1.0, unit="kg") == -k * x)
+        m.causal(targets="der(x,2)", prefer="x")
+
+    Names are declared once; expressions are usable at once; parts are configured models whose ports and
+    variables are attributes of what `part` returns.
+    """
+
+    # bound by the package, as for Model
+    causal: ClassVar[Callable[..., Any]]
+    simulate: ClassVar[Callable[..., Any]]
+
+    def __init__(self, title: str = "Builder") -> None:
+        self.title = title
+        self.items: list[Any] = []
+        self.where = here()
+        items = self.items
+        root = type(title, (Model,), {"equations": lambda self: tuple(items)})
+        self.tree: Tree = empty_tree(root())
+
+    def variable(self, name: str, shape: Any = None, **attributes: Any) -> Expr:
+        """Declare a variable; attributes as for gt.variable."""
+        return self._declare(name, declare.variable(shape, **attributes), bind_variable)
+
+    def input(self, name: str, shape: Any = None, **attributes: Any) -> Expr:
+        """Declare an input; attributes as for gt.input."""
+        return self._declare(name, declare.input(shape, **attributes), bind_variable)
+
+    def parameter(self, name: str, value: Any, **attributes: Any) -> Expr:
+        """Declare a parameter with its value; attributes as for gt.parameter."""
+        return self._declare(name, declare.parameter(value, **attributes), bind_parameter)
+
+    def part(self, name: str, model: Model) -> Any:
+        """Add a configured model as a component."""
+        if not isinstance(model, Model):
+            raise ModelError(f"part '{name}' takes a model such as Rod(L=2.0); found {model!r}", here())
+        return self._declare(name, declare.part(type(model)), lambda item, tree: bind_part(item, model, tree))
+
+    def add(self, *items: Any) -> None:
+        """Add equations (a == b), connections, branches or energies."""
+        self.items.extend(flatten_items(list(items)))
+        self.__dict__.pop("_flat", None)
+
+    def _declare(self, name: str, item: Any, bind: Callable[[Any, Tree], Any]) -> Any:
+        values = self.tree.root.__dict__["_values"]
+        if not name.isidentifier() or name.startswith("_"):
+            raise ModelError(f"'{name}' is no name; use letters, digits and underscores", here())
+        if name in values:
+            raise ModelError(f"'{name}' is declared twice in {self.title}", here())
+        item.name = name
+        values[name] = bind(item, self.tree)
+        self.__dict__.pop("_flat", None)
+        return values[name]
+
+    @property
+    def time(self) -> Expr:
+        """Time as an expression."""
+        return self.tree.root.time
+
+    def names(self) -> Iterable[str]:
+        """Declared names."""
+        return tuple(self.tree.root.__dict__["_values"])
