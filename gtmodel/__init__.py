@@ -11,7 +11,7 @@ from . import lang as _lang
 from . import mechanics
 from .compiler.causal import CausalFunction, compile_causal
 from .lang import *  # noqa: F403
-from .optimize import Mesh, NotSolved, Solution, SolverOptions, solve
+from .optimize import Mesh, NotSolved, Resimulation, Solution, SolverOptions, resimulate, solve
 from .results import SolveStatus, Status, Trajectory
 from .simulate import NotSimulated, Simulation, linearize, modes, simulate
 
@@ -30,6 +30,7 @@ __all__ = [
     "Mesh",
     "NotSimulated",
     "NotSolved",
+    "Resimulation",
     "Simulation",
     "Solution",
     "SolveStatus",
@@ -39,6 +40,7 @@ __all__ = [
     "linearize",
     "mechanics",
     "modes",
+    "resimulate",
     "robots",
     "simulate",
     "solve",

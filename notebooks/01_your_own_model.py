@@ -158,12 +158,14 @@ path, error = figure.subplots(1, 2)
 path.plot(swing.t, np.degrees(np.arctan2(x, -y)), color="black")
 path.set(title="swing", xlabel="time [s]", ylabel="angle [deg]")
 error.plot(swing.t, drift, color="#d55e00")
-error.set(title="energy error: the integrator's, the constraint does not drift", xlabel="time [s]", ylabel="[J]")
+error.set(title="energy error", xlabel="time [s]", ylabel="[J]")
 for axes in (path, error):
     axes.grid(alpha=0.3)
 figure
 
 # %% [markdown]
+# What is left is the integrator's error. The rod cannot stretch: $y$ follows from $x$ at every instant.
+#
 # Energy is one test, but it does not see a clock that runs wrong. The period of a large swing is known too, as a
 # complete elliptic integral: $4\sqrt{L/g}\,K(\sin^2(\varphi_0/2))$.
 

@@ -36,15 +36,19 @@ class AliasResult:
 
     def rewrite(self, flat: FlatModel, expression: ca.SX) -> ca.SX:
         """An expression of the original names in terms of the kept ones."""
+        return self.rewrite_all(flat, [expression])[0]
+
+    def rewrite_all(self, flat: FlatModel, expressions: list[ca.SX]) -> list[ca.SX]:
+        """`rewrite` of several expressions at once: one substitution."""
         old, new = [], []
-        for index, order in flat.scope.symbols_in(expression):
+        for index, order in flat.scope.symbols_in(ca.vertcat(*[ca.vec(e) for e in expressions])) if expressions else ():
             if index in self.removed:
                 sign, kept, k = self.resolve(index, order)
                 old.append(flat.scope.symbol(index, order))
                 new.append(sign * flat.scope.symbol(kept, k))
         if not old:
-            return expression
-        return ca.substitute([expression], [ca.vertcat(*old)], [ca.vertcat(*new)])[0]
+            return expressions
+        return ca.substitute(expressions, [ca.vertcat(*old)], [ca.vertcat(*new)])
 
 
 def eliminate(flat: FlatModel, protected: frozenset[int]) -> AliasResult:
@@ -54,15 +58,19 @@ def eliminate(flat: FlatModel, protected: frozenset[int]) -> AliasResult:
     because a constant is free. Raises ModelError when two different fixed starts meet in one class.
     """
     result = AliasResult(list(flat.equations), {})
-    while _sweep(flat, protected, result):
+    inside = [flat.scope.symbols_in(e.residual) for e in result.equations]
+    while _sweep(flat, protected, result, inside):
         pass
     _check_starts(flat, result)
     return result
 
 
-def _sweep(flat: FlatModel, protected: frozenset[int], result: AliasResult) -> bool:
+def _sweep(
+    flat: FlatModel, protected: frozenset[int], result: AliasResult, inside: list[list[tuple[int, int]]]
+) -> bool:
+    """One sweep; `inside` holds the symbols of each equation and is kept in step with them."""
     scope = flat.scope
-    pairs = sorted({pair for e in result.equations for pair in scope.symbols_in(e.residual)})
+    pairs = sorted({pair for symbols in inside for pair in symbols})
     if not pairs:
         return False
     symbols = ca.vertcat(*[scope.symbol(*pair) for pair in pairs])
@@ -97,21 +105,21 @@ def _sweep(flat: FlatModel, protected: frozenset[int], result: AliasResult) -> b
     if not removed:
         return False
     result.removed.update(removed)
-    result.equations = [
-        replace(e, residual=result.rewrite(flat, e.residual)) if _touches(scope, e, removed) else e
-        for i, e in enumerate(result.equations)
-        if i not in drop
-    ]
-    for e in result.equations:
-        if not scope.symbols_in(e.residual):
+    rows_left = [i for i in range(len(result.equations)) if i not in drop]
+    equations = [result.equations[i] for i in rows_left]
+    inside[:] = [inside[i] for i in rows_left]
+    touched = [n for n, symbols in enumerate(inside) if any(j in removed for j, _ in symbols)]
+    residuals = result.rewrite_all(flat, [equations[n].residual for n in touched])
+    for n, residual in zip(touched, residuals, strict=True):
+        equations[n] = replace(equations[n], residual=residual)
+        inside[n] = scope.symbols_in(residual)
+        if not inside[n]:
             raise ModelError(
-                f"'{e.label}' repeats what connections and equal names already say; remove it", e.where
+                f"'{equations[n].label}' repeats what connections and equal names already say; remove it",
+                equations[n].where,
             )
+    result.equations = equations
     return True
-
-
-def _touches(scope: object, e: FlatEquation, removed: dict[int, Alias]) -> bool:
-    return any(i in removed for i, _ in scope.symbols_in(e.residual))  # type: ignore[attr-defined]
 
 
 def _choose(

@@ -129,7 +129,7 @@ class CausalFunction:
         n = columns[0].shape[1] if columns else 1
         zs, found = self._unknowns(columns)
         by_input, by_z, margins = _map(self._jacobian, [*columns, *zs])
-        full = _stack(by_input, n)
+        full = _stack(by_input, n, sum(c.shape[0] for c in columns))
         given = np.vstack(columns) if columns else np.zeros((0, n))
         sensitivities: list[np.ndarray] = []
         for kernel, z in zip(self._built.kernels, zs, strict=True):
@@ -142,8 +142,8 @@ class CausalFunction:
             sensitivities.append(total)
             given = np.vstack([given, z])
         if sensitivities:
-            full = full + _stack(by_z, n) @ np.concatenate(sensitivities, axis=1)
-        status = self.status(columns, [full.reshape(n, -1).T, margins], found)
+            full = full + _stack(by_z, n, sum(z.shape[0] for z in zs)) @ np.concatenate(sensitivities, axis=1)
+        status = self.status(columns, [full.reshape(n, full.shape[1] * full.shape[2]).T, margins], found)
         full[status != Status.OK] = np.nan
         return (full[0], Status(int(status[0]))) if rows is None else (full, status)
 
@@ -240,13 +240,15 @@ class CausalFunction:
 def _map(f: ca.Function, columns: list[np.ndarray]) -> list[np.ndarray]:
     """A function on columns side by side."""
     n = columns[0].shape[1] if columns else 1
+    if n == 0:
+        return [np.zeros((f.size1_out(k), 0)) for k in range(f.n_out())]
     g = f if n == 1 else f.map(n)
     return [np.array(r.full()) for r in g.call([ca.DM(c) for c in columns])]
 
 
-def _stack(matrix: np.ndarray, n: int) -> np.ndarray:
-    """Mapped matrices (r, n * c) as (n, r, c)."""
-    return matrix.reshape(matrix.shape[0], n, -1).transpose(1, 0, 2).copy()
+def _stack(matrix: np.ndarray, n: int, width: int) -> np.ndarray:
+    """Mapped matrices (r, n * width) as (n, r, width)."""
+    return matrix.reshape(matrix.shape[0], n, width).transpose(1, 0, 2).copy()
 
 
 def c_name(name: str) -> str:

@@ -42,10 +42,14 @@ class SignAnalysis:
 
     def sizes(self, expressions: Sequence[ca.SX]) -> list[float]:
         """Typical magnitudes: the medians over the consistent points."""
-        if not expressions:
-            return []
-        f = ca.Function("sizes", self._arguments, [ca.vertcat(*expressions)])
-        return np.median([np.abs(f(*point).full().reshape(-1)) for point in self._points], axis=0).tolist()
+        sizes = [abs(float(e)) if e.is_constant() else 0.0 for e in expressions]
+        varying = [n for n, e in enumerate(expressions) if not e.is_constant()]
+        if varying:
+            f = ca.Function("sizes", self._arguments, [ca.vertcat(*[expressions[n] for n in varying])])
+            found = np.median([np.abs(f(*point).full().reshape(-1)) for point in self._points], axis=0)
+            for n, value in zip(varying, found.tolist(), strict=True):
+                sizes[n] = value
+        return sizes
 
     def sign(self, e: ca.SX) -> str:
         if e.is_constant():

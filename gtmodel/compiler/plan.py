@@ -104,7 +104,7 @@ def make_plan(
         ca.vertcat(*[derivatives[i][structure.c[i] + k] for i in range(len(structure.c)) if structure.c[i] + k >= 0])
         for k in range(-int(structure.d.max(initial=0)), 1)
     ]
-    sampler = Sampler(flat, pairs, [r for r in stage_residuals if r.numel()], _starts(flat, alias))
+    sampler = Sampler(flat, pairs, [r for r in stage_residuals if r.numel()], _starts(flat, alias), frozenset(known))
     samples = sampler.points(SAMPLE_POINTS) if at is None else at[None, :]
     parameters = flat.p if fold is None else fold
     folded = derivatives if fold is None else _folded(flat, derivatives, fold)

@@ -18,6 +18,8 @@ RESIDUAL_TOLERANCE = 1e-11
 SPREAD = 0.05
 # what has a start value gives way this much less than what has none: the points stay near the home pose
 HELD = 0.1
+# steps in which what has none follows what has one or is known, which waits
+FOLLOWING_STEPS = 10
 
 
 @dataclass
@@ -25,13 +27,14 @@ class Sampler:
     """Makes consistent points of a differentiated system.
 
     `pairs` are the chain symbols in order; `stages` the residuals of each stage, positions first; `starts`
-    the declared start values by chain symbol.
+    the declared start values by chain symbol; `known` the variables that are prescribed.
     """
 
     flat: FlatModel
     pairs: list[tuple[int, int]]
     stages: list[ca.SX]
     starts: dict[tuple[int, int], float]
+    known: frozenset[int] = frozenset()
 
     def __post_init__(self) -> None:
         scope = self.flat.scope
@@ -49,8 +52,10 @@ class Sampler:
             fun = ca.Function("stage", arguments, [residual, ca.densify(jacobian)])
             self._functions.append((fun, np.array(new, dtype=int)))
         nominal = [self.flat.variables[index].nominal for index, _ in self.pairs]
-        held = [HELD if pair in self.starts else 1.0 for pair in self.pairs]
-        self._reach = np.multiply(nominal, held)
+        started = np.array([pair in self.starts for pair in self.pairs], dtype=bool)
+        self._reach = np.multiply(nominal, np.where(started, HELD, 1.0))
+        given = np.array([index in self.known for index, _ in self.pairs], dtype=bool)
+        self._followers = [np.multiply(nominal, ~started & ~given), np.multiply(nominal, ~started)]
 
     def points(self, count: int) -> np.ndarray:
         """`count` consistent points near the start values, one per row. Raises ModelError if there is none."""
@@ -85,6 +90,8 @@ class Sampler:
         worst = 0.0
         for fun, new in self._functions:
             norm = np.inf
+            for reach in self._followers:
+                self._follow(fun, new, reach[new], w, p)
             for _ in range(NEWTON_STEPS):
                 r, jacobian = (np.asarray(x) for x in fun(w, p, 0.0))
                 r = r.reshape(-1)
@@ -102,3 +109,19 @@ class Sampler:
             if worst > RESIDUAL_TOLERANCE:
                 return worst
         return worst
+
+    def _follow(self, fun: ca.Function, new: np.ndarray, reach: np.ndarray, w: np.ndarray, p: np.ndarray) -> None:
+        """Let what has a reach follow what has none, as far as it goes: else a wrong solution may be the nearest."""
+        if not np.any(reach) or np.all(reach):
+            return
+        best = np.inf
+        for _ in range(FOLLOWING_STEPS):
+            r, jacobian = (np.asarray(x) for x in fun(w, p, 0.0))
+            r = r.reshape(-1)
+            if not np.all(np.isfinite(r)) or not np.all(np.isfinite(jacobian)):
+                return
+            size = float(np.linalg.norm(r))
+            if size > 0.9 * best:
+                return
+            best = size
+            w[new] += reach * np.linalg.lstsq(jacobian * reach, -r, rcond=1e-10)[0]

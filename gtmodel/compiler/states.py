@@ -44,7 +44,7 @@ def choose(
         cols = [j for j in range(len(structure.d)) if structure.d[j] + k >= 0]
         if rows:
             scaled = [_scaled(flat, structure, m, rows, cols) for m in jacobians]
-            groups = _groups(flat, structure, cols, solved, preferred)
+            groups = _groups(flat, structure, k, cols, solved, preferred)
             chosen = _best(flat, structure, k, rows, cols, scaled, groups)
         else:
             chosen = []
@@ -82,15 +82,16 @@ def _scaled(
 
 
 def _groups(
-    flat: FlatModel, structure: Structure, cols: list[int], solved: list[int], preferred: frozenset[int]
+    flat: FlatModel, structure: Structure, k: int, cols: list[int], solved: list[int], preferred: frozenset[int]
 ) -> list[list[int]]:
-    """Columns in the order in which they are to be solved: earlier choices, then low state preference."""
+    """Columns in the order in which they are to be solved: earlier choices, then low state preference, then
+    derivatives before what is not differentiated."""
     first = [j for j in cols if j in set(solved)]
     rest = [j for j in cols if j not in set(solved)]
 
-    def preference(j: int) -> tuple[int, int]:
+    def preference(j: int) -> tuple[int, int, int]:
         index = structure.unknowns[j]
-        return (int(index in preferred), flat.variables[index].prefer)
+        return (int(index in preferred), flat.variables[index].prefer, -int(structure.d[j]) - k)
 
     levels = sorted({preference(j) for j in rest})
     return [first, *[[j for j in rest if preference(j) == level] for level in levels]]

@@ -56,7 +56,7 @@ def motion(
                     if name in rest:
                         yield gt.der(T, order).at(instant) == 0
 
-    return type("Motion", (Motion,), {"robot": gt.part(type(robot), **robot.__dict__["_modifiers"])})()
+    return type("Motion", (Motion,), {"robot": gt.part(robot)})()
 
 
 def line_guess(
@@ -77,3 +77,8 @@ def line_guess(
     tau[status != Status.OK] = 0.0  # the line may leave the workspace; the optimum need not
     values = {"robot.T": T, "der(robot.T)": dT, "robot.tau": np.clip(tau, -force, force)}
     return Trajectory(t, values, {"robot.T": "m", "der(robot.T)": "m/s", "robot.tau": "N"})
+
+
+def bare_guess(start: np.ndarray, goal: np.ndarray) -> Trajectory:
+    """The straight line at constant speed, nothing said of velocities and forces."""
+    return Trajectory([0.0, GUESS_TIME_S], {"robot.T": np.array([start, goal])}, {"robot.T": "m"})

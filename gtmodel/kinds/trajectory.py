@@ -16,7 +16,7 @@ from gtmodel.optimize.resimulate import Resimulation, resimulate
 from gtmodel.results import SolveStatus, Status, Trajectory
 
 from .base import Check, Context, InputError, Outcome, Row, Section
-from .motion import line_guess, motion
+from .motion import bare_guess, line_guess, motion
 from .robot_keys import RobotProblem
 
 NAME = "trajectory"
@@ -38,6 +38,8 @@ VALUES = {
 END_ERROR_BOUND_M = 5e-3
 FORCE_TOLERANCE = 1e-9  # relative: the exported force keeps its limit at every instant
 SATURATED = 0.99
+# a good guess needs about a hundred iterations; one that needs many more has gone astray
+FIRST_TRY = 300
 
 Point = Annotated[list[float], Field(min_length=3, max_length=3)]
 Rest = list[Literal["velocity", "acceleration"]]
@@ -107,7 +109,10 @@ def solve(problem: Schema, context: Context) -> Outcome:
     inverse_dynamics = compile_causal(robot, known="T", targets="tau")
     model = _motion(problem, robot, start, goal)
     guess = _guess(context) or line_guess(inverse_dynamics, start, goal, problem.limits.force_N)
-    solution = _collocate(model, problem, context, problem.mesh.control, guess)
+    solution = _collocate(model, problem, context, problem.mesh.control, guess, FIRST_TRY)
+    if not solution.status.ok and solution.status is not SolveStatus.INTERRUPTED:
+        # forces of the profile may lie far outside the limits and lead out of reach: try from the bare line
+        solution = _collocate(model, problem, context, problem.mesh.control, bare_guess(start, goal))
     if not solution.status.ok:
         return _failed(problem, solution)
     tried = resimulate(solution)
@@ -182,7 +187,12 @@ def _guess(context: Context) -> Trajectory | None:
 
 
 def _collocate(
-    model: gt.Optimization, problem: Schema, context: Context, control: Any, guess: Trajectory | Solution
+    model: gt.Optimization,
+    problem: Schema,
+    context: Context,
+    control: Any,
+    guess: Trajectory | Solution,
+    most: int | None = None,
 ) -> Solution:
     stage = "optimising" if control == problem.mesh.control else "bounding the force between the nodes"
 
@@ -194,7 +204,11 @@ def _collocate(
         model,
         CollocationMesh(problem.mesh.elements, problem.mesh.points, control=control),
         guess=guess,
-        solver=SolverOptions(**problem.solver.model_dump(), max_seconds=context.seconds_left()),
+        solver=SolverOptions(
+            tolerance=problem.solver.tolerance,
+            max_iterations=min(problem.solver.max_iterations, most or problem.solver.max_iterations),
+            max_seconds=context.seconds_left(),
+        ),
         progress=progress,
         throw=False,
     )

@@ -197,10 +197,18 @@ def free(guess: Any, *, min: Any = None, max: Any = None, unit: str | None = Non
     return Free(guess, min, max, unit, description)
 
 
-def part(cls: type[Model], **modifiers: Any) -> Any:
-    """A component. Modifiers are values, parameters of the enclosing class (by name as declared there),
-    dictionaries for nested parts, a Model class (redeclaration), or functions of the enclosing model."""
-    return Part(cls, None, modifiers)
+def part(model: type[Model] | Model, **modifiers: Any) -> Any:
+    """A component: a Model class, or a configured model such as `gt.robots.gantry_tau("l1_tape")`.
+
+    Modifiers are values, parameters of the enclosing class (by name as declared there), dictionaries for nested
+    parts, a Model class (redeclaration), or functions of the enclosing model.
+    """
+    if isinstance(model, type):
+        return Part(model, None, modifiers)
+    configured = getattr(model, "__dict__", {}).get("_modifiers")
+    if configured is None:
+        raise ModelError(f"a part takes a Model class or a configured model; found {model!r}", here())
+    return Part(type(model), None, {**configured, **modifiers})
 
 
 def parts(count: int, cls: type[Model], **modifiers: Any) -> Any:

@@ -11,7 +11,7 @@ import numpy as np
 
 from .scope import Scope
 from .source import ModelError, SourceLocation, here
-from .units import Dimension
+from .units import Dimension, UnitError
 
 Shape = tuple[int, ...]
 ONE = Dimension()
@@ -19,6 +19,10 @@ ONE = Dimension()
 
 def _columns(shape: Shape) -> tuple[int, int]:
     return (shape[0] if len(shape) > 0 else 1, shape[1] if len(shape) > 1 else 1)
+
+
+class DimensionError(ModelError, UnitError):
+    """Units do not fit: a ModelError that is also a UnitError."""
 
 
 class Expr:
@@ -234,7 +238,7 @@ def aligned(a: Expr, b: Any, op: str) -> tuple[ca.SX, ca.SX, Dimension | None, S
     elif a.dimension is None or b.dimension is None:
         dim = a.dimension if b.dimension is None else b.dimension
     elif a.dimension != b.dimension:
-        raise ModelError(
+        raise DimensionError(
             f"units do not fit in '{op}': left is {a.dimension}, right is {b.dimension}; a bare number in a product "
             "has no unit: declare it as a parameter with its unit",
             here(),

@@ -24,8 +24,18 @@ def _short(filename: str) -> str:
     """The last two parts of a path: enough to find the file, the same on every machine."""
     if filename.startswith("<"):
         return filename
+    if "ipykernel" in filename and (cell := _notebook_cell(filename)) is not None:
+        return cell
     parts = Path(filename).parts
     return "/".join(parts[-2:])
+
+
+def _notebook_cell(filename: str) -> str | None:
+    """ "Cell In[3]" for a notebook's temporary file, whose name changes with every kernel."""
+    ipython = sys.modules.get("IPython")
+    shell = ipython.get_ipython() if ipython is not None else None
+    code_name = getattr(getattr(shell, "compile", None), "format_code_name", lambda name: None)(filename)
+    return None if code_name is None else " ".join(code_name)
 
 
 def here() -> SourceLocation:

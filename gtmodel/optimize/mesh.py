@@ -48,6 +48,10 @@ class Mesh:
         h = np.ones(self.elements) if self.lengths is None else np.array(self.lengths, float)
         return h / h.sum()
 
+    def element_at(self, s: float) -> int:
+        """Number of the element that holds the fraction s of the horizon; at an edge the one on its right."""
+        return min(self.elements - 1, max(0, int(np.searchsorted(self.edges, s, side="right")) - 1))
+
     @property
     def edges(self) -> np.ndarray:
         """Element boundaries on [0, 1], (elements + 1,)."""

@@ -146,7 +146,7 @@ def _points(problem: DynamicProblem, mesh: Mesh, element: Element, p_scale: np.n
     layout, N = element.layout, mesh.elements
     n, nx, nP = layout.size, layout.nx, problem.P.numel()
     edges, h = mesh.edges, mesh.h
-    where = [min(N - 1, max(0, int(np.searchsorted(edges, i.s, side="right")) - 1)) for i in problem.instants]
+    where = [mesh.element_at(i.s) for i in problem.instants]
     used = sorted(set(where))
     ys = {k: ca.SX.sym(f"y{k}", n) for k in used}
     xN = ca.SX.sym("xN", nx)

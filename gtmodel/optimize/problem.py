@@ -107,7 +107,8 @@ def build(model: Optimization, formulation: str = "auto", prefer: Sequence[str] 
 
     formulation: "explicit" (rates as functions of states and controls), "inverse" (controls as functions of
     states and their rates, for fully actuated models: no accelerations are eliminated), or "auto" (inverse
-    where it exists). Raises ModelError with file and line.
+    where it exists and does not bring the only divisions by something that may vanish, as in u = (x' - f) / cos x).
+    Raises ModelError with file and line.
     """
     if formulation not in FORMULATIONS:
         raise ValueError(f"formulation is one of {', '.join(FORMULATIONS)}; found '{formulation}'")
@@ -141,7 +142,7 @@ def _build(model: Optimization, flat: FlatModel, formulation: str, prefer: Seque
     plan, kind = base, "explicit"
     if formulation in ("auto", "inverse"):
         inverse = _inverse_plan(flat, controls, states, constraints)
-        if inverse is not None:
+        if inverse is not None and (formulation == "inverse" or not (_pivots(inverse) and not _pivots(base))):
             plan, kind = inverse, "inverse"
         elif formulation == "inverse":
             raise ModelError(
@@ -149,6 +150,11 @@ def _build(model: Optimization, flat: FlatModel, formulation: str, prefer: Seque
                 f"({len(controls)} controls for {len({i for i, _ in states})} coordinates); use formulation 'explicit'"
             )
     return Builder(model, root, flat, plan, kind, states, controls, base).problem(objective, constraints)
+
+
+def _pivots(plan: Plan) -> bool:
+    """Does it divide by what depends on the state?"""
+    return any(m.kind == "pivot" for b in plan.blocks for m in b.margins)
 
 
 def _fold(flat: FlatModel) -> ca.SX:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import casadi as ca
@@ -76,7 +77,17 @@ def resimulate(solution: Solution, tolerance: float = INTEGRATOR_TOLERANCE) -> R
     s[-1] = 1.0
     xs, us = np.vstack(states), np.vstack([controls_of(nlp, solution.x, k, fine) for k in range(mesh.elements)])
     times = t0 + s * (tf - t0)
-    rates = _rates(problem).map(len(s))(xs.T, us.T, ca.repmat(ca.DM(P), 1, len(s)), ca.DM(times).T).full().T
+    rate = _rates(problem)
+    rates = rate.map(len(s))(xs.T, us.T, ca.repmat(ca.DM(P), 1, len(s)), ca.DM(times).T).full().T
+    rows = [slice(k * len(fine), (k + 1) * len(fine)) for k in range(mesh.elements)]
+    paths = [CubicHermiteSpline(times[r], xs[r], rates[r]) for r in rows]
+
+    def integrated(s: float) -> tuple[np.ndarray, ...]:
+        """State, rate, control and time at a fraction of the horizon."""
+        k, t = mesh.element_at(s), t0 + s * (tf - t0)
+        x, u = paths[k](t), controls_of(nlp, solution.x, k, np.array([(s - edges[k]) / h[k]]))[0]
+        return x, np.asarray(rate(x, u, P, t)).reshape(-1), u, np.array(t)
+
     violation, name = _violation(problem, xs, rates, us, times, P, low, high)
     # one row per instant from here on: at an edge that of the element on its left
     kept = np.delete(np.arange(len(s)), np.arange(1, mesh.elements) * len(fine))
@@ -86,34 +97,21 @@ def resimulate(solution: Solution, tolerance: float = INTEGRATOR_TOLERANCE) -> R
     end = dict(zip(problem.state_names, (xs[-1] - xs_c[-1]).tolist(), strict=True))
     defect = float(np.max(np.abs(xs[at_edges] - xs_c) / problem.x_scale, initial=0.0))
     trajectory = named(problem, xs, rates, us, times, P)
-    places = np.array([i.s for i in problem.instants])
-    integrated = _between(times, xs, rates, us, t0 + places * (tf - t0))
-    mayer_error = _mayer(problem, *integrated, P) - _mayer(problem, *states_and_controls(nlp, solution.x, places), P)
-    cost_error = cost - _collocated_integral(solution) + mayer_error
+    cost_error = cost + _mayer(solution, integrated, P) - float(nlp.nlp(solution.x, [])[0])
     return Resimulation(
         SolveStatus.SOLVED, "re-simulated", trajectory, end, defect, violation, name, cost_error, ranges
     )
 
 
-def _between(
-    times: np.ndarray, xs: np.ndarray, rates: np.ndarray, us: np.ndarray, at: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """States, rates and controls at other times: cubic in the states, linear in the rest."""
-    states = CubicHermiteSpline(times, xs, rates)(at)
-    other = [np.array([np.interp(at, times, c) for c in a.T]).reshape(a.shape[1], len(at)).T for a in (rates, us)]
-    return states, *other, at
-
-
-def _mayer(
-    problem: DynamicProblem, xs: np.ndarray, rates: np.ndarray, us: np.ndarray, times: np.ndarray, P: np.ndarray
-) -> float:
+def _mayer(solution: Solution, integrated: Callable[[float], tuple[np.ndarray, ...]], P: np.ndarray) -> float:
     """The cost that is no integral, from the values at the instants it needs."""
+    problem = solution.problem
     inputs = [problem.x, problem.xd, problem.u, problem.P, problem.t]
-    expressions = ca.vertcat(*[i.expression for i in problem.instants]) if problem.instants else ca.SX(0, 1)
-    f = ca.Function("instants", inputs, [expressions])
-    rows = [zip(xs, rates, us, times, strict=True)] if problem.instants else []
-    values = [float(f(x, r, u, P, t)[n]) for group in rows for n, (x, r, u, t) in enumerate(group)]
-    symbols = ca.vertcat(*[i.symbol for i in problem.instants]) if problem.instants else ca.SX(0, 1)
+    values = []
+    for i in problem.instants:
+        x, rate, u, t = integrated(i.s)
+        values.append(float(ca.Function("instant", inputs, [i.expression])(x, rate, u, P, t)))
+    symbols = ca.vertcat(*[i.symbol for i in problem.instants]) if values else ca.SX(0, 1)
     return float(ca.Function("mayer", [symbols, problem.P], [problem.mayer])(values, P))
 
 
@@ -180,16 +178,3 @@ def _violation(
     excess = np.maximum(low - lowest, highest - high)
     worst = int(np.argmax(excess))
     return max(0.0, float(excess[worst])), names[worst]
-
-
-def _collocated_integral(solution: Solution) -> float:
-    nlp = solution.nlp
-    layout, N = nlp.element.layout, nlp.mesh.elements
-    f = ca.Function("cost", [nlp.element.y, nlp.element.P, nlp.element.d], [nlp.element.cost])
-    P = constants(nlp, solution.x)
-    Y = solution.x[: N * layout.size].reshape(N, layout.size).T
-    D = np.vstack([nlp.mesh.h, nlp.mesh.edges[:-1]])
-    return float(np.sum(f.map(N)(ca.DM(Y), ca.repmat(ca.DM(P), 1, N), ca.DM(D)).full()))
-
-
-

@@ -6,6 +6,7 @@ import numpy as np
 
 from .. import lang as gt
 from ..mechanics import Flange, ForceMotor, Guideway, MidpointRod, PointFrame, PointMass, RigidPlate, TanhFriction
+from ..mechanics.rotation import quaternion_matrix
 
 LINKS = ("1", "2a", "2b", "3a", "3b", "3c")
 ARM = (0, 1, 1, 2, 2, 2)  # the cart on which each link stands
@@ -72,7 +73,7 @@ class SixLink(gt.Model):
     velocity_scale = gt.parameter(0.1, unit="m/s", positive=True, description="friction smoothing")
     home = gt.parameter([0.0, 0.0, 0.0], unit="m", description="a reachable T")
     home_e = gt.parameter([1.0, 0.0, 0.0, 0.0], unit="1", description="the quaternion there")
-    q = gt.variable(3, unit="m", description="cart coordinates along their guideways")
+    q = gt.variable(3, unit="m", start=lambda self: _home_q(self), description="cart coordinates along their guideways")
     T = gt.variable(3, unit="m", start=home, prefer=1, description="tool centre point, origin of the plate frame")
     e = gt.variable(4, unit="1", start=home_e, prefer=-2, description="plate quaternion, scalar first")
     R = gt.variable((3, 3), unit="1", description="rotation from plate to world coordinates")
@@ -106,3 +107,16 @@ def _means(rows):
     """Mean over the links of each cart."""
     groups = [[rows[k] for k in range(6) if ARM[k] == i] for i in range(3)]
     return [sum(group[1:], group[0]) / len(group) for group in groups]
+
+
+def _home_q(robot):
+    """Carts behind the plate at the home pose, by the first link of each arm: a start value on the common side."""
+    R = quaternion_matrix(robot.home_e)
+    q = []
+    for i in range(3):
+        k = ARM.index(i)
+        d, v = robot.home + R @ robot.B[k] - robot.A[k], robot.v[k]
+        dv, vv = gt.dot(d, v), gt.dot(v, v)
+        root = dv**2 - vv * (gt.dot(d, d) - robot.L[k] ** 2)
+        q.append((dv - gt.sqrt(gt.maximum(root, 0.0))) / vv)
+    return gt.vector(q)

@@ -11,65 +11,148 @@ import numpy as np
 
 from ..compiler.flat import FlatModel
 from ..lang.source import ModelError
-from ..results.trajectory import Trajectory
+from ..lang.units import si_unit
+from ..results.trajectory import Trajectory, UnknownNameError
+from .table import INTERPOLATIONS, Table
+
+Shape = tuple[int, ...]
 
 
 @dataclass(eq=False)
 class Inputs:
     """Scalar known variables as functions of time.
 
-    `functions`: index -> expression of `t`; `tables`: index -> (times, values), piecewise linear and held at
-    its ends. `knots` are the times at which a table bends: the integrator restarts there.
+    `functions`: index -> expression of `t`; `tables`: index -> Table. `p` holds a reference time and, for each
+    table in the order of the indices, the coefficients of its polynomial there; it is constant between `knots`,
+    and the integrator restarts at each of them.
     """
 
+    flat: FlatModel
     t: ca.SX
     functions: dict[int, ca.SX]
-    tables: dict[int, tuple[np.ndarray, np.ndarray]]
+    tables: dict[int, Table]
+
+    def __post_init__(self) -> None:
+        self.p = ca.SX.sym("p", 1 + sum(table.coefficients for table in self.tables.values()))
+        self._first: dict[int, int] = {}
+        column = 1
+        for index in sorted(self.tables):
+            self._first[index] = column
+            column += self.tables[index].coefficients
 
     @property
     def known(self) -> list[int]:
         return sorted([*self.functions, *self.tables])
 
-    @property
-    def knots(self) -> np.ndarray:
-        times = [t for t, _ in self.tables.values()]
-        return np.unique(np.concatenate(times)) if times else np.zeros(0)
+    def knots(self, start: float, end: float) -> np.ndarray:
+        """Times strictly inside an interval at which a table bends or jumps."""
+        times = np.unique(np.concatenate([table.times for table in self.tables.values()] or [np.zeros(0)]))
+        return times[(times > start) & (times < end)]
 
-    def table_values(self, time: float) -> np.ndarray:
-        """Values of all tables at one time, in the order of their indices."""
-        return np.array([np.interp(time, *self.tables[i]) for i in sorted(self.tables)])
+    def piece(self, start: float) -> np.ndarray:
+        """Values of `p` from a knot, or any other time, up to the next knot."""
+        pieces = [self.tables[index].piece(start) for index in sorted(self.tables)]
+        return np.concatenate([[start], *pieces])
+
+    def expression(self, index: int, order: int) -> ca.SX:
+        """A known variable's derivative as an expression of t and p."""
+        if index in self.functions:
+            e = self.functions[index]
+            for _ in range(order):
+                e = ca.jacobian(e, self.t)
+            return ca.densify(e)
+        if index not in self.tables:
+            name = self.flat.variables[index].name
+            raise ModelError(f"input '{name}' needs a value; give inputs={{'{name}': ...}}")
+        table = self.tables[index]
+        if order >= table.coefficients:
+            name = self.flat.symbol_name(index, order)
+            raise ModelError(
+                f"the model needs {name}, which a table with '{table.interpolation}' interpolation does not have; give "
+                "a function of time, or the table with 'cubic' interpolation"
+            )
+        first, after = self._first[index], self.t - self.p[0]
+        value = ca.SX(0)
+        for k in reversed(range(order, table.coefficients)):  # Horner on Taylor coefficients: c_k after^k / k!
+            value = value * after / (k - order + 1) + self.p[first + k]
+        return value
 
 
 def read_inputs(flat: FlatModel, given: Mapping[str, Any]) -> Inputs:
     """Inputs from what a person gave by name.
 
-    Each value is a number or array, a function of time (of one CasADi-compatible argument, e.g.
-    ``lambda t: np.sin(t)``), a pair (times, values), or a Trajectory that holds the name.
+    Each value is a number or array; a function of time (of one CasADi-compatible argument, e.g.
+    ``lambda t: np.sin(t)``); a pair (times, values); or a Trajectory that holds the name. A table is "linear"
+    between its rows unless told otherwise by ((times, values), interpolation) or (trajectory, interpolation):
+    "previous" holds each row up to the next, "cubic" is a spline that has two derivatives. Before its first and
+    after its last row every table keeps its end value.
 
-    Raises ModelError for a wrong name, shape, or a function that cannot be evaluated symbolically.
+    Raises ModelError for a wrong name, shape or unit, and for a function that cannot be evaluated symbolically.
     """
     t = ca.SX.sym("t")
     functions: dict[int, ca.SX] = {}
-    tables: dict[int, tuple[np.ndarray, np.ndarray]] = {}
+    tables: dict[int, Table] = {}
     for name, value in given.items():
         shape, indices, order = flat.lookup(name)
         if order:
             raise ModelError(f"input '{name}' is a derivative; give the variable itself as a function of time")
-        if isinstance(value, Trajectory):
-            value = (value.time, value[name])
-        if isinstance(value, tuple) and len(value) == 2:
-            times, values = np.asarray(value[0], float), np.asarray(value[1], float)
-            _check_table(name, times, values, len(indices))
-            columns = values.reshape(len(times), -1)
-            for k, i in enumerate(indices):
-                tables[i] = (times, columns[:, k])
+        twice = [flat.variables[i].name for i in indices if i in functions or i in tables]
+        if twice:
+            raise ModelError(f"input '{twice[0]}' is given twice")
+        table = _table(flat, name, indices[0], value)
+        if table is not None:
+            times, values, interpolation = table
+            columns = _columns(name, shape, len(indices), times, values)
+            tables |= {i: Table(name, times, columns[:, k], interpolation) for k, i in enumerate(indices)}
             continue
-        expressions = _symbolic(name, value, t) if callable(value) else _constant(name, value)
-        if len(expressions) not in (1, len(indices)):
-            raise ModelError(f"input '{name}' has {len(indices)} entries; found {len(expressions)}")
-        for k, i in enumerate(indices):
-            functions[i] = expressions[k if len(expressions) > 1 else 0]
-    return Inputs(t, functions, tables)
+        entries = _symbolic(name, value, t) if callable(value) else _constant(name, value)
+        if len(entries) not in (1, len(indices)):
+            raise ModelError(f"input '{name}' has {len(indices)} entries; found {len(entries)}")
+        functions |= {i: entries[k if len(entries) > 1 else 0] for k, i in enumerate(indices)}
+    return Inputs(flat, t, functions, tables)
+
+
+def _table(flat: FlatModel, name: str, index: int, value: Any) -> tuple[np.ndarray, np.ndarray, str] | None:
+    """(times, values, interpolation) where the value is a table or a trajectory, else None."""
+    interpolation = "linear"
+    if isinstance(value, tuple) and len(value) == 2 and isinstance(value[1], str):
+        value, interpolation = value
+        if interpolation not in INTERPOLATIONS:
+            raise ModelError(
+                f"input '{name}': there is no interpolation '{interpolation}'; it is one of {', '.join(INTERPOLATIONS)}"
+            )
+        if not isinstance(value, (Trajectory, tuple)):
+            raise ModelError(f"input '{name}': only (times, values) or a Trajectory can be interpolated")
+    if isinstance(value, Trajectory):
+        try:
+            values, unit = value[name], value.unit(name)
+        except UnknownNameError as error:
+            raise ModelError(f"input '{name}': {error}") from None
+        expected = flat.variables[index].unit
+        if expected is not None and si_unit(expected).dimension != si_unit(unit).dimension:
+            raise ModelError(f"input '{name}' is in {expected}; the trajectory gives it in {unit}")
+        return value.time, values, interpolation
+    if isinstance(value, tuple) and len(value) == 2:
+        try:
+            return np.asarray(value[0], float), np.asarray(value[1], float), interpolation
+        except (TypeError, ValueError):
+            raise ModelError(f"the table of input '{name}' takes numbers: (times, values)") from None
+    return None
+
+
+def _columns(name: str, shape: Shape, size: int, times: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Values of a table as (rows, entries). Raises ModelError for numbers that make no table."""
+    rows = values.shape[0] if values.ndim else 0
+    if times.ndim != 1 or rows != len(times) or rows == 0 or values.shape[1:] not in (shape, (size,)):
+        expected = "(n,)" if not shape else f"(n, {size})"
+        raise ModelError(
+            f"the table of input '{name}' takes times (n,) and values {expected}; found {times.shape} and {values.shape}"
+        )
+    if not (np.all(np.isfinite(times)) and np.all(np.isfinite(values))):
+        raise ModelError(f"the table of input '{name}' holds numbers that are not finite")
+    if np.any(np.diff(times) <= 0):
+        raise ModelError(f"the times of input '{name}' must increase strictly")
+    return values.reshape(len(times), size)
 
 
 def _constant(name: str, value: Any) -> list[ca.SX]:
@@ -88,24 +171,18 @@ def _constant(name: str, value: Any) -> list[ca.SX]:
 def _symbolic(name: str, function: Callable[[Any], Any], t: ca.SX) -> list[ca.SX]:
     try:
         value = function(t)
+        entries = ca.vertsplit(ca.vec(value)) if isinstance(value, ca.SX) else np.ravel(np.asarray(value, dtype=object))
+        column = [ca.SX(e) for e in entries]
     except Exception as error:
         raise ModelError(
             f"input '{name}' cannot be written as an expression of time ({type(error).__name__}: {error}); use "
             "functions such as np.sin, or give (times, values)"
         ) from None
-    if isinstance(value, ca.SX):
-        return [value[k] for k in range(value.numel())]
-    return [ca.SX(v) for v in np.atleast_1d(np.asarray(value, dtype=object)).tolist()]
+    if not all(e.is_scalar() for e in column):
+        raise ModelError(f"input '{name}': the function of time gives no numbers")
+    foreign = [s.name() for e in column for s in ca.symvar(e) if s.element_hash() != t.element_hash()]
+    if foreign:
+        raise ModelError(f"input '{name}' must be a function of time alone; it holds {foreign[0]}")
+    return column
 
 
-def _check_table(name: str, times: np.ndarray, values: np.ndarray, size: int) -> None:
-    rows = values.shape[0] if values.ndim else 0
-    if times.ndim != 1 or rows != len(times) or values.size != size * len(times):
-        raise ModelError(
-            f"the table of input '{name}' takes times (n,) and values (n,) or (n, {size}); found {times.shape} and "
-            f"{values.shape}"
-        )
-    if not (np.all(np.isfinite(times)) and np.all(np.isfinite(values))):
-        raise ModelError(f"the table of input '{name}' holds numbers that are not finite")
-    if np.any(np.diff(times) <= 0):
-        raise ModelError(f"the times of input '{name}' must increase strictly")

@@ -130,4 +130,3 @@ def industrial_arm() -> ArmData:
         J=np.array([3e-3, 3e-3, 2e-3, 5e-4, 5e-4, 3e-4]),
         ratio=np.array([120.0, -150.0, 130.0, 60.0, 70.0, -50.0]),
     )  # fmt: skip
-

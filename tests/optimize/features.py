@@ -92,7 +92,8 @@ class FreeConstants(Tank):
         yield der(self.x) == -self.k * self.x**3 + self.w[0] * gt.sin(self.x * self.w[1]) + self.u
 
     def objective(self):
-        return gt.integral((self.x - self.k) ** 2) * self.k + self.w[0] ** 2 * self.w[1] ** 4 + self.w[0] * self.k
+        distance = gt.integral((self.x - self.k) ** 2) * self.k + gt.integral(0.1 * self.u**2)
+        return distance + self.w[0] ** 2 * (1 + self.w[1] ** 4) + self.w[0] * self.k
 
     def constraints(self):
         yield self.x <= self.k * (1 + self.u**2)

@@ -1,0 +1,100 @@
+"""What a simulation records: names, and rows of numbers that become a Trajectory."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from ..compiler.flat import FlatModel
+from ..lang.scope import derivative_name
+from ..results.trajectory import Trajectory
+
+Pair = tuple[int, int]
+Shape = tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A recorded name with its unit ("?": none declared), and the scalar symbols it is made of."""
+
+    name: str
+    shape: Shape
+    pairs: tuple[Pair, ...]
+    unit: str
+
+
+def entries_of(flat: FlatModel, outputs: Sequence[str]) -> list[Entry]:
+    """Names at the top and one level below, first derivatives of what moves at the top, and the outputs asked for."""
+    entries: dict[str, Entry] = {}
+
+    def add(name: str, shape: Shape, indices: list[int], order: int) -> None:
+        if len(shape) > 1:  # a Trajectory holds vectors: the entries of a matrix stand by themselves
+            for i in indices:
+                add(flat.variables[i].name, (), [i], order)
+            return
+        full = derivative_name(name, order)
+        entries[full] = Entry(full, shape, tuple((i, order) for i in indices), _unit(flat, indices[0], order))
+
+    moving = {i for e in flat.equations for i, k in flat.scope.symbols_in(e.residual) if k >= 1}
+    for name, (shape, indices) in flat.groups.items():
+        levels = name.count(".")
+        if levels > 1:
+            continue
+        add(name, shape, indices, 0)
+        if levels == 0 and (moving.issuperset(indices) or flat.variables[indices[0]].prefer > 0):
+            add(name, shape, indices, 1)
+    for name in outputs:
+        shape, indices, order = flat.lookup(name)
+        known = next((n for n, group in flat.groups.items() if group == (shape, indices)), None)
+        add(known or flat.variables[indices[0]].name, shape, indices, order)
+    in_vectors = {pair for e in entries.values() if e.shape for pair in e.pairs}
+    return [e for e in entries.values() if e.shape or e.pairs[0] not in in_vectors]
+
+
+def _unit(flat: FlatModel, index: int, order: int) -> str:
+    unit = flat.variables[index].unit
+    if unit is None or order == 0:
+        return unit or "?"
+    per = "s" if order == 1 else f"s{order}"
+    return f"1/{per}" if unit in ("1", "") else f"({unit})/{per}" if "/" in unit else f"{unit}/{per}"
+
+
+class Recorder:
+    """Rows of a running simulation."""
+
+    def __init__(self, flat: FlatModel, outputs: Sequence[str]) -> None:
+        self.entries = entries_of(flat, outputs)
+        self.expressions: list[ca.SX] = [flat.scope.symbol(*pair) for e in self.entries for pair in e.pairs]
+        self.has_energy = bool(flat.energies)
+        self.times: list[float] = []
+        self._rows: list[np.ndarray] = []
+        self.residual = 0.0
+
+    def add(self, time: float, values: np.ndarray, work: np.ndarray, residual: float) -> None:
+        """A row: values of the entries, then of the stored energy; energy supplied and dissipated so far [J]."""
+        self.times.append(time)
+        self._rows.append(np.concatenate([values, work]))
+        self.residual = max(self.residual, residual)
+
+    def trajectory(self) -> tuple[Trajectory, float | None]:
+        """What was recorded, and the largest error of the energy balance [J]."""
+        rows = np.array(self._rows)
+        values: dict[str, np.ndarray] = {}
+        units: dict[str, str] = {}
+        column = 0
+        for e in self.entries:
+            block = rows[:, column : column + len(e.pairs)]
+            column += len(e.pairs)
+            values[e.name] = block if e.shape else block[:, 0]
+            if e.unit != "?":
+                units[e.name] = e.unit
+        error = None
+        if self.has_energy:
+            stored, supplied, dissipated = rows[:, column:].T
+            for name, data in (("stored", stored), ("supplied", supplied), ("dissipated", dissipated)):
+                values[f"energy.{name}"], units[f"energy.{name}"] = data, "J"
+            error = float(np.max(np.abs(stored - stored[0] - supplied + dissipated)))
+        return Trajectory(self.times, values, units), error

@@ -1,0 +1,51 @@
+"""What a simulation gives back."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from ..results.status import SolveStatus
+from ..results.trajectory import Trajectory
+
+# called with the time reached [s]; True asks for a stop
+Progress = Callable[[float], bool]
+
+
+@dataclass(frozen=True)
+class Switch:
+    """A change of states on the way, at a time [s]."""
+
+    time: float
+    before: tuple[str, ...]
+    after: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Simulation:
+    """Result of simulate().
+
+    trajectory: every quantity declared at the top or one level below, the first derivative of what moves, and
+        with declared energies `energy.stored`, `energy.supplied`, `energy.dissipated` [J].
+    energy_error: largest |stored - start - supplied + dissipated| at a row [J]; None without declared energies.
+    residual: largest |left - right| of any equation as written, at any row, in SI units.
+    states: names of the states at the end. switches: their changes on the way.
+    chosen: start values that nobody prescribed, by state; the initialisation chose them.
+    """
+
+    status: SolveStatus
+    message: str
+    trajectory: Trajectory
+    energy_error: float | None = None
+    residual: float = 0.0
+    states: tuple[str, ...] = ()
+    switches: list[Switch] = field(default_factory=list)
+    chosen: dict[str, float] = field(default_factory=dict)
+
+
+class NotSimulated(RuntimeError):
+    """Raised by simulate() when the run ended early; `.simulation` holds what was reached."""
+
+    def __init__(self, simulation: Simulation) -> None:
+        super().__init__(simulation.message)
+        self.simulation = simulation

@@ -1,0 +1,171 @@
+"""Branches are geometric: named by components, independent of declaration order and of start values' luck."""
+
+from __future__ import annotations
+
+from itertools import permutations, product
+
+import numpy as np
+import pytest
+
+import gtmodel as gt
+from tests.support.compare import relative_error
+from tests.support.models import FourBar, SliderCrank
+from tests.support.rods import ThreeRods
+
+ROUND_OFF = 1e-12
+
+RODS = ThreeRods()
+T = np.array([1.5, -0.5, 0.8])
+
+
+def by_hand(sides: tuple[int, ...]) -> np.ndarray:
+    """q of the ThreeRods at T, by the quadratic formula."""
+    A, v, L = (np.asarray(x) for x in (RODS.A, RODS.v, RODS.L))
+    d = T - A
+    dv, vv = np.sum(d * v, axis=1), np.sum(v * v, axis=1)
+    return (dv - np.array(sides) * np.sqrt(dv**2 - vv * (np.sum(d * d, axis=1) - L**2))) / vv
+
+
+class TestNames:
+    @pytest.mark.parametrize("sides", list(product([1, -1], repeat=3)))
+    def test_every_combination_of_three_independent_signs(self, sides):
+        f = RODS.causal("T", "q", branches={f"ahead[{i}]": s for i, s in enumerate(sides)})
+        q, status = f(T)
+        assert status == gt.Status.OK
+        assert relative_error(q, by_hand(sides)) < ROUND_OFF
+
+    def test_default_is_the_positive_side(self):
+        assert np.array_equal(RODS.causal("T", "q")(T)[0], RODS.causal("T", "q", branches={"ahead[1]": 1})(T)[0])
+        assert relative_error(RODS.causal("T", "q")(T)[0], by_hand((1, 1, 1))) < ROUND_OFF
+
+    def test_each_root_is_told_by_its_own_branch(self):
+        roots = [r for b in RODS.causal("T", "q").plan.blocks for r in b.roots]
+        assert [r.told_by for r in roots] == ["ahead[0]", "ahead[1]", "ahead[2]"]
+
+    def test_a_branch_that_tells_nothing_apart_plays_no_part(self):
+        # the carts are known: on which side of them the plate lies is decided already
+        q = by_hand((1, 1, 1))
+        assert np.array_equal(
+            RODS.causal("q", "T")(q)[0], RODS.causal("q", "T", branches={"ahead[0]": -1})(q)[0]
+        )
+
+    def test_a_fourth_name_for_the_same_side_may_be_asked_for(self):
+        class Renamed(SliderCrank):
+            def equations(self):
+                yield from super().equations()
+                yield gt.branch("pin_high", self.P[1] * (self.r**2 + self.P[1] ** 2))
+
+        model = Renamed()
+        low = model.causal(["s", "force"], "P", branches={"pin_high": -1, "up": -1})(0.9)[0]
+        assert low[1] < 0
+        assert relative_error(low * [1, -1], model.causal(["s", "force"], "P")(0.9)[0]) < ROUND_OFF
+
+    def test_an_expression_that_is_not_odd_in_the_root_will_do(self):
+        # height of C above a slanted line; changes sign between the two assemblies, but not its size alone
+        class Slanted(FourBar):
+            def equations(self):
+                *rest, _ = super().equations()
+                yield from rest
+                yield gt.branch("above", self.C[1] - 0.1 * self.C[0])
+
+        for side in (1, -1):
+            C, status = Slanted().causal("theta", "C", branches={"above": side})(0.7)
+            assert status == gt.Status.OK
+            assert np.sign(C[1] - 0.1 * C[0]) == side
+            assert relative_error(C, FourBar().causal("theta", "C", branches={"open": side})(0.7)[0]) < ROUND_OFF
+
+    def test_without_a_name_the_start_values_decide(self):
+        class Silent(FourBar):
+            def equations(self):
+                *rest, _ = super().equations()
+                return rest
+
+        for side in (1, -1):
+            C = FourBar().causal("theta", "C", branches={"open": side})(0.7)[0]
+            silent = Silent(C=dict(start=C), theta=dict(start=0.7)).causal("theta", "C")
+            assert [r.told_by for b in silent.plan.blocks for r in b.roots] == [""]
+            assert relative_error(silent(0.7)[0], C) < ROUND_OFF
+
+    def test_with_neither_it_is_an_error(self):
+        class Silent(gt.Model):
+            x = gt.variable(unit="1")
+            u = gt.input(unit="1", start=1.0)
+
+            def equations(self):
+                yield self.x**2 == self.u
+
+        with pytest.raises(gt.ModelError, match="x has two solutions and nothing tells them apart"):
+            Silent().causal("u", "x")
+
+    def test_wrong_names_and_signs(self):
+        with pytest.raises(gt.ModelError, match=r"has no branch 'ahed'; it has ahead\[0\], ahead\[1\], ahead\[2\]"):
+            RODS.causal("T", "q", branches={"ahed": 1})
+        with pytest.raises(gt.ModelError, match=r"branch 'ahead\[0\]' takes \+1 or -1; found 0"):
+            RODS.causal("T", "q", branches={"ahead[0]": 0})
+
+    def test_a_branch_takes_a_scalar(self):
+        class Odd(FourBar):
+            def equations(self):
+                yield gt.branch("both", self.C)
+
+        with pytest.raises(gt.ModelError, match=r"branch 'both' takes a scalar expression .*test_branches\.py:\d+"):
+            Odd().causal("theta", "C")
+
+    def test_a_chain_of_two_roots(self):
+        # the second root's quantities depend on the first one's sign
+        for up, right in product([1, -1], repeat=2):
+            f = SliderCrank().causal(["P[0]", "force"], ["P[1]", "s"], branches={"up": up, "right": right})
+            y, s, status = f(0.2)
+            assert (np.sign(y), np.sign(s - 0.2), status) == (up, right, gt.Status.OK)
+
+
+CARTS = np.array([[0.0, 0.0, 1.4], [0.2, -1.3, 1.5], [0.0, 0.0, 0.0]])
+LENGTHS = np.array([2.0, 1.8, 1.9])
+
+
+def three_spheres(variables: tuple[int, ...], equations: tuple[int, ...], local: bool) -> gt.Model:
+    """A point P at three distances from three points, its declarations and equations in a given order.
+
+    local: the difference vectors are expressions; else they are variables of their own.
+    """
+    declared = {
+        "P": gt.variable(3, unit="m"),
+        "d0": gt.variable(3, unit="m"),
+        "d1": gt.variable(3, unit="m"),
+        "d2": gt.variable(3, unit="m"),
+    }
+    names = [list(declared)[i] for i in variables]
+    body = {n: declared[n] for n in names if n == "P" or not local}
+
+    def rows(self):
+        for i in range(3):
+            d = self.P - CARTS[i] if local else getattr(self, f"d{i}")
+            if not local:
+                yield d == self.P - CARTS[i]
+            yield gt.dot(d, d) == LENGTHS[i] ** 2
+
+    def everything(self):
+        items = list(rows(self))
+        step = len(items) // 3
+        order = [i * step + k for i in equations for k in range(step)]
+        yield from (items[i] for i in order)
+        normal = np.cross(CARTS[1] - CARTS[0], CARTS[2] - CARTS[0])
+        yield gt.branch("ahead", gt.dot(self.P - CARTS[0], normal * np.sign(normal[0])))
+
+    return type("Spheres", (gt.Model,), {**body, "equations": everything})()
+
+
+class TestShuffledDeclarations:
+    @pytest.mark.parametrize("local", [True, False])
+    @pytest.mark.parametrize("side", [1, -1])
+    def test_the_same_side_in_every_order(self, local, side):
+        found = []
+        orders = [(0, 1, 2, 3), (3, 2, 1, 0), (1, 3, 0, 2)]
+        for variables, equations in product(orders, permutations(range(3))):
+            f = three_spheres(variables, equations, local).causal((), "P", branches={"ahead": side})
+            P, status = f()
+            assert status == gt.Status.OK
+            found.append(P)
+        assert relative_error(np.array(found), np.broadcast_to(found[0], (len(found), 3))) < ROUND_OFF
+        assert np.allclose(np.linalg.norm(found[0] - CARTS, axis=1), LENGTHS, rtol=ROUND_OFF)
+        assert np.sign(found[0][0]) == side  # the carts stand near x = 0
