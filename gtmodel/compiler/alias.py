@@ -8,6 +8,7 @@ import casadi as ca
 
 from ..lang.source import ModelError
 from .flat import FlatEquation, FlatModel
+from .sparse import triplets
 
 
 @dataclass(frozen=True)
@@ -78,9 +79,7 @@ def _sweep(
     jacobian = ca.jacobian(residuals, symbols)
     remainder = ca.substitute([residuals], [symbols], [ca.DM.zeros(len(pairs), 1)])[0]
     rows: dict[int, list[tuple[int, ca.SX]]] = {}
-    nonzeros = jacobian.nonzeros()
-    row_index, col_index = jacobian.sparsity().get_triplet()
-    for row, col, value in zip(row_index, col_index, nonzeros, strict=True):
+    for row, col, value in triplets(jacobian):
         rows.setdefault(row, []).append((col, value))
     removed: dict[int, Alias] = {}
     kept: set[int] = set()

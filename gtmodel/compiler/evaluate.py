@@ -45,14 +45,16 @@ def build(
         args.append(flat.p)
         names_in.append("parameters")
     out = [ca.vertcat(*[plan.symbol(*p) for p in pairs]) for _, pairs in outputs]
+    names_in = _distinct(names_in)
+    z_names = _distinct([f"z{k}" for k in range(len(plan.newton))], names_in)
     names_out = [f"out_{n}" if n in names_in else n for n in [*(n for n, _ in outputs), "margins"]]
+    names_out = _distinct(names_out, [*names_in, *z_names])
     margins = [m.expression for b in plan.blocks for m in b.margins]
     results = express(plan, [*out, ca.vertcat(*margins) if margins else ca.SX(0, 1)])
     if not plan.newton:
         whole = ca.Function(name, args, results, names_in, names_out)
         return Built(whole, [], whole)
     unknowns = [ca.vertcat(*b.unknowns) for b in plan.newton]
-    z_names = [f"z{k}" for k in range(len(unknowns))]
     closed = ca.Function(f"{name}_closed", [*args, *unknowns], results, [*names_in, *z_names], names_out)
     residuals = express(plan, [ca.vertcat(*b.residuals) for b in plan.newton])
     # kernels take all that is given as one column: inputs, then the unknowns of earlier blocks
@@ -70,6 +72,18 @@ def build(
             )
         )
     return Built(closed, kernels, _whole(closed, kernels, residuals, unknowns, args, names_in, names_out, name))
+
+
+def _distinct(names: Sequence[str], taken: Sequence[str] = ()) -> list[str]:
+    """The names with a number behind those that are taken: `a.b` and `a_b` are both a_b in C."""
+    found: list[str] = []
+    for name in names:
+        k, new = 1, name
+        while new in found or new in taken:
+            k += 1
+            new = f"{name}_{k}"
+        found.append(new)
+    return found
 
 
 def _whole(

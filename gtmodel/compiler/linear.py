@@ -6,6 +6,7 @@ import casadi as ca
 
 from .blocks import Margin
 from .pivots import SignAnalysis, pivot_cost
+from .sparse import triplets
 
 # a difference of constants this small beside them is round-off of zero: entries are short decimals, seldom 1e-12
 CANCELLED = 1e-13
@@ -30,7 +31,7 @@ def solve_linear(
     at_zero = ca.substitute([r], [u], [ca.SX.zeros(len(unknowns), 1)])[0]
     rhs = [-at_zero[i] for i in range(len(residuals))]
     rows: dict[int, dict[int, ca.SX]] = {i: {} for i in range(len(residuals))}
-    for i, j, value in zip(*jacobian.sparsity().get_triplet(), jacobian.nonzeros(), strict=True):
+    for i, j, value in triplets(jacobian):
         if not value.is_zero():
             rows[i][j] = value
     count: dict[int, int] = {}

@@ -13,8 +13,11 @@ CORRECTIONS = 12
 CONTRACTION = 0.25
 # corrections this small, in nominals, are round-off of well-scaled equations
 CONVERGED = 1e-13
-SHORTEST_STEP = 1.0 / 1024
-MOST_STEPS = 200
+# and no step moves an unknown further than this many nominals: an angle not by a quarter turn, a quaternion not
+# to another assembly
+REACH = 0.5
+SHORTEST_STEP = 1.0 / 4096
+MOST_STEPS = 2000
 # smallest over largest singular value below which a solution is called singular: half of the digits are lost
 SINGULAR = 1e-8
 
@@ -105,7 +108,7 @@ class NewtonKernel:
             r, jacobian = self._evaluate(z[:, rows], a[:, rows])
             step = _solve_rows(jacobian * self.scale, -r.T)
             size = np.max(np.abs(step), axis=1)
-            bad = ~np.isfinite(size) | ((size > CONTRACTION * last[rows]) & (size > 1e3 * CONVERGED))
+            bad = ~(size <= np.where(np.isinf(last[rows]), REACH, np.maximum(CONTRACTION * last[rows], 1e3 * CONVERGED)))
             stalled = ~bad & (size > 0.5 * last[rows])  # round-off reached
             move = ~bad
             z[:, rows[move]] += self.scale[:, None] * step[move].T

@@ -16,6 +16,8 @@ NEWTON_STEPS = 60
 RESIDUAL_TOLERANCE = 1e-11
 # spread of sample points round the declared start values, in nominals: large enough to leave symmetric poses
 SPREAD = 0.05
+# every second one: where constraints are stiff, start values far from consistent lead to another assembly mode
+NARROW = 0.005
 # what has a start value gives way this much less than what has none: the points stay near the home pose
 HELD = 0.1
 # steps in which what has none follows what has one or is known, which waits
@@ -58,11 +60,11 @@ class Sampler:
         self._followers = [np.multiply(nominal, ~started & ~given), np.multiply(nominal, ~started)]
 
     def points(self, count: int) -> np.ndarray:
-        """`count` consistent points near the start values, one per row. Raises ModelError if there is none."""
+        """`count` consistent points near the start values, the nearest first. Raises ModelError if there is none."""
         found: list[np.ndarray] = []
         closest = np.inf
         for seed in range(MAX_TRIES):
-            w = self._start(np.random.default_rng(seed))
+            w = self._start(np.random.default_rng(seed), SPREAD if seed % 2 else NARROW)
             residual = self.correct(w)
             if residual > RESIDUAL_TOLERANCE:
                 closest = min(closest, residual)
@@ -75,13 +77,19 @@ class Sampler:
                 f"{self.flat.title}: the equations have no common solution near the start values (closest residual "
                 f"{closest:.2g}); check parameters and start values"
             )
-        return np.array(found)
+        return np.array(sorted(found, key=self._distance))
 
-    def _start(self, rng: np.random.Generator) -> np.ndarray:
+    def _distance(self, w: np.ndarray) -> float:
+        """How far a point is from the start values, in nominals."""
+        off = [(w[self.position[pair]] - value) / self.flat.variables[pair[0]].nominal
+               for pair, value in self.starts.items() if pair in self.position]  # fmt: skip
+        return float(np.linalg.norm(off))
+
+    def _start(self, rng: np.random.Generator, spread: float) -> np.ndarray:
         w = np.empty(len(self.pairs))
         for n, pair in enumerate(self.pairs):
             noise = self.flat.variables[pair[0]].nominal * rng.standard_normal()
-            w[n] = self.starts[pair] + SPREAD * noise if pair in self.starts else noise
+            w[n] = self.starts[pair] + spread * noise if pair in self.starts else noise
         return w
 
     def correct(self, w: np.ndarray) -> float:
@@ -90,8 +98,10 @@ class Sampler:
         worst = 0.0
         for fun, new in self._functions:
             norm = np.inf
-            for reach in self._followers:
-                self._follow(fun, new, reach[new], w, p)
+            first, second = (reach[new] for reach in self._followers)
+            self._follow(fun, new, first, w, p)
+            if not np.array_equal(first, second):
+                self._follow(fun, new, second, w, p)
             for _ in range(NEWTON_STEPS):
                 r, jacobian = (np.asarray(x) for x in fun(w, p, 0.0))
                 r = r.reshape(-1)
@@ -121,7 +131,7 @@ class Sampler:
             if not np.all(np.isfinite(r)) or not np.all(np.isfinite(jacobian)):
                 return
             size = float(np.linalg.norm(r))
-            if size > 0.9 * best:
+            if size > 0.9 * best or size <= RESIDUAL_TOLERANCE * 1e-2:
                 return
             best = size
             w[new] += reach * np.linalg.lstsq(jacobian * reach, -r, rcond=1e-10)[0]

@@ -7,6 +7,7 @@ import numpy as np
 
 from .blocks import Margin, Root
 from .pivots import SignAnalysis, pivot_cost
+from .sparse import elements, triplets
 
 NONLINEAR_ROW = 1000  # costs more than any fill-in: only where nothing else is left
 
@@ -56,7 +57,7 @@ def eliminate_explicit(
         u = ca.vertcat(*unknowns)
         jacobian = ca.jacobian(ca.vertcat(*residuals), u)
         keys = {s.element_hash() for s in unknowns}
-        entries = list(zip(*jacobian.sparsity().get_triplet(), jacobian.nonzeros(), strict=True))
+        entries = triplets(jacobian)
         row_count = np.bincount([e[0] for e in entries], minlength=len(residuals))
         col_count = np.bincount([e[1] for e in entries], minlength=len(unknowns))
         nonlinear = {i for i, _, v in entries if any(s.element_hash() in keys for s in ca.symvar(v))}
@@ -156,14 +157,14 @@ def _pencil(
 
 def _reference(hessians: list[ca.SX]) -> int:
     for i, h in enumerate(hessians):
-        if not all(x.is_zero() for x in h.elements()):
+        if not all(x.is_zero() for x in elements(h)):
             return i
     raise NoClosedForm
 
 
 def _ratio(h: ca.SX, reference: ca.SX) -> ca.SX:
     """mu with h == mu * reference; a zero h (a plane) gives 0. Raises NoClosedForm if not proportional."""
-    pairs = list(zip(h.elements(), reference.elements(), strict=True))
+    pairs = list(zip(elements(h), elements(reference), strict=True))
     if all(a.is_zero() for a, _ in pairs):
         return ca.SX(0)
     mu = next((a / b for a, b in pairs if not b.is_zero()), None)

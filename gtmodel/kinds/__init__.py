@@ -22,6 +22,7 @@ _KINDS = {
     "trajectory": "time- or energy-optimal motion of a robot between two poses",
     "codegen": "C code of a robot's functions",
     "optimization": "a dynamic optimisation problem written in Python",
+    "simulation": "motion of a robot under given inputs, from a given start",
 }
 
 

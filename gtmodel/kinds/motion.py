@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
+import casadi as ca
 import numpy as np
 
 from gtmodel import lang as gt
-from gtmodel.compiler.causal import CausalFunction
+from gtmodel.compiler.causal import CausalFunction, flat_of
 from gtmodel.results import Status, Trajectory
 
 GUESS_TIME_S = 1.0
 SHORTEST_TIME_S = 0.05  # a free final time needs a lower bound; no motion of these robots is shorter
+_LINK = re.compile(r"(?P<part>\w+)\[(?P<index>\d+)\]\.rod\.a\.r")
 
 
 def motion(
@@ -25,19 +28,29 @@ def motion(
     force_unit: float,
     weight_time: float,
     weight_energy: float,
+    link_margin: float | None = None,
 ) -> gt.Optimization:
     """Minimise weight_time * T + weight_energy * int sum (tau / force_unit)^2 dt from start to goal.
 
     The robot must declare T (TCP position, m) and tau (motor forces, N). Rest lists name what vanishes at an
-    end: "velocity", "acceleration".
+    end: "velocity", "acceleration". `along_guideway` are the components [m] of the links along their guideways,
+    from cart to plate; they are kept above `link_margin`: at 0 the robot stands at the edge of its reach.
     """
+    links = [(m["part"], int(m["index"])) for m in map(_LINK.fullmatch, link_names(robot)) if m]
 
     class Motion(gt.Optimization):
+        robot: Any
+        along_guideway: Any
         final_time = gt.free(GUESS_TIME_S, min=SHORTEST_TIME_S, unit="s")
         force_limit = gt.parameter(force, unit="N", positive=True)
         force_unit_N = gt.parameter(force_unit, unit="N", positive=True)
         from_T = gt.parameter(start, unit="m")
         to_T = gt.parameter(goal, unit="m")
+
+        def equations(self) -> Any:
+            for k, (part, i) in enumerate(links):
+                link = getattr(self.robot, part)[i]
+                yield self.along_guideway[k] == gt.dot(link.rod.b.r - link.rod.a.r, link.v) / gt.norm(link.v)
 
         def objective(self) -> Any:
             cost = weight_time * self.final_time
@@ -56,7 +69,27 @@ def motion(
                     if name in rest:
                         yield gt.der(T, order).at(instant) == 0
 
-    return type("Motion", (Motion,), {"robot": gt.part(robot)})()
+    declared: dict[str, Any] = {"robot": gt.part(robot)}
+    if links:
+        declared["along_guideway"] = gt.variable(len(links), unit="m", min=link_margin)
+    return type("Motion", (Motion,), declared)()
+
+
+def link_names(robot: gt.Model) -> list[str]:
+    """Names of the cart joints of all links that run on a guideway of their own direction v."""
+    flat = flat_of(robot)
+    names = [name for name in flat.groups if _LINK.fullmatch(name)]
+    return [name for name in names if name.removesuffix("rod.a.r") + "v" in flat.bindings]
+
+
+def along_guideways(robot: gt.Model, T: np.ndarray, joints: list[np.ndarray]) -> np.ndarray:
+    """Components [m] of the links along their guideways for a TCP position and cart joints in `link_names` order."""
+    flat = flat_of(robot)
+    directions = [flat.bindings[name.removesuffix("rod.a.r") + "v"] for name in link_names(robot)]
+    if not directions:
+        return np.zeros(0)
+    v = np.array(ca.Function("v", [flat.p], [ca.horzcat(*directions)])(flat.p0)).T
+    return np.sum((T - np.array(joints)) * v, axis=1) / np.linalg.norm(v, axis=1)
 
 
 def line_guess(

@@ -9,14 +9,13 @@ from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt
 
 from gtmodel import lang as gt
 from gtmodel.compiler.causal import compile_causal, flat_of
-from gtmodel.optimize import Mesh as CollocationMesh
-from gtmodel.optimize import Solution, SolverOptions
-from gtmodel.optimize import solve as collocate
+from gtmodel.optimize import Solution
 from gtmodel.optimize.resimulate import Resimulation, resimulate
 from gtmodel.results import SolveStatus, Status, Trajectory
 
 from .base import Check, Context, InputError, Outcome, Row, Section
-from .motion import bare_guess, line_guess, motion
+from .motion import along_guideways, line_guess, link_names
+from .motion_search import Search, motion_of
 from .robot_keys import RobotProblem
 
 NAME = "trajectory"
@@ -32,14 +31,13 @@ VALUES = {
     "exported_end_error_m": "distance to the goal after re-simulating the exported force",
     "exported_peak_force_N": "largest exported force: within the limit at every instant",
     "exported_defect": "largest difference between collocated and re-simulated states at an element edge [m, m/s]",
+    "exported_link_along_guideway_m": "least component of any link along its guideway; 0 at the edge of reach",
 }
 
 # the printed accuracy of these robots is a fraction of a millimetre; an input that misses by more is no plan
 END_ERROR_BOUND_M = 5e-3
 FORCE_TOLERANCE = 1e-9  # relative: the exported force keeps its limit at every instant
 SATURATED = 0.99
-# a good guess needs about a hundred iterations; one that needs many more has gone astray
-FIRST_TRY = 300
 
 Point = Annotated[list[float], Field(min_length=3, max_length=3)]
 Rest = list[Literal["velocity", "acceleration"]]
@@ -63,6 +61,9 @@ class Limits(Section):
     """What the motion must keep."""
 
     force_N: PositiveFloat = Field(description="largest motor force of each cart, friction included")
+    link_along_guideway_m: NonNegativeFloat = Field(
+        0.02, description="least component of each link along its guideway: how far to stay off the edge of reach"
+    )
 
 
 class Cost(Section):
@@ -107,18 +108,15 @@ def solve(problem: Schema, context: Context) -> Outcome:
     start, goal = np.array(problem.start.tcp_m), np.array(problem.goal.tcp_m)
     _check_problem(problem, robot, start, goal)
     inverse_dynamics = compile_causal(robot, known="T", targets="tau")
-    model = _motion(problem, robot, start, goal)
     guess = _guess(context) or line_guess(inverse_dynamics, start, goal, problem.limits.force_N)
-    solution = _collocate(model, problem, context, problem.mesh.control, guess, FIRST_TRY)
-    if not solution.status.ok and solution.status is not SolveStatus.INTERRUPTED:
-        # forces of the profile may lie far outside the limits and lead out of reach: try from the bare line
-        solution = _collocate(model, problem, context, problem.mesh.control, bare_guess(start, goal))
+    search = Search(problem, context, robot, guess)
+    solution = search.optimum()
     if not solution.status.ok:
         return _failed(problem, solution)
     tried = resimulate(solution)
     exported, exported_tried = solution, tried
     if problem.mesh.control != "constant":
-        exported = _collocate(model, problem, context, "constant", solution)
+        exported = search.exportable(solution)
         if not exported.status.ok:
             return _failed(problem, exported, "the optimum was found, but not the exportable motion: ")
         exported_tried = resimulate(exported)
@@ -132,7 +130,7 @@ def explain(problem: Schema, context: Context) -> str:
     robot = problem.model(context)
     start, goal = np.array(problem.start.tcp_m), np.array(problem.goal.tcp_m)
     _check_problem(problem, robot, start, goal)
-    built = build(_motion(problem, robot, start, goal))
+    built = build(motion_of(problem, robot))
     head = [
         f"{problem.title or 'motion'}: {built.formulation} form, {problem.mesh.elements} elements x "
         f"{problem.mesh.points} Radau points",
@@ -148,32 +146,28 @@ def _check_problem(problem: Schema, robot: gt.Model, start: np.ndarray, goal: np
     for name in ("T", "tau"):
         if flat.groups.get(name, ((), []))[0] != (3,):
             raise InputError(f"the robot must declare '{name}' as a vector of 3; it has {flat.top()}", "robot")
-    coordinates = "q" if "q" in flat.groups else "tau"
+    joints = link_names(robot)
+    coordinates = joints or ["q" if "q" in flat.groups else "tau"]
     inverse = compile_causal(robot, known="T", targets=coordinates)
     zero = [np.zeros(3)] * (len(inverse.inputs) - 1)
     for key, point in (("start.tcp_m", start), ("goal.tcp_m", goal)):
-        status = inverse(point, *zero)[-1]
+        *found, status = inverse(point, *zero)
+        shown = ", ".join(f"{x:g}" for x in point)
         if status is not Status.OK:
-            shown = ", ".join(f"{x:g}" for x in point)
             raise InputError(f"the pose ({shown}) m cannot be reached: {inverse.diagnose(point, *zero)}", key)
+        along = along_guideways(robot, point, found) if joints else np.zeros(0)
+        least = problem.limits.link_along_guideway_m
+        if np.any(along < least):
+            k = int(np.argmin(along))
+            raise InputError(
+                f"the pose ({shown}) m lies at the edge of reach: {joints[k].removesuffix('.rod.a.r')} stands "
+                f"{along[k]:.4g} m along its guideway, less than limits.link_along_guideway_m = {least:g}",
+                key,
+            )
     if np.array_equal(start, goal):
         raise InputError("the goal equals the start; give another goal", "goal.tcp_m")
     if problem.cost.time == 0.0 and problem.cost.energy == 0.0:
         raise InputError("both weights are zero, so nothing is minimised; give cost.time or cost.energy", "cost")
-
-
-def _motion(problem: Schema, robot: gt.Model, start: np.ndarray, goal: np.ndarray) -> gt.Optimization:
-    return motion(
-        robot,
-        start=start,
-        goal=goal,
-        start_rest=list(problem.start.rest),
-        goal_rest=list(problem.goal.rest),
-        force=problem.limits.force_N,
-        force_unit=problem.cost.force_unit_N,
-        weight_time=problem.cost.time,
-        weight_energy=problem.cost.energy,
-    )
 
 
 def _guess(context: Context) -> Trajectory | None:
@@ -184,34 +178,6 @@ def _guess(context: Context) -> Trajectory | None:
     names = {"T": "robot.T", "der(T)": "der(robot.T)", "tau": "robot.tau"}
     values = {new: earlier[old] for old, new in names.items() if old in earlier}
     return Trajectory(earlier.time, values, {new: earlier.unit(old) for old, new in names.items() if old in earlier})
-
-
-def _collocate(
-    model: gt.Optimization,
-    problem: Schema,
-    context: Context,
-    control: Any,
-    guess: Trajectory | Solution,
-    most: int | None = None,
-) -> Solution:
-    stage = "optimising" if control == problem.mesh.control else "bounding the force between the nodes"
-
-    def progress(iteration: int, objective: float, violation: float) -> bool:
-        context.progress(stage, None, {"iteration": iteration, "objective": objective, "violation": violation})
-        return context.interrupted()
-
-    return collocate(
-        model,
-        CollocationMesh(problem.mesh.elements, problem.mesh.points, control=control),
-        guess=guess,
-        solver=SolverOptions(
-            tolerance=problem.solver.tolerance,
-            max_iterations=min(problem.solver.max_iterations, most or problem.solver.max_iterations),
-            max_seconds=context.seconds_left(),
-        ),
-        progress=progress,
-        throw=False,
-    )
 
 
 def _renamed(trajectory: Trajectory, title: str) -> Trajectory:
@@ -280,6 +246,7 @@ def _outcome(
         "exported_end_error_m": exported_end_error,
         "exported_peak_force_N": exported_peak,
         "exported_defect": exported_tried.defect,
+        "exported_link_along_guideway_m": float(np.min(final["along_guideway"])) if "along_guideway" in final else None,
     }
     bound = limit * (1 + FORCE_TOLERANCE)
     checks: dict[str, Any] = {

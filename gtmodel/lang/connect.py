@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from .expression import Expr, Relation
 from .declare import Port
+from .expression import Expr, Relation
 from .model import Connector
 from .source import ModelError, SourceLocation, here
 from .units import si_unit
@@ -54,12 +54,14 @@ def tree_edge(a: Any, b: Any) -> TreeEdge:
 
     For connectors that declare `overdetermined`. Connections and edges must form trees, each with at most one root.
     """
-    return TreeEdge(*_overdetermined("tree_edge", a, b), here())
+    first, second = _overdetermined("tree_edge", a, b)
+    return TreeEdge(first, second, here())
 
 
 def tree_root(port: Any) -> TreeEdge:
     """Say that this component alone gives the orientation of a port: the world, a free body."""
-    return TreeEdge(None, *_overdetermined("tree_root", port), here())
+    (root,) = _overdetermined("tree_root", port)
+    return TreeEdge(None, root, here())
 
 
 def _overdetermined(name: str, *ports: Any) -> tuple[Connector, ...]:

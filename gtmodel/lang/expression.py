@@ -80,6 +80,9 @@ class Expr:
     def __neg__(self) -> Expr:
         return Expr(-self.sx, self.shape, self.dimension, self.scope)
 
+    def __abs__(self) -> Expr:
+        return Expr(ca.fabs(self.sx), self.shape, self.dimension, self.scope)
+
     def __pos__(self) -> Expr:
         return self
 
@@ -188,6 +191,8 @@ def over(a: Dimension | None, b: Dimension | None) -> Dimension | None:
 
 def gathered(value: Any) -> Any:
     """A list that holds expressions as one expression, with its unit; everything else as it is."""
+    if isinstance(value, np.ndarray) and value.dtype == object:
+        value = value.tolist()
     if isinstance(value, (list, tuple)):
         parts = [gathered(v) for v in value]
         if any(isinstance(v, Expr) for v in parts):

@@ -34,6 +34,7 @@ from .plane import Plane
 from .plate import RigidPlate
 from .rod import MidpointRod, Rod, UniformRod
 from .spring_damper import FlangeSpringDamper, ShaftSpringDamper, SpringDamper
+from .strut import Strut
 from .wrist import Wrist, WristAxis
 
 __all__ = [
@@ -83,6 +84,7 @@ __all__ = [
     "Spherical",
     "SpringDamper",
     "StribeckFriction",
+    "Strut",
     "TanhFriction",
     "TorqueMotor",
     "UniformRod",

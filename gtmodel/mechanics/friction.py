@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from .. import lang as gt
 from .frames import Flange
 from .friction_law import CoulombViscousLaw, DirectionalLaw, PiecewiseLinearSign, StribeckLaw, TanhSign
@@ -18,7 +20,7 @@ class Friction(gt.Model):
         yield self.force == self.law(gt.der(self.flange.s))
         yield gt.energy(dissipated=self.force * gt.der(self.flange.s))
 
-    def law(self, velocity):
+    def law(self, velocity) -> Any:
         """Friction force [N] as a function of velocity [m/s]."""
         raise gt.ModelError("a Friction must define law(velocity); use Frictionless, TanhFriction, ...")
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from .. import lang as gt
 from .frames import PointFrame, World
 
@@ -29,11 +31,11 @@ class Rod(gt.Model):
         weight = gt.dot(self.world.g, (self.a.r + self.b.r) / 2)
         yield gt.energy(stored=self.kinetic_energy() - self.m * weight)
 
-    def inertial_forces(self):
+    def inertial_forces(self) -> tuple[Any, Any]:
         """Mass times acceleration minus weight, as shared by the two ends [N]."""
         raise gt.ModelError("a Rod must say how its mass is spread; use MidpointRod or UniformRod")
 
-    def kinetic_energy(self):
+    def kinetic_energy(self) -> Any:
         """Kinetic energy [J] of the mass so spread."""
         raise gt.ModelError("a Rod must say how its mass is spread; use MidpointRod or UniformRod")
 

@@ -59,9 +59,9 @@ def initial_guess(nlp: Nlp, guess: Trajectory | Solution | None) -> np.ndarray:
 
 def _series(guess: Trajectory | None, names: list[tuple[str, int]], default: float):
     """s in [0, 1] -> values, and whether the guess holds one of the names."""
-    for name, sign in names if guess is not None else []:
-        values = _column(guess, name)
-        if values is not None:
+    for name, sign in names:
+        values = None if guess is None else _column(guess, name)
+        if guess is not None and values is not None:
             t = (guess.time - guess.time[0]) / (guess.duration or 1.0)
             return (lambda s: sign * np.interp(s, t, values)), True  # noqa: B023
     return (lambda s: np.full(len(s), default)), False

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from ..compiler.sparse import nonzeros, stacked
 from .element import Element, make_element, value_at
 from .mesh import Mesh
 from .problem import DynamicProblem
@@ -73,8 +74,8 @@ def make_nlp(problem: DynamicProblem, mesh: Mesh) -> Nlp:
     HPP = ca.densify(ca.hessian(L, P)[0]) if nP else ca.SX(0, 0)
     args = [y, P, d]
     e_g = _function("e_g", args, [rows, cost], N)
-    e_j = _function("e_j", args, [rows, ca.vertcat(*J.nonzeros()), JP], N)
-    nz_Hyy = ca.vertcat(*Hyy.nonzeros()) if Hyy.nnz() else ca.SX(0, 1)
+    e_j = _function("e_j", args, [rows, stacked(nonzeros(J)), JP], N)
+    nz_Hyy = stacked(nonzeros(Hyy))
     e_h = _function("e_h", [*args, lam_f, lam], [nz_Hyy, HyP, HPP], N)
     e_d = _function("e_d", args, [cost, ca.densify(ca.jacobian(cost, y)), ca.densify(ca.jacobian(cost, P))], N)
     point = _points(problem, mesh, element, p_scale)
@@ -188,7 +189,7 @@ def _points(problem: DynamicProblem, mesh: Mesh, element: Element, p_scale: np.n
         index[touched],
         ca.Function("points", [symbol], [mayer, rows]),
         ca.Function("points_gradient", [symbol], [ca.densify(ca.gradient(mayer, symbol))]),
-        ca.Function("points_jacobian", [symbol], [ca.vertcat(*jac.nonzeros()) if jac.nnz() else ca.SX(0, 1)]),
+        ca.Function("points_jacobian", [symbol], [stacked(nonzeros(jac))]),
         ca.Function("points_hessian", [symbol, lam_f, lam], [hess]),
         jac.sparsity(),
         hess.sparsity(),

@@ -132,6 +132,7 @@ def _build(model: Optimization, flat: FlatModel, formulation: str, prefer: Seque
     preferred = [i for name in prefer for i in flat.lookup(name)[1]]
     fold = _fold(flat)
     base = make_plan(flat, controls, _all_pairs(flat, constraints), preferred, rates=True, fold=fold)
+    _refuse_newton(flat, base)
     states = base.states
     steep = [flat.symbol_name(i, k) for i, k in base.inputs if i in controls and k > 0]
     if steep:
@@ -183,7 +184,18 @@ def _inverse_plan(
     except ModelError:
         return None  # not every motion of these coordinates is possible: the explicit form always is
     top = {i: max(k for j, k in states if j == i) + 1 for i in coordinates}
-    return plan if not plan.states and all(k <= top[i] for i, k in plan.inputs) else None
+    usable = not plan.newton and not plan.states
+    return plan if usable and all(k <= top[i] for i, k in plan.inputs) else None
+
+
+def _refuse_newton(flat: FlatModel, plan: Plan) -> None:
+    """Collocation takes closed forms only, so far."""
+    if plan.newton:
+        names = "; ".join(", ".join(b.labels) for b in plan.newton)
+        raise ModelError(
+            f"{flat.title}: the equations for {names} have no closed form, and optimisation needs one; keep one of "
+            "these variables as a state, or make it an input with an equality in constraints()"
+        )
 
 
 class Builder:

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache
-from functools import cache
 
 import numpy as np
 from numpy.polynomial import legendre
@@ -54,7 +53,6 @@ def points(scheme: str, count: int) -> np.ndarray:
     raise ValueError(f"there is no collocation scheme '{scheme}'; there are {' and '.join(SCHEMES)}")
 
 
-@cache
 @cache
 def table(scheme: str, count: int) -> Table:
     """Points, differentiation matrix, weights and end values; read-only."""

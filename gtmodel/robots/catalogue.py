@@ -19,7 +19,7 @@ SMOOTHINGS = {"tanh": TanhFriction, "piecewise_linear": PiecewiseLinearFriction}
 
 @cache
 def _table(name: str) -> dict[str, Any]:
-    return tomllib.loads(files(__package__).joinpath("data", name).read_text(encoding="utf-8"))
+    return tomllib.loads(files("gtmodel.robots").joinpath("data", name).read_text(encoding="utf-8"))
 
 
 def _sets() -> dict[str, dict[str, Any]]:

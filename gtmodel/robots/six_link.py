@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import tomllib
+from importlib.resources import files
+from typing import Any
+
 import numpy as np
 
 from .. import lang as gt
@@ -56,7 +60,8 @@ class SixLink(gt.Model):
 
     Link (i, j) closes |T + R B_ij - A_ij - q_i v_ij| = L_ij (Dressler 2012, section 4.4). The rows of A, v, L, B and
     m_a are the links in the order of LINKS. The reference point of a cart, where its mass counts, moves with the mean
-    of its links' v. R = R(e), e a unit quaternion, scalar first; e and -e are the same pose.
+    of its links' v. R = R(e), e a unit quaternion, scalar first; e and -e are the same pose. A wrist may hang on
+    plate.frame. Of the assembly modes Newton takes the one that continues the home pose, with carts behind the plate.
     """
 
     A = gt.parameter(shape=(6, 3), unit="m", description="cart joints at q = 0")
@@ -76,7 +81,7 @@ class SixLink(gt.Model):
     q = gt.variable(3, unit="m", start=lambda self: _home_q(self), description="cart coordinates along their guideways")
     T = gt.variable(3, unit="m", start=home, prefer=1, description="tool centre point, origin of the plate frame")
     e = gt.variable(4, unit="1", start=home_e, prefer=-2, description="plate quaternion, scalar first")
-    R = gt.variable((3, 3), unit="1", description="rotation from plate to world coordinates")
+    R = gt.variable((3, 3), unit="1", prefer=-4, description="rotation from plate to world coordinates")
     tau = gt.input(3, unit="N", nominal=100.0, description="motor forces")
     cart = gt.parts(
         3,
@@ -120,3 +125,40 @@ def _home_q(robot):
         root = dv**2 - vv * (gt.dot(d, d) - robot.L[k] ** 2)
         q.append((dv - gt.sqrt(gt.maximum(root, 0.0))) / vv)
     return gt.vector(q)
+
+
+# No masses of D1 are printed: an EXAMPLE OF OURS, of the size of the identified L1 (Dressler 2012, Table 6.3).
+EXAMPLE = dict(
+    m_p=12.0,
+    I_p=np.diag([0.25, 0.25, 0.3]),
+    m_c=np.array([15.0, 20.0, 40.0]),
+    m_a=np.full(6, 2.0),
+    coulomb=np.array([130.0, 150.0, 200.0]),
+    viscous=np.array([100.0, 200.0, 300.0]),
+)
+D1_ZYZ_DEG = (85.0, 100.9, -88.6)  # the plate's orientation: see the note of d1_six_link in data/gantry_tau.toml
+
+
+def six_link_gantry_tau(name: str = "d1_six_link", **modifiers: Any) -> SixLink:
+    """The six-link D1 (Dressler 2012, Table 5.9 model 3, link 2b restored); masses and friction are an example of ours.
+
+    The plate is ahead of the carts, side c = -1, where six-link and three-link tool centre point agree; e is near
+    ZYZ = (85.0, 100.9, -88.6) deg. Modifiers: any parameter of SixLink. Raises ModelError for another name.
+    """
+    if name != "d1_six_link":
+        raise gt.ModelError(f"there is no six-link robot '{name}'; there is d1_six_link")
+    text = files("gtmodel.robots").joinpath("data", "gantry_tau.toml").read_text(encoding="utf-8")
+    table = tomllib.loads(text)[name]
+    A, v, L, B = (np.array(table[k], dtype=float) for k in ("A_m", "v", "L_m", "B_m"))
+    home = A.mean(axis=0) + 0.85 * L.mean() * v.mean(axis=0)
+    values = dict(A=A, v=v, L=L, B=B, home=home, home_e=_zyz_quaternion(*np.radians(D1_ZYZ_DEG)), **EXAMPLE)
+    return SixLink(**{**values, **modifiers})
+
+
+def _zyz_quaternion(alpha: float, beta: float, gamma: float) -> np.ndarray:
+    """Quaternion, scalar first, of rotations about z, the new y and the new z [rad]."""
+    half_sum, half_difference = (alpha + gamma) / 2, (alpha - gamma) / 2
+    c, s = np.cos(beta / 2), np.sin(beta / 2)
+    return np.array(
+        [c * np.cos(half_sum), -s * np.sin(half_difference), s * np.cos(half_difference), c * np.sin(half_sum)]
+    )

@@ -1,6 +1,8 @@
 """Simulation of any model: consistent start, CVODES or IDAS on the reduced system, monitored states."""
 
-from .linearize import linearize, modes
-from .run import NotSimulated, Simulation, Switch, simulate
+from .certificate import explain_simulation
+from .linearize import Mode, linearize, modes
+from .result import NotSimulated, Simulation, Switch
+from .run import simulate
 
-__all__ = ["NotSimulated", "Simulation", "Switch", "linearize", "modes", "simulate"]
+__all__ = ["Mode", "NotSimulated", "Simulation", "Switch", "explain_simulation", "linearize", "modes", "simulate"]

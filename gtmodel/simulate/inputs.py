@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 
 from ..compiler.flat import FlatModel
+from ..lang.expression import Expr, gathered
 from ..lang.source import ModelError
 from ..lang.units import si_unit
 from ..results.trajectory import Trajectory, UnknownNameError
@@ -54,6 +55,11 @@ class Inputs:
         pieces = [self.tables[index].piece(start) for index in sorted(self.tables)]
         return np.concatenate([[start], *pieces])
 
+    def values(self, pairs: list[tuple[int, int]], time: float) -> list[float]:
+        """Numbers of known variables' derivatives (index, order) at a time."""
+        column = ca.vertcat(*[self.expression(*pair) for pair in pairs]) if pairs else ca.SX(0, 1)
+        return np.asarray(ca.Function("values", [self.t, self.p], [column])(time, self.piece(time))).reshape(-1).tolist()
+
     def expression(self, index: int, order: int) -> ca.SX:
         """A known variable's derivative as an expression of t and p."""
         if index in self.functions:
@@ -81,8 +87,8 @@ class Inputs:
 def read_inputs(flat: FlatModel, given: Mapping[str, Any]) -> Inputs:
     """Inputs from what a person gave by name.
 
-    Each value is a number or array; a function of time (of one CasADi-compatible argument, e.g.
-    ``lambda t: np.sin(t)``); a pair (times, values); or a Trajectory that holds the name. A table is "linear"
+    Each value is a number or array; a function of time, of one argument that takes NumPy's and gtmodel's functions
+    (``lambda t: [0.0, np.sin(3 * t)]``); a pair (times, values); or a Trajectory that holds the name. A table is "linear"
     between its rows unless told otherwise by ((times, values), interpolation) or (trajectory, interpolation):
     "previous" holds each row up to the next, "cubic" is a spline that has two derivatives. Before its first and
     after its last row every table keeps its end value.
@@ -105,7 +111,7 @@ def read_inputs(flat: FlatModel, given: Mapping[str, Any]) -> Inputs:
             columns = _columns(name, shape, len(indices), times, values)
             tables |= {i: Table(name, times, columns[:, k], interpolation) for k, i in enumerate(indices)}
             continue
-        entries = _symbolic(name, value, t) if callable(value) else _constant(name, value)
+        entries = _symbolic(flat, name, value, t) if callable(value) else _constant(name, value)
         if len(entries) not in (1, len(indices)):
             raise ModelError(f"input '{name}' has {len(indices)} entries; found {len(entries)}")
         functions |= {i: entries[k if len(entries) > 1 else 0] for k, i in enumerate(indices)}
@@ -168,21 +174,16 @@ def _constant(name: str, value: Any) -> list[ca.SX]:
     return [ca.SX(float(x)) for x in array]
 
 
-def _symbolic(name: str, function: Callable[[Any], Any], t: ca.SX) -> list[ca.SX]:
+def _symbolic(flat: FlatModel, name: str, function: Callable[[Any], Any], t: ca.SX) -> list[ca.SX]:
     try:
-        value = function(t)
-        entries = ca.vertsplit(ca.vec(value)) if isinstance(value, ca.SX) else np.ravel(np.asarray(value, dtype=object))
-        column = [ca.SX(e) for e in entries]
+        value = gathered(function(Expr(t, (), None, flat.scope)))
+        entries = ca.vec(value.sx.T) if isinstance(value, Expr) else ca.SX(ca.DM(np.asarray(value, dtype=float).ravel()))
     except Exception as error:
         raise ModelError(
             f"input '{name}' cannot be written as an expression of time ({type(error).__name__}: {error}); use "
             "functions such as np.sin, or give (times, values)"
         ) from None
-    if not all(e.is_scalar() for e in column):
-        raise ModelError(f"input '{name}': the function of time gives no numbers")
-    foreign = [s.name() for e in column for s in ca.symvar(e) if s.element_hash() != t.element_hash()]
+    foreign = [s.name() for s in ca.symvar(entries) if s.element_hash() != t.element_hash()]
     if foreign:
         raise ModelError(f"input '{name}' must be a function of time alone; it holds {foreign[0]}")
-    return column
-
-
+    return ca.vertsplit(entries)

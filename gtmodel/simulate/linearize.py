@@ -11,14 +11,12 @@ import control
 import numpy as np
 
 from ..compiler.causal import flat_of
+from ..compiler.flat import FlatModel
 from ..compiler.initial import initial_point, start_values
-from ..compiler.plan import make_plan
-from ..lang.builder import Builder
 from ..lang.model import Model
 from ..lang.source import ModelError
 from .inputs import Inputs
-from .reduced import Reduced
-
+from .systems import Systems
 
 
 @dataclass(frozen=True)
@@ -32,13 +30,13 @@ class Mode:
 
 
 def linearize(
-    model: Model | Builder,
+    model: Model,
     inputs: Sequence[str] | str,
     outputs: Sequence[str] | str,
     *,
     start: Mapping[str, Any] | None = None,
     input_values: Mapping[str, Any] | None = None,
-    prefer: Sequence[str] = (),
+    prefer: Sequence[str] | str = (),
 ) -> control.StateSpace:
     """Linear model x' = A x + B u, y = C x + D u of the deviations from a consistent point.
 
@@ -46,51 +44,39 @@ def linearize(
         inputs: names of known variables; they must enter without their derivatives.
         outputs: names such as "T", "der(q)".
         start: prescribed values of the point by name; the rest follows (see `simulate`).
-        input_values: values of the inputs at the point, 0 by default.
-        prefer: names to keep as states.
+        input_values: values of the inputs at the point, 0 where none is given.
+        prefer: names to keep as states, as long as they are good for it at the point.
 
     State, input and output names are the model's scalar names. The point need not be an equilibrium; its rates
     are in `.params["rates"]`. Raises ModelError for a wrong name, an input whose derivative is needed, or a
-    model with Newton unknowns that cannot be solved at the point.
+    singular point.
     """
     flat = flat_of(model)
-    inputs = [inputs] if isinstance(inputs, str) else list(inputs)
-    outputs = [outputs] if isinstance(outputs, str) else list(outputs)
+    inputs, outputs, prefer = ([x] if isinstance(x, str) else list(x) for x in (inputs, outputs, prefer))
     known = [i for name in inputs for i in flat.lookup(name)[1]]
-    out_pairs = []
-    for name in outputs:
-        _, indices, order = flat.lookup(name)
-        out_pairs += [(i, order) for i in indices]
-    targets = sorted({*out_pairs, *((v.index, 0) for v in flat.variables)})
-    preferred = [i for name in prefer for i in flat.lookup(name)[1]]
-    fold = ca.SX(ca.DM(flat.require_values()))
-    plan = make_plan(flat, known, targets, preferred, rates=True, fold=fold)
-    held, guess = start_values(plan, start)
-    values = dict.fromkeys(known, 0.0)
-    for name, value in (input_values or {}).items():
-        indices = flat.lookup(name)[1]
-        values.update(zip(indices, np.broadcast_to(np.asarray(value, float), len(indices)).tolist(), strict=True))
-    held |= {(i, 0): x for i, x in values.items()}
-    held |= {p: 0.0 for p in plan.pairs if p[0] in values and p[1] > 0}
-    w = initial_point(plan, held, guess)
-    plan = make_plan(flat, known, targets, preferred, rates=True, fold=fold, at=w)
+    asked = [(i, order) for _, indices, order in map(flat.lookup, outputs) for i in indices]
+    values = _values(flat, known, input_values or {})
     u = {i: ca.SX.sym(flat.variables[i].name) for i in known}
-    for i, order in plan.inputs:
+    given = Inputs(flat, ca.SX.sym("t"), dict(u), {})
+    preferred = [i for name in prefer for i in flat.lookup(name)[1]]
+    systems = Systems(flat, given, [flat.scope.symbol(*p) for p in asked], preferred)
+    held, guess = start_values(systems.plan, start, known)
+    held |= {(i, k): values[i] if k == 0 else 0.0 for i, k in systems.plan.pairs if i in values}
+    w = initial_point(systems.plan, held, guess).w
+    system = systems.at(w, 0.0)
+    if system is None:
+        raise ModelError(f"{flat.title}: the model is singular at this point; linearise at another one")
+    for i, order in system.plan.inputs:
         if i in u and order > 0:
             raise ModelError(f"the model needs the derivative of input '{flat.variables[i].name}'; filter it first")
-    reduced = Reduced(plan, Inputs(ca.SX.sym("t"), dict(u), {}), [flat.scope.symbol(*p) for p in out_pairs])
-    position = {p: n for n, p in enumerate(plan.pairs)}
-    x0 = np.array([w[position[s]] for s in plan.states])
-    z_pairs = [flat.scope.owner(s) for b in plan.newton for s in b.unknowns]
-    z0 = np.array([w[position[p]] for p in z_pairs if p is not None])
-    u_column = ca.vertcat(*u.values()) if u else ca.SX(0, 1)
-    y = reduced.outputs_x
-    blocks = [ca.densify(ca.jacobian(e, v)) for e in (reduced.rates, reduced.residuals, y) for v in (reduced.x, reduced.z, u_column)]  # fmt: skip
-    f = ca.Function("linear", [reduced.x, reduced.z, u_column, reduced.t, reduced.p], [*blocks, reduced.rates])
-    fx, fz, fu, rx, rz, ru, gx, gz, gu, rates = (
-        np.asarray(m.full()) for m in f(x0, z0, list(values.values()), 0.0, np.zeros(reduced.p.numel()))
-    )
-    if z0.size:  # Newton unknowns follow the states: dz = -rz^-1 (rx dx + ru du)
+    r = system.reduced
+    column = ca.vertcat(*u.values()) if u else ca.SX(0, 1)
+    y = r.outputs[: len(asked)]
+    blocks = [ca.densify(ca.jacobian(e, v)) for e in (r.rates, r.residuals, y) for v in (r.x, r.z, column)]
+    f = ca.Function("linear", [r.x, r.z, column, r.t, r.p], [*blocks, r.rates])
+    point = [*r.from_point(w), [values[i] for i in known], 0.0, np.zeros(r.p.numel())]
+    fx, fz, fu, rx, rz, ru, gx, gz, gu, rates = (np.asarray(m.full()) for m in f.call(point))
+    if rz.size:  # Newton unknowns follow the states: dz = -rz^-1 (rx dx + ru du)
         zx, zu = -np.linalg.solve(rz, rx), -np.linalg.solve(rz, ru)
         fx, fu, gx, gu = fx + fz @ zx, fu + fz @ zu, gx + gz @ zx, gu + gz @ zu
     if not all(np.all(np.isfinite(m)) for m in (fx, fu, gx, gu)):
@@ -98,11 +84,25 @@ def linearize(
     return control.ss(
         fx, fu, gx, gu,
         name=flat.title,
-        states=[flat.symbol_name(*s) for s in plan.states],
+        states=list(system.states),
         inputs=[flat.variables[i].name for i in known],
-        outputs=[flat.symbol_name(*p) for p in out_pairs],
-        params={"rates": dict(zip([flat.symbol_name(*s) for s in plan.states], rates.reshape(-1).tolist(), strict=True))},
+        outputs=[flat.symbol_name(*p) for p in asked],
+        params={"rates": dict(zip(system.states, rates.reshape(-1).tolist(), strict=True))},
     )  # fmt: skip
+
+
+def _values(flat: FlatModel, known: list[int], given: Mapping[str, Any]) -> dict[int, float]:
+    """Value of each input at the point, by index. Raises ModelError for a wrong name or shape."""
+    values = dict.fromkeys(known, 0.0)
+    for name, value in given.items():
+        _, indices, order = flat.lookup(name)
+        if order or not set(indices) <= set(known):
+            raise ModelError(f"input_values: '{name}' is none of the inputs")
+        array = np.asarray(value, dtype=float).reshape(-1)
+        if array.size not in (1, len(indices)) or not np.all(np.isfinite(array)):
+            raise ModelError(f"input_values: '{name}' takes {len(indices)} finite numbers; found {value}")
+        values.update(zip(indices, np.broadcast_to(array, len(indices)).tolist(), strict=True))
+    return values
 
 
 def modes(system: control.StateSpace) -> list[Mode]:

@@ -59,7 +59,7 @@ def _unit(flat: FlatModel, index: int, order: int) -> str:
     if unit is None or order == 0:
         return unit or "?"
     per = "s" if order == 1 else f"s{order}"
-    return f"1/{per}" if unit in ("1", "") else f"({unit})/{per}" if "/" in unit else f"{unit}/{per}"
+    return f"{unit or '1'}/{per}"
 
 
 class Recorder:

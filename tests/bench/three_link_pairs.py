@@ -13,94 +13,94 @@ import numpy as np
 
 import gtmodel as gt
 from gtmodel.compiler.causal import CausalFunction
-from tests.bench.callgrind import Call, generated_call
+from tests.bench.callgrind import Call
 from tests.oracle.hand_written import ThreeLink
-from tests.support.strategies import State, random_states
+from tests.support.strategies import columns, random_states
 
 PEER = Path(__file__).parents[1] / "oracle" / "three_link.c"
 POINTS = 64
 SEED = 1
-LINK_MASSES = (2.1, 3.4, 5.2)
-# issue 3, point 6: what the peer may cost at -O2, so that it is a decent one
+LINK_MASSES = {"massless links": (0.0, 0.0, 0.0), "heavy links": (2.1, 3.4, 5.2)}  # kg
+FORCE = 300.0  # N, half width of the range that motor forces are drawn from
+
+# Issue 3, point 6: the peer is decent if it costs at most this at -O2, and generated code at most 1.5 times the peer.
 LIMITS = {"fk": 265, "ik": 175, "velocity": 220, "inverse_dynamics_linear": 880}
 RATIO = 1.5
 
-LAWS = {"tanh": "THREE_LINK_TANH", "linear": "THREE_LINK_PIECEWISE_LINEAR"}
+SMOOTHINGS = {"tanh": ("tanh", "THREE_LINK_TANH"), "linear": ("piecewise_linear", "THREE_LINK_PIECEWISE_LINEAR")}
 _MEMBERS = ("A", "L", "m_p", "m_c", "m_a", "coulomb", "viscous", "velocity_scale")
 
 
 @dataclass(frozen=True)
 class Pair:
-    """One generated function and the peer's call at the same points; `expected` (n, 3) from eqs. (6.3)-(6.8)."""
+    """A generated function and its peer's call at the same points; `expected` (n, 3) by eqs. (6.3)-(6.8) in NumPy."""
 
     key: str
     title: str
     function: CausalFunction
-    generated: Call
     peer: Call
     expected: np.ndarray
 
 
-def three_link_pairs(m_a: tuple[float, ...] = (0.0, 0.0, 0.0)) -> tuple[list[Pair], str]:
-    """The pairs, and the C text of the peer's parameters. m_a: masses of the link clusters [kg]."""
-    robots = {
-        law: gt.robots.gantry_tau("l1_tape", smoothing=smoothing, m_a=list(m_a))
-        for law, smoothing in (("tanh", "tanh"), ("linear", "piecewise_linear"))
-    }
-    robot = robots["tanh"]
-    oracle = ThreeLink(*(np.array(getattr(robot, k), dtype=float) for k in _MEMBERS))
-    states = random_states(robot, POINTS, SEED)
-    T, Td, Tdd = (np.array([getattr(s, k) for s in states]) for k in ("T", "Td", "Tdd"))
-    q = np.array([s.q for s in states])
-    qd = np.array([oracle.inverse_jacobian(s.T, s.q) @ s.Td for s in states])
-    tau = 300.0 * np.random.default_rng(SEED).uniform(-1, 1, T.shape)
-
-    pairs: list[Pair] = []
-
-    def add(key: str, title: str, f: CausalFunction, c: str, points: np.ndarray, expected: np.ndarray) -> None:
-        peer = Call(c.split("(")[0], f"{c};", points, 3, "three_link.h")
-        pairs.append(Pair(key, title, f, generated_call(key, f, points), peer, expected))
-
-    def by_state(law: str, value: Callable[[ThreeLink, State, np.ndarray], np.ndarray]) -> np.ndarray:
-        peer = oracle if law == "tanh" else Clipped(**vars(oracle))
-        return np.array([value(peer, s, t) for s, t in zip(states, tau, strict=True)])
-
-    add("fk", "forward kinematics", robot.causal("q", "T"), "three_link_fk(&robot, in, out)", q, T)
-    add("ik", "inverse kinematics", robot.causal("T", "q"), "three_link_ik(&robot, in, out)", T, q)
-    add("velocity", "velocity map (T, T') to q'", robot.causal("T", "der(q)"),
-        "three_link_velocity(&robot, in, in + 3, out)", np.hstack([T, Td]), qd)  # fmt: skip
-    for law, name in LAWS.items():
-        word = "tanh" if law == "tanh" else "piecewise linear"
-        r = robots[law]
-        add(f"inverse_dynamics_{law}", f"inverse dynamics, {word} friction", r.causal("T", "tau"),
-            f"three_link_inverse_dynamics(&robot, {name}, in, in + 3, in + 6, out)", np.hstack([T, Td, Tdd]),
-            by_state(law, lambda o, s, _: o.inverse_dynamics(s.T, s.q, s.Td, s.Tdd)))  # fmt: skip
-    for law, name in LAWS.items():
-        word = "tanh" if law == "tanh" else "piecewise linear"
-        r = robots[law]
-        add(f"forward_dynamics_T_{law}", f"forward dynamics, states T, {word} friction",
-            r.causal("tau", "der(T,2)", prefer="T"),
-            f"three_link_forward_dynamics_T(&robot, {name}, in, in + 3, in + 6, out)", np.hstack([T, Td, tau]),
-            by_state(law, lambda o, s, t: o.forward_dynamics(s.T, s.q, s.Td, t)[0]))  # fmt: skip
-        add(f"forward_dynamics_q_{law}", f"forward dynamics, states q, {word} friction",
-            r.causal("tau", "der(q,2)", prefer="q"),
-            f"three_link_forward_dynamics_q(&robot, {name}, in, in + 3, in + 6, out)", np.hstack([q, qd, tau]),
-            by_state(law, lambda o, s, t: o.forward_dynamics(s.T, s.q, s.Td, t)[1]))  # fmt: skip
-    return pairs, parameters(oracle)
-
-
 class Clipped(ThreeLink):
-    """The oracle with the sign smoothed by a straight line."""
+    """The equations in NumPy with the sign smoothed by a straight line."""
 
     def friction(self, qd: np.ndarray) -> np.ndarray:
         return self.coulomb * np.clip(qd / self.velocity_scale, -1.0, 1.0) + self.viscous * qd
 
 
-def parameters(oracle: ThreeLink) -> str:
-    """C text of the peer's parameters."""
+@dataclass(frozen=True)
+class Pairs:
+    """All pairs of one robot, and the C text with its parameters."""
 
-    def c(value: np.ndarray | float) -> str:
-        a = np.asarray(value, dtype=float)
-        return float(a).hex() if a.ndim == 0 else "{" + ", ".join(c(x) for x in a) + "}"
+    all: list[Pair]
+    parameters: str
 
-    return f"static const three_link robot = {{{', '.join(c(getattr(oracle, k)) for k in (*_MEMBERS, 'g'))}}};\n"
+
+def three_link_pairs(links: str = "massless links") -> Pairs:
+    """FK, IK, velocity map, inverse and forward dynamics of the L1 prototype with links of LINK_MASSES."""
+    robots = {
+        law: gt.robots.gantry_tau("l1_tape", smoothing=smoothing, m_a=list(LINK_MASSES[links]))
+        for law, (smoothing, _) in SMOOTHINGS.items()
+    }
+    robot = robots["tanh"]
+    assert np.array_equal(robot.v, [[1.0, 0.0, 0.0]] * 3), "the peer's guideways are along x"
+    numbers = [np.array(getattr(robot, k), dtype=float) for k in _MEMBERS]
+    oracles = {"tanh": ThreeLink(*numbers), "linear": Clipped(*numbers)}
+    oracle = oracles["tanh"]
+    states = random_states(robot, POINTS, SEED)
+    T, Td, Tdd, q = columns(states)
+    qd = np.array([oracle.inverse_jacobian(s.T, s.q) @ s.Td for s in states])
+    tau = FORCE * np.random.default_rng(SEED).uniform(-1, 1, T.shape)
+    pairs: list[Pair] = []
+
+    def add(key: str, title: str, f: CausalFunction, points: list[np.ndarray], law: str, expected: np.ndarray) -> None:
+        arguments = ", ".join(["in", "in + 3", "in + 6"][: len(points)])
+        name = key.removesuffix(f"_{law}")
+        statement = f"three_link_{name}(&robot, {f'{SMOOTHINGS[law][1]}, ' if law else ''}{arguments}, out);"
+        peer = Call(f"three_link_{name}", statement, np.hstack(points), 3, "three_link.h")
+        pairs.append(Pair(key, title, f, peer, expected))
+
+    def at_states(value: Callable[..., np.ndarray]) -> np.ndarray:
+        return np.array([value(s, f) for s, f in zip(states, tau, strict=True)])
+
+    add("fk", "forward kinematics", robot.causal("q", "T"), [q], "", T)
+    add("ik", "inverse kinematics", robot.causal("T", "q"), [T], "", q)
+    add("velocity", "velocity map, (T, T') to q'", robot.causal("T", "der(q)"), [T, Td], "", qd)
+    for law, (word, _) in SMOOTHINGS.items():
+        r, o, word = robots[law], oracles[law], word.replace("_", " ")
+        forces = at_states(lambda s, _, o=o: o.inverse_dynamics(s.T, s.q, s.Td, s.Tdd))
+        in_T = at_states(lambda s, f, o=o: o.forward_dynamics(s.T, s.q, s.Td, f)[0])
+        in_q = at_states(lambda s, f, o=o: o.forward_dynamics(s.T, s.q, s.Td, f)[1])
+        add(f"inverse_dynamics_{law}", f"inverse dynamics, {word}", r.causal("T", "tau"), [T, Td, Tdd], law, forces)
+        f = r.causal("tau", "der(T,2)", prefer="T")
+        add(f"forward_dynamics_T_{law}", f"forward dynamics, states T, {word}", f, [T, Td, tau], law, in_T)
+        f = r.causal("tau", "der(q,2)", prefer="q")
+        add(f"forward_dynamics_q_{law}", f"forward dynamics, states q, {word}", f, [q, qd, tau], law, in_q)
+    members = ", ".join(_c_text(getattr(oracle, k)) for k in (*_MEMBERS, "g"))
+    return Pairs(pairs, f"static const three_link robot = {{{members}}};\n")
+
+
+def _c_text(value: np.ndarray | float) -> str:
+    a = np.asarray(value, dtype=float)
+    return float(a).hex() if a.ndim == 0 else "{" + ", ".join(_c_text(x) for x in a) + "}"

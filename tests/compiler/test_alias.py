@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any
 
 import pytest
@@ -84,7 +85,7 @@ class TestWhatIsRemoved:
         names = [f"x{i}" for i in range(30)]
 
         def equations(self):
-            for a, b in zip(names, names[1:], strict=False):
+            for a, b in pairwise(names):
                 yield getattr(self, a) == -getattr(self, b)
             yield self.x0**2 == 2
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from itertools import permutations, product
+from itertools import product
 
 import numpy as np
 import pytest
@@ -42,12 +42,29 @@ class TestNames:
         roots = [r for b in RODS.causal("T", "q").plan.blocks for r in b.roots]
         assert [r.told_by for r in roots] == ["ahead[0]", "ahead[1]", "ahead[2]"]
 
-    def test_a_branch_that_tells_nothing_apart_plays_no_part(self):
-        # the carts are known: on which side of them the plate lies is decided already
+    def test_of_two_names_the_one_that_only_changes_sign_decides(self):
+        # turning the plate to the other side of the carts' plane turns it to the other side of cart 0 as well, near
+        # home; but only the plane tells the two positions apart at every pose
+        class Named(ThreeRods):
+            def equations(self):
+                yield from super().equations()
+                p = [rod.a.r for rod in self.rod]
+                normal = gt.cross(p[1] - p[0], p[2] - p[0])
+                yield gt.branch("plate_ahead", gt.dot(self.T - p[0], normal) * normal[0])
+
+        named = Named()
         q = by_hand((1, 1, 1))
-        assert np.array_equal(
-            RODS.causal("q", "T")(q)[0], RODS.causal("q", "T", branches={"ahead[0]": -1})(q)[0]
-        )
+        ahead, behind = (named.causal("q", "T", branches={"plate_ahead": s})(q)[0] for s in (1, -1))
+        assert relative_error(ahead, T) < ROUND_OFF
+        assert behind[0] < 0 < ahead[0]
+        whole = {"plate_ahead": 1, "ahead[0]": -1}  # a whole configuration, as inverse kinematics would need it
+        assert np.array_equal(named.causal("q", "T", branches=whole)(q)[0], ahead)
+
+    def test_a_name_that_was_asked_for_decides_if_no_other_can(self):
+        q = by_hand((1, 1, 1))
+        ahead, behind = (RODS.causal("q", "T", branches={"ahead[0]": s})(q)[0] for s in (1, -1))
+        assert relative_error(ahead, T) < ROUND_OFF
+        assert behind[0] - q[0] < 0
 
     def test_a_fourth_name_for_the_same_side_may_be_asked_for(self):
         class Renamed(SliderCrank):
@@ -160,8 +177,8 @@ class TestShuffledDeclarations:
     @pytest.mark.parametrize("side", [1, -1])
     def test_the_same_side_in_every_order(self, local, side):
         found = []
-        orders = [(0, 1, 2, 3), (3, 2, 1, 0), (1, 3, 0, 2)]
-        for variables, equations in product(orders, permutations(range(3))):
+        orders = [(0, 1, 2, 3), (3, 1, 0, 2)]
+        for variables, equations in product(orders, [(0, 1, 2), (1, 0, 2), (2, 0, 1)]):
             f = three_spheres(variables, equations, local).causal((), "P", branches={"ahead": side})
             P, status = f()
             assert status == gt.Status.OK

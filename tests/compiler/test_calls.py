@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import gtmodel as gt
 from gtmodel import Status
+from tests.support.examples import examples
 from tests.support.models import FourBar, Pendulum, SliderCrank
 from tests.support.rods import ThreeRods
 
@@ -33,7 +34,7 @@ class TestRows:
         jacobian, status = IK.jacobian(np.zeros((0, 3)))
         assert (jacobian.shape, status.shape) == ((0, 3, 3), (0,))
 
-    @settings(max_examples=25, deadline=None)
+    @examples(25)
     @given(st.integers(0, 2**32 - 1))
     def test_each_row_equals_the_scalar_call(self, seed):
         rng = np.random.default_rng(seed)
@@ -181,6 +182,29 @@ class TestNames:
         found = f(T, 2 * T)
         assert np.array_equal(found[0], T)
         assert np.array_equal(found[1], 2 * T)
+
+    def test_names_that_are_one_in_c(self):
+        class Part(gt.Model):
+            b = gt.variable(unit="1")
+
+            def equations(self):
+                yield self.b == 3
+
+        class Whole(gt.Model):
+            a = gt.part(Part)
+            a_b = gt.variable(unit="1")
+            margins = gt.variable(unit="1")
+            parameters = gt.input(unit="1")
+            parameters_ = gt.input(unit="1")
+
+            def equations(self):
+                yield self.a_b == self.parameters + self.parameters_
+                yield self.margins == 2 * self.a_b
+
+        f = Whole().causal(["parameters", "parameters_"], ["a.b", "a_b", "margins"])
+        assert f(1.0, 2.0) == (3.0, 3.0, 6.0, Status.OK)
+        assert len({f.casadi.name_out(k) for k in range(f.casadi.n_out())}) == 4
+        assert f.casadi_parametric.n_in() == 3
 
     def test_functions_are_made_once(self):
         assert RODS.causal("T", "q") is RODS.causal(["T"], ["q"])

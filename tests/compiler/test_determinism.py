@@ -20,7 +20,6 @@ from tests.support.rods import FourRods, ThreeRods
 
 rods = ThreeRods()
 cases = [
-    rods.causal("q", ["T", "der(T,2)"]),
     rods.causal("T", ["tau", "rod[1].tension"], branches={"ahead[1]": -1}),
     rods.causal("tau", ["der(T,2)", "der(q,2)"], prefer="q"),
     SliderCrank().causal(["torque", "force"], "der(s,2)"),
@@ -28,9 +27,9 @@ cases = [
 ]
 for f in cases:
     print(f, f.explain(), f.plan.samples.tolist(), sep="\\n")
-    for g in (f.casadi, f.casadi_parametric):
-        g.generate("model.c")
-        print(open("model.c").read())
+for g in [f.casadi for f in cases] + [cases[0].casadi_parametric]:
+    g.generate("model.c")
+    print(open("model.c").read())
 try:
     FourRods().causal("tau", "T")
 except gt.ModelError as error:
@@ -61,7 +60,8 @@ def test_two_processes_with_different_hash_seeds_agree_to_the_letter(texts):
 
 
 def test_the_text_holds_what_it_should(texts):
-    assert texts[0].count("casadi_real") > 1000
+    assert texts[0].count("casadi_real") > 50
+    assert texts[0].count("sqrt") > 3
     assert "sphere pencil" in texts[0]
     assert "19 equations of rank 18" in texts[0]
     assert str(ROOT) not in texts[0]  # the same on every machine: locations are two path parts

@@ -6,11 +6,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 import gtmodel as gt
 from tests.support.compare import relative_error
+from tests.support.examples import examples
 
 # Sparse elimination with threshold 1e-4 per pivot may lose some digits more than partial pivoting does.
 SPARSE = 1e-9
@@ -48,7 +49,7 @@ class TestConstantPivots:
         A = np.array([[tiny, 1.0], [1.0, 1.0]])
         assert relative_error(solution(linear(A, np.array([1.0, 2.0]))), [1.0, 1.0]) < 1e-9
 
-    @settings(max_examples=60, deadline=None)
+    @examples(25)
     @given(st.data())
     def test_like_a_dense_solver(self, data):
         n = data.draw(st.integers(2, 6))

@@ -6,18 +6,19 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import gtmodel as gt
 from gtmodel import Status
 from tests.support.compare import relative_error
+from tests.support.examples import examples
 from tests.support.models import Bridge, FourBar, Pendulum, SeriesRLC, SliderCrank
 
 # Some dozen operations; poses keep away from singular ones by a factor of ten.
 ROUND_OFF = 1e-12
 
-QUICK = settings(max_examples=40, deadline=None)
+QUICK = examples(40)
 
 # one configuration each: a model keeps its compiled functions
 PENDULUM = Pendulum(L=0.7, m=2.0, x=dict(start=0.4), y=dict(start=-0.55))
@@ -76,14 +77,11 @@ class TestSliderCrank:
         r, l = self.r, self.l
         root = np.sqrt(l**2 - r**2 * np.sin(phi) ** 2)
         slope = -r * np.sin(phi) - r**2 * np.sin(phi) * np.cos(phi) / root  # ds/dphi
-        bend = (
-            -r * np.cos(phi) - r**2 * np.cos(2 * phi) / root - r**4 * (np.sin(phi) * np.cos(phi)) ** 2 / root**3
-        )
+        bend = -r * np.cos(phi) - r**2 * np.cos(2 * phi) / root - r**4 * (np.sin(phi) * np.cos(phi)) ** 2 / root**3
         return {
             "P": r * np.array([np.cos(phi), np.sin(phi)]),
             "der(P)": r * w * np.array([-np.sin(phi), np.cos(phi)]),
-            "der(P,2)": r * a * np.array([-np.sin(phi), np.cos(phi)])
-            - r * w**2 * np.array([np.cos(phi), np.sin(phi)]),
+            "der(P,2)": r * a * np.array([-np.sin(phi), np.cos(phi)]) - r * w**2 * np.array([np.cos(phi), np.sin(phi)]),
             "s": r * np.cos(phi) + root,
             "der(s)": slope * w,
             "der(s,2)": slope * a + bend * w**2,

@@ -48,7 +48,7 @@ class TestPendulum:
         assert states(Avoiding(), target="tension") == ["y", "der(y)"]
 
     def test_asked_for_the_still_coordinate_it_says_what_is_wrong(self):
-        with pytest.raises(gt.ModelError, match="y has two solutions and nothing tells them apart; declare gt.branch"):
+        with pytest.raises(gt.ModelError, match=r"y has two solutions and nothing tells them apart"):
             pendulum(np.pi / 2).causal((), "der(y,2)", prefer="x")
 
 
@@ -92,11 +92,18 @@ class TestRedundancy:
             FourRods().causal(known, target)
 
     def test_a_rod_that_contradicts_the_others_has_no_solution(self):
-        class Contradicting(FourRods):
-            fourth = gt.part(gt.mechanics.MidpointRod, L=lambda self: 1.02 * self.L[2])
+        class Contradicting(Pendulum):
+            second = gt.variable(unit="N/m")
 
-        with pytest.raises(gt.ModelError, match="no common solution near the start values .closest residual"):
-            Contradicting().causal("tau", "der(T,2)")
+            def equations(self):
+                pull = self.tension + self.second
+                yield self.m * der(self.x, 2) == -pull * self.x
+                yield self.m * der(self.y, 2) == -pull * self.y - self.m * self.g
+                yield self.x**2 + self.y**2 == self.L**2
+                yield (self.x - 0.1 * self.L) ** 2 + self.y**2 == (1.3 * self.L) ** 2
+
+        with pytest.raises(gt.ModelError, match=r"no common solution near the start values \(closest residual 0"):
+            Contradicting().causal((), "tension")
 
     def test_structurally_sound_but_identically_singular(self):
         # x' + y' + y = u, x + y = w: the Sigma-method says one degree of freedom, the truth is none (y = u - w')

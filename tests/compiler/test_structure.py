@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import gtmodel as gt
@@ -14,6 +14,7 @@ from gtmodel.compiler.causal import flat_of
 from gtmodel.compiler.flat import FlatEquation, FlatModel
 from gtmodel.compiler.structure import Structure, analyse
 from tests.oracle.pantelides import differentiation_counts
+from tests.support.examples import examples
 from tests.support.models import Bridge, FourBar, Pendulum, SeriesRLC, SliderCrank
 from tests.support.rods import ThreeRods
 
@@ -80,7 +81,7 @@ class TestSigmaMethod:
         assert {i for i, _ in tight} == set(range(len(s.c)))
         assert {j for _, j in tight} == set(range(len(s.d)))
 
-    @settings(max_examples=150, deadline=None)
+    @examples(60)
     @given(st.data())
     def test_agrees_with_pantelides_on_random_systems(self, data):
         n = data.draw(st.integers(1, 6))

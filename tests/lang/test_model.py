@@ -379,7 +379,9 @@ class TestRefusals:
         class Top(gt.Model):
             gain = gt.part(Gain, kk=2.0)
 
-        with pytest.raises(gt.ModelError, match=r"\(part 'gain'\) has no declaration 'kk'; did you mean 'k'\?") as error:
+        with pytest.raises(
+            gt.ModelError, match=r"\(part 'gain'\) has no declaration 'kk'; did you mean 'k'\?"
+        ) as error:
             value(Top(), "gain.y")
         assert error.value.where.file == "lang/test_model.py"
 

@@ -80,7 +80,5 @@ def reachable_states(robot: Any, sides: tuple[int, ...] = (1, 1, 1)) -> st.Searc
         return None if q is None else State(T, drawn[1], drawn[2], q)
 
     return (
-        st.tuples(vectors(BOX), vectors(SPEED), vectors(ACCELERATION))
-        .map(state)
-        .filter(lambda s: s is not None)  # type: ignore[return-value]
+        st.tuples(vectors(BOX), vectors(SPEED), vectors(ACCELERATION)).map(state).filter(lambda s: s is not None)  # type: ignore[return-value]
     )

@@ -1,0 +1,146 @@
+"""The search for an optimal motion: which problems are tried one after the other, from which guess."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from gtmodel.lang import Model, Optimization
+from gtmodel.optimize import Mesh, Solution, SolverOptions
+from gtmodel.optimize import solve as collocate
+from gtmodel.results import SolveStatus, Trajectory
+
+from .base import Context
+from .motion import bare_guess, motion
+
+if TYPE_CHECKING:
+    from .trajectory import Schema
+
+# these problems take 20 to 120 iterations; one that needs more has lost its way, and another start is the better bet
+ATTEMPT_ITERATIONS = 200
+EXPORT_ITERATIONS = 100  # from the optimum it takes 10 to 70
+EXPORT_LOSS = 0.05  # a constant force per element costs less than this; more tells of another, worse optimum
+CONTINUATION = (0.01, 0.001)  # weights of the energy, in units of the time's, on the way to the problem's own
+
+Control = Literal["polynomial", "constant"]
+
+
+def motion_of(problem: Schema, robot: Model, guarded: bool = False, energy: float | None = None) -> Optimization:
+    """The motion that a problem file describes, with or without the bound that keeps links off the edge of reach."""
+    return motion(
+        robot,
+        start=np.array(problem.start.tcp_m),
+        goal=np.array(problem.goal.tcp_m),
+        start_rest=list(problem.start.rest),
+        goal_rest=list(problem.goal.rest),
+        force=problem.limits.force_N,
+        force_unit=problem.cost.force_unit_N,
+        weight_time=problem.cost.time,
+        weight_energy=problem.cost.energy if energy is None else energy,
+        link_margin=problem.limits.link_along_guideway_m if guarded else None,
+    )
+
+
+@dataclass
+class Search:
+    """Attempts in turn, until one is solved and keeps its links off the edge of reach.
+
+    First without that bound, which an optimum seldom feels; then with it; then with it from the bare line, since
+    the forces of a profile may lie far outside the limits; then along a continuation from a heavier weight of
+    the energy. All attempts share `solver.max_iterations` and the time limit.
+    """
+
+    problem: Schema
+    context: Context
+    robot: Model
+    guess: Trajectory
+    iterations: int = field(default=0, init=False)
+
+    @cached_property
+    def plain(self) -> Optimization:
+        return motion_of(self.problem, self.robot)
+
+    @cached_property
+    def guarded(self) -> Optimization:
+        return motion_of(self.problem, self.robot, guarded=True)
+
+    def optimum(self) -> Solution:
+        """The optimum with the control that the problem asks for; where none is found, the last attempt."""
+        problem, control = self.problem, self.problem.mesh.control
+        bare = bare_guess(np.array(problem.start.tcp_m), np.array(problem.goal.tcp_m))
+        for guarded, guess in ((False, self.guess), (True, self.guess), (True, bare)):
+            solution = self._attempt(self.guarded if guarded else self.plain, control, guess)
+            if self._done(solution):
+                return solution
+        start: Trajectory | Solution = bare
+        for weight in CONTINUATION:
+            energy = weight * (problem.cost.time or 1.0)
+            if energy > problem.cost.energy:
+                step = self._attempt(motion_of(problem, self.robot, True, energy), control, start)
+                if self._over(step):
+                    return solution if step.status.ok else step  # a step is no optimum of the problem itself
+                start = step if step.status.ok else start
+        return self._attempt(self.guarded, control, start)
+
+    def exportable(self, optimum: Solution) -> Solution:
+        """The optimum among forces that are constant on each element: the best of some attempts."""
+        best: Solution | None = None
+        for guarded, guess in ((False, optimum), (True, optimum), (True, self.guess)):
+            solution = self._attempt(self.guarded if guarded else self.plain, "constant", guess, EXPORT_ITERATIONS)
+            if best is None or _better(solution, best):
+                best = solution
+            if self._over(solution) or (self._done(solution) and _loss(solution, optimum) <= EXPORT_LOSS):
+                break
+        assert best is not None
+        return best
+
+    def _attempt(
+        self, model: Optimization, control: Control, guess: Trajectory | Solution, most: int = ATTEMPT_ITERATIONS
+    ) -> Solution:
+        wanted = control == self.problem.mesh.control
+        stage = "optimising" if wanted else "bounding the force between the nodes"
+
+        def progress(iteration: int, objective: float, violation: float) -> bool:
+            self.context.progress(stage, None, {"iteration": iteration, "objective": objective, "violation": violation})
+            return self.context.interrupted()
+
+        mesh, solver = self.problem.mesh, self.problem.solver
+        solution = collocate(
+            model,
+            Mesh(mesh.elements, mesh.points, control=control),
+            guess=guess,
+            solver=SolverOptions(
+                tolerance=solver.tolerance,
+                max_iterations=max(0, min(most, solver.max_iterations - self.iterations)),
+                max_seconds=self.context.seconds_left(),
+            ),
+            progress=progress,
+            throw=False,
+        )
+        self.iterations += solution.iterations
+        return solution
+
+    def _over(self, solution: Solution) -> bool:
+        """Nothing more can be tried."""
+        stopped = solution.status is SolveStatus.INTERRUPTED
+        return stopped or self.context.interrupted() or self.iterations >= self.problem.solver.max_iterations
+
+    def _done(self, solution: Solution) -> bool:
+        """Solved within reach, or nothing more can be tried."""
+        return (solution.status.ok and self._within(solution)) or self._over(solution)
+
+    def _within(self, solution: Solution) -> bool:
+        run = solution.trajectory
+        least = self.problem.limits.link_along_guideway_m
+        return "along_guideway" not in run or bool(np.min(run["along_guideway"]) >= least * (1 - 1e-6))
+
+
+def _loss(solution: Solution, optimum: Solution) -> float:
+    return (solution.objective - optimum.objective) / max(abs(optimum.objective), 1e-300)
+
+
+def _better(a: Solution, b: Solution) -> bool:
+    return (a.status.ok, -a.objective) > (b.status.ok, -b.objective)

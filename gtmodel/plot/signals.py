@@ -1,0 +1,85 @@
+"""Signals of any trajectory over time: one panel for each unit; and its energy balance."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from ..results.trajectory import Trajectory
+
+# readable with colour-blind eyes (Okabe and Ito), dark ones first
+COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000", "#f0e442")
+STYLES = ("-", "--", ":", "-.")
+ENERGIES = ("energy.stored", "energy.supplied", "energy.dissipated")
+PANEL_HEIGHT = 2.1  # inches
+
+
+def signals_figure(
+    trajectory: Trajectory, names: Iterable[str] | None = None, *, marks: Sequence[float] = ()
+) -> Figure:
+    """Stacked panels with a common time axis, one for each unit; the components of a vector share a line style.
+
+    Args:
+        names: what to draw; by default everything but the energies, which `energy_figure` draws.
+        marks: times [s] that a thin line marks in every panel, such as changes of states.
+    """
+    chosen = [n for n in trajectory.names if n not in ENERGIES] if names is None else list(names)
+    panels: dict[str, list[str]] = {}
+    for name in chosen:
+        panels.setdefault(trajectory.unit(name), []).append(name)
+    figure = Figure(figsize=(8.5, 1.2 + PANEL_HEIGHT * max(1, len(panels))), layout="constrained")
+    stack = np.atleast_1d(figure.subplots(max(1, len(panels)), 1, sharex=True, squeeze=True))
+    for axes, (unit, members) in zip(stack, panels.items(), strict=False):
+        for k, name in enumerate(members):
+            _draw(axes, trajectory, name, STYLES[k % len(STYLES)])
+        _finish(axes, unit)
+        for time in marks:
+            axes.axvline(time, color="0.75", linewidth=0.6, zorder=0)
+    stack[-1].set_xlabel("time [s]")
+    if trajectory.title:
+        figure.suptitle(trajectory.title)
+    return figure
+
+
+def energy_figure(trajectory: Trajectory) -> Figure:
+    """Change of the stored energy against what was supplied and dissipated; below, by how much they disagree.
+
+    The trajectory holds energy.stored, energy.supplied and energy.dissipated [J].
+    """
+    stored, supplied, dissipated = (trajectory[name] for name in ENERGIES)
+    figure = Figure(figsize=(8.5, 5.4), layout="constrained")
+    terms, error = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
+    rows = {"stored, since the start": stored - stored[0], "supplied": supplied, "dissipated": dissipated}
+    for (label, row), colour in zip(rows.items(), COLOURS, strict=False):
+        terms.plot(trajectory.time, row, color=colour, label=label)
+    _finish(terms, "J")
+    terms.set_title("energy")
+    error.plot(trajectory.time, stored - stored[0] - supplied + dissipated, color="black")
+    error.set_title("stored - supplied + dissipated: error of the balance")
+    error.set_ylabel("[J]")
+    error.grid(alpha=0.3)
+    error.set_xlabel("time [s]")
+    if trajectory.title:
+        figure.suptitle(trajectory.title)
+    return figure
+
+
+def _draw(axes: Axes, trajectory: Trajectory, name: str, style: str) -> None:
+    values = trajectory[name]
+    if values.ndim == 1:
+        # scalars of one unit tell each other apart by colour
+        colour = COLOURS[len(axes.get_lines()) % len(COLOURS)]
+        axes.plot(trajectory.time, values, style, color=colour, label=name)
+        return
+    for k in range(values.shape[1]):
+        axes.plot(trajectory.time, values[:, k], style, color=COLOURS[k % len(COLOURS)], label=f"{name}[{k}]")
+
+
+def _finish(axes: Axes, unit: str) -> None:
+    axes.set_ylabel(f"[{unit}]")
+    axes.grid(alpha=0.3)
+    axes.margins(x=0.0)
+    axes.legend(fontsize="small", loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)

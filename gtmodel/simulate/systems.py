@@ -1,0 +1,106 @@
+"""Reduced systems by choice of states and branch signs: a choice that was made before costs nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from ..compiler.flat import FlatModel
+from ..compiler.plan import Plan, make_plan
+from ..lang.source import ModelError
+from .choice import Choice, Watch, choice_of
+from .inputs import Inputs
+from .reduced import Reduced
+from .step import Stepper
+
+Pair = tuple[int, int]
+
+
+@dataclass(frozen=True, eq=False)
+class System:
+    """One choice of states with the signs of its roots, ready to be integrated."""
+
+    choice: Choice
+    plan: Plan
+    reduced: Reduced
+    stepper: Stepper
+    slopes: ca.Function
+    signs: tuple[int, ...]
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        return tuple(self.plan.flat.symbol_name(*s) for s in self.plan.states)
+
+
+class Systems:
+    """Makes and keeps the systems of one simulation.
+
+    `plan` has the structure that all of them share, and samples to start from; `watch` chooses the states.
+    """
+
+    def __init__(
+        self,
+        flat: FlatModel,
+        inputs: Inputs,
+        outputs: list[ca.SX],
+        prefer: Sequence[int] = (),
+        tolerance: float = 1e-9,
+        method: str = "bdf",
+    ) -> None:
+        self._flat, self._inputs, self._outputs = flat, inputs, outputs
+        self._tolerance, self._method = tolerance, method
+        self._fold = ca.SX(ca.DM(flat.require_values()))
+        expressions = [*outputs, *(e.expression for e in flat.energies), *(e.residual for e in flat.equations)]
+        targets = {(v.index, 0) for v in flat.variables} | set(flat.scope.symbols_in(ca.vertcat(*expressions)))
+        self.plan = self._first_plan(sorted(targets))
+        self._targets = [p for p in self.plan.pairs if p[0] not in set(inputs.known)]
+        self.watch = Watch(self.plan, frozenset(self.plan.alias.resolve(i, 0)[1] for i in prefer))
+        self._made: dict[Choice, list[System]] = {}
+
+    def at(self, w: np.ndarray, time: float) -> System | None:
+        """The system whose states and branches suit a consistent point; None where no choice of states would do."""
+        choice = self.watch.choose(w, time)
+        if choice is None:
+            return None
+        made = self._made.setdefault(choice, [])
+        for system in made:
+            if _signs(system.slopes, w, time) == system.signs:
+                return system
+        made.append(self._make(self.watch.states(choice), w, time))
+        return made[-1]
+
+    def _make(self, states: list[int], w: np.ndarray, time: float) -> System:
+        plan = self._plan(self._targets, states, rates=True, at=w)
+        roots = [r for b in plan.blocks for r in b.roots]
+        column = ca.vertcat(*[r.slope for r in roots]) if roots else ca.SX(0, 1)
+        folded = ca.substitute(column, self._flat.p, self._fold) if self._flat.parameters else column
+        slopes = ca.Function("slopes", [plan.sampler.w, self._flat.scope.time], [folded])
+        signs = _signs(slopes, w, time)
+        for root, sign in zip(roots, signs, strict=True):
+            root.value = sign
+        reduced = Reduced(plan, self._inputs, self._outputs)
+        stepper = Stepper(reduced, self._tolerance, self._method)
+        return System(choice_of(plan.stages), plan, reduced, stepper, slopes, signs)
+
+    def _first_plan(self, targets: list[Pair]) -> Plan:
+        given = set(self._inputs.known)
+        left = [v.name for v in self._flat.variables if v.role == "input" and v.index not in given]
+        try:
+            return self._plan(targets)
+        except ModelError as error:
+            if left and "equations for" in str(error):
+                raise ModelError(f"{error}; inputs without a value: {', '.join(left)}") from None
+        # a root that nothing tells apart is no obstacle here: the start tells. All else is wrong without targets too
+        return self._plan([])
+
+    def _plan(
+        self, targets: list[Pair], prefer: Sequence[int] = (), rates: bool = False, at: np.ndarray | None = None
+    ) -> Plan:
+        return make_plan(self._flat, self._inputs.known, targets, prefer, rates=rates, fold=self._fold, at=at)
+
+
+def _signs(slopes: ca.Function, w: np.ndarray, time: float) -> tuple[int, ...]:
+    return tuple(1 if s >= 0 else -1 for s in np.asarray(slopes(w, time).full()).reshape(-1))
