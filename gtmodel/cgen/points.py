@@ -8,7 +8,7 @@ from ..compiler.causal import CausalFunction
 
 # each row leaves a consistent point by its own fraction of the inputs' typical sizes, drawn evenly in the
 # logarithm: most rows stay where solutions exist, a fair share leaves the range
-NEAREST, FARTHEST = 0.01, 3.0
+NEAREST, FARTHEST = 0.01, 6.0
 LONGEST_TIME_S = 10.0
 # zero, a denormal, and numbers whose squares and products overflow
 AWKWARD = (0.0, 5e-324, -1e-310, 1e160, -1e300)
@@ -31,7 +31,7 @@ def draw(function: CausalFunction, rows: int, seed: int) -> np.ndarray:
     first = 0
     for s in function.inputs:
         size = float(np.max(np.abs(centres[:, first : first + s.size]), initial=0.0))
-        sizes[first : first + s.size] = size or function.flat.variables[s.pairs[0][0]].nominal
+        sizes[first : first + s.size] = max(size, function.flat.variables[s.pairs[0][0]].nominal)
         first += s.size
     spread = NEAREST * (FARTHEST / NEAREST) ** rng.random((rows, 1))
     values = centres[rng.integers(len(centres), size=rows)]

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
+from scipy.linalg import qr
 
 from ..lang.source import ModelError
 from .plan import Plan
@@ -198,9 +199,12 @@ class _Equations:
 
     def _null_space(self, w: np.ndarray, columns: np.ndarray) -> np.ndarray:
         """Orthonormal directions (columns, k), in nominals, that leave the equations satisfied."""
-        _, s, vt = np.linalg.svd(self(w)[1][:, columns] * self._nominal[columns], full_matrices=True)
-        rank = int(np.sum(s > RANK * s[0])) if s.size and s[0] > 0 else 0
-        return vt[rank:].T
+        a = self(w)[1][:, columns] * self._nominal[columns]
+        if not a.size:
+            return np.eye(columns.size)
+        q, r, _ = qr(a.T, pivoting=True)
+        size = np.abs(np.diag(r))
+        return q[:, int(np.sum(size > RANK * np.max(size, initial=0.0))) :]
 
     def _free(self, fixed: Set[int]) -> np.ndarray:
         return np.array([n for n in range(len(self._plan.pairs)) if n not in fixed], dtype=int)
@@ -217,8 +221,9 @@ class _Equations:
         if not np.all(np.isfinite(r)):
             at = ", ".join(labels[i] for i in np.flatnonzero(~np.isfinite(r))[:3])
             return f"{flat.title}: at the start values no number comes out of {at}; give other start values"
-        worst = float(np.max(np.abs(r)))
-        equations = [labels[i] for i in np.argsort(-np.abs(r), kind="stable")[:3] if np.abs(r[i]) > 0.1 * worst]
+        worst = int(np.argmax(np.abs(r)))
+        raw = float(np.abs(self._f(w)[0].reshape(-1)[worst]))
+        equations = [labels[i] for i in np.argsort(-np.abs(r), kind="stable")[:3] if np.abs(r[i]) > 0.1 * np.abs(r[worst])]
         # at a least-squares point only the prescribed values can still pull: those that do contradict each other
         pull = np.abs(jacobian.T @ r) * np.maximum(np.abs(w), self._nominal)
         strongest = max((pull[n] for n in fixed), default=0.0)
@@ -231,7 +236,7 @@ class _Equations:
         at_fault = f"with the prescribed {', '.join(names[:8])}{rest}" if names else "from the start values"
         advice = "prescribe fewer of them, or mend them" if names else "give start values near a consistent pose"
         return (
-            f"{flat.title}: no consistent start was found {at_fault}: a relative residual of {worst:.2g} is left in "
+            f"{flat.title}: no consistent start was found {at_fault}: a residual of {raw:.3g} is left in "
             f"{'; '.join(equations)}; {advice}"
         )
 

@@ -49,29 +49,19 @@ def resimulate(solution: Solution, tolerance: float = INTEGRATOR_TOLERANCE) -> R
     nlp, problem = solution.nlp, solution.problem
     t0, tf = horizon(nlp, solution.x)
     P = constants(nlp, solution.x)
-    integrator = _integrator(nlp, tolerance)
-    mesh, layout = nlp.mesh, nlp.element.layout
+    mesh = nlp.mesh
     edges, h = mesh.edges, mesh.h
     low, high = control_range(nlp, solution.x)
     ranges = dict(zip(problem.control_names, zip(low.tolist(), high.tolist(), strict=True), strict=True))
     fine = np.linspace(0.0, 1.0, SUBSTEPS + 1)
-    x = states_and_controls(nlp, solution.x, np.array([0.0]))[0][0]
-    states, cost = [], 0.0
-    for k in range(mesh.elements):
-        y = solution.x[k * layout.size : (k + 1) * layout.size] * layout.scale
-        p = np.concatenate([[t0 + edges[k] * (tf - t0), h[k] * (tf - t0)], y[layout.u].reshape(-1), P])
-        try:
-            result = integrator(x0=x, p=p)
-        except RuntimeError:
-            time = t0 + edges[k] * (tf - t0)
-            return Resimulation(
-                SolveStatus.FAILED,
-                f"the integrator stopped after {time:.6g} s: the input leads out of the model's range",
-                None, {}, np.inf, np.inf, "", np.inf, ranges,
-            )  # fmt: skip
-        states.append(np.vstack([x, np.asarray(result["xf"].full()).T]))
-        x = states[-1][-1]
-        cost += float(np.sum(np.asarray(result["qf"].full())[:, -1]))
+    states, cost = _integrate(solution, tolerance)
+    if len(states) < mesh.elements:
+        time = t0 + edges[len(states)] * (tf - t0)
+        return Resimulation(
+            SolveStatus.FAILED,
+            f"the integrator stopped after {time:.6g} s: the input leads out of the model's range",
+            None, {}, np.inf, np.inf, "", np.inf, ranges,
+        )  # fmt: skip
     # both ends of every element: a control may jump at an edge
     s = (edges[:-1, None] + h[:, None] * fine).reshape(-1)
     s[-1] = 1.0
@@ -101,6 +91,28 @@ def resimulate(solution: Solution, tolerance: float = INTEGRATOR_TOLERANCE) -> R
     return Resimulation(
         SolveStatus.SOLVED, "re-simulated", trajectory, end, defect, violation, name, cost_error, ranges
     )
+
+
+def _integrate(solution: Solution, tolerance: float) -> tuple[list[np.ndarray], float]:
+    """States (SUBSTEPS + 1, nx) in each element, up to where the integrator stops, and the integral cost."""
+    nlp = solution.nlp
+    mesh, layout = nlp.mesh, nlp.element.layout
+    t0, tf = horizon(nlp, solution.x)
+    P = constants(nlp, solution.x)
+    integrator = _integrator(nlp, tolerance)
+    x = states_and_controls(nlp, solution.x, np.array([0.0]))[0][0]
+    states, cost = [], 0.0
+    for k in range(mesh.elements):
+        y = solution.x[k * layout.size : (k + 1) * layout.size] * layout.scale
+        p = np.concatenate([[t0 + mesh.edges[k] * (tf - t0), mesh.h[k] * (tf - t0)], y[layout.u].reshape(-1), P])
+        try:
+            result = integrator(x0=x if len(x) else 0.0, p=p)
+        except RuntimeError:
+            break
+        states.append(np.vstack([x, np.asarray(result["xf"].full()).T[:, : len(x)]]))
+        x = states[-1][-1]
+        cost += float(np.sum(np.asarray(result["qf"].full())[:, -1]))
+    return states, cost
 
 
 def _mayer(solution: Solution, integrated: Callable[[float], tuple[np.ndarray, ...]], P: np.ndarray) -> float:
@@ -152,6 +164,8 @@ def _integrator(nlp: Nlp, tolerance: float) -> ca.Function:
     weights = ca.DM([w for _, _, w in problem.integrals]) if problem.integrals else ca.DM(0, 1)
     quad = length * ca.dot(weights, point[3]) if problem.integrals else ca.SX(0)
     dae = {"x": problem.x, "p": ca.vertcat(left, length, U, P), "t": s, "ode": length * rates, "quad": quad}
+    if not problem.x.numel():  # CVODES wants a state
+        dae |= {"x": ca.SX.sym("nothing"), "ode": ca.SX(0)}
     options = {"abstol": tolerance, "reltol": tolerance, "quad_err_con": True, "max_num_steps": 100000}
     options |= {"verbose": False, "disable_internal_warnings": True, "show_eval_warnings": False}
     grid = np.linspace(0.0, 1.0, SUBSTEPS + 1)[1:].tolist()

@@ -57,7 +57,7 @@ class SolverOptions:
                 raise ValueError(f"{name} is one of {', '.join(words)}; found '{getattr(self, name)}'")
 
 
-class NotSolved(RuntimeError):  # noqa: N818  reads as a sentence: except NotSolved
+class NotSolved(RuntimeError):
     """Raised by solve() when the problem was not solved; `.solution` holds the best iterate."""
 
     def __init__(self, solution: Solution) -> None:

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import casadi as ca
-import control
 import numpy as np
 
 from ..compiler.causal import flat_of
@@ -17,6 +16,9 @@ from ..lang.model import Model
 from ..lang.source import ModelError
 from .inputs import Inputs
 from .systems import Systems
+
+if TYPE_CHECKING:
+    import control
 
 
 @dataclass(frozen=True)
@@ -81,7 +83,9 @@ def linearize(
         fx, fu, gx, gu = fx + fz @ zx, fu + fz @ zu, gx + gz @ zx, gu + gz @ zu
     if not all(np.all(np.isfinite(m)) for m in (fx, fu, gx, gu)):
         raise ModelError(f"{flat.title}: the model is singular at this point; linearise at another one")
-    return control.ss(
+    import control  # slow to import, and only needed here
+
+    linear = control.ss(
         fx, fu, gx, gu,
         name=flat.title,
         states=list(system.states),
@@ -89,6 +93,8 @@ def linearize(
         outputs=[flat.symbol_name(*p) for p in asked],
         params={"rates": dict(zip(system.states, rates.reshape(-1).tolist(), strict=True))},
     )  # fmt: skip
+    assert isinstance(linear, control.StateSpace)
+    return linear
 
 
 def _values(flat: FlatModel, known: list[int], given: Mapping[str, Any]) -> dict[int, float]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import casadi as ca
 import numpy as np
 import pytest
 from hypothesis import assume, given
@@ -42,7 +43,11 @@ class TestConstantPivots:
         A = np.array([[0.1, 0.3, 1.0], [0.3, 0.9, -1.0], [0.7, 0.2, 5.0]])
         b = np.array([1.0, 2.0, 3.0])
         assert 0.9 - 0.3 * 0.3 / 0.1 != 0.0
-        assert relative_error(solution(linear(A, b)), np.linalg.solve(A, b)) < ROUND_OFF
+        model = linear(A, b)
+        assert relative_error(solution(model), np.linalg.solve(A, b)) < ROUND_OFF
+        f = model.causal("u", "x").casadi
+        constants = [f.instruction_constant(k) for k in range(f.n_instructions()) if f.instruction_id(k) == ca.OP_CONST]
+        assert min(map(abs, constants), default=1.0) > 1e-3  # and no round-off is carried along as a coefficient
 
     @pytest.mark.parametrize("tiny", [1e-10, 1e-14, -1e-17])
     def test_tiny_entries_are_no_pivots(self, tiny):

@@ -69,6 +69,33 @@ class TestOthers:
         assert states(RODS, ("q[0]", "q[1]", "tau[2]"), "der(q[2],2)", prefer="q[2]") == ["q[2]", "der(q[2])"]
 
 
+class Platform(gt.Model):
+    """A planar rigid platform on three equal rods whose ends form equal triangles; it is turned by (c, s)."""
+
+    corners = ([0.0, 0.0], [1.0, 0.0], [0.3, 0.7])
+    L = gt.parameter(1.0, positive=True)
+    m = gt.parameter(2.0, positive=True)
+    J = gt.parameter(0.3, positive=True)
+    T = gt.variable(2)
+    c = gt.variable(start=1.0)
+    s = gt.variable(start=0.0)
+    spin = gt.variable()
+    pull = gt.variable(3)
+
+    def equations(self):
+        yield self.c**2 + self.s**2 == 1
+        yield self.spin == self.c * der(self.s) - self.s * der(self.c)
+        force, moment = 0 * self.T, 0 * self.c
+        for i, b in enumerate(self.corners):
+            arm = gt.vector([self.c * b[0] - self.s * b[1], self.s * b[0] + self.c * b[1]])
+            rod = self.T + arm - np.array(b)
+            yield gt.dot(rod, rod) == self.L**2
+            force = force - self.pull[i] * rod
+            moment = moment - self.pull[i] * (arm[0] * rod[1] - arm[1] * rod[0])
+        yield self.m * der(self.T, 2) == force
+        yield self.J * der(self.spin) == moment
+
+
 # Home positions of the plate, all with some reach to spare.
 HOMES = np.array([1.5, -0.5, 0.8]) + 0.3 * np.random.default_rng(0).uniform(-1, 1, (10, 3))
 
@@ -121,8 +148,32 @@ class TestRedundancy:
             Hidden().causal(["u", "w"], ["x", "y"])
         assert error.match(r"2 equations of rank 1 .*undetermined \(singular\): Hidden equation 1 .*Hidden equation 2")
 
-    def test_a_planar_loop_in_space(self):
-        # two rods in parallel between the same points: the classical redundancy
+    @pytest.mark.parametrize("angle", [0.3, 1.0, 2.0])
+    def test_a_platform_on_three_parallel_rods(self, angle):
+        # the rods are redundant in the platform's upright position only, which they enforce themselves
+        model = Platform(T=dict(start=[np.cos(angle), np.sin(angle)]))
+        with pytest.raises(gt.ModelError, match=r"4 equations of rank 3 in stage -2 \(positions\)"):
+            model.causal((), ["T", "c", "s"])
+
+    def test_poor_geometry_is_not_redundancy(self):
+        # two circles whose centres are a tenth of a millimetre apart: three digits are lost, no more
+        class Close(gt.Model):
+            P = gt.variable(2, unit="m", start=[0.3, 0.9])
+            r = gt.input(2, unit="m", start=[1.0, 0.99995])
+
+            def equations(self):
+                d = self.P - [1e-4, 0.0]
+                yield gt.dot(self.P, self.P) == self.r[0] ** 2
+                yield gt.dot(d, d) == self.r[1] ** 2
+                yield gt.branch("up", self.P[1])
+
+        P, status = Close().causal("r", "P")([1.0, 0.99996])
+        x = (1e-8 + 1 - 0.99996**2) / 2e-4
+        assert status == gt.Status.OK
+        assert np.allclose(P, [x, np.sqrt(1 - x**2)], rtol=1e-9)
+
+    def test_a_rod_twice(self):
+        # two rods between the same points: the simplest redundancy
         class Doubled(Pendulum):
             second = gt.variable(unit="N/m")
 

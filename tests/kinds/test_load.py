@@ -6,13 +6,15 @@ from typing import Any, Literal
 import pytest
 from pydantic import Field
 
-from gtmodel.kinds import InputError, Problem, Section, load
+from gtmodel.kinds import InputError, Problem, Section, load, names
 from gtmodel.kinds.fields import keys_of
 from gtmodel.kinds.load import check, parse, validate
 from gtmodel.kinds.settings import apply
 from gtmodel.kinds.units import split
 
 LOAD = load.load
+
+KINDS = ", ".join(names())
 
 
 class Limits(Section):
@@ -119,8 +121,8 @@ def test_what_is_no_toml_names_its_line(content: bytes, sentence: str) -> None:
 @pytest.mark.parametrize(
     ("data", "sentence"),
     [
-        ({}, "kind: is missing; expected one of trajectory, codegen, optimization"),
-        ({"kind": 3}, "kind: expected a text, one of trajectory, codegen, optimization; found 3"),
+        ({}, f"kind: is missing; expected one of {KINDS}"),
+        ({"kind": 3}, f"kind: expected a text, one of {KINDS}; found 3"),
         ({"kind": "trajctory"}, "kind: there is no kind 'trajctory'; did you mean 'trajectory'?"),
     ],
 )

@@ -53,27 +53,67 @@ class TestBounds:
             yield from super().equations()
             yield self.w == 2 * self.u
 
+    class Turned(Free):
+        def constraints(self):
+            yield -2 * self.u >= -1.5
+
     class Scaled(Free):
         limit = gt.parameter(0.75, positive=True)
 
         def constraints(self):
             yield 3 * self.u / self.limit <= 3
 
-    @pytest.mark.parametrize("cls", [AsConstraint, AsRow, Negated, Eliminated, Scaled])
-    def test_optimum(self, cls):
-        assert cost(cls()) == pytest.approx(cost(problems.VanDerPol()), rel=SOLVER)
+    @pytest.mark.parametrize("formulation", ["explicit", "inverse"])
+    @pytest.mark.parametrize("cls", [AsConstraint, AsRow, Negated, Eliminated, Turned, Scaled])
+    def test_optimum(self, cls, formulation):
+        assert cost(cls(), formulation=formulation) == pytest.approx(cost(problems.VanDerPol()), rel=SOLVER)
 
     def test_the_bound_is_felt(self):
         assert cost(self.Free()) < cost(problems.VanDerPol()) - 1e-3
 
     def test_what_is_linear_in_one_variable_is_a_bound_of_it(self):
         for cls, rows in (
-            (self.AsConstraint, 0), (self.Negated, 0), (self.Scaled, 0), (self.AsRow, 1), (self.Eliminated, 1)
+            (self.AsConstraint, 0), (self.Negated, 0), (self.Scaled, 0), (self.Turned, 0), (self.AsRow, 1),
+            (self.Eliminated, 1),
         ):  # fmt: skip
             built = solve(cls(), Mesh(2, 1), throw=False, solver=SolverOptions(max_iterations=0)).problem
             assert len(built.path) == rows, cls.__name__
             if not rows:
                 assert built.u_bounds.high == pytest.approx([0.75], abs=1e-15)
+
+
+class TestStateBounds:
+    class Bounded(problems.VanDerPol):
+        x2 = gt.variable(start=1.0, fixed=True, min=-0.05)
+
+    class Mirrored(problems.VanDerPol):
+        """The state under a name with the other sign."""
+
+        below = gt.variable(max=0.05)
+
+        def equations(self):
+            yield from super().equations()
+            yield self.below == -self.x2
+
+    @pytest.mark.parametrize("formulation", ["explicit", "inverse"])
+    def test_a_bound_under_another_sign(self, formulation):
+        a = solve(self.Bounded(), Mesh(20, 3), solver=SolverOptions(formulation=formulation))
+        b = solve(self.Mirrored(), Mesh(20, 3), solver=SolverOptions(formulation=formulation))
+        assert a.objective == pytest.approx(b.objective, rel=SOLVER)
+        assert a.trajectory["x2"].min() == pytest.approx(-0.05, abs=1e-6)
+        assert not b.problem.path
+
+    @pytest.mark.parametrize("scheme", ["radau", "gauss"])
+    def test_the_end_keeps_the_bounds(self, scheme):
+        """With Gauss points the end is no collocation point, but it has its bound."""
+
+        class Emptied(features.Tank):
+            x = gt.variable(start=1.0, fixed=True, min=0.5, nominal=2.0)
+
+            def objective(self):
+                return self.x.at(self.final_time)
+
+        assert cost(Emptied(), Mesh(5, 2, scheme)) == pytest.approx(0.5, abs=SOLVER)
 
 
 class TestScaling:
@@ -136,6 +176,40 @@ class TestTime:
         assert b.objective == pytest.approx(a.objective, rel=SOLVER)
         assert b.trajectory.time == pytest.approx(a.trajectory.time + 7.5, abs=1e-12)
         assert b.trajectory["x2"] == pytest.approx(a.trajectory["x2"], abs=FLAT)
+
+    @pytest.mark.parametrize("formulation", ["explicit", "inverse"])
+    def test_rates_and_time_at_an_instant(self, formulation):
+        """An acceleration asked for at an instant is that of the trajectory; time at an instant is that instant."""
+
+        class Pushed(features.TwoCarts):
+            def constraints(self):
+                yield from list(super().constraints())[:-2]
+                yield der(self.q[0], 2).at(self.final_time) == -1.5
+                yield (self.time * der(self.q[1], 2)).at(self.final_time) == 0.5
+
+        run = solve(Pushed(), Mesh(10, 3), solver=SolverOptions(formulation=formulation)).trajectory
+        assert run["der(q,2)"][-1, 0] == pytest.approx(-1.5, abs=1e-6)
+        assert run["der(q,2)"][-1, 1] * run.time[-1] == pytest.approx(0.5, abs=1e-6)
+
+    @pytest.mark.parametrize("at", [0.4, 1.0, 1.7])
+    def test_time_at_an_inner_instant(self, at):
+        class Clocked(features.Tank):
+            start_time = 0.1
+
+            def constraints(self):
+                yield (self.x * self.rate * self.time).at(at) == 0.7 * at
+
+        solution = solve(Clocked(), Mesh(10, 3))
+        found = solution.sample(np.array([0.0, (at - 0.1) / 1.9, 1.0]))["x"][1]
+        assert found == pytest.approx(0.7, abs=1e-7)
+
+    def test_length_of_a_free_horizon_by_a_constraint_turned_round(self):
+        class Turned(problems.DoubleIntegratorBoth):
+            def constraints(self):
+                yield from problems.DoubleIntegrator.constraints(self)
+                yield 2 * self.start_time - 2 * self.final_time <= -0.2
+
+        assert cost(Turned()) == pytest.approx(2.0, rel=1e-6)
 
     def test_a_parameter_as_final_time(self):
         class Parametric(problems.VanDerPol):

@@ -184,13 +184,14 @@ class TestSmallProblems:
         assert 1e-10 < finer.defect < 0.6 * run.defect < 0.06
         assert len(run.trajectory) == mesh.elements * SUBSTEPS + 1
 
-    def test_overshoot_is_the_largest_value_anywhere(self):
-        solution = solve(problems.DoubleIntegratorBack(), Mesh(9, 4), guess=problems.back_guess())
+    @pytest.mark.parametrize("count", [2, 3, 4])
+    def test_overshoot_is_the_largest_value_anywhere(self, count):
+        solution = solve(problems.DoubleIntegratorBack(), Mesh(9, count), guess=problems.back_guess())
         run = resimulate(solution)
         fine = np.linspace(0.0, 1.0, 4001)
-        u = solution.trajectory["u"][1:].reshape(9, 4)
+        u = solution.trajectory["u"][1:].reshape(9, count)
         points = solution.nlp.mesh.table.points
-        values = np.array([np.polyval(np.polyfit(points, row, 3), fine) for row in u])
+        values = np.array([np.polyval(np.polyfit(points, row, count - 1), fine) for row in u])
         low, high = run.control_range["u"]
         assert [low, high] == pytest.approx([values.min(), values.max()], abs=1e-6)
         assert run.violation == pytest.approx(max(high - 1, -1 - low), rel=1e-12) and run.violated == "u"
@@ -228,6 +229,24 @@ class TestSmallProblems:
             assert run.status is SolveStatus.SOLVED, model
             assert run.defect < 1e-3 and abs(run.cost_error) < 1e-3, model
             assert run.trajectory.time[[0, -1]] == pytest.approx(solution.trajectory.time[[0, -1]], abs=1e-12)
+
+    def test_no_state_at_all(self):
+        class Static(gt.Optimization):
+            u = gt.input()
+            y = gt.variable()
+            rate = gt.parameter(1.0, unit="1/s")
+
+            def equations(self):
+                yield self.y == 2 * self.u
+
+            def objective(self):
+                return gt.integral((self.y - self.rate * self.time) ** 2 + self.y**2)
+
+        solution = solve(Static(), Mesh(4, 2))
+        run = resimulate(solution)
+        assert solution.trajectory["y"] == pytest.approx(solution.trajectory.time / 2, abs=1e-8)
+        assert solution.objective == pytest.approx(1 / 6, rel=1e-8)  # int t^2 / 2
+        assert run.defect == 0.0 and run.cost_error == pytest.approx(0.0, abs=INTEGRATORS)
 
     def test_input_that_leaves_the_range_of_the_model(self):
         class Funnel(gt.Optimization):

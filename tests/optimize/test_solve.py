@@ -13,7 +13,7 @@ from gtmodel import ModelError, SolveStatus, Trajectory, der
 from gtmodel.optimize import Mesh, NotSolved, SolverOptions, solve
 from gtmodel.optimize.resimulate import resimulate
 from tests.optimize.features import Tank
-from tests.optimize.problems import DoubleIntegrator, StirredTank, VanDerPol, VanDerPolTime
+from tests.optimize.problems import DoubleIntegrator, ImplicitBlock, StirredTank, VanDerPol, VanDerPolTime
 from tests.support.models import Pendulum, SliderCrank
 
 COARSE = Mesh(5, 2)
@@ -118,6 +118,13 @@ WRONG = {
         lambda: case(start_time=gt.free(0.0), final_time=gt.free(1.0, min=0.1)),
         "bound their difference: yield self.final_time - self.start_time >= 0.1",
     ),
+    "both ends free, and bounded from above only": (
+        lambda: case(
+            start_time=gt.free(0.0), final_time=gt.free(1.0, min=0.1),
+            constraints=lambda self: [self.start_time - self.final_time >= -3, self.final_time + self.start_time >= 1],
+        ),
+        "bound their difference: yield self.final_time - self.start_time >= 0.1",
+    ),
     "horizon reversed": (lambda: case(start_time=3.0), "the horizon ends at 2 s, not after 3 s"),
     "horizon empty": (lambda: case(start_time=2.0), "the horizon ends at 2 s, not after 2 s"),
     "final time is a text": (
@@ -143,6 +150,10 @@ WRONG = {
     "derivative of a control": (
         lambda: case(constraints=lambda self: [der(self.u) <= 1]),
         r"Case needs der\(u\), but a control may jump; make it a state and its derivative the control",
+    ),
+    "a block without a closed form": (
+        ImplicitBlock,
+        r"ImplicitBlock: the equations for y\d.* have no closed form, and optimisation needs one",
     ),
     "no optimisation": (
         lambda: type("Plain", (gt.Model,), {"x": gt.variable(), "equations": lambda self: [der(self.x) == -self.x]})(),
@@ -226,6 +237,17 @@ class TestGuess:
         first = solve(Named(), COARSE, guess=guess, throw=False, solver=SolverOptions(max_iterations=0))
         assert first.problem.state_names == ["x", "der(x)"]
         assert first.trajectory["v"][5] == pytest.approx(-3.0 * first.trajectory.time[5] / 2.0)
+
+    def test_start_value_of_another_name(self):
+        class Named(DoubleIntegrator):
+            v = gt.variable()
+            back = gt.variable(start=0.25)
+
+            def equations(self):
+                yield from super().equations()
+                yield self.back == -self.v
+
+        assert attempt(Named(), max_iterations=0).trajectory["v"] == pytest.approx(-0.25)
 
 
 class TestStops:

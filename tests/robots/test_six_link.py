@@ -248,15 +248,8 @@ def test_a_wrist_on_the_plate(motion):
     )
     p, pd, pdd = np.random.default_rng(4).normal(size=(3, COUNT, 2))
     given = {"q": q, "der(q)": qd, "der(q,2)": qdd, "p": p, "der(p)": pd, "der(p,2)": pdd}
-    inverse = r.causal(["q", "p"], ["tau", "wrist.tau"])
-    tau, torque = values(inverse, *[given[s.name] for s in inverse.inputs])
-    forward = r.causal(["tau", "wrist.tau"], ["der(q,2)", "der(p,2)"], prefer=["q", "p"])
-    assert forward.plan.structure.degrees_of_freedom == 10
-    given |= {"tau": tau, "wrist.tau": torque}
-    cart, axis = values(forward, *[given[s.name] for s in forward.inputs])
-    assert relative_error(cart, qdd) < TWO_SOLVES
-    assert relative_error(axis, pdd) < 10 * TWO_SOLVES  # inertias down to 5e-4 kg m2 beside 60 kg
-    assert power_balance(r, {k: v[0] for k, v in given.items()}, ["q", "p"]) < ROUND_OFF
+    for k in range(10):
+        assert power_balance(r, {name: x[k] for name, x in given.items()}, ["q", "p"]) < ROUND_OFF
 
 
 class TestPathRestriction:
