@@ -188,6 +188,7 @@ def flatten(model: Model | Builder) -> FlatModel:
     for residual, label, path, where in connection_equations(tree, connections):
         equations.append(FlatEquation(residual, label, path, where))
     parameters = _parameters(tree)
+    positive = _flagged(tree, "positive")
     return FlatModel(
         scope=tree.scope,
         title=model.title if isinstance(model, Builder) else type(model).__name__,
@@ -200,7 +201,7 @@ def flatten(model: Model | Builder) -> FlatModel:
         root=tree.root,
         initial=initial,
         energies=energies,
-        positive=frozenset(q.name for q in parameters if q.symbol.element_hash() in _flagged(tree, "positive")),
+        positive=frozenset(q.name for q in parameters if q.symbol.element_hash() in positive),
     )
 
 

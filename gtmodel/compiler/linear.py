@@ -95,16 +95,16 @@ class _Entries:
 
     def __init__(self, signs: SignAnalysis) -> None:
         self._signs = signs
-        self._known: dict[int, tuple[ca.SX, str | None, float]] = {}
+        self.known: dict[int, tuple[ca.SX, str | None, float]] = {}
 
     def learn(self, entries: list[ca.SX]) -> None:
-        new = {e.element_hash(): e for e in entries if e.element_hash() not in self._known}
+        new = {id(e): e for e in entries if id(e) not in self.known}
         for (key, e), size in zip(new.items(), self._signs.sizes(list(new.values())), strict=True):
-            self._known[key] = (e, self._signs.kind(e), size)
+            self.known[key] = (e, self._signs.kind(e), size)
 
     def __call__(self, e: ca.SX) -> tuple[str | None, float]:
         """("constant" | "parameter" | None: may it be divided by, size)."""
-        return self._known[e.element_hash()][1:]
+        return self.known[id(e)][1:]
 
 
 def _difference(a: ca.SX, b: ca.SX) -> ca.SX:
@@ -117,18 +117,21 @@ def _difference(a: ca.SX, b: ca.SX) -> ca.SX:
 
 def _cheapest(rows: dict[int, dict[int, ca.SX]], count: dict[int, int], entry: _Entries) -> tuple[int, int] | None:
     """Row and column of the cheapest allowed pivot that is not tiny beside its column."""
+    known = entry.known
     largest: dict[int, float] = {}
-    for row in rows.values():
-        for j, value in row.items():
-            largest[j] = max(largest.get(j, 0.0), entry(value)[1])
+    facts = {i: {j: known[id(value)] for j, value in row.items()} for i, row in rows.items()}
+    for row in facts.values():
+        for j, fact in row.items():
+            if fact[2] > largest.get(j, 0.0):
+                largest[j] = fact[2]
     best: tuple[float, int, int] | None = None
     for i in sorted(rows):
-        row = rows[i]
+        row = facts[i]
         for j in sorted(row):
             fill = (len(row) - 1) * (count[j] - 1)
             if best is not None and fill >= best[0]:
                 continue
-            kind, size = entry(row[j])
+            _, kind, size = row[j]
             if kind is None or not size >= MIN_PIVOT_RATIO * largest[j]:
                 continue
             cost = pivot_cost(kind, fill, size, largest[j])

@@ -24,7 +24,7 @@ class SignAnalysis:
 
     def __init__(self, flat: FlatModel, sampler: Sampler, points: np.ndarray) -> None:
         self._arguments = [sampler.w, flat.p, flat.scope.time]
-        self._points = [[w, flat.p0, 0.0] for w in points]
+        self._points = [ca.DM(np.asarray(points).T), ca.DM(flat.p0), ca.DM(0.0)]
         self._symbols: dict[int, str] = {}
         for q in flat.parameters:
             sign = UNKNOWN
@@ -46,7 +46,9 @@ class SignAnalysis:
         varying = [n for n, e in enumerate(expressions) if not e.is_constant()]
         if varying:
             f = ca.Function("sizes", self._arguments, [ca.vertcat(*[expressions[n] for n in varying])])
-            found = np.median([np.abs(f(*point).full().reshape(-1)) for point in self._points], axis=0)
+            count = self._points[0].shape[1]
+            values = (f.map(count) if count > 1 else f).call(self._points)[0]
+            found = np.median(np.abs(np.array(ca.densify(values).nonzeros())).reshape(count, -1), axis=0)
             for n, value in zip(varying, found.tolist(), strict=True):
                 sizes[n] = value
         return sizes

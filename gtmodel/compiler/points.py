@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
+from scipy.sparse import csc_matrix, diags
+from scipy.sparse.linalg import splu
 
 from ..lang.source import ModelError
 from .flat import FlatModel
@@ -22,6 +25,33 @@ NARROW = 0.005
 HELD = 0.1
 # steps in which what has none follows what has one or is known, which waits
 FOLLOWING_STEPS = 10
+
+
+class _Stage:
+    def __init__(self, fun: ca.Function, sparsity: ca.Sparsity) -> None:
+        self._fun = fun
+        self._shape = sparsity.shape
+        self._indices, self._pointers = np.array(sparsity.row()), np.array(sparsity.colind())
+
+    def __call__(self, w: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, csc_matrix | None]:
+        r, values = (np.array(x.nonzeros()) for x in self._fun.call([ca.DM(w), ca.DM(p), ca.DM(0.0)]))
+        if not np.all(np.isfinite(r)) or not np.all(np.isfinite(values)):
+            return r, None
+        return r, csc_matrix((values, self._indices, self._pointers), shape=self._shape)
+
+
+def _least_norm(jacobian: csc_matrix, reach: np.ndarray, r: np.ndarray) -> np.ndarray:
+    scaled = jacobian @ diags(reach)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        try:
+            step = scaled.T @ splu((scaled @ scaled.T).tocsc()).solve(-r)
+        except RuntimeError:
+            step = np.full(len(reach), np.nan)
+    left = np.linalg.norm(scaled @ step + r)
+    if not left <= 1e-6 * np.linalg.norm(r):
+        step = np.linalg.lstsq(scaled.toarray(), -r, rcond=1e-10)[0]
+    return reach * step
 
 
 @dataclass
@@ -51,8 +81,8 @@ class Sampler:
             columns = ca.vertcat(*[self.w[n] for n in new]) if new else ca.SX(0, 1)
             jacobian = ca.jacobian(residual, columns)
             arguments = [self.w, self.flat.p, scope.time]
-            fun = ca.Function("stage", arguments, [residual, ca.densify(jacobian)])
-            self._functions.append((fun, np.array(new, dtype=int)))
+            fun = ca.Function("stage", arguments, [ca.densify(residual), ca.densify(jacobian.nz[:])])
+            self._functions.append((_Stage(fun, jacobian.sparsity()), np.array(new, dtype=int)))
         nominal = [self.flat.variables[index].nominal for index, _ in self.pairs]
         started = np.array([pair in self.starts for pair in self.pairs], dtype=bool)
         self._reach = np.multiply(nominal, np.where(started, HELD, 1.0))
@@ -103,14 +133,13 @@ class Sampler:
             if not np.array_equal(first, second):
                 self._follow(fun, new, second, w, p)
             for _ in range(NEWTON_STEPS):
-                r, jacobian = (np.asarray(x) for x in fun(w, p, 0.0))
-                r = r.reshape(-1)
-                if not np.all(np.isfinite(r)) or not np.all(np.isfinite(jacobian)):
+                r, jacobian = fun(w, p)
+                if jacobian is None:
                     return np.inf
                 norm = float(np.max(np.abs(r), initial=0.0))
                 if norm <= RESIDUAL_TOLERANCE * 1e-2 or new.size == 0:
                     break
-                step = self._reach[new] * np.linalg.lstsq(jacobian * self._reach[new], -r, rcond=1e-10)[0]
+                step = _least_norm(jacobian, self._reach[new], r)
                 if np.max(np.abs(step)) <= 1e-15 * (1 + np.max(np.abs(w[new]))):
                     break
                 w[new] += step
@@ -120,18 +149,17 @@ class Sampler:
                 return worst
         return worst
 
-    def _follow(self, fun: ca.Function, new: np.ndarray, reach: np.ndarray, w: np.ndarray, p: np.ndarray) -> None:
+    def _follow(self, fun: _Stage, new: np.ndarray, reach: np.ndarray, w: np.ndarray, p: np.ndarray) -> None:
         """Let what has a reach follow what has none, as far as it goes: else a wrong solution may be the nearest."""
         if not np.any(reach) or np.all(reach):
             return
         best = np.inf
         for _ in range(FOLLOWING_STEPS):
-            r, jacobian = (np.asarray(x) for x in fun(w, p, 0.0))
-            r = r.reshape(-1)
-            if not np.all(np.isfinite(r)) or not np.all(np.isfinite(jacobian)):
+            r, jacobian = fun(w, p)
+            if jacobian is None:
                 return
             size = float(np.linalg.norm(r))
             if size > 0.9 * best or size <= RESIDUAL_TOLERANCE * 1e-2:
                 return
             best = size
-            w[new] += reach * np.linalg.lstsq(jacobian * reach, -r, rcond=1e-10)[0]
+            w[new] += _least_norm(jacobian, reach, r)

@@ -60,12 +60,15 @@ def eliminate_explicit(
         entries = triplets(jacobian)
         row_count = np.bincount([e[0] for e in entries], minlength=len(residuals))
         col_count = np.bincount([e[1] for e in entries], minlength=len(unknowns))
-        nonlinear = {i for i, _, v in entries if any(s.element_hash() in keys for s in ca.symvar(v))}
+        within = ca.jacobian_sparsity(ca.vertcat(*[v for _, _, v in entries]), u).row() if entries else []
+        nonlinear = {entries[k][0] for k in within}
         sizes = signs.sizes([value for _, _, value in entries])
         largest = np.zeros(len(unknowns))
         np.maximum.at(largest, [e[1] for e in entries], sizes)
         best = None
         for (i, j, value), size in zip(entries, sizes, strict=True):
+            if best is not None and (row_count[i] - 1) * (col_count[j] - 1) >= best[0]:
+                continue
             kind = signs.kind(value)
             if kind is None:
                 continue

@@ -109,10 +109,12 @@ def _best(
     best: list[int] = []
     quality = 0.0
     position = {j: n for n, j in enumerate(cols)}
+    seen: set[tuple[int, ...]] = set()
     for m in scaled:
         chosen = _greedy(m, [[position[j] for j in g] for g in groups], len(rows))
-        if len(chosen) < len(rows):
+        if len(chosen) < len(rows) or tuple(sorted(chosen)) in seen:
             continue
+        seen.add(tuple(sorted(chosen)))
         worst = min(_conditioning(other[:, chosen]) for other in scaled)
         if worst > quality:
             best, quality = [cols[n] for n in chosen], worst
@@ -131,20 +133,24 @@ def _conditioning(m: np.ndarray) -> float:
 
 def _greedy(m: np.ndarray, groups: list[list[int]], count: int) -> list[int]:
     """Pivoted elimination group by group; ties go to the first declared column."""
-    rest = m.copy()
+    rest = m.T.copy()  # columns of m, each contiguous
     limit = RANK_TOLERANCE * max(1.0, float(np.max(np.linalg.norm(m, axis=0), initial=0.0)))
     chosen: list[int] = []
-    for group in groups:
-        left = list(group)
-        while left and len(chosen) < count:
-            norms = np.linalg.norm(rest[:, left], axis=0)
+    for n, group in enumerate(groups):
+        left = np.array(group, dtype=int)
+        todo = np.array([j for g in groups[n:] for j in g], dtype=int)
+        while left.size and len(chosen) < count:
+            norms = np.sqrt(np.einsum("ij,ij->i", rest[left], rest[left]))
             top = float(norms.max())
             if top <= limit:
                 break
             pick = int(np.argmax(norms >= top * (1 - 1e-9)))
-            j = left.pop(pick)
-            q = rest[:, j] / np.linalg.norm(rest[:, j])
-            rest -= np.outer(q, q @ rest)
+            j = int(left[pick])
+            left = np.delete(left, pick)
+            todo = todo[todo != j]
+            q = rest[j] / norms[pick]
+            others = rest[todo]
+            rest[todo] = others - (others @ q)[:, None] * q
             chosen.append(j)
     return chosen
 

@@ -122,13 +122,13 @@ def _table(flat: FlatModel, name: str, index: int, value: Any) -> tuple[np.ndarr
     """(times, values, interpolation) where the value is a table or a trajectory, else None."""
     interpolation = "linear"
     if isinstance(value, tuple) and len(value) == 2 and isinstance(value[1], str):
+        if not isinstance(value[0], (Trajectory, tuple)):
+            raise ModelError(f"input '{name}' takes (times, values), or that or a Trajectory with an interpolation")
         value, interpolation = value
         if interpolation not in INTERPOLATIONS:
             raise ModelError(
                 f"input '{name}': there is no interpolation '{interpolation}'; it is one of {', '.join(INTERPOLATIONS)}"
             )
-        if not isinstance(value, (Trajectory, tuple)):
-            raise ModelError(f"input '{name}': only (times, values) or a Trajectory can be interpolated")
     if isinstance(value, Trajectory):
         try:
             values, unit = value[name], value.unit(name)

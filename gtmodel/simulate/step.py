@@ -9,6 +9,8 @@ from .reduced import Reduced
 
 # equal intervals in one call: the multistep method keeps its order and step size over them
 CHUNKS = (50, 10, 1)
+# internal steps in one interval: where that is not enough, the interval is halved
+MOST_STEPS = 5000
 
 
 class Stepper:
@@ -37,7 +39,7 @@ class Stepper:
         self._options: dict[str, object] = {
             "abstol": tolerance,
             "reltol": tolerance,
-            "max_num_steps": 100000,
+            "max_num_steps": MOST_STEPS,
             "disable_internal_warnings": True,
             "show_eval_warnings": False,  # a step that leaves the model's range is tried again, shorter
         }

@@ -56,7 +56,7 @@ class Systems:
         expressions = [*outputs, *(e.expression for e in flat.energies), *(e.residual for e in flat.equations)]
         targets = {(v.index, 0) for v in flat.variables} | set(flat.scope.symbols_in(ca.vertcat(*expressions)))
         self.plan = self._first_plan(sorted(targets))
-        self._targets = [p for p in self.plan.pairs if p[0] not in set(inputs.known)]
+        self._targets = self.plan.pairs
         self.watch = Watch(self.plan, frozenset(self.plan.alias.resolve(i, 0)[1] for i in prefer))
         self._made: dict[Choice, list[System]] = {}
 
