@@ -313,6 +313,10 @@ def _compile(
     indices = [i for _, _, g in groups for i in g]
     if len(set(indices)) != len(indices):
         raise ModelError(f"{flat.title}: a known variable is named twice in {', '.join(known)}")
+    used = {i for e in flat.equations for i, _ in flat.scope.symbols_in(e.residual)}
+    for i in indices:
+        if i not in used:
+            raise ModelError(f"'{flat.variables[i].name}' is given as known, but no equation uses it")
     outputs = []
     for text in targets:
         shape, group, order = flat.lookup(text)
@@ -325,9 +329,7 @@ def _compile(
     numbers = ca.SX(ca.DM(flat.require_values()))
     plan = make_plan(flat, indices, pairs, preferred, branches, fold=numbers)
     signals = input_signals(plan, groups)
-    return CausalFunction(
-        plan, signals, outputs, name or _function_name(outputs, groups), groups, preferred, branches
-    )
+    return CausalFunction(plan, signals, outputs, name or _function_name(outputs, groups), groups, preferred, branches)
 
 
 def flat_of(model: Model | Builder) -> FlatModel:

@@ -9,9 +9,7 @@ import casadi as ca
 from .plan import Plan
 
 
-def express(
-    plan: Plan, expressions: Sequence[ca.SX], extra: Sequence[tuple[ca.SX, ca.SX]] = ()
-) -> list[ca.SX]:
+def express(plan: Plan, expressions: Sequence[ca.SX], extra: Sequence[tuple[ca.SX, ca.SX]] = ()) -> list[ca.SX]:
     """Rewrite expressions of kept symbols in terms of the plan's inputs, Newton unknowns, parameters and time.
 
     Parameters become what the plan has in their place; `extra` are further (symbol, value) pairs substituted

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
-from scipy.linalg import qr
 
 from ..lang.source import ModelError
+from .pivoted import pivoted_qr
 from .plan import Plan
 
 Pair = tuple[int, int]
@@ -82,9 +82,11 @@ class _Equations:
         missing = sorted(set(flat.scope.symbols_in(residual)) - set(plan.pairs))
         if missing:
             name = flat.symbol_name(*missing[0])
-            raise ModelError(f"{flat.title}: an initial equation uses {name}; nothing that the equations need is so high")
+            raise ModelError(
+                f"{flat.title}: an initial equation uses {name}; nothing that the equations need is so high"
+            )
         # how many rows belong to each stage and those before it, and the stage in which each symbol comes up first
-        self._counts = np.cumsum([s.numel() for s in sampler.stages]).tolist()[:-1] + [residual.numel()]
+        self._counts = [*np.cumsum([s.numel() for s in sampler.stages]).tolist()[:-1], residual.numel()]
         self._stage = np.full(len(plan.pairs), len(sampler.stages))
         for n, stage in reversed(list(enumerate(sampler.stages))):
             self._stage[[sampler.position[pair] for pair in flat.scope.symbols_in(stage)]] = n
@@ -202,7 +204,7 @@ class _Equations:
         a = self(w)[1][:, columns] * self._nominal[columns]
         if not a.size:
             return np.eye(columns.size)
-        q, r, _ = qr(a.T, pivoting=True)
+        q, r, _ = pivoted_qr(a.T)
         size = np.abs(np.diag(r))
         return q[:, int(np.sum(size > RANK * np.max(size, initial=0.0))) :]
 
@@ -223,7 +225,9 @@ class _Equations:
             return f"{flat.title}: at the start values no number comes out of {at}; give other start values"
         worst = int(np.argmax(np.abs(r)))
         raw = float(np.abs(self._f(w)[0].reshape(-1)[worst]))
-        equations = [labels[i] for i in np.argsort(-np.abs(r), kind="stable")[:3] if np.abs(r[i]) > 0.1 * np.abs(r[worst])]
+        equations = [
+            labels[i] for i in np.argsort(-np.abs(r), kind="stable")[:3] if np.abs(r[i]) > 0.1 * np.abs(r[worst])
+        ]
         # at a least-squares point only the prescribed values can still pull: those that do contradict each other
         pull = np.abs(jacobian.T @ r) * np.maximum(np.abs(w), self._nominal)
         strongest = max((pull[n] for n in fixed), default=0.0)
@@ -269,7 +273,7 @@ def start_values(
             (held if v.fixed else guess).setdefault((kept, order), sign * v.start)
     names: dict[Pair, str] = {}
     for name, value in (given or {}).items():
-        shape, indices, order = flat.lookup(name)
+        _, indices, order = flat.lookup(name)
         try:
             array = np.asarray(value, dtype=float).reshape(-1)
         except (TypeError, ValueError):

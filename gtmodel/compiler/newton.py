@@ -108,7 +108,8 @@ class NewtonKernel:
             r, jacobian = self._evaluate(z[:, rows], a[:, rows])
             step = _solve_rows(jacobian * self.scale, -r.T)
             size = np.max(np.abs(step), axis=1)
-            bad = ~(size <= np.where(np.isinf(last[rows]), REACH, np.maximum(CONTRACTION * last[rows], 1e3 * CONVERGED)))
+            most = np.maximum(CONTRACTION * last[rows], 1e3 * CONVERGED)
+            bad = ~(size <= np.where(np.isinf(last[rows]), REACH, most))
             stalled = ~bad & (size > 0.5 * last[rows])  # round-off reached
             move = ~bad
             z[:, rows[move]] += self.scale[:, None] * step[move].T

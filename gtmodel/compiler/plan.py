@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from ..lang.source import ModelError
 from .alias import AliasResult, eliminate
 from .blocks import SolvedBlock
 from .branch import check_branches, follow, settle
@@ -90,9 +89,7 @@ def make_plan(
     check_branches(flat, branches or {})
     alias = eliminate(flat, frozenset([*known, *prefer]))
     known_set = set(known)
-    in_equations = {i for e in flat.equations for i, _ in flat.scope.symbols_in(e.residual)}
     unknowns = [v.index for v in flat.variables if v.index not in alias.removed and v.index not in known_set]
-    _check_known(flat, known, in_equations)
     structure = analyse(flat, alias.equations, unknowns)
     column = {j: n for n, j in enumerate(unknowns)}
     wanted = [alias.resolve(*t)[1:] for t in targets]
@@ -139,9 +136,7 @@ def make_plan(
     read = {p for c in reached for node in c for p in written[node] if p not in solver}
     read |= {p for p in wanted if p not in solver}
     time_key = flat.scope.time.element_hash()
-    uses_time = any(
-        s.element_hash() == time_key for c in components for i, m in c for s in ca.symvar(folded[i][m])
-    )
+    uses_time = any(s.element_hash() == time_key for c in components for i, m in c for s in ca.symvar(folded[i][m]))
     plan = Plan(
         flat, alias, structure, stages, list(known), states, sorted(read), blocks, pairs, samples, uses_time,
         parameters, sampler, _system(flat, structure, folded),
@@ -152,12 +147,6 @@ def make_plan(
         follow(plan, sampler)
     _size_margins(plan, sampler)
     return plan
-
-
-def _check_known(flat: FlatModel, known: Sequence[int], in_equations: set[int]) -> None:
-    for i in known:
-        if i not in in_equations:
-            raise ModelError(f"'{flat.variables[i].name}' is given as known, but no equation uses it")
 
 
 def _kept(alias: AliasResult, prefer: Sequence[int]) -> frozenset[int]:
@@ -207,9 +196,7 @@ def _system(flat: FlatModel, structure: Structure, derivatives: list[list[ca.SX]
     return ca.jacobian(top, columns)
 
 
-def _pairs(
-    flat: FlatModel, derivatives: list[list[ca.SX]], structure: Structure, wanted: Sequence[Pair]
-) -> list[Pair]:
+def _pairs(flat: FlatModel, derivatives: list[list[ca.SX]], structure: Structure, wanted: Sequence[Pair]) -> list[Pair]:
     pairs = {p for chain in derivatives for e in chain for p in flat.scope.symbols_in(e)}
     pairs |= {(j, m) for n, j in enumerate(structure.unknowns) for m in range(int(structure.d[n]) + 1)}
     return sorted(pairs | set(wanted))
@@ -245,9 +232,7 @@ def _solve(
     residuals = [derivatives[i][m] for i, m in rows]
     unknowns = [flat.scope.symbol(*unknown_of[n]) for n in order]
     names = [flat.symbol_name(*unknown_of[n]) for n in order]
-    equations = [
-        f"{structure.equations[i].label}{chr(39) * m} ({structure.equations[i].where})" for i, m in rows
-    ]
+    equations = [f"{structure.equations[i].label}{chr(39) * m} ({structure.equations[i].where})" for i, m in rows]
     label = names[0] if len(names) == 1 else f"{names[0]}..{names[-1]}"
     jacobian = ca.jacobian(ca.vertcat(*residuals), ca.vertcat(*unknowns))
     keys = {s.element_hash() for s in unknowns}

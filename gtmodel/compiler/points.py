@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -41,7 +42,7 @@ class _Stage:
 
 
 def _least_norm(jacobian: csc_matrix, reach: np.ndarray, r: np.ndarray) -> np.ndarray:
-    scaled = jacobian @ diags(reach)
+    scaled: Any = jacobian @ diags(reach)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:

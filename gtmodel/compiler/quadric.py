@@ -56,7 +56,6 @@ def eliminate_explicit(
     while len(unknowns) > 1:
         u = ca.vertcat(*unknowns)
         jacobian = ca.jacobian(ca.vertcat(*residuals), u)
-        keys = {s.element_hash() for s in unknowns}
         entries = triplets(jacobian)
         row_count = np.bincount([e[0] for e in entries], minlength=len(residuals))
         col_count = np.bincount([e[1] for e in entries], minlength=len(unknowns))

@@ -27,14 +27,17 @@ class Stage:
 
 
 def choose(
-    flat: FlatModel, structure: Structure, jacobians: list[np.ndarray], preferred: frozenset[int],
+    flat: FlatModel,
+    structure: Structure,
+    jacobians: list[np.ndarray],
+    preferred: frozenset[int],
     pattern: set[tuple[int, int]],
 ) -> list[Stage]:
     """Stages from positions (k = -max d) to k = 0 with their chosen columns.
 
     `jacobians` are d f_i^(c_i) / d x_j^(d_j) at several consistent points; a choice is made at the point
-    where it is best conditioned; `pattern` holds the entries that do not vanish identically. Raises ModelError for a redundant constraint or an identically singular
-    system, naming the equations of the left null vector.
+    where it is best conditioned; `pattern` holds the entries that do not vanish identically. Raises ModelError for
+    a redundant constraint or an identically singular system, naming the equations of the left null vector.
     """
     lowest = -int(structure.d.max(initial=0))
     solved: list[int] = []
@@ -155,9 +158,7 @@ def _greedy(m: np.ndarray, groups: list[list[int]], count: int) -> list[int]:
     return chosen
 
 
-def _redundant(
-    flat: FlatModel, structure: Structure, k: int, rows: list[int], scaled: list[np.ndarray]
-) -> str:
+def _redundant(flat: FlatModel, structure: Structure, k: int, rows: list[int], scaled: list[np.ndarray]) -> str:
     """Names the equations in the left null vector."""
     m = max(scaled, key=lambda a: np.linalg.matrix_rank(a, tol=RANK_TOLERANCE))
     u, s, _ = np.linalg.svd(m)
@@ -165,9 +166,9 @@ def _redundant(
     null = u[:, rank:]
     weight = np.max(np.abs(null), axis=1)
     involved = [rows[i] for i in np.flatnonzero(weight > 1e-6)]
-    shown = "; ".join(
-        f"{structure.equations[i].label} ({structure.equations[i].where})" for i in involved[:8]
-    ) + (f"; and {len(involved) - 8} more" if len(involved) > 8 else "")
+    shown = "; ".join(f"{structure.equations[i].label} ({structure.equations[i].where})" for i in involved[:8]) + (
+        f"; and {len(involved) - 8} more" if len(involved) > 8 else ""
+    )
     what = "are redundant or contradict each other" if k < 0 else "leave some unknowns undetermined (singular)"
     level = {0: "highest derivatives", -1: "velocities", -2: "positions"}.get(k, f"stage {k}")
     return (

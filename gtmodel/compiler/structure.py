@@ -131,9 +131,7 @@ def overdetermined_and_underdetermined(
 ) -> tuple[list[int], list[int]]:
     """Dulmage-Mendelsohn: rows of the overdetermined part, columns of the underdetermined part."""
     keys = sorted(sigma)
-    matrix = csr_matrix(
-        (np.ones(len(keys)), ([k[0] for k in keys], [k[1] for k in keys])), shape=(rows, cols)
-    )
+    matrix = csr_matrix((np.ones(len(keys)), ([k[0] for k in keys], [k[1] for k in keys])), shape=(rows, cols))
     col_of_row = maximum_bipartite_matching(matrix, perm_type="column")
     row_of_col = np.full(cols, -1)
     for i, j in enumerate(col_of_row):

@@ -99,9 +99,7 @@ def line_guess(
     t = np.linspace(0.0, GUESS_TIME_S, rows)
     r = t / GUESS_TIME_S
     top = 4.0 / 3.0
-    s = np.where(
-        r < 0.25, 2 * top * r**2, np.where(r < 0.75, top * (r - 0.125), 1 - 2 * top * (1 - r) ** 2)
-    )
+    s = np.where(r < 0.25, 2 * top * r**2, np.where(r < 0.75, top * (r - 0.125), 1 - 2 * top * (1 - r) ** 2))
     ds = np.where(r < 0.25, 4 * top * r, np.where(r < 0.75, top, 4 * top * (1 - r))) / GUESS_TIME_S
     dds = np.where(r < 0.25, 4 * top, np.where(r < 0.75, 0.0, -4 * top)) / GUESS_TIME_S**2
     step = goal - start

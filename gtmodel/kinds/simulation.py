@@ -228,5 +228,3 @@ def _energy(trajectory: Trajectory) -> Any:
     from gtmodel.plot.signals import energy_figure
 
     return energy_figure(trajectory)
-
-

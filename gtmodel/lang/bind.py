@@ -247,10 +247,11 @@ def _outer(item: Outer, bound: Model, tree: Tree) -> Model:
             if isinstance(value, item.cls):
                 return value
         for name, other in type(above)._declared.items():
-            if isinstance(other, Part) and other.count is None and name in above.__dict__["_pending"]:
-                if issubclass(above.__dict__["_classes"].get(name) or other.cls, item.cls):
-                    above.__dict__["_pending"].pop(name)()
-                    return above.__dict__["_values"][name]
+            if not isinstance(other, Part) or other.count is not None or name not in above.__dict__["_pending"]:
+                continue
+            if issubclass(above.__dict__["_classes"].get(name) or other.cls, item.cls):
+                above.__dict__["_pending"].pop(name)()
+                return above.__dict__["_values"][name]
         above = above.__dict__["_parent"]
     if item.cls not in tree.inner_defaults:
         path = item.cls.__name__.lower()

@@ -177,5 +177,5 @@ def check_parameter(item: Parameter, value: Any, name: str, where: SourceLocatio
 
 
 _RESERVED = frozenset(
-    ["equations", "initial_equations", "with_", "time", "causal", "simulate", "objective", "explain", "where", "constraints"]
+    ["equations", "initial_equations", "with_", "time", "causal", "simulate", "objective", "where", "constraints"]
 )

@@ -24,9 +24,7 @@ def names_of(flat: FlatModel, alias: AliasResult, pair: Pair) -> list[tuple[str,
 def nominal_of(flat: FlatModel, alias: AliasResult, pair: Pair) -> float:
     """Its own nominal or that of a variable that equals it; a derivative without one takes its variable's."""
     own = flat.variables[pair[0]].nominal
-    declared = [
-        v.nominal for v in flat.variables if v.nominal != 1.0 and alias.resolve(v.index, 0)[1:] == pair
-    ]
+    declared = [v.nominal for v in flat.variables if v.nominal != 1.0 and alias.resolve(v.index, 0)[1:] == pair]
     if pair[1] == 0 and own != 1.0:
         return own
     return declared[0] if declared else own

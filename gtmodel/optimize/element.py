@@ -145,7 +145,5 @@ def value_at(problem: DynamicProblem, mesh: Mesh, layout: Layout, y: ca.SX, P: c
         us = physical[layout.u[0].tolist()]
     else:
         bu = basis(table.points, np.array([s]))[0]
-        us = sum(
-            (float(bu[c]) * physical[layout.u[c].tolist()] for c in range(k)), ca.SX.zeros(layout.nu, 1)
-        )
+        us = sum((float(bu[c]) * physical[layout.u[c].tolist()] for c in range(k)), ca.SX.zeros(layout.nu, 1))
     return xs, xd, us, t0 + (left + h * s) * (tf - t0)

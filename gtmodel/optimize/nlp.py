@@ -220,9 +220,7 @@ def _jacobian(
     rp, cp = (np.array(a, int) for a in point.jac_sparsity.get_triplet())
     r4, c4 = rp + N * m, point.index[cp] if cp.size else cp
     values = ca.vertcat(ca.vec(nz), -ca.MX.ones(len(r2), 1), ca.vec(dP), point.jacobian(z))
-    return _scatter(
-        np.concatenate([r1, r2, r3, r4]), np.concatenate([c1, c2, c3, c4]), values, (N * m + mc, total)
-    )
+    return _scatter(np.concatenate([r1, r2, r3, r4]), np.concatenate([c1, c2, c3, c4]), values, (N * m + mc, total))
 
 
 def _hessian(

@@ -171,9 +171,7 @@ def _all_pairs(flat: FlatModel, constraints: list[Row]) -> list[Pair]:
     return sorted({(v.index, 0) for v in flat.variables} | set(named))
 
 
-def _inverse_plan(
-    flat: FlatModel, controls: list[int], states: list[Pair], constraints: list[Row]
-) -> Plan | None:
+def _inverse_plan(flat: FlatModel, controls: list[int], states: list[Pair], constraints: list[Row]) -> Plan | None:
     coordinates = sorted({i for i, _ in states})
     if len(coordinates) != len(controls) or not controls:
         return None
@@ -280,9 +278,7 @@ class Builder:
         values = self.express([i.expression for i in instants] + [r.expression for r in path])
         for i, e in zip(instants, values[: len(instants)], strict=True):
             i.expression = e
-        path = [
-            Row(e, r.low, r.high, r.label, r.where) for r, e in zip(path, values[len(instants) :], strict=True)
-        ]
+        path = [Row(e, r.low, r.high, r.label, r.where) for r, e in zip(path, values[len(instants) :], strict=True)]
         P_bounds = Bounds(
             np.array([q.min for q in flat.parameters if q.free]), np.array([q.max for q in flat.parameters if q.free])
         )
@@ -302,9 +298,7 @@ class Builder:
 
     def explicit_rates(self) -> list[ca.SX]:
         """Rates of the states as functions of x, u, P and t, whatever the formulation."""
-        other = Builder(
-            self.model, self.root, self.flat, self.base, "explicit", self.states, self.controls, self.base
-        )
+        other = Builder(self.model, self.root, self.flat, self.base, "explicit", self.states, self.controls, self.base)
         rates = other.express([self.flat.scope.symbol(i, k + 1) for i, k in self.states])
         return ca.substitute(rates, [other.u], [self.u]) if rates and self.controls else rates
 

@@ -47,9 +47,7 @@ def relations(source: Iterable[Any] | None, flat: FlatModel) -> list[Row]:
     return rows
 
 
-def as_bound(
-    e: ca.SX, row: Row, flat: FlatModel, parameters: ca.SX
-) -> tuple[tuple[int, int], float, float] | None:
+def as_bound(e: ca.SX, row: Row, flat: FlatModel, parameters: ca.SX) -> tuple[tuple[int, int], float, float] | None:
     """(chain symbol, low, high) of a row a*s + b with numeric a and b, else None."""
     if flat.parameters:
         e = ca.substitute([e], [flat.p], [parameters])[0]

@@ -182,9 +182,7 @@ def _outputs(problem: DynamicProblem) -> tuple[list[tuple[str, Any, int, str]], 
                 entries.append((derivative_name(name, order), shape, [(i, order) for i in indices]))
     builder = problem.builder
     expressions = builder.express([flat.scope.symbol(i, k) for _, _, pairs in entries for i, k in pairs])
-    f = ca.Function(
-        "outputs", [problem.x, problem.xd, problem.u, problem.P, problem.t], [ca.vertcat(*expressions)]
-    )
+    f = ca.Function("outputs", [problem.x, problem.xd, problem.u, problem.P, problem.t], [ca.vertcat(*expressions)])
     table = [(n, shape, len(pairs), _unit(flat, pairs[0][0], pairs[0][1])) for n, shape, pairs in entries]
     problem.outputs = (table, f)
     return problem.outputs

@@ -8,7 +8,8 @@ from matplotlib.patches import Rectangle
 
 from ..compiler.causal import CausalFunction
 
-COLOURS = {"explicit": "0.6", "linear": "#0072b2", "quadratic": "#009e73", "sphere pencil": "#009e73", "Newton": "#d55e00"}
+ROOT = "#009e73"
+COLOURS = {"explicit": "0.6", "linear": "#0072b2", "quadratic": ROOT, "sphere pencil": ROOT, "Newton": "#d55e00"}
 MAX_LABELS = 60  # more names than this cannot be read
 
 

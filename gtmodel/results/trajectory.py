@@ -89,9 +89,7 @@ class Trajectory:
             if name not in signals:
                 raise UnknownNameError(_unknown(name, signals, "units names the signal"))
         if synthetic is not None and not synthetic.strip():
-            raise TrajectoryError(
-                "synthetic is empty; give seed and noise in one line, or None for real data"
-            )
+            raise TrajectoryError("synthetic is empty; give seed and noise in one line, or None for real data")
         for attribute, value in (
             ("_time", grid),
             ("_values", signals),
@@ -108,9 +106,7 @@ class Trajectory:
         )
 
     def __delattr__(self, name: str) -> NoReturn:
-        raise AttributeError(
-            f"a trajectory is immutable, so {name!r} cannot be deleted; use select() to get a new one"
-        )
+        raise AttributeError(f"a trajectory is immutable, so {name!r} cannot be deleted; use select() to get a new one")
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _rebuild, (self._time, self._values, self._units, self.title, self.provenance, self.synthetic)
@@ -211,8 +207,7 @@ class Trajectory:
 
     def __repr__(self) -> str:
         signals = [
-            f"{name}{f' ({self._values[name].shape[1]})' if self._values[name].ndim == 2 else ''} "
-            f"[{self._units[name]}]"
+            f"{name}{f' ({self._values[name].shape[1]})' if self._values[name].ndim == 2 else ''} [{self._units[name]}]"
             for name in self.names[:REPR_SIGNALS]
         ]
         if len(self.names) > REPR_SIGNALS:
@@ -224,9 +219,7 @@ class Trajectory:
 
     # -- new trajectories --------------------------------------------------------------------------
 
-    def resample(
-        self, t: npt.ArrayLike | None = None, *, dt: float | None = None, kind: Kind = "linear"
-    ) -> Trajectory:
+    def resample(self, t: npt.ArrayLike | None = None, *, dt: float | None = None, kind: Kind = "linear") -> Trajectory:
         """The same signals on another time grid.
 
         t : (m,) new times [s], strictly increasing and inside the grid; or
@@ -240,9 +233,7 @@ class Trajectory:
             raise TrajectoryError("resample() takes either times t or a step dt; give exactly one of them")
         times = self._steps(dt) if dt is not None else np.asarray(t, dtype=float)
         if times.ndim != 1:
-            raise TrajectoryError(
-                f"t has shape {times.shape}; expected (m,) new times, or a step as dt={t!r}"
-            )
+            raise TrajectoryError(f"t has shape {times.shape}; expected (m,) new times, or a step as dt={t!r}")
         times = self._inside(times)
         return self._derived(
             times, {name: _interpolate(self._time, v, times, kind) for name, v in self._values.items()}
@@ -293,8 +284,7 @@ class Trajectory:
         twice = [name for name in other.names if name in self._values]
         if twice:
             raise TrajectoryError(
-                f"signal {twice[0]!r} is in both trajectories; use select() or with_values() to say which "
-                "one is meant"
+                f"signal {twice[0]!r} is in both trajectories; use select() or with_values() to say which one is meant"
             )
         notes = list(dict.fromkeys(note for note in (self.synthetic, other.synthetic) if note))
         origins = [origin for origin in (self.provenance, other.provenance) if origin]
@@ -321,9 +311,7 @@ class Trajectory:
         origin = self._provenance if self.provenance else ""
         notes = {"title": self.title, "synthetic": self.synthetic, "provenance": origin}
         lines = [f"# {key}: {text}" for key, text in notes.items() if text]
-        lines += [
-            f"# scalar: {name}" for name, v in self._values.items() if v.ndim == 1 and COLUMN.fullmatch(name)
-        ]
+        lines += [f"# scalar: {name}" for name, v in self._values.items() if v.ndim == 1 and COLUMN.fullmatch(name)]
         cells = ["time [s]"]
         for name, value in self._values.items():
             cells += [_quoted(f"{column} [{self._units[name]}]") for column in _columns(name, value)]
@@ -491,8 +479,7 @@ def _checked_values(values: Mapping[str, npt.ArrayLike], rows: int) -> dict[str,
         value = _frozen(data, f"signal {name!r}")
         if value.ndim not in (1, 2) or value.shape[0] != rows or value.size == 0:
             raise TrajectoryError(
-                f"signal {name!r} has shape {value.shape}; expected ({rows},) or ({rows}, k), a row for "
-                "each time"
+                f"signal {name!r} has shape {value.shape}; expected ({rows},) or ({rows}, k), a row for each time"
             )
         if (bad := np.argwhere(~np.isfinite(value))).size:
             row = int(bad[0][0])
@@ -506,8 +493,7 @@ def _checked_values(values: Mapping[str, npt.ArrayLike], rows: int) -> dict[str,
         for column in _columns(name, value) if value.ndim == 2 else []:
             if column in signals:
                 raise TrajectoryError(
-                    f"signal {column!r} has the name of a component of the vector signal {name!r}; rename "
-                    "one of them"
+                    f"signal {column!r} has the name of a component of the vector signal {name!r}; rename one of them"
                 )
     return signals
 
@@ -521,9 +507,7 @@ def check_name(name: object) -> None:
             "blank or quote and no leading '#'"
         )
     if name == "time":
-        raise TrajectoryError(
-            "a signal is named 'time', which is the name of the time grid; choose another name"
-        )
+        raise TrajectoryError("a signal is named 'time', which is the name of the time grid; choose another name")
 
 
 def _checked_unit(name: str, unit: str) -> str:
@@ -545,8 +529,7 @@ def _json_text(provenance: Mapping[str, Any]) -> str:
         return json.dumps(dict(provenance), sort_keys=True, allow_nan=False)
     except (TypeError, ValueError) as error:
         raise TrajectoryError(
-            f"provenance cannot be written as JSON ({error}); give texts, finite numbers, lists and "
-            "dictionaries"
+            f"provenance cannot be written as JSON ({error}); give texts, finite numbers, lists and dictionaries"
         ) from error
 
 

@@ -24,9 +24,7 @@ def read_csv(path: PathLike) -> Trajectory:
     try:
         text = Path(path).read_bytes().decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise TrajectoryError(
-            f"{path} is not a UTF-8 text file ({error.reason}); save it as UTF-8"
-        ) from error
+        raise TrajectoryError(f"{path} is not a UTF-8 text file ({error.reason}); save it as UTF-8") from error
     lines = text.replace("\r\n", "\n").split("\n")
     notes: dict[str, list[str]] = {key: [] for key in _NOTES}
     header: tuple[list[str], list[str]] | None = None
@@ -50,9 +48,7 @@ def read_csv(path: PathLike) -> Trajectory:
         raise TrajectoryError(f"{path} has a header but no rows; expected a row of numbers for each time")
     columns, units = header
     table = np.array(rows, dtype=np.float64)
-    table = np.column_stack(
-        [convert(table[:, j], unit, parse_unit(unit).si_text) for j, unit in enumerate(units)]
-    )
+    table = np.column_stack([convert(table[:, j], unit, parse_unit(unit).si_text) for j, unit in enumerate(units)])
     _check_increasing(table[:, 0], units[0], rows, numbers, path)
     values, signal_units = _grouped(
         columns[1:], [parse_unit(unit).si_text for unit in units[1:]], table[:, 1:], notes["scalar"]
@@ -76,9 +72,7 @@ def _read_provenance(notes: list[str]) -> dict[str, Any]:
     try:
         origin = json.loads(notes[0])
     except json.JSONDecodeError as error:
-        raise TrajectoryError(
-            f"the note '# provenance:' is no JSON ({error}); correct or remove it"
-        ) from error
+        raise TrajectoryError(f"the note '# provenance:' is no JSON ({error}); correct or remove it") from error
     if len(notes) > 1 or not isinstance(origin, dict):
         raise TrajectoryError("the note '# provenance:' must hold one JSON dictionary in one line")
     return origin
@@ -96,8 +90,7 @@ def _read_header(line: str, where: str) -> tuple[list[str], list[str]]:
         found = _HEADER_CELL.fullmatch(cell.strip())
         if not found:
             raise TrajectoryError(
-                f"{where}, column {number}: {cell.strip()!r} has no unit; expected 'name [unit]', such as "
-                "'q[0] [m]'"
+                f"{where}, column {number}: {cell.strip()!r} has no unit; expected 'name [unit]', such as 'q[0] [m]'"
             )
         name, unit = found["name"], found["unit"].strip()
         try:
@@ -141,9 +134,7 @@ def _read_row(line: str, names: list[str], where: str) -> list[float]:
     return row
 
 
-def _check_increasing(
-    time: Array, unit: str, rows: list[list[float]], numbers: list[int], path: PathLike
-) -> None:
+def _check_increasing(time: Array, unit: str, rows: list[list[float]], numbers: list[int], path: PathLike) -> None:
     if (bad := np.flatnonzero(np.diff(time) <= 0)).size:
         i = int(bad[0]) + 1
         raise TrajectoryError(

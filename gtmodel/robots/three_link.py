@@ -59,8 +59,7 @@ class GantryTau(gt.Model):
         m_c=m_c,
         rod=lambda self: [dict(L=self.L[i], m=self.m_a[i]) for i in range(3)],
         friction=lambda self: [
-            dict(coulomb=self.coulomb[i], viscous=self.viscous[i], velocity_scale=self.velocity_scale)
-            for i in range(3)
+            dict(coulomb=self.coulomb[i], viscous=self.viscous[i], velocity_scale=self.velocity_scale) for i in range(3)
         ],
     )
     plate = gt.part(PointMass, m=m_p)

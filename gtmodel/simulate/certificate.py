@@ -20,7 +20,7 @@ def explain_simulation(
     tolerance: float = 1e-9,
     method: str = "bdf",
 ) -> str:
-    """States with their start values, what chose them, and how their rates are computed. Arguments as for `simulate`."""
+    """States with their start values, what chose them, how their rates are computed. Arguments as for `simulate`."""
     ready = prepare(model, inputs or {}, start or {}, start_time, (), prefer, tolerance, method)
     plan, flat, system = ready.systems.plan, ready.systems.plan.flat, ready.system
     x, z = system.reduced.from_point(ready.initial.w)

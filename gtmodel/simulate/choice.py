@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
-from scipy.linalg import qr
 
+from ..compiler.pivoted import pivoted_qr
 from ..compiler.plan import Plan
 from ..compiler.states import Stage, choose, stage_choices
 from ..lang.source import ModelError
@@ -99,7 +99,7 @@ class Watch:
             q = np.linalg.qr(a[:, first])[0] if first else np.zeros((len(stage.rows), 0))
             rest = [n for n in range(len(stage.columns)) if n not in set(first)]
             left = a[:, rest] - q @ (q.T @ a[:, rest])
-            _, r, order = qr(left, mode="economic", pivoting=True)
+            _, r, order = pivoted_qr(left, "economic")
             count = len(stage.rows) - len(first)
             if count and np.abs(r[count - 1, count - 1]) <= RANK_TOLERANCE * np.abs(r[0, 0]):
                 return None
@@ -116,7 +116,7 @@ class Watch:
             scale, a = self._scaled(m, stage)
             place = {j: n for n, j in enumerate(stage.columns)}
             c = a[:, [place[j] for j in solved]]
-            _, _, order = qr(a, mode="economic", pivoting=True)
+            _, _, order = pivoted_qr(a, "economic")
             smallest, best = (np.linalg.svd(x, compute_uv=False)[-1] for x in (c, a[:, order[: len(stage.rows)]]))
             quality = float(smallest / best) if best > RANK_TOLERANCE else 0.0
             reference.quality = min(reference.quality, quality)

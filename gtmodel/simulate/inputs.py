@@ -58,7 +58,9 @@ class Inputs:
     def values(self, pairs: list[tuple[int, int]], time: float) -> list[float]:
         """Numbers of known variables' derivatives (index, order) at a time."""
         column = ca.vertcat(*[self.expression(*pair) for pair in pairs]) if pairs else ca.SX(0, 1)
-        return np.asarray(ca.Function("values", [self.t, self.p], [column])(time, self.piece(time))).reshape(-1).tolist()
+        return (
+            np.asarray(ca.Function("values", [self.t, self.p], [column])(time, self.piece(time))).reshape(-1).tolist()
+        )
 
     def expression(self, index: int, order: int) -> ca.SX:
         """A known variable's derivative as an expression of t and p."""
@@ -88,8 +90,8 @@ def read_inputs(flat: FlatModel, given: Mapping[str, Any]) -> Inputs:
     """Inputs from what a person gave by name.
 
     Each value is a number or array; a function of time, of one argument that takes NumPy's and gtmodel's functions
-    (``lambda t: [0.0, np.sin(3 * t)]``); a pair (times, values); or a Trajectory that holds the name. A table is "linear"
-    between its rows unless told otherwise by ((times, values), interpolation) or (trajectory, interpolation):
+    (``lambda t: [0.0, np.sin(3 * t)]``); a pair (times, values); or a Trajectory that holds the name. A table is
+    "linear" between its rows unless told otherwise by ((times, values), interpolation) or (trajectory, interpolation):
     "previous" holds each row up to the next, "cubic" is a spline that has two derivatives. Before its first and
     after its last row every table keeps its end value.
 
@@ -152,7 +154,8 @@ def _columns(name: str, shape: Shape, size: int, times: np.ndarray, values: np.n
     if times.ndim != 1 or rows != len(times) or rows == 0 or values.shape[1:] not in (shape, (size,)):
         expected = "(n,)" if not shape else f"(n, {size})"
         raise ModelError(
-            f"the table of input '{name}' takes times (n,) and values {expected}; found {times.shape} and {values.shape}"
+            f"the table of input '{name}' takes times (n,) and values {expected}; found {times.shape} and "
+            f"{values.shape}"
         )
     if not (np.all(np.isfinite(times)) and np.all(np.isfinite(values))):
         raise ModelError(f"the table of input '{name}' holds numbers that are not finite")
@@ -177,7 +180,9 @@ def _constant(name: str, value: Any) -> list[ca.SX]:
 def _symbolic(flat: FlatModel, name: str, function: Callable[[Any], Any], t: ca.SX) -> list[ca.SX]:
     try:
         value = gathered(function(Expr(t, (), None, flat.scope)))
-        entries = ca.vec(value.sx.T) if isinstance(value, Expr) else ca.SX(ca.DM(np.asarray(value, dtype=float).ravel()))
+        entries = (
+            ca.vec(value.sx.T) if isinstance(value, Expr) else ca.SX(ca.DM(np.asarray(value, dtype=float).ravel()))
+        )
     except Exception as error:
         raise ModelError(
             f"input '{name}' cannot be written as an expression of time ({type(error).__name__}: {error}); use "

@@ -75,7 +75,14 @@ def simulate(
     recorder = ready.recorder
     trajectory, energy_error = recorder.trajectory()
     simulation = Simulation(
-        status, message, trajectory, energy_error, recorder.residual, course.system.states, course.switches, ready.chosen
+        status,
+        message,
+        trajectory,
+        energy_error,
+        recorder.residual,
+        course.system.states,
+        course.switches,
+        ready.chosen,
     )
     if throw and not status.ok:
         raise NotSimulated(simulation)

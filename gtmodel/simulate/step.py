@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import casadi as ca
 import numpy as np
 
@@ -36,7 +38,7 @@ class Stepper:
             "p": ca.vertcat(t0, length, r.p),
             "ode": length * ca.vertcat(rates / self.x_scale, powers),
         }
-        self._options: dict[str, object] = {
+        self._options: dict[str, Any] = {
             "abstol": tolerance,
             "reltol": tolerance,
             "max_num_steps": MOST_STEPS,

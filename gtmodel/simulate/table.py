@@ -45,6 +45,4 @@ class Table:
             return np.concatenate([self.values[:1], np.zeros(self.coefficients - 1)])
         row, after = self._rows[k], start - self.times[k]
         n = self.coefficients
-        return np.array(
-            [sum(row[j] * after ** (j - i) / math.factorial(j - i) for j in range(i, n)) for i in range(n)]
-        )
+        return np.array([sum(row[j] * after ** (j - i) / math.factorial(j - i) for j in range(i, n)) for i in range(n)])

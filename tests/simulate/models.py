@@ -6,7 +6,16 @@ import numpy as np
 
 import gtmodel as gt
 from gtmodel import der
-from gtmodel.mechanics import FixedFlange, FlangeSpringDamper, ForceMotor, Gear, Inertia, Mass, ShaftSpringDamper, TorqueMotor
+from gtmodel.mechanics import (
+    FixedFlange,
+    FlangeSpringDamper,
+    ForceMotor,
+    Gear,
+    Inertia,
+    Mass,
+    ShaftSpringDamper,
+    TorqueMotor,
+)
 from tests.support.models import Pendulum
 
 

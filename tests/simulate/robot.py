@@ -36,7 +36,9 @@ def by_hand(robot: gt.Model, times, force=lambda t: np.zeros(3), start=T0, veloc
         q = hand.inverse_kinematics(y[:3], AHEAD)
         return np.concatenate([y[3:], hand.forward_dynamics(y[:3], q, y[3:], force(t))[0]])
 
-    run = solve_ivp(rates, (times[0], times[-1]), np.concatenate([start, velocity]), method, times, rtol=1e-11, atol=1e-12)
+    run = solve_ivp(
+        rates, (times[0], times[-1]), np.concatenate([start, velocity]), method, times, rtol=1e-11, atol=1e-12
+    )
     assert run.success
     T, Td = run.y[:3].T, run.y[3:].T
     return T, Td, np.array([hand.inverse_kinematics(x, AHEAD) for x in T])

@@ -22,7 +22,11 @@ ROUND_OFF = 1e-9
 def drop(seconds=0.4, friction=0.2, **options):
     """Motors off, little friction, so that it really falls."""
     return simulate(
-        l1(friction=friction), seconds, inputs={"tau": 0.0}, start={"T": T0, "der(T)": 0.0}, **{"tolerance": TOLERANCE, **options}
+        l1(friction=friction),
+        seconds,
+        inputs={"tau": 0.0},
+        start={"T": T0, "der(T)": 0.0},
+        **{"tolerance": TOLERANCE, **options},
     )
 
 
@@ -60,7 +64,9 @@ def test_driven_by_forces_over_time():
 
 
 def test_prescribed_motion_gives_the_forces():
-    run = simulate(l1(), 1.0, step=0.1, inputs={"T": lambda t: [T0[0] + 0.3 * np.sin(2 * t), T0[1], T0[2] + 0.1 * t**2]})
+    run = simulate(
+        l1(), 1.0, step=0.1, inputs={"T": lambda t: [T0[0] + 0.3 * np.sin(2 * t), T0[1], T0[2] + 0.1 * t**2]}
+    )
     assert run.states == () and run.chosen == {}
     hand = oracle(l1())
     for k, t in enumerate(run.trajectory.time):
@@ -125,4 +131,6 @@ def test_out_of_reach_it_says_so():
     last = -0.9 - (A[1] - np.sqrt(L**2 - (0.3 - A[2]) ** 2))
     assert float(re.search(r"the motion ends at (\S+) s", run.message)[1]) == pytest.approx(last, abs=1e-5)
     assert "leads out of the model's range: the discriminant of arm[0].rod" in run.message
-    assert run.trajectory.time[-1] == pytest.approx(0.1 * np.floor(last / 0.1)) and np.all(np.isfinite(run.trajectory["tau"]))
+    assert run.trajectory.time[-1] == pytest.approx(0.1 * np.floor(last / 0.1)) and np.all(
+        np.isfinite(run.trajectory["tau"])
+    )

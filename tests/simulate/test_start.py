@@ -25,7 +25,9 @@ class TestChoice:
         assert run.chosen == {}
         t = run.trajectory
         # the start value of y says on which side
-        assert [t[n][0] for n in ("x", "y", "der(x)", "der(y)")] == pytest.approx([0.6, -0.8, 0.3, 0.225], abs=ROUND_OFF)
+        assert [t[n][0] for n in ("x", "y", "der(x)", "der(y)")] == pytest.approx(
+            [0.6, -0.8, 0.3, 0.225], abs=ROUND_OFF
+        )
 
     def test_velocities_nobody_prescribes_are_zero_and_it_is_told(self):
         run = simulate(Pendulum(), 0.01, start={"x": 0.6})
@@ -169,7 +171,9 @@ class TestConflicts:
 
     def test_one_quantity_with_two_values(self):
         robot = gt.robots.gantry_tau("l1_tape")
-        with pytest.raises(ModelError, match=r"the starts of 'T' and 'plate\.frame\.r' are the same quantity and differ"):
+        with pytest.raises(
+            ModelError, match=r"the starts of 'T' and 'plate\.frame\.r' are the same quantity and differ"
+        ):
             simulate(robot, 1.0, inputs={"tau": 0.0}, start={"T": [0.5, -0.9, 0.3], "plate.frame.r": 0.0})
 
     def test_an_input_has_no_start_of_its_own(self):
