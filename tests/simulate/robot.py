@@ -28,7 +28,7 @@ def oracle(robot: gt.Model) -> ThreeLink:
     return ThreeLink(*(np.array(getattr(robot, k), float) for k in names), float(robot.velocity_scale))
 
 
-def by_hand(robot: gt.Model, times, force=lambda t: np.zeros(3), start=T0, velocity=np.zeros(3), method="DOP853"):
+def by_hand(robot: gt.Model, times, force=lambda t: np.zeros(3), start=T0, velocity=(0.0, 0.0, 0.0), method="DOP853"):
     """(T, der(T), q) at the times."""
     hand = oracle(robot)
 

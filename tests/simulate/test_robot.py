@@ -70,7 +70,7 @@ def test_prescribed_motion_gives_the_forces():
     assert run.states == () and run.chosen == {}
     hand = oracle(l1())
     for k, t in enumerate(run.trajectory.time):
-        T = T0 + [0.3 * np.sin(2 * t), 0.0, 0.1 * t**2]
+        T = T0 + np.array([0.3 * np.sin(2 * t), 0.0, 0.1 * t**2])
         Td, Tdd = np.array([0.6 * np.cos(2 * t), 0.0, 0.2 * t]), np.array([-1.2 * np.sin(2 * t), 0.0, 0.2])
         q = hand.inverse_kinematics(T, AHEAD)
         assert run.trajectory["T"][k] == pytest.approx(T, abs=1e-12)
@@ -95,7 +95,7 @@ def test_a_path_is_prescribed_and_one_force():
 
     def forces(t, x, xd, xdd):
         T, Td, Tdd = pose(t, x, xd)
-        return hand.inverse_dynamics(T, hand.inverse_kinematics(T, AHEAD), Td, Tdd + [xdd, 0.0, 0.0])
+        return hand.inverse_dynamics(T, hand.inverse_kinematics(T, AHEAD), Td, Tdd + np.array([xdd, 0.0, 0.0]))
 
     def rates(t, y):  # the force of motor 0 is affine in the acceleration along the path
         at_zero, at_one = forces(t, *y, 0.0)[0], forces(t, *y, 1.0)[0]
