@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from typing import Any, Literal
 
+import numpy as np
 from pydantic import Field, PositiveFloat, PositiveInt
 
 from gtmodel.lang import ModelError, Optimization
 from gtmodel.optimize import Mesh as CollocationMesh
 from gtmodel.optimize import Solution, SolverOptions
 from gtmodel.optimize import solve as collocate
+from gtmodel.optimize.problem import Bounds
 from gtmodel.optimize.resimulate import resimulate
 
 from . import python_models
@@ -85,9 +87,14 @@ def explain(problem: Schema, context: Context) -> str:
         f"  states: {', '.join(built.state_names) or 'none'}",
         f"  controls: {', '.join(built.control_names) or 'none'}",
         f"  free: {', '.join(built.free_names) or 'none'}",
-        f"  {len(built.path)} path constraints, {len(built.points)} point constraints",
+        f"  {len(built.path)} path constraints, {len(built.points)} point constraints, "
+        f"{_held(built.start_bounds)} states bounded at the start and {_held(built.end_bounds)} at the end",
     ]
     return "\n".join(lines)
+
+
+def _held(bounds: Bounds) -> int:
+    return int(np.sum(np.isfinite(bounds.low) | np.isfinite(bounds.high)))
 
 
 def _model(problem: Schema, context: Context) -> Optimization:

@@ -10,6 +10,7 @@ from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt
 from gtmodel import lang as gt
 from gtmodel.compiler.causal import compile_causal, flat_of
 from gtmodel.optimize import Solution
+from gtmodel.optimize.overshoot import control_curves
 from gtmodel.optimize.resimulate import Resimulation, resimulate
 from gtmodel.results import SolveStatus, Status, Trajectory
 
@@ -257,7 +258,7 @@ def _outcome(
         "exported_peak_force_N": Check(exported_peak, bound, exported_peak <= bound),
     }  # fmt: skip
     trajectory = _renamed(final, problem.title or "optimal motion")
-    polynomial = _renamed(tried.trajectory, "collocation optimum")
+    curves = control_curves(solution.nlp, solution.x) if problem.mesh.control == "polynomial" else None
     return Outcome(
         status=SolveStatus.SOLVED,
         message=_message(problem, checks),
@@ -267,7 +268,7 @@ def _outcome(
         values=values,
         trajectory=trajectory,
         rows=_rows(problem, values, solution),
-        figures={"motion": lambda: _figure(problem, trajectory, polynomial)},
+        figures={"motion": lambda: _figure(problem, trajectory, curves)},
     )
 
 
@@ -296,7 +297,7 @@ def _rows(problem: Schema, values: dict[str, Any], solution: Solution) -> list[R
     ]
 
 
-def _figure(problem: Schema, trajectory: Trajectory, polynomial: Trajectory) -> Any:
+def _figure(problem: Schema, trajectory: Trajectory, curves: tuple[np.ndarray, np.ndarray] | None) -> Any:
     from gtmodel.plot.motion import motion_figure
 
-    return motion_figure(trajectory, polynomial, force_limit=problem.limits.force_N)
+    return motion_figure(trajectory, curves, force_limit=problem.limits.force_N)

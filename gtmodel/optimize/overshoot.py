@@ -6,6 +6,7 @@ import numpy as np
 from numpy.polynomial import Polynomial
 
 from .nlp import Nlp
+from .solution import horizon
 from .tables import basis
 
 
@@ -27,6 +28,18 @@ def control_range(nlp: Nlp, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             values = controls_of(nlp, x, k, at)[:, j]
             low[j], high[j] = min(low[j], values.min()), max(high[j], values.max())
     return low, high
+
+
+def control_curves(nlp: Nlp, x: np.ndarray, per_element: int = 15) -> tuple[np.ndarray, np.ndarray]:
+    """Controls on both ends and inside of every element, for drawing: times (n,) [s] and values (n, controls).
+
+    At an edge both neighbours' values stand, one after the other: a control may jump there.
+    """
+    t0, tf = horizon(nlp, x)
+    local = np.linspace(0.0, 1.0, per_element)
+    mesh = nlp.mesh
+    s = np.concatenate([mesh.edges[k] + mesh.h[k] * local for k in range(mesh.elements)])
+    return t0 + s * (tf - t0), np.vstack([controls_of(nlp, x, k, local) for k in range(mesh.elements)])
 
 
 def controls_of(nlp: Nlp, x: np.ndarray, element: int, local: np.ndarray) -> np.ndarray:

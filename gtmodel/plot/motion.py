@@ -10,12 +10,15 @@ from ..results.trajectory import Trajectory
 COLOURS = ("#0072b2", "#d55e00", "#009e73")  # readable with colour-blind eyes
 
 
-def motion_figure(trajectory: Trajectory, polynomial: Trajectory | None = None, *, force_limit: float) -> Figure:
+def motion_figure(
+    trajectory: Trajectory, polynomial: tuple[np.ndarray, np.ndarray] | None = None, *, force_limit: float
+) -> Figure:
     """Four panels: the path from the side and from the front, TCP velocity, and motor forces with their limit.
 
     Args:
         trajectory: with T [m], der(T) [m/s], tau [N]; the motion that is exported.
-        polynomial: the collocation optimum, drawn faintly, whose force may overshoot between its points.
+        polynomial: times (n,) and forces (n, motors) of the collocation optimum, drawn faintly: they may overshoot
+            between its points.
         force_limit: [N].
     """
     figure = Figure(figsize=(10.5, 7.0), layout="constrained")
@@ -40,11 +43,12 @@ def motion_figure(trajectory: Trajectory, polynomial: Trajectory | None = None, 
     speed.set_ylabel("velocity [m/s]")
     for k in range(trajectory["tau"].shape[1]):
         if polynomial is not None:
-            force.plot(polynomial.time, polynomial["tau"][:, k], color=COLOURS[k], alpha=0.3, linewidth=0.8)
+            force.plot(polynomial[0], polynomial[1][:, k], color=COLOURS[k], alpha=0.3, linewidth=0.8)
         force.step(time, trajectory["tau"][:, k], where="pre", color=COLOURS[k], label=f"motor {k + 1}")
     for sign in (-1, 1):
         force.axhline(sign * force_limit, color="0.4", linestyle=":")
-    reach = 1.5 * max(force_limit, float(np.max(np.abs(trajectory["tau"]))))
+    highest = 0.0 if polynomial is None else float(np.max(np.abs(polynomial[1])))
+    reach = 1.1 * max(1.4 * force_limit, float(np.max(np.abs(trajectory["tau"]))), highest)
     force.set_ylim(-reach, reach)
     force.set_title("motor forces, constant per element" + ("; faint: polynomial" if polynomial is not None else ""))
     force.set_ylabel("force [N]")

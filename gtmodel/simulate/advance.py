@@ -15,7 +15,7 @@ from .step import CHUNKS
 from .systems import System, Systems
 
 # an interval this much shorter than the whole run means that the motion leads nowhere
-SHORTEST = 1e-10
+SHORTEST = 1e-8
 # where a run ends, a state of so many nominals has grown without bound
 UNBOUNDED = 1e6
 # an interval may be so many times as long as the one before it
@@ -42,6 +42,7 @@ class Course:
         self._audit = Audit(systems.plan)
         self.system = system
         self.switches: list[Switch] = []
+        self.residual = 0.0
         self._x, self._z = system.reduced.from_point(start.w)
         self._work = np.zeros(2)
         self._time = float(rows[0])
@@ -54,7 +55,8 @@ class Course:
     def run(self, progress: Progress | None) -> None:
         """Go to the last row. Raises Ended where that is not reached."""
         end = float(self._rows[-1])
-        self._record(self._time)
+        at = np.array([self._time])
+        self._record(at, self._x[None, :], self._z[None, :], self._work[None, :], self._here()[None, :])
         for stop in [*self._inputs.knots(self._time, end).tolist(), end]:
             while self._time < stop:
                 self._advance(stop, self._span(stop))
@@ -70,10 +72,10 @@ class Course:
 
     def _span(self, stop: float) -> float:
         """Time [s] for which the states are good, after a look whether others would be better."""
-        watch, longest = self._systems.watch, stop - self._time
+        watch, longest = self._systems.watch, min(stop - self._time, GROWTH * self._last_span)
         if not watch.has_choice:
             return longest
-        w = self._point(self._x, self._z, self._time)
+        w = self._here()
         matrix = watch.matrix(w, self._time)
         reference = watch.refer(self.system.choice, matrix)
         if reference.quality < self._switch_below:
@@ -92,9 +94,7 @@ class Course:
                 f"the motion ends at {self._time:.6g} s in a singular pose: no choice of states describes it there",
             )
         self._reference = reference
-        longest = min(longest, GROWTH * self._last_span)
-        self._last_span = watch.horizon(self.system.choice, reference, w, self._time, longest)
-        return self._last_span
+        return watch.horizon(self.system.choice, reference, w, self._time, longest)
 
     def _switch(self, system: System, w: np.ndarray) -> None:
         self.switches.append(Switch(self._time, self.system.states, system.states))
@@ -102,19 +102,21 @@ class Course:
         self._x, self._z = system.reduced.from_point(w)
         self._switch_below = SWITCH_BELOW
 
-    def _point(self, x: np.ndarray, z: np.ndarray, time: float) -> np.ndarray:
-        return np.asarray(self.system.reduced.point(x, z, time, self._p).full()).reshape(-1)
+    def _here(self) -> np.ndarray:
+        return self._points(self._x[None, :], self._z[None, :], np.array([self._time]))[0]
 
     # -- integration -------------------------------------------------------------------------------
 
     def _advance(self, stop: float, span: float) -> None:
         """One call of the integrator over at most `span` seconds: many rows at once where that goes well."""
         most = CHUNKS[0]
+        self._last_span = span
         while True:
             times, length = self._intervals(stop, span, most)
             result = self.system.stepper(self._x, self._z, self._time, length, self._p, len(times))
             if result is not None and self._accept(times, *result):
                 return
+            self._last_span = length
             if len(times) > 1:
                 most = next(n for n in CHUNKS if n < len(times))
             else:
@@ -138,24 +140,38 @@ class Course:
 
     def _accept(self, times: np.ndarray, xs: np.ndarray, zs: np.ndarray, works: np.ndarray) -> bool:
         """Take the intervals over which the states stayed good; False if there is none."""
-        watch, reference, begin = self._systems.watch, self._reference, self._work
-        for k, time in enumerate(times.tolist()):
-            z = self.system.reduced.polish(xs[k], zs[k], time, self._p)
-            if reference is not None:
-                w = self._point(xs[k], z, time)
-                if not watch.change(self.system.choice, reference, w, time) <= LARGEST_CHANGE:
-                    return k > 0
-            self._time, self._x, self._z, self._work = time, xs[k], z, begin + works[k]
-            if time == self._rows[np.searchsorted(self._rows, time)]:
-                self._record(time)
+        reduced, watch = self.system.reduced, self._systems.watch
+        zs = np.array([reduced.polish(x, z, t, self._p) for x, z, t in zip(xs, zs, times, strict=True)])
+        points = self._points(xs, zs, times)
+        good = len(times)
+        if self._reference is not None:
+            changes = watch.changes(self.system.choice, self._reference, points, times)
+            good = good if np.all(changes <= LARGEST_CHANGE) else int(np.argmin(changes <= LARGEST_CHANGE))
+            if good == 0:
+                return False
+        works = self._work + works
+        rows = np.flatnonzero(np.isin(times[:good], self._rows))
+        if rows.size:
+            self._record(times[rows], xs[rows], zs[rows], works[rows], points[rows])
+        self._take(times[good - 1], xs[good - 1], zs[good - 1], works[good - 1])
         return True
 
-    def _record(self, time: float) -> None:
-        column = np.asarray(self.system.reduced.row(self._x, self._z, time, self._p).full()).reshape(-1)
-        if not np.all(np.isfinite(column)):
+    def _take(self, time: float, x: np.ndarray, z: np.ndarray, work: np.ndarray) -> None:
+        self._time, self._x, self._z, self._work = float(time), x, z, work
+
+    def _points(self, xs: np.ndarray, zs: np.ndarray, times: np.ndarray) -> np.ndarray:
+        """Points over the plan's pairs, one row for each time."""
+        return np.asarray(self.system.reduced.point(xs.T, zs.T, times[None, :], self._p).full()).T
+
+    def _record(self, times: np.ndarray, xs: np.ndarray, zs: np.ndarray, works: np.ndarray, points: np.ndarray) -> None:
+        rows = np.asarray(self.system.reduced.row(xs.T, zs.T, times[None, :], self._p).full()).T
+        finite = np.all(np.isfinite(rows), axis=1)
+        count = len(times) if finite.all() else int(np.argmin(finite))
+        self._recorder.add(times[:count], rows[:count], works[:count])
+        self.residual = max(self.residual, self._audit(points[:count], times[:count]))
+        if count < len(times):
+            self._take(times[count], xs[count], zs[count], works[count])
             raise Ended(*self._wall())
-        residual = self._audit(self._point(self._x, self._z, time), time)
-        self._recorder.add(time, column, self._work, residual)
 
     def _wall(self) -> tuple[SolveStatus, str]:
         """Why it does not go on from here."""

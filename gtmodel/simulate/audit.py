@@ -24,7 +24,10 @@ class Audit:
         self._residuals = ca.Function("equations", [symbols, flat.p, flat.scope.time], [residuals])
         self._p = flat.require_values()
 
-    def __call__(self, w: np.ndarray, time: float) -> float:
-        """Largest |left - right| of any equation, in SI units."""
-        residuals = self._residuals(self._sign * w[self._place], self._p, time).full()
+    def __call__(self, points: np.ndarray, times: np.ndarray) -> float:
+        """Largest |left - right| of any equation at any of the points (rows), in SI units."""
+        if not len(times):
+            return 0.0
+        values = self._sign * points[:, self._place]
+        residuals = self._residuals(values.T, self._p, times[None, :]).full()
         return float(np.max(np.abs(residuals), initial=0.0))

@@ -127,14 +127,16 @@ class Watch:
             reference.matrices.append(c)
         return reference
 
-    def change(self, choice: Choice, reference: Reference, w: np.ndarray, time: float) -> float:
-        """Largest |C^-1 dC| between the reference and another point; below 1 no singular point lies between."""
-        m = self.matrix(w, time)
-        worst = 0.0
+    def changes(self, choice: Choice, reference: Reference, points: np.ndarray, times: np.ndarray) -> np.ndarray:
+        """Largest |C^-1 dC| between the reference and each of other points; below 1 no singular pose lies between."""
+        matrices = np.asarray(self._system(points.T, times[None, :]).full())
+        matrices = matrices.reshape(matrices.shape[0], len(times), -1).transpose(1, 0, 2)
+        worst = np.zeros(len(times))
         for n, (stage, solved) in enumerate(zip(self._stages, choice, strict=True)):
-            c = (m[np.ix_(stage.rows, solved)] * self._nominal[list(solved)]) / reference.scales[n]
-            worst = max(worst, float(np.linalg.norm(reference.inverses[n] @ (c - reference.matrices[n]))))
-        return worst if np.isfinite(worst) else np.inf
+            c = matrices[:, stage.rows][:, :, solved] * self._nominal[list(solved)] / reference.scales[n]
+            change = reference.inverses[n] @ (c - reference.matrices[n])
+            worst = np.maximum(worst, np.linalg.norm(change, axis=(1, 2)))
+        return np.where(np.isfinite(worst), worst, np.inf)
 
     def horizon(self, choice: Choice, reference: Reference, w: np.ndarray, time: float, longest: float) -> float:
         """Time [s], at most `longest`, in which the solved columns stay good if the motion goes on as it is."""
@@ -142,7 +144,7 @@ class Watch:
         span = longest
         while span > 1e-12 * longest:
             ahead = w + span * rate + span**2 / 2 * curve
-            if self.change(choice, reference, ahead, time + span) <= PREDICTED_CHANGE:
+            if self.changes(choice, reference, ahead[None, :], np.array([time + span]))[0] <= PREDICTED_CHANGE:
                 return span
             span /= 2
         return span

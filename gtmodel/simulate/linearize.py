@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -49,9 +49,10 @@ def linearize(
         input_values: values of the inputs at the point, 0 where none is given.
         prefer: names to keep as states, as long as they are good for it at the point.
 
-    State, input and output names are the model's scalar names. The point need not be an equilibrium; its rates
-    are in `.params["rates"]`. Raises ModelError for a wrong name, an input whose derivative is needed, or a
-    singular point.
+    State, input and output names are the model's scalar names, with ":" for "." ("capacitor:v"), which control
+    keeps for itself. The point need not be an equilibrium; its rates are in `.params["rates"]`, by the model's names.
+
+    Raises ModelError for a wrong name, an input whose derivative is needed, or a singular point.
     """
     flat = flat_of(model)
     inputs, outputs, prefer = ([x] if isinstance(x, str) else list(x) for x in (inputs, outputs, prefer))
@@ -81,6 +82,8 @@ def linearize(
     if rz.size:  # Newton unknowns follow the states: dz = -rz^-1 (rx dx + ru du)
         zx, zu = -np.linalg.solve(rz, rx), -np.linalg.solve(rz, ru)
         fx, fu, gx, gu = fx + fz @ zx, fu + fz @ zu, gx + gz @ zx, gu + gz @ zu
+    if len(asked) == 1 and not known:
+        raise ModelError("control.StateSpace holds no single output without an input; name a second output")
     if not all(np.all(np.isfinite(m)) for m in (fx, fu, gx, gu)):
         raise ModelError(f"{flat.title}: the model is singular at this point; linearise at another one")
     import control  # slow to import, and only needed here
@@ -88,13 +91,17 @@ def linearize(
     linear = control.ss(
         fx, fu, gx, gu,
         name=flat.title,
-        states=list(system.states),
-        inputs=[flat.variables[i].name for i in known],
-        outputs=[flat.symbol_name(*p) for p in asked],
+        states=_labels(system.states),
+        inputs=_labels(flat.variables[i].name for i in known),
+        outputs=_labels(flat.symbol_name(*p) for p in asked),
         params={"rates": dict(zip(system.states, rates.reshape(-1).tolist(), strict=True))},
     )  # fmt: skip
     assert isinstance(linear, control.StateSpace)
     return linear
+
+
+def _labels(names: Iterable[str]) -> list[str]:
+    return [name.replace(".", ":") for name in names]
 
 
 def _values(flat: FlatModel, known: list[int], given: Mapping[str, Any]) -> dict[int, float]:

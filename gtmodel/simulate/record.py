@@ -69,19 +69,16 @@ class Recorder:
         self.entries = entries_of(flat, outputs)
         self.expressions: list[ca.SX] = [flat.scope.symbol(*pair) for e in self.entries for pair in e.pairs]
         self.has_energy = bool(flat.energies)
-        self.times: list[float] = []
-        self._rows: list[np.ndarray] = []
-        self.residual = 0.0
+        self._blocks: list[np.ndarray] = []
 
-    def add(self, time: float, values: np.ndarray, work: np.ndarray, residual: float) -> None:
-        """A row: values of the entries, then of the stored energy; energy supplied and dissipated so far [J]."""
-        self.times.append(time)
-        self._rows.append(np.concatenate([values, work]))
-        self.residual = max(self.residual, residual)
+    def add(self, times: np.ndarray, values: np.ndarray, works: np.ndarray) -> None:
+        """Rows: values of the entries, then of the stored energy; energy supplied and dissipated so far [J]."""
+        self._blocks.append(np.column_stack([times, values, works]))
 
     def trajectory(self) -> tuple[Trajectory, float | None]:
         """What was recorded, and the largest error of the energy balance [J]."""
-        rows = np.array(self._rows)
+        table = np.concatenate(self._blocks)
+        times, rows = table[:, 0], table[:, 1:]
         values: dict[str, np.ndarray] = {}
         units: dict[str, str] = {}
         column = 0
@@ -97,4 +94,4 @@ class Recorder:
             for name, data in (("stored", stored), ("supplied", supplied), ("dissipated", dissipated)):
                 values[f"energy.{name}"], units[f"energy.{name}"] = data, "J"
             error = float(np.max(np.abs(stored - stored[0] - supplied + dissipated)))
-        return Trajectory(self.times, values, units), error
+        return Trajectory(times, values, units), error

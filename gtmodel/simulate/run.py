@@ -72,14 +72,13 @@ def simulate(
     if course.switches:
         n = len(course.switches)
         message += f"; states switched {n} time{'s' * (n > 1)}"
-    recorder = ready.recorder
-    trajectory, energy_error = recorder.trajectory()
+    trajectory, energy_error = ready.recorder.trajectory()
     simulation = Simulation(
         status,
         message,
         trajectory,
         energy_error,
-        recorder.residual,
+        course.residual,
         course.system.states,
         course.switches,
         ready.chosen,

@@ -12,7 +12,7 @@ from .reduced import Reduced
 # equal intervals in one call: the multistep method keeps its order and step size over them
 CHUNKS = (50, 10, 1)
 # internal steps in one interval: where that is not enough, the interval is halved
-MOST_STEPS = 5000
+MOST_STEPS = 1000
 
 
 class Stepper:
