@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, PositiveFloat
+from pydantic import BeforeValidator, Discriminator, Field, PositiveFloat, Tag
 
 from gtmodel.compiler.causal import flat_of
 from gtmodel.lang import Model, ModelError
@@ -37,7 +37,16 @@ ENERGY_BALANCE = 1e-6
 # in SI units: closed forms and polished Newton unknowns leave round-off, 1e-12 of forces up to 1e4 N
 EQUATIONS = 1e-8
 
-Values = float | list[float]
+
+def _numbers(value: Any) -> Any:
+    """Refuses what is neither a number nor a list of numbers, in one sentence for both."""
+    entries = value if isinstance(value, list) else [value]
+    if not all(isinstance(x, (int, float)) and not isinstance(x, bool) for x in entries):
+        raise ValueError("expected a number or a list of numbers")
+    return value
+
+
+Values = Annotated[float | list[float], BeforeValidator(_numbers)]
 
 
 class File(Section):
@@ -48,6 +57,12 @@ class File(Section):
     interpolation: Literal["linear", "previous", "cubic"] = Field(
         default="linear", description="between rows; previous holds each row, cubic has two derivatives"
     )
+
+
+Input = Annotated[
+    Annotated[Values, Tag("numbers")] | Annotated[File, Tag("a table")],
+    Discriminator(lambda value: "a table" if isinstance(value, (dict, File)) else "numbers"),
+]
 
 
 class Schema(RobotProblem):
@@ -62,7 +77,7 @@ class Schema(RobotProblem):
     prefer: list[str] = Field(default=[], description="names to keep as states, as long as they are good for it")
     outputs: list[str] = Field(default=[], description="further names to record")
     start: dict[str, Values] = Field(default={}, description="start values by name, in SI units")
-    inputs: dict[str, Values | File] = Field(
+    inputs: dict[str, Input] = Field(
         default={}, description='by name: a number, a list, or {file = "motion.csv"}; in SI units'
     )
 

@@ -63,7 +63,10 @@ def test_speed_and_time_by_energy(run):
     speed = 4.0 * np.sqrt(inertia(0.5) / np.array([inertia(phi) for phi in t["phi"]]))
     assert t["der(phi)"] == pytest.approx(speed, abs=INTEGRATOR)
     assert np.ptp(speed) > 1.0
-    rate = lambda phi: np.sqrt(inertia(phi) / inertia(0.5)) / 4.0
+
+    def rate(phi):
+        return np.sqrt(inertia(phi) / inertia(0.5)) / 4.0
+
     for k in (100, 500):
         needed = quad(rate, 0.5, t["phi"][k], epsabs=1e-12, epsrel=1e-12, limit=200)[0]
         assert needed == pytest.approx(t.time[k], abs=INTEGRATOR)

@@ -1,0 +1,128 @@
+# ---
+# jupyter:
+#   jupytext:
+#     formats: ipynb,py:percent
+#     text_representation:
+#       extension: .py
+#       format_name: percent
+#       format_version: '1.3'
+#   kernelspec:
+#     display_name: Python 3
+#     language: python
+#     name: python3
+# ---
+
+# %% [markdown]
+# # Your own parallel robot
+#
+# **Can I build a closed-chain robot from parts, and trust what comes out?**
+#
+# A hexapod: a plate on six legs that change their length. Robot libraries that work on trees of joints decline it. Here
+# it is a list of parts and connections. The dimensions are examples of ours, not those of a real machine.
+
+# %%
+# %matplotlib inline
+import numpy as np
+from matplotlib.figure import Figure
+
+import gtmodel as gt
+from gtmodel.mechanics import Anchor, RigidPlate, Strut
+from gtmodel.mechanics.attitude import AnyQuaternion
+
+# %% [markdown]
+# ## 1 The parts
+#
+# Six anchors on the ground, six struts, one rigid plate with six joints. `connect` makes positions equal and forces
+# balance. No kinematics is written by hand.
+
+# %%
+around = np.radians([-10, 10, 110, 130, 230, 250])
+FEET = np.column_stack([np.cos(around), np.sin(around), 0 * around])
+turned = np.radians([-50, 50, 70, 170, 190, 290])
+JOINTS = 0.5 * np.column_stack([np.cos(turned), np.sin(turned), 0 * turned])
+MASS, CENTRE = 6.0, np.array([0.02, -0.01, 0.05])
+
+
+class Hexapod(gt.Model):
+    """A plate on six struts: position r and quaternion e of the plate, leg lengths L, leg forces."""
+
+    r = gt.variable(3, unit="m", start=[0.0, 0.0, 1.0], prefer=1)
+    e = gt.variable(4, unit="1", start=[1.0, 0.0, 0.0, 0.0])
+    L = gt.variable(6, unit="m", start=1.2)
+    force = gt.input(6, unit="N")
+    foot = gt.parts(6, Anchor, r=FEET)
+    strut = gt.parts(6, Strut)
+    plate = gt.part(RigidPlate, m=MASS, c=CENTRE, I=np.diag([0.1, 0.12, 0.2]), B=JOINTS)
+
+    def equations(self):
+        for i, strut in enumerate(self.strut):
+            yield gt.connect(self.foot[i].point, strut.a)
+            yield gt.connect(strut.b, self.plate.point[i])
+            yield self.L[i] == strut.length
+            yield self.force[i] == strut.force
+        yield self.plate.frame.r == self.r
+        yield self.e == self.plate.attitude.e
+
+
+# %% [markdown]
+# ## 2 From a pose to leg lengths and forces
+#
+# The pose is known, so everything is closed form: no iteration anywhere. (A known quaternion carries its own unit
+# norm, hence `AnyQuaternion`.)
+
+# %%
+inverse = Hexapod(plate=dict(attitude=AnyQuaternion)).causal(["r", "e"], ["L", "force", "plate.frame.R"])
+kinds = sorted({b.kind for b in inverse.plan.blocks})
+print(kinds)
+assert "Newton" not in kinds
+
+pose = {"r": np.array([0.1, 0.05, 0.95]), "e": np.array([0.98, 0.1, -0.15, 0.08])}
+pose["e"] /= np.linalg.norm(pose["e"])
+arguments = [pose[s.name] if s.name in pose else np.zeros(s.shape) for s in inverse.inputs]  # at rest
+L, force, R, status = inverse(*arguments)
+print("lengths [m]", L.round(4))
+print("pushes [N]", force.round(2))
+
+# %% [markdown]
+# By another road: leg vectors by plain geometry, and the six pushes must carry the weight and its moment.
+
+# %%
+legs = pose["r"] + JOINTS @ R.T - FEET
+assert status == gt.Status.OK
+assert np.allclose(L, np.linalg.norm(legs, axis=1), rtol=1e-12)
+unit = legs / L[:, None]
+wrench = np.vstack([unit.T, np.cross(JOINTS @ R.T, unit).T]) @ force
+weight = np.array([0.0, 0.0, MASS * 9.81])
+assert np.allclose(wrench, np.concatenate([weight, np.cross(R @ CENTRE, weight)]), atol=1e-9)
+
+# %% [markdown]
+# ## 3 From leg lengths to the pose
+#
+# Forty complex poses belong to one set of lengths, so there is no closed form. The compiler leaves one Newton block and
+# follows the solution from the home pose; a status tells when it cannot.
+
+# %%
+forward = Hexapod().causal("L", ["r", "e"])
+print("\n".join(line for line in forward.explain().splitlines() if "Newton" in line))
+r, e, status = forward(L)
+assert status == gt.Status.OK
+assert np.allclose(r, pose["r"], atol=1e-10)
+assert np.allclose(e * np.sign(e[0]), pose["e"], atol=1e-10)  # -e is the same orientation
+
+_, _, status = forward(np.full(6, 0.2))  # shorter than the distance to any plate joint
+print(status.name, "-", forward.diagnose(np.full(6, 0.2)))
+assert status != gt.Status.OK
+
+# %% [markdown]
+# ## 4 What it looks like
+
+# %%
+figure = Figure(figsize=(5, 5), layout="constrained")
+axes = figure.add_subplot(projection="3d")
+corners = pose["r"] + JOINTS @ R.T
+for foot, corner in zip(FEET, corners, strict=True):
+    axes.plot(*np.column_stack([foot, corner]), color="0.3")
+axes.plot(*np.vstack([corners, corners[:1]]).T, color="#0072b2")
+axes.plot(*FEET.T, "s", color="black")
+axes.set(xlabel="x [m]", ylabel="y [m]", zlabel="z [m]", title="hexapod (example dimensions)")
+figure
