@@ -32,7 +32,7 @@ SHORTEST = 1.0 / 128
 # of a step each Newton correction must shrink to this part of the last, so that no other assembly mode is entered
 CONTRACTION = 0.3
 # free symbols approach their target in at most so many steps, until one is this small
-APPROACHES, NEAR = 20, 1e-12
+APPROACHES, NEAR = 20, 1e-6
 
 
 @dataclass(frozen=True, eq=False)

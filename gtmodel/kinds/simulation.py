@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -41,8 +42,17 @@ EQUATIONS = 1e-8
 def _numbers(value: Any) -> Any:
     """Refuses what is neither a number nor a list of numbers, in one sentence for both."""
     entries = value if isinstance(value, list) else [value]
-    if not all(isinstance(x, (int, float)) and not isinstance(x, bool) for x in entries):
+    if not all(isinstance(x, (int, float)) and not isinstance(x, bool) and math.isfinite(x) for x in entries):
         raise ValueError("expected a number or a list of numbers")
+    return value
+
+
+def _keys(value: Any) -> Any:
+    """Refuses a table that is no file input, naming the keys: an input's name is a person's, no schema knows it."""
+    if isinstance(value, dict) and (wrong := [key for key in value if key not in File.model_fields]):
+        raise ValueError(f"there is no key '{wrong[0]}'; there are {', '.join(File.model_fields)}")
+    if isinstance(value, dict) and "file" not in value:
+        raise ValueError('expected {file = "motion.csv"}')
     return value
 
 
@@ -60,7 +70,7 @@ class File(Section):
 
 
 Input = Annotated[
-    Annotated[Values, Tag("numbers")] | Annotated[File, Tag("a table")],
+    Annotated[Values, Tag("numbers")] | Annotated[File, BeforeValidator(_keys), Tag("a table")],
     Discriminator(lambda value: "a table" if isinstance(value, (dict, File)) else "numbers"),
 ]
 
@@ -177,7 +187,8 @@ def _outcome(problem: Schema, simulation: Simulation) -> Outcome:
     failed = [name for name, check in checks.items() if not check.passed]
     message = simulation.message
     if simulation.status.ok and failed:
-        message += f", but {' and '.join(failed)} exceed their bounds; use a smaller tolerance"
+        verb = "exceeds its bound" if len(failed) == 1 else "exceed their bounds"
+        message += f", but {' and '.join(failed)} {verb}; use a smaller tolerance"
     values = _values(simulation)
     figures = {"signals": lambda: _signals(trajectory, simulation)}
     if simulation.energy_error is not None:

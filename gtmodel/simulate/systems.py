@@ -20,15 +20,22 @@ Pair = tuple[int, int]
 
 
 @dataclass(frozen=True, eq=False)
+class Branch:
+    """A plan for one choice of states, with the signs of its roots; `slopes` tell the signs at any point."""
+
+    plan: Plan
+    slopes: ca.Function
+    signs: tuple[int, ...]
+
+
+@dataclass(frozen=True, eq=False)
 class System:
-    """One choice of states with the signs of its roots, ready to be integrated."""
+    """A branch with the inputs and outputs of a simulation, ready to be integrated."""
 
     choice: Choice
     plan: Plan
     reduced: Reduced
     stepper: Stepper
-    slopes: ca.Function
-    signs: tuple[int, ...]
 
     @property
     def states(self) -> tuple[str, ...]:
@@ -55,25 +62,35 @@ class Systems:
         self._fold = ca.SX(ca.DM(flat.require_values()))
         expressions = [*outputs, *(e.expression for e in flat.energies), *(e.residual for e in flat.equations)]
         targets = {(v.index, 0) for v in flat.variables} | set(flat.scope.symbols_in(ca.vertcat(*expressions)))
-        self.plan = self._first_plan(sorted(targets))
-        self._targets = self.plan.pairs
+        # plans know neither inputs nor tolerances: the model keeps them for the next simulation
+        key = ("simulation", tuple(inputs.known), tuple(sorted(targets)))
+        if key not in flat.cache:
+            flat.cache[key] = self._first_plan(sorted(targets)), {}
+        self.plan: Plan
+        self._branches: dict[Choice, list[Branch]]
+        self.plan, self._branches = flat.cache[key]
         self.watch = Watch(self.plan, frozenset(self.plan.alias.resolve(i, 0)[1] for i in prefer))
-        self._made: dict[Choice, list[System]] = {}
+        self._made: dict[int, System] = {}
 
     def at(self, w: np.ndarray, time: float) -> System | None:
         """The system whose states and branches suit a consistent point; None where no choice of states would do."""
         choice = self.watch.choose(w, time)
         if choice is None:
             return None
-        made = self._made.setdefault(choice, [])
-        for system in made:
-            if _signs(system.slopes, w, time) == system.signs:
-                return system
-        made.append(self._make(self.watch.states(choice), w, time))
-        return made[-1]
+        known = self._branches.setdefault(choice, [])
+        branch = next((b for b in known if _signs(b.slopes, w, time) == b.signs), None)
+        if branch is None:
+            branch = self._branch(self.watch.states(choice), w, time)
+            known.append(branch)
+        if id(branch) not in self._made:
+            reduced = Reduced(branch.plan, self._inputs, self._outputs)
+            stepper = Stepper(reduced, self._tolerance, self._method)
+            self._made[id(branch)] = System(choice_of(branch.plan.stages), branch.plan, reduced, stepper)
+        return self._made[id(branch)]
 
-    def _make(self, states: list[int], w: np.ndarray, time: float) -> System:
-        plan = self._plan(self._targets, states, rates=True, at=w)
+    def _branch(self, states: list[int], w: np.ndarray, time: float) -> Branch:
+        plan = self._plan(self.plan.pairs, states, rates=True, at=w)
+        assert plan.pairs == self.plan.pairs
         roots = [r for b in plan.blocks for r in b.roots]
         column = ca.vertcat(*[r.slope for r in roots]) if roots else ca.SX(0, 1)
         folded = ca.substitute(column, self._flat.p, self._fold) if self._flat.parameters else column
@@ -81,9 +98,7 @@ class Systems:
         signs = _signs(slopes, w, time)
         for root, sign in zip(roots, signs, strict=True):
             root.value = sign
-        reduced = Reduced(plan, self._inputs, self._outputs)
-        stepper = Stepper(reduced, self._tolerance, self._method)
-        return System(choice_of(plan.stages), plan, reduced, stepper, slopes, signs)
+        return Branch(plan, slopes, signs)
 
     def _first_plan(self, targets: list[Pair]) -> Plan:
         given = set(self._inputs.known)
@@ -93,8 +108,11 @@ class Systems:
         except ModelError as error:
             if left and "equations for" in str(error):
                 raise ModelError(f"{error}; inputs without a value: {', '.join(left)}") from None
-        # a root that nothing tells apart is no obstacle here: the start tells. All else is wrong without targets too
-        return self._plan([])
+            # a root that nothing tells apart is no obstacle here: the start tells. All else is wrong without targets too
+            plan = self._plan([])
+            if not {plan.alias.resolve(*t)[1:] for t in targets} <= set(plan.pairs):
+                raise
+            return plan
 
     def _plan(
         self, targets: list[Pair], prefer: Sequence[int] = (), rates: bool = False, at: np.ndarray | None = None

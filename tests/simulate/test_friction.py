@@ -22,10 +22,10 @@ FRICTION = [f"arm[{i}].friction.force" for i in range(3)]
 
 
 @pytest.mark.parametrize("smoothing", ["tanh", "piecewise_linear"])
-@pytest.mark.parametrize("scale", [0.1, 0.005])
-def test_power_balance(smoothing, scale):
+@pytest.mark.parametrize(("scale", "step"), [(0.1, 1e-3), (0.005, 2e-4)])
+def test_power_balance(smoothing, scale, step):
     run = simulate(
-        l1(scale, smoothing), 0.6, step=2e-4, inputs={"tau": force}, start={"T": T0, "der(T)": 0.0},
+        l1(scale, smoothing), 0.6, step=step, inputs={"tau": force}, start={"T": T0, "der(T)": 0.0},
         outputs=[*FRICTION, "der(q)"], tolerance=1e-10,
     )  # fmt: skip
     t = run.trajectory

@@ -78,9 +78,12 @@ def test_a_choice_made_before_costs_nothing(monkeypatch):
     made = []
     plan = systems.make_plan
     monkeypatch.setattr(systems, "make_plan", lambda *a, **k: made.append(1) or plan(*a, **k))
-    run = simulate(Pendulum(), 5.0, start={"x": 0.0, "y": -1.0, "der(x)": 7.0}, tolerance=1e-8)
+    model = Pendulum()
+    run = simulate(model, 5.0, start={"x": 0.0, "y": -1.0, "der(x)": 7.0}, tolerance=1e-8)
     # two choices of states with two signs each, and the plan they share
     assert len(run.switches) > 12 and len(made) == 5
+    # the model keeps them
+    assert simulate(model, 2.0, start={"x": 0.95}, tolerance=1e-9).switches and len(made) == 5
 
 
 def test_a_wish_is_heard_where_it_can_be():
