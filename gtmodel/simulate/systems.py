@@ -108,7 +108,7 @@ class Systems:
         except ModelError as error:
             if left and "equations for" in str(error):
                 raise ModelError(f"{error}; inputs without a value: {', '.join(left)}") from None
-            # a root that nothing tells apart is no obstacle here: the start tells. All else is wrong without targets too
+            # a root that nothing tells apart is no obstacle here: the start will. All else is wrong without targets too
             plan = self._plan([])
             if not {plan.alias.resolve(*t)[1:] for t in targets} <= set(plan.pairs):
                 raise

@@ -10,7 +10,6 @@ from scipy.integrate import solve_ivp
 
 from gtmodel import SolveStatus
 from gtmodel.simulate import simulate
-from tests.robots.test_six_link import HOME, nominal, perturbed, three_link
 from tests.simulate.robot import AHEAD, T0, by_hand, l1, oracle
 
 # Both integrators hold 1e-10 per step on motions of 1 m and 1 m/s; over some hundred steps that adds up to 1e-8.
@@ -139,15 +138,15 @@ def test_out_of_reach_it_says_so():
 
 @pytest.mark.slow
 def test_six_links_and_a_plate_that_turns():
-    """A Newton block for the quaternion rides along; nominal, the plate keeps its orientation and it is three links."""
-    six, options = nominal(), dict(step=0.05, inputs={"tau": [120.0, 40.0, -60.0]}, tolerance=TOLERANCE)
-    run = simulate(six, 0.2, start={"T": HOME, "der(T)": 0.0}, **options)
-    three = simulate(three_link(), 0.2, start={"T": HOME, "der(T)": 0.0}, **options)
-    assert run.trajectory["T"] == pytest.approx(three.trajectory["T"], abs=INTEGRATORS)
-    assert np.ptp(run.trajectory["T"], axis=0).max() > 0.02
-    assert run.residual < ROUND_OFF and run.energy_error is not None and run.energy_error < 1e-6
-    # links of other lengths turn the plate; the energy balance holds all the same
-    run = simulate(perturbed(), 0.2, start={"der(T)": [0.5, 0.3, -0.2]}, outputs="e", **options)
-    assert np.ptp(run.trajectory["e"], axis=0).max() > 1e-4
-    assert np.linalg.norm(run.trajectory["e"], axis=1) == pytest.approx(1.0, abs=1e-12)
-    assert run.residual < ROUND_OFF and run.energy_error is not None and run.energy_error < 1e-6
+    """A Newton block for the quaternion rides along; links of unequal lengths turn the plate."""
+    from tests.robots.test_six_link import perturbed
+
+    run = simulate(
+        perturbed(), 0.2, step=0.05, inputs={"tau": [120.0, 40.0, -60.0]}, start={"der(T)": [0.5, 0.3, -0.2]},
+        outputs="e", tolerance=TOLERANCE,
+    )  # fmt: skip
+    t = run.trajectory
+    assert np.ptp(t["e"], axis=0).max() > 1e-4 and np.ptp(t["T"], axis=0).max() > 0.05
+    assert np.linalg.norm(t["e"], axis=1) == pytest.approx(1.0, abs=1e-12)
+    assert run.residual < ROUND_OFF
+    assert run.energy_error is not None and run.energy_error < 1e-6 * t["energy.dissipated"][-1]

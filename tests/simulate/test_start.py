@@ -74,6 +74,23 @@ class TestChoice:
             assert status is gt.Status.OK and q == pytest.approx(expected, abs=1e-10)
 
 
+    @pytest.mark.parametrize("side", [-1.0, 1.0])
+    def test_a_root_that_nothing_declared_tells_apart(self, side):
+        class Sheet(gt.Model):
+            """x' = -y on the hyperbola y^2 = x^2 + 1."""
+
+            x = gt.variable(unit="1", start=1.0, fixed=True)
+            y = gt.variable(unit="1", start=0.0)
+            tau = gt.parameter(1.0, unit="s")
+
+            def equations(self):
+                yield self.tau * der(self.x) == -self.y
+                yield self.y**2 == self.x**2 + 1
+
+        run = simulate(Sheet(), 1.0, start={"y": side * np.sqrt(2)}, tolerance=1e-11)
+        assert run.trajectory["x"][-1] == pytest.approx(np.sinh(np.arcsinh(1.0) - side), abs=1e-8)
+
+
 class TestAttributes:
     def test_fixed_starts_are_prescribed_and_others_are_guesses(self):
         class Fixed(Pendulum):
