@@ -127,8 +127,11 @@ axes.plot(*FEET.T, "s", color="black")
 axes.set(xlabel="x [m]", ylabel="y [m]", zlabel="z [m]", title="hexapod (example dimensions)")
 figure
 
-# %% [markdown]
-# **Yes.** Parts and connections are enough; lengths, forces and the pose back agree with plain geometry and statics.
-
 # %%
 assert np.allclose(np.linalg.norm(corners - FEET, axis=1), L, rtol=1e-12)
+
+# %% [markdown]
+# ## Answer
+#
+# Yes. Parts and connections are enough: lengths and forces from a pose, and the pose from the lengths, agree with plain
+# geometry and statics, and a status says where there is no answer.

@@ -73,7 +73,6 @@ class TestChoice:
             expected, status = robot.causal(known="T", targets="q")(T)
             assert status is gt.Status.OK and q == pytest.approx(expected, abs=1e-10)
 
-
     @pytest.mark.parametrize("side", [-1.0, 1.0])
     def test_a_root_that_nothing_declared_tells_apart(self, side):
         class Sheet(gt.Model):
