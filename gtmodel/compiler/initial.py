@@ -23,6 +23,8 @@ RANK = 1e-9
 SETTLED = 1e-4
 # a correction that leaves more than this part of the residual makes no progress
 STALLED = 0.999
+# a symbol that moves less than this in every unit direction that the equations leave free does not move
+FREE = 1e-6
 # values that were guessed give way this much less than those that were not
 SOFT = 1e-3
 # corrections this small, in nominals, no longer tell whether Newton converges
@@ -68,6 +70,7 @@ def initial_point(plan: Plan, held: Mapping[Pair, float], guess: Mapping[Pair, f
         raise ModelError(equations.contradiction(at_rest, fixed))
     taken = fixed | kept
     target = {n: x for n, x in (dict.fromkeys([place[s] for s in plan.states], 0.0) | hoped).items() if n not in taken}
+    target |= dict.fromkeys(equations.completing(found, taken.keys(), target.keys()), 0.0)
     found = equations.approach(found, target, taken.keys())
     return Initial(found, frozenset(plan.pairs[n] for n in equations.loose(found, fixed.keys())))
 
@@ -166,14 +169,18 @@ class _Equations:
         stage = len(self._counts) - 1 if stage is None else stage
         reach = self._nominal[columns] * np.where(self._stage[columns] < stage, SETTLED, 1.0)
         reach = reach * [SOFT if n in soft else 1.0 for n in columns.tolist()]
-        return reach * np.linalg.lstsq(a * reach, b, rcond=RANK)[0]
+        used = np.any(a != 0.0, axis=0)  # an early stage holds few of the symbols
+        x = np.zeros(columns.size)
+        x[used] = reach[used] * np.linalg.lstsq(a[:, used] * reach[used], b, rcond=RANK)[0]
+        return x
 
     def _size(self, step: np.ndarray, w: np.ndarray) -> float:
         return float(np.max(np.abs(step) / np.maximum(np.abs(w), self._nominal), initial=0.0))
 
     def approach(self, w: np.ndarray, target: Mapping[int, float], fixed: Set[int]) -> np.ndarray:
         """The consistent point, reached from w, that comes nearest to target values by position."""
-        columns, at, values = self._free(fixed), list(target), np.array(list(target.values()))
+        columns, at = self._free(fixed), sorted(target)
+        values = np.array([target[n] for n in at])
         scale, wanted = self._nominal[columns], np.searchsorted(columns, at)
         for _ in range(APPROACHES if at else 0):
             free = self._null_space(w, columns)
@@ -193,11 +200,30 @@ class _Equations:
             w = trial
         return w
 
+    def completing(self, w: np.ndarray, fixed: Set[int], some: Set[int]) -> list[int]:
+        """Symbols below the highest derivatives that, with `some`, tell apart all ways to move."""
+        columns = self._free(fixed)
+        rest = self._null_space(w, columns)
+        top = dict(zip(self._plan.structure.unknowns, self._plan.structure.d.tolist(), strict=True))
+        pairs = [self._plan.pairs[n] for n in columns]
+        may = np.array([k < top.get(i, 0) for i, k in pairs], dtype=bool)
+        found: list[int] = []
+        for group in (np.isin(columns, list(some)), may):
+            while rest.size:
+                sizes = np.where(group, np.linalg.norm(rest, axis=1), 0.0)
+                n = int(np.argmax(sizes))
+                if sizes[n] <= FREE:
+                    break
+                direction = rest[n] / sizes[n]
+                rest = rest - np.outer(rest @ direction, direction)
+                found.append(int(columns[n]))
+        return [n for n in found if n not in some]
+
     def loose(self, w: np.ndarray, fixed: Set[int]) -> list[int]:
         """Positions of the symbols that can move without leaving the equations."""
         columns = self._free(fixed)
         free = self._null_space(w, columns)
-        return [int(n) for n, row in zip(columns, free, strict=True) if np.max(np.abs(row), initial=0.0) > 1e-6]
+        return [int(n) for n, row in zip(columns, free, strict=True) if np.max(np.abs(row), initial=0.0) > FREE]
 
     def _null_space(self, w: np.ndarray, columns: np.ndarray) -> np.ndarray:
         """Orthonormal directions (columns, k), in nominals, that leave the equations satisfied."""

@@ -94,7 +94,12 @@ class Course:
                 f"the motion ends at {self._time:.6g} s in a singular pose: no choice of states describes it there",
             )
         self._reference = reference
-        return watch.horizon(self.system.choice, reference, w, self._time, longest)
+        span = watch.horizon(self.system.choice, reference, w, self._time, longest)
+        if span < longest:
+            self._last_span = span
+        if span < min(longest, self._shortest):
+            raise Ended(*self._wall())
+        return span
 
     def _switch(self, system: System, w: np.ndarray) -> None:
         self.switches.append(Switch(self._time, self.system.states, system.states))
@@ -109,14 +114,14 @@ class Course:
 
     def _advance(self, stop: float, span: float) -> None:
         """One call of the integrator over at most `span` seconds: many rows at once where that goes well."""
-        most = CHUNKS[0]
-        self._last_span = span
+        most, last = CHUNKS[0], max(self._last_span, span)
         while True:
             times, length = self._intervals(stop, span, most)
             result = self.system.stepper(self._x, self._z, self._time, length, self._p, len(times))
             if result is not None and self._accept(times, *result):
+                self._last_span = last
                 return
-            self._last_span = length
+            last = length
             if len(times) > 1:
                 most = next(n for n in CHUNKS if n < len(times))
             else:

@@ -92,8 +92,8 @@ def read_inputs(flat: FlatModel, given: Mapping[str, Any]) -> Inputs:
     Each value is a number or array; a function of time, of one argument that takes NumPy's and gtmodel's functions
     (``lambda t: [0.0, np.sin(3 * t)]``); a pair (times, values); or a Trajectory that holds the name. A table is
     "linear" between its rows unless told otherwise by ((times, values), interpolation) or (trajectory, interpolation):
-    "previous" holds each row up to the next, "cubic" is a spline that has two derivatives. Before its first and
-    after its last row every table keeps its end value.
+    "previous" holds each row up to the next (a recorded row on a jump shows what was before it), "cubic" is a spline,
+    which has two derivatives. Before its first and after its last row every table keeps its end value.
 
     Raises ModelError for a wrong name, shape or unit, and for a function that cannot be evaluated symbolically.
     """

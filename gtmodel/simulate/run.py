@@ -21,7 +21,7 @@ from .result import NotSimulated, Progress, Simulation
 from .systems import System, Systems
 
 OUTPUT_STEPS = 500
-ROUND_OFF = 1e-12  # a chosen start value below so many nominals is reported as zero
+ROUND_OFF = 1e-9  # a chosen start value below so many nominals is reported as zero
 
 
 def simulate(

@@ -50,6 +50,30 @@ class TestChoice:
         assert run.chosen == {"y": pytest.approx(0.0, abs=1e-7), "der(y)": pytest.approx(0.0, abs=1e-7)}
         assert run.trajectory["der(y)"][-1] == pytest.approx(-9.81 * 0.01, rel=1e-3)
 
+    def test_zero_is_a_choice_of_the_states_that_will_be(self):
+        class Train(gt.Model):
+            """A pendulum on a train of constant speed; released level with its pivot, where x is no state."""
+
+            x = gt.variable(unit="m", start=0.6)
+            y = gt.variable(unit="m", start=-0.8)
+            pull = gt.variable(unit="1/s2")
+            L = gt.parameter(1.0, unit="m")
+            g = gt.parameter(9.81, unit="m/s2")
+            v = gt.parameter(5.0, unit="m/s")
+
+            def equations(self):
+                from_pivot = self.x - self.v * self.time
+                yield der(self.x, 2) == -self.pull * from_pivot
+                yield der(self.y, 2) == -self.pull * self.y - self.g
+                yield from_pivot**2 + self.y**2 == self.L**2
+
+        run = simulate(Train(), 5.0, start={"x": 1.0, "y": 0.0, "der(x)": 5.0}, tolerance=1e-11)
+        assert run.chosen == {"der(y)": 0.0}
+        still = simulate(Pendulum(), 5.0, start={"x": 1.0, "y": 0.0, "der(y)": 0.0}, tolerance=1e-11)
+        along = run.trajectory["x"] - 5.0 * run.trajectory.time
+        assert along == pytest.approx(still.trajectory["x"], abs=1e-6)
+        assert run.trajectory["y"] == pytest.approx(still.trajectory["y"], abs=1e-6)
+
     def test_values_far_from_the_nominal_are_reached(self):
         class Tank(gt.Model):
             T = gt.variable(unit="K", start=300.0, fixed=True)
