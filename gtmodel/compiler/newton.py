@@ -71,7 +71,12 @@ class NewtonKernel:
             target = np.minimum(1.0, done[rows] + step[rows])
             at = self.a0[:, None] + target * (a[:, rows] - self.a0[:, None])
             at[:, target == 1.0] = a[:, rows][:, target == 1.0]
-            found, good = self._correct(z[:, rows], at)
+            now = self.a0[:, None] + done[rows] * (a[:, rows] - self.a0[:, None])
+            # along the tangent: a jump of the inputs may land beside another solution with a tiny correction
+            ahead = np.einsum("nmk,kn->mn", self.derivative(z[:, rows], now), at - now)
+            near = np.all(np.abs(ahead) <= REACH * self.scale[:, None], axis=0)
+            found, good = self._correct(z[:, rows] + np.where(near, ahead, 0.0), at)
+            good &= near
             z[:, rows[good]] = found[:, good]
             done[rows[good]] = target[good]
             step[rows[good]] = 2.0 * step[rows[good]]

@@ -223,3 +223,17 @@ class TestNames:
         assert f(3.0) == (9.0, 6.0, 2.0, Status.OK)
         x, v, a, status = f(np.array([1.0, 2.0]))
         assert (x.tolist(), v.tolist(), a.tolist(), status.tolist()) == ([1, 4], [2, 4], [2, 2], [0, 0])
+
+
+def test_newton_does_not_jump_to_a_neighbouring_solution():
+    class TwoSolutions(gt.Model):
+        u = gt.variable()
+        x = gt.variable(start=0.5)
+
+        def equations(self):
+            yield (self.x - self.u) ** 2 + gt.sin(self.x - self.u) ** 2 * 0.1 == 1.0
+
+    # inputs two apart put the other solution exactly where the first one stood
+    u = np.linspace(-6, 6, 25)
+    x, status = TwoSolutions().causal("u", "x")(u)
+    assert not np.any(status) and len(np.unique(np.sign(x - u))) == 1
