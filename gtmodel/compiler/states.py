@@ -61,20 +61,6 @@ def stage_choices(stages: list[Stage]) -> list[Stage]:
     return [s for s in stages if s.rows and len(s.columns) > len(s.rows)]
 
 
-def conditioning(flat: FlatModel, structure: Structure, stages: list[Stage], jacobian: np.ndarray) -> float:
-    """Smallest ratio, over the stages with a choice, of the chosen columns' conditioning to the best choice's."""
-    worst = 1.0
-    for stage in stage_choices(stages):
-        m = _scaled(flat, structure, jacobian, stage.rows, stage.columns)
-        position = {j: n for n, j in enumerate(stage.columns)}
-        chosen = [position[j] for j in stage.matched.values()]
-        best = _greedy(m, [list(range(len(stage.columns)))], len(stage.rows))
-        if len(best) < len(stage.rows):
-            return 0.0  # no choice would do: a singular pose
-        worst = min(worst, _conditioning(m[:, chosen]) / max(1e-300, _conditioning(m[:, best])))
-    return worst
-
-
 def _scaled(
     flat: FlatModel, structure: Structure, jacobian: np.ndarray, rows: list[int], cols: list[int]
 ) -> np.ndarray:
