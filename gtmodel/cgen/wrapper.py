@@ -61,6 +61,8 @@ def _guard(good: str, otherwise: Status, why: str = "") -> str:
 def _margin(n: int, margin: Margin) -> str:
     if margin.kind == "discriminant":
         return _guard(f"margins[{n}] >= 0.0", Status.OUT_OF_RANGE, f"discriminant of {margin.label}")
+    if margin.kind == "condition":
+        return _guard(f"margins[{n}] >= 0.0", Status.OUT_OF_RANGE, f"condition on the inputs: {margin.label}")
     if margin.kind != "pivot":
         raise GenerationError(f"the margin of {margin.label} is of the kind '{margin.kind}', which C does not know yet")
     test = f"fabs(margins[{n}]) > (GT_PIVOT_TOLERANCE * {decimal(margin.scale)})"

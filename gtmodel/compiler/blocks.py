@@ -11,9 +11,10 @@ from .newton import NewtonBlock
 
 @dataclass(frozen=True, eq=False)
 class Margin:
-    """A number that must stay on the good side: discriminant >= 0, |pivot| above a tolerance.
+    """A number that must stay on the good side: discriminant or condition >= 0, |pivot| above a tolerance.
 
-    `kind` is "discriminant" or "pivot"; `scale` (typical size) is found at the sample points.
+    `kind` is "discriminant", "condition" (on known values) or "pivot"; `scale` (typical size) is found at the
+    sample points.
     """
 
     kind: str

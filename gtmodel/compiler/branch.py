@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import casadi as ca
@@ -18,6 +19,9 @@ if TYPE_CHECKING:
 
 # a branch expression that only changes its sign with the root is the root's own name, up to round-off
 OWN = 1e-9
+# a home pose on another branch is sought from this many starts, this far off in nominals
+MIRROR_TRIES = 30
+MIRROR_SPREAD = 0.02
 
 
 def check_branches(flat: FlatModel, wanted: Mapping[str, int]) -> None:
@@ -35,8 +39,16 @@ def settle(plan: Plan, sampler: Sampler, wanted: Mapping[str, int]) -> None:
 
     A branch tells the solutions of a root apart if its expression changes sign, in the same sense at every
     sample, when the root does; its sign is the wanted one, +1 by default. A root that no branch tells apart
-    takes the side of the start values. Branches that tell no root of this causality apart play no part.
+    takes the side of the start values. Branches that tell no root of this causality apart play no part, but where
+    Newton continues a home pose, that pose has the wanted signs.
     """
+    _settle_roots(plan, sampler, wanted)
+    if plan.newton:
+        told = {r.told_by for b in plan.blocks for r in b.roots}
+        _move_home(plan, sampler, {name: sign for name, sign in wanted.items() if name not in told})
+
+
+def _settle_roots(plan: Plan, sampler: Sampler, wanted: Mapping[str, int]) -> None:
     roots = [r for b in plan.blocks for r in b.roots]
     if not roots:
         return
@@ -79,13 +91,51 @@ def settle(plan: Plan, sampler: Sampler, wanted: Mapping[str, int]) -> None:
     plan.samples = np.array(found)
 
 
-def follow(plan: Plan, sampler: Sampler) -> None:
-    """Give every root the sign that it has at the plan's one sample."""
+def _move_home(plan: Plan, sampler: Sampler, wanted: Mapping[str, int]) -> None:
+    """Replace the samples by points where the wanted branches have their signs; mirrored there if they have not."""
+    flat, p = plan.flat, plan.flat.p0
+    expressions = {b.name: plan.alias.rewrite(flat, b.expression) for b in flat.branches if b.name in wanted}
+    names = [n for n, e in expressions.items() if all(s in sampler.position for s in flat.scope.symbols_in(e))]
+    if not names:
+        return
+    column, signs = _column([expressions[n] for n in names]), np.array([wanted[n] for n in names])
+    roots = [r for b in plan.blocks for r in b.roots]
+    arguments = [sampler.w, flat.p, flat.scope.time]
+    sides = ca.Function("sides", arguments, [column, _column([r.slope * r.value for r in roots])])
+
+    def right(w: np.ndarray) -> bool:
+        side, root = (_row(x) for x in sides.call([w, p, 0.0]))
+        return bool(np.all(side * signs > 0) and np.all(root > 0))
+
+    found = [w for w in plan.samples if right(w)]
+    if not found:
+        size = np.abs(_row(sides(plan.samples[0], p, 0.0)[0]))
+        first, *rest = sampler.stages
+        mirrored = replace(sampler, stages=[ca.vertcat(first, column - signs * size), *rest])
+        nominal = np.array([flat.variables[index].nominal for index, _ in sampler.pairs])
+        for seed in range(MIRROR_TRIES):
+            noise = np.random.default_rng(seed).standard_normal(len(nominal))
+            w = plan.samples[seed % len(plan.samples)] + MIRROR_SPREAD * nominal * noise
+            mirrored.correct(w)  # as near as it goes: more signs than degrees of freedom contradict each other
+            if sampler.correct(w) <= RESIDUAL_TOLERANCE and right(w):
+                found.append(w)
+                if len(found) == len(plan.samples):
+                    break
+    if not found:
+        asked = ", ".join(f"'{n}' = {wanted[n]:+d}" for n in names)
+        raise ModelError(
+            f"{flat.title}: no pose with branch {asked} was found from the start values; give start values near one"
+        )
+    plan.samples = np.array(found)
+
+
+def follow(plan: Plan, sampler: Sampler, time: float) -> None:
+    """Give every root the sign that it has at the plan's one sample and its time."""
     roots = [r for b in plan.blocks for r in b.roots]
     if roots:
         flat = plan.flat
         slopes = ca.Function("slopes", [sampler.w, flat.p, flat.scope.time], [_column([r.slope for r in roots])])
-        for root, slope in zip(roots, _row(slopes(plan.samples[0], flat.p0, 0.0)), strict=True):
+        for root, slope in zip(roots, _row(slopes(plan.samples[0], flat.p0, time)), strict=True):
             root.value = 1 if slope >= 0 else -1
 
 

@@ -177,7 +177,7 @@ class CausalFunction:
         margins = results[-1]
         for m, row in zip(self.margins, margins, strict=True):
             with np.errstate(invalid="ignore"):
-                if m.kind == "discriminant":
+                if m.kind in ("discriminant", "condition"):
                     bad, verdict = ~(row >= 0), Status.OUT_OF_RANGE
                 else:
                     bad, verdict = ~(np.abs(row) > PIVOT_TOLERANCE * m.scale), Status.SINGULAR
@@ -197,6 +197,8 @@ class CausalFunction:
             return f"{status.sentence}: no solution for {labels} was reached on the way from the home pose"
         for m, row in zip(self.margins, results[-1], strict=True):
             value = float(row[0])
+            if m.kind == "condition" and not value >= 0:
+                return f"{status.sentence}: the known values do not satisfy {m.label}"
             if m.kind == "discriminant" and not value >= 0:
                 return f"{status.sentence}: the root for {m.label} has the negative discriminant {value:.4g}"
             if m.kind == "pivot" and not abs(value) > PIVOT_TOLERANCE * m.scale:

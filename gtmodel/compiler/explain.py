@@ -24,6 +24,9 @@ def explain(f: CausalFunction) -> str:
         counts[b.kind] = counts.get(b.kind, 0) + 1
     lines.append("  blocks: " + (", ".join(f"{n} {kind}" for kind, n in sorted(counts.items())) or "none"))
     for n, b in enumerate(plan.blocks, 1):
+        if b.kind == "condition":
+            lines += [f"  {n:3d} condition on the known values: {e}" for e in b.equations]
+            continue
         if b.kind == "explicit":
             lines.append(f"  {n:3d} explicit  {b.unknowns[0]}  from {b.equations[0]}")
             continue
@@ -39,6 +42,9 @@ def explain(f: CausalFunction) -> str:
     assumed = sorted(q.name for q in flat.parameters if q.nonzero)
     if assumed:
         lines.append(f"  assumes nonzero: {', '.join(assumed)}")
+    if plan.undetermined:
+        left = [flat.variables[i].name for i in plan.undetermined]
+        lines.append(f"  not determined by what is known, and not needed: {', '.join(left)}")
     if flat.branches:
         lines.append(f"  declared branches: {', '.join(b.name for b in flat.branches)}")
     return "\n".join(lines)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import casadi as ca
 import numpy as np
@@ -11,13 +11,14 @@ import numpy as np
 from .alias import AliasResult, eliminate
 from .blocks import SolvedBlock
 from .branch import check_branches, follow, settle
-from .flat import FlatModel
+from .flat import FlatEquation, FlatModel
 from .graph import strong_components
 from .linear import solve_linear
 from .newton import NewtonBlock
 from .pivots import SignAnalysis
 from .points import Sampler
 from .quadric import NoClosedForm, eliminate_explicit, solve_nonlinear
+from .relevance import condition_block, needed, set_apart
 from .states import Stage, choose
 from .structure import Structure, analyse
 
@@ -31,7 +32,8 @@ class Plan:
     """A causality worked out: `inputs` are the chain symbols it reads, `blocks` what it computes.
 
     `samples` are consistent points (rows) over the chain symbols `pairs`. `parameters` are the numbers or
-    symbols that stand for the parameters in the blocks.
+    symbols that stand for the parameters in the blocks. `conditions` are equations among the elements of one known
+    variable, which its values must satisfy; `undetermined` variables have too few equations, but no target needs them.
     """
 
     flat: FlatModel
@@ -48,6 +50,8 @@ class Plan:
     parameters: ca.SX
     sampler: Sampler
     system: ca.SX
+    conditions: list[FlatEquation] = field(default_factory=list)
+    undetermined: list[int] = field(default_factory=list)
 
     @property
     def newton(self) -> list[NewtonBlock]:
@@ -69,7 +73,7 @@ def make_plan(
     branches: Mapping[str, int] | None = None,
     rates: bool = False,
     fold: ca.SX | None = None,
-    at: np.ndarray | None = None,
+    at: tuple[np.ndarray, float] | None = None,
 ) -> Plan:
     """Work out one causality.
 
@@ -81,8 +85,8 @@ def make_plan(
         rates: compute the derivative of every state too.
         fold: numbers (or symbols) to put in place of the parameters before any algebra: zeros vanish and
             numbers become pivots. The structure and the inputs do not depend on it.
-        at: one consistent point over the plan's `pairs`; states and branches are chosen there, whatever is
-            declared. The simulation uses it to switch states on the way.
+        at: one consistent point over the plan's `pairs`, and its time; states and branches are chosen there,
+            whatever is declared. The simulation uses it to switch states on the way.
 
     Raises ModelError for a system that is not square, redundant, singular or without a consistent point.
     """
@@ -90,25 +94,28 @@ def make_plan(
     alias = eliminate(flat, frozenset([*known, *prefer]))
     known_set = set(known)
     unknowns = [v.index for v in flat.variables if v.index not in alias.removed and v.index not in known_set]
-    structure = analyse(flat, alias.equations, unknowns)
-    column = {j: n for n, j in enumerate(unknowns)}
     wanted = [alias.resolve(*t)[1:] for t in targets]
+    equations, conditions = set_apart(flat, alias.equations, known_set)
+    equations, unknowns, undetermined = needed(flat, equations, unknowns, {i for i, _ in wanted})
+    structure = analyse(flat, equations, unknowns)
+    column = {j: n for n, j in enumerate(unknowns)}
     deficit = max([order - int(structure.d[column[i]]) for i, order in wanted if i in column], default=0)
     structure = structure.raised(max(0, deficit))
     derivatives = _differentiate(flat, structure)
-    pairs = _pairs(flat, derivatives, structure, wanted)
+    pairs = _pairs(flat, derivatives, structure, conditions, wanted)
     stage_residuals = [
         ca.vertcat(*[derivatives[i][structure.c[i] + k] for i in range(len(structure.c)) if structure.c[i] + k >= 0])
         for k in range(-int(structure.d.max(initial=0)), 1)
     ]
+    stage_residuals = _with_conditions(flat, stage_residuals, conditions, pairs)
     sampler = Sampler(flat, pairs, [r for r in stage_residuals if r.numel()], _starts(flat, alias), frozenset(known))
-    samples = sampler.points(SAMPLE_POINTS) if at is None else at[None, :]
+    samples, time = (sampler.points(SAMPLE_POINTS), 0.0) if at is None else (at[0][None, :], at[1])
     parameters = flat.p if fold is None else fold
     folded = derivatives if fold is None else _folded(flat, derivatives, fold)
     stages = choose(
         flat,
         structure,
-        _jacobians(flat, structure, derivatives, sampler, samples),
+        _jacobians(flat, structure, derivatives, sampler, samples, time),
         _kept(alias, prefer),
         _pattern(flat, structure, folded),
     )
@@ -135,17 +142,23 @@ def make_plan(
     reached = strong_components(roots, lambda node: [solver[p] for p in written[node] if p in solver])
     read = {p for c in reached for node in c for p in written[node] if p not in solver}
     read |= {p for p in wanted if p not in solver}
+    residuals = [e.residual if fold is None else ca.substitute(e.residual, flat.p, fold) for e in conditions]
+    inside = [set(flat.scope.symbols_in(e.residual)) for e in conditions]
+    concerned = [n for n, symbols in enumerate(inside) if symbols & read]
+    if concerned:
+        read |= set().union(*[inside[n] for n in concerned])
+        blocks.insert(0, condition_block([conditions[n] for n in concerned], [residuals[n] for n in concerned]))
     time_key = flat.scope.time.element_hash()
     uses_time = any(s.element_hash() == time_key for c in components for i, m in c for s in ca.symvar(folded[i][m]))
     plan = Plan(
         flat, alias, structure, stages, list(known), states, sorted(read), blocks, pairs, samples, uses_time,
-        parameters, sampler, _system(flat, structure, folded),
+        parameters, sampler, _system(flat, structure, folded), conditions, undetermined,
     )  # fmt: skip
     if at is None:
         settle(plan, sampler, branches or {})
     else:
-        follow(plan, sampler)
-    _size_margins(plan, sampler)
+        follow(plan, sampler, time)
+    _size_margins(plan, sampler, time)
     return plan
 
 
@@ -172,6 +185,22 @@ def _folded(flat: FlatModel, derivatives: list[list[ca.SX]], fold: ca.SX) -> lis
     return [[next(flatten) for _ in chain] for chain in derivatives]
 
 
+def _with_conditions(
+    flat: FlatModel, stages: list[ca.SX], conditions: list[FlatEquation], pairs: list[Pair]
+) -> list[ca.SX]:
+    """Stage residuals with the conditions on known values, differentiated as often as these occur."""
+    if not conditions:
+        return stages
+    order = dict(sorted(pairs))  # highest derivative of each variable
+    residual = ca.vertcat(*[e.residual for e in conditions])
+    top = max(order.get(i, 0) for e in conditions for i, _ in flat.scope.symbols_in(e.residual))
+    stages = [*stages, *[ca.SX(0, 1)] * max(0, top + 1 - len(stages))]
+    for m in range(top + 1):
+        stages[m] = ca.vertcat(stages[m], residual)
+        residual = flat.scope.derivative(residual)
+    return stages
+
+
 def _users(
     flat: FlatModel, derivatives: list[list[ca.SX]], unknown_of: dict[Pair, Pair], solver: dict[Pair, Pair]
 ) -> dict[Pair, list[Pair]]:
@@ -196,9 +225,16 @@ def _system(flat: FlatModel, structure: Structure, derivatives: list[list[ca.SX]
     return ca.jacobian(top, columns)
 
 
-def _pairs(flat: FlatModel, derivatives: list[list[ca.SX]], structure: Structure, wanted: Sequence[Pair]) -> list[Pair]:
+def _pairs(
+    flat: FlatModel,
+    derivatives: list[list[ca.SX]],
+    structure: Structure,
+    conditions: list[FlatEquation],
+    wanted: Sequence[Pair],
+) -> list[Pair]:
     pairs = {p for chain in derivatives for e in chain for p in flat.scope.symbols_in(e)}
     pairs |= {(j, m) for n, j in enumerate(structure.unknowns) for m in range(int(structure.d[n]) + 1)}
+    pairs |= {p for e in conditions for p in flat.scope.symbols_in(e.residual)}
     return sorted(pairs | set(wanted))
 
 
@@ -213,10 +249,15 @@ def _starts(flat: FlatModel, alias: AliasResult) -> dict[Pair, float]:
 
 
 def _jacobians(
-    flat: FlatModel, structure: Structure, derivatives: list[list[ca.SX]], sampler: Sampler, samples: np.ndarray
+    flat: FlatModel,
+    structure: Structure,
+    derivatives: list[list[ca.SX]],
+    sampler: Sampler,
+    samples: np.ndarray,
+    time: float,
 ) -> list[np.ndarray]:
     f = ca.Function("system", [sampler.w, flat.p, flat.scope.time], [_system(flat, structure, derivatives)])
-    return [np.asarray(f(w, flat.p0, 0.0).full()) for w in samples]
+    return [np.asarray(f(w, flat.p0, time).full()) for w in samples]
 
 
 def _solve(
@@ -252,7 +293,7 @@ def _solve(
     return SolvedBlock(how.split(" in ")[0], names, equations, assignments, margins, roots, how)
 
 
-def _size_margins(plan: Plan, sampler: Sampler) -> None:
+def _size_margins(plan: Plan, sampler: Sampler, time: float) -> None:
     """Typical sizes of the margins, read off the consistent points."""
     flat = plan.flat
     margins = [m for b in plan.blocks for m in b.margins]
@@ -260,7 +301,7 @@ def _size_margins(plan: Plan, sampler: Sampler) -> None:
         sizes = ca.Function(
             "sizes", [sampler.w, flat.p, flat.scope.time], [ca.vertcat(*[m.expression for m in margins])]
         )
-        values = np.abs([np.asarray(sizes(w, flat.p0, 0.0)).reshape(-1) for w in plan.samples])
+        values = np.abs([np.asarray(sizes(w, flat.p0, time)).reshape(-1) for w in plan.samples])
         scales = dict(zip(map(id, margins), np.median(values, axis=0), strict=True))
         for b in plan.blocks:
             b.margins = [type(m)(m.kind, m.expression, m.label, float(scales[id(m)]) or 1.0) for m in b.margins]

@@ -18,7 +18,7 @@ def structure_figure(function: CausalFunction) -> Figure:
 
     Everything left of a block is computed before it; nothing stands right of it.
     """
-    blocks = function.plan.blocks
+    blocks = [b for b in function.plan.blocks if b.unknowns]  # a condition on known values computes nothing
     names = [n for b in blocks for n in b.unknowns]
     column = {n: k for k, n in enumerate(names)}
     size = max(1, len(names))

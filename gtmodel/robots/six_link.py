@@ -61,7 +61,8 @@ class SixLink(gt.Model):
     Link (i, j) closes |T + R B_ij - A_ij - q_i v_ij| = L_ij (Dressler 2012, section 4.4). The rows of A, v, L, B and
     m_a are the links in the order of LINKS. The reference point of a cart, where its mass counts, moves with the mean
     of its links' v. R = R(e), e a unit quaternion, scalar first; e and -e are the same pose. A wrist may hang on
-    plate.frame. Of the assembly modes Newton takes the one that continues the home pose, with carts behind the plate.
+    plate.frame. Of the assembly modes Newton takes the one that continues the home pose, with carts behind the plate
+    unless branches ask for another.
     """
 
     A = gt.parameter(shape=(6, 3), unit="m", description="cart joints at q = 0")

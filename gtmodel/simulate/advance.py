@@ -186,12 +186,12 @@ class Course:
         reduced = self.system.reduced
         numbers = np.asarray(reduced.margins(self._x, self._z, self._time, self._p).full()).reshape(-1)
         margins = [m for b in reduced.plan.blocks for m in b.margins]
-        gone: dict[str, list[str]] = {"discriminant": [], "pivot": []}
+        gone: dict[str, list[str]] = {"condition": [], "discriminant": [], "pivot": []}
         for m, value in zip(margins, numbers.tolist(), strict=True):
-            size = value if m.kind == "discriminant" else abs(value)
+            size = abs(value) if m.kind == "pivot" else value
             if not size > NEAR_ZERO * m.scale:
                 gone[m.kind].append(f"the {m.kind} of {m.label} is {value:.3g}, typically {m.scale:.3g}")
-        found = gone["discriminant"] or gone["pivot"]
+        found = gone["condition"] or gone["discriminant"] or gone["pivot"]
         if found:
             return SolveStatus.FAILED, f"{at}, where it leads out of the model's range: {'; '.join(found[:3])}"
         return SolveStatus.FAILED, f"{at}: the integrator's steps became too small there, or no numbers came out"

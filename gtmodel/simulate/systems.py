@@ -89,16 +89,13 @@ class Systems:
         return self._made[id(branch)]
 
     def _branch(self, states: list[int], w: np.ndarray, time: float) -> Branch:
-        plan = self._plan(self.plan.pairs, states, rates=True, at=w)
+        plan = self._plan(self.plan.pairs, states, rates=True, at=(w, time))
         assert plan.pairs == self.plan.pairs
         roots = [r for b in plan.blocks for r in b.roots]
         column = ca.vertcat(*[r.slope for r in roots]) if roots else ca.SX(0, 1)
         folded = ca.substitute(column, self._flat.p, self._fold) if self._flat.parameters else column
         slopes = ca.Function("slopes", [plan.sampler.w, self._flat.scope.time], [folded])
-        signs = _signs(slopes, w, time)
-        for root, sign in zip(roots, signs, strict=True):
-            root.value = sign
-        return Branch(plan, slopes, signs)
+        return Branch(plan, slopes, tuple(root.value for root in roots))
 
     def _first_plan(self, targets: list[Pair]) -> Plan:
         given = set(self._inputs.known)
@@ -115,7 +112,11 @@ class Systems:
             return plan
 
     def _plan(
-        self, targets: list[Pair], prefer: Sequence[int] = (), rates: bool = False, at: np.ndarray | None = None
+        self,
+        targets: list[Pair],
+        prefer: Sequence[int] = (),
+        rates: bool = False,
+        at: tuple[np.ndarray, float] | None = None,
     ) -> Plan:
         return make_plan(self._flat, self._inputs.known, targets, prefer, rates=rates, fold=self._fold, at=at)
 

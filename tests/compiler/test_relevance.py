@@ -1,0 +1,118 @@
+"""Conditions on known values, and what no target needs."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import gtmodel as gt
+from gtmodel import der
+from gtmodel.compiler.causal import flat_of
+from gtmodel.compiler.plan import make_plan
+
+
+class Cart(gt.Model):
+    """A cart that two forces push; nobody says how large each is. Its heading is a unit vector."""
+
+    m = gt.parameter(2.0, unit="kg")
+    x = gt.variable(unit="m")
+    y = gt.variable(unit="m")
+    F = gt.variable(unit="N")
+    G = gt.variable(unit="N")
+    h = gt.variable(2, unit="1", start=[1.0, 0.0])
+    c = gt.variable(unit="1")
+
+    def equations(self):
+        yield self.y == 2 * self.x
+        yield self.m * der(der(self.x)) == self.F + self.G
+        yield gt.dot(self.h, self.h) == 1
+        yield self.c == self.h[0] ** 2 - self.h[1] ** 2
+
+
+def test_forces_that_nobody_gave_do_not_stand_in_the_way_of_kinematics():
+    f = Cart().causal(known=["x", "h"], targets=["y", "der(y,2)", "c"])
+    y, acceleration, c, status = f(0.3, 0.0, 1.5, [0.6, 0.8])
+    assert status is gt.Status.OK
+    assert (y, acceleration) == (0.6, 3.0)
+    assert c == pytest.approx(-0.28, abs=1e-15)
+    assert "not determined by what is known, and not needed: F, G" in f.explain()
+
+
+def test_a_target_among_them_is_refused_by_name():
+    with pytest.raises(gt.ModelError, match="not determined: F, G"):
+        Cart().causal(known=["x", "h"], targets="F")
+
+
+def test_a_surplus_elsewhere_is_still_refused():
+    with pytest.raises(gt.ModelError, match="too many equations or knowns among: Cart equation 1"):
+        Cart().causal(known=["x", "y", "h"], targets="c")
+
+
+def test_known_values_that_break_a_condition_get_a_status_and_leave_the_other_rows_alone():
+    f = Cart().causal(known="h", targets="c")
+    h = np.array([[0.6, 0.8], [0.6, 0.8 + 1e-5], [np.nan, 0.0], [1.0, 0.0]])
+    c, status = f(h)
+    assert status.tolist() == [gt.Status.OK, gt.Status.OUT_OF_RANGE, gt.Status.NOT_FINITE, gt.Status.OK]
+    assert np.isnan(c[1:3]).all()
+    assert c[[0, 3]] == pytest.approx([-0.28, 1.0])
+    assert "do not satisfy Cart equation 3" in f.diagnose(h[1])
+    assert "condition on the known values: Cart equation 3" in f.explain()
+
+
+def test_a_function_that_does_not_read_them_asks_for_no_condition():
+    f = Cart().causal(known=["x", "h"], targets="y")
+    assert [s.name for s in f.inputs] == ["x"]
+    assert f(0.5) == (1.0, gt.Status.OK)
+
+
+class Crank(gt.Model):
+    """A slider on a rod whose pivot moves on with time: sooner or later the slider lies behind it."""
+
+    x = gt.variable(unit="m", start=1.0)
+    a = gt.variable(unit="rad")
+    L = gt.parameter(1.0, unit="m")
+    speed = gt.parameter(1.0, unit="m/s")
+
+    def equations(self):
+        yield (self.x - self.speed * self.time) ** 2 + (self.L * gt.sin(self.a)) ** 2 == self.L**2
+
+
+def test_a_plan_at_a_point_looks_at_its_own_time():
+    flat = flat_of(Crank())
+    x, a = (flat.groups[n][1][0] for n in ("x", "a"))
+    for time, side in ((0.0, 1), (5.0, -1)):  # x = 4.0 lies behind the pivot at time 5
+        w = {(x, 0): 1.0 if time == 0.0 else 4.0, (a, 0): 0.0}
+        pairs = make_plan(flat, [a], [(x, 0)]).pairs
+        plan = make_plan(flat, [a], [(x, 0)], at=(np.array([w[p] for p in pairs]), time))
+        assert [r.value for b in plan.blocks for r in b.roots] == [side]
+
+
+def test_newton_continues_a_home_pose_with_the_wanted_branches():
+    robot = gt.robots.six_link_gantry_tau()
+    ahead = robot.causal(known="q", targets=["T", "e"])
+    behind = robot.causal(known="q", targets=["T", "e"], branches={f"link[{k}].ahead": -1 for k in range(6)})
+    q = np.array([-0.5, -0.4, -0.5])
+    values = {p.name: p.value for p in behind.flat.parameters}
+    A, v, B = (np.array([[values[f"{n}[{i},{j}]"] for j in range(3)] for i in range(6)]) for n in "AvB")
+    L = np.array([values[f"L[{i}]"] for i in range(6)])
+    for f, side in ((ahead, 1), (behind, -1)):
+        T, e, status = f(q)
+        assert status is gt.Status.OK
+        R = Rotation.from_quat(e, scalar_first=True).as_matrix()
+        d = T + B @ R.T - A - q[[0, 1, 1, 2, 2, 2]][:, None] * v
+        assert np.abs(np.linalg.norm(d, axis=1) - L).max() < 1e-10
+        assert (side * np.einsum("ij,ij->i", d, v) > 0).all()
+
+
+def test_a_branch_without_a_pose_is_refused():
+    class Stuck(gt.Model):
+        x = gt.variable(2, start=[1.0, 0.5])
+        u = gt.variable(start=0.5)
+
+        def equations(self):
+            yield self.x[0] * gt.exp(self.x[1]) == 1 + self.u**2
+            yield self.x[1] + gt.sin(self.x[0]) * self.x[1] ** 3 == self.u
+            yield gt.branch("side", self.x[0])
+
+    assert Stuck().causal(known="u", targets="x")(0.5)[1] is gt.Status.OK
+    with pytest.raises(gt.ModelError, match="no pose with branch 'side' = -1"):
+        Stuck().causal(known="u", targets="x", branches={"side": -1})
