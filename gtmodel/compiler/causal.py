@@ -200,7 +200,8 @@ class CausalFunction:
             if m.kind == "condition" and not value >= 0:
                 return f"{status.sentence}: the known values do not satisfy {m.label}"
             if m.kind == "discriminant" and not value >= 0:
-                return f"{status.sentence}: the root for {m.label} has the negative discriminant {value:.4g}"
+                why = f"{m.label} has no real solution, the number under its square root is {value:.4g}"
+                return f"{status.sentence}: {why}"
             if m.kind == "pivot" and not abs(value) > PIVOT_TOLERANCE * m.scale:
                 return f"{status.sentence}: the pivot for {m.label} is {value:.4g}, typically {m.scale:.4g}"
         return status.sentence
@@ -324,7 +325,7 @@ def _compile(
         shape, group, order = flat.lookup(text)
         base = text if not text.startswith("der(") else _base(flat, group, shape)
         outputs.append(
-            Signal(derivative_name(base, order), shape, _unit(flat, group[0], order), tuple((i, order) for i in group))
+            Signal(derivative_name(base, order), shape, flat.unit_of(group[0], order), tuple((i, order) for i in group))
         )
     preferred = [i for text in prefer for i in flat.lookup(text)[1]]
     pairs = [p for s in outputs for p in s.pairs]
@@ -351,7 +352,7 @@ def input_signals(plan: Plan, groups: list[Group]) -> list[Signal]:
     for order, name, shape, indices in _state_groups(plan, [p for p in plan.inputs if p[0] not in known]):
         signals.append(
             Signal(
-                derivative_name(name, order), shape, _unit(flat, indices[0], order), tuple((i, order) for i in indices)
+                derivative_name(name, order), shape, flat.unit_of(indices[0], order), tuple((i, order) for i in indices)
             )
         )
     for name, shape, indices in groups:
@@ -361,7 +362,7 @@ def input_signals(plan: Plan, groups: list[Group]) -> list[Signal]:
                 Signal(
                     derivative_name(name, order),
                     shape,
-                    _unit(flat, indices[0], order),
+                    flat.unit_of(indices[0], order),
                     tuple((i, order) for i in indices),
                 )
             )
@@ -388,16 +389,6 @@ def _base(flat: FlatModel, group: list[int], shape: tuple[int, ...]) -> str:
     if not shape:
         return flat.variables[group[0]].name
     return next(n for n, (s, g) in flat.groups.items() if g == group and s == shape)
-
-
-def _unit(flat: FlatModel, index: int, order: int) -> str:
-    unit = flat.variables[index].unit
-    if unit is None:
-        return "?"
-    if order == 0:
-        return unit
-    per = "s" if order == 1 else f"s{order}"
-    return f"1/{per}" if unit in ("1", "") else f"{unit}/{per}"
 
 
 def _function_name(outputs: list[Signal], groups: list[Group]) -> str:

@@ -74,7 +74,7 @@ class TestStatus:
         assert status == Status.OUT_OF_RANGE
         assert np.all(np.isnan(q))
         assert "outside the range" in IK.diagnose(FAR)
-        assert "negative discriminant" in IK.diagnose(FAR)
+        assert "no real solution" in IK.diagnose(FAR)
         assert IK.diagnose(T) == Status.OK.sentence
 
     def test_at_the_rim_the_position_is_known_and_the_velocity_not(self):
