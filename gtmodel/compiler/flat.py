@@ -14,9 +14,8 @@ import numpy as np
 from ..lang.bind import Tree, bind, element_names
 from ..lang.builder import Builder
 from ..lang.connect import Branch, Connection, Energy, TreeEdge, flatten_items
-from ..lang.declare import Parameter
 from ..lang.expression import Relation
-from ..lang.model import Model, check_parameter
+from ..lang.model import Model
 from ..lang.scope import Scope, derivative_name
 from ..lang.source import ModelError, SourceLocation, of_frame
 from .connections import connection_equations
@@ -293,7 +292,6 @@ def _variables(tree: Tree) -> list[FlatVariable]:
 
 
 def _parameters(tree: Tree) -> list[FlatParameter]:
-    _check_bound(tree)
     nonzero = _flagged(tree, "nonzero")
     result = []
     for r in tree.parameters:
@@ -312,23 +310,6 @@ def _parameters(tree: Tree) -> list[FlatParameter]:
                 )
             )
     return result
-
-
-def _check_bound(tree: Tree) -> None:
-    """Values that a part gets from the parameters of its owner keep the part's own declaration."""
-    bound = [(r.item, r.name, r.expression) for r in tree.parameters if not r.indices and isinstance(r.item, Parameter)]
-    if not bound:
-        return
-    column = ca.vertcat(*[e for _, _, e in bound])
-    values = _numbers(tree, column, column.numel(), 0.0)
-    for item, name, expression in bound:
-        given, values = np.split(values, [expression.numel()])
-        if np.all(np.isfinite(given)):
-            sources = {s.element_hash() for s in ca.symvar(expression)}
-            own = [
-                r for r in tree.parameters if any(tree.scope.parameters[i].element_hash() in sources for i in r.indices)
-            ]
-            check_parameter(item, given.reshape(item.shape), name, own[0].item.where if own else None)
 
 
 def _flagged(tree: Tree, flag: str) -> set[int]:
