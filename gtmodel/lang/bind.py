@@ -13,7 +13,7 @@ from .declare import Declaration, Each, Free, Outer, Parameter, Part, Port, Vari
 from .expression import ONE, Expr, gathered, operand
 from .model import Connector, Model, check_modifiers, check_parameter, walk_declarations
 from .scope import Scope
-from .source import ModelError, SourceLocation
+from .source import ModelError, SourceLocation, here
 
 
 @dataclass
@@ -101,10 +101,9 @@ def _check_bound(tree: Tree) -> None:
         array = value.full().reshape(r.item.shape)
         if not np.any(np.isnan(array)):
             assert isinstance(r.item, Parameter)
-            sources = {s.element_hash() for s in ca.symvar(r.expression)}
-            given = [
-                o for o in tree.parameters if sources & {tree.scope.parameters[i].element_hash() for i in o.indices}
-            ]
+            inside = {s.element_hash() for s in ca.symvar(r.expression)}
+            hashes = [s.element_hash() for s in tree.scope.parameters]
+            given = [o for o in tree.parameters if any(hashes[i] in inside for i in o.indices)]
             where = given[0].item.where if given else None
             check_parameter(r.item, array if r.item.shape else float(array), r.name, where)
 
