@@ -81,7 +81,7 @@ class _Equations:
     def __init__(self, plan: Plan, time: float) -> None:
         self._plan, flat, sampler = plan, plan.flat, plan.sampler
         initial = plan.alias.rewrite_all(flat, [e.residual for e in flat.initial])
-        residual = ca.vertcat(*sampler.stages, *initial)
+        residual = ca.SX(ca.vertcat(*sampler.stages, *initial))  # SX also where nothing is left but aliases
         missing = sorted(set(flat.scope.symbols_in(residual)) - set(plan.pairs))
         if missing:
             name = flat.symbol_name(*missing[0])
@@ -102,9 +102,10 @@ class _Equations:
     def __call__(self, w: np.ndarray, count: int | None = None) -> tuple[np.ndarray, np.ndarray]:
         """First `count` residuals and their Jacobian (count, n), rows in units of their largest term."""
         r, jacobian = (x[:count] for x in self._f(w))
-        size = np.max(np.abs(jacobian) * np.maximum(np.abs(w), self._nominal), axis=1, initial=0.0)
-        size = np.where(size > 0, size, 1.0)
-        return r.reshape(-1) / size, jacobian / size[:, None]
+        with np.errstate(invalid="ignore"):  # an infinite derivative makes its row NaN, and no step is taken there
+            size = np.max(np.abs(jacobian) * np.maximum(np.abs(w), self._nominal), axis=1, initial=0.0)
+            size = np.where(size > 0, size, 1.0)
+            return r.reshape(-1) / size, jacobian / size[:, None]
 
     def reach(self, w: np.ndarray, fixed: Mapping[int, float], soft: Set[int]) -> np.ndarray | None:
         """A consistent point with prescribed values, followed from w as far as that goes; None if there is none.
@@ -246,6 +247,12 @@ class _Equations:
             stage = next((n for n in stages if not self._solve(w, columns, set(), np.inf, n)), stages[-1])
         r, jacobian = self(w, self._counts[stage])
         flat, labels = self._plan.flat, self._labels()
+        if not np.all(np.isfinite(jacobian)) and np.all(np.isfinite(self._f(w)[0])):
+            at = "; ".join(labels[i] for i in np.flatnonzero(~np.all(np.isfinite(jacobian), axis=1))[:3])
+            return (
+                f"{flat.title}: at the start values {at} has a derivative that is not finite; start elsewhere, or make "
+                "it smooth there"
+            )
         if not np.all(np.isfinite(r)):
             at = ", ".join(labels[i] for i in np.flatnonzero(~np.isfinite(r))[:3])
             return f"{flat.title}: at the start values no number comes out of {at}; give other start values"

@@ -188,6 +188,10 @@ def _symbolic(flat: FlatModel, name: str, function: Callable[[Any], Any], t: ca.
             f"input '{name}' cannot be written as an expression of time ({type(error).__name__}: {error}); use "
             "functions such as np.sin, or give (times, values)"
         ) from None
+    if value is None:
+        raise ModelError(f"the function of input '{name}' returns nothing; expected a number or an array")
+    if not ca.symvar(entries) and not np.all(np.isfinite(np.asarray(ca.DM(entries)))):
+        raise ModelError(f"the function of input '{name}' returns {value}, which is not finite")
     foreign = [s.name() for s in ca.symvar(entries) if s.element_hash() != t.element_hash()]
     if foreign:
         raise ModelError(f"input '{name}' must be a function of time alone; it holds {foreign[0]}")

@@ -14,6 +14,7 @@ from ..lang.model import Model
 from ..lang.source import ModelError
 from ..results.status import SolveStatus
 from .advance import Course, Ended
+from .arguments import by_name, names, number, output_step, span
 from .inputs import Inputs, read_inputs
 from .jumps import refuse_jumps
 from .record import Recorder
@@ -57,11 +58,9 @@ def simulate(
 
     Raises ModelError for a wrong model, input or start, and NotSimulated unless throw is False.
     """
-    if step is not None and not 0 < step <= final_time - start_time:
-        raise ModelError(f"the output interval must be positive and within the run; found {step:g} s")
-    if not (np.isfinite(start_time) and np.isfinite(final_time) and final_time > start_time):
-        raise ModelError(f"the simulation must end after its start; found {start_time:g} s to {final_time:g} s")
-    ready = prepare(model, inputs or {}, start or {}, start_time, outputs, prefer, tolerance, method)
+    start_time, final_time = span(final_time, start_time)
+    step = output_step(step, final_time - start_time)
+    ready = prepare(model, inputs, start, start_time, outputs, prefer, tolerance, method)
     rows = _rows(start_time, final_time, step)
     course = Course(ready.systems, ready.inputs, ready.recorder, ready.initial, ready.system, rows)
     status, message = SolveStatus.SOLVED, "simulated"
@@ -102,8 +101,8 @@ class Ready:
 
 def prepare(
     model: Model,
-    inputs: Mapping[str, Any],
-    start: Mapping[str, Any],
+    inputs: Mapping[str, Any] | None,
+    start: Mapping[str, Any] | None,
     start_time: float,
     outputs: Sequence[str] | str,
     prefer: Sequence[str] | str,
@@ -111,12 +110,15 @@ def prepare(
     method: str,
 ) -> Ready:
     """Everything that happens before the first step; arguments and errors as for `simulate`."""
-    if not 1e-14 <= tolerance <= 0.1:
+    if not 1e-14 <= number("tolerance", tolerance) <= 0.1:
         raise ModelError(f"the tolerance must lie between 1e-14 and 0.1; found {tolerance:g}")
     if method not in ("bdf", "adams"):
         raise ModelError(f"there is no integration method '{method}'; it is 'bdf' or 'adams'")
-    outputs, prefer = ([x] if isinstance(x, str) else list(x) for x in (outputs, prefer))
+    inputs, start = by_name("inputs", inputs), by_name("start", start)
+    outputs, prefer = names("outputs", outputs), names("prefer", prefer)
     flat = flat_of(model)
+    if not flat.variables:
+        raise ModelError(f"{flat.title} declares no variable; there is nothing to simulate")
     refuse_jumps(flat)
     given = read_inputs(flat, inputs)
     recorder = Recorder(flat, outputs)
@@ -125,7 +127,14 @@ def prepare(
     held, guess = start_values(systems.plan, start, given.known)
     prescribed = set(held)
     pairs = [p for p in systems.plan.pairs if p[0] in set(given.known)]
-    held |= dict(zip(pairs, given.values(pairs, start_time), strict=True))
+    values = dict(zip(pairs, given.values(pairs, start_time), strict=True))
+    for pair, value in values.items():
+        if not np.isfinite(value):
+            raise ModelError(
+                f"input '{flat.symbol_name(*pair)}' has no finite value at the start, {start_time:g} s; mend the input, "
+                "or start where it is defined"
+            )
+    held |= values
     initial = initial_point(systems.plan, held, guess, start_time)
     system = systems.at(initial.w, start_time)
     if system is None:
