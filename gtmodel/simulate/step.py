@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from contextlib import redirect_stderr
+from io import StringIO
 from typing import Any
 
 import casadi as ca
@@ -64,9 +66,12 @@ class Stepper:
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
         """After each of `count` (one of CHUNKS) intervals of `length` seconds: states (count, n), Newton unknowns
         (count, m), and the energies supplied and dissipated since the start of the call (count, 2)."""
+        integrator = self._integrator(count)
         start = np.concatenate([x / self.x_scale, [0.0, 0.0]])
         try:
-            result = self._integrator(count)(x0=start, z0=z / self._z_scale, p=np.concatenate([[time, length], p]))
+            # SUNDIALS says on the terminal what it returns as well
+            with redirect_stderr(StringIO()):
+                result = integrator(x0=start, z0=z / self._z_scale, p=np.concatenate([[time, length], p]))
         except RuntimeError:
             return None
         end = np.asarray(result["xf"].full()).T
