@@ -11,6 +11,8 @@ from ..lang.source import ModelError
 
 # rows of a trajectory: more fill the memory before anybody looks at them
 MOST_ROWS = 1_000_000
+# steps of an integrator with a longest one: more take hours
+MOST_STEPS = 10_000_000
 
 
 def number(what: str, value: Any) -> float:
@@ -70,11 +72,16 @@ def output_step(step: Any, length: float) -> float | None:
     return step
 
 
-def longest_step(max_step: Any) -> float:
-    """Longest internal step [s]; infinite where none is given."""
+def longest_step(max_step: Any, length: float) -> float:
+    """Longest internal step [s] of a run of `length` seconds; infinite where none is given."""
     if max_step is None:
         return np.inf
     step = number("max_step", max_step)
     if not step > 0:
         raise ModelError(f"max_step must be positive; found {step:g} s")
+    if length / step > MOST_STEPS:
+        raise ModelError(
+            f"a max_step of {step:g} s means {length / step:.3g} steps, more than {MOST_STEPS}; give one of at least "
+            f"{length / MOST_STEPS:.3g} s"
+        )
     return step
