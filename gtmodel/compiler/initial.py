@@ -11,6 +11,7 @@ import numpy as np
 from ..lang.source import ModelError
 from .pivoted import pivoted_qr
 from .plan import Plan
+from .sides import moved_to_branch, on_branch
 
 Pair = tuple[int, int]
 
@@ -52,6 +53,7 @@ def initial_point(plan: Plan, held: Mapping[Pair, float], guess: Mapping[Pair, f
     held: symbols with a prescribed value (fixed starts, known inputs and their derivatives).
     guess: values that are kept where the equations allow it, else approached.
     States that are free after that start as near to zero as the equations allow, from the side of the plan's samples.
+    Where a root leaves a choice, the point lies on the plan's side of it, as in a causal function.
 
     Raises ModelError naming what contradicts the equations.
     """
@@ -68,6 +70,15 @@ def initial_point(plan: Plan, held: Mapping[Pair, float], guess: Mapping[Pair, f
             break
     else:
         raise ModelError(equations.contradiction(at_rest, fixed))
+    if not on_branch(plan, found, time):  # the way led through a singular pose to the other side of a root
+        from_starts = at_rest.copy()
+        for n, value in (hoped | fixed).items():
+            from_starts[n] = value
+        for w in (moved_to_branch(plan, found, time), from_starts):
+            other = equations.reach(w, fixed, hoped.keys())
+            if other is not None and on_branch(plan, other, time):
+                found, kept = other, {}
+                break
     taken = fixed | kept
     target = {n: x for n, x in (dict.fromkeys([place[s] for s in plan.states], 0.0) | hoped).items() if n not in taken}
     target |= dict.fromkeys(equations.completing(found, taken.keys(), target.keys()), 0.0)
