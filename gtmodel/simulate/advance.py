@@ -20,8 +20,8 @@ from .systems import System, Systems
 SHORTEST = 1e-8
 # an interval may be so many times as long as the one before it
 GROWTH = 3.0
-# so many calls of the integrator that together lead less far than this part of the run, or of a row, lead nowhere
-STUCK_CALLS, STUCK = 100, 1e-5
+# so many calls of the integrator that together lead less far than this part of the run, or so many rows, lead nowhere
+STUCK_CALLS, STUCK, STUCK_ROWS = 100, 1e-4, 20
 # an integrator's Newton unknowns, in tolerances, and at least, in nominals: farther off it is another solution
 OTHER_TOLERANCES, OTHER = 100.0, 1e-4
 
@@ -48,7 +48,7 @@ class Course:
         self._work = np.zeros(2)
         self._time = float(rows[0])
         self._shortest = SHORTEST * float(rows[-1] - rows[0])
-        self._stuck = STUCK * min(float(rows[-1] - rows[0]), float(np.min(np.diff(grid))))
+        self._stuck = float(rows[-1] - rows[0]) * min(STUCK, STUCK_ROWS / len(grid))
         self._calls, self._since = 0, self._time
         self._reference: Reference | None = None
         self._switch_below = SWITCH_BELOW
@@ -77,6 +77,7 @@ class Course:
         before, after = (self._inputs.piece(self._time, before) for before in (True, False))
         self._z = after_jump(self.system, self._x, self._z, self._time, before, after)
         self._p = after
+        self._calls = 0
 
     # -- states ------------------------------------------------------------------------------------
 
@@ -151,8 +152,9 @@ class Course:
     def _intervals(self, stop: float, span: float, most: int) -> tuple[np.ndarray, float]:
         """Ends of the next equal intervals, and their length: as many rows as there are, or a part of the way."""
         slack = 1e-9 * span
-        rows = self._grid[np.searchsorted(self._grid, self._time, side="right") :]
-        rows = rows[rows <= min(stop, self._time + span + slack)][:most]
+        first = int(np.searchsorted(self._grid, self._time, side="right"))
+        rows = self._grid[first : first + most]
+        rows = rows[rows <= min(stop, self._time + span + slack)]
         if not rows.size:
             length = min(span, stop - self._time)
             return np.array([stop if length == stop - self._time else self._time + length]), length
@@ -167,8 +169,9 @@ class Course:
         zs = self._followed(times, xs, zs)
         good = len(zs)
         touching: list[str] = []
+        when = self._time
         if good and self.system.roots:
-            good, touching = self._resolved(times[:good], xs[:good], zs)
+            good, touching, when = self._resolved(times[:good], xs[:good], zs)
         points = self._points(xs[:good], zs[:good], times[:good])
         if good and self._reference is not None:
             changes = self._systems.watch.changes(self.system.choice, self._reference, points, times[:good])
@@ -176,14 +179,14 @@ class Course:
             good = good if fine.all() else int(np.argmin(fine))
         if good:
             works = self._work + works
-            rows = np.flatnonzero(np.isin(times[:good], self._rows))
+            rows = np.flatnonzero(self._recorded(times[:good]))
             if rows.size:
                 self._record(times[rows], xs[rows], zs[rows], works[rows], points[rows])
             self._take(times[good - 1], xs[good - 1], zs[good - 1], works[good - 1])
         if touching and good == len(points):
             raise Ended(
                 SolveStatus.FAILED,
-                f"the motion ends at {self._time:.6g} s in a singular pose: the two solutions of "
+                f"the motion ends at {when:.6g} s in a singular pose: the two solutions of "
                 f"{'; '.join(touching)} meet there, and nothing tells on which one it goes on",
             )
         return good > 0
@@ -204,13 +207,19 @@ class Course:
             z, here = followed, there
         return np.array(found).reshape(len(found), zs.shape[1])
 
-    def _resolved(self, times: np.ndarray, xs: np.ndarray, zs: np.ndarray) -> tuple[int, list[str]]:
-        """How many of the intervals tell on which side of its root the motion is, and what touches zero after them."""
+    def _resolved(self, times: np.ndarray, xs: np.ndarray, zs: np.ndarray) -> tuple[int, list[str], float]:
+        """How many of the intervals tell on which side of its root the motion is, and what touches zero after them
+        and when."""
         times = np.concatenate([[self._time], times])
         xs, zs = np.vstack([self._x, xs]), np.vstack([self._z, zs])
         values, rates = self.system.roots(xs, zs, times, self._p)
-        good, touching = self.system.roots.judge(times, values, rates)
-        return (len(good), []) if good.all() else (int(np.argmin(good)), touching)
+        good, touching, when = self.system.roots.judge(times, values, rates)
+        return len(good) if good.all() else int(np.argmin(good)), touching, when
+
+    def _recorded(self, times: np.ndarray) -> np.ndarray:
+        """Which times are rows."""
+        place = np.minimum(np.searchsorted(self._rows, times), len(self._rows) - 1)
+        return self._rows[place] == times
 
     def _take(self, time: float, x: np.ndarray, z: np.ndarray, work: np.ndarray) -> None:
         self._time, self._x, self._z, self._work = float(time), x, z, work

@@ -32,7 +32,7 @@ def numbers(what: str, value: Any) -> np.ndarray:
 
 def names(what: str, value: Sequence[str] | str) -> list[str]:
     """One name or several as a list. Raises ModelError for what is no name."""
-    found = [value] if isinstance(value, str) else list(value) if isinstance(value, (list, tuple, set)) else [value]
+    found: list[Any] = list(value) if isinstance(value, (list, tuple, set, dict)) else [value]
     for name in found:
         if not isinstance(name, str):
             raise ModelError(f"{what} takes names such as 'T'; found {name!r}")

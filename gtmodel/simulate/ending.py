@@ -55,7 +55,8 @@ def wall(
         if not follower.apart(z, z + ahead) <= STEEP:
             return Ended(
                 SolveStatus.FAILED,
-                f"{at}, where the equations of {reduced.unknowns} become singular: the solution turns back or ends there",
+                f"{at}, where the equations of {reduced.unknowns} become singular: the solution turns back or ends "
+                "there",
             )
     return Ended(
         SolveStatus.FAILED,

@@ -54,6 +54,6 @@ def _roots_go_on(
 def _lost(time: float, names: str) -> Ended:
     return Ended(
         SolveStatus.FAILED,
-        f"the motion ends at {time:.6g} s, where an input jumps: {names} cannot be followed from its old to its new value, "
-        "because the solution turns back or meets another one on the way; let the input jump less far, or ramp it",
+        f"the motion ends at {time:.6g} s, where an input jumps: {names} cannot be followed from its old to its new "
+        "value, because the solution turns back or meets another one on the way; let it jump less far, or ramp it",
     )

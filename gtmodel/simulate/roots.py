@@ -60,9 +60,9 @@ class Roots:
         """Discriminants at one point for columns of table pieces, one row for each column."""
         return np.asarray(self._values(x, z, time, p)[0].full()).T
 
-    def judge(self, times: np.ndarray, values: np.ndarray, rates: np.ndarray) -> tuple[np.ndarray, list[str]]:
+    def judge(self, times: np.ndarray, values: np.ndarray, rates: np.ndarray) -> tuple[np.ndarray, list[str], float]:
         """For each interval between neighbouring rows whether it is resolved, and the labels of what touches zero in
-        the first that is not: for these the motion is at its end."""
+        the first that is not, and when: for these the motion is at its end."""
         h = np.diff(times)[:, None]
         a, b, da, db = values[:-1], values[1:], rates[:-1] * h, rates[1:] * h
         smaller, larger = np.minimum(a, b), np.maximum(a, b)
@@ -71,15 +71,11 @@ class Roots:
         with np.errstate(divide="ignore", invalid="ignore"):
             s = np.where(turns, -da / (db - da), 0.0)  # where a parabola with these rates has its minimum
         # the cubic through both ends with their rates
-        lowest = (
-            (1 + 2 * s) * (1 - s) ** 2 * a
-            + s * (1 - s) ** 2 * da
-            + s**2 * (3 - 2 * s) * b
-            + s**2 * (s - 1) * db
-        )
+        lowest = (1 + 2 * s) * (1 - s) ** 2 * a + s * (1 - s) ** 2 * da + s**2 * (3 - 2 * s) * b + s**2 * (s - 1) * db
         touching = turns & (lowest <= self._touch) & (smaller <= CLOSE * self._touch)
         resolved = explained & ~touching & (~turns | (lowest >= KEPT * smaller))
         good = np.all(resolved, axis=1)
         first = int(np.argmin(good)) if not good.all() else 0
-        labels = [self.labels[j] for j in np.flatnonzero(touching[first])] if not good.all() else []
-        return good, labels
+        touch = np.flatnonzero(touching[first]) if not good.all() else []
+        when = float(times[first] + h[first, 0] * min((s[first, j] for j in touch), default=0.0))
+        return good, [self.labels[j] for j in touch], when

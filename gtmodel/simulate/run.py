@@ -14,7 +14,7 @@ from ..lang.model import Model
 from ..lang.source import ModelError
 from ..results.status import SolveStatus
 from .advance import Course, Ended
-from .arguments import by_name, names, longest_step, number, output_step, span
+from .arguments import by_name, longest_step, names, number, output_step, span
 from .impulses import refuse_impulses
 from .inputs import Inputs, read_inputs
 from .jumps import refuse_jumps

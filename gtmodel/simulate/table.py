@@ -43,7 +43,7 @@ class Table:
         return float(np.max(np.abs(self._rows[:, order])))
 
     def piece(self, start: float, before: bool = False) -> np.ndarray:
-        """Taylor coefficients at a time, those of the piece that begins or goes on there; `before`: that leads there."""
+        """Taylor coefficients at a time, of the piece that begins or goes on there; `before`: that leads there."""
         k = int(np.searchsorted(self.times, start, side="left" if before else "right")) - 1
         if k < 0:
             return np.concatenate([self.values[:1], np.zeros(self.coefficients - 1)])
