@@ -57,12 +57,12 @@ class OrientationMap:
 
     @cached_property
     def reference(self) -> np.ndarray:
-        """The orientation (3, 3) at the ok point nearest to the middle of the points; NaN if there is none."""
+        """The orientation (3, 3) at the ok point nearest to the middle of the ok ones; NaN if there is none."""
         if not np.any(self.ok):
             return np.full((3, 3), np.nan)
-        points = self.T.reshape(-1, 3)
-        distance = np.linalg.norm(points - np.mean(points, axis=0), axis=1)
-        return self.R.reshape(-1, 3, 3)[np.argmin(np.where(self.ok.ravel(), distance, np.inf))]
+        points, ok = self.T.reshape(-1, self.T.shape[-1]), self.ok.ravel()
+        distance = np.linalg.norm(points - np.mean(points[ok], axis=0), axis=1)
+        return self.R.reshape(-1, 3, 3)[np.argmin(np.where(ok, distance, np.inf))]
 
     @cached_property
     def _zyz(self) -> tuple[np.ndarray, np.ndarray]:
