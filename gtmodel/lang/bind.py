@@ -13,7 +13,7 @@ from .declare import Declaration, Each, Free, Outer, Parameter, Part, Port, Vari
 from .expression import ONE, Expr, gathered, operand
 from .model import Connector, Model, check_modifiers, check_parameter, walk_declarations
 from .scope import Scope
-from .source import ModelError, SourceLocation, here
+from .source import ModelError, SourceLocation
 
 
 @dataclass
@@ -56,7 +56,7 @@ def bind(model: Model) -> Tree:
     """Bind a configured model: make all symbols and resolve modifiers, parts, ports and outer references."""
     if not isinstance(model, Model):
         hint = f"; write {model.__name__}()" if isinstance(model, type) else ""
-        raise ModelError(f"expected a configured model; found {model!r}{hint}", here())
+        raise ModelError(f"expected a configured model; found {model!r}{hint}")
     scope = Scope()
     tree = Tree(scope=scope, root=model)
     root = _bind(model, {}, "", None, tree)
