@@ -17,8 +17,8 @@ _EXPORTED = re.compile(r"^CASADI_SYMBOL_EXPORT [^\n]*?(\w+)\([^\n]*\{(?:[^\n]*\}
 _CONSTANT = re.compile(r"^static const casadi_int (casadi_s\d+)\[[^\n]*;\n", re.M)
 # CasADi's helpers, such as casadi_sq, have external linkage: a compiler for shared code must call them, not inline them
 _HELPER = re.compile(r"^casadi_real (?=casadi_\w+\()", re.M)
-# gcc calls libm for fmin and fmax, since no instruction treats NaN as they do. The same, bit for bit, of NaN (the
-# other argument is the result) and of zeros with different signs (the first is) takes one comparison where y is constant.
+# gcc calls libm for fmin and fmax, since no instruction treats NaN as they do. The same bit for bit, for NaN (the other
+# argument is the result) and for zeros of different signs (the first is) too, takes one comparison where y is constant.
 _INLINE = {
     name: (
         re.compile(rf"^(casadi_real casadi_{name}\(casadi_real x, casadi_real y\) \{{)\n.*?^\}}\n", re.M | re.S),
@@ -79,7 +79,7 @@ def _source(text: str, prefix: str, wanted: set[str]) -> str:
     for name, (definition, inline) in _INLINE.items():
         text, found = definition.subn(inline, text)
         if found != (f" casadi_{name}(" in text):
-            raise GenerationError(f"CasADi {ca.CasadiMeta.version()} writes {name} in a form that gtmodel does not know")
+            raise GenerationError(f"CasADi {ca.CasadiMeta.version()} writes {name} in a form that is not known")
     text = _HELPER.sub("static inline casadi_real ", text)
     lines = [line.rstrip() for line in text.splitlines()]
     return re.sub(r"\n{3,}", "\n\n", "\n".join(lines)).strip("\n") + "\n"
