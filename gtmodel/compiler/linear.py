@@ -188,20 +188,18 @@ def _gram_schmidt(a: ca.SX, b: ca.SX) -> tuple[list[ca.SX], list[ca.SX]]:
     The right-hand side is reduced like a further column: formed as Q^T b it would carry the lost
     orthogonality of Q, an error of cond^2 instead of cond.
     """
-    n = a.shape[0]
-    columns = [*ca.horzsplit(a), b]
-    upper: dict[tuple[int, int], ca.SX] = {}
+    rest = ca.horzcat(a, b)
+    rows: list[ca.SX] = []
     pivots: list[ca.SX] = []
-    for k in range(n):
-        pivots.append(ca.norm_2(columns[k]))
-        q = columns[k] / pivots[k]
-        for j in range(k + 1, n + 1):
-            upper[k, j] = ca.dot(q, columns[j])
-            columns[j] = columns[j] - upper[k, j] * q
-    x: list[ca.SX] = [ca.SX(0)] * n
-    for r in reversed(range(n)):
-        value = upper[r, n]
-        for c in range(r + 1, n):
-            value = value - upper[r, c] * x[c]
-        x[r] = value / pivots[r]
+    for _ in range(a.shape[0]):
+        pivots.append(ca.norm_2(rest[:, 0]))
+        q = rest[:, 0] / pivots[-1]
+        rows.append(q.T @ rest[:, 1:])
+        rest = rest[:, 1:] - q @ rows[-1]
+    x: list[ca.SX] = []
+    for pivot, row in zip(reversed(pivots), reversed(rows), strict=True):
+        value = row[-1]
+        for k, known in enumerate(x):
+            value = value - row[k] * known
+        x.insert(0, value / pivot)
     return x, pivots
