@@ -173,8 +173,43 @@ def _differentiate(flat: FlatModel, structure: Structure) -> list[list[ca.SX]]:
         rows = [i for i in range(len(result)) if structure.c[i] > m]
         rates = flat.scope.derivative(ca.vertcat(*[result[i][m] for i in rows]))
         for n, i in enumerate(rows):
-            result[i].append(rates[n])
+            half = _half(rates[n], {})
+            result[i].append(rates[n] if half is None else half)
     return result
+
+
+def _half(e: ca.SX, known: dict[int, ca.SX | None], depth: int = 50) -> ca.SX | None:
+    """e/2 where every term has a factor two, as the derivatives of squares have; None otherwise.
+
+    known: answers by element; depth: how far down it looks, against sums as long as Python's stack.
+    """
+    key = e.element_hash()
+    if key not in known:
+        known[key] = _halved(e, known, depth)
+    return known[key]
+
+
+def _halved(e: ca.SX, known: dict[int, ca.SX | None], depth: int) -> ca.SX | None:
+    if e.is_zero():
+        return e
+    if depth == 0 or e.is_constant() or e.is_symbolic():
+        return None
+    op = e.op()
+    if op == ca.OP_TWICE:
+        return e.dep(0)
+    if op == ca.OP_NEG:
+        a = _half(e.dep(0), known, depth - 1)
+        return None if a is None else -a
+    if op in (ca.OP_ADD, ca.OP_SUB):
+        a = _half(e.dep(0), known, depth - 1)
+        b = None if a is None else _half(e.dep(1), known, depth - 1)
+        return None if a is None or b is None else a + b if op == ca.OP_ADD else a - b
+    if op == ca.OP_MUL:
+        for one, other in ((e.dep(0), e.dep(1)), (e.dep(1), e.dep(0))):
+            a = _half(one, known, depth - 1)
+            if a is not None:
+                return a * other
+    return None
 
 
 def _folded(flat: FlatModel, derivatives: list[list[ca.SX]], fold: ca.SX) -> list[list[ca.SX]]:

@@ -94,8 +94,15 @@ def _quadratic(residual: ca.SX, u: ca.SX, signs: SignAnalysis, label: str) -> tu
     zero = ca.SX(0)
     qa = curvature / 2
     qb, qc = (ca.substitute([e], [u], [zero])[0] for e in (slope, residual))
-    t, margins, root = _root(qa, qb, qc, u, signs, label)
-    return [(u, t)], margins, root
+    if signs.kind(qa) is None:
+        t, margins, root = _root(qa, qb, qc, u, signs, label)
+        return [(u, t)], margins, root
+    # about the vertex: far from the origin qb^2 and 4 qa qc would cancel
+    vertex = -qb / 2 / qa
+    discriminant = -qa * ca.substitute([residual], [u], [vertex])[0]
+    s = ca.SX.sym("sign")
+    value = vertex + s * ca.sqrt(discriminant) / qa
+    return [(u, value)], [Margin("discriminant", discriminant, label)], Root(s, qa * (u - vertex), label)
 
 
 def _root(
