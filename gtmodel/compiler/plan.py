@@ -13,6 +13,7 @@ from .blocks import SolvedBlock
 from .branch import check_branches, follow, settle
 from .flat import FlatEquation, FlatModel
 from .graph import strong_components
+from .kinks import has_kinks, kinked_in
 from .linear import solve_linear
 from .newton import NewtonBlock
 from .pivots import SignAnalysis
@@ -311,15 +312,16 @@ def _solve(
     equations = [f"{structure.equations[i].label}{chr(39) * m} ({structure.equations[i].where})" for i, m in rows]
     label = names[0] if len(names) == 1 else f"{names[0]}..{names[-1]}"
     jacobian = ca.jacobian(ca.vertcat(*residuals), ca.vertcat(*unknowns))
+    kinked = has_kinks(flat) and any(kinked_in(residuals, unknowns))
     keys = {s.element_hash() for s in unknowns}
-    if not any(s.element_hash() in keys for s in ca.symvar(jacobian)):
+    if not kinked and not any(s.element_hash() in keys for s in ca.symvar(jacobian)):
         assignments, margins, how = solve_linear(residuals, unknowns, signs, label)
         kind = "explicit" if len(nodes) == 1 and not margins else "linear"
         return SolvedBlock(kind, names, equations, assignments, margins, [], how)
     try:
-        assignments, margins, roots, how = solve_nonlinear(residuals, unknowns, signs)
+        assignments, margins, roots, how = solve_nonlinear(residuals, unknowns, signs, kinked)
     except NoClosedForm:
-        left, unknown, explicit = eliminate_explicit(residuals, unknowns, signs, nonlinear_rows=True)
+        left, unknown, explicit = eliminate_explicit(residuals, unknowns, signs, True, kinked)
         scale = np.array([flat.variables[p[0]].nominal for p in map(flat.scope.owner, unknown) if p is not None])
         labels = [u.name() for u in unknown]
         how = f"Newton in {', '.join(labels)}" + (f", {len(explicit)} explicit" if explicit else "")
