@@ -110,13 +110,16 @@ def make_plan(
     ]
     stage_residuals = _with_conditions(flat, stage_residuals, conditions, pairs)
     sampler = Sampler(flat, pairs, [r for r in stage_residuals if r.numel()], _starts(flat, alias), frozenset(known))
-    samples, time = (sampler.points(SAMPLE_POINTS), 0.0) if at is None else (at[0][None, :], at[1])
+    if at is None:
+        samples = sampler.points(SAMPLE_POINTS)
+    else:
+        samples, sampler.time = at[0][None, :], at[1]
     parameters = flat.p if fold is None else fold
     folded = derivatives if fold is None else _folded(flat, derivatives, fold)
     stages = choose(
         flat,
         structure,
-        _jacobians(flat, structure, derivatives, sampler, samples, time),
+        _jacobians(flat, structure, derivatives, sampler, samples),
         _kept(alias, prefer),
         _pattern(flat, structure, folded),
     )
@@ -158,8 +161,8 @@ def make_plan(
     if at is None:
         settle(plan, sampler, branches or {})
     else:
-        follow(plan, sampler, time)
-    _size_margins(plan, sampler, time)
+        follow(plan, sampler)
+    _size_margins(plan, sampler)
     return plan
 
 
@@ -285,15 +288,10 @@ def _starts(flat: FlatModel, alias: AliasResult) -> dict[Pair, float]:
 
 
 def _jacobians(
-    flat: FlatModel,
-    structure: Structure,
-    derivatives: list[list[ca.SX]],
-    sampler: Sampler,
-    samples: np.ndarray,
-    time: float,
+    flat: FlatModel, structure: Structure, derivatives: list[list[ca.SX]], sampler: Sampler, samples: np.ndarray
 ) -> list[np.ndarray]:
     f = ca.Function("system", [sampler.w, flat.p, flat.scope.time], [_system(flat, structure, derivatives)])
-    return [np.asarray(f(w, flat.p0, time).full()) for w in samples]
+    return [np.asarray(f(w, flat.p0, sampler.time).full()) for w in samples]
 
 
 def _solve(
@@ -330,7 +328,7 @@ def _solve(
     return SolvedBlock(how.split(" in ")[0], names, equations, assignments, margins, roots, how)
 
 
-def _size_margins(plan: Plan, sampler: Sampler, time: float) -> None:
+def _size_margins(plan: Plan, sampler: Sampler) -> None:
     """Typical sizes of the margins, read off the consistent points."""
     flat = plan.flat
     margins = [m for b in plan.blocks for m in b.margins]
@@ -338,7 +336,7 @@ def _size_margins(plan: Plan, sampler: Sampler, time: float) -> None:
         sizes = ca.Function(
             "sizes", [sampler.w, flat.p, flat.scope.time], [ca.vertcat(*[m.expression for m in margins])]
         )
-        values = np.abs([np.asarray(sizes(w, flat.p0, time)).reshape(-1) for w in plan.samples])
+        values = np.abs([np.asarray(sizes(w, flat.p0, sampler.time)).reshape(-1) for w in plan.samples])
         scales = dict(zip(map(id, margins), np.median(values, axis=0), strict=True))
         for b in plan.blocks:
             b.margins = [type(m)(m.kind, m.expression, m.label, float(scales[id(m)]) or 1.0) for m in b.margins]
