@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import casadi as ca
@@ -26,7 +26,8 @@ NARROW = 0.005
 HELD = 0.1
 # steps in which what has none follows what has one or is known, which waits
 FOLLOWING_STEPS = 10
-OTHER_TIMES = (1.1, 11.3, 0.13, 97.0)  # s; some models have no solution at time 0; no round number, where roots may meet
+# s; some models have no solution at time 0; no round numbers, where roots may meet
+OTHER_TIMES = (1.1, 11.3, 0.13, 97.0)
 
 
 class _Stage:
@@ -104,6 +105,9 @@ class Sampler:
                 found, _ = self._points(count)
                 if found:
                     break
+        if not found:
+            # a later stage may bind what an earlier one left free: the system is singular then, and its rank tells
+            found, _ = replace(self, stages=[ca.vertcat(*self.stages)], time=0.0)._points(count)
         if not found:
             raise ModelError(
                 f"{self.flat.title}: the equations have no common solution near the start values (closest residual "

@@ -277,3 +277,40 @@ def test_a_model_that_begins_to_have_solutions_later_than_time_zero():
     x, status = f(np.array([5.0, 2.0, 0.5]))
     assert status.tolist() == [gt.Status.OK, gt.Status.OK, gt.Status.OUT_OF_RANGE]
     assert x[:2] == pytest.approx([2.0, 1.0])
+
+
+class Hidden(gt.Model):
+    """Structurally sound, but x' + y' is known twice: x = 1, z = -1, y = -t is the only solution."""
+
+    x = gt.variable()
+    y = gt.variable()
+    z = gt.variable()
+    second = gt.parameter(1.0, unit="s")
+
+    def equations(self):
+        yield self.second * (gt.der(self.x) + gt.der(self.y)) == self.z
+        yield self.x + self.y == 1 - self.time / self.second
+        yield self.z + self.x == 0
+
+
+def test_a_hidden_singularity_is_named():
+    with pytest.raises(gt.ModelError, match=r"rank 1 .* singular.*Hidden equation 1 .*Hidden equation 2"):
+        Hidden().causal(targets="x")
+
+
+@pytest.mark.parametrize("targets", [None, [1], 3])
+def test_targets_are_names(targets):
+    with pytest.raises(gt.ModelError, match="targets takes names of variables"):
+        Hidden().causal(targets=targets)
+
+
+def test_a_constant_has_an_empty_jacobian():
+    class Two(gt.Model):
+        x = gt.variable()
+
+        def equations(self):
+            yield self.x == 2
+
+    jacobian, status = Two().causal(targets="x").jacobian()
+    assert jacobian.shape == (1, 0)
+    assert status is gt.Status.OK
