@@ -13,13 +13,14 @@ from .study import EQUATIONS, VARIABLES, Array, gradients
 
 SINGULAR = 1e-5  # smallest singular value over the largest at a point known to about 1e-6
 STEP = 1e-2  # along the tangent, |z| = 1
-ITERATIONS = 12
+ITERATIONS = 12  # from there back onto the equations
+PROJECTIONS = 4  # of a singular endpoint onto the equations
 ON_THE_EQUATIONS = 1e-13  # of |F| with |z| = 1
 
 
 def on_a_curve(C: Array, z: Array) -> bool:
     """True when solutions of the system C (7, 18) go on from the singular point z (8,), |z| = 1, as a curve."""
-    z = _onto_equations(C, z)
+    z = onto_equations(C[None], z[None])[0]
     values, directions = _tangent(C, z)
     if values[-1] > SINGULAR * values[0] or _residual(C, z) > ON_THE_EQUATIONS:
         return False
@@ -36,12 +37,16 @@ def on_a_curve(C: Array, z: Array) -> bool:
     return True
 
 
-def _onto_equations(C: Array, z: Array) -> Array:
-    """Gauss-Newton steps of least norm; a weak direction is left alone."""
-    for _ in range(ITERATIONS):
+def onto_equations(C: Array, z: Array) -> Array:
+    """Points z (m, 8) moved onto the systems C (m, 7, 18) by Gauss-Newton steps of least norm; |z| = 1.
+
+    A direction that the equations hardly determine is left alone, so that a point does not run along a curve.
+    """
+    for _ in range(PROJECTIONS):
         J = C @ gradients(z)
-        z = z + np.linalg.lstsq(J, -0.5 * J @ z, rcond=SINGULAR)[0]
-        z = z / np.linalg.norm(z)
+        F = 0.5 * (J @ z[:, :, None])
+        z = z - (np.linalg.pinv(J, rcond=SINGULAR) @ F)[..., 0]
+        z = z / np.linalg.norm(z, axis=1, keepdims=True)
     return z
 
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from .kantorovich import Isolation, distances, isolate
 from .monodromy import SAME, refined
 from .platform import Real
+from .self_motion import onto_equations
 from .study import Array, basis
 from .tracker import Endpoints
 
@@ -41,7 +42,9 @@ def sort_endpoints(C: Array, ends: Endpoints) -> list[Endings]:
     paths = len(ends.z) // n
     systems = np.repeat(C, paths, axis=0).astype(complex)
     arrived, stalled = ends.arrived, ~ends.arrived & (1 - ends.t < STALLED)
-    z = refined_or_kept(systems, ends.z)
+    z = ends.z.copy()
+    near = arrived | stalled
+    z[near] = refined_or_kept(systems[near], z[near])
     finite = np.abs(np.sum(z[:, :4] ** 2, axis=1)) > AT_INFINITY
     isolation = isolate(systems, z)
     regular = arrived & finite & (isolation.condition < 1 / SINGULAR) & (residuals(systems, z) < CONVERGED)
@@ -77,13 +80,16 @@ def merge(z: Array, isolation: Isolation, more: Array, theirs: Isolation) -> tup
 def refined_or_kept(C: Array, z: Array) -> Array:
     """Newton at t = 1, but the point itself where that leads away, fails or does not lessen the residual.
 
-    Near a singular solution Newton still converges, slowly to an isolated one, quickly across a curve of them.
+    Near a curve of solutions Newton may run along it; such a point is moved straight onto the equations.
     """
     with np.errstate(all="ignore"):
         w = refined(C, z)
         moved = np.linalg.norm(w - z * np.sum(np.conj(z) * w, axis=1, keepdims=True), axis=1)
         better = (moved < 1e-3) & (residuals(C, w) <= np.maximum(residuals(C, z), 1e-15))
-    return np.where(better[:, None], w, z)
+    w = np.where(better[:, None], w, z)
+    if not np.all(better):
+        w[~better] = onto_equations(C[~better], z[~better])
+    return w
 
 
 def residuals(C: Array, z: Array) -> Real:
