@@ -17,12 +17,13 @@ from numpy.typing import NDArray
 from .platform import Real
 from .study import EQUATIONS, VARIABLES, Array, gradients
 
+STRICT = 0.1  # largest h that is trusted: at an exact double solution h tends to 1/2, whatever the precision
 BASIS_MATRICES = np.moveaxis(gradients(np.eye(VARIABLES)), 0, -1)  # (18, 8, 8): D(z) = BASIS_MATRICES z
 
 
 @dataclass(frozen=True)
 class Isolation:
-    """Per point (m,): certified (h <= 1/2), rho (radius of uniqueness, 0 if not certified), condition number."""
+    """Per point (m,): certified (h small), rho (radius of uniqueness, 0 if not certified), condition number."""
 
     certified: NDArray[np.bool_]
     rho: Real
@@ -43,7 +44,7 @@ def isolate(C: Array, z: Array) -> Isolation:
         beta = np.linalg.norm(turned[..., 0] / values, axis=1)
         K = _second_derivative(C) / values[:, -1]
         h = beta * K
-        certified = h <= 0.5
+        certified = h <= STRICT
         rho = np.where(certified, (1 + np.sqrt(np.where(certified, 1 - 2 * h, 0))) / K, 0.0)
         return Isolation(certified, rho, values[:, 0] / values[:, -1])
 

@@ -17,6 +17,7 @@ from .tracker import Endpoints
 AT_INFINITY = 1e-10  # |x.x| / |z|^2 below it; exact Tau geometry has finite modes at 5e-7
 STALLED = 1e-6  # a path that comes so near t = 1 and no further runs into a singular endpoint
 CONVERGED = 1e-12  # of |F|, |z| = 1, at a finite mode
+REFINEMENTS = 12  # Newton steps at t = 1
 SINGULAR = 1e-11  # reciprocal condition below which an endpoint counts as singular
 
 
@@ -47,7 +48,8 @@ def sort_endpoints(C: Array, ends: Endpoints) -> list[Endings]:
     z[near] = refined_or_kept(systems[near], z[near])
     finite = np.abs(np.sum(z[:, :4] ** 2, axis=1)) > AT_INFINITY
     isolation = isolate(systems, z)
-    regular = arrived & finite & (isolation.condition < 1 / SINGULAR) & (residuals(systems, z) < CONVERGED)
+    regular = (arrived | (stalled & isolation.certified)) & finite
+    regular &= (isolation.condition < 1 / SINGULAR) & (residuals(systems, z) < CONVERGED)
     infinite = (arrived | stalled) & ~finite
     singular = (arrived | stalled) & finite & ~regular
     result = []
@@ -83,7 +85,7 @@ def refined_or_kept(C: Array, z: Array) -> Array:
     Near a curve of solutions Newton may run along it; such a point is moved straight onto the equations.
     """
     with np.errstate(all="ignore"):
-        w = refined(C, z)
+        w = refined(C, z, REFINEMENTS)
         moved = np.linalg.norm(w - z * np.sum(np.conj(z) * w, axis=1, keepdims=True), axis=1)
         better = (moved < 1e-3) & (residuals(C, w) <= np.maximum(residuals(C, z), 1e-15))
     w = np.where(better[:, None], w, z)
