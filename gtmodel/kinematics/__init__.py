@@ -1,5 +1,8 @@
-"""Kinematics that the equations alone do not give: all assembly modes of a platform on six legs."""
+"""Kinematics that a model's equations alone do not answer.
 
-from .assembly_modes import AssemblyModes, Certificate, assembly_modes, assembly_modes_batch
+assembly_modes    every pose in which a platform on six legs of given lengths can be assembled
+"""
 
-__all__ = ["AssemblyModes", "Certificate", "assembly_modes", "assembly_modes_batch"]
+from . import assembly_modes
+
+__all__ = ["assembly_modes"]

@@ -80,7 +80,7 @@ class ModesStatus(enum.StrEnum):
 
     COMPLETE = "complete", "all 40 modes were found, and no two are the same"
     FEWER_FINITE = "fewer_finite", "all modes were found; fewer than 40 are finite, the others lie at infinity"
-    MULTIPLE = "multiple", "all modes were found, but some coincide: the platform is singular there"
+    MULTIPLE = "multiple", "all modes were found, but some coincide, or nearly: the platform is singular there"
     SELF_MOTION = "self_motion", "the platform can move with all lengths fixed: the modes are not finite in number"
     INCOMPLETE = "incomplete", "some paths were lost: modes may be missing"
     INTERRUPTED = "interrupted", "the search was stopped before this pose"

@@ -82,7 +82,9 @@ class Search:
                 "modes may be missing"
             )
         if multiple:
-            return ModesStatus.MULTIPLE, f"{tail} and {multiple} in modes that coincide: the platform is singular there"
+            return ModesStatus.MULTIPLE, (
+                f"{tail} and {multiple} in modes that coincide, or nearly: the platform is singular there"
+            )
         return ModesStatus.FEWER_FINITE, (
             f"{tail} from each of {self.used} start systems: this platform has fewer than {MODES} finite modes"
         )

@@ -91,3 +91,27 @@ DIETMAIER_B = np.array([
     [0.665885, -0.353482, 1.402538], [0.478359, 1.158742, 0.107672], [-0.137087, -0.235121, 0.353913],
 ])  # fmt: skip
 DIETMAIER_L = np.array([1.0, 0.645275, 1.086284, 1.503439, 1.281933, 0.771071])
+
+
+def singular_platforms(n: int, seed: int) -> Platforms:
+    """As random, with the sixth base joint moved until the legs are linearly dependent in the pose R, T."""
+    random = np.random.default_rng(seed)
+    found = []
+    while len(found) < n:
+        A, B = random.uniform(-1, 1, (6, 3)), random.uniform(-0.5, 0.5, (6, 3))
+        R, T = (a[0] for a in random_poses(1, random))
+        direction = random.normal(size=3)
+        # the determinant is linear in the joint's position: two values give the root
+        low, high = (_wrench_determinant(A + s * np.eye(6)[5][:, None] * direction, B, R, T) for s in (0.0, 1.0))
+        s = low / (low - high)
+        if abs(s) < 3:
+            found.append((A + s * np.eye(6)[5][:, None] * direction, B, R, T))
+    A, B, R, T = (np.array(a) for a in zip(*found, strict=True))
+    return in_poses(A, B, R, T)
+
+
+def _wrench_determinant(A: np.ndarray, B: np.ndarray, R: np.ndarray, T: np.ndarray) -> float:
+    """Of the six lines of force of the legs, not normalised."""
+    arm = B @ R.T
+    d = T + arm - A
+    return float(np.linalg.det(np.hstack([d, np.cross(arm, d)])))
