@@ -9,10 +9,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from gtmodel.kinematics.assembly_modes import AssemblyModes, assembly_modes, assembly_modes_batch, start_systems
-from gtmodel.kinematics.assembly_modes.monodromy import random_start_system, refined
+from gtmodel.kinematics.assembly_modes.monodromy import random_start_system
+from gtmodel.kinematics.assembly_modes.newton import refined
 from gtmodel.kinematics.assembly_modes.platform import read_legs, scale
 from gtmodel.kinematics.assembly_modes.sorting import first_of_each, residuals
-from gtmodel.kinematics.assembly_modes.start_systems import StartSystem
+from gtmodel.kinematics.assembly_modes.start_system import StartSystem
 from gtmodel.results import ModesStatus
 from tests.kinematics.support.compare import leg_lengths, newton_forward, pair_up
 from tests.kinematics.support.f1 import Poses, random_f1_poses
@@ -41,7 +42,7 @@ def assert_complete(modes: AssemblyModes) -> None:
     """40 different modes, certified, in real ones and conjugate pairs, each closing the legs."""
     c = modes.certificate
     assert modes.status is ModesStatus.COMPLETE, modes.message
-    assert c.found == c.paths == MODES
+    assert c.found == c.distinct == c.paths == MODES
     assert c.real == len(modes.R) == len(modes.T) == len(modes.quaternion)
     assert c.real % 2 == 0 and c.real + 2 * c.conjugate_pairs == MODES
     assert len(modes.R_complex) == len(modes.T_complex) == MODES
@@ -296,5 +297,5 @@ def test_nearest_other_mode_is_measured_between_poses_of_the_platform() -> None:
 
 def test_the_certificate_reads_well() -> None:
     text = dietmaier().certificate.text()
-    assert "40 of 40, 40 certified" in text and " mm and " in text
+    assert "40 of 40, 40 distinct, 40 certified" in text and " mm and " in text
     assert "furlong" in dietmaier().certificate.text(unit="furlong")

@@ -40,6 +40,27 @@ def test_a_six_three_platform_has_sixteen_finite_modes_and_says_so() -> None:
         assert np.max(np.abs(np.sum(modes.infinite**2, axis=1))) < 1e-9
 
 
+@pytest.mark.parametrize(
+    ("base", "platform", "finite"),
+    [
+        ([0, 1, 2, 3, 4, 5], [0, 0, 1, 1, 2, 3], 32),
+        ([0, 1, 1, 2, 2, 0], [0, 0, 1, 1, 2, 2], 16),
+        ([0, 1, 2, 3, 4, 5], [0, 0, 1, 2, 3, 4], 40),
+    ],
+    ids=["6-4", "3-3", "6-5"],
+)
+def test_platforms_with_coincident_joints_have_the_known_numbers(
+    base: list[int], platform: list[int], finite: int
+) -> None:
+    """Faugere and Lazard, "Combinatorial classes of parallel manipulators", Mech. Mach. Theory 30 (1995)."""
+    p = random_platforms(2, SEED)
+    q = in_poses(p.A[:, base], p.B[:, platform], p.R, p.T)
+    for modes, R, T in zip(assembly_modes_batch(*q.legs), q.R, q.T, strict=True):
+        assert modes.ok, modes.message
+        assert modes.certificate.found == finite and modes.certificate.lost == 0
+        assert modes.nearest(R, T)[1] < 1e-9
+
+
 @pytest.mark.parametrize("make", [griffis_duffy_platforms, collinear_platforms])
 def test_architecturally_singular_platforms(make) -> None:
     for modes in assembly_modes_batch(*make(2, SEED).legs):

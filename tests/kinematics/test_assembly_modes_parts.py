@@ -10,12 +10,14 @@ from scipy.spatial.transform import Rotation
 
 from gtmodel.kinematics.assembly_modes import start_systems
 from gtmodel.kinematics.assembly_modes.homotopy import Parameters, straight_line
-from gtmodel.kinematics.assembly_modes.kantorovich import BASIS_MATRICES, distance_to_conjugate, distances, isolate
+from gtmodel.kinematics.assembly_modes.kantorovich import BASIS_MATRICES, isolate
 from gtmodel.kinematics.assembly_modes.make_start_systems import SEEDS, make
+from gtmodel.kinematics.assembly_modes.newton import newton_step, solve_rows
+from gtmodel.kinematics.assembly_modes.projective import distance_to_conjugate, distances
 from gtmodel.kinematics.assembly_modes.result import rotation_angle
 from gtmodel.kinematics.assembly_modes.self_motion import on_a_curve
 from gtmodel.kinematics.assembly_modes.sorting import residuals
-from gtmodel.kinematics.assembly_modes.start_systems import FILE, from_text, to_text
+from gtmodel.kinematics.assembly_modes.start_system import FILE, from_text, to_text
 from gtmodel.kinematics.assembly_modes.study import (
     basis,
     gradients,
@@ -23,7 +25,7 @@ from gtmodel.kinematics.assembly_modes.study import (
     quaternion_product,
     rotation_and_position,
 )
-from gtmodel.kinematics.assembly_modes.tracker import newton_step, solve_rows, track
+from gtmodel.kinematics.assembly_modes.tracker import track
 from gtmodel.results import ModesStatus
 from tests.kinematics.support.platforms import griffis_duffy_platforms
 

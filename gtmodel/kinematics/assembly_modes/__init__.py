@@ -14,7 +14,7 @@ Start systems
 from .certificate import Certificate
 from .result import AssemblyModes
 from .solve import assembly_modes, assembly_modes_batch
-from .start_systems import StartSystem, start_systems
+from .start_system import StartSystem, start_systems
 
 __all__ = [
     "AssemblyModes",

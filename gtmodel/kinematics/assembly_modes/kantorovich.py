@@ -53,19 +53,3 @@ def _second_derivative(C: Array) -> Real:
     """A bound of |D2F| for systems C (m, 7, 18): root of the sum of squares of the Hessians' spectral norms."""
     hessians = np.tensordot(C, BASIS_MATRICES, axes=(2, 0))
     return np.sqrt(np.sum(np.linalg.norm(hessians, ord=2, axis=(-2, -1)) ** 2, axis=-1))
-
-
-def distances(z: Array) -> Real:
-    """Projective distances between points z (..., m, 8), |z| = 1; shape (..., m, m), the diagonal infinite."""
-    inner = np.conj(z) @ np.swapaxes(z, -1, -2)
-    gap = z[..., None, :, :] - inner[..., None] * z[..., :, None, :]
-    result = np.linalg.norm(gap, axis=-1)
-    i = np.arange(z.shape[-2])
-    result[..., i, i] = np.inf
-    return result
-
-
-def distance_to_conjugate(z: Array) -> Real:
-    """Projective distance (m,) of points z (m, 8), |z| = 1, from their own conjugates: zero for a real point."""
-    w = np.conj(z)
-    return np.linalg.norm(w - z * np.sum(w * w, axis=-1, keepdims=True), axis=-1)

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from .monodromy import random_start_system
-from .start_systems import FILE, StartSystem, to_text
+from .start_system import FILE, StartSystem, to_text
 
 SEEDS = (1, 2, 3)
 

@@ -6,14 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .certificate import Certificate
-from .kantorovich import Isolation, distance_to_conjugate, distances
-from .monodromy import projective_distance
+from .kantorovich import Isolation
+from .newton import newton_step
 from .platform import Real, ScaledLegs
+from .projective import distance_to_conjugate, distances, projective_distance
 from .result import AssemblyModes, rotation_angle
 from .search import Search
-from .sorting import residuals
+from .sorting import are_same, residuals
 from .study import MODES, Array, rotation_and_position
-from .tracker import newton_step
 
 REAL = 1e-6  # distance from its own conjugate below which a mode that is not certified counts as real
 SAME_MULTIPLE = 1e-3  # distance of two endpoints of one multiple mode
@@ -39,6 +39,7 @@ def modes_of(search: Search, scaled: ScaledLegs) -> AssemblyModes:
     certificate = Certificate(
         paths=MODES,
         found=len(search.z),
+        distinct=int(np.sum(~are_same(search.z, search.isolation.rho).any(axis=1))),
         certified=int(search.isolation.certified.sum()),
         real=len(R),
         conjugate_pairs=len(pairs),

@@ -9,14 +9,15 @@ from __future__ import annotations
 import numpy as np
 
 from .homotopy import Parameters, straight_line
+from .newton import refined
+from .projective import SAME, projective_distance
 from .study import MODES, Array, basis, leg_rows
-from .tracker import newton_step, track
+from .tracker import track
 
 BASE_SIZE = 0.7  # of the random cart joints, as for a platform scaled by its leg length
 PLATFORM_SIZE = 0.4  # of the random platform joints
 LOOP_SIZE = 0.9  # distance of a loop's corners
 MOST_LOOPS = 200
-SAME = 1e-6  # projective distance below which two points with |z| = 1 are one
 
 
 def random_start_system(seed: int) -> tuple[Parameters, Array]:
@@ -51,18 +52,3 @@ def random_start_system(seed: int) -> tuple[Parameters, Array]:
         if len(known) == MODES:
             return start, known
     raise RuntimeError(f"{MOST_LOOPS} monodromy loops found {len(known)} of {MODES} solutions (seed {seed})")
-
-
-def refined(C: Array, z: Array, iterations: int = 6) -> Array:
-    """Points z (m, 8) after Newton steps on the system C (7, 18) or (m, 7, 18), scaled to |z| = 1."""
-    z = z / np.linalg.norm(z, axis=1, keepdims=True)
-    C = np.broadcast_to(C, (len(z), *C.shape[-2:]))
-    for _ in range(iterations):
-        z = z + newton_step(C, z, np.conj(z))
-        z = z / np.linalg.norm(z, axis=1, keepdims=True)
-    return z
-
-
-def projective_distance(z: Array, w: Array) -> Array:
-    """Distance of points (..., 8) from the complex line through w (..., 8); both with unit norm."""
-    return np.linalg.norm(z - w * np.sum(np.conj(w) * z, axis=-1, keepdims=True), axis=-1)

@@ -13,7 +13,7 @@ from .study import EQUATIONS, VARIABLES, Array, gradients
 
 SINGULAR = 1e-10  # smallest singular value over the largest on a curve
 WEAK = 1e-5  # the same at an endpoint near a curve, which is known to about 1e-6
-FINITE = 1e-10  # |x.x| / |z|^2 below it: a curve at infinity, along which no platform moves
+FINITE = 1e-6  # |x.x| / |z|^2 below it: a curve at infinity, along which no platform moves
 STEP = 0.03  # along the tangent, |z| = 1; at an isolated mode of multiplicity m its power m remains of the equations
 ITERATIONS = 60  # halving, where the solutions on a curve are multiple themselves
 ON_THE_EQUATIONS = 1e-12  # of |F| with |z| = 1

@@ -17,7 +17,7 @@ from .platform import Legs, ScaledLegs, fault, read_legs, scale
 from .result import AssemblyModes, without_modes
 from .search import Search
 from .sorting import sort_endpoints
-from .start_systems import StartSystem, start_systems
+from .start_system import StartSystem, start_systems
 from .tracker import track
 
 Progress = Callable[[int, int], bool | None]

@@ -7,17 +7,20 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .kantorovich import Isolation, distances, isolate
-from .monodromy import SAME, refined
+from .kantorovich import Isolation, isolate
+from .newton import refined
 from .platform import Real
+from .projective import SAME, distances, projective_distance
 from .self_motion import onto_equations
 from .study import Array, basis
 from .tracker import Endpoints
 
 AT_INFINITY = 1e-10  # |x.x| / |z|^2 below it; exact Tau geometry has finite modes at 5e-7
-STALLED = 1e-6  # a path that comes so near t = 1 and no further runs into a singular endpoint
+STALLED = 1e-4  # a path that comes so near t = 1 and no further runs into a singular endpoint
 CONVERGED = 1e-12  # of |F|, |z| = 1, at a finite mode
 REFINEMENTS = 12  # Newton steps at t = 1
+WEAK = 1e4  # condition above which a stalled path is thought to have met a singular mode
+MOVED = 1e-2  # a point may move so far at t = 1
 SINGULAR = 1e-11  # reciprocal condition below which an endpoint counts as singular
 
 
@@ -51,7 +54,7 @@ def sort_endpoints(C: Array, ends: Endpoints) -> list[Endings]:
     regular = (arrived | (stalled & isolation.certified)) & finite
     regular &= (isolation.condition < 1 / SINGULAR) & (residuals(systems, z) < CONVERGED)
     infinite = (arrived | stalled) & ~finite
-    singular = (arrived | stalled) & finite & ~regular
+    singular = (arrived | stalled) & finite & ~regular & (isolation.condition > WEAK)
     result = []
     for i in range(n):
         rows = slice(i * paths, (i + 1) * paths)
@@ -86,11 +89,13 @@ def refined_or_kept(C: Array, z: Array) -> Array:
     """
     with np.errstate(all="ignore"):
         w = refined(C, z, REFINEMENTS)
-        moved = np.linalg.norm(w - z * np.sum(np.conj(z) * w, axis=1, keepdims=True), axis=1)
-        better = (moved < 1e-3) & (residuals(C, w) <= np.maximum(residuals(C, z), 1e-15))
+        better = projective_distance(w, z) < 0.1 * MOVED
+        better &= residuals(C, w) <= np.maximum(residuals(C, z), 1e-15)
     w = np.where(better[:, None], w, z)
     if not np.all(better):
-        w[~better] = onto_equations(C[~better], z[~better])
+        rest = ~better
+        moved = onto_equations(C[rest], z[rest])
+        w[rest] = np.where((projective_distance(moved, z[rest]) < MOVED)[:, None], moved, z[rest])
     return w
 
 
@@ -104,12 +109,13 @@ def first_of_each(z: Array, rho: Real) -> NDArray[np.intp]:
 
     Two points are one when either lies within the other's radius of uniqueness; without one, within 1e-6.
     """
-    if not len(z):
-        return np.zeros(0, dtype=np.intp)
+    return np.flatnonzero(~np.tril(are_same(z, rho), -1).any(axis=1))
+
+
+def are_same(z: Array, rho: Real) -> NDArray[np.bool_]:
+    """(m, m) True where two points z (m, 8) are one, as for `first_of_each`; False on the diagonal."""
     reach = np.where(rho > 0, 0.5 * rho, SAME)
-    same = distances(z) < np.maximum(reach[:, None], reach[None, :])
-    earlier = np.tril(same, -1).any(axis=1)
-    return np.flatnonzero(~earlier)
+    return distances(z) < np.maximum(reach[:, None], reach[None, :])
 
 
 def pick(isolation: Isolation, rows: NDArray[np.intp]) -> Isolation:

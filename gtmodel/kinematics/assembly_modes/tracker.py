@@ -13,7 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .study import EQUATIONS, VARIABLES, Array, gradients
+from .newton import newton_step, solve_rows
+from .study import Array, gradients
 
 FIRST_STEP = 0.02
 LARGEST_STEP = 0.1
@@ -119,25 +120,3 @@ def _step(line: Array, z: Array, t: Array, h: Array) -> tuple[Array, NDArray[np.
         accepted &= (second < CONTRACTION * first) | (second < LAST_CORRECTION)
         w = w / np.linalg.norm(w, axis=1, keepdims=True)
     return w, accepted, first
-
-
-def newton_step(C: Array, z: Array, patch: Array) -> Array:
-    """The Newton correction (m, 8) of F = C b(z) at z within the patch (m, 8): it leaves patch.z unchanged."""
-    J = C @ gradients(z)
-    return solve_rows(J, patch, -0.5 * (J @ z[:, :, None])[..., 0])
-
-
-def solve_rows(J: Array, patch: Array, right: Array) -> Array:
-    """Solve [J; patch] dz = [right; 0] for J (m, 7, 8), patch (m, 8), right (m, 7); NaN where it is singular."""
-    matrix = np.empty((len(J), VARIABLES, VARIABLES), dtype=complex)
-    matrix[:, :EQUATIONS] = J
-    matrix[:, EQUATIONS] = patch
-    full = np.zeros((len(J), VARIABLES, 1), dtype=complex)
-    full[:, :EQUATIONS, 0] = right
-    try:
-        return np.linalg.solve(matrix, full)[..., 0]
-    except np.linalg.LinAlgError:  # one exactly singular matrix spoils the whole batch
-        singular = np.linalg.det(matrix) == 0
-        matrix[singular] = np.eye(VARIABLES)
-        full[singular] = np.nan
-        return np.linalg.solve(matrix, full)[..., 0]
