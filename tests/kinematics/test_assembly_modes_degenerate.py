@@ -210,6 +210,13 @@ def test_a_misspelt_keyword_raises() -> None:
         assembly_modes_batch(*p.legs, progres=print)  # pyright: ignore
 
 
+def test_without_a_start_system_nothing_is_claimed() -> None:
+    p = shapes()
+    modes = assembly_modes(p.A[0], p.B[0], p.L[0], systems=())
+    assert modes.status is ModesStatus.INCOMPLETE and "no start system" in modes.message
+    assert_no_modes(modes)
+
+
 def test_no_poses() -> None:
     assert assembly_modes_batch(np.zeros((0, 6, 3)), np.zeros((6, 3)), np.ones(6)) == []
 

@@ -22,7 +22,8 @@ class AssemblyModes:
         status: whether the set is whole.
         message: the same in a sentence with numbers.
         R: attitudes of the m real modes, (m, 3, 3).
-        T: their positions, (m, 3); sorted by x, then y, then z, with differences below 1e-9 of the size ignored.
+        T: their positions, (m, 3). The modes are sorted by the place of the platform joints' centroid, by x, then y,
+            then z, with differences below 1e-9 of the size ignored.
         quaternion: their attitudes as unit quaternions, (m, 4), scalar first, first nonzero entry positive.
         nearest_other: (m,) index of the real mode nearest each, -1 when it is the only one. Near means least
             root of (distance / size)^2 + angle^2, with the distance between the centroids of the platform joints.

@@ -43,6 +43,7 @@ def assembly_modes(
     an even number. Data that are no platform, self-motions and lost paths show in its `.status` and `.message`.
     Method: a coefficient-parameter homotopy in Study coordinates from a generic complex platform; it finds all
     modes with probability one, and a path that numerics lose is counted and tracked again from another platform.
+    Modes count as infinite when |x.x| < 1e-10 for a point of unit norm: positions beyond some 1e10 leg lengths.
 
     Raises ModelError for a wrong shape, for several poses, or entries that are not real numbers.
     """
@@ -60,7 +61,7 @@ def assembly_modes_batch(
     progress: Progress | None = None,
     systems: tuple[StartSystem, ...] | None = None,
 ) -> list[AssemblyModes]:
-    """All assembly modes of n platforms or poses at once: several times faster per pose than one by one.
+    """All assembly modes of n platforms or poses at once, which takes less time than one by one.
 
     Args:
         A, B: (n, 6, 3), or (6, 3) for all poses; L: (n, 6), or (6,) for all. Otherwise as for `assembly_modes`.

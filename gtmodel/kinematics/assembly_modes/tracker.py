@@ -7,7 +7,6 @@ converges slowly is halved: a path must not jump to its neighbour.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -41,19 +40,13 @@ class Endpoints:
         return self.t >= 1.0
 
 
-def track(
-    line: Array,
-    pose: NDArray[np.intp],
-    z: Array,
-    stopped: Callable[[int], bool] | None = None,
-) -> Endpoints:
+def track(line: Array, pose: NDArray[np.intp], z: Array) -> Endpoints:
     """Follow paths along their lines.
 
     Args:
         line: C(t) = C0 + t C1 + t^2 C2 per pose, (n, 3, 7, 18), from `straight_line`.
         pose: (m,) the line that each path belongs to.
         z: (m, 8) solutions at t = 0.
-        stopped: called with the number of paths under way after each step of the batch; True ends the tracking.
 
     Never raises on data: a path that fails keeps the t it reached.
     """
@@ -80,8 +73,6 @@ def track(
         h[bad] = 0.5 * step[~accepted]
         good[bad] = 0
         active = active[(t[active] < 1.0) & (h[active] >= SMALLEST_STEP) & (steps[active] < MOST_STEPS)]
-        if stopped is not None and stopped(len(active)):
-            break
     return Endpoints(z, t, steps)
 
 
