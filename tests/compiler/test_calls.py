@@ -294,7 +294,7 @@ class Hidden(gt.Model):
 
 
 def test_a_hidden_singularity_is_named():
-    with pytest.raises(gt.ModelError, match=r"rank 1 .* singular.*Hidden equation 1 .*Hidden equation 2"):
+    with pytest.raises(gt.ModelError, match=r"rank 1 .*singular.*Hidden equation 1 .*Hidden equation 2"):
         Hidden().causal(targets="x")
 
 
