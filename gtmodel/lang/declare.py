@@ -61,7 +61,7 @@ class Variable(_Quantity):
 
 
 class Parameter(_Quantity):
-    """Record of a parameter: default value, unit, sign assumptions."""
+    """Record of a parameter: default value, unit, sign assumptions, bounds that its values are checked against."""
 
     def __init__(
         self,
@@ -71,6 +71,8 @@ class Parameter(_Quantity):
         description: str,
         positive: bool,
         nonzero: bool,
+        low: Any = None,
+        high: Any = None,
         increasing: bool = False,
     ) -> None:
         if shape is None and default is not None:
@@ -79,6 +81,8 @@ class Parameter(_Quantity):
         self.default = default
         self.positive = positive
         self.nonzero = nonzero or positive
+        self.low = low
+        self.high = high
         self.increasing = increasing
 
 
@@ -199,6 +203,8 @@ def parameter(
     positive: bool = False,
     nonzero: bool = False,
     increasing: bool = False,
+    min: Any = None,
+    max: Any = None,
     description: str = "",
 ) -> Any:
     """A constant of the model; values are checked.
@@ -208,8 +214,9 @@ def parameter(
         shape: None for the default's; a None inside leaves that length to the value, e.g. (None, 3) for points.
         positive, nonzero: let the compiler divide by it.
         increasing: each entry of a vector is greater than the one before it.
+        min, max: the values it may take, as a number or in its shape.
     """
-    return Parameter(default, shape, unit, description, positive, nonzero, increasing)
+    return Parameter(default, shape, unit, description, positive, nonzero, min, max, increasing)
 
 
 def free(guess: Any, *, min: Any = None, max: Any = None, unit: str | None = None, description: str = "") -> Any:
