@@ -26,7 +26,8 @@ NAME = "kinematics"
 
 VALUES = {
     "rows": "number of points",
-    "statuses": "number of rows by status: ok, out_of_range, not_converged, singular, not_finite, not_computed",
+    "statuses": "number of rows by status: ok, out_of_range, not_converged (no solution where Newton looks for one, as "
+    "beyond a six-link robot's reach), singular, not_finite, not_computed",
     "ranges": "least and greatest value of each target over the rows that are ok, in SI units",
     "zyz_range_deg": "largest minus smallest ZYZ angle over the rows that are ok; null without [orientation]",
     "zyz_layer_range_deg": "the same for each layer of a grid; null without one",
@@ -62,7 +63,10 @@ class Grid(Section):
 
 
 class Orientation(Section):
-    """Adds the orientation to the table: ZYZ angles in degrees, and on request the turn from the middle point."""
+    """Adds the orientation to the table: ZYZ angles in degrees, and on request the turn from the middle point.
+
+    Keep the joints among the targets: an arm that has no say in the orientation still limits what can be reached.
+    """
 
     of: str = Field(default="e", description="the model's quaternion, scalar first, or rotation matrix")
     rotation_vector: bool = Field(

@@ -107,13 +107,20 @@ class OrientationMap:
 
 
 def orientation_map(
-    model: Any, T: Any, *, known: str = "T", orientation: str = "e", branches: Mapping[str, int] | None = None
+    model: Any,
+    T: Any,
+    *,
+    known: str = "T",
+    orientation: str = "e",
+    joints: str | Sequence[str] = "q",
+    branches: Mapping[str, int] | None = None,
 ) -> OrientationMap:
     """Solve for the orientation at each tool centre point; the model has three degrees of freedom.
 
     Args:
         model: with the position `known` and the unit quaternion or rotation matrix `orientation`.
         T: (..., 3) [m], e.g. from `grid`.
+        joints: what must have a solution as well: arm 1 has no say in the orientation, but in what can be reached.
         branches: as for `causal`.
 
     A point out of reach has a status, and NaN for R. Raises ModelError for a name that the model lacks or a causality
@@ -122,8 +129,9 @@ def orientation_map(
     T = np.asarray(T, dtype=float)
     if T.ndim < 2 or T.shape[-1] != 3:
         raise ValueError(f"expected points of shape (..., 3); found {T.shape}")
-    f = compile_causal(model, known, [orientation], branches=branches)
-    found, status = f(T.reshape(-1, 3))
+    others = [joints] if isinstance(joints, str) else list(joints)
+    f = compile_causal(model, known, [orientation, *others], branches=branches)
+    found, *_, status = f(T.reshape(-1, 3))
     return OrientationMap(T, matrices(found).reshape(*T.shape[:-1], 3, 3), np.asarray(status).reshape(T.shape[:-1]))
 
 

@@ -14,6 +14,7 @@ from .signals import COLOURS
 ANGLES = ("alpha", "beta", "gamma")
 MOST_LAYERS = 6  # more cannot be seen beside each other
 LEVELS = 15
+NO_SOLUTION = "0.85"
 
 
 def layers_figure(
@@ -21,7 +22,8 @@ def layers_figure(
 ) -> Figure:
     """One row of level plots per angle, one column per layer; colours are the same along a row.
 
-    Each angle is shown minus its mean over all points, in degrees. Of more than six layers six are shown.
+    Each angle is shown minus its mean over all points, in degrees; where there is no solution the
+    panel is grey. Of more than six layers six are shown.
 
     Args:
         orientation: of a grid (layers, n, m).
@@ -46,6 +48,7 @@ def layers_figure(
             drawn = axes.contourf(offsets[1], offsets[2], values, levels, cmap="RdBu_r")
             axes.contour(offsets[1], offsets[2], values, levels, colors="black", linewidths=0.3)
             axes.set_aspect("equal")
+            axes.set_facecolor(NO_SOLUTION)
             if angle == 0:
                 axes.set_title(f"{offsets[0][layer]:+.3g} m along {names[0]}", fontsize="small")
         if drawn is not None:
@@ -56,7 +59,8 @@ def layers_figure(
     for axes in panels[-1]:
         axes.set_xlabel(f"{names[1]} [m]")
     what = f"ZYZ angles by layer; {names[1]} and {names[2]} from the middle of the grid"
-    figure.suptitle(f"{title}: {what}" if title else what)
+    what += "" if np.all(orientation.ok) else "; grey: no solution"
+    figure.suptitle(f"{title}: {what}" if title else what, fontsize="medium")
     return figure
 
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import tomllib
 from functools import cache
+from importlib.resources import files
 
 import numpy as np
 import pytest
@@ -149,6 +151,17 @@ class TestD1:
         assert np.all(np.isnan(found.zyz[~found.ok])) and np.all(np.isfinite(found.range()))
         assert np.max(np.abs(found.R[1, 0] - printed_map().R[1, 0, 0])) < ROUND_OFF
         assert np.all(np.isnan(found.layer_difference()))  # no place is ok in both layers
+
+    def test_reach_is_that_of_the_three_link_robot(self):
+        d = tomllib.loads(files("gtmodel.robots").joinpath("data", "gantry_tau.toml").read_text())["d1_nominal"]
+        A, v, L = (np.array(d[k]) for k in ("A_m", "v", "L_m"))
+        found = orientation_map(d1(), grid(tcp_at_zero(), [0.0, 1.6, 1.6], [1, 11, 11]))
+        offset = found.T[..., None, :] - A
+        dv, vv = np.sum(offset * v, axis=-1), np.sum(v * v, axis=-1)
+        root = np.min(dv**2 - vv * (np.sum(offset**2, axis=-1) - L**2), axis=-1)
+        clear = np.abs(root) > 0.02  # m2; nearer to the border a millimetre between the two robots may decide
+        assert np.array_equal(found.ok[clear], root[clear] > 0)
+        assert np.sum(clear) > 100 and 0.2 < np.mean(found.ok) < 0.6
 
     def test_nothing_in_reach(self):
         found = orientation_map(d1(), np.full((2, 1, 1, 3), 50.0))

@@ -149,6 +149,18 @@ class TestRobots:
         (T,) = call(robot, "q", ["T"], q=q)
         assert np.max(np.abs(call(robot, "T", ["q"], T=T)[0] - q)) < ROUND_TRIP
 
+    @pytest.mark.parametrize("each", [True, False])
+    def test_a_guideway_leaves_rod_and_friction_of_the_catalogue_alone(self, each):
+        part = dict(guideway=m.PiecewiseLinearGuideway(at=AT, deviation=0.0 * DEVIATION[0]))
+        options = dict(smoothing="piecewise_linear", rod=m.UniformRod, m_a=[2.0, 3.0, 4.0])
+        bent = gt.robots.gantry_tau("l1_tape", arm=[part] * 3 if each else part, **options)
+        straight = gt.robots.gantry_tau("l1_tape", **options)
+        motion = {"T": [1.4, -0.9, 0.3], "der(T)": [0.02, 0.01, -0.03], "der(T,2)": [1.0, 2.0, 3.0]}
+        bent_tau, tau = (call(r, "T", ["tau"], **motion)[0] for r in (bent, straight))
+        assert np.max(np.abs(bent_tau - tau)) < 1e-10 * np.max(np.abs(tau))
+        plain = gt.robots.gantry_tau("l1_tape", m_a=[2.0, 3.0, 4.0])
+        assert np.max(np.abs(call(plain, "T", ["tau"], **motion)[0] - tau)) > 1.0
+
     def test_another_number_of_guideways(self):
         with pytest.raises(gt.ModelError, match="one guideway per arm, three; found 2"):
             on_guideways([m.Guideway, m.Guideway])
