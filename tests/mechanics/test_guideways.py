@@ -117,8 +117,8 @@ def test_power_balance_of_a_robot_on_splines():
 
 class TestRobots:
     @pytest.mark.parametrize("name", CASES)
-    @pytest.mark.parametrize("scale", [1.0, 20.0])  # 20: deviations above a millimetre, kinks of up to 2 per cent
-    def test_three_link_round_trip(self, name, scale):
+    def test_three_link_round_trip(self, name):
+        scale = 20.0  # deviations above a millimetre, kinks of up to 2 per cent
         arms = [dict(guideway=guideway(name, i, scale)) for i in range(3)]
         robot = gt.robots.gantry_tau("l1_tape", arm=arms)
         T = np.array([1.4, -0.9, 0.3]) + np.random.default_rng(2).uniform(-1, 1, (100, 3)) * [0.9, 0.4, 0.4]
@@ -149,17 +149,17 @@ class TestRobots:
         (T,) = call(robot, "q", ["T"], q=q)
         assert np.max(np.abs(call(robot, "T", ["q"], T=T)[0] - q)) < ROUND_TRIP
 
-    @pytest.mark.parametrize("each", [True, False])
-    def test_a_guideway_leaves_rod_and_friction_of_the_catalogue_alone(self, each):
+    def test_a_guideway_leaves_rod_and_friction_of_the_catalogue_alone(self):
         part = dict(guideway=m.PiecewiseLinearGuideway(at=AT, deviation=0.0 * DEVIATION[0]))
         options = dict(smoothing="piecewise_linear", rod=m.UniformRod, m_a=[2.0, 3.0, 4.0])
-        bent = gt.robots.gantry_tau("l1_tape", arm=[part] * 3 if each else part, **options)
-        straight = gt.robots.gantry_tau("l1_tape", **options)
+        # slow enough for tanh and straight line to differ by 3 N, MidpointRod and UniformRod by more
         motion = {"T": [1.4, -0.9, 0.3], "der(T)": [0.02, 0.01, -0.03], "der(T,2)": [1.0, 2.0, 3.0]}
-        bent_tau, tau = (call(r, "T", ["tau"], **motion)[0] for r in (bent, straight))
-        assert np.max(np.abs(bent_tau - tau)) < 1e-10 * np.max(np.abs(tau))
-        plain = gt.robots.gantry_tau("l1_tape", m_a=[2.0, 3.0, 4.0])
-        assert np.max(np.abs(call(plain, "T", ["tau"], **motion)[0] - tau)) > 1.0
+        arms = ({}, part, [part] * 3)
+        straight, *bent = (
+            call(gt.robots.gantry_tau("l1_tape", arm=arm, **options), "T", ["tau"], **motion)[0] for arm in arms
+        )
+        for tau in bent:
+            assert np.max(np.abs(tau - straight)) < 1e-10 * np.max(np.abs(straight))
 
     def test_another_number_of_guideways(self):
         with pytest.raises(gt.ModelError, match="one guideway per arm, three; found 2"):
