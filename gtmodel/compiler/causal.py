@@ -88,7 +88,10 @@ class CausalFunction:
 
     @cached_property
     def casadi_parametric(self) -> ca.Function:
-        """ca.Function (inputs..., parameters) -> (targets..., margins), algebra done without their values."""
+        """ca.Function (inputs..., parameters) -> (targets..., margins), algebra done without their values.
+
+        Roots keep the signs that they have at the model's own parameters.
+        """
         known = [i for _, _, indices in self.groups for i in indices]
         pairs = [p for s in self.outputs for p in s.pairs]
         plan = make_plan(self.flat, known, pairs, self.preferred, self.branches)
@@ -107,7 +110,7 @@ class CausalFunction:
         res = f.call(args)
         n, inputs = len(self.outputs), len(args) - len(self._built.kernels)
         targets = ca.vertcat(*res[:n])
-        parts = [ca.densify(ca.jacobian(targets, ca.vertcat(*a))) for a in (args[:inputs], args[inputs:])]
+        parts = [ca.densify(ca.jacobian(ca.SX(targets), ca.SX(ca.vertcat(*a)))) for a in (args[:inputs], args[inputs:])]
         return ca.Function(f"jac_{f.name()}", args, [*parts, res[-1]])
 
     def __call__(self, *arguments: Any) -> Any:
@@ -290,11 +293,18 @@ def compile_causal(
     Raises ModelError with file and line of the equations concerned.
     """
     flat = model if isinstance(model, FlatModel) else flat_of(model)
-    known, targets, prefer = (list([x] if isinstance(x, str) else x) for x in (known, targets, prefer))
+    known, targets, prefer = _names("known", known), _names("targets", targets), _names("prefer", prefer)
     key = (tuple(known), tuple(targets), tuple(prefer), tuple(sorted((branches or {}).items())), name)
     if key not in flat.cache:
         flat.cache[key] = _compile(flat, known, targets, prefer, branches, name)
     return flat.cache[key]
+
+
+def _names(what: str, given: Any) -> list[str]:
+    names = [given] if isinstance(given, str) else given
+    if not isinstance(names, (list, tuple)) or not all(isinstance(n, str) for n in names):
+        raise ModelError(f"{what} takes names of variables, such as 'T' or 'der(q)'; found {given!r}")
+    return list(names)
 
 
 def _compile(
