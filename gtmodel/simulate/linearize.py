@@ -16,6 +16,7 @@ from ..lang.model import Model
 from ..lang.source import ModelError
 from .arguments import by_name, names, numbers
 from .inputs import Inputs
+from .jumps import refuse_jumps
 from .systems import Systems
 
 if TYPE_CHECKING:
@@ -53,9 +54,10 @@ def linearize(
     State, input and output names are the model's scalar names, with ":" for "." ("capacitor:v"), which control
     keeps for itself. The point need not be an equilibrium; its rates are in `.params["rates"]`, by the model's names.
 
-    Raises ModelError for a wrong name, an input whose derivative is needed, or a singular point.
+    Raises ModelError for a wrong name, an input whose derivative is needed, sign() of a variable, or a singular point.
     """
     flat = flat_of(model)
+    refuse_jumps(flat)
     start, input_values = by_name("start", start), by_name("input_values", input_values)
     prefer = names("prefer", prefer)
     known = _inputs(flat, names("inputs", inputs))
