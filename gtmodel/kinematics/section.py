@@ -11,6 +11,7 @@ Array = np.ndarray
 
 # guideways further than this from parallel have no common cross-section
 PARALLEL = np.radians(15.0)
+AXIS = 1e-12  # rounding of a unit vector
 UP = (0.0, 0.0, 1.0)
 
 
@@ -28,6 +29,15 @@ class Section:
     across: Array
     up: Array
     normal: Array
+
+    @property
+    def names(self) -> tuple[str, str]:
+        """Of the coordinates: x, y or z where a direction is that of an axis, otherwise u and v."""
+        found = []
+        for letter, d in zip("uv", (self.across, self.up), strict=True):
+            k = int(np.argmax(d))
+            found.append("xyz"[k] if d[k] > 1.0 - AXIS else letter)
+        return found[0], found[1]
 
     def points(self, uv: Array, along: float | Array = 0.0) -> Array:
         """Points (n, 3) [m] of plane coordinates uv (n, 2), moved by `along` [m] along the normal."""

@@ -97,9 +97,7 @@ def _crossings(inside: Inside, u: Array, v: Array, mask: Array, axis: int) -> Ar
     return found
 
 
-def _rings(
-    i: Array, j: Array, u: Array, v: Array, mask: Array, across: Array, up: Array
-) -> tuple[Array, Array, Array]:
+def _rings(i: Array, j: Array, u: Array, v: Array, mask: Array, across: Array, up: Array) -> tuple[Array, Array, Array]:
     """For each cell the corners and crossings around it, in turn: points (n, 8, 2), which of them belong to the
     region's polygon (n, 8), and the numbers of the four edges (n, 4)."""
     ring = np.empty((len(i), 8, 2))

@@ -68,7 +68,6 @@ class BallJointCones:
     axes: Array
     half_angle: float
     assumes: str
-    name: str = "ball-joint cones"
     unit: str = "rad"
 
     @classmethod
@@ -76,10 +75,14 @@ class BallJointCones:
         """Axes along the links at the home pose, the one row of `home`."""
         where = ", ".join(f"{x:.4g}" for x in home.T[0])
         assumes = (
-            f"ball joints: cones of {np.degrees(half_angle):g} deg about the link directions at the home pose "
-            f"({where}) m; the real mounting directions are not known"
+            f"ball-joint cones stand about the link directions at the home pose ({where}) m; "
+            "the real mounting directions are not known"
         )
         return cls(home.directions[0], half_angle, assumes)
+
+    @property
+    def name(self) -> str:
+        return f"ball-joint cones of {np.degrees(self.half_angle):g} deg"
 
     @property
     def parts(self) -> Sequence[str]:

@@ -54,10 +54,21 @@ class InverseKinematics:
     """
 
     def __init__(self, function: Callable[..., Any], offsets: Array | None = None) -> None:
+        self._causal = function if isinstance(function, CausalFunction) else None
         if isinstance(function, CausalFunction) and all(b.kind != "Newton" for b in function.plan.blocks):
             function = RowFunction(function)
         self._function = function
         self._offsets = None if offsets is None else np.asarray(offsets, dtype=float)
+
+    def diagnose(self, T: Array) -> str:
+        """One sentence on T (3,) [m]: ok, or why there is no pose; with the variable where the function can tell."""
+        if self._causal is not None and np.isfinite(T).all():
+            return self._causal.diagnose(T)
+        return Status(int(self(np.asarray(T)[None]).status[0])).sentence
+
+    def __getstate__(self) -> dict[str, Any]:
+        # symbols stay at home; what is left computes the same numbers
+        return {**self.__dict__, "_causal": None}
 
     def __call__(self, T: Array) -> Poses:
         """Poses of T (n, 3) [m]; a row without a solution is NaN and its status says why."""

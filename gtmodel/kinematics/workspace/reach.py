@@ -72,12 +72,12 @@ class Reach:
         return f"outside the {self.limits[code - FIRST_LIMIT].name}"
 
     def diagnose(self, T: Array) -> str:
-        """One sentence on a single point (3,): reachable with which least margin, or what forbids it by how much."""
+        """One sentence on a single point (3,): reachable, or what forbids it and by how much."""
         T = np.asarray(T, dtype=float)
         where = f"({', '.join(f'{x:.4g}' for x in T)}) m"
         code = self(T)
         if code != REACHABLE and code < FIRST_LIMIT:
-            return f"{where} cannot be reached: {Status(code).sentence}"
+            return f"{where} cannot be reached: {self.inverse.diagnose(T)}"
         poses = self.inverse(T[None])
         if code == REACHABLE:
             return f"{where} can be reached"
