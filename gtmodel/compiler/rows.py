@@ -38,7 +38,7 @@ def map_columns(f: ca.Function, columns: Sequence[np.ndarray]) -> list[np.ndarra
         if end - begin != size:
             size, g = end - begin, f.map(end - begin)
         buffer, run = g.buffer()
-        views = [a[begin:end] for a in (*inputs, *results)]
+        views: list[Any] = [a[begin:end] for a in (*inputs, *results)]
         for k, view in enumerate(views):
             if view.size and k < len(inputs):
                 buffer.set_arg(k, memoryview(view))

@@ -354,10 +354,7 @@ def _assumptions(problem: Schema, robot: Mechanism, reach: Reach) -> list[str]:
 def _checks(main: SectionMap, coarse: SectionMap) -> dict[str, Check]:
     area = main.region.area
     change = abs(area - coarse.region.area) / area
-    loops = sum(
-        float(np.sum(p[:, 0] * np.roll(p[:, 1], -1) - p[:, 1] * np.roll(p[:, 0], -1))) / 2 for p in main.region.loops
-    )
-    polygons = abs(loops - area) / area
+    polygons = abs(main.region.area_within_loops - area) / area
     return {
         "area_change_at_double_step": Check(change, CONVERGENCE, change <= CONVERGENCE),
         "area_within_boundary": Check(polygons, POLYGONS, polygons <= POLYGONS),
@@ -410,9 +407,8 @@ def _section_figure(
         layers["all limits of the file"] = main.region
     layers = dict(sorted(layers.items(), key=lambda layer: -layer[1].area))
     layers = {"inverse kinematics has a solution": bare.region, **layers}
-    return section_figure(
-        layers, main.section.pierced(robot.anchors, robot.directions), title=problem.title, names=main.section.names
-    )
+    guideways = main.section.pierced(robot.anchors, robot.directions)
+    return section_figure(layers, guideways, title=problem.title, names=main.section.names)
 
 
 def _robot_figure(problem: Schema, robot: Mechanism, main: SectionMap) -> Any:

@@ -34,7 +34,7 @@ def first_order_corners(u: Array, r: Array) -> tuple[Array, Array]:
     """
     u = np.asarray(u, dtype=float)
     r = np.broadcast_to(np.asarray(r, dtype=float), (len(u), 3))
-    finite = np.isfinite(u).all(axis=(1, 2)) & np.isfinite(r).all(axis=1)
+    finite = np.asarray(np.isfinite(u).all(axis=(1, 2)) & np.isfinite(r).all(axis=1))
     status = np.where(finite, Status.OK, Status.NOT_FINITE)
     determinant = np.linalg.det(np.where(finite[:, None, None], u, np.eye(3)))
     status = np.where(finite & (np.abs(determinant) < SINGULAR), Status.SINGULAR, status)

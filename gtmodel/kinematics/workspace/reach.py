@@ -54,7 +54,7 @@ class Reach:
             if not len(left):
                 break
             with np.errstate(invalid="ignore"):
-                kept = (limit.margins(poses) >= 0).all(axis=1)
+                kept = np.asarray(np.all(limit.margins(poses) >= 0, axis=1))
             codes[left[~kept]] = FIRST_LIMIT + k
             left, poses = left[kept], poses.rows(kept)
         return codes
