@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 
 # a pivot below this fraction of its typical size means singular: values would carry errors of 1e-16/1e-9
 PIVOT_TOLERANCE = 1e-9
-# rows per mapped function: making one costs as much as running it, so one serves a whole array
-BLOCK = 4096
+# rows per mapped function: what a core keeps near; making one costs no more than some rows
+BLOCK = 512
 
 
 def map_columns(f: ca.Function, columns: Sequence[np.ndarray]) -> list[np.ndarray]:
@@ -38,12 +38,16 @@ def map_columns(f: ca.Function, columns: Sequence[np.ndarray]) -> list[np.ndarra
         if end - begin != size:
             size, g = end - begin, f.map(end - begin)
         buffer, run = g.buffer()
+        set_arg: Any = buffer.set_arg
+        set_res: Any = buffer.set_res
         views: list[Any] = [a[begin:end] for a in (*inputs, *results)]
         for k, view in enumerate(views):
-            if view.size and k < len(inputs):
-                buffer.set_arg(k, memoryview(view))
-            elif view.size:
-                buffer.set_res(k - len(inputs), memoryview(view))
+            if view.size == 0:
+                continue
+            if k < len(inputs):
+                set_arg(k, memoryview(view))
+            else:
+                set_res(k - len(inputs), memoryview(view))
         run()
     return [r.reshape(r.shape[0] * r.shape[1], r.shape[2]).T for r in results]
 
@@ -99,8 +103,9 @@ class RowFunction:
         results = map_columns(self._function, columns)
         status = status_codes(self._margins, columns, results, None)
         values = [r.T for r in results[:-1]]
+        bad = np.flatnonzero(status != Status.OK)
         for v in values:
-            v[status != Status.OK] = np.nan
+            v[bad] = np.nan
         return (*(v.reshape(len(status), *s) for v, s in zip(values, self._shapes, strict=True)), status)
 
     def __getstate__(self) -> dict[str, Any]:

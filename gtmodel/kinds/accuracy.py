@@ -37,8 +37,8 @@ NAME = "accuracy"
 VALUES = {
     "cases": "for each case: name, errors, method; over the rectangle min_um, max_um, their places min_at_m, max_at_m "
     "in (u, v), centre_um and nearest_guideway to the maximum (from 1); reached_min_um and reached_max_um over all "
-    "that is reached; monte_carlo_um and its corner_um at the place of the maximum; and shape, the parallelepiped at the "
-    "centre: link_angles_deg, pyramid_angles_deg, faces_um2, longest_diagonal_um",
+    "that is reached; monte_carlo_um and its corner_um at the place of the maximum; and shape, the parallelepiped at "
+    "the centre: link_angles_deg, pyramid_angles_deg, faces_um2, longest_diagonal_um",
     "window_m": "the rectangle that the numbers are about: least and greatest (u, v)",
     "guideways_m": "where the guideways pierce the section, (u, v)",
     "section": "the section: a point of it, and its normal",

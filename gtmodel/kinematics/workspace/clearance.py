@@ -11,6 +11,13 @@ import numpy as np
 from .distances import between_segments, segment_to_box
 from .poses import Array, Poses
 
+# what meets is not clear, also where nothing has a radius [m]
+TOUCHING = 1e-9
+
+
+def _clear(distance: Array, radii: float) -> Array:
+    return np.where(distance > 0, distance, -TOUCHING) - radii
+
 
 @dataclass(frozen=True)
 class Obstacles:
@@ -45,8 +52,8 @@ class Obstacles:
         columns = []
         for low, high in zip(np.asarray(self.low, float), np.asarray(self.high, float), strict=True):
             for i, radius in enumerate(self.link_radius):
-                columns.append(segment_to_box(poses.a[:, i], poses.b[:, i], low, high) - radius)
-            columns.append(segment_to_box(poses.T, poses.T, low, high) - self.plate_radius)
+                columns.append(_clear(segment_to_box(poses.a[:, i], poses.b[:, i], low, high), radius))
+            columns.append(_clear(segment_to_box(poses.T, poses.T, low, high), self.plate_radius))
         return np.stack(columns, axis=1)
 
 
@@ -79,8 +86,8 @@ class LinkClearance:
 
     def margins(self, poses: Poses) -> Array:
         a, b, r = poses.a, poses.b, self.radius
-        columns = [between_segments(a[:, i], b[:, i], a[:, j], b[:, j]) - r[i] - r[j] for i, j in self.chosen]
-        return np.stack(columns, axis=1)
+        gaps = [(between_segments(a[:, i], b[:, i], a[:, j], b[:, j]), r[i] + r[j]) for i, j in self.chosen]
+        return np.stack([_clear(*gap) for gap in gaps], axis=1)
 
 
 @dataclass(frozen=True)
@@ -116,5 +123,5 @@ class FrameClearance:
         for i, k in self.chosen:
             first, last = (np.broadcast_to(p, poses.T.shape) for p in np.asarray(self.ends, float)[k])
             gap = between_segments(poses.a[:, i], poses.b[:, i], first, last)
-            columns.append(gap - self.link_radius[i] - self.beam_radius[k])
+            columns.append(_clear(gap, self.link_radius[i] + self.beam_radius[k]))
         return np.stack(columns, axis=1)

@@ -89,10 +89,10 @@ class BallJointCones:
         return [f"link {i + 1}" for i in range(len(self.axes))]
 
     def margins(self, poses: Poses) -> Array:
-        d = poses.b - poses.a
-        axes = np.asarray(self.axes)
-        sine = np.linalg.norm(np.cross(d, axes), axis=-1)
-        return self.half_angle - np.arctan2(sine, np.einsum("nli,li->nl", d, axes))
+        u, axes = poses.directions, np.asarray(self.axes)
+        # the angle by its half: exact for small ones too
+        difference, total = (np.sqrt(np.einsum("nli,nli->nl", d, d)) for d in (u - axes, u + axes))
+        return self.half_angle - 2 * np.arctan2(difference, total)
 
 
 @dataclass(frozen=True)

@@ -40,7 +40,7 @@ class Poses:
     def directions(self) -> Array:
         """(n, l, 3) unit vectors of the links, from cart to plate."""
         d = self.b - self.a
-        return d / np.linalg.norm(d, axis=-1, keepdims=True)
+        return d / np.sqrt(np.einsum("nli,nli->nl", d, d))[..., None]
 
 
 class InverseKinematics:
