@@ -113,8 +113,9 @@ class CausalFunction:
         columns, rows = self._columns(arguments)
         results, status = self._evaluate(columns)
         values = [r.T for r in results[:-1]]
+        bad = np.flatnonzero(status != Status.OK)
         for v in values:
-            v[status != Status.OK] = np.nan
+            v[bad] = np.nan
         shaped = [v.reshape(v.shape[0], *s.shape) for v, s in zip(values, self.outputs, strict=True)]
         if rows is None:
             return (*(v[0] if s.shape else float(v[0]) for v, s in zip(shaped, self.outputs, strict=True)),

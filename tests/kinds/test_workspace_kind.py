@@ -78,7 +78,7 @@ class TestNumbers:
             (
                 "bodies",
                 "link-link clearance",
-                {"plate_joints_m": joints, "link_radius_m": 0.04, "link_clearance": True},
+                {"plate_joints_m": joints, "link_radius_m": 0.065, "link_clearance": True},
             ),
         ):
             outcome = solve(**{key: more})

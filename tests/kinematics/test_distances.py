@@ -46,11 +46,11 @@ def test_segment_and_box(p1, p2, c1, c2) -> None:
 
 def test_nan_harms_no_other_row() -> None:
     p = np.array([[0.0, 0, 2], [np.nan, 0, 0], [0, 0, 3]])
-    q = p + [1.0, 0, 0]
+    q = p + np.array([1.0, 0, 0])
     low, high = -np.ones(3), np.ones(3)
     found = segment_to_box(p, q, low, high)
     np.testing.assert_allclose(found[[0, 2]], [1.0, 2.0])
     assert np.isnan(found[1])
-    found = between_segments(p, q, 0 * q, 0 * q + [1.0, 0, 0])
+    found = between_segments(p, q, 0 * q, 0 * q + np.array([1.0, 0, 0]))
     np.testing.assert_allclose(found[[0, 2]], [2.0, 3.0])
     assert np.isnan(found[1])
