@@ -144,7 +144,11 @@ def solve(problem: Schema, context: Context) -> Outcome:
 
         errors_map = map_errors(errors, _base_points(study.robot), study.T, progress=progress)
         if not errors_map.complete or context.interrupted():
-            return Outcome(status=SolveStatus.INTERRUPTED, message=SolveStatus.INTERRUPTED.sentence)
+            return Outcome(
+                status=SolveStatus.INTERRUPTED,
+                message=SolveStatus.INTERRUPTED.sentence,
+                values={"cases": [f.values for f in found]},
+            )
         good = study.window & (errors_map.status == Status.OK)
         if not good.any():
             reasons = _reasons(errors_map.status[study.window])

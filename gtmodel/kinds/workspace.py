@@ -53,6 +53,7 @@ VALUES = {
 CONVERGENCE = 0.01
 # relative: the same polygons by cells and by loops
 POLYGONS = 1e-9
+MOST_POINTS = 2.5e7  # of a section, some 500 MB
 MARGIN_M = 0.05  # around what the links can reach at most
 
 Point = Annotated[list[float], Field(min_length=3, max_length=3)]
@@ -159,20 +160,19 @@ def solve(problem: Schema, context: Context) -> Outcome:
         return found
 
     singular = reach.limits[:1]
+    bare, cones = None, {}
     try:
         bare = mapped(Reach(robot.inverse, singular), "inverse kinematics")
-        cones = {
-            angle: mapped(
-                Reach(robot.inverse, [*singular, BallJointCones.about_home(robot.home, np.radians(angle))]),
-                f"cones of {angle:g} deg",
-            )
-            for angle in problem.compare_cones_deg
-        }
+        for angle in problem.compare_cones_deg:
+            cone = BallJointCones.about_home(robot.home, np.radians(angle))
+            cones[angle] = mapped(Reach(robot.inverse, [*singular, cone]), f"cones of {angle:g} deg")
         main = mapped(reach, "workspace")
         coarse = mapped(reach, "coarse grid", 2 * step)
         volume = _volume(problem, context, reach, section, low, high)
     except _Stopped:
-        return Outcome(status=SolveStatus.INTERRUPTED, message=SolveStatus.INTERRUPTED.sentence)
+        finished = {} if bare is None else {f"kinematic_{key}": value for key, value in _sizes(bare).items()}
+        finished |= {"cones": _cones(cones)} if cones else {}
+        return Outcome(status=SolveStatus.INTERRUPTED, message=SolveStatus.INTERRUPTED.sentence, values=finished)
     return _outcome(problem, robot, reach, main, bare, cones, coarse, volume)
 
 
@@ -262,7 +262,7 @@ def _window(problem: Schema, robot: Mechanism, section: Any) -> tuple[np.ndarray
     high = high if keys.high_m is None else np.array(keys.high_m)
     _ordered(low, high, "section.high_m")
     size = np.prod((high - low) / keys.step_m)
-    if size > 1e9:
+    if size > MOST_POINTS:
         raise InputError(f"the grid would have {size:.1e} points; take a larger step", "section.step_m")
     return low, high
 
@@ -312,7 +312,7 @@ def _outcome(
     values = {
         **_sizes(main),
         **{f"kinematic_{key}": value for key, value in _sizes(bare).items()},
-        "cones": [{"angle_deg": angle, **_sizes(found)} for angle, found in cones.items()],
+        "cones": _cones(cones),
         "guideway_rectangle_m2": rectangle,
         "area_ratio": None if no_footprint else region.area / rectangle,
         "volume_m3": None if volume is None else volume.volume,
@@ -344,6 +344,10 @@ def _outcome(
 def _sizes(found: SectionMap) -> dict[str, float]:
     width, height = found.region.extent
     return {"area_m2": found.region.area, "width_m": float(width), "height_m": float(height)}
+
+
+def _cones(cones: dict[float, SectionMap]) -> list[dict[str, float]]:
+    return [{"angle_deg": angle, **_sizes(found)} for angle, found in cones.items()]
 
 
 def _assumptions(problem: Schema, robot: Mechanism, reach: Reach) -> list[str]:

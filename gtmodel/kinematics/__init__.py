@@ -1,0 +1,1 @@
+"""Kinematics that the equations alone do not give: workspaces and accuracies."""

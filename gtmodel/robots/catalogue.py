@@ -36,7 +36,8 @@ def _inertias() -> dict[str, dict[str, Any]]:
 
 def names() -> dict[str, str]:
     """Catalogue names with their sources."""
-    return {k: v["source"] for k, v in sorted(_sets().items())}
+    stand_in = "; masses and friction of the L1, an example of ours"
+    return {k: v["source"] + (stand_in if v["prototype"] == "D1" else "") for k, v in sorted(_sets().items())}
 
 
 def inertia_names() -> list[str]:

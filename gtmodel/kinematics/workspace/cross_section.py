@@ -71,8 +71,8 @@ def region(inside: Inside, u: Array, v: Array, mask: Array) -> Region:
     mask = np.pad(mask, 1)
     across = _crossings(inside, u, v, mask, 0)
     up = _crossings(inside, u, v, mask, 1)
-    cells = mask[:-1, :-1].astype(int) + mask[1:, :-1] + mask[1:, 1:] + mask[:-1, 1:]
-    full = np.outer(np.diff(u), np.diff(v))[cells == 4].sum()
+    cells = mask[:-1, :-1].astype(np.int8) + mask[1:, :-1] + mask[1:, 1:] + mask[:-1, 1:]
+    full = np.einsum("i,ij,j->", np.diff(u), cells == 4, np.diff(v))
     i, j = np.nonzero((cells > 0) & (cells < 4))
     ring, present, edges = _rings(i, j, u, v, mask, across, up)
     centre = np.stack([(u[i] + u[i + 1]) / 2, (v[j] + v[j + 1]) / 2], axis=1)
