@@ -323,14 +323,18 @@ def _outcome(
         "assumptions": _assumptions(problem, robot, reach),
     }
     empty = region.area == 0.0
+    checks = {} if empty else _checks(main, coarse)
     message = SolveStatus.SOLVED.sentence if not edge else "the workspace reaches the edge of the grid and is cut there"
+    if failed := [name for name, check in checks.items() if not check.passed]:
+        verb = "exceeds its bound" if len(failed) == 1 else "exceed their bounds"
+        message += f", but {' and '.join(failed)} {verb}; use a smaller section.step_m"
     if empty:
         most = max(values["reasons"], key=values["reasons"].get)
         message = f"no point of the section is reached; most often: {most}"
     return Outcome(
         status=SolveStatus.INFEASIBLE if empty else SolveStatus.SOLVED,
         message=message,
-        checks={} if empty else _checks(main, coarse),
+        checks=checks,
         values=values,
         rows=_rows_of(values),
         figures={

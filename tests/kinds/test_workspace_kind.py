@@ -97,6 +97,11 @@ class TestNumbers:
         assert outcome.values["on_edge"] and "cut there" in outcome.message
         assert outcome.values["area_m2"] == pytest.approx(0.25)
 
+    def test_a_coarse_grid_says_so(self) -> None:
+        outcome = solve(section={"step_m": 0.4})
+        assert not outcome.checks["area_change_at_double_step"].passed
+        assert outcome.message.endswith("area_change_at_double_step exceeds its bound; use a smaller section.step_m")
+
     def test_stopped(self) -> None:
         context = Context()
         context.request_stop()
