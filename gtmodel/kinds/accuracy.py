@@ -181,6 +181,12 @@ def _study(problem: Schema, context: Context) -> _Study:
         raise InputError(
             f"accuracy is defined for three links with lengths of their own; found {len(robot.lengths)}", "robot"
         )
+    words = [_word(case.name) for case in problem.cases]
+    for k, word in enumerate(words):
+        if word in words[:k]:
+            raise InputError(
+                f"two cases are called '{problem.cases[k].name}'; give them different names", f"cases[{k}].name"
+            )
     keys = problem.section
     plane = robot.section(keys.along_m, "section.along_m")
     corners = plane.pierced(robot.anchors, robot.directions)

@@ -84,10 +84,11 @@ class TestNumbers:
 
     def test_method_for_all_cases(self) -> None:
         case = {"name": "case 2", "along_um": [11.0, 58.0, 19.0], "across_um": [28.0, 38.0, 47.0]}
-        less, bound = (solve(cases=[case], method=m).values["cases"][0] for m in ("projection", "support"))
+        outcomes = [solve(cases=[case], method=m) for m in ("projection", "support")]
+        less, bound = (outcome.values["cases"][0] for outcome in outcomes)
         assert 0.9 * bound["max_um"] < less["max_um"] < bound["max_um"]
         # the iteration is no bound: synthetic draws may exceed it, and no check says otherwise
-        assert not any("monte_carlo" in name for name in solve(cases=[case], method="projection").checks)
+        assert [any("monte_carlo" in name for name in outcome.checks) for outcome in outcomes] == [False, True]
 
     def test_errors_too_large_for_first_order_fail_their_check(self) -> None:
         outcome = solve(cases=[{"name": "huge", "length_um": [5e4, 5e4, 5e4]}])
@@ -111,6 +112,7 @@ class TestNumbers:
             "cases[0]",
             "give either length_um",
         ),
+        ({"cases": SMALL["cases"] * 2}, "cases[1].name", "two cases are called 'lengths'"),
         ({"section": {"low_m": [0.0, 0.0], "high_m": [0.0, 1.0]}}, "section.high_m", "less than its upper"),
         ({"section": {"step_m": 1e-5}}, "section.step_m", "larger step"),
         ({"robot": "d1_nominl"}, "robot", "did you mean 'd1_nominal'"),

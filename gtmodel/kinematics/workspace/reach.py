@@ -49,14 +49,17 @@ class Reach:
         poses = self.inverse(T)
         codes = np.asarray(poses.status).astype(np.uint8)
         left = np.flatnonzero(codes == REACHABLE)
-        poses = poses.rows(left)
+        if self.limits and len(left) < len(codes):
+            poses = poses.rows(left)
         for k, limit in enumerate(self.limits):
             if not len(left):
                 break
             with np.errstate(invalid="ignore"):
                 kept = np.asarray(np.all(limit.margins(poses) >= 0, axis=1))
             codes[left[~kept]] = FIRST_LIMIT + k
-            left, poses = left[kept], poses.rows(kept)
+            if k + 1 < len(self.limits) and not kept.all():
+                poses = poses.rows(kept)
+            left = left[kept]
         return codes
 
     def inside(self, T: Array) -> Array:
