@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from gtmodel.lang import Model, ModelError
-from gtmodel.robots import catalogue
+from gtmodel.robots import catalogue, six_link_gantry_tau
 
 from . import python_models
 from .base import Context, InputError
@@ -62,6 +62,13 @@ def resolve(
         name, modifiers = _from_file(reference, context, key, given, modifiers)
     elif reference in catalogue.names():
         name = reference
+    elif reference == "d1_six_link":
+        if given:
+            raise InputError("applies to three-link robots only", _WORDS[next(iter(given))])
+        try:
+            return six_link_gantry_tau(reference, **modifiers)
+        except ModelError as error:
+            raise InputError(str(error), "parameters") from error
     else:
         raise InputError(_unknown(reference), key)
     try:

@@ -27,6 +27,7 @@ from .friction_rotational import (
     RotationalTanhFriction,
 )
 from .guideway import Guideway
+from .guideway_curves import CurvedGuideway, PiecewiseLinearCyclicGuideway, PiecewiseLinearGuideway, SplineGuideway
 from .joints import Prismatic, Revolute, Spherical, Universal
 from .load import FrameLoad, PointLoad
 from .motor import ForceMotor, TorqueMotor
@@ -41,6 +42,7 @@ __all__ = [
     "Anchor",
     "AnyQuaternion",
     "Attitude",
+    "CurvedGuideway",
     "DirectionalPiecewiseLinearFriction",
     "DirectionalTanhFriction",
     "Fixed",
@@ -61,7 +63,9 @@ __all__ = [
     "Inertia",
     "Mass",
     "MidpointRod",
+    "PiecewiseLinearCyclicGuideway",
     "PiecewiseLinearFriction",
+    "PiecewiseLinearGuideway",
     "Plane",
     "PointFrame",
     "PointLoad",
@@ -82,6 +86,7 @@ __all__ = [
     "Shaft",
     "ShaftSpringDamper",
     "Spherical",
+    "SplineGuideway",
     "SpringDamper",
     "StribeckFriction",
     "Strut",

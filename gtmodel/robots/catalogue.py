@@ -72,6 +72,7 @@ def gantry_tau(
     friction = _pick(smoothing, SMOOTHINGS, "friction smoothing")
     A, v, L = (np.array(geometry[k], dtype=float) for k in ("A_m", "v", "L_m"))
     parts: dict[str, Any] = {"friction": friction} | ({} if rod is None else {"rod": rod})
+    arm = modifiers.pop("arm", {})  # such as dict(guideway=...), for all arms or one each
     values: dict[str, Any] = dict(
         A=A,
         v=v,
@@ -82,7 +83,7 @@ def gantry_tau(
         viscous=masses["viscous_kg_s"],
         velocity_scale=velocity_scale,
         home=A.mean(axis=0) + 0.7 * L.mean() * v.mean(axis=0),
-        arm=parts,
+        arm=[parts | one for one in arm] if isinstance(arm, (list, tuple)) else parts | arm,
     )
     return GantryTau(**{**values, **modifiers})
 
