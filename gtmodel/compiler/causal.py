@@ -19,9 +19,7 @@ from .evaluate import Built, build
 from .explain import explain
 from .flat import FlatModel, flatten
 from .plan import Plan, make_plan
-
-# a pivot below this fraction of its typical size means singular: values would carry errors of 1e-16/1e-9
-PIVOT_TOLERANCE = 1e-9
+from .rows import PIVOT_TOLERANCE, map_columns, status_codes
 
 Pair = tuple[int, int]
 Group = tuple[str, tuple[int, ...], list[int]]
@@ -118,8 +116,9 @@ class CausalFunction:
         columns, rows = self._columns(arguments)
         results, status = self._evaluate(columns)
         values = [r.T for r in results[:-1]]
+        bad = np.flatnonzero(status != Status.OK)
         for v in values:
-            v[status != Status.OK] = np.nan
+            v[bad] = np.nan
         shaped = [v.reshape(v.shape[0], *s.shape) for v, s in zip(values, self.outputs, strict=True)]
         if rows is None:
             return (*(v[0] if s.shape else float(v[0]) for v, s in zip(shaped, self.outputs, strict=True)),
@@ -131,7 +130,7 @@ class CausalFunction:
         columns, rows = self._columns(arguments)
         n = columns[0].shape[1] if columns else 1
         zs, found = self._unknowns(columns)
-        by_input, by_z, margins = _map(self._jacobian, [*columns, *zs])
+        by_input, by_z, margins = map_columns(self._jacobian, [*columns, *zs])
         full = _stack(by_input, n, sum(c.shape[0] for c in columns))
         given = np.vstack(columns) if columns else np.zeros((0, n))
         sensitivities: list[np.ndarray] = []
@@ -167,7 +166,7 @@ class CausalFunction:
     def _evaluate(self, columns: list[np.ndarray]) -> tuple[list[np.ndarray], np.ndarray]:
         """Targets and margins as columns, and the status of each column."""
         zs, found = self._unknowns(columns)
-        results = _map(self._built.closed, [*columns, *zs])
+        results = map_columns(self._built.closed, [*columns, *zs])
         return results, self.status(columns, results, found)
 
     def status(
@@ -175,20 +174,7 @@ class CausalFunction:
     ) -> np.ndarray:
         """Status code of each evaluated column from inputs, iterations (`found`), margins and outputs; the first
         cause wins."""
-        n = results[-1].shape[1]
-        code = np.zeros(n, dtype=int) if found is None else found.copy()
-        margins = results[-1]
-        for m, row in zip(self.margins, margins, strict=True):
-            with np.errstate(invalid="ignore"):
-                if m.kind in ("discriminant", "condition"):
-                    bad, verdict = ~(row >= 0), Status.OUT_OF_RANGE
-                else:
-                    bad, verdict = ~(np.abs(row) > PIVOT_TOLERANCE * m.scale), Status.SINGULAR
-            code = np.where((code == 0) & bad, verdict, code)
-        finite = np.all([np.all(np.isfinite(r), axis=0) for r in results[:-1]], axis=0)
-        code = np.where((code == 0) & ~finite, Status.NOT_FINITE, code)
-        inputs = np.all([np.all(np.isfinite(c), axis=0) for c in columns], axis=0) if columns else True
-        return np.where(inputs, code, Status.NOT_FINITE)
+        return status_codes(self.margins, columns, results, found)
 
     def diagnose(self, *arguments: Any) -> str:
         """One sentence on a single call: ok, or which root or pivot failed and by how much."""
@@ -241,15 +227,6 @@ class CausalFunction:
 
     def __repr__(self) -> str:
         return f"CausalFunction({', '.join(s.name for s in self.inputs)} -> {', '.join(s.name for s in self.outputs)})"
-
-
-def _map(f: ca.Function, columns: list[np.ndarray]) -> list[np.ndarray]:
-    """A function on columns side by side."""
-    n = columns[0].shape[1] if columns else 1
-    if n == 0:
-        return [np.zeros((f.size1_out(k), 0)) for k in range(f.n_out())]
-    g = f if n == 1 else f.map(n)
-    return [np.array(r.full()) for r in g.call([ca.DM(c) for c in columns])]
 
 
 def _stack(matrix: np.ndarray, n: int, width: int) -> np.ndarray:

@@ -24,6 +24,8 @@ _KINDS = {
     "optimization": "a dynamic optimisation problem written in Python",
     "simulation": "motion of a robot under given inputs, from a given start",
     "kinematics": "any causality of a robot on many points, and the orientation of its plate",
+    "workspace": "which tool centre points a robot reaches: cross-section, boundary, volume, reasons",
+    "accuracy": "positioning errors of a robot from errors of its carts and links",
 }
 
 

@@ -1,6 +1,9 @@
 """Kinematics that a model's equations alone do not answer.
 
+accuracy          greatest positioning errors from errors of carts and links
 assembly_modes    every pose in which a platform on six legs of given lengths can be assembled
+section           a plane across the guideways
+workspace         which tool centre points are reached, and why not the others
 
 Guideways as measured
     fit_guideway        line through cart points and what is left over: a GuidewayFit
@@ -15,7 +18,7 @@ Orientation of the plate
     rotation_vector     small turns from a reference
 """
 
-from . import assembly_modes
+from . import accuracy, assembly_modes, section, workspace
 from .guideways import GuidewayFit, MeasurementError, fit_guideway
 from .orientation import OrientationMap, grid, orientation_map
 from .rotations import rotation_vector, zyz
@@ -27,6 +30,7 @@ __all__ = [
     "GuidewayFit",
     "MeasurementError",
     "OrientationMap",
+    "accuracy",
     "assembly_modes",
     "backlash",
     "cyclic_term",
@@ -34,5 +38,7 @@ __all__ = [
     "grid",
     "orientation_map",
     "rotation_vector",
+    "section",
+    "workspace",
     "zyz",
 ]

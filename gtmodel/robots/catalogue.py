@@ -23,9 +23,9 @@ def _table(name: str) -> dict[str, Any]:
 
 
 def _sets() -> dict[str, dict[str, Any]]:
-    """Three-arm L1 sets by name."""
+    """Three-arm sets by name. No masses of D1 are printed: the L1 inertia stands in as an example of ours."""
     table = _table("gantry_tau.toml")
-    return {k: v for k, v in table.items() if v.get("prototype") == "L1" and len(v["L_m"]) == 3}
+    return {k: v for k, v in table.items() if v.get("prototype") in ("L1", "D1") and len(v["L_m"]) == 3}
 
 
 def _inertias() -> dict[str, dict[str, Any]]:
@@ -36,7 +36,8 @@ def _inertias() -> dict[str, dict[str, Any]]:
 
 def names() -> dict[str, str]:
     """Catalogue names with their sources."""
-    return {k: v["source"] for k, v in sorted(_sets().items())}
+    stand_in = "; masses and friction of the L1, an example of ours"
+    return {k: v["source"] + (stand_in if v["prototype"] == "D1" else "") for k, v in sorted(_sets().items())}
 
 
 def inertia_names() -> list[str]:
