@@ -1,14 +1,14 @@
 """gtmodel: write a robot's equations once; every causality is derived.
 
 Language: Model, Connector, Optimization; variable, input, parameter, part, parts, port, outer, connect, der.
-Engines: Model.causal (any causality), solve (optimal control), cgen.generate (C code).
+Engines: Model.causal (any causality), kinematics (all assembly modes), solve (optimal control), cgen.generate (C code).
 """
 
 import importlib
 from typing import TYPE_CHECKING, Any
 
+from . import kinematics, mechanics
 from . import lang as _lang
-from . import mechanics
 from .compiler.causal import CausalFunction, compile_causal
 from .lang import *  # noqa: F403
 from .optimize import Mesh, NotSolved, Resimulation, Solution, SolverOptions, resimulate, solve
@@ -37,6 +37,7 @@ __all__ = [
     "SolverOptions",
     "Status",
     "Trajectory",
+    "kinematics",
     "linearize",
     "mechanics",
     "modes",

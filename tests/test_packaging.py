@@ -66,8 +66,9 @@ def test_wheel_holds_problems_c_sources_and_data(wheel: Path) -> None:
     problems, sources = shipped_files("problems"), shipped_files("codegen")
     assert any(p.endswith(".toml") for p in problems)
     assert any(p.endswith(".c") for p in sources)
-    data = {p for p in shipped_files("gtmodel") if p.endswith(".toml")}
-    assert data, "the robots' printed tables are TOML files inside the package"
+    data = {p for p in shipped_files("gtmodel") if p.endswith((".toml", ".json"))}
+    assert any(p.endswith(".toml") for p in data), "the robots' printed tables are TOML files inside the package"
+    assert any(p.endswith("start_systems.json") for p in data), "the assembly modes start from stored solutions"
     expected = {f"gtmodel/_data/{p}" for p in problems | sources} | data | {"gtmodel/py.typed"}
     assert sorted(expected - names) == []
 
@@ -105,6 +106,16 @@ def test_installed_command_lists(installed: Path, tmp_path: Path) -> None:
         assert problem.stem in problems
     robots = run(installed / "gtmodel", "list", "robots", "--json", cwd=tmp_path)
     assert "l1_tape" in robots and isinstance(json.loads(robots), dict)
+
+
+def test_installed_package_finds_assembly_modes(installed: Path, tmp_path: Path) -> None:
+    program = """
+import numpy as np
+from gtmodel.kinematics.assembly_modes import assembly_modes
+random = np.random.default_rng(1)
+print(assembly_modes(random.normal(size=(6, 3)), random.normal(size=(6, 3)), np.full(6, 2.0)).status)
+"""
+    assert run(installed / "python", "-c", program, cwd=tmp_path).strip() == "complete"
 
 
 @pytest.mark.slow

@@ -15,6 +15,17 @@ from .text import comment
 
 _EXPORTED = re.compile(r"^CASADI_SYMBOL_EXPORT [^\n]*?(\w+)\([^\n]*\{(?:[^\n]*\}\n|.*?^\}\n)\n?", re.M | re.S)
 _CONSTANT = re.compile(r"^static const casadi_int (casadi_s\d+)\[[^\n]*;\n", re.M)
+# CasADi's helpers, such as casadi_sq, have external linkage: a compiler for shared code must call them, not inline them
+_HELPER = re.compile(r"^casadi_real (?=casadi_\w+\()", re.M)
+# gcc calls libm for fmin and fmax, since no instruction treats NaN as they do. The same bit for bit, for NaN (the other
+# argument is the result) and for zeros of different signs (the first is) too, takes one comparison where y is constant.
+_INLINE = {
+    name: (
+        re.compile(rf"^(casadi_real casadi_{name}\(casadi_real x, casadi_real y\) \{{)\n.*?^\}}\n", re.M | re.S),
+        rf"\1 return (x {order} y || y != y) ? x : y;}}\n",
+    )
+    for name, order in (("fmin", "<="), ("fmax", ">="))
+}
 _ABOUT_HEADER = (
     "Generated bodies without guards: call the functions of gt_{name}.h instead. "
     "SZ_*: how many pointers, integers and doubles of scratch a body takes."
@@ -65,6 +76,11 @@ def _source(text: str, prefix: str, wanted: set[str]) -> str:
     if text.count(include) != 1 or any(f" {symbol}(" not in text for symbol in wanted):
         raise GenerationError(f"CasADi {ca.CasadiMeta.version()} writes C in a form that gtmodel does not know")
     text = text.replace(include, f'#include "gt_float.h"\n#include "{prefix}.h"\n\n{include}')
+    for name, (definition, inline) in _INLINE.items():
+        text, found = definition.subn(inline, text)
+        if found != (f" casadi_{name}(" in text):
+            raise GenerationError(f"CasADi {ca.CasadiMeta.version()} writes {name} in a form that is not known")
+    text = _HELPER.sub("static inline casadi_real ", text)
     lines = [line.rstrip() for line in text.splitlines()]
     return re.sub(r"\n{3,}", "\n\n", "\n".join(lines)).strip("\n") + "\n"
 

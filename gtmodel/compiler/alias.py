@@ -8,6 +8,7 @@ import casadi as ca
 
 from ..lang.source import ModelError
 from .flat import FlatEquation, FlatModel
+from .kinks import has_kinks, kinked_in
 from .sparse import triplets
 
 
@@ -81,12 +82,16 @@ def _sweep(
     rows: dict[int, list[tuple[int, ca.SX]]] = {}
     for row, col, value in triplets(jacobian):
         rows.setdefault(row, []).append((col, value))
+    # sign() vanishes at zero and has no derivative: what holds one only looks like x == y
+    kinked = kinked_in([e.residual for e in result.equations], ca.vertsplit(symbols)) if has_kinks(flat) else None
     removed: dict[int, Alias] = {}
     kept: set[int] = set()
     drop: set[int] = set()
     for row in sorted(rows):
         entries = [(pairs[c], v) for c, v in rows[row] if not v.is_zero()]
         if len(entries) != 2 or not all(v.is_constant() for _, v in entries) or not remainder[row].is_zero():
+            continue
+        if kinked is not None and kinked[row]:
             continue
         (a, va), (b, vb) = entries
         ca_, cb_ = float(va), float(vb)

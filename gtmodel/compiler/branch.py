@@ -55,13 +55,13 @@ def _settle_roots(plan: Plan, sampler: Sampler, wanted: Mapping[str, int]) -> No
     names, sides, values = _functions(plan, sampler, roots)
     p = plan.flat.p0
     slopes = ca.Function("slopes", [sampler.w, plan.flat.p, plan.flat.scope.time], [_column([r.slope for r in roots])])
-    at_start = np.array([_row(slopes(w, p, 0.0)) for w in plan.samples])
+    at_start = np.array([_row(slopes(w, p, sampler.time)) for w in plan.samples])
     signs = np.ones(len(roots))
     for n, root in enumerate(roots):
         seen = {}
         for side in (1, -1):
             signs[n] = side
-            seen[side] = np.array([_row(sides(w, p, 0.0, signs)) for w in plan.samples])
+            seen[side] = np.array([_row(sides(w, p, sampler.time, signs)) for w in plan.samples])
         teller = _teller(names, seen[1], seen[-1], wanted)
         if teller is not None:
             root.told_by, sense = names[teller[0]], teller[1]
@@ -79,10 +79,10 @@ def _settle_roots(plan: Plan, sampler: Sampler, wanted: Mapping[str, int]) -> No
     for sample in plan.samples:
         w = sample.copy()
         computed, numbers = values
-        w[computed] = _row(numbers(w, p, 0.0, signs))
+        w[computed] = _row(numbers(w, p, sampler.time, signs))
         if not np.all(np.isfinite(w)) or sampler.correct(w) > RESIDUAL_TOLERANCE:
             continue
-        if np.all(_row(slopes(w, p, 0.0)) * signs > 0):
+        if np.all(_row(slopes(w, p, sampler.time)) * signs > 0):
             found.append(w)
     if not found:
         raise ModelError(
@@ -104,12 +104,12 @@ def _move_home(plan: Plan, sampler: Sampler, wanted: Mapping[str, int]) -> None:
     sides = ca.Function("sides", arguments, [column, _column([r.slope * r.value for r in roots])])
 
     def right(w: np.ndarray) -> bool:
-        side, root = (_row(x) for x in sides.call([w, p, 0.0]))
+        side, root = (_row(x) for x in sides.call([w, p, sampler.time]))
         return bool(np.all(side * signs > 0) and np.all(root > 0))
 
     found = [w for w in plan.samples if right(w)]
     if not found:
-        size = np.abs(_row(sides(plan.samples[0], p, 0.0)[0]))
+        size = np.abs(_row(sides(plan.samples[0], p, sampler.time)[0]))
         first, *rest = sampler.stages
         mirrored = replace(sampler, stages=[ca.vertcat(first, column - signs * size), *rest])
         nominal = np.array([flat.variables[index].nominal for index, _ in sampler.pairs])
@@ -129,13 +129,13 @@ def _move_home(plan: Plan, sampler: Sampler, wanted: Mapping[str, int]) -> None:
     plan.samples = np.array(found)
 
 
-def follow(plan: Plan, sampler: Sampler, time: float) -> None:
+def follow(plan: Plan, sampler: Sampler) -> None:
     """Give every root the sign that it has at the plan's one sample and its time."""
     roots = [r for b in plan.blocks for r in b.roots]
     if roots:
         flat = plan.flat
         slopes = ca.Function("slopes", [sampler.w, flat.p, flat.scope.time], [_column([r.slope for r in roots])])
-        for root, slope in zip(roots, _row(slopes(plan.samples[0], flat.p0, time)), strict=True):
+        for root, slope in zip(roots, _row(slopes(plan.samples[0], flat.p0, sampler.time)), strict=True):
             root.value = 1 if slope >= 0 else -1
 
 

@@ -88,7 +88,10 @@ class CausalFunction:
 
     @cached_property
     def casadi_parametric(self) -> ca.Function:
-        """ca.Function (inputs..., parameters) -> (targets..., margins), algebra done without their values."""
+        """ca.Function (inputs..., parameters) -> (targets..., margins), algebra done without their values.
+
+        Roots keep the signs that they have at the model's own parameters.
+        """
         known = [i for _, _, indices in self.groups for i in indices]
         pairs = [p for s in self.outputs for p in s.pairs]
         plan = make_plan(self.flat, known, pairs, self.preferred, self.branches)
@@ -107,7 +110,7 @@ class CausalFunction:
         res = f.call(args)
         n, inputs = len(self.outputs), len(args) - len(self._built.kernels)
         targets = ca.vertcat(*res[:n])
-        parts = [ca.densify(ca.jacobian(targets, ca.vertcat(*a))) for a in (args[:inputs], args[inputs:])]
+        parts = [ca.densify(ca.jacobian(ca.SX(targets), ca.SX(ca.vertcat(*a)))) for a in (args[:inputs], args[inputs:])]
         return ca.Function(f"jac_{f.name()}", args, [*parts, res[-1]])
 
     def __call__(self, *arguments: Any, guess: Mapping[str, Any] | None = None) -> Any:
@@ -233,7 +236,8 @@ class CausalFunction:
             if m.kind == "condition" and not value >= 0:
                 return f"{status.sentence}: the known values do not satisfy {m.label}"
             if m.kind == "discriminant" and not value >= 0:
-                return f"{status.sentence}: the root for {m.label} has the negative discriminant {value:.4g}"
+                why = f"{m.label} has no real solution, the number under its square root is {value:.4g}"
+                return f"{status.sentence}: {why}"
             if m.kind == "pivot" and not abs(value) > PIVOT_TOLERANCE * m.scale:
                 return f"{status.sentence}: the pivot for {m.label} is {value:.4g}, typically {m.scale:.4g}"
         return status.sentence
@@ -322,11 +326,18 @@ def compile_causal(
     Raises ModelError with file and line of the equations concerned.
     """
     flat = model if isinstance(model, FlatModel) else flat_of(model)
-    known, targets, prefer = (list([x] if isinstance(x, str) else x) for x in (known, targets, prefer))
+    known, targets, prefer = _names("known", known), _names("targets", targets), _names("prefer", prefer)
     key = (tuple(known), tuple(targets), tuple(prefer), tuple(sorted((branches or {}).items())), name)
     if key not in flat.cache:
         flat.cache[key] = _compile(flat, known, targets, prefer, branches, name)
     return flat.cache[key]
+
+
+def _names(what: str, given: Any) -> list[str]:
+    names = [given] if isinstance(given, str) else given
+    if not isinstance(names, (list, tuple)) or not all(isinstance(n, str) for n in names):
+        raise ModelError(f"{what} takes names of variables, such as 'T' or 'der(q)'; found {given!r}")
+    return list(names)
 
 
 def _compile(
@@ -357,7 +368,7 @@ def _compile(
         shape, group, order = flat.lookup(text)
         base = text if not text.startswith("der(") else _base(flat, group, shape)
         outputs.append(
-            Signal(derivative_name(base, order), shape, _unit(flat, group[0], order), tuple((i, order) for i in group))
+            Signal(derivative_name(base, order), shape, flat.unit_of(group[0], order), tuple((i, order) for i in group))
         )
     preferred = [i for text in prefer for i in flat.lookup(text)[1]]
     pairs = [p for s in outputs for p in s.pairs]
@@ -384,7 +395,7 @@ def input_signals(plan: Plan, groups: list[Group]) -> list[Signal]:
     for order, name, shape, indices in _state_groups(plan, [p for p in plan.inputs if p[0] not in known]):
         signals.append(
             Signal(
-                derivative_name(name, order), shape, _unit(flat, indices[0], order), tuple((i, order) for i in indices)
+                derivative_name(name, order), shape, flat.unit_of(indices[0], order), tuple((i, order) for i in indices)
             )
         )
     for name, shape, indices in groups:
@@ -394,7 +405,7 @@ def input_signals(plan: Plan, groups: list[Group]) -> list[Signal]:
                 Signal(
                     derivative_name(name, order),
                     shape,
-                    _unit(flat, indices[0], order),
+                    flat.unit_of(indices[0], order),
                     tuple((i, order) for i in indices),
                 )
             )
@@ -421,16 +432,6 @@ def _base(flat: FlatModel, group: list[int], shape: tuple[int, ...]) -> str:
     if not shape:
         return flat.variables[group[0]].name
     return next(n for n, (s, g) in flat.groups.items() if g == group and s == shape)
-
-
-def _unit(flat: FlatModel, index: int, order: int) -> str:
-    unit = flat.variables[index].unit
-    if unit is None:
-        return "?"
-    if order == 0:
-        return unit
-    per = "s" if order == 1 else f"s{order}"
-    return f"1/{per}" if unit in ("1", "") else f"{unit}/{per}"
 
 
 def _function_name(outputs: list[Signal], groups: list[Group]) -> str:

@@ -109,10 +109,11 @@ def _whole(
 
 
 def _sample(plan: Plan, column: ca.SX, parametric: bool = False) -> np.ndarray:
-    """Values of a column of symbols at the first sample point; time 0, parameters at their values."""
+    """Values of a column of symbols at the first sample point and its time; parameters at their values."""
     flat = plan.flat
     known = {pair: n for n, pair in enumerate(plan.pairs)}
     parameters = {q.symbol.element_hash(): q.value for q in flat.parameters} if parametric else {}
+    parameters[flat.scope.time.element_hash()] = plan.sampler.time
     values = []
     for s in ca.vertsplit(column):
         pair = flat.scope.owner(s)

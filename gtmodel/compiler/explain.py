@@ -30,7 +30,8 @@ def explain(f: CausalFunction) -> str:
         if b.kind == "explicit":
             lines.append(f"  {n:3d} explicit  {b.unknowns[0]}  from {b.equations[0]}")
             continue
-        lines.append(f"  {n:3d} {b.kind}, {len(b.unknowns)} unknowns: {', '.join(b.unknowns)}")
+        unknowns = f"{len(b.unknowns)} unknown{'s' if len(b.unknowns) != 1 else ''}"
+        lines.append(f"  {n:3d} {b.kind}, {unknowns}: {', '.join(b.unknowns)}")
         lines.append(f"      {b.detail}")
         for r in b.roots:
             told = f"branch '{r.told_by}'" if r.told_by else "the start values"

@@ -104,6 +104,14 @@ class FlatModel:
     energies: list[FlatEnergy] = field(default_factory=list)
     cache: dict[Any, Any] = field(default_factory=dict, repr=False)
 
+    def unit_of(self, index: int, order: int) -> str:
+        """Unit of a variable's derivative, "?" where none was declared."""
+        unit = self.variables[index].unit
+        if unit is None or order == 0:
+            return unit or "?"
+        per = "s" if order == 1 else f"s{order}"
+        return f"1/{per}" if unit in ("1", "") else f"{unit}/{per}"
+
     @property
     def p(self) -> ca.SX:
         """All parameter symbols as one column."""

@@ -1,4 +1,4 @@
-"""Linear blocks: sparse elimination on the Jacobian's entries, a small dense core by QR."""
+"""Linear blocks: sparse elimination on the Jacobian's entries, a small dense core by determinants or QR."""
 
 from __future__ import annotations
 
@@ -148,7 +148,7 @@ def _core(
     unknowns: list[ca.SX],
     label: str,
 ) -> tuple[Assignments, list[Margin]]:
-    """The dense rest: one division, or QR, whose diagonal shows how near to singular it is."""
+    """The dense rest: one division, determinants or QR; the diagonal of R shows how near to singular it is."""
     if len(core_rows) == 1:
         pivot = rows[core_rows[0]][core_cols[0]]
         return [(unknowns[core_cols[0]], rhs[core_rows[0]] / pivot)], [Margin("pivot", pivot, label)]
@@ -159,13 +159,47 @@ def _core(
             if j in rows[i]:
                 a[r, c] = rows[i][j]
     b = ca.vertcat(*[rhs[i] for i in core_rows])
-    q, upper = ca.qr(a)
-    y = q.T @ b
-    x: list[ca.SX] = [ca.SX(0)] * n
-    for r in reversed(range(n)):
-        value = y[r]
-        for c in range(r + 1, n):
-            value = value - upper[r, c] * x[c]
-        x[r] = value / upper[r, r]
-    margins = [Margin("pivot", upper[r, r], f"{label} ({unknowns[core_cols[r]].name()})") for r in range(n)]
+    x, pivots = (_determinants if n <= 3 else _gram_schmidt)(a, b)
+    margins = [Margin("pivot", p, f"{label} ({unknowns[j].name()})") for j, p in zip(core_cols, pivots, strict=True)]
     return [(unknowns[j], x[c]) for c, j in enumerate(core_cols)], margins
+
+
+def _determinants(a: ca.SX, b: ca.SX) -> tuple[list[ca.SX], list[ca.SX]]:
+    """Two or three unknowns and the diagonal of R by determinants: two thirds of the operations of QR.
+
+    Any column may come first in R; with this one gcc keeps most in registers. Near a loss of rank the error is the
+    condition number's, as with QR; only where three columns are nearly parallel at once may it be the square's.
+    """
+    if a.shape[0] == 2:
+        first = ca.norm_2(a[:, 0])
+        d = a[0, 0] * a[1, 1] - a[0, 1] * a[1, 0]
+        x = [b[0] * a[1, 1] - a[0, 1] * b[1], a[0, 0] * b[1] - b[0] * a[1, 0]]
+        return [value / d for value in x], [first, d / first]
+    last, first, second = ca.horzsplit(a)
+    normal, moment = ca.cross(first, second), ca.cross(last, b)
+    length, area, d = ca.norm_2(first), ca.norm_2(normal), ca.dot(normal, last)
+    x = [ca.dot(normal, b), ca.dot(second, moment), -ca.dot(first, moment)]
+    return [value / d for value in x], [d / area, length, area / length]
+
+
+def _gram_schmidt(a: ca.SX, b: ca.SX) -> tuple[list[ca.SX], list[ca.SX]]:
+    """Any number of unknowns and the diagonal of R.
+
+    The right-hand side is reduced like a further column: formed as Q^T b it would carry the lost
+    orthogonality of Q, an error of cond^2 instead of cond.
+    """
+    rest = ca.horzcat(a, b)
+    rows: list[ca.SX] = []
+    pivots: list[ca.SX] = []
+    for _ in range(a.shape[0]):
+        pivots.append(ca.norm_2(rest[:, 0]))
+        q = rest[:, 0] / pivots[-1]
+        rows.append(q.T @ rest[:, 1:])
+        rest = rest[:, 1:] - q @ rows[-1]
+    x: list[ca.SX] = []
+    for pivot, row in zip(reversed(pivots), reversed(rows), strict=True):
+        value = row[-1]
+        for k, known in enumerate(x):
+            value = value - row[k] * known
+        x.insert(0, value / pivot)
+    return x, pivots

@@ -16,6 +16,10 @@ CONVERGED = 1e-13
 # and no step moves an unknown further than this many nominals: an angle not by a quarter turn, a quaternion not
 # to another assembly
 REACH = 0.5
+# the way gone agrees with the mean of the tangents at its ends to this part of it: beyond a fold they differ widely
+TRUST = 0.1
+# a way shorter than this, in nominals, may hold a kink, as of piecewise linear friction
+KINK = 1e-3
 SHORTEST_STEP = 1.0 / 4096
 MOST_STEPS = 2000
 # smallest over largest singular value below which a solution is called singular: half of the digits are lost
@@ -65,6 +69,8 @@ class NewtonKernel:
         done = np.zeros(n)
         step = np.ones(n)
         alive = np.all(np.isfinite(a), axis=0)
+        way = a - self.a0[:, None]
+        tangent = self._tangent(z, np.repeat(self.a0[:, None], n, axis=1), way)
         if guess is not None:
             rows = np.flatnonzero(alive & np.all(np.isfinite(guess), axis=0))
             found, good = self._correct(guess[:, rows], a[:, rows])
@@ -77,13 +83,19 @@ class NewtonKernel:
             target = np.minimum(1.0, done[rows] + step[rows])
             at = self.a0[:, None] + target * (a[:, rows] - self.a0[:, None])
             at[:, target == 1.0] = a[:, rows][:, target == 1.0]
-            now = self.a0[:, None] + done[rows] * (a[:, rows] - self.a0[:, None])
             # along the tangent: a jump of the inputs may land beside another solution with a tiny correction
-            ahead = np.einsum("nmk,kn->mn", self.derivative(z[:, rows], now), at - now)
+            h = target - done[rows]
+            ahead = h * tangent[:, rows]
             near = np.all(np.abs(ahead) <= REACH * self.scale[:, None], axis=0)
             found, good = self._correct(z[:, rows] + np.where(near, ahead, 0.0), at)
             good &= near
+            behind = self._tangent(found, at, way[:, rows])
+            gone = (found - z[:, rows]) / self.scale[:, None]
+            off = gone - h / 2 * (tangent[:, rows] + behind) / self.scale[:, None]
+            with np.errstate(invalid="ignore"):
+                good &= np.max(np.abs(off), axis=0) <= TRUST * np.max(np.abs(gone), axis=0) + KINK
             z[:, rows[good]] = found[:, good]
+            tangent[:, rows[good]] = behind[:, good]
             done[rows[good]] = target[good]
             step[rows[good]] = 2.0 * step[rows[good]]
             step[rows[~good]] = 0.5 * step[rows[~good]]
@@ -129,6 +141,14 @@ class NewtonKernel:
             running[rows[finished | bad]] = False
             last[rows] = size
         return z, good
+
+    def _tangent(self, z: np.ndarray, a: np.ndarray, way: np.ndarray) -> np.ndarray:
+        """Change of z (m, n) along `way`, a direction of a for each column; NaN where dr/dz is singular."""
+        n, m, k = z.shape[1], z.shape[0], a.shape[0]
+        _, jacobian = self._evaluate(z, a)
+        f = self.sensitivity if n == 1 else self.sensitivity.map(n)
+        by_a = np.array(f(ca.DM(z), ca.DM(a)).full()).reshape(m, n, k)
+        return _solve_rows(jacobian, -np.einsum("mnk,kn->nm", by_a, way)).T
 
     def derivative(self, z: np.ndarray, a: np.ndarray) -> np.ndarray:
         """dz/da (n, m, k) by the implicit function theorem."""

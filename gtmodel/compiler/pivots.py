@@ -24,7 +24,7 @@ class SignAnalysis:
 
     def __init__(self, flat: FlatModel, sampler: Sampler, points: np.ndarray) -> None:
         self._arguments = [sampler.w, flat.p, flat.scope.time]
-        self._points = [ca.DM(np.asarray(points).T), ca.DM(flat.p0), ca.DM(0.0)]
+        self._points = [ca.DM(np.asarray(points).T), ca.DM(flat.p0), ca.DM(sampler.time)]
         self._symbols: dict[int, str] = {}
         for q in flat.parameters:
             sign = UNKNOWN

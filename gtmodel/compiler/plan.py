@@ -13,6 +13,7 @@ from .blocks import SolvedBlock
 from .branch import check_branches, follow, settle
 from .flat import FlatEquation, FlatModel
 from .graph import strong_components
+from .kinks import has_kinks, kinked_in
 from .linear import solve_linear
 from .newton import NewtonBlock
 from .pivots import SignAnalysis
@@ -109,13 +110,16 @@ def make_plan(
     ]
     stage_residuals = _with_conditions(flat, stage_residuals, conditions, pairs)
     sampler = Sampler(flat, pairs, [r for r in stage_residuals if r.numel()], _starts(flat, alias), frozenset(known))
-    samples, time = (sampler.points(SAMPLE_POINTS), 0.0) if at is None else (at[0][None, :], at[1])
+    if at is None:
+        samples = sampler.points(SAMPLE_POINTS)
+    else:
+        samples, sampler.time = at[0][None, :], at[1]
     parameters = flat.p if fold is None else fold
     folded = derivatives if fold is None else _folded(flat, derivatives, fold)
     stages = choose(
         flat,
         structure,
-        _jacobians(flat, structure, derivatives, sampler, samples, time),
+        _jacobians(flat, structure, derivatives, sampler, samples),
         _kept(alias, prefer),
         _pattern(flat, structure, folded),
     )
@@ -157,8 +161,8 @@ def make_plan(
     if at is None:
         settle(plan, sampler, branches or {})
     else:
-        follow(plan, sampler, time)
-    _size_margins(plan, sampler, time)
+        follow(plan, sampler)
+    _size_margins(plan, sampler)
     return plan
 
 
@@ -173,8 +177,43 @@ def _differentiate(flat: FlatModel, structure: Structure) -> list[list[ca.SX]]:
         rows = [i for i in range(len(result)) if structure.c[i] > m]
         rates = flat.scope.derivative(ca.vertcat(*[result[i][m] for i in rows]))
         for n, i in enumerate(rows):
-            result[i].append(rates[n])
+            half = _half(rates[n], {})
+            result[i].append(rates[n] if half is None else half)
     return result
+
+
+def _half(e: ca.SX, known: dict[int, ca.SX | None], depth: int = 50) -> ca.SX | None:
+    """e/2 where every term has a factor two, as the derivatives of squares have; None otherwise.
+
+    known: answers by element; depth: how far down it looks, against sums as long as Python's stack.
+    """
+    key = e.element_hash()
+    if key not in known:
+        known[key] = _halved(e, known, depth)
+    return known[key]
+
+
+def _halved(e: ca.SX, known: dict[int, ca.SX | None], depth: int) -> ca.SX | None:
+    if e.is_zero():
+        return e
+    if depth == 0 or e.is_constant() or e.is_symbolic():
+        return None
+    op = e.op()
+    if op == ca.OP_TWICE:
+        return e.dep(0)
+    if op == ca.OP_NEG:
+        a = _half(e.dep(0), known, depth - 1)
+        return None if a is None else -a
+    if op in (ca.OP_ADD, ca.OP_SUB):
+        a = _half(e.dep(0), known, depth - 1)
+        b = None if a is None else _half(e.dep(1), known, depth - 1)
+        return None if a is None or b is None else a + b if op == ca.OP_ADD else a - b
+    if op == ca.OP_MUL:
+        for one, other in ((e.dep(0), e.dep(1)), (e.dep(1), e.dep(0))):
+            a = _half(one, known, depth - 1)
+            if a is not None:
+                return a * other
+    return None
 
 
 def _folded(flat: FlatModel, derivatives: list[list[ca.SX]], fold: ca.SX) -> list[list[ca.SX]]:
@@ -249,15 +288,10 @@ def _starts(flat: FlatModel, alias: AliasResult) -> dict[Pair, float]:
 
 
 def _jacobians(
-    flat: FlatModel,
-    structure: Structure,
-    derivatives: list[list[ca.SX]],
-    sampler: Sampler,
-    samples: np.ndarray,
-    time: float,
+    flat: FlatModel, structure: Structure, derivatives: list[list[ca.SX]], sampler: Sampler, samples: np.ndarray
 ) -> list[np.ndarray]:
     f = ca.Function("system", [sampler.w, flat.p, flat.scope.time], [_system(flat, structure, derivatives)])
-    return [np.asarray(f(w, flat.p0, time).full()) for w in samples]
+    return [np.asarray(f(w, flat.p0, sampler.time).full()) for w in samples]
 
 
 def _solve(
@@ -276,15 +310,16 @@ def _solve(
     equations = [f"{structure.equations[i].label}{chr(39) * m} ({structure.equations[i].where})" for i, m in rows]
     label = names[0] if len(names) == 1 else f"{names[0]}..{names[-1]}"
     jacobian = ca.jacobian(ca.vertcat(*residuals), ca.vertcat(*unknowns))
+    kinked = has_kinks(flat) and any(kinked_in(residuals, unknowns))
     keys = {s.element_hash() for s in unknowns}
-    if not any(s.element_hash() in keys for s in ca.symvar(jacobian)):
+    if not kinked and not any(s.element_hash() in keys for s in ca.symvar(jacobian)):
         assignments, margins, how = solve_linear(residuals, unknowns, signs, label)
         kind = "explicit" if len(nodes) == 1 and not margins else "linear"
         return SolvedBlock(kind, names, equations, assignments, margins, [], how)
     try:
-        assignments, margins, roots, how = solve_nonlinear(residuals, unknowns, signs)
+        assignments, margins, roots, how = solve_nonlinear(residuals, unknowns, signs, kinked)
     except NoClosedForm:
-        left, unknown, explicit = eliminate_explicit(residuals, unknowns, signs, nonlinear_rows=True)
+        left, unknown, explicit = eliminate_explicit(residuals, unknowns, signs, True, kinked)
         scale = np.array([flat.variables[p[0]].nominal for p in map(flat.scope.owner, unknown) if p is not None])
         labels = [u.name() for u in unknown]
         how = f"Newton in {', '.join(labels)}" + (f", {len(explicit)} explicit" if explicit else "")
@@ -293,7 +328,7 @@ def _solve(
     return SolvedBlock(how.split(" in ")[0], names, equations, assignments, margins, roots, how)
 
 
-def _size_margins(plan: Plan, sampler: Sampler, time: float) -> None:
+def _size_margins(plan: Plan, sampler: Sampler) -> None:
     """Typical sizes of the margins, read off the consistent points."""
     flat = plan.flat
     margins = [m for b in plan.blocks for m in b.margins]
@@ -301,7 +336,7 @@ def _size_margins(plan: Plan, sampler: Sampler, time: float) -> None:
         sizes = ca.Function(
             "sizes", [sampler.w, flat.p, flat.scope.time], [ca.vertcat(*[m.expression for m in margins])]
         )
-        values = np.abs([np.asarray(sizes(w, flat.p0, time)).reshape(-1) for w in plan.samples])
+        values = np.abs([np.asarray(sizes(w, flat.p0, sampler.time)).reshape(-1) for w in plan.samples])
         scales = dict(zip(map(id, margins), np.median(values, axis=0), strict=True))
         for b in plan.blocks:
             b.margins = [type(m)(m.kind, m.expression, m.label, float(scales[id(m)]) or 1.0) for m in b.margins]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import casadi as ca
@@ -26,6 +26,8 @@ NARROW = 0.005
 HELD = 0.1
 # steps in which what has none follows what has one or is known, which waits
 FOLLOWING_STEPS = 10
+# s; some models have no solution at time 0; no round numbers, where roots may meet
+OTHER_TIMES = (1.1, 11.3, 0.13, 97.0)
 
 
 class _Stage:
@@ -34,8 +36,8 @@ class _Stage:
         self._shape = sparsity.shape
         self._indices, self._pointers = np.array(sparsity.row()), np.array(sparsity.colind())
 
-    def __call__(self, w: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, csc_matrix | None]:
-        r, values = (np.array(x.nonzeros()) for x in self._fun.call([ca.DM(w), ca.DM(p), ca.DM(0.0)]))
+    def __call__(self, w: np.ndarray, p: np.ndarray, time: float) -> tuple[np.ndarray, csc_matrix | None]:
+        r, values = (np.array(x.nonzeros()) for x in self._fun.call([ca.DM(w), ca.DM(p), ca.DM(time)]))
         if not np.all(np.isfinite(r)) or not np.all(np.isfinite(values)):
             return r, None
         return r, csc_matrix((values, self._indices, self._pointers), shape=self._shape)
@@ -60,7 +62,7 @@ class Sampler:
     """Makes consistent points of a differentiated system.
 
     `pairs` are the chain symbols in order; `stages` the residuals of each stage, positions first; `starts`
-    the declared start values by chain symbol; `known` the variables that are prescribed.
+    the declared start values by chain symbol; `known` the variables that are prescribed; `time` [s] of the points.
     """
 
     flat: FlatModel
@@ -68,6 +70,7 @@ class Sampler:
     stages: list[ca.SX]
     starts: dict[tuple[int, int], float]
     known: frozenset[int] = frozenset()
+    time: float = 0.0
 
     def __post_init__(self) -> None:
         scope = self.flat.scope
@@ -91,7 +94,29 @@ class Sampler:
         self._followers = [np.multiply(nominal, ~started & ~given), np.multiply(nominal, ~started)]
 
     def points(self, count: int) -> np.ndarray:
-        """`count` consistent points near the start values, the nearest first. Raises ModelError if there is none."""
+        """`count` consistent points near the start values, the nearest first. Raises ModelError if there is none.
+
+        They belong to time 0, or where the equations have no solution then to one of OTHER_TIMES, which `time` tells.
+        """
+        found, closest = self._points(count)
+        clock = self.flat.scope.time.element_hash()
+        if not found and any(s.element_hash() == clock for stage in self.stages for s in ca.symvar(stage)):
+            for self.time in OTHER_TIMES:
+                found, _ = self._points(count)
+                if found:
+                    break
+        if not found:
+            # a later stage may bind what an earlier one left free: the system is singular then, and its rank tells
+            found, _ = replace(self, stages=[ca.vertcat(*self.stages)], time=0.0)._points(count)
+        if not found:
+            raise ModelError(
+                f"{self.flat.title}: the equations have no common solution near the start values (closest residual "
+                f"{closest:.2g}); check parameters and start values"
+            )
+        return np.array(sorted(found, key=self._distance))
+
+    def _points(self, count: int) -> tuple[list[np.ndarray], float]:
+        """Up to `count` points, and the smallest residual of the tries that failed."""
         found: list[np.ndarray] = []
         closest = np.inf
         for seed in range(MAX_TRIES):
@@ -103,12 +128,7 @@ class Sampler:
             found.append(w)
             if len(found) == count:
                 break
-        if not found:
-            raise ModelError(
-                f"{self.flat.title}: the equations have no common solution near the start values (closest residual "
-                f"{closest:.2g}); check parameters and start values"
-            )
-        return np.array(sorted(found, key=self._distance))
+        return found, closest
 
     def _distance(self, w: np.ndarray) -> float:
         """How far a point is from the start values, in nominals."""
@@ -134,7 +154,7 @@ class Sampler:
             if not np.array_equal(first, second):
                 self._follow(fun, new, second, w, p)
             for _ in range(NEWTON_STEPS):
-                r, jacobian = fun(w, p)
+                r, jacobian = fun(w, p, self.time)
                 if jacobian is None:
                     return np.inf
                 norm = float(np.max(np.abs(r), initial=0.0))
@@ -156,7 +176,7 @@ class Sampler:
             return
         best = np.inf
         for _ in range(FOLLOWING_STEPS):
-            r, jacobian = fun(w, p)
+            r, jacobian = fun(w, p, self.time)
             if jacobian is None:
                 return
             size = float(np.linalg.norm(r))

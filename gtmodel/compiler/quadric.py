@@ -6,6 +6,7 @@ import casadi as ca
 import numpy as np
 
 from .blocks import Margin, Root
+from .kinks import kinked_in
 from .pivots import SignAnalysis, pivot_cost
 from .sparse import elements, triplets
 
@@ -19,15 +20,18 @@ class NoClosedForm(Exception):
 
 
 def solve_nonlinear(
-    residuals: list[ca.SX], unknowns: list[ca.SX], signs: SignAnalysis
+    residuals: list[ca.SX], unknowns: list[ca.SX], signs: SignAnalysis, kinked: bool = False
 ) -> tuple[Assignments, list[Margin], list[Root], str]:
     """Closed form of a nonlinear block: assignments in order, margins, roots, a sentence on how.
 
-    Raises NoClosedForm if what is left after the explicit unknowns is neither one quadratic nor a pencil of
-    two or three quadrics with proportional Hessians.
+    `kinked`: some unknown stands inside sign(), an absolute value or the like. Raises NoClosedForm if what is left
+    after the explicit unknowns is neither one quadratic nor a pencil of two or three quadrics with proportional
+    Hessians.
     """
-    residuals, left, explicit = eliminate_explicit(residuals, unknowns, signs)
+    residuals, left, explicit = eliminate_explicit(residuals, unknowns, signs, kinked=kinked)
     n = len(left)
+    if kinked and any(kinked_in(residuals, left)):
+        raise NoClosedForm
     label = ", ".join(s.name() for s in left)
     if n == 1:
         core, margins, root = _quadratic(residuals[0], left[0], signs, label)
@@ -44,12 +48,17 @@ def solve_nonlinear(
 
 
 def eliminate_explicit(
-    residuals: list[ca.SX], unknowns: list[ca.SX], signs: SignAnalysis, nonlinear_rows: bool = False
+    residuals: list[ca.SX],
+    unknowns: list[ca.SX],
+    signs: SignAnalysis,
+    nonlinear_rows: bool = False,
+    kinked: bool = False,
 ) -> tuple[list[ca.SX], list[ca.SX], Assignments]:
     """Take out unknowns that stand linearly, with an allowed pivot, in some row.
 
-    Rows nonlinear in other unknowns are spared unless `nonlinear_rows`: they may hold a quadric. Returns the
-    residuals and unknowns left, and what was taken out, last first in order of computation.
+    Rows nonlinear in other unknowns are spared unless `nonlinear_rows`: they may hold a quadric. `kinked`: what stands
+    inside a kink of a row is not taken from it. Returns the residuals and unknowns left, and what was taken out, last
+    first in order of computation.
     """
     residuals, unknowns = list(residuals), list(unknowns)
     taken: Assignments = []
@@ -65,11 +74,12 @@ def eliminate_explicit(
         largest = np.zeros(len(unknowns))
         np.maximum.at(largest, [e[1] for e in entries], sizes)
         best = None
+        inside = kinked_in(residuals, unknowns) if kinked else [set()] * len(residuals)
         for (i, j, value), size in zip(entries, sizes, strict=True):
             if best is not None and (row_count[i] - 1) * (col_count[j] - 1) >= best[0]:
                 continue
             kind = signs.kind(value)
-            if kind is None:
+            if kind is None or j in inside[i]:
                 continue
             fill = (row_count[i] - 1) * (col_count[j] - 1)
             cost = pivot_cost(kind, fill, size, largest[j]) + NONLINEAR_ROW * (i in nonlinear)
@@ -94,8 +104,15 @@ def _quadratic(residual: ca.SX, u: ca.SX, signs: SignAnalysis, label: str) -> tu
     zero = ca.SX(0)
     qa = curvature / 2
     qb, qc = (ca.substitute([e], [u], [zero])[0] for e in (slope, residual))
-    t, margins, root = _root(qa, qb, qc, u, signs, label)
-    return [(u, t)], margins, root
+    if signs.kind(qa) is None:
+        t, margins, root = _root(qa, qb, qc, u, signs, label)
+        return [(u, t)], margins, root
+    # about the vertex: far from the origin qb^2 and 4 qa qc would cancel
+    vertex = -qb / 2 / qa
+    discriminant = -qa * ca.substitute([residual], [u], [vertex])[0]
+    s = ca.SX.sym("sign")
+    value = vertex + s * ca.sqrt(discriminant) / qa
+    return [(u, value)], [Margin("discriminant", discriminant, label)], Root(s, qa * (u - vertex), label)
 
 
 def _root(

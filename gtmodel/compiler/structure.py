@@ -105,13 +105,17 @@ def _unbalanced(
 ) -> str:
     """A sentence on a system that is not square or cannot be matched, naming the surplus items."""
     rows, cols = overdetermined_and_underdetermined(len(equations), len(unknowns), sigma)
-    text = f"{flat.title}: {len(equations)} equations for {len(unknowns)} unknowns"
+    text = f"{flat.title}: {_count(len(equations), 'equation')} for {_count(len(unknowns), 'unknown')}"
     if cols:
         names = ", ".join(flat.variables[unknowns[j]].name for j in cols[:6]) + (", ..." if len(cols) > 6 else "")
         text += f"; not determined: {names} (too few equations or too few known variables)"
     if rows:
         text += f"; too many equations or knowns among: {_listed([equations[i] for i in rows])}"
     return text
+
+
+def _count(n: int, word: str) -> str:
+    return f"{n} {word}{'' if n == 1 else 's'}"
 
 
 def _listed(equations: list[FlatEquation]) -> str:

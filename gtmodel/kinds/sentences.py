@@ -148,7 +148,8 @@ def _unknown(place: tuple[str | int, ...], schema: type[pydantic.BaseModel]) -> 
     elsewhere = [k for k in keys_of(schema) if k.name == name]
     if elsewhere:
         return f"unknown key here; did you mean '{elsewhere[0].key}'?", elsewhere[0].key
-    return f"unknown key; there are {', '.join([*siblings, *tables])}", ""
+    there = f"; there are {', '.join([*siblings, *tables])}" if siblings or tables else ""
+    return f"unknown key{there}", ""
 
 
 def _value_at(place: Sequence[str | int], data: Any) -> Any:

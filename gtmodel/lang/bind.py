@@ -54,6 +54,9 @@ class Tree:
 
 def bind(model: Model) -> Tree:
     """Bind a configured model: make all symbols and resolve modifiers, parts, ports and outer references."""
+    if not isinstance(model, Model):
+        hint = f"; write {model.__name__}()" if isinstance(model, type) else ""
+        raise ModelError(f"expected a configured model; found {model!r}{hint}")
     scope = Scope()
     tree = Tree(scope=scope, root=model)
     root = _bind(model, {}, "", None, tree)
@@ -98,7 +101,11 @@ def _check_bound(tree: Tree) -> None:
         array = value.full().reshape(r.item.shape)
         if not np.any(np.isnan(array)):
             assert isinstance(r.item, Parameter)
-            check_parameter(r.item, array if r.item.shape else float(array), r.name)
+            inside = {s.element_hash() for s in ca.symvar(r.expression)}
+            hashes = [s.element_hash() for s in tree.scope.parameters]
+            given = [o for o in tree.parameters if any(hashes[i] in inside for i in o.indices)]
+            where = given[0].item.where if given else None
+            check_parameter(r.item, array if r.item.shape else float(array), r.name, where)
 
 
 def join(path: str, name: str) -> str:

@@ -59,10 +59,18 @@ class Variable(_Quantity):
 
 
 class Parameter(_Quantity):
-    """Record of a parameter: default value, unit, sign assumptions."""
+    """Record of a parameter: default value, unit, sign assumptions, bounds that its values are checked against."""
 
     def __init__(
-        self, default: Any, shape: Any, unit: str | None, description: str, positive: bool, nonzero: bool
+        self,
+        default: Any,
+        shape: Any,
+        unit: str | None,
+        description: str,
+        positive: bool,
+        nonzero: bool,
+        low: Any = None,
+        high: Any = None,
     ) -> None:
         if shape is None and default is not None:
             shape = np.shape(default)
@@ -70,6 +78,8 @@ class Parameter(_Quantity):
         self.default = default
         self.positive = positive
         self.nonzero = nonzero or positive
+        self.low = low
+        self.high = high
 
 
 class Free(_Quantity):
@@ -186,10 +196,15 @@ def parameter(
     shape: int | Shape | None = None,
     positive: bool = False,
     nonzero: bool = False,
+    min: Any = None,
+    max: Any = None,
     description: str = "",
 ) -> Any:
-    """A constant of the model. `positive` or `nonzero` let the compiler divide by it; values are checked."""
-    return Parameter(default, shape, unit, description, positive, nonzero)
+    """A constant of the model. `positive` or `nonzero` let the compiler divide by it; values are checked.
+
+    `min` and `max` are the values it may take, as a number or in its shape.
+    """
+    return Parameter(default, shape, unit, description, positive, nonzero, min, max)
 
 
 def free(guess: Any, *, min: Any = None, max: Any = None, unit: str | None = None, description: str = "") -> Any:

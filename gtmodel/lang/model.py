@@ -72,8 +72,11 @@ class Model:
         return self.__dict__["_time"]
 
     def with_(self, **modifiers: Any) -> Any:
-        """A new model with some modifiers replaced; the old one stays as it is."""
-        return type(self)(**{**self.__dict__["_modifiers"], **modifiers})
+        """A new model with some modifiers replaced; the old one stays as it is.
+
+        A dictionary, of a part or of a variable's attributes, replaces the entries it names and keeps the others.
+        """
+        return type(self)(**_merged(self.__dict__["_modifiers"], modifiers))
 
     def equations(self) -> Iterable[Any]:
         """Yield equations (`a == b`), connections and branches."""
@@ -117,6 +120,11 @@ def _late(item: Declaration) -> int:
     return 5 if isinstance(item, Part) else 4
 
 
+def _merged(old: dict[str, Any], new: dict[str, Any]) -> dict[str, Any]:
+    both = {k: _merged(old[k], v) for k, v in new.items() if isinstance(v, dict) and isinstance(old.get(k), dict)}
+    return {**old, **new, **both}
+
+
 def _frozen(value: Any) -> Any:
     """A copy of a modifier that nobody else can change: arrays inside, also in lists and dictionaries."""
     if isinstance(value, np.ndarray):
@@ -141,6 +149,12 @@ def check_modifiers(cls: type[Model], modifiers: dict[str, Any], where: SourceLo
         if isinstance(item, (Port, Outer)):
             kind = "a port" if isinstance(item, Port) else "an outer reference"
             raise ModelError(f"'{name}' of {cls.__name__}{what} is {kind} and takes no modifier", where)
+        if isinstance(item, Free):
+            raise ModelError(
+                f"'{name}' of {cls.__name__}{what} is free, for the optimisation to choose, and takes no modifier; "
+                "declare a parameter, or another guess in a subclass",
+                where,
+            )
         if isinstance(item, Parameter) and not _symbolic(value):
             check_parameter(item, value, name, where)
         elif isinstance(item, Variable) and (not isinstance(value, dict) or set(value) - set(ATTRIBUTES)):
@@ -173,6 +187,10 @@ def check_parameter(item: Parameter, value: Any, name: str, where: SourceLocatio
         raise ModelError(f"parameter '{name}' is declared positive; found {value}", where)
     if item.nonzero and np.any(array == 0):
         raise ModelError(f"parameter '{name}' is declared nonzero; found {value}", where)
+    if item.low is not None and np.any(array < item.low):
+        raise ModelError(f"parameter '{name}' must be at least {item.low}; found {value}", where)
+    if item.high is not None and np.any(array > item.high):
+        raise ModelError(f"parameter '{name}' must be at most {item.high}; found {value}", where)
     return array
 
 

@@ -10,7 +10,7 @@ from .frames import Frame, PointFrame, World
 class PointMass(gt.Model):
     """A point mass m [kg] under gravity."""
 
-    m = gt.parameter(unit="kg", description="mass")
+    m = gt.parameter(unit="kg", min=0.0, description="mass")
     frame = gt.port(PointFrame)
     world = gt.outer(World)
 
@@ -27,7 +27,7 @@ class RigidBody(gt.Model):
     products of inertia, as in pinocchio and MuJoCo. Newton and Euler for the frame's origin.
     """
 
-    m = gt.parameter(unit="kg", description="mass")
+    m = gt.parameter(unit="kg", min=0.0, description="mass")
     c = gt.parameter([0.0, 0.0, 0.0], unit="m", description="centre of mass, frame coordinates")
     I = gt.parameter(shape=(3, 3), unit="kg.m2", description="inertia about the centre of mass, frame axes")
     frame = gt.port(Frame)

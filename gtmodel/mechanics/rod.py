@@ -16,7 +16,7 @@ class Rod(gt.Model):
     """
 
     L = gt.parameter(unit="m", positive=True, description="length between joint centres")
-    m = gt.parameter(0.0, unit="kg", description="mass of the rod or link cluster")
+    m = gt.parameter(0.0, unit="kg", min=0.0, description="mass of the rod or link cluster")
     a = gt.port(PointFrame)
     b = gt.port(PointFrame)
     tension = gt.variable(unit="N/m", nominal=100.0, description="internal force per length, pull positive")

@@ -168,8 +168,6 @@ def named(
 def _outputs(problem: DynamicProblem) -> tuple[list[tuple[str, Any, int, str]], ca.Function]:
     if problem.outputs is not None:
         return problem.outputs
-    from ..compiler.causal import _unit
-
     flat = problem.flat
     entries: list[tuple[str, tuple[int, ...], list[tuple[int, int]]]] = []
     for name, (shape, indices) in flat.groups.items():
@@ -183,7 +181,7 @@ def _outputs(problem: DynamicProblem) -> tuple[list[tuple[str, Any, int, str]], 
     builder = problem.builder
     expressions = builder.express([flat.scope.symbol(i, k) for _, _, pairs in entries for i, k in pairs])
     f = ca.Function("outputs", [problem.x, problem.xd, problem.u, problem.P, problem.t], [ca.vertcat(*expressions)])
-    table = [(n, shape, len(pairs), _unit(flat, pairs[0][0], pairs[0][1])) for n, shape, pairs in entries]
+    table = [(n, shape, len(pairs), flat.unit_of(pairs[0][0], pairs[0][1])) for n, shape, pairs in entries]
     problem.outputs = (table, f)
     return problem.outputs
 

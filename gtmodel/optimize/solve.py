@@ -148,7 +148,7 @@ class _Watch(ca.Callback):
         self.progress = progress
         self.stop_at = None if max_seconds is None else time.monotonic() + max_seconds
         self.count = 0
-        self.stopped = False
+        self.stopped = ""
         self.nx, self.ng = nlp.size, len(nlp.lbg)
         self.lbg, self.ubg = nlp.lbg, nlp.ubg
         self.construct("watch", {})
@@ -178,14 +178,14 @@ class _Watch(ca.Callback):
             violation = max(0.0, float(np.max(np.maximum(self.lbg - g, g - self.ubg), initial=0.0)))
             asked = bool(self.progress(count, float(arg[ca.nlpsol_out().index("f")]), violation))
         if late or asked:
-            self.stopped = True
+            self.stopped = "its time was over" if late else "it was asked to stop"
             return [1]
         return [0]
 
 
 def _status(word: str, watch: _Watch) -> tuple[SolveStatus, str]:
     if watch.stopped:
-        return SolveStatus.INTERRUPTED, word
+        return SolveStatus.INTERRUPTED, watch.stopped
     table = {
         "Solve_Succeeded": SolveStatus.SOLVED,
         "Solved_To_Acceptable_Level": SolveStatus.SOLVED,
@@ -204,7 +204,7 @@ def _message(status: SolveStatus, word: str, nlp: Nlp, g: np.ndarray) -> str:
         return "solved" if word == "Solve_Succeeded" else "solved to the acceptable level only"
     violation = np.maximum(nlp.lbg - g, g - nlp.ubg)
     violation = np.where(np.isfinite(violation), violation, np.inf)
-    sentence = f"{status.sentence} (IPOPT: {word})"
+    sentence = f"{status.sentence} ({word if ' ' in word else f'IPOPT: {word}'})"
     worst = np.argsort(-violation, kind="stable")[:3]
     named = [f"{nlp.row_name(int(r))} by {violation[r]:.2g}" for r in worst if violation[r] > 1e-6]
     return sentence + (f"; worst rows: {'; '.join(named)}" if named else "")

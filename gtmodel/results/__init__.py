@@ -3,6 +3,7 @@
 Status of a run
     Status            outcome of one evaluation on data, shared with the generated C
     SolveStatus       outcome of a whole solve or simulation
+    ModesStatus       whether a set of assembly modes is whole
     c_enum            `Status` as a C99 enumeration
     c_sentences       its sentences as a C99 table
 
@@ -12,10 +13,11 @@ Time series
     UnknownNameError  a signal name that is not there
 """
 
-from gtmodel.results.status import SolveStatus, Status, c_enum, c_sentences
+from gtmodel.results.status import ModesStatus, SolveStatus, Status, c_enum, c_sentences
 from gtmodel.results.trajectory import Trajectory, TrajectoryError, UnknownNameError
 
 __all__ = [
+    "ModesStatus",
     "SolveStatus",
     "Status",
     "Trajectory",

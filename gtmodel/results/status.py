@@ -1,9 +1,9 @@
-"""The two status enumerations: one for functions on data (Python and C alike), one for whole solves.
+"""The status enumerations: for functions on data (Python and C alike), for whole solves, for sets of modes.
 
 Functions on data, such as a `CausalFunction` or the generated C, return a `Status` next to the value and
 never throw: a bad row of an array must not lose the good ones, and a controller loop cannot throw.
 ``solve()`` and ``simulate()`` answer with a `SolveStatus` and raise when it is not ok, unless called with
-``throw=False``.
+``throw=False``. The search for all assembly modes answers with a `ModesStatus`: whether the set is whole.
 """
 
 from __future__ import annotations
@@ -67,6 +67,35 @@ class SolveStatus(enum.StrEnum):
     def ok(self) -> bool:
         """True when the problem was solved."""
         return self is SolveStatus.SOLVED
+
+
+class ModesStatus(enum.StrEnum):
+    """How the search for all assembly modes of a platform ended. The value is the machine word.
+
+    ``sentence`` is the plain English shown to people; ``ok`` is True when every mode at a finite distance is
+    known and stands alone.
+    """
+
+    sentence: str
+
+    COMPLETE = "complete", "all 40 modes were found, and no two are the same"
+    FEWER_FINITE = "fewer_finite", "all modes were found; fewer than 40 are finite, the others lie at infinity"
+    MULTIPLE = "multiple", "all modes were found, but some coincide, or nearly: the platform is singular there"
+    SELF_MOTION = "self_motion", "the platform can move with all lengths fixed: the modes are not finite in number"
+    INCOMPLETE = "incomplete", "some paths were lost: modes may be missing"
+    INTERRUPTED = "interrupted", "the search was stopped before this pose"
+    BAD_INPUT = "bad_input", "the input was refused before the search began"
+
+    def __new__(cls, word: str, sentence: str) -> ModesStatus:
+        member = str.__new__(cls, word)
+        member._value_ = word
+        member.sentence = sentence
+        return member
+
+    @property
+    def ok(self) -> bool:
+        """True when all finite modes are known and isolated."""
+        return self in (ModesStatus.COMPLETE, ModesStatus.FEWER_FINITE)
 
 
 def c_enum() -> str:

@@ -24,7 +24,7 @@ from ..mechanics import (
 )
 from ..mechanics.rotation import quaternion_matrix
 from . import clusters, f1_geometry
-from .f1_five_dof import F1FiveDof, F1Rotation
+from .f1_closed_form import F1FiveDof, F1Rotation
 from .joint_plates import TiltingPlate, TurningPlate
 
 

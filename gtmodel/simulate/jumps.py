@@ -5,34 +5,21 @@ from __future__ import annotations
 import casadi as ca
 
 from ..compiler.flat import FlatModel
+from ..compiler.kinks import has_kinks, kinked_in
 from ..lang.source import ModelError
 
 
 def refuse_jumps(flat: FlatModel) -> None:
     """Raises ModelError, with file and line, for an equation that holds sign() of something that moves."""
-    for e in flat.equations:
-        symbols = ca.symvar(e.residual)
-        fixed = {q.symbol.element_hash() for q in flat.parameters}
-        if any(_signs(e.residual, symbols, fixed)):
+    if not has_kinks(flat):
+        return
+    fixed = {q.symbol.element_hash() for q in flat.parameters}
+    residuals = [e.residual for e in flat.equations]
+    moving = [s for s in ca.symvar(ca.vertcat(*residuals)) if s.element_hash() not in fixed]
+    for e, inside in zip(flat.equations, kinked_in(residuals, moving, frozenset([ca.OP_SIGN])), strict=True):
+        if inside:
             raise ModelError(
                 f"'{e.label}' holds sign(), whose jump makes integrators fail or return wrong answers; use a "
                 "smoothed friction (TanhFriction, PiecewiseLinearFriction)",
                 e.where,
             )
-
-
-def _signs(residual: ca.SX, symbols: list[ca.SX], fixed: set[int]) -> list[bool]:
-    """For each sign() in an expression whether its argument moves."""
-    f = ca.Function("equation", [ca.vertcat(*symbols)], [residual])
-    moving: dict[int, bool] = {}  # by place in the function's memory
-    found = []
-    for k in range(f.n_instructions()):
-        operation, into, out = f.instruction_id(k), f.instruction_output(k), f.instruction_input(k)
-        if operation == ca.OP_INPUT:
-            moving[into[0]] = symbols[out[1]].element_hash() not in fixed
-        elif operation != ca.OP_OUTPUT:
-            value = operation != ca.OP_CONST and any(moving.get(i, False) for i in out)
-            if operation == ca.OP_SIGN:
-                found.append(value)
-            moving[into[0]] = value
-    return found

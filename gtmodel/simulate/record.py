@@ -36,7 +36,7 @@ def entries_of(flat: FlatModel, outputs: Sequence[str]) -> list[Entry]:
                 add(flat.variables[i].name, (), [i], order)
             return
         full = derivative_name(name, order)
-        entries[full] = Entry(full, shape, tuple((i, order) for i in indices), _unit(flat, indices[0], order))
+        entries[full] = Entry(full, shape, tuple((i, order) for i in indices), flat.unit_of(indices[0], order))
 
     moving = {i for e in flat.equations for i, k in flat.scope.symbols_in(e.residual) if k >= 1}
     for name, (shape, indices) in flat.groups.items():
@@ -52,14 +52,6 @@ def entries_of(flat: FlatModel, outputs: Sequence[str]) -> list[Entry]:
         add(known or flat.variables[indices[0]].name, shape, indices, order)
     in_vectors = {pair for e in entries.values() if e.shape for pair in e.pairs}
     return [e for e in entries.values() if e.shape or e.pairs[0] not in in_vectors]
-
-
-def _unit(flat: FlatModel, index: int, order: int) -> str:
-    unit = flat.variables[index].unit
-    if unit is None or order == 0:
-        return unit or "?"
-    per = "s" if order == 1 else f"s{order}"
-    return f"{unit or '1'}/{per}"
 
 
 class Recorder:

@@ -103,7 +103,7 @@ class Systems:
         try:
             return self._plan(targets)
         except ModelError as error:
-            if left and "equations for" in str(error):
+            if left and " unknown" in str(error) and "equation" in str(error):
                 raise ModelError(f"{error}; inputs without a value: {', '.join(left)}") from None
             # a root that nothing tells apart is no obstacle here: the start will. All else is wrong without targets too
             plan = self._plan([])

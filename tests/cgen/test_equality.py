@@ -1,12 +1,14 @@
 """C equals Python: values bit for bit, statuses everywhere, outputs held; and the proof fails when it should."""
 
 import ctypes
+import itertools
 import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+import gtmodel as gt
 from gtmodel import Status, cgen
 from gtmodel.cgen import toolchain
 from gtmodel.cgen.comparison import call
@@ -68,6 +70,39 @@ def test_same_result_however_calls_are_mixed(l1: Functions, l1_folder: Path, tmp
     mixed = [(call(library, fk, q[n : n + 1])[0], call(library, ik, T[n : n + 1])[0]) for n in range(20)]
     np.testing.assert_array_equal(apart[0], np.concatenate([m[0] for m in mixed]))
     np.testing.assert_array_equal(apart[1], np.concatenate([m[1] for m in mixed]))
+
+
+class Smaller(gt.Model):
+    """Smaller and larger of two numbers, and of one number and a constant on either side."""
+
+    x = gt.input()
+    y = gt.input()
+    z = gt.variable(6)
+
+    def equations(self):
+        for n, pick in ((0, gt.minimum), (3, gt.maximum)):
+            yield self.z[n] == pick(self.x, self.y)
+            yield self.z[n + 1] == pick(self.x, 0.0)
+            yield self.z[n + 2] == pick(1.0, self.y)
+
+
+def test_smaller_and_larger_of_nan_infinities_and_both_zeros(tmp_path: Path) -> None:
+    f = Smaller().causal(["x", "y"], "z")
+    folder = cgen.generate({"f": f}, tmp_path / "small", name="small").folder
+    body = load(folder, tmp_path).gt_small_f_body
+    special = [np.nan, -np.inf, np.inf, 0.0, -0.0, 5e-324, 1.0, -1.0, 1.0 + 2**-52]
+    for x, y in itertools.product(special, special):
+        # the body: the guards round it let no NaN in
+        z, columns = np.full(6, HELD), [np.array([x]), np.array([y])]
+        pointers = [c.ctypes.data_as(ctypes.POINTER(ctypes.c_double)) for c in (*columns, z)]
+        arguments = (ctypes.POINTER(ctypes.c_double) * 2)(*pointers[:2])
+        results = (ctypes.POINTER(ctypes.c_double) * 2)(pointers[2])
+        scratch = (ctypes.c_longlong * 64)(), (ctypes.c_double * 64)()
+        assert body(arguments, results, *scratch, 0) == 0
+        expected = np.array(f.casadi(x, y)[0].full()).reshape(-1)
+        np.testing.assert_array_equal(z, expected, err_msg=f"{x} {y}")
+        known = ~np.isnan(expected)
+        np.testing.assert_array_equal(np.signbit(z[known]), np.signbit(expected[known]), err_msg=f"{x} {y}")
 
 
 def test_self_test_sees_any_changed_constant(l1: Functions, tmp_path: Path) -> None:

@@ -74,7 +74,7 @@ class TestStatus:
         assert status == Status.OUT_OF_RANGE
         assert np.all(np.isnan(q))
         assert "outside the range" in IK.diagnose(FAR)
-        assert "negative discriminant" in IK.diagnose(FAR)
+        assert "no real solution" in IK.diagnose(FAR)
         assert IK.diagnose(T) == Status.OK.sentence
 
     def test_at_the_rim_the_position_is_known_and_the_velocity_not(self):
@@ -237,3 +237,80 @@ def test_newton_does_not_jump_to_a_neighbouring_solution():
     u = np.linspace(-6, 6, 25)
     x, status = TwoSolutions().causal("u", "x")(u)
     assert not np.any(status) and len(np.unique(np.sign(x - u))) == 1
+
+
+class Wavy(gt.Model):
+    """y + a sin(w y) == x folds back and forth; the branch of y = 0 ends where 1 + a w cos(w y) vanishes."""
+
+    x = gt.input()
+    y = gt.variable(start=0.0)
+    a = gt.parameter(0.3)
+    w = gt.parameter(9.0)
+
+    def equations(self):
+        yield self.y + self.a * gt.sin(self.w * self.y) == self.x
+
+
+@pytest.mark.parametrize(("a", "w"), [(0.3, 9.0), (0.1, 40.0)])
+def test_newton_does_not_jump_over_folds(a, w):
+    fold = np.arccos(-1 / (a * w)) / w
+    end = fold + a * np.sin(w * fold)
+    x = np.linspace(-3, 3, 601)
+    y, status = Wavy(a=a, w=w).causal(known="x", targets="y")(x)
+    ok = status == gt.Status.OK
+    assert np.array_equal(ok, np.abs(x) < end)
+    assert np.abs(y[ok]).max() < fold
+
+
+class Late(gt.Model):
+    """No solution before one second."""
+
+    x = gt.variable(start=1.0, unit="1")
+    second = gt.parameter(1.0, unit="s")
+
+    def equations(self):
+        yield self.x**2 == self.time / self.second - 1
+
+
+def test_a_model_that_begins_to_have_solutions_later_than_time_zero():
+    f = Late().causal(targets="x")
+    x, status = f(np.array([5.0, 2.0, 0.5]))
+    assert status.tolist() == [gt.Status.OK, gt.Status.OK, gt.Status.OUT_OF_RANGE]
+    assert x[:2] == pytest.approx([2.0, 1.0])
+
+
+class Hidden(gt.Model):
+    """Structurally sound, but x' + y' is known twice: x = 1, z = -1, y = -t is the only solution."""
+
+    x = gt.variable()
+    y = gt.variable()
+    z = gt.variable()
+    second = gt.parameter(1.0, unit="s")
+
+    def equations(self):
+        yield self.second * (gt.der(self.x) + gt.der(self.y)) == self.z
+        yield self.x + self.y == 1 - self.time / self.second
+        yield self.z + self.x == 0
+
+
+def test_a_hidden_singularity_is_named():
+    with pytest.raises(gt.ModelError, match=r"rank 1 .*singular.*Hidden equation 1 .*Hidden equation 2"):
+        Hidden().causal(targets="x")
+
+
+@pytest.mark.parametrize("targets", [None, [1], 3])
+def test_targets_are_names(targets):
+    with pytest.raises(gt.ModelError, match="targets takes names of variables"):
+        Hidden().causal(targets=targets)
+
+
+def test_a_constant_has_an_empty_jacobian():
+    class Two(gt.Model):
+        x = gt.variable()
+
+        def equations(self):
+            yield self.x == 2
+
+    jacobian, status = Two().causal(targets="x").jacobian()
+    assert jacobian.shape == (1, 0)
+    assert status is gt.Status.OK

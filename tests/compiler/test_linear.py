@@ -18,6 +18,8 @@ from tests.support.examples import examples
 SPARSE = 1e-9
 ROUND_OFF = 1e-12
 MAX_CONDITION = 1e4
+# of the condition number, in units of the last place: a stable solver's factor for at most five unknowns
+STABLE = 10 * np.finfo(float).eps
 
 
 def linear(A: np.ndarray, b: np.ndarray) -> gt.Model:
@@ -137,3 +139,56 @@ class TestOtherPivots:
         for w in ([1.0, 2.0, 3.0], [1.0, 2.0, 0.0], [-0.5, 0.3, 2.0]):
             A = np.array([[0, w[0], w[1]], [w[1], w[2], 0], [w[2], 0, -w[0]]])
             assert relative_error(f(w, 1.0)[0], np.linalg.solve(A, [1.0, 2.0, 3.0])) < ROUND_OFF
+
+
+def core(n: int) -> gt.Model:
+    """M x = b with all entries given from outside: no pivot is allowed, all is the dense core."""
+
+    def equations(self):
+        for i in range(n):
+            yield sum(self.M[n * i + j] * self.x[j] for j in range(n)) == self.b[i]
+
+    members = {"x": gt.variable(n), "M": gt.input(n * n, start=np.eye(n).ravel().tolist()), "b": gt.input(n)}
+    return type("Core", (gt.Model,), {**members, "equations": equations})()
+
+
+def nearly_singular(n: int, condition: float, count: int) -> np.ndarray:
+    """Matrices (count, n, n) with one small singular value; multiples of 2^-30, which makes small sums exact."""
+    rng = np.random.default_rng(n)
+    left, right = (np.linalg.qr(rng.normal(size=(count, n, n)))[0] for _ in range(2))
+    sizes = np.ones(n)
+    sizes[-1] = 1 / condition
+    return np.round(left * sizes @ right * 2**30) / 2**30
+
+
+@pytest.mark.parametrize("n", [2, 3, 4, 5])
+class TestDenseCore:
+    @pytest.mark.parametrize("condition", [1e1, 1e3, 1e6])
+    def test_the_error_is_the_condition_number_not_its_square(self, n, condition):
+        M = nearly_singular(n, condition, 100)
+        expected = np.random.default_rng(0).integers(-9, 10, (len(M), n)).astype(float)
+        expected[:, 0] = 9.0
+        x, status = core(n).causal(["M", "b"], "x")(M.reshape(-1, n * n), np.einsum("kij,kj->ki", M, expected))
+        assert np.all(status == gt.Status.OK)
+        for m, found, exact in zip(M, x, expected, strict=True):
+            assert relative_error(found, exact, floor=0.0) < STABLE * np.linalg.cond(m)
+
+    @pytest.mark.parametrize("noise", [0.0, 1e-12])
+    def test_any_loss_of_rank_is_a_status(self, n, noise):
+        rng = np.random.default_rng(n)
+        M = rng.integers(-9, 10, (200, n, n)).astype(float)
+        for k, m in enumerate(M):  # one column depends on some others; every fourth time it is zero
+            dependent, *others = rng.permutation(n)
+            m[:, dependent] = m[:, others] @ rng.integers(-2, 3, n - 1) * (k % 4 > 0)
+        M[0], M[1] = 0.0, np.outer(np.arange(1, n + 1), np.ones(n))  # rank 0 and rank 1
+        f = core(n).causal(["M", "b"], "x")
+        x, status = f((M + noise * rng.uniform(-1, 1, M.shape)).reshape(-1, n * n), np.ones((200, n)))
+        assert set(status.tolist()) == {gt.Status.SINGULAR}
+        assert np.all(np.isnan(x))
+
+    def test_each_column_has_its_pivot(self, n):
+        f = core(n).causal(["M", "b"], "x")
+        M = np.random.default_rng(n).normal(size=(n, n))
+        *_, pivots = f.casadi(M.ravel(), np.ones(n))
+        assert np.prod(np.abs(pivots.full())) == pytest.approx(abs(np.linalg.det(M)), rel=ROUND_OFF)
+        assert sorted(m.label.split("(")[1] for m in f.margins) == [f"x[{k}])" for k in range(n)]

@@ -17,6 +17,8 @@ from tests.support.examples import examples
 # A root loses half of the digits of its discriminant: 1e-3 of margin leaves thirteen.
 ROUND_OFF = 1e-11
 MARGIN = 1e-3
+# two units in the last place of a coordinate of 1 km
+FAR = 2 * float(np.spacing(1024.0))
 
 number = st.integers(-2000, 2000).map(lambda k: k / 1000)
 
@@ -107,6 +109,40 @@ class TestQuadratic:
         assert status.tolist() == [Status.OUT_OF_RANGE, Status.OK, Status.SINGULAR]
         assert x[1] == -1.0
         assert np.all(np.isnan(x[[0, 2]]))
+
+    @pytest.mark.parametrize("side", [1, -1])
+    @pytest.mark.parametrize("weight", [1.0, 3.0])
+    def test_far_from_the_origin(self, side, weight):
+        # a slider at (x, 0) with a rod to P: of x^2 - 2 P[0] x + P[0]^2 + ... six digits would cancel, twice
+        class Slider(gt.Model):
+            length = gt.parameter(1.25, unit="m", positive=True)
+            weight = gt.parameter(1.0, unit="1", positive=True)
+            P = gt.input(2, unit="m", start=[1024.5, 0.75])
+            x = gt.variable(unit="m", start=1025.5 if side > 0 else 1023.5)
+
+            def equations(self):
+                d = self.P[0] - self.x
+                yield self.weight * (d**2 + self.P[1] ** 2) == self.weight * self.length**2
+                yield gt.branch("right", self.x - self.P[0])
+
+        f = Slider(weight=weight).causal("P", "x", branches={"right": side})
+        P = [1024.1, 0.3]
+        expected = P[0] + side * np.sqrt(1.25**2 - P[1] ** 2)
+        x, status = f(P)
+        assert status == Status.OK
+        assert abs(x - expected) < FAR
+        assert abs(float(f.casadi_parametric(P, [1.25, weight])[0]) - expected) < FAR
+
+    def test_a_known_leading_coefficient_needs_no_pivot(self):
+        class Known(Quadratic):
+            a = gt.parameter(1.0, unit="1", positive=True)
+
+        f = Known().causal(["b", "c"], "x")
+        assert [m.kind for m in f.margins] == ["discriminant"]
+        x, status = f([0.0, 2.0, 0.0], [-4.0, 1.0, 1.0])
+        assert status.tolist() == [Status.OK, Status.OK, Status.OUT_OF_RANGE]
+        assert x[:2].tolist() == [2.0, -1.0]
+        assert f.casadi_parametric(0.0, -4.0, [4.0])[0] == 1.0
 
 
 class TestPencils:

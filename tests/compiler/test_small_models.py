@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import casadi as ca
 import numpy as np
 import pytest
 from hypothesis import given
@@ -52,6 +53,13 @@ class TestPendulum:
         ]
         found = values(f, L * np.sin(phi), L * np.cos(phi) * rate)
         assert relative_error(found, expected) < ROUND_OFF
+
+    def test_velocity_without_the_factor_two_of_the_square(self):
+        # y' = -x x'/y, from (x^2 + y^2)' = 2 x x' + 2 y y'
+        f = PENDULUM.causal((), ["y", "der(y)"], prefer="x").casadi
+        steps = [f.instruction_id(k) for k in range(f.n_instructions())]
+        assert ca.OP_TWICE not in steps
+        assert steps.count(ca.OP_MUL) == 1
 
     def test_prescribed_motion_with_a_force(self):
         # x known needs a force to be unknown: the horizontal push that moves the bob as prescribed

@@ -215,7 +215,7 @@ class TestWholeSystems:
             Rod(L=1.0).causal("length", "length")
         where = f"lang/test_nice_errors.py:{line_of(Rod, 'yield')}"
         assert str(error.value) == (
-            f"Rod: 1 equations for 0 unknowns; too many equations or knowns among: Rod equation 1 ({where})"
+            f"Rod: 1 equation for 0 unknowns; too many equations or knowns among: Rod equation 1 ({where})"
         )
 
     def test_too_few_equations(self):
@@ -225,7 +225,7 @@ class TestWholeSystems:
         with pytest.raises(gt.ModelError) as error:
             model(TWO, one).causal((), "x")
         assert str(error.value) == (
-            "Wrong: 1 equations for 2 unknowns; not determined: x, y (too few equations or too few known variables)"
+            "Wrong: 1 equation for 2 unknowns; not determined: x, y (too few equations or too few known variables)"
         )
 
     def test_conflicting_fixed_starts(self):
@@ -265,3 +265,43 @@ FUNCTIONS = sorted(
 def test_a_misspelt_keyword_raises(name):
     with pytest.raises(TypeError, match="misspelt"):
         getattr(gt.lang, name)(misspelt=1)
+
+
+class TestParameters:
+    def test_a_mass_that_a_part_gets_from_its_owner_is_checked_too(self):
+        class Load(gt.Model):
+            heavy = gt.parameter(-2.0, unit="kg")
+            body = gt.part(gt.mechanics.PointMass, m=heavy)
+
+        with pytest.raises(
+            gt.ModelError, match=r"parameter 'body.m' must be at least 0.0; found -2.0 .*test_nice_errors.py"
+        ):
+            Load().causal(targets="body.frame.f", known="body.frame.r")
+
+    def test_values_keep_to_min_and_max(self):
+        class Rate(gt.Model):
+            k = gt.parameter(0.5, min=0.0, max=[1.0, 2.0], shape=2)
+
+        for value, side in (([-1.0, 0.0], "at least 0.0"), ([0.0, 3.0], r"at most \[1.0, 2.0\]")):
+            with pytest.raises(gt.ModelError, match=f"parameter 'k' must be {side}"):
+                Rate(k=value)
+
+    def test_with_keeps_what_it_does_not_name(self):
+        class Rod(gt.Model):
+            L = gt.parameter(1.0, unit="m")
+            m = gt.parameter(1.0, unit="kg")
+
+        class Pair(gt.Model):
+            rod = gt.part(Rod)
+
+        pair = Pair(rod=dict(L=2.0, m=3.0)).with_(rod=dict(m=4.0))
+        assert repr(pair) == "Pair(rod={'L': 2.0, 'm': 4.0})"
+
+    def test_a_free_constant_takes_no_modifier(self):
+        class Fit(gt.Model):
+            k = gt.free(1.0)
+
+        with pytest.raises(
+            gt.ModelError, match="'k' of Fit is free, for the optimisation to choose, and takes no modif"
+        ):
+            Fit(k=2.0)

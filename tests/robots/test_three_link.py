@@ -31,6 +31,8 @@ TWO_SOLVES = 1e-11
 # Kinematics must not notice masses at all; the same expressions, perhaps summed in another order.
 LAST_BITS = 1e-15
 
+FAR = 1024.0  # m
+
 COUNT = 200
 SETS = ["l1_tape", "l1_camera", "l1_tracker", "l1_tracker_2008", "l1_vision"]
 LINK_MASSES = [2.1, 3.4, 5.2]
@@ -112,6 +114,16 @@ class TestAgainstDressler:
         q = values(r.causal("T", "q", branches=arm_branches(sides)), T)
         expected = np.array([oracle.inverse_kinematics(t, np.array(sides)) for t in T])
         assert relative_error(q, expected) < ROUND_OFF
+
+    @pytest.mark.parametrize("axis", [0, 1, 2])
+    def test_inverse_kinematics_a_kilometre_from_the_origin(self, axis):
+        offset = FAR * np.eye(3)[axis]
+        r = robot()
+        A = np.round(np.array(r.A, dtype=float) * 2**30) / 2**30  # so that adding the offset rounds nothing
+        T = np.round(columns(random_states(r, COUNT, seed=2))[0] * 2**30) / 2**30
+        here, there = (gt.robots.gantry_tau("l1_tape", A=(A + a).tolist()) for a in (0.0, offset))
+        q = values(here.causal("T", "q"), T)
+        assert np.max(np.abs(values(there.causal("T", "q"), T + offset) - q)) < LAST_BITS * FAR
 
     def test_jacobian_and_velocities(self):
         r = robot()

@@ -1,0 +1,113 @@
+"""Follow solution paths of F(z, t) = 0 from t = 0 to t = 1, all paths of all poses in one batch.
+
+Each step works in the local patch conj(z) of its start: the tangent solves [J; conj(z)] dz = [-dF/dt; 0]. A
+Runge-Kutta step of order four predicts, three Newton corrections at the new t correct and judge it. A step that
+converges slowly is halved: a path must not jump to its neighbour.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .newton import newton_step, solve_rows
+from .study import Array, gradients
+
+FIRST_STEP = 0.02
+LARGEST_STEP = 0.1
+SMALLEST_STEP = 1e-9  # below it a path has failed
+FIRST_CORRECTION = 3e-3  # largest first Newton correction of an accepted step; |z| = 1
+CONTRACTION = 0.1  # the second correction must be that much smaller than the first
+LAST_CORRECTION = 1e-7  # largest third correction
+EASY_CORRECTION = 1e-5  # a first correction below it doubles the step
+GOOD_STEPS = 4  # after so many accepted steps the step grows by half
+MOST_STEPS = 2000  # per path; ends a path that creeps
+
+
+@dataclass(frozen=True)
+class Endpoints:
+    """Where the paths ended: z (m, 8) with |z| = 1, t (m,) in [0, 1] (1 = arrived), steps (m,) tried."""
+
+    z: NDArray[np.complex128]
+    t: NDArray[np.float64]
+    steps: NDArray[np.intp]
+
+    @property
+    def arrived(self) -> NDArray[np.bool_]:
+        """(m,) True where the path reached t = 1."""
+        return self.t >= 1.0
+
+
+def track(line: Array, pose: NDArray[np.intp], z: Array) -> Endpoints:
+    """Follow paths along their lines.
+
+    Args:
+        line: C(t) = C0 + t C1 + t^2 C2 per pose, (n, 3, 7, 18), from `straight_line`.
+        pose: (m,) the line that each path belongs to.
+        z: (m, 8) solutions at t = 0.
+
+    Never raises on data: a path that fails keeps the t it reached.
+    """
+    m = len(z)
+    z = np.array(z, dtype=complex)
+    z /= np.linalg.norm(z, axis=1, keepdims=True)
+    t, h = np.zeros(m), np.full(m, FIRST_STEP)
+    good, steps = np.zeros(m, dtype=np.intp), np.zeros(m, dtype=np.intp)
+    active = np.arange(m)
+    while active.size:
+        start, step = t[active], np.minimum(h[active], 1.0 - t[active])
+        target, accepted, first = _step(line[pose[active]], z[active], start, step)
+        steps[active] += 1
+        ok = active[accepted]
+        z[ok] = target[accepted]
+        reached = start[accepted] + step[accepted]
+        t[ok] = np.where(reached > 1.0 - 1e-14, 1.0, reached)
+        good[ok] += 1
+        easy = first[accepted] < EASY_CORRECTION
+        grown = np.where(easy, 2.0, np.where(good[ok] >= GOOD_STEPS, 1.5, 1.0))
+        good[ok[grown > 1.0]] = 0
+        h[ok] = np.minimum(h[ok] * grown, LARGEST_STEP)
+        bad = active[~accepted]
+        h[bad] = 0.5 * step[~accepted]
+        good[bad] = 0
+        active = active[(t[active] < 1.0) & (h[active] >= SMALLEST_STEP) & (steps[active] < MOST_STEPS)]
+    return Endpoints(z, t, steps)
+
+
+def _step(line: Array, z: Array, t: Array, h: Array) -> tuple[Array, NDArray[np.bool_], Array]:
+    """One step of every path: new points with |z| = 1, whether to accept, size of the first correction."""
+    patch = np.conj(z)
+    C0, C1, C2 = line[:, 0], line[:, 1], line[:, 2]
+
+    def system(s: Array) -> Array:
+        s = s[:, None, None]
+        return C0 + s * (C1 + s * C2)
+
+    def rate(s: Array) -> Array:
+        return C1 + (2 * s[:, None, None]) * C2
+
+    def tangent(w: Array, C: Array, dC: Array) -> Array:
+        D = gradients(w)
+        return solve_rows(C @ D, patch, -0.5 * (dC @ (D @ w[:, :, None]))[..., 0])
+
+    middle, end = t + 0.5 * h, t + h
+    Cm, dCm, Ce = system(middle), rate(middle), system(end)
+    step = h[:, None]
+    with np.errstate(all="ignore"):
+        k1 = tangent(z, system(t), rate(t))
+        k2 = tangent(z + 0.5 * step * k1, Cm, dCm)
+        k3 = tangent(z + 0.5 * step * k2, Cm, dCm)
+        k4 = tangent(z + step * k3, Ce, rate(end))
+        w = z + step / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+        corrections = []
+        for _ in range(3):
+            dz = newton_step(Ce, w, patch)
+            w = w + dz
+            corrections.append(np.linalg.norm(dz, axis=1) / np.linalg.norm(w, axis=1))
+        first, second, third = corrections
+        accepted = (first < FIRST_CORRECTION) & (third < LAST_CORRECTION)
+        accepted &= (second < CONTRACTION * first) | (second < LAST_CORRECTION)
+        w = w / np.linalg.norm(w, axis=1, keepdims=True)
+    return w, accepted, first
