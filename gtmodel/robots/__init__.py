@@ -1,7 +1,7 @@
 """Robots written in the language, and the catalogue of printed parameter sets."""
 
 from .catalogue import entries, gantry_tau, inertia_names, make, names
-from .configuration import configuration
+from .configuration_state import configuration
 from .f1 import F1, f1_five_dof, f1_gantry_tau, f1_rotation
 from .f1_closed_form import F1FiveDof, F1Rotation
 from .f1_screws import F1BallScrews
