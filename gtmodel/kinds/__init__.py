@@ -23,6 +23,7 @@ _KINDS = {
     "codegen": "C code of a robot's functions",
     "optimization": "a dynamic optimisation problem written in Python",
     "simulation": "motion of a robot under given inputs, from a given start",
+    "kinematics": "any causality of a robot on many points, and the orientation of its plate",
 }
 
 

@@ -85,7 +85,7 @@ class TestEntries:
         assert status is Status.OK and force == pytest.approx(130.0 + 10.0)
 
     def test_what_a_family_does_not_take(self):
-        with pytest.raises(gt.ModelError, match="inertia model 'model_1' was identified with three links; 'f1' has"):
+        with pytest.raises(gt.ModelError, match="inertia model 'model_1' applies to three-link robots only; 'f1' has"):
             make("f1", inertia="model_1")
         with pytest.raises(gt.ModelError, match="there is no three-link robot 'f1'; there are d1_nominal"):
             gantry_tau("f1")
