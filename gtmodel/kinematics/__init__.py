@@ -4,6 +4,8 @@ accuracy          greatest positioning errors from errors of carts and links
 assembly_modes    every pose in which a platform on six legs of given lengths can be assembled
 section           a plane across the guideways
 workspace         which tool centre points are reached, and why not the others
+singularity       how far a pose is from a singular one, as lengths and angles
+MotionMaps        velocity and acceleration maps of any position causality
 
 Guideways as measured
     fit_guideway        line through cart points and what is left over: a GuidewayFit
@@ -18,8 +20,9 @@ Orientation of the plate
     rotation_vector     small turns from a reference
 """
 
-from . import accuracy, assembly_modes, section, workspace
+from . import accuracy, assembly_modes, section, singularity, workspace
 from .guideways import GuidewayFit, MeasurementError, fit_guideway
+from .maps import MotionMaps
 from .orientation import OrientationMap, grid, orientation_map
 from .rotations import rotation_vector, zyz
 from .transmission import Backlash, CyclicTerm, backlash, cyclic_term
@@ -29,6 +32,7 @@ __all__ = [
     "CyclicTerm",
     "GuidewayFit",
     "MeasurementError",
+    "MotionMaps",
     "OrientationMap",
     "accuracy",
     "assembly_modes",
@@ -39,6 +43,7 @@ __all__ = [
     "orientation_map",
     "rotation_vector",
     "section",
+    "singularity",
     "workspace",
     "zyz",
 ]
