@@ -113,10 +113,15 @@ class CausalFunction:
         parts = [ca.densify(ca.jacobian(ca.SX(targets), ca.SX(ca.vertcat(*a)))) for a in (args[:inputs], args[inputs:])]
         return ca.Function(f"jac_{f.name()}", args, [*parts, res[-1]])
 
-    def __call__(self, *arguments: Any) -> Any:
-        """Values of the targets, then the status. Raises TypeError for a wrong number or shape of arguments."""
+    def __call__(self, *arguments: Any, guess: Mapping[str, Any] | None = None) -> Any:
+        """Values of the targets, then the status. Raises TypeError for a wrong number or shape of arguments.
+
+        guess: where Newton blocks start, by name, each of its variable's shape or with rows: the last sample of a
+        controller, or a simpler model's answer. A row whose guess is not near a solution goes the ordinary way, from
+        the home pose; from a near one the solution is that of the guess, whatever branch it is on.
+        """
         columns, rows = self._columns(arguments)
-        results, status = self._evaluate(columns)
+        results, status = self._evaluate(columns, self._guesses(guess, columns) if guess else None)
         values = [r.T for r in results[:-1]]
         for v in values:
             v[status != Status.OK] = np.nan
@@ -150,23 +155,51 @@ class CausalFunction:
         full[status != Status.OK] = np.nan
         return (full[0], Status(int(status[0]))) if rows is None else (full, status)
 
-    def _unknowns(self, columns: list[np.ndarray]) -> tuple[list[np.ndarray], np.ndarray]:
+    def _guesses(self, guess: Mapping[str, Any], columns: list[np.ndarray]) -> list[np.ndarray | None]:
+        """Start values of each Newton block as columns; None for a block that no name of the guess is in."""
+        n = columns[0].shape[1] if columns else 1
+        given: dict[Pair, np.ndarray] = {}
+        for text, value in guess.items():
+            shape, indices, order = self.flat.lookup(text)
+            a = np.asarray(value, dtype=float)
+            if a.shape not in (shape, (n, *shape)):
+                raise TypeError(
+                    f"{self.name}: the guess of '{text}' takes shape {shape} or ({n}, ...); found {a.shape}"
+                )
+            flat = np.broadcast_to(a.reshape(-1, len(indices)), (n, len(indices)))
+            for k, i in enumerate(indices):
+                sign, kept, m = self.plan.alias.resolve(i, order)
+                given[kept, m] = sign * flat[:, k]
+        starts: list[np.ndarray | None] = []
+        for block in self.plan.newton:
+            pairs = [self.flat.scope.owner(s) for s in block.unknowns]
+            lacking = [name for pair, name in zip(pairs, block.labels, strict=True) if pair not in given]
+            if lacking and len(lacking) < len(pairs):
+                raise TypeError(f"{self.name}: the guess says nothing on {', '.join(lacking)}; give these too")
+            starts.append(None if lacking else np.array([given[p] for p in pairs if p is not None]))
+        return starts
+
+    def _unknowns(
+        self, columns: list[np.ndarray], guesses: Sequence[np.ndarray | None] | None = None
+    ) -> tuple[list[np.ndarray], np.ndarray]:
         """Unknowns of the Newton blocks, and a status code for each row."""
         n = columns[0].shape[1] if columns else 1
         code = np.zeros(n, dtype=int)
         zs: list[np.ndarray] = []
         given = np.vstack(columns) if columns else np.zeros((0, n))
-        for kernel in self._built.kernels:
-            z, converged, singular = kernel.solve(given)
+        for k, kernel in enumerate(self._built.kernels):
+            z, converged, singular = kernel.solve(given, None if guesses is None else guesses[k])
             code = np.where((code == 0) & ~converged, Status.NOT_CONVERGED, code)
             code = np.where((code == 0) & singular, Status.SINGULAR, code)
             zs.append(z)
             given = np.vstack([given, z])
         return zs, code
 
-    def _evaluate(self, columns: list[np.ndarray]) -> tuple[list[np.ndarray], np.ndarray]:
+    def _evaluate(
+        self, columns: list[np.ndarray], guesses: Sequence[np.ndarray | None] | None = None
+    ) -> tuple[list[np.ndarray], np.ndarray]:
         """Targets and margins as columns, and the status of each column."""
-        zs, found = self._unknowns(columns)
+        zs, found = self._unknowns(columns, guesses)
         results = _map(self._built.closed, [*columns, *zs])
         return results, self.status(columns, results, found)
 

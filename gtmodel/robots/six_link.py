@@ -11,6 +11,7 @@ import numpy as np
 from .. import lang as gt
 from ..mechanics import Flange, ForceMotor, Guideway, MidpointRod, PointFrame, PointMass, RigidPlate, TanhFriction
 from ..mechanics.rotation import quaternion_matrix
+from .clusters import zyz_quaternion
 
 LINKS = ("1", "2a", "2b", "3a", "3b", "3c")
 ARM = (0, 1, 1, 2, 2, 2)  # the cart on which each link stands
@@ -152,14 +153,5 @@ def six_link_gantry_tau(name: str = "d1_six_link", **modifiers: Any) -> SixLink:
     table = tomllib.loads(text)[name]
     A, v, L, B = (np.array(table[k], dtype=float) for k in ("A_m", "v", "L_m", "B_m"))
     home = A.mean(axis=0) + 0.85 * L.mean() * v.mean(axis=0)
-    values = dict(A=A, v=v, L=L, B=B, home=home, home_e=_zyz_quaternion(*np.radians(D1_ZYZ_DEG)), **EXAMPLE)
+    values = dict(A=A, v=v, L=L, B=B, home=home, home_e=zyz_quaternion(*np.radians(D1_ZYZ_DEG)), **EXAMPLE)
     return SixLink(**{**values, **modifiers})
-
-
-def _zyz_quaternion(alpha: float, beta: float, gamma: float) -> np.ndarray:
-    """Quaternion, scalar first, of rotations about z, the new y and the new z [rad]."""
-    half_sum, half_difference = (alpha + gamma) / 2, (alpha - gamma) / 2
-    c, s = np.cos(beta / 2), np.sin(beta / 2)
-    return np.array(
-        [c * np.cos(half_sum), -s * np.sin(half_difference), s * np.cos(half_difference), c * np.sin(half_sum)]
-    )
