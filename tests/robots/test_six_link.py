@@ -322,3 +322,18 @@ class TestAgainstPinocchio:
         for k in range(COUNT):
             T, R = hand.pose(q[k], T0[k], np.eye(3))
             assert relative_error(found[k], chain.accelerations(q[k], T, R, qd[k], tau[k])) < ROUND_OFF
+
+
+@pytest.mark.parametrize(("links", "carts"), [((1,), (1,)), ((0,), (0,)), (range(6), range(3))])
+def test_declared_branches_reach_the_inverse_kinematics_by_newton(links, carts):
+    robot = six_link_gantry_tau()
+    forward = robot.causal(known="q", targets="T")
+    T, _ = forward(np.array([-0.2, -0.03, -0.2]))
+    names = [f"link[{k}].rod.{end}.r" for k in range(6) for end in "ba"]
+    inverse = robot.causal(known="T", targets=["q", *names], branches={f"link[{k}].ahead": -1 for k in links})
+    _, *ends, status = inverse(T)
+    assert status is gt.Status.OK
+    v = np.array([p.value for p in inverse.flat.parameters if p.name.startswith("v[")]).reshape(6, 3)
+    side = [np.sign((ends[2 * k] - ends[2 * k + 1]) @ v[k]) for k in range(6)]
+    arm = (0, 1, 1, 2, 2, 2)
+    assert side == [-1.0 if arm[k] in carts else 1.0 for k in range(6)]
