@@ -23,6 +23,7 @@ _KINDS = {
     "codegen": "C code of a robot's functions",
     "optimization": "a dynamic optimisation problem written in Python",
     "simulation": "motion of a robot under given inputs, from a given start",
+    "modes": "all poses in which six links of given lengths can be assembled, with a certificate",
 }
 
 
