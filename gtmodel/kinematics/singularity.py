@@ -14,6 +14,9 @@ from gtmodel.compiler.causal import CausalFunction
 
 Array = np.ndarray
 
+COLLINEAR = 1e-10  # relative: joints this near to one line are on it, up to round-off
+TINY = 1e-300
+
 
 class InverseMeasure(NamedTuple):
     """Per link: component along its guideway [m] and angle to the plane across it [rad]; 0 is singular.
@@ -76,9 +79,13 @@ def platform(d: Any, arms: Any) -> Array:
     result = np.full(good.shape, np.nan)
     for k in np.ndindex(good.shape):
         if good[k]:
-            # rows = Q R of the joint velocities: singular values relative to them
-            R = np.linalg.qr(moves[k])[1]
-            s = np.linalg.svd(rows[k] @ np.linalg.inv(R), compute_uv=False)
+            # singular values of the length rates relative to the joint velocities; turns in units of the joints' size
+            scale = np.repeat([1.0, 1.0 / max(float(np.linalg.norm(arms[k])), TINY)], 3)
+            _, sizes, V = np.linalg.svd(moves[k] * scale, full_matrices=False)
+            if sizes[-1] <= COLLINEAR * sizes[0]:
+                result[k] = 0.0  # joints on a line: turning about it moves none of them
+                continue
+            s = np.linalg.svd((rows[k] * scale) @ (V.T / sizes), compute_uv=False)
             result[k] = np.arcsin(min(1.0, s[-1]))
     return result
 
