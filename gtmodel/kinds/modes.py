@@ -106,7 +106,9 @@ def solve(problem: Schema, context: Context) -> Outcome:
     judged = Judged.of(hands, results)
     refused = judged.refused()
     if len(hands) == 1 and refused:
-        raise InputError(refused[0], "platform" if problem.platform is not None else "pose")
+        raise InputError(
+            refused[0], next(key for key in ("platform", "poses", "pose", "robot") if getattr(problem, key))
+        )
     made = outcome(judged)
     made.figures = _figures(problem, judged)
     return made

@@ -94,17 +94,12 @@ class SixLinks:
     def at_poses(self, T: Array, e: Array) -> Hands:
         """Legs at tool poses T (n, 3) and quaternions e (n, 4), which count only where the orientation is free."""
         known = (T, e) if self.turns else (T,)
-        q, status = self.inverse(*known)
+        q, R, status = self.inverse(*known)
         faults = {
             int(i): f"the inverse kinematics does not reach the pose: {self.inverse.diagnose(*(x[i] for x in known))}"
             for i in np.flatnonzero(status != Status.OK)
         }
-        q[status != Status.OK] = np.nan
-        if self.turns:
-            R = _rotations(e)
-        else:  # the orientation follows
-            _, R, status = self.forward(q)
-            R[status != Status.OK] = np.nan
+        q[status != Status.OK], R[status != Status.OK] = np.nan, np.nan
         return self._hands(q, T, R, faults)
 
     @cached_property
@@ -114,8 +109,8 @@ class SixLinks:
 
     @cached_property
     def inverse(self) -> CausalFunction:
-        """T, and e where the orientation is free, -> q."""
-        return compile_causal(self.model, known=list(self.names.pose), targets="q")
+        """T, and e where the orientation is free, -> q, R."""
+        return compile_causal(self.model, known=list(self.names.pose), targets=["q", "R"])
 
     @cached_property
     def _joints(self) -> CausalFunction:
