@@ -69,13 +69,13 @@ class NewtonKernel:
         done = np.zeros(n)
         step = np.ones(n)
         alive = np.all(np.isfinite(a), axis=0)
+        way = a - self.a0[:, None]
+        tangent = self._tangent(z, np.repeat(self.a0[:, None], n, axis=1), way)
         if guess is not None:
             rows = np.flatnonzero(alive & np.all(np.isfinite(guess), axis=0))
             found, good = self._correct(guess[:, rows], a[:, rows])
             z[:, rows[good]] = found[:, good]
             done[rows[good]] = 1.0
-        way = a - self.a0[:, None]
-        tangent = self._tangent(z, np.repeat(self.a0[:, None], n, axis=1), way)
         for _ in range(MOST_STEPS):
             rows = np.flatnonzero(alive & (done < 1.0))
             if rows.size == 0:

@@ -24,7 +24,7 @@ from ..mechanics import (
 )
 from ..mechanics.rotation import quaternion_matrix
 from . import clusters, f1_geometry
-from .f1_five_dof import F1FiveDof, F1Rotation
+from .f1_closed_form import F1FiveDof, F1Rotation
 from .joint_plates import TiltingPlate, TurningPlate
 
 
@@ -69,7 +69,8 @@ class F1(gt.Model):
     and L in the order 1, 2a, 2b, 3a, 3b, 3c. Quaternions u are raw: their lengths scale what they turn. The plate's
     R = R(e) with e of length 1, scalar first. z is vertical, along the guideways, and v is upwards: the plate hangs
     below the carts (branch `below` of link 1, which tells the root of the one closed form of the inverse kinematics).
-    Forward kinematics and arms 2 and 3 of the inverse are Newton blocks that continue the home pose.
+    Forward kinematics and arms 2 and 3 of the inverse are Newton blocks that continue the home pose; where an arm has
+    several inverse solutions, that is the one on the straight way from there, or the one near a guess.
     """
 
     A0 = gt.parameter(shape=(3, 3), unit="m", description="reference points of the carts at q = 0")

@@ -142,7 +142,10 @@ D1_ZYZ_DEG = (85.0, 100.9, -88.6)  # the plate's orientation: see the note of d1
 
 
 def six_link_gantry_tau(name: str = "d1_six_link", **modifiers: Any) -> SixLink:
-    """The six-link D1 (Dressler 2012, Table 5.9 model 3, link 2b restored); masses and friction are an example of ours.
+    """The six-link D1 (Dressler 2012, Table 5.9 model 3); masses and friction are an example of ours.
+
+    Repaired: A and v of link 2b are lost in the text; A_2b = A_2a plus the difference of the offsets of model 4, and
+    v_2b = v_2a, which agrees with Table 5.8 to 1.1 mm.
 
     The plate is ahead of the carts, side c = -1, where six-link and three-link tool centre point agree; e is near
     ZYZ = (85.0, 100.9, -88.6) deg. Modifiers: any parameter of SixLink. Raises ModelError for another name.

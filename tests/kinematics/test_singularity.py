@@ -85,7 +85,7 @@ class TestPlatform:
         expected = singularity.platform(d, arms)
         assert 0.0 < expected < np.pi / 2
         assert abs(singularity.platform(d @ R.T, arms @ R.T) - expected) < ROUND_OFF
-        assert abs(singularity.platform(d, arms + [0.3, -5.0, 2.0]) - expected) < ROUND_OFF
+        assert abs(singularity.platform(d, arms + np.array([0.3, -5.0, 2.0])) - expected) < ROUND_OFF
         assert abs(singularity.platform(1000 * d, 1000 * arms) - expected) < ROUND_OFF
 
     def test_least_over_all_motions(self):

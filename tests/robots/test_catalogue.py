@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from itertools import product
 
+import mpmath
 import numpy as np
 import pytest
 
@@ -72,15 +73,10 @@ class TestEntries:
         assert kinds == [TanhFriction, PiecewiseLinearFriction]
 
     def test_smoothing_is_felt(self):
-        # at rest but for cart 1, whose Coulomb friction is 130 N: tanh(1) of it, or the line's end
-        rate, forces = np.eye(6)[0] * 0.1, []
-        for smoothing in ("tanh", "piecewise_linear"):
-            f = make("f1", smoothing=smoothing).causal("q", "cart[0].friction.force")
-            home = [0.72, 0.26, 0.21, 0.0, 0.0, 0.0]
-            force, status = f(home, rate)
-            assert status is Status.OK
-            forces.append(force)
-        assert forces == pytest.approx([130 * np.tanh(1.0) + 10.0, 130 + 10.0])
+        # cart 1 at the velocity scale: all of its 130 N of Coulomb friction, of which tanh gives three quarters
+        f = make("f1", smoothing="piecewise_linear").causal("q", "cart[0].friction.force")
+        force, status = f([0.72, 0.26, 0.21, 0.0, 0.0, 0.0], np.eye(6)[0] * 0.1)
+        assert status is Status.OK and force == pytest.approx(130.0 + 10.0)
 
     def test_what_a_family_does_not_take(self):
         with pytest.raises(gt.ModelError, match="inertia model 'model_1' was identified with three links; 'f1' has"):
@@ -121,3 +117,58 @@ class TestConfiguration:
             configuration(make("f1"), forward=1)
         with pytest.raises(gt.ModelError, match="World has no configuration; name its branches"):
             configuration(gt.mechanics.World())
+
+
+class TestThreeRoads:
+    """Forward kinematics by closed form, by Newton in double precision and by mpmath with thirty digits."""
+
+    @pytest.mark.parametrize("name", ["l1_camera", "d1_nominal"])
+    def test_three_links(self, name):
+        robot = gantry_tau(name)
+        A, v, L = (np.asarray(getattr(robot, k), dtype=float) for k in "AvL")
+        T, *_, q = columns(random_states(robot, 5, seed=3))
+        sides = side_of(robot, T, q)
+        for n in range(5):
+            f = robot.causal("q", "T", branches=configuration(robot, forward=int(sides[n])))
+            closed, status = f(q[n])
+            assert status is Status.OK
+            P = A + q[n][:, None] * v
+
+            def closure(*x, P=P):
+                return [sum((a - b) ** 2 for a, b in zip(x, p, strict=True)) - r**2 for p, r in zip(P, L, strict=True)]
+
+            newton = T[n] + 1e-2
+            for _ in range(8):
+                d = newton - P
+                newton = newton + np.linalg.solve(2 * d, L**2 - np.sum(d * d, axis=1))
+            with mpmath.workdps(30):
+                exact = [float(x) for x in mpmath.findroot(closure, (T[n] + 1e-2).tolist())]
+            assert relative_error(closed, exact) < ROUND_OFF and relative_error(newton, exact) < ROUND_OFF
+
+
+class TestStatus:
+    """Rows that cannot be solved get a status and NaN, and every row is what its scalar call gives."""
+
+    @pytest.mark.parametrize(
+        ("name", "known", "target", "bad", "verdict"),
+        [
+            ("d1_nominal", "T", "q", [0.0, 40.0, 0.0], Status.OUT_OF_RANGE),
+            ("d1_nominal", "q", "T", [0.0, 40.0, 0.0], Status.OUT_OF_RANGE),
+            ("d1_six_link", "q", "T", [0.0, 40.0, 0.0], Status.NOT_CONVERGED),
+            ("f1_five_dof", "q", "T", [9.0, 0.0, 0.0, 0.0, 0.0], Status.OUT_OF_RANGE),
+        ],
+    )
+    def test_rows(self, name, known, target, bad, verdict):
+        robot = gt.robots.f1_five_dof() if name == "f1_five_dof" else make(name)
+        good = np.asarray(robot.home) if known == "T" else np.zeros(len(bad)) + ([0.5] * 3 + [0.0] * (len(bad) - 3))
+        rows = np.tile(good, (5, 1))
+        rows[1, 1], rows[2], rows[3, 0] = np.nan, bad, np.inf
+        f = robot.causal(known, target)
+        found, status = f(rows)
+        assert status.tolist() == [Status.OK, Status.NOT_FINITE, verdict, Status.NOT_FINITE, Status.OK]
+        for n, row in enumerate(rows):
+            alone, one = f(row)
+            assert one == status[n] and np.array_equal(alone, found[n], equal_nan=True)
+            assert np.isfinite(alone).all() == (one == Status.OK)
+        sentence = f.diagnose(rows[2])
+        assert sentence.startswith(verdict.sentence) and len(sentence) > len(verdict.sentence)

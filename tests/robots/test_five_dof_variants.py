@@ -10,10 +10,10 @@ import pytest
 import gtmodel as gt
 from gtmodel import Status
 from gtmodel.mechanics import BallScrew, ForceMotor, Inertia
-from gtmodel.robots.extra_carts import ON, extra_carts
 from gtmodel.robots.f1_screws import F1BallScrews
-from gtmodel.robots.five_dof import gantry_tau_wrist
+from gtmodel.robots.five_carts import ON, extra_carts
 from gtmodel.robots.triangular_link import queensland_gantry_tau
+from gtmodel.robots.with_wrist import gantry_tau_wrist
 from tests.oracle.six_link import rotation
 from tests.support.compare import relative_error
 from tests.support.strategies import columns, random_states
