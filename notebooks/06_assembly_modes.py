@@ -10,6 +10,7 @@
 #     display_name: Python 3
 #     language: python
 #     name: python3
+# ---
 
 # %% [markdown]
 # # All assembly modes
@@ -174,9 +175,6 @@ print(
 )
 print(f"real modes there {count[last]}, one step on {count[last + 1]}")
 
-# %% [markdown]
-# ## Answer
-
 # %%
 alone = assembly_modes(at(q)[i], B, L)
 assert len(alone.T) == 8 and alone.certificate.found == 40
@@ -185,6 +183,8 @@ assert not reached[-1] and np.all(np.diff(reached.astype(int)) <= 0), "past the 
 assert count[last + 1] == count[last] - 2, "the two modes that met are gone"
 
 # %% [markdown]
+# ## Answer
+#
 # In the middle of the workspace the F1 can be assembled in 8 ways, and the certificate says that there is no ninth.
 # Yes, it could silently be in another: the lengths fit in every mode, and a Newton iteration from a careless start ends
 # in a wrong one without a sign. `forward` follows the pose from home instead: in all 40 synthetic poses it gave the
