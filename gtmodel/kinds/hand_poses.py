@@ -116,10 +116,11 @@ def hands_of(robot: SixLinks, poses: list[Pose], key: str) -> Hands:
 
 def orientations(poses: list[Pose], left_out: np.ndarray, key: str) -> np.ndarray:
     """Quaternions (n, 4) of length 1 of the poses, `left_out` where they say nothing."""
-    return np.array([_orientation(pose, left_out, key) for pose in poses])
+    heads = [f"pose {i + 1} " if len(poses) > 1 else "" for i in range(len(poses))]
+    return np.array([_orientation(pose, left_out, key, head) for pose, head in zip(poses, heads, strict=True)])
 
 
-def _orientation(pose: Pose, left_out: np.ndarray, key: str) -> np.ndarray:
+def _orientation(pose: Pose, left_out: np.ndarray, key: str, head: str) -> np.ndarray:
     if pose.quaternion is not None:
         e = np.array(pose.quaternion)
         length = float(np.linalg.norm(e))
