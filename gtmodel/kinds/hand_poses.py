@@ -126,7 +126,7 @@ def _orientation(pose: Pose, left_out: np.ndarray, key: str, head: str) -> np.nd
         length = float(np.linalg.norm(e))
         if abs(length - 1.0) > UNIT_LENGTH:
             raise InputError(
-                f"must be of length 1; found {pose.quaternion} of length {length:.6g}", f"{key}.quaternion"
+                f"{head}must be of length 1; found {pose.quaternion} of length {length:.6g}", f"{key}.quaternion"
             )
         return e / length
     if pose.zyz_deg is not None:

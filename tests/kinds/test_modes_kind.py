@@ -263,6 +263,12 @@ def test_wrong_files_get_a_sentence(text: str, sentence: str, tmp_path: Path) ->
     assert caught.value.sentence == sentence and caught.value.key.startswith("poses")
 
 
+def test_a_row_with_a_wrong_quaternion_is_named(tmp_path: Path) -> None:
+    (tmp_path / "p.csv").write_text("x_m,y_m,z_m,e0,e1,e2,e3\n0,2,0,1,0,0,0\n0,2,0,1,1,0,0\n", encoding="utf-8")
+    with pytest.raises(InputError, match="pose 2 must be of length 1"):
+        solve(Context(folder=tmp_path), robot="f1", poses="p.csv")
+
+
 def test_carts_too_far_apart_have_no_real_mode_and_infinities_are_null(capsys: pytest.CaptureFixture[str]) -> None:
     gtmodel = Commands(capsys)
     done = gtmodel("solve", CLONE / "problems" / "d1_modes.toml", "--set", "pose.q_m=[5.0, 0.0, 0.0]", "--json")
