@@ -24,6 +24,7 @@ _KINDS = {
     "optimization": "a dynamic optimisation problem written in Python",
     "simulation": "motion of a robot under given inputs, from a given start",
     "modes": "all poses in which six links of given lengths can be assembled, with a certificate",
+    "kinematics": "any causality of a robot on many points, and the orientation of its plate",
 }
 
 

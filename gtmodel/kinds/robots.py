@@ -68,7 +68,8 @@ def resolve(
     try:
         return catalogue.family_member(family, name, **given, **modifiers)
     except ModelError as error:
-        raise InputError(str(error), _WORDS["inertia"] if "inertia model" in str(error) else key) from error
+        at = _WORDS["inertia"] if "inertia model" in str(error) else "parameters" if parameters else key
+        raise InputError(str(error), at) from error
 
 
 def _from_file(

@@ -1,11 +1,43 @@
 """Kinematics that a model's equations alone do not answer.
 
 assembly_modes    every pose in which a platform on six legs of given lengths can be assembled
-maps              velocity and acceleration maps of any position causality
 singularity       how far a pose is from a singular one, as lengths and angles
+MotionMaps        velocity and acceleration maps of any position causality
+
+Guideways as measured
+    fit_guideway        line through cart points and what is left over: a GuidewayFit
+    backlash            play of the drive from a forward and a backward run: a Backlash
+    cyclic_term         sinusoid along the guideway: a CyclicTerm
+    MeasurementError    measurements that cannot be evaluated
+
+Orientation of the plate
+    grid                points of a box about a tool centre point
+    orientation_map     orientation at every point: an OrientationMap
+    zyz                 ZYZ Euler angles of quaternions or matrices
+    rotation_vector     small turns from a reference
 """
 
 from . import assembly_modes, singularity
+from .guideways import GuidewayFit, MeasurementError, fit_guideway
 from .maps import MotionMaps
+from .orientation import OrientationMap, grid, orientation_map
+from .rotations import rotation_vector, zyz
+from .transmission import Backlash, CyclicTerm, backlash, cyclic_term
 
-__all__ = ["MotionMaps", "assembly_modes", "singularity"]
+__all__ = [
+    "Backlash",
+    "CyclicTerm",
+    "GuidewayFit",
+    "MeasurementError",
+    "MotionMaps",
+    "OrientationMap",
+    "assembly_modes",
+    "backlash",
+    "cyclic_term",
+    "fit_guideway",
+    "grid",
+    "orientation_map",
+    "rotation_vector",
+    "singularity",
+    "zyz",
+]

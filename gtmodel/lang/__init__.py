@@ -40,6 +40,7 @@ from .functions import (
     tanh,
     vector,
 )
+from .interpolation import interpolate
 from .model import Connector, Model
 from .optimization import Optimization, integral
 from .source import ModelError, SourceLocation
@@ -79,6 +80,7 @@ __all__ = [
     "free",
     "input",
     "integral",
+    "interpolate",
     "log",
     "maximum",
     "minimum",

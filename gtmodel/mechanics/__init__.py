@@ -28,6 +28,7 @@ from .friction_rotational import (
     RotationalTanhFriction,
 )
 from .guideway import Guideway
+from .guideway_curves import CurvedGuideway, PiecewiseLinearCyclicGuideway, PiecewiseLinearGuideway, SplineGuideway
 from .joints import Prismatic, Revolute, Spherical, Universal
 from .load import FrameLoad, PointLoad
 from .motor import ForceMotor, TorqueMotor
@@ -43,6 +44,7 @@ __all__ = [
     "AnyQuaternion",
     "Attitude",
     "BallScrew",
+    "CurvedGuideway",
     "DirectionalPiecewiseLinearFriction",
     "DirectionalTanhFriction",
     "Fixed",
@@ -63,7 +65,9 @@ __all__ = [
     "Inertia",
     "Mass",
     "MidpointRod",
+    "PiecewiseLinearCyclicGuideway",
     "PiecewiseLinearFriction",
+    "PiecewiseLinearGuideway",
     "Plane",
     "PointFrame",
     "PointLoad",
@@ -84,6 +88,7 @@ __all__ = [
     "Shaft",
     "ShaftSpringDamper",
     "Spherical",
+    "SplineGuideway",
     "SpringDamper",
     "StribeckFriction",
     "Strut",

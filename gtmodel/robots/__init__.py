@@ -6,7 +6,7 @@ from .f1 import F1, f1_five_dof, f1_gantry_tau, f1_rotation
 from .f1_closed_form import F1FiveDof, F1Rotation
 from .f1_screws import F1BallScrews
 from .five_carts import ExtraCarts, extra_carts
-from .six_link import SixLink, six_link_gantry_tau
+from .six_link import SixLink, on_guideways, six_link_gantry_tau
 from .three_link import GantryTau
 from .triangular_link import queensland_gantry_tau
 from .with_wrist import GantryTauWrist, gantry_tau_wrist
@@ -31,6 +31,7 @@ __all__ = [
     "inertia_names",
     "make",
     "names",
+    "on_guideways",
     "queensland_gantry_tau",
     "six_link_gantry_tau",
 ]

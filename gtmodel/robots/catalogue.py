@@ -117,11 +117,12 @@ def family_member(
     maker, default, example = _MAKERS[family]
     if inertia is not None:
         raise ModelError(
-            f"inertia model '{inertia}' was identified with three links; '{name or default}' has masses of its own as "
-            f"parameters, {', '.join(k for k in example if k.startswith(('m_', 'I_', 'J')))}"
+            f"inertia model '{inertia}' applies to three-link robots only; '{name or default}' has masses of its own "
+            f"as parameters, {', '.join(k for k in example if k.startswith(('m_', 'I_', 'J')))}"
         )
     friction = _pick(smoothing, SMOOTHINGS, "friction smoothing")
-    loaded = {"m_p": example["m_p"] + payload, "velocity_scale": velocity_scale, "cart": {"friction": friction}}
+    cart = _with_parts({"friction": friction}, modifiers.pop("cart", {}))
+    loaded = {"m_p": example["m_p"] + payload, "velocity_scale": velocity_scale, "cart": cart}
     return maker(name or default, **{**loaded, **modifiers})
 
 
@@ -163,16 +164,22 @@ def gantry_tau(
     A, v, L = (np.array(geometry[k], dtype=float) for k in ("A_m", "v", "L_m"))
     parts: dict[str, Any] = {"friction": friction} | ({} if rod is None else {"rod": rod})
     masses = _masses(geometry, inertia)
+    arm = _with_parts(parts, modifiers.pop("arm", {}))
     values: dict[str, Any] = dict(
         A=A,
         v=v,
         L=L,
         velocity_scale=velocity_scale,
         home=A.mean(axis=0) + 0.7 * L.mean() * v.mean(axis=0),
-        arm=parts,
+        arm=arm,
         **{**masses, "m_p": masses["m_p"] + payload},
     )
     return GantryTau(**{**values, **modifiers})
+
+
+def _with_parts(parts: dict[str, Any], given: Any) -> Any:
+    """Parts of every arm or cart with a user's own, such as dict(guideway=...), for all or in a list of one each."""
+    return [parts | one for one in given] if isinstance(given, (list, tuple)) else parts | given
 
 
 def _masses(geometry: dict[str, Any], inertia: str | None) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tomllib
+from collections.abc import Sequence
 from importlib.resources import files
 from typing import Any
 
@@ -108,6 +109,20 @@ class SixLink(gt.Model):
         yield self.plate.frame.r == self.T
         yield self.e == self.plate.attitude.e
         yield self.plate.frame.R == self.R
+
+
+def on_guideways(guideways: Sequence[Any]) -> dict[str, list[dict[str, Any]]]:
+    """Modifiers of SixLink that put arms 1 to 3 on these guideway parts: a cart and its links deviate alike.
+
+    `SixLink(..., **on_guideways([PiecewiseLinearGuideway(at=..., deviation=...), Guideway, SplineGuideway(...)]))`; A
+    and v stay those of each link (Dressler 2012, section 5.3: models 4 and 5). For GantryTau it is
+    `arm=[dict(guideway=g) for g in guideways]`.
+
+    Raises ModelError for another number than three.
+    """
+    if len(guideways) != 3:
+        raise gt.ModelError(f"on_guideways takes one guideway per arm, three; found {len(guideways)}")
+    return dict(cart=[dict(guideway=g) for g in guideways], link=[dict(guideway=guideways[i]) for i in ARM])
 
 
 def _means(rows):

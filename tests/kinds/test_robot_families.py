@@ -103,7 +103,7 @@ def test_a_row_of_another_link_is_found_by_the_fit(tmp_path: Path) -> None:
 
 
 def test_options_that_fit_three_links_only(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"^inertia: inertia model 'model_1' was identified with three links; 'f1'"):
+    with pytest.raises(InputError, match=r"^inertia: inertia model 'model_1' applies to three-link robots only; 'f1'"):
         resolve("f1", Context(), inertia="model_1")
     assert resolve("f1", Context(), smoothing="piecewise_linear").cart is not None
 
@@ -113,7 +113,7 @@ def test_a_trajectory_of_the_f1_is_refused_in_one_sentence(tmp_path: Path) -> No
     plain = tmp_path / "motion.toml"
     plain.write_text(problem.replace('inertia = "model_2"', ""))
     for path, sentence in (
-        ("problems/l1_min_time.toml", r"^inertia: inertia model 'model_2' was identified with three links"),
+        ("problems/l1_min_time.toml", r"^inertia: inertia model 'model_2' applies to three-link robots only"),
         (str(plain), "^robot: the robot must declare 'tau' as a vector of 3; it has "),
     ):
         loaded = load(path, ['robot="f1"'])

@@ -173,7 +173,7 @@ def test_amplification_grows_towards_the_edge_of_reach():
     assert code is Status.OUT_OF_RANGE and np.isnan(beyond)
 
 
-def test_platform_of_the_d1_and_of_its_triangle():
+def test_platform_of_the_d1():
     robot = gt.robots.six_link_gantry_tau()
     names = ("A", "v", "L", "B", "m_p", "c_p", "I_p", "m_c", "m_a", "coulomb", "viscous", "velocity_scale")
     by_hand = SixLinkByHand(**{k: np.array(getattr(robot, k), dtype=float) for k in names})
