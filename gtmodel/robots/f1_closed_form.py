@@ -16,8 +16,9 @@ class F1FiveDof(gt.Model):
     position changes. Each cluster is one link: rows of A, B and L are the means over the links of an arm, A in the
     frames of the joint plates as in F1. R = R(u1_3) Ry(q5) R(u2_3) Rx(q6) R(e_c), each divided by the squared length
     of its quaternion, so that R is a rotation; e is a unit quaternion of it. Exact where clusters are parallelograms
-    (`f1_geometry.parallel`); on the printed set a start value for the 6-DOF Newton, up to 15 mm and 4 degrees off for
-    angles of 17 degrees (eq. (4.32)) where q4 = -q5, and up to 12 cm where these differ by 30 degrees. Branches as for three links: `arm_below[i]`, the plate joint below cart i,
+    (`f1_geometry.parallel`). On the printed set it is a start value for the 6-DOF Newton: up to 15 mm and 4 degrees off
+    for angles of 17 degrees (eq. (4.32)) where q4 = -q5, up to 12 cm where these differ by 30 degrees. Branches as for
+    three links: `arm_below[i]`, the plate joint below cart i,
     and `plate_below`, the plate below the plane through the three virtual cart joints.
     """
 
