@@ -41,7 +41,7 @@ from .functions import (
     vector,
 )
 from .model import Connector, Model
-from .optimization import Optimization, integral
+from .optimization import Optimization, delayed, integral
 from .source import ModelError, SourceLocation
 from .units import UnitError
 
@@ -70,6 +70,7 @@ __all__ = [
     "connect",
     "cos",
     "cross",
+    "delayed",
     "der",
     "dot",
     "each",
