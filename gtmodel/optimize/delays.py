@@ -12,9 +12,9 @@ from ..compiler.flat import FlatModel
 from ..lang.optimization import Delayed
 from ..lang.source import ModelError
 from .control import control_basis
+from .dynamic import DynamicProblem
 from .element import Layout
 from .mesh import Mesh
-from .dynamic import DynamicProblem
 
 ROUND_OFF = 1e-9  # of fractions of the horizon
 
@@ -81,7 +81,9 @@ def delay_rows(problem: DynamicProblem, mesh: Mesh, layout: Layout) -> DelayRows
                 value.append(0.0)
                 e = min(N - 1, int(np.searchsorted(mesh.edges, mesh.edges[k] - shift + ROUND_OFF, side="right")) - 1)
                 local = np.clip((s - mesh.edges[e]) / mesh.h[e], 0.0, 1.0)
-                for weight, i in zip(control_basis(mesh.control, mesh.table, [local])[0], layout.u[:, source], strict=True):
+                for weight, i in zip(
+                    control_basis(mesh.control, mesh.table, [local])[0], layout.u[:, source], strict=True
+                ):
                     rows.append(row)
                     cols.append(e * n + int(i))
                     weights.append(-float(weight) * other / own)

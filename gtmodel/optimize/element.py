@@ -8,8 +8,8 @@ import casadi as ca
 import numpy as np
 
 from .control import coefficients, control_basis
-from .mesh import Mesh
 from .dynamic import DynamicProblem
+from .mesh import Mesh
 from .tables import basis, basis_slope
 
 

@@ -114,7 +114,9 @@ def solve_point_variables(
         p[names.index(name)] = value
     t0, tf = (float(v) for v in ca.Function("ends", [problem.P], [problem.t0, problem.tf])(free))
     n = len(s)
-    given = [x.T, u.T] + ([(t0 + s * (tf - t0))[None, :]] if plan.uses_time else []) + [np.repeat(p[:, None], n, axis=1)]
+    given = (
+        [x.T, u.T] + ([(t0 + s * (tf - t0))[None, :]] if plan.uses_time else []) + [np.repeat(p[:, None], n, axis=1)]
+    )
     found: list[np.ndarray] = []
     with np.errstate(all="ignore"):
         for kernel in built.kernels:

@@ -23,7 +23,7 @@ class Mesh:
             at every instant through their Bernstein coefficients), "linear" (continuous) or "constant" on each element.
         lengths: relative element lengths; equal if None.
         length_ratio: (low, high) makes the lengths free: each lies between low and high times its given length, and
-            they still fill the horizon.
+            they still fill the horizon. A control "polynomial" would use its overshoots then: take another one.
         blocks: the control is constant over several elements; with control "constant".
     """
 

@@ -13,9 +13,9 @@ import numpy as np
 from ..compiler.sparse import nonzeros, stacked
 from ..lang.source import ModelError
 from .delays import DelayRows, delay_rows
+from .dynamic import DynamicProblem
 from .element import Element, Layout, make_element, value_at
 from .mesh import Mesh
-from .dynamic import DynamicProblem
 
 
 @dataclass(eq=False)
@@ -169,9 +169,7 @@ def _check_names(problem: DynamicProblem, mesh: Mesh) -> None:
                 )
 
 
-def _step_bounds(
-    problem: DynamicProblem, mesh: Mesh, layout: Layout, m: int, lbg: np.ndarray, ubg: np.ndarray
-) -> None:
+def _step_bounds(problem: DynamicProblem, mesh: Mesh, layout: Layout, m: int, lbg: np.ndarray, ubg: np.ndarray) -> None:
     """Where a block ends the control may step: the row that continues it becomes a bound on the step."""
     if mesh.blocks is None:
         return

@@ -80,6 +80,11 @@ def _build(
     preferred = [i for name in prefer for i in flat.lookup(name)[1]]
     fold = _fold(flat, tunable)
     base = make_plan(flat, inputs, _all_pairs(flat, constraints), preferred, branches, rates=True, fold=fold)
+    if formulation == "dae" and (idle := _idle(flat, base)):
+        # all equations are rows here, also those that nothing asked for
+        base = make_plan(
+            flat, inputs, sorted({*_all_pairs(flat, constraints), *idle}), preferred, branches, rates=True, fold=fold
+        )
     states = base.states
     steep = [flat.symbol_name(i, k) for i, k in base.inputs if i in inputs and k > 0]
     if steep:
@@ -91,8 +96,10 @@ def _build(
         _refuse_newton(flat, base)
     plan, kind = base, "torn" if base.newton else "explicit"
     if formulation in ("auto", "inverse"):
-        inverse = None if delays else _inverse_plan(flat, controls, states, constraints, branches, fold)
-        divides = inverse is not None and _pivots(inverse) and not _pivots(base) and not base.newton
+        # without a closed form of the states' equations there is none of their inverse either
+        hopeless = bool(delays) or (formulation == "auto" and bool(base.newton))
+        inverse = None if hopeless else _inverse_plan(flat, controls, states, constraints, branches, fold)
+        divides = inverse is not None and _pivots(inverse) and not _pivots(base)
         if inverse is not None and (formulation == "inverse" or not divides):
             plan, kind = inverse, "inverse"
         elif formulation == "inverse":
@@ -107,6 +114,14 @@ def _build(
     problem = builder.problem(objective, constraints)
     problem.branches = branches
     return problem
+
+
+def _idle(flat: FlatModel, plan: Plan) -> list[Pair]:
+    """Chain symbols of the equations that the plan does not compute."""
+    known = {s.element_hash() for b in plan.blocks for s, _ in b.assignments}
+    known |= {s.element_hash() for b in plan.newton for s in b.unknowns}
+    given = {*plan.inputs, *plan.states}
+    return [p for p in plan.pairs if p not in given and flat.scope.symbol(*p).element_hash() not in known]
 
 
 def _pivots(plan: Plan) -> bool:

@@ -12,15 +12,16 @@ from scipy.interpolate import CubicHermiteSpline
 
 from ..results.status import SolveStatus
 from ..results.trajectory import Trajectory
+from .dynamic import DynamicProblem
 from .element import pointwise
 from .mesh import Mesh
 from .nlp import Nlp, placed
 from .overshoot import control_range
-from .dynamic import DynamicProblem
 from .solution import Solution, constants, horizon, named, states_and_controls
 
 # far below the collocation error that is to be measured, far above round-off
 INTEGRATOR_TOLERANCE = 1e-10
+NEWTON_DONE = 1e-12  # relative: corrections this small are round-off
 SUBSTEPS = 8  # reported points per element: overshoots of a cubic control are seen
 
 
@@ -104,9 +105,7 @@ def _given(nlp: Nlp, x: np.ndarray, element: int, local: np.ndarray) -> np.ndarr
     return layout.inputs(y, local)[:, : layout.nu + len(nlp.problem.delayed)]
 
 
-def _integrate(
-    solution: Solution, tolerance: float, mesh: Mesh
-) -> tuple[list[np.ndarray], list[np.ndarray], float]:
+def _integrate(solution: Solution, tolerance: float, mesh: Mesh) -> tuple[list[np.ndarray], list[np.ndarray], float]:
     """States (SUBSTEPS + 1, nx) and unknowns without a closed form in each element, up to where the integrator
     stops, and the integral cost."""
     nlp = solution.nlp
@@ -145,12 +144,7 @@ def _first_unknowns(solution: Solution, x: np.ndarray, t0: float, P: np.ndarray)
     known = {p: u[1, layout.nu + len(problem.delayed) + n] for n, p in enumerate(problem.z_pairs)}
     z = np.array([known.get(p, 0.0) for p in system.pairs])
     given = u[0, : layout.nu + len(problem.delayed)]
-    for _ in range(30):
-        r, slope = (np.asarray(v.full()) for v in system.residual(x, given, z, P, t0))
-        step = np.linalg.lstsq(slope, -r.reshape(-1), rcond=None)[0]
-        z = z + step
-        if np.max(np.abs(step)) <= 1e-13 * (1 + np.max(np.abs(z))):
-            break
+    z = system.solved(x[None], given[None], z[None], P, np.array([t0]))[0]
     return z
 
 
@@ -187,6 +181,25 @@ class System:
         values = ca.Function("values", arguments, [rates, ca.vertcat(*found.point) if found.point else ca.SX(0, 1)])
         slopes = ca.Function("residual", arguments, [residual, ca.densify(ca.jacobian(residual, unknowns))])
         return cls(values, slopes, [problem.flat.scope.owner(s) for s in found.unknowns])
+
+    def solved(
+        self, x: np.ndarray, given: np.ndarray, z: np.ndarray, P: np.ndarray, t: np.ndarray, steps: int = 20
+    ) -> np.ndarray:
+        """The unknowns without a closed form (n, count) by Newton from z; NaN where that does not converge."""
+        n = len(t)
+        f = self.residual.map(n)
+        rows = [ca.DM(a.T) for a in (x, given)]
+        rest = [ca.repmat(ca.DM(P), 1, n), ca.DM(t).T]
+        done = np.zeros(n, bool)
+        for _ in range(steps):
+            r, slope = (v.full() for v in f(*rows, ca.DM(z.T), *rest))
+            slopes = slope.reshape(self.count, n, self.count).transpose(1, 0, 2)
+            step = np.stack([np.linalg.lstsq(a, -b, rcond=None)[0] for a, b in zip(slopes, r.T, strict=True)])
+            z = z + step
+            done = np.max(np.abs(step), axis=1) <= NEWTON_DONE * (1 + np.max(np.abs(z), axis=1))
+            if done.all():
+                break
+        return np.where(done[:, None], z, np.nan)
 
     def at(
         self, x: np.ndarray, given: np.ndarray, z: np.ndarray, P: np.ndarray, t: np.ndarray

@@ -11,9 +11,9 @@ import numpy as np
 from ..lang.scope import derivative_name
 from ..results.status import SolveStatus
 from ..results.trajectory import Trajectory
+from .dynamic import DynamicProblem
 from .mesh import Mesh
 from .nlp import Nlp, placed
-from .dynamic import DynamicProblem
 from .tables import basis, basis_slope
 
 

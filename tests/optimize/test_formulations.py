@@ -35,7 +35,9 @@ def test_a_block_without_a_closed_form(formulation, unknowns):
 
 def test_auto_tears_and_explicit_refuses():
     assert build(problems.ImplicitBlock(), "auto").formulation == "torn"
-    with pytest.raises(ModelError, match=r"equations for y\d, y\d have no closed form, and formulation 'explicit'.*'dae'"):
+    with pytest.raises(
+        ModelError, match=r"equations for y\d, y\d have no closed form, and formulation 'explicit'.*'dae'"
+    ):
         build(problems.ImplicitBlock(), "explicit")
 
 
@@ -64,7 +66,9 @@ def test_nothing_eliminated_is_the_same_optimum(cls, mesh, guess):
 
 
 @pytest.mark.parametrize("mesh", [Mesh(3, 2), Mesh(2, 3, "gauss", "constant")])
-@pytest.mark.parametrize("cls", [features.TwoCarts, features.PathConstraints, features.FreeTimes, problems.ImplicitBlock])
+@pytest.mark.parametrize(
+    "cls", [features.TwoCarts, features.PathConstraints, features.FreeTimes, problems.ImplicitBlock]
+)
 @pytest.mark.parametrize("formulation", ["dae", "torn"])
 def test_derivatives(cls, formulation, mesh):
     nlp = make_nlp(build(cls(), formulation), mesh)
@@ -176,5 +180,7 @@ def test_too_many_equations_are_named():
             yield self.x + self.u == 1.0
             yield self.x * self.u == 0.2
 
-    with pytest.raises(ModelError, match=r"Twice: too many equations .*constraint 1 \(.*constraint 2 \(.*leave one out"):
+    with pytest.raises(
+        ModelError, match=r"Twice: too many equations .*constraint 1 \(.*constraint 2 \(.*leave one out"
+    ):
         solve(Twice(), Mesh(4, 2))
