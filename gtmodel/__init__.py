@@ -15,13 +15,17 @@ from .optimize import (
     Blocks,
     Mesh,
     NotSolved,
+    Phases,
     Refinement,
     Resimulation,
     Solution,
     SolverOptions,
+    multi_start,
     refine,
     resimulate,
     solve,
+    solve_phases,
+    transcribe,
 )
 from .results import SolveStatus, Status, Trajectory
 from .simulate import NotSimulated, Simulation, linearize, modes, simulate
@@ -42,6 +46,7 @@ __all__ = [
     "Mesh",
     "NotSimulated",
     "NotSolved",
+    "Phases",
     "Refinement",
     "Resimulation",
     "Simulation",
@@ -54,11 +59,14 @@ __all__ = [
     "linearize",
     "mechanics",
     "modes",
+    "multi_start",
     "refine",
     "resimulate",
     "robots",
     "simulate",
     "solve",
+    "solve_phases",
+    "transcribe",
 ]
 __all__ += _lang.__all__
 

@@ -271,7 +271,7 @@ def _points(problem: DynamicProblem, mesh: Mesh, element: Element, p_scale: np.n
     )
 
 
-def _scatter(rows: np.ndarray, cols: np.ndarray, values: ca.MX, shape: tuple[int, int]) -> ca.MX:
+def scatter(rows: np.ndarray, cols: np.ndarray, values: ca.MX, shape: tuple[int, int]) -> ca.MX:
     """Sparse matrix from triplets without duplicates: one gather at run time."""
     order = np.lexsort((rows, cols))
     sparsity = ca.Sparsity.triplet(*shape, rows.astype(int).tolist(), cols.astype(int).tolist())
@@ -298,7 +298,7 @@ def _jacobian(
     r5, c5 = held.row.astype(int) + N * m + mc, held.col.astype(int)
     values = ca.vertcat(ca.vec(nz), -ca.MX.ones(len(r2), 1), ca.vec(dP), point.jacobian(z), ca.DM(held.data))
     rows, cols = np.concatenate([r1, r2, r3, r4, r5]), np.concatenate([c1, c2, c3, c4, c5])
-    return _scatter(rows, cols, values, (N * m + mc + held.shape[0], total))
+    return scatter(rows, cols, values, (N * m + mc + held.shape[0], total))
 
 
 def _hessian(
@@ -308,7 +308,7 @@ def _hessian(
     r1, c1 = _tile(*Hyy.sparsity().get_triplet(), N, n, n)
     k, p, r = (a.ravel() for a in np.meshgrid(np.arange(N), np.arange(nP), np.arange(n), indexing="ij"))
     r2, c2 = k * n + r, N * n + nx + p
-    result = _scatter(
+    result = scatter(
         np.concatenate([r1, r2]), np.concatenate([c1, c2]), ca.vertcat(ca.vec(nz), ca.vec(yP)), (total, total)
     )
     if nP:
@@ -316,13 +316,13 @@ def _hessian(
         i, j = np.triu_indices(nP)
         at = (i + j * nP).astype(int).tolist()
         offset = N * n + nx
-        result = result + _scatter(i + offset, j + offset, ca.vec(summed)[at], (total, total))
+        result = result + scatter(i + offset, j + offset, ca.vec(summed)[at], (total, total))
     if point.hess_sparsity.nnz():
         rp, cp = (np.array(a, int) for a in point.hess_sparsity.get_triplet())
         rows, cols = point.index[rp], point.index[cp]
         values = point.hessian(z, sigma, lam).nz[:]
         low, high = np.minimum(rows, cols), np.maximum(rows, cols)
-        result = result + _scatter(low, high, values, (total, total))
+        result = result + scatter(low, high, values, (total, total))
     return result
 
 

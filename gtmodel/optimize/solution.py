@@ -12,6 +12,7 @@ from ..lang.scope import derivative_name
 from ..results.status import SolveStatus
 from ..results.trajectory import Trajectory
 from .dynamic import DynamicProblem
+from .ipopt import Run
 from .mesh import Mesh
 from .nlp import Nlp, placed
 from .tables import basis, basis_slope
@@ -48,6 +49,7 @@ class Solution:
     multipliers: np.ndarray
     seconds: dict[str, float]
     checks: dict[str, Check] = field(default_factory=dict)
+    bound_multipliers: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
     def with_checks(self, **checks: Check) -> Solution:
         return replace(self, checks={**self.checks, **checks})
@@ -55,6 +57,22 @@ class Solution:
     @property
     def problem(self) -> DynamicProblem:
         return self.nlp.problem
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Values of the tunable parameters that this was solved for."""
+        values = constants(self.nlp, self.x)[len(self.problem.free_names) :]
+        return dict(zip(self.problem.tunable, values.tolist(), strict=True))
+
+    @property
+    def sensitivity(self) -> dict[str, float]:
+        """Slope of the optimal cost with respect to each tunable parameter, in SI units (envelope theorem)."""
+        nlp = self.nlp
+        first = nlp.constants + len(self.problem.free_names)
+        slope = np.asarray(nlp.functions["grad_f"](self.x, [])[1]).reshape(-1)[first:]
+        jacobian = nlp.functions["jac_g"](self.x, [])[1][:, first:]
+        slope = slope + np.asarray((jacobian.T @ ca.DM(self.multipliers)).full()).reshape(-1)
+        return dict(zip(self.problem.tunable, (slope / nlp.p_scale[len(self.free) :]).tolist(), strict=True))
 
     @property
     def final_time(self) -> float:
@@ -66,24 +84,17 @@ class Solution:
         return evaluate(self.nlp, self.x, np.asarray(s, float))
 
 
-def read_solution(
-    nlp: Nlp,
-    x: np.ndarray,
-    g: np.ndarray,
-    *,
-    lam_g: np.ndarray,
-    status: SolveStatus,
-    message: str,
-    objective: float,
-    iterations: int,
-    seconds: dict[str, float],
-) -> Solution:
+def read_solution(nlp: Nlp, run: Run, status: SolveStatus, message: str) -> Solution:
     """Physical values of all names from the scaled unknowns."""
+    x = run.x
     chosen = constants(nlp, x)[: len(nlp.problem.free_names)]
     free = dict(zip(nlp.problem.free_names, chosen.tolist(), strict=True))
-    violation = float(np.max(np.maximum(nlp.lbg - g, g - nlp.ubg), initial=0.0))
+    violation = float(np.max(np.maximum(nlp.lbg - run.g, run.g - nlp.ubg), initial=0.0))
     trajectory = evaluate(nlp, x, mesh_fractions(placed(nlp, x)))
-    solution = Solution(status, message, objective, iterations, trajectory, free, nlp, x, lam_g, seconds)
+    solution = Solution(
+        status, message, run.objective, run.iterations, trajectory, free, nlp, x, run.multipliers.rows, run.seconds,
+        bound_multipliers=run.multipliers.bounds,
+    )  # fmt: skip
     return solution.with_checks(constraint_violation=Check(max(0.0, violation), 1e-6))
 
 
