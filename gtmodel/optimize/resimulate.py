@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import comb
 
@@ -223,8 +223,8 @@ def _mayer(solution: Solution, integrated: Callable[[float], tuple[np.ndarray, .
     return float(ca.Function("mayer", [symbols, problem.P], [problem.mayer])(values, P))
 
 
-def make_integrator(nlp: Nlp, tolerance: float, outputs: int = SUBSTEPS) -> ca.Function:
-    """CVODES (IDAS where equations have no closed form) over one element.
+def make_integrator(nlp: Nlp, tolerance: float, outputs: Sequence[float] = ()) -> ca.Function:
+    """CVODES (IDAS where equations have no closed form) over one element, with values at fractions of it.
 
     p = [left end of the element [s], its length [s], control coefficients, delayed inputs at the points, P].
     """
@@ -251,7 +251,7 @@ def make_integrator(nlp: Nlp, tolerance: float, outputs: int = SUBSTEPS) -> ca.F
     options |= {"verbose": False, "disable_internal_warnings": True, "show_eval_warnings": False}
     if system.count:
         dae |= {"z": z, "alg": system.residual(problem.x, given, z, P, t)[0]}
-    grid = np.linspace(0.0, 1.0, outputs + 1)[1:].tolist()
+    grid = list(outputs) or np.linspace(0.0, 1.0, SUBSTEPS + 1)[1:].tolist()
     return ca.integrator("resimulate", "idas" if system.count else "cvodes", dae, 0.0, grid, options)
 
 

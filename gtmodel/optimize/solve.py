@@ -15,11 +15,14 @@ from .assembly import wrong_branch
 from .diagnosis import sentence
 from .equalities import check_equalities
 from .guess import initial_guess
-from .ipopt import HESSIANS, Multipliers, Progress, run_ipopt
+from .ipopt import HESSIANS, Multipliers, Progress, Run, run_ipopt
 from .mesh import Mesh
 from .nlp import Nlp, make_nlp
 from .problem import FORMULATIONS, build
+from .shooting import run_shooting
 from .solution import Solution, read_solution
+
+METHODS = ("collocation", "shooting")
 
 
 @dataclass(frozen=True)
@@ -72,9 +75,10 @@ def solve(
     branches: Mapping[str, int] | None = None,
     solver: SolverOptions | None = None,
     progress: Progress | None = None,
+    method: Literal["collocation", "shooting"] = "collocation",
     throw: bool = True,
 ) -> Solution:
-    """Solve an optimisation by direct collocation.
+    """Solve an optimisation by direct collocation, or by multiple shooting as a cross-check.
 
     Args:
         model: an Optimization with values for its parameters.
@@ -84,15 +88,24 @@ def solve(
             point has status failed.
         progress: called with (iteration, objective, constraint violation); returning True stops the solve,
             keeping the iterate (status interrupted).
+        method: "shooting" integrates the equations with CVODES on each element instead (explicit form, Radau points,
+            L-BFGS): slower, but without collocation's error.
 
     Raises ModelError for a wrong problem and NotSolved (with the best iterate) unless throw is False.
     """
     mesh = mesh or Mesh()
     options = solver or SolverOptions()
-    problem = build(model, options.formulation, options.prefer, branches)
+    if method not in METHODS:
+        raise ValueError(f"method is one of {', '.join(METHODS)}; found '{method}'")
+    shooting = method == "shooting"
+    form = "explicit" if shooting and options.formulation == "auto" else options.formulation
+    problem = build(model, form, options.prefer, branches)
     nlp = make_nlp(problem, mesh)
     check_equalities(problem, nlp.element)
-    return solve_nlp(nlp, initial_guess(nlp, guess), options, progress, throw)
+    x0 = initial_guess(nlp, guess)
+    if shooting:
+        return _answer(nlp, run_shooting(nlp, x0, options, progress), throw)
+    return solve_nlp(nlp, x0, options, progress, throw)
 
 
 def solve_nlp(
@@ -104,7 +117,11 @@ def solve_nlp(
     warm: Multipliers | None = None,
 ) -> Solution:
     """Run IPOPT on a transcribed problem from scaled unknowns x0."""
-    run = run_ipopt(nlp, x0, options, progress, warm)
+    return _answer(nlp, run_ipopt(nlp, x0, options, progress, warm), throw)
+
+
+def _answer(nlp: Nlp, run: Run, throw: bool) -> Solution:
+    """The solution by name, with a sentence on how it ended. Raises NotSolved."""
     status, message = run.status, sentence(run, nlp)
     if status.ok and (astray := wrong_branch(nlp, run.x)):
         status, message = SolveStatus.FAILED, astray
