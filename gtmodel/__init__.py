@@ -13,6 +13,7 @@ from .compiler.causal import CausalFunction, compile_causal
 from .lang import *  # noqa: F403
 from .optimize import (
     Blocks,
+    Estimate,
     Mesh,
     NotSolved,
     Phases,
@@ -20,6 +21,7 @@ from .optimize import (
     Resimulation,
     Solution,
     SolverOptions,
+    estimate,
     multi_start,
     refine,
     resimulate,
@@ -43,6 +45,7 @@ __version__ = "0.1.0"
 __all__ = [
     "Blocks",
     "CausalFunction",
+    "Estimate",
     "Mesh",
     "NotSimulated",
     "NotSolved",
@@ -55,6 +58,7 @@ __all__ = [
     "SolverOptions",
     "Status",
     "Trajectory",
+    "estimate",
     "kinematics",
     "linearize",
     "mechanics",

@@ -41,7 +41,7 @@ from .functions import (
     vector,
 )
 from .model import Connector, Model
-from .optimization import Optimization, delayed, integral
+from .optimization import Optimization, delayed, integral, misfit
 from .source import ModelError, SourceLocation
 from .units import UnitError
 
@@ -83,6 +83,7 @@ __all__ = [
     "log",
     "maximum",
     "minimum",
+    "misfit",
     "norm",
     "outer",
     "parameter",

@@ -1,6 +1,7 @@
 """Optimal control: direct collocation of any Optimization. Knows no robot."""
 
 from .control import Blocks
+from .estimate import Estimate, estimate
 from .mesh import Mesh
 from .multistart import MultiStart, Optimum, multi_start
 from .phases import Phases, PhasesSolution, solve_phases
@@ -11,7 +12,7 @@ from .solve import NotSolved, SolverOptions, solve
 from .transcription import Continuation, Transcription, transcribe
 
 __all__ = [
-    "Blocks", "Check", "Continuation", "Mesh", "MultiStart", "NotSolved", "Optimum", "Phases", "PhasesSolution",
-    "Refinement", "Resimulation", "Solution", "SolverOptions", "Transcription", "multi_start", "refine", "resimulate",
+    "Blocks", "Check", "Continuation", "Estimate", "Mesh", "MultiStart", "NotSolved", "Optimum", "Phases", "PhasesSolution",
+    "Refinement", "Resimulation", "Solution", "SolverOptions", "Transcription", "estimate", "multi_start", "refine", "resimulate",
     "solve", "solve_phases", "transcribe",
 ]  # fmt: skip
