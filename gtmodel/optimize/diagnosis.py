@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from .finite import not_finite
 from .ipopt import Run
 from .nlp import Nlp
 from .solution import horizon
@@ -16,7 +17,7 @@ def sentence(run: Run, nlp: Nlp) -> str:
     """One sentence on how a solve ended."""
     if run.status.ok:
         return solved_word(run)
-    return failure(run, [worst(nlp, run)])
+    return failure(run, [not_finite(nlp, run.x), worst(nlp, run)])
 
 
 def solved_word(run: Run) -> str:

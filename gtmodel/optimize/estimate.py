@@ -87,7 +87,9 @@ def estimate(solution: Solution) -> Estimate:
     r, slope = (np.asarray(v.full()) for v in residual(solution.x[index]))
     r = r.reshape(-1)
     if abs(r @ r - solution.objective) > LEAST_SQUARES * (abs(solution.objective) + r @ r) + 1e-14:
-        raise ModelError(f"{title}: the objective holds more than misfits; their covariance is that of least squares only")
+        raise ModelError(
+            f"{title}: the objective holds more than misfits; their covariance is that of least squares only"
+        )
     J = csc_matrix((slope[:, places].ravel(), (np.repeat(np.arange(len(r)), len(places)), np.tile(index[places], len(r)))),
                    shape=(len(r), nlp.size))  # fmt: skip
     A, variables = _active(solution)
@@ -109,7 +111,9 @@ def estimate(solution: Solution) -> Estimate:
     try:
         covariance = splu(kkt).solve(chosen)[columns]
     except RuntimeError:
-        raise ModelError(f"{title}: the constraints are redundant at the solution; remove those that repeat others") from None
+        raise ModelError(
+            f"{title}: the constraints are redundant at the solution; remove those that repeat others"
+        ) from None
     _require_told(title, covariance, small, names)
     noise = float(np.sqrt(r @ r / freedom)) if freedom else 1.0
     covariance = (covariance + covariance.T) / 2 * np.outer(scale, scale) * (1.0 if known else noise**2)

@@ -16,6 +16,7 @@ Progress = Callable[[int, float, float], bool]
 HESSIANS = {"exact": "exact", "lbfgs": "limited-memory"}
 # a warm start trusts its point: the barrier begins near where it ended. Of some sets tried on four problems this was best;
 # a larger change of parameters may take more iterations than a cold start
+FATROP = {True: "Solve_Succeeded", False: "fatrop did not converge"}
 WARM_PUSH, WARM_BARRIER = 1e-3, 1e-6
 
 
@@ -68,7 +69,7 @@ class Run:
 def run_ipopt(
     program: Program, x0: np.ndarray, options: Limits, progress: Progress | None = None, warm: Multipliers | None = None
 ) -> Run:
-    """Run IPOPT from x0, and from multipliers too where they are given."""
+    """Run IPOPT from x0, and from multipliers too where they are given; or fatrop."""
     watch = _Watch(program, progress, options.max_seconds)
     ipopt: dict[str, Any] = {
         "tol": options.tolerance,
@@ -93,13 +94,25 @@ def run_ipopt(
         "show_eval_warnings": False,
         **program.functions,
     }
+    plugin = getattr(options, "solver", "ipopt")
+    if plugin == "fatrop":
+        settings.pop("ipopt")
+        settings.pop("iteration_callback")  # fatrop has none
+        for name in ("no_nlp_grad", *program.functions):
+            settings.pop(name)
+        settings |= {
+            "cache": {f.name(): f for f in program.functions.values()},
+            "structure_detection": "auto",
+            "equality": (program.lbg == program.ubg).tolist(),
+            "fatrop": {"tol": options.tolerance, "max_iter": options.max_iterations, "print_level": 0},
+        }
     start = time.perf_counter()
-    run = ca.nlpsol("solver", "ipopt", program.nlp, settings)
+    run = ca.nlpsol("solver", plugin, program.nlp, settings)
     setup = time.perf_counter() - start
     given = {} if warm is None else {"lam_g0": warm.rows, "lam_x0": warm.bounds}
     result = run(x0=x0, lbx=program.lbx, ubx=program.ubx, lbg=program.lbg, ubg=program.ubg, **given)
     stats = run.stats()
-    status, word = _status(str(stats["return_status"]), watch)
+    status, word = _status(str(stats["return_status"]) if plugin == "ipopt" else FATROP[bool(stats["success"])], watch)
     x, g, rows, bounds = (np.asarray(result[n]).reshape(-1) for n in ("x", "g", "lam_g", "lam_x"))
     return Run(
         x, g, float(result["f"]), Multipliers(rows, bounds), int(stats["iter_count"]), status, word,

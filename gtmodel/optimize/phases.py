@@ -20,6 +20,7 @@ from .assembly import wrong_branch
 from .diagnosis import failure, named_row, solved_word, violated
 from .element import value_at
 from .equalities import check_equalities
+from .finite import not_finite
 from .guess import initial_guess
 from .ipopt import Multipliers, Progress, Run, run_ipopt
 from .mesh import Mesh
@@ -342,7 +343,7 @@ def _is(name: str, element: str) -> bool:
 
 def _read(joined: _Joined, run: Run, throw: bool) -> PhasesSolution:
     status = run.status
-    message = solved_word(run) if status.ok else failure(run, [_worst(joined, run)])
+    message = solved_word(run) if status.ok else failure(run, [*_infinite(joined, run), _worst(joined, run)])
     if status.ok:
         for k, (name, nlp) in enumerate(joined.nlps.items()):
             astray = wrong_branch(nlp, run.x[joined.at[k] : joined.at[k + 1]])
@@ -363,6 +364,12 @@ def _read(joined: _Joined, run: Run, throw: bool) -> PhasesSolution:
     if throw and not status.ok:
         raise NotSolved(solution)
     return solution
+
+
+def _infinite(joined: _Joined, run: Run) -> list[str]:
+    parts = zip(joined.nlps.items(), joined.at[:-1], joined.at[1:], strict=True)
+    found = [(name, not_finite(nlp, run.x[a:b])) for (name, nlp), a, b in parts]
+    return [f"phase '{name}': {text}" for name, text in found if text]
 
 
 def _worst(joined: _Joined, run: Run) -> str:

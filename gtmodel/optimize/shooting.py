@@ -75,7 +75,9 @@ def _transcribe(nlp: Nlp) -> _Shooting:
     kept = np.concatenate([*(k * n + own for k in range(N)), np.arange(nlp.end, nlp.size)]).astype(int)
     m = nlp.element.rows.numel()
     wanted = [r for r, (name, _) in enumerate(nlp.element.row_names) if not name.startswith("rate of ")]
-    rows = np.concatenate([*(k * m + np.array(wanted, int) for k in range(N)), np.arange(N * m, len(nlp.lbg))]).astype(int)
+    rows = np.concatenate([*(k * m + np.array(wanted, int) for k in range(N)), np.arange(N * m, len(nlp.lbg))]).astype(
+        int
+    )
 
     w, p = ca.MX.sym("w", len(kept)), ca.MX.sym("p", 0)
     W = ca.reshape(w[: N * len(own)], len(own), N)
@@ -108,12 +110,18 @@ def _transcribe(nlp: Nlp) -> _Shooting:
     # the integral cost of the integrator in place of collocation's
     element = nlp.element
     scaled_P = ca.SX.sym("P", len(nlp.p_scale))
-    cost = ca.substitute([element.cost], [element.P], [scaled_P * ca.DM(nlp.p_scale)])[0] if len(nlp.p_scale) else element.cost
+    cost = (
+        ca.substitute([element.cost], [element.P], [scaled_P * ca.DM(nlp.p_scale)])[0]
+        if len(nlp.p_scale)
+        else element.cost
+    )
     share = ca.Function("cost", [element.y, scaled_P, element.d], [cost]).map(N)
     D = ca.DM(np.vstack([mesh.h, mesh.edges[:-1]]))
     f = f - ca.sum2(share(Y, ca.repmat(P, 1, N), D)) + ca.sum2(result["qf"][:, K - 1 :: K])
     # bounds on states at the points between the edges are rows here
-    low = np.concatenate([np.where(np.isfinite(nlp.lbx[k * n + inside]), nlp.lbx[k * n + inside], -np.inf) for k in range(N)])
+    low = np.concatenate(
+        [np.where(np.isfinite(nlp.lbx[k * n + inside]), nlp.lbx[k * n + inside], -np.inf) for k in range(N)]
+    )
     high = np.concatenate([nlp.ubx[k * n + inside] for k in range(N)])
     bounded = np.flatnonzero(np.isfinite(low) | np.isfinite(high))
     between = ca.vec(scaled)[bounded.tolist()] if bounded.size else ca.MX(0, 1)
@@ -123,4 +131,3 @@ def _transcribe(nlp: Nlp) -> _Shooting:
         np.concatenate([nlp.lbg[rows], low[bounded]]), np.concatenate([nlp.ubg[rows], high[bounded]]), kept, rows,
         ca.Function("full", [w], [full]),
     )  # fmt: skip
-

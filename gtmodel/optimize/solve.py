@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -14,6 +14,7 @@ from ..results.trajectory import Trajectory
 from .assembly import wrong_branch
 from .diagnosis import sentence
 from .equalities import check_equalities
+from .fatrop import Staged
 from .guess import initial_guess
 from .ipopt import HESSIANS, Multipliers, Progress, Run, run_ipopt
 from .mesh import Mesh
@@ -22,6 +23,7 @@ from .problem import FORMULATIONS, build
 from .shooting import run_shooting
 from .solution import Solution, read_solution
 
+SOLVERS = ("ipopt", "fatrop")
 METHODS = ("collocation", "shooting")
 
 
@@ -36,6 +38,8 @@ class SolverOptions:
         formulation: "auto", "inverse", "explicit", "torn" or "dae" (see optimize.problem.build).
         prefer: names to keep as states.
         hessian: "exact", or "lbfgs" from gradients alone.
+        solver: "ipopt"; or "fatrop", where states alone link the elements (no free constants, a horizon that is given),
+            without progress and time limit.
 
     Raises ValueError for a number out of range or an unknown word.
     """
@@ -46,6 +50,7 @@ class SolverOptions:
     formulation: Literal["auto", "inverse", "explicit", "torn", "dae"] = "auto"
     prefer: tuple[str, ...] = ()
     hessian: Literal["exact", "lbfgs"] = "exact"
+    solver: Literal["ipopt", "fatrop"] = "ipopt"
 
     def __post_init__(self) -> None:
         if not 0 < self.tolerance < 1:
@@ -54,9 +59,11 @@ class SolverOptions:
             raise ValueError(
                 f"max_iterations and max_seconds are not negative; found {self.max_iterations} and {self.max_seconds}"
             )
-        for name, words in (("formulation", FORMULATIONS), ("hessian", HESSIANS)):
+        for name, words in (("formulation", FORMULATIONS), ("hessian", HESSIANS), ("solver", SOLVERS)):
             if getattr(self, name) not in words:
                 raise ValueError(f"{name} is one of {', '.join(words)}; found '{getattr(self, name)}'")
+        if self.solver == "fatrop" and (self.hessian != "exact" or self.max_seconds is not None):
+            raise ValueError("fatrop takes the exact hessian and no max_seconds; use solver 'ipopt'")
 
 
 class NotSolved(RuntimeError):
@@ -117,6 +124,11 @@ def solve_nlp(
     warm: Multipliers | None = None,
 ) -> Solution:
     """Run IPOPT on a transcribed problem from scaled unknowns x0."""
+    if options.solver == "fatrop":
+        staged = Staged(nlp)
+        run = run_ipopt(staged, x0, options)
+        turned = Multipliers(run.multipliers.rows * staged.signs, run.multipliers.bounds)
+        return _answer(nlp, replace(run, g=run.g * staged.signs, multipliers=turned), throw)
     return _answer(nlp, run_ipopt(nlp, x0, options, progress, warm), throw)
 
 

@@ -133,7 +133,9 @@ class TestNonlinear:
     def test_scipy(self):
         data = noisy(1.5 / (1 + 0.8 * 1.5 * TIMES))
         e = estimate(solve(decay(data), Mesh(20, 3), solver=TIGHT))
-        best, covariance = curve_fit(lambda t, k, x: x / (1 + k * x * t), TIMES, data, [0.5, 1.0], ftol=1e-14, xtol=1e-14)
+        best, covariance = curve_fit(
+            lambda t, k, x: x / (1 + k * x * t), TIMES, data, [0.5, 1.0], ftol=1e-14, xtol=1e-14
+        )
         assert e.names == ("k", "x at the start")
         assert e.values == pytest.approx(best, rel=ROADS)
         assert e.covariance == pytest.approx(covariance, rel=1e-3)  # SciPy's slopes are differences
@@ -179,7 +181,9 @@ class TestNonlinear:
 class TestRefused:
     def test_what_the_data_do_not_determine(self):
         data = noisy(1.5 / (1 + 0.8 * 1.5 * TIMES))
-        with pytest.raises(ModelError, match="the data do not determine .*; fix one of them, or measure something else") as caught:
+        with pytest.raises(
+            ModelError, match="the data do not determine .*; fix one of them, or measure something else"
+        ) as caught:
             estimate(solve(decay(data, c=gt.free(1.0, min=0.1, max=9.0)), Mesh(5, 3)))
         # x = y / c: only k / c and c x are told
         assert all(name in str(caught.value) for name in ("k", "c", "x at the start"))
