@@ -75,7 +75,8 @@ class Delayed(Variable):
 
     def before(self, time: float) -> float:
         """Value at a time [s] before the start of the horizon."""
-        return float(self.history(time) if callable(self.history) else self.history)
+        value: Any = self.history(time) if callable(self.history) else self.history
+        return float(value)
 
 
 def delayed(source: Any, tau: float, *, history: Any) -> Any:

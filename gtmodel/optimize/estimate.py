@@ -26,8 +26,8 @@ LEAST_SQUARES = 1e-6  # relative: the objective is the misfit and nothing else
 class Estimate:
     """Estimated quantities with their covariance, in SI units.
 
-    `names`: free constants, and states at the start as "x at the start". `covariance` (n, n) is that of linearised least
-    squares (Gauss-Newton), `freedom` the number of measured values beyond the estimated quantities, `noise` the
+    `names`: free constants, and states at the start as "x at the start". `covariance` (n, n) is that of linearised
+    least squares (Gauss-Newton), `freedom` the number of measured values beyond the estimated quantities, `noise` the
     standard deviation of the residuals (1 expected where sigma was given). `held` stand at a bound: no covariance.
     """
 
@@ -88,25 +88,25 @@ def estimate(solution: Solution) -> Estimate:
     r = r.reshape(-1)
     if abs(r @ r - solution.objective) > LEAST_SQUARES * (abs(solution.objective) + r @ r) + 1e-14:
         raise ModelError(
-            f"{title}: the objective holds more than misfits; their covariance is that of least squares only"
+            f"{title}: the objective holds more than misfits; the covariance is that of least squares only"
         )
-    J = csc_matrix((slope[:, places].ravel(), (np.repeat(np.arange(len(r)), len(places)), np.tile(index[places], len(r)))),
+    row, column = np.repeat(np.arange(len(r)), len(places)), np.tile(index[places], len(r))
+    J = csc_matrix((slope[:, places].ravel(), (row, column)),
                    shape=(len(r), nlp.size))  # fmt: skip
     A, variables = _active(solution)
-    J, n = J[:, variables], len(variables)
-    freedom = len(r) - (n - A.shape[0])
+    J, n = csc_matrix(J[:, variables]), len(variables)
+    held_rows = A.get_shape()[0]
+    freedom = len(r) - (n - held_rows)
     known = problem.misfits[0].known
     if freedom < 0 or (freedom == 0 and not known):
-        raise ModelError(
-            f"{title}: {len(r)} measured values for {n - A.shape[0]} unknowns; measure more, or give sigma"
-        )
+        raise ModelError(f"{title}: {len(r)} measured values for {n - held_rows} unknowns; measure more, or give sigma")
     names, columns, scale, values, held = _quantities(solution, variables)
     if not names:
         raise ModelError(f"{title}: nothing is free to be estimated; declare gt.free constants or leave a start free")
     information = (J.T @ J).tocsc()
     small = REGULAR * float(information.diagonal().max(initial=0.0))
     kkt = bmat([[information + small * identity(n), A.T], [A, None]], format="csc")
-    chosen = np.zeros((kkt.shape[0], len(columns)))
+    chosen = np.zeros((n + held_rows, len(columns)))
     chosen[columns, np.arange(len(columns))] = 1.0
     try:
         covariance = splu(kkt).solve(chosen)[columns]
@@ -143,7 +143,7 @@ def _active(solution: Solution) -> tuple[csc_matrix, np.ndarray]:
     matrix = csc_matrix(
         (np.array(jacobian.nonzeros()), np.array(sparsity.row()), np.array(sparsity.colind())), shape=sparsity.shape
     )
-    return matrix[rows][:, variables].tocsc(), variables
+    return csc_matrix(matrix[rows][:, variables]), variables
 
 
 def _quantities(
@@ -158,8 +158,8 @@ def _quantities(
     asked += [(n, f"{name} at the start", problem.x_scale[n]) for n, name in enumerate(states)]
     found = [(name, column[i], s, solution.x[i] * s) for i, name, s in asked if i in column]
     held = [name for i, name, _ in asked if i not in column and nlp.lbx[i] != nlp.ubx[i]]
-    names, columns, scales, values = ([f[k] for f in found] for k in range(4))
-    return names, np.array(columns, int), np.array(scales), np.array(values), held
+    columns, scales, values = (np.array([f[k] for f in found]) for k in (1, 2, 3))
+    return [f[0] for f in found], columns.astype(int), scales, values, held
 
 
 def _require_told(title: str, covariance: np.ndarray, small: float, names: list[str]) -> None:

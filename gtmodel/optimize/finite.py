@@ -10,8 +10,25 @@ import numpy as np
 from .nlp import Nlp, placed
 from .solution import constants, mesh_fractions, states_and_controls
 
-NAMES = {getattr(ca, f"OP_{n.upper()}"): n for n in (
-    "sqrt", "log", "log1p", "exp", "acos", "asin", "atan2", "tan", "acosh", "atanh", "sinh", "cosh", "inv", "expm1")}  # fmt: skip
+NAMES = {
+    getattr(ca, f"OP_{n.upper()}"): n
+    for n in [
+        "sqrt",
+        "log",
+        "log1p",
+        "exp",
+        "expm1",
+        "acos",
+        "asin",
+        "atan2",
+        "tan",
+        "acosh",
+        "atanh",
+        "sinh",
+        "cosh",
+        "inv",
+    ]
+}
 SIGNS = {ca.OP_DIV: "/", ca.OP_MUL: "*", ca.OP_ADD: "+", ca.OP_SUB: "-", ca.OP_POW: "**", ca.OP_CONSTPOW: "**"}
 
 
@@ -87,8 +104,8 @@ def _computed(nlp: Nlp) -> tuple[list[_Step], list[ca.SX], ca.SX]:
                 steps.append(_Step(f"'{equations}'", e))
                 symbols.append(symbol)
     own = builder.express(symbols, with_controls=builder.kind != "inverse") if symbols else []
-    rows: list[tuple[str, ca.SX]] = [(f"the rate of {n}", r) for n, r in zip(problem.state_names, problem.rates, strict=True)
-                                     if r is not None]  # fmt: skip
+    named = zip(problem.state_names, problem.rates, strict=True)
+    rows: list[tuple[str, ca.SX]] = [(f"the rate of {n}", r) for n, r in named if r is not None]
     rows += [(f"'{label}'", problem.algebraic[n]) for n, label in enumerate(problem.algebraic_labels)]
     rows += [(f"'{r.label}'", r.expression) for r in problem.path]
     rows += [("an integral of the objective", e) for _, e, _ in problem.integrals]

@@ -14,8 +14,8 @@ from ..results.status import SolveStatus
 
 Progress = Callable[[int, float, float], bool]
 HESSIANS = {"exact": "exact", "lbfgs": "limited-memory"}
-# a warm start trusts its point: the barrier begins near where it ended. Of some sets tried on four problems this was best;
-# a larger change of parameters may take more iterations than a cold start
+# a warm start trusts its point: the barrier begins near where it ended. The best of some tried on four problems; a
+# larger change of parameters may take more iterations than a cold start
 FATROP = {True: "Solve_Succeeded", False: "fatrop did not converge"}
 WARM_PUSH, WARM_BARRIER = 1e-3, 1e-6
 

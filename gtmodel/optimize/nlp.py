@@ -119,7 +119,7 @@ def make_nlp(problem: DynamicProblem, mesh: Mesh) -> Nlp:
     point = _points(problem, mesh, element, p_scale)
     z = X[point.index.tolist()] if point.index.size else ca.MX(0, 1)
     mc = len(problem.points)
-    md = delays.matrix.shape[0]
+    md = len(delays.value)
     lam_all = ca.MX.sym("lam_g", N * m + mc + md)
     sigma = ca.MX.sym("lam_f_x")
 
@@ -315,7 +315,7 @@ def _jacobian(
     r5, c5 = held.row.astype(int) + N * m + mc, held.col.astype(int)
     values = ca.vertcat(ca.vec(nz), -ca.MX.ones(len(r2), 1), ca.vec(dP), point.jacobian(z), ca.DM(held.data))
     rows, cols = np.concatenate([r1, r2, r3, r4, r5]), np.concatenate([c1, c2, c3, c4, c5])
-    return scatter(rows, cols, values, (N * m + mc + held.shape[0], total))
+    return scatter(rows, cols, values, (N * m + mc + len(delays.value), total))
 
 
 def _hessian(

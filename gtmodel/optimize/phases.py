@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import casadi as ca
@@ -142,7 +143,8 @@ class End:
         """Start and end of this phase's horizon."""
         p = self._nlp.problem
         f = ca.Function("times", [p.P], [p.t0, p.tf])
-        return f(self.P * ca.DM(self._nlp.p_scale))
+        t0, tf = f(self.P * ca.DM(self._nlp.p_scale))
+        return t0, tf
 
 
 @dataclass(frozen=True, eq=False)
@@ -231,7 +233,7 @@ def _join(model: Phases, nlps: dict[str, Nlp]) -> _Joined:
     curvature = ca.Function("links_hessian", [z, lam], [hessian])
 
     X, p = ca.MX.sym("X", total), ca.MX.sym("p", 0)
-    parts = [X[int(a) : int(b)] for a, b in zip(at[:-1], at[1:], strict=True)]
+    parts = [X[int(a) : int(b)] for a, b in pairwise(at)]
     zx = X[index.tolist()] if index.size else ca.MX(0, 1)
     each = list(nlps.values())
     found = [n.nlp(x, p) for n, x in zip(each, parts, strict=True)]
@@ -243,7 +245,7 @@ def _join(model: Phases, nlps: dict[str, Nlp]) -> _Joined:
     jac = ca.vertcat(ca.diagcat(*jacobians), below)
     grad = ca.vertcat(*[n.functions["grad_f"](x, p)[1] for n, x in zip(each, parts, strict=True)])
     sigma, lams = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", int(rows[-1]) + len(links))
-    own = [lams[int(a) : int(b)] for a, b in zip(rows[:-1], rows[1:], strict=True)]
+    own = [lams[int(a) : int(b)] for a, b in pairwise(rows)]
     hess = ca.diagcat(*[n.functions["hess_lag"](x, p, sigma, v) for n, x, v in zip(each, parts, own, strict=True)])
     if hessian.nnz():
         r, c = (np.array(a, int) for a in hessian.sparsity().get_triplet())
@@ -268,7 +270,7 @@ def _links(model: Phases, nlps: dict[str, Nlp], at: np.ndarray) -> tuple[ca.SX, 
     symbols, places, rows = [], [], []
     names = list(nlps)
     ends: dict[str, list[End]] = {n: [] for n in names}
-    for k, (first, second) in enumerate(zip(names[:-1], names[1:], strict=True)):
+    for k, (first, second) in enumerate(pairwise(names)):
         scope = Scope()
         before, after = End(nlps[first], scope, 1.0), End(nlps[second], scope, 0.0)
         ends[first].append(before)
@@ -280,7 +282,7 @@ def _links(model: Phases, nlps: dict[str, Nlp], at: np.ndarray) -> tuple[ca.SX, 
         for row in written:
             e = ca.substitute([row.expression], [old], [new])[0] if old.numel() else row.expression
             rows.append(Row(e, row.low, row.high, row.label, row.where))
-        (t0, tf), (start, _) = before.times(), after.times()
+        (_, tf), (start, _) = before.times(), after.times()
         if not nlps[second].problem.t0.is_constant():
             rows.append(Row(start - tf, 0.0, 0.0, f"'{second}' begins when '{first}' ends", None))
         for end, offset in ((before, at[k]), (after, at[k + 1])):
@@ -328,11 +330,11 @@ def _shared(model: Phases, nlps: dict[str, Nlp], ends: dict[str, list[End]]) -> 
         owners = [(k, n) for k, n in nlps.items() if any(_is(name, f) for f in n.problem.free_names)]
         if len(owners) < 2:
             raise ModelError(f"'{name}' is shared, but {len(owners)} of the phases have such a free constant")
-        for (a, first), (b, second) in zip(owners[:-1], owners[1:], strict=True):
+        for (a, first), (b, second) in pairwise(owners):
             for i, own in enumerate(first.problem.free_names):
                 if _is(name, own):
                     j = second.problem.free_names.index(own)
-                    p = ends[a][0].P[i] * first.p_scale[i] - ends[b][0].P[j] * second.p_scale[j]
+                    p = ca.SX(ends[a][0].P[i] * first.p_scale[i] - ends[b][0].P[j] * second.p_scale[j])
                     rows.append(Row(p, 0.0, 0.0, f"{own} of '{a}' and '{b}'", None))
     return rows
 

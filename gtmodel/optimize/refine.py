@@ -51,7 +51,8 @@ class Refinement:
     def __str__(self) -> str:
         lines = ["pass  elements       error  split  merged  iterations  objective"]
         lines += [
-            f"{n:4d}  {p.elements:8d}  {p.error:10.2e}  {p.split:5d}  {p.merged:6d}  {p.iterations:10d}  {p.objective:.10g}"
+            f"{n:4d}  {p.elements:8d}  {p.error:10.2e}  {p.split:5d}  {p.merged:6d}  {p.iterations:10d}  "
+            f"{p.objective:.10g}"
             for n, p in enumerate(self.passes, 1)
         ]
         return "\n".join(lines)

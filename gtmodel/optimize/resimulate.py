@@ -157,7 +157,7 @@ class System:
 
     values: ca.Function
     residual: ca.Function
-    pairs: list[tuple[int, int] | None]
+    pairs: list[tuple[int, int]]
 
     @property
     def count(self) -> int:
@@ -180,7 +180,7 @@ class System:
         rates = ca.vertcat(*rates, *extra)
         values = ca.Function("values", arguments, [rates, ca.vertcat(*found.point) if found.point else ca.SX(0, 1)])
         slopes = ca.Function("residual", arguments, [residual, ca.densify(ca.jacobian(residual, unknowns))])
-        return cls(values, slopes, [problem.flat.scope.owner(s) for s in found.unknowns])
+        return cls(values, slopes, [p for p in map(problem.flat.scope.owner, found.unknowns) if p is not None])
 
     def solved(
         self, x: np.ndarray, given: np.ndarray, z: np.ndarray, P: np.ndarray, t: np.ndarray, steps: int = 20

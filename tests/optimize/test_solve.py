@@ -319,7 +319,10 @@ class TestInfeasible:
 
     def test_names_a_point_constraint_with_its_line(self):
         solution = attempt(case(constraints=lambda self: [self.x.at(2.0) * self.x.at(1.0) >= 5]), max_iterations=0)
-        worst = r"worst rows: constraint 1 \(optimize/test_solve.py:\d+\) by 4; rate of x in element \d, point \d \([\d.]+ s\) by 0"
+        worst = (
+            r"worst rows: constraint 1 \(optimize/test_solve.py:\d+\) by 4; "
+            r"rate of x in element \d, point \d \([\d.]+ s\) by 0"
+        )
         assert re.search(worst, solution.message)
 
     def test_names_a_path_constraint_with_its_place(self):

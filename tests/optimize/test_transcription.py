@@ -185,7 +185,7 @@ class TestManyStarts:
         assert np.array_equal(xs[0], xs[1])
 
     def test_wrong_calls(self, tank):
-        with pytest.raises(ValueError, match="at least one start and a positive spread; found 0 and 0.3"):
+        with pytest.raises(ValueError, match=r"at least one start and a positive spread; found 0 and 0\.3"):
             multi_start(tank, 0)
         with pytest.raises(NotSolved):
             multi_start(tank, 2, parameters={"end": 50.0})
