@@ -17,7 +17,7 @@ def sentence(run: Run, nlp: Nlp) -> str:
     """One sentence on how a solve ended."""
     if run.status.ok:
         return solved_word(run)
-    return failure(run, [not_finite(nlp, run.x), worst(nlp, run)])
+    return failure(run, [surplus(nlp), not_finite(nlp, run.x), worst(nlp, run)])
 
 
 def solved_word(run: Run) -> str:
@@ -28,6 +28,27 @@ def failure(run: Run, more: list[str]) -> str:
     """The status in words, IPOPT's word, and what else is known."""
     said = f"{run.status.sentence} ({run.word if ' ' in run.word else f'IPOPT: {run.word}'})"
     return "; ".join([said, *[m for m in more if m]])
+
+
+def surplus(nlp: Nlp) -> str:
+    """What holds too much, where equations are more than unknowns: fixed values and equations besides the model's."""
+    problem, layout, N = nlp.problem, nlp.element.layout, nlp.mesh.elements
+    equal, free = int(np.sum(nlp.lbg == nlp.ubg)), int(np.sum(nlp.lbx != nlp.ubx))
+    if equal <= free:
+        return ""
+    fixed = nlp.lbx == nlp.ubx
+    ends = [(range(layout.nx), "start"), (range(nlp.end, nlp.end + layout.nx), "end")]
+    names = [
+        f"{n} is fixed at the {place}"
+        for at, place in ends
+        for k, n in zip(at, problem.state_names, strict=True)
+        if fixed[k]
+    ]
+    names += [f"{r.label} is an equation" for r in problem.points if r.low == r.high]
+    element = [nlp.element.row_names[r][0] for r in np.flatnonzero(nlp.element.low == nlp.element.high)]
+    along = [r.label for r in problem.path if r.label in element]
+    names += [f"{label} is an equation at every point" for label in dict.fromkeys(along)]
+    return f"{equal} equations for {free} unknowns on {N} elements: {', '.join(names)}; leave one out"
 
 
 def worst(nlp: Nlp, run: Run) -> str:

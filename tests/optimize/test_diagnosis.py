@@ -86,6 +86,30 @@ class TestNotFinite:
         assert "not finite" not in failed(problems.StirredTank, max_iterations=2)
 
 
+def test_more_conditions_than_unknowns():
+    class Both(gt.Optimization):
+        """Nothing to choose, but both ends are fixed."""
+
+        x = gt.variable(start=1.0, fixed=True)
+        y = gt.variable(start=0.0, fixed=True)
+
+        def equations(self):
+            yield der(self.x) == -self.x
+            yield der(self.y) == self.x
+
+        def objective(self):
+            return gt.integral(self.x**2)
+
+        def constraints(self):
+            yield self.x.at(self.final_time) == 0.3
+            yield self.x.at(0.5) * self.y.at(0.5) == 0.2
+
+    message = failed(Both)
+    ends = "y is fixed at the start, der(y) is fixed at the start, der(y) is fixed at the end, constraint 2 "
+    assert re.search(r"equations for \d+ unknowns on 4 elements: " + re.escape(ends) + HERE, message), message
+    assert "is an equation; leave one out; worst rows: " in message
+
+
 def test_worst_rows_have_equation_line_element_and_time():
     class Far(problems.ImplicitBlock):
         def constraints(self):

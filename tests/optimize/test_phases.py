@@ -9,8 +9,8 @@ import gtmodel as gt
 from gtmodel import ModelError, SolveStatus, der
 from gtmodel.optimize import Mesh, NotSolved, Phases, SolverOptions, solve, solve_phases
 from gtmodel.optimize.guess import initial_guess
+from gtmodel.optimize.linking import join
 from gtmodel.optimize.nlp import make_nlp
-from gtmodel.optimize.phases import _join
 from gtmodel.optimize.problem import build
 from tests.optimize import problems
 from tests.optimize.test_derivatives import compare
@@ -101,7 +101,7 @@ def test_a_jump(restitution):
 def test_derivatives_of_the_whole():
     for model, mesh in ((bounce(0.5), Mesh(2, 2)), (problems.two_phases(), Mesh(2, 3, "gauss"))):
         nlps = {n: make_nlp(build(p), mesh) for n, p in model.phases.items()}
-        joined = _join(model, nlps)
+        joined = join(model, nlps)
         x = np.concatenate([initial_guess(n, None) for n in nlps.values()])
         joined.size = len(x)  # type: ignore[attr-defined]
         compare(joined, x + 0.1 * np.random.default_rng(0).standard_normal(len(x)))  # type: ignore[arg-type]
