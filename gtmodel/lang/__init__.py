@@ -40,6 +40,7 @@ from .functions import (
     tanh,
     vector,
 )
+from .interpolation import interpolate
 from .model import Connector, Model
 from .optimization import Optimization, delayed, integral, misfit
 from .source import ModelError, SourceLocation
@@ -80,6 +81,7 @@ __all__ = [
     "free",
     "input",
     "integral",
+    "interpolate",
     "log",
     "maximum",
     "minimum",

@@ -11,7 +11,7 @@ import numpy as np
 
 from .declare import Declaration, Each, Free, Outer, Parameter, Part, Port, Variable
 from .expression import ONE, Expr, gathered, operand
-from .model import Connector, Model, check_modifiers, check_parameter, walk_declarations
+from .model import Connector, Model, check_modifiers, check_parameter, fits, shape_text, walk_declarations
 from .scope import Scope
 from .source import ModelError, SourceLocation
 
@@ -37,6 +37,7 @@ class ParameterRecord:
     expression: ca.SX
     indices: list[int]
     values: np.ndarray | None
+    shape: tuple[int, ...] = ()
 
 
 @dataclass
@@ -98,14 +99,14 @@ def _check_bound(tree: Tree) -> None:
             numbers[r.indices] = r.values
     f = ca.Function("bound", [ca.vertcat(*tree.scope.parameters)], [r.expression for r in bound])
     for r, value in zip(bound, f.call([ca.DM(numbers)]), strict=True):
-        array = value.full().reshape(r.item.shape)
+        array = value.full().reshape(r.shape)
         if not np.any(np.isnan(array)):
             assert isinstance(r.item, Parameter)
             inside = {s.element_hash() for s in ca.symvar(r.expression)}
             hashes = [s.element_hash() for s in tree.scope.parameters]
             given = [o for o in tree.parameters if any(hashes[i] in inside for i in o.indices)]
             where = given[0].item.where if given else None
-            check_parameter(r.item, array if r.item.shape else float(array), r.name, where)
+            check_parameter(r.item, array if r.shape else float(array), r.name, where)
 
 
 def join(path: str, name: str) -> str:
@@ -180,24 +181,29 @@ def _assemble(symbols: list[ca.SX], shape: tuple[int, ...]) -> ca.SX:
 def _parameter(item: Parameter, given: Any, full: str, path: str, is_given: bool, tree: Tree) -> Expr:
     given = gathered(given)
     if isinstance(given, Expr):
-        if given.shape != item.shape:
-            raise ModelError(f"parameter '{full}' has shape {item.shape}; bound to shape {given.shape}", item.where)
+        if not fits(given.shape, item.shape):
+            shape = shape_text(item.shape)
+            raise ModelError(f"parameter '{full}' has shape {shape}; bound to shape {given.shape}", item.where)
         if None not in (given.dimension, item.dimension) and given.dimension != item.dimension:
             raise ModelError(
                 f"units do not fit: parameter '{full}' is in {item.unit}, bound to {given.dimension}", item.where
             )
-        record = ParameterRecord(full, item, path, ca.vec(given.sx.T), [], None)
+        record = ParameterRecord(full, item, path, ca.vec(given.sx.T), [], None, given.shape)
         tree.parameters.append(record)
         return given
     value = given if is_given else item.default
-    values = None if value is None else check_parameter(item, value, full).reshape(-1)
-    names = element_names(full, item.shape)
+    array = None if value is None else check_parameter(item, value, full)
+    if array is None and -1 in item.shape:
+        raise ModelError(f"parameter '{full}' of shape {shape_text(item.shape)} has no value; give one", item.where)
+    shape = item.shape if array is None else array.shape
+    values = None if array is None else array.reshape(-1)
+    names = element_names(full, shape)
     first = len(tree.scope.parameters)
     symbols = [tree.scope.new_parameter(n) for n in names]
     indices = list(range(first, first + len(names)))
-    sx = _assemble(symbols, item.shape)
-    tree.parameters.append(ParameterRecord(full, item, path, ca.vertcat(*symbols), indices, values))
-    return Expr(sx, item.shape, item.dimension, tree.scope)
+    sx = _assemble(symbols, shape)
+    tree.parameters.append(ParameterRecord(full, item, path, ca.vertcat(*symbols), indices, values, shape))
+    return Expr(sx, shape, item.dimension, tree.scope)
 
 
 def _free(item: Free, full: str, path: str, tree: Tree) -> Expr:
@@ -206,7 +212,7 @@ def _free(item: Free, full: str, path: str, tree: Tree) -> Expr:
     symbols = [tree.scope.new_parameter(n) for n in names]
     values = np.asarray(item.guess, float).reshape(-1)
     indices = list(range(first, first + len(names)))
-    tree.parameters.append(ParameterRecord(full, item, path, ca.vertcat(*symbols), indices, values))
+    tree.parameters.append(ParameterRecord(full, item, path, ca.vertcat(*symbols), indices, values, item.shape))
     dimension = item.dimension if item.unit is not None else (_second() if full.endswith("_time") else None)
     return Expr(_assemble(symbols, item.shape), item.shape, dimension, tree.scope)
 

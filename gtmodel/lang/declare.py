@@ -54,6 +54,8 @@ class Variable(_Quantity):
 
     def __init__(self, shape: Any, unit: str | None, description: str, role: str, attributes: dict[str, Any]) -> None:
         super().__init__(shape, unit, description)
+        if -1 in self.shape:
+            raise ModelError(f"a variable takes a shape of whole numbers; found {shape}", self.where)
         self.role = role
         self.attributes = attributes
 
@@ -71,6 +73,7 @@ class Parameter(_Quantity):
         nonzero: bool,
         low: Any = None,
         high: Any = None,
+        increasing: bool = False,
     ) -> None:
         if shape is None and default is not None:
             shape = np.shape(default)
@@ -80,6 +83,7 @@ class Parameter(_Quantity):
         self.nonzero = nonzero or positive
         self.low = low
         self.high = high
+        self.increasing = increasing
 
 
 class Free(_Quantity):
@@ -131,7 +135,9 @@ class Each:
 def as_shape(shape: int | Shape | None) -> Shape:
     if shape is None:
         return ()
-    return (int(shape),) if isinstance(shape, (int, np.integer)) else tuple(int(n) for n in shape)
+    if isinstance(shape, (int, np.integer)):
+        return (int(shape),)
+    return tuple(-1 if n is None else int(n) for n in shape)
 
 
 def variable(
@@ -193,18 +199,24 @@ def parameter(
     default: Any = None,
     *,
     unit: str | None = None,
-    shape: int | Shape | None = None,
+    shape: int | tuple[int | None, ...] | None = None,
     positive: bool = False,
     nonzero: bool = False,
+    increasing: bool = False,
     min: Any = None,
     max: Any = None,
     description: str = "",
 ) -> Any:
-    """A constant of the model. `positive` or `nonzero` let the compiler divide by it; values are checked.
+    """A constant of the model; values are checked.
 
-    `min` and `max` are the values it may take, as a number or in its shape.
+    Args:
+        default: value if none is given.
+        shape: None for the default's; a None inside leaves that length to the value, e.g. (None, 3) for points.
+        positive, nonzero: let the compiler divide by it.
+        increasing: each entry of a vector is greater than the one before it.
+        min, max: the values it may take, as a number or in its shape.
     """
-    return Parameter(default, shape, unit, description, positive, nonzero, min, max)
+    return Parameter(default, shape, unit, description, positive, nonzero, min, max, increasing)
 
 
 def free(guess: Any, *, min: Any = None, max: Any = None, unit: str | None = None, description: str = "") -> Any:

@@ -178,20 +178,34 @@ def check_parameter(item: Parameter, value: Any, name: str, where: SourceLocatio
     try:
         array = np.asarray(value, dtype=float)
     except (TypeError, ValueError):
-        raise ModelError(f"parameter '{name}' takes numbers of shape {item.shape}; found {value!r}", where) from None
-    if array.shape != item.shape:
-        raise ModelError(f"parameter '{name}' has shape {item.shape}; found a value of shape {array.shape}", where)
+        shape = shape_text(item.shape)
+        raise ModelError(f"parameter '{name}' takes numbers of shape {shape}; found {value!r}", where) from None
+    if not fits(array.shape, item.shape):
+        shape = shape_text(item.shape)
+        raise ModelError(f"parameter '{name}' has shape {shape}; found a value of shape {array.shape}", where)
     if not np.all(np.isfinite(array)):
         raise ModelError(f"parameter '{name}' must be finite; found {value}", where)
     if item.positive and np.any(array <= 0):
         raise ModelError(f"parameter '{name}' is declared positive; found {value}", where)
     if item.nonzero and np.any(array == 0):
         raise ModelError(f"parameter '{name}' is declared nonzero; found {value}", where)
+    if item.increasing and not np.all(np.diff(array) > 0):
+        raise ModelError(f"parameter '{name}' is declared increasing; found {value}", where)
     if item.low is not None and np.any(array < item.low):
         raise ModelError(f"parameter '{name}' must be at least {item.low}; found {value}", where)
     if item.high is not None and np.any(array > item.high):
         raise ModelError(f"parameter '{name}' must be at most {item.high}; found {value}", where)
     return array
+
+
+def fits(shape: tuple[int, ...], declared: tuple[int, ...]) -> bool:
+    """Whether a value's shape is the declared one, in which -1 stands for any length."""
+    return len(shape) == len(declared) and all(d in (-1, n) for n, d in zip(shape, declared, strict=True))
+
+
+def shape_text(declared: tuple[int, ...]) -> str:
+    """A declared shape as people write it: (n, 3)."""
+    return str(declared) if -1 not in declared else str(declared).replace("-1", "n")
 
 
 _RESERVED = frozenset(

@@ -70,7 +70,8 @@ class Scope:
 
     def symbols_in(self, expression: ca.SX) -> list[tuple[int, int]]:
         """Chain symbols that occur in an expression as sorted (variable index, order) pairs."""
-        found = (self._owner.get(s.element_hash()) for s in ca.symvar(expression))
+        # vertcat() of nothing is no SX
+        found = (self._owner.get(s.element_hash()) for s in ca.symvar(ca.SX(expression)))
         return sorted(pair for pair in found if pair is not None)
 
     def derivative(self, expression: ca.SX) -> ca.SX:

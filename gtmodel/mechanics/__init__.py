@@ -5,6 +5,7 @@ Connectors: PointFrame, Frame, Flange, Shaft. World holds gravity; Ground, Ancho
 
 from .anchors import Anchor, FixedFlange, FixedShaft, Ground
 from .attitude import AnyQuaternion, Attitude, UnitQuaternion, ZYZAngles
+from .ball_screw import BallScrew
 from .bodies import FreeBody, PointMass, RigidBody
 from .drive import Gear, Inertia, Mass, RackAndPinion
 from .fixed import Fixed, FixedTranslation, PointOnFrame
@@ -27,6 +28,7 @@ from .friction_rotational import (
     RotationalTanhFriction,
 )
 from .guideway import Guideway
+from .guideway_curves import CurvedGuideway, PiecewiseLinearCyclicGuideway, PiecewiseLinearGuideway, SplineGuideway
 from .joints import Prismatic, Revolute, Spherical, Universal
 from .load import FrameLoad, PointLoad
 from .motor import ForceMotor, TorqueMotor
@@ -41,6 +43,8 @@ __all__ = [
     "Anchor",
     "AnyQuaternion",
     "Attitude",
+    "BallScrew",
+    "CurvedGuideway",
     "DirectionalPiecewiseLinearFriction",
     "DirectionalTanhFriction",
     "Fixed",
@@ -61,7 +65,9 @@ __all__ = [
     "Inertia",
     "Mass",
     "MidpointRod",
+    "PiecewiseLinearCyclicGuideway",
     "PiecewiseLinearFriction",
+    "PiecewiseLinearGuideway",
     "Plane",
     "PointFrame",
     "PointLoad",
@@ -82,6 +88,7 @@ __all__ = [
     "Shaft",
     "ShaftSpringDamper",
     "Spherical",
+    "SplineGuideway",
     "SpringDamper",
     "StribeckFriction",
     "Strut",

@@ -173,7 +173,9 @@ def join(model: Links, nlps: dict[str, Nlp]) -> Joined:
 
 def _links(model: Links, nlps: dict[str, Nlp], at: np.ndarray) -> tuple[ca.SX, np.ndarray, list[Row]]:
     """Symbols of the unknowns at all ends, their places, and the rows that link them."""
-    symbols, places, rows = [], [], []
+    symbols: list[ca.SX] = []
+    places: list[np.ndarray] = []
+    rows: list[Row] = []
     names = list(nlps)
     ends: dict[str, list[End]] = {n: [] for n in names}
     for k, (first, second) in enumerate(pairwise(names)):

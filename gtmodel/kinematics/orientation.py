@@ -1,0 +1,139 @@
+"""The orientation of a robot's plate over a grid of tool centre points."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ..compiler.causal import compile_causal
+from ..results import Status
+from .rotations import matrices, rotation_vector, zyz
+
+
+def grid(center: Any, half_width: Any, counts: Sequence[int], directions: Any = None) -> np.ndarray:
+    """Points (*counts, 3) of a box about a centre: center + sum_k s_k d_k, s_k even from -half_width to half_width.
+
+    Args:
+        center: (3,) [m].
+        half_width: (3,) [m]; zero where the count is 1.
+        counts: points along each direction; the first direction counts the layers.
+        directions: (3, 3), one row each, normalised here; the axes by default. They need not be orthogonal.
+
+    Raises ValueError for another shape, a count below 1, or directions in one plane.
+    """
+    center, half = np.asarray(center, dtype=float), np.asarray(half_width, dtype=float)
+    d = np.eye(3) if directions is None else np.asarray(directions, dtype=float)
+    if center.shape != (3,) or half.shape != (3,) or len(counts) != 3 or d.shape != (3, 3):
+        raise ValueError("a grid takes a centre (3,), half widths (3,), three counts and directions (3, 3)")
+    if min(counts) < 1:
+        raise ValueError(f"counts of a grid are 1 or more; found {list(counts)}")
+    length = np.linalg.norm(d, axis=1)
+    if not np.all(np.isfinite(d)) or np.any(length == 0) or abs(np.linalg.det(d / length[:, None])) < 1e-9:
+        raise ValueError(f"directions of a grid must span space; found {d.tolist()}")
+    steps = [np.linspace(-h, h, n) if n > 1 else np.zeros(1) for h, n in zip(half, counts, strict=True)]
+    offsets = np.stack(np.meshgrid(*steps, indexing="ij"), axis=-1)
+    return center + offsets @ (d / length[:, None])
+
+
+@dataclass(frozen=True, eq=False)
+class OrientationMap:
+    """Orientation of the plate at tool centre points T (..., 3) [m]; the first axis counts layers.
+
+    R (..., 3, 3) takes plate to world coordinates, NaN where status (...) is not ok. Angles in rad.
+    """
+
+    T: np.ndarray
+    R: np.ndarray
+    status: np.ndarray
+
+    @property
+    def ok(self) -> np.ndarray:
+        """Where there is an orientation (...)."""
+        return self.status == Status.OK
+
+    @cached_property
+    def reference(self) -> np.ndarray:
+        """The orientation (3, 3) at the ok point nearest to the middle of the ok ones; NaN if there is none."""
+        if not np.any(self.ok):
+            return np.full((3, 3), np.nan)
+        points, ok = self.T.reshape(-1, self.T.shape[-1]), self.ok.ravel()
+        distance = np.linalg.norm(points - np.mean(points[ok], axis=0), axis=1)
+        return self.R.reshape(-1, 3, 3)[np.argmin(np.where(ok, distance, np.inf))]
+
+    @cached_property
+    def _zyz(self) -> tuple[np.ndarray, np.ndarray]:
+        return zyz(self.R, about=zyz(self.reference)[0])
+
+    @property
+    def zyz(self) -> np.ndarray:
+        """ZYZ angles (..., 3), alpha and gamma within pi of those at the reference (Dressler 2012, Fig. 4.7)."""
+        return self._zyz[0]
+
+    @property
+    def singular(self) -> np.ndarray:
+        """Where ZYZ is singular, beta = 0 or pi (...); use `rotation_vector` near there."""
+        return self._zyz[1] & self.ok
+
+    @cached_property
+    def rotation_vector(self) -> np.ndarray:
+        """Turn from the reference (..., 3), world coordinates."""
+        return rotation_vector(self.R, self.reference)
+
+    def range(self) -> np.ndarray:
+        """Largest minus smallest ZYZ angle (3,) over the ok points; NaN if there is none."""
+        return _range(self.zyz[self.ok])
+
+    def layer_range(self) -> np.ndarray:
+        """The same for each layer (layers, 3)."""
+        return np.array([_range(a[ok]) for a, ok in zip(self.zyz, self.ok, strict=True)])
+
+    def layer_difference(self) -> np.ndarray:
+        """How far the layers are from one pattern (3,), as a fraction of `range`.
+
+        It is the largest deviation of an angle, minus its layer's mean, from the mean over the layers. Small where
+        links cause the errors, for a motion along the guideways turns none of them (Dressler 2012, section 4.2).
+        Places that are ok in all layers count; NaN if there is none.
+        """
+        everywhere = np.all(self.ok, axis=0)
+        if not np.any(everywhere):
+            return np.full(3, np.nan)
+        pattern = self.zyz[:, everywhere]
+        pattern = pattern - np.mean(pattern, axis=1, keepdims=True)
+        return np.max(np.abs(pattern - np.mean(pattern, axis=0)), axis=(0, 1)) / self.range()
+
+
+def orientation_map(
+    model: Any,
+    T: Any,
+    *,
+    known: str = "T",
+    orientation: str = "e",
+    joints: str | Sequence[str] = "q",
+    branches: Mapping[str, int] | None = None,
+) -> OrientationMap:
+    """Solve for the orientation at each tool centre point; the model has three degrees of freedom.
+
+    Args:
+        model: with the position `known` and the unit quaternion or rotation matrix `orientation`.
+        T: (..., 3) [m], e.g. from `grid`.
+        joints: what must have a solution as well: arm 1 has no say in the orientation, but in what can be reached.
+        branches: as for `causal`.
+
+    A point out of reach has a status, and NaN for R. Raises ModelError for a name that the model lacks or a causality
+    that needs more than positions, ValueError for T of another shape.
+    """
+    T = np.asarray(T, dtype=float)
+    if T.ndim < 2 or T.shape[-1] != 3:
+        raise ValueError(f"expected points of shape (..., 3); found {T.shape}")
+    others = [joints] if isinstance(joints, str) else list(joints)
+    f = compile_causal(model, known, [orientation, *others], branches=branches)
+    found, *_, status = f(T.reshape(-1, 3))
+    return OrientationMap(T, matrices(found).reshape(*T.shape[:-1], 3, 3), np.asarray(status).reshape(T.shape[:-1]))
+
+
+def _range(angles: np.ndarray) -> np.ndarray:
+    return np.ptp(angles, axis=0) if len(angles) else np.full(3, np.nan)

@@ -1,0 +1,178 @@
+"""Errors of the transmission seen in measured cart points: backlash and a cyclic term along the guideway."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.optimize import curve_fit
+from scipy.signal import lombscargle
+from scipy.stats import t as student
+
+from .guideways import GuidewayFit, MeasurementError, checked, fit_guideway
+
+CONFIDENCE = 0.95
+FALSE_ALARM = 1e-3  # a cyclic term counts as found below this chance of noise alone
+OVERSAMPLING = 10  # frequencies tried per 1/length of the guideway
+MOST_FREQUENCIES = 200_000
+MIN_CYCLIC_POINTS = 8  # five numbers are fitted: offset, slope, sine, cosine, period
+ALIASES = 5
+
+
+@dataclass(frozen=True)
+class Backlash:
+    """Width [m] of the play: backward minus forward run along the guideway, positive for a cart that lags.
+
+    `low` and `high` bound it with 95 per cent confidence, `standard_error` [m] is that of the mean; `pairs` is the
+    number of places compared, `across` (3,) [m] the mean difference orthogonal to the guideway, which no play explains.
+    """
+
+    width: float
+    standard_error: float
+    low: float
+    high: float
+    pairs: int
+    across: np.ndarray
+
+    @property
+    def significant(self) -> bool:
+        """Whether the interval excludes zero."""
+        return self.low > 0.0 or self.high < 0.0
+
+
+def backlash(q_forward: Any, P_forward: Any, q_backward: Any, P_backward: Any) -> Backlash:
+    """Play of the drive from one run with rising and one with falling q (Dressler 2012, section 4.2 and Fig. 4.3).
+
+    The residuals of both runs about the line of the forward run are compared place by place, so that the guideway's
+    own errors cancel; the backward run is interpolated to the places of the forward run within their common range.
+    Visit the same places in both runs where errors vary faster than the points follow each other.
+
+    Args:
+        q_forward, q_backward: (n,) and (m,) [m], each in the order of the measurement.
+        P_forward, P_backward: (n, 3) and (m, 3) [m].
+
+    Raises MeasurementError: as `fit_guideway`; a run that does not go its way; fewer than three common places.
+    """
+    fit = fit_guideway(q_forward, P_forward)
+    q_b, P_b = checked(q_backward, P_backward)
+    for name, q, sign in (("forward", fit.q, 1), ("backward", q_b, -1)):
+        wrong = int(np.sum(sign * np.diff(q) <= 0))
+        if wrong:
+            word = "rise" if sign > 0 else "fall"
+            raise MeasurementError(
+                f"q of the {name} run has to {word} from each point to the next; it does not at {wrong} of {len(q) - 1}"
+            )
+    e_b = (P_b - fit.P0 - np.outer(q_b, fit.v))[::-1]
+    inside = (fit.q >= q_b[-1]) & (fit.q <= q_b[0])
+    if np.sum(inside) < 3:
+        raise MeasurementError(
+            f"the runs have {np.sum(inside)} places in common, at least 3 are needed; forward covers {fit.q[0]:.4g} to "
+            f"{fit.q[-1]:.4g} m, backward {q_b[-1]:.4g} to {q_b[0]:.4g} m"
+        )
+    back = np.column_stack([np.interp(fit.q[inside], q_b[::-1], e_b[:, k]) for k in range(3)])
+    difference = back - fit.e[inside]
+    along = difference @ fit.direction
+    # interpolated places share measurements: no more of them count than there are points in the common range
+    independent = min(len(along), max(2, int(np.sum((q_b >= fit.q[0]) & (q_b <= fit.q[-1])))))
+    error = float(np.std(along, ddof=1) / np.sqrt(independent))
+    reach = float(student.ppf(0.5 + CONFIDENCE / 2, independent - 1)) * error
+    width = float(np.mean(along))
+    across = np.mean(difference - np.outer(along, fit.direction), axis=0)
+    return Backlash(width, error, width - reach, width + reach, len(along), across)
+
+
+@dataclass(frozen=True)
+class CyclicTerm:
+    """offset = sine sin(2 pi q / period) + cosine cos(2 pi q / period) along the guideway, all in m.
+
+    `false_alarm` is the chance that noise alone shows as much in the range searched. `aliases` are other periods [m]
+    that fit points so far apart equally well, the longest ones; empty where the points are uneven.
+    """
+
+    period: float
+    period_error: float
+    amplitude: float
+    amplitude_error: float
+    sine: float
+    cosine: float
+    false_alarm: float
+    aliases: tuple[float, ...]
+
+    @property
+    def significant(self) -> bool:
+        """Whether it counts as found: false_alarm below 1e-3."""
+        return self.false_alarm < FALSE_ALARM
+
+    def modifiers(self, direction: Any) -> dict[str, Any]:
+        """`period`, `sine` and `cosine` of PiecewiseLinearCyclicGuideway, for a unit vector along the guideway (3,)."""
+        along = np.asarray(direction, dtype=float)
+        return {"period": self.period, "sine": self.sine * along, "cosine": self.cosine * along}
+
+
+def cyclic_term(fit: GuidewayFit, periods: tuple[float, float] | None = None) -> CyclicTerm:
+    """The strongest sinusoid in the residuals along the guideway, with period and amplitude and their standard errors.
+
+    A Lomb-Scargle periodogram finds it, a least-squares fit with offset and slope refines it.
+
+    Args:
+        periods: shortest and longest period [m]; by default from twice the median distance of the points to half the
+            length measured. Points d apart cannot tell 1/period from k/d +- 1/period (Dressler 2012, section 4.2: 50 mm
+            between points, teeth much closer): ask for shorter ones only with that in mind.
+
+    Raises MeasurementError: fewer than eight places, or a range of periods that cannot be searched.
+    """
+    order = np.argsort(fit.q, kind="stable")
+    q, e = fit.q[order], fit.along[order]
+    places = np.unique(q)
+    if len(places) < MIN_CYCLIC_POINTS:
+        raise MeasurementError(f"a cyclic term needs at least {MIN_CYCLIC_POINTS} places; found {len(places)}")
+    span, gap = float(np.ptp(q)), float(np.median(np.diff(places)))
+    shortest, longest = periods or (2 * gap, span / 2)
+    if not 0 < shortest < longest <= 2 * span:
+        raise MeasurementError(
+            f"periods from {shortest:.4g} to {longest:.4g} m cannot be searched; expected 0 < shortest < longest <= "
+            f"{2 * span:.4g} m, twice the length measured"
+        )
+    count = int(np.ceil(OVERSAMPLING * span * (1 / shortest - 1 / longest))) + 2
+    if count > MOST_FREQUENCIES:
+        raise MeasurementError(f"periods from {shortest:.4g} m up are {count} frequencies to try; ask for longer ones")
+    if np.max(np.abs(e)) == 0.0:
+        return CyclicTerm(longest, np.inf, 0.0, 0.0, 0.0, 0.0, 1.0, ())
+    frequencies = np.linspace(1 / longest, 1 / shortest, count)
+    power = lombscargle(q, e, 2 * np.pi * frequencies, normalize=True, floating_mean=True)
+    best = int(np.argmax(power))
+    # chance that one frequency explains so much of white noise, and that one of the independent ones does
+    single = (1.0 - min(1.0, float(power[best]))) ** ((len(q) - 3) / 2)
+    independent = max(1.0, span * (1 / shortest - 1 / longest))
+    false_alarm = float(-np.expm1(independent * np.log1p(-min(single, 1 - 1e-16))))
+
+    def model(x: np.ndarray, offset: float, slope: float, sine: float, cosine: float, f: float) -> np.ndarray:
+        return offset + slope * x + sine * np.sin(2 * np.pi * f * x) + cosine * np.cos(2 * np.pi * f * x)
+
+    f0, size = float(frequencies[best]), float(np.max(np.abs(e)))
+    columns = [np.ones_like(q), q, np.sin(2 * np.pi * f0 * q), np.cos(2 * np.pi * f0 * q)]
+    start = np.linalg.lstsq(np.column_stack(columns), e / size, rcond=None)[0]
+    # residuals of order one, and within one peak of the periodogram
+    reach = 1 / span
+    low, high = [-np.inf] * 4 + [f0 - reach], [np.inf] * 4 + [f0 + reach]
+    found, covariance = curve_fit(model, q, e / size, [*start, f0], bounds=(low, high), x_scale=[1, 1, 1, 1, reach])
+    sine, cosine, f = size * found[2], size * found[3], found[4]
+    amplitude = float(np.hypot(sine, cosine))
+    gradient = size * np.array([sine, cosine]) / max(amplitude, 1e-300)
+    amplitude_error = float(np.sqrt(gradient @ covariance[2:4, 2:4] @ gradient))
+    aliases = _aliases(float(f), places)
+    return CyclicTerm(
+        float(1 / f), float(np.sqrt(covariance[4, 4]) / f**2), amplitude, amplitude_error, float(sine), float(cosine),
+        false_alarm, aliases,
+    )  # fmt: skip
+
+
+def _aliases(f: float, places: np.ndarray) -> tuple[float, ...]:
+    """Periods of the frequencies k/d +- f for even places d apart."""
+    gaps = np.diff(places)
+    d = float(np.mean(gaps))
+    if np.max(np.abs(gaps - d)) > 1e-3 * d:
+        return ()
+    frequencies = {abs(k / d + s * f) for k in range(1, ALIASES + 1) for s in (-1, 1)}
+    return tuple(1 / x for x in sorted(frequencies) if x > 0)
