@@ -96,6 +96,10 @@ def solve_phases(
     throw: bool = True,
 ) -> PhasesSolution:
     """Solve linked phases; mesh and guess for each by its name, or one mesh for all. See gt.solve."""
+    if not isinstance(model, Phases):
+        raise ModelError(
+            f"gt.solve_phases takes gt.Phases; found {type(model).__name__}; one phase is solved by gt.solve"
+        )
     options = solver or SolverOptions()
     nlps: dict[str, Nlp] = {}
     for given, what in ((mesh, "mesh"), (guess, "guess")):

@@ -194,10 +194,13 @@ class System:
         for _ in range(steps):
             r, slope = (v.full() for v in f(*rows, ca.DM(z.T), *rest))
             slopes = slope.reshape(self.count, n, self.count).transpose(1, 0, 2)
-            step = np.stack([np.linalg.lstsq(a, -b, rcond=None)[0] for a, b in zip(slopes, r.T, strict=True)])
+            finite = np.all(np.isfinite(slopes), axis=(1, 2)) & np.all(np.isfinite(r), axis=0)
+            step = np.full(z.shape, np.nan)
+            for k in np.flatnonzero(finite):
+                step[k] = np.linalg.lstsq(slopes[k], -r[:, k], rcond=None)[0]
             z = z + step
             done = np.max(np.abs(step), axis=1) <= NEWTON_DONE * (1 + np.max(np.abs(z), axis=1))
-            if done.all():
+            if np.all(done | ~finite):
                 break
         return np.where(done[:, None], z, np.nan)
 
@@ -208,7 +211,7 @@ class System:
         n = len(t)
         rows = [ca.DM(a.T) for a in (x, given, z)]
         rates, point = self.values.map(n)(*rows, ca.repmat(ca.DM(P), 1, n), ca.DM(t).T)
-        return rates.full().T.reshape(n, -1), np.hstack([given, point.full().T.reshape(n, -1)])
+        return rates.full().T, np.hstack([given, point.full().T])
 
 
 def _mayer(solution: Solution, integrated: Callable[[float], tuple[np.ndarray, ...]], P: np.ndarray) -> float:

@@ -8,7 +8,9 @@ from typing import Any, Literal
 
 import numpy as np
 
+from ..lang.model import Model
 from ..lang.optimization import Optimization
+from ..lang.source import ModelError
 from ..results.status import SolveStatus
 from ..results.trajectory import Trajectory
 from .assembly import wrong_branch
@@ -100,6 +102,11 @@ def solve(
 
     Raises ModelError for a wrong problem and NotSolved (with the best iterate) unless throw is False.
     """
+    if not isinstance(model, Model) and not isinstance(model, type):
+        raise ModelError(
+            f"gt.solve takes a configured Optimization; found {type(model).__name__}; linked phases are solved by "
+            "gt.solve_phases"
+        )
     mesh = mesh or Mesh()
     options = solver or SolverOptions()
     if method not in METHODS:

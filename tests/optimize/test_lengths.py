@@ -122,6 +122,11 @@ class TestRefine:
             errors.append(element_errors(s))
         assert errors[0] == pytest.approx(errors[1], rel=1e-3) and np.all(errors[0] > 0)
 
+    def test_a_dae_that_leaves_its_range_between_the_points(self):
+        """On four elements y5 is negative somewhere; there it is split, until its root is real."""
+        r = refine(problems.ImplicitBlock(), Mesh(2, 2), tolerance=1e-3, solver=gt.SolverOptions(formulation="dae"))
+        assert r.reached and np.all(np.isfinite(r.errors))
+
     def test_limits_and_wrong_calls(self):
         r = refine(Layer(), Mesh(3, 2), tolerance=1e-9, passes=2)
         assert not r.reached and len(r.passes) == 2 and r.passes[0].split > 0 and r.passes[1].split == 0

@@ -184,6 +184,8 @@ WRONG = {
         lambda: solve_phases(Phases({"a": Fall(), "b": Rise()}, free={"b": ["w"]})),
         "Rise has no variable 'w'",
     ),
+    "to the other function": (lambda: solve(bounce(0.5)), "found Phases; linked phases are solved by gt.solve_phases"),
+    "one phase to this function": (lambda: solve_phases(Fall()), "takes gt.Phases; found Fall; one phase is solved by"),
     "no relation": (
         lambda: solve_phases(Phases({"a": Fall(), "b": Rise()}, links={"b": lambda x, y: [x.v]})),
         "the link to 'b' yielded Expr, which is no relation",
