@@ -13,7 +13,7 @@ from .solve import NotSolved, SolverOptions, solve
 from .transcription import Continuation, Transcription, transcribe
 
 __all__ = [
-    "Blocks", "Check", "CompilerMissing", "Continuation", "Estimate", "Mesh", "MultiStart", "NotSolved", "Optimum", "Phases",
-    "PhasesSolution", "Refinement", "Resimulation", "Solution", "SolverOptions", "Transcription", "estimate",
+    "Blocks", "Check", "CompilerMissing", "Continuation", "Estimate", "Mesh", "MultiStart", "NotSolved", "Optimum",
+    "Phases", "PhasesSolution", "Refinement", "Resimulation", "Solution", "SolverOptions", "Transcription", "estimate",
     "multi_start", "refine", "resimulate", "solve", "solve_phases", "transcribe",
 ]  # fmt: skip

@@ -16,6 +16,7 @@ from ..cgen.toolchain import LINK, PLAIN, STANDARD, Toolchain, find
 
 # no contraction, as in cgen: the same bits as CasADi's virtual machine, hence the same iterations
 FLAGS = (*STANDARD, *PLAIN, "-shared", *LINK)
+SHOWN = 500  # characters of what a failing compiler says
 
 
 class CompilerMissing(RuntimeError):

@@ -68,8 +68,8 @@ class SolverOptions:
         for name, words in (("formulation", FORMULATIONS), ("hessian", HESSIANS), ("solver", SOLVERS)):
             if getattr(self, name) not in words:
                 raise ValueError(f"{name} is one of {', '.join(words)}; found '{getattr(self, name)}'")
-        if self.solver == "fatrop" and (self.hessian != "exact" or self.max_seconds is not None):
-            raise ValueError("fatrop takes the exact hessian and no max_seconds; use solver 'ipopt'")
+        if self.solver == "fatrop" and (self.hessian != "exact" or self.max_seconds is not None or self.compile):
+            raise ValueError("fatrop takes the exact hessian, no max_seconds and no compile; use solver 'ipopt'")
 
 
 class NotSolved(RuntimeError):

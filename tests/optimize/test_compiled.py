@@ -54,12 +54,12 @@ class TestMachineCode:
 
     def test_a_compiler_that_fails(self, monkeypatch):
         monkeypatch.setenv("CC", "false")
-        with pytest.raises(CompilerMissing, match="the C compiler .*false failed on the element functions"):
+        with pytest.raises(CompilerMissing, match=r"the C compiler .*false failed on the element functions"):
             solve(features.Tank(), Mesh(2, 1), solver=MACHINE)
 
 
 def test_no_compiler(monkeypatch):
     monkeypatch.setenv("CC", "no-such-compiler")
-    with pytest.raises(CompilerMissing, match="no C compiler 'no-such-compiler' .* compile=False gives the same"):
+    with pytest.raises(CompilerMissing, match=r"no C compiler 'no-such-compiler' .* compile=False gives the same"):
         solve(features.Tank(), Mesh(2, 1), solver=MACHINE)
     assert solve(features.Tank(), Mesh(2, 1)).status.ok
