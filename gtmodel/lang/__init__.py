@@ -43,6 +43,7 @@ from .functions import (
 from .interpolation import interpolate
 from .model import Connector, Model
 from .optimization import Optimization, integral
+from .piecewise import piecewise
 from .source import ModelError, SourceLocation
 from .units import UnitError
 
@@ -89,6 +90,7 @@ __all__ = [
     "parameter",
     "part",
     "parts",
+    "piecewise",
     "port",
     "ports",
     "potential",
