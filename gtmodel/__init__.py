@@ -11,7 +11,18 @@ from . import kinematics, mechanics
 from . import lang as _lang
 from .compiler.causal import CausalFunction, compile_causal
 from .lang import *  # noqa: F403
-from .optimize import Mesh, NotSolved, Resimulation, Solution, SolverOptions, resimulate, solve
+from .optimize import (
+    Blocks,
+    Mesh,
+    NotSolved,
+    Refinement,
+    Resimulation,
+    Solution,
+    SolverOptions,
+    refine,
+    resimulate,
+    solve,
+)
 from .results import SolveStatus, Status, Trajectory
 from .simulate import NotSimulated, Simulation, linearize, modes, simulate
 
@@ -26,10 +37,12 @@ for _cls in (_lang.Model, _lang.Builder):
 __version__ = "0.1.0"
 
 __all__ = [
+    "Blocks",
     "CausalFunction",
     "Mesh",
     "NotSimulated",
     "NotSolved",
+    "Refinement",
     "Resimulation",
     "Simulation",
     "Solution",
@@ -41,6 +54,7 @@ __all__ = [
     "linearize",
     "mechanics",
     "modes",
+    "refine",
     "resimulate",
     "robots",
     "simulate",

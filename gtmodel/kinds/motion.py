@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass, field
 from typing import Any
 
 import casadi as ca
@@ -12,67 +13,113 @@ from gtmodel import lang as gt
 from gtmodel.compiler.causal import CausalFunction, flat_of
 from gtmodel.results import Status, Trajectory
 
+from .motion_limits import Guard
+from .motion_paths import Path
+
 GUESS_TIME_S = 1.0
 SHORTEST_TIME_S = 0.05  # a free final time needs a lower bound; no motion of these robots is shorter
 _LINK = re.compile(r"(?P<part>\w+)\[(?P<index>\d+)\]\.rod\.a\.r")
 
 
-def motion(
-    robot: gt.Model,
-    *,
-    start: np.ndarray,
-    goal: np.ndarray,
-    start_rest: list[str],
-    goal_rest: list[str],
-    force: float,
-    force_unit: float,
-    weight_time: float,
-    weight_energy: float,
-    link_margin: float | None = None,
-) -> gt.Optimization:
-    """Minimise weight_time * T + weight_energy * int sum (tau / force_unit)^2 dt from start to goal.
+@dataclass(frozen=True, kw_only=True)
+class MotionTask:
+    """What a motion is: from where to where, within what, at which cost.
 
-    The robot must declare T (TCP position, m) and tau (motor forces, N). Rest lists name what vanishes at an
-    end: "velocity", "acceleration". `along_guideway` are the components [m] of the links along their guideways,
-    from cart to plate; they are kept above `link_margin`: at 0 the robot stands at the edge of its reach.
+    start, goal: TCP positions [m]. Rest lists name what vanishes at an end: "velocity", "acceleration".
+    force: limit of every motor [N]; force_unit [N]; the cost is weight_time * T + weight_energy * int |tau / unit|^2 dt.
+    link_margin: lower bound [m] of the links' components along their guideways; None leaves them free.
+    guard: further margins. path: the path to follow, or None. jerk: the control is a jerk, so forces are continuous.
+    """
+
+    start: np.ndarray
+    goal: np.ndarray
+    start_rest: list[str] = field(default_factory=lambda: ["velocity"])
+    goal_rest: list[str] = field(default_factory=lambda: ["velocity"])
+    force: float
+    force_unit: float = 1.0
+    weight_time: float = 1.0
+    weight_energy: float = 0.0
+    link_margin: float | None = None
+    guard: Guard = field(default_factory=lambda: Guard([], {}))
+    path: Path | None = None
+    jerk: bool = False
+
+
+def motion(robot: gt.Model, task: MotionTask) -> gt.Optimization:
+    """The optimal motion as an Optimization.
+
+    The robot must declare T (TCP position, m) and tau (motor forces, N). `along_guideway` are the components [m] of the
+    links along their guideways, from cart to plate: at 0 the robot stands at the edge of its reach; `margin` those of
+    the guard. Free, the control is tau. Along a path the model itself is restricted: T == path(s), and the one control
+    `drive` is the second derivative of the path coordinate s (Dressler 2012, section 3.5); all forces follow. With
+    jerk the control is the third derivative of T, or of s.
     """
     links = [(m["part"], int(m["index"])) for m in map(_LINK.fullmatch, link_names(robot)) if m]
+    guard, path, order = task.guard, task.path, 3 if task.jerk else 2
+    restricted = path is not None or task.jerk
 
     class Motion(gt.Optimization):
         robot: Any
         along_guideway: Any
+        margin: Any
+        s: Any
+        drive: Any
+        metre: Any
         final_time = gt.free(GUESS_TIME_S, min=SHORTEST_TIME_S, unit="s")
-        force_limit = gt.parameter(force, unit="N", positive=True)
-        force_unit_N = gt.parameter(force_unit, unit="N", positive=True)
-        from_T = gt.parameter(start, unit="m")
-        to_T = gt.parameter(goal, unit="m")
+        force_limit = gt.parameter(task.force, unit="N", positive=True)
+        force_unit_N = gt.parameter(task.force_unit, unit="N", positive=True)
+        from_T = gt.parameter(task.start, unit="m")
+        to_T = gt.parameter(task.goal, unit="m")
 
         def equations(self) -> Any:
             for k, (part, i) in enumerate(links):
                 link = getattr(self.robot, part)[i]
                 yield self.along_guideway[k] == gt.dot(link.rod.b.r - link.rod.a.r, link.v) / gt.norm(link.v)
+            yield from guard.equations(self)
+            if path is not None:
+                yield self.robot.T == path.expression(self.s, self.metre)
+            if restricted:
+                yield self.drive == gt.der(self.s if path is not None else self.robot.T, order)
 
         def objective(self) -> Any:
-            cost = weight_time * self.final_time
-            if weight_energy:
+            cost = task.weight_time * self.final_time
+            if task.weight_energy:
                 tau = self.robot.tau
-                cost = cost + weight_energy * gt.integral(gt.dot(tau, tau) / self.force_unit_N**2)
+                cost = cost + task.weight_energy * gt.integral(gt.dot(tau, tau) / self.force_unit_N**2)
             return cost
 
         def constraints(self) -> Any:
-            T = self.robot.T
             yield gt.between(-self.force_limit, self.robot.tau, self.force_limit)
-            yield T.at(self.start_time) == self.from_T
-            yield T.at(self.final_time) == self.to_T
-            for instant, rest in ((self.start_time, start_rest), (self.final_time, goal_rest)):
-                for order, name in ((1, "velocity"), (2, "acceleration")):
+            moved = self.robot.T if path is None else self.s
+            begin, end = (self.from_T, self.to_T) if path is None else (0.0, 1.0)
+            yield moved.at(self.start_time) == begin
+            yield moved.at(self.final_time) == end
+            if path is not None:
+                yield gt.der(self.s) >= 0
+            for instant, rest in ((self.start_time, task.start_rest), (self.final_time, task.goal_rest)):
+                for k, name in ((1, "velocity"), (2, "acceleration")):
                     if name in rest:
-                        yield gt.der(T, order).at(instant) == 0
+                        yield gt.der(moved, k).at(instant) == 0
 
-    declared: dict[str, Any] = {"robot": gt.part(robot)}
+    declared = guard.declarations(dependent(robot, "tau") if restricted else robot, bounded=True)
+    declared.setdefault("metre", gt.parameter(1.0, unit="m"))
     if links:
-        declared["along_guideway"] = gt.variable(len(links), unit="m", min=link_margin)
+        declared["along_guideway"] = gt.variable(len(links), unit="m", min=task.link_margin)
+    if path is not None:
+        declared["s"] = gt.variable(unit="1", min=0.0, max=1.0, prefer=2, description="path coordinate")
+        declared["drive"] = gt.input(unit=f"1/s{order}", description="derivative of the path coordinate")
+    elif task.jerk:
+        declared["drive"] = gt.input(3, unit="m/s3", nominal=100.0, description="jerk of the tool centre point")
     return type("Motion", (Motion,), declared)()
+
+
+def dependent(robot: gt.Model, name: str) -> gt.Model:
+    """The same robot, whose input of that name is a variable that the motion determines."""
+    cls: Any = type(robot)
+    item = cls._declared[name]
+    attributes = {k: v for k, v in item.attributes.items() if v is not None}
+    variable = gt.variable(item.shape, unit=item.unit, **attributes)
+    return type(cls.__name__, (cls,), {name: variable})(**robot.__dict__["_modifiers"])
 
 
 def link_names(robot: gt.Model) -> list[str]:

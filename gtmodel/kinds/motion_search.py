@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -14,10 +14,10 @@ from gtmodel.optimize import solve as collocate
 from gtmodel.results import SolveStatus, Trajectory
 
 from .base import Context
-from .motion import bare_guess, motion
-
-if TYPE_CHECKING:
-    from .trajectory import Schema
+from .motion import MotionTask, bare_guess, motion
+from .motion_limits import Guard
+from .motion_paths import Path
+from .trajectory_keys import TrajectoryProblem
 
 # these problems take 20 to 120 iterations; one that needs more has lost its way, and another start is the better bet
 ATTEMPT_ITERATIONS = 200
@@ -28,10 +28,15 @@ CONTINUATION = (0.01, 0.001)  # weights of the energy, in units of the time's, o
 Control = Literal["polynomial", "constant"]
 
 
-def motion_of(problem: Schema, robot: Model, guarded: bool = False, energy: float | None = None) -> Optimization:
-    """The motion that a problem file describes, with or without the bound that keeps links off the edge of reach."""
-    return motion(
-        robot,
+def task_of(
+    problem: TrajectoryProblem,
+    guarded: bool = False,
+    energy: float | None = None,
+    guard: Guard | None = None,
+    path: Path | None = None,
+) -> MotionTask:
+    """The task that a problem file describes, with or without the bound that keeps links off the edge of reach."""
+    return MotionTask(
         start=np.array(problem.start.tcp_m),
         goal=np.array(problem.goal.tcp_m),
         start_rest=list(problem.start.rest),
@@ -41,7 +46,15 @@ def motion_of(problem: Schema, robot: Model, guarded: bool = False, energy: floa
         weight_time=problem.cost.time,
         weight_energy=problem.cost.energy if energy is None else energy,
         link_margin=problem.limits.link_along_guideway_m if guarded else None,
+        guard=guard or Guard([], {}),
+        path=path,
+        jerk=problem.limits.tcp_jerk_m_s3 is not None,
     )
+
+
+def motion_of(problem: TrajectoryProblem, robot: Model, *args: Any, **options: Any) -> Optimization:
+    """The motion that a problem file describes; see `task_of`."""
+    return motion(robot, task_of(problem, *args, **options))
 
 
 @dataclass
@@ -53,19 +66,20 @@ class Search:
     the energy. All attempts share `solver.max_iterations` and the time limit.
     """
 
-    problem: Schema
+    problem: TrajectoryProblem
     context: Context
     robot: Model
     guess: Trajectory
+    guard: Guard = field(default_factory=lambda: Guard([], {}))
     iterations: int = field(default=0, init=False)
 
     @cached_property
     def plain(self) -> Optimization:
-        return motion_of(self.problem, self.robot)
+        return motion_of(self.problem, self.robot, guard=self.guard)
 
     @cached_property
     def guarded(self) -> Optimization:
-        return motion_of(self.problem, self.robot, guarded=True)
+        return motion_of(self.problem, self.robot, guarded=True, guard=self.guard)
 
     def optimum(self) -> Solution:
         """The optimum with the control that the problem asks for; where none is found, the last attempt."""

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Any
 
 import numpy as np
-from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt
 
 from gtmodel import lang as gt
 from gtmodel.compiler.causal import compile_causal, flat_of
@@ -14,10 +13,10 @@ from gtmodel.optimize.overshoot import control_curves
 from gtmodel.optimize.resimulate import Resimulation, resimulate
 from gtmodel.results import SolveStatus, Status, Trajectory
 
-from .base import Check, Context, InputError, Outcome, Row, Section
+from .base import Check, Context, InputError, Outcome, Row
 from .motion import along_guideways, line_guess, link_names
 from .motion_search import Search, motion_of
-from .robot_keys import RobotProblem
+from .trajectory_keys import TrajectoryProblem
 
 NAME = "trajectory"
 
@@ -40,67 +39,7 @@ END_ERROR_BOUND_M = 5e-3
 FORCE_TOLERANCE = 1e-9  # relative: the exported force keeps its limit at every instant
 SATURATED = 0.99
 
-Point = Annotated[list[float], Field(min_length=3, max_length=3)]
-Rest = list[Literal["velocity", "acceleration"]]
-
-
-class Start(Section):
-    """Where the motion begins."""
-
-    tcp_m: Point = Field(description="tool centre point, three coordinates in the robot's frame")
-    rest: Rest = Field(["velocity"], description="what vanishes there: velocity, acceleration")
-
-
-class Goal(Section):
-    """Where the motion ends."""
-
-    tcp_m: Point = Field(description="tool centre point, three coordinates in the robot's frame")
-    rest: Rest = Field(["velocity"], description="what vanishes there: velocity, acceleration")
-
-
-class Limits(Section):
-    """What the motion must keep."""
-
-    force_N: PositiveFloat = Field(description="largest motor force of each cart, friction included")
-    link_along_guideway_m: NonNegativeFloat = Field(
-        0.02, description="least component of each link along its guideway: how far to stay off the edge of reach"
-    )
-
-
-class Cost(Section):
-    """What is minimised: time * T + energy * sum int (F / force_unit_N)^2 dt."""
-
-    time: NonNegativeFloat = Field(1.0, description="weight of the final time")
-    energy: NonNegativeFloat = Field(0.0, description="weight of the energy")
-    force_unit_N: PositiveFloat = Field(1.0, description="force that counts as one in the energy")
-
-
-class Mesh(Section):
-    """Where the equations are collocated (Radau)."""
-
-    elements: PositiveInt = Field(50, description="number of elements of the horizon")
-    points: int = Field(3, ge=1, le=9, description="collocation points per element")
-    control: Literal["polynomial", "constant"] = Field(
-        "polynomial", description="force polynomial per element, bounded at its points only, or one value"
-    )
-
-
-class Solver(Section):
-    """When the solver stops."""
-
-    tolerance: PositiveFloat = Field(1e-8, description="on the scaled optimality conditions")
-    max_iterations: PositiveInt = Field(1000, description="limit of iterations")
-
-
-class Schema(RobotProblem):
-    """Optimal motion between two poses."""
-
-    start: Start
-    goal: Goal
-    limits: Limits
-    cost: Cost = Cost()  # type: ignore[call-arg]
-    mesh: Mesh = Mesh()  # type: ignore[call-arg]
-    solver: Solver = Solver()  # type: ignore[call-arg]
+Schema = TrajectoryProblem
 
 
 def solve(problem: Schema, context: Context) -> Outcome:

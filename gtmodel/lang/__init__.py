@@ -42,7 +42,7 @@ from .functions import (
 )
 from .interpolation import interpolate
 from .model import Connector, Model
-from .optimization import Optimization, integral
+from .optimization import Optimization, delayed, integral
 from .piecewise import piecewise
 from .source import ModelError, SourceLocation
 from .units import UnitError
@@ -72,6 +72,7 @@ __all__ = [
     "connect",
     "cos",
     "cross",
+    "delayed",
     "der",
     "dot",
     "each",

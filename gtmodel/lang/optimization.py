@@ -6,8 +6,9 @@ from collections.abc import Iterable
 from typing import Any
 
 import casadi as ca
+import numpy as np
 
-from .declare import Free
+from .declare import Free, Variable
 from .expression import Expr, operand
 from .model import Model
 from .scope import Instant
@@ -62,3 +63,29 @@ def at(x: Expr, instant: Any) -> Expr:
 def is_free(value: Any) -> bool:
     """True for a horizon end that the optimisation chooses."""
     return isinstance(value, Free)
+
+
+class Delayed(Variable):
+    """Record of an input that follows another one some time later."""
+
+    def __init__(self, source: Variable, tau: float, history: Any) -> None:
+        super().__init__(source.shape, source.unit, f"{source.name} delayed", "input", dict(source.attributes))
+        self.source, self.tau, self.history = source, tau, history
+        self.attributes |= {"min": None, "max": None}  # the input's own bounds hold it
+
+    def before(self, time: float) -> float:
+        """Value at a time [s] before the start of the horizon."""
+        return float(self.history(time) if callable(self.history) else self.history)
+
+
+def delayed(source: Any, tau: float, *, history: Any) -> Any:
+    """The input `source` of the same class as it was `tau` seconds ago: `late = gt.delayed(u, 0.1, history=0.0)`.
+
+    A constant delay of a scalar input on a given horizon, where every mesh edge is an edge `tau` earlier too.
+    `history` is its value before the start: a number or a function of time [s]. Raises ModelError for another source.
+    """
+    if not isinstance(source, Variable) or source.role != "input" or source.shape != ():
+        raise ModelError(f"gt.delayed takes a scalar gt.input of the same class; found {source!r}", here())
+    if not np.isfinite(tau) or tau <= 0:
+        raise ModelError(f"a delay is positive; found {tau!r} s", here())
+    return Delayed(source, float(tau), history)

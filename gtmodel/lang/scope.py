@@ -31,6 +31,7 @@ class Scope:
         self.time = ca.SX.sym("time")
         self._time_key = self.time.element_hash()
         self.instants: list[Instant] = []
+        self.misfits: list[ca.SX] = []
 
     def new_chain(self, name: str) -> ca.SX:
         """A new scalar variable; returns its symbol of order 0."""

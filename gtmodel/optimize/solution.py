@@ -8,12 +8,12 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ..compiler.plan import Plan
 from ..lang.scope import derivative_name
 from ..results.status import SolveStatus
 from ..results.trajectory import Trajectory
-from .nlp import Nlp
-from .problem import DynamicProblem
+from .dynamic import DynamicProblem
+from .mesh import Mesh
+from .nlp import Nlp, placed
 from .tables import basis, basis_slope
 
 
@@ -79,16 +79,16 @@ def read_solution(
     seconds: dict[str, float],
 ) -> Solution:
     """Physical values of all names from the scaled unknowns."""
-    free = dict(zip(nlp.problem.free_names, constants(nlp, x).tolist(), strict=True))
+    chosen = constants(nlp, x)[: len(nlp.problem.free_names)]
+    free = dict(zip(nlp.problem.free_names, chosen.tolist(), strict=True))
     violation = float(np.max(np.maximum(nlp.lbg - g, g - nlp.ubg), initial=0.0))
-    trajectory = evaluate(nlp, x, mesh_fractions(nlp))
+    trajectory = evaluate(nlp, x, mesh_fractions(placed(nlp, x)))
     solution = Solution(status, message, objective, iterations, trajectory, free, nlp, x, lam_g, seconds)
     return solution.with_checks(constraint_violation=Check(max(0.0, violation), 1e-6))
 
 
-def mesh_fractions(nlp: Nlp) -> np.ndarray:
+def mesh_fractions(mesh: Mesh) -> np.ndarray:
     """Fractions of the horizon of the start and all collocation points (and the end, for Gauss)."""
-    mesh = nlp.mesh
     s = [0.0]
     for k in range(mesh.elements):
         s += (mesh.edges[k] + mesh.h[k] * mesh.table.points).tolist()
@@ -100,7 +100,7 @@ def mesh_fractions(nlp: Nlp) -> np.ndarray:
 
 def constants(nlp: Nlp, x: np.ndarray) -> np.ndarray:
     """Free constants in SI units."""
-    return x[nlp.mesh.elements * nlp.element.layout.size + nlp.element.layout.nx :] * nlp.p_scale
+    return x[nlp.constants :] * nlp.p_scale
 
 
 def horizon(nlp: Nlp, x: np.ndarray) -> tuple[float, float]:
@@ -113,26 +113,26 @@ def horizon(nlp: Nlp, x: np.ndarray) -> tuple[float, float]:
 def states_and_controls(
     nlp: Nlp, x: np.ndarray, s: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """States, state rates and controls (len(s), n) and times at fractions s, from the polynomials.
+    """States, state rates, inputs (len(s), n) and times at fractions s, from the polynomials.
+
+    Inputs are the controls and behind them what is free at each point (delayed inputs, algebraic variables).
 
     At an element's edge the element on the left is used, except at s = 0.
     """
-    mesh, layout = nlp.mesh, nlp.element.layout
+    mesh, layout = placed(nlp, x), nlp.element.layout
     t0, tf = horizon(nlp, x)
     table, edges = mesh.table, mesh.edges
     # a little to the left: time / duration may round past the edge it came from
     k = np.clip(np.searchsorted(edges, s - 1e-12, side="left") - 1, 0, mesh.elements - 1)
-    xs, rates, us = (np.zeros((len(s), n)) for n in (layout.nx, layout.nx, layout.nu))
+    xs, rates, us = (np.zeros((len(s), n)) for n in (layout.nx, layout.nx, layout.nu + layout.nz))
     for element in np.unique(k):
         rows = np.flatnonzero(k == element)
         local = np.clip((s[rows] - edges[element]) / mesh.h[element], 0.0, 1.0)
         y = x[element * layout.size : (element + 1) * layout.size] * layout.scale
-        nodes = np.vstack([y[layout.left], y[layout.x]])
+        nodes = np.vstack([y[layout.left[: layout.nx]], y[layout.x]])
         xs[rows] = basis(table.nodes, local) @ nodes
         rates[rows] = basis_slope(table.nodes, local) @ nodes / (mesh.h[element] * (tf - t0))
-        if layout.nu:
-            values = y[layout.u]
-            us[rows] = values[:1] if mesh.control == "constant" else basis(table.points, local) @ values
+        us[rows] = layout.inputs(y, local)
     return xs, rates, us, t0 + s * (tf - t0)
 
 
@@ -189,11 +189,4 @@ def _outputs(problem: DynamicProblem) -> tuple[list[tuple[str, Any, int, str]], 
 def _known(problem: DynamicProblem, states: set[tuple[int, int]], index: int, order: int) -> bool:
     """A derivative that is a state or a state's rate."""
     _, kept, k = problem.plan.alias.resolve(index, order)
-    return (kept, k) in states or ((kept, k - 1) in states and _rate_is_expressible(problem, kept, k))
-
-
-def _rate_is_expressible(problem: DynamicProblem, kept: int, k: int) -> bool:
-    symbol = problem.flat.scope.symbol(kept, k).element_hash()
-    plan: Plan = problem.plan
-    solved = {s.element_hash() for b in plan.blocks for s, _ in b.assignments}
-    return symbol in solved or (kept, k) in plan.inputs
+    return (kept, k) in states or ((kept, k - 1) in states and problem.builder.expressible((kept, k)))

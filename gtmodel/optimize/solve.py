@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -13,6 +13,8 @@ import numpy as np
 from ..lang.optimization import Optimization
 from ..results.status import SolveStatus
 from ..results.trajectory import Trajectory
+from .assembly import wrong_branch
+from .equalities import check_equalities
 from .guess import initial_guess
 from .mesh import Mesh
 from .nlp import Nlp, make_nlp
@@ -31,7 +33,7 @@ class SolverOptions:
         tolerance: IPOPT's overall tolerance on the scaled problem.
         max_iterations: limit; reached means status iteration_limit with the best iterate.
         max_seconds: wall-clock limit; reached means status interrupted with the best iterate.
-        formulation: "auto", "inverse" or "explicit" (see optimize.problem.build).
+        formulation: "auto", "inverse", "explicit", "torn" or "dae" (see optimize.problem.build).
         prefer: names to keep as states.
         hessian: "exact", or "lbfgs" from gradients alone.
 
@@ -41,7 +43,7 @@ class SolverOptions:
     tolerance: float = 1e-8
     max_iterations: int = 1000
     max_seconds: float | None = None
-    formulation: Literal["auto", "inverse", "explicit"] = "auto"
+    formulation: Literal["auto", "inverse", "explicit", "torn", "dae"] = "auto"
     prefer: tuple[str, ...] = ()
     hessian: Literal["exact", "lbfgs"] = "exact"
 
@@ -70,6 +72,7 @@ def solve(
     mesh: Mesh | None = None,
     *,
     guess: Trajectory | Solution | None = None,
+    branches: Mapping[str, int] | None = None,
     solver: SolverOptions | None = None,
     progress: Progress | None = None,
     throw: bool = True,
@@ -80,6 +83,8 @@ def solve(
         model: an Optimization with values for its parameters.
         mesh: elements, points, scheme and control; default 50 x 3 Radau.
         guess: a trajectory with names of states and controls, or an earlier solution.
+        branches: sign +1 or -1 by the name of a declared branch, +1 by default; a solution that leaves it at any
+            point has status failed.
         progress: called with (iteration, objective, constraint violation); returning True stops the solve,
             keeping the iterate (status interrupted).
 
@@ -87,8 +92,9 @@ def solve(
     """
     mesh = mesh or Mesh()
     options = solver or SolverOptions()
-    problem = build(model, options.formulation, options.prefer)
+    problem = build(model, options.formulation, options.prefer, branches)
     nlp = make_nlp(problem, mesh)
+    check_equalities(problem, nlp.element)
     return solve_nlp(nlp, initial_guess(nlp, guess), options, progress, throw)
 
 
@@ -124,13 +130,16 @@ def solve_nlp(
     status, word = _status(str(stats["return_status"]), watch)
     x = np.asarray(result["x"]).reshape(-1)
     g = np.asarray(result["g"]).reshape(-1)
+    message = _message(status, word, nlp, g)
+    if status.ok and (astray := wrong_branch(nlp, x)):
+        status, message = SolveStatus.FAILED, astray
     solution = read_solution(
         nlp,
         x,
         g,
         lam_g=np.asarray(result["lam_g"]).reshape(-1),
         status=status,
-        message=_message(status, word, nlp, g),
+        message=message,
         objective=float(result["f"]),
         iterations=int(stats["iter_count"]),
         seconds={"setup": setup, "solve": time.perf_counter() - start - setup},
