@@ -26,7 +26,7 @@ class MotionTask:
     """What a motion is: from where to where, within what, at which cost.
 
     start, goal: TCP positions [m]. Rest lists name what vanishes at an end: "velocity", "acceleration".
-    force: limit of every motor [N]; force_unit [N]; the cost is weight_time * T + weight_energy * int |tau / unit|^2 dt.
+    force: limit of every motor [N]. The cost is weight_time * T + weight_energy * int |tau / force_unit|^2 dt.
     link_margin: lower bound [m] of the links' components along their guideways; None leaves them free.
     guard: further margins. path: the path to follow, or None. jerk: the control is a jerk, so forces are continuous.
     """
@@ -54,7 +54,7 @@ def motion(robot: gt.Model, task: MotionTask) -> gt.Optimization:
     `drive` is the second derivative of the path coordinate s (Dressler 2012, section 3.5); all forces follow. With
     jerk the control is the third derivative of T, or of s.
     """
-    links = [(m["part"], int(m["index"])) for m in map(_LINK.fullmatch, link_names(robot)) if m]
+    links = links_of(robot)
     guard, path, order = task.guard, task.path, 3 if task.jerk else 2
     restricted = path is not None or task.jerk
 
@@ -129,6 +129,11 @@ def link_names(robot: gt.Model) -> list[str]:
     return [name for name in names if name.removesuffix("rod.a.r") + "v" in flat.bindings]
 
 
+def links_of(robot: gt.Model) -> list[tuple[str, int]]:
+    """Part and index of the arms whose links `link_names` names."""
+    return [(m["part"], int(m["index"])) for m in map(_LINK.fullmatch, link_names(robot)) if m]
+
+
 def along_guideways(robot: gt.Model, T: np.ndarray, joints: list[np.ndarray]) -> np.ndarray:
     """Components [m] of the links along their guideways for a TCP position and cart joints in `link_names` order."""
     flat = flat_of(robot)
@@ -139,24 +144,40 @@ def along_guideways(robot: gt.Model, T: np.ndarray, joints: list[np.ndarray]) ->
     return np.sum((T - np.array(joints)) * v, axis=1) / np.linalg.norm(v, axis=1)
 
 
-def line_guess(
-    inverse_dynamics: CausalFunction, start: np.ndarray, goal: np.ndarray, force: float, rows: int = 201
-) -> Trajectory:
-    """Straight line with a trapezoidal profile (1/4, 1/2, 1/4) of 1 s; forces by inverse dynamics, clipped."""
+def trapezoid(rows: int = 201) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Times [s], fraction of the way, and its two derivatives: trapezoidal speed (1/4, 1/2, 1/4) over 1 s."""
     t = np.linspace(0.0, GUESS_TIME_S, rows)
     r = t / GUESS_TIME_S
     top = 4.0 / 3.0
     s = np.where(r < 0.25, 2 * top * r**2, np.where(r < 0.75, top * (r - 0.125), 1 - 2 * top * (1 - r) ** 2))
     ds = np.where(r < 0.25, 4 * top * r, np.where(r < 0.75, top, 4 * top * (1 - r))) / GUESS_TIME_S
     dds = np.where(r < 0.25, 4 * top, np.where(r < 0.75, 0.0, -4 * top)) / GUESS_TIME_S**2
+    return t, s, ds, dds
+
+
+def line_guess(
+    inverse_dynamics: CausalFunction, start: np.ndarray, goal: np.ndarray, force: float, rows: int = 201
+) -> Trajectory:
+    """Straight line with a trapezoidal profile (1/4, 1/2, 1/4) of 1 s; forces by inverse dynamics, clipped."""
+    t, s, ds, dds = trapezoid(rows)
     step = goal - start
     T, dT, ddT = start + s[:, None] * step, ds[:, None] * step, dds[:, None] * step
     tau, status = inverse_dynamics(T, dT, ddT)
     tau[status != Status.OK] = 0.0  # the line may leave the workspace; the optimum need not
-    values = {"robot.T": T, "der(robot.T)": dT, "robot.tau": np.clip(tau, -force, force)}
+    values = {"robot.T": T, "der(robot.T)": dT, "der(robot.T,2)": ddT, "robot.tau": np.clip(tau, -force, force)}
     return Trajectory(t, values, {"robot.T": "m", "der(robot.T)": "m/s", "robot.tau": "N"})
 
 
 def bare_guess(start: np.ndarray, goal: np.ndarray) -> Trajectory:
     """The straight line at constant speed, nothing said of velocities and forces."""
     return Trajectory([0.0, GUESS_TIME_S], {"robot.T": np.array([start, goal])}, {"robot.T": "m"})
+
+
+def bent_guess(start: np.ndarray, goal: np.ndarray, rng: np.random.Generator, bend: float) -> Trajectory:
+    """The line of `line_guess` bent sideways, in a drawn direction by 0.3 to 1 times `bend` [m]: half a sine wave."""
+    t, s, _, _ = trapezoid()
+    step = goal - start
+    side = np.cross(step, rng.normal(size=3))
+    offset = side / np.linalg.norm(side) * rng.uniform(0.3, 1.0) * bend
+    T = start + s[:, None] * step + np.sin(np.pi * s)[:, None] * offset
+    return Trajectory(t, {"robot.T": T}, {"robot.T": "m"})

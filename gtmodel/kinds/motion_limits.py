@@ -7,7 +7,7 @@ at the least of each over the exported motion.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -17,7 +17,9 @@ from gtmodel import lang as gt
 from .base import InputError
 from .trajectory_keys import Limits
 
-SHARPNESS_PER_M = 200.0  # of the smooth maximum over separating directions: at most log(6) / 200 = 9 mm on the safe side
+SHARPNESS_PER_M = (
+    200.0  # of the smooth maximum over separating directions: at most log(6) / 200 = 9 mm on the safe side
+)
 ROUNDING_M = 1e-4  # of smooth absolute values
 FAR_M = 1.0  # a separation beyond this is far enough; keeps exponentials finite
 
@@ -37,6 +39,7 @@ class Guard:
 
     margins: list[Margin]
     parameters: dict[str, Any]
+    made: dict[int, tuple[gt.Model, gt.Model]] = field(default_factory=dict, repr=False, compare=False)
 
     def declarations(self, robot: gt.Model, bounded: bool = False) -> dict[str, Any]:
         """Class attributes of a model that holds the robot and its margins."""
@@ -51,13 +54,17 @@ class Guard:
             yield model.margin[k] == margin.expression(model)
 
     def model(self, robot: gt.Model) -> gt.Model:
-        """The robot with its margins, for functions of the motion."""
+        """The robot with its margins, for functions of the motion; made once per robot, so functions are too."""
         guard = self
+        if id(robot) in self.made:
+            return self.made[id(robot)][1]
 
         def equations(self: Any) -> Any:
             yield from guard.equations(self)
 
-        return type("Guarded", (gt.Model,), {**self.declarations(robot), "equations": equations})()
+        model = type("Guarded", (gt.Model,), {**self.declarations(robot), "equations": equations})()
+        self.made[id(robot)] = (robot, model)
+        return model
 
 
 def guard_of(limits: Limits, arms: list[tuple[str, int]]) -> Guard:
@@ -187,7 +194,7 @@ def _below(x: Any) -> Any:
 
 
 def clearance(points: np.ndarray, ends: np.ndarray, center: np.ndarray, size: np.ndarray, samples: int = 401) -> float:
-    """Least distance [m] of points (n, 3) and of segments from ends (n, 3) to them from a box, by sampling: 0 inside."""
+    """Least distance [m] of segments, from points (n, 3) to ends (n, 3), from a box, by sampling: 0 inside."""
     least = np.inf
     for f in np.linspace(0.0, 1.0, samples):
         outside = np.maximum(np.abs(points + f * (ends - points) - center) - size / 2, 0.0)

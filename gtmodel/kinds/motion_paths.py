@@ -23,7 +23,8 @@ Sampled = tuple[np.ndarray, np.ndarray, np.ndarray]
 class Path(Protocol):
     """A curve with two continuous derivatives."""
 
-    length: float
+    @property
+    def length(self) -> float: ...
 
     def __call__(self, s: np.ndarray) -> Sampled: ...
 
@@ -64,9 +65,7 @@ class Arc:
 
     def expression(self, s: Any, metre: Any) -> Any:
         turned = gt.cos(self.angle * s), gt.sin(self.angle * s)
-        return gt.vector(
-            *(metre * (self.center[i] + self.a[i] * turned[0] + self.b[i] * turned[1]) for i in range(3))
-        )
+        return gt.vector([metre * (self.center[i] + self.a[i] * turned[0] + self.b[i] * turned[1]) for i in range(3)])
 
 
 def path_of(keys: PathSection, context: Context, start: np.ndarray, goal: np.ndarray) -> Path:
@@ -97,7 +96,12 @@ def path_of(keys: PathSection, context: Context, start: np.ndarray, goal: np.nda
 
 def _refuse_stray(keys: PathSection) -> None:
     """A key of another shape is a mistake, not a detail."""
-    own = {"polyline": {"via_m", "blend_m"}, "arc": {"through_m"}, "spline": {"file"}, "taught": {"file", "tolerance_m"}}
+    own = {
+        "polyline": {"via_m", "blend_m"},
+        "arc": {"through_m"},
+        "spline": {"file"},
+        "taught": {"file", "tolerance_m"},
+    }
     for key in keys.model_fields_set - {"shape", "intervals"} - own.get(keys.shape, set()):
         raise InputError(f"does not belong to shape '{keys.shape}'; remove it or choose another shape", f"path.{key}")
 
@@ -109,7 +113,7 @@ def line(start: np.ndarray, goal: np.ndarray) -> Path:
 
 
 def polyline(points: np.ndarray, blend: float) -> Path:
-    """Straight pieces; each corner is rounded by a quintic over `blend` [m] on both sides, with continuous curvature."""
+    """Straight pieces; a quintic of continuous curvature rounds each corner over `blend` [m] on both sides."""
     steps = np.diff(points, axis=0)
     lengths = np.linalg.norm(steps, axis=1)
     if np.any(lengths == 0):
@@ -181,7 +185,7 @@ def taught(points: np.ndarray, tolerance: float) -> Path:
     points = points[moved]  # a robot led by hand stands still at times
     if len(points) < 6:
         raise InputError(f"a taught path needs at least 6 different points; found {len(points)}", "path.file")
-    (curve, _) = make_splprep(points.T, k=3, s=len(points) * tolerance**2)
+    (curve, _) = make_splprep(points.T, k=3, s=len(points) * tolerance**2)  # type: ignore[arg-type]
     at = np.unique(np.clip(curve.t, 0.0, 1.0))
     c = [curve(at[:-1], nu).T / factor for nu, factor in ((3, 6.0), (2, 2.0), (1, 1.0), (0, 1.0))]
     pieces = PPoly(np.array(c), at)
@@ -215,4 +219,3 @@ def _points(keys: PathSection, context: Context) -> np.ndarray:
         if np.any(np.all(np.diff(points, axis=0) == 0, axis=1)):
             raise InputError(f"{keys.file} holds a point twice in a row; remove it, or use shape 'taught'", "path.file")
     return points
-

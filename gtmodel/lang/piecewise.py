@@ -19,8 +19,9 @@ def piecewise(x: Any, breaks: Any, coefficients: Any) -> Expr:
         breaks: (pieces + 1,) numbers, strictly increasing.
         coefficients: (order + 1, pieces) or (order + 1, pieces, m), highest power first, as scipy's PPoly has them.
 
-    Its unit is that of what it is compared with. Beyond both ends the end pieces go on; at a break the piece on its right counts. Time derivatives take the pieces as
-    they are, so the curve should be as smooth as the model differentiates it. Raises ModelError for wrong shapes.
+    Its unit is that of what it is compared with. Beyond both ends the end pieces go on; at a break the piece on its
+    right counts. Time derivatives take the pieces as they are, so the curve should be as smooth as the model
+    differentiates it. Raises ModelError for wrong shapes.
     """
     breaks, c = np.asarray(breaks, float), np.asarray(coefficients, float)
     if not isinstance(x, Expr) or x.shape != ():

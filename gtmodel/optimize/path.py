@@ -1,13 +1,13 @@
 """Fastest motion along a given path: one unknown per node, the squared path speed b = s'^2.
 
-Along x = path(s) everything is a function of s, s' = sqrt(b) and s'' = b'/2. Nodes lie closest at both ends, where the
-motion rests and b has a vertical tangent; on each interval s'' is constant, so the motion between nodes is known exactly.
+Along x = path(s) everything is a function of s, s' = sqrt(b) and s'' = (db/ds)/2. Nodes lie closest at both ends, where
+the motion rests and s' has a vertical tangent; on each interval s'' is constant: the motion between nodes is exact.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -111,17 +111,14 @@ def solve_path(
     for end, rests in zip((0, -1), task.rest, strict=True):
         if rests:
             high_b[end] = 0.0
-    watch = _Watch(intervals + 1, count * intervals, progress, max_seconds)
-    watch.low, watch.high = np.tile(task.low, per * intervals), np.tile(task.high, per * intervals)
-    scale = _scale(task)
-    watch.low, watch.high = watch.low / np.tile(scale, per * intervals), watch.high / np.tile(scale, per * intervals)
-    run = ca.nlpsol("path", "ipopt", nlp[0], {
-        "ipopt": {"tol": tolerance, "max_iter": max_iterations, "mu_strategy": "adaptive", "print_level": 0, "sb": "yes",
-                  "honor_original_bounds": "yes"},
-        "print_time": False, "no_nlp_grad": True, "error_on_fail": False, "show_eval_warnings": False,
-        "iteration_callback": watch, **nlp[1],
-    })  # fmt: skip
-    result = run(x0=_guess(s), lbx=low_b, ubx=high_b, lbg=watch.low, ubg=watch.high)
+    low, high = (np.tile(bound / _scale(task), per * intervals) for bound in (task.low, task.high))
+    watch = _Watch(intervals + 1, low, high, progress, max_seconds)
+    ipopt = {"tol": tolerance, "max_iter": max_iterations, "mu_strategy": "adaptive", "print_level": 0, "sb": "yes",
+             "honor_original_bounds": "yes"}  # fmt: skip
+    settings = {"ipopt": ipopt, "print_time": False, "no_nlp_grad": True, "error_on_fail": False,
+                "show_eval_warnings": False, "iteration_callback": watch, **nlp[1]}  # fmt: skip
+    run = ca.nlpsol("path", "ipopt", nlp[0], settings)
+    result = run(x0=_guess(s), lbx=low_b, ubx=high_b, lbg=low, ubg=high)
     stats = run.stats()
     word = str(stats["return_status"])
     status = _STATUS.get(word, SolveStatus.FAILED)
@@ -188,7 +185,8 @@ def _assemble(interval: ca.Function, data: ca.DM, N: int, m: int) -> tuple[dict[
     H = ca.hessian(sigma * cost + ca.dot(lam, rows), y)[0]
     cse = {"cse": True}
     value = ca.Function("value", [y, p], [rows, cost], cse).map(N)
-    slope = ca.Function("slope", [y, p], [ca.densify(ca.jacobian(rows, y)), ca.densify(ca.gradient(cost, y))], cse).map(N)
+    first = [ca.densify(ca.jacobian(rows, y)), ca.densify(ca.gradient(cost, y))]
+    slope = ca.Function("slope", [y, p], first, cse).map(N)
     bend = ca.Function("bend", [y, p, sigma, lam], [ca.vertcat(H[0, 0], H[0, 1], H[1, 1])], cse).map(N)
     x, none = ca.MX.sym("x", N + 1), ca.MX.sym("none", 0)
     Y = ca.horzcat(x[:-1], x[1:]).T
@@ -204,7 +202,8 @@ def _assemble(interval: ca.Function, data: ca.DM, N: int, m: int) -> tuple[dict[
     h = bend(Y, data, ca.repmat(sg, 1, N), ca.reshape(lg, m, N))
     diagonal = ca.vertcat(h[0, :].T, 0) + ca.vertcat(0, h[2, :].T)
     n = np.arange(N + 1)
-    hessian = _scatter(np.concatenate([n, k]), np.concatenate([n, k + 1]), ca.vertcat(diagonal, h[1, :].T), (N + 1, N + 1))
+    entries = ca.vertcat(diagonal, h[1, :].T)
+    hessian = _scatter(np.concatenate([n, k]), np.concatenate([n, k + 1]), entries, (N + 1, N + 1))
     functions = {
         "grad_f": ca.Function("grad_f", [x, none], [f, gradient], ["x", "p"], ["f", "grad_f_x"]),
         "jac_g": ca.Function("jac_g", [x, none], [g, jacobian], ["x", "p"], ["g", "jac_g_x"]),
@@ -223,11 +222,12 @@ def _scatter(rows: np.ndarray, cols: np.ndarray, values: ca.MX, shape: tuple[int
 class _Watch(ca.Callback):
     """Progress, and a stop that keeps the iterate."""
 
-    def __init__(self, nx: int, ng: int, progress: Progress | None, max_seconds: float | None) -> None:
+    def __init__(
+        self, nx: int, low: np.ndarray, high: np.ndarray, progress: Progress | None, max_seconds: float | None
+    ) -> None:
         ca.Callback.__init__(self)
-        self.nx, self.ng, self.progress = nx, ng, progress
+        self.nx, self.ng, self.low, self.high, self.progress = nx, len(low), low, high, progress
         self.stop_at = None if max_seconds is None else time.monotonic() + max_seconds
-        self.low = self.high = np.zeros(ng)
         self.count, self.stopped = 0, False
         self.construct("path_watch", {})
 
@@ -247,7 +247,7 @@ class _Watch(ca.Callback):
         size = {"f": 1, "x": self.nx, "lam_x": self.nx, "g": self.ng, "lam_g": self.ng}.get(ca.nlpsol_out(i), 0)
         return ca.Sparsity.dense(size, 1)
 
-    def eval(self, arg: list[ca.DM]) -> list[float]:
+    def eval(self, arg: Sequence[ca.DM]) -> list[float]:
         count, self.count = self.count, self.count + 1
         asked = self.stop_at is not None and time.monotonic() > self.stop_at
         if self.progress is not None:
