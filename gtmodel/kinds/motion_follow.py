@@ -18,6 +18,7 @@ from .motion import MotionTask, along_guideways, link_names, trapezoid
 from .motion_paths import Path
 
 FORCE_RESERVE = 1e-5  # of the limit: what the root's rounding at rest and the curvature between nodes may take
+TIGHTENINGS = 4  # each takes what the curvature of the path adds between nodes, some 0.1 %, off the limit
 PER_INTERVAL = 4  # forces between nodes are looked at so often
 DEGREE = 5  # of the polynomial that stands for a force within one interval when it is integrated
 
@@ -36,7 +37,7 @@ class Follower:
 
     @cached_property
     def _names(self) -> list[str]:
-        return ["robot.tau", *(["margin"] if self.task.guard.margins else [])]
+        return [f"{self.task.guard.prefix}tau", *(["margin"] if self.task.guard.margins else [])]
 
     def trouble(self, samples: int = 401) -> str:
         """One sentence on a place that the path cannot pass; empty where there is none."""
@@ -68,14 +69,14 @@ class Follower:
         progress: Progress | None = None,
         max_seconds: float | None = None,
         bounded: Literal["middle", "ends"] = "ends",
+        reserve: float = 0.0,
     ) -> PathMotion:
         """The optimal motion; its limits hold on both sides of every node, and so in between, or in the middles."""
-        f = compile_causal(self._guarded, known="robot.T", targets=self._names)
+        f = compile_causal(self._guarded, known=f"{self.task.guard.prefix}T", targets=self._names)
         x = [ca.SX.sym(n, 3) for n in ("x", "v", "a")]
         given = [x[signal.pairs[0][1]] for signal in f.inputs]
         rows = ca.vertcat(*f.casadi.call(given)[: len(self._names)])
         extra = rows.numel() - 3
-        reserve = FORCE_RESERVE if bounded == "ends" else 0.0
         force = np.full(3, self.task.force * (1 - reserve))
         task = PathTask(
             self.path,
@@ -88,6 +89,17 @@ class Follower:
             ("velocity" in self.task.start_rest, "velocity" in self.task.goal_rest),
         )
         return solve_path(task, intervals, bounded=bounded, progress=progress, max_seconds=max_seconds)
+
+    def within(self, intervals: int, progress: Progress | None = None, max_seconds: float | None = None) -> PathMotion:
+        """The fastest motion whose forces keep their limit between the nodes too: lowered by what was seen there."""
+        reserve = FORCE_RESERVE
+        for _ in range(TIGHTENINGS):
+            motion = self.fastest(intervals, progress, max_seconds, reserve=reserve)
+            peak = float(np.max(np.abs(self.trajectory(motion)["tau"]))) if motion.status.ok else 0.0
+            if peak <= self.task.force:
+                break
+            reserve += peak / self.task.force - 1 + FORCE_RESERVE
+        return motion
 
     def sample(self, motion: PathMotion, times: np.ndarray) -> Trajectory:
         """Everything at the given instants [s]: the motion itself, and what inverse dynamics says of it."""
@@ -136,16 +148,17 @@ def sampled(
 ) -> Trajectory:
     """A TCP motion with carts, forces, links and margins, by inverse kinematics and dynamics."""
     guarded = task.guard.model(robot)
-    joints = [f"robot.{name}" for name in link_names(robot)]
-    names = ["robot.tau", "robot.q", "der(robot.q)", *joints, *(["margin"] if task.guard.margins else [])]
-    f = compile_causal(guarded, known="robot.T", targets=names)
+    p = task.guard.prefix
+    joints = [f"{p}{name}" for name in link_names(robot)]
+    names = [f"{p}tau", f"{p}q", f"der({p}q)", *joints, *(["margin"] if task.guard.margins else [])]
+    f = compile_causal(guarded, known=f"{p}T", targets=names)
     zero = np.zeros_like(T)
     orders = {0: T, 1: dT, 2: ddT}
     *found, status = f(*(orders.get(signal.pairs[0][1], zero) for signal in f.inputs))
     assert np.all(status == Status.OK), SolveStatus.NOT_FINITE
     values = dict(zip(names, found, strict=True))
-    result = {"T": T, "der(T)": dT, "der(T,2)": ddT, "tau": values["robot.tau"], "q": values["robot.q"],
-              "der(q)": values["der(robot.q)"]}  # fmt: skip
+    result = {"T": T, "der(T)": dT, "der(T,2)": ddT, "tau": values[f"{p}tau"], "q": values[f"{p}q"],
+              "der(q)": values[f"der({p}q)"]}  # fmt: skip
     units = {"T": "m", "der(T)": "m/s", "der(T,2)": "m/s2", "tau": "N", "q": "m", "der(q)": "m/s"}
     if joints:
         carts = np.stack([values[name] for name in joints], axis=1)

@@ -53,8 +53,15 @@ class Guard:
         for k, margin in enumerate(self.margins):
             yield model.margin[k] == margin.expression(model)
 
+    @property
+    def prefix(self) -> str:
+        """What stands before the robot's own names in `model`."""
+        return "robot." if self.margins else ""
+
     def model(self, robot: gt.Model) -> gt.Model:
         """The robot with its margins, for functions of the motion; made once per robot, so functions are too."""
+        if not self.margins:
+            return robot
         guard = self
         if id(robot) in self.made:
             return self.made[id(robot)][1]

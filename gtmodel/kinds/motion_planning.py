@@ -84,7 +84,7 @@ class Plan:
             context.progress("exporting", None, numbers)
             return context.interrupted()
 
-        return self.follower.fastest(self.problem.path.intervals, progress, context.seconds_left())
+        return self.follower.within(self.problem.path.intervals, progress, context.seconds_left())
 
     def second_road(self, intervals: int) -> float:
         """The final time along the path by squared speeds, limits in the middles of the intervals [s]."""
@@ -147,8 +147,9 @@ def _check_reach(problem: TrajectoryProblem, robot: gt.Model) -> None:
 
 def _check_statics(problem: TrajectoryProblem, robot: gt.Model, guard: Guard) -> None:
     """At both ends the robot can stand still, and keeps the limits that hold for positions."""
-    names = ["robot.tau", *(["margin"] if guard.margins else [])]
-    f = compile_causal(guard.model(robot), known="robot.T", targets=names)
+    p = guard.prefix
+    targets: list[str] | str = [f"{p}tau", "margin"] if guard.margins else "tau"
+    f = compile_causal(guard.model(robot), known=f"{p}T", targets=targets)
     zero, limit = np.zeros(3), problem.limits.force_N
     for key, point in (("start.tcp_m", problem.start.tcp_m), ("goal.tcp_m", problem.goal.tcp_m)):
         tau, *margins, _ = f(np.array(point), *[zero] * (len(f.inputs) - 1))
