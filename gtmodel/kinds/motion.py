@@ -28,7 +28,8 @@ class MotionTask:
     start, goal: TCP positions [m]. Rest lists name what vanishes at an end: "velocity", "acceleration".
     force: limit of every motor [N]. The cost is weight_time * T + weight_energy * int |tau / force_unit|^2 dt.
     link_margin: lower bound [m] of the links' components along their guideways; None leaves them free.
-    guard: further margins. path: the path to follow, or None. jerk: the control is a jerk, so forces are continuous.
+    guard: further margins. path: the path to follow, or None. order: None where the forces are the control, else the
+    derivative of T, or of the path coordinate, that is: 2 an acceleration, 3 a jerk, so that forces are continuous.
     """
 
     start: np.ndarray
@@ -42,7 +43,7 @@ class MotionTask:
     link_margin: float | None = None
     guard: Guard = field(default_factory=lambda: Guard([], {}))
     path: Path | None = None
-    jerk: bool = False
+    order: int | None = None
 
 
 def motion(robot: gt.Model, task: MotionTask) -> gt.Optimization:
@@ -51,12 +52,12 @@ def motion(robot: gt.Model, task: MotionTask) -> gt.Optimization:
     The robot must declare T (TCP position, m) and tau (motor forces, N). `along_guideway` are the components [m] of the
     links along their guideways, from cart to plate: at 0 the robot stands at the edge of its reach; `margin` those of
     the guard. Free, the control is tau. Along a path the model itself is restricted: T == path(s), and the one control
-    `drive` is the second derivative of the path coordinate s (Dressler 2012, section 3.5); all forces follow. With
-    jerk the control is the third derivative of T, or of s.
+    `drive` is the second or third derivative of the path coordinate s (Dressler 2012, section 3.5); all forces follow.
+    They also follow where the task has an order without a path: `drive` is that derivative of T then.
     """
     links = links_of(robot)
-    guard, path, order = task.guard, task.path, 3 if task.jerk else 2
-    restricted = path is not None or task.jerk
+    guard, path, order = task.guard, task.path, task.order
+    restricted = order is not None
 
     class Motion(gt.Optimization):
         robot: Any
@@ -108,8 +109,8 @@ def motion(robot: gt.Model, task: MotionTask) -> gt.Optimization:
     if path is not None:
         declared["s"] = gt.variable(unit="1", min=0.0, max=1.0, prefer=2, description="path coordinate")
         declared["drive"] = gt.input(unit=f"1/s{order}", description="derivative of the path coordinate")
-    elif task.jerk:
-        declared["drive"] = gt.input(3, unit="m/s3", nominal=100.0, description="jerk of the tool centre point")
+    elif restricted:
+        declared["drive"] = gt.input(3, unit=f"m/s{order}", nominal=10.0, description="derivative of T")
     return type("Motion", (Motion,), declared)()
 
 

@@ -103,7 +103,10 @@ class Follower:
 
     def sample(self, motion: PathMotion, times: np.ndarray) -> Trajectory:
         """Everything at the given instants [s]: the motion itself, and what inverse dynamics says of it."""
-        s, v, a = motion.at(times)
+        return self.along(times, *motion.at(times))
+
+    def along(self, times: np.ndarray, s: np.ndarray, v: np.ndarray, a: np.ndarray) -> Trajectory:
+        """Everything at the given instants [s] for a path coordinate and its two derivatives."""
         x, slope, bend = self.path(s)
         T, dT = x, slope * v[:, None]
         ddT = bend * v[:, None] ** 2 + slope * a[:, None]

@@ -17,7 +17,7 @@ from .motion import MotionTask, along_guideways, bare_guess, bent_guess, line_gu
 from .motion_follow import Follower
 from .motion_limits import Guard, guard_of
 from .motion_paths import Path, path_of
-from .motion_search import Search, task_of
+from .motion_search import Search, order_of, task_of
 from .trajectory_keys import TrajectoryProblem
 
 
@@ -48,7 +48,7 @@ class Plan:
     @property
     def restricted(self) -> bool:
         """The forces follow from another control."""
-        return self.path is not None or self.problem.limits.tcp_jerk_m_s3 is not None
+        return order_of(self.problem) is not None
 
     @cached_property
     def task(self) -> MotionTask:

@@ -41,18 +41,20 @@ def at_rest(
 
 def between_rows(robot: Model, task: MotionTask, run: Trajectory) -> Callable[[np.ndarray], Trajectory]:
     """A re-simulated motion at any instant: cubic between its rows; the force is that of the row after the instant
-    where it is constant per element, and the acceleration follows from it."""
+    where forces are the control, constant per element, and the acceleration follows from it."""
     T, dT = run["T"], run["der(T)"]
     curve = CubicHermiteSpline(run.time, T, dT)
     forward = compile_causal(robot, known="tau", targets="der(T,2)", prefer="T")
 
     def moving(times: np.ndarray) -> Trajectory:
         x, v = curve(times), curve(times, 1)
-        if task.jerk:
+        row = np.maximum(np.searchsorted(run.time, times, side="left"), 1)
+        row = np.minimum(row, len(run) - 1)
+        if task.order == 3:
             a = np.stack([np.interp(times, run.time, c) for c in run["der(T,2)"].T], axis=1)
+        elif task.order == 2:
+            a = run["der(T,2)"][row]
         else:
-            row = np.clip(np.searchsorted(run.time, times, side="left"), 0, len(run) - 1)
-            row = np.where(row == 0, 1, row)
             given = {("T", 0): x, ("T", 1): v, ("tau", 0): run["tau"][row]}
             a, _ = forward(*(given["T" if "T" in s.name else "tau", s.pairs[0][1]] for s in forward.inputs))
         return sampled(robot, times, x, v, a, task)

@@ -31,6 +31,19 @@ CONTINUATION = (0.01, 0.001)  # weights of the energy, in units of the time's, o
 Control = Literal["polynomial", "constant"]
 
 
+def order_of(problem: TrajectoryProblem) -> int | None:
+    """The derivative of the motion that is the control; None: the forces are.
+
+    A constant force on an element holds neither an acceleration nor a speed: friction changes within milliseconds.
+    """
+    limits = problem.limits
+    if limits.tcp_jerk_m_s3 is not None:
+        return 3
+    rates = (limits.tcp_velocity_m_s, limits.cart_velocity_m_s,
+             limits.tcp_acceleration_m_s2, limits.cart_acceleration_m_s2)  # fmt: skip
+    return 2 if problem.path is not None or any(limit is not None for limit in rates) else None
+
+
 def task_of(
     problem: TrajectoryProblem,
     guarded: bool = False,
@@ -51,7 +64,7 @@ def task_of(
         link_margin=problem.limits.link_along_guideway_m if guarded else None,
         guard=guard or Guard([], {}),
         path=path,
-        jerk=problem.limits.tcp_jerk_m_s3 is not None,
+        order=order_of(problem),
     )
 
 
@@ -128,7 +141,7 @@ class Search:
             run = resimulate(solution) if solution.status.ok else tried
         limit, search = self.problem.limits.force_N, self
         for _ in range(TIGHTENINGS):
-            if not solution.status.ok or run.trajectory is None or (self.path is None and not self.jerk):
+            if not solution.status.ok or run.trajectory is None or order_of(self.problem) is None:
                 break
             peak = float(np.max(np.abs(run.trajectory["robot.tau"])))
             if peak <= limit:
@@ -140,10 +153,6 @@ class Search:
             solution = search.exportable(optimum)
             run = resimulate(solution) if solution.status.ok else run
         return solution, run
-
-    @property
-    def jerk(self) -> bool:
-        return self.problem.limits.tcp_jerk_m_s3 is not None
 
     def exportable(self, optimum: Solution) -> Solution:
         """The optimum among forces that are constant on each element: the best of some attempts."""

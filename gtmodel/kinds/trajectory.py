@@ -14,6 +14,7 @@ from gtmodel.optimize.resimulate import Resimulation, resimulate
 from gtmodel.results import SolveStatus, Trajectory
 
 from .base import Check, Context, Outcome, Row
+from .motion_follow import sampled
 from .motion_limits import Guard, clearance
 from .motion_planning import Plan, plan_of
 from .motion_reference import at_rest, between_rows, csv_text, rapid_text
@@ -169,6 +170,13 @@ def _saturation(solution: Solution, limit: float) -> list[float]:
 def _resimulated(plan: Plan, exported: Solution, run: Resimulation) -> Exported:
     assert run.trajectory is not None
     trajectory = _renamed(run.trajectory, "")
+    if plan.path is not None:
+        s, v, a = (trajectory[name] for name in ("s", "der(s)", "der(s,2)"))
+        trajectory = plan.follower.along(trajectory.time, s, v, a)
+    else:
+        T, v, a = (trajectory[name] for name in ("T", "der(T)", "der(T,2)"))
+        carts = sampled(plan.robot, trajectory.time, T, v, a, plan.task)["der(q)"]
+        trajectory = trajectory.with_values({"der(q)": carts}, {"der(q)": "m/s"})
     peak = float(np.max(np.abs(trajectory["tau"])))
     if not plan.restricted:
         peak = max(peak, _peak(run))
