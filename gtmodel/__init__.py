@@ -13,15 +13,21 @@ from .compiler.causal import CausalFunction, compile_causal
 from .lang import *  # noqa: F403
 from .optimize import (
     Blocks,
+    Estimate,
     Mesh,
     NotSolved,
+    Phases,
     Refinement,
     Resimulation,
     Solution,
     SolverOptions,
+    estimate,
+    multi_start,
     refine,
     resimulate,
     solve,
+    solve_phases,
+    transcribe,
 )
 from .results import SolveStatus, Status, Trajectory
 from .simulate import NotSimulated, Simulation, linearize, modes, simulate
@@ -39,9 +45,11 @@ __version__ = "0.1.0"
 __all__ = [
     "Blocks",
     "CausalFunction",
+    "Estimate",
     "Mesh",
     "NotSimulated",
     "NotSolved",
+    "Phases",
     "Refinement",
     "Resimulation",
     "Simulation",
@@ -50,15 +58,19 @@ __all__ = [
     "SolverOptions",
     "Status",
     "Trajectory",
+    "estimate",
     "kinematics",
     "linearize",
     "mechanics",
     "modes",
+    "multi_start",
     "refine",
     "resimulate",
     "robots",
     "simulate",
     "solve",
+    "solve_phases",
+    "transcribe",
 ]
 __all__ += _lang.__all__
 

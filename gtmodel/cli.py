@@ -68,7 +68,7 @@ def list_(
             if n:
                 print()
             head = (name.removesuffix("s"), *listing.HEADS[name])
-            terminal.table(head, [(key, *texts.values()) for key, texts in entries.items()])
+            terminal.table(head, [(key, *map(str, texts.values())) for key, texts in entries.items()])
 
 
 @app.command()

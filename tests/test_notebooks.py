@@ -111,7 +111,8 @@ def test_notebook_runs_from_top_to_bottom(script: Path, tmp_path: Path) -> None:
     warned = [output.text for output in outputs(ran) if output.get("name") == "stderr"]
     assert "RuntimeWarning" not in "".join(warned)
     pictures = sum("image/png" in output.get("data", {}) for output in outputs(ran))
-    assert pictures == sum("Figure(" in c.source or ".figures[" in c.source for c in ran.cells if c.cell_type == "code")
+    drawn = ("Figure(", "_figure(", ".figures[")
+    assert pictures == sum(any(d in c.source for d in drawn) for c in ran.cells if c.cell_type == "code")
 
 
 def test_an_error_in_a_cell_is_found(tmp_path: Path) -> None:

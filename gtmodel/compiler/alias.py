@@ -118,12 +118,28 @@ def _sweep(
         equations[n] = replace(equations[n], residual=residual)
         inside[n] = scope.symbols_in(residual)
         if not inside[n]:
-            raise ModelError(
-                f"'{equations[n].label}' repeats what connections and equal names already say; remove it",
-                equations[n].where,
-            )
+            raise ModelError(_said_already(flat, equations[n]), equations[n].where)
     result.equations = equations
     return True
+
+
+def _said_already(flat: FlatModel, equation: FlatEquation) -> str:
+    """Why an equation of which no variable is left cannot stay: a repetition, or a contradiction."""
+    left = ca.Function("left", [flat.p, flat.scope.time], [equation.residual])
+    values = [float(left(flat.p0, time)) for time in (0.0, 1.0)]
+    if any(abs(value) > 0.0 for value in values):
+        said = f"{values[0]:.6g} == 0" if values[0] == values[1] else "that a function of time is zero"
+        return (
+            f"'{equation.label}' contradicts what connections and equal names already say: together they say {said}; "
+            "remove one of them, or put something between what is connected"
+        )
+    written = next(e for e in flat.equations if (e.label, e.where) == (equation.label, equation.where))
+    if all(flat.variables[i].role == "flow" for i, _ in flat.scope.symbols_in(written.residual)):
+        return (
+            f"'{equation.label}' follows from the other connections: nothing that is connected here has a reference; "
+            "connect a ground, or whatever fixes the potential"
+        )
+    return f"'{equation.label}' repeats what connections and equal names already say; remove it"
 
 
 def _choose(

@@ -19,9 +19,7 @@ from .evaluate import Built, build
 from .explain import explain
 from .flat import FlatModel, flatten
 from .plan import Plan, make_plan
-
-# a pivot below this fraction of its typical size means singular: values would carry errors of 1e-16/1e-9
-PIVOT_TOLERANCE = 1e-9
+from .rows import PIVOT_TOLERANCE, map_columns, status_codes
 
 Pair = tuple[int, int]
 Group = tuple[str, tuple[int, ...], list[int]]
@@ -113,13 +111,19 @@ class CausalFunction:
         parts = [ca.densify(ca.jacobian(ca.SX(targets), ca.SX(ca.vertcat(*a)))) for a in (args[:inputs], args[inputs:])]
         return ca.Function(f"jac_{f.name()}", args, [*parts, res[-1]])
 
-    def __call__(self, *arguments: Any) -> Any:
-        """Values of the targets, then the status. Raises TypeError for a wrong number or shape of arguments."""
+    def __call__(self, *arguments: Any, guess: Mapping[str, Any] | None = None) -> Any:
+        """Values of the targets, then the status. Raises TypeError for a wrong number or shape of arguments.
+
+        guess: where Newton blocks start, by name, each of its variable's shape or with rows: the last sample of a
+        controller, or a simpler model's answer. A row whose guess is not near a solution goes the ordinary way, from
+        the home pose; from a near one the solution is that of the guess, whatever branch it is on.
+        """
         columns, rows = self._columns(arguments)
-        results, status = self._evaluate(columns)
+        results, status = self._evaluate(columns, self._guesses(guess, columns) if guess else None)
         values = [r.T for r in results[:-1]]
+        bad = np.flatnonzero(status != Status.OK)
         for v in values:
-            v[status != Status.OK] = np.nan
+            v[bad] = np.nan
         shaped = [v.reshape(v.shape[0], *s.shape) for v, s in zip(values, self.outputs, strict=True)]
         if rows is None:
             return (*(v[0] if s.shape else float(v[0]) for v, s in zip(shaped, self.outputs, strict=True)),
@@ -131,7 +135,7 @@ class CausalFunction:
         columns, rows = self._columns(arguments)
         n = columns[0].shape[1] if columns else 1
         zs, found = self._unknowns(columns)
-        by_input, by_z, margins = _map(self._jacobian, [*columns, *zs])
+        by_input, by_z, margins = map_columns(self._jacobian, [*columns, *zs])
         full = _stack(by_input, n, sum(c.shape[0] for c in columns))
         given = np.vstack(columns) if columns else np.zeros((0, n))
         sensitivities: list[np.ndarray] = []
@@ -150,24 +154,52 @@ class CausalFunction:
         full[status != Status.OK] = np.nan
         return (full[0], Status(int(status[0]))) if rows is None else (full, status)
 
-    def _unknowns(self, columns: list[np.ndarray]) -> tuple[list[np.ndarray], np.ndarray]:
+    def _guesses(self, guess: Mapping[str, Any], columns: list[np.ndarray]) -> list[np.ndarray | None]:
+        """Start values of each Newton block as columns; None for a block that no name of the guess is in."""
+        n = columns[0].shape[1] if columns else 1
+        given: dict[Pair, np.ndarray] = {}
+        for text, value in guess.items():
+            shape, indices, order = self.flat.lookup(text)
+            a = np.asarray(value, dtype=float)
+            if a.shape not in (shape, (n, *shape)):
+                raise TypeError(
+                    f"{self.name}: the guess of '{text}' takes shape {shape} or ({n}, ...); found {a.shape}"
+                )
+            flat = np.broadcast_to(a.reshape(-1, len(indices)), (n, len(indices)))
+            for k, i in enumerate(indices):
+                sign, kept, m = self.plan.alias.resolve(i, order)
+                given[kept, m] = sign * flat[:, k]
+        starts: list[np.ndarray | None] = []
+        for block in self.plan.newton:
+            pairs = [self.flat.scope.owner(s) for s in block.unknowns]
+            lacking = [name for pair, name in zip(pairs, block.labels, strict=True) if pair not in given]
+            if lacking and len(lacking) < len(pairs):
+                raise TypeError(f"{self.name}: the guess says nothing on {', '.join(lacking)}; give these too")
+            starts.append(None if lacking else np.array([given[p] for p in pairs if p is not None]))
+        return starts
+
+    def _unknowns(
+        self, columns: list[np.ndarray], guesses: Sequence[np.ndarray | None] | None = None
+    ) -> tuple[list[np.ndarray], np.ndarray]:
         """Unknowns of the Newton blocks, and a status code for each row."""
         n = columns[0].shape[1] if columns else 1
         code = np.zeros(n, dtype=int)
         zs: list[np.ndarray] = []
         given = np.vstack(columns) if columns else np.zeros((0, n))
-        for kernel in self._built.kernels:
-            z, converged, singular = kernel.solve(given)
+        for k, kernel in enumerate(self._built.kernels):
+            z, converged, singular = kernel.solve(given, None if guesses is None else guesses[k])
             code = np.where((code == 0) & ~converged, Status.NOT_CONVERGED, code)
             code = np.where((code == 0) & singular, Status.SINGULAR, code)
             zs.append(z)
             given = np.vstack([given, z])
         return zs, code
 
-    def _evaluate(self, columns: list[np.ndarray]) -> tuple[list[np.ndarray], np.ndarray]:
+    def _evaluate(
+        self, columns: list[np.ndarray], guesses: Sequence[np.ndarray | None] | None = None
+    ) -> tuple[list[np.ndarray], np.ndarray]:
         """Targets and margins as columns, and the status of each column."""
-        zs, found = self._unknowns(columns)
-        results = _map(self._built.closed, [*columns, *zs])
+        zs, found = self._unknowns(columns, guesses)
+        results = map_columns(self._built.closed, [*columns, *zs])
         return results, self.status(columns, results, found)
 
     def status(
@@ -175,20 +207,7 @@ class CausalFunction:
     ) -> np.ndarray:
         """Status code of each evaluated column from inputs, iterations (`found`), margins and outputs; the first
         cause wins."""
-        n = results[-1].shape[1]
-        code = np.zeros(n, dtype=int) if found is None else found.copy()
-        margins = results[-1]
-        for m, row in zip(self.margins, margins, strict=True):
-            with np.errstate(invalid="ignore"):
-                if m.kind in ("discriminant", "condition"):
-                    bad, verdict = ~(row >= 0), Status.OUT_OF_RANGE
-                else:
-                    bad, verdict = ~(np.abs(row) > PIVOT_TOLERANCE * m.scale), Status.SINGULAR
-            code = np.where((code == 0) & bad, verdict, code)
-        finite = np.all([np.all(np.isfinite(r), axis=0) for r in results[:-1]], axis=0)
-        code = np.where((code == 0) & ~finite, Status.NOT_FINITE, code)
-        inputs = np.all([np.all(np.isfinite(c), axis=0) for c in columns], axis=0) if columns else True
-        return np.where(inputs, code, Status.NOT_FINITE)
+        return status_codes(self.margins, columns, results, found)
 
     def diagnose(self, *arguments: Any) -> str:
         """One sentence on a single call: ok, or which root or pivot failed and by how much."""
@@ -241,15 +260,6 @@ class CausalFunction:
 
     def __repr__(self) -> str:
         return f"CausalFunction({', '.join(s.name for s in self.inputs)} -> {', '.join(s.name for s in self.outputs)})"
-
-
-def _map(f: ca.Function, columns: list[np.ndarray]) -> list[np.ndarray]:
-    """A function on columns side by side."""
-    n = columns[0].shape[1] if columns else 1
-    if n == 0:
-        return [np.zeros((f.size1_out(k), 0)) for k in range(f.n_out())]
-    g = f if n == 1 else f.map(n)
-    return [np.array(r.full()) for r in g.call([ca.DM(c) for c in columns])]
 
 
 def _stack(matrix: np.ndarray, n: int, width: int) -> np.ndarray:

@@ -187,7 +187,7 @@ def flatten(model: Model | Builder) -> FlatModel:
                 energies.append(FlatEnergy(item.kind, path, item.expression.sx))
             else:
                 raise _no_equation(item, component, where)
-        for item, where in _items(component.initial_equations(), component):
+        for item, where in _items(component.initial_equations(), component, "initial_equations"):
             if not isinstance(item, Relation) or item.op != "==":
                 raise _no_equation(item, component, where)
             for k, residual in enumerate(_scalars(item, path, tree.scope)):
@@ -217,13 +217,15 @@ def _label(path: str, count: int, component: Model) -> str:
     return f"{path or type(component).__name__} equation {count}"
 
 
-def _items(source: Iterable[Any], component: Model) -> Iterable[tuple[Any, SourceLocation | None]]:
+def _items(
+    source: Iterable[Any], component: Model, method: str = "equations"
+) -> Iterable[tuple[Any, SourceLocation | None]]:
     """Items of a generator with the line of its current yield."""
     if source is None or isinstance(source, (Relation, Connection, Branch)):
         found = "nothing" if source is None else f"one {type(source).__name__.lower()}"
-        code = type(component).equations.__code__
+        code = getattr(type(component), method).__code__
         raise ModelError(
-            f"equations() of {type(component).__name__} returned {found}; expected 'yield' in front of each equation",
+            f"{method}() of {type(component).__name__} returned {found}; expected 'yield' in front of each equation",
             of_frame(code.co_filename, code.co_firstlineno),
         )
     for item in source:

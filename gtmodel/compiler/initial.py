@@ -11,6 +11,7 @@ import numpy as np
 from ..lang.source import ModelError
 from .pivoted import pivoted_qr
 from .plan import Plan
+from .sides import moved_to_branch, on_branch
 
 Pair = tuple[int, int]
 
@@ -52,6 +53,7 @@ def initial_point(plan: Plan, held: Mapping[Pair, float], guess: Mapping[Pair, f
     held: symbols with a prescribed value (fixed starts, known inputs and their derivatives).
     guess: values that are kept where the equations allow it, else approached.
     States that are free after that start as near to zero as the equations allow, from the side of the plan's samples.
+    Where a root leaves a choice, the point lies on the plan's side of it, as in a causal function.
 
     Raises ModelError naming what contradicts the equations.
     """
@@ -68,6 +70,15 @@ def initial_point(plan: Plan, held: Mapping[Pair, float], guess: Mapping[Pair, f
             break
     else:
         raise ModelError(equations.contradiction(at_rest, fixed))
+    if not on_branch(plan, found, time):  # the way led through a singular pose to the other side of a root
+        from_starts = at_rest.copy()
+        for n, value in (hoped | fixed).items():
+            from_starts[n] = value
+        for w in (moved_to_branch(plan, found, time), from_starts):
+            other = equations.reach(w, fixed, hoped.keys())
+            if other is not None and on_branch(plan, other, time):
+                found, kept = other, {}
+                break
     taken = fixed | kept
     target = {n: x for n, x in (dict.fromkeys([place[s] for s in plan.states], 0.0) | hoped).items() if n not in taken}
     target |= dict.fromkeys(equations.completing(found, taken.keys(), target.keys()), 0.0)
@@ -81,7 +92,7 @@ class _Equations:
     def __init__(self, plan: Plan, time: float) -> None:
         self._plan, flat, sampler = plan, plan.flat, plan.sampler
         initial = plan.alias.rewrite_all(flat, [e.residual for e in flat.initial])
-        residual = ca.vertcat(*sampler.stages, *initial)
+        residual = ca.SX(ca.vertcat(*sampler.stages, *initial))  # SX also where nothing is left but aliases
         missing = sorted(set(flat.scope.symbols_in(residual)) - set(plan.pairs))
         if missing:
             name = flat.symbol_name(*missing[0])
@@ -102,9 +113,10 @@ class _Equations:
     def __call__(self, w: np.ndarray, count: int | None = None) -> tuple[np.ndarray, np.ndarray]:
         """First `count` residuals and their Jacobian (count, n), rows in units of their largest term."""
         r, jacobian = (x[:count] for x in self._f(w))
-        size = np.max(np.abs(jacobian) * np.maximum(np.abs(w), self._nominal), axis=1, initial=0.0)
-        size = np.where(size > 0, size, 1.0)
-        return r.reshape(-1) / size, jacobian / size[:, None]
+        with np.errstate(invalid="ignore"):  # an infinite derivative makes its row NaN, and no step is taken there
+            size = np.max(np.abs(jacobian) * np.maximum(np.abs(w), self._nominal), axis=1, initial=0.0)
+            size = np.where(size > 0, size, 1.0)
+            return r.reshape(-1) / size, jacobian / size[:, None]
 
     def reach(self, w: np.ndarray, fixed: Mapping[int, float], soft: Set[int]) -> np.ndarray | None:
         """A consistent point with prescribed values, followed from w as far as that goes; None if there is none.
@@ -246,6 +258,12 @@ class _Equations:
             stage = next((n for n in stages if not self._solve(w, columns, set(), np.inf, n)), stages[-1])
         r, jacobian = self(w, self._counts[stage])
         flat, labels = self._plan.flat, self._labels()
+        if not np.all(np.isfinite(jacobian)) and np.all(np.isfinite(self._f(w)[0])):
+            at = "; ".join(labels[i] for i in np.flatnonzero(~np.all(np.isfinite(jacobian), axis=1))[:3])
+            return (
+                f"{flat.title}: at the start values {at} has a derivative that is not finite; start elsewhere, or make "
+                "it smooth there"
+            )
         if not np.all(np.isfinite(r)):
             at = ", ".join(labels[i] for i in np.flatnonzero(~np.isfinite(r))[:3])
             return f"{flat.title}: at the start values no number comes out of {at}; give other start values"

@@ -57,11 +57,12 @@ class NewtonKernel:
     scale: np.ndarray
     label: str
 
-    def solve(self, a: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def solve(self, a: np.ndarray, guess: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Solutions for columns of a (k, n): z (m, n), converged (n,), singular (n,).
 
         Follows the straight line from a0 to a in as few steps as contraction allows, usually one. A column
-        that cannot be reached so keeps NaN.
+        that cannot be reached so keeps NaN. Where a guess (m, n) is so near that every correction contracts, its
+        solution is taken instead.
         """
         n = a.shape[1]
         z = np.repeat(self.z0[:, None], n, axis=1)
@@ -70,6 +71,11 @@ class NewtonKernel:
         alive = np.all(np.isfinite(a), axis=0)
         way = a - self.a0[:, None]
         tangent = self._tangent(z, np.repeat(self.a0[:, None], n, axis=1), way)
+        if guess is not None:
+            rows = np.flatnonzero(alive & np.all(np.isfinite(guess), axis=0))
+            found, good = self._correct(guess[:, rows], a[:, rows])
+            z[:, rows[good]] = found[:, good]
+            done[rows[good]] = 1.0
         for _ in range(MOST_STEPS):
             rows = np.flatnonzero(alive & (done < 1.0))
             if rows.size == 0:

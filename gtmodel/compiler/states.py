@@ -156,11 +156,12 @@ def _redundant(flat: FlatModel, structure: Structure, k: int, rows: list[int], s
         f"; and {len(involved) - 8} more" if len(involved) > 8 else ""
     )
     what = "are redundant or contradict each other" if k < 0 else "leave some unknowns undetermined (singular)"
+    flows = k == 0 and all(structure.equations[i].label.startswith("flow ") for i in involved)
+    advice = "remove one, or make a part compliant"
+    if flows:
+        advice = "connect a reference, such as a ground, to what is connected there"
     level = {0: "highest derivatives", -1: "velocities", -2: "positions"}.get(k, f"stage {k}")
-    return (
-        f"{flat.title}: {len(rows)} equations of rank {rank} in stage {k} ({level}): these {what}: {shown}; "
-        "remove one, or make a part compliant"
-    )
+    return f"{flat.title}: {len(rows)} equations of rank {rank} in stage {k} ({level}): these {what}: {shown}; {advice}"
 
 
 def _match(

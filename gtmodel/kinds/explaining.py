@@ -10,6 +10,7 @@ from gtmodel.compiler.causal import compile_causal, flat_of
 from . import run
 from .base import Context, InputError
 from .load import load, parse, read
+from .robot_file import is_robot_file
 from .robots import resolve
 
 
@@ -58,4 +59,4 @@ def _is_problem(what: str) -> bool:
         data = parse(read(Path(what)))
     except InputError:
         return True
-    return "kind" in data or "A_m" not in data
+    return not is_robot_file(data)

@@ -11,7 +11,7 @@ from gtmodel.robots import catalogue
 from .base import InputError
 from .load import parse, read, shipped_names
 
-HEADS = {"robots": ("source",), "problems": ("kind", "title")}
+HEADS = {"robots": ("family", "degrees of freedom", "source", "masses"), "problems": ("kind", "title")}
 
 
 def of(what: str = "all") -> dict[str, Any]:
@@ -24,8 +24,8 @@ def of(what: str = "all") -> dict[str, Any]:
     return {name: make() for name, make in found.items() if what in ("all", name)}
 
 
-def _robots() -> dict[str, dict[str, str]]:
-    return {name: {"source": source} for name, source in catalogue.names().items()}
+def _robots() -> dict[str, dict[str, Any]]:
+    return {name: entry._asdict() for name, entry in catalogue.entries().items()}
 
 
 def _problems() -> dict[str, dict[str, str]]:

@@ -1,47 +1,188 @@
-"""A robot in a TOML file: the keys of the printed tables in gtmodel/robots/data."""
+"""A robot in a TOML file: the keys of the printed tables in gtmodel/robots/data, by family."""
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+import difflib
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal, cast
 
 import numpy as np
 from pydantic import Field, PositiveFloat
 
-from .base import Section
+from gtmodel.robots import clusters, f1_geometry
 
+from .base import InputError, Section
+from .load import validate
+from .sentences import shown
+
+NotNegativeFloat = Annotated[float, Field(ge=0)]
 Vector = Annotated[list[float], Field(min_length=3, max_length=3)]
+Quaternion = Annotated[list[float], Field(min_length=4, max_length=4)]
 Matrix = Annotated[list[Vector], Field(min_length=3, max_length=3)]
+Points = Annotated[list[Vector], Field(min_length=6, max_length=6)]
 Positive = Annotated[list[PositiveFloat], Field(min_length=3, max_length=3)]
-NotNegative = Annotated[list[Annotated[float, Field(ge=0)]], Field(min_length=3, max_length=3)]
+NotNegative = Annotated[list[NotNegativeFloat], Field(min_length=3, max_length=3)]
+Lengths = Annotated[list[PositiveFloat], Field(min_length=6, max_length=6)]
+LinkMasses = Annotated[list[NotNegativeFloat], Field(min_length=6, max_length=6)]
+
+# links of a cluster this far from parallel at the best orientation [m]: a sign or a row is wrong, not a calibration
+MISFIT = 0.05
 
 
-class RobotFile(Section):
-    """A three-link Gantry-Tau; one entry or row per arm. Masses and friction left out come from `inertia`."""
+class _Robot(Section):
+    """What the files of all families say; masses and friction left out are the catalogue's own."""
 
     title: str = Field(default="", description="name of the robot")
     prototype: str = Field(default="", description="which machine it is")
     source: str = Field(default="", description="where the numbers come from")
     note: str = Field(default="", description="frame and remarks")
-    A_m: Matrix = Field(description="cart joints at q = 0")
-    v: Matrix = Field(description="guideway directions, not normalised: their length scales q")
-    L_m: Positive = Field(description="link lengths")
-    home_m: Vector | None = Field(default=None, description="a reachable position of the tool centre point")
     m_p_kg: PositiveFloat | None = Field(default=None, description="plate mass, joints and tool included")
     m_c_kg: Positive | None = Field(default=None, description="cart masses, joints included")
-    m_a_kg: NotNegative | None = Field(default=None, description="masses of the link clusters")
     coulomb_N: NotNegative | None = Field(default=None, description="Coulomb friction of each cart")
     viscous_kg_s: NotNegative | None = Field(default=None, description="viscous friction of each cart")
 
     def modifiers(self, payload: float) -> dict[str, Any]:
-        """Parameters of `robots.GantryTau`; payload [kg] is added to a plate mass given here."""
-        A, v, L = np.array(self.A_m), np.array(self.v), np.array(self.L_m)
-        home = A.mean(axis=0) + 0.7 * L.mean() * v.mean(axis=0) if self.home_m is None else self.home_m
+        """Parameters of the family's model; payload [kg] is added to a plate mass given here."""
         chosen = {
             "m_p": None if self.m_p_kg is None else self.m_p_kg + payload,
             "m_c": self.m_c_kg,
-            "m_a": self.m_a_kg,
             "coulomb": self.coulomb_N,
             "viscous": self.viscous_kg_s,
+            **self.more(),
         }
-        given = {name: value for name, value in chosen.items() if value is not None}
-        return {"A": A, "v": v, "L": L, "home": home, **given}
+        return self.geometry() | {name: value for name, value in chosen.items() if value is not None}
+
+    def geometry(self) -> dict[str, Any]:
+        """All parameters that say where points are, home included."""
+        raise NotImplementedError
+
+    def more(self) -> dict[str, Any]:
+        """Masses that only this family has; None where left out."""
+        return {}
+
+
+class RobotFile(_Robot):
+    """A three-link Gantry-Tau; one entry or row per arm. Masses and friction left out come from `inertia`."""
+
+    family: Literal["three_link"] = Field(default="three_link", description="kinematic structure")
+    A_m: Matrix = Field(description="cart joints at q = 0")
+    v: Matrix = Field(description="guideway directions, not normalised: their length scales q")
+    L_m: Positive = Field(description="link lengths")
+    home_m: Vector | None = Field(default=None, description="a reachable position of the tool centre point")
+    m_a_kg: NotNegative | None = Field(default=None, description="masses of the link clusters")
+
+    def geometry(self) -> dict[str, Any]:
+        A, v, L = np.array(self.A_m), np.array(self.v), np.array(self.L_m)
+        home = A.mean(axis=0) + 0.7 * L.mean() * v.mean(axis=0) if self.home_m is None else self.home_m
+        return {"A": A, "v": v, "L": L, "home": home}
+
+    def more(self) -> dict[str, Any]:
+        return {"m_a": self.m_a_kg}
+
+
+class _SixLinks(_Robot):
+    links: list[str] | None = Field(default=None, description="names of the links, 1, 2a, 2b, 3a, 3b, 3c in this order")
+    m_a_kg: LinkMasses | None = Field(default=None, description="link masses")
+    c_p_m: Vector | None = Field(default=None, description="plate's centre of mass, plate coordinates")
+    I_p_kg_m2: Matrix | None = Field(
+        default=None,
+        description="plate's inertia about its centre of mass, plate axes",
+        json_schema_extra={"unit": "kg.m2"},
+    )
+
+    def more(self) -> dict[str, Any]:
+        return {"m_a": self.m_a_kg, "c_p": self.c_p_m, "I_p": self.I_p_kg_m2}
+
+    def checked_order(self) -> None:
+        if self.links is not None and tuple(self.links) != clusters.LINKS:
+            raise InputError(
+                f"must be {', '.join(clusters.LINKS)} in this order; found {', '.join(self.links)}", "links"
+            )
+
+
+class SixLinkFile(_SixLinks):
+    """A six-link Gantry-Tau; one entry or row per link, 1, 2a, 2b, 3a, 3b, 3c."""
+
+    family: Literal["six_link"] = Field(description="kinematic structure")
+    A_m: Points = Field(description="cart joints at q = 0")
+    v: Points = Field(description="their motion per q, not normalised: its length scales q")
+    L_m: Lengths = Field(description="link lengths")
+    B_m: Points = Field(description="plate joints from the tool centre point, plate coordinates")
+    home_m: Vector | None = Field(default=None, description="a reachable position of the tool centre point")
+    home_zyz_deg: Vector | None = Field(
+        default=None, description="the plate's angles about z, y, z there; left out, those with parallel clusters"
+    )
+
+    def geometry(self) -> dict[str, Any]:
+        self.checked_order()
+        A, v, L, B = (np.array(x) for x in (self.A_m, self.v, self.L_m, self.B_m))
+        home = A.mean(axis=0) + 0.85 * L.mean() * v.mean(axis=0) if self.home_m is None else self.home_m
+        if self.home_zyz_deg is not None:
+            e = clusters.zyz_quaternion(*np.radians(self.home_zyz_deg))
+        else:
+            R, misfit = clusters.orientation(A, B)
+            _refuse(misfit, "B_m", "; where clusters are not meant to be parallel, give home_zyz_deg")
+            e = clusters.quaternion_of(R)
+        return {"A": A, "v": v, "L": L, "B": B, "home": home, "home_e": e}
+
+
+class F1File(_SixLinks):
+    """An F1, with rotary axes on carts 2 and 3, in millimetres as printed; quaternions raw, scalar first."""
+
+    family: Literal["f1"] = Field(description="kinematic structure")
+    A0_mm: Matrix = Field(description="reference points of the carts at q = 0")
+    v: Vector | Matrix = Field(description="guideway direction of all carts or one row each, not normalised")
+    L_mm: Lengths = Field(description="link lengths")
+    A_bj_mm: Points = Field(description="cart joints in the frames of their joint plates")
+    B0_mm: Points = Field(description="plate joints from the tool centre point, plate coordinates")
+    u1_2: Quaternion = Field(description="quaternion of S_2, scalar first, not normalised")
+    u1_3: Quaternion = Field(description="quaternion of 1S_3, scalar first, not normalised")
+    u2_3: Quaternion = Field(description="quaternion of 2S_3 in 1S_3, scalar first, not normalised")
+    r3_mm: Vector = Field(description="origin of 2S_3 in 1S_3")
+    home_mm: Vector | None = Field(default=None, description="a reachable position with the rotary axes near 0")
+    J_kg_m2: Positive | None = Field(
+        default=None, description="inertias of the rotary axes", json_schema_extra={"unit": "kg.m2"}
+    )
+
+    def geometry(self) -> dict[str, Any]:
+        self.checked_order()
+        found = f1_geometry.of_table(self.model_dump())
+        R, misfit = f1_geometry.home_rotation(found)
+        _refuse(misfit, "u1_2", ", or of u1_3, u2_3, A_bj_mm and B0_mm")
+        home = f1_geometry.home(found) if self.home_mm is None else np.array(self.home_mm) / 1e3
+        return {**found, "home": home, "home_e": clusters.quaternion_of(R)}
+
+    def more(self) -> dict[str, Any]:
+        return {**super().more(), "J": self.J_kg_m2}
+
+
+FAMILIES: dict[str, type[_Robot]] = {"three_link": RobotFile, "six_link": SixLinkFile, "f1": F1File}
+
+
+def checked(data: Mapping[str, Any]) -> tuple[str, _Robot]:
+    """The family of a robot file, three_link where it names none, and its checked keys. Raises InputError."""
+    family = data.get("family", "three_link")
+    if not isinstance(family, str) or family not in FAMILIES:
+        close = difflib.get_close_matches(str(family), FAMILIES, n=1)
+        hint = f"; did you mean '{close[0]}'?" if close else ""
+        raise InputError(f"expected one of {', '.join(FAMILIES)}; found {shown(family)}{hint}", "family")
+    if "family" not in data:
+        own = {k for k in ("B_m", "A0_mm", "B0_mm", "u1_2") if k in data}
+        if own:
+            meant = "six_link" if "B_m" in own else "f1"
+            raise InputError(f'is missing; a file with {sorted(own)[0]} needs family = "{meant}"', "family")
+    return family, cast(_Robot, validate(FAMILIES[family], data))
+
+
+def is_robot_file(data: Mapping[str, Any]) -> bool:
+    """True for what is plainly a robot and no problem."""
+    return "kind" not in data and bool({"A_m", "A0_mm", "family"} & set(data))
+
+
+def _refuse(misfit: float, key: str, more: str) -> None:
+    if misfit > MISFIT:
+        raise InputError(
+            f"the links of a cluster miss being parallel by {1e3 * misfit:.0f} mm at the best plate orientation, "
+            f"at most {1e3 * MISFIT:.0f} mm expected; a sign or a row is probably wrong here{more}",
+            key,
+        )

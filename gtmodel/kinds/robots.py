@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import Any
 
 from gtmodel.lang import Model, ModelError
-from gtmodel.robots import catalogue, six_link_gantry_tau
+from gtmodel.robots import catalogue
 
 from . import python_models
 from .base import Context, InputError
-from .load import parse, read, validate
-from .robot_file import RobotFile
+from .load import parse, read
+from .robot_file import checked
 
 _WORDS = {
     "inertia": "inertia",
@@ -58,23 +58,18 @@ def resolve(
             )
         return python_models.resolve(reference, context, key, parameters)
     modifiers = dict(parameters or {})
+    name: str | None = None  # a robot file gives all of the geometry
     if reference.endswith(".toml"):
-        name, modifiers = _from_file(reference, context, key, given, modifiers)
+        family, modifiers = _from_file(reference, context, key, given, modifiers)
     elif reference in catalogue.names():
-        name = reference
-    elif reference == "d1_six_link":
-        if given:
-            raise InputError("applies to three-link robots only", _WORDS[next(iter(given))])
-        try:
-            return six_link_gantry_tau(reference, **modifiers)
-        except ModelError as error:
-            raise InputError(str(error), "parameters") from error
+        name, family = reference, catalogue.entries()[reference].family
     else:
         raise InputError(_unknown(reference), key)
     try:
-        return catalogue.gantry_tau(name, **given, **modifiers)
+        return catalogue.family_member(family, name, **given, **modifiers)
     except ModelError as error:
-        raise InputError(str(error), _WORDS["inertia"] if "inertia model" in str(error) else key) from error
+        at = _WORDS["inertia"] if "inertia model" in str(error) else "parameters" if parameters else key
+        raise InputError(str(error), at) from error
 
 
 def _from_file(
@@ -84,13 +79,13 @@ def _from_file(
     if path is None:
         raise InputError(f"there is no robot file '{reference}' in {context.folder} or here", key)
     try:
-        robot = validate(RobotFile, parse(read(path)))
+        family, robot = checked(parse(read(path)))
+        found = robot.modifiers(given.get("payload", 0.0))
     except InputError as error:
         inside = error.within(reference)
         raise (InputError(str(inside), key) if key else inside) from error
     context.inputs["robot"] = path
-    # a name is needed for the masses and friction that the file leaves out; the file gives all of the geometry
-    return next(iter(catalogue.names())), {**robot.modifiers(given.get("payload", 0.0)), **modifiers}
+    return family, {**found, **modifiers}
 
 
 def file_of(reference: str, context: Context) -> Path | None:

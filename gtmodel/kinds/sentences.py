@@ -25,6 +25,7 @@ _EXPECTED = {
     "model_type": "a table",
     "model_attributes_type": "a table",
     "finite_number": "a finite number",
+    "list_type": "a list",
 }
 _LISTS = {"list_type", "tuple_type", "too_short", "too_long"}
 _FIRST = {"extra_forbidden": 0, "missing": 2}  # a missing key is often the misspelt one

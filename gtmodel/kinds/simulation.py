@@ -13,7 +13,7 @@ from pydantic import BeforeValidator, Discriminator, Field, PositiveFloat, Tag
 from gtmodel.compiler.causal import flat_of
 from gtmodel.lang import Model, ModelError
 from gtmodel.results import Trajectory, TrajectoryError
-from gtmodel.simulate import Simulation, explain_simulation, simulate
+from gtmodel.simulate import MOST_ROWS, MOST_STEPS, Simulation, explain_simulation, simulate
 
 from .base import Check, Context, InputError, Outcome, Row, Section
 from .robot_keys import RobotProblem
@@ -82,6 +82,9 @@ class Schema(RobotProblem):
     step_s: PositiveFloat | None = Field(
         default=None, description="interval of the recorded rows; a 500th of the run if it is left out"
     )
+    max_step_s: PositiveFloat | None = Field(
+        default=None, description="longest step of the integrator, for short pulses after rest; none if it is left out"
+    )
     tolerance: float = Field(default=1e-9, ge=1e-14, le=0.1, description="of the integrator, relative and absolute")
     method: Literal["bdf", "adams"] = Field(default="bdf", description="adams for smooth motion at tight tolerances")
     prefer: list[str] = Field(default=[], description="names to keep as states, as long as they are good for it")
@@ -110,6 +113,7 @@ def solve(problem: Schema, context: Context) -> Outcome:
         inputs=inputs,
         start=problem.start,
         step=_step(problem),
+        max_step=problem.max_step_s,
         outputs=problem.outputs,
         prefer=problem.prefer,
         tolerance=problem.tolerance,
@@ -150,6 +154,10 @@ def _check_names(problem: Schema, model: Model) -> None:
 def _step(problem: Schema) -> float | None:
     if problem.step_s is not None and problem.step_s > problem.final_time_s:
         raise InputError(f"{problem.step_s:g} s is longer than the run of {problem.final_time_s:g} s", "step_s")
+    for key, most in (("step_s", MOST_ROWS), ("max_step_s", MOST_STEPS)):
+        value = getattr(problem, key)
+        if value is not None and problem.final_time_s / value > most:
+            raise InputError(f"{value:g} s is too short: the run has at most {most} of them", key)
     return problem.step_s
 
 

@@ -1,6 +1,11 @@
 """Kinematics that a model's equations alone do not answer.
 
+accuracy          greatest positioning errors from errors of carts and links
 assembly_modes    every pose in which a platform on six legs of given lengths can be assembled
+section           a plane across the guideways
+workspace         which tool centre points are reached, and why not the others
+singularity       how far a pose is from a singular one, as lengths and angles
+MotionMaps        velocity and acceleration maps of any position causality
 
 Guideways as measured
     fit_guideway        line through cart points and what is left over: a GuidewayFit
@@ -15,8 +20,9 @@ Orientation of the plate
     rotation_vector     small turns from a reference
 """
 
-from . import assembly_modes
+from . import accuracy, assembly_modes, section, singularity, workspace
 from .guideways import GuidewayFit, MeasurementError, fit_guideway
+from .maps import MotionMaps
 from .orientation import OrientationMap, grid, orientation_map
 from .rotations import rotation_vector, zyz
 from .transmission import Backlash, CyclicTerm, backlash, cyclic_term
@@ -26,7 +32,9 @@ __all__ = [
     "CyclicTerm",
     "GuidewayFit",
     "MeasurementError",
+    "MotionMaps",
     "OrientationMap",
+    "accuracy",
     "assembly_modes",
     "backlash",
     "cyclic_term",
@@ -34,5 +42,8 @@ __all__ = [
     "grid",
     "orientation_map",
     "rotation_vector",
+    "section",
+    "singularity",
+    "workspace",
     "zyz",
 ]

@@ -86,6 +86,7 @@ __all__ = [
     "log",
     "maximum",
     "minimum",
+    "misfit",
     "norm",
     "outer",
     "parameter",

@@ -16,6 +16,14 @@ class Instant:
     time: ca.SX | None
 
 
+@dataclass(frozen=True, eq=False)
+class Misfit:
+    """Measured residuals in symbols of instants, and whether they are in units of a known standard deviation."""
+
+    residual: ca.SX
+    known: bool
+
+
 class Scope:
     """Registry of the derivative chains and parameters of one flattened model.
 
@@ -31,7 +39,7 @@ class Scope:
         self.time = ca.SX.sym("time")
         self._time_key = self.time.element_hash()
         self.instants: list[Instant] = []
-        self.misfits: list[ca.SX] = []
+        self.misfits: list[Misfit] = []
 
     def new_chain(self, name: str) -> ca.SX:
         """A new scalar variable; returns its symbol of order 0."""
@@ -62,7 +70,8 @@ class Scope:
 
     def symbols_in(self, expression: ca.SX) -> list[tuple[int, int]]:
         """Chain symbols that occur in an expression as sorted (variable index, order) pairs."""
-        found = (self._owner.get(s.element_hash()) for s in ca.symvar(expression))
+        # vertcat() of nothing is no SX
+        found = (self._owner.get(s.element_hash()) for s in ca.symvar(ca.SX(expression)))
         return sorted(pair for pair in found if pair is not None)
 
     def derivative(self, expression: ca.SX) -> ca.SX:

@@ -5,6 +5,7 @@ Connectors: PointFrame, Frame, Flange, Shaft. World holds gravity; Ground, Ancho
 
 from .anchors import Anchor, FixedFlange, FixedShaft, Ground
 from .attitude import AnyQuaternion, Attitude, UnitQuaternion, ZYZAngles
+from .ball_screw import BallScrew
 from .bodies import FreeBody, PointMass, RigidBody
 from .drive import Gear, Inertia, Mass, RackAndPinion
 from .fixed import Fixed, FixedTranslation, PointOnFrame
@@ -42,6 +43,7 @@ __all__ = [
     "Anchor",
     "AnyQuaternion",
     "Attitude",
+    "BallScrew",
     "CurvedGuideway",
     "DirectionalPiecewiseLinearFriction",
     "DirectionalTanhFriction",

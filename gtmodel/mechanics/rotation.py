@@ -21,7 +21,8 @@ def rotation_about(axis: Any, angle: Any) -> Any:
 def quaternion_matrix(e: Any) -> Any:
     """Rotation (3, 3) of a quaternion e (4,), scalar first; times |e|^2 if e is not of length 1."""
     a, b, c, d = e
-    return gt.vector(
+    rows = gt.vector if any(isinstance(x, gt.Expr) for x in (a, b, c, d)) else np.array
+    return rows(
         [
             [a * a + b * b - c * c - d * d, 2 * (b * c - a * d), 2 * (b * d + a * c)],
             [2 * (b * c + a * d), a * a - b * b + c * c - d * d, 2 * (c * d - a * b)],

@@ -12,6 +12,7 @@ from ..compiler.flat import FlatModel
 from ..compiler.plan import Plan, differentiated
 from ..lang.expression import Expr
 from ..lang.optimization import Delayed, Optimization
+from ..lang.scope import Misfit
 from ..lang.source import ModelError
 from .attributes import Pair
 from .dynamic import Bounds, DynamicProblem
@@ -331,6 +332,7 @@ class Builder:
         at_points = [p.P, *(i.symbol for i in instants)]
         self._require(cost, at_points, "objective() holds", "; take a value with .at(...) or gt.integral(...)")
         p.mayer = cost
+        p.misfits = [Misfit(self._numbers(m.residual), m.known) for m in self.flat.scope.misfits]
         p.instants = instants
         for r in points:
             e = self._numbers(r.expression)

@@ -81,9 +81,8 @@ def delay_rows(problem: DynamicProblem, mesh: Mesh, layout: Layout) -> DelayRows
                 value.append(0.0)
                 e = min(N - 1, int(np.searchsorted(mesh.edges, mesh.edges[k] - shift + ROUND_OFF, side="right")) - 1)
                 local = np.clip((s - mesh.edges[e]) / mesh.h[e], 0.0, 1.0)
-                for weight, i in zip(
-                    control_basis(mesh.control, mesh.table, [local])[0], layout.u[:, source], strict=True
-                ):
+                weights_at = control_basis(mesh.control, mesh.table, np.array([local]))[0]
+                for weight, i in zip(weights_at, layout.u[:, source], strict=True):
                     rows.append(row)
                     cols.append(e * n + int(i))
                     weights.append(-float(weight) * other / own)

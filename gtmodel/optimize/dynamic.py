@@ -11,6 +11,7 @@ import numpy as np
 from ..compiler.flat import FlatModel
 from ..compiler.plan import Plan
 from ..lang.optimization import Delayed, Optimization
+from ..lang.scope import Misfit
 from .attributes import Pair, nominal_of
 from .horizon import PointValue
 from .relations import Row
@@ -80,6 +81,7 @@ class DynamicProblem:
     z_pairs: list[Pair] = field(default_factory=list)
     tunable: tuple[str, ...] = ()
     branches: dict[str, int] = field(default_factory=dict)
+    misfits: list[Misfit] = field(default_factory=list)
     outputs: Any = None  # the function that evaluates every name, made when first asked for
 
     @property

@@ -28,7 +28,10 @@ def initial_guess(nlp: Nlp, guess: Trajectory | Solution | None) -> np.ndarray:
     """
     problem, mesh, layout = nlp.problem, nlp.mesh, nlp.element.layout
     free = problem.P_guess.copy()
+    extrapolated = 0.0
     if isinstance(guess, Solution):
+        time = guess.trajectory.time
+        extrapolated = (time[1] - time[0]) / (time[-1] - time[0]) if len(time) > 1 else 0.0
         for n, name in enumerate(problem.free_names):
             free[n] = guess.free.get(name, free[n])
         guess = guess.trajectory
@@ -51,10 +54,13 @@ def initial_guess(nlp: Nlp, guess: Trajectory | Solution | None) -> np.ndarray:
     xs = xs.reshape(*s.shape, layout.nx)
     at = s[:, 1:].ravel()
     us = np.stack([f(at) for f, _ in inputs], -1) if inputs else np.zeros((at.size, 0))
+    if extrapolated:  # what is free at each point has no value at the start: hold the first one
+        for n in range(layout.nu, us.shape[1]):
+            us[:, n] = inputs[n][0](np.maximum(at, extrapolated))
     missing = [n for n, (_, found) in enumerate(inputs) if n >= layout.nu and not found]
     known = layout.nu + len(problem.delayed)
     if any(n >= known for n in missing):
-        flat_x = xs[:, 1:].reshape(-1, layout.nx)[:, : len(problem.state_pairs)]
+        flat_x = xs[:, 1:].reshape(at.size, layout.nx)[:, : len(problem.state_pairs)]
         solved = solve_point_variables(problem, flat_x, np.clip(us[:, :known], u.low[:known], u.high[:known]), free, at)
         for n in missing:
             if n >= known:

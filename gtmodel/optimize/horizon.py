@@ -75,8 +75,8 @@ def require_length(
 
     Tunable parameters stand for their values.
     """
-    if tunable is not None and tunable.numel():
-        t0, tf, *rows = ca.substitute([h.t0, h.tf, *[r.expression for r in constraints]], [tunable], [values])
+    if tunable is not None and values is not None and tunable.numel():
+        t0, tf, *rows = ca.substitute([h.t0, h.tf, *[r.expression for r in constraints]], [tunable], [ca.SX(values)])
         h = Horizon(t0, tf, h.P[: h.P.numel() - tunable.numel()])
         constraints = [Row(e, r.low, r.high, r.label, r.where) for e, r in zip(rows, constraints, strict=True)]
     free = {q.symbol.element_hash(): q for q in flat.parameters if q.free}

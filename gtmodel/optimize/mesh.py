@@ -46,8 +46,8 @@ class Mesh:
             raise ValueError(f"a mesh of {self.elements} elements takes as many positive lengths")
         if self.length_ratio is not None and not 0 < self.length_ratio[0] <= 1 <= self.length_ratio[1]:
             raise ValueError(
-                f"length_ratio is (low, high) with 0 < low <= 1 <= high: shortest and longest length of an element over "
-                f"its given one; found {self.length_ratio}"
+                f"length_ratio is (low, high) with 0 < low <= 1 <= high: shortest and longest length of an element "
+                f"over its given one; found {self.length_ratio}"
             )
         if self.blocks is not None and self.control != "constant":
             raise ValueError(f"blocks take control 'constant'; found '{self.control}'")

@@ -5,6 +5,7 @@ Differentiating the whole NLP costs a set-up that grows with the mesh; one eleme
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import casadi as ca
@@ -118,7 +119,7 @@ def make_nlp(problem: DynamicProblem, mesh: Mesh) -> Nlp:
     point = _points(problem, mesh, element, p_scale)
     z = X[point.index.tolist()] if point.index.size else ca.MX(0, 1)
     mc = len(problem.points)
-    md = delays.matrix.shape[0]
+    md = len(delays.value)
     lam_all = ca.MX.sym("lam_g", N * m + mc + md)
     sigma = ca.MX.sym("lam_f_x")
 
@@ -205,9 +206,21 @@ class _Point:
     hess_sparsity: ca.Sparsity
 
 
-def _points(problem: DynamicProblem, mesh: Mesh, element: Element, p_scale: np.ndarray) -> _Point:
-    layout, N = element.layout, mesh.elements
-    n, nx, nP = layout.size, layout.nl, problem.P.numel()
+@dataclass(eq=False)
+class Instants:
+    """Values at instants in the unknowns: `old` symbols are `new` expressions of `z`, which stand at `index`; `ys`
+    are the elements among z."""
+
+    old: ca.SX
+    new: ca.SX
+    z: ca.SX
+    index: np.ndarray
+    ys: dict[int, ca.SX]
+
+
+def instants(problem: DynamicProblem, mesh: Mesh, layout: Layout, p_scale: np.ndarray, more: Sequence[int]) -> Instants:
+    """Unknowns of the elements that hold instants, and of the elements `more`. Raises ModelError."""
+    N, n, nx, nP = mesh.elements, layout.size, layout.nl, problem.P.numel()
     edges, h = mesh.edges, mesh.h
     inner = [i.s for i in problem.instants if 0.0 < i.s < 1.0]
     if inner and mesh.length_ratio is not None:
@@ -216,41 +229,45 @@ def _points(problem: DynamicProblem, mesh: Mesh, element: Element, p_scale: np.n
             "(length_ratio) no element stays there; use the ends, or given lengths"
         )
     where = [mesh.element_at(i.s) for i in problem.instants]
-    stepped = mesh.blocks is not None and any(mesh.blocks.step_penalty.values())
-    borders = mesh.blocks.borders if stepped and mesh.blocks is not None else []
-    used = sorted({*where, *borders, *(k - 1 for k in borders)})
+    used = sorted({*where, *more})
     ys = {k: ca.SX.sym(f"y{k}", n) for k in used}
     xN = ca.SX.sym("xN", nx)
     Ps = ca.SX.sym("Ps", nP)
     P = Ps * ca.DM(p_scale) if nP else Ps
-    out = ca.Function(
-        "instants",
-        [problem.x, problem.xd, problem.u, problem.P, problem.t],
-        [ca.vertcat(*[i.expression for i in problem.instants]) if problem.instants else ca.SX(0, 1)],
-    )
+    arguments = [problem.x, problem.xd, problem.u, problem.P, problem.t]
+    points: dict[float, tuple[ca.SX, ...]] = {}  # several values may be asked for at one instant
     values = []
-    for number, (i, k) in enumerate(zip(problem.instants, where, strict=True)):
-        s = (i.s - edges[k]) / h[k]
-        x, xd, u, t = value_at(problem, mesh, layout, ys[k], P, float(h[k]), float(edges[k]), float(s))
-        if i.s == 1.0:
-            x = xN[: layout.nx] * ca.DM(problem.x_scale)
-        values.append(out(x, xd, u, P, t)[number])
-    symbols = [i.symbol for i in problem.instants]
-    old = ca.vertcat(*symbols, problem.P)
+    for i, k in zip(problem.instants, where, strict=True):
+        if i.s not in points:
+            s = (i.s - edges[k]) / h[k]
+            x, xd, u, t = value_at(problem, mesh, layout, ys[k], P, float(h[k]), float(edges[k]), float(s))
+            if i.s == 1.0:
+                x = xN[: layout.nx] * ca.DM(problem.x_scale)
+            points[i.s] = (x, xd, u, P, t)
+        values.append(ca.Function("instant", arguments, [i.expression])(*points[i.s]))
+    old = ca.vertcat(*[i.symbol for i in problem.instants], problem.P)
     new = ca.vertcat(*values, P)
+    index = np.concatenate(
+        [np.arange(k * n, (k + 1) * n) for k in used] + [np.arange(N * n, N * n + nx), N * n + nx + np.arange(nP)]
+    ).astype(int)
+    return Instants(old, new, ca.vertcat(*[ys[k] for k in used], xN, Ps), index, ys)
+
+
+def _points(problem: DynamicProblem, mesh: Mesh, element: Element, p_scale: np.ndarray) -> _Point:
+    layout = element.layout
+    stepped = mesh.blocks is not None and any(mesh.blocks.step_penalty.values())
+    borders = mesh.blocks.borders if stepped and mesh.blocks is not None else []
+    held = instants(problem, mesh, layout, p_scale, [*borders, *(k - 1 for k in borders)])
+    z, index, ys = held.z, held.index, held.ys
     exprs = [problem.mayer, ca.vertcat(*[r.expression for r in problem.points]) if problem.points else ca.SX(0, 1)]
-    if old.numel():
-        exprs = ca.substitute(exprs, [old], [new])
+    if held.old.numel():
+        exprs = ca.substitute(exprs, [held.old], [held.new])
     mayer, rows = exprs
     for k in borders:
         assert mesh.blocks is not None
         for j, name in enumerate(problem.control_names):
             step = (ys[k][int(layout.u[0, j])] - ys[k - 1][int(layout.u[0, j])]) * problem.u_scale[j]
             mayer += mesh.blocks.step_penalty.get(name, 0.0) * step**2
-    z = ca.vertcat(*[ys[k] for k in used], xN, Ps)
-    index = np.concatenate(
-        [np.arange(k * n, (k + 1) * n) for k in used] + [np.arange(N * n, N * n + nx), N * n + nx + np.arange(nP)]
-    ).astype(int)
     # keep only what is really touched
     touched = sorted(set(ca.jacobian_sparsity(ca.vertcat(mayer, rows), z).get_triplet()[1])) if z.numel() else []
     zs = [z[j] for j in touched]
@@ -271,7 +288,7 @@ def _points(problem: DynamicProblem, mesh: Mesh, element: Element, p_scale: np.n
     )
 
 
-def _scatter(rows: np.ndarray, cols: np.ndarray, values: ca.MX, shape: tuple[int, int]) -> ca.MX:
+def scatter(rows: np.ndarray, cols: np.ndarray, values: ca.MX, shape: tuple[int, int]) -> ca.MX:
     """Sparse matrix from triplets without duplicates: one gather at run time."""
     order = np.lexsort((rows, cols))
     sparsity = ca.Sparsity.triplet(*shape, rows.astype(int).tolist(), cols.astype(int).tolist())
@@ -298,7 +315,7 @@ def _jacobian(
     r5, c5 = held.row.astype(int) + N * m + mc, held.col.astype(int)
     values = ca.vertcat(ca.vec(nz), -ca.MX.ones(len(r2), 1), ca.vec(dP), point.jacobian(z), ca.DM(held.data))
     rows, cols = np.concatenate([r1, r2, r3, r4, r5]), np.concatenate([c1, c2, c3, c4, c5])
-    return _scatter(rows, cols, values, (N * m + mc + held.shape[0], total))
+    return scatter(rows, cols, values, (N * m + mc + len(delays.value), total))
 
 
 def _hessian(
@@ -308,7 +325,7 @@ def _hessian(
     r1, c1 = _tile(*Hyy.sparsity().get_triplet(), N, n, n)
     k, p, r = (a.ravel() for a in np.meshgrid(np.arange(N), np.arange(nP), np.arange(n), indexing="ij"))
     r2, c2 = k * n + r, N * n + nx + p
-    result = _scatter(
+    result = scatter(
         np.concatenate([r1, r2]), np.concatenate([c1, c2]), ca.vertcat(ca.vec(nz), ca.vec(yP)), (total, total)
     )
     if nP:
@@ -316,13 +333,13 @@ def _hessian(
         i, j = np.triu_indices(nP)
         at = (i + j * nP).astype(int).tolist()
         offset = N * n + nx
-        result = result + _scatter(i + offset, j + offset, ca.vec(summed)[at], (total, total))
+        result = result + scatter(i + offset, j + offset, ca.vec(summed)[at], (total, total))
     if point.hess_sparsity.nnz():
         rp, cp = (np.array(a, int) for a in point.hess_sparsity.get_triplet())
         rows, cols = point.index[rp], point.index[cp]
         values = point.hessian(z, sigma, lam).nz[:]
         low, high = np.minimum(rows, cols), np.maximum(rows, cols)
-        result = result + _scatter(low, high, values, (total, total))
+        result = result + scatter(low, high, values, (total, total))
     return result
 
 

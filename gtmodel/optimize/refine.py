@@ -20,7 +20,6 @@ MOST_PIECES = 4
 # two elements are merged where that is expected to leave the error this far below the tolerance
 SPARE = 0.1
 ALIKE = 3.0  # and only if neither is this much longer than the other
-NEWTON_STEPS = 20
 
 
 @dataclass(frozen=True)
@@ -51,7 +50,8 @@ class Refinement:
     def __str__(self) -> str:
         lines = ["pass  elements       error  split  merged  iterations  objective"]
         lines += [
-            f"{n:4d}  {p.elements:8d}  {p.error:10.2e}  {p.split:5d}  {p.merged:6d}  {p.iterations:10d}  {p.objective:.10g}"
+            f"{n:4d}  {p.elements:8d}  {p.error:10.2e}  {p.split:5d}  {p.merged:6d}  {p.iterations:10d}  "
+            f"{p.objective:.10g}"
             for n, p in enumerate(self.passes, 1)
         ]
         return "\n".join(lines)
@@ -70,14 +70,19 @@ def element_errors(solution: Solution) -> np.ndarray:
     given = us[:, : nlp.element.layout.nu + len(problem.delayed)]
     z = np.zeros((len(s), system.count))
     if system.count:
+        # from the nearest collocation point: their polynomials overshoot
+        nearest = np.abs(points[:, None] - mesh.table.points).argmin(axis=1)
+        at = (mesh.edges[:-1, None] + mesh.h[:, None] * mesh.table.points[nearest]).ravel()
+        begin = states_and_controls(nlp, solution.x, at)[2]
         place = {p: given.shape[1] + n for n, p in enumerate(problem.z_pairs)}
         for n, pair in enumerate(system.pairs):
-            z[:, n] = us[:, place[pair]] if pair in place else 0.0
+            z[:, n] = begin[:, place[pair]] if pair in place else 0.0
         z = system.solved(xs, given, z, P, times)
     rates, _ = system.at(xs, given, z, P, times)
     miss = np.abs(xd - rates) / problem.x_scale
     horizon = times[-1] - times[0] if len(times) > 1 else 0.0
     horizon /= s[-1] - s[0]
+    miss = np.where(np.isfinite(miss), miss, np.inf)  # between the points it leaves the range of the model
     each = miss.reshape(mesh.elements, len(points), -1) * weights[None, :, None]
     return np.max(each.sum(axis=1), axis=1, initial=0.0) * mesh.h * horizon
 
@@ -131,7 +136,7 @@ def _next_lengths(mesh: Mesh, errors: np.ndarray, tolerance: float, merge: bool)
     split = merged = k = 0
     while k < len(h):
         if errors[k] > tolerance:
-            pieces = int(min(MOST_PIECES, max(2, np.ceil((errors[k] / tolerance) ** (1 / order)))))
+            pieces = int(max(2, np.ceil(min(MOST_PIECES, (errors[k] / tolerance) ** (1 / order)))))
             lengths += [h[k] / pieces] * pieces
             split += 1
         elif merge and k + 1 < len(h) and _mergeable(errors[k : k + 2], h[k : k + 2], order, tolerance):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import comb
 
@@ -157,7 +157,7 @@ class System:
 
     values: ca.Function
     residual: ca.Function
-    pairs: list[tuple[int, int] | None]
+    pairs: list[tuple[int, int]]
 
     @property
     def count(self) -> int:
@@ -180,7 +180,7 @@ class System:
         rates = ca.vertcat(*rates, *extra)
         values = ca.Function("values", arguments, [rates, ca.vertcat(*found.point) if found.point else ca.SX(0, 1)])
         slopes = ca.Function("residual", arguments, [residual, ca.densify(ca.jacobian(residual, unknowns))])
-        return cls(values, slopes, [problem.flat.scope.owner(s) for s in found.unknowns])
+        return cls(values, slopes, [p for p in map(problem.flat.scope.owner, found.unknowns) if p is not None])
 
     def solved(
         self, x: np.ndarray, given: np.ndarray, z: np.ndarray, P: np.ndarray, t: np.ndarray, steps: int = 20
@@ -194,10 +194,13 @@ class System:
         for _ in range(steps):
             r, slope = (v.full() for v in f(*rows, ca.DM(z.T), *rest))
             slopes = slope.reshape(self.count, n, self.count).transpose(1, 0, 2)
-            step = np.stack([np.linalg.lstsq(a, -b, rcond=None)[0] for a, b in zip(slopes, r.T, strict=True)])
+            finite = np.all(np.isfinite(slopes), axis=(1, 2)) & np.all(np.isfinite(r), axis=0)
+            step = np.full(z.shape, np.nan)
+            for k in np.flatnonzero(finite):
+                step[k] = np.linalg.lstsq(slopes[k], -r[:, k], rcond=None)[0]
             z = z + step
             done = np.max(np.abs(step), axis=1) <= NEWTON_DONE * (1 + np.max(np.abs(z), axis=1))
-            if done.all():
+            if np.all(done | ~finite):
                 break
         return np.where(done[:, None], z, np.nan)
 
@@ -208,7 +211,7 @@ class System:
         n = len(t)
         rows = [ca.DM(a.T) for a in (x, given, z)]
         rates, point = self.values.map(n)(*rows, ca.repmat(ca.DM(P), 1, n), ca.DM(t).T)
-        return rates.full().T.reshape(n, -1), np.hstack([given, point.full().T.reshape(n, -1)])
+        return rates.full().T, np.hstack([given, point.full().T])
 
 
 def _mayer(solution: Solution, integrated: Callable[[float], tuple[np.ndarray, ...]], P: np.ndarray) -> float:
@@ -223,8 +226,8 @@ def _mayer(solution: Solution, integrated: Callable[[float], tuple[np.ndarray, .
     return float(ca.Function("mayer", [symbols, problem.P], [problem.mayer])(values, P))
 
 
-def make_integrator(nlp: Nlp, tolerance: float, outputs: int = SUBSTEPS) -> ca.Function:
-    """CVODES (IDAS where equations have no closed form) over one element.
+def make_integrator(nlp: Nlp, tolerance: float, outputs: Sequence[float] = ()) -> ca.Function:
+    """CVODES (IDAS where equations have no closed form) over one element, with values at fractions of it.
 
     p = [left end of the element [s], its length [s], control coefficients, delayed inputs at the points, P].
     """
@@ -251,7 +254,7 @@ def make_integrator(nlp: Nlp, tolerance: float, outputs: int = SUBSTEPS) -> ca.F
     options |= {"verbose": False, "disable_internal_warnings": True, "show_eval_warnings": False}
     if system.count:
         dae |= {"z": z, "alg": system.residual(problem.x, given, z, P, t)[0]}
-    grid = np.linspace(0.0, 1.0, outputs + 1)[1:].tolist()
+    grid = list(outputs) or np.linspace(0.0, 1.0, SUBSTEPS + 1)[1:].tolist()
     return ca.integrator("resimulate", "idas" if system.count else "cvodes", dae, 0.0, grid, options)
 
 

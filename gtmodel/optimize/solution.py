@@ -12,6 +12,7 @@ from ..lang.scope import derivative_name
 from ..results.status import SolveStatus
 from ..results.trajectory import Trajectory
 from .dynamic import DynamicProblem
+from .ipopt import Run
 from .mesh import Mesh
 from .nlp import Nlp, placed
 from .tables import basis, basis_slope
@@ -48,6 +49,7 @@ class Solution:
     multipliers: np.ndarray
     seconds: dict[str, float]
     checks: dict[str, Check] = field(default_factory=dict)
+    bound_multipliers: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
     def with_checks(self, **checks: Check) -> Solution:
         return replace(self, checks={**self.checks, **checks})
@@ -55,6 +57,70 @@ class Solution:
     @property
     def problem(self) -> DynamicProblem:
         return self.nlp.problem
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Values of the tunable parameters that this was solved for."""
+        values = constants(self.nlp, self.x)[len(self.problem.free_names) :]
+        return dict(zip(self.problem.tunable, values.tolist(), strict=True))
+
+    @property
+    def sensitivity(self) -> dict[str, float]:
+        """Slope of the optimal cost with respect to each tunable parameter, in SI units (envelope theorem)."""
+        nlp = self.nlp
+        first = nlp.constants + len(self.problem.free_names)
+        slope = np.asarray(nlp.functions["grad_f"](self.x, [])[1]).reshape(-1)[first:]
+        jacobian = nlp.functions["jac_g"](self.x, [])[1][:, first:]
+        slope = slope + np.asarray((jacobian.T @ ca.DM(self.multipliers)).full()).reshape(-1)
+        return dict(zip(self.problem.tunable, (slope / nlp.p_scale[len(self.free) :]).tolist(), strict=True))
+
+    def multiplier(self, name: str) -> np.ndarray | float:
+        """Multipliers of a constraint in SI units, in IPOPT's sign: cost per unit by which its row is raised.
+
+        name: the beginning of a row's name, which `multiplier_names` lists: a number for a point constraint,
+        (elements,) for the continuity of a state ("continuity of x": the costate at the element's end),
+        (elements, points) for what holds along the path. Divided by quadrature weight times element length, the last
+        approach the multiplier functions of time. Raises KeyError with the names.
+        """
+        nlp = self.nlp
+        m, N = nlp.element.rows.numel(), nlp.mesh.elements
+        for n, row in enumerate(self.problem.points):
+            if row.label.startswith(name):
+                return float(self.multipliers[m * N + n])
+        rows = [r for r, (label, _) in enumerate(nlp.element.row_names) if label.startswith(name)]
+        labels = {nlp.element.row_names[r][0] for r in rows}
+        if len(labels) != 1:
+            raise KeyError(f"{len(labels)} rows begin with '{name}'; there are {', '.join(self.multiplier_names)}")
+        values = self.multipliers[: m * N].reshape(N, m)[:, rows] / self._row_scale(rows)
+        return values[:, 0] if nlp.element.row_names[rows[0]][1] < 0 else values
+
+    def _row_scale(self, rows: list[int]) -> np.ndarray:
+        problem, layout = self.problem, self.nlp.element.layout
+        known = dict(zip(problem.algebraic_labels, problem.algebraic_scale, strict=True))
+        known |= dict(zip((f"rate of {n}" for n in problem.state_names), problem.x_scale, strict=True))
+        names = self.nlp.element.row_names
+        return np.array([layout.scale[r] if r < layout.nl else known.get(names[r][0], 1.0) for r in rows])
+
+    @property
+    def multiplier_names(self) -> tuple[str, ...]:
+        """What multiplier() knows."""
+        points = [r.label for r in self.problem.points]
+        return tuple(dict.fromkeys([*points, *(n for n, _ in self.nlp.element.row_names)]))
+
+    def bound_multiplier(self, name: str) -> np.ndarray:
+        """Multipliers (elements, points) of the bounds of a state, control or algebraic variable at the collocation
+        points (of a control's coefficients, where it is no polynomial), in SI units; positive at an upper bound.
+
+        Raises KeyError with the names.
+        """
+        problem, layout = self.problem, self.nlp.element.layout
+        columns = dict(zip(problem.state_names, layout.x.T, strict=True))
+        columns |= dict(zip(problem.control_names, layout.u.T, strict=True))
+        columns |= dict(zip(problem.point_names, layout.z.T, strict=True))
+        if name not in columns:
+            raise KeyError(f"'{name}' has no bounds of its own; there are {', '.join(columns)}")
+        values = self.bound_multipliers[: self.nlp.end].reshape(-1, layout.size)
+        return values[:, columns[name]] / layout.scale[columns[name]]
 
     @property
     def final_time(self) -> float:
@@ -66,24 +132,17 @@ class Solution:
         return evaluate(self.nlp, self.x, np.asarray(s, float))
 
 
-def read_solution(
-    nlp: Nlp,
-    x: np.ndarray,
-    g: np.ndarray,
-    *,
-    lam_g: np.ndarray,
-    status: SolveStatus,
-    message: str,
-    objective: float,
-    iterations: int,
-    seconds: dict[str, float],
-) -> Solution:
+def read_solution(nlp: Nlp, run: Run, status: SolveStatus, message: str) -> Solution:
     """Physical values of all names from the scaled unknowns."""
+    x = run.x
     chosen = constants(nlp, x)[: len(nlp.problem.free_names)]
     free = dict(zip(nlp.problem.free_names, chosen.tolist(), strict=True))
-    violation = float(np.max(np.maximum(nlp.lbg - g, g - nlp.ubg), initial=0.0))
+    violation = float(np.max(np.maximum(nlp.lbg - run.g, run.g - nlp.ubg), initial=0.0))
     trajectory = evaluate(nlp, x, mesh_fractions(placed(nlp, x)))
-    solution = Solution(status, message, objective, iterations, trajectory, free, nlp, x, lam_g, seconds)
+    solution = Solution(
+        status, message, run.objective, run.iterations, trajectory, free, nlp, x, run.multipliers.rows, run.seconds,
+        bound_multipliers=run.multipliers.bounds,
+    )  # fmt: skip
     return solution.with_checks(constraint_violation=Check(max(0.0, violation), 1e-6))
 
 

@@ -1,20 +1,41 @@
-"""The catalogue: robots built from the parameter sets printed in Dressler 2012."""
+"""The catalogue: robots made from the printed parameter sets by name."""
 
 from __future__ import annotations
 
 import difflib
 import tomllib
+from collections.abc import Callable
 from functools import cache
 from importlib.resources import files
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..lang import ModelError
+from ..lang import Model, ModelError
 from ..mechanics import PiecewiseLinearFriction, TanhFriction
+from . import clusters
+from .f1 import EXAMPLE as F1_EXAMPLE
+from .f1 import f1_gantry_tau
+from .six_link import EXAMPLE as SIX_LINK_EXAMPLE
+from .six_link import six_link_gantry_tau
 from .three_link import GantryTau
 
 SMOOTHINGS = {"tanh": TanhFriction, "piecewise_linear": PiecewiseLinearFriction}
+# of masses and friction
+EXAMPLE_MASSES = "an example of ours"
+IDENTIFIED_MASSES = "Dressler 2012, Table 6.3"
+
+
+class Entry(NamedTuple):
+    """A robot of the catalogue: its family, degrees of freedom, where geometry and where masses come from."""
+
+    family: str
+    degrees_of_freedom: int
+    source: str
+    masses: str
+
+
+FAMILIES = {"three_link": 3, "six_link": 3, "f1": 6}  # with their degrees of freedom
 
 
 @cache
@@ -22,10 +43,19 @@ def _table(name: str) -> dict[str, Any]:
     return tomllib.loads(files("gtmodel.robots").joinpath("data", name).read_text(encoding="utf-8"))
 
 
+def _geometries() -> dict[str, dict[str, Any]]:
+    return {name: table for name, table in _table("gantry_tau.toml").items() if "prototype" in table}
+
+
+def _family(table: dict[str, Any]) -> str:
+    if table["prototype"] == "F1":
+        return "f1"
+    return "six_link" if "B_m" in table else "three_link"
+
+
 def _sets() -> dict[str, dict[str, Any]]:
-    """Three-arm L1 sets by name."""
-    table = _table("gantry_tau.toml")
-    return {k: v for k, v in table.items() if v.get("prototype") == "L1" and len(v["L_m"]) == 3}
+    """Three-link sets by name."""
+    return {name: table for name, table in _geometries().items() if _family(table) == "three_link"}
 
 
 def _inertias() -> dict[str, dict[str, Any]]:
@@ -34,9 +64,19 @@ def _inertias() -> dict[str, dict[str, Any]]:
     return {k: v for k, v in table.items() if "*" not in (v["coulomb_N"], v["viscous_kg_s"])}
 
 
+def entries() -> dict[str, Entry]:
+    """The catalogue by name."""
+    found = {}
+    for name, table in sorted(_geometries().items()):
+        family = _family(table)
+        masses = IDENTIFIED_MASSES if table["prototype"] == "L1" else EXAMPLE_MASSES
+        found[name] = Entry(family, FAMILIES[family], table["source"], masses)
+    return found
+
+
 def names() -> dict[str, str]:
     """Catalogue names with their sources."""
-    return {k: v["source"] for k, v in sorted(_sets().items())}
+    return {name: entry.source for name, entry in entries().items()}
 
 
 def inertia_names() -> list[str]:
@@ -44,9 +84,58 @@ def inertia_names() -> list[str]:
     return sorted(_inertias())
 
 
+def make(name: str, **options: Any) -> Model:
+    """A robot of the catalogue with its own defaults.
+
+    options: parameters of the model, and payload [kg], smoothing, velocity_scale [m/s] and, for three links, inertia as
+    for `gantry_tau`. Raises ModelError for an unknown name, and for options that the family does not take.
+    """
+    return family_member(_pick(name, entries(), "robot").family, name, **options)
+
+
+def family_member(
+    family: str,
+    name: str | None = None,
+    *,
+    inertia: str | None = None,
+    smoothing: str = "tanh",
+    velocity_scale: float = 0.1,
+    payload: float = 0.0,
+    **modifiers: Any,
+) -> Model:
+    """A robot of a family: the named one, or any of it where `modifiers` give the whole geometry."""
+    if family == "three_link":
+        masses = {} if inertia is None else {"inertia": inertia}
+        return gantry_tau(
+            name or "l1_tape",
+            smoothing=smoothing,
+            velocity_scale=velocity_scale,
+            payload=payload,
+            **masses,
+            **modifiers,
+        )
+    maker, default, example = _MAKERS[family]
+    if inertia is not None:
+        raise ModelError(
+            f"inertia model '{inertia}' applies to three-link robots only; '{name or default}' has masses of its own "
+            f"as parameters, {', '.join(k for k in example if k.startswith(('m_', 'I_', 'J')))}"
+        )
+    friction = _pick(smoothing, SMOOTHINGS, "friction smoothing")
+    cart = _with_parts({"friction": friction}, modifiers.pop("cart", {}))
+    loaded = {"m_p": example["m_p"] + payload, "velocity_scale": velocity_scale, "cart": cart}
+    return maker(name or default, **{**loaded, **modifiers})
+
+
+# with a member whose geometry is replaced, and the example masses
+_MAKERS: dict[str, tuple[Callable[..., Model], str, dict[str, Any]]] = {
+    "six_link": (six_link_gantry_tau, "d1_six_link", SIX_LINK_EXAMPLE),
+    "f1": (f1_gantry_tau, "f1", F1_EXAMPLE),
+}
+
+
 def gantry_tau(
     name: str,
-    inertia: str = "model_2",
+    inertia: str | None = None,
     smoothing: str = "tanh",
     velocity_scale: float = 0.1,
     payload: float = 0.0,
@@ -55,9 +144,13 @@ def gantry_tau(
 ) -> GantryTau:
     """A three-link Gantry-Tau from a printed geometry and an identified inertia model.
 
+    No masses of D1 are printed: where `inertia` is left out, d1_nominal takes an EXAMPLE OF OURS, that of the six-link
+    D1 with its links gathered by arms.
+
     Args:
         name: geometry, e.g. "l1_tape" (Dressler 2012, Table 5.7).
-        inertia: masses [kg] and symmetric friction (Table 6.3): "model_1" or "model_2"; links are massless.
+        inertia: masses [kg] and symmetric friction (Table 6.3): "model_1" or "model_2", the default of the L1 sets;
+            links are massless.
         smoothing: "tanh" or "piecewise_linear" friction.
         velocity_scale: velocity of the smoothing [m/s].
         payload: mass added to the plate [kg].
@@ -66,25 +159,37 @@ def gantry_tau(
 
     Raises ModelError for an unknown name, with close matches.
     """
-    geometry = _pick(name, _sets(), "robot")
-    masses = _pick(inertia, _inertias(), "inertia model")
+    geometry = _pick(name, _sets(), "three-link robot" if name in _geometries() else "robot")
     friction = _pick(smoothing, SMOOTHINGS, "friction smoothing")
     A, v, L = (np.array(geometry[k], dtype=float) for k in ("A_m", "v", "L_m"))
     parts: dict[str, Any] = {"friction": friction} | ({} if rod is None else {"rod": rod})
-    arm = modifiers.pop("arm", {})  # such as dict(guideway=...), for all arms or one each
+    masses = _masses(geometry, inertia)
+    arm = _with_parts(parts, modifiers.pop("arm", {}))
     values: dict[str, Any] = dict(
         A=A,
         v=v,
         L=L,
-        m_p=masses["m_p_kg"] + payload,
-        m_c=masses["m_c_kg"],
-        coulomb=masses["coulomb_N"],
-        viscous=masses["viscous_kg_s"],
         velocity_scale=velocity_scale,
         home=A.mean(axis=0) + 0.7 * L.mean() * v.mean(axis=0),
-        arm=[parts | one for one in arm] if isinstance(arm, (list, tuple)) else parts | arm,
+        arm=arm,
+        **{**masses, "m_p": masses["m_p"] + payload},
     )
     return GantryTau(**{**values, **modifiers})
+
+
+def _with_parts(parts: dict[str, Any], given: Any) -> Any:
+    """Parts of every arm or cart with a user's own, such as dict(guideway=...), for all or in a list of one each."""
+    return [parts | one for one in given] if isinstance(given, (list, tuple)) else parts | given
+
+
+def _masses(geometry: dict[str, Any], inertia: str | None) -> dict[str, Any]:
+    if inertia is None and geometry["prototype"] != "L1":
+        example: dict[str, Any] = SIX_LINK_EXAMPLE
+        m_a = [float(example["m_a"][rows].sum()) for rows in clusters.ROWS]
+        return {k: example[k] for k in ("m_p", "m_c", "coulomb", "viscous")} | {"m_a": m_a}
+    found = _pick(inertia or "model_2", _inertias(), "inertia model")
+    keys = {"m_p": "m_p_kg", "m_c": "m_c_kg", "coulomb": "coulomb_N", "viscous": "viscous_kg_s"}
+    return {name: found[key] for name, key in keys.items()}
 
 
 def _pick(name: str, table: dict[str, Any], what: str) -> Any:

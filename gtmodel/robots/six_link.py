@@ -12,6 +12,7 @@ import numpy as np
 from .. import lang as gt
 from ..mechanics import Flange, ForceMotor, Guideway, MidpointRod, PointFrame, PointMass, RigidPlate, TanhFriction
 from ..mechanics.rotation import quaternion_matrix
+from .clusters import zyz_quaternion
 
 LINKS = ("1", "2a", "2b", "3a", "3b", "3c")
 ARM = (0, 1, 1, 2, 2, 2)  # the cart on which each link stands
@@ -156,7 +157,10 @@ D1_ZYZ_DEG = (85.0, 100.9, -88.6)  # the plate's orientation: see the note of d1
 
 
 def six_link_gantry_tau(name: str = "d1_six_link", **modifiers: Any) -> SixLink:
-    """The six-link D1 (Dressler 2012, Table 5.9 model 3, link 2b restored); masses and friction are an example of ours.
+    """The six-link D1 (Dressler 2012, Table 5.9 model 3); masses and friction are an example of ours.
+
+    Repaired: A and v of link 2b are lost in the text; A_2b = A_2a plus the difference of the offsets of model 4, and
+    v_2b = v_2a, which agrees with Table 5.8 to 1.1 mm.
 
     The plate is ahead of the carts, side c = -1, where six-link and three-link tool centre point agree; e is near
     ZYZ = (85.0, 100.9, -88.6) deg. Modifiers: any parameter of SixLink. Raises ModelError for another name.
@@ -167,14 +171,5 @@ def six_link_gantry_tau(name: str = "d1_six_link", **modifiers: Any) -> SixLink:
     table = tomllib.loads(text)[name]
     A, v, L, B = (np.array(table[k], dtype=float) for k in ("A_m", "v", "L_m", "B_m"))
     home = A.mean(axis=0) + 0.85 * L.mean() * v.mean(axis=0)
-    values = dict(A=A, v=v, L=L, B=B, home=home, home_e=_zyz_quaternion(*np.radians(D1_ZYZ_DEG)), **EXAMPLE)
+    values = dict(A=A, v=v, L=L, B=B, home=home, home_e=zyz_quaternion(*np.radians(D1_ZYZ_DEG)), **EXAMPLE)
     return SixLink(**{**values, **modifiers})
-
-
-def _zyz_quaternion(alpha: float, beta: float, gamma: float) -> np.ndarray:
-    """Quaternion, scalar first, of rotations about z, the new y and the new z [rad]."""
-    half_sum, half_difference = (alpha + gamma) / 2, (alpha - gamma) / 2
-    c, s = np.cos(beta / 2), np.sin(beta / 2)
-    return np.array(
-        [c * np.cos(half_sum), -s * np.sin(half_difference), s * np.cos(half_difference), c * np.sin(half_sum)]
-    )

@@ -8,7 +8,9 @@ from ..compiler.initial import Initial
 from ..results.status import SolveStatus
 from .audit import Audit
 from .choice import LARGEST_CHANGE, SWITCH_BELOW, Reference
+from .ending import Ended, wall
 from .inputs import Inputs
+from .jumping import after_jump
 from .record import Recorder
 from .result import Progress, Switch
 from .step import CHUNKS
@@ -16,57 +18,66 @@ from .systems import System, Systems
 
 # an interval this much shorter than the whole run means that the motion leads nowhere
 SHORTEST = 1e-8
-# where a run ends, a state of so many nominals has grown without bound
-UNBOUNDED = 1e6
 # an interval may be so many times as long as the one before it
 GROWTH = 3.0
-# a margin this small beside its typical size is named as what ends the motion
-NEAR_ZERO = 1e-3
-
-
-class Ended(Exception):
-    """The run ends early; says why."""
-
-    def __init__(self, status: SolveStatus, sentence: str) -> None:
-        super().__init__(sentence)
-        self.status = status
+# so many calls of the integrator that together lead less far than this part of the run, or so many rows, lead nowhere
+STUCK_CALLS, STUCK, STUCK_ROWS = 100, 1e-4, 20
+# an integrator's Newton unknowns, in tolerances, and at least, in nominals: farther off it is another solution
+OTHER_TOLERANCES, OTHER = 100.0, 1e-4
 
 
 class Course:
-    """Where a simulation is, and with which states. `rows` are the times to record, start and end included."""
+    """Where a simulation is, and with which states. `rows` are the times to record, start and end included; `grid`
+    holds them and further times that intervals end at."""
 
     def __init__(
-        self, systems: Systems, inputs: Inputs, recorder: Recorder, start: Initial, system: System, rows: np.ndarray
+        self,
+        systems: Systems,
+        inputs: Inputs,
+        recorder: Recorder,
+        start: Initial,
+        system: System,
+        rows: np.ndarray,
+        grid: np.ndarray,
     ) -> None:
-        self._systems, self._inputs, self._recorder, self._rows = systems, inputs, recorder, rows
-        self._audit = Audit(systems.plan)
+        self._systems, self._inputs, self._recorder, self._rows, self._grid = systems, inputs, recorder, rows, grid
+        self.audit = Audit(systems.plan)
         self.system = system
         self.switches: list[Switch] = []
-        self.residual = 0.0
         self._x, self._z = system.reduced.from_point(start.w)
         self._work = np.zeros(2)
         self._time = float(rows[0])
         self._shortest = SHORTEST * float(rows[-1] - rows[0])
+        self._stuck = float(rows[-1] - rows[0]) * min(STUCK, STUCK_ROWS / len(grid))
+        self._calls, self._since = 0, self._time
         self._reference: Reference | None = None
         self._switch_below = SWITCH_BELOW
         self._last_span = np.inf
-        self._begin_piece()
+        self._p = inputs.piece(self._time)
+        follower = system.follower
+        if follower is not None:
+            better = follower.correct(self._z, follower.place(self._x, self._time, self._p))
+            self._z = self._z if better is None else better
 
     def run(self, progress: Progress | None) -> None:
         """Go to the last row. Raises Ended where that is not reached."""
         end = float(self._rows[-1])
         at = np.array([self._time])
         self._record(at, self._x[None, :], self._z[None, :], self._work[None, :], self._here()[None, :])
-        for stop in [*self._inputs.knots(self._time, end).tolist(), end]:
+        knots = self._inputs.knots(self._time, end).tolist()
+        for stop in [*knots, end]:
             while self._time < stop:
                 self._advance(stop, self._span(stop))
                 if progress is not None and progress(self._time):
                     raise Ended(SolveStatus.INTERRUPTED, f"stopped by request at {self._time:.6g} s")
-            self._begin_piece()
+            if stop < end:
+                self._begin_piece()
 
     def _begin_piece(self) -> None:
-        self._p = self._inputs.piece(self._time)
-        self._z = self.system.reduced.polish(self._x, self._z, self._time, self._p)
+        before, after = (self._inputs.piece(self._time, before) for before in (True, False))
+        self._z = after_jump(self.system, self._x, self._z, self._time, before, after)
+        self._p = after
+        self._calls = 0
 
     # -- states ------------------------------------------------------------------------------------
 
@@ -98,7 +109,7 @@ class Course:
         if span < longest:
             self._last_span = span
         if span < min(longest, self._shortest):
-            raise Ended(*self._wall())
+            raise self._wall()
         return span
 
     def _switch(self, system: System, w: np.ndarray) -> None:
@@ -116,6 +127,8 @@ class Course:
         """One call of the integrator over at most `span` seconds: many rows at once where that goes well."""
         most, last = CHUNKS[0], max(self._last_span, span)
         while True:
+            if self._creeps():
+                raise self._wall()
             times, length = self._intervals(stop, span, most)
             result = self.system.stepper(self._x, self._z, self._time, length, self._p, len(times))
             if result is not None and self._accept(times, *result):
@@ -127,13 +140,21 @@ class Course:
             else:
                 span = 0.5 * length
             if span < self._shortest:
-                raise Ended(*self._wall())
+                raise self._wall()
+
+    def _creeps(self) -> bool:
+        """Whether many calls of the integrator together led nowhere."""
+        self._calls += 1
+        if self._time - self._since > self._stuck:
+            self._calls, self._since = 1, self._time
+        return self._calls > STUCK_CALLS
 
     def _intervals(self, stop: float, span: float, most: int) -> tuple[np.ndarray, float]:
         """Ends of the next equal intervals, and their length: as many rows as there are, or a part of the way."""
         slack = 1e-9 * span
-        rows = self._rows[np.searchsorted(self._rows, self._time, side="right") :]
-        rows = rows[rows <= min(stop, self._time + span + slack)][:most]
+        first = int(np.searchsorted(self._grid, self._time, side="right"))
+        rows = self._grid[first : first + most]
+        rows = rows[rows <= min(stop, self._time + span + slack)]
         if not rows.size:
             length = min(span, stop - self._time)
             return np.array([stop if length == stop - self._time else self._time + length]), length
@@ -145,21 +166,60 @@ class Course:
 
     def _accept(self, times: np.ndarray, xs: np.ndarray, zs: np.ndarray, works: np.ndarray) -> bool:
         """Take the intervals over which the states stayed good; False if there is none."""
-        reduced, watch = self.system.reduced, self._systems.watch
-        zs = np.array([reduced.polish(x, z, t, self._p) for x, z, t in zip(xs, zs, times, strict=True)])
-        points = self._points(xs, zs, times)
-        good = len(times)
-        if self._reference is not None:
-            changes = watch.changes(self.system.choice, self._reference, points, times)
-            good = good if np.all(changes <= LARGEST_CHANGE) else int(np.argmin(changes <= LARGEST_CHANGE))
-            if good == 0:
-                return False
-        works = self._work + works
-        rows = np.flatnonzero(np.isin(times[:good], self._rows))
-        if rows.size:
-            self._record(times[rows], xs[rows], zs[rows], works[rows], points[rows])
-        self._take(times[good - 1], xs[good - 1], zs[good - 1], works[good - 1])
-        return True
+        zs = self._followed(times, xs, zs)
+        good = len(zs)
+        touching: list[str] = []
+        when = self._time
+        if good and self.system.roots:
+            good, touching, when = self._resolved(times[:good], xs[:good], zs)
+        points = self._points(xs[:good], zs[:good], times[:good])
+        if good and self._reference is not None:
+            changes = self._systems.watch.changes(self.system.choice, self._reference, points, times[:good])
+            fine = changes <= LARGEST_CHANGE
+            good = good if fine.all() else int(np.argmin(fine))
+        if good:
+            works = self._work + works
+            rows = np.flatnonzero(self._recorded(times[:good]))
+            if rows.size:
+                self._record(times[rows], xs[rows], zs[rows], works[rows], points[rows])
+            self._take(times[good - 1], xs[good - 1], zs[good - 1], works[good - 1])
+        if touching and good == len(points):
+            raise Ended(
+                SolveStatus.FAILED,
+                f"the motion ends at {when:.6g} s in a singular pose: the two solutions of "
+                f"{'; '.join(touching)} meet there, and nothing tells on which one it goes on",
+            )
+        return good > 0
+
+    def _followed(self, times: np.ndarray, xs: np.ndarray, zs: np.ndarray) -> np.ndarray:
+        """The Newton unknowns to round-off, as far as they are those that the motion leads to."""
+        follower = self.system.follower
+        if follower is None:
+            return zs
+        other = max(OTHER, OTHER_TOLERANCES * self.system.tolerance)
+        found, z, here = [], self._z, follower.place(self._x, self._time, self._p)
+        for x, near, t in zip(xs, zs, times, strict=True):
+            there = follower.place(x, t, self._p)
+            followed = follower.follow(z, here, there)
+            if followed is None or not follower.apart(followed, near) <= other:
+                break
+            found.append(followed)
+            z, here = followed, there
+        return np.array(found).reshape(len(found), zs.shape[1])
+
+    def _resolved(self, times: np.ndarray, xs: np.ndarray, zs: np.ndarray) -> tuple[int, list[str], float]:
+        """How many of the intervals tell on which side of its root the motion is, and what touches zero after them
+        and when."""
+        times = np.concatenate([[self._time], times])
+        xs, zs = np.vstack([self._x, xs]), np.vstack([self._z, zs])
+        values, rates = self.system.roots(xs, zs, times, self._p)
+        good, touching, when = self.system.roots.judge(times, values, rates)
+        return len(good) if good.all() else int(np.argmin(good)), touching, when
+
+    def _recorded(self, times: np.ndarray) -> np.ndarray:
+        """Which times are rows."""
+        place = np.minimum(np.searchsorted(self._rows, times), len(self._rows) - 1)
+        return self._rows[place] == times
 
     def _take(self, time: float, x: np.ndarray, z: np.ndarray, work: np.ndarray) -> None:
         self._time, self._x, self._z, self._work = float(time), x, z, work
@@ -173,25 +233,13 @@ class Course:
         finite = np.all(np.isfinite(rows), axis=1)
         count = len(times) if finite.all() else int(np.argmin(finite))
         self._recorder.add(times[:count], rows[:count], works[:count])
-        self.residual = max(self.residual, self._audit(points[:count], times[:count]))
+        self.audit(points[:count], times[:count])
         if count < len(times):
             self._take(times[count], xs[count], zs[count], works[count])
-            raise Ended(*self._wall())
+            raise self._wall()
 
-    def _wall(self) -> tuple[SolveStatus, str]:
+    def _wall(self) -> Ended:
         """Why it does not go on from here."""
-        at = f"the motion ends at {self._time:.6g} s"
-        if np.any(np.abs(self._x) > UNBOUNDED * self.system.stepper.x_scale):
-            return SolveStatus.DIVERGED, f"{at}: the state grows without bound"
-        reduced = self.system.reduced
-        numbers = np.asarray(reduced.margins(self._x, self._z, self._time, self._p).full()).reshape(-1)
-        margins = [m for b in reduced.plan.blocks for m in b.margins]
-        gone: dict[str, list[str]] = {"condition": [], "discriminant": [], "pivot": []}
-        for m, value in zip(margins, numbers.tolist(), strict=True):
-            size = abs(value) if m.kind == "pivot" else value
-            if not size > NEAR_ZERO * m.scale:
-                gone[m.kind].append(f"the {m.kind} of {m.label} is {value:.3g}, typically {m.scale:.3g}")
-        found = gone["condition"] or gone["discriminant"] or gone["pivot"]
-        if found:
-            return SolveStatus.FAILED, f"{at}, where it leads out of the model's range: {'; '.join(found[:3])}"
-        return SolveStatus.FAILED, f"{at}: the integrator's steps became too small there, or no numbers came out"
+        system = self.system
+        here = self._x, self._z, self._time, self._p
+        return wall(system.reduced, system.follower, system.stepper.x_scale, *here, self._shortest)

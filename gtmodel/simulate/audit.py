@@ -7,13 +7,21 @@ import numpy as np
 
 from ..compiler.plan import Plan
 
+# an equation left by more than this part of its largest term was not solved; round-off of stiff forces stays below
+BROKEN = 1e-6
+# residuals below this, in SI units, are not looked at any closer
+SMALL = 1e-9
+
 
 class Audit:
-    """Residuals of the equations before any elimination, at points over `plan.pairs`."""
+    """Residuals of the equations before any elimination, at points over `plan.pairs`.
+
+    `residual` is the largest |left - right| so far, of any equation at any point, in SI units.
+    """
 
     def __init__(self, plan: Plan) -> None:
-        flat = plan.flat
-        pairs = sorted({pair for e in flat.equations for pair in flat.scope.symbols_in(e.residual)})
+        flat = self._flat = plan.flat
+        pairs = self._pairs = sorted({pair for e in flat.equations for pair in flat.scope.symbols_in(e.residual)})
         place = {pair: n for n, pair in enumerate(plan.pairs)}
         self._sign, self._place = np.zeros(len(pairs)), np.zeros(len(pairs), dtype=int)
         for n, pair in enumerate(pairs):
@@ -21,13 +29,35 @@ class Audit:
             self._sign[n], self._place[n] = sign, place[(kept, order)]
         symbols = ca.vertcat(*[flat.scope.symbol(*pair) for pair in pairs])
         residuals = ca.vertcat(*[e.residual for e in flat.equations])
-        self._residuals = ca.Function("equations", [symbols, flat.p, flat.scope.time], [residuals])
+        self._arguments = [symbols, flat.p, flat.scope.time]
+        self._residuals = ca.Function("equations", self._arguments, [residuals])
         self._p = flat.require_values()
+        self.residual = 0.0
+        self._worst: tuple[np.ndarray, float, int] | None = None
 
-    def __call__(self, points: np.ndarray, times: np.ndarray) -> float:
-        """Largest |left - right| of any equation at any of the points (rows), in SI units."""
-        if not len(times):
-            return 0.0
+    def __call__(self, points: np.ndarray, times: np.ndarray) -> None:
+        """Look at points (rows)."""
+        if not len(times) or not self._flat.equations:
+            return
         values = self._sign * points[:, self._place]
-        residuals = self._residuals(values.T, self._p, times[None, :]).full()
-        return float(np.max(np.abs(residuals), initial=0.0))
+        residuals = np.abs(self._residuals(values.T, self._p, times[None, :]).full())
+        row, column = np.unravel_index(int(np.argmax(residuals)), residuals.shape)
+        if residuals[row, column] > self.residual:
+            self.residual = float(residuals[row, column])
+            self._worst = values[column], float(times[column]), int(row)
+
+    def verdict(self) -> str | None:
+        """A sentence if the worst equation does not hold, measured by its largest term; else None."""
+        if self._worst is None or self.residual <= SMALL:
+            return None
+        values, time, row = self._worst
+        e = self._flat.equations[row]
+        gradient = ca.Function("gradient", self._arguments, [ca.densify(ca.jacobian(e.residual, self._arguments[0]))])
+        nominal = np.array([self._flat.variables[i].nominal for i, _ in self._pairs])
+        terms = np.abs(gradient(values, self._p, time).full().reshape(-1)) * np.maximum(np.abs(values), nominal)
+        if self.residual <= BROKEN * np.max(terms, initial=0.0):
+            return None
+        return (
+            f"{e.label} ({e.where}) does not hold at {time:.6g} s: a residual of {self.residual:.3g} is left; use a "
+            "smaller tolerance or step"
+        )

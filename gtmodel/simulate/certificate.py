@@ -21,7 +21,7 @@ def explain_simulation(
     method: str = "bdf",
 ) -> str:
     """States with their start values, what chose them, how their rates are computed. Arguments as for `simulate`."""
-    ready = prepare(model, inputs or {}, start or {}, start_time, (), prefer, tolerance, method)
+    ready = prepare(model, inputs, start, start_time, (), prefer, tolerance, method)
     plan, flat, system = ready.systems.plan, ready.systems.plan.flat, ready.system
     x, z = system.reduced.from_point(ready.initial.w)
     known = [flat.variables[i].name for i in ready.inputs.known]

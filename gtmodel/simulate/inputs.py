@@ -14,6 +14,7 @@ from ..lang.expression import Expr, gathered
 from ..lang.source import ModelError
 from ..lang.units import si_unit
 from ..results.trajectory import Trajectory, UnknownNameError
+from .pulses import pulses
 from .table import INTERPOLATIONS, Table
 
 Shape = tuple[int, ...]
@@ -46,13 +47,14 @@ class Inputs:
         return sorted([*self.functions, *self.tables])
 
     def knots(self, start: float, end: float) -> np.ndarray:
-        """Times strictly inside an interval at which a table bends or jumps."""
-        times = np.unique(np.concatenate([table.times for table in self.tables.values()] or [np.zeros(0)]))
+        """Times strictly inside an interval at which a table bends or jumps, or a function leaves its rest."""
+        times = [table.times for table in self.tables.values()]
+        times = np.unique(np.concatenate([*times, pulses(self.functions.values(), self.t, start, end)]))
         return times[(times > start) & (times < end)]
 
-    def piece(self, start: float) -> np.ndarray:
-        """Values of `p` from a knot, or any other time, up to the next knot."""
-        pieces = [self.tables[index].piece(start) for index in sorted(self.tables)]
+    def piece(self, start: float, before: bool = False) -> np.ndarray:
+        """Values of `p` from a knot, or any other time, up to the next knot; `before`: of the piece that ends there."""
+        pieces = [self.tables[index].piece(start, before) for index in sorted(self.tables)]
         return np.concatenate([[start], *pieces])
 
     def values(self, pairs: list[tuple[int, int]], time: float) -> list[float]:
@@ -188,6 +190,10 @@ def _symbolic(flat: FlatModel, name: str, function: Callable[[Any], Any], t: ca.
             f"input '{name}' cannot be written as an expression of time ({type(error).__name__}: {error}); use "
             "functions such as np.sin, or give (times, values)"
         ) from None
+    if value is None:
+        raise ModelError(f"the function of input '{name}' returns nothing; expected a number or an array")
+    if not ca.symvar(entries) and not np.all(np.isfinite(np.asarray(ca.DM(entries)))):
+        raise ModelError(f"the function of input '{name}' returns {value}, which is not finite")
     foreign = [s.name() for s in ca.symvar(entries) if s.element_hash() != t.element_hash()]
     if foreign:
         raise ModelError(f"input '{name}' must be a function of time alone; it holds {foreign[0]}")

@@ -14,7 +14,9 @@ from ..compiler.flat import FlatModel
 from ..compiler.initial import initial_point, start_values
 from ..lang.model import Model
 from ..lang.source import ModelError
+from .arguments import by_name, names, numbers
 from .inputs import Inputs
+from .jumps import refuse_jumps
 from .systems import Systems
 
 if TYPE_CHECKING:
@@ -52,13 +54,18 @@ def linearize(
     State, input and output names are the model's scalar names, with ":" for "." ("capacitor:v"), which control
     keeps for itself. The point need not be an equilibrium; its rates are in `.params["rates"]`, by the model's names.
 
-    Raises ModelError for a wrong name, an input whose derivative is needed, or a singular point.
+    Raises ModelError for a wrong name, an input whose derivative is needed, sign() of a variable, or a singular point.
     """
     flat = flat_of(model)
-    inputs, outputs, prefer = ([x] if isinstance(x, str) else list(x) for x in (inputs, outputs, prefer))
-    known = [i for name in inputs for i in flat.lookup(name)[1]]
-    asked = [(i, order) for _, indices, order in map(flat.lookup, outputs) for i in indices]
-    values = _values(flat, known, input_values or {})
+    refuse_jumps(flat)
+    start, input_values = by_name("start", start), by_name("input_values", input_values)
+    prefer = names("prefer", prefer)
+    known = _inputs(flat, names("inputs", inputs))
+    asked = [(i, order) for _, indices, order in map(flat.lookup, names("outputs", outputs)) for i in indices]
+    twice = [flat.symbol_name(*pair) for n, pair in enumerate(asked) if pair in asked[:n]]
+    if twice:
+        raise ModelError(f"output '{twice[0]}' is named twice; name it once")
+    values = _values(flat, known, input_values)
     u = {i: ca.SX.sym(flat.variables[i].name) for i in known}
     given = Inputs(flat, ca.SX.sym("t"), dict(u), {})
     preferred = [i for name in prefer for i in flat.lookup(name)[1]]
@@ -104,6 +111,20 @@ def _labels(names: Iterable[str]) -> list[str]:
     return [name.replace(".", ":") for name in names]
 
 
+def _inputs(flat: FlatModel, given: list[str]) -> list[int]:
+    """Indices of the inputs. Raises ModelError for a derivative, and for one that is named twice."""
+    known: list[int] = []
+    for name in given:
+        _, indices, order = flat.lookup(name)
+        if order:
+            raise ModelError(f"input '{name}' is a derivative; name the variable itself, or filter it in the model")
+        twice = [flat.variables[i].name for i in indices if i in known]
+        if twice:
+            raise ModelError(f"input '{twice[0]}' is named twice; name it once")
+        known += indices
+    return known
+
+
 def _values(flat: FlatModel, known: list[int], given: Mapping[str, Any]) -> dict[int, float]:
     """Value of each input at the point, by index. Raises ModelError for a wrong name or shape."""
     values = dict.fromkeys(known, 0.0)
@@ -111,7 +132,7 @@ def _values(flat: FlatModel, known: list[int], given: Mapping[str, Any]) -> dict
         _, indices, order = flat.lookup(name)
         if order or not set(indices) <= set(known):
             raise ModelError(f"input_values: '{name}' is none of the inputs")
-        array = np.asarray(value, dtype=float).reshape(-1)
+        array = numbers(f"input_values: '{name}'", value)
         if array.size not in (1, len(indices)) or not np.all(np.isfinite(array)):
             raise ModelError(f"input_values: '{name}' takes {len(indices)} finite numbers; found {value}")
         values.update(zip(indices, np.broadcast_to(array, len(indices)).tolist(), strict=True))

@@ -7,13 +7,13 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
+from ..compiler.blocks import Margin
 from ..compiler.emit import express
 from ..compiler.flat import FlatModel
 from ..compiler.plan import Plan
 from .inputs import Inputs
 
 Pair = tuple[int, int]
-POLISHING = 4  # Newton corrections of unknowns that an integrator already knows to its tolerance
 
 
 class Reduced:
@@ -64,21 +64,21 @@ class Reduced:
         return self._function("point", self._point)
 
     @cached_property
-    def _newton(self) -> ca.Function:
-        return self._function("newton", self.residuals, ca.densify(ca.jacobian(self.residuals, self.z)))
+    def rate(self) -> ca.Function:
+        """(x, z, t, p) -> rates of the states."""
+        return self._function("rate", self.rates)
 
-    def polish(self, x: np.ndarray, z: np.ndarray, time: float, p: np.ndarray) -> np.ndarray:
-        """The Newton unknowns to round-off; as they are where Newton does not converge."""
-        better = z
-        for _ in range(POLISHING if z.size else 0):
-            r, jacobian = (np.asarray(v.full()) for v in self._newton(x, better, time, p))
-            if not (np.all(np.isfinite(r)) and np.all(np.isfinite(jacobian))):
-                return z
-            try:
-                better = better - np.linalg.solve(jacobian, r.reshape(-1))
-            except np.linalg.LinAlgError:
-                return z
-        return better
+    @property
+    def margin_expressions(self) -> list[tuple[Margin, ca.SX]]:
+        """Margins of the plan's blocks with their expressions of (x, z, t, p)."""
+        margins = [m for b in self.plan.blocks for m in b.margins]
+        return list(zip(margins, ca.vertsplit(self._margins) if margins else [], strict=True))
+
+    @property
+    def unknowns(self) -> str:
+        """Names of the Newton unknowns, for messages."""
+        labels = [label for b in self.plan.newton for label in b.labels]
+        return ", ".join(labels[:4]) + (f" and {len(labels) - 4} more" if len(labels) > 4 else "")
 
     def from_point(self, w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """States and Newton unknowns of a point over plan.pairs."""

@@ -14,6 +14,8 @@ from ..lang.model import Model
 from ..lang.source import ModelError
 from ..results.status import SolveStatus
 from .advance import Course, Ended
+from .arguments import by_name, longest_step, names, number, output_step, span
+from .impulses import refuse_impulses
 from .inputs import Inputs, read_inputs
 from .jumps import refuse_jumps
 from .record import Recorder
@@ -32,6 +34,7 @@ def simulate(
     inputs: Mapping[str, Any] | None = None,
     start: Mapping[str, Any] | None = None,
     step: float | None = None,
+    max_step: float | None = None,
     outputs: Sequence[str] | str = (),
     prefer: Sequence[str] | str = (),
     tolerance: float = 1e-9,
@@ -48,6 +51,8 @@ def simulate(
             prescribed too, other start attributes are guesses. States that are free after that start as near to
             zero as they can.
         step: interval [s] of the recorded rows; default a 500th of the run. The integrator chooses its own steps.
+        max_step: longest internal step [s], for what is short and comes after rest: pulses of an input function
+            longer than a 50000th of the run are found without it.
         outputs: further names to record, e.g. "arm[0].rod.tension".
         prefer: names to keep as states as long as they are good for it.
         tolerance: relative and absolute tolerance of the integrator, in nominals.
@@ -57,18 +62,25 @@ def simulate(
 
     Raises ModelError for a wrong model, input or start, and NotSimulated unless throw is False.
     """
-    if step is not None and not 0 < step <= final_time - start_time:
-        raise ModelError(f"the output interval must be positive and within the run; found {step:g} s")
-    if not (np.isfinite(start_time) and np.isfinite(final_time) and final_time > start_time):
-        raise ModelError(f"the simulation must end after its start; found {start_time:g} s to {final_time:g} s")
-    ready = prepare(model, inputs or {}, start or {}, start_time, outputs, prefer, tolerance, method)
+    start_time, final_time = span(final_time, start_time)
+    step = output_step(step, final_time - start_time)
+    max_step = longest_step(max_step, final_time - start_time)
+    bounded = np.isfinite(max_step)
+    ready = prepare(model, inputs, start, start_time, outputs, prefer, tolerance, method, bounded)
+    refuse_impulses(ready.inputs, ready.system.plan.inputs, start_time, final_time)
     rows = _rows(start_time, final_time, step)
-    course = Course(ready.systems, ready.inputs, ready.recorder, ready.initial, ready.system, rows)
+    # roots are watched from one time to the next: as often as rows are recorded by default
+    watched = (final_time - start_time) / OUTPUT_STEPS if ready.system.roots else np.inf
+    grid = _grid(rows, min(max_step, watched))
+    course = Course(ready.systems, ready.inputs, ready.recorder, ready.initial, ready.system, rows, grid)
     status, message = SolveStatus.SOLVED, "simulated"
     try:
         course.run(progress)
     except Ended as error:
         status, message = error.status, str(error)
+    broken = course.audit.verdict()
+    if broken is not None and status is SolveStatus.SOLVED:
+        status, message = SolveStatus.FAILED, broken
     if course.switches:
         n = len(course.switches)
         message += f"; states switched {n} time{'s' * (n > 1)}"
@@ -78,7 +90,7 @@ def simulate(
         message,
         trajectory,
         energy_error,
-        course.residual,
+        course.audit.residual,
         course.system.states,
         course.switches,
         ready.chosen,
@@ -102,30 +114,41 @@ class Ready:
 
 def prepare(
     model: Model,
-    inputs: Mapping[str, Any],
-    start: Mapping[str, Any],
+    inputs: Mapping[str, Any] | None,
+    start: Mapping[str, Any] | None,
     start_time: float,
     outputs: Sequence[str] | str,
     prefer: Sequence[str] | str,
     tolerance: float,
     method: str,
+    bounded: bool = False,
 ) -> Ready:
     """Everything that happens before the first step; arguments and errors as for `simulate`."""
-    if not 1e-14 <= tolerance <= 0.1:
+    if not 1e-14 <= number("tolerance", tolerance) <= 0.1:
         raise ModelError(f"the tolerance must lie between 1e-14 and 0.1; found {tolerance:g}")
     if method not in ("bdf", "adams"):
         raise ModelError(f"there is no integration method '{method}'; it is 'bdf' or 'adams'")
-    outputs, prefer = ([x] if isinstance(x, str) else list(x) for x in (outputs, prefer))
+    inputs, start = by_name("inputs", inputs), by_name("start", start)
+    outputs, prefer = names("outputs", outputs), names("prefer", prefer)
     flat = flat_of(model)
+    if not flat.variables:
+        raise ModelError(f"{flat.title} declares no variable; there is nothing to simulate")
     refuse_jumps(flat)
     given = read_inputs(flat, inputs)
     recorder = Recorder(flat, outputs)
     preferred = [i for name in prefer for i in flat.lookup(name)[1]]
-    systems = Systems(flat, given, recorder.expressions, preferred, tolerance, method)
+    systems = Systems(flat, given, recorder.expressions, preferred, tolerance, method, bounded)
     held, guess = start_values(systems.plan, start, given.known)
     prescribed = set(held)
     pairs = [p for p in systems.plan.pairs if p[0] in set(given.known)]
-    held |= dict(zip(pairs, given.values(pairs, start_time), strict=True))
+    values = dict(zip(pairs, given.values(pairs, start_time), strict=True))
+    for pair, value in values.items():
+        if not np.isfinite(value):
+            raise ModelError(
+                f"input '{flat.symbol_name(*pair)}' has no finite value at the start, {start_time:g} s; mend the "
+                "input, or start where it is defined"
+            )
+    held |= values
     initial = initial_point(systems.plan, held, guess, start_time)
     system = systems.at(initial.w, start_time)
     if system is None:
@@ -145,3 +168,12 @@ def _rows(start: float, end: float, step: float | None) -> np.ndarray:
         return np.linspace(start, end, count + 1)
     count = int((end - start) / step)
     return np.append(start + step * np.arange(count + 1), end)
+
+
+def _grid(rows: np.ndarray, max_step: float) -> np.ndarray:
+    """Rows, and times between them that are nowhere further apart than max_step."""
+    parts = int(np.ceil(np.max(np.diff(rows)) / max_step - 1e-9))
+    if parts <= 1:
+        return rows
+    shares = np.arange(parts) / parts
+    return np.append((rows[:-1, None] + shares * np.diff(rows)[:, None]).reshape(-1), rows[-1])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from contextlib import redirect_stderr
+from io import StringIO
 from typing import Any
 
 import casadi as ca
@@ -19,18 +21,19 @@ class Stepper:
     """Integrates a reduced system over one or several equal intervals; None where it gives up.
 
     States and unknowns are scaled by their nominals, so that one tolerance fits all of them; the energies
-    supplied and dissipated are integrated beside the states, with the same error control.
+    supplied and dissipated are integrated beside the states, with the same error control. `bounded`: internal steps
+    are no longer than one interval.
     """
 
-    def __init__(self, reduced: Reduced, tolerance: float, method: str) -> None:
+    def __init__(self, reduced: Reduced, tolerance: float, method: str, bounded: bool = False) -> None:
         r = reduced
         plan, flat = r.plan, r.plan.flat
         self.x_scale = np.array([flat.variables[i].nominal for i, _ in plan.states])
-        self._z_scale = np.concatenate([b.scale for b in plan.newton]) if plan.newton else np.zeros(0)
+        self.z_scale = np.concatenate([b.scale for b in plan.newton]) if plan.newton else np.zeros(0)
         s, t0, length = ca.SX.sym("s"), ca.SX.sym("t0"), ca.SX.sym("length")
         x, z = ca.SX.sym("x", r.x.numel()), ca.SX.sym("z", r.z.numel())
         old = [r.x, r.z, r.t]
-        new = [ca.DM(self.x_scale) * x, ca.DM(self._z_scale) * z, t0 + s * length]
+        new = [ca.DM(self.x_scale) * x, ca.DM(self.z_scale) * z, t0 + s * length]
         rates, powers, residuals = ca.substitute([r.rates, r.powers, r.residuals], old, new)
         self._dae = {
             "x": ca.vertcat(x, ca.SX.sym("work", 2)),
@@ -45,6 +48,8 @@ class Stepper:
             "disable_internal_warnings": True,
             "show_eval_warnings": False,  # a step that leaves the model's range is tried again, shorter
         }
+        if bounded:
+            self._options["max_step_size"] = 1.0  # one interval
         if z.numel():
             self._dae |= {"z": z, "alg": residuals}
             self._options["calc_ic"] = True
@@ -64,13 +69,16 @@ class Stepper:
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
         """After each of `count` (one of CHUNKS) intervals of `length` seconds: states (count, n), Newton unknowns
         (count, m), and the energies supplied and dissipated since the start of the call (count, 2)."""
+        integrator = self._integrator(count)
         start = np.concatenate([x / self.x_scale, [0.0, 0.0]])
         try:
-            result = self._integrator(count)(x0=start, z0=z / self._z_scale, p=np.concatenate([[time, length], p]))
+            # SUNDIALS says on the terminal what it returns as well
+            with redirect_stderr(StringIO()):
+                result = integrator(x0=start, z0=z / self.z_scale, p=np.concatenate([[time, length], p]))
         except RuntimeError:
             return None
         end = np.asarray(result["xf"].full()).T
         unknowns = np.asarray(result["zf"].full()).T if z.size else np.zeros((count, 0))
         if not (np.all(np.isfinite(end)) and np.all(np.isfinite(unknowns))):
             return None
-        return end[:, : x.size] * self.x_scale, unknowns * self._z_scale, end[:, x.size :]
+        return end[:, : x.size] * self.x_scale, unknowns * self.z_scale, end[:, x.size :]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import casadi as ca
 import numpy as np
@@ -12,8 +13,10 @@ from ..compiler.flat import FlatModel
 from ..compiler.plan import Plan, make_plan
 from ..lang.source import ModelError
 from .choice import Choice, Watch, choice_of
+from .follow import Follower
 from .inputs import Inputs
 from .reduced import Reduced
+from .roots import Roots
 from .step import Stepper
 
 Pair = tuple[int, int]
@@ -36,6 +39,16 @@ class System:
     plan: Plan
     reduced: Reduced
     stepper: Stepper
+    tolerance: float
+
+    @cached_property
+    def follower(self) -> Follower | None:
+        """Of the Newton unknowns; None where there are none."""
+        return Follower(self.reduced, self.stepper.z_scale) if self.reduced.z.numel() else None
+
+    @cached_property
+    def roots(self) -> Roots:
+        return Roots(self.reduced, self.tolerance)
 
     @property
     def states(self) -> tuple[str, ...]:
@@ -43,7 +56,7 @@ class System:
 
 
 class Systems:
-    """Makes and keeps the systems of one simulation.
+    """Makes and keeps the systems of one simulation; `bounded`: no internal step is longer than an interval.
 
     `plan` has the structure that all of them share, and samples to start from; `watch` chooses the states.
     """
@@ -56,9 +69,10 @@ class Systems:
         prefer: Sequence[int] = (),
         tolerance: float = 1e-9,
         method: str = "bdf",
+        bounded: bool = False,
     ) -> None:
         self._flat, self._inputs, self._outputs = flat, inputs, outputs
-        self._tolerance, self._method = tolerance, method
+        self._tolerance, self._method, self._bounded = tolerance, method, bounded
         self._fold = ca.SX(ca.DM(flat.require_values()))
         expressions = [*outputs, *(e.expression for e in flat.energies), *(e.residual for e in flat.equations)]
         targets = {(v.index, 0) for v in flat.variables} | set(flat.scope.symbols_in(ca.vertcat(*expressions)))
@@ -84,8 +98,9 @@ class Systems:
             known.append(branch)
         if id(branch) not in self._made:
             reduced = Reduced(branch.plan, self._inputs, self._outputs)
-            stepper = Stepper(reduced, self._tolerance, self._method)
-            self._made[id(branch)] = System(choice_of(branch.plan.stages), branch.plan, reduced, stepper)
+            stepper = Stepper(reduced, self._tolerance, self._method, self._bounded)
+            choice = choice_of(branch.plan.stages)
+            self._made[id(branch)] = System(choice, branch.plan, reduced, stepper, self._tolerance)
         return self._made[id(branch)]
 
     def _branch(self, states: list[int], w: np.ndarray, time: float) -> Branch:

@@ -38,9 +38,13 @@ class Table:
             rows[:-1] = CubicSpline(self.times, self.values).c[::-1].T * [math.factorial(k) for k in range(4)]
         return rows
 
-    def piece(self, start: float) -> np.ndarray:
-        """Taylor coefficients at a time, those of the piece that begins or goes on there."""
-        k = int(np.searchsorted(self.times, start, side="right")) - 1
+    def largest(self, order: int) -> float:
+        """Largest size of a derivative at the rows."""
+        return float(np.max(np.abs(self._rows[:, order])))
+
+    def piece(self, start: float, before: bool = False) -> np.ndarray:
+        """Taylor coefficients at a time, of the piece that begins or goes on there; `before`: that leads there."""
+        k = int(np.searchsorted(self.times, start, side="left" if before else "right")) - 1
         if k < 0:
             return np.concatenate([self.values[:1], np.zeros(self.coefficients - 1)])
         row, after = self._rows[k], start - self.times[k]

@@ -66,7 +66,7 @@ def test_models_in_python_take_parameters(context: Context, reference: str) -> N
         ("l1_tap", "robot: there is no robot 'l1_tap'; did you mean 'l1_tape'?"),
         ("nowhere.toml", "robot: there is no robot file 'nowhere.toml'"),
         ("pendulum.py", "for a model in Python name its class too, as in 'pendulum.py:Robot'"),
-        ("pendulum", "robot: there is no robot 'pendulum'; there are l1_camera"),
+        ("pendulum", "robot: there is no robot 'pendulum'; there are d1_nominal"),
         ("makers.py:three", "robot: 'makers.py:three' is int; expected a Model"),
         ("makers.py:thre", "robot: 'makers.py' holds no 'thre'"),
         ("pendulum.py:", "names no class"),

@@ -174,6 +174,22 @@ class TestBranch:
             attempt(CrankMotion(), Mesh(6, 2), branches={"down": 1})
 
 
+def test_no_state_at_all():
+    class Static(gt.Optimization):
+        u = gt.input()
+        y = gt.variable()
+        final_time = 2.0
+
+        def equations(self):
+            yield self.y == self.u + 1
+
+        def objective(self):
+            return gt.integral(self.y**2 + self.u**2)
+
+    for formulation in ("explicit", "dae"):
+        assert attempt(Static(), Mesh(3, 2), formulation=formulation).objective == pytest.approx(1.0, rel=SOLVER)
+
+
 def test_too_many_equations_are_named():
     class Twice(features.Tank):
         def constraints(self):

@@ -36,7 +36,7 @@ class TestFreeLengths:
             assert np.min(np.abs(found.edges * time - at)) < 1e-4
         # the pattern: one extreme value before, the other after, and nothing between
         t, u = s.trajectory.time[1:], s.trajectory["u"][1:]
-        bounds = [v for v in s.problem.flat.variables if v.name == "u"][0]
+        bounds = next(v for v in s.problem.flat.variables if v.name == "u")
         first, last = (bounds.max, bounds.min) if cls is problems.LongWay else (bounds.min, bounds.max)
         inside = np.abs(t - switches[0]) > 1e-3
         assert u[inside] == pytest.approx(np.where(t < switches[0], first, last)[inside], abs=1e-4)
@@ -91,7 +91,7 @@ class TestRefine:
         assert error < 3 * tolerance  # the layer forgets: no errors add up
         h = placed(r.solution.nlp, r.solution.x).h
         assert h[0] < 0.2 * h.max()  # fine where the layer is
-        assert [p.elements for p in r.passes][0] == 6 and str(r).count("\n") == len(r.passes)
+        assert r.passes[0].elements == 6 and str(r).count("\n") == len(r.passes)
 
     def test_far_fewer_elements_than_equal_ones(self):
         r = refine(Layer(), Mesh(6, 3), tolerance=1e-5)
@@ -121,6 +121,11 @@ class TestRefine:
             s = solve(model, Mesh(10, 3), solver=gt.SolverOptions(formulation=form))
             errors.append(element_errors(s))
         assert errors[0] == pytest.approx(errors[1], rel=1e-3) and np.all(errors[0] > 0)
+
+    def test_a_dae_that_leaves_its_range_between_the_points(self):
+        """On four elements y5 is negative somewhere; there it is split, until its root is real."""
+        r = refine(problems.ImplicitBlock(), Mesh(2, 2), tolerance=1e-3, solver=gt.SolverOptions(formulation="dae"))
+        assert r.reached and np.all(np.isfinite(r.errors))
 
     def test_limits_and_wrong_calls(self):
         r = refine(Layer(), Mesh(3, 2), tolerance=1e-9, passes=2)

@@ -314,18 +314,21 @@ class TestInfeasible:
         assert solution.status is SolveStatus.INFEASIBLE
         assert solution.message.startswith("no point was found that satisfies all constraints (IPOPT: Infeasible_Probl")
         worst = solution.message.split("worst rows: ")[1]
-        assert re.match(r"continuity of (x|der\(x\)) in element \d by \d", worst)
+        assert re.match(r"continuity of (x|der\(x\)) in element \d \([\d.]+ s\) by \d", worst)
         assert not solution.checks["constraint_violation"].passed
 
     def test_names_a_point_constraint_with_its_line(self):
         solution = attempt(case(constraints=lambda self: [self.x.at(2.0) * self.x.at(1.0) >= 5]), max_iterations=0)
-        worst = r"worst rows: constraint 1 \(optimize/test_solve.py:\d+\) by 4; rate of x in element \d, point \d by 0"
+        worst = (
+            r"worst rows: constraint 1 \(optimize/test_solve.py:\d+\) by 4; "
+            r"rate of x in element \d, point \d \([\d.]+ s\) by 0"
+        )
         assert re.search(worst, solution.message)
 
     def test_names_a_path_constraint_with_its_place(self):
         solution = attempt(case(constraints=lambda self: [self.x**2 + self.u**2 <= 0.1]))
         assert solution.status is SolveStatus.INFEASIBLE
-        assert "in element 1, point 1 by " in solution.message
+        assert "in element 1, point 1 (0.1333 s) by " in solution.message
 
 
 def test_fixed_start_and_initial_equations_are_held():

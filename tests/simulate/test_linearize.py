@@ -174,3 +174,16 @@ class TestRefused:
     def test_a_misspelt_keyword(self):
         with pytest.raises(TypeError, match="unexpected keyword argument 'starts'"):
             linearize(Pendulum(), [], "y", starts={})  # type: ignore[call-arg]
+
+
+def test_sign_has_no_slope_to_linearise():
+    class Slide(gt.Model):
+        u = gt.input(unit="m/s2")
+        v = gt.variable(unit="m/s")
+        k = gt.parameter(1.0, unit="m/s2")
+
+        def equations(self):
+            yield gt.der(self.v) == self.u - self.k * gt.sign(self.v)
+
+    with pytest.raises(gt.ModelError, match=r"'Slide equation 1' holds sign\(\)"):
+        gt.linearize(Slide(), "u", "v")

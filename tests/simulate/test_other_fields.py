@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import gtmodel as gt
+from gtmodel import ModelError
 from gtmodel.simulate import simulate
 from tests.simulate.models import DriveTrain
 from tests.support.models import Capacitor, Ground, Inductor, Resistor, SeriesRLC, Source
@@ -94,3 +95,62 @@ def test_drive_train_with_a_gear():
     supplied = t["energy.supplied"][-1]
     assert supplied == pytest.approx(0.4 * t["motor.shaft.phi"][-1], rel=1e-9)
     assert run.energy_error is not None and run.energy_error < 1e-8 * supplied
+
+
+class Shorted(gt.Model):
+    """A battery whose pins are connected: 0 V and 5 V."""
+
+    V = gt.parameter(5.0, unit="V")
+    battery = gt.part(Source)
+    ground = gt.part(Ground)
+
+    def equations(self):
+        yield gt.connect(self.battery.p, self.battery.n)
+        yield gt.connect(self.battery.n, self.ground.p)
+        yield self.battery.p.v - self.battery.n.v == self.V
+
+
+def test_a_contradiction_is_not_called_a_repetition():
+    line = Shorted.equations.__code__.co_firstlineno + 3
+    with pytest.raises(ModelError, match=rf"'Shorted equation 1' contradicts .* say -5 == 0; .*\.py:{line}\)"):
+        simulate(Shorted(), 1.0)
+    with pytest.raises(ModelError, match="'Shorted equation 1' repeats what connections"):
+        simulate(Shorted(V=0.0), 1.0)
+
+
+class Floating(gt.Model):
+    """A source and resistors, without a ground."""
+
+    u = gt.input(unit="V")
+    source = gt.part(Source)
+    resistor = gt.part(Resistor, R=2.0)
+
+    def equations(self):
+        yield self.source.v == self.u
+        yield gt.connect(self.source.p, self.resistor.p)
+        yield gt.connect(self.source.n, self.resistor.n)
+
+
+class FloatingCapacitor(Floating):
+    capacitor = gt.part(Capacitor, C=0.1)
+    other = gt.part(Resistor, R=1.0)
+
+    def equations(self):
+        yield self.source.v == self.u
+        yield gt.connect(self.source.p, self.resistor.p)
+        yield gt.connect(self.resistor.n, self.capacitor.p)
+        yield gt.connect(self.resistor.n, self.other.p)
+        yield gt.connect(self.source.n, self.capacitor.n)
+        yield gt.connect(self.source.n, self.other.n)
+
+
+@pytest.mark.parametrize(
+    ("model", "sentence"),
+    [
+        (Floating, "follows from the other connections: .* has a reference; connect a ground"),
+        (FloatingCapacitor, r"flow i of .*; connect a reference, such as a ground, to what is connected there$"),
+    ],
+)
+def test_a_circuit_without_a_ground(model, sentence):
+    with pytest.raises(ModelError, match=sentence):
+        simulate(model(), 1.0, inputs={"u": 1.0})

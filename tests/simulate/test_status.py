@@ -50,6 +50,18 @@ class Folding(gt.Model):
         yield self.m * der(self.s, 2) == -self.pull[1] * rod[0]
 
 
+class Implicit(gt.Model):
+    """y^3 - 3 y == x turns back where |x| = 2; no closed form."""
+
+    x = gt.input(unit="1")
+    y = gt.variable(unit="1", start=0.0)
+    z = gt.variable(unit="s", start=0.0, fixed=True)
+
+    def equations(self):
+        yield self.y**3 - 3 * self.y == self.x
+        yield der(self.z) == self.y
+
+
 def test_growth_without_bound():
     run = simulate(Growing(), 2.0, throw=False)
     assert run.status is SolveStatus.DIVERGED
@@ -177,6 +189,7 @@ def test_a_misspelt_keyword():
 def test_nothing_is_printed(capfd, recwarn):
     simulate(Growing(), 2.0, throw=False)
     simulate(Draining(), 2.0, throw=False)
+    simulate(Implicit(), 1.0, inputs={"x": lambda t: 4 * t}, throw=False)
     simulate(Pendulum(), 1.0, inputs={}, start={"x": 1.0})
     simulate(l1(), 1.0, step=0.1, inputs={"T": lambda t: [0.5, -0.9 - np.sin(t), 0.3]}, throw=False)
     printed = capfd.readouterr()

@@ -1,0 +1,116 @@
+"""Closed-form functions on many rows: CasADi's virtual machine on NumPy memory, and a status for every row."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from ..lang.source import ModelError
+from ..results.status import Status
+
+if TYPE_CHECKING:
+    from .causal import CausalFunction
+
+# a pivot below this fraction of its typical size means singular: values would carry errors of 1e-16/1e-9
+PIVOT_TOLERANCE = 1e-9
+# rows per mapped function: what a core keeps near; making one costs no more than some rows
+BLOCK = 512
+
+
+def map_columns(f: ca.Function, columns: Sequence[np.ndarray]) -> list[np.ndarray]:
+    """A function on columns side by side: inputs (size, n), results (r, n * c) for outputs of shape (r, c)."""
+    n = columns[0].shape[1] if columns else 1
+    if n == 0:
+        return [np.zeros((f.size1_out(k), 0)) for k in range(f.n_out())]
+    dense = all(f.sparsity_out(k).is_dense() for k in range(f.n_out()))
+    dense = dense and all(f.sparsity_in(k).is_dense() for k in range(f.n_in()))
+    if n == 1 or not dense:
+        g = f if n == 1 else f.map(n)
+        return [np.array(r.full()) for r in g.call([ca.DM(c) for c in columns])]
+    inputs = [np.ascontiguousarray(c.T) for c in columns]
+    results = [np.empty((n, f.size2_out(k), f.size1_out(k))) for k in range(f.n_out())]
+    size, g = 0, f
+    for begin in range(0, n, BLOCK):
+        end = min(n, begin + BLOCK)
+        if end - begin != size:
+            size, g = end - begin, f.map(end - begin)
+        buffer, run = g.buffer()
+        set_arg: Any = buffer.set_arg
+        set_res: Any = buffer.set_res
+        views: list[Any] = [a[begin:end] for a in (*inputs, *results)]
+        for k, view in enumerate(views):
+            if view.size == 0:
+                continue
+            if k < len(inputs):
+                set_arg(k, memoryview(view))
+            else:
+                set_res(k - len(inputs), memoryview(view))
+        run()
+    return [r.reshape(r.shape[0] * r.shape[1], r.shape[2]).T for r in results]
+
+
+def status_codes(
+    margins: Iterable[Any], columns: Sequence[np.ndarray], results: Sequence[np.ndarray], found: np.ndarray | None
+) -> np.ndarray:
+    """Status code of each column from inputs, iterations (`found`), margins (last of results) and outputs; the first
+    cause wins."""
+    n = results[-1].shape[1]
+    code = np.zeros(n, dtype=int) if found is None else found.copy()
+    for m, row in zip(margins, results[-1], strict=True):
+        with np.errstate(invalid="ignore"):
+            if m.kind in ("discriminant", "condition"):
+                bad, verdict = ~(row >= 0), Status.OUT_OF_RANGE
+            else:
+                bad, verdict = ~(np.abs(row) > PIVOT_TOLERANCE * m.scale), Status.SINGULAR
+        code = np.where((code == 0) & bad, verdict, code)
+    finite = np.all([np.all(np.isfinite(r), axis=0) for r in results[:-1]], axis=0)
+    code = np.where((code == 0) & ~finite, Status.NOT_FINITE, code)
+    inputs = np.all([np.all(np.isfinite(c), axis=0) for c in columns], axis=0) if columns else True
+    return np.where(inputs, code, Status.NOT_FINITE)
+
+
+class _Margin(NamedTuple):
+    """What the status of a row needs of a margin; its symbols stay with the model."""
+
+    kind: str
+    scale: float
+
+
+class RowFunction:
+    """A closed-form CausalFunction cut loose from its model: rows in, rows and status codes out; can be pickled.
+
+    Called with arrays (n, ...) as the CausalFunction would be; it gives the very same numbers. Raises ModelError for
+    a function with Newton blocks, which belong to their model.
+    """
+
+    def __init__(self, function: CausalFunction) -> None:
+        newton = [b for b in function.plan.blocks if b.kind == "Newton"]
+        if newton:
+            raise ModelError(
+                f"{function.name} holds {len(newton)} Newton block(s) and cannot leave its model; call it as it is"
+            )
+        self._function = function.casadi
+        self._margins = [_Margin(m.kind, m.scale) for m in function.margins]
+        self._shapes = [s.shape for s in function.outputs]
+
+    def __call__(self, *arguments: Any) -> tuple[Any, ...]:
+        """Arrays (n, ...) of the targets and int codes (n,) of `Status`; rows without a solution are NaN."""
+        arrays = [np.asarray(a, dtype=float) for a in arguments]
+        columns = [a.reshape(a.shape[0], -1).T for a in arrays]
+        results = map_columns(self._function, columns)
+        status = status_codes(self._margins, columns, results, None)
+        values = [r.T for r in results[:-1]]
+        bad = np.flatnonzero(status != Status.OK)
+        for v in values:
+            v[bad] = np.nan
+        return (*(v.reshape(len(status), *s) for v, s in zip(values, self._shapes, strict=True)), status)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "_function": self._function.serialize()}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._function = ca.Function.deserialize(state["_function"])

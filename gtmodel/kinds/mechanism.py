@@ -1,0 +1,95 @@
+"""What the kinematic engines need of a robot: poses of its links, its guideways and link lengths, as arrays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from gtmodel.compiler.causal import compile_causal, flat_of
+from gtmodel.kinematics.section import Section, across_guideways
+from gtmodel.kinematics.workspace import InverseKinematics, Poses
+from gtmodel.lang import Model, ModelError
+from gtmodel.results import Status
+
+from .base import InputError
+from .motion import link_names
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class Mechanism:
+    """A robot whose links run on guideways.
+
+    Attributes:
+        inverse: tool centre points to poses. home: its pose at the model's home, one row.
+        anchors, directions: (l, 3) guideway of each link: point at q = 0 [m] and motion per q.
+        lengths: (l,) of the links [m]. length_names: the parameters that hold them; empty where they are bound.
+    """
+
+    model: Model
+    inverse: InverseKinematics
+    home: Poses
+    anchors: Array
+    directions: Array
+    lengths: Array
+    length_names: tuple[str, ...]
+
+    def section(self, along: float | None, key: str) -> Section:
+        """The section across the guideways through the home pose, or at `along` [m]. Raises InputError."""
+        try:
+            found = across_guideways(self.anchors, self.directions, self.home.T[0])
+        except ValueError as error:
+            raise InputError(str(error), "robot") from error
+        if along is None:
+            return found
+        return Section(along * found.normal, found.across, found.up, found.normal)
+
+
+def mechanism_of(model: Model, home: Array | None = None, offsets: Array | None = None) -> Mechanism:
+    """The robot's mechanism; links are parts with `rod` and `v`, as in the robots of the library.
+
+    Args:
+        home: (3,) the pose where joint cones have their axes [m]; the model's own if left out.
+        offsets: (l, 3) from the simplified joints to the real ones [m].
+
+    Raises InputError.
+    """
+    flat = flat_of(model)
+    if flat.groups.get("T", ((), []))[0] != (3,):
+        raise InputError(f"the robot must declare 'T' as a vector of 3; it has {flat.top()}", "robot")
+    names = [name.removesuffix(".rod.a.r") for name in link_names(model)]
+    if not names:
+        raise InputError("the robot has no links on guideways: parts NAME[i] with A, v and a part 'rod'", "robot")
+    coordinates = "q" if "q" in flat.groups else "tau"
+    targets = [coordinates, *(f"{name}.rod.{end}.r" for name in names for end in "ab")]
+    try:
+        function = compile_causal(model, known="T", targets=targets)
+    except ModelError as error:
+        raise InputError(str(error), "robot") from error
+    if len(function.inputs) != 1:
+        raise InputError(
+            f"the links must follow from T alone; {', '.join(s.name for s in function.inputs[1:])} would be needed too",
+            "robot",
+        )
+    inverse = InverseKinematics(function, offsets)
+    T = np.asarray(getattr(model, "home", np.zeros(3)) if home is None else home, dtype=float)
+    found = inverse(T[None])
+    if found.status[0] != Status.OK:
+        shown = ", ".join(f"{x:g}" for x in T)
+        raise InputError(f"the home pose ({shown}) m cannot be reached: {function.diagnose(T)}", "home_m")
+    expressions = [flat.bindings[f"{name}.{key}"] for key in ("A", "v") for name in names]
+    lengths = [flat.bindings[f"{name}.rod.L"] for name in names]
+    values = ca.Function("p", [flat.p], [ca.horzcat(*expressions), ca.vertcat(*lengths)])(flat.p0)
+    A, v = np.split(np.array(values[0]).T, 2)
+    return Mechanism(
+        model, inverse, found, A, v, np.array(values[1]).ravel(), _symbols(lengths, function.parameter_names)
+    )
+
+
+def _symbols(expressions: list[Any], known: list[str]) -> tuple[str, ...]:
+    names = tuple(x.name() for x in expressions if x.is_symbolic())
+    return names if len(names) == len(expressions) and set(names) <= set(known) else ()

@@ -1,0 +1,433 @@
+"""Kind "workspace": which tool centre points a robot reaches, and the cross-section and volume of them."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import Field, NonNegativeFloat, PositiveFloat
+
+from gtmodel.kinematics.workspace import (
+    REACHABLE,
+    ActuatorLimits,
+    BallJointCones,
+    CartesianBox,
+    FrameClearance,
+    Limit,
+    LinkClearance,
+    Obstacles,
+    Reach,
+    SectionMap,
+    Singularities,
+    Volume,
+    map_section,
+    map_volume,
+)
+from gtmodel.results import SolveStatus
+
+from .base import Check, Context, InputError, Outcome, Row, Section
+from .mechanism import Mechanism, mechanism_of
+from .robot_keys import RobotProblem
+
+NAME = "workspace"
+
+VALUES = {
+    "area_m2": "area of the cross-section that is reached under all limits",
+    "width_m": "its width",
+    "height_m": "its height",
+    "kinematic_area_m2": "area where the inverse kinematics has a solution, all limits left out but singularities",
+    "kinematic_width_m": "its width",
+    "kinematic_height_m": "its height",
+    "cones": "for each angle of compare_cones_deg: angle_deg, area_m2, width_m, height_m under ball-joint cones alone",
+    "guideway_rectangle_m2": "area of the upright rectangle that the guideways span in the section: the footprint",
+    "area_ratio": "area_m2 to that footprint",
+    "volume_m3": "volume of the workspace along the guideways; null without [volume]",
+    "volume_ratio": "volume_m3 to the footprint times the longest stroke of limits.actuators_m; null without them",
+    "reasons": "number of grid points of the section by reason, the first limit that fails",
+    "points": "for each of points_m: tcp_m, reachable, sentence",
+    "on_edge": "whether the cross-section reaches the edge of the grid and is cut off there",
+    "assumptions": "what was assumed about joints and bodies, in sentences",
+}
+
+# relative change of the area when the step is doubled: boundary crossings are bisected, the rest is of second order
+CONVERGENCE = 0.01
+# relative: the same polygons by cells and by loops
+POLYGONS = 1e-9
+MOST_POINTS = 2.5e7  # of a section, some 500 MB
+MARGIN_M = 0.05  # around what the links can reach at most
+
+Point = Annotated[list[float], Field(min_length=3, max_length=3)]
+Pair = Annotated[list[float], Field(min_length=2, max_length=2)]
+Angle = Annotated[float, Field(gt=0, le=180)]
+
+
+class SectionKeys(Section):
+    """The cross-section, a plane orthogonal to the mean guideway direction; (u, v) = (y, z) for guideways along x."""
+
+    along_m: float | None = Field(
+        default=None, description="its position along the guideways; through home if left out"
+    )
+    step_m: PositiveFloat = Field(default=0.02, description="of the grid")
+    low_m: Pair | None = Field(default=None, description="least (u, v); all that the links may reach if left out")
+    high_m: Pair | None = Field(default=None, description="greatest (u, v)")
+
+
+class VolumeKeys(Section):
+    """Sections between two positions along the guideways."""
+
+    low_m: float = Field(description="first position along the guideways")
+    high_m: float = Field(description="last position along the guideways")
+    sections: int = Field(default=21, ge=2, le=10000, description="number of sections")
+
+
+class Limits(Section):
+    """What the workspace must keep."""
+
+    actuators_m: list[Pair] | None = Field(default=None, description="least and greatest q of every cart")
+    cone_deg: Angle | None = Field(default=None, description="half-angle of ball-joint cones about the links at home")
+    singularity_deg: NonNegativeFloat = Field(
+        default=0.1, description="least angle of a link from orthogonal to its guideway and from the others' plane"
+    )
+    tcp_low_m: Point | None = Field(default=None, description="least tool centre point, such as a wall of the frame")
+    tcp_high_m: Point | None = Field(default=None, description="greatest tool centre point")
+
+
+class Bodies(Section):
+    """Sizes of links and plate, for clearances. Lengths from the simplified to the real joints may be given."""
+
+    link_radius_m: NonNegativeFloat = Field(default=0.0, description="of every link")
+    plate_radius_m: NonNegativeFloat = Field(default=0.0, description="of a sphere about the TCP that holds the plate")
+    plate_joints_m: list[Point] | None = Field(
+        default=None,
+        description="plate joint of each link from the TCP, robot frame; the links meet in the TCP without",
+    )
+    link_clearance: bool = Field(default=False, description="keep the links clear of one another; needs plate_joints_m")
+
+
+class Box(Section):
+    """An obstacle with sides along the axes."""
+
+    name: str = Field(default="", description="for messages")
+    low_m: Point = Field(description="its least corner")
+    high_m: Point = Field(description="its greatest corner")
+
+
+class Beam(Section):
+    """A beam of the frame."""
+
+    from_m: Point = Field(description="one end")
+    to_m: Point = Field(description="the other end")
+    radius_m: NonNegativeFloat = Field(default=0.0, description="its radius")
+    skip_links: list[int] = Field(default=[], description="numbers of links (from 1) that may touch it")
+
+
+class Schema(RobotProblem):
+    """Workspace of a robot whose plate keeps its orientation or follows from T."""
+
+    home_m: Point | None = Field(default=None, description="pose of the cone axes; the robot's own home if left out")
+    compare_cones_deg: list[Angle] = Field(default=[], description="cones to report beside the limits in force")
+    points_m: list[Point] = Field(default=[], description="points to judge one by one")
+    section: SectionKeys = SectionKeys()
+    volume: VolumeKeys | None = Field(default=None)
+    limits: Limits = Limits()
+    bodies: Bodies = Bodies()
+    obstacles: list[Box] = Field(default=[], description="boxes that links and plate must not touch")
+    beams: list[Beam] = Field(default=[], description="beams of the frame that links must not touch")
+
+
+class _Stopped(Exception):
+    """The work was interrupted."""
+
+
+def solve(problem: Schema, context: Context) -> Outcome:
+    """Map the section, with and without limits, then the volume."""
+    if context.start is not None:
+        raise InputError("--start: a workspace is mapped from the beginning; leave it out")
+    robot = _mechanism(problem, context)
+    reach = Reach(robot.inverse, _limits(problem, robot))
+    section = robot.section(problem.section.along_m, "section.along_m")
+    low, high = _window(problem, robot, section)
+    step = problem.section.step_m
+
+    def mapped(chosen: Reach, stage: str, size: float = step) -> SectionMap:
+        def progress(fraction: float) -> bool:
+            context.progress(stage, fraction)
+            return context.interrupted()
+
+        found = map_section(chosen, section, low, high, size, progress=progress)
+        if not found.complete or context.interrupted():
+            raise _Stopped
+        return found
+
+    singular = reach.limits[:1]
+    bare, cones = None, {}
+    try:
+        bare = mapped(Reach(robot.inverse, singular), "inverse kinematics")
+        for angle in problem.compare_cones_deg:
+            cone = BallJointCones.about_home(robot.home, np.radians(angle))
+            cones[angle] = mapped(Reach(robot.inverse, [*singular, cone]), f"cones of {angle:g} deg")
+        main = mapped(reach, "workspace")
+        coarse = mapped(reach, "coarse grid", 2 * step)
+        volume = _volume(problem, context, reach, section, low, high)
+    except _Stopped:
+        finished = {} if bare is None else {f"kinematic_{key}": value for key, value in _sizes(bare).items()}
+        finished |= {"cones": _cones(cones)} if cones else {}
+        return Outcome(status=SolveStatus.INTERRUPTED, message=SolveStatus.INTERRUPTED.sentence, values=finished)
+    return _outcome(problem, robot, reach, main, bare, cones, coarse, volume)
+
+
+def explain(problem: Schema, context: Context) -> str:
+    """The tests in their order, the section and the grid."""
+    robot = _mechanism(problem, context)
+    reach = Reach(robot.inverse, _limits(problem, robot))
+    section = robot.section(problem.section.along_m, "section.along_m")
+    low, high = _window(problem, robot, section)
+    lines = [
+        f"{problem.title or 'workspace'}: section orthogonal to ({_list(section.normal)}), through "
+        f"({_list(section.origin)}) m",
+        f"  u along ({_list(section.across)}) from {low[0]:.4g} to {high[0]:.4g} m, "
+        f"v along ({_list(section.up)}) from {low[1]:.4g} to {high[1]:.4g} m, step {problem.section.step_m:g} m",
+        "  a point is tested by, in this order:",
+        "    inverse kinematics",
+        *(f"    {limit.name}" for limit in reach.limits),
+        *(f"  {sentence}" for sentence in reach.assumptions),
+    ]
+    return "\n".join(lines)
+
+
+def _mechanism(problem: Schema, context: Context) -> Mechanism:
+    joints = problem.bodies.plate_joints_m
+    home = None if problem.home_m is None else np.array(problem.home_m)
+    robot = mechanism_of(problem.model(context), home)
+    if joints is None:
+        return robot
+    count = len(robot.lengths)
+    if len(joints) != count:
+        raise InputError(f"the robot has {count} links; found {len(joints)} joints", "bodies.plate_joints_m")
+    return mechanism_of(robot.model, home, np.array(joints, dtype=float))
+
+
+def _limits(problem: Schema, robot: Mechanism) -> list[Limit]:
+    """Limits in the order of their cost and of their certainty."""
+    keys, bodies = problem.limits, problem.bodies
+    count, carts = len(robot.lengths), robot.home.q.shape[1]
+    limits: list[Limit] = [Singularities(robot.directions, np.radians(keys.singularity_deg))]
+    if keys.actuators_m is not None:
+        if len(keys.actuators_m) != carts:
+            raise InputError(f"the robot has {carts} carts; found {len(keys.actuators_m)} pairs", "limits.actuators_m")
+        low, high = np.array(keys.actuators_m, dtype=float).T
+        _ordered(low, high, "limits.actuators_m")
+        limits.append(ActuatorLimits(low, high))
+    if keys.tcp_low_m is not None or keys.tcp_high_m is not None:
+        low = np.full(3, -np.inf) if keys.tcp_low_m is None else np.array(keys.tcp_low_m)
+        high = np.full(3, np.inf) if keys.tcp_high_m is None else np.array(keys.tcp_high_m)
+        _ordered(low, high, "limits.tcp_high_m")
+        limits.append(CartesianBox(low, high))
+    if keys.cone_deg is not None:
+        limits.append(BallJointCones.about_home(robot.home, np.radians(keys.cone_deg)))
+    radius = np.full(count, bodies.link_radius_m)
+    if problem.obstacles:
+        low, high = (np.array([getattr(box, key) for box in problem.obstacles]) for key in ("low_m", "high_m"))
+        _ordered(low, high, "obstacles.high_m")
+        names = [box.name or f"box {k + 1}" for k, box in enumerate(problem.obstacles)]
+        limits.append(Obstacles(low, high, radius, bodies.plate_radius_m, names))
+    if bodies.link_clearance:
+        if bodies.plate_joints_m is None:
+            raise InputError(
+                "the links meet in the tool centre point; give bodies.plate_joints_m", "bodies.link_clearance"
+            )
+        limits.append(LinkClearance(radius))
+    if problem.beams:
+        wrong = [i for beam in problem.beams for i in beam.skip_links if not 1 <= i <= count]
+        if wrong:
+            raise InputError(f"there is no link {wrong[0]}; there are 1 to {count}", "beams.skip_links")
+        skip = [(i - 1, k) for k, beam in enumerate(problem.beams) for i in beam.skip_links]
+        ends = np.array([[beam.from_m, beam.to_m] for beam in problem.beams])
+        limits.append(FrameClearance(ends, np.array([beam.radius_m for beam in problem.beams]), radius, skip))
+    return limits
+
+
+def _ordered(low: np.ndarray, high: np.ndarray, key: str) -> None:
+    if np.any(low >= high):
+        raise InputError("every lower limit must be less than its upper one", key)
+
+
+def _window(problem: Schema, robot: Mechanism, section: Any) -> tuple[np.ndarray, np.ndarray]:
+    """The part of the section to look at: what all links can reach at most, unless the file says so."""
+    keys = problem.section
+    points = section.pierced(robot.anchors, robot.directions)
+    reach = robot.lengths[:, None] + MARGIN_M
+    low, high = (points - reach).max(axis=0), (points + reach).min(axis=0)
+    low = low if keys.low_m is None else np.array(keys.low_m)
+    high = high if keys.high_m is None else np.array(keys.high_m)
+    _ordered(low, high, "section.high_m")
+    size = np.prod((high - low) / keys.step_m)
+    if size > MOST_POINTS:
+        raise InputError(f"the grid would have {size:.1e} points; take a larger step", "section.step_m")
+    return low, high
+
+
+def _volume(
+    problem: Schema, context: Context, reach: Reach, section: Any, low: np.ndarray, high: np.ndarray
+) -> Volume | None:
+    keys = problem.volume
+    if keys is None:
+        return None
+    if keys.low_m >= keys.high_m:
+        raise InputError("the first position must be less than the last", "volume.high_m")
+    home = float(section.origin @ section.normal)
+    along = np.linspace(keys.low_m, keys.high_m, keys.sections) - home
+
+    def progress(fraction: float) -> bool:
+        context.progress("sections", fraction)
+        return context.interrupted()
+
+    volume = map_volume(reach, section, low, high, along, problem.section.step_m, progress=progress)
+    if not volume.complete:
+        raise _Stopped
+    return volume
+
+
+def _outcome(
+    problem: Schema,
+    robot: Mechanism,
+    reach: Reach,
+    main: SectionMap,
+    bare: SectionMap,
+    cones: dict[float, SectionMap],
+    coarse: SectionMap,
+    volume: Volume | None,
+) -> Outcome:
+    corners = main.section.pierced(robot.anchors, robot.directions)
+    rectangle = float(np.prod(np.ptp(corners, axis=0)))
+    region = main.region
+    edge = region.on_edge or (volume is not None and volume.on_edge)
+    strokes = np.ptp(problem.limits.actuators_m or [[0.0, 0.0]], axis=1)
+    length = float(np.max(strokes)) * float(np.linalg.norm(robot.directions, axis=1).max())
+    points = [
+        {"tcp_m": point, "reachable": reach(np.array(point)) == REACHABLE, "sentence": reach.diagnose(np.array(point))}
+        for point in problem.points_m
+    ]
+    no_footprint = rectangle <= 0.0
+    values = {
+        **_sizes(main),
+        **{f"kinematic_{key}": value for key, value in _sizes(bare).items()},
+        "cones": _cones(cones),
+        "guideway_rectangle_m2": rectangle,
+        "area_ratio": None if no_footprint else region.area / rectangle,
+        "volume_m3": None if volume is None else volume.volume,
+        "volume_ratio": None if volume is None or no_footprint or not length else volume.volume / (rectangle * length),
+        "reasons": reach.counts(main.codes),
+        "points": points,
+        "on_edge": edge,
+        "assumptions": _assumptions(problem, robot, reach),
+    }
+    empty = region.area == 0.0
+    checks = {} if empty else _checks(main, coarse)
+    message = SolveStatus.SOLVED.sentence if not edge else "the workspace reaches the edge of the grid and is cut there"
+    if failed := [name for name, check in checks.items() if not check.passed]:
+        verb = "exceeds its bound" if len(failed) == 1 else "exceed their bounds"
+        message += f", but {' and '.join(failed)} {verb}; use a smaller section.step_m"
+    if empty:
+        most = max(values["reasons"], key=values["reasons"].get)
+        message = f"no point of the section is reached; most often: {most}"
+    return Outcome(
+        status=SolveStatus.INFEASIBLE if empty else SolveStatus.SOLVED,
+        message=message,
+        checks=checks,
+        values=values,
+        rows=_rows_of(values),
+        figures={
+            "section": lambda: _section_figure(problem, robot, main, bare, cones, len(reach.limits) > 1),
+            "robot": lambda: _robot_figure(problem, robot, main),
+        },
+        files={} if empty else {"boundary.csv": _boundary(main)},
+    )
+
+
+def _sizes(found: SectionMap) -> dict[str, float]:
+    width, height = found.region.extent
+    return {"area_m2": found.region.area, "width_m": float(width), "height_m": float(height)}
+
+
+def _cones(cones: dict[float, SectionMap]) -> list[dict[str, float]]:
+    return [{"angle_deg": angle, **_sizes(found)} for angle, found in cones.items()]
+
+
+def _assumptions(problem: Schema, robot: Mechanism, reach: Reach) -> list[str]:
+    compared = [BallJointCones.about_home(robot.home, np.radians(a)).assumes for a in problem.compare_cones_deg]
+    return list(dict.fromkeys([*reach.assumptions, *compared]))
+
+
+def _checks(main: SectionMap, coarse: SectionMap) -> dict[str, Check]:
+    area = main.region.area
+    change = abs(area - coarse.region.area) / area
+    polygons = abs(main.region.area_within_loops - area) / area
+    return {
+        "area_change_at_double_step": Check(change, CONVERGENCE, change <= CONVERGENCE),
+        "area_within_boundary": Check(polygons, POLYGONS, polygons <= POLYGONS),
+    }
+
+
+def _rows_of(values: dict[str, Any]) -> list[Row]:
+    rows = [
+        Row("cross-section reached", values["area_m2"], "m2"),
+        Row("its width", values["width_m"], "m"),
+        Row("its height", values["height_m"], "m"),
+        Row("where inverse kinematics exists", values["kinematic_area_m2"], "m2"),
+    ]
+    for cone in values["cones"]:
+        rows.append(Row(f"with cones of {cone['angle_deg']:g} deg alone", cone["area_m2"], "m2"))
+    rows.append(Row("to the rectangle of the guideways", values["area_ratio"]))
+    if values["volume_m3"] is not None:
+        rows.append(Row("volume", values["volume_m3"], "m3"))
+        rows.append(Row("to the box of guideways and strokes", values["volume_ratio"]))
+    rows += [Row(f"grid points: {reason}", count) for reason, count in values["reasons"].items()]
+    rows += [Row("point", point["sentence"]) for point in values["points"]]
+    rows += [Row("assumed", sentence) for sentence in values["assumptions"]]
+    return rows
+
+
+def _boundary(main: SectionMap) -> str:
+    lines = ["loop,u_m,v_m,x_m,y_m,z_m"]
+    for k, loop in enumerate(main.region.loops):
+        for uv, xyz in zip(loop, main.section.points(loop), strict=True):
+            lines.append(",".join([str(k), *(f"{x:.9g}" for x in (*uv, *xyz))]))
+    return "\n".join(lines) + "\n"
+
+
+def _list(x: np.ndarray) -> str:
+    return ", ".join(f"{v:.4g}" for v in x + 0.0)
+
+
+def _section_figure(
+    problem: Schema,
+    robot: Mechanism,
+    main: SectionMap,
+    bare: SectionMap,
+    cones: dict[float, SectionMap],
+    limited: bool,
+) -> Any:
+    from gtmodel.plot.workspace import section_figure
+
+    layers = {f"ball-joint cones of {a:g} deg": found.region for a, found in cones.items()}
+    if limited:
+        layers["all limits of the file"] = main.region
+    layers = dict(sorted(layers.items(), key=lambda layer: -layer[1].area))
+    layers = {"inverse kinematics has a solution": bare.region, **layers}
+    guideways = main.section.pierced(robot.anchors, robot.directions)
+    return section_figure(layers, guideways, title=problem.title, names=main.section.names)
+
+
+def _robot_figure(problem: Schema, robot: Mechanism, main: SectionMap) -> Any:
+    from gtmodel.plot.robot3d import robot_figure
+
+    home = robot.home
+    return robot_figure(
+        home.a[0],
+        home.b[0],
+        home.T[0],
+        robot.directions,
+        curves=[main.section.points(p) for p in main.region.loops],
+        title=problem.title,
+    )

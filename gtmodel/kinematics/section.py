@@ -1,0 +1,89 @@
+"""A plane across the guideways: the section in which workspaces and errors are drawn."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+Array = np.ndarray
+
+# guideways further than this from parallel have no common cross-section
+PARALLEL = np.radians(15.0)
+AXIS = 1e-12  # rounding of a unit vector
+UP = (0.0, 0.0, 1.0)
+
+
+@dataclass(frozen=True)
+class Section:
+    """A plane with coordinates (u, v) [m]: the point is origin + u * across + v * up.
+
+    Attributes:
+        origin: (3,) a point of the plane [m]; here u = v = 0.
+        across, up: (3,) unit vectors in the plane.
+        normal: (3,) unit vector; across, up, and normal are orthogonal.
+    """
+
+    origin: Array
+    across: Array
+    up: Array
+    normal: Array
+
+    @property
+    def names(self) -> tuple[str, str]:
+        """Of the coordinates: x, y or z where a direction is that of an axis, otherwise u and v."""
+        found = []
+        for letter, d in zip("uv", (self.across, self.up), strict=True):
+            k = int(np.argmax(d))
+            found.append("xyz"[k] if d[k] > 1.0 - AXIS else letter)
+        return found[0], found[1]
+
+    def points(self, uv: Array, along: float | Array = 0.0) -> Array:
+        """Points (n, 3) [m] of plane coordinates uv (n, 2), moved by `along` [m] along the normal."""
+        uv = np.asarray(uv, dtype=float)
+        moved = np.broadcast_to(np.asarray(along, dtype=float), uv.shape[:1])
+        return self.origin + uv[:, :1] * self.across + uv[:, 1:] * self.up + moved[:, None] * self.normal
+
+    def coordinates(self, points: Array) -> Array:
+        """Plane coordinates (n, 2) [m] of the feet of points (n, 3)."""
+        d = np.asarray(points, dtype=float) - self.origin
+        return np.stack([d @ self.across, d @ self.up], axis=-1)
+
+    def pierced(self, anchors: Array, directions: Array) -> Array:
+        """Plane coordinates (m, 2) [m] where the lines anchors + s * directions, both (m, 3), meet the plane."""
+        anchors, directions = np.asarray(anchors, dtype=float), np.asarray(directions, dtype=float)
+        s = ((self.origin - anchors) @ self.normal) / (directions @ self.normal)
+        return self.coordinates(anchors + s[:, None] * directions)
+
+
+def across_guideways(anchors: Array, directions: Array, through: Sequence[float], up: Sequence[float] = UP) -> Section:
+    """The section orthogonal to the mean guideway direction.
+
+    Args:
+        anchors, directions: (m, 3) of the guideways; the length of a direction does not matter.
+        through: (3,) a point that fixes the position along the guideways [m]. The origin of (u, v) is the foot of the
+            frame's own origin in the plane, so that (u, v) = (y, z) where the guideways run along x.
+        up: (3,) what is drawn upwards.
+
+    Raises ValueError where the guideways are not nearly parallel, or `up` lies along them.
+    """
+    unit = np.asarray(directions, dtype=float)
+    unit = unit / np.linalg.norm(unit, axis=1, keepdims=True)
+    unit = unit * np.where(unit @ unit[0] < 0, -1.0, 1.0)[:, None]
+    normal = unit.mean(axis=0) / np.linalg.norm(unit.mean(axis=0))
+    worst = float(np.max(np.arccos(np.clip(unit @ normal, -1.0, 1.0))))
+    if worst > PARALLEL:
+        raise ValueError(
+            f"the guideways stand up to {np.degrees(worst):.1f} deg from their mean direction; a section across them "
+            f"needs less than {np.degrees(PARALLEL):g} deg"
+        )
+    vertical = np.asarray(up, dtype=float) - (np.asarray(up, dtype=float) @ normal) * normal
+    length = float(np.linalg.norm(vertical))
+    if length < np.sin(PARALLEL):
+        raise ValueError("the guideways run along the direction that is drawn upwards; name another one")
+    vertical = vertical / length
+    # for guideways along x: across = y, up = z
+    across = np.cross(vertical, normal)
+    origin = (np.asarray(through, dtype=float) @ normal) * normal
+    return Section(origin, across, vertical, normal)

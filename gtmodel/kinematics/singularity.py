@@ -1,0 +1,109 @@
+"""How far a pose is from a singular one, as lengths [m] and angles [rad]: never as a bare determinant.
+
+For links given by their vectors d, from the joint on the drive to the joint on the platform, and for any causality by
+its Jacobian. All functions take one pose or rows of poses, and answer NaN for what is not finite.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from gtmodel.compiler.causal import CausalFunction
+
+Array = np.ndarray
+
+COLLINEAR = 1e-10  # relative: joints this near to one line are on it, up to round-off
+TINY = 1e-300
+
+
+class InverseMeasure(NamedTuple):
+    """Per link: component along its guideway [m] and angle to the plane across it [rad]; 0 is singular.
+
+    The sign tells the side: positive where the platform joint is ahead of the cart.
+    """
+
+    along_m: Array
+    angle_rad: Array
+
+
+class ForwardMeasure(NamedTuple):
+    """Of three links to one point: least distance of a link's tip from the plane of the other two [m], and the least
+    angle between a link and that plane [rad]; 0 is singular: the links are in one plane and hold nothing across it."""
+
+    height_m: Array
+    angle_rad: Array
+
+
+def inverse(d: Any, v: Any) -> InverseMeasure:
+    """Distance of each link from standing across its guideway, where d . v = 0 and the drive cannot move it.
+
+    d (n, 3) [m] or (rows, n, 3); v guideway directions of any length, (n, 3) or as d.
+    """
+    d, v = np.broadcast_arrays(np.asarray(d, dtype=float), np.asarray(v, dtype=float))
+    along = np.sum(d * v, axis=-1) / np.linalg.norm(v, axis=-1)
+    return InverseMeasure(along, np.arcsin(np.clip(along / np.linalg.norm(d, axis=-1), -1.0, 1.0)))
+
+
+def forward(d: Any) -> ForwardMeasure:
+    """Distance of three links d (3, 3) [m] or (rows, 3, 3) from lying in one plane, where they lose a direction."""
+    d = np.asarray(d, dtype=float)
+    if d.shape[-2:] != (3, 3):
+        raise ValueError(f"forward() takes three links, (3, 3) or (rows, 3, 3); found {d.shape}; see platform()")
+    normals = np.stack([np.cross(d[..., (i + 1) % 3, :], d[..., (i + 2) % 3, :]) for i in range(3)], axis=-2)
+    sizes = np.linalg.norm(normals, axis=-1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        heights = np.where(sizes > 0, np.abs(np.sum(d * normals, axis=-1)) / sizes, 0.0)
+    heights = np.where(np.isfinite(d).all(axis=-1), heights, np.nan)
+    angles = np.arcsin(np.clip(heights / np.linalg.norm(d, axis=-1), 0.0, 1.0))
+    return ForwardMeasure(np.min(heights, axis=-1), np.min(angles, axis=-1))
+
+
+def platform(d: Any, arms: Any) -> Array:
+    """Least angle [rad] of the links of a platform to the motions that leave their lengths alone; 0 is singular.
+
+    Of all small motions of the platform that displace its joints by 1 (root mean square), the one that changes the
+    link lengths least: the arc sine of that change (root mean square). It depends on no choice of frame or unit.
+    d (n, 3) link vectors, arms (n, 3) from any point of the platform to its joints, world coordinates [m], n >= 6; or
+    with rows.
+    """
+    d, arms = np.asarray(d, dtype=float), np.asarray(arms, dtype=float)
+    n = d.shape[-2]
+    u = d / np.linalg.norm(d, axis=-1, keepdims=True)
+    arms = arms - arms.mean(axis=-2, keepdims=True)
+    rows = np.concatenate([u, np.cross(arms, u)], axis=-1)  # length rates per twist
+    moves = np.concatenate([np.broadcast_to(np.eye(3), (*arms.shape, 3)), -_cross_matrices(arms)], axis=-1)
+    moves = moves.reshape(*arms.shape[:-2], 3 * n, 6)  # joint velocities per twist
+    good = np.asarray(np.isfinite(rows).all(axis=(-2, -1)))
+    result = np.full(good.shape, np.nan)
+    for k in np.ndindex(good.shape):
+        if good[k]:
+            # singular values of the length rates relative to the joint velocities; turns in units of the joints' size
+            scale = np.repeat([1.0, 1.0 / max(float(np.linalg.norm(arms[k])), TINY)], 3)
+            _, sizes, V = np.linalg.svd(moves[k] * scale, full_matrices=False)
+            if sizes[-1] <= COLLINEAR * sizes[0]:
+                result[k] = 0.0  # joints on a line: turning about it moves none of them
+                continue
+            s = np.linalg.svd((rows[k] * scale) @ (V.T / sizes), compute_uv=False)
+            result[k] = np.arcsin(min(1.0, s[-1]))
+    return result
+
+
+def amplification(f: CausalFunction, *arguments: Any) -> tuple[Array, Array, Any]:
+    """Largest and smallest output motion per input motion, singular values of d targets / d inputs, and the status.
+
+    For position causalities with one unit on both sides they are metres per metre; the largest grows without bound
+    towards a singularity of `f`, the smallest vanishes towards one of its inverse. NaN where the status is not ok.
+    """
+    J, status = f.jacobian(*arguments)
+    s = np.full((*J.shape[:-2], min(J.shape[-2:])), np.nan)
+    good = np.asarray(np.isfinite(J).all(axis=(-2, -1)))
+    s[good] = np.linalg.svd(J[good], compute_uv=False)
+    return s[..., 0], s[..., -1], status
+
+
+def _cross_matrices(a: Array) -> Array:
+    zero = np.zeros(a.shape[:-1])
+    x, y, z = np.moveaxis(a, -1, 0)
+    return np.stack([np.stack([zero, -z, y], -1), np.stack([z, zero, -x], -1), np.stack([-y, x, zero], -1)], axis=-2)

@@ -1,0 +1,164 @@
+"""Limits that make the workspace smaller than the inverse kinematics allows: strokes, joint cones, free space.
+
+A limit gives a margin for each of its parts (positive inside, in its own unit) and says in words what it assumes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+
+from .poses import Array, Poses
+
+
+class Limit(Protocol):
+    """What every limit offers.
+
+    name: one or two words. unit: of the margins. parts: what each column of the margins belongs to.
+    assumes: a sentence on what was assumed, stated with every result; "" where there is nothing to say.
+    """
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def unit(self) -> str: ...
+    @property
+    def parts(self) -> Sequence[str]: ...
+    @property
+    def assumes(self) -> str: ...
+
+    def margins(self, poses: Poses) -> Array:
+        """(n, parts): positive inside the limit."""
+        ...
+
+
+@dataclass(frozen=True)
+class ActuatorLimits:
+    """Each actuator keeps low <= q <= high [m or rad], both (m,)."""
+
+    low: Array
+    high: Array
+    name: str = "actuator limits"
+    unit: str = "m"
+    assumes: str = ""
+
+    @property
+    def parts(self) -> Sequence[str]:
+        n = len(self.low)
+        return [f"actuator {i + 1} at its {end} end" for end in ("low", "high") for i in range(n)]
+
+    def margins(self, poses: Poses) -> Array:
+        return np.hstack([poses.q - np.asarray(self.low), np.asarray(self.high) - poses.q])
+
+
+@dataclass(frozen=True)
+class BallJointCones:
+    """Each link stays within a cone about the axis of its ball joint.
+
+    Attributes:
+        axes: (l, 3) unit vectors in world coordinates, from cart to plate. Carts and plate keep their orientation,
+            so that one cone stands for both ends of a link.
+        half_angle: of the cones [rad].
+        assumes: how the axes were chosen; joint mounting directions are rarely published.
+    """
+
+    axes: Array
+    half_angle: float
+    assumes: str
+    unit: str = "rad"
+
+    @classmethod
+    def about_home(cls, home: Poses, half_angle: float) -> BallJointCones:
+        """Axes along the links at the home pose, the one row of `home`."""
+        where = ", ".join(f"{x:.4g}" for x in home.T[0])
+        assumes = (
+            f"ball-joint cones stand about the link directions at the home pose ({where}) m; "
+            "the real mounting directions are not known"
+        )
+        return cls(home.directions[0], half_angle, assumes)
+
+    @property
+    def name(self) -> str:
+        return f"ball-joint cones of {np.degrees(self.half_angle):g} deg"
+
+    @property
+    def parts(self) -> Sequence[str]:
+        return [f"link {i + 1}" for i in range(len(self.axes))]
+
+    def margins(self, poses: Poses) -> Array:
+        u, axes = poses.directions, np.asarray(self.axes)
+        # the angle by its half: exact for small ones too
+        difference, total = (np.sqrt(np.einsum("nli,nli->nl", d, d)) for d in (u - axes, u + axes))
+        return self.half_angle - 2 * np.arctan2(difference, total)
+
+
+@dataclass(frozen=True)
+class CartesianBox:
+    """The tool centre point stays within low <= T <= high [m], both (3,): the free space inside a frame
+    (Dressler 2012, section 5.6)."""
+
+    low: Array
+    high: Array
+    name: str = "Cartesian limits"
+    unit: str = "m"
+    assumes: str = ""
+    parts: Sequence[str] = field(default=tuple(f"{axis} at its {end} end" for end in ("low", "high") for axis in "xyz"))
+
+    def margins(self, poses: Poses) -> Array:
+        return np.hstack([poses.T - np.asarray(self.low), np.asarray(self.high) - poses.T])
+
+
+@dataclass(frozen=True)
+class Singularities:
+    """The robot stays off its singular poses by an angle [rad].
+
+    Inverse: a link orthogonal to its guideway moves nothing; the margin is its angle from that. Forward (three
+    links): a link in the plane of the two others holds nothing; the margin is its angle from that plane.
+
+    Attributes:
+        directions: (l, 3) guideway direction of each link; length does not matter.
+    """
+
+    directions: Array
+    least_angle: float
+    name: str = "singularity"
+    unit: str = "rad"
+    assumes: str = ""
+
+    @property
+    def parts(self) -> Sequence[str]:
+        n = len(self.directions)
+        parts = [f"link {i + 1} against its guideway" for i in range(n)]
+        return parts + ([f"link {i + 1} against the plane of the others" for i in range(3)] if n == 3 else [])
+
+    def margins(self, poses: Poses) -> Array:
+        u = poses.directions
+        v = np.asarray(self.directions, dtype=float)
+        v = v / np.linalg.norm(v, axis=1, keepdims=True)
+        angles = [np.arcsin(np.minimum(1.0, np.abs(np.einsum("nli,li->nl", u, v))))]
+        if len(v) == 3:
+            angles.append(plane_angles(u))
+        return np.hstack(angles) - self.least_angle
+
+
+def plane_angles(u: Array) -> Array:
+    """Angle [rad] (n, 3) of each of three unit vectors (n, 3, 3) from the plane of the two others; zero where they
+    are singular."""
+    x, y, z = np.moveaxis(u, 2, 0)
+    height, found = np.zeros(len(u)), []
+    for j, k in ((1, 2), (2, 0), (0, 1)):
+        normal = (
+            y[:, j] * z[:, k] - z[:, j] * y[:, k],
+            z[:, j] * x[:, k] - x[:, j] * z[:, k],
+            x[:, j] * y[:, k] - y[:, j] * x[:, k],
+        )
+        if not found:  # three times the same determinant
+            height = np.abs(normal[0] * x[:, 0] + normal[1] * y[:, 0] + normal[2] * z[:, 0])
+        length = np.sqrt(normal[0] ** 2 + normal[1] ** 2 + normal[2] ** 2)
+        # two parallel links span no plane: as singular as can be
+        sine = np.divide(height, length, out=np.zeros_like(height), where=length > 0)
+        found.append(np.arcsin(np.minimum(1.0, sine)))
+    return np.stack(found, axis=1)

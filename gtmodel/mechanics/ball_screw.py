@@ -1,0 +1,39 @@
+"""A ball screw that turns a plate: the nonlinear relation between its travel and the plate's angle."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .. import lang as gt
+from .frames import Flange, Shaft
+
+
+class BallScrew(gt.Model):
+    """A ball screw between a bearing at distance a from an axis and a lever of length b on what turns about it.
+
+    Law of cosines, (length_0 + s)^2 = a^2 + b^2 - 2 a b cos(angle_0 + phi): the travel s [m] of `flange` and the angle
+    phi [rad] of `shaft` vanish together, a longer screw turns to positive phi. No losses. As on the rotary axes of the
+    F1, whose ball screws Dressler 2012, section 5.4, names without an equation or dimensions: both are OURS, the
+    defaults an EXAMPLE. Branch `extended`: length_0 + s > 0, the only side that means anything. phi from s is a Newton
+    block in one unknown, singular where the lever points along the screw.
+    """
+
+    a = gt.parameter(0.25, unit="m", positive=True, description="from the axis to the screw's bearing")
+    b = gt.parameter(0.10, unit="m", positive=True, description="lever, from the axis to the screw's nut")
+    angle_0 = gt.parameter(np.pi / 2, unit="rad", description="from bearing to lever at phi = 0, between 0 and pi")
+    flange = gt.port(Flange)
+    shaft = gt.port(Shaft)
+    angle = gt.variable(unit="rad", start=angle_0, description="from bearing to lever")
+    length = gt.variable(unit="m", start=lambda self: self.length_0(), description="length of the screw")
+
+    def length_0(self):
+        """Length of the screw at phi = 0 [m]."""
+        return gt.sqrt(self.a**2 + self.b**2 - 2 * self.a * self.b * gt.cos(self.angle_0))
+
+    def equations(self):
+        angle = self.angle
+        yield angle == self.angle_0 + self.shaft.phi
+        yield self.length == self.length_0() + self.flange.s
+        yield self.length**2 == self.a**2 + self.b**2 - 2 * self.a * self.b * gt.cos(angle)
+        yield self.shaft.t * self.length + self.flange.f * (self.a * self.b * gt.sin(angle)) == 0
+        yield gt.branch("extended", self.length)

@@ -1,0 +1,69 @@
+"""Positioning errors over a section, as level plots (compare Dressler 2012, Figs. 4.8 to 4.10)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
+
+from .workspace import mark_guideways
+
+COLOURS = ("#0072b2", "#d55e00", "#009e73")
+STYLES = ("-", "-.", "--")
+LEVELS = 12
+
+
+def error_figure(
+    u: np.ndarray,
+    v: np.ndarray,
+    error: np.ndarray,
+    guideways: np.ndarray,
+    *,
+    window: tuple[np.ndarray, np.ndarray] | None = None,
+    title: str = "",
+    names: tuple[str, str] = ("u", "v"),
+) -> Figure:
+    """Levels of the greatest error.
+
+    Args:
+        u, v: coordinates of the grid [m]. error: (len(u), len(v)) [m]; NaN where there is none.
+        guideways: (m, 2) where they pierce the section [m].
+        window: lower left and upper right corner of the rectangle that the numbers are about [m].
+        names: of the two coordinates.
+    """
+    figure = Figure(figsize=(7.5, 6.5), layout="constrained")
+    axes = figure.add_subplot()
+    micrometres = np.ma.masked_invalid(1e6 * error).T
+    if micrometres.count():
+        filled = axes.contourf(u, v, micrometres, LEVELS, cmap="viridis")
+        lines = axes.contour(u, v, micrometres, filled.levels, colors="white", linewidths=0.6)
+        axes.clabel(lines, fontsize="small", fmt="%g")
+        figure.colorbar(filled, ax=axes, label="greatest positioning error [µm]")
+    if window is not None:
+        low, high = window
+        axes.add_patch(Rectangle(tuple(low), *(high - low), fill=False, edgecolor="black", linestyle="--"))
+    mark_guideways(axes, guideways)
+    axes.set(xlabel=f"{names[0]} [m]", ylabel=f"{names[1]} [m]", title=title)
+    axes.set_aspect("equal")
+    return figure
+
+
+def faces_figure(distance: np.ndarray, faces: Mapping[str, np.ndarray], *, title: str = "") -> Figure:
+    """Areas of the parallelepiped's faces along a line.
+
+    Args:
+        distance: (n,) along the line [m]. faces: case -> (n, 3) areas orthogonal to links 1 to 3 [m2].
+    """
+    figure = Figure(figsize=(8.0, 1.0 + 2.6 * len(faces)), layout="constrained")
+    panels = np.atleast_1d(figure.subplots(len(faces), 1, sharex=True, squeeze=True))
+    for axes, (name, areas) in zip(panels, faces.items(), strict=True):
+        for i in range(areas.shape[1]):
+            axes.plot(distance, 1e12 * areas[:, i], STYLES[i], color=COLOURS[i], label=f"orthogonal to link {i + 1}")
+        axes.set(ylabel="area [µm²]", title=name)
+        axes.grid(alpha=0.3)
+        axes.legend(fontsize="small", loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
+    panels[-1].set_xlabel("along the line [m]")
+    figure.suptitle(title)
+    return figure

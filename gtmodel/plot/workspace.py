@@ -1,0 +1,61 @@
+"""Cross-sections of a workspace, one above the other, with the guideways."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.patches import PathPatch
+from matplotlib.path import Path
+
+from ..kinematics.workspace.cross_section import Region
+
+# from the largest region to the smallest: light to dark
+SHADES = ("#e3e9f0", "#bcd0e5", "#8db3d9", "#5a8fc4", "#2d6aa8", "#124a83")
+
+
+def section_figure(
+    layers: Mapping[str, Region], guideways: np.ndarray, *, title: str = "", names: tuple[str, str] = ("u", "v")
+) -> Figure:
+    """Regions of a section, drawn in the order given, their boundaries, and the guideways as numbered squares.
+
+    Args:
+        layers: label -> region, the largest first; the area is added to the label.
+        guideways: (m, 2) where they pierce the section [m].
+        names: of the two coordinates.
+    """
+    figure = Figure(figsize=(7.5, 6.5), layout="constrained")
+    axes = figure.add_subplot()
+    for k, (label, region) in enumerate(layers.items()):
+        shade = SHADES[min(k, len(SHADES) - 1)]
+        if not region.loops:
+            axes.plot([], [], color=shade, label=f"{label}: none")
+            continue
+        patch = PathPatch(_path(region), facecolor=shade, edgecolor="black", linewidth=0.8)
+        patch.set_label(f"{label}: {region.area:.2f} m²")
+        axes.add_patch(patch)
+    mark_guideways(axes, guideways)
+    axes.autoscale_view()
+    axes.set(xlabel=f"{names[0]} [m]", ylabel=f"{names[1]} [m]", title=title or "cross-section of the workspace")
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.grid(alpha=0.3)
+    figure.legend(loc="outside lower center", fontsize="small", frameon=False)
+    return figure
+
+
+def mark_guideways(axes: Any, guideways: np.ndarray) -> None:
+    """Squares with the numbers of the guideways at (m, 2) [m]."""
+    for k, (u, v) in enumerate(np.asarray(guideways)):
+        axes.plot(u, v, "s", color="black", markersize=8)
+        axes.annotate(str(k + 1), (u, v), xytext=(7, 7), textcoords="offset points", fontweight="bold")
+
+
+def _path(region: Region) -> Path:
+    """All loops as one path; holes run the other way round and stay empty."""
+    vertices, codes = [], []
+    for loop in region.loops:
+        vertices += [loop, loop[:1]]
+        codes += [Path.MOVETO, *[Path.LINETO] * (len(loop) - 1), Path.CLOSEPOLY]
+    return Path(np.vstack(vertices), codes)

@@ -1,0 +1,206 @@
+"""The F1 Gantry-Tau: three carts and three rotary axes move the plate in all six degrees of freedom."""
+
+from __future__ import annotations
+
+import tomllib
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+
+from .. import lang as gt
+from ..mechanics import (
+    Flange,
+    ForceMotor,
+    Guideway,
+    MidpointRod,
+    PointFrame,
+    PointMass,
+    RigidPlate,
+    RotationalTanhFriction,
+    Shaft,
+    TanhFriction,
+    TorqueMotor,
+)
+from ..mechanics.rotation import quaternion_matrix
+from . import clusters, f1_geometry
+from .f1_closed_form import F1FiveDof, F1Rotation
+from .joint_plates import TiltingPlate, TurningPlate
+
+
+class PointCart(gt.Model):
+    """A driven cart: a point A + q v [m] with the cart's mass m [kg], on which links or joint plates stand."""
+
+    A = gt.parameter(shape=3, unit="m", description="reference point at q = 0")
+    v = gt.parameter(shape=3, unit="1", description="its motion per q, not normalised")
+    m = gt.parameter(unit="kg", description="cart mass, joint plates included")
+    point = gt.port(PointFrame)
+    flange = gt.port(Flange)
+    guideway = gt.part(Guideway, A=A, v=v)
+    body = gt.part(PointMass, m=m)
+    friction = gt.part(TanhFriction)
+    motor = gt.part(ForceMotor)
+
+    def equations(self):
+        yield gt.connect(self.guideway.frame, self.point)
+        yield gt.connect(self.guideway.frame, self.body.frame)
+        yield gt.connect(self.guideway.flange, self.flange)
+        yield gt.connect(self.motor.flange, self.flange)
+        yield gt.connect(self.friction.flange, self.flange)
+
+
+class RotaryAxis(gt.Model):
+    """A driven rotary axis: motor with its inertia, that of what it turns included, and friction."""
+
+    shaft = gt.port(Shaft)
+    motor = gt.part(TorqueMotor)
+    friction = gt.part(RotationalTanhFriction)
+
+    def equations(self):
+        yield gt.connect(self.shaft, self.motor.shaft)
+        yield gt.connect(self.shaft, self.friction.shaft)
+
+
+class F1(gt.Model):
+    """Gantry-Tau with rotating joint plates on carts 2 and 3: axes q (6), plate pose T [m] and e, motors tau (6).
+
+    q[0:3] are the carts [m], q[3:6] the rotary axes q4, q5, q6 [rad]; tau[0:3] are cart forces [N], tau[3:6] torques
+    [N.m]. Dressler 2012, eqs. (4.16)-(4.24) and (4.34): link (i, j) closes |T + R B_ij - A_ij(q)| = L_ij, rows of A, B
+    and L in the order 1, 2a, 2b, 3a, 3b, 3c. Quaternions u are raw: their lengths scale what they turn. The plate's
+    R = R(e) with e of length 1, scalar first. z is vertical, along the guideways, and v is upwards: the plate hangs
+    below the carts (branch `below` of link 1, which tells the root of the one closed form of the inverse kinematics).
+    Forward kinematics and arms 2 and 3 of the inverse are Newton blocks that continue the home pose; where an arm has
+    several inverse solutions, that is the one on the straight way from there, or the one near a guess.
+    """
+
+    A0 = gt.parameter(shape=(3, 3), unit="m", description="reference points of the carts at q = 0")
+    v = gt.parameter(shape=(3, 3), unit="1", description="their motion per q, not normalised")
+    L = gt.parameter(shape=6, unit="m", positive=True, description="link lengths")
+    A = gt.parameter(shape=(6, 3), unit="m", description="cart joints in the frames of their joint plates")
+    B = gt.parameter(shape=(6, 3), unit="m", description="plate joints from T, plate coordinates")
+    u1_2 = gt.parameter(shape=4, unit="1", description="raw quaternion of S_2, scalar first")
+    u1_3 = gt.parameter(shape=4, unit="1", description="raw quaternion of 1S_3, scalar first")
+    u2_3 = gt.parameter(shape=4, unit="1", description="raw quaternion of 2S_3 in 1S_3, scalar first")
+    r3 = gt.parameter(shape=3, unit="m", description="origin of 2S_3 in 1S_3")
+    m_p = gt.parameter(unit="kg", positive=True, description="plate mass, joints and payload included")
+    c_p = gt.parameter([0.0, 0.0, 0.0], unit="m", description="plate's centre of mass from T, plate coordinates")
+    I_p = gt.parameter(shape=(3, 3), unit="kg.m2", description="plate's inertia about its centre of mass, plate axes")
+    m_c = gt.parameter(shape=3, unit="kg", positive=True, description="cart masses, joint plates included")
+    m_a = gt.parameter(np.zeros(6), unit="kg", description="link masses")
+    J = gt.parameter(shape=3, unit="kg.m2", positive=True, description="inertias of the rotary axes about themselves")
+    coulomb = gt.parameter([0.0, 0.0, 0.0], unit="N", description="Coulomb friction of each cart")
+    viscous = gt.parameter([0.0, 0.0, 0.0], unit="kg/s", description="viscous friction of each cart")
+    velocity_scale = gt.parameter(0.1, unit="m/s", positive=True, description="friction smoothing")
+    home = gt.parameter([0.0, 0.0, 0.0], unit="m", description="a reachable T")
+    home_e = gt.parameter([1.0, 0.0, 0.0, 0.0], unit="1", description="the quaternion there, with q4 = q5 = q6 = 0")
+    q = gt.variable(6, start=lambda self: _home_q(self), description="carts q1..q3 [m], rotary axes q4..q6 [rad]")
+    T = gt.variable(3, unit="m", start=home, prefer=1, description="tool centre point, origin of the plate frame")
+    e = gt.variable(4, unit="1", start=home_e, prefer=-2, description="plate quaternion, scalar first")
+    R = gt.variable((3, 3), unit="1", prefer=-4, description="rotation from plate to world coordinates")
+    tau = gt.input(6, nominal=100.0, description="motors: forces of the carts [N], torques of the rotary axes [N.m]")
+    cart = gt.parts(
+        3,
+        PointCart,
+        A=A0,
+        v=v,
+        m=m_c,
+        friction=lambda self: [
+            dict(coulomb=self.coulomb[i], viscous=self.viscous[i], velocity_scale=self.velocity_scale) for i in range(3)
+        ],
+    )
+    axis = gt.parts(3, RotaryAxis, motor=lambda self: [dict(J=self.J[i]) for i in range(3)])
+    turning = gt.part(TurningPlate, u=u1_2, A=lambda self: self.A[1:3])
+    tilting = gt.part(TiltingPlate, u1=u1_3, u2=u2_3, r=r3, A=lambda self: self.A[3:6])
+    link = gt.parts(6, MidpointRod, L=L, m=m_a)
+    plate = gt.part(RigidPlate, m=m_p, c=c_p, I=I_p, B=B)
+
+    def equations(self):
+        yield gt.connect(self.cart[1].point, self.turning.mount)
+        yield gt.connect(self.cart[2].point, self.tilting.mount)
+        joints = [self.cart[0].point, *self.turning.point, *self.tilting.point]
+        for k, (link, joint) in enumerate(zip(self.link, joints, strict=True)):
+            yield gt.connect(link.a, joint)
+            yield gt.connect(link.b, self.plate.point[k])
+        shafts = [self.turning.shaft, *self.tilting.shaft]
+        for i in range(3):
+            yield self.q[i] == self.cart[i].flange.s
+            yield self.tau[i] == self.cart[i].motor.force
+            yield gt.connect(self.axis[i].shaft, shafts[i])
+            yield self.q[3 + i] == shafts[i].phi
+            yield self.tau[3 + i] == self.axis[i].motor.torque
+        yield self.plate.frame.r == self.T
+        yield self.e == self.plate.attitude.e
+        yield self.plate.frame.R == self.R
+        yield gt.branch("below", gt.dot(self.link[0].a.r - self.link[0].b.r, self.v[0]))
+
+
+def _home_q(robot: Any) -> Any:
+    """Carts above the plate at the home pose by the first link of each arm, rotary axes at 0."""
+    R = quaternion_matrix(robot.home_e)
+    R12, R13, R23 = (quaternion_matrix(u) for u in (robot.u1_2, robot.u1_3, robot.u2_3))
+    joints = [robot.A0[0], robot.A0[1] + R12 @ robot.A[1], robot.A0[2] + R13 @ (robot.r3 + R23 @ robot.A[3])]
+    q = []
+    for i, k in enumerate((0, 1, 3)):
+        d, v = robot.home + R @ robot.B[k] - joints[i], robot.v[i]
+        dv, vv = gt.dot(d, v), gt.dot(v, v)
+        root = dv**2 - vv * (gt.dot(d, d) - robot.L[k] ** 2)
+        q.append((dv + gt.sqrt(gt.maximum(root, 0.0))) / vv)
+    return gt.vector([*q, 0.0, 0.0, 0.0])
+
+
+# No masses of the F1 are printed: an EXAMPLE OF OURS, of the size of the identified L1 (Dressler 2012, Table 6.3).
+EXAMPLE = dict(
+    m_p=12.0,
+    I_p=np.diag([0.25, 0.25, 0.3]),
+    m_c=np.array([15.0, 25.0, 40.0]),
+    m_a=np.full(6, 1.5),
+    J=np.array([0.5, 0.8, 0.4]),
+    coulomb=np.array([130.0, 150.0, 200.0]),
+    viscous=np.array([100.0, 200.0, 300.0]),
+)
+HOME = (-0.2, 2.3, 0.0)  # about the middle of the workspace, q = (0.72, 0.26, 0.21) m and small angles
+
+
+def printed(name: str = "f1") -> dict[str, Any]:
+    """Geometry of a printed F1 as parameters of F1, metres; raises ModelError for another name than "f1"."""
+    if name != "f1":
+        raise gt.ModelError(f"there is no F1 robot '{name}'; there is f1")
+    text = files("gtmodel.robots").joinpath("data", "gantry_tau.toml").read_text(encoding="utf-8")
+    return f1_geometry.of_table(tomllib.loads(text)[name])
+
+
+def f1_gantry_tau(name: str = "f1", parallel: bool = False, **modifiers: Any) -> F1:
+    """The F1 (Dressler 2012, Table 5.5) with its raw quaternions; masses, inertias and friction are an example of ours.
+
+    Repaired: the fourth component of 1u_2, printed as +0.7467, is -0.7467; as printed, link clusters miss being
+    parallel by 151 mm instead of 8 mm. `v` is printed only as 0.99, along z.
+
+    Args:
+        parallel: a geometry of ours near the printed one, whose clusters are exact parallelograms where q4 = -q5.
+        modifiers: any parameter of F1.
+
+    Raises ModelError for another name.
+    """
+    geometry = printed(name)
+    if parallel:
+        geometry = f1_geometry.parallel(geometry)
+    home_e = clusters.quaternion_of(f1_geometry.home_rotation(geometry)[0])
+    return F1(**{**EXAMPLE, **geometry, "home": np.array(HOME), "home_e": home_e, **modifiers})
+
+
+def f1_five_dof(name: str = "f1", parallel: bool = False, **modifiers: Any) -> F1FiveDof:
+    """Closed-form kinematics of the F1 with q4 = -q5; arguments as for `f1_gantry_tau`, modifiers of F1FiveDof."""
+    geometry = printed(name)
+    if parallel:
+        geometry = f1_geometry.parallel(geometry)
+    return F1FiveDof(**{**f1_geometry.five_dof(geometry), "home": np.array(HOME), **modifiers})
+
+
+def f1_rotation(name: str = "f1", parallel: bool = False) -> F1Rotation:
+    """Rotary axes of the 5-DOF F1 from the plate's orientation; arguments as for `f1_gantry_tau`."""
+    geometry = printed(name)
+    if parallel:
+        geometry = f1_geometry.parallel(geometry)
+    five = f1_geometry.five_dof(geometry)
+    values = {k: five[k] for k in ("u1_3", "u2_3", "e_c")}
+    return F1Rotation(**values, home_R=f1_geometry.home_rotation(geometry)[0])

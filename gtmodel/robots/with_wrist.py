@@ -1,0 +1,73 @@
+"""A three-link Gantry-Tau that carries the two-axis serial wrist: five degrees of freedom, as on D1 and L1."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from .. import lang as gt
+from ..mechanics import Frame, PointFrame, Wrist
+from . import catalogue
+from .three_link import GantryTau
+
+WRIST_START = (0.0, 0.5)  # off the pole of the first axis, where its angle has no say
+
+
+class HeldPlate(gt.Model):
+    """A massless plate that link clusters keep at the orientation R: what hangs on `frame` moves with `point`.
+
+    Clusters take up the torque, so that nothing is said about it.
+    """
+
+    R = gt.parameter(np.eye(3), unit="1", description="rotation from plate to world coordinates")
+    point = gt.port(PointFrame)
+    frame = gt.port(Frame)
+
+    def equations(self):
+        yield gt.tree_root(self.frame)
+        yield self.frame.r == self.point.r
+        yield self.R == self.frame.R
+        yield self.frame.w == np.zeros(3)
+        yield self.point.f + self.frame.f == 0
+
+
+class GantryTauWrist(GantryTau):
+    """Gantry-Tau with a serial wrist on its plate: axes (5), tool point P [m] and tool orientation R_tool.
+
+    axes[0:3] are the carts q [m], axes[3:5] the wrist angles [rad]; `direction` is the tool's z axis in the world. T
+    stays the point of the plate where the wrist is mounted, with the plate at the constant orientation R_plate. No
+    dimensions are printed: those of Wrist are an EXAMPLE OF OURS. Inverse kinematics: known P and the wrist's angles
+    in closed form, or P, direction[0] and direction[1], with Newton in the two angles (singular where the tool points
+    along the first axis).
+    """
+
+    R_plate = gt.parameter(np.eye(3), unit="1", description="the plate's constant orientation")
+    axes = gt.variable(5, description="carts [m], wrist angles [rad]")
+    P = gt.variable(3, unit="m", description="tool point")
+    R_tool = gt.variable((3, 3), unit="1", prefer=-4, description="rotation from tool to world coordinates")
+    direction = gt.variable(3, unit="1", description="z axis of the tool, world coordinates")
+    held = gt.part(HeldPlate, R=R_plate)
+    wrist = gt.part(Wrist, q=dict(start=list(WRIST_START)))
+
+    def equations(self):
+        yield from super().equations()
+        yield gt.connect(self.plate.frame, self.held.point)
+        yield gt.connect(self.held.frame, self.wrist.mount)
+        for i in range(3):
+            yield self.axes[i] == self.q[i]
+        for i in range(2):
+            yield self.axes[3 + i] == self.wrist.q[i]
+        yield self.P == self.wrist.tool.r
+        yield self.R_tool == self.wrist.tool.R
+        for i in range(3):
+            yield self.direction[i] == self.wrist.tool.R[i, 2]
+
+
+def gantry_tau_wrist(name: str = "l1_tape", **modifiers: Any) -> GantryTauWrist:
+    """A three-link robot of the catalogue with the wrist; wrist dimensions are an example of ours (see Wrist).
+
+    modifiers: any parameter of GantryTauWrist. Raises ModelError for an unknown name.
+    """
+    robot = catalogue.gantry_tau(name)
+    return GantryTauWrist(**{**robot.__dict__["_modifiers"], **modifiers})
