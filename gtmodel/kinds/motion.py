@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -10,7 +11,7 @@ import casadi as ca
 import numpy as np
 
 from gtmodel import lang as gt
-from gtmodel.compiler.causal import CausalFunction, flat_of
+from gtmodel.compiler.causal import CausalFunction, compile_causal, flat_of
 from gtmodel.results import Status, Trajectory
 
 from .motion_limits import Guard
@@ -79,7 +80,7 @@ def motion(robot: gt.Model, task: MotionTask) -> gt.Optimization:
             yield from guard.equations(self)
             if path is not None:
                 yield self.robot.T == path.expression(self.s, self.metre)
-            if restricted:
+            if order is not None:
                 yield self.drive == gt.der(self.s if path is not None else self.robot.T, order)
 
         def objective(self) -> Any:
@@ -135,14 +136,28 @@ def links_of(robot: gt.Model) -> list[tuple[str, int]]:
     return [(m["part"], int(m["index"])) for m in map(_LINK.fullmatch, link_names(robot)) if m]
 
 
-def along_guideways(robot: gt.Model, T: np.ndarray, joints: list[np.ndarray]) -> np.ndarray:
-    """Components [m] of the links along their guideways for a TCP position and cart joints in `link_names` order."""
+def link_ends(robot: gt.Model, T: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Cart and plate joints (rows, n, 3) [m] of the links in `link_names` order at TCP positions (rows, 3), and the
+    status of each row; without links only the status counts."""
+    names = link_names(robot)
+    targets = [*names, *(name.removesuffix("a.r") + "b.r" for name in names)]
+    place = compile_causal(robot, known="T", targets=targets or ["q" if "q" in flat_of(robot).groups else "tau"])
+    *found, status = place(T, *[np.zeros_like(T)] * (len(place.inputs) - 1))
+    if not names:
+        return np.zeros((len(T), 0, 3)), np.zeros((len(T), 0, 3)), status
+    a, b = (np.stack(part, axis=1) for part in (found[: len(names)], found[len(names) :]))
+    return a, b, status
+
+
+def along_guideways(robot: gt.Model, tips: np.ndarray, joints: Sequence[np.ndarray] | np.ndarray) -> np.ndarray:
+    """Components (..., n) [m] of n links along their guideways, for plate and cart joints (..., n, 3) in the order of
+    `link_names`; where all links meet in one point, tips may be that point."""
     flat = flat_of(robot)
     directions = [flat.bindings[name.removesuffix("rod.a.r") + "v"] for name in link_names(robot)]
     if not directions:
         return np.zeros(0)
     v = np.array(ca.Function("v", [flat.p], [ca.horzcat(*directions)])(flat.p0)).T
-    return np.sum((T - np.array(joints)) * v, axis=1) / np.linalg.norm(v, axis=1)
+    return np.sum((tips - np.asarray(joints)) * v, axis=-1) / np.linalg.norm(v, axis=1)
 
 
 def trapezoid(rows: int = 201) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:

@@ -14,7 +14,7 @@ from gtmodel.lang import Model
 from gtmodel.optimize.path import PathMotion, PathTask, Progress, solve_path
 from gtmodel.results import SolveStatus, Status, Trajectory
 
-from .motion import MotionTask, along_guideways, link_names, trapezoid
+from .motion import MotionTask, along_guideways, link_ends, link_names, trapezoid
 from .motion_paths import Path
 
 FORCE_RESERVE = 1e-5  # of the limit: what the root's rounding at rest and the curvature between nodes may take
@@ -43,19 +43,16 @@ class Follower:
         """One sentence on a place that the path cannot pass; empty where there is none."""
         s = np.linspace(0.0, 1.0, samples)
         T = self.path(s)[0]
-        joints = link_names(self.robot)
-        place = compile_causal(self.robot, known="T", targets=joints or ["q"])
-        zero = np.zeros((samples, 3))
-        *found, status = place(T, *[zero] * (len(place.inputs) - 1))
+        joints, tips, status = link_ends(self.robot, T)
+        least_along = np.min(along_guideways(self.robot, tips, joints), axis=1, initial=np.inf)
         bad = np.flatnonzero(status != Status.OK)
         least = self.task.link_margin or 0.0
         for k in range(samples):
             shown = f"({', '.join(f'{x:.4g}' for x in T[k])}) m, {100 * s[k]:.0f} % of the way"
             if bad.size and k == bad[0]:
                 return f"the path leaves the workspace at {shown}"
-            along = along_guideways(self.robot, T[k], [x[k] for x in found]) if joints else np.ones(1)
-            if np.min(along) < least:
-                return f"the path comes to the edge of reach at {shown}: a link stands {np.min(along):.3g} m along"
+            if least_along[k] < least:
+                return f"the path comes to the edge of reach at {shown}: a link stands {least_along[k]:.3g} m along"
         return ""
 
     def guess(self) -> Trajectory:
@@ -93,12 +90,13 @@ class Follower:
     def within(self, intervals: int, progress: Progress | None = None, max_seconds: float | None = None) -> PathMotion:
         """The fastest motion whose forces keep their limit between the nodes too: lowered by what was seen there."""
         reserve = FORCE_RESERVE
+        motion = self.fastest(intervals, progress, max_seconds, reserve=reserve)
         for _ in range(TIGHTENINGS):
-            motion = self.fastest(intervals, progress, max_seconds, reserve=reserve)
             peak = float(np.max(np.abs(self.trajectory(motion)["tau"]))) if motion.status.ok else 0.0
             if peak <= self.task.force:
                 break
             reserve += peak / self.task.force - 1 + FORCE_RESERVE
+            motion = self.fastest(intervals, progress, max_seconds, reserve=reserve)
         return motion
 
     def sample(self, motion: PathMotion, times: np.ndarray) -> Trajectory:
@@ -152,8 +150,7 @@ def sampled(
     """A TCP motion with carts, forces, links and margins, by inverse kinematics and dynamics."""
     guarded = task.guard.model(robot)
     p = task.guard.prefix
-    joints = [f"{p}{name}" for name in link_names(robot)]
-    names = [f"{p}tau", f"{p}q", f"der({p}q)", *joints, *(["margin"] if task.guard.margins else [])]
+    names = [f"{p}tau", f"{p}q", f"der({p}q)", *(["margin"] if task.guard.margins else [])]
     f = compile_causal(guarded, known=f"{p}T", targets=names)
     zero = np.zeros_like(T)
     orders = {0: T, 1: dT, 2: ddT}
@@ -163,9 +160,9 @@ def sampled(
     result = {"T": T, "der(T)": dT, "der(T,2)": ddT, "tau": values[f"{p}tau"], "q": values[f"{p}q"],
               "der(q)": values[f"der({p}q)"]}  # fmt: skip
     units = {"T": "m", "der(T)": "m/s", "der(T,2)": "m/s2", "tau": "N", "q": "m", "der(q)": "m/s"}
-    if joints:
-        carts = np.stack([values[name] for name in joints], axis=1)
-        result["along_guideway"] = np.array([along_guideways(robot, T[k], list(carts[k])) for k in range(len(T))])
+    if link_names(robot):
+        joints, tips, _ = link_ends(robot, T)
+        result["along_guideway"] = along_guideways(robot, tips, joints)
         units["along_guideway"] = "m"
     if "margin" in values:
         result["margin"] = values["margin"]

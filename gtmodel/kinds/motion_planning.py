@@ -13,7 +13,7 @@ from gtmodel.optimize.path import PathMotion
 from gtmodel.results import Status, Trajectory
 
 from .base import Context, InputError
-from .motion import MotionTask, along_guideways, bare_guess, bent_guess, line_guess, link_names, links_of
+from .motion import MotionTask, along_guideways, bare_guess, bent_guess, line_guess, link_ends, link_names, links_of
 from .motion_follow import Follower
 from .motion_limits import Guard, guard_of
 from .motion_paths import Path, path_of
@@ -92,11 +92,8 @@ class Plan:
 
     def links(self, run: Trajectory) -> list[tuple[np.ndarray, np.ndarray]]:
         """Both ends of every link along a motion, (n, 3) each [m]."""
-        joints = link_names(self.robot)
-        place = compile_causal(self.robot, known="T", targets=joints or ["q"])
-        zero = np.zeros_like(run["T"])
-        *found, _ = place(run["T"], *[zero] * (len(place.inputs) - 1))
-        return [(x, run["T"]) for x in found] if joints else []
+        joints, tips, _ = link_ends(self.robot, run["T"])
+        return [(joints[:, k], tips[:, k]) for k in range(joints.shape[1])]
 
 
 def plan_of(problem: TrajectoryProblem, context: Context) -> Plan:
@@ -126,20 +123,20 @@ def _check_robot(robot: gt.Model) -> None:
 
 
 def _check_reach(problem: TrajectoryProblem, robot: gt.Model) -> None:
-    joints = link_names(robot)
-    inverse = compile_causal(robot, known="T", targets=joints or ["q" if "q" in flat_of(robot).groups else "tau"])
-    zero = [np.zeros(3)] * (len(inverse.inputs) - 1)
+    least = problem.limits.link_along_guideway_m
     for key, point in (("start.tcp_m", np.array(problem.start.tcp_m)), ("goal.tcp_m", np.array(problem.goal.tcp_m))):
-        *found, status = inverse(point, *zero)
+        joints, tips, status = link_ends(robot, point[None, :])
         shown = ", ".join(f"{x:g}" for x in point)
-        if status is not Status.OK:
-            raise InputError(f"the pose ({shown}) m cannot be reached: {inverse.diagnose(point, *zero)}", key)
-        along = along_guideways(robot, point, found) if joints else np.zeros(0)
-        least = problem.limits.link_along_guideway_m
+        if status[0] != Status.OK:
+            names = [name for name in ("q", "tau") if name in flat_of(robot).groups]
+            inverse = compile_causal(robot, known="T", targets=names[0])
+            told = inverse.diagnose(point, *[np.zeros(3)] * (len(inverse.inputs) - 1))
+            raise InputError(f"the pose ({shown}) m cannot be reached: {told}", key)
+        along = along_guideways(robot, tips, joints)[0]
         if np.any(along < least):
             k = int(np.argmin(along))
             raise InputError(
-                f"the pose ({shown}) m lies at the edge of reach: {joints[k].removesuffix('.rod.a.r')} stands "
+                f"the pose ({shown}) m lies at the edge of reach: {link_names(robot)[k].removesuffix('.rod.a.r')} stands "
                 f"{along[k]:.4g} m along its guideway, less than limits.link_along_guideway_m = {least:g}",
                 key,
             )

@@ -1,4 +1,4 @@
-"""Kind "trajectory_table": several motions of one problem beside published numbers, such as Dressler 2012, Table 3.1."""
+"""Kind "trajectory_table": several motions beside published numbers, such as Dressler 2012, Table 3.1."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from .trajectory_keys import TrajectoryProblem
 NAME = "trajectory_table"
 
 VALUES = {
-    "rows": "one entry per row: name, final_time_s, energy, cost, iterations, saturation, optima, exported_final_time_s",
+    "rows": "one entry per row: name, cost, iterations, final_time_s, energy, saturation, optima, exported values",
     "saving": "time that the first row saves against the last, as a share of the last",
     "energy_ratio": "energy of the first row over that of the last",
 }

@@ -42,7 +42,7 @@ from .functions import (
 )
 from .interpolation import interpolate
 from .model import Connector, Model
-from .optimization import Optimization, delayed, integral
+from .optimization import Optimization, delayed, integral, misfit
 from .piecewise import piecewise
 from .source import ModelError, SourceLocation
 from .units import UnitError

@@ -18,7 +18,7 @@ BEND_M = 0.15
 
 
 def searched(settings: list[str], starts: int, seed: int) -> tuple[bool, float, str]:
-    """Whether the search ends in an optimum on the declared branch, its cost over the best of all starts, and a line."""
+    """Whether it ends in an optimum on the declared branch, its cost over the best of all starts, and a line."""
     loaded = load("problems/l1_min_time.toml", settings)
     context = context_of(loaded)
     plan = plan_of(loaded.problem, context)

@@ -1,4 +1,4 @@
-"""Kind "trajectory_table": Dressler 2012, Table 3.1, by its findings; the printed numbers have other poses and limits."""
+"""Kind "trajectory_table": Dressler 2012, Table 3.1, by its findings; the printed numbers have other poses."""
 
 from __future__ import annotations
 

@@ -36,7 +36,7 @@ def draws(count: int | None = None) -> list[list[str]]:
                     f"payload_kg={payload}",
                     f"friction.velocity_scale_m_s={scale}",
                     f"cost.energy={energy}",
-                ]  # fmt: skip
+                ]
             )
     return found
 
