@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Literal
 
 import casadi as ca
 import numpy as np
 
-from gtmodel.compiler.causal import compile_causal
+from gtmodel.compiler.causal import CausalFunction, compile_causal
 from gtmodel.lang import Model
 from gtmodel.optimize.path import PathMotion, PathTask, Progress, solve_path
 from gtmodel.results import SolveStatus, Status, Trajectory
 
 from .motion import MotionTask, along_guideways, link_ends, link_names, trapezoid
+from .motion_limits import Guard
 from .motion_paths import Path
 
 FORCE_RESERVE = 1e-5  # of the limit: what the root's rounding at rest and the curvature between nodes may take
@@ -30,14 +30,6 @@ class Follower:
     robot: Model
     task: MotionTask
     path: Path
-
-    @cached_property
-    def _guarded(self) -> Model:
-        return self.task.guard.model(self.robot)
-
-    @cached_property
-    def _names(self) -> list[str]:
-        return [f"{self.task.guard.prefix}tau", *(["margin"] if self.task.guard.margins else [])]
 
     def trouble(self, samples: int = 401) -> str:
         """One sentence on a place that the path cannot pass; empty where there is none."""
@@ -69,10 +61,11 @@ class Follower:
         reserve: float = 0.0,
     ) -> PathMotion:
         """The optimal motion; its limits hold on both sides of every node, and so in between, or in the middles."""
-        f = compile_causal(self._guarded, known=f"{self.task.guard.prefix}T", targets=self._names)
+        f = motion_function(self.robot, self.task.guard)
         x = [ca.SX.sym(n, 3) for n in ("x", "v", "a")]
         given = [x[signal.pairs[0][1]] for signal in f.inputs]
-        rows = ca.vertcat(*f.casadi.call(given)[: len(self._names)])
+        found = f.casadi.call(given)
+        rows = ca.vertcat(found[0], *found[3 : len(f.outputs)])  # tau, and the margins where there are any
         extra = rows.numel() - 3
         force = np.full(3, self.task.force * (1 - reserve))
         task = PathTask(
@@ -144,19 +137,24 @@ def _base(name: str) -> str:
     return name.removeprefix("der(").partition(",")[0].rstrip(")")
 
 
+def motion_function(robot: Model, guard: Guard) -> CausalFunction:
+    """(T, T', T'') -> forces, carts, their speeds and the guard's margins; one function for all questions."""
+    p = guard.prefix
+    names = [f"{p}tau", f"{p}q", f"der({p}q)", *(["margin"] if guard.margins else [])]
+    return compile_causal(guard.model(robot), known=f"{p}T", targets=names)
+
+
 def sampled(
     robot: Model, times: np.ndarray, T: np.ndarray, dT: np.ndarray, ddT: np.ndarray, task: MotionTask
 ) -> Trajectory:
     """A TCP motion with carts, forces, links and margins, by inverse kinematics and dynamics."""
-    guarded = task.guard.model(robot)
     p = task.guard.prefix
-    names = [f"{p}tau", f"{p}q", f"der({p}q)", *(["margin"] if task.guard.margins else [])]
-    f = compile_causal(guarded, known=f"{p}T", targets=names)
+    f = motion_function(robot, task.guard)
     zero = np.zeros_like(T)
     orders = {0: T, 1: dT, 2: ddT}
     *found, status = f(*(orders.get(signal.pairs[0][1], zero) for signal in f.inputs))
     assert np.all(status == Status.OK), SolveStatus.NOT_FINITE
-    values = dict(zip(names, found, strict=True))
+    values = {signal.name: value for signal, value in zip(f.outputs, found, strict=True)}
     result = {"T": T, "der(T)": dT, "der(T,2)": ddT, "tau": values[f"{p}tau"], "q": values[f"{p}q"],
               "der(q)": values[f"der({p}q)"]}  # fmt: skip
     units = {"T": "m", "der(T)": "m/s", "der(T,2)": "m/s2", "tau": "N", "q": "m", "der(q)": "m/s"}

@@ -14,7 +14,7 @@ from gtmodel.results import Status, Trajectory
 
 from .base import Context, InputError
 from .motion import MotionTask, along_guideways, bare_guess, bent_guess, line_guess, link_ends, link_names, links_of
-from .motion_follow import Follower
+from .motion_follow import Follower, motion_function
 from .motion_limits import Guard, guard_of
 from .motion_paths import Path, path_of
 from .motion_search import Search, order_of, task_of
@@ -64,7 +64,7 @@ class Plan:
         if self.path is not None:
             guess = self.follower.guess()
             return Search(self.problem, context, self.robot, self.earlier or guess, guess, self.guard, self.path)
-        inverse = compile_causal(self.robot, known="T", targets="tau")
+        inverse = motion_function(self.robot, self.guard)
         guess = self.earlier or line_guess(inverse, self.start, self.goal, self.problem.limits.force_N)
         return Search(self.problem, context, self.robot, guess, bare_guess(self.start, self.goal), self.guard)
 
@@ -135,8 +135,9 @@ def _check_reach(problem: TrajectoryProblem, robot: gt.Model) -> None:
         along = along_guideways(robot, tips, joints)[0]
         if np.any(along < least):
             k = int(np.argmin(along))
+            links = [name.removesuffix(".rod.a.r") for name in link_names(robot)]
             raise InputError(
-                f"the pose ({shown}) m lies at the edge of reach: {link_names(robot)[k].removesuffix('.rod.a.r')} stands "
+                f"the pose ({shown}) m lies at the edge of reach: {links[k]} stands "
                 f"{along[k]:.4g} m along its guideway, less than limits.link_along_guideway_m = {least:g}",
                 key,
             )
@@ -144,12 +145,10 @@ def _check_reach(problem: TrajectoryProblem, robot: gt.Model) -> None:
 
 def _check_statics(problem: TrajectoryProblem, robot: gt.Model, guard: Guard) -> None:
     """At both ends the robot can stand still, and keeps the limits that hold for positions."""
-    p = guard.prefix
-    targets: list[str] | str = [f"{p}tau", "margin"] if guard.margins else "tau"
-    f = compile_causal(guard.model(robot), known=f"{p}T", targets=targets)
+    f = motion_function(robot, guard)
     zero, limit = np.zeros(3), problem.limits.force_N
     for key, point in (("start.tcp_m", problem.start.tcp_m), ("goal.tcp_m", problem.goal.tcp_m)):
-        tau, *margins, _ = f(np.array(point), *[zero] * (len(f.inputs) - 1))
+        tau, _, _, *margins, _ = f(np.array(point), *[zero] * (len(f.inputs) - 1))
         k = int(np.argmax(np.abs(tau)))
         if abs(tau[k]) > limit:
             raise InputError(

@@ -188,6 +188,7 @@ class Search:
             guess=guess,
             solver=SolverOptions(
                 tolerance=solver.tolerance,
+                formulation=solver.formulation,
                 max_iterations=max(0, min(most, solver.max_iterations - (self.iterations if shared else 0))),
                 max_seconds=self.context.seconds_left(),
             ),

@@ -172,7 +172,8 @@ def _resimulated(plan: Plan, exported: Solution, run: Resimulation) -> Exported:
     trajectory = _renamed(run.trajectory, "")
     if plan.path is not None:
         s, v, a = (trajectory[name] for name in ("s", "der(s)", "der(s,2)"))
-        trajectory = plan.follower.along(trajectory.time, s, v, a)
+        margins = {"margin": trajectory["margin"]} if "margin" in trajectory else {}
+        trajectory = plan.follower.along(trajectory.time, s, v, a).with_values(margins)  # they may need the jerk
     else:
         T, v, a = (trajectory[name] for name in ("T", "der(T)", "der(T,2)"))
         carts = sampled(plan.robot, trajectory.time, T, v, a, plan.task)["der(q)"]

@@ -113,6 +113,9 @@ class Solver(Section):
 
     tolerance: PositiveFloat = Field(1e-8, description="on the scaled optimality conditions")
     max_iterations: PositiveInt = Field(1000, description="limit of iterations")
+    formulation: Literal["auto", "inverse", "explicit", "torn", "dae"] = Field(
+        "auto", description="which equations are collocated; dae: all as they stand, for robots without closed forms"
+    )
 
 
 class Export(Section):
