@@ -12,7 +12,7 @@ from gtmodel.optimize import Mesh, SolverOptions, resimulate, solve
 from gtmodel.optimize.nlp import make_nlp
 from gtmodel.optimize.problem import build
 from tests.optimize import features, problems
-from tests.optimize.test_derivatives import compare, point_near_guess
+from tests.optimize.test_derivatives import compare, point_near_guess, robot_motion
 from tests.optimize.test_solve import CartesianSwing, CrankMotion
 
 # Roads to one discrete optimum, each stopped by IPOPT at 1e-8 of its scaled conditions.
@@ -63,6 +63,14 @@ def test_nothing_eliminated_is_the_same_optimum(cls, mesh, guess):
     assert set(whole.trajectory.names) == set(other.trajectory.names)
     run = resimulate(whole)
     assert run.defect == pytest.approx(resimulate(other).defect, rel=1e-2, abs=1e-6)
+
+
+def test_a_robots_motion_with_nothing_eliminated():
+    """Index 3, 87 unknowns at each point besides states and forces; no root, but the links' branches hold."""
+    model, guess = robot_motion()
+    found = [attempt(model, Mesh(8, 3), guess, formulation=f) for f in ("inverse", "dae")]
+    assert [s.problem.formulation for s in found] == ["inverse", "dae"] and len(found[1].problem.point_names) == 87
+    assert found[1].objective == pytest.approx(found[0].objective, rel=SOLVER)
 
 
 @pytest.mark.parametrize("mesh", [Mesh(3, 2), Mesh(2, 3, "gauss", "constant")])
