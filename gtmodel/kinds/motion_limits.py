@@ -133,7 +133,7 @@ def guard_of(limits: Limits, arms: list[tuple[str, int]]) -> Guard:
             margins.append(
                 Margin(
                     f"obstacles[{n}]",
-                    "1",
+                    "m",
                     lambda m, c=center, link=link, point=point, half=half, o=obstacle: (
                         _separation(m, None if point else link, getattr(m, c), half) - o.clearance_m
                     ),

@@ -13,12 +13,24 @@ from gtmodel.optimize.path import PathMotion
 from gtmodel.results import Status, Trajectory
 
 from .base import Context, InputError
-from .motion import MotionTask, along_guideways, bare_guess, bent_guess, line_guess, link_ends, link_names, links_of
+from .motion import (
+    MotionTask,
+    along_guideways,
+    bare_guess,
+    bent_guess,
+    line_guess,
+    link_ends,
+    link_names,
+    links_of,
+    trapezoid,
+)
 from .motion_follow import Follower, motion_function
 from .motion_limits import Guard, guard_of
 from .motion_paths import Path, path_of
 from .motion_search import Search, order_of, task_of
 from .trajectory_keys import TrajectoryProblem
+
+SLOW_M_S = 0.1  # of a motion that only friction and weight resist
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,6 +79,25 @@ class Plan:
         inverse = motion_function(self.robot, self.guard)
         guess = self.earlier or line_guess(inverse, self.start, self.goal, self.problem.limits.force_N)
         return Search(self.problem, context, self.robot, guess, bare_guess(self.start, self.goal), self.guard)
+
+    def hint(self) -> str:
+        """What may be wrong with a problem that was not solved; empty where nothing shows."""
+        limit = self.problem.limits.force_N
+        _, s, _, _ = trapezoid(21)
+        step = self.goal - self.start
+        T = self.start + s[:, None] * step
+        velocity = np.broadcast_to(SLOW_M_S * step / np.linalg.norm(step), T.shape)
+        f = motion_function(self.robot, self.guard)
+        zero = np.zeros_like(T)
+        tau, *_, status = f(*({0: T, 1: velocity}.get(signal.pairs[0][1], zero) for signal in f.inputs))
+        needed = np.abs(tau[status == Status.OK])
+        if needed.size and np.max(needed) > limit:
+            k = int(np.argmax(np.max(needed, axis=0)))
+            return (
+                f"; a slow motion along the straight line already needs {np.max(needed):.4g} N of motor {k + 1}, "
+                f"limits.force_N is {limit:g}"
+            )
+        return ""
 
     def further_guesses(self) -> list[Trajectory]:
         """Lines bent sideways by drawn amounts; none along a path."""
@@ -158,7 +189,8 @@ def _check_statics(problem: TrajectoryProblem, robot: gt.Model, guard: Guard) ->
             )
         if margins and np.min(margins[0]) < 0:
             broken = guard.margins[int(np.argmin(margins[0]))]
-            raise InputError(f"breaks limits.{broken.key} by {-np.min(margins[0]):.4g} {broken.unit}", key)
+            by = f"{-np.min(margins[0]):.4g}{' m' if broken.unit == 'm' else ''}"
+            raise InputError(f"breaks limits.{broken.key} by {by}", key)
 
 
 def _guess(context: Context, path: Path | None) -> Trajectory | None:

@@ -71,7 +71,8 @@ def solve(problem: Schema, context: Context) -> Outcome:
     search = plan.search(context)
     solution = search.optimum()
     if not solution.status.ok:
-        return _failed(problem, solution)
+        stopped = solution.status is SolveStatus.INTERRUPTED
+        return _failed(problem, solution, hint="" if stopped else plan.hint())
     others = search.from_starts(plan.further_guesses())
     optima = _different([solution, *others])
     best = min([solution, *others], key=lambda s: s.objective)
@@ -137,10 +138,10 @@ def _renamed(trajectory: Trajectory, title: str) -> Trajectory:
     return Trajectory(trajectory.time, values, units, title=title)
 
 
-def _failed(problem: Schema, solution: Solution, lead: str = "") -> Outcome:
+def _failed(problem: Schema, solution: Solution, lead: str = "", hint: str = "") -> Outcome:
     return Outcome(
         status=solution.status,
-        message=lead + solution.message,
+        message=lead + solution.message + hint,
         objective=solution.objective if np.isfinite(solution.objective) else None,
         iterations=solution.iterations,
         checks=solution.checks,

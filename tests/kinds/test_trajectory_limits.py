@@ -211,6 +211,20 @@ class TestWrongProblems:
                 solve(loaded, context)
             assert words in caught.value.sentence and "expected three coordinates" in caught.value.sentence
 
+    def test_too_little_force_to_move(self):
+        """150 N hold the weight but do not overcome friction: a hint, and the nearest iterate is kept, not the last."""
+        loaded = load("problems/l1_min_time.toml", [*COARSE, "limits.force_N=150", "mesh.elements=8",
+                      "solver.max_iterations=150"])  # fmt: skip
+        context, seen = context_of(loaded), []
+        context.progress = lambda stage=None, fraction=None, numbers=None: seen.append(numbers["violation"])
+        o = solve(loaded, context).outcome
+        assert o.status in (SolveStatus.ITERATION_LIMIT, SolveStatus.INFEASIBLE)
+        assert "a slow motion along the straight line already needs " in o.message
+        assert "the nearest to its constraints" in o.message
+        kept = o.checks["constraint_violation"]
+        assert not kept.passed and kept.value <= 1.01 * min(seen[1:]) and max(seen) > 10 * kept.value
+        assert o.trajectory is not None and np.all(np.isfinite(o.trajectory["T"]))
+
     def test_the_best_iterate_of_a_failed_search_is_kept(self):
         """Few iterations for all attempts together: what comes back keeps its constraints best of what was seen."""
         o = outcome("solver.max_iterations=25", "cost.energy=0.0")
