@@ -298,10 +298,7 @@ def _outcome(
         values=values,
         trajectory=trajectory,
         rows=_rows(plan, values, solution),
-        figures={
-            "motion": lambda: _figure(plan, trajectory, curves),
-            "forces": lambda: _force_figure(plan, trajectory),
-        },
+        figures={"motion": lambda: _figure(plan, trajectory, curves)},
         files={
             "reference.csv": csv_text(reference, problem.title),
             "motion.mod": rapid_text(targets, problem.title),
@@ -351,9 +348,3 @@ def _figure(plan: Plan, trajectory: Trajectory, curves: tuple[np.ndarray, np.nda
         trajectory, curves, force_limit=plan.problem.limits.force_N, obstacles=obstacles, path=path,
         constant=not plan.restricted,
     )  # fmt: skip
-
-
-def _force_figure(plan: Plan, trajectory: Trajectory) -> Any:
-    from gtmodel.plot.motion import force_figure
-
-    return force_figure([(plan.problem.title or "motion", trajectory)], force_limit=plan.problem.limits.force_N)
