@@ -11,7 +11,24 @@ from . import kinematics, mechanics
 from . import lang as _lang
 from .compiler.causal import CausalFunction, compile_causal
 from .lang import *  # noqa: F403
-from .optimize import Mesh, NotSolved, Resimulation, Solution, SolverOptions, resimulate, solve
+from .optimize import (
+    Blocks,
+    Estimate,
+    Mesh,
+    NotSolved,
+    Phases,
+    Refinement,
+    Resimulation,
+    Solution,
+    SolverOptions,
+    estimate,
+    multi_start,
+    refine,
+    resimulate,
+    solve,
+    solve_phases,
+    transcribe,
+)
 from .results import SolveStatus, Status, Trajectory
 from .simulate import NotSimulated, Simulation, linearize, modes, simulate
 
@@ -26,10 +43,14 @@ for _cls in (_lang.Model, _lang.Builder):
 __version__ = "0.1.0"
 
 __all__ = [
+    "Blocks",
     "CausalFunction",
+    "Estimate",
     "Mesh",
     "NotSimulated",
     "NotSolved",
+    "Phases",
+    "Refinement",
     "Resimulation",
     "Simulation",
     "Solution",
@@ -37,14 +58,19 @@ __all__ = [
     "SolverOptions",
     "Status",
     "Trajectory",
+    "estimate",
     "kinematics",
     "linearize",
     "mechanics",
     "modes",
+    "multi_start",
+    "refine",
     "resimulate",
     "robots",
     "simulate",
     "solve",
+    "solve_phases",
+    "transcribe",
 ]
 __all__ += _lang.__all__
 

@@ -20,8 +20,14 @@ if TYPE_CHECKING:
 # a branch expression that only changes its sign with the root is the root's own name, up to round-off
 OWN = 1e-9
 # a home pose on another branch is sought from this many starts, this far off in nominals
-MIRROR_TRIES = 30
-MIRROR_SPREAD = 0.02
+MIRROR_TRIES = 24
+MIRRORED = 5
+MIRROR_SPREADS = (0.002, 0.02, 0.05)
+# of those found count the nearest to the home pose, and what is hardly farther than it, in nominals: what need not
+# change with a branch stays as it is
+AS_NEAR = 0.1
+CROSSINGS = 4
+STILL = 1e-3  # how readily a known variable gives way, or one that need not move
 
 
 def check_branches(flat: FlatModel, wanted: Mapping[str, int]) -> None:
@@ -94,8 +100,9 @@ def _settle_roots(plan: Plan, sampler: Sampler, wanted: Mapping[str, int]) -> No
 def _move_home(plan: Plan, sampler: Sampler, wanted: Mapping[str, int]) -> None:
     """Replace the samples by points where the wanted branches have their signs; mirrored there if they have not."""
     flat, p = plan.flat, plan.flat.p0
-    expressions = {b.name: plan.alias.rewrite(flat, b.expression) for b in flat.branches if b.name in wanted}
-    names = [n for n, e in expressions.items() if all(s in sampler.position for s in flat.scope.symbols_in(e))]
+    expressions = {b.name: plan.alias.rewrite(flat, b.expression) for b in flat.branches}
+    inside = {name: flat.scope.symbols_in(e) for name, e in expressions.items()}
+    names = [n for n in expressions if n in wanted and all(s in sampler.position for s in inside[n])]
     if not names:
         return
     column, signs = _column([expressions[n] for n in names]), np.array([wanted[n] for n in names])
@@ -109,24 +116,50 @@ def _move_home(plan: Plan, sampler: Sampler, wanted: Mapping[str, int]) -> None:
 
     found = [w for w in plan.samples if right(w)]
     if not found:
-        size = np.abs(_row(sides(plan.samples[0], p, sampler.time)[0]))
-        first, *rest = sampler.stages
-        mirrored = replace(sampler, stages=[ca.vertcat(first, column - signs * size), *rest])
+        now = _row(sides(plan.samples[0], p, sampler.time)[0])
+        # first without the equations that bend in what branches are made of, such as a rod's length: they would push
+        # back all the way over
+        across = ca.vertcat(*[flat.scope.symbol(*p) for p in sorted(set().union(*inside.values()))])
+        bent = ca.which_depends(sampler.stages[0], across, 2, True)
+        straight = [row for row, b in zip(ca.vertsplit(sampler.stages[0]), bent, strict=True) if not b]
+        wrong = ca.DM((now * signs < 0).astype(float))
+        # each on its own, and where that asks for more than there is freedom: all wrong ones on average
+        goals = (column - signs * np.abs(now), ca.dot(wrong * signs, column - signs * np.abs(now)))
+        overs = [replace(sampler, stages=[ca.vertcat(*straight, goal)]) for goal in goals]
         nominal = np.array([flat.variables[index].nominal for index, _ in sampler.pairs])
+        still = np.array([STILL if index in sampler.known else 1.0 for index, _ in sampler.pairs])
         for seed in range(MIRROR_TRIES):
             noise = np.random.default_rng(seed).standard_normal(len(nominal))
-            w = plan.samples[seed % len(plan.samples)] + MIRROR_SPREAD * nominal * noise
-            mirrored.correct(w)  # as near as it goes: more signs than degrees of freedom contradict each other
+            spread = MIRROR_SPREADS[seed % len(MIRROR_SPREADS)]
+            w = _cross(overs[seed % 2], plan.samples[0] + spread * nominal * noise, nominal, still)
             if sampler.correct(w) <= RESIDUAL_TOLERANCE and right(w):
                 found.append(w)
-                if len(found) == len(plan.samples):
-                    break
+            if len(found) == MIRRORED:
+                break
+        counted = np.array([pair in sampler.starts for pair in sampler.pairs], dtype=bool)
+        far = [float(np.sum(np.abs(w - plan.samples[0])[counted] / nominal[counted])) for w in found]
+        found = [w for d, w in sorted(zip(far, found, strict=True), key=lambda p: p[0]) if d <= min(far) + AS_NEAR]
     if not found:
         asked = ", ".join(f"'{n}' = {wanted[n]:+d}" for n in names)
         raise ModelError(
             f"{flat.title}: no pose with branch {asked} was found from the start values; give start values near one"
         )
     plan.samples = np.array(found)
+
+
+def _cross(over: Sampler, start: np.ndarray, nominal: np.ndarray, ease: np.ndarray) -> np.ndarray:
+    """A point on the other side that differs from the start in as few variables as possible.
+
+    What moved little in one solution of least norm may move even less in the next: a cart changes sides rather than
+    the plate its orientation.
+    """
+    w = start
+    for _ in range(CROSSINGS):
+        w = start.copy()
+        over.correct(w)  # as near as it goes: more signs than degrees of freedom contradict each other
+        moved = np.abs(w - start) / nominal * ease
+        over = replace(over, ease=np.maximum(moved / max(float(np.max(moved)), 1e-300), STILL))
+    return w
 
 
 def follow(plan: Plan, sampler: Sampler) -> None:

@@ -166,6 +166,15 @@ def make_plan(
     return plan
 
 
+def differentiated(plan: Plan) -> list[tuple[str, ca.SX]]:
+    """All equations that hold at a point, with the derivatives that they imply: (name with file and line, residual)."""
+    return [
+        (f"{e.label}{chr(39) * m} ({e.where})", residual)
+        for e, chain in zip(plan.structure.equations, _differentiate(plan.flat, plan.structure), strict=True)
+        for m, residual in enumerate(chain)
+    ]
+
+
 def _kept(alias: AliasResult, prefer: Sequence[int]) -> frozenset[int]:
     return frozenset(alias.resolve(i, 0)[1] for i in prefer)
 

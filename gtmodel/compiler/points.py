@@ -15,7 +15,9 @@ from ..lang.source import ModelError
 from .flat import FlatModel
 
 MAX_TRIES = 60
+HOPELESS = 20  # tries without any point after which none is expected
 NEWTON_STEPS = 60
+PATIENCE = 10  # steps that must at least halve the residual; Newton that has not found its way by then seldom does
 # residuals are in SI units of equations of order one; Gauss-Newton converges quadratically past this
 RESIDUAL_TOLERANCE = 1e-11
 # spread of sample points round the declared start values, in nominals: large enough to leave symmetric poses
@@ -62,7 +64,8 @@ class Sampler:
     """Makes consistent points of a differentiated system.
 
     `pairs` are the chain symbols in order; `stages` the residuals of each stage, positions first; `starts`
-    the declared start values by chain symbol; `known` the variables that are prescribed; `time` [s] of the points.
+    the declared start values by chain symbol; `known` the variables that are prescribed; `time` [s] of the points;
+    `ease` (one for each symbol) how readily it gives way beside the others, 1 if left out.
     """
 
     flat: FlatModel
@@ -71,6 +74,7 @@ class Sampler:
     starts: dict[tuple[int, int], float]
     known: frozenset[int] = frozenset()
     time: float = 0.0
+    ease: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         scope = self.flat.scope
@@ -90,6 +94,8 @@ class Sampler:
         nominal = [self.flat.variables[index].nominal for index, _ in self.pairs]
         started = np.array([pair in self.starts for pair in self.pairs], dtype=bool)
         self._reach = np.multiply(nominal, np.where(started, HELD, 1.0))
+        if self.ease is not None:
+            self._reach = self._reach * self.ease
         given = np.array([index in self.known for index, _ in self.pairs], dtype=bool)
         self._followers = [np.multiply(nominal, ~started & ~given), np.multiply(nominal, ~started)]
 
@@ -124,6 +130,8 @@ class Sampler:
             residual = self.correct(w)
             if residual > RESIDUAL_TOLERANCE:
                 closest = min(closest, residual)
+                if not found and seed + 1 >= HOPELESS:
+                    break
                 continue
             found.append(w)
             if len(found) == count:
@@ -153,11 +161,15 @@ class Sampler:
             self._follow(fun, new, first, w, p)
             if not np.array_equal(first, second):
                 self._follow(fun, new, second, w, p)
+            norms: list[float] = []
             for _ in range(NEWTON_STEPS):
                 r, jacobian = fun(w, p, self.time)
                 if jacobian is None:
                     return np.inf
                 norm = float(np.max(np.abs(r), initial=0.0))
+                norms.append(norm)
+                if len(norms) > PATIENCE and min(norms[-PATIENCE:]) > 0.5 * min(norms[:-PATIENCE]):
+                    return min(norms) / max(1.0, float(np.max(np.abs(w[new]), initial=0.0)))
                 if norm <= RESIDUAL_TOLERANCE * 1e-2 or new.size == 0:
                     break
                 step = _least_norm(jacobian, self._reach[new], r)

@@ -34,13 +34,21 @@ class Mesh(Section):
     elements: PositiveInt = Field(default=50, description="number of elements of the horizon")
     points: int = Field(default=3, ge=1, le=9, description="collocation points per element")
     scheme: Literal["radau", "gauss"] = Field(default="radau", description="where the points of an element lie")
-    control: Literal["polynomial", "constant"] = Field(
-        default="polynomial", description="a control polynomial per element, bounded at its points only, or one value"
+    control: Literal["polynomial", "bernstein", "linear", "constant"] = Field(
+        default="polynomial",
+        description="per element: a polynomial bounded at its points only, one bounded at every instant (bernstein), "
+        "a continuous line, or one value",
     )
 
 
 class Solver(Section):
-    """When the solver stops."""
+    """In which form the problem is solved, and when the solver stops."""
+
+    formulation: Literal["auto", "inverse", "explicit", "torn", "dae"] = Field(
+        default="auto",
+        description="what is eliminated: as the model suggests, controls by the motion, all but states and controls, "
+        "all but unknowns without a closed form, or nothing",
+    )
 
     tolerance: PositiveFloat = Field(default=1e-8, description="on the scaled optimality conditions")
     max_iterations: PositiveInt = Field(default=1000, description="limit of iterations")
@@ -80,13 +88,18 @@ def explain(problem: Schema, context: Context) -> str:
     """What is optimised: the unknowns of the discretised problem's model and their bounds."""
     from gtmodel.optimize.problem import build
 
-    built = build(_model(problem, context))
+    built = build(_model(problem, context), problem.solver.formulation)
     lines = [
         f"{built.flat.title}: {len(built.state_names)} states, {len(built.control_names)} controls, "
         f"{len(built.free_names)} free constants",
         f"  states: {', '.join(built.state_names) or 'none'}",
         f"  controls: {', '.join(built.control_names) or 'none'}",
         f"  free: {', '.join(built.free_names) or 'none'}",
+        *(
+            [f"  {built.formulation} form, unknown at each point: {', '.join(built.point_names)}"]
+            if built.point_names
+            else []
+        ),
         f"  {len(built.path)} path constraints, {len(built.points)} point constraints, "
         f"{_held(built.start_bounds)} states bounded at the start and {_held(built.end_bounds)} at the end",
     ]

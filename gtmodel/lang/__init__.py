@@ -42,7 +42,7 @@ from .functions import (
 )
 from .interpolation import interpolate
 from .model import Connector, Model
-from .optimization import Optimization, integral
+from .optimization import Optimization, delayed, integral, misfit
 from .source import ModelError, SourceLocation
 from .units import UnitError
 
@@ -71,6 +71,7 @@ __all__ = [
     "connect",
     "cos",
     "cross",
+    "delayed",
     "der",
     "dot",
     "each",
@@ -84,6 +85,7 @@ __all__ = [
     "log",
     "maximum",
     "minimum",
+    "misfit",
     "norm",
     "outer",
     "parameter",

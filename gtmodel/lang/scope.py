@@ -16,6 +16,14 @@ class Instant:
     time: ca.SX | None
 
 
+@dataclass(frozen=True, eq=False)
+class Misfit:
+    """Measured residuals in symbols of instants, and whether they are in units of a known standard deviation."""
+
+    residual: ca.SX
+    known: bool
+
+
 class Scope:
     """Registry of the derivative chains and parameters of one flattened model.
 
@@ -31,6 +39,7 @@ class Scope:
         self.time = ca.SX.sym("time")
         self._time_key = self.time.element_hash()
         self.instants: list[Instant] = []
+        self.misfits: list[Misfit] = []
 
     def new_chain(self, name: str) -> ca.SX:
         """A new scalar variable; returns its symbol of order 0."""

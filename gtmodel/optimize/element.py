@@ -7,42 +7,72 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from .control import coefficients, control_basis
+from .dynamic import DynamicProblem
 from .mesh import Mesh
-from .problem import DynamicProblem
 from .tables import basis, basis_slope
 
 
 @dataclass(eq=False)
 class Layout:
-    """Where things stand in the unknowns of one element: y = [x at the left end; points].
+    """Where things stand in the unknowns of one element: y = [left end; points; the rest], divided by nominals.
 
-    With control "polynomial" each point holds its x and u; with "constant" one u follows the left state.
-    Values are divided by their nominals.
+    `left`: what continues from element to element: the states (`left[:nx]`), the control where it is continuous or
+    blocked, the place of the edge on the horizon where lengths are free. `x` (points, nx); `z` (points, nz) what is
+    free at each point: delayed inputs and algebraic variables; `u` (coefficients, nu); `h` the length, or -1.
     """
 
     problem: DynamicProblem
     mesh: Mesh
 
     def __post_init__(self) -> None:
-        p, k = self.problem, self.mesh.points
-        nx, nu = p.x.numel(), p.u.numel()
-        self.nx, self.nu = nx, nu
-        self.left = np.arange(nx)
-        if self.mesh.control == "constant":
-            base = nx + nu
-            self.u = np.tile(np.arange(nx, nx + nu), (k, 1))
-            self.x = np.array([base + np.arange(nx) + c * nx for c in range(k)]).reshape(k, nx)
-            self.size = base + k * nx
-        else:
-            width = nx + nu
-            self.x = np.array([nx + c * width + np.arange(nx) for c in range(k)]).reshape(k, nx)
-            self.u = np.array([nx + c * width + nx + np.arange(nu) for c in range(k)]).reshape(k, nu)
-            self.size = nx + k * width
-        self.scale = np.ones(self.size)
-        self.scale[self.left] = p.x_scale
+        p, mesh = self.problem, self.mesh
+        k, nx, nu = mesh.points, p.x.numel(), len(p.control_indices)
+        nz = p.u.numel() - nu
+        self.nx, self.nu, self.nz = nx, nu, nz
+        carried = mesh.control == "linear" or mesh.blocks is not None
+        free = mesh.length_ratio is not None
+        self.carried = nx + np.arange(nu) if carried else np.zeros(0, int)
+        self.edge = nx + len(self.carried) if free else -1
+        self.left = np.arange(nx + len(self.carried) + free)
+        at = len(self.left)
+        m = coefficients(mesh.control, mesh.table)
+        own = m if not carried else m - 1  # coefficients that belong to this element alone
+        self.x, self.z = np.zeros((k, nx), int), np.zeros((k, nz), int)
+        u = [self.carried] if carried else []
+        if own < k:
+            u += [at + c * nu + np.arange(nu) for c in range(own)]
+            at += own * nu
         for c in range(k):
-            self.scale[self.x[c]] = p.x_scale
-            self.scale[self.u[c]] = p.u_scale
+            self.x[c] = at + np.arange(nx)
+            self.z[c] = at + nx + np.arange(nz)
+            at += nx + nz
+            if own == k:
+                u.append(at + np.arange(nu))
+                at += nu
+        self.u = np.array(u, int).reshape(m, nu)
+        self.h = at if free else -1
+        self.size = at + free
+        self.scale = np.ones(self.size)
+        self.scale[self.left[:nx]] = p.x_scale
+        self.scale[self.x] = p.x_scale
+        self.scale[self.u] = p.u_scale[:nu]
+        self.scale[self.z] = p.u_scale[nu:]
+        if free:
+            self.scale[self.h] = 1 / mesh.elements
+
+    @property
+    def nl(self) -> int:
+        """How many unknowns continue from element to element."""
+        return len(self.left)
+
+    def inputs(self, y: np.ndarray, local: np.ndarray) -> np.ndarray:
+        """Controls and point variables (len(local), nu + nz) of an element with physical unknowns y."""
+        mesh = self.mesh
+        u = control_basis(mesh.control, mesh.table, local) @ y[self.u]
+        if mesh.control == "constant":
+            u = np.repeat(y[self.u], len(local), 0)
+        return np.hstack([u, basis(mesh.table.points, local) @ y[self.z]])
 
 
 @dataclass(eq=False)
@@ -88,22 +118,29 @@ def make_element(problem: DynamicProblem, mesh: Mesh) -> Element:
     times = ca.Function("times", [problem.P], [problem.t0, problem.tf])
     t0, tf = times(P)
     horizon = tf - t0
-    length = d[0] * horizon
-    x = [physical[layout.left.tolist()]] + [physical[layout.x[c].tolist()] for c in range(k)]
-    u = [physical[layout.u[c].tolist()] if layout.nu else ca.SX(0, 1) for c in range(k)]
+    h, left = (physical[layout.h], physical[layout.edge]) if layout.h >= 0 else (d[0], d[1])
+    length = h * horizon
+    x = [physical[layout.left[:nx].tolist()]] + [physical[layout.x[c].tolist()] for c in range(k)]
+    u = _inputs(layout, physical, table.points)
     point = pointwise(problem)
     with_rate = [n for n, r in enumerate(problem.rates) if r is not None]
     x_scale = problem.x_scale
     end = sum((float(table.end[j]) * x[j] for j in range(k + 1)), ca.SX.zeros(nx, 1))
     rows: list[ca.SX] = [end / ca.DM(x_scale)]
     names: list[tuple[str, int]] = [(f"continuity of {n}", -1) for n in problem.state_names]
-    low, high = [np.zeros(nx)], [np.zeros(nx)]
+    if layout.carried.size:
+        rows.append(y[layout.u[-1].tolist()])
+        names += [(f"continuity of {n}", -1) for n in problem.control_names]
+    if layout.h >= 0:
+        rows.append(left + h)
+        names.append(("element lengths", -1))
+    low, high = [np.zeros(layout.nl)], [np.zeros(layout.nl)]
     quadrature = ca.SX.zeros(len(problem.integrals), 1)
     path_rows: list[ca.SX] = []
     path_names: list[tuple[str, int]] = []
     for c in range(k):
         slope = sum((float(table.derivative[j, c]) * x[j] for j in range(k + 1)), ca.SX.zeros(nx, 1))
-        t = t0 + (d[1] + d[0] * float(table.points[c])) * horizon
+        t = t0 + (left + h * float(table.points[c])) * horizon
         rate, algebraic, path, integrand = point(x[c + 1], slope / length, u[c], P, t)
         if with_rate:
             defect = (slope[with_rate] - length * rate) / ca.DM(x_scale[with_rate])
@@ -127,23 +164,37 @@ def make_element(problem: DynamicProblem, mesh: Mesh) -> Element:
     return Element(layout, y, P, d, all_rows, np.concatenate(low), np.concatenate(high), names, cost, quadrature)
 
 
+def _inputs(layout: Layout, physical: ca.SX, local: np.ndarray) -> list[ca.SX]:
+    """Controls and point variables at fractions of the element, symbolic."""
+    mesh = layout.mesh
+    found = []
+    for by_u, by_z in zip(
+        control_basis(mesh.control, mesh.table, local), basis(mesh.table.points, local), strict=True
+    ):  # fmt: skip
+        u = sum((_share(w, physical[i.tolist()]) for w, i in zip(by_u, layout.u, strict=True) if w != 0.0),
+                ca.SX.zeros(layout.nu, 1))  # fmt: skip
+        z = sum((_share(w, physical[i.tolist()]) for w, i in zip(by_z, layout.z, strict=True) if w != 0.0),
+                ca.SX.zeros(layout.nz, 1))  # fmt: skip
+        found.append(ca.vertcat(u, z))
+    return found
+
+
+def _share(weight: float, value: ca.SX) -> ca.SX:
+    return value if weight == 1.0 else float(weight) * value
+
+
 def value_at(problem: DynamicProblem, mesh: Mesh, layout: Layout, y: ca.SX, P: ca.SX, h: float, left: float, s: float):
     """x, xd, u and t at the fraction s of an element: polynomials evaluated; u at the left end is extrapolated."""
     table = mesh.table
-    k = mesh.points
+    k, nx = mesh.points, layout.nx
     physical = y * ca.DM(layout.scale)
-    x = [physical[layout.left.tolist()]] + [physical[layout.x[c].tolist()] for c in range(k)]
+    x = [physical[layout.left[:nx].tolist()]] + [physical[layout.x[c].tolist()] for c in range(k)]
     bx = basis(table.nodes, np.array([s]))[0]
     dx = basis_slope(table.nodes, np.array([s]))[0]
     t0, tf = ca.Function("times", [problem.P], [problem.t0, problem.tf])(P)
-    zero = ca.SX.zeros(layout.nx, 1)
+    length, begin = (physical[layout.h], physical[layout.edge]) if layout.h >= 0 else (h, left)
+    zero = ca.SX.zeros(nx, 1)
     xs = sum((float(bx[j]) * x[j] for j in range(k + 1)), zero)
-    xd = sum((float(dx[j]) * x[j] for j in range(k + 1)), zero) / (h * (tf - t0))
-    if not layout.nu:
-        us = ca.SX(0, 1)
-    elif mesh.control == "constant":
-        us = physical[layout.u[0].tolist()]
-    else:
-        bu = basis(table.points, np.array([s]))[0]
-        us = sum((float(bu[c]) * physical[layout.u[c].tolist()] for c in range(k)), ca.SX.zeros(layout.nu, 1))
-    return xs, xd, us, t0 + (left + h * s) * (tf - t0)
+    xd = sum((float(dx[j]) * x[j] for j in range(k + 1)), zero) / (length * (tf - t0))
+    us = _inputs(layout, physical, np.array([s]))[0]
+    return xs, xd, us, t0 + (begin + length * s) * (tf - t0)

@@ -2,24 +2,36 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
+import casadi as ca
 import numpy as np
 
+from ..compiler.evaluate import build as functions_of
 from ..lang.source import ModelError
 from ..results.trajectory import Trajectory
 from .attributes import names_of, start_of
+from .control import control_basis
+from .dynamic import DynamicProblem
 from .nlp import Nlp
 from .solution import Solution
+
+Series = Callable[[np.ndarray], np.ndarray]
 
 
 def initial_guess(nlp: Nlp, guess: Trajectory | Solution | None) -> np.ndarray:
     """Scaled unknowns. A trajectory's time span is the guess of a free horizon; it is stretched over the horizon.
 
-    States and controls are found under any of their names. Raises ModelError if a trajectory holds none of
-    the states.
+    States and controls are found under any of their names. Algebraic variables that the guess does not hold are
+    solved from its states and inputs where that is possible. Raises ModelError if a trajectory holds none of the
+    states.
     """
     problem, mesh, layout = nlp.problem, nlp.mesh, nlp.element.layout
     free = problem.P_guess.copy()
+    extrapolated = 0.0
     if isinstance(guess, Solution):
+        time = guess.trajectory.time
+        extrapolated = (time[1] - time[0]) / (time[-1] - time[0]) if len(time) > 1 else 0.0
         for n, name in enumerate(problem.free_names):
             free[n] = guess.free.get(name, free[n])
         guess = guess.trajectory
@@ -33,31 +45,93 @@ def initial_guess(nlp: Nlp, guess: Trajectory | Solution | None) -> np.ndarray:
     if guess is not None and states and not any(found for _, found in states):
         raise ModelError(f"the guess holds none of the states {', '.join(problem.state_names)}")
     states += [_series(None, [], 0.0)] * (layout.nx - len(states))
-    pairs = [(i, 0) for i in problem.control_indices]
-    controls = [_series(guess, names_of(flat, alias, p), start_of(flat, alias, p)) for p in pairs]
-    x_low, x_high, u_low, u_high = (
-        b for bounds in (problem.x_bounds, problem.u_bounds) for b in (bounds.low, bounds.high)
-    )
+    inputs = [_series(guess, names_of(flat, alias, p), start_of(flat, alias, p)) for p in problem.input_pairs]
+    x, u = problem.x_bounds, problem.u_bounds
+    N, table = mesh.elements, mesh.table
+    s = mesh.edges[:-1, None] + mesh.h[:, None] * table.nodes  # (N, K + 1)
+    xs = np.stack([np.clip(f(s.ravel()), x.low[j], x.high[j]) for j, (f, _) in enumerate(states)], -1) if states else (
+        np.zeros((s.size, 0)))  # fmt: skip
+    xs = xs.reshape(*s.shape, layout.nx)
+    at = s[:, 1:].ravel()
+    us = np.stack([f(at) for f, _ in inputs], -1) if inputs else np.zeros((at.size, 0))
+    if extrapolated:  # what is free at each point has no value at the start: hold the first one
+        for n in range(layout.nu, us.shape[1]):
+            us[:, n] = inputs[n][0](np.maximum(at, extrapolated))
+    missing = [n for n, (_, found) in enumerate(inputs) if n >= layout.nu and not found]
+    known = layout.nu + len(problem.delayed)
+    if any(n >= known for n in missing):
+        flat_x = xs[:, 1:].reshape(at.size, layout.nx)[:, : len(problem.state_pairs)]
+        solved = solve_point_variables(problem, flat_x, np.clip(us[:, :known], u.low[:known], u.high[:known]), free, at)
+        for n in missing:
+            if n >= known:
+                us[:, n] = np.where(np.isfinite(solved[:, n - known]), solved[:, n - known], us[:, n])
+    us = np.clip(us, u.low, u.high).reshape(N, mesh.points, -1)
     values = np.zeros(nlp.size)
-    n, N = layout.size, mesh.elements
+    blocks = values[: nlp.end].reshape(N, layout.size)
+    blocks[:, layout.left[: layout.nx]] = xs[:, 0]
+    blocks[:, layout.x.ravel()] = xs[:, 1:].reshape(N, -1)
+    blocks[:, layout.z.ravel()] = us[:, :, layout.nu :].reshape(N, -1)
     for k in range(N):
-        s = mesh.edges[k] + mesh.h[k] * mesh.table.nodes
-        block = np.zeros(n)
-        for j, (f, _) in enumerate(states):
-            at = np.clip(f(s), x_low[j], x_high[j])
-            block[layout.left[j]] = at[0]
-            block[layout.x[:, j]] = at[1:]
-        for j, (f, _) in enumerate(controls):
-            at = f(s[1:]) if mesh.control == "polynomial" else np.full(mesh.points, f(s).mean())
-            block[layout.u[:, j]] = np.clip(at, u_low[j], u_high[j])
-        values[k * n : (k + 1) * n] = block / layout.scale
-    end = np.array([f(np.array([1.0]))[0] for f, _ in states])
-    values[N * n : N * n + layout.nx] = np.clip(end, x_low, x_high) / problem.x_scale
-    values[N * n + layout.nx :] = free / nlp.p_scale
+        c = _coefficients(nlp, us[k, :, : layout.nu], [f for f, _ in inputs[: layout.nu]], k)
+        blocks[k, layout.u] = np.clip(c, u.low[: layout.nu], u.high[: layout.nu])
+    end = np.zeros(layout.nl)
+    ends = np.array([f(np.array([1.0]))[0] for f, _ in states])
+    end[: layout.nx] = np.clip(ends, x.low, x.high)
+    end_scale = layout.scale[layout.left]
+    if layout.carried.size:
+        end[layout.carried] = blocks[-1, layout.u[-1]]
+    if layout.h >= 0:
+        blocks[:, layout.edge], blocks[:, layout.h], end[-1] = mesh.edges[:-1], mesh.h, 1.0
+    blocks /= layout.scale
+    values[nlp.end : nlp.constants] = end / end_scale
+    values[nlp.constants :] = free / nlp.p_scale
     return values
 
 
-def _series(guess: Trajectory | None, names: list[tuple[str, int]], default: float):
+def _coefficients(nlp: Nlp, at_points: np.ndarray, series: list[Series], k: int) -> np.ndarray:
+    """Control coefficients (m, nu) of element k from values at its points, or at its ends."""
+    mesh = nlp.mesh
+    if mesh.control == "polynomial":
+        return at_points
+    if mesh.control == "constant":
+        block = mesh.blocks
+        if block is not None:  # one value for all elements of a block
+            first = int(np.searchsorted(np.cumsum(block.sizes), k, side="right"))
+            edges = np.concatenate([[0], np.cumsum(block.sizes)])
+            s = np.linspace(mesh.edges[edges[first]], mesh.edges[edges[first + 1]], 2 * block.sizes[first] + 1)
+            return np.array([[f(s).mean() for f in series]]).reshape(1, len(series))
+        return at_points.mean(axis=0, keepdims=True)
+    if mesh.control == "linear":
+        ends = mesh.edges[k : k + 2]
+        return np.array([f(ends) for f in series]).reshape(len(series), 2).T
+    return np.linalg.solve(control_basis(mesh.control, mesh.table, mesh.table.points), at_points)
+
+
+def solve_point_variables(
+    problem: DynamicProblem, x: np.ndarray, u: np.ndarray, free: np.ndarray, s: np.ndarray
+) -> np.ndarray:
+    """Algebraic variables (n, nz) that the equations give for rows of states and inputs; NaN where they do not."""
+    flat, plan = problem.flat, problem.base
+    inputs = [("x", problem.state_pairs), ("u", problem.input_pairs[: u.shape[1]])]
+    built = functions_of(plan, inputs, [("z", problem.z_pairs)], "point_variables", parametric=True)
+    p = flat.p0.copy()
+    names = [q.name for q in flat.parameters]
+    for name, value in zip((*problem.free_names, *problem.tunable), free, strict=True):
+        p[names.index(name)] = value
+    t0, tf = (float(v) for v in ca.Function("ends", [problem.P], [problem.t0, problem.tf])(free))
+    n = len(s)
+    given = (
+        [x.T, u.T] + ([(t0 + s * (tf - t0))[None, :]] if plan.uses_time else []) + [np.repeat(p[:, None], n, axis=1)]
+    )
+    found: list[np.ndarray] = []
+    with np.errstate(all="ignore"):
+        for kernel in built.kernels:
+            found.append(kernel.solve(np.vstack([*given, *found]))[0])
+        value = built.closed.map(n).call([ca.DM(a) for a in (*given, *found)])[0]
+    return np.asarray(value.full()).reshape(len(problem.z_pairs), n).T
+
+
+def _series(guess: Trajectory | None, names: list[tuple[str, int]], default: float) -> tuple[Series, bool]:
     """s in [0, 1] -> values, and whether the guess holds one of the names."""
     for name, sign in names:
         values = None if guess is None else _column(guess, name)

@@ -68,8 +68,17 @@ def initial_rows(flat: FlatModel) -> list[Row]:
     return rows
 
 
-def require_length(flat: FlatModel, h: Horizon, constraints: Sequence[Row]) -> None:
-    """A free horizon must have a length bounded away from zero, by bounds or by a constraint. Raises ModelError."""
+def require_length(
+    flat: FlatModel, h: Horizon, constraints: Sequence[Row], tunable: ca.SX | None = None, values: ca.DM | None = None
+) -> None:
+    """A free horizon must have a length bounded away from zero, by bounds or by a constraint. Raises ModelError.
+
+    Tunable parameters stand for their values.
+    """
+    if tunable is not None and values is not None and tunable.numel():
+        t0, tf, *rows = ca.substitute([h.t0, h.tf, *[r.expression for r in constraints]], [tunable], [ca.SX(values)])
+        h = Horizon(t0, tf, h.P[: h.P.numel() - tunable.numel()])
+        constraints = [Row(e, r.low, r.high, r.label, r.where) for e, r in zip(rows, constraints, strict=True)]
     free = {q.symbol.element_hash(): q for q in flat.parameters if q.free}
 
     def limits(end: ca.SX) -> tuple[float, float]:

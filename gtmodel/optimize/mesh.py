@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
 
+from .control import CONTROLS, Blocks
 from .tables import SCHEMES, Table, table
 
 
@@ -18,25 +19,40 @@ class Mesh:
         elements: number of elements.
         points: collocation points per element.
         scheme: "radau" (ends at the element's end) or "gauss".
-        control: "polynomial" (free at each point, bounded there only) or "constant" on each element.
+        control: "polynomial" (free at each point, bounded there only), "bernstein" (the same polynomials, bounded
+            at every instant through their Bernstein coefficients), "linear" (continuous) or "constant" on each element.
         lengths: relative element lengths; equal if None.
+        length_ratio: (low, high) makes the lengths free: each lies between low and high times its given length, and
+            they still fill the horizon. A control "polynomial" would use its overshoots then: take another one.
+        blocks: the control is constant over several elements; with control "constant".
     """
 
     elements: int = 50
     points: int = 3
     scheme: Literal["radau", "gauss"] = "radau"
-    control: Literal["polynomial", "constant"] = "polynomial"
+    control: Literal["polynomial", "bernstein", "linear", "constant"] = "polynomial"
     lengths: tuple[float, ...] | None = None
+    length_ratio: tuple[float, float] | None = field(default=None, kw_only=True)
+    blocks: Blocks | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
         if self.elements < 1 or self.points < 1:
             raise ValueError(f"a mesh needs at least one element and one point; found {self.elements} x {self.points}")
         if self.scheme not in SCHEMES:
             raise ValueError(f"scheme is 'radau' or 'gauss'; found '{self.scheme}'")
-        if self.control not in ("polynomial", "constant"):
-            raise ValueError(f"control is 'polynomial' or 'constant'; found '{self.control}'")
+        if self.control not in CONTROLS:
+            raise ValueError(f"control is one of {', '.join(CONTROLS)}; found '{self.control}'")
         if self.lengths is not None and (len(self.lengths) != self.elements or min(self.lengths) <= 0):
             raise ValueError(f"a mesh of {self.elements} elements takes as many positive lengths")
+        if self.length_ratio is not None and not 0 < self.length_ratio[0] <= 1 <= self.length_ratio[1]:
+            raise ValueError(
+                f"length_ratio is (low, high) with 0 < low <= 1 <= high: shortest and longest length of an element "
+                f"over its given one; found {self.length_ratio}"
+            )
+        if self.blocks is not None and self.control != "constant":
+            raise ValueError(f"blocks take control 'constant'; found '{self.control}'")
+        if self.blocks is not None and sum(self.blocks.sizes) != self.elements:
+            raise ValueError(f"blocks hold {sum(self.blocks.sizes)} elements, but the mesh has {self.elements}")
 
     @property
     def table(self) -> Table:
@@ -44,7 +60,7 @@ class Mesh:
 
     @property
     def h(self) -> np.ndarray:
-        """Element lengths, sum 1."""
+        """Element lengths, sum 1; where they are free, those they start from."""
         h = np.ones(self.elements) if self.lengths is None else np.array(self.lengths, float)
         return h / h.sum()
 

@@ -5,22 +5,25 @@ Differentiating the whole NLP costs a set-up that grows with the mesh; one eleme
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
 
 from ..compiler.sparse import nonzeros, stacked
-from .element import Element, make_element, value_at
+from ..lang.source import ModelError
+from .delays import DelayRows, delay_rows
+from .dynamic import DynamicProblem
+from .element import Element, Layout, make_element, value_at
 from .mesh import Mesh
-from .problem import DynamicProblem
 
 
 @dataclass(eq=False)
 class Nlp:
     """Functions for nlpsol, bounds, and where each unknown and row stands.
 
-    Unknowns X = [y_0, ..., y_(N-1), x_N, P], scaled by nominals (P by its own scale).
+    Unknowns X = [y_0, ..., y_(N-1), right end, P], scaled by nominals (P by its own scale).
     """
 
     problem: DynamicProblem
@@ -33,26 +36,61 @@ class Nlp:
     lbg: np.ndarray
     ubg: np.ndarray
     p_scale: np.ndarray
+    linear_names: list[str]
 
     @property
     def size(self) -> int:
         return len(self.lbx)
 
+    @property
+    def end(self) -> int:
+        """Where the right end of the last element begins among the unknowns."""
+        return self.mesh.elements * self.element.layout.size
+
+    @property
+    def constants(self) -> int:
+        """Where the free constants begin among the unknowns."""
+        return self.end + self.element.layout.nl
+
     def row_name(self, row: int) -> str:
         """What a constraint row says, with element and collocation point."""
-        m = self.element.rows.numel()
-        if row >= m * self.mesh.elements:
-            return self.problem.points[row - m * self.mesh.elements].label
+        m, mc = self.element.rows.numel(), len(self.problem.points)
+        last = row - m * self.mesh.elements
+        if last >= mc:
+            return self.linear_names[last - mc]
+        if last >= 0:
+            return self.problem.points[last].label
         name, point = self.element.row_names[row % m]
         place = f"element {row // m + 1}" + (f", point {point + 1}" if point >= 0 else "")
         return f"{name} in {place}"
+
+    def row_fraction(self, row: int, x: np.ndarray) -> float | None:
+        """Where on the horizon, as a fraction, a row stands; None for a row that belongs to no element."""
+        m = self.element.rows.numel()
+        k = row // m
+        if k >= self.mesh.elements:
+            return None
+        mesh = placed(self, x)
+        point = self.element.row_names[row % m][1]
+        return float(mesh.edges[k] + mesh.h[k] * (mesh.table.points[point] if point >= 0 else 1.0))
+
+
+def placed(nlp: Nlp, x: np.ndarray) -> Mesh:
+    """The mesh with the lengths that the unknowns x hold; the mesh itself where lengths are given."""
+    layout, mesh = nlp.element.layout, nlp.mesh
+    if layout.h < 0:
+        return mesh
+    h = x[: nlp.end].reshape(mesh.elements, layout.size)[:, layout.h] * layout.scale[layout.h]
+    return replace(mesh, lengths=tuple(h.tolist()), length_ratio=None)
 
 
 def make_nlp(problem: DynamicProblem, mesh: Mesh) -> Nlp:
     """Transcribe a dynamic problem on a mesh."""
     element = make_element(problem, mesh)
     n, m, N = element.layout.size, element.rows.numel(), mesh.elements
-    nx, nP = element.layout.nx, problem.P.numel()
+    nx, nP = element.layout.nl, problem.P.numel()
+    _check_names(problem, mesh)
+    delays = delay_rows(problem, mesh, element.layout)
     p_scale = np.maximum(1.0, np.abs(problem.P_guess)) if nP else np.ones(0)
     total = N * n + nx + nP
     X = ca.MX.sym("X", total)
@@ -81,17 +119,19 @@ def make_nlp(problem: DynamicProblem, mesh: Mesh) -> Nlp:
     point = _points(problem, mesh, element, p_scale)
     z = X[point.index.tolist()] if point.index.size else ca.MX(0, 1)
     mc = len(problem.points)
-    lam_all = ca.MX.sym("lam_g", N * m + mc)
+    md = len(delays.value)
+    lam_all = ca.MX.sym("lam_g", N * m + mc + md)
     sigma = ca.MX.sym("lam_f_x")
 
     g_e, c_e = e_g(Y, Pm, D)
     link = _link(X, n, m, nx, N)
     mayer, rows_p = point.value(z)
-    g = ca.vertcat(ca.vec(g_e) - link, rows_p)
+    held = ca.DM(delays.matrix) @ X[: N * n] if md else ca.MX(0, 1)
+    g = ca.vertcat(ca.vec(g_e) - link, rows_p, held)
     f = ca.sum2(c_e) + mayer
 
     _, nzJ, dP = e_j(Y, Pm, D)
-    jac = _jacobian(J, nzJ, dP, point, z, n, m, nx, nP, N, total, mc)
+    jac = _jacobian(J, nzJ, dP, point, z, n, m, nx, nP, N, total, mc, delays)
     _, dy, dPc = e_d(Y, Pm, D)
     mayer_z = point.gradient(z)
     grad_f = ca.vertcat(ca.vec(dy), ca.MX.zeros(nx, 1), ca.sum2(ca.reshape(dPc, nP, N)) if nP else ca.MX(0, 1))
@@ -101,7 +141,7 @@ def make_nlp(problem: DynamicProblem, mesh: Mesh) -> Nlp:
         )
         grad_f = grad_f + spread @ mayer_z
     nz, yP, PP = e_h(Y, Pm, D, ca.repmat(sigma, 1, N), ca.reshape(lam_all[: N * m], m, N))
-    hess = _hessian(Hyy, nz, yP, PP, point, z, sigma, lam_all[N * m :], n, nx, nP, N, total)
+    hess = _hessian(Hyy, nz, yP, PP, point, z, sigma, lam_all[N * m : N * m + mc], n, nx, nP, N, total)
 
     parameters = ca.MX.sym("p", 0)
     nlp = ca.Function("nlp", [X, parameters], [f, g], ["x", "p"], ["f", "g"])
@@ -113,9 +153,32 @@ def make_nlp(problem: DynamicProblem, mesh: Mesh) -> Nlp:
         ),
     }
     lbx, ubx = _bounds(problem, element, mesh, p_scale)
-    lbg = np.concatenate([np.tile(element.low, N), [r.low for r in problem.points]])
-    ubg = np.concatenate([np.tile(element.high, N), [r.high for r in problem.points]])
-    return Nlp(problem, mesh, element, functions, nlp, lbx, ubx, lbg, ubg, p_scale)
+    lbg = np.concatenate([np.tile(element.low, N), [r.low for r in problem.points], delays.value])
+    ubg = np.concatenate([np.tile(element.high, N), [r.high for r in problem.points], delays.value])
+    _step_bounds(problem, mesh, element.layout, m, lbg, ubg)
+    return Nlp(problem, mesh, element, functions, nlp, lbx, ubx, lbg, ubg, p_scale, delays.names)
+
+
+def _check_names(problem: DynamicProblem, mesh: Mesh) -> None:
+    """Blocks name controls that exist. Raises ModelError."""
+    for what in (mesh.blocks.step_max, mesh.blocks.step_penalty) if mesh.blocks is not None else ():
+        for name in what:
+            if name not in problem.control_names:
+                raise ModelError(
+                    f"blocks name a control '{name}', but {problem.flat.title} has "
+                    f"{', '.join(problem.control_names) or 'none'}"
+                )
+
+
+def _step_bounds(problem: DynamicProblem, mesh: Mesh, layout: Layout, m: int, lbg: np.ndarray, ubg: np.ndarray) -> None:
+    """Where a block ends the control may step: the row that continues it becomes a bound on the step."""
+    if mesh.blocks is None:
+        return
+    for j, name in enumerate(problem.control_names):
+        most = mesh.blocks.step_max.get(name, np.inf) / problem.u_scale[j]
+        for k in mesh.blocks.borders:
+            row = (k - 1) * m + layout.nx + j
+            lbg[row], ubg[row] = -most, most
 
 
 def _function(name: str, args: list[ca.SX], out: list[ca.SX], count: int) -> ca.Function:
@@ -143,39 +206,68 @@ class _Point:
     hess_sparsity: ca.Sparsity
 
 
-def _points(problem: DynamicProblem, mesh: Mesh, element: Element, p_scale: np.ndarray) -> _Point:
-    layout, N = element.layout, mesh.elements
-    n, nx, nP = layout.size, layout.nx, problem.P.numel()
+@dataclass(eq=False)
+class Instants:
+    """Values at instants in the unknowns: `old` symbols are `new` expressions of `z`, which stand at `index`; `ys`
+    are the elements among z."""
+
+    old: ca.SX
+    new: ca.SX
+    z: ca.SX
+    index: np.ndarray
+    ys: dict[int, ca.SX]
+
+
+def instants(problem: DynamicProblem, mesh: Mesh, layout: Layout, p_scale: np.ndarray, more: Sequence[int]) -> Instants:
+    """Unknowns of the elements that hold instants, and of the elements `more`. Raises ModelError."""
+    N, n, nx, nP = mesh.elements, layout.size, layout.nl, problem.P.numel()
     edges, h = mesh.edges, mesh.h
+    inner = [i.s for i in problem.instants if 0.0 < i.s < 1.0]
+    if inner and mesh.length_ratio is not None:
+        raise ModelError(
+            f"{problem.flat.title}: a value is asked for at {inner[0]:g} of the horizon, but with free element lengths "
+            "(length_ratio) no element stays there; use the ends, or given lengths"
+        )
     where = [mesh.element_at(i.s) for i in problem.instants]
-    used = sorted(set(where))
+    used = sorted({*where, *more})
     ys = {k: ca.SX.sym(f"y{k}", n) for k in used}
     xN = ca.SX.sym("xN", nx)
     Ps = ca.SX.sym("Ps", nP)
     P = Ps * ca.DM(p_scale) if nP else Ps
-    out = ca.Function(
-        "instants",
-        [problem.x, problem.xd, problem.u, problem.P, problem.t],
-        [ca.vertcat(*[i.expression for i in problem.instants]) if problem.instants else ca.SX(0, 1)],
-    )
+    arguments = [problem.x, problem.xd, problem.u, problem.P, problem.t]
+    points: dict[float, tuple[ca.SX, ...]] = {}  # several values may be asked for at one instant
     values = []
-    for number, (i, k) in enumerate(zip(problem.instants, where, strict=True)):
-        s = (i.s - edges[k]) / h[k]
-        x, xd, u, t = value_at(problem, mesh, layout, ys[k], P, float(h[k]), float(edges[k]), float(s))
-        if i.s == 1.0:
-            x = xN * ca.DM(problem.x_scale)
-        values.append(out(x, xd, u, P, t)[number])
-    symbols = [i.symbol for i in problem.instants]
-    old = ca.vertcat(*symbols, problem.P)
+    for i, k in zip(problem.instants, where, strict=True):
+        if i.s not in points:
+            s = (i.s - edges[k]) / h[k]
+            x, xd, u, t = value_at(problem, mesh, layout, ys[k], P, float(h[k]), float(edges[k]), float(s))
+            if i.s == 1.0:
+                x = xN[: layout.nx] * ca.DM(problem.x_scale)
+            points[i.s] = (x, xd, u, P, t)
+        values.append(ca.Function("instant", arguments, [i.expression])(*points[i.s]))
+    old = ca.vertcat(*[i.symbol for i in problem.instants], problem.P)
     new = ca.vertcat(*values, P)
-    exprs = [problem.mayer, ca.vertcat(*[r.expression for r in problem.points]) if problem.points else ca.SX(0, 1)]
-    if old.numel():
-        exprs = ca.substitute(exprs, [old], [new])
-    mayer, rows = exprs
-    z = ca.vertcat(*[ys[k] for k in used], xN, Ps)
     index = np.concatenate(
         [np.arange(k * n, (k + 1) * n) for k in used] + [np.arange(N * n, N * n + nx), N * n + nx + np.arange(nP)]
     ).astype(int)
+    return Instants(old, new, ca.vertcat(*[ys[k] for k in used], xN, Ps), index, ys)
+
+
+def _points(problem: DynamicProblem, mesh: Mesh, element: Element, p_scale: np.ndarray) -> _Point:
+    layout = element.layout
+    stepped = mesh.blocks is not None and any(mesh.blocks.step_penalty.values())
+    borders = mesh.blocks.borders if stepped and mesh.blocks is not None else []
+    held = instants(problem, mesh, layout, p_scale, [*borders, *(k - 1 for k in borders)])
+    z, index, ys = held.z, held.index, held.ys
+    exprs = [problem.mayer, ca.vertcat(*[r.expression for r in problem.points]) if problem.points else ca.SX(0, 1)]
+    if held.old.numel():
+        exprs = ca.substitute(exprs, [held.old], [held.new])
+    mayer, rows = exprs
+    for k in borders:
+        assert mesh.blocks is not None
+        for j, name in enumerate(problem.control_names):
+            step = (ys[k][int(layout.u[0, j])] - ys[k - 1][int(layout.u[0, j])]) * problem.u_scale[j]
+            mayer += mesh.blocks.step_penalty.get(name, 0.0) * step**2
     # keep only what is really touched
     touched = sorted(set(ca.jacobian_sparsity(ca.vertcat(mayer, rows), z).get_triplet()[1])) if z.numel() else []
     zs = [z[j] for j in touched]
@@ -196,7 +288,7 @@ def _points(problem: DynamicProblem, mesh: Mesh, element: Element, p_scale: np.n
     )
 
 
-def _scatter(rows: np.ndarray, cols: np.ndarray, values: ca.MX, shape: tuple[int, int]) -> ca.MX:
+def scatter(rows: np.ndarray, cols: np.ndarray, values: ca.MX, shape: tuple[int, int]) -> ca.MX:
     """Sparse matrix from triplets without duplicates: one gather at run time."""
     order = np.lexsort((rows, cols))
     sparsity = ca.Sparsity.triplet(*shape, rows.astype(int).tolist(), cols.astype(int).tolist())
@@ -210,7 +302,7 @@ def _tile(rows: list[int], cols: list[int], N: int, dr: int, dc: int) -> tuple[n
 
 def _jacobian(
     J: ca.SX, nz: ca.MX, dP: ca.MX, point: _Point, z: ca.MX,
-    n: int, m: int, nx: int, nP: int, N: int, total: int, mc: int,
+    n: int, m: int, nx: int, nP: int, N: int, total: int, mc: int, delays: DelayRows,
 ) -> ca.MX:  # fmt: skip
     r1, c1 = _tile(*J.sparsity().get_triplet(), N, m, n)
     r2 = np.array([k * m + i for k in range(N) for i in range(nx)], int)
@@ -219,8 +311,11 @@ def _jacobian(
     r3, c3 = k * m + r, N * n + nx + p
     rp, cp = (np.array(a, int) for a in point.jac_sparsity.get_triplet())
     r4, c4 = rp + N * m, point.index[cp] if cp.size else cp
-    values = ca.vertcat(ca.vec(nz), -ca.MX.ones(len(r2), 1), ca.vec(dP), point.jacobian(z))
-    return _scatter(np.concatenate([r1, r2, r3, r4]), np.concatenate([c1, c2, c3, c4]), values, (N * m + mc, total))
+    held = delays.matrix.tocoo()
+    r5, c5 = held.row.astype(int) + N * m + mc, held.col.astype(int)
+    values = ca.vertcat(ca.vec(nz), -ca.MX.ones(len(r2), 1), ca.vec(dP), point.jacobian(z), ca.DM(held.data))
+    rows, cols = np.concatenate([r1, r2, r3, r4, r5]), np.concatenate([c1, c2, c3, c4, c5])
+    return scatter(rows, cols, values, (N * m + mc + len(delays.value), total))
 
 
 def _hessian(
@@ -230,7 +325,7 @@ def _hessian(
     r1, c1 = _tile(*Hyy.sparsity().get_triplet(), N, n, n)
     k, p, r = (a.ravel() for a in np.meshgrid(np.arange(N), np.arange(nP), np.arange(n), indexing="ij"))
     r2, c2 = k * n + r, N * n + nx + p
-    result = _scatter(
+    result = scatter(
         np.concatenate([r1, r2]), np.concatenate([c1, c2]), ca.vertcat(ca.vec(nz), ca.vec(yP)), (total, total)
     )
     if nP:
@@ -238,13 +333,13 @@ def _hessian(
         i, j = np.triu_indices(nP)
         at = (i + j * nP).astype(int).tolist()
         offset = N * n + nx
-        result = result + _scatter(i + offset, j + offset, ca.vec(summed)[at], (total, total))
+        result = result + scatter(i + offset, j + offset, ca.vec(summed)[at], (total, total))
     if point.hess_sparsity.nnz():
         rp, cp = (np.array(a, int) for a in point.hess_sparsity.get_triplet())
         rows, cols = point.index[rp], point.index[cp]
         values = point.hessian(z, sigma, lam).nz[:]
         low, high = np.minimum(rows, cols), np.maximum(rows, cols)
-        result = result + _scatter(low, high, values, (total, total))
+        result = result + scatter(low, high, values, (total, total))
     return result
 
 
@@ -252,16 +347,28 @@ def _bounds(
     problem: DynamicProblem, element: Element, mesh: Mesh, p_scale: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     layout, N = element.layout, mesh.elements
+    nx, nu = layout.nx, layout.nu
     one_low, one_high = np.full(layout.size, -np.inf), np.full(layout.size, np.inf)
-    for rows, b in ((layout.left, problem.x_bounds), *((layout.x[c], problem.x_bounds) for c in range(mesh.points)),
-                    *((layout.u[c], problem.u_bounds) for c in range(mesh.points))):  # fmt: skip
-        one_low[rows], one_high[rows] = b.low, b.high
+    u, x = problem.u_bounds, problem.x_bounds
+    one_low[layout.left[:nx]], one_high[layout.left[:nx]] = x.low, x.high
+    one_low[layout.x], one_high[layout.x] = x.low, x.high
+    one_low[layout.u], one_high[layout.u] = u.low[:nu], u.high[:nu]
+    one_low[layout.z], one_high[layout.z] = u.low[nu:], u.high[nu:]
     one_low, one_high = one_low / layout.scale, one_high / layout.scale
+    low, high = np.tile(one_low, N), np.tile(one_high, N)
+    end_low, end_high = one_low[layout.left], one_high[layout.left]
     s = problem.x_scale
-    end_low = np.maximum(problem.x_bounds.low, problem.end_bounds.low) / s
-    end_high = np.minimum(problem.x_bounds.high, problem.end_bounds.high) / s
-    low = np.concatenate([np.tile(one_low, N), end_low, problem.P_bounds.low / p_scale])
-    high = np.concatenate([np.tile(one_high, N), end_high, problem.P_bounds.high / p_scale])
-    low[: layout.nx] = np.maximum(low[: layout.nx], problem.start_bounds.low / s)
-    high[: layout.nx] = np.minimum(high[: layout.nx], problem.start_bounds.high / s)
-    return low, high
+    end_low[:nx] = np.maximum(end_low[:nx], problem.end_bounds.low / s)
+    end_high[:nx] = np.minimum(end_high[:nx], problem.end_bounds.high / s)
+    low[:nx] = np.maximum(low[:nx], problem.start_bounds.low / s)
+    high[:nx] = np.minimum(high[:nx], problem.start_bounds.high / s)
+    if mesh.length_ratio is not None:
+        shortest, longest = mesh.length_ratio
+        lengths = np.arange(N) * layout.size + layout.h
+        low[lengths], high[lengths] = shortest * mesh.h * N, longest * mesh.h * N
+        low[layout.edge] = high[layout.edge] = 0.0
+        end_low[-1] = end_high[-1] = 1.0
+    return (
+        np.concatenate([low, end_low, problem.P_bounds.low / p_scale]),
+        np.concatenate([high, end_high, problem.P_bounds.high / p_scale]),
+    )

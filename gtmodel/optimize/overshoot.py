@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.polynomial import Polynomial
 
-from .nlp import Nlp
+from .control import coefficients
+from .nlp import Nlp, placed
 from .solution import horizon
-from .tables import basis
 
 
 def control_range(nlp: Nlp, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -17,11 +17,12 @@ def control_range(nlp: Nlp, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """
     layout, mesh = nlp.element.layout, nlp.mesh
     low, high = np.full(layout.nu, np.inf), np.full(layout.nu, -np.inf)
-    degree = mesh.points - 1 if mesh.control == "polynomial" else 0
+    degree = coefficients(mesh.control, mesh.table) - 1
+    fitted = np.linspace(0.0, 1.0, degree + 1) if mesh.control != "polynomial" else mesh.table.points
     for k in range(mesh.elements):
-        y = x[k * layout.size : (k + 1) * layout.size] * layout.scale
+        at_fitted = controls_of(nlp, x, k, fitted)
         for j in range(layout.nu):
-            polynomial = Polynomial.fit(mesh.table.points, y[layout.u[:, j]], degree, domain=[0, 1], window=[0, 1])
+            polynomial = Polynomial.fit(fitted, at_fitted[:, j], degree, domain=[0, 1], window=[0, 1])
             turns = polynomial.deriv().roots() if degree > 1 else np.zeros(0)
             turns = turns[np.isreal(turns)].real
             at = np.concatenate([[0.0, 1.0], mesh.table.points, turns[(turns > 0) & (turns < 1)]])
@@ -37,17 +38,13 @@ def control_curves(nlp: Nlp, x: np.ndarray, per_element: int = 15) -> tuple[np.n
     """
     t0, tf = horizon(nlp, x)
     local = np.linspace(0.0, 1.0, per_element)
-    mesh = nlp.mesh
+    mesh = placed(nlp, x)
     s = np.concatenate([mesh.edges[k] + mesh.h[k] * local for k in range(mesh.elements)])
     return t0 + s * (tf - t0), np.vstack([controls_of(nlp, x, k, local) for k in range(mesh.elements)])
 
 
 def controls_of(nlp: Nlp, x: np.ndarray, element: int, local: np.ndarray) -> np.ndarray:
     """Controls (len(local), nu) of one element at fractions of it."""
-    layout, mesh = nlp.element.layout, nlp.mesh
-    if not layout.nu:
-        return np.zeros((len(local), 0))
+    layout = nlp.element.layout
     y = x[element * layout.size : (element + 1) * layout.size] * layout.scale
-    if mesh.control == "constant":
-        return np.repeat(y[layout.u[:1]], len(local), 0)
-    return basis(mesh.table.points, local) @ y[layout.u]
+    return layout.inputs(y, local)[:, : layout.nu]

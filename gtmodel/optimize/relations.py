@@ -28,22 +28,26 @@ class Row:
 
 def relations(source: Iterable[Any] | None, flat: FlatModel) -> list[Row]:
     """Rows of everything that constraints() yields. Raises ModelError for what is no relation."""
-    rows: list[Row] = []
     if source is None:
         raise ModelError(f"constraints() of {flat.title} returned nothing; expected 'yield' in front of each relation")
+    return relation_rows(source, f"{flat.title}.constraints()")
+
+
+def relation_rows(source: Iterable[Any], title: str, word: str = "constraint") -> list[Row]:
+    """Rows of relations. Raises ModelError for what is no relation."""
+    rows: list[Row] = []
     for count, item in enumerate(flatten_items(list(source)), 1):
         if not isinstance(item, Relation):
             raise ModelError(
-                f"{flat.title}.constraints() yielded {type(item).__name__}, which is no relation; "
-                "expected '==', '<=', '>=' or gt.between"
+                f"{title} yielded {type(item).__name__}, which is no relation; expected '==', '<=', '>=' or gt.between"
             )
         low, high = {"==": (0.0, 0.0), "<=": (-np.inf, 0.0), ">=": (0.0, np.inf)}[item.op]
         residual = ca.vec((item.lhs - item.rhs).T)
         for k in range(residual.numel()):
             if not ca.symvar(residual[k]):
-                raise ModelError(f"a constraint holds no variable: {residual[k]} {item.op} 0", item.where)
+                raise ModelError(f"a {word} holds no variable: {residual[k]} {item.op} 0", item.where)
             suffix = f"[{k}]" if residual.numel() > 1 else ""
-            rows.append(Row(residual[k], low, high, f"constraint {count}{suffix} ({item.where})", item.where))
+            rows.append(Row(residual[k], low, high, f"{word} {count}{suffix} ({item.where})", item.where))
     return rows
 
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from math import comb
 
 import casadi as ca
 import numpy as np
@@ -11,14 +12,16 @@ from scipy.interpolate import CubicHermiteSpline
 
 from ..results.status import SolveStatus
 from ..results.trajectory import Trajectory
+from .dynamic import DynamicProblem
 from .element import pointwise
-from .nlp import Nlp
-from .overshoot import control_range, controls_of
-from .problem import DynamicProblem
+from .mesh import Mesh
+from .nlp import Nlp, placed
+from .overshoot import control_range
 from .solution import Solution, constants, horizon, named, states_and_controls
 
 # far below the collocation error that is to be measured, far above round-off
 INTEGRATOR_TOLERANCE = 1e-10
+NEWTON_DONE = 1e-12  # relative: corrections this small are round-off
 SUBSTEPS = 8  # reported points per element: overshoots of a cubic control are seen
 
 
@@ -49,12 +52,12 @@ def resimulate(solution: Solution, tolerance: float = INTEGRATOR_TOLERANCE) -> R
     nlp, problem = solution.nlp, solution.problem
     t0, tf = horizon(nlp, solution.x)
     P = constants(nlp, solution.x)
-    mesh = nlp.mesh
+    mesh = placed(nlp, solution.x)
     edges, h = mesh.edges, mesh.h
     low, high = control_range(nlp, solution.x)
     ranges = dict(zip(problem.control_names, zip(low.tolist(), high.tolist(), strict=True), strict=True))
     fine = np.linspace(0.0, 1.0, SUBSTEPS + 1)
-    states, cost = _integrate(solution, tolerance)
+    states, unknowns, cost = _integrate(solution, tolerance, mesh)
     if len(states) < mesh.elements:
         time = t0 + edges[len(states)] * (tf - t0)
         return Resimulation(
@@ -65,18 +68,20 @@ def resimulate(solution: Solution, tolerance: float = INTEGRATOR_TOLERANCE) -> R
     # both ends of every element: a control may jump at an edge
     s = (edges[:-1, None] + h[:, None] * fine).reshape(-1)
     s[-1] = 1.0
-    xs, us = np.vstack(states), np.vstack([controls_of(nlp, solution.x, k, fine) for k in range(mesh.elements)])
+    xs, us = np.vstack(states), np.vstack([_given(nlp, solution.x, k, fine) for k in range(mesh.elements)])
     times = t0 + s * (tf - t0)
-    rate = _rates(problem)
-    rates = rate.map(len(s))(xs.T, us.T, ca.repmat(ca.DM(P), 1, len(s)), ca.DM(times).T).full().T
+    system, zs = System.of(problem), np.vstack(unknowns)
+    rates, us = system.at(xs, us, zs, P, times)
     rows = [slice(k * len(fine), (k + 1) * len(fine)) for k in range(mesh.elements)]
     paths = [CubicHermiteSpline(times[r], xs[r], rates[r]) for r in rows]
 
     def integrated(s: float) -> tuple[np.ndarray, ...]:
         """State, rate, control and time at a fraction of the horizon."""
         k, t = mesh.element_at(s), t0 + s * (tf - t0)
-        x, u = paths[k](t), controls_of(nlp, solution.x, k, np.array([(s - edges[k]) / h[k]]))[0]
-        return x, np.asarray(rate(x, u, P, t)).reshape(-1), u, np.array(t)
+        x, local = paths[k](t), (s - edges[k]) / h[k]
+        z = np.array([np.interp(local, fine, column) for column in unknowns[k].T])
+        xd, u = system.at(x[None], _given(nlp, solution.x, k, np.array([local])), z[None], P, np.array([t]))
+        return x, xd[0], u[0], np.array(t)
 
     violation, name = _violation(problem, xs, rates, us, times, P, low, high)
     # one row per instant from here on: at an edge that of the element on its left
@@ -93,26 +98,120 @@ def resimulate(solution: Solution, tolerance: float = INTEGRATOR_TOLERANCE) -> R
     )
 
 
-def _integrate(solution: Solution, tolerance: float) -> tuple[list[np.ndarray], float]:
-    """States (SUBSTEPS + 1, nx) in each element, up to where the integrator stops, and the integral cost."""
+def _given(nlp: Nlp, x: np.ndarray, element: int, local: np.ndarray) -> np.ndarray:
+    """Controls and delayed inputs (len(local), n) of one element."""
+    layout = nlp.element.layout
+    y = x[element * layout.size : (element + 1) * layout.size] * layout.scale
+    return layout.inputs(y, local)[:, : layout.nu + len(nlp.problem.delayed)]
+
+
+def _integrate(solution: Solution, tolerance: float, mesh: Mesh) -> tuple[list[np.ndarray], list[np.ndarray], float]:
+    """States (SUBSTEPS + 1, nx) and unknowns without a closed form in each element, up to where the integrator
+    stops, and the integral cost."""
     nlp = solution.nlp
-    mesh, layout = nlp.mesh, nlp.element.layout
+    layout = nlp.element.layout
     t0, tf = horizon(nlp, solution.x)
     P = constants(nlp, solution.x)
-    integrator = _integrator(nlp, tolerance)
+    integrator = make_integrator(nlp, tolerance)
     x = states_and_controls(nlp, solution.x, np.array([0.0]))[0][0]
-    states, cost = [], 0.0
+    z = _first_unknowns(solution, x, t0, P)
+    states, unknowns, cost = [], [], 0.0
+    nd = len(nlp.problem.delayed)
     for k in range(mesh.elements):
         y = solution.x[k * layout.size : (k + 1) * layout.size] * layout.scale
-        p = np.concatenate([[t0 + mesh.edges[k] * (tf - t0), mesh.h[k] * (tf - t0)], y[layout.u].reshape(-1), P])
+        given = np.concatenate([y[layout.u].reshape(-1), y[layout.z[:, :nd]].reshape(-1)])
+        p = np.concatenate([[t0 + mesh.edges[k] * (tf - t0), mesh.h[k] * (tf - t0)], given, P])
         try:
-            result = integrator(x0=x if len(x) else 0.0, p=p)
+            result = integrator(x0=x if len(x) else 0.0, z0=z, p=p)
         except RuntimeError:
             break
         states.append(np.vstack([x, np.asarray(result["xf"].full()).T[:, : len(x)]]))
-        x = states[-1][-1]
+        zf = np.asarray(result["zf"].full()).reshape(len(z), -1).T if len(z) else np.zeros((SUBSTEPS, 0))
+        unknowns.append(np.vstack([zf[:1], zf]))  # at the left end as at the first step: the input may jump there
+        x, z = states[-1][-1], zf[-1] if len(z) else z
         cost += float(np.sum(np.asarray(result["qf"].full())[:, -1]))
-    return states, cost
+    return states, unknowns, cost
+
+
+def _first_unknowns(solution: Solution, x: np.ndarray, t0: float, P: np.ndarray) -> np.ndarray:
+    """Start values for the unknowns without a closed form: those of the solution, corrected by Newton."""
+    nlp, problem = solution.nlp, solution.problem
+    system = System.of(problem)
+    if not system.count:
+        return np.zeros(0)
+    layout = nlp.element.layout
+    u = layout.inputs(solution.x[: layout.size] * layout.scale, np.array([0.0, nlp.mesh.table.points[0]]))
+    known = {p: u[1, layout.nu + len(problem.delayed) + n] for n, p in enumerate(problem.z_pairs)}
+    z = np.array([known.get(p, 0.0) for p in system.pairs])
+    given = u[0, : layout.nu + len(problem.delayed)]
+    z = system.solved(x[None], given[None], z[None], P, np.array([t0]))[0]
+    return z
+
+
+@dataclass(eq=False)
+class System:
+    """The equations as an ordinary differential one, with `count` unknowns that have no closed form (`pairs`).
+
+    values: (x, given inputs, unknowns, P, t) -> rates, point variables; residual: the same -> r, dr/dunknowns.
+    """
+
+    values: ca.Function
+    residual: ca.Function
+    pairs: list[tuple[int, int]]
+
+    @property
+    def count(self) -> int:
+        return len(self.pairs)
+
+    @classmethod
+    def of(cls, problem: DynamicProblem) -> System:
+        """Raises ModelError where the model has no such form."""
+        found = problem.builder.explicit()
+        rates = list(found.rates)
+        extra = [r for r in problem.rates[len(rates) :] if r is not None]
+        # rates of cost states may hold what the formulation left unsolved
+        old = ca.vertcat(problem.xd[: len(rates)], *[problem.flat.scope.symbol(*p) for p in problem.z_pairs])
+        new = ca.vertcat(*rates, *found.point)
+        if extra and old.numel():
+            extra = ca.substitute(extra, [old], [new])
+        unknowns = ca.vertcat(*found.unknowns) if found.unknowns else ca.SX(0, 1)
+        residual = ca.vertcat(*found.residuals) if found.residuals else ca.SX(0, 1)
+        arguments = [problem.x, problem.builder.given, unknowns, problem.P, problem.t]
+        rates = ca.vertcat(*rates, *extra)
+        values = ca.Function("values", arguments, [rates, ca.vertcat(*found.point) if found.point else ca.SX(0, 1)])
+        slopes = ca.Function("residual", arguments, [residual, ca.densify(ca.jacobian(residual, unknowns))])
+        return cls(values, slopes, [p for p in map(problem.flat.scope.owner, found.unknowns) if p is not None])
+
+    def solved(
+        self, x: np.ndarray, given: np.ndarray, z: np.ndarray, P: np.ndarray, t: np.ndarray, steps: int = 20
+    ) -> np.ndarray:
+        """The unknowns without a closed form (n, count) by Newton from z; NaN where that does not converge."""
+        n = len(t)
+        f = self.residual.map(n)
+        rows = [ca.DM(a.T) for a in (x, given)]
+        rest = [ca.repmat(ca.DM(P), 1, n), ca.DM(t).T]
+        done = np.zeros(n, bool)
+        for _ in range(steps):
+            r, slope = (v.full() for v in f(*rows, ca.DM(z.T), *rest))
+            slopes = slope.reshape(self.count, n, self.count).transpose(1, 0, 2)
+            finite = np.all(np.isfinite(slopes), axis=(1, 2)) & np.all(np.isfinite(r), axis=0)
+            step = np.full(z.shape, np.nan)
+            for k in np.flatnonzero(finite):
+                step[k] = np.linalg.lstsq(slopes[k], -r[:, k], rcond=None)[0]
+            z = z + step
+            done = np.max(np.abs(step), axis=1) <= NEWTON_DONE * (1 + np.max(np.abs(z), axis=1))
+            if np.all(done | ~finite):
+                break
+        return np.where(done[:, None], z, np.nan)
+
+    def at(
+        self, x: np.ndarray, given: np.ndarray, z: np.ndarray, P: np.ndarray, t: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Rates and whole inputs (n, ...) for rows."""
+        n = len(t)
+        rows = [ca.DM(a.T) for a in (x, given, z)]
+        rates, point = self.values.map(n)(*rows, ca.repmat(ca.DM(P), 1, n), ca.DM(t).T)
+        return rates.full().T, np.hstack([given, point.full().T])
 
 
 def _mayer(solution: Solution, integrated: Callable[[float], tuple[np.ndarray, ...]], P: np.ndarray) -> float:
@@ -127,49 +226,61 @@ def _mayer(solution: Solution, integrated: Callable[[float], tuple[np.ndarray, .
     return float(ca.Function("mayer", [symbols, problem.P], [problem.mayer])(values, P))
 
 
-def _rates(problem: DynamicProblem) -> ca.Function:
-    own = problem.builder.explicit_rates()
-    extra = [r for r in problem.rates[len(own) :] if r is not None]
-    exprs = [*own, *extra]
-    if own and extra:
-        exprs = ca.substitute(exprs, [problem.xd[: len(own)]], [ca.vertcat(*own)])
-    return ca.Function("rates", [problem.x, problem.u, problem.P, problem.t], [ca.vertcat(*exprs)])
+def make_integrator(nlp: Nlp, tolerance: float, outputs: Sequence[float] = ()) -> ca.Function:
+    """CVODES (IDAS where equations have no closed form) over one element, with values at fractions of it.
 
-
-def _integrator(nlp: Nlp, tolerance: float) -> ca.Function:
-    problem, mesh = nlp.problem, nlp.mesh
-    nu, k = problem.u.numel(), mesh.points
+    p = [left end of the element [s], its length [s], control coefficients, delayed inputs at the points, P].
+    """
+    problem, mesh, layout = nlp.problem, nlp.mesh, nlp.element.layout
+    nu, nd, m, k = layout.nu, len(problem.delayed), layout.u.shape[0], mesh.points
     s = ca.SX.sym("s")
     left, length = ca.SX.sym("left"), ca.SX.sym("length")
-    U = ca.SX.sym("U", nu * k)
-    if nu == 0:
-        u = ca.SX(0, 1)
-    elif mesh.control == "constant":
-        u = U[:nu]
-    else:
-        # Lagrange polynomials of the collocation points in the symbol s
-        c = mesh.table.points
-        values = []
-        for j in range(k):
-            term = ca.SX(1)
-            for i in range(k):
-                if i != j:
-                    term = term * (s - float(c[i])) / float(c[j] - c[i])
-            values.append(term)
-        u = sum((values[j] * U[j * nu : (j + 1) * nu] for j in range(k)), ca.SX.zeros(nu, 1))
+    U, D = ca.SX.sym("U", nu * m), ca.SX.sym("D", nd * k)
+    u = _combined(_polynomials(mesh.control, mesh, s), U, nu)
+    late = _combined(_polynomials("polynomial", mesh, s), D, nd)
     P = ca.SX.sym("P", problem.P.numel())
     t = left + s * length
-    rates = _rates(problem)(problem.x, u, P, t)
-    point = pointwise(problem)(problem.x, rates, u, P, t)
+    system = System.of(problem)
+    z = ca.SX.sym("z", system.count)
+    given = ca.vertcat(u, late)
+    rates, point_variables = system.values(problem.x, given, z, P, t)
+    point = pointwise(problem)(problem.x, rates, ca.vertcat(given, point_variables), P, t)
     weights = ca.DM([w for _, _, w in problem.integrals]) if problem.integrals else ca.DM(0, 1)
     quad = length * ca.dot(weights, point[3]) if problem.integrals else ca.SX(0)
-    dae = {"x": problem.x, "p": ca.vertcat(left, length, U, P), "t": s, "ode": length * rates, "quad": quad}
+    dae = {"x": problem.x, "p": ca.vertcat(left, length, U, D, P), "t": s, "ode": length * rates, "quad": quad}
     if not problem.x.numel():  # CVODES wants a state
         dae |= {"x": ca.SX.sym("nothing"), "ode": ca.SX(0)}
     options = {"abstol": tolerance, "reltol": tolerance, "quad_err_con": True, "max_num_steps": 100000}
     options |= {"verbose": False, "disable_internal_warnings": True, "show_eval_warnings": False}
-    grid = np.linspace(0.0, 1.0, SUBSTEPS + 1)[1:].tolist()
-    return ca.integrator("resimulate", "cvodes", dae, 0.0, grid, options)
+    if system.count:
+        dae |= {"z": z, "alg": system.residual(problem.x, given, z, P, t)[0]}
+    grid = list(outputs) or np.linspace(0.0, 1.0, SUBSTEPS + 1)[1:].tolist()
+    return ca.integrator("resimulate", "idas" if system.count else "cvodes", dae, 0.0, grid, options)
+
+
+def _combined(values: list[ca.SX], numbers: ca.SX, width: int) -> ca.SX:
+    """Sum of functions times rows of numbers."""
+    return sum((v * numbers[j * width : (j + 1) * width] for j, v in enumerate(values)), ca.SX.zeros(width, 1))
+
+
+def _polynomials(control: str, mesh: Mesh, s: ca.SX) -> list[ca.SX]:
+    """The functions of control_basis in the symbol s."""
+    if control == "constant":
+        return [ca.SX(1)]
+    if control == "linear":
+        return [1 - s, s]
+    c = mesh.table.points
+    k = len(c)
+    if control == "bernstein":
+        return [comb(k - 1, j) * s**j * (1 - s) ** (k - 1 - j) for j in range(k)]
+    values = []
+    for j in range(k):
+        term = ca.SX(1)
+        for i in range(k):
+            if i != j:
+                term = term * (s - float(c[i])) / float(c[j] - c[i])
+        values.append(term)
+    return values
 
 
 def _violation(
@@ -180,13 +291,14 @@ def _violation(
     path = pointwise(problem).map(n)(
         ca.DM(xs.T), ca.DM(rates.T), ca.DM(us.T), ca.repmat(ca.DM(P), 1, n), ca.DM(times).T
     )[2].full().T  # fmt: skip
+    nu = len(u_low)  # the controls' extremes are exact, all else is sampled
     lowest, highest = (
-        np.concatenate([f(xs, axis=0), u, f(path, axis=0) if path.size else []])
+        np.concatenate([f(xs, axis=0), u, f(us[:, nu:], axis=0), f(path, axis=0) if path.size else []])
         for f, u in ((np.min, u_low), (np.max, u_high))
     )
     low = np.concatenate([problem.x_bounds.low, problem.u_bounds.low, [r.low for r in problem.path]])
     high = np.concatenate([problem.x_bounds.high, problem.u_bounds.high, [r.high for r in problem.path]])
-    names = [*problem.state_names, *problem.control_names, *(r.label for r in problem.path)]
+    names = [*problem.state_names, *problem.control_names, *problem.point_names, *(r.label for r in problem.path)]
     if not names:
         return 0.0, ""
     excess = np.maximum(low - lowest, highest - high)

@@ -8,12 +8,13 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ..compiler.plan import Plan
 from ..lang.scope import derivative_name
 from ..results.status import SolveStatus
 from ..results.trajectory import Trajectory
-from .nlp import Nlp
-from .problem import DynamicProblem
+from .dynamic import DynamicProblem
+from .ipopt import Run
+from .mesh import Mesh
+from .nlp import Nlp, placed
 from .tables import basis, basis_slope
 
 
@@ -48,6 +49,7 @@ class Solution:
     multipliers: np.ndarray
     seconds: dict[str, float]
     checks: dict[str, Check] = field(default_factory=dict)
+    bound_multipliers: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
     def with_checks(self, **checks: Check) -> Solution:
         return replace(self, checks={**self.checks, **checks})
@@ -55,6 +57,70 @@ class Solution:
     @property
     def problem(self) -> DynamicProblem:
         return self.nlp.problem
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Values of the tunable parameters that this was solved for."""
+        values = constants(self.nlp, self.x)[len(self.problem.free_names) :]
+        return dict(zip(self.problem.tunable, values.tolist(), strict=True))
+
+    @property
+    def sensitivity(self) -> dict[str, float]:
+        """Slope of the optimal cost with respect to each tunable parameter, in SI units (envelope theorem)."""
+        nlp = self.nlp
+        first = nlp.constants + len(self.problem.free_names)
+        slope = np.asarray(nlp.functions["grad_f"](self.x, [])[1]).reshape(-1)[first:]
+        jacobian = nlp.functions["jac_g"](self.x, [])[1][:, first:]
+        slope = slope + np.asarray((jacobian.T @ ca.DM(self.multipliers)).full()).reshape(-1)
+        return dict(zip(self.problem.tunable, (slope / nlp.p_scale[len(self.free) :]).tolist(), strict=True))
+
+    def multiplier(self, name: str) -> np.ndarray | float:
+        """Multipliers of a constraint in SI units, in IPOPT's sign: cost per unit by which its row is raised.
+
+        name: the beginning of a row's name, which `multiplier_names` lists: a number for a point constraint,
+        (elements,) for the continuity of a state ("continuity of x": the costate at the element's end),
+        (elements, points) for what holds along the path. Divided by quadrature weight times element length, the last
+        approach the multiplier functions of time. Raises KeyError with the names.
+        """
+        nlp = self.nlp
+        m, N = nlp.element.rows.numel(), nlp.mesh.elements
+        for n, row in enumerate(self.problem.points):
+            if row.label.startswith(name):
+                return float(self.multipliers[m * N + n])
+        rows = [r for r, (label, _) in enumerate(nlp.element.row_names) if label.startswith(name)]
+        labels = {nlp.element.row_names[r][0] for r in rows}
+        if len(labels) != 1:
+            raise KeyError(f"{len(labels)} rows begin with '{name}'; there are {', '.join(self.multiplier_names)}")
+        values = self.multipliers[: m * N].reshape(N, m)[:, rows] / self._row_scale(rows)
+        return values[:, 0] if nlp.element.row_names[rows[0]][1] < 0 else values
+
+    def _row_scale(self, rows: list[int]) -> np.ndarray:
+        problem, layout = self.problem, self.nlp.element.layout
+        known = dict(zip(problem.algebraic_labels, problem.algebraic_scale, strict=True))
+        known |= dict(zip((f"rate of {n}" for n in problem.state_names), problem.x_scale, strict=True))
+        names = self.nlp.element.row_names
+        return np.array([layout.scale[r] if r < layout.nl else known.get(names[r][0], 1.0) for r in rows])
+
+    @property
+    def multiplier_names(self) -> tuple[str, ...]:
+        """What multiplier() knows."""
+        points = [r.label for r in self.problem.points]
+        return tuple(dict.fromkeys([*points, *(n for n, _ in self.nlp.element.row_names)]))
+
+    def bound_multiplier(self, name: str) -> np.ndarray:
+        """Multipliers (elements, points) of the bounds of a state, control or algebraic variable at the collocation
+        points (of a control's coefficients, where it is no polynomial), in SI units; positive at an upper bound.
+
+        Raises KeyError with the names.
+        """
+        problem, layout = self.problem, self.nlp.element.layout
+        columns = dict(zip(problem.state_names, layout.x.T, strict=True))
+        columns |= dict(zip(problem.control_names, layout.u.T, strict=True))
+        columns |= dict(zip(problem.point_names, layout.z.T, strict=True))
+        if name not in columns:
+            raise KeyError(f"'{name}' has no bounds of its own; there are {', '.join(columns)}")
+        values = self.bound_multipliers[: self.nlp.end].reshape(-1, layout.size)
+        return values[:, columns[name]] / layout.scale[columns[name]]
 
     @property
     def final_time(self) -> float:
@@ -66,29 +132,22 @@ class Solution:
         return evaluate(self.nlp, self.x, np.asarray(s, float))
 
 
-def read_solution(
-    nlp: Nlp,
-    x: np.ndarray,
-    g: np.ndarray,
-    *,
-    lam_g: np.ndarray,
-    status: SolveStatus,
-    message: str,
-    objective: float,
-    iterations: int,
-    seconds: dict[str, float],
-) -> Solution:
+def read_solution(nlp: Nlp, run: Run, status: SolveStatus, message: str) -> Solution:
     """Physical values of all names from the scaled unknowns."""
-    free = dict(zip(nlp.problem.free_names, constants(nlp, x).tolist(), strict=True))
-    violation = float(np.max(np.maximum(nlp.lbg - g, g - nlp.ubg), initial=0.0))
-    trajectory = evaluate(nlp, x, mesh_fractions(nlp))
-    solution = Solution(status, message, objective, iterations, trajectory, free, nlp, x, lam_g, seconds)
+    x = run.x
+    chosen = constants(nlp, x)[: len(nlp.problem.free_names)]
+    free = dict(zip(nlp.problem.free_names, chosen.tolist(), strict=True))
+    violation = float(np.max(np.maximum(nlp.lbg - run.g, run.g - nlp.ubg), initial=0.0))
+    trajectory = evaluate(nlp, x, mesh_fractions(placed(nlp, x)))
+    solution = Solution(
+        status, message, run.objective, run.iterations, trajectory, free, nlp, x, run.multipliers.rows, run.seconds,
+        bound_multipliers=run.multipliers.bounds,
+    )  # fmt: skip
     return solution.with_checks(constraint_violation=Check(max(0.0, violation), 1e-6))
 
 
-def mesh_fractions(nlp: Nlp) -> np.ndarray:
+def mesh_fractions(mesh: Mesh) -> np.ndarray:
     """Fractions of the horizon of the start and all collocation points (and the end, for Gauss)."""
-    mesh = nlp.mesh
     s = [0.0]
     for k in range(mesh.elements):
         s += (mesh.edges[k] + mesh.h[k] * mesh.table.points).tolist()
@@ -100,7 +159,7 @@ def mesh_fractions(nlp: Nlp) -> np.ndarray:
 
 def constants(nlp: Nlp, x: np.ndarray) -> np.ndarray:
     """Free constants in SI units."""
-    return x[nlp.mesh.elements * nlp.element.layout.size + nlp.element.layout.nx :] * nlp.p_scale
+    return x[nlp.constants :] * nlp.p_scale
 
 
 def horizon(nlp: Nlp, x: np.ndarray) -> tuple[float, float]:
@@ -113,26 +172,26 @@ def horizon(nlp: Nlp, x: np.ndarray) -> tuple[float, float]:
 def states_and_controls(
     nlp: Nlp, x: np.ndarray, s: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """States, state rates and controls (len(s), n) and times at fractions s, from the polynomials.
+    """States, state rates, inputs (len(s), n) and times at fractions s, from the polynomials.
+
+    Inputs are the controls and behind them what is free at each point (delayed inputs, algebraic variables).
 
     At an element's edge the element on the left is used, except at s = 0.
     """
-    mesh, layout = nlp.mesh, nlp.element.layout
+    mesh, layout = placed(nlp, x), nlp.element.layout
     t0, tf = horizon(nlp, x)
     table, edges = mesh.table, mesh.edges
     # a little to the left: time / duration may round past the edge it came from
     k = np.clip(np.searchsorted(edges, s - 1e-12, side="left") - 1, 0, mesh.elements - 1)
-    xs, rates, us = (np.zeros((len(s), n)) for n in (layout.nx, layout.nx, layout.nu))
+    xs, rates, us = (np.zeros((len(s), n)) for n in (layout.nx, layout.nx, layout.nu + layout.nz))
     for element in np.unique(k):
         rows = np.flatnonzero(k == element)
         local = np.clip((s[rows] - edges[element]) / mesh.h[element], 0.0, 1.0)
         y = x[element * layout.size : (element + 1) * layout.size] * layout.scale
-        nodes = np.vstack([y[layout.left], y[layout.x]])
+        nodes = np.vstack([y[layout.left[: layout.nx]], y[layout.x]])
         xs[rows] = basis(table.nodes, local) @ nodes
         rates[rows] = basis_slope(table.nodes, local) @ nodes / (mesh.h[element] * (tf - t0))
-        if layout.nu:
-            values = y[layout.u]
-            us[rows] = values[:1] if mesh.control == "constant" else basis(table.points, local) @ values
+        us[rows] = layout.inputs(y, local)
     return xs, rates, us, t0 + s * (tf - t0)
 
 
@@ -189,11 +248,4 @@ def _outputs(problem: DynamicProblem) -> tuple[list[tuple[str, Any, int, str]], 
 def _known(problem: DynamicProblem, states: set[tuple[int, int]], index: int, order: int) -> bool:
     """A derivative that is a state or a state's rate."""
     _, kept, k = problem.plan.alias.resolve(index, order)
-    return (kept, k) in states or ((kept, k - 1) in states and _rate_is_expressible(problem, kept, k))
-
-
-def _rate_is_expressible(problem: DynamicProblem, kept: int, k: int) -> bool:
-    symbol = problem.flat.scope.symbol(kept, k).element_hash()
-    plan: Plan = problem.plan
-    solved = {s.element_hash() for b in plan.blocks for s, _ in b.assignments}
-    return symbol in solved or (kept, k) in plan.inputs
+    return (kept, k) in states or ((kept, k - 1) in states and problem.builder.expressible((kept, k)))

@@ -2,25 +2,31 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
-import casadi as ca
 import numpy as np
 
+from ..lang.model import Model
 from ..lang.optimization import Optimization
+from ..lang.source import ModelError
 from ..results.status import SolveStatus
 from ..results.trajectory import Trajectory
+from .assembly import wrong_branch
+from .diagnosis import sentence
+from .equalities import check_equalities
+from .fatrop import Staged
 from .guess import initial_guess
+from .ipopt import HESSIANS, Multipliers, Progress, Run, run_ipopt
 from .mesh import Mesh
 from .nlp import Nlp, make_nlp
 from .problem import FORMULATIONS, build
+from .shooting import run_shooting
 from .solution import Solution, read_solution
 
-Progress = Callable[[int, float, float], bool]
-HESSIANS = {"exact": "exact", "lbfgs": "limited-memory"}
+SOLVERS = ("ipopt", "fatrop")
+METHODS = ("collocation", "shooting")
 
 
 @dataclass(frozen=True)
@@ -31,9 +37,11 @@ class SolverOptions:
         tolerance: IPOPT's overall tolerance on the scaled problem.
         max_iterations: limit; reached means status iteration_limit with the best iterate.
         max_seconds: wall-clock limit; reached means status interrupted with the best iterate.
-        formulation: "auto", "inverse" or "explicit" (see optimize.problem.build).
+        formulation: "auto", "inverse", "explicit", "torn" or "dae" (see optimize.problem.build).
         prefer: names to keep as states.
         hessian: "exact", or "lbfgs" from gradients alone.
+        solver: "ipopt"; or "fatrop", where states alone link the elements (no free constants, a horizon that is given),
+            without progress and time limit.
 
     Raises ValueError for a number out of range or an unknown word.
     """
@@ -41,9 +49,10 @@ class SolverOptions:
     tolerance: float = 1e-8
     max_iterations: int = 1000
     max_seconds: float | None = None
-    formulation: Literal["auto", "inverse", "explicit"] = "auto"
+    formulation: Literal["auto", "inverse", "explicit", "torn", "dae"] = "auto"
     prefer: tuple[str, ...] = ()
     hessian: Literal["exact", "lbfgs"] = "exact"
+    solver: Literal["ipopt", "fatrop"] = "ipopt"
 
     def __post_init__(self) -> None:
         if not 0 < self.tolerance < 1:
@@ -52,15 +61,17 @@ class SolverOptions:
             raise ValueError(
                 f"max_iterations and max_seconds are not negative; found {self.max_iterations} and {self.max_seconds}"
             )
-        for name, words in (("formulation", FORMULATIONS), ("hessian", HESSIANS)):
+        for name, words in (("formulation", FORMULATIONS), ("hessian", HESSIANS), ("solver", SOLVERS)):
             if getattr(self, name) not in words:
                 raise ValueError(f"{name} is one of {', '.join(words)}; found '{getattr(self, name)}'")
+        if self.solver == "fatrop" and (self.hessian != "exact" or self.max_seconds is not None):
+            raise ValueError("fatrop takes the exact hessian and no max_seconds; use solver 'ipopt'")
 
 
 class NotSolved(RuntimeError):
     """Raised by solve() when the problem was not solved; `.solution` holds the best iterate."""
 
-    def __init__(self, solution: Solution) -> None:
+    def __init__(self, solution: Any) -> None:
         super().__init__(solution.message)
         self.solution = solution
 
@@ -70,141 +81,70 @@ def solve(
     mesh: Mesh | None = None,
     *,
     guess: Trajectory | Solution | None = None,
+    branches: Mapping[str, int] | None = None,
     solver: SolverOptions | None = None,
     progress: Progress | None = None,
+    method: Literal["collocation", "shooting"] = "collocation",
     throw: bool = True,
 ) -> Solution:
-    """Solve an optimisation by direct collocation.
+    """Solve an optimisation by direct collocation, or by multiple shooting as a cross-check.
 
     Args:
         model: an Optimization with values for its parameters.
         mesh: elements, points, scheme and control; default 50 x 3 Radau.
         guess: a trajectory with names of states and controls, or an earlier solution.
+        branches: sign +1 or -1 by the name of a declared branch, +1 by default; a solution that leaves it at any
+            point has status failed.
         progress: called with (iteration, objective, constraint violation); returning True stops the solve,
             keeping the iterate (status interrupted).
+        method: "shooting" integrates the equations with CVODES on each element instead (explicit form, Radau points,
+            L-BFGS): slower, but without collocation's error.
 
     Raises ModelError for a wrong problem and NotSolved (with the best iterate) unless throw is False.
     """
+    if not isinstance(model, Model) and not isinstance(model, type):
+        raise ModelError(
+            f"gt.solve takes a configured Optimization; found {type(model).__name__}; linked phases are solved by "
+            "gt.solve_phases"
+        )
     mesh = mesh or Mesh()
     options = solver or SolverOptions()
-    problem = build(model, options.formulation, options.prefer)
+    if method not in METHODS:
+        raise ValueError(f"method is one of {', '.join(METHODS)}; found '{method}'")
+    shooting = method == "shooting"
+    form = "explicit" if shooting and options.formulation == "auto" else options.formulation
+    problem = build(model, form, options.prefer, branches)
     nlp = make_nlp(problem, mesh)
-    return solve_nlp(nlp, initial_guess(nlp, guess), options, progress, throw)
+    check_equalities(problem, nlp.element)
+    x0 = initial_guess(nlp, guess)
+    if shooting:
+        return _answer(nlp, run_shooting(nlp, x0, options, progress), throw)
+    return solve_nlp(nlp, x0, options, progress, throw)
 
 
 def solve_nlp(
-    nlp: Nlp, x0: np.ndarray, options: SolverOptions, progress: Progress | None = None, throw: bool = True
+    nlp: Nlp,
+    x0: np.ndarray,
+    options: SolverOptions,
+    progress: Progress | None = None,
+    throw: bool = True,
+    warm: Multipliers | None = None,
 ) -> Solution:
     """Run IPOPT on a transcribed problem from scaled unknowns x0."""
-    watch = _Watch(nlp, progress, options.max_seconds)
-    ipopt: dict[str, Any] = {
-        "tol": options.tolerance,
-        "max_iter": options.max_iterations,
-        "mu_strategy": "adaptive",
-        "print_level": 0,
-        "sb": "yes",
-        "hessian_approximation": HESSIANS[options.hessian],
-        "honor_original_bounds": "yes",  # IPOPT relaxes bounds by 1e-8 while it works
-        "mumps_pivot_order": 0,  # AMD: 18 % per iteration on these banded systems
-    }
-    settings = {
-        "ipopt": ipopt,
-        "print_time": False,
-        "no_nlp_grad": True,
-        "error_on_fail": False,
-        "iteration_callback": watch,
-        "show_eval_warnings": False,
-        **nlp.functions,
-    }
-    start = time.perf_counter()
-    run = ca.nlpsol("solver", "ipopt", nlp.nlp, settings)
-    setup = time.perf_counter() - start
-    result = run(x0=x0, lbx=nlp.lbx, ubx=nlp.ubx, lbg=nlp.lbg, ubg=nlp.ubg)
-    stats = run.stats()
-    status, word = _status(str(stats["return_status"]), watch)
-    x = np.asarray(result["x"]).reshape(-1)
-    g = np.asarray(result["g"]).reshape(-1)
-    solution = read_solution(
-        nlp,
-        x,
-        g,
-        lam_g=np.asarray(result["lam_g"]).reshape(-1),
-        status=status,
-        message=_message(status, word, nlp, g),
-        objective=float(result["f"]),
-        iterations=int(stats["iter_count"]),
-        seconds={"setup": setup, "solve": time.perf_counter() - start - setup},
-    )
+    if options.solver == "fatrop":
+        staged = Staged(nlp)
+        run = run_ipopt(staged, x0, options)
+        turned = Multipliers(run.multipliers.rows * staged.signs, run.multipliers.bounds)
+        return _answer(nlp, replace(run, g=run.g * staged.signs, multipliers=turned), throw)
+    return _answer(nlp, run_ipopt(nlp, x0, options, progress, warm), throw)
+
+
+def _answer(nlp: Nlp, run: Run, throw: bool) -> Solution:
+    """The solution by name, with a sentence on how it ended. Raises NotSolved."""
+    status, message = run.status, sentence(run, nlp)
+    if status.ok and (astray := wrong_branch(nlp, run.x)):
+        status, message = SolveStatus.FAILED, astray
+    solution = read_solution(nlp, run, status, message)
     if throw and not status.ok:
         raise NotSolved(solution)
     return solution
-
-
-class _Watch(ca.Callback):
-    """IPOPT's iteration callback: progress, time limit, a stop that keeps the iterate."""
-
-    def __init__(self, nlp: Nlp, progress: Progress | None, max_seconds: float | None) -> None:
-        ca.Callback.__init__(self)
-        self.progress = progress
-        self.stop_at = None if max_seconds is None else time.monotonic() + max_seconds
-        self.count = 0
-        self.stopped = ""
-        self.nx, self.ng = nlp.size, len(nlp.lbg)
-        self.lbg, self.ubg = nlp.lbg, nlp.ubg
-        self.construct("watch", {})
-
-    def get_n_in(self) -> int:
-        return ca.nlpsol_n_out()
-
-    def get_n_out(self) -> int:
-        return 1
-
-    def get_name_in(self, i: int) -> str:
-        return ca.nlpsol_out(i)
-
-    def get_name_out(self, i: int) -> str:
-        return "ret"
-
-    def get_sparsity_in(self, i: int) -> ca.Sparsity:
-        size = {"f": 1, "x": self.nx, "lam_x": self.nx, "g": self.ng, "lam_g": self.ng}.get(ca.nlpsol_out(i), 0)
-        return ca.Sparsity.dense(size, 1)
-
-    def eval(self, arg: Sequence[ca.DM]) -> list[float]:
-        count, self.count = self.count, self.count + 1
-        late = self.stop_at is not None and time.monotonic() > self.stop_at
-        asked = False
-        if self.progress is not None:
-            g = np.asarray(arg[ca.nlpsol_out().index("g")]).reshape(-1)
-            violation = max(0.0, float(np.max(np.maximum(self.lbg - g, g - self.ubg), initial=0.0)))
-            asked = bool(self.progress(count, float(arg[ca.nlpsol_out().index("f")]), violation))
-        if late or asked:
-            self.stopped = "its time was over" if late else "it was asked to stop"
-            return [1]
-        return [0]
-
-
-def _status(word: str, watch: _Watch) -> tuple[SolveStatus, str]:
-    if watch.stopped:
-        return SolveStatus.INTERRUPTED, watch.stopped
-    table = {
-        "Solve_Succeeded": SolveStatus.SOLVED,
-        "Solved_To_Acceptable_Level": SolveStatus.SOLVED,
-        "Infeasible_Problem_Detected": SolveStatus.INFEASIBLE,
-        "Restoration_Failed": SolveStatus.INFEASIBLE,
-        "Maximum_Iterations_Exceeded": SolveStatus.ITERATION_LIMIT,
-        "Maximum_CpuTime_Exceeded": SolveStatus.INTERRUPTED,
-        "Invalid_Number_Detected": SolveStatus.NOT_FINITE,
-        "Diverging_Iterates": SolveStatus.DIVERGED,
-    }
-    return table.get(word, SolveStatus.FAILED), word
-
-
-def _message(status: SolveStatus, word: str, nlp: Nlp, g: np.ndarray) -> str:
-    if status.ok:
-        return "solved" if word == "Solve_Succeeded" else "solved to the acceptable level only"
-    violation = np.maximum(nlp.lbg - g, g - nlp.ubg)
-    violation = np.where(np.isfinite(violation), violation, np.inf)
-    sentence = f"{status.sentence} ({word if ' ' in word else f'IPOPT: {word}'})"
-    worst = np.argsort(-violation, kind="stable")[:3]
-    named = [f"{nlp.row_name(int(r))} by {violation[r]:.2g}" for r in worst if violation[r] > 1e-6]
-    return sentence + (f"; worst rows: {'; '.join(named)}" if named else "")

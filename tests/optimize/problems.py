@@ -304,36 +304,41 @@ class LongWay(gt.Optimization):
         yield der(self.q).at(self.final_time) == 0
 
 
-class TwoPhases(gt.Optimization):
-    """q'' = u - sign(q') with the reversal as a free fraction of two linked phases on one scaled time.
+class Forward(gt.Optimization):
+    """q'' = u - sign(q') while q' >= 0."""
 
-    Phase a: q' >= 0, lasting t_a; phase b: q' <= 0, lasting t_b; both run over s in [0, 1].
-    """
-
-    qa = gt.variable(start=0.0, fixed=True)
-    va = gt.variable(start=1.0, fixed=True, min=0.0)
-    qb = gt.variable()
-    vb = gt.variable(max=0.0)
-    ua = gt.input(min=-2.0, max=2.0)
-    ub = gt.input(min=-2.0, max=2.0)
-    t_a = gt.free(guess=1.0, min=0.01)
-    t_b = gt.free(guess=1.0, min=0.01)
+    side = 1.0
+    q = gt.variable(start=0.0, fixed=True)
+    v = gt.variable(start=1.0, fixed=True, min=0.0)
+    u = gt.input(min=-2.0, max=2.0)
+    final_time = gt.free(guess=1.0, min=0.01)
 
     def equations(self):
-        yield der(self.qa) == self.t_a * self.va
-        yield der(self.va) == self.t_a * (self.ua - 1)
-        yield der(self.qb) == self.t_b * self.vb
-        yield der(self.vb) == self.t_b * (self.ub + 1)
+        yield der(self.q) == self.v
+        yield der(self.v) == self.u - self.side
 
     def objective(self):
-        return self.t_a + self.t_b
+        return self.final_time - self.start_time
+
+
+class Backward(Forward):
+    """The same while q' <= 0, to rest at q = -1."""
+
+    side = -1.0
+    q = gt.variable()
+    v = gt.variable(max=0.0)
+    start_time = gt.free(guess=1.0)
+    final_time = gt.free(guess=2.0)
 
     def constraints(self):
-        yield self.va.at(1.0) == 0
-        yield self.vb.at(0.0) == 0
-        yield self.qb.at(0.0) == self.qa.at(1.0)
-        yield self.qb.at(1.0) == -1
-        yield self.vb.at(1.0) == 0
+        yield self.final_time - self.start_time >= 0.01
+        yield self.q.at(self.final_time) == -1
+        yield self.v.at(self.final_time) == 0
+
+
+def two_phases() -> gt.Phases:
+    """q'' = u - sign(q') from q = 0, q' = 1 to rest at q = -1 in least time; q' = 0 where the phases meet."""
+    return gt.Phases({"forward": Forward(), "backward": Backward()})
 
 
 class Bilinear(gt.Optimization):

@@ -13,7 +13,7 @@ from gtmodel import ModelError, SolveStatus, Trajectory, der
 from gtmodel.optimize import Mesh, NotSolved, SolverOptions, solve
 from gtmodel.optimize.resimulate import resimulate
 from tests.optimize.features import Tank
-from tests.optimize.problems import DoubleIntegrator, ImplicitBlock, StirredTank, VanDerPol, VanDerPolTime
+from tests.optimize.problems import DoubleIntegrator, StirredTank, VanDerPol, VanDerPolTime
 from tests.support.models import Pendulum, SliderCrank
 
 COARSE = Mesh(5, 2)
@@ -151,10 +151,6 @@ WRONG = {
         lambda: case(constraints=lambda self: [der(self.u) <= 1]),
         r"Case needs der\(u\), but a control may jump; make it a state and its derivative the control",
     ),
-    "a block without a closed form": (
-        ImplicitBlock,
-        r"ImplicitBlock: the equations for y\d.* have no closed form, and optimisation needs one",
-    ),
     "no optimisation": (
         lambda: type("Plain", (gt.Model,), {"x": gt.variable(), "equations": lambda self: [der(self.x) == -self.x]})(),
         "Plain is no Optimization; give it an objective and a horizon",
@@ -192,7 +188,7 @@ def test_inverse_form_where_there_is_none():
         (dict(max_iterations=-1), "are not negative; found -1 and None"),
         (dict(max_seconds=-2.0), "are not negative; found 1000 and -2.0"),
         (dict(max_seconds=float("nan")), "are not negative; found 1000 and nan"),
-        (dict(formulation="implicit"), "formulation is one of auto, inverse, explicit; found 'implicit'"),
+        (dict(formulation="implicit"), "formulation is one of auto, inverse, explicit, torn, dae; found 'implicit'"),
         (dict(hessian="bfgs"), "hessian is one of exact, lbfgs; found 'bfgs'"),
     ],
 )
@@ -318,18 +314,21 @@ class TestInfeasible:
         assert solution.status is SolveStatus.INFEASIBLE
         assert solution.message.startswith("no point was found that satisfies all constraints (IPOPT: Infeasible_Probl")
         worst = solution.message.split("worst rows: ")[1]
-        assert re.match(r"continuity of (x|der\(x\)) in element \d by \d", worst)
+        assert re.match(r"continuity of (x|der\(x\)) in element \d \([\d.]+ s\) by \d", worst)
         assert not solution.checks["constraint_violation"].passed
 
     def test_names_a_point_constraint_with_its_line(self):
         solution = attempt(case(constraints=lambda self: [self.x.at(2.0) * self.x.at(1.0) >= 5]), max_iterations=0)
-        worst = r"worst rows: constraint 1 \(optimize/test_solve.py:\d+\) by 4; rate of x in element \d, point \d by 0"
+        worst = (
+            r"worst rows: constraint 1 \(optimize/test_solve.py:\d+\) by 4; "
+            r"rate of x in element \d, point \d \([\d.]+ s\) by 0"
+        )
         assert re.search(worst, solution.message)
 
     def test_names_a_path_constraint_with_its_place(self):
         solution = attempt(case(constraints=lambda self: [self.x**2 + self.u**2 <= 0.1]))
         assert solution.status is SolveStatus.INFEASIBLE
-        assert "in element 1, point 1 by " in solution.message
+        assert "in element 1, point 1 (0.1333 s) by " in solution.message
 
 
 def test_fixed_start_and_initial_equations_are_held():

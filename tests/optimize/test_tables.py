@@ -7,7 +7,7 @@ import pytest
 from numpy.polynomial import Polynomial
 from scipy.special import roots_jacobi
 
-from gtmodel.optimize import Mesh
+from gtmodel.optimize import Blocks, Mesh
 from gtmodel.optimize.tables import SCHEMES, basis, basis_slope, points, table
 
 # Values of order one after some ten operations in double precision (2.2e-16).
@@ -144,7 +144,17 @@ class TestMesh:
             (dict(elements=0), "a mesh needs at least one element and one point; found 0 x 3"),
             (dict(points=0), "a mesh needs at least one element and one point; found 50 x 0"),
             (dict(scheme="lobatto"), "scheme is 'radau' or 'gauss'; found 'lobatto'"),
-            (dict(control="linear"), "control is 'polynomial' or 'constant'; found 'linear'"),
+            (dict(control="spline"), "control is one of polynomial, bernstein, linear, constant; found 'spline'"),
+            (
+                dict(length_ratio=(0.0, 2.0)),
+                r"length_ratio is \(low, high\) with 0 < low <= 1 <= high.*found \(0.0, 2.0\)",
+            ),
+            (dict(length_ratio=(1.2, 2.0)), r"length_ratio is .*found \(1.2, 2.0\)"),
+            (
+                dict(elements=4, control="constant", blocks=Blocks(sizes=(2, 3))),
+                "blocks hold 5 elements, but the mesh has 4",
+            ),
+            (dict(elements=5, blocks=Blocks(sizes=(2, 3))), "blocks take control 'constant'; found 'polynomial'"),
             (dict(elements=3, lengths=(1.0, 2.0)), "a mesh of 3 elements takes as many positive lengths"),
             (dict(elements=2, lengths=(1.0, 0.0)), "a mesh of 2 elements takes as many positive lengths"),
         ],

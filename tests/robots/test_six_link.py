@@ -337,3 +337,18 @@ def test_declared_branches_reach_the_inverse_kinematics_by_newton(links, carts):
     side = [np.sign((ends[2 * k] - ends[2 * k + 1]) @ v[k]) for k in range(6)]
     arm = (0, 1, 1, 2, 2, 2)
     assert side == [-1.0 if arm[k] in carts else 1.0 for k in range(6)]
+
+
+@pytest.mark.parametrize("others", [(1, -1), (-1, -1)])
+def test_the_first_sign_of_a_configuration_moves_the_first_cart_alone(others):
+    robot = six_link_gantry_tau()
+    T, _ = robot.causal("q", "T")(np.array([-0.25, -0.03, -0.25]))
+    found = []
+    for first in (1, -1):
+        branches = gt.robots.configuration(robot, (first, *others))
+        q, e, status = robot.causal("T", ["q", "e"], branches=branches)(T)
+        assert status is gt.Status.OK
+        found.append(np.concatenate([q[1:], e]))
+        turn = 2 * np.arccos(min(1.0, abs(e @ np.array(robot.home_e))))
+        assert np.degrees(turn) < 5.0  # arm 1 has no say in the orientation, and the others keep their assembly
+    assert np.abs(found[0] - found[1]).max() < 1e-9

@@ -1,0 +1,354 @@
+"""Writing a model's expressions in what a transcription has at a point: states, rates, inputs, constants, time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from ..compiler.emit import express
+from ..compiler.flat import FlatModel
+from ..compiler.plan import Plan, differentiated
+from ..lang.expression import Expr
+from ..lang.optimization import Delayed, Optimization
+from ..lang.scope import Misfit
+from ..lang.source import ModelError
+from .attributes import Pair
+from .dynamic import Bounds, DynamicProblem
+from .horizon import PointValue, horizon, point_values, require_length
+from .relations import Row, as_bound
+
+
+@dataclass(eq=False)
+class Explicit:
+    """Rates and point variables in x, the given inputs, P, t and the `unknowns` at which `residuals` vanish."""
+
+    rates: list[ca.SX]
+    point: list[ca.SX]
+    unknowns: list[ca.SX]
+    residuals: list[ca.SX]
+
+
+class Builder:
+    """Writes expressions of original names in states, rates, controls, free constants and time."""
+
+    def __init__(
+        self,
+        model: Optimization,
+        root: Optimization,
+        flat: FlatModel,
+        plan: Plan,
+        kind: str,
+        states: list[Pair],
+        controls: list[int],
+        base: Plan,
+        fold: ca.SX,
+        tunable: tuple[str, ...] = (),
+        delayed: dict[int, tuple[int, Delayed]] | None = None,
+    ) -> None:
+        self.base = base
+        self.model, self.root, self.flat, self.plan, self.kind = model, root, flat, plan, kind
+        self.states, self.controls, self.tunable = states, controls, tunable
+        self.delayed = delayed or {}
+        scope = flat.scope
+        self.x = ca.vertcat(*[scope.symbol(*p) for p in states]) if states else ca.SX(0, 1)
+        self.xd = ca.vertcat(*[ca.SX.sym(f"rate_{n}") for n in range(len(states))]) if states else ca.SX(0, 1)
+        free = [q.symbol for q in flat.parameters if q.free]
+        named = {q.name: q.symbol for q in flat.parameters}
+        self.n_free = len(free)
+        self.P = ca.vertcat(*free, *[named[n] for n in tunable]) if free or tunable else ca.SX(0, 1)
+        self.parameters = fold
+        # in these forms the rates of the top states are xd
+        implicit = kind in ("inverse", "dae")
+        top = [(i, k + 1, n) for n, (i, k) in enumerate(states) if implicit and (i, k + 1) not in states]
+        self.rates = {(i, k): self.xd[n] for i, k, n in top}
+        inputs = [*controls, *self.delayed]
+        self.z_pairs = self._point_unknowns({(i, 0) for i in inputs})
+        z = [scope.symbol(*p) for p in self.z_pairs]
+        u = [ca.SX.sym(flat.variables[i].name) for i in inputs]
+        self.given = ca.vertcat(*u) if u else ca.SX(0, 1)
+        self.u = ca.vertcat(self.given, *z)
+        # a control is a variable of its own in all forms
+        self.control_symbols: dict[Pair, tuple[int, int]] = {}
+        for n, i in enumerate(inputs):
+            sign, kept, order = plan.alias.resolve(i, 0)
+            self.control_symbols[(kept, order)] = (n, sign)
+
+    def _point_unknowns(self, inputs: set[Pair]) -> list[Pair]:
+        """Chain symbols that are free at each point."""
+        if self.kind == "dae":
+            return [p for p in self.plan.pairs if p not in self.states and p not in self.rates and p not in inputs]
+        if self.kind == "torn":
+            owners = [self.flat.scope.owner(s) for b in self.plan.newton for s in b.unknowns]
+            return [p for p in owners if p is not None]
+        return []
+
+    def express(self, expressions: list[ca.SX], with_controls: bool = True) -> list[ca.SX]:
+        """Expressions of original names in x, xd, u, P and t."""
+        rewritten = self.plan.alias.rewrite_all(self.flat, list(expressions))
+        given = dict(self.rates)
+        if with_controls:
+            given |= {pair: sign * self.u[n] for pair, (n, sign) in self.control_symbols.items()}
+        pairs = [(self.flat.scope.symbol(*pair), e) for pair, e in given.items()]
+        if self.kind != "dae":
+            return express(self.plan, rewritten, pairs)
+        old, new = [s for s, _ in pairs], [e for _, e in pairs]
+        if self.flat.parameters:
+            old, new = [*old, self.flat.p], [*new, self.parameters]
+        if old and rewritten:
+            rewritten = ca.substitute(rewritten, [ca.vertcat(*old)], [ca.vertcat(*new)])
+        return ca.cse(rewritten) if rewritten else []
+
+    def expressible(self, pair: Pair) -> bool:
+        """Does the problem know this chain symbol of a kept variable?"""
+        if pair in self.states or pair in self.rates or pair in self.z_pairs or pair in self.control_symbols:
+            return True
+        if self.kind == "dae":
+            return False
+        symbol = self.flat.scope.symbol(*pair).element_hash()
+        return symbol in {s.element_hash() for b in self.plan.blocks for s, _ in b.assignments}
+
+    def problem(self, objective: Expr, constraints: list[Row]) -> DynamicProblem:
+        flat, states = self.flat, self.states
+        position = {p: n for n, p in enumerate(states)}
+        place = dict(self.control_symbols) | {p: (self.given.numel() + n, 1) for n, p in enumerate(self.z_pairs)}
+        x_bounds, u_bounds = Bounds.free(len(states)), Bounds.free(self.u.numel())
+        start, end = Bounds.free(len(states)), Bounds.free(len(states))
+        path: list[Row] = []
+        for v in flat.variables:
+            if not (np.isfinite(v.min) or np.isfinite(v.max)):
+                continue
+            sign, kept, order = self.plan.alias.resolve(v.index, 0)
+            low, high = (v.min, v.max) if sign > 0 else (-v.max, -v.min)
+            if (kept, order) in position:
+                x_bounds.tighten(position[(kept, order)], low, high)
+            elif (kept, order) in place:
+                n, s = place[(kept, order)]
+                u_bounds.tighten(n, *((low, high) if s > 0 else (-high, -low)))
+            else:
+                symbol = flat.scope.symbol(v.index, 0)
+                path.append(Row(symbol, v.min, v.max, f"bounds of {v.name}", v.where))
+        ends = horizon(flat, self.P, self.parameters)
+        require_length(flat, ends, constraints, self.P[self.n_free :], self._tuned())
+        instants = point_values(flat, ends, flat.scope.instants, self.parameters)
+        points: list[Row] = []
+        for row in constraints:
+            if self._is_point(row.expression):
+                if not self._end_bound(row, instants, position, start, end):
+                    points.append(row)
+                continue
+            rewritten = self.plan.alias.rewrite(flat, row.expression)
+            bound = as_bound(rewritten, row, flat, self.parameters)
+            if bound is not None and bound[0] in position:
+                x_bounds.tighten(position[bound[0]], bound[1], bound[2])
+            elif bound is not None and bound[0] in place:
+                n, s = place[bound[0]]
+                low, high = bound[1:]
+                u_bounds.tighten(n, *((low, high) if s > 0 else (-high, -low)))
+            else:
+                path.append(row)
+        self._initial(position, start)
+        values = self.express([i.expression for i in instants] + [r.expression for r in path])
+        for i, e in zip(instants, values[: len(instants)], strict=True):
+            i.expression = e
+        path = [Row(e, r.low, r.high, r.label, r.where) for r, e in zip(path, values[len(instants) :], strict=True)]
+        tuned = {q.name: q.value for q in flat.parameters}
+        held = [tuned[n] for n in self.tunable]
+        free = [q for q in flat.parameters if q.free]
+        P_bounds = Bounds(np.array([q.min for q in free] + held), np.array([q.max for q in free] + held))
+        self._check_bounds(x_bounds, u_bounds, P_bounds, start, end)
+        rates, algebraic, labels = self._dynamics()
+        P_guess = np.array([q.value for q in free] + held)
+        scale = self._row_scale(algebraic, P_guess)
+        if self.kind == "inverse":
+            scale[: len(self.controls)] = [flat.variables[i].nominal for i in self.controls]
+        problem = DynamicProblem(
+            model=self.model, flat=flat, plan=self.plan, formulation=self.kind, state_pairs=states,
+            control_indices=self.controls, x=self.x, xd=self.xd, u=self.u, P=self.P, t=flat.scope.time,
+            t0=ends.t0, tf=ends.tf, rates=rates, algebraic=algebraic, algebraic_labels=labels, algebraic_scale=scale,
+            path=path, x_bounds=x_bounds, u_bounds=u_bounds, P_bounds=P_bounds,
+            P_guess=P_guess, delayed=list(self.delayed.values()), delayed_indices=list(self.delayed),
+            z_pairs=self.z_pairs, tunable=self.tunable,
+            start_bounds=start, end_bounds=end, integrals=[], instants=[], mayer=ca.SX(0), points=[],
+            builder=self, base=self.base,
+        )  # fmt: skip
+        self._cost(problem, objective, points, instants)
+        return problem
+
+    def _tuned(self) -> ca.DM:
+        values = {q.name: q.value for q in self.flat.parameters}
+        return ca.DM([values[n] for n in self.tunable])
+
+    def explicit(self) -> Explicit:
+        """Rates of the states and all point variables as functions of x, the given inputs, P and t."""
+        base = self.base
+        kind = "torn" if base.newton else "explicit"
+        other = Builder(
+            self.model, self.root, self.flat, base, kind, self.states, self.controls, base, self.parameters,
+            self.tunable, self.delayed,
+        )  # fmt: skip
+        scope = self.flat.scope
+        unknowns = [s for b in base.newton for s in b.unknowns]
+        residuals = [r for b in base.newton for r in b.residuals]
+        wanted = [scope.symbol(i, k + 1) for i, k in self.states] + [scope.symbol(*p) for p in self.z_pairs]
+        found = other.express([*wanted, *residuals])
+        if found and self.given.numel():
+            found = ca.substitute(found, [other.given], [self.given])
+        n, m = len(self.states), len(wanted)
+        return Explicit(found[:n], found[n:m], unknowns, found[m:])
+
+    def _is_point(self, e: ca.SX) -> bool:
+        keys = {s.element_hash() for i in self.flat.scope.instants for s in ca.vertsplit(ca.vec(i.symbol))}
+        constant = {q.symbol.element_hash() for q in self.flat.parameters}
+        found = [s.element_hash() for s in ca.symvar(e)]
+        return any(k in keys for k in found) or all(k in constant for k in found)
+
+    def _end_bound(
+        self, row: Row, instants: list[PointValue], position: dict[Pair, int], start: Bounds, end: Bounds
+    ) -> bool:
+        """A point constraint on one state at one end is a bound on a variable."""
+        symbols = ca.symvar(row.expression)
+        own = [s for s in symbols if s.element_hash() not in {q.symbol.element_hash() for q in self.flat.parameters}]
+        if len(own) != 1:
+            return False
+        value = next((i for i in instants if i.symbol.element_hash() == own[0].element_hash()), None)
+        if value is None or value.s not in (0.0, 1.0):
+            return False
+        chain = self.plan.alias.rewrite(self.flat, value.expression)
+        inner = ca.substitute([row.expression], [own[0]], [chain])[0]
+        bound = as_bound(inner, row, self.flat, self.parameters)
+        if bound is None or bound[0] not in position:
+            return False
+        (start if value.s == 0.0 else end).tighten(position[bound[0]], bound[1], bound[2])
+        return True
+
+    def _initial(self, position: dict[Pair, int], start: Bounds) -> None:
+        """Fixed start attributes are initial conditions."""
+        for v in self.flat.variables:
+            if not v.fixed:
+                continue
+            if v.start is None:
+                raise ModelError(f"'{v.name}' is fixed at the start, but at no value; give it start=...", v.where)
+            sign, kept, order = self.plan.alias.resolve(v.index, 0)
+            if (kept, order) not in position:
+                raise ModelError(
+                    f"the fixed start of '{v.name}' cannot be held: it is no state; states are "
+                    f"{', '.join(self.flat.symbol_name(*p) for p in self.states)}",
+                    v.where,
+                )
+            start.tighten(position[(kept, order)], sign * v.start, sign * v.start)
+
+    def _check_bounds(self, x: Bounds, u: Bounds, P: Bounds, start: Bounds, end: Bounds) -> None:
+        states = [self.flat.symbol_name(*p) for p in self.states]
+        inputs = [(i, 0) for i in (*self.controls, *self.delayed)] + self.z_pairs
+        controls = [self.flat.symbol_name(*p) for p in inputs]
+        free = [q.name for q in self.flat.parameters if q.free]
+        groups: list[tuple[str, list[str], tuple[Bounds, ...]]] = [
+            ("", states, (x,)), ("", controls, (u,)), ("", free, (P,)),
+            (" at the start", states, (x, start)), (" at the end", states, (x, end)),
+        ]  # fmt: skip
+        for place, names, bounds in groups:
+            for n, name in enumerate(names):
+                a, b = max(c.low[n] for c in bounds), min(c.high[n] for c in bounds)
+                if a > b:
+                    raise ModelError(
+                        f"{self.flat.title}: the bounds of '{name}' cross{place}: at least {a:g} and at most {b:g}"
+                    )
+
+    def _dynamics(self) -> tuple[list[ca.SX | None], ca.SX, list[str]]:
+        """Rates, algebraic rows that vanish, and what these rows say."""
+        flat, plan = self.flat, self.plan
+        rates: list[ca.SX | None] = []
+        wanted = []
+        for i, k in self.states:
+            if (i, k + 1) in self.states:
+                rates.append(flat.scope.symbol(i, k + 1))
+            elif self.kind in ("inverse", "dae"):
+                rates.append(None)
+            else:
+                rates.append(flat.scope.symbol(i, k + 1))
+                wanted.append(len(rates) - 1)
+        for n, e in zip(wanted, self.express([r for n in wanted if (r := rates[n]) is not None]), strict=True):
+            rates[n] = e
+        rows: list[ca.SX] = []
+        labels: list[str] = []
+        if self.kind == "inverse":
+            computed = self.express([flat.scope.symbol(i, 0) for i in self.controls], with_controls=False)
+            rows += [self.u[n] - e for n, e in enumerate(computed)]
+            labels += [f"{flat.variables[i].name} by the motion" for i in self.controls]
+        elif self.kind == "dae":
+            written = differentiated(plan)
+            rows += self.express([r for _, r in written])
+            labels += [label for label, _ in written]
+        elif self.kind == "torn":
+            rows += self.express([r for b in plan.newton for r in b.residuals])
+            for block in plan.blocks:
+                if block.newton is not None:
+                    # each equation left over after elimination comes of the whole block
+                    said = "; ".join(dict.fromkeys(block.equations))
+                    labels += [f"block of {said}"] * block.newton.size
+        # what the controls alone must satisfy, as u'u = 1
+        rows += self.express([e.residual for e in self.base.conditions])
+        labels += [f"{e.label} ({e.where})" for e in self.base.conditions]
+        return rates, ca.vertcat(*rows) if rows else ca.SX(0, 1), labels
+
+    def _row_scale(self, rows: ca.SX, P: np.ndarray) -> np.ndarray:
+        """Largest term of each row at a consistent point, in nominals; 1 where that is none."""
+        flat, plan = self.flat, self.base
+        if not rows.numel():
+            return np.ones(0)
+        known = dict(zip(plan.pairs, plan.samples[0], strict=True))
+        tops = [(i, k + 1) for i, k in self.states]
+        inputs = [(i, 0) for i in (*self.controls, *self.delayed)] + self.z_pairs
+        point = [np.array([known.get(p, 0.0) for p in pairs]) for pairs in (self.states, tops, inputs)]
+        everything = ca.vertcat(self.x, self.xd, self.u)
+        nominal = np.array([flat.variables[i].nominal for i, _ in (*self.states, *tops, *inputs)])
+        f = ca.Function("slopes", [self.x, self.xd, self.u, self.P, flat.scope.time], [ca.jacobian(rows, everything)])
+        slopes = np.abs(np.asarray(f(*point, P, plan.sampler.time).full())) * nominal
+        size = np.max(np.where(np.isfinite(slopes), slopes, 0.0), axis=1, initial=0.0)
+        return np.where(size > 0, size, 1.0)
+
+    def _cost(self, p: DynamicProblem, objective: Expr, points: list[Row], instants: list[PointValue]) -> None:
+        """Split the objective into constant weights of integrals and a Mayer part; other integrals become states."""
+        integrals = [i for i in self.flat.scope.instants if i.time is None]
+        cost = self._numbers(objective.sx)
+        used_in_points = {s.element_hash() for r in points for s in ca.symvar(r.expression)}
+        integrands = self.express([i.expression for i in integrals]) if integrals else []
+        along = [p.x, p.xd, p.u, p.P, p.t]
+        for instant, integrand in zip(integrals, integrands, strict=True):
+            self._require(integrand, along, "the argument of gt.integral() holds a value at an instant or an integral")
+            weight = ca.gradient(cost, instant.symbol)
+            if weight.is_constant() and instant.symbol.element_hash() not in used_in_points:
+                p.integrals.append((instant.symbol, integrand, float(weight)))
+                cost = ca.substitute([cost], [instant.symbol], [ca.SX(0)])[0]
+                continue
+            q = ca.SX.sym(f"integral_{p.x.numel()}")
+            p.x, p.xd = ca.vertcat(p.x, q), ca.vertcat(p.xd, ca.SX.sym("rate_integral"))
+            p.rates.append(integrand)
+            for b, reach in ((p.x_bounds, np.inf), (p.start_bounds, 0.0), (p.end_bounds, np.inf)):
+                b.low, b.high = np.append(b.low, -reach), np.append(b.high, reach)
+            instants.append(PointValue(instant.symbol, q, 1.0))
+        at_points = [p.P, *(i.symbol for i in instants)]
+        self._require(cost, at_points, "objective() holds", "; take a value with .at(...) or gt.integral(...)")
+        p.mayer = cost
+        p.misfits = [Misfit(self._numbers(m.residual), m.known) for m in self.flat.scope.misfits]
+        p.instants = instants
+        for r in points:
+            e = self._numbers(r.expression)
+            self._require(e, at_points, f"{r.label} holds", ", beside a value at an instant or an integral")
+            if not ca.symvar(e):
+                raise ModelError(f"{r.label} holds no variable and nothing to choose: {r.low:g} <= {e} <= {r.high:g}")
+            p.points.append(Row(e, r.low, r.high, r.label, r.where))
+
+    def _numbers(self, e: ca.SX) -> ca.SX:
+        """An expression with the numbers of all parameters that are not free."""
+        return ca.substitute([e], [self.flat.p], [self.parameters])[0] if self.flat.parameters else e
+
+    def _require(self, e: ca.SX, allowed: list[ca.SX], sentence: str, hint: str = "") -> None:
+        """Raises ModelError for symbols in e that are none of these."""
+        known = {s.element_hash() for a in allowed for s in ca.vertsplit(ca.vec(a))}
+        strange = [s.name() for s in ca.symvar(e) if s.element_hash() not in known]
+        if strange:
+            named = f" {', '.join(strange)} along the whole path" if hint else ""
+            raise ModelError(f"{self.flat.title}: {sentence}{named}{hint}")

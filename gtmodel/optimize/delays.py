@@ -1,0 +1,89 @@
+"""Delayed inputs: their values are those of the input some elements earlier, and before the start a history."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+from scipy.sparse import coo_matrix
+
+from ..compiler.flat import FlatModel
+from ..lang.optimization import Delayed
+from ..lang.source import ModelError
+from .control import control_basis
+from .dynamic import DynamicProblem
+from .element import Layout
+from .mesh import Mesh
+
+ROUND_OFF = 1e-9  # of fractions of the horizon
+
+
+@dataclass(eq=False)
+class DelayRows:
+    """Rows matrix @ [y_0, ..., y_(N-1)] == value."""
+
+    matrix: coo_matrix
+    value: np.ndarray
+    names: list[str]
+
+
+def delays_of(flat: FlatModel) -> dict[int, tuple[int, Delayed]]:
+    """Variable index of each delayed input -> index of the input it follows, and the declaration.
+
+    Raises ModelError for a delay of something that is no input of the same class.
+    """
+    found: dict[int, tuple[int, Delayed]] = {}
+    for name, item in type(flat.root)._declared.items():
+        if not isinstance(item, Delayed):
+            continue
+        shape, indices = flat.groups.get(item.source.name, (None, []))
+        if shape is None or flat.variables[indices[0]].role != "input" or item.source.name not in flat.groups:
+            raise ModelError(f"'{name}' delays '{item.source.name}', which is no input of {flat.title}", item.where)
+        for own, source in zip(flat.groups[name][1], indices, strict=True):
+            found[own] = (source, item)
+    return found
+
+
+def delay_rows(problem: DynamicProblem, mesh: Mesh, layout: Layout) -> DelayRows:
+    """Rows for every delayed input at every point. Raises ModelError for a horizon or mesh that delays do not fit."""
+    N, n, K = mesh.elements, layout.size, mesh.points
+    if not problem.delayed:
+        return DelayRows(coo_matrix((0, N * n)), np.zeros(0), [])
+    title, horizon = problem.flat.title, ca.Function("ends", [problem.P], [problem.t0, problem.tf])
+    if not (problem.t0.is_constant() and problem.tf.is_constant()) or mesh.length_ratio is not None:
+        raise ModelError(f"{title}: a delayed input needs a horizon and element lengths that are given, not chosen")
+    t0, tf = (float(v) for v in horizon(np.zeros(problem.P.numel())))
+    rows, cols, weights, value, names = [], [], [], [], []
+    for j, (source, item) in enumerate(problem.delayed):
+        shift = item.tau / (tf - t0)
+        moved = mesh.edges - shift
+        off = [e for e in moved if -ROUND_OFF < e and np.min(np.abs(mesh.edges - e)) > ROUND_OFF]
+        if off or (shift < 1.0 and np.min(np.abs(moved)) > ROUND_OFF):
+            raise ModelError(
+                f"{title}: the delay of {item.tau:g} s is no whole number of elements; choose the mesh so that each "
+                f"edge is still an edge {item.tau:g} s earlier",
+                item.where,
+            )
+        own, other = problem.u_scale[layout.nu + j], problem.u_scale[source]
+        name = problem.point_names[j]
+        for k in range(N):
+            for c in range(K):
+                s = mesh.edges[k] + mesh.h[k] * mesh.table.points[c] - shift
+                row = len(value)
+                rows.append(row)
+                cols.append(k * n + int(layout.z[c, j]))
+                weights.append(1.0)
+                names.append(f"delay of {name} in element {k + 1}, point {c + 1}")
+                if s <= ROUND_OFF and mesh.edges[k] - shift < -ROUND_OFF:
+                    value.append(item.before(t0 + s * (tf - t0)) / own)
+                    continue
+                value.append(0.0)
+                e = min(N - 1, int(np.searchsorted(mesh.edges, mesh.edges[k] - shift + ROUND_OFF, side="right")) - 1)
+                local = np.clip((s - mesh.edges[e]) / mesh.h[e], 0.0, 1.0)
+                weights_at = control_basis(mesh.control, mesh.table, np.array([local]))[0]
+                for weight, i in zip(weights_at, layout.u[:, source], strict=True):
+                    rows.append(row)
+                    cols.append(e * n + int(i))
+                    weights.append(-float(weight) * other / own)
+    return DelayRows(coo_matrix((weights, (rows, cols)), shape=(len(value), N * n)), np.array(value), names)

@@ -1,0 +1,73 @@
+"""What a failed solve says: the worst rows by name, element and time."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .finite import not_finite
+from .ipopt import Run
+from .nlp import Nlp
+from .solution import horizon
+
+WORST = 3
+SMALL = 1e-6  # violations below this are none
+
+
+def sentence(run: Run, nlp: Nlp) -> str:
+    """One sentence on how a solve ended."""
+    if run.status.ok:
+        return solved_word(run)
+    return failure(run, [surplus(nlp), not_finite(nlp, run.x), worst(nlp, run)])
+
+
+def solved_word(run: Run) -> str:
+    return "solved" if run.word == "Solve_Succeeded" else "solved to the acceptable level only"
+
+
+def failure(run: Run, more: list[str]) -> str:
+    """The status in words, IPOPT's word, and what else is known."""
+    said = f"{run.status.sentence} ({run.word if ' ' in run.word else f'IPOPT: {run.word}'})"
+    return "; ".join([said, *[m for m in more if m]])
+
+
+def surplus(nlp: Nlp) -> str:
+    """What holds too much, where equations are more than unknowns: fixed values and equations besides the model's."""
+    problem, layout, N = nlp.problem, nlp.element.layout, nlp.mesh.elements
+    equal, free = int(np.sum(nlp.lbg == nlp.ubg)), int(np.sum(nlp.lbx != nlp.ubx))
+    if equal <= free:
+        return ""
+    fixed = nlp.lbx == nlp.ubx
+    ends = [(range(layout.nx), "start"), (range(nlp.end, nlp.end + layout.nx), "end")]
+    names = [
+        f"{n} is fixed at the {place}"
+        for at, place in ends
+        for k, n in zip(at, problem.state_names, strict=True)
+        if fixed[k]
+    ]
+    names += [f"{r.label} is an equation" for r in problem.points if r.low == r.high]
+    element = [nlp.element.row_names[r][0] for r in np.flatnonzero(nlp.element.low == nlp.element.high)]
+    along = [r.label for r in problem.path if r.label in element]
+    names += [f"{label} is an equation at every point" for label in dict.fromkeys(along)]
+    return f"{equal} equations for {free} unknowns on {N} elements: {', '.join(names)}; leave one out"
+
+
+def worst(nlp: Nlp, run: Run) -> str:
+    """The most violated rows with element and time."""
+    rows = violated(nlp.lbg, nlp.ubg, run.g)
+    return f"worst rows: {'; '.join(named_row(nlp, run.x, r, v) for r, v in rows)}" if rows else ""
+
+
+def violated(low: np.ndarray, high: np.ndarray, g: np.ndarray) -> list[tuple[int, float]]:
+    """(row, violation) of the worst rows."""
+    violation = np.maximum(low - g, g - high)
+    violation = np.where(np.isfinite(violation), violation, np.inf)
+    order = np.argsort(-violation, kind="stable")[:WORST]
+    return [(int(r), float(violation[r])) for r in order if violation[r] > SMALL]
+
+
+def named_row(nlp: Nlp, x: np.ndarray, row: int, violation: float) -> str:
+    """Name, place, time and violation of a row."""
+    s = nlp.row_fraction(row, x)
+    t0, tf = horizon(nlp, x)
+    at = "" if s is None or not np.isfinite(tf - t0) else f" ({t0 + s * (tf - t0):.4g} s)"
+    return f"{nlp.row_name(row)}{at} by {violation:.2g}"

@@ -1,0 +1,62 @@
+"""An NLP in the form that fatrop wants: stage by stage, each linked to the next by x_(k+1) - F(x_k, u_k) == 0."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+
+from ..lang.source import ModelError
+from .nlp import Nlp
+
+
+class Staged:
+    """The same NLP with the signs of its links turned round; fatrop finds the stages by itself."""
+
+    def __init__(self, nlp: Nlp) -> None:
+        """Raises ModelError where something couples the elements otherwise than by their states."""
+        self.signs = _signs(nlp)
+        X, p, sigma = ca.MX.sym("X", nlp.size), ca.MX.sym("p", 0), ca.MX.sym("lam_f")
+        lam = ca.MX.sym("lam_g", len(nlp.lbg))
+        s = ca.DM(self.signs)
+        f, g = nlp.nlp(X, p)
+        g_j, jac = nlp.functions["jac_g"](X, p)
+        turned = ca.mtimes(ca.diag(s), jac)
+        upper = nlp.functions["hess_lag"](X, p, sigma, s * lam)
+        grad = nlp.functions["grad_f"](X, p)[1]
+        self.nlp = ca.Function("nlp", [X, p], [f, s * g], ["x", "p"], ["f", "g"])
+        self.functions = {
+            "jac_g": ca.Function("nlp_jac_g", [X, p], [s * g_j, turned], ["x", "p"], ["g", "jac_g_x"]),
+            "grad_f": ca.Function("nlp_grad_f", [X, p], [grad], ["x", "p"], ["grad_f_x"]),
+            "hess_lag": ca.Function(
+                "nlp_hess_l",
+                [X, p, sigma, lam],
+                [sigma * grad + ca.mtimes(turned.T, lam), ca.triu2symm(upper)],
+                ["x", "p", "lam_f", "lam_g"],
+                ["grad_gamma_x", "hess_gamma_x_x"],
+            ),
+        }
+        self.lbx, self.ubx = nlp.lbx, nlp.ubx
+        self.lbg = np.where(self.signs > 0, nlp.lbg, -nlp.ubg)
+        self.ubg = np.where(self.signs > 0, nlp.ubg, -nlp.lbg)
+
+
+def _signs(nlp: Nlp) -> np.ndarray:
+    problem, mesh, layout = nlp.problem, nlp.mesh, nlp.element.layout
+    title = problem.flat.title
+    couples = []
+    if problem.P.numel():
+        couples.append(f"the constants {', '.join((*problem.free_names, *problem.tunable))}")
+    inner = [i.s for i in problem.instants if i.s != 1.0]
+    if inner:
+        couples.append(f"a value at {inner[0]:g} of the horizon")
+    if problem.delayed:
+        couples.append("a delayed input")
+    if mesh.blocks is not None:
+        couples.append("blocks of the control")
+    if couples:
+        raise ModelError(f"{title}: fatrop wants elements that only their states link; found {' and '.join(couples)}; "
+                         "use solver 'ipopt'")  # fmt: skip
+    m = nlp.element.rows.numel()
+    signs = np.ones(len(nlp.lbg))
+    signs[: m * mesh.elements].reshape(mesh.elements, m)[:, : layout.nl] = -1.0
+    return signs

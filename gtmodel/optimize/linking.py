@@ -1,0 +1,251 @@
+"""The NLP of linked phases: theirs one after the other, and rows that link the end of one to the start of the next."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any, Protocol
+
+import casadi as ca
+import numpy as np
+
+from ..lang.expression import Expr
+from ..lang.scope import Scope
+from ..lang.source import ModelError
+from ..lang.units import parse_unit
+from .element import value_at
+from .nlp import Nlp, scatter
+from .relations import Row, relation_rows
+
+Link = Callable[["End", "End"], Iterable[Any]]
+
+
+class Links(Protocol):
+    """What is said of the links: see phases.Phases."""
+
+    free: dict[str, tuple[str, ...]]
+    links: dict[str, Link]
+    shared: tuple[str, ...]
+
+
+class End:
+    """Values of one phase at the instant where two meet; attributes and items are expressions."""
+
+    def __init__(self, nlp: Nlp, scope: Scope, place: float) -> None:
+        self._nlp, self._scope, self._place = nlp, scope, place
+        self._taken: list[tuple[ca.SX, list[tuple[int, int]]]] = []
+
+    def __getitem__(self, name: str) -> Expr:
+        flat = self._nlp.problem.flat
+        shape, indices, order = flat.lookup(name)
+        column = ca.vertcat(*[ca.SX.sym(f"end{len(self._taken)}_{k}") for k in range(len(indices))])
+        self._taken.append((column, [(i, order) for i in indices]))
+        unit = flat.unit_of(indices[0], order)
+        dimension = None if unit == "?" else parse_unit(unit).dimension
+        matrix = ca.reshape(column, shape[1], shape[0]).T if len(shape) > 1 else column
+        return Expr(matrix, shape, dimension, self._scope)
+
+    def __getattr__(self, name: str) -> Expr:
+        if name.startswith("_"):
+            raise AttributeError(name)
+        return self[name]
+
+    def values(self) -> tuple[ca.SX, ca.SX]:
+        """Symbols that were taken and what they are, in the unknowns that stand at this end: (symbols, values)."""
+        if not self._taken:
+            return ca.SX(0, 1), ca.SX(0, 1)
+        problem = self._nlp.problem
+        symbols = ca.vertcat(*[c for c, _ in self._taken])
+        asked = [problem.flat.scope.symbol(*p) for _, pairs in self._taken for p in pairs]
+        expressions = problem.builder.express(asked)
+        f = ca.Function("end", [problem.x, problem.xd, problem.u, problem.P, problem.t], [ca.vertcat(*expressions)])
+        return symbols, f(*self._point())
+
+    def _point(self) -> tuple[ca.SX, ...]:
+        nlp, problem = self._nlp, self._nlp.problem
+        mesh, layout, P = nlp.mesh, nlp.element.layout, self.P * ca.DM(nlp.p_scale)
+        k = 0 if self._place == 0.0 else mesh.elements - 1
+        x, xd, u, t = value_at(problem, mesh, layout, self.y, P, mesh.h[k], mesh.edges[k], self._place)
+        if self._place == 1.0:
+            x = self.last[: layout.nx] * ca.DM(problem.x_scale)
+        return x, xd, u, P, t
+
+    @property
+    def y(self) -> ca.SX:
+        return self._symbol("y", self._nlp.element.layout.size)
+
+    @property
+    def last(self) -> ca.SX:
+        return self._symbol("last", self._nlp.element.layout.nl)
+
+    @property
+    def P(self) -> ca.SX:
+        return self._symbol("P", len(self._nlp.p_scale))
+
+    def _symbol(self, name: str, size: int) -> ca.SX:
+        key = f"_sx_{name}"
+        if key not in self.__dict__:
+            self.__dict__[key] = ca.SX.sym(name, size)
+        return self.__dict__[key]
+
+    @property
+    def unknowns(self) -> tuple[ca.SX, np.ndarray]:
+        """Symbols and their places among the phase's unknowns."""
+        nlp = self._nlp
+        n, k = nlp.element.layout.size, 0 if self._place == 0.0 else nlp.mesh.elements - 1
+        places = [k * n + np.arange(n), nlp.end + np.arange(nlp.element.layout.nl), np.arange(nlp.constants, nlp.size)]
+        return ca.vertcat(self.y, self.last, self.P), np.concatenate(places).astype(int)
+
+    def times(self) -> tuple[ca.SX, ca.SX]:
+        """Start and end of this phase's horizon."""
+        p = self._nlp.problem
+        f = ca.Function("times", [p.P], [p.t0, p.tf])
+        t0, tf = f(self.P * ca.DM(self._nlp.p_scale))
+        return t0, tf
+
+
+@dataclass(eq=False)
+class Joined:
+    """The NLP of all phases: theirs one after the other, and the rows that link them."""
+
+    nlps: dict[str, Nlp]
+    functions: dict[str, ca.Function]
+    nlp: ca.Function
+    lbx: np.ndarray
+    ubx: np.ndarray
+    lbg: np.ndarray
+    ubg: np.ndarray
+    links: list[Row]
+    at: np.ndarray
+    rows: np.ndarray
+
+
+def join(model: Links, nlps: dict[str, Nlp]) -> Joined:
+    sizes, counts = [n.size for n in nlps.values()], [len(n.lbg) for n in nlps.values()]
+    at, rows = (np.concatenate([[0], np.cumsum(a)]).astype(int) for a in (sizes, counts))
+    total = int(at[-1])
+    symbols, places, links = _links(model, nlps, at)
+    expression = ca.vertcat(*[r.expression for r in links]) if links else ca.SX(0, 1)
+    # only what is touched, in the order of the unknowns
+    order = np.argsort(places, kind="stable")
+    sorted_symbols = symbols[order.tolist()] if places.size else symbols
+    touched = sorted(set(ca.jacobian_sparsity(expression, sorted_symbols).get_triplet()[1]))
+    z, index = sorted_symbols[touched], places[order][touched]
+    lam = ca.SX.sym("lam", len(links))
+    jacobian = ca.jacobian(expression, z)
+    hessian = ca.triu(ca.hessian(ca.dot(lam, expression), z)[0])
+    value = ca.Function("links", [z], [expression, jacobian])
+    curvature = ca.Function("links_hessian", [z, lam], [hessian])
+
+    X, p = ca.MX.sym("X", total), ca.MX.sym("p", 0)
+    parts = [X[int(a) : int(b)] for a, b in pairwise(at)]
+    zx = X[index.tolist()] if index.size else ca.MX(0, 1)
+    each = list(nlps.values())
+    found = [n.nlp(x, p) for n, x in zip(each, parts, strict=True)]
+    linked, slope = value(zx)
+    f, g = sum((v[0] for v in found), ca.MX(0)), ca.vertcat(*[v[1] for v in found], linked)
+    jacobians = [n.functions["jac_g"](x, p)[1] for n, x in zip(each, parts, strict=True)]
+    r, c = (np.array(a, int) for a in jacobian.sparsity().get_triplet())
+    below = scatter(r, index[c] if c.size else c, slope.nz[:], (len(links), total))
+    jac = ca.vertcat(ca.diagcat(*jacobians), below)
+    grad = ca.vertcat(*[n.functions["grad_f"](x, p)[1] for n, x in zip(each, parts, strict=True)])
+    sigma, lams = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", int(rows[-1]) + len(links))
+    own = [lams[int(a) : int(b)] for a, b in pairwise(rows)]
+    hess = ca.diagcat(*[n.functions["hess_lag"](x, p, sigma, v) for n, x, v in zip(each, parts, own, strict=True)])
+    if hessian.nnz():
+        r, c = (np.array(a, int) for a in hessian.sparsity().get_triplet())
+        values = curvature(zx, lams[int(rows[-1]) :]).nz[:]
+        hess = hess + scatter(index[r], index[c], values, (total, total))
+    functions = {
+        "jac_g": ca.Function("nlp_jac_g", [X, p], [g, jac], ["x", "p"], ["g", "jac_g_x"]),
+        "grad_f": ca.Function("nlp_grad_f", [X, p], [f, grad], ["x", "p"], ["f", "grad_f_x"]),
+        "hess_lag": ca.Function(
+            "nlp_hess_l", [X, p, sigma, lams], [hess], ["x", "p", "lam_f", "lam_g"], ["triu_hess_gamma_x_x"]
+        ),
+    }
+    nlp = ca.Function("nlp", [X, p], [f, g], ["x", "p"], ["f", "g"])
+    low = np.concatenate([*[n.lbg for n in each], [r.low for r in links]])
+    high = np.concatenate([*[n.ubg for n in each], [r.high for r in links]])
+    lbx, ubx = np.concatenate([n.lbx for n in each]), np.concatenate([n.ubx for n in each])
+    return Joined(nlps, functions, nlp, lbx, ubx, low, high, links, at, rows)
+
+
+def _links(model: Links, nlps: dict[str, Nlp], at: np.ndarray) -> tuple[ca.SX, np.ndarray, list[Row]]:
+    """Symbols of the unknowns at all ends, their places, and the rows that link them."""
+    symbols: list[ca.SX] = []
+    places: list[np.ndarray] = []
+    rows: list[Row] = []
+    names = list(nlps)
+    ends: dict[str, list[End]] = {n: [] for n in names}
+    for k, (first, second) in enumerate(pairwise(names)):
+        scope = Scope()
+        before, after = End(nlps[first], scope, 1.0), End(nlps[second], scope, 0.0)
+        ends[first].append(before)
+        ends[second].append(after)
+        relations = list(model.links[second](before, after)) if second in model.links else []
+        written = relation_rows(relations, f"the link to '{second}'", f"link to '{second}'")
+        written += _continuity(model, nlps[first], nlps[second], second, before, after)
+        old, new = (ca.vertcat(*v) for v in zip(before.values(), after.values(), strict=True))
+        for row in written:
+            e = ca.substitute([row.expression], [old], [new])[0] if old.numel() else row.expression
+            rows.append(Row(e, row.low, row.high, row.label, row.where))
+        (_, tf), (start, _) = before.times(), after.times()
+        if not nlps[second].problem.t0.is_constant():
+            rows.append(Row(start - tf, 0.0, 0.0, f"'{second}' begins when '{first}' ends", None))
+        for end, offset in ((before, at[k]), (after, at[k + 1])):
+            s, p = end.unknowns
+            symbols.append(s)
+            places.append(p + offset)
+    rows += _shared(model, nlps, ends)
+    # one symbol for each unknown: a phase in the middle has two ends
+    column, where = ca.vertcat(*symbols), np.concatenate(places).astype(int)
+    chosen, first_at, inverse = np.unique(where, return_index=True, return_inverse=True)
+    kept = column[first_at.tolist()]
+    if len(chosen) < len(where) and rows:
+        expressions = ca.substitute([r.expression for r in rows], [column], [kept[inverse.tolist()]])
+        rows = [Row(e, r.low, r.high, r.label, r.where) for e, r in zip(expressions, rows, strict=True)]
+    return kept, chosen, rows
+
+
+def _continuity(model: Links, first: Nlp, second: Nlp, name: str, before: End, after: End) -> list[Row]:
+    """States of the later phase that the earlier one knows under the same name continue, unless they may jump."""
+    flat, alias = second.problem.flat, second.problem.base.alias
+    states = second.problem.state_pairs
+    jump: set[tuple[int, int]] = set()
+    for free in model.free.get(name, ()):
+        _, indices, order = flat.lookup(free)
+        pairs = {alias.resolve(i, order)[1:] for i in indices}
+        if not pairs & set(states):
+            shown = ", ".join(flat.symbol_name(*p) for p in states)
+            raise ModelError(f"'{free}' may jump into '{name}', but it is no state there; states are {shown}")
+        jump |= pairs
+    known = {v.name for v in first.problem.flat.variables}
+    rows = []
+    for n, (index, order) in enumerate(states):
+        if (index, order) in jump or flat.variables[index].name not in known:
+            continue
+        state = flat.symbol_name(index, order)
+        difference = (after[state].sx - before[state].sx) / second.problem.x_scale[n]
+        rows.append(Row(difference, 0.0, 0.0, f"{state} continues into '{name}'", flat.variables[index].where))
+    return rows
+
+
+def _shared(model: Links, nlps: dict[str, Nlp], ends: dict[str, list[End]]) -> list[Row]:
+    """Free constants of one name with one value."""
+    rows = []
+    for name in model.shared:
+        owners = [(k, n) for k, n in nlps.items() if any(_is(name, f) for f in n.problem.free_names)]
+        if len(owners) < 2:
+            raise ModelError(f"'{name}' is shared, but {len(owners)} of the phases have such a free constant")
+        for (a, first), (b, second) in pairwise(owners):
+            for i, own in enumerate(first.problem.free_names):
+                if _is(name, own):
+                    j = second.problem.free_names.index(own)
+                    p = ca.SX(ends[a][0].P[i] * first.p_scale[i] - ends[b][0].P[j] * second.p_scale[j])
+                    rows.append(Row(p, 0.0, 0.0, f"{own} of '{a}' and '{b}'", None))
+    return rows
+
+
+def _is(name: str, element: str) -> bool:
+    return element == name or element.startswith(f"{name}[")

@@ -1,0 +1,162 @@
+"""Several phases, each an Optimization with its own horizon and mesh, linked end to start."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..lang.optimization import Optimization
+from ..lang.source import ModelError
+from ..results.status import SolveStatus
+from ..results.trajectory import Trajectory
+from .assembly import wrong_branch
+from .diagnosis import failure, named_row, solved_word, violated
+from .equalities import check_equalities
+from .finite import not_finite
+from .guess import initial_guess
+from .ipopt import Multipliers, Progress, Run, run_ipopt
+from .linking import Joined, Link, join
+from .mesh import Mesh
+from .nlp import Nlp, make_nlp
+from .problem import build
+from .solution import Solution, read_solution
+from .solve import NotSolved, SolverOptions
+
+
+class Phases:
+    """Phases in their order, by name; the objective is the sum of theirs.
+
+    Args:
+        phases: configured Optimizations by name, in order.
+        free: by the name of a phase, states that may jump where it begins. All other states that both neighbours have
+            under one name are continuous.
+        links: by the name of a phase, a function of (before, after) that yields relations where it begins:
+            `lambda before, after: [after.v == -0.8 * before.v]`; `before.x` is a value at the end of the phase before
+            and `after.x` one at the start; parts' names as before["robot.T"].
+        shared: free constants that have one value in all phases that declare them.
+
+    A phase whose start_time is free begins when the one before ends; one whose start_time is a number has a clock of
+    its own. Raises ModelError for fewer than two phases and for names that no phase has.
+    """
+
+    def __init__(
+        self,
+        phases: Mapping[str, Optimization],
+        *,
+        free: Mapping[str, Iterable[str]] | None = None,
+        links: Mapping[str, Link] | None = None,
+        shared: Iterable[str] = (),
+    ) -> None:
+        self.phases = dict(phases)
+        self.free = {k: tuple(v) for k, v in (free or {}).items()}
+        self.links = dict(links or {})
+        self.shared = tuple(shared)
+        if len(self.phases) < 2:
+            raise ModelError(f"phases are linked from two on; found {len(self.phases)}")
+        later = list(self.phases)[1:]
+        for what in (self.free, self.links):
+            for name in what:
+                if name not in later:
+                    raise ModelError(f"no phase '{name}' begins after another one; these do: {', '.join(later)}")
+
+
+@dataclass(frozen=True, eq=False)
+class PhasesSolution:
+    """Result of solving Phases: a Solution for each phase, by name, and the whole.
+
+    A phase's own Solution has the whole's status and message, and its own share of the cost and of the multipliers.
+    """
+
+    status: SolveStatus
+    message: str
+    objective: float
+    iterations: int
+    phases: dict[str, Solution]
+    link_multipliers: dict[str, float]
+    seconds: dict[str, float]
+
+    def __getitem__(self, name: str) -> Solution:
+        return self.phases[name]
+
+    @property
+    def trajectories(self) -> dict[str, Trajectory]:
+        return {name: s.trajectory for name, s in self.phases.items()}
+
+
+def solve_phases(
+    model: Phases,
+    mesh: Mesh | Mapping[str, Mesh] | None = None,
+    *,
+    guess: Mapping[str, Trajectory | Solution] | PhasesSolution | None = None,
+    branches: Mapping[str, int] | None = None,
+    solver: SolverOptions | None = None,
+    progress: Progress | None = None,
+    throw: bool = True,
+) -> PhasesSolution:
+    """Solve linked phases; mesh and guess for each by its name, or one mesh for all. See gt.solve."""
+    if not isinstance(model, Phases):
+        raise ModelError(
+            f"gt.solve_phases takes gt.Phases; found {type(model).__name__}; one phase is solved by gt.solve"
+        )
+    options = solver or SolverOptions()
+    nlps: dict[str, Nlp] = {}
+    for given, what in ((mesh, "mesh"), (guess, "guess")):
+        for name in given if isinstance(given, Mapping) else ():
+            if name not in model.phases:
+                raise ModelError(f"there is no phase '{name}' for a {what}; phases are {', '.join(model.phases)}")
+    for name, phase in model.phases.items():
+        own = mesh if isinstance(mesh, Mesh) else (mesh or {}).get(name, Mesh())
+        problem = build(phase, options.formulation, options.prefer, branches)
+        nlps[name] = make_nlp(problem, own)
+        check_equalities(problem, nlps[name].element)
+    joined = join(model, nlps)
+    earlier = guess.phases if isinstance(guess, PhasesSolution) else guess or {}
+    x0 = np.concatenate([initial_guess(nlp, earlier.get(name)) for name, nlp in nlps.items()])
+    run = run_ipopt(joined, x0, options, progress)
+    return _read(joined, run, throw)
+
+
+def _read(joined: Joined, run: Run, throw: bool) -> PhasesSolution:
+    status = run.status
+    message = solved_word(run) if status.ok else failure(run, [*_infinite(joined, run), _worst(joined, run)])
+    if status.ok:
+        for k, (name, nlp) in enumerate(joined.nlps.items()):
+            astray = wrong_branch(nlp, run.x[joined.at[k] : joined.at[k + 1]])
+            if astray:
+                status, message = SolveStatus.FAILED, f"phase '{name}': {astray}"
+                break
+    solutions = {}
+    for k, (name, nlp) in enumerate(joined.nlps.items()):
+        columns, rows = slice(joined.at[k], joined.at[k + 1]), slice(joined.rows[k], joined.rows[k + 1])
+        x = run.x[columns]
+        multipliers = Multipliers(run.multipliers.rows[rows], run.multipliers.bounds[columns])
+        cost = float(nlp.nlp(x, [])[0])
+        own = Run(x, run.g[rows], cost, multipliers, run.iterations, status, run.word, run.seconds)
+        solutions[name] = read_solution(nlp, own, status, message)
+    values = run.multipliers.rows[joined.rows[-1] :]
+    links = dict(zip((r.label for r in joined.links), values.tolist(), strict=True))
+    solution = PhasesSolution(status, message, run.objective, run.iterations, solutions, links, run.seconds)
+    if throw and not status.ok:
+        raise NotSolved(solution)
+    return solution
+
+
+def _infinite(joined: Joined, run: Run) -> list[str]:
+    parts = zip(joined.nlps.items(), joined.at[:-1], joined.at[1:], strict=True)
+    found = [(name, not_finite(nlp, run.x[a:b])) for (name, nlp), a, b in parts]
+    return [f"phase '{name}': {text}" for name, text in found if text]
+
+
+def _worst(joined: Joined, run: Run) -> str:
+    said = []
+    for row, amount in violated(joined.lbg, joined.ubg, run.g):
+        k = int(np.searchsorted(joined.rows, row, side="right")) - 1
+        if k >= len(joined.nlps):
+            said.append(f"{joined.links[row - joined.rows[-1]].label} by {amount:.2g}")
+            continue
+        name, nlp = list(joined.nlps.items())[k]
+        x = run.x[joined.at[k] : joined.at[k + 1]]
+        said.append(f"{name}: {named_row(nlp, x, row - int(joined.rows[k]), amount)}")
+    return f"worst rows: {'; '.join(said)}" if said else ""

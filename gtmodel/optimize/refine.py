@@ -1,0 +1,154 @@
+"""Mesh refinement: where the collocation polynomials miss the equations, elements are split; others are merged."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.polynomial import legendre
+
+from ..lang.optimization import Optimization
+from .mesh import Mesh
+from .nlp import placed
+from .resimulate import System
+from .solution import Solution, constants, states_and_controls
+from .solve import NotSolved, solve
+
+EXTRA = 2  # quadrature points per element beyond the collocation points: none of them is a collocation point
+MOST_PIECES = 4
+# two elements are merged where that is expected to leave the error this far below the tolerance
+SPARE = 0.1
+ALIKE = 3.0  # and only if neither is this much longer than the other
+
+
+@dataclass(frozen=True)
+class Pass:
+    """One solve of a refinement: elements, largest error in nominals, and what was done with the mesh after it."""
+
+    elements: int
+    error: float
+    objective: float
+    iterations: int
+    split: int = 0
+    merged: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class Refinement:
+    """The last solution with its error estimate per element, and how it came about."""
+
+    solution: Solution
+    errors: np.ndarray
+    passes: tuple[Pass, ...]
+    tolerance: float
+
+    @property
+    def reached(self) -> bool:
+        return bool(self.errors.max() <= self.tolerance)
+
+    def __str__(self) -> str:
+        lines = ["pass  elements       error  split  merged  iterations  objective"]
+        lines += [
+            f"{n:4d}  {p.elements:8d}  {p.error:10.2e}  {p.split:5d}  {p.merged:6d}  {p.iterations:10d}  "
+            f"{p.objective:.10g}"
+            for n, p in enumerate(self.passes, 1)
+        ]
+        return "\n".join(lines)
+
+
+def element_errors(solution: Solution) -> np.ndarray:
+    """Error estimate (elements,): int |x' - f(x, u)| dt over each element, off the collocation points, of the worst
+    state, in nominals. Algebraic unknowns without a closed form are solved for at each of these instants."""
+    nlp, problem = solution.nlp, solution.problem
+    mesh = placed(nlp, solution.x)
+    points, weights = legendre.leggauss(mesh.points + EXTRA)
+    points, weights = (points + 1) / 2, weights / 2
+    s = (mesh.edges[:-1, None] + mesh.h[:, None] * points).ravel()
+    xs, xd, us, times = states_and_controls(nlp, solution.x, s)
+    system, P = System.of(problem), constants(nlp, solution.x)
+    given = us[:, : nlp.element.layout.nu + len(problem.delayed)]
+    z = np.zeros((len(s), system.count))
+    if system.count:
+        # from the nearest collocation point: their polynomials overshoot
+        nearest = np.abs(points[:, None] - mesh.table.points).argmin(axis=1)
+        at = (mesh.edges[:-1, None] + mesh.h[:, None] * mesh.table.points[nearest]).ravel()
+        begin = states_and_controls(nlp, solution.x, at)[2]
+        place = {p: given.shape[1] + n for n, p in enumerate(problem.z_pairs)}
+        for n, pair in enumerate(system.pairs):
+            z[:, n] = begin[:, place[pair]] if pair in place else 0.0
+        z = system.solved(xs, given, z, P, times)
+    rates, _ = system.at(xs, given, z, P, times)
+    miss = np.abs(xd - rates) / problem.x_scale
+    horizon = times[-1] - times[0] if len(times) > 1 else 0.0
+    horizon /= s[-1] - s[0]
+    miss = np.where(np.isfinite(miss), miss, np.inf)  # between the points it leaves the range of the model
+    each = miss.reshape(mesh.elements, len(points), -1) * weights[None, :, None]
+    return np.max(each.sum(axis=1), axis=1, initial=0.0) * mesh.h * horizon
+
+
+def refine(
+    model: Optimization,
+    mesh: Mesh | None = None,
+    *,
+    tolerance: float,
+    passes: int = 8,
+    most_elements: int = 1000,
+    merge: bool = True,
+    **options: Any,
+) -> Refinement:
+    """Solve on meshes that follow the error estimate until it is below the tolerance (in nominals) everywhere.
+
+    Each pass starts from the last solution; `options` are those of solve(). Elements are split into up to four,
+    and neighbours far below the tolerance are merged. It ends after `passes` solves or at `most_elements` too; see
+    `reached`. Raises what solve() raises, and ValueError for a tolerance that is not positive or a mesh with blocks.
+    """
+    if not tolerance > 0:
+        raise ValueError(f"the tolerance of refine() is positive; found {tolerance:g}")
+    mesh = mesh or Mesh(10)
+    if mesh.blocks is not None:
+        raise ValueError("refine() splits elements, and blocks count them; leave out blocks")
+    solution = solve(model, mesh, **options)
+    history: list[Pass] = []
+    options.pop("throw", None)
+    while True:
+        errors = element_errors(solution)
+        last = Pass(len(errors), float(errors.max()), solution.objective, solution.iterations)
+        lengths, split, merged = _next_lengths(placed(solution.nlp, solution.x), errors, tolerance, merge)
+        done = last.error <= tolerance or len(history) + 1 >= passes or len(lengths) > most_elements
+        history.append(last if done else replace(last, split=split, merged=merged))
+        if done:
+            return Refinement(solution, errors, tuple(history), tolerance)
+        options["guess"] = solution
+        finer = replace(mesh, elements=len(lengths), lengths=tuple(lengths))
+        try:
+            solution = solve(model, finer, **options)
+        except NotSolved as failed:
+            raise NotSolved(
+                replace(failed.solution, message=f"pass {len(history) + 1} of refine(): {failed.solution.message}")
+            ) from None
+
+
+def _next_lengths(mesh: Mesh, errors: np.ndarray, tolerance: float, merge: bool) -> tuple[list[float], int, int]:
+    """Lengths of the next mesh, elements split and pairs merged. The error of an element goes as h^(points + 1)."""
+    order, h = mesh.points + 1, mesh.h
+    lengths: list[float] = []
+    split = merged = k = 0
+    while k < len(h):
+        if errors[k] > tolerance:
+            pieces = int(max(2, np.ceil(min(MOST_PIECES, (errors[k] / tolerance) ** (1 / order)))))
+            lengths += [h[k] / pieces] * pieces
+            split += 1
+        elif merge and k + 1 < len(h) and _mergeable(errors[k : k + 2], h[k : k + 2], order, tolerance):
+            lengths.append(h[k] + h[k + 1])
+            merged += 1
+            k += 1
+        else:
+            lengths.append(float(h[k]))
+        k += 1
+    return lengths, split, merged
+
+
+def _mergeable(errors: np.ndarray, h: np.ndarray, order: int, tolerance: float) -> bool:
+    expected = np.max(errors * (h.sum() / h) ** order)
+    return bool(expected < SPARE * tolerance and h.max() < ALIKE * h.min())

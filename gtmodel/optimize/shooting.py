@@ -1,0 +1,133 @@
+"""Multiple shooting with CVODES: a second road to an optimum, for cross-checks of collocation.
+
+Its unknowns are states at the element edges, controls and constants; what collocation has at the points between comes
+from the integrator, with its sensitivities. Bounds and path constraints hold at the same points as in collocation.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from ..lang.source import ModelError
+from .ipopt import Limits, Multipliers, Progress, Run, run_ipopt
+from .nlp import Nlp
+from .resimulate import make_integrator
+
+TOLERANCE = 1e-10  # of the integrator: far below what IPOPT resolves
+
+
+@dataclass(frozen=True)
+class _Limits:
+    tolerance: float
+    max_iterations: int
+    max_seconds: float | None
+    hessian: str = "lbfgs"  # second derivatives of an integrator are dear
+
+
+@dataclass(eq=False)
+class _Shooting:
+    """The NLP in the unknowns `kept` of the collocation NLP; `rows` of its rows remain."""
+
+    functions: dict[str, ca.Function]
+    nlp: ca.Function
+    lbx: np.ndarray
+    ubx: np.ndarray
+    lbg: np.ndarray
+    ubg: np.ndarray
+    kept: np.ndarray
+    rows: np.ndarray
+    full: ca.Function
+
+
+def run_shooting(nlp: Nlp, x0: np.ndarray, options: Limits, progress: Progress | None) -> Run:
+    """Optimise by multiple shooting, and answer in the unknowns and rows of collocation.
+
+    Raises ModelError for what this road does not take: Gauss points, algebraic unknowns, delays.
+    """
+    problem, mesh = nlp.problem, nlp.mesh
+    title = problem.flat.title
+    if mesh.scheme != "radau":
+        raise ModelError(f"{title}: shooting takes scheme 'radau', whose last point is the element's end")
+    if problem.formulation != "explicit" or nlp.element.layout.nz:
+        raise ModelError(
+            f"{title}: shooting takes an explicit formulation without algebraic unknowns or delays; found "
+            f"'{problem.formulation}'"
+        )
+    shooting = _transcribe(nlp)
+    limits = _Limits(options.tolerance, options.max_iterations, options.max_seconds)
+    run = run_ipopt(shooting, x0[shooting.kept], limits, progress)
+    x = np.asarray(shooting.full(run.x)).reshape(-1)
+    g, lam_g, lam_x = np.zeros(len(nlp.lbg)), np.zeros(len(nlp.lbg)), np.zeros(nlp.size)
+    g[shooting.rows], lam_g[shooting.rows] = run.g[: len(shooting.rows)], run.multipliers.rows[: len(shooting.rows)]
+    lam_x[shooting.kept] = run.multipliers.bounds
+    multipliers = Multipliers(lam_g, lam_x)
+    return Run(x, g, run.objective, multipliers, run.iterations, run.status, run.word, run.seconds)
+
+
+def _transcribe(nlp: Nlp) -> _Shooting:
+    problem, mesh, layout = nlp.problem, nlp.mesh, nlp.element.layout
+    n, N, nx, K = layout.size, mesh.elements, layout.nx, mesh.points
+    inside = layout.x.ravel()
+    own = np.setdiff1d(np.arange(n), inside)
+    kept = np.concatenate([*(k * n + own for k in range(N)), np.arange(nlp.end, nlp.size)]).astype(int)
+    m = nlp.element.rows.numel()
+    wanted = [r for r, (name, _) in enumerate(nlp.element.row_names) if not name.startswith("rate of ")]
+    rows = np.concatenate([*(k * m + np.array(wanted, int) for k in range(N)), np.arange(N * m, len(nlp.lbg))]).astype(
+        int
+    )
+
+    w, p = ca.MX.sym("w", len(kept)), ca.MX.sym("p", 0)
+    W = ca.reshape(w[: N * len(own)], len(own), N)
+    P = w[N * len(own) + layout.nl :]
+    place = {int(j): i for i, j in enumerate(own)}
+    physical = P * nlp.p_scale if len(nlp.p_scale) else P
+    times = ca.Function("times", [problem.P], [problem.t0, problem.tf])
+    t0, tf = times(physical)
+
+    def entries(columns: np.ndarray) -> ca.MX:
+        """Rows of y (all elements side by side) in physical units."""
+        found = W[[place[int(j)] for j in columns], :] if columns.size else ca.MX(0, N)
+        return found * ca.repmat(ca.DM(layout.scale[columns]), 1, N)
+
+    if layout.h >= 0:
+        left, length = entries(np.array([layout.edge])), entries(np.array([layout.h]))
+    else:
+        left, length = ca.MX(ca.DM(mesh.edges[:-1]).T), ca.MX(ca.DM(mesh.h).T)
+    horizon = tf - t0
+    given = [t0 + left * horizon, length * horizon, entries(layout.u.ravel()), ca.repmat(physical, 1, N)]
+    integrator = make_integrator(nlp, TOLERANCE, mesh.table.points.tolist()).map(N)
+    start = entries(layout.left[:nx]) if nx else ca.MX.zeros(1, N)
+    result = integrator(x0=start, p=ca.vertcat(*given))
+    states = ca.reshape(result["xf"], max(nx, 1) * K, N)
+    scaled = states / ca.repmat(ca.DM(layout.scale[inside]), 1, N) if nx else ca.MX(0, N)
+    order = np.argsort(np.concatenate([own, inside]), kind="stable")
+    Y = ca.vertcat(W, scaled)[order.tolist(), :]
+    full = ca.vertcat(ca.vec(Y), w[N * len(own) :])
+    f, g = nlp.nlp(full, p)
+    # the integral cost of the integrator in place of collocation's
+    element = nlp.element
+    scaled_P = ca.SX.sym("P", len(nlp.p_scale))
+    cost = (
+        ca.substitute([element.cost], [element.P], [scaled_P * ca.DM(nlp.p_scale)])[0]
+        if len(nlp.p_scale)
+        else element.cost
+    )
+    share = ca.Function("cost", [element.y, scaled_P, element.d], [cost]).map(N)
+    D = ca.DM(np.vstack([mesh.h, mesh.edges[:-1]]))
+    f = f - ca.sum2(share(Y, ca.repmat(P, 1, N), D)) + ca.sum2(result["qf"][:, K - 1 :: K])
+    # bounds on states at the points between the edges are rows here
+    low = np.concatenate(
+        [np.where(np.isfinite(nlp.lbx[k * n + inside]), nlp.lbx[k * n + inside], -np.inf) for k in range(N)]
+    )
+    high = np.concatenate([nlp.ubx[k * n + inside] for k in range(N)])
+    bounded = np.flatnonzero(np.isfinite(low) | np.isfinite(high))
+    between = ca.vec(scaled)[bounded.tolist()] if bounded.size else ca.MX(0, 1)
+    rows_all = ca.vertcat(g[rows.tolist()], between)
+    return _Shooting(
+        {}, ca.Function("nlp", [w, p], [f, rows_all], ["x", "p"], ["f", "g"]), nlp.lbx[kept], nlp.ubx[kept],
+        np.concatenate([nlp.lbg[rows], low[bounded]]), np.concatenate([nlp.ubg[rows], high[bounded]]), kept, rows,
+        ca.Function("full", [w], [full]),
+    )  # fmt: skip

@@ -1,0 +1,208 @@
+"""A transcribed problem that is solved again and again: other parameters, warm starts, continuation."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ..compiler.causal import flat_of
+from ..compiler.flat import FlatModel, flatten
+from ..lang.declare import Parameter
+from ..lang.optimization import Optimization
+from ..lang.source import ModelError
+from ..results.trajectory import Trajectory
+from .dynamic import DynamicProblem
+from .equalities import check_equalities
+from .guess import initial_guess
+from .ipopt import Multipliers, Progress
+from .mesh import Mesh
+from .nlp import Nlp, make_nlp
+from .problem import build
+from .solution import Solution
+from .solve import NotSolved, SolverOptions, solve_nlp
+
+ATTRIBUTES = ("nominal", "min", "max", "start", "fixed")
+HALVINGS = 4  # a step of a continuation is halved so often before it is given up
+
+
+@dataclass(frozen=True, eq=False)
+class Continuation:
+    """Solutions of a continuation in order, halved steps among them, with the parameters of each."""
+
+    steps: tuple[tuple[dict[str, Any], Solution], ...]
+    message: str = ""
+
+    @property
+    def solution(self) -> Solution:
+        """The last one."""
+        return self.steps[-1][1]
+
+    @property
+    def iterations(self) -> int:
+        return sum(s.iterations for _, s in self.steps)
+
+    def __str__(self) -> str:
+        lines = ["step  iterations  objective       parameters"]
+        for n, (values, s) in enumerate(self.steps, 1):
+            shown = ", ".join(f"{k} = {np.array2string(np.asarray(v), precision=6)}" for k, v in values.items())
+            lines.append(f"{n:4d}  {s.iterations:10d}  {s.objective:<14.8g}  {shown}")
+        return "\n".join([*lines, *([self.message] if self.message else [])])
+
+
+class Transcription:
+    """A model on a mesh with derivatives ready; made by transcribe()."""
+
+    def __init__(self, model: Optimization, nlp: Nlp, names: Mapping[str, list[str]], options: SolverOptions) -> None:
+        self.model, self.nlp, self.options = model, nlp, options
+        self._names = names
+
+    @property
+    def problem(self) -> DynamicProblem:
+        return self.nlp.problem
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of the parameters that solve() takes."""
+        return tuple(self._names)
+
+    def solve(
+        self,
+        parameters: Mapping[str, Any] | None = None,
+        *,
+        guess: Trajectory | Solution | None = None,
+        start: Solution | None = None,
+        solver: SolverOptions | None = None,
+        progress: Progress | None = None,
+        throw: bool = True,
+    ) -> Solution:
+        """Solve with other values of parameters; nothing is built again.
+
+        Args:
+            parameters: values in SI units by name; those not named keep the model's.
+            guess: as for gt.solve.
+            start: a warm start from a solution and, where it was made by this transcription, from its multipliers.
+
+        Raises ModelError for an unknown name or a value that the model refuses, or one that changes attributes such
+        as bounds; NotSolved unless throw is False.
+        """
+        nlp = self._with(parameters or {})
+        if guess is not None and start is not None:
+            raise ValueError("solve() takes a guess or a start, not both")
+        warm = None
+        if start is not None and start.nlp.functions is self.nlp.functions:
+            x0, warm = start.x.copy(), Multipliers(start.multipliers, start.bound_multipliers)
+            first = nlp.constants + len(self.problem.free_names)
+            x0[first:] = nlp.lbx[first:]
+        else:
+            x0 = self.first_guess(nlp, guess if start is None else start)
+        return solve_nlp(nlp, x0, solver or self.options, progress, throw, warm)
+
+    def first_guess(self, nlp: Nlp, guess: Trajectory | Solution | None) -> np.ndarray:
+        """Scaled unknowns from a guess, with the parameters that the NLP holds."""
+        x0 = initial_guess(nlp, guess)
+        first = nlp.constants + len(self.problem.free_names)
+        x0[first:] = nlp.lbx[first:]
+        return x0
+
+    def continuation(
+        self,
+        steps: Sequence[Mapping[str, Any]],
+        *,
+        guess: Trajectory | Solution | None = None,
+        start: Solution | None = None,
+        solver: SolverOptions | None = None,
+        throw: bool = True,
+    ) -> Continuation:
+        """Solve for one set of parameters after the other, each started from the last solution.
+
+        A step that fails is halved, up to four times, between the last good parameters and the wanted ones. Raises
+        NotSolved where that does not help (unless throw is False) and ModelError as solve() does.
+        """
+        found: list[tuple[dict[str, Any], Solution]] = []
+        todo = [(dict(s), HALVINGS) for s in reversed(steps)]
+        if not todo:
+            raise ValueError("a continuation takes at least one set of parameters")
+        while todo:
+            values, halvings = todo.pop()
+            values = {**(found[-1][0] if found else {}), **values}
+            s = self.solve(values, guess=guess, start=start, solver=solver, throw=False)
+            if s.status.ok:
+                found.append((values, s))
+                guess, start = None, s
+                continue
+            if not found or halvings == 0:
+                shown = ", ".join(f"{k} = {v}" for k, v in values.items())
+                message = f"the continuation ends before {shown}: {s.message}"
+                if throw:
+                    raise NotSolved(replace(s, message=message))
+                return Continuation((*found, (values, s)), message)
+            last = found[-1][0]
+            middle = {k: (np.asarray(last.get(k, self._default(k))) + np.asarray(v)) / 2 for k, v in values.items()}
+            todo += [(values, halvings - 1), (middle, halvings - 1)]
+        return Continuation(tuple(found))
+
+    def _default(self, name: str) -> np.ndarray:
+        values = {q.name: q.value for q in self.problem.flat.parameters}
+        found = np.array([values[n] for n in self._names[name]])
+        return found if len(found) > 1 else found[0]
+
+    def _with(self, parameters: Mapping[str, Any]) -> Nlp:
+        """The NLP with other values of the tunable parameters."""
+        nlp, problem = self.nlp, self.problem
+        if not parameters:
+            return nlp
+        for name in parameters:
+            if name not in self._names:
+                raise ModelError(
+                    f"{problem.flat.title} was transcribed with parameters {', '.join(self._names) or 'none'}; found "
+                    f"'{name}'"
+                )
+        changed = flatten(self.model.with_(**parameters))
+        self._check_attributes(changed, ", ".join(parameters))
+        values = {q.name: q.value for q in changed.parameters}
+        first = nlp.constants + len(problem.free_names)
+        low, high = nlp.lbx.copy(), nlp.ubx.copy()
+        low[first:] = high[first:] = [values[n] for n in problem.tunable] / nlp.p_scale[len(problem.free_names) :]
+        return replace(nlp, lbx=low, ubx=high)
+
+    def _check_attributes(self, changed: FlatModel, names: str) -> None:
+        for old, new in zip(self.problem.flat.variables, changed.variables, strict=True):
+            for name in ATTRIBUTES:
+                if getattr(old, name) != getattr(new, name):
+                    raise ModelError(
+                        f"{name} of '{old.name}' follows {names}, but attributes are fixed by transcribe(); write it "
+                        "in constraints(), or transcribe the changed model",
+                        old.where,
+                    )
+
+
+def transcribe(
+    model: Optimization,
+    mesh: Mesh | None = None,
+    *,
+    parameters: Sequence[str] | None = None,
+    branches: Mapping[str, int] | None = None,
+    solver: SolverOptions | None = None,
+) -> Transcription:
+    """Transcribe a model once, to be solved for many values of its parameters.
+
+    parameters: names, of the model's own class, that may change between solves; by default all of them. What stands
+    fixed is folded into the equations, where zeros vanish. Raises ModelError for a wrong model or an unknown name.
+    """
+    flat, options = flat_of(model), solver or SolverOptions()
+    own = [n for n, item in type(model)._declared.items() if isinstance(item, Parameter)]
+    names: dict[str, list[str]] = {}
+    for name in own if parameters is None else parameters:
+        if name not in own:
+            raise ModelError(f"{flat.title} declares no parameter '{name}'; it declares {', '.join(own) or 'none'}")
+        elements = [q.name for q in flat.parameters if q.name == name or q.name.startswith(f"{name}[")]
+        if elements:  # one that is bound to others has no symbol of its own
+            names[name] = elements
+    tunable = tuple(e for n in names.values() for e in n)
+    problem = build(model, options.formulation, options.prefer, branches, tunable)
+    nlp = make_nlp(problem, mesh or Mesh())
+    check_equalities(problem, nlp.element)
+    return Transcription(model, nlp, names, options)

@@ -1,0 +1,74 @@
+"""Kind "optimization": forms and controls from the file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.support.commands import Commands
+
+MODEL = """
+import gtmodel as gt
+from gtmodel import der
+
+
+class Implicit(gt.Optimization):
+    x = gt.variable(start=1.0, fixed=True)
+    y = gt.variable(start=1.0)
+    u = gt.input(min=-1.0, max=1.0)
+    final_time = 1.0
+
+    def equations(self):
+        yield der(self.x) == self.y
+        yield self.y + 0.3 * gt.sin(self.y) + self.y**3 == self.u - self.x
+
+    def objective(self):
+        return gt.integral(self.x**2 + 0.1 * self.u**2)
+"""
+
+PROBLEM = """
+kind = "optimization"
+model = "own.py:Implicit"
+[mesh]
+elements = 8
+control = "{control}"
+[solver]
+formulation = "{formulation}"
+"""
+# Two forms of one discrete problem, each stopped by IPOPT at 1e-8 of its scaled conditions.
+SOLVER = 1e-6
+
+
+@pytest.fixture
+def gtmodel(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Commands:
+    monkeypatch.chdir(tmp_path)
+    Path("own.py").write_text(MODEL, encoding="utf-8")
+    return Commands(capsys)
+
+
+def problem(control: str = "polynomial", formulation: str = "auto") -> str:
+    Path("problem.toml").write_text(PROBLEM.format(control=control, formulation=formulation), encoding="utf-8")
+    return "problem.toml"
+
+
+def test_forms_and_controls(gtmodel: Commands) -> None:
+    found = {}
+    for control, formulation in (("bernstein", "torn"), ("bernstein", "dae"), ("linear", "auto"), ("constant", "auto")):
+        done = gtmodel("solve", problem(control, formulation), "--json")
+        assert done.code == 0, done.out
+        assert done.json["values"]["violation_between_nodes"] < SOLVER
+        found[control, formulation] = done.json["objective"]
+    assert found["bernstein", "torn"] == pytest.approx(found["bernstein", "dae"], rel=SOLVER)
+    assert found["bernstein", "torn"] < found["linear", "auto"] < found["constant", "auto"]
+
+
+def test_explain_tells_what_is_not_eliminated(gtmodel: Commands) -> None:
+    assert "torn form, unknown at each point: der(x)" in gtmodel("explain", problem()).out
+
+
+def test_refused(gtmodel: Commands) -> None:
+    done = gtmodel("solve", problem("spline"))
+    assert done.code == 2 and "mesh.control" in done.err
+    done = gtmodel("solve", problem(formulation="explicit"))
+    assert done.code == 2 and "no closed form" in done.err and "'torn' or 'dae'" in done.err

@@ -1,0 +1,205 @@
+"""Linked phases: against the same problem in one piece, against closed forms; and what is refused."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import gtmodel as gt
+from gtmodel import ModelError, SolveStatus, der
+from gtmodel.optimize import Mesh, NotSolved, Phases, SolverOptions, solve, solve_phases
+from gtmodel.optimize.guess import initial_guess
+from gtmodel.optimize.linking import join
+from gtmodel.optimize.nlp import make_nlp
+from gtmodel.optimize.problem import build
+from tests.optimize import problems
+from tests.optimize.test_derivatives import compare
+
+SOLVER = 1e-6  # two roads to one discrete optimum
+
+
+class Early(problems.VanDerPol):
+    final_time = 8.0
+
+
+class Late(problems.VanDerPol):
+    x1 = gt.variable()
+    x2 = gt.variable()
+    start_time = 8.0
+    final_time = 20.0
+
+
+class Fall(gt.Optimization):
+    """A ball falls from 2 m."""
+
+    g = gt.parameter(9.81, unit="m/s2")
+    q = gt.variable(unit="m", start=2.0, fixed=True, min=0.0)
+    v = gt.variable(unit="m/s", start=0.0, fixed=True)
+    final_time = gt.free(0.5, min=0.1, unit="s")
+
+    def equations(self):
+        yield der(self.q) == self.v
+        yield der(self.v) == -self.g
+
+    def objective(self):
+        return self.final_time - self.start_time
+
+    def constraints(self):
+        yield self.q.at(self.final_time) == 0
+
+
+class Rise(Fall):
+    """And rises again until it rests."""
+
+    q = gt.variable(unit="m", min=0.0)
+    v = gt.variable(unit="m/s")
+    start_time = gt.free(0.5, unit="s")
+    final_time = gt.free(1.0, unit="s")
+
+    def constraints(self):
+        yield self.final_time - self.start_time >= 0.1
+        yield self.v.at(self.final_time) == 0
+
+
+def bounce(restitution: float) -> Phases:
+    return Phases(
+        {"fall": Fall(), "rise": Rise()},
+        free={"rise": ["v"]},
+        links={"rise": lambda before, after: [after.v == -restitution * before["v"]]},
+    )
+
+
+@pytest.mark.parametrize("scheme, control", [("radau", "polynomial"), ("gauss", "constant"), ("radau", "linear")])
+def test_a_problem_cut_in_two_is_the_same(scheme, control):
+    whole = solve(problems.VanDerPol(), Mesh(40, 3, scheme, control))
+    # a continuous control may jump where phases meet: it is tied by hand
+    links = {"late": lambda before, after: [after.u == before.u]} if control == "linear" else {}
+    cut = Phases({"early": Early(), "late": Late()}, links=links)
+    meshes = {"early": Mesh(16, 3, scheme, control), "late": Mesh(24, 3, scheme, control)}
+    s = solve_phases(cut, meshes)
+    assert s.objective == pytest.approx(whole.objective, rel=SOLVER)
+    assert s.objective == pytest.approx(s["early"].objective + s["late"].objective, rel=1e-7)
+    for name in ("early", "late"):
+        t = s[name].trajectory.time[1:]
+        x = whole.sample((t - 1e-12) / 20.0)["x1"]
+        assert s[name].trajectory["x1"][1:] == pytest.approx(x, abs=1e-5)
+    again = solve_phases(cut, meshes, guess=s)
+    assert again.objective == pytest.approx(s.objective, rel=SOLVER)
+
+
+@pytest.mark.parametrize("restitution", [0.5, 0.9])
+def test_a_jump(restitution):
+    s = solve_phases(bounce(restitution), Mesh(4, 3))
+    down = np.sqrt(2 * 2.0 / 9.81)
+    assert s.objective == pytest.approx(down * (1 + restitution), rel=SOLVER)
+    before, after = s["fall"].trajectory, s["rise"].trajectory
+    assert after["v"][0] == pytest.approx(-restitution * before["v"][-1], rel=1e-7)
+    assert after.time[0] == pytest.approx(before.time[-1], rel=1e-9)
+    assert after["q"][-1] == pytest.approx(2.0 * restitution**2, rel=1e-6)
+
+
+def test_derivatives_of_the_whole():
+    for model, mesh in ((bounce(0.5), Mesh(2, 2)), (problems.two_phases(), Mesh(2, 3, "gauss"))):
+        nlps = {n: make_nlp(build(p), mesh) for n, p in model.phases.items()}
+        joined = join(model, nlps)
+        x = np.concatenate([initial_guess(n, None) for n in nlps.values()])
+        joined.size = len(x)  # type: ignore[attr-defined]
+        compare(joined, x + 0.1 * np.random.default_rng(0).standard_normal(len(x)))  # type: ignore[arg-type]
+
+
+def test_three_phases_and_a_shared_constant():
+    """x' = k in three phases of one clock each; one k for all brings x to 3 in 1 + 1 + 1 s at least cost."""
+
+    class Leg(gt.Optimization):
+        k = gt.free(0.5)
+        x = gt.variable()
+
+        def equations(self):
+            yield der(self.x) == self.k
+
+        def objective(self):
+            return gt.integral(self.k**2 + 0 * self.x)
+
+    class First(Leg):
+        x = gt.variable(start=0.0, fixed=True)
+
+        def objective(self):
+            return gt.integral(10 * self.k**2 + 0 * self.x)
+
+    class Last(Leg):
+        def constraints(self):
+            yield self.x.at(self.final_time) == 3
+
+    legs = {"a": First(), "b": Leg(), "c": Last()}
+    one = solve_phases(Phases(legs, shared=["k"]), Mesh(2, 2))
+    assert [one[n].free["k"] for n in legs] == pytest.approx([1.0, 1.0, 1.0], rel=1e-7)
+    own = solve_phases(Phases(legs), Mesh(2, 2))
+    # least 10 a^2 + b^2 + c^2 with a + b + c = 3
+    assert [own[n].free["k"] for n in legs] == pytest.approx([1 / 7, 10 / 7, 10 / 7], rel=1e-6)
+
+
+def test_multipliers_of_links_are_slopes_of_the_cost():
+    """What a kink of the level by e would cost: x of the second phase is the first one's plus e."""
+
+    def cut(e: float):
+        links = {"late": lambda before, after: [after.x1 == before.x1 + e]}
+        return solve_phases(
+            Phases({"early": Early(), "late": Late()}, free={"late": ["x1"]}, links=links),
+            Mesh(10, 3),
+            solver=SolverOptions(tolerance=1e-10),
+        )
+
+    s, e = cut(0.0), 1e-3
+    slope = (cut(e).objective - cut(-e).objective) / (2 * e)
+    name = next(n for n in s.link_multipliers if n.startswith("link to 'late' 1 (optimize/test_phases.py:"))
+    # a row after - before - e == 0
+    assert s.link_multipliers[name] == pytest.approx(-slope, rel=1e-4)
+
+
+def test_failure_names_phase_element_and_time():
+    class Far(Rise):
+        def constraints(self):
+            yield from super().constraints()
+            yield self.q.at(self.final_time) == 5
+
+    s = solve_phases(Phases({"fall": Fall(), "rise": Far()}, free={"rise": ["v"]}, links={
+        "rise": lambda before, after: [after.v <= -0.5 * before.v]}), Mesh(3, 2), throw=False)  # fmt: skip
+    assert s.status is SolveStatus.INFEASIBLE and "worst rows: " in s.message
+    with pytest.raises(NotSolved, match="iteration limit"):
+        solve_phases(bounce(0.5), Mesh(3, 2), solver=SolverOptions(max_iterations=1))
+
+
+WRONG = {
+    "one phase": (lambda: Phases({"a": Fall()}), "phases are linked from two on; found 1"),
+    "unknown phase": (
+        lambda: Phases({"a": Fall(), "b": Rise()}, free={"c": ["v"]}),
+        "no phase 'c' begins after another one; these do: b",
+    ),
+    "first phase": (lambda: Phases({"a": Fall(), "b": Rise()}, links={"a": lambda x, y: []}), "no phase 'a' begins"),
+    "no state": (
+        lambda: solve_phases(Phases({"a": Fall(), "b": Rise()}, free={"b": ["der(v)"]})),
+        r"'der\(v\)' may jump into 'b', but it is no state there; states are q, der\(q\)",
+    ),
+    "no variable": (
+        lambda: solve_phases(Phases({"a": Fall(), "b": Rise()}, free={"b": ["w"]})),
+        "Rise has no variable 'w'",
+    ),
+    "to the other function": (lambda: solve(bounce(0.5)), "found Phases; linked phases are solved by gt.solve_phases"),
+    "one phase to this function": (lambda: solve_phases(Fall()), "takes gt.Phases; found Fall; one phase is solved by"),
+    "no relation": (
+        lambda: solve_phases(Phases({"a": Fall(), "b": Rise()}, links={"b": lambda x, y: [x.v]})),
+        "the link to 'b' yielded Expr, which is no relation",
+    ),
+    "mesh of no phase": (lambda: solve_phases(bounce(0.5), {"up": Mesh()}), "no phase 'up' for a mesh; phases are"),
+    "nothing shared": (
+        lambda: solve_phases(Phases({"a": Fall(), "b": Rise()}, shared=["k"])),
+        "'k' is shared, but 0 of the phases have such a free constant",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_wrong_phases(name):
+    make, sentence = WRONG[name]
+    with pytest.raises(ModelError, match=sentence):
+        make()
