@@ -88,7 +88,7 @@ class CyclicTerm:
 
     `false_alarm` is the chance that white noise alone, measured at the same places, shows as much in the range searched
     (see `strongest`). `aliases` are other periods [m] that fit points so far apart equally well, the longest ones;
-    empty where the points are uneven.
+    empty where the points are uneven. Errors are infinite where the points do not determine the numbers.
     """
 
     period: float
@@ -152,11 +152,15 @@ def cyclic_term(fit: GuidewayFit, periods: tuple[float, float] | None = None) ->
     # residuals of order one, and within one peak of the periodogram
     reach = 1 / span
     low, high = [-np.inf] * 4 + [f0 - reach], [np.inf] * 4 + [f0 + reach]
-    found, covariance = curve_fit(model, q, e / size, [*start, f0], bounds=(low, high), x_scale=[1, 1, 1, 1, reach])
+    try:
+        found, covariance = curve_fit(model, q, e / size, [*start, f0], bounds=(low, high), x_scale=[1, 1, 1, 1, reach])
+    except RuntimeError:  # sine and cosine grow against each other: few points, about two per period
+        found, covariance = np.array([*start, f0]), np.diag(np.full(5, np.inf))
     sine, cosine, f = size * found[2], size * found[3], found[4]
     amplitude = float(np.hypot(sine, cosine))
     gradient = size * np.array([sine, cosine]) / max(amplitude, 1e-300)
-    amplitude_error = float(np.sqrt(gradient @ covariance[2:4, 2:4] @ gradient))
+    told = bool(np.all(np.isfinite(covariance)))
+    amplitude_error = float(np.sqrt(gradient @ covariance[2:4, 2:4] @ gradient)) if told else np.inf
     aliases = _aliases(float(f), places)
     return CyclicTerm(
         float(1 / f), float(np.sqrt(covariance[4, 4]) / f**2), amplitude, amplitude_error, float(sine), float(cosine),

@@ -171,6 +171,14 @@ class TestCyclic:
         noise = 1e-5 * np.random.default_rng(6).normal(size=(200, 21, 3))
         return np.array([cyclic_term(fit_guideway(q, np.outer(q, V) + e)).false_alarm for e in noise])
 
+    def test_a_fit_that_does_not_end_has_infinite_errors(self):
+        # synthetic noise at eight places; sine and cosine of about two points per period grow without end
+        q = np.linspace(0, 1, 8)
+        noise = 1e-5 * np.random.default_rng(1446).normal(size=(8, 3))
+        c = cyclic_term(fit_guideway(q, np.outer(q, [1, 0, 0]) + noise))
+        assert c.period_error == np.inf and c.amplitude_error == np.inf
+        assert np.isfinite(c.period) and np.isfinite(c.amplitude) and not c.significant
+
     def test_the_strongest_is_that_of_least_squares(self):
         rng = np.random.default_rng(8)
         q, e = np.sort(rng.uniform(size=30)), rng.normal(size=30)
