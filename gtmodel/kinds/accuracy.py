@@ -51,9 +51,8 @@ EXACT = 1e-3
 TWO_ROADS = 1e-9
 # a draw may exceed the first-order corners by second-order terms only; and one of many comes within a tenth of them
 ABOVE, BELOW = 1.001, 0.9
-MARGIN_M = 0.05
 
-Three = Annotated[list[Annotated[float, Field(gt=0)]], Field(min_length=3, max_length=3)]
+Three = Annotated[list[Annotated[float, Field(ge=0)]], Field(min_length=3, max_length=3)]
 Pair = Annotated[list[float], Field(min_length=2, max_length=2)]
 
 
@@ -69,7 +68,7 @@ class SectionKeys(Section):
 
 
 class Case(Section):
-    """Errors of the three links: of their lengths, or of the cart joints, in ellipsoids about them."""
+    """Errors of the three links: of their lengths, or of the cart joints, in ellipsoids about them; some may be 0."""
 
     name: str = Field(description="of the case")
     length_um: Three | None = Field(default=None, description="greatest error of each link length")
@@ -194,9 +193,8 @@ def _study(problem: Schema, context: Context) -> _Study:
     high = corners.max(axis=0) if keys.high_m is None else np.array(keys.high_m)
     if np.any(low >= high):
         raise InputError("every lower limit must be less than its upper one", "section.high_m")
-    reach = robot.lengths[:, None] + MARGIN_M
-    outer_low = np.minimum(low, (corners - reach).max(axis=0))
-    outer_high = np.maximum(high, (corners + reach).min(axis=0))
+    least, greatest = robot.farthest(corners)
+    outer_low, outer_high = np.minimum(low, least), np.maximum(high, greatest)
     u, v = (_through(low[k], high[k], outer_low[k], outer_high[k], keys.step_m) for k in range(2))
     if len(u) * len(v) > 1e7:
         raise InputError(f"the grid would have {len(u) * len(v):.1e} points; take a larger step", "section.step_m")
@@ -216,6 +214,9 @@ def _through(low: float, high: float, outer_low: float, outer_high: float, step:
 
 def _errors(case: Case, k: int, robot: Mechanism) -> ErrorCase:
     key = f"cases[{k}]"
+    given = [name for name in ("length_um", "along_um", "across_um") if getattr(case, name) is not None]
+    if given and not any(np.any(getattr(case, name)) for name in given):
+        raise InputError("all errors are zero; give at least one that is greater", f"{key}.{given[0]}")
     if case.length_um is not None:
         if case.along_um is not None or case.across_um is not None:
             raise InputError("give either length_um, or along_um with across_um", key)
@@ -321,14 +322,23 @@ def _outcome(problem: Schema, study: _Study, found: list[_Found]) -> Outcome:
     for f in found:
         rows += _rows(f.values)
     message = SolveStatus.SOLVED.sentence
-    if failed:
+    status = SolveStatus.SOLVED
+    lost = [f.case.name for f in found if any(check.value is None for check in f.checks.values())]
+    if lost:
+        # the numbers of the first order stand, but no other road leads to them
+        status = SolveStatus.FAILED
+        message = (
+            f"{' and '.join(lost)}: at some points of the rectangle a robot with the greatest errors cannot be "
+            "assembled; the errors are too large, or the rectangle too near to the edge of what is reached"
+        )
+    elif failed:
         message += f", but {' and '.join(failed)} {'exceeds its bound' if len(failed) == 1 else 'exceed their bounds'}"
     shape = (len(study.u), len(study.v))
     figures = {f"error_{k + 1}": partial(_error_figure, problem, study, f, shape) for k, f in enumerate(found)}
     figures["faces"] = partial(_faces_figure, problem, study, found)
     figures["robot"] = partial(_robot_figure, problem, study)
     return Outcome(
-        status=SolveStatus.SOLVED, message=message, checks=checks, values=values, rows=rows, figures=figures,
+        status=status, message=message, checks=checks, values=values, rows=rows, figures=figures,
         files={"errors.csv": _table(study, found)},
     )  # fmt: skip
 

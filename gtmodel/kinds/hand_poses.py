@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import math
 from pathlib import Path
 from typing import Annotated
@@ -11,14 +10,14 @@ import numpy as np
 from pydantic import Field
 from scipy.spatial.transform import Rotation
 
+from . import csv_table
 from .base import Context, InputError, Section
+from .known_values import UNIT_LENGTH
 from .robots import file_of
 from .six_links import Hands, SixLinks
 
 Three = Annotated[list[float], Field(min_length=3, max_length=3)]
 Four = Annotated[list[float], Field(min_length=4, max_length=4)]
-
-UNIT_LENGTH = 1e-3  # a quaternion farther from length 1 is a slip of the pen, not rounding
 
 # keys of a pose with their columns in a file
 COLUMNS = {
@@ -54,7 +53,10 @@ def of_file(reference: str, context: Context) -> list[Pose]:
     if path is None:
         raise InputError(f"there is no file '{reference}' in {context.folder} or here", "poses")
     context.inputs["poses"] = path
-    head, rows = _table(path)
+    try:
+        head, rows = _table(path)
+    except InputError as error:
+        raise error.within("", "poses") from error
     wanted = [key for key, columns in COLUMNS.items() if set(columns) & set(head)]
     known = [column for key in wanted for column in COLUMNS[key]]
     missing = [column for column in known if column not in head]
@@ -62,9 +64,8 @@ def of_file(reference: str, context: Context) -> list[Pose]:
         expected = ", ".join(missing) or "q1_m, q2_m, q3_m or x_m, y_m, z_m"
         raise InputError(f"{path.name} lacks the columns {expected}; it has {', '.join(head)}", "poses")
     foreign = [column for column in head if column not in known]
-    if foreign or len(set(head)) < len(head):
-        more = ", ".join(foreign or [column for column in head if head.count(column) > 1])
-        raise InputError(f"{path.name} has columns that are none of a pose, or twice: {more}", "poses")
+    if foreign:
+        raise InputError(f"{path.name} has columns that are none of a pose: {', '.join(foreign)}", "poses")
     if not rows:
         raise InputError(f"{path.name} has no rows", "poses")
     return [
@@ -74,26 +75,17 @@ def of_file(reference: str, context: Context) -> list[Pose]:
 
 
 def _table(path: Path) -> tuple[list[str], list[list[float]]]:
-    """Heads and numbers of a CSV file; lines that are empty or begin with # are left out."""
-    try:
-        lines = path.read_text(encoding="utf-8").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path.name} cannot be read as text", "poses") from error
-    kept = [(n, line) for n, line in enumerate(lines, 1) if line.strip() and not line.startswith("#")]
-    if not kept:
-        raise InputError(f"{path.name} is empty", "poses")
-    cells = list(csv.reader(line for _, line in kept))
-    head = [cell.strip() for cell in cells[0]]
+    """Heads and numbers of a CSV file. Raises InputError."""
+    (line, head), kept = csv_table.lines_of(path, "q1_m,q2_m,q3_m")
+    csv_table.refuse_twice(head, f"{path.name} line {line}")
     rows = []
-    for (n, _), row in zip(kept[1:], cells[1:], strict=True):
+    for n, row in kept:
         try:
-            numbers = [float(cell) for cell in row]
+            numbers = [csv_table.number(cell) for cell in row]
         except ValueError:
             numbers = []
         if len(numbers) != len(head) or not all(map(math.isfinite, numbers)):
-            raise InputError(
-                f"{path.name}, line {n}: expected {len(head)} finite numbers; found '{','.join(row)}'", "poses"
-            )
+            raise InputError(f"{path.name} line {n}: expected {len(head)} finite numbers; found '{','.join(row)}'")
         rows.append(numbers)
     return head, rows
 

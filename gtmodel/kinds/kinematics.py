@@ -19,6 +19,7 @@ from gtmodel.results import SolveStatus, Status
 
 from . import point_table
 from .base import Context, InputError, Outcome, Row, Section
+from .known_values import Conditions
 from .robot_keys import RobotProblem
 from .robots import file_of
 
@@ -27,7 +28,8 @@ NAME = "kinematics"
 VALUES = {
     "rows": "number of points",
     "statuses": "number of rows by status: ok, out_of_range, not_converged (no solution where Newton looks for one, as "
-    "beyond a six-link robot's reach), singular, not_finite, not_computed",
+    "beyond a six-link robot's reach), singular, not_finite, inconsistent_known_values (such as a quaternion that is "
+    "not of length 1), not_computed",
     "ranges": "least and greatest value of each target over the rows that are ok, in SI units",
     "zyz_range_deg": "largest minus smallest ZYZ angle over the rows that are ok; null without [orientation]",
     "zyz_layer_range_deg": "the same for each layer of a grid; null without one",
@@ -38,6 +40,8 @@ VALUES = {
 CHUNK = 2000  # rows between two looks at the clock
 MOST_POINTS = 1_000_000
 NOT_COMPUTED = "not_computed"
+INCONSISTENT = "inconsistent_known_values"
+_OWN = {-1: NOT_COMPUTED, -2: INCONSISTENT}  # codes beside those of Status
 
 Three = Annotated[list[float], Field(min_length=3, max_length=3)]
 Count = Annotated[int, Field(ge=1)]
@@ -94,7 +98,8 @@ class _Table:
     function: CausalFunction
     inputs: list[np.ndarray]
     targets: list[np.ndarray]
-    codes: np.ndarray  # -1: not computed
+    codes: np.ndarray  # of Status, or of _OWN
+    normalised: int = 0  # rows with a quaternion brought to length 1
 
     @property
     def ok(self) -> np.ndarray:
@@ -102,7 +107,16 @@ class _Table:
 
     @property
     def words(self) -> list[str]:
-        return [NOT_COMPUTED if c < 0 else Status(c).name.lower() for c in self.codes.tolist()]
+        return [_OWN[c] if c in _OWN else Status(c).name.lower() for c in self.codes.tolist()]
+
+    @property
+    def inconsistent(self) -> str:
+        """Why the first row with inconsistent known values has no solution; "" where there is none."""
+        rows = np.flatnonzero(self.codes == -2)
+        if not rows.size:
+            return ""
+        sentence = self.function.diagnose(*(a[rows[0]] for a in self.inputs))
+        return f"row {rows[0]}: {sentence.partition(': ')[2] or sentence}"
 
 
 def solve(problem: Schema, context: Context) -> Outcome:
@@ -112,7 +126,9 @@ def solve(problem: Schema, context: Context) -> Outcome:
     model = problem.model(context)
     function = _function(problem, model)
     inputs = _points(problem, context, model, function)
-    table = _evaluate(function, inputs, context)
+    conditions = Conditions(function)
+    inputs, normalised = conditions.normalised(inputs)
+    table = _evaluate(function, inputs, conditions, context, normalised)
     orientation = _orientation(problem, table)
     return _outcome(problem, table, orientation)
 
@@ -210,7 +226,9 @@ def _sized(given: Mapping[str, list[float]], signal: Signal, key: str) -> np.nda
     return value
 
 
-def _evaluate(function: CausalFunction, inputs: list[np.ndarray], context: Context) -> _Table:
+def _evaluate(
+    function: CausalFunction, inputs: list[np.ndarray], conditions: Conditions, context: Context, normalised: int
+) -> _Table:
     rows = len(inputs[0])
     targets = [np.full((rows, *s.shape), np.nan) for s in function.outputs]
     codes = np.full(rows, -1)
@@ -222,8 +240,9 @@ def _evaluate(function: CausalFunction, inputs: list[np.ndarray], context: Conte
         *found, status = function(*[a[part] for a in inputs])
         for target, values in zip(targets, found, strict=True):
             target[part] = values
-        codes[part] = status
-    return _Table(function, inputs, targets, codes)
+        broken = conditions.broken([a[part] for a in inputs]) & (status != Status.OK) & (status != Status.NOT_FINITE)
+        codes[part] = np.where(broken, -2, status)
+    return _Table(function, inputs, targets, codes, normalised)
 
 
 def _orientation(problem: Schema, table: _Table) -> OrientationMap | None:
@@ -239,12 +258,12 @@ def _orientation(problem: Schema, table: _Table) -> OrientationMap | None:
 def _outcome(problem: Schema, table: _Table, orientation: OrientationMap | None) -> Outcome:
     title = problem.title or f"kinematics of {problem.robot}"
     rows, ok = len(table.codes), int(np.sum(table.ok))
-    words = [s.name.lower() for s in Status] + [NOT_COMPUTED]
+    words = [s.name.lower() for s in Status] + [INCONSISTENT, NOT_COMPUTED]
     counts = {word: n for word in words if (n := table.words.count(word)) or word == "ok"}
     status, message = SolveStatus.SOLVED, f"{ok} of {rows} points have a solution"
     failed = ", ".join(f"{n} {word.replace('_', ' ')}" for word, n in counts.items() if word != "ok")
     if failed:
-        message += f"; {failed}"
+        message += f"; {failed}" + (f" ({table.inconsistent})" if table.inconsistent else "")
     if NOT_COMPUTED in counts:
         status = SolveStatus.INTERRUPTED
     elif ok == 0:
@@ -284,13 +303,17 @@ def _values(
 def _rows(table: _Table, values: dict[str, Any], orientation: OrientationMap | None) -> list[Row]:
     rows = [Row("points", values["rows"])]
     rows += [Row(word.replace("_", " "), n) for word, n in values["statuses"].items()]
+    if table.normalised:
+        rows.append(Row("quaternions brought to length 1", table.normalised))
     units = {s.name: s.unit for s in table.function.outputs}
     for name, ends in values["ranges"].items():
         if ends["min"] is not None and np.ndim(ends["min"]) < 2:
             rows += [Row(f"least {name}", ends["min"], units[name]), Row(f"greatest {name}", ends["max"], units[name])]
     if orientation is not None:
-        rows.append(Row("range of ZYZ angles", values["zyz_range_deg"], "deg"))
-        if values["layer_difference"] is not None:
+        # no number, no row: no point is ok, or no place is ok in all layers
+        if np.all(np.isfinite(values["zyz_range_deg"])):
+            rows.append(Row("range of ZYZ angles", values["zyz_range_deg"], "deg"))
+        if values["layer_difference"] is not None and np.all(np.isfinite(values["layer_difference"])):
             rows.append(Row("layers differ by", 100 * values["layer_difference"], "%"))
         if values["zyz_singular_rows"]:
             rows.append(Row("rows where ZYZ is singular", values["zyz_singular_rows"]))

@@ -18,6 +18,7 @@ from .base import InputError
 from .motion import link_names
 
 Array = np.ndarray
+MARGIN_M = 0.05  # around what the links can reach at most
 
 
 @dataclass(frozen=True)
@@ -27,7 +28,10 @@ class Mechanism:
     Attributes:
         inverse: tool centre points to poses. home: its pose at the model's home, one row.
         anchors, directions: (l, 3) guideway of each link: point at q = 0 [m] and motion per q.
-        lengths: (l,) of the links [m]. length_names: the parameters that hold them; empty where they are bound.
+        lengths: (l,) of the links [m].
+        plate_arms: (l,) from the tool centre point to each link's end [m], simplified joints: so much farther than its
+            link the tool centre point may be from a guideway.
+        length_names: the parameters that hold them; empty where they are bound.
     """
 
     model: Model
@@ -36,6 +40,7 @@ class Mechanism:
     anchors: Array
     directions: Array
     lengths: Array
+    plate_arms: Array
     length_names: tuple[str, ...]
 
     def section(self, along: float | None, key: str) -> Section:
@@ -47,6 +52,14 @@ class Mechanism:
         if along is None:
             return found
         return Section(along * found.normal, found.across, found.up, found.normal)
+
+    def farthest(self, pierced: Array) -> tuple[Array, Array]:
+        """Least and greatest (u, v) [m] that any tool centre point of a section may have, and a little more.
+
+        pierced: (l, 2) where the guideways pierce the section. No point is farther from one than link and plate reach.
+        """
+        reach = (self.lengths + self.plate_arms + MARGIN_M)[:, None]
+        return (pierced - reach).max(axis=0), (pierced + reach).min(axis=0)
 
 
 def mechanism_of(model: Model, home: Array | None = None, offsets: Array | None = None) -> Mechanism:
@@ -85,9 +98,11 @@ def mechanism_of(model: Model, home: Array | None = None, offsets: Array | None 
     lengths = [flat.bindings[f"{name}.rod.L"] for name in names]
     values = ca.Function("p", [flat.p], [ca.horzcat(*expressions), ca.vertcat(*lengths)])(flat.p0)
     A, v = np.split(np.array(values[0]).T, 2)
+    ends = found.b[0] if offsets is None else found.b[0] - offsets
     return Mechanism(
-        model, inverse, found, A, v, np.array(values[1]).ravel(), _symbols(lengths, function.parameter_names)
-    )
+        model, inverse, found, A, v, np.array(values[1]).ravel(), np.linalg.norm(ends - T, axis=1),
+        _symbols(lengths, function.parameter_names),
+    )  # fmt: skip
 
 
 def _symbols(expressions: list[Any], known: list[str]) -> tuple[str, ...]:

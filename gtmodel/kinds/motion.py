@@ -3,76 +3,125 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from gtmodel import lang as gt
-from gtmodel.compiler.causal import CausalFunction, flat_of
+from gtmodel.compiler.causal import CausalFunction, compile_causal, flat_of
 from gtmodel.results import Status, Trajectory
+
+from .motion_limits import Guard
+from .motion_paths import Path
 
 GUESS_TIME_S = 1.0
 SHORTEST_TIME_S = 0.05  # a free final time needs a lower bound; no motion of these robots is shorter
 _LINK = re.compile(r"(?P<part>\w+)\[(?P<index>\d+)\]\.rod\.a\.r")
 
 
-def motion(
-    robot: gt.Model,
-    *,
-    start: np.ndarray,
-    goal: np.ndarray,
-    start_rest: list[str],
-    goal_rest: list[str],
-    force: float,
-    force_unit: float,
-    weight_time: float,
-    weight_energy: float,
-    link_margin: float | None = None,
-) -> gt.Optimization:
-    """Minimise weight_time * T + weight_energy * int sum (tau / force_unit)^2 dt from start to goal.
+@dataclass(frozen=True, kw_only=True)
+class MotionTask:
+    """What a motion is: from where to where, within what, at which cost.
 
-    The robot must declare T (TCP position, m) and tau (motor forces, N). Rest lists name what vanishes at an
-    end: "velocity", "acceleration". `along_guideway` are the components [m] of the links along their guideways,
-    from cart to plate; they are kept above `link_margin`: at 0 the robot stands at the edge of its reach.
+    start, goal: TCP positions [m]. Rest lists name what vanishes at an end: "velocity", "acceleration".
+    force: limit of every motor [N]. The cost is weight_time * T + weight_energy * int |tau / force_unit|^2 dt.
+    link_margin: lower bound [m] of the links' components along their guideways; None leaves them free.
+    guard: further margins. path: the path to follow, or None. order: None where the forces are the control, else the
+    derivative of T, or of the path coordinate, that is: 2 an acceleration, 3 a jerk, so that forces are continuous.
     """
-    links = [(m["part"], int(m["index"])) for m in map(_LINK.fullmatch, link_names(robot)) if m]
+
+    start: np.ndarray
+    goal: np.ndarray
+    start_rest: list[str] = field(default_factory=lambda: ["velocity"])
+    goal_rest: list[str] = field(default_factory=lambda: ["velocity"])
+    force: float
+    force_unit: float = 1.0
+    weight_time: float = 1.0
+    weight_energy: float = 0.0
+    link_margin: float | None = None
+    guard: Guard = field(default_factory=lambda: Guard([], {}))
+    path: Path | None = None
+    order: int | None = None
+
+
+def motion(robot: gt.Model, task: MotionTask) -> gt.Optimization:
+    """The optimal motion as an Optimization.
+
+    The robot must declare T (TCP position, m) and tau (motor forces, N). `along_guideway` are the components [m] of the
+    links along their guideways, from cart to plate: at 0 the robot stands at the edge of its reach; `margin` those of
+    the guard. Free, the control is tau. Along a path the model itself is restricted: T == path(s), and the one control
+    `drive` is the second or third derivative of the path coordinate s (Dressler 2012, section 3.5); all forces follow.
+    They also follow where the task has an order without a path: `drive` is that derivative of T then.
+    """
+    links = links_of(robot)
+    guard, path, order = task.guard, task.path, task.order
+    restricted = order is not None
 
     class Motion(gt.Optimization):
         robot: Any
         along_guideway: Any
+        margin: Any
+        s: Any
+        drive: Any
+        metre: Any
         final_time = gt.free(GUESS_TIME_S, min=SHORTEST_TIME_S, unit="s")
-        force_limit = gt.parameter(force, unit="N", positive=True)
-        force_unit_N = gt.parameter(force_unit, unit="N", positive=True)
-        from_T = gt.parameter(start, unit="m")
-        to_T = gt.parameter(goal, unit="m")
+        force_limit = gt.parameter(task.force, unit="N", positive=True)
+        force_unit_N = gt.parameter(task.force_unit, unit="N", positive=True)
+        from_T = gt.parameter(task.start, unit="m")
+        to_T = gt.parameter(task.goal, unit="m")
 
         def equations(self) -> Any:
             for k, (part, i) in enumerate(links):
                 link = getattr(self.robot, part)[i]
                 yield self.along_guideway[k] == gt.dot(link.rod.b.r - link.rod.a.r, link.v) / gt.norm(link.v)
+            yield from guard.equations(self)
+            if path is not None:
+                yield self.robot.T == path.expression(self.s, self.metre)
+            if order is not None:
+                yield self.drive == gt.der(self.s if path is not None else self.robot.T, order)
 
         def objective(self) -> Any:
-            cost = weight_time * self.final_time
-            if weight_energy:
+            cost = task.weight_time * self.final_time
+            if task.weight_energy:
                 tau = self.robot.tau
-                cost = cost + weight_energy * gt.integral(gt.dot(tau, tau) / self.force_unit_N**2)
+                cost = cost + task.weight_energy * gt.integral(gt.dot(tau, tau) / self.force_unit_N**2)
             return cost
 
         def constraints(self) -> Any:
-            T = self.robot.T
             yield gt.between(-self.force_limit, self.robot.tau, self.force_limit)
-            yield T.at(self.start_time) == self.from_T
-            yield T.at(self.final_time) == self.to_T
-            for instant, rest in ((self.start_time, start_rest), (self.final_time, goal_rest)):
-                for order, name in ((1, "velocity"), (2, "acceleration")):
+            moved = self.robot.T if path is None else self.s
+            begin, end = (self.from_T, self.to_T) if path is None else (0.0, 1.0)
+            yield moved.at(self.start_time) == begin
+            yield moved.at(self.final_time) == end
+            if path is not None:
+                yield gt.der(self.s) >= 0
+            for instant, rest in ((self.start_time, task.start_rest), (self.final_time, task.goal_rest)):
+                for k, name in ((1, "velocity"), (2, "acceleration")):
                     if name in rest:
-                        yield gt.der(T, order).at(instant) == 0
+                        yield gt.der(moved, k).at(instant) == 0
 
-    declared: dict[str, Any] = {"robot": gt.part(robot)}
+    declared = guard.declarations(dependent(robot, "tau") if restricted else robot, bounded=True)
+    declared.setdefault("metre", gt.parameter(1.0, unit="m"))
     if links:
-        declared["along_guideway"] = gt.variable(len(links), unit="m", min=link_margin)
+        declared["along_guideway"] = gt.variable(len(links), unit="m", min=task.link_margin)
+    if path is not None:
+        declared["s"] = gt.variable(unit="1", min=0.0, max=1.0, prefer=2, description="path coordinate")
+        declared["drive"] = gt.input(unit=f"1/s{order}", description="derivative of the path coordinate")
+    elif restricted:
+        declared["drive"] = gt.input(3, unit=f"m/s{order}", nominal=10.0, description="derivative of T")
     return type("Motion", (Motion,), declared)()
+
+
+def dependent(robot: gt.Model, name: str) -> gt.Model:
+    """The same robot, whose input of that name is a variable that the motion determines."""
+    cls: Any = type(robot)
+    item = cls._declared[name]
+    attributes = {k: v for k, v in item.attributes.items() if v is not None}
+    variable = gt.variable(item.shape, unit=item.unit, **attributes)
+    return type(cls.__name__, (cls,), {name: variable})(**robot.__dict__["_modifiers"])
 
 
 def link_names(robot: gt.Model) -> list[str]:
@@ -82,34 +131,71 @@ def link_names(robot: gt.Model) -> list[str]:
     return [name for name in names if name.removesuffix("rod.a.r") + "v" in flat.bindings]
 
 
-def along_guideways(robot: gt.Model, T: np.ndarray, joints: list[np.ndarray]) -> np.ndarray:
-    """Components [m] of the links along their guideways for a TCP position and cart joints in `link_names` order."""
+def links_of(robot: gt.Model) -> list[tuple[str, int]]:
+    """Part and index of the arms whose links `link_names` names."""
+    return [(m["part"], int(m["index"])) for m in map(_LINK.fullmatch, link_names(robot)) if m]
+
+
+def link_ends(robot: gt.Model, T: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Cart and plate joints (rows, n, 3) [m] of the links in `link_names` order at TCP positions (rows, 3), and the
+    status of each row; without links only the status counts."""
+    names = link_names(robot)
+    targets = [*names, *(name.removesuffix("a.r") + "b.r" for name in names)]
+    place = compile_causal(robot, known="T", targets=targets or ["q" if "q" in flat_of(robot).groups else "tau"])
+    *found, status = place(T, *[np.zeros_like(T)] * (len(place.inputs) - 1))
+    if not names:
+        return np.zeros((len(T), 0, 3)), np.zeros((len(T), 0, 3)), status
+    a, b = (np.stack(part, axis=1) for part in (found[: len(names)], found[len(names) :]))
+    return a, b, status
+
+
+def along_guideways(robot: gt.Model, tips: np.ndarray, joints: Sequence[np.ndarray] | np.ndarray) -> np.ndarray:
+    """Components (..., n) [m] of n links along their guideways, for plate and cart joints (..., n, 3) in the order of
+    `link_names`; where all links meet in one point, tips may be that point."""
     flat = flat_of(robot)
     directions = [flat.bindings[name.removesuffix("rod.a.r") + "v"] for name in link_names(robot)]
     if not directions:
         return np.zeros(0)
     v = np.array(ca.Function("v", [flat.p], [ca.horzcat(*directions)])(flat.p0)).T
-    return np.sum((T - np.array(joints)) * v, axis=1) / np.linalg.norm(v, axis=1)
+    return np.sum((tips - np.asarray(joints)) * v, axis=-1) / np.linalg.norm(v, axis=1)
 
 
-def line_guess(
-    inverse_dynamics: CausalFunction, start: np.ndarray, goal: np.ndarray, force: float, rows: int = 201
-) -> Trajectory:
-    """Straight line with a trapezoidal profile (1/4, 1/2, 1/4) of 1 s; forces by inverse dynamics, clipped."""
+def trapezoid(rows: int = 201) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Times [s], fraction of the way, and its two derivatives: trapezoidal speed (1/4, 1/2, 1/4) over 1 s."""
     t = np.linspace(0.0, GUESS_TIME_S, rows)
     r = t / GUESS_TIME_S
     top = 4.0 / 3.0
     s = np.where(r < 0.25, 2 * top * r**2, np.where(r < 0.75, top * (r - 0.125), 1 - 2 * top * (1 - r) ** 2))
     ds = np.where(r < 0.25, 4 * top * r, np.where(r < 0.75, top, 4 * top * (1 - r))) / GUESS_TIME_S
     dds = np.where(r < 0.25, 4 * top, np.where(r < 0.75, 0.0, -4 * top)) / GUESS_TIME_S**2
+    return t, s, ds, dds
+
+
+def line_guess(
+    inverse_dynamics: CausalFunction, start: np.ndarray, goal: np.ndarray, force: float, rows: int = 201
+) -> Trajectory:
+    """Straight line with a trapezoidal profile (1/4, 1/2, 1/4) of 1 s; forces by inverse dynamics, clipped."""
+    t, s, ds, dds = trapezoid(rows)
     step = goal - start
     T, dT, ddT = start + s[:, None] * step, ds[:, None] * step, dds[:, None] * step
-    tau, status = inverse_dynamics(T, dT, ddT)
+    given = {0: T, 1: dT, 2: ddT}
+    orders = [signal.pairs[0][1] for signal in inverse_dynamics.inputs]
+    tau, *_, status = inverse_dynamics(*(given.get(k, np.zeros_like(T)) for k in orders))
     tau[status != Status.OK] = 0.0  # the line may leave the workspace; the optimum need not
-    values = {"robot.T": T, "der(robot.T)": dT, "robot.tau": np.clip(tau, -force, force)}
+    values = {"robot.T": T, "der(robot.T)": dT, "der(robot.T,2)": ddT, "robot.tau": np.clip(tau, -force, force)}
     return Trajectory(t, values, {"robot.T": "m", "der(robot.T)": "m/s", "robot.tau": "N"})
 
 
 def bare_guess(start: np.ndarray, goal: np.ndarray) -> Trajectory:
     """The straight line at constant speed, nothing said of velocities and forces."""
     return Trajectory([0.0, GUESS_TIME_S], {"robot.T": np.array([start, goal])}, {"robot.T": "m"})
+
+
+def bent_guess(start: np.ndarray, goal: np.ndarray, rng: np.random.Generator, bend: float) -> Trajectory:
+    """The line of `line_guess` bent sideways, in a drawn direction by 0.3 to 1 times `bend` [m]: half a sine wave."""
+    t, s, _, _ = trapezoid()
+    step = goal - start
+    side = np.cross(step, rng.normal(size=3))
+    offset = side / np.linalg.norm(side) * rng.uniform(0.3, 1.0) * bend
+    T = start + s[:, None] * step + np.sin(np.pi * s)[:, None] * offset
+    return Trajectory(t, {"robot.T": T}, {"robot.T": "m"})

@@ -2,36 +2,58 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from gtmodel.lang import Model, Optimization
 from gtmodel.optimize import Mesh, Solution, SolverOptions
 from gtmodel.optimize import solve as collocate
+from gtmodel.optimize.resimulate import Resimulation, resimulate
 from gtmodel.results import SolveStatus, Trajectory
 
 from .base import Context
-from .motion import bare_guess, motion
-
-if TYPE_CHECKING:
-    from .trajectory import Schema
+from .motion import MotionTask, motion
+from .motion_limits import Guard
+from .motion_paths import Path
+from .trajectory_keys import TrajectoryProblem
 
 # these problems take 20 to 120 iterations; one that needs more has lost its way, and another start is the better bet
 ATTEMPT_ITERATIONS = 200
 EXPORT_ITERATIONS = 100  # from the optimum it takes 10 to 70
 EXPORT_LOSS = 0.05  # a constant force per element costs less than this; more tells of another, worse optimum
+NEARER = 0.5  # of the violation: an earlier iterate of a failed attempt is kept if it is so much nearer
+TIGHTENINGS = 3
+TIGHTENED = 1e-4  # relative, beyond what was seen
 CONTINUATION = (0.01, 0.001)  # weights of the energy, in units of the time's, on the way to the problem's own
 
 Control = Literal["polynomial", "constant"]
 
 
-def motion_of(problem: Schema, robot: Model, guarded: bool = False, energy: float | None = None) -> Optimization:
-    """The motion that a problem file describes, with or without the bound that keeps links off the edge of reach."""
-    return motion(
-        robot,
+def order_of(problem: TrajectoryProblem) -> int | None:
+    """The derivative of the motion that is the control; None: the forces are.
+
+    A constant force on an element holds neither an acceleration nor a speed: friction changes within milliseconds.
+    """
+    limits = problem.limits
+    if limits.tcp_jerk_m_s3 is not None:
+        return 3
+    rates = (limits.tcp_velocity_m_s, limits.cart_velocity_m_s,
+             limits.tcp_acceleration_m_s2, limits.cart_acceleration_m_s2)  # fmt: skip
+    return 2 if problem.path is not None or any(limit is not None for limit in rates) else None
+
+
+def task_of(
+    problem: TrajectoryProblem,
+    guarded: bool = False,
+    energy: float | None = None,
+    guard: Guard | None = None,
+    path: Path | None = None,
+) -> MotionTask:
+    """The task that a problem file describes, with or without the bound that keeps links off the edge of reach."""
+    return MotionTask(
         start=np.array(problem.start.tcp_m),
         goal=np.array(problem.goal.tcp_m),
         start_rest=list(problem.start.rest),
@@ -41,7 +63,24 @@ def motion_of(problem: Schema, robot: Model, guarded: bool = False, energy: floa
         weight_time=problem.cost.time,
         weight_energy=problem.cost.energy if energy is None else energy,
         link_margin=problem.limits.link_along_guideway_m if guarded else None,
+        guard=guard or Guard([], {}),
+        path=path,
+        order=order_of(problem),
     )
+
+
+def motion_of(problem: TrajectoryProblem, robot: Model, *args: Any, **options: Any) -> Optimization:
+    """The motion that a problem file describes; see `task_of`."""
+    return motion(robot, task_of(problem, *args, **options))
+
+
+@dataclass(frozen=True)
+class Seen:
+    """The iterate of an attempt that came nearest to its constraints, and how to get it again."""
+
+    violation: float
+    iteration: int
+    arguments: tuple[Optimization, Control, Trajectory | Solution]
 
 
 @dataclass
@@ -53,37 +92,78 @@ class Search:
     the energy. All attempts share `solver.max_iterations` and the time limit.
     """
 
-    problem: Schema
+    problem: TrajectoryProblem
     context: Context
     robot: Model
     guess: Trajectory
+    bare: Trajectory
+    guard: Guard = field(default_factory=lambda: Guard([], {}))
+    path: Path | None = None
     iterations: int = field(default=0, init=False)
+    seen: dict[int, Seen] = field(default_factory=dict, init=False)
 
     @cached_property
     def plain(self) -> Optimization:
-        return motion_of(self.problem, self.robot)
+        return self._motion(False)
 
     @cached_property
     def guarded(self) -> Optimization:
-        return motion_of(self.problem, self.robot, guarded=True)
+        return self._motion(True)
+
+    def _motion(self, guarded: bool, energy: float | None = None) -> Optimization:
+        return motion_of(self.problem, self.robot, guarded, energy, self.guard, self.path)
 
     def optimum(self) -> Solution:
-        """The optimum with the control that the problem asks for; where none is found, the last attempt."""
+        """The optimum with the control that the problem asks for; where none is found, the best attempt."""
         problem, control = self.problem, self.problem.mesh.control
-        bare = bare_guess(np.array(problem.start.tcp_m), np.array(problem.goal.tcp_m))
-        for guarded, guess in ((False, self.guess), (True, self.guess), (True, bare)):
-            solution = self._attempt(self.guarded if guarded else self.plain, control, guess)
-            if self._done(solution):
-                return solution
-        start: Trajectory | Solution = bare
+        tried: list[Solution] = []
+        for guarded, guess in ((False, self.guess), (True, self.guess), (True, self.bare)):
+            tried.append(self._attempt(self.guarded if guarded else self.plain, control, guess))
+            if self._done(tried[-1]):
+                return self._best(tried)
+        start: Trajectory | Solution = self.bare
         for weight in CONTINUATION:
             energy = weight * (problem.cost.time or 1.0)
             if energy > problem.cost.energy:
-                step = self._attempt(motion_of(problem, self.robot, True, energy), control, start)
+                step = self._attempt(self._motion(True, energy), control, start)
                 if self._over(step):
-                    return solution if step.status.ok else step  # a step is no optimum of the problem itself
+                    return self._best(tried)  # a step is no optimum of the problem itself
                 start = step if step.status.ok else start
-        return self._attempt(self.guarded, control, start)
+        return self._best([*tried, self._attempt(self.guarded, control, start)])
+
+    def from_starts(self, guesses: list[Trajectory]) -> list[Solution]:
+        """Optima from further starts, links kept off the edge of reach; those that end in none are left out."""
+        found: list[Solution] = []
+        for guess in guesses:
+            solution = self._attempt(self.guarded, self.problem.mesh.control, guess, ATTEMPT_ITERATIONS, shared=False)
+            if solution.status.ok:
+                found.append(solution)
+            if self.context.interrupted():
+                break
+        return found
+
+    def exportable_tried(self, optimum: Solution, tried: Resimulation) -> tuple[Solution, Resimulation]:
+        """The exported motion and its re-simulation. Where forces are not the control they may pass their limit between
+        the points: then once more, with the limit lowered by what was seen."""
+        if self.problem.mesh.control == "constant":
+            solution, run = optimum, tried
+        else:
+            solution = self.exportable(optimum)
+            run = resimulate(solution) if solution.status.ok else tried
+        limit, search = self.problem.limits.force_N, self
+        for _ in range(TIGHTENINGS):
+            if not solution.status.ok or run.trajectory is None or order_of(self.problem) is None:
+                break
+            peak = float(np.max(np.abs(run.trajectory["robot.tau"])))
+            if peak <= limit:
+                break
+            lower = search.problem.limits.force_N * (limit / peak) * (1 - TIGHTENED)
+            limits = self.problem.limits.model_copy(update={"force_N": lower})
+            problem = self.problem.model_copy(update={"limits": limits})
+            search = Search(problem, self.context, self.robot, self.guess, self.bare, self.guard, self.path)
+            solution = search.exportable(optimum)
+            run = resimulate(solution) if solution.status.ok else run
+        return solution, run
 
     def exportable(self, optimum: Solution) -> Solution:
         """The optimum among forces that are constant on each element: the best of some attempts."""
@@ -98,13 +178,22 @@ class Search:
         return best
 
     def _attempt(
-        self, model: Optimization, control: Control, guess: Trajectory | Solution, most: int = ATTEMPT_ITERATIONS
+        self,
+        model: Optimization,
+        control: Control,
+        guess: Trajectory | Solution,
+        most: int = ATTEMPT_ITERATIONS,
+        shared: bool = True,
     ) -> Solution:
         wanted = control == self.problem.mesh.control
         stage = "optimising" if wanted else "bounding the force between the nodes"
 
+        least = [np.inf, 0]
+
         def progress(iteration: int, objective: float, violation: float) -> bool:
             self.context.progress(stage, None, {"iteration": iteration, "objective": objective, "violation": violation})
+            if violation < least[0] and iteration > 0:
+                least[:] = [violation, iteration]
             return self.context.interrupted()
 
         mesh, solver = self.problem.mesh, self.problem.solver
@@ -114,13 +203,15 @@ class Search:
             guess=guess,
             solver=SolverOptions(
                 tolerance=solver.tolerance,
-                max_iterations=max(0, min(most, solver.max_iterations - self.iterations)),
+                formulation=solver.formulation,
+                max_iterations=max(0, min(most, solver.max_iterations - (self.iterations if shared else 0))),
                 max_seconds=self.context.seconds_left(),
             ),
             progress=progress,
             throw=False,
         )
-        self.iterations += solution.iterations
+        self.seen[id(solution)] = Seen(least[0], int(least[1]), (model, control, guess))
+        self.iterations += solution.iterations if shared else 0
         return solution
 
     def _over(self, solution: Solution) -> bool:
@@ -131,6 +222,24 @@ class Search:
     def _done(self, solution: Solution) -> bool:
         """Solved within reach, or nothing more can be tried."""
         return (solution.status.ok and self._within(solution)) or self._over(solution)
+
+    def _best(self, tried: list[Solution]) -> Solution:
+        """The last one that is solved within reach; else that nearest to keeping its constraints."""
+        good = [s for s in tried if s.status.ok and self._within(s)]
+        if good or tried[-1].status is SolveStatus.INTERRUPTED:
+            return good[-1] if good else tried[-1]
+        failed = [s for s in reversed(tried) if not s.status.ok]
+        if not failed:
+            told = "an optimum was found, but it comes nearer to the edge of reach than limits.link_along_guideway_m"
+            return replace(tried[-1], status=SolveStatus.FAILED, message=told)
+        last = min(failed, key=lambda s: s.checks["constraint_violation"].value)
+        best = min((self.seen[id(s)] for s in failed), key=lambda seen: seen.violation)
+        if best.violation > NEARER * last.checks["constraint_violation"].value:
+            return last
+        # the solver is deterministic: so many iterations give that iterate again
+        kept = self._attempt(*best.arguments, most=best.iteration, shared=False)
+        told = f"{last.message}; kept is iterate {best.iteration} of an attempt, the nearest to its constraints"
+        return replace(kept, status=last.status, message=told, iterations=last.iterations)
 
     def _within(self, solution: Solution) -> bool:
         run = solution.trajectory

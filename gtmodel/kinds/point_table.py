@@ -14,6 +14,7 @@ import numpy as np
 from gtmodel.compiler.causal import Signal
 from gtmodel.lang.units import UnitError, convert, parse_unit
 
+from . import csv_table
 from .base import InputError
 
 _CELL = re.compile(r"(?P<name>\S+)(\s+\[(?P<unit>[^\[\]]+)\])?")  # the blank tells e[1] from e [1]
@@ -24,27 +25,20 @@ def read(path: Path, signals: Sequence[Signal]) -> list[np.ndarray]:
 
     The header names the columns: "T[0] [m]", or "T[0]" for the unit that the model declares; further columns are left
     alone, so a table written by `text` can be read again. An empty cell or nan is NaN; lines that begin with # are
-    comments. Raises InputError with the line: a missing column, a unit that does not fit, a cell that is no number.
+    comments. Raises InputError with the line: a column missing or there twice, a unit that does not fit, a cell that is
+    no number.
     """
-    try:
-        lines = path.read_bytes().decode("utf-8-sig").splitlines()
-    except UnicodeDecodeError as error:
-        raise InputError(f"{path.name} is no UTF-8 text; save it as CSV with commas") from error
-    except OSError as error:
-        raise InputError(f"{path.name} cannot be read: {error.strerror}") from error
-    rows = [(n, line) for n, line in enumerate(lines, 1) if line.strip() and not line.startswith("#")]
-    if not rows:
-        raise InputError(f"{path.name} is empty; expected a header such as '{','.join(columns(signals[0]))}' and rows")
-    number, header = rows.pop(0)
-    if "," not in header and ";" in header:
-        raise InputError(f"{path.name} line {number}: the columns are not separated by ','; save it with commas")
-    cells = [c.strip() for c in next(csv.reader([header]))]
-    found = {m["name"]: (k, m["unit"]) for k, c in enumerate(cells) if (m := _CELL.fullmatch(c)) is not None}
+    (number, cells), rows = csv_table.lines_of(path, ",".join(columns(signals[0])))
+    matches = [_CELL.fullmatch(c) for c in cells]
+    found = {m["name"]: (k, m["unit"]) for k, m in enumerate(matches) if m is not None}
     wanted = [(name, signal) for signal in signals for name in columns(signal)]
     places = [_place(name, signal.unit, found, f"{path.name} line {number}") for name, signal in wanted]
+    needed = {name for name, _ in wanted}
+    names = ["" if m is None or m["name"] not in needed else m["name"] for m in matches]
+    csv_table.refuse_twice(names, f"{path.name} line {number}")
     if not rows:
         raise InputError(f"{path.name} has a header but no rows")
-    table = np.array([_row(line, len(cells), [k for k, _ in places], f"{path.name} line {n}") for n, line in rows])
+    table = np.array([_row(row, len(cells), [k for k, _ in places], f"{path.name} line {n}") for n, row in rows])
     for j, ((_, signal), (_, unit)) in enumerate(zip(wanted, places, strict=True)):
         if unit:
             table[:, j] = convert(table[:, j], unit, signal.unit)
@@ -90,15 +84,14 @@ def _place(name: str, declared: str, found: Mapping[str, tuple[int, str | None]]
     return place, unit if declared else ""
 
 
-def _row(line: str, width: int, places: Sequence[int], where: str) -> list[float]:
-    cells = next(csv.reader([line]))
+def _row(cells: Sequence[str], width: int, places: Sequence[int], where: str) -> list[float]:
     if len(cells) != width:
         raise InputError(f"{where}: found {len(cells)} cells; expected {width}, one for each column of the header")
     row = []
     for k in places:
-        cell = cells[k].strip()
+        cell = cells[k]
         try:
-            row.append(float(cell) if cell else np.nan)
+            row.append(csv_table.number(cell) if cell else np.nan)
         except ValueError:
             raise InputError(
                 f"{where}, column {k + 1}: found '{cell}'; expected a number, or nothing for none"

@@ -13,6 +13,7 @@ from gtmodel.robots import clusters, f1_geometry
 
 from .base import InputError, Section
 from .load import validate
+from .plausible_lengths import refuse_other_units
 from .sentences import shown
 
 NotNegativeFloat = Annotated[float, Field(ge=0)]
@@ -42,7 +43,8 @@ class _Robot(Section):
     viscous_kg_s: NotNegative | None = Field(default=None, description="viscous friction of each cart")
 
     def modifiers(self, payload: float) -> dict[str, Any]:
-        """Parameters of the family's model; payload [kg] is added to a plate mass given here."""
+        """Parameters of the family's model; payload [kg] is added to a plate mass given here. Raises InputError."""
+        refuse_other_units(self.model_dump())
         chosen = {
             "m_p": None if self.m_p_kg is None else self.m_p_kg + payload,
             "m_c": self.m_c_kg,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -92,8 +93,11 @@ def _sentence(
         return f"is missing; expected {wanted}{about}", ""
     found = f"found {shown(_value_at(place, data))}"
     expected = [_EXPECTED[f["type"]] for f in faults if f["type"] in _EXPECTED]
-    if known and (len(faults) > 1 or kind in _LISTS) and not isinstance(place[-1], int):
+    entry = _entry(known.type, place) if known and kind in _LISTS else ""
+    if known and len(faults) > 1 and not isinstance(place[-1], int):
         expected = [a(known.type)]
+    elif entry:
+        expected = [a(entry)]
     elif len(expected) != len(faults):
         return f"{_bound(next(f for f in faults if f['type'] not in _EXPECTED), known)}; {found}", ""
     return f"expected {_of(known, list(dict.fromkeys(expected)))}; {found}", ""
@@ -101,6 +105,16 @@ def _sentence(
 
 def _of(known: Key | None, texts: list[str]) -> str:
     return " or ".join(texts) + (f" in {known.unit}" if known and known.unit else "")
+
+
+def _entry(text: str, place: Sequence[str | int]) -> str:
+    """The type at a place within a list of lists: "list of 3 numbers" at A_m[0]; "" where the schema's is not one."""
+    for _ in range(len(place) - 1 - max(k for k, part in enumerate(place) if isinstance(part, str))):
+        inner = re.fullmatch(r"list of (?:\d+ )?(list)s( of .*)", text)
+        if inner is None or " or " in text:
+            return ""
+        text = inner[1] + inner[2]
+    return text
 
 
 def _bound(fault: Any, known: Key | None) -> str:

@@ -46,6 +46,7 @@ VALUES = {
     "reasons": "number of grid points of the section by reason, the first limit that fails",
     "points": "for each of points_m: tcp_m, reachable, sentence",
     "on_edge": "whether the cross-section reaches the edge of the grid and is cut off there",
+    "volume_on_edge": "whether the volume reaches the first or last section, or the edge of one; null without [volume]",
     "assumptions": "what was assumed about joints and bodies, in sentences",
 }
 
@@ -54,7 +55,8 @@ CONVERGENCE = 0.01
 # relative: the same polygons by cells and by loops
 POLYGONS = 1e-9
 MOST_POINTS = 2.5e7  # of a section, some 500 MB
-MARGIN_M = 0.05  # around what the links can reach at most
+LONGEST_STROKE = 100.0  # in link lengths; a longer one was given in millimetres
+FEW = 10  # steps across the section; a section not reached at so few points may be reached between them
 
 Point = Annotated[list[float], Field(min_length=3, max_length=3)]
 Pair = Annotated[list[float], Field(min_length=2, max_length=2)]
@@ -217,6 +219,13 @@ def _limits(problem: Schema, robot: Mechanism) -> list[Limit]:
             raise InputError(f"the robot has {carts} carts; found {len(keys.actuators_m)} pairs", "limits.actuators_m")
         low, high = np.array(keys.actuators_m, dtype=float).T
         _ordered(low, high, "limits.actuators_m")
+        stroke, longest = float(np.max(high - low)), float(robot.lengths.max())
+        if stroke > LONGEST_STROKE * longest:
+            raise InputError(
+                f"a stroke of {stroke:.6g} m is more than {LONGEST_STROKE:g} times the longest link, {longest:.4g} m; "
+                "give metres, not millimetres",
+                "limits.actuators_m",
+            )
         limits.append(ActuatorLimits(low, high))
     if keys.tcp_low_m is not None or keys.tcp_high_m is not None:
         low = np.full(3, -np.inf) if keys.tcp_low_m is None else np.array(keys.tcp_low_m)
@@ -256,11 +265,16 @@ def _window(problem: Schema, robot: Mechanism, section: Any) -> tuple[np.ndarray
     """The part of the section to look at: what all links can reach at most, unless the file says so."""
     keys = problem.section
     points = section.pierced(robot.anchors, robot.directions)
-    reach = robot.lengths[:, None] + MARGIN_M
-    low, high = (points - reach).max(axis=0), (points + reach).min(axis=0)
+    low, high = robot.farthest(points)
     low = low if keys.low_m is None else np.array(keys.low_m)
     high = high if keys.high_m is None else np.array(keys.high_m)
     _ordered(low, high, "section.high_m")
+    if np.any(high - low <= keys.step_m):
+        raise InputError(
+            f"the section is {high[0] - low[0]:.4g} m by {high[1] - low[1]:.4g} m, so that no point lies within it; "
+            f"take a step below {np.min(high - low):.3g} m",
+            "section.step_m",
+        )
     size = np.prod((high - low) / keys.step_m)
     if size > MOST_POINTS:
         raise InputError(f"the grid would have {size:.1e} points; take a larger step", "section.step_m")
@@ -301,7 +315,6 @@ def _outcome(
     corners = main.section.pierced(robot.anchors, robot.directions)
     rectangle = float(np.prod(np.ptp(corners, axis=0)))
     region = main.region
-    edge = region.on_edge or (volume is not None and volume.on_edge)
     strokes = np.ptp(problem.limits.actuators_m or [[0.0, 0.0]], axis=1)
     length = float(np.max(strokes)) * float(np.linalg.norm(robot.directions, axis=1).max())
     points = [
@@ -319,18 +332,24 @@ def _outcome(
         "volume_ratio": None if volume is None or no_footprint or not length else volume.volume / (rectangle * length),
         "reasons": reach.counts(main.codes),
         "points": points,
-        "on_edge": edge,
+        "on_edge": region.on_edge,
+        "volume_on_edge": None if volume is None else volume.on_edge,
         "assumptions": _assumptions(problem, robot, reach),
     }
     empty = region.area == 0.0
     checks = {} if empty else _checks(main, coarse)
-    message = SolveStatus.SOLVED.sentence if not edge else "the workspace reaches the edge of the grid and is cut there"
+    cuts = ["the cross-section reaches the edge of the grid and is cut there"] if region.on_edge else []
+    if volume is not None and volume.on_edge:
+        cuts.append("the volume reaches its first or last section, or the edge of one, and is cut there")
+    message = "; ".join(cuts) or SolveStatus.SOLVED.sentence
     if failed := [name for name, check in checks.items() if not check.passed]:
         verb = "exceeds its bound" if len(failed) == 1 else "exceed their bounds"
         message += f", but {' and '.join(failed)} {verb}; use a smaller section.step_m"
     if empty:
         most = max(values["reasons"], key=values["reasons"].get)
         message = f"no point of the section is reached; most often: {most}"
+        if min(len(main.u), len(main.v)) <= FEW:
+            message += f"; it was looked at in {len(main.u)} by {len(main.v)} points only, try a smaller section.step_m"
     return Outcome(
         status=SolveStatus.INFEASIBLE if empty else SolveStatus.SOLVED,
         message=message,

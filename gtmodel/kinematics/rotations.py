@@ -8,6 +8,8 @@ import numpy as np
 
 # below this sine of the second angle ZYZ keeps fewer than ten digits of the other two: round-off over the sine
 SINGULAR_SINE = 1e-6
+# below this sine of a turn near pi its skew part is round-off and cannot tell the axis
+HALF_TURN_SINE = 1e-12
 
 
 def matrices(orientation: Any) -> np.ndarray:
@@ -58,8 +60,9 @@ def zyz(orientation: Any, about: Any = None) -> tuple[np.ndarray, np.ndarray]:
 def rotation_vector(orientation: Any, reference: Any) -> np.ndarray:
     """Rotation vectors (..., 3) [rad], world coordinates, that turn the reference into each orientation.
 
-    Nowhere singular for turns below pi; for small ones the three numbers are turns about x, y and z. `reference` is one
-    orientation. Raises ValueError for a shape that is no orientation.
+    Nowhere singular for turns below pi; for small ones the three numbers are turns about x, y and z. A half turn has
+    two axes: within round-off of it the one is taken whose first component that is not zero is positive. `reference` is
+    one orientation. Raises ValueError for a shape that is no orientation.
     """
     D = matrices(orientation) @ matrices(reference).T
     twice = np.stack([D[..., 2, 1] - D[..., 1, 2], D[..., 0, 2] - D[..., 2, 0], D[..., 1, 0] - D[..., 0, 1]], axis=-1)
@@ -67,4 +70,17 @@ def rotation_vector(orientation: Any, reference: Any) -> np.ndarray:
     angle = np.arctan2(sine, (np.trace(D, axis1=-2, axis2=-1) - 1) / 2)
     with np.errstate(invalid="ignore", divide="ignore"):
         factor = np.where(sine > 0, angle / (2 * sine), 0.5)  # angle / sine -> 1 at no turn
-    return factor[..., None] * twice
+    half = (sine < HALF_TURN_SINE) & (angle > 1.0)
+    return np.where(half[..., None], angle[..., None] * _half_turn_axis(D), factor[..., None] * twice)
+
+
+def _half_turn_axis(D: np.ndarray) -> np.ndarray:
+    """Unit axes (..., 3) of half turns D = 2 a a' - 1: the longest column of D + 1, first component positive."""
+    S = D + np.swapaxes(D, -1, -2) + 2.0 * np.eye(3)
+    longest = np.argmax(np.diagonal(S, axis1=-2, axis2=-1), axis=-1)
+    column = np.take_along_axis(S, longest[..., None, None], axis=-1)[..., 0]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        axis = column / np.linalg.norm(column, axis=-1, keepdims=True)
+    there = np.abs(axis) > HALF_TURN_SINE
+    first = np.take_along_axis(axis, np.argmax(there, axis=-1)[..., None], axis=-1)
+    return np.where(first < 0, -axis, axis)

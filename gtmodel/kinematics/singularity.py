@@ -1,7 +1,8 @@
 """How far a pose is from a singular one, as lengths [m] and angles [rad]: never as a bare determinant.
 
 For links given by their vectors d, from the joint on the drive to the joint on the platform, and for any causality by
-its Jacobian. All functions take one pose or rows of poses, and answer NaN for what is not finite.
+its Jacobian. All functions take one pose or rows of poses, answer NaN for what is not finite, and raise ModelError for
+a link or a guideway of length zero, which has no direction.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gtmodel.compiler.causal import CausalFunction
+from gtmodel.lang import ModelError
 
 Array = np.ndarray
 
@@ -42,8 +44,8 @@ def inverse(d: Any, v: Any) -> InverseMeasure:
     d (n, 3) [m] or (rows, n, 3); v guideway directions of any length, (n, 3) or as d.
     """
     d, v = np.broadcast_arrays(np.asarray(d, dtype=float), np.asarray(v, dtype=float))
-    along = np.sum(d * v, axis=-1) / np.linalg.norm(v, axis=-1)
-    return InverseMeasure(along, np.arcsin(np.clip(along / np.linalg.norm(d, axis=-1), -1.0, 1.0)))
+    along = np.sum(d * v, axis=-1) / _sizes(v, "guideway direction")
+    return InverseMeasure(along, np.arcsin(np.clip(along / _sizes(d, "link vector"), -1.0, 1.0)))
 
 
 def forward(d: Any) -> ForwardMeasure:
@@ -56,7 +58,7 @@ def forward(d: Any) -> ForwardMeasure:
     with np.errstate(divide="ignore", invalid="ignore"):
         heights = np.where(sizes > 0, np.abs(np.sum(d * normals, axis=-1)) / sizes, 0.0)
     heights = np.where(np.isfinite(d).all(axis=-1), heights, np.nan)
-    angles = np.arcsin(np.clip(heights / np.linalg.norm(d, axis=-1), 0.0, 1.0))
+    angles = np.arcsin(np.clip(heights / _sizes(d, "link vector"), 0.0, 1.0))
     return ForwardMeasure(np.min(heights, axis=-1), np.min(angles, axis=-1))
 
 
@@ -70,7 +72,7 @@ def platform(d: Any, arms: Any) -> Array:
     """
     d, arms = np.asarray(d, dtype=float), np.asarray(arms, dtype=float)
     n = d.shape[-2]
-    u = d / np.linalg.norm(d, axis=-1, keepdims=True)
+    u = d / _sizes(d, "link vector")[..., None]
     arms = arms - arms.mean(axis=-2, keepdims=True)
     rows = np.concatenate([u, np.cross(arms, u)], axis=-1)  # length rates per twist
     moves = np.concatenate([np.broadcast_to(np.eye(3), (*arms.shape, 3)), -_cross_matrices(arms)], axis=-1)
@@ -101,6 +103,16 @@ def amplification(f: CausalFunction, *arguments: Any) -> tuple[Array, Array, Any
     good = np.asarray(np.isfinite(J).all(axis=(-2, -1)))
     s[good] = np.linalg.svd(J[good], compute_uv=False)
     return s[..., 0], s[..., -1], status
+
+
+def _sizes(x: Array, name: str) -> Array:
+    """Lengths of vectors (..., 3); raises ModelError for one of length zero."""
+    sizes = np.linalg.norm(x, axis=-1)
+    if np.any(sizes == 0.0):
+        *row, number = np.argwhere(sizes == 0.0)[0]
+        where = f" in row {row[0]} (counted from 0)" if row else ""
+        raise ModelError(f"{name} {number + 1}{where} has length zero and no direction; give its two ends apart")
+    return sizes
 
 
 def _cross_matrices(a: Array) -> Array:

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 from scipy.optimize import curve_fit
-from scipy.signal import lombscargle
 from scipy.stats import t as student
 
 from .guideways import GuidewayFit, MeasurementError, checked, fit_guideway
+from .periodogram import strongest
 
 CONFIDENCE = 0.95
 FALSE_ALARM = 1e-3  # a cyclic term counts as found below this chance of noise alone
@@ -86,8 +86,9 @@ def backlash(q_forward: Any, P_forward: Any, q_backward: Any, P_backward: Any) -
 class CyclicTerm:
     """offset = sine sin(2 pi q / period) + cosine cos(2 pi q / period) along the guideway, all in m.
 
-    `false_alarm` is the chance that noise alone shows as much in the range searched. `aliases` are other periods [m]
-    that fit points so far apart equally well, the longest ones; empty where the points are uneven.
+    `false_alarm` is the chance that white noise alone, measured at the same places, shows as much in the range searched
+    (see `strongest`). `aliases` are other periods [m] that fit points so far apart equally well, the longest ones;
+    empty where the points are uneven. Errors are infinite where the points do not determine the numbers.
     """
 
     period: float
@@ -113,7 +114,7 @@ class CyclicTerm:
 def cyclic_term(fit: GuidewayFit, periods: tuple[float, float] | None = None) -> CyclicTerm:
     """The strongest sinusoid in the residuals along the guideway, with period and amplitude and their standard errors.
 
-    A Lomb-Scargle periodogram finds it, a least-squares fit with offset and slope refines it.
+    A periodogram (sinusoid, offset and slope at every frequency) finds it, a least-squares fit refines it.
 
     Args:
         periods: shortest and longest period [m]; by default from twice the median distance of the points to half the
@@ -140,12 +141,7 @@ def cyclic_term(fit: GuidewayFit, periods: tuple[float, float] | None = None) ->
     if np.max(np.abs(e)) == 0.0:
         return CyclicTerm(longest, np.inf, 0.0, 0.0, 0.0, 0.0, 1.0, ())
     frequencies = np.linspace(1 / longest, 1 / shortest, count)
-    power = lombscargle(q, e, 2 * np.pi * frequencies, normalize=True, floating_mean=True)
-    best = int(np.argmax(power))
-    # chance that one frequency explains so much of white noise, and that one of the independent ones does
-    single = (1.0 - min(1.0, float(power[best]))) ** ((len(q) - 3) / 2)
-    independent = max(1.0, span * (1 / shortest - 1 / longest))
-    false_alarm = float(-np.expm1(independent * np.log1p(-min(single, 1 - 1e-16))))
+    best, false_alarm = strongest(q, e, frequencies)
 
     def model(x: np.ndarray, offset: float, slope: float, sine: float, cosine: float, f: float) -> np.ndarray:
         return offset + slope * x + sine * np.sin(2 * np.pi * f * x) + cosine * np.cos(2 * np.pi * f * x)
@@ -156,11 +152,15 @@ def cyclic_term(fit: GuidewayFit, periods: tuple[float, float] | None = None) ->
     # residuals of order one, and within one peak of the periodogram
     reach = 1 / span
     low, high = [-np.inf] * 4 + [f0 - reach], [np.inf] * 4 + [f0 + reach]
-    found, covariance = curve_fit(model, q, e / size, [*start, f0], bounds=(low, high), x_scale=[1, 1, 1, 1, reach])
+    try:
+        found, covariance = curve_fit(model, q, e / size, [*start, f0], bounds=(low, high), x_scale=[1, 1, 1, 1, reach])
+    except RuntimeError:  # sine and cosine grow against each other: few points, about two per period
+        found, covariance = np.array([*start, f0]), np.diag(np.full(5, np.inf))
     sine, cosine, f = size * found[2], size * found[3], found[4]
     amplitude = float(np.hypot(sine, cosine))
     gradient = size * np.array([sine, cosine]) / max(amplitude, 1e-300)
-    amplitude_error = float(np.sqrt(gradient @ covariance[2:4, 2:4] @ gradient))
+    told = bool(np.all(np.isfinite(covariance)))
+    amplitude_error = float(np.sqrt(gradient @ covariance[2:4, 2:4] @ gradient)) if told else np.inf
     aliases = _aliases(float(f), places)
     return CyclicTerm(
         float(1 / f), float(np.sqrt(covariance[4, 4]) / f**2), amplitude, amplitude_error, float(sine), float(cosine),

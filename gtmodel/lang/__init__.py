@@ -43,6 +43,7 @@ from .functions import (
 from .interpolation import interpolate
 from .model import Connector, Model
 from .optimization import Optimization, delayed, integral, misfit
+from .piecewise import piecewise
 from .source import ModelError, SourceLocation
 from .units import UnitError
 
@@ -91,6 +92,7 @@ __all__ = [
     "parameter",
     "part",
     "parts",
+    "piecewise",
     "port",
     "ports",
     "potential",

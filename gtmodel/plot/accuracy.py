@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
+from matplotlib.text import Text
 
 from .workspace import mark_guideways
 
 COLOURS = ("#0072b2", "#d55e00", "#009e73")
 STYLES = ("-", "-.", "--")
 LEVELS = 12
+NEAR = 0.07  # of the picture's width: a level's number so near to a guideway would cover that one's
 
 
 def error_figure(
@@ -40,6 +42,7 @@ def error_figure(
         filled = axes.contourf(u, v, micrometres, LEVELS, cmap="viridis")
         lines = axes.contour(u, v, micrometres, filled.levels, colors="white", linewidths=0.6)
         axes.clabel(lines, fontsize="small", fmt="%g")
+        _make_room(lines.labelTexts, guideways, NEAR * max(np.ptp(u), np.ptp(v)))
         figure.colorbar(filled, ax=axes, label="greatest positioning error [µm]")
     if window is not None:
         low, high = window
@@ -48,6 +51,14 @@ def error_figure(
     axes.set(xlabel=f"{names[0]} [m]", ylabel=f"{names[1]} [m]", title=title)
     axes.set_aspect("equal")
     return figure
+
+
+def _make_room(labels: Sequence[Text], guideways: np.ndarray, near: float) -> None:
+    """Take away the numbers of levels that would cover the number of a guideway."""
+    for label in labels:
+        distance = np.linalg.norm(np.asarray(guideways) - label.get_position(), axis=1)
+        if distance.size and distance.min() < near:
+            label.set_visible(False)
 
 
 def faces_figure(distance: np.ndarray, faces: Mapping[str, np.ndarray], *, title: str = "") -> Figure:

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.ticker import MaxNLocator
 from scipy.spatial import ConvexHull
 
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")  # readable with colour-blind eyes
 MARKED = "#b00020"
 STROKE = 0.25  # of a guideway drawn to each side of its carts, in mean link lengths
+PANEL_GAP = 0.12  # between rows of panels, in panel heights
 FLAT = 1e-9  # least extent of the plate joints, relative, in a direction that counts
 
 
@@ -42,6 +44,8 @@ def modes_figure(
     rows = max(1, -(-m // columns))
     side = 2.7 if m <= 12 else 1.9
     figure = Figure(figsize=(max(side * columns, 4.0), side * rows + 0.6), layout="constrained")
+    if m <= 12 and rows > 1:  # the names of the first panel's axes stand below it, above the next one's title
+        cast(ConstrainedLayoutEngine, figure.get_layout_engine()).set(hspace=PANEL_GAP)
     figure.suptitle(f"{title}\n{_counted(m, commanded)}".strip(), fontsize="medium")
     joints = T[:, None] + B @ np.swapaxes(R, 1, 2)
     guideways = _guideways(A, carts, directions, float(np.mean(np.linalg.norm(joints - A, axis=2))) if m else 1.0)

@@ -2,16 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
 
 from ..results.trajectory import Trajectory
 
 COLOURS = ("#0072b2", "#d55e00", "#009e73")  # readable with colour-blind eyes
+RUNS = (*COLOURS, "#cc79a7", "#e69f00", "#56b4e9", "black")
 
 
 def motion_figure(
-    trajectory: Trajectory, polynomial: tuple[np.ndarray, np.ndarray] | None = None, *, force_limit: float
+    trajectory: Trajectory,
+    polynomial: tuple[np.ndarray, np.ndarray] | None = None,
+    *,
+    force_limit: float,
+    obstacles: Sequence[tuple[np.ndarray, np.ndarray]] = (),
+    path: np.ndarray | None = None,
+    constant: bool = True,
 ) -> Figure:
     """Four panels: the path from the side and from the front, TCP velocity, and motor forces with their limit.
 
@@ -20,12 +30,20 @@ def motion_figure(
         polynomial: times (n,) and forces (n, motors) of the collocation optimum, drawn faintly: they may overshoot
             between its points.
         force_limit: [N].
+        obstacles: boxes as (center, size) [m].
+        path: (n, 3) [m], the path to follow, drawn in place of the straight line.
+        constant: forces are constant per element, and drawn as steps.
     """
     figure = Figure(figsize=(10.5, 7.0), layout="constrained")
     side, front, speed, force = figure.subplots(2, 2).ravel()
     T = trajectory["T"]
     for axes, (a, b), names in ((side, (0, 2), "xz"), (front, (1, 2), "yz")):
-        axes.plot(T[[0, -1], a], T[[0, -1], b], color="0.7", linestyle="--", label="straight line")
+        for center, size in obstacles:
+            low = center - size / 2
+            axes.add_patch(Rectangle((low[a], low[b]), size[a], size[b], color="0.85", zorder=0))
+        line = T[[0, -1]] if path is None else path
+        what = "straight line" if path is None else "path"
+        axes.plot(line[:, a], line[:, b], color="0.7", linestyle="--", label=what)
         axes.plot(T[:, a], T[:, b], color="black", label="optimal path")
         axes.plot(T[0, a], T[0, b], "o", color="black", markerfacecolor="white", label="start")
         axes.plot(T[-1, a], T[-1, b], "o", color="black", label="goal")
@@ -44,13 +62,15 @@ def motion_figure(
     for k in range(trajectory["tau"].shape[1]):
         if polynomial is not None:
             force.plot(polynomial[0], polynomial[1][:, k], color=COLOURS[k], alpha=0.3, linewidth=0.8)
-        force.step(time, trajectory["tau"][:, k], where="pre", color=COLOURS[k], label=f"motor {k + 1}")
+        style = "steps-pre" if constant else "default"
+        force.plot(time, trajectory["tau"][:, k], drawstyle=style, color=COLOURS[k], label=f"motor {k + 1}")
     for sign in (-1, 1):
         force.axhline(sign * force_limit, color="0.4", linestyle=":")
     highest = 0.0 if polynomial is None else float(np.max(np.abs(polynomial[1])))
     reach = 1.1 * max(1.4 * force_limit, float(np.max(np.abs(trajectory["tau"]))), highest)
     force.set_ylim(-reach, reach)
-    force.set_title("motor forces, constant per element" + ("; faint: polynomial" if polynomial is not None else ""))
+    told = "motor forces, constant per element" if constant else "motor forces"
+    force.set_title(told + ("; faint: polynomial" if polynomial is not None else ""))
     force.set_ylabel("force [N]")
     for axes in (speed, force):
         axes.set_xlabel("time [s]")
@@ -58,4 +78,46 @@ def motion_figure(
         axes.legend(fontsize="small", ncols=3, loc="lower right")
     if trajectory.title:
         figure.suptitle(f"{trajectory.title}: {trajectory.duration:.4f} s")
+    return figure
+
+
+def force_figure(runs: Sequence[tuple[str, Trajectory]], *, force_limit: float) -> Figure:
+    """Motor forces over time, one panel per motor and one curve per motion; as Dressler 2012, Fig. 3.10.
+
+    Args:
+        runs: (label, motion) with tau [N].
+        force_limit: [N].
+    """
+    figure = Figure(figsize=(8.0, 7.0), layout="constrained")
+    panels = figure.subplots(runs[0][1]["tau"].shape[1], 1, sharex=True, squeeze=False)[:, 0]
+    for k, axes in enumerate(panels):
+        for n, (label, run) in enumerate(runs):
+            axes.plot(run.time, run["tau"][:, k], color=RUNS[n % len(RUNS)], linewidth=1.0, label=label)
+        for sign in (-1, 1):
+            axes.axhline(sign * force_limit, color="0.4", linestyle=":")
+        axes.set_ylabel(f"motor {k + 1} [N]")
+        axes.grid(alpha=0.3)
+    panels[-1].set_xlabel("time [s]")
+    if len(runs) > 1:
+        figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize="small")
+    figure.suptitle("motor forces")
+    return figure
+
+
+def space_figure(runs: Sequence[tuple[str, Trajectory]]) -> Figure:
+    """Paths of the tool centre point in space, one per motion; as Dressler 2012, Fig. 3.9.
+
+    Args:
+        runs: (label, motion) with T [m].
+    """
+    figure = Figure(figsize=(8.0, 6.0), layout="constrained")
+    axes = figure.add_subplot(projection="3d")
+    for n, (label, run) in enumerate(runs):
+        axes.plot(*run["T"].T, color=RUNS[n % len(RUNS)], label=label)
+    T = runs[0][1]["T"]
+    axes.scatter(*T[0], color="black", s=20, label="start")  # type: ignore[misc]
+    for set_label, name in ((axes.set_xlabel, "x"), (axes.set_ylabel, "y"), (axes.set_zlabel, "z")):  # type: ignore[attr-defined]
+        set_label(f"{name} [m]")
+    axes.set_title("path of the tool centre point")
+    axes.legend(fontsize="small")
     return figure

@@ -94,6 +94,24 @@ class TestNumbers:
         outcome = solve(cases=[{"name": "huge", "length_um": [5e4, 5e4, 5e4]}])
         assert not outcome.checks["huge_first_order_against_exact"].passed and "but huge_first" in outcome.message
 
+    def test_errors_without_a_robot_are_not_solved(self) -> None:
+        outcome = solve(cases=[{"name": "absurd", "length_um": [1e6, 1e6, 1e6]}])
+        assert outcome.status is SolveStatus.FAILED and "absurd: at some points" in outcome.message
+        assert "the errors are too large" in outcome.message
+
+    @pytest.mark.parametrize("method", ["support", "projection"])
+    def test_some_errors_may_be_zero(self, method: str) -> None:
+        # only link 3 is wrong: the point moves across the other two
+        lengths, one, along = solve(method=method, cases=[
+            {"name": "lengths", "length_um": [0.0, 0.0, 10.0]},
+            {"name": "balls", "along_um": [0.0, 0.0, 10.0], "across_um": [0.0, 0.0, 10.0]},
+            {"name": "along", "along_um": [0.0, 5.0, 10.0], "across_um": [0.0, 0.0, 0.0]},
+        ]).values["cases"]  # fmt: skip
+        assert lengths["max_um"] == pytest.approx(one["max_um"], rel=1e-3)
+        assert 0.0 < along["max_um"] < np.inf
+        assert lengths["shape"]["faces_um2"] == [0.0, 0.0, 0.0]
+        assert 2 * lengths["centre_um"] == pytest.approx(lengths["shape"]["longest_diagonal_um"], rel=1e-9)
+
     def test_stopped_and_out_of_reach(self) -> None:
         context = Context()
         context.request_stop()
@@ -111,6 +129,11 @@ class TestNumbers:
             {"cases": [{"name": "x", "length_um": [1.0, 1.0, 1.0], "across_um": [1.0, 1.0, 1.0]}]},
             "cases[0]",
             "give either length_um",
+        ),
+        (
+            {"cases": [{"name": "x", "length_um": [0.0, 0.0, 0.0]}]},
+            "cases[0].length_um",
+            "all errors are zero; give at least one",
         ),
         ({"cases": SMALL["cases"] * 2}, "cases[1].name", "two cases are called 'lengths'"),
         ({"section": {"low_m": [0.0, 0.0], "high_m": [0.0, 1.0]}}, "section.high_m", "less than its upper"),

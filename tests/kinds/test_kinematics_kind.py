@@ -125,6 +125,9 @@ class TestFile:
             ("T[0],T[1],T[2]\n1,2\n", "line 2: found 2 cells; expected 3"),
             ("T[0],T[1],T[2]\n1,two,3\n", "line 2, column 2: found 'two'; expected a number"),
             ("T[0];T[1];T[2]\n1;2;3\n", "not separated by ','"),
+            ("T[0],T[1],T[2],T[0] [mm]\n1,2,3,4\n", r"line 1: 'T\[0\]' is there twice, in columns 1 and 4; leave one"),
+            ("T[0],T[1],T[2]\n1,1_4.22e-1,3\n", "line 2, column 2: found '1_4.22e-1'; expected a number"),
+            ('T[0],T[1],T[2]\n1,2,3\n1,"2,3\n', r"line 3: a quote \(\"\) is not closed"),
         ],
     )
     def test_wrong_files(self, here: Path, text: str, sentence: str) -> None:
@@ -134,11 +137,59 @@ class TestFile:
         assert caught.value.key == "points"
 
 
+class TestKnownValues:
+    F1 = gt.robots.catalogue.make("f1")
+    HEAD = ",".join(f"T[{k}]" for k in range(3)) + "," + ",".join(f"e[{k}]" for k in range(4))
+
+    def inverse(self, here: Path, *rows: np.ndarray) -> Any:
+        (here / "p.csv").write_text("\n".join([self.HEAD, *(",".join(map(repr, row.tolist())) for row in rows)]) + "\n")
+        return solve(L1, Context(folder=here), robot="f1", known=["T", "e"])
+
+    def test_a_rounded_quaternion_is_brought_to_length_one(self, here: Path) -> None:
+        exact, rounded = (
+            np.array([*self.F1.home, *self.F1.home_e]),
+            np.array([*self.F1.home, *np.round(self.F1.home_e, 3)]),
+        )
+        assert 1e-5 < abs(np.linalg.norm(rounded[3:]) - 1.0) < 1e-3
+        outcome = self.inverse(here, exact, rounded)
+        assert [r["status"] for r in table(outcome)] == ["ok", "ok"]
+        assert ("quaternions brought to length 1", 1, "") in outcome.rows
+        q, _ = self.F1.causal(["T", "e"], "q")(rounded[:3], rounded[3:] / np.linalg.norm(rounded[3:]))
+        assert np.max(np.abs(numbers(table(outcome), "q", "?", 6)[1] - q)) < ROUND_OFF
+
+    def test_what_breaks_a_condition_is_not_beyond_reach(self, here: Path) -> None:
+        long, far = np.array([*self.F1.home, *self.F1.home_e]), np.array([*self.F1.home, *self.F1.home_e])
+        long[3:] *= 1.01
+        far[:3] += 9.0
+        outcome = self.inverse(here, long, far)
+        first, second = (r["status"] for r in table(outcome))
+        assert first == kinematics.INCONSISTENT and second in ("out_of_range", "not_converged")
+        assert outcome.status is SolveStatus.INFEASIBLE and outcome.values["statuses"][kinematics.INCONSISTENT] == 1
+        assert "1 inconsistent known values (row 0: the known values do not satisfy" in outcome.message
+
+    def test_a_vector_of_four_without_that_condition_stays(self, here: Path) -> None:
+        (here / "point.py").write_text(
+            "import gtmodel as gt\n\n\nclass Four(gt.Model):\n    w = gt.variable(4, unit='1')\n"
+            "    y = gt.variable(unit='1')\n\n    def equations(self):\n        w = self.w\n"
+            "        yield w[0] + w[1] + w[2] + w[3] == 1\n        yield self.y == 2 * w[0]\n"
+        )
+        (here / "p.csv").write_text("w[0],w[1],w[2],w[3]\n1,0,0,0\n1.0005,0,0,0\n0.6,0.3,0,0\n0.7071,0.7071,0,0\n")
+        outcome = solve(L1, Context(folder=here), robot="point.py:Four", known=["w"], targets=["y"])
+        assert [r["status"] for r in table(outcome)] == ["ok", *[kinematics.INCONSISTENT] * 3]
+
+
 class TestGrid:
     def test_points_of_the_box(self) -> None:
         T = numbers(table(solve(GRID)), "T", "m")
         expected = [[x, y, z] for x in (1.2, 1.6) for y in (-1.0, -0.9, -0.8) for z in np.linspace(0.2, 0.4, 4)]
         assert np.max(np.abs(T - expected)) < ROUND_OFF
+
+    def test_no_number_no_row(self) -> None:
+        # no place is reached in both layers
+        outcome = solve(L1 | {"robot": "d1_six_link"}, points="", grid={**BOX, "center": [9.0, 9.0, 9.0]},
+                        orientation={"of": "R"})  # fmt: skip
+        assert not any("layers" in row[0] or "ZYZ" in row[0] for row in outcome.rows)
+        assert not any("nan" in str(row[1]) for row in outcome.rows)
 
     def test_interrupted_rows_say_so(self, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(kinematics, "CHUNK", 10)

@@ -9,7 +9,7 @@ from matplotlib.colors import to_hex
 from scipy.spatial.transform import Rotation
 
 from gtmodel import robots
-from gtmodel.kinds import Context, InputError, modes, report
+from gtmodel.kinds import Context, InputError, hand_poses, modes, report
 from gtmodel.kinds.load import load, validate
 from gtmodel.kinds.output import _png
 from gtmodel.plot.assembly_modes import MARKED, modes_figure
@@ -244,15 +244,21 @@ def test_wrong_problems_get_a_sentence(keys: dict, sentence: str) -> None:
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
-        ("", "p.csv is empty"),
+        ("", "p.csv is empty; expected a header such as 'q1_m,q2_m,q3_m' and rows"),
         ("a,b\n1,2\n", "p.csv lacks the columns q1_m, q2_m, q3_m or x_m, y_m, z_m; it has a, b"),
         ("q1_m,q2_m\n1,2\n", "p.csv lacks the columns q3_m; it has q1_m, q2_m"),
-        ("q1_m,q2_m,q3_m,q4\n", "p.csv has columns that are none of a pose, or twice: q4"),
-        ("q1_m,q2_m,q3_m,q1_m\n", "p.csv has columns that are none of a pose, or twice: q1_m, q1_m"),
+        ("q1_m,q2_m,q3_m,q4\n", "p.csv has columns that are none of a pose: q4"),
+        ("q1_m,q2_m,q3_m,q1_m\n", "p.csv line 1: 'q1_m' is there twice, in columns 1 and 4; leave one of them out"),
         ("q1_m,q2_m,q3_m\n", "p.csv has no rows"),
-        ("# n\nq1_m,q2_m,q3_m\n1,2,3\n1,x,3\n", "p.csv, line 4: expected 3 finite numbers; found '1,x,3'"),
-        ("q1_m,q2_m,q3_m\n1,2,inf\n", "p.csv, line 2: expected 3 finite numbers; found '1,2,inf'"),
-        ("q1_m,q2_m,q3_m\n1,2\n", "p.csv, line 2: expected 3 finite numbers; found '1,2'"),
+        ("# n\nq1_m,q2_m,q3_m\n1,2,3\n1,x,3\n", "p.csv line 4: expected 3 finite numbers; found '1,x,3'"),
+        ("q1_m,q2_m,q3_m\n1,2,inf\n", "p.csv line 2: expected 3 finite numbers; found '1,2,inf'"),
+        ("q1_m,q2_m,q3_m\n1,2,1_0\n", "p.csv line 2: expected 3 finite numbers; found '1,2,1_0'"),
+        (
+            'q1_m,q2_m,q3_m\n"1,2,3\n4,5,6\n',
+            'p.csv line 2: a quote (") is not closed before the next comma or the end of the line; close it or take it '
+            "out",
+        ),
+        ("q1_m,q2_m,q3_m\n1,2\n", "p.csv line 2: expected 3 finite numbers; found '1,2'"),
         ("q1_m,q2_m,q3_m,q4_deg,q5_deg,q6_deg\n0,0,0,0,0,0\n", "the robot has no rotary axes; leave it out"),
     ],
 )
@@ -261,6 +267,14 @@ def test_wrong_files_get_a_sentence(text: str, sentence: str, tmp_path: Path) ->
     with pytest.raises(InputError) as caught:
         solve(Context(folder=tmp_path), robot="d1_six_link", poses="p.csv")
     assert caught.value.sentence == sentence and caught.value.key.startswith("poses")
+
+
+def test_a_file_of_a_spreadsheet_begins_with_a_mark(tmp_path: Path) -> None:
+    text = "q1_m,q2_m,q3_m\n0.01,0,0\n0,0.01,0\n"
+    (tmp_path / "p.csv").write_text(text, encoding="utf-8-sig")
+    (tmp_path / "plain.csv").write_text(text, encoding="utf-8")
+    marked, plain = (hand_poses.of_file(name, Context(folder=tmp_path)) for name in ("p.csv", "plain.csv"))
+    assert marked == plain and marked[0].q_m == [0.01, 0.0, 0.0]
 
 
 def test_a_row_with_a_wrong_quaternion_is_named(tmp_path: Path) -> None:

@@ -86,12 +86,38 @@ def test_a_home_of_ones_own(tmp_path: Path) -> None:
             "u1_2: the links of a cluster miss being parallel by 151 mm",
         ),
         ("d1_six_link", {"links": ["1", "2b", "2a", "3a", "3b", "3c"]}, "links: must be 1, 2a, 2b, 3a, 3b, 3c in this"),
-        ("f1", {"I_p_kg_m2": [1.0]}, "I_p_kg_m2[0]: expected a list in kg.m2; found 1.0"),
+        ("f1", {"I_p_kg_m2": [1.0]}, "I_p_kg_m2[0]: expected a list of 3 numbers in kg.m2; found 1.0"),
+        (
+            "f1",
+            {"A0_mm": [[1.0, 2.0]] * 3},
+            "A0_mm[0]: expected a list of 3 numbers in mm; found [1.0, 2.0]; wrong",
+        ),
+        ("l1_tape", {"A_m": [[1.0] * 4, [0.0] * 3, [0.0] * 3]}, "A_m[0]: expected a list of 3 numbers in m; found [1"),
     ],
 )
 def test_faults_are_sentences(tmp_path: Path, name: str, changes: dict[str, object], sentence: str) -> None:
     found = refusal(tmp_path, name, **changes)
     assert found.startswith("robot: robot.toml: ") and sentence in found
+
+
+@pytest.mark.parametrize(
+    ("name", "key", "factor", "sentence"),
+    [
+        ("f1", "L_mm", 1e-3, "L_mm: link lengths from 1.50119 to 1.92258 mm look like metres; give millimetres"),
+        ("f1", "A0_mm", 1e-3, "A0_mm: coordinates up to 3.2989 mm look like metres; give millimetres"),
+        ("f1", "B0_mm", 1e-3, "B0_mm: coordinates up to 0.30928 mm look like metres; give millimetres"),
+        ("f1", "A_bj_mm", 1e-3, "A_bj_mm: coordinates up to 0.18736 mm look like metres; give millimetres"),
+        ("f1", "L_mm", 1e3, "look like micrometres; give millimetres"),
+        ("d1_six_link", "L_m", 1e3, "L_m: link lengths from 2042.91 to 2044.22 m look like millimetres; give metres"),
+        ("d1_six_link", "A_m", 1e3, "A_m: coordinates up to 4968.29 m look like millimetres; give metres"),
+        ("d1_six_link", "B_m", 1e3, "B_m: coordinates up to 189.26 m look like millimetres; give metres"),
+        ("d1_six_link", "L_m", 1e-3, "L_m: link lengths from 0.00204291 to 0.00204422 m are too short for a robot"),
+        ("l1_tape", "L_m", 1e3, "L_m: link lengths from 1810 to 2050 m look like millimetres; give metres"),
+    ],
+)
+def test_lengths_in_another_unit(tmp_path: Path, name: str, key: str, factor: float, sentence: str) -> None:
+    changed = (factor * np.array(TABLES[name][key])).tolist()
+    assert sentence in refusal(tmp_path, name, **{key: changed})
 
 
 def test_a_row_of_another_link_is_found_by_the_fit(tmp_path: Path) -> None:

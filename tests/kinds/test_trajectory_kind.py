@@ -14,8 +14,8 @@ from gtmodel import SolveStatus
 from gtmodel.kinds import get, report
 from gtmodel.kinds.base import InputError
 from gtmodel.kinds.load import load
-from gtmodel.kinds.motion import line_guess
-from gtmodel.kinds.motion_search import Search, motion_of
+from gtmodel.kinds.motion_planning import plan_of
+from gtmodel.kinds.motion_search import motion_of
 from gtmodel.kinds.robots import resolve
 from gtmodel.kinds.run import context_of, explain, solve
 from gtmodel.optimize import Mesh, SolverOptions
@@ -172,9 +172,7 @@ class TestSearch:
         """10 kg more at w = 0: without a bound on reach the iteration ends at its edge."""
         loaded = load("problems/l1_min_time.toml", ["payload_kg=10", "mesh.elements=20"])
         context = context_of(loaded)
-        heavy = loaded.problem.model(context)
-        guess = line_guess(heavy.causal("T", "tau"), np.array(START), np.array(GOAL), 700.0)
-        search = Search(loaded.problem, context, heavy, guess)
+        search = plan_of(loaded.problem, context).search(context)
         solution = search.optimum()
         assert solution.status is SolveStatus.SOLVED, solution.message
         assert search.iterations > solution.iterations  # more than one attempt

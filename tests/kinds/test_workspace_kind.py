@@ -8,7 +8,8 @@ import pytest
 
 from gtmodel.kinds import Context, InputError, workspace
 from gtmodel.kinds.load import load, validate
-from gtmodel.results import SolveStatus
+from gtmodel.kinds.mechanism import mechanism_of
+from gtmodel.results import SolveStatus, Status
 from tests.kinematics.by_hand import L1, disc_intersection_area
 from tests.support.commands import CLONE, Commands
 
@@ -94,8 +95,38 @@ class TestNumbers:
 
     def test_what_leaves_the_window_says_so(self) -> None:
         outcome = solve(section={"step_m": 0.1, "low_m": [-0.7, 0.4], "high_m": [-0.2, 0.9]})
-        assert outcome.values["on_edge"] and "cut there" in outcome.message
-        assert outcome.values["area_m2"] == pytest.approx(0.25)
+        assert outcome.values["on_edge"] and outcome.message.startswith(
+            "the cross-section reaches the edge of the grid"
+        )
+        assert outcome.values["area_m2"] == pytest.approx(0.25) and outcome.values["volume_on_edge"] is None
+
+    def test_a_volume_may_be_cut_where_the_section_is_not(self) -> None:
+        outcome = solve(section={"step_m": 0.2}, volume={"low_m": 0.5, "high_m": 0.7, "sections": 2})
+        assert outcome.values["volume_on_edge"] and not outcome.values["on_edge"]
+        assert outcome.message.startswith("the volume reaches its first or last section")
+
+    def test_six_links_reach_farther_by_the_plate(self) -> None:
+        # the plate's joints are up to 0.2 m from the tool centre point
+        problem = validate(workspace.Schema, {**SMALL, "robot": "d1_six_link"})
+        robot = mechanism_of(problem.model(Context()))
+        section = robot.section(None, "")
+        low, high = workspace._window(problem, robot, section)
+        pierced, L = section.pierced(robot.anchors, robot.directions), robot.lengths[:, None] + 0.05
+        by_links = (pierced - L).max(axis=0), (pierced + L).min(axis=0)
+        u, v = (np.linspace(low[k] - 0.2, high[k] + 0.2, 61) for k in range(2))
+        uv = np.stack(np.meshgrid(u, v), -1).reshape(-1, 2)
+        uv = uv[np.any((uv < by_links[0]) | (uv > by_links[1]), axis=1)]
+        reached = uv[robot.inverse(section.points(uv)).status == Status.OK]
+        assert len(reached) and np.all((reached > low) & (reached < high))
+        # of the joints themselves, wherever the links are drawn
+        moved = mechanism_of(robot.model, None, np.ones((6, 3)))
+        np.testing.assert_allclose(moved.plate_arms, robot.plate_arms, rtol=1e-12)
+
+    def test_few_points_of_a_section_not_reached(self) -> None:
+        outcome = solve(
+            section={"step_m": 0.5}, limits={"tcp_low_m": [0.0, -0.5, 0.7], "tcp_high_m": [9.0, -0.45, 0.75]}
+        )
+        assert outcome.status is SolveStatus.INFEASIBLE and outcome.message.endswith("try a smaller section.step_m")
 
     def test_a_coarse_grid_says_so(self) -> None:
         outcome = solve(section={"step_m": 0.4})
@@ -114,6 +145,12 @@ class TestNumbers:
         ({"home_m": [0.0, 9.0, 0.0]}, "home_m", "cannot be reached"),
         ({"limits": {"actuators_m": [[0.0, 1.0]]}}, "limits.actuators_m", "has 3 carts; found 1 pairs"),
         ({"limits": {"actuators_m": [[1.0, 0.0]] * 3}}, "limits.actuators_m", "less than its upper"),
+        (
+            {"limits": {"actuators_m": [[-1500.0, 1500.0]] * 3}},
+            "limits.actuators_m",
+            "a stroke of 3000 m is more than 100 times the longest link, 2.05 m; give metres, not millimetres",
+        ),
+        ({"section": {"step_m": 5.0}}, "section.step_m", "so that no point lies within it; take a step below"),
         ({"bodies": {"link_clearance": True}}, "bodies.link_clearance", "give bodies.plate_joints_m"),
         ({"bodies": {"plate_joints_m": [[0.0, 0.0, 0.0]]}}, "bodies.plate_joints_m", "has 3 links; found 1 joints"),
         ({"obstacles": [{"low_m": [0, 0, 0.0], "high_m": [1, 1, 0.0]}]}, "obstacles.high_m", "less than its upper"),

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pytest
 
 from gtmodel import mechanics as m
 from gtmodel.kinematics import MeasurementError, backlash, cyclic_term, fit_guideway
+from gtmodel.kinematics.periodogram import strongest
 from tests.mechanics.test_guideways import Slide
 from tests.support.guideway_data import ACROSS, ALONG, MEAN, P0, UM, V, cart
 
@@ -155,6 +158,42 @@ class TestCyclic:
 
     def test_noise_alone_is_not_found(self):
         assert sum(cyclic_term(self.noisy(seed, amplitude=0.0)).significant for seed in range(12)) == 0
+
+    @pytest.mark.parametrize(("chance", "low", "high"), [(0.2, 23, 57), (0.05, 2, 20)])
+    def test_false_alarms_are_as_frequent_as_they_say(self, chance, low, high):
+        # synthetic white noise, 200 runs: within three standard deviations of the binomial law
+        assert low <= np.sum(self.alarms() < chance) <= high
+
+    @staticmethod
+    @cache
+    def alarms() -> np.ndarray:
+        q = np.linspace(0, 1, 21)
+        noise = 1e-5 * np.random.default_rng(6).normal(size=(200, 21, 3))
+        return np.array([cyclic_term(fit_guideway(q, np.outer(q, V) + e)).false_alarm for e in noise])
+
+    def test_a_fit_that_does_not_end_has_infinite_errors(self):
+        # synthetic noise at eight places; sine and cosine of about two points per period grow without end
+        q = np.linspace(0, 1, 8)
+        noise = 1e-5 * np.random.default_rng(1446).normal(size=(8, 3))
+        c = cyclic_term(fit_guideway(q, np.outer(q, [1, 0, 0]) + noise))
+        assert c.period_error == np.inf and c.amplitude_error == np.inf
+        assert np.isfinite(c.period) and np.isfinite(c.amplitude) and not c.significant
+
+    def test_the_strongest_is_that_of_least_squares(self):
+        rng = np.random.default_rng(8)
+        q, e = np.sort(rng.uniform(size=30)), rng.normal(size=30)
+        frequencies = np.linspace(2, 14, 61)
+        columns = [np.ones(30), q]
+        left = [
+            np.linalg.lstsq(np.column_stack([*columns, np.sin(w * q), np.cos(w * q)]), e)[1][0]
+            for w in 2 * np.pi * frequencies
+        ]
+        best, chance = strongest(q, e, frequencies)
+        assert best == np.argmin(left)
+        # no smaller than for one frequency, no greater than for as many as were tried, each by itself
+        single = (np.min(left) / np.linalg.lstsq(np.column_stack(columns), e)[1][0]) ** 13
+        assert single < chance < 61 * single
+        assert strongest(q, e + 100 * np.sin(2 * np.pi * 5 * q), frequencies)[1] < 1e-20
 
     def test_the_part_with_this_term_has_its_offset(self):
         c = cyclic_term(self.noisy(2))

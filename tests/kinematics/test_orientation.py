@@ -53,6 +53,14 @@ class TestAngles:
         assert singular[0] and angles[0, 2] == 0.0
         assert np.max(np.abs(Rotation.from_euler("ZYZ", angles[0]).as_matrix() - R.as_matrix())) < 1e-7
 
+    def test_a_half_turn_has_one_of_its_two_axes(self):
+        for axis in ([1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.6, -0.8], [0.36, -0.48, 0.8]):
+            for sign in (1, -1):
+                turn = Rotation.from_rotvec(sign * np.pi * np.array(axis)).as_matrix()
+                np.testing.assert_allclose(rotation_vector(turn, np.eye(3)), np.pi * np.array(axis), atol=ROUND_OFF)
+        near = (np.pi - 1e-6) * np.array([0.0, -0.6, 0.8])
+        np.testing.assert_allclose(rotation_vector(Rotation.from_rotvec(near).as_matrix(), np.eye(3)), near, atol=1e-9)
+
     def test_rotation_vectors_are_those_of_scipy(self):
         reference = Rotation.random(rng=np.random.default_rng(2))
         size = np.geomspace(1e-9, 3.0, 200)[:, None]

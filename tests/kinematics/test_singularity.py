@@ -182,3 +182,17 @@ def test_platform_of_the_d1():
     R = rotation(e)
     angle = singularity.platform(by_hand.links(q, np.asarray(robot.home), R), by_hand.B @ R.T)
     assert np.radians(2.0) < angle < np.radians(45.0)
+
+
+@pytest.mark.parametrize(
+    ("call", "sentence"),
+    [
+        (lambda: singularity.inverse([[0, 0, 0.0]], [[1, 0, 0]]), "link vector 1 has length zero and no direction"),
+        (lambda: singularity.inverse([[1, 0, 0.0]], [[0, 0, 0]]), "guideway direction 1 has length zero"),
+        (lambda: singularity.forward([np.eye(3), [[1, 0, 0], [0, 0, 0], [0, 0, 1]]]), "link vector 2 in row 1"),
+        (lambda: singularity.platform(np.zeros((6, 3)), np.ones((6, 3))), "link vector 1 has length zero"),
+    ],
+)
+def test_what_has_no_direction_is_refused(call, sentence):
+    with pytest.raises(gt.ModelError, match=sentence):
+        call()

@@ -1,0 +1,43 @@
+"""Lengths of a robot file given in another unit than their key says: metres for millimetres, or the other way."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from .base import InputError
+
+# link lengths [m] of a robot that carts carry: shorter or longer ones are in another unit
+SHORTEST, LONGEST = 0.02, 100.0
+# points in link lengths: least and greatest size of the farthest one. Cart joints lie about the room, plate and cart
+# joints in their own frames within a fraction of a link; a slip of unit is a factor of 1000
+SIZES = {"A": (0.0, 300.0), "A0": (0.01, 300.0), "A_bj": (1e-3, 10.0), "B": (1e-3, 10.0), "B0": (1e-3, 10.0)}
+
+# by the key's unit and whether the numbers are too small for it
+_HINTS = {
+    ("m", True): "are too short for a robot; give metres",
+    ("m", False): "look like millimetres; give metres",
+    ("mm", True): "look like metres; give millimetres",
+    ("mm", False): "look like micrometres; give millimetres",
+}
+
+
+def refuse_other_units(table: Mapping[str, Any]) -> None:
+    """Raises InputError at the first key whose numbers are far from what the unit in its name allows.
+
+    Points that are all zero are no slip of a unit.
+    """
+    key = next(key for key in ("L_m", "L_mm") if key in table)
+    unit, factor = ("m", 1.0) if key == "L_m" else ("mm", 1e-3)
+    L = factor * np.array(table[key])
+    if L.min() < SHORTEST or L.max() > LONGEST:
+        found = f"link lengths from {L.min() / factor:.6g} to {L.max() / factor:.6g} {unit}"
+        raise InputError(f"{found} {_HINTS[unit, bool(L.min() < SHORTEST)]}", key)
+    for stem, (least, greatest) in SIZES.items():
+        points = np.array(table.get(f"{stem}_{unit}", [[0.0]]))
+        size = factor * float(np.max(np.linalg.norm(points, axis=-1))) / L.max()
+        if 0.0 < size < least or size > greatest:
+            found = f"coordinates up to {np.max(np.abs(points)):.6g} {unit}"
+            raise InputError(f"{found} {_HINTS[unit, size < least]}", f"{stem}_{unit}")

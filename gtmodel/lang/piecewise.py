@@ -1,0 +1,53 @@
+"""A curve of polynomial pieces as an expression."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from .expression import Expr, operand
+from .source import ModelError, here
+
+
+def piecewise(x: Any, breaks: Any, coefficients: Any) -> Expr:
+    """The curve whose piece k is sum_n coefficients[n, k] * (x - breaks[k])^(order - n), n = 0 ... order.
+
+    Args:
+        x: scalar expression.
+        breaks: (pieces + 1,) numbers, strictly increasing.
+        coefficients: (order + 1, pieces) or (order + 1, pieces, m), highest power first, as scipy's PPoly has them.
+
+    Its unit is that of what it is compared with. Beyond both ends the end pieces go on; at a break the piece on its
+    right counts. Time derivatives take the pieces as they are, so the curve should be as smooth as the model
+    differentiates it. Raises ModelError for wrong shapes.
+    """
+    breaks, c = np.asarray(breaks, float), np.asarray(coefficients, float)
+    if not isinstance(x, Expr) or x.shape != ():
+        raise ModelError("piecewise() takes a scalar expression", here())
+    if breaks.ndim != 1 or len(breaks) < 2 or not np.all(np.diff(breaks) > 0):
+        raise ModelError(f"piecewise() takes breaks that increase; found {breaks}", here())
+    if c.ndim not in (2, 3) or c.shape[1] != len(breaks) - 1:
+        raise ModelError(
+            f"piecewise() takes coefficients (order + 1, {len(breaks) - 1}) or (order + 1, {len(breaks) - 1}, m); "
+            f"found {c.shape}",
+            here(),
+        )
+    sx = operand(x, x.scope)[0]
+    columns = c.reshape(*c.shape[:2], -1)
+
+    def chosen(values: np.ndarray) -> ca.SX:
+        """The row of the piece that x lies in: steps, whose derivative is zero."""
+        result = ca.SX(ca.DM(values[0]))
+        for k in range(1, len(values)):
+            change = values[k] - values[k - 1]
+            if np.any(change):
+                result = result + (sx >= breaks[k]) * ca.sparsify(ca.DM(change))
+        return result
+
+    u = sx - chosen(breaks[:-1, None])
+    value = ca.SX.zeros(columns.shape[2], 1)
+    for power in columns:
+        value = value * u + chosen(power)
+    return Expr(ca.SX(ca.densify(value)), c.shape[2:], None, x.scope)

@@ -1,0 +1,258 @@
+"""Fastest motion along a given path: one unknown per node, the squared path speed b = s'^2.
+
+Along x = path(s) everything is a function of s, s' = sqrt(b) and s'' = (db/ds)/2. Nodes lie closest at both ends, where
+the motion rests and s' has a vertical tangent; on each interval s'' is constant: the motion between nodes is exact.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+import casadi as ca
+import numpy as np
+
+from ..results.status import SolveStatus
+
+ROOT = 1e-12  # added under the root: its slope at rest stays finite
+LEAST_GUESS = 1e-3  # of b, in squares of the path per second
+Curve = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]]
+Progress = Callable[[int, float, float], bool]
+
+
+@dataclass(frozen=True, eq=False)
+class PathTask:
+    """What is moved, along what, within what.
+
+    Args:
+        curve: fractions s (n,) in [0, 1] -> path x(s), its slope and second derivative, (n, d) each.
+        quantities: (x, x', x'') in time -> bounded rows (m,).
+        low, high: (m,) bounds of the rows.
+        squares: (m,) weights; the energy is the integral of sum squares * rows^2.
+        time, energy: weights of the cost.
+        rest: whether the motion begins and ends at rest.
+    """
+
+    curve: Curve
+    quantities: ca.Function
+    low: np.ndarray
+    high: np.ndarray
+    squares: np.ndarray
+    time: float = 1.0
+    energy: float = 0.0
+    rest: tuple[bool, bool] = (True, True)
+
+
+@dataclass(frozen=True, eq=False)
+class PathMotion:
+    """Nodes s (n + 1,), squared speeds b (n + 1,) [1/s2] and node times t (n + 1,) [s] of the motion."""
+
+    status: SolveStatus
+    message: str
+    objective: float
+    energy: float
+    iterations: int
+    s: np.ndarray
+    b: np.ndarray
+    seconds: float
+    t: np.ndarray = field(init=False)
+
+    def __post_init__(self) -> None:
+        v = np.sqrt(self.b)
+        steps = 2 * np.diff(self.s) / np.maximum(v[1:] + v[:-1], np.sqrt(ROOT))
+        object.__setattr__(self, "t", np.concatenate([[0.0], np.cumsum(steps)]))
+
+    @property
+    def final_time(self) -> float:
+        """Duration [s]."""
+        return float(self.t[-1])
+
+    def at(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """s, s', s'' at instants [s]; exact between the nodes. At a node the interval on its right counts."""
+        k = np.clip(np.searchsorted(self.t, times, side="right") - 1, 0, len(self.s) - 2)
+        a = (np.diff(self.b) / (2 * np.diff(self.s)))[k]
+        tau, v = np.clip(times, 0.0, self.final_time) - self.t[k], np.sqrt(self.b[k])
+        return np.clip(self.s[k] + v * tau + a * tau**2 / 2, 0.0, 1.0), np.maximum(v + a * tau, 0.0), a
+
+
+def cosine_nodes(intervals: int) -> np.ndarray:
+    """(intervals + 1,) fractions from 0 to 1, closest at both ends."""
+    return (1 - np.cos(np.pi * np.arange(intervals + 1) / intervals)) / 2
+
+
+def solve_path(
+    task: PathTask,
+    intervals: int = 200,
+    *,
+    bounded: Literal["middle", "ends"] = "middle",
+    tolerance: float = 1e-8,
+    max_iterations: int = 300,
+    max_seconds: float | None = None,
+    progress: Progress | None = None,
+) -> PathMotion:
+    """The optimal motion along the path.
+
+    bounded: where the rows keep their bounds: in the middle of each interval, second order, or on both sides of each
+    node, for a motion that keeps them in between too but for the rows' curvature.
+    progress: called with (iteration, cost, violation); True stops. Never throws on a task that has no solution: the
+    status says so. Raises ValueError for shapes that do not fit.
+    """
+    rows = task.quantities.numel_out(0)
+    if any(np.shape(a) != (rows,) for a in (task.low, task.high, task.squares)):
+        raise ValueError(f"the quantities have {rows} rows; low, high and squares take as many")
+    begin = time.perf_counter()
+    s = cosine_nodes(intervals)
+    interval, data, per = _interval(task, s, bounded)
+    count = per * rows
+    nlp = _assemble(interval, data, intervals, count)
+    low_b, high_b = np.zeros(intervals + 1), np.full(intervals + 1, np.inf)
+    for end, rests in zip((0, -1), task.rest, strict=True):
+        if rests:
+            high_b[end] = 0.0
+    low, high = (np.tile(bound / _scale(task), per * intervals) for bound in (task.low, task.high))
+    watch = _Watch(intervals + 1, low, high, progress, max_seconds)
+    ipopt = {"tol": tolerance, "max_iter": max_iterations, "mu_strategy": "adaptive", "print_level": 0, "sb": "yes",
+             "honor_original_bounds": "yes"}  # fmt: skip
+    settings = {"ipopt": ipopt, "print_time": False, "no_nlp_grad": True, "error_on_fail": False,
+                "show_eval_warnings": False, "iteration_callback": watch, **nlp[1]}  # fmt: skip
+    run = ca.nlpsol("path", "ipopt", nlp[0], settings)
+    result = run(x0=_guess(s), lbx=low_b, ubx=high_b, lbg=low, ubg=high)
+    stats = run.stats()
+    word = str(stats["return_status"])
+    status = _STATUS.get(word, SolveStatus.FAILED)
+    if watch.stopped:
+        status, word = SolveStatus.INTERRUPTED, "it was asked to stop"
+    b = np.maximum(np.asarray(result["x"]).reshape(-1), 0.0)
+    energy = float(np.sum(interval.map(intervals)(b[:-1], b[1:], data)[2].full()))
+    message = "solved" if status.ok else f"{status.sentence} ({word})"
+    return PathMotion(
+        status, message, float(result["f"]), energy, int(stats["iter_count"]), s, b, time.perf_counter() - begin
+    )
+
+
+_STATUS = {
+    "Solve_Succeeded": SolveStatus.SOLVED,
+    "Solved_To_Acceptable_Level": SolveStatus.SOLVED,
+    "Infeasible_Problem_Detected": SolveStatus.INFEASIBLE,
+    "Restoration_Failed": SolveStatus.INFEASIBLE,
+    "Maximum_Iterations_Exceeded": SolveStatus.ITERATION_LIMIT,
+    "Invalid_Number_Detected": SolveStatus.NOT_FINITE,
+    "Diverging_Iterates": SolveStatus.DIVERGED,
+}
+
+
+def _scale(task: PathTask) -> np.ndarray:
+    """Typical size of each row: its larger finite bound."""
+    size = np.maximum(*(np.where(np.isfinite(a), np.abs(a), 0.0) for a in (task.low, task.high)))
+    return np.where(size > 0, size, 1.0)
+
+
+def _guess(s: np.ndarray) -> np.ndarray:
+    """Squared speed of the trapezoid (1/4, 1/2, 1/4) of 1 s along the path."""
+    top = 4.0 / 3.0
+    return np.clip(np.minimum(8 * top * np.minimum(s, 1 - s), top**2), LEAST_GUESS, None)
+
+
+def _interval(task: PathTask, s: np.ndarray, bounded: str) -> tuple[ca.Function, ca.DM, int]:
+    """(b left, b right, data) -> scaled rows, cost, energy on one interval; the data of all, one column each."""
+    at = [(s[:-1] + s[1:]) / 2] if bounded == "middle" else [s[:-1], s[1:]]
+    curves = [np.hstack(task.curve(x)) for x in at]
+    data = ca.DM(np.hstack([*curves, np.diff(s)[:, None]]).T)
+    d = curves[0].shape[1] // 3
+    bl, br, p = ca.SX.sym("bl"), ca.SX.sym("br"), ca.SX.sym("p", data.shape[0])
+    ds = p[-1]
+    a = (br - bl) / (2 * ds)
+    duration = 2 * ds / (ca.sqrt(bl + ROOT) + ca.sqrt(br + ROOT))
+    rows, energies = [], []
+    for n, b in enumerate([(bl + br) / 2] if bounded == "middle" else [bl, br]):
+        x, slope, curvature = (p[3 * d * n + i * d : 3 * d * n + (i + 1) * d] for i in range(3))
+        row = task.quantities(x, slope * ca.sqrt(b + ROOT), curvature * b + slope * a)
+        rows.append(row / ca.DM(_scale(task)))
+        energies.append(duration * ca.dot(ca.DM(task.squares), row**2))
+    energy = sum(energies) / len(energies)
+    cost = task.time * duration + task.energy * energy
+    f = ca.Function("interval", [bl, br, p], [ca.vertcat(*rows), cost, energy], {"cse": True})
+    return f, data, len(rows)
+
+
+def _assemble(interval: ca.Function, data: ca.DM, N: int, m: int) -> tuple[dict[str, ca.MX], dict[str, ca.Function]]:
+    """The problem and its derivatives: two unknowns are differentiated once and mapped over the intervals."""
+    y, p = ca.SX.sym("y", 2), ca.SX.sym("p", data.shape[0])
+    rows, cost, _ = interval(y[0], y[1], p)
+    sigma, lam = ca.SX.sym("sigma"), ca.SX.sym("lam", m)
+    H = ca.hessian(sigma * cost + ca.dot(lam, rows), y)[0]
+    cse = {"cse": True}
+    value = ca.Function("value", [y, p], [rows, cost], cse).map(N)
+    first = [ca.densify(ca.jacobian(rows, y)), ca.densify(ca.gradient(cost, y))]
+    slope = ca.Function("slope", [y, p], first, cse).map(N)
+    bend = ca.Function("bend", [y, p, sigma, lam], [ca.vertcat(H[0, 0], H[0, 1], H[1, 1])], cse).map(N)
+    x, none = ca.MX.sym("x", N + 1), ca.MX.sym("none", 0)
+    Y = ca.horzcat(x[:-1], x[1:]).T
+    g, f = value(Y, data)
+    g, f = ca.vec(g), ca.sum2(f)
+    J, df = slope(Y, data)
+    gradient = ca.vertcat(df[0, :].T, 0) + ca.vertcat(0, df[1, :].T)
+    k = np.arange(N)
+    columns = (k[:, None, None] + np.arange(2)[None, :, None] + np.zeros((1, 1, m), int)).reshape(-1)
+    lines = (k[:, None, None] * m + np.zeros((1, 2, 1), int) + np.arange(m)[None, None, :]).reshape(-1)
+    jacobian = _scatter(lines, columns, ca.vec(J), (N * m, N + 1))
+    sg, lg = ca.MX.sym("sg"), ca.MX.sym("lg", N * m)
+    h = bend(Y, data, ca.repmat(sg, 1, N), ca.reshape(lg, m, N))
+    diagonal = ca.vertcat(h[0, :].T, 0) + ca.vertcat(0, h[2, :].T)
+    n = np.arange(N + 1)
+    entries = ca.vertcat(diagonal, h[1, :].T)
+    hessian = _scatter(np.concatenate([n, k]), np.concatenate([n, k + 1]), entries, (N + 1, N + 1))
+    functions = {
+        "grad_f": ca.Function("grad_f", [x, none], [f, gradient], ["x", "p"], ["f", "grad_f_x"]),
+        "jac_g": ca.Function("jac_g", [x, none], [g, jacobian], ["x", "p"], ["g", "jac_g_x"]),
+        "hess_lag": ca.Function(
+            "hess_lag", [x, none, sg, lg], [hessian], ["x", "p", "lam_f", "lam_g"], ["triu_hess_gamma_x_x"]
+        ),
+    }
+    return {"x": x, "p": none, "f": f, "g": g}, functions
+
+
+def _scatter(rows: np.ndarray, cols: np.ndarray, values: ca.MX, shape: tuple[int, int]) -> ca.MX:
+    order = np.lexsort((rows, cols))
+    return ca.MX(ca.Sparsity.triplet(*shape, rows.tolist(), cols.tolist()), values[order.tolist()])
+
+
+class _Watch(ca.Callback):
+    """Progress, and a stop that keeps the iterate."""
+
+    def __init__(
+        self, nx: int, low: np.ndarray, high: np.ndarray, progress: Progress | None, max_seconds: float | None
+    ) -> None:
+        ca.Callback.__init__(self)
+        self.nx, self.ng, self.low, self.high, self.progress = nx, len(low), low, high, progress
+        self.stop_at = None if max_seconds is None else time.monotonic() + max_seconds
+        self.count, self.stopped = 0, False
+        self.construct("path_watch", {})
+
+    def get_n_in(self) -> int:
+        return ca.nlpsol_n_out()
+
+    def get_n_out(self) -> int:
+        return 1
+
+    def get_name_in(self, i: int) -> str:
+        return ca.nlpsol_out(i)
+
+    def get_name_out(self, i: int) -> str:
+        return "ret"
+
+    def get_sparsity_in(self, i: int) -> ca.Sparsity:
+        size = {"f": 1, "x": self.nx, "lam_x": self.nx, "g": self.ng, "lam_g": self.ng}.get(ca.nlpsol_out(i), 0)
+        return ca.Sparsity.dense(size, 1)
+
+    def eval(self, arg: Sequence[ca.DM]) -> list[float]:
+        count, self.count = self.count, self.count + 1
+        asked = self.stop_at is not None and time.monotonic() > self.stop_at
+        if self.progress is not None:
+            g = np.asarray(arg[ca.nlpsol_out().index("g")]).reshape(-1)
+            violation = max(0.0, float(np.max(np.maximum(self.low - g, g - self.high), initial=0.0)))
+            asked = bool(self.progress(count, float(arg[ca.nlpsol_out().index("f")]), violation)) or asked
+        self.stopped = self.stopped or asked
+        return [1] if asked else [0]

@@ -1,0 +1,232 @@
+"""Kind "trajectory": every limit is active where it binds, and kept; files for a controller; wrong problems."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+import gtmodel as gt
+from gtmodel import SolveStatus
+from gtmodel.kinds import InputError
+from gtmodel.kinds.load import load
+from gtmodel.kinds.motion_limits import clearance
+from gtmodel.kinds.motion_planning import plan_of
+from gtmodel.kinds.run import context_of, solve
+
+COARSE = ("cost.energy=0.01", "mesh.elements=20")
+FREE = 1.5095  # cost of the best free motion, 1.509980, less what 20 elements may be off
+COARSE_COST = 1e-3  # of the cost, on 20 elements
+ACTIVE = 0.03  # of a limit: so near it comes on a coarse mesh
+KEPT = 0.01  # of a limit: between the collocation points, the bound that the kind checks itself
+
+
+@cache
+def outcome(*settings: str):
+    loaded = load("problems/l1_min_time.toml", (*COARSE, *settings))
+    return solve(loaded, context_of(loaded)).outcome
+
+
+def refused(*settings: str) -> InputError:
+    with pytest.raises(InputError) as caught:
+        loaded = load("problems/l1_min_time.toml", settings)
+        plan_of(loaded.problem, context_of(loaded))
+    return caught.value
+
+
+# key, value, what of the exported motion it bounds
+MAGNITUDES = {
+    "tcp_velocity_m_s": (0.8, lambda run: np.linalg.norm(run["der(T)"], axis=1)),
+    "tcp_acceleration_m_s2": (4.0, lambda run: np.linalg.norm(run["der(T,2)"], axis=1)),
+    "tcp_jerk_m_s3": (60.0, lambda run: np.linalg.norm(np.diff(run["der(T,2)"], axis=0), axis=1) / np.diff(run.time)),
+    "cart_velocity_m_s": (0.8, lambda run: np.abs(run["der(q)"])),
+    "cart_acceleration_m_s2": (4.0, lambda run: np.abs(np.gradient(run["der(q)"], run.time, axis=0))[1:-1]),
+}
+# key, value, sign, what of the motion it bounds, settings; the free optimum at w = 0.001 is outside each of them
+LIVELY = ("cost.energy=0.001",)
+ACROSS = (*LIVELY, "start.tcp_m=[0.4,-0.9,0.8]", "goal.tcp_m=[0.7,-0.9,0.0]")  # cart 2 swings back by 2.7 mm
+POSITIONS = {
+    "cart_low_m": ([-2.0, -2.0, -0.9526], 1, "q", ACROSS),
+    "cart_high_m": ([-0.5, -0.7, -0.5], -1, "q", LIVELY),
+    "tcp_low_m": ([-0.2, -1.0, -0.2], 1, "T", ()),
+    "tcp_high_m": ([1.0, -0.85, 0.6], -1, "T", LIVELY),
+}
+
+
+class TestLimits:
+    @pytest.mark.parametrize("key", MAGNITUDES)
+    def test_magnitudes(self, key):
+        value, of = MAGNITUDES[key]
+        o = outcome(f"limits.{key}={value}")
+        assert (1 - ACTIVE) * value < np.max(of(o.trajectory)) < (1 + KEPT) * value
+        assert -2 * KEPT < o.values["exported_margins"][key] < 2 * ACTIVE
+        assert o.status is SolveStatus.SOLVED
+        assert np.max(of(outcome().trajectory)) > 1.02 * value
+        assert o.objective > FREE
+        assert o.values["exported_peak_force_N"] <= 700.0 * (1 + 1e-9)
+
+    @pytest.mark.parametrize("key", POSITIONS)
+    def test_positions(self, key):
+        value, sign, name, settings = POSITIONS[key]
+        free, o = outcome(*settings), outcome(*settings, f"limits.{key}={value}")
+        room = lambda run: np.min(sign * (run[name] - np.array(value)))  # noqa: E731
+        assert o.status is SolveStatus.SOLVED
+        assert room(free.trajectory) < -0.001
+        assert abs(room(o.trajectory)) < min(
+            0.003, -room(free.trajectory) / 3
+        )  # active, and kept up to the coarse mesh
+        assert o.values["exported_margins"][key] == pytest.approx(room(o.trajectory), abs=1e-6)
+        assert o.objective > free.objective * (1 - COARSE_COST)
+
+    def test_joint_cone(self):
+        """The link of arm 0 against an axis on which it leans most at one end of the motion; half the way back."""
+        plan = plan_of(load("problems/l1_min_time.toml").problem, context_of(load("problems/l1_min_time.toml")))
+
+        def angles(run, arm, axis):
+            a, b = plan.links(run)[arm]
+            d = (b - a) / np.linalg.norm(b - a, axis=1)[:, None]
+            return np.rad2deg(np.arccos(d @ axis / np.linalg.norm(axis)))
+
+        axis = np.array([1.0, -0.2, -0.3])
+        free = angles(outcome().trajectory, 0, axis)
+        ends = max(free[0], free[-1])
+        assert free.max() > ends + 2.0
+        half = round(float((ends + free.max()) / 2), 3)
+        cone = f"{{arm=0, end='cart', axis={axis.tolist()}, half_angle_deg={half}}}"
+        o = outcome(f"limits.joint_cones=[{cone}]")
+        assert o.status is SolveStatus.SOLVED and o.objective > FREE
+        assert np.max(angles(o.trajectory, 0, axis)) == pytest.approx(half, abs=0.15)
+
+    def test_obstacle(self):
+        """A box in the way of the tool centre point: what stays is at least the clearance, at most the smoothing's."""
+        middle = outcome().trajectory
+        point = middle["T"][len(middle) // 2]
+        size = [0.1, 0.06, 0.06]
+        center = [float(x) for x in point]
+        box = f"{{center_m={center}, size_m={size}, clearance_m=0.01}}"
+        o = outcome(f"limits.obstacles=[{box}]", "mesh.elements=25", "starts.count=0")
+        assert o.status is SolveStatus.SOLVED and o.objective > FREE
+        (left,) = o.values["exported_clearance_m"]
+        assert 0.008 < left < 0.03
+        ends = plan_of(load("problems/l1_min_time.toml").problem, context_of(load("problems/l1_min_time.toml")))
+        apart = [clearance(a, b, np.array(center), np.array(size)) for a, b in ends.links(o.trajectory)]
+        assert min(apart) >= left
+
+    def test_along_a_path(self):
+        """The same margins in both roads along a line."""
+        o = outcome('path.shape="line"', "cost.energy=0.0", "limits.tcp_velocity_m_s=0.7", "mesh.elements=30",
+                    "path.intervals=120")  # fmt: skip
+        assert o.status is SolveStatus.SOLVED
+        assert np.max(np.linalg.norm(o.trajectory["der(T)"], axis=1)) == pytest.approx(0.7, rel=1e-3)
+        assert o.values["second_road_time_s"] == pytest.approx(o.values["final_time_s"], rel=2e-3)
+
+    def test_jerk_along_a_path(self):
+        o = outcome('path.shape="line"', "limits.tcp_jerk_m_s3=60.0")
+        assert o.status is SolveStatus.SOLVED and o.values["second_road_time_s"] is None
+        assert (1 - ACTIVE) * 60 < np.max(MAGNITUDES["tcp_jerk_m_s3"][1](o.trajectory)) < (1 + KEPT) * 60
+
+
+class TestFiles:
+    def test_reference(self, tmp_path):
+        o = outcome()
+        (tmp_path / "reference.csv").write_text(o.files["reference.csv"])
+        reference = gt.Trajectory.from_csv(tmp_path / "reference.csv")
+        assert np.diff(reference.time) == pytest.approx(0.004, abs=1e-12)
+        assert 0 <= reference.time[-1] - o.values["exported_final_time_s"] < 0.004
+        loaded = load("problems/l1_min_time.toml")
+        robot = loaded.problem.model(context_of(loaded))
+        q, tau, status = robot.causal("T", ["q", "tau"])(*(reference[n] for n in ("T", "der(T)", "der(T,2)")))
+        assert np.all(status == 0)
+        assert reference["q"] == pytest.approx(q, abs=1e-9) and reference["tau"] == pytest.approx(tau, abs=1e-5)
+        assert np.max(np.abs(reference["tau"])) <= 700.0 * (1 + 1e-6)
+        # velocities are those of the positions, accelerations up to 10 m/s2; the last row stands still
+        slope = np.diff(reference["T"][:-1], axis=0) / 0.004
+        mean = (reference["der(T)"][1:-1] + reference["der(T)"][:-2]) / 2
+        assert slope == pytest.approx(mean, abs=0.01)
+        assert np.all(reference["der(T)"][-1] == 0) and reference["T"][-1] == pytest.approx([0.9, -0.9, 0.45], abs=5e-3)
+
+    def test_rapid_module(self):
+        text = outcome().files["motion.mod"]
+        lines = text.splitlines()
+        assert lines[0] == "MODULE GtMotion" and lines[-1] == "ENDMODULE"
+        assert "tested against no controller" in text
+        targets = [line for line in lines if line.startswith("    [[")]
+        count = int(next(line for line in lines if "GtCount :=" in line).split(":=")[1].strip(" ;"))
+        assert len(targets) == count and f"GtTargets{{{count}}} := [" in text
+        first = [float(x) for x in targets[0].strip(" [").partition("]")[0].split(",")]
+        assert first == pytest.approx([0.0, -900.0, 100.0], abs=1e-3)
+        carts = [float(x) for x in targets[0].split("[")[-1].strip(" ],").split(",")]
+        assert carts[:3] == pytest.approx(1e3 * outcome().trajectory["q"][0], abs=1e-3) and carts[3:] == [9e9] * 3
+
+
+class TestWrongProblems:
+    def test_force_below_the_weight(self):
+        error = refused("limits.force_N=20")
+        assert error.key == "limits.force_N"
+        assert error.sentence.startswith("20 N is not enough: the weight alone needs ")
+
+    @pytest.mark.parametrize(
+        "settings, key, words",
+        [
+            (["limits.tcp_low_m=[0.0,0.0,0.0]", "limits.tcp_high_m=[1.0,-1.0,1.0]"], "limits.tcp_low_m",
+             "coordinate 1 has the lower bound 0 m, not below the upper one -1 m"),
+            (["limits.tcp_high_m=[0.5,0.0,1.0]"], "goal.tcp_m", "breaks limits.tcp_high_m by 0.4 m"),
+            (["limits.joint_cones=[{arm=3, end='cart', axis=[1.0,0.0,0.0], half_angle_deg=45.0}]"],
+             "limits.joint_cones[0].arm", "the robot has the arms 0 to 2"),
+            (["limits.joint_cones=[{arm=0, end='cart', axis=[0.0,0.0,0.0], half_angle_deg=45.0}]"],
+             "limits.joint_cones[0].axis", "is zero"),
+            (["limits.obstacles=[{center_m=[0.9,-0.9,0.45], size_m=[0.1,0.1,0.1]}]"], "goal.tcp_m",
+             "breaks limits.obstacles[0] by"),
+        ],
+    )  # fmt: skip
+    def test_one_sentence(self, settings, key, words):
+        error = refused(*settings)
+        assert error.key == key and words in error.sentence
+
+    @pytest.mark.parametrize(
+        "setting, key",
+        [
+            ("limits.tcp_velocity_m_s=0.0", "limits.tcp_velocity_m_s"),
+            ("limits.cart_low_m=[0.0]", "limits.cart_low_m"),
+            ("limits.speed=1.0", "limits.speed"),
+            ("limits.obstacles=[{center_m=[0.0,0.0,0.0], size_m=[0.1,0.1,-0.1]}]", "limits.obstacles[0].size_m[2]"),
+            ("limits.joint_cones=[{arm=0, end='top', axis=[1.0,0.0,0.0], half_angle_deg=4.0}]",
+             "limits.joint_cones[0].end"),
+            ("export.sample_s=0.0", "export.sample_s"),
+            ('path.shape="circle"', "path.shape"),
+        ],
+    )  # fmt: skip
+    def test_wrong_values(self, setting, key):
+        with pytest.raises(InputError) as caught:
+            load("problems/l1_min_time.toml", [setting])
+        assert caught.value.key == key
+
+    def test_guess_of_a_wrong_length(self):
+        loaded = load("problems/l1_min_time.toml", COARSE)
+        for values, words in (({"T": [[0.0, 1.0]] * 3}, "has shape (3, 2)"), ({"x": [1.0] * 3}, "is missing")):
+            context = context_of(loaded)
+            context.start = {"trajectory": {"time_s": [0.0, 0.5, 1.0], "values": values, "units": {}}}
+            with pytest.raises(InputError) as caught:
+                solve(loaded, context)
+            assert words in caught.value.sentence and "expected three coordinates" in caught.value.sentence
+
+    def test_too_little_force_to_move(self):
+        """150 N hold the weight but do not overcome friction: a hint, and the nearest iterate is kept, not the last."""
+        loaded = load("problems/l1_min_time.toml", [*COARSE, "limits.force_N=150", "mesh.elements=8",
+                      "solver.max_iterations=150"])  # fmt: skip
+        context, seen = context_of(loaded), []
+        context.progress = lambda stage=None, fraction=None, numbers=None: seen.append(numbers["violation"])
+        o = solve(loaded, context).outcome
+        assert o.status in (SolveStatus.ITERATION_LIMIT, SolveStatus.INFEASIBLE)
+        assert "a slow motion along the straight line already needs " in o.message
+        assert "the nearest to its constraints" in o.message
+        kept = o.checks["constraint_violation"]
+        assert not kept.passed and kept.value <= 1.01 * min(seen[1:]) and max(seen) > 10 * kept.value
+        assert o.trajectory is not None and np.all(np.isfinite(o.trajectory["T"]))
+
+    def test_the_best_iterate_of_a_failed_search_is_kept(self):
+        """Few iterations for all attempts together: what comes back keeps its constraints best of what was seen."""
+        o = outcome("solver.max_iterations=25", "cost.energy=0.0")
+        assert o.status in (SolveStatus.ITERATION_LIMIT, SolveStatus.INFEASIBLE)
+        assert o.trajectory is not None and o.values["final_time_s"] > 0

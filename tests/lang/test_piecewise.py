@@ -1,0 +1,44 @@
+"""gt.piecewise: polynomial pieces as an expression, against scipy's own evaluation."""
+
+import numpy as np
+import pytest
+from scipy.interpolate import CubicSpline
+
+import gtmodel as gt
+
+AT = np.array([0.0, 0.3, 0.7, 1.5])
+CURVE = CubicSpline(AT, np.array([[0.0, 1.0], [1.0, 0.5], [-1.0, 0.2], [0.4, 2.0]]))
+
+
+class Curve(gt.Model):
+    x = gt.variable(unit="1")
+    y = gt.variable(2)
+
+    def equations(self):
+        yield self.y == gt.piecewise(self.x, CURVE.x, CURVE.c)
+
+
+def test_values_and_derivatives():
+    x = np.concatenate([np.linspace(-0.5, 2.0, 97), AT[:-1]])  # beyond the ends too, and on the breaks
+    y, v, a, status = Curve().causal("x", ["y", "der(y)", "der(y,2)"])(x, np.full(len(x), 2.0), np.zeros(len(x)))
+    assert np.all(status == 0)
+    assert y == pytest.approx(CURVE(x), abs=1e-12)
+    assert v == pytest.approx(2.0 * CURVE(x, 1), abs=1e-11) and a == pytest.approx(4.0 * CURVE(x, 2), abs=1e-10)
+
+
+@pytest.mark.parametrize(
+    "arguments, words",
+    [
+        (lambda m: (1.0, CURVE.x, CURVE.c), "takes a scalar expression"),
+        (lambda m: (m.y, CURVE.x, CURVE.c), "takes a scalar expression"),
+        (lambda m: (m.x, CURVE.x[::-1], CURVE.c), "takes breaks that increase"),
+        (lambda m: (m.x, CURVE.x[:-1], CURVE.c), r"takes coefficients \(order \+ 1, 2\)"),
+    ],
+)
+def test_wrong_arguments(arguments, words):
+    class Wrong(Curve):
+        def equations(self):
+            yield self.y == gt.piecewise(*arguments(self))
+
+    with pytest.raises(gt.ModelError, match=words):
+        Wrong().causal("x", "y")

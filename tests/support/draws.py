@@ -1,0 +1,62 @@
+"""Drawn trajectory problems: the declared suite tests/suites/trajectory_draws.toml as settings of a problem file."""
+
+import tomllib
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from gtmodel.kinds.motion import along_guideways, link_names
+from gtmodel.robots.catalogue import gantry_tau
+
+SUITE = Path(__file__).resolve().parents[1] / "suites" / "trajectory_draws.toml"
+
+
+def suite() -> dict:
+    return tomllib.loads(SUITE.read_text(encoding="utf-8"))
+
+
+def draws(count: int | None = None) -> list[list[str]]:
+    """The first `count` draws, each as settings for problems/l1_min_time.toml."""
+    s = suite()
+    rng = np.random.default_rng(s["seed"])
+    low, high = np.array([s[k] for k in ("x_m", "y_m", "z_m")]).T
+    found: list[list[str]] = []
+    while len(found) < (s["count"] if count is None else count):
+        start, goal = rng.uniform(low, high), rng.uniform(low, high)
+        force, payload = rng.uniform(*s["force_N"]), rng.uniform(*s["payload_kg"])
+        scale = float(np.exp(rng.uniform(*np.log(s["velocity_scale_m_s"]))))
+        energy = s["energy"][rng.integers(len(s["energy"]))]
+        if np.linalg.norm(goal - start) >= s["distance_m"] and _possible(s, (start, goal), force, payload):
+            found.append(
+                [
+                    f"start.tcp_m={start.tolist()}",
+                    f"goal.tcp_m={goal.tolist()}",
+                    f"limits.force_N={force}",
+                    f"payload_kg={payload}",
+                    f"friction.velocity_scale_m_s={scale}",
+                    f"cost.energy={energy}",
+                ]
+            )
+    return found
+
+
+@cache
+def _robot(name: str, inertia: str, payload: float):
+    return gantry_tau(name, inertia=inertia, payload=payload)
+
+
+def _possible(s: dict, ends: tuple[np.ndarray, ...], force: float, payload: float) -> bool:
+    robot, loaded = (_robot(s["robot"], s["inertia"], mass) for mass in (0.0, 1.0))
+    joints = link_names(robot)
+    place = robot.causal("T", joints)
+    zero = np.zeros(3)
+    for T in ends:
+        *found, status = place(T, *[zero] * (len(place.inputs) - 1))
+        if status or np.min(along_guideways(robot, T, found)) < s["link_along_guideway_m"]:
+            return False
+        weight, with_one = (r.causal("T", "tau")(T, zero, zero)[0] for r in (robot, loaded))
+        tau = weight + payload * (with_one - weight)  # linear in the payload
+        if np.max(np.abs(tau) + np.asarray(robot.coulomb)) > s["static_share"] * force:
+            return False
+    return True
