@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import gtmodel as gt
-from gtmodel.kinds import motion as motions
+from gtmodel.kinds.motion import MotionTask
+from gtmodel.kinds.motion import motion as declare
 from gtmodel.optimize import Mesh, SolverOptions
 from gtmodel.optimize.guess import initial_guess
 from gtmodel.optimize.nlp import make_nlp
@@ -17,11 +18,8 @@ from .timing import TOLERANCE, Clock, Result
 
 def declared(motion: Motion) -> gt.Optimization:
     """The problem of problems/l1_min_time.toml with the weight of the motion."""
-    wanted = dict(start=START, goal=GOAL, start_rest=["velocity"], goal_rest=["velocity"], force=FORCE,
-                  force_unit=FORCE_UNIT, weight_time=1.0, weight_energy=motion.weight)  # fmt: skip
-    if hasattr(motions, "MotionTask"):
-        return motions.motion(motion.robot, motions.MotionTask(**wanted))
-    return motions.motion(motion.robot, **wanted)
+    task = MotionTask(start=START, goal=GOAL, force=FORCE, force_unit=FORCE_UNIT, weight_energy=motion.weight)
+    return declare(motion.robot, task)
 
 
 def compile_seconds(motion: Motion) -> float:
