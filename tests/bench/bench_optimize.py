@@ -19,6 +19,7 @@ from functools import partial
 from pathlib import Path
 from statistics import median
 
+from gtmodel.cgen import toolchain
 from tests.bench.rivals.gtmodel_road import compile_seconds, declared, solve_blocks
 from tests.bench.rivals.l1_by_hand import Motion
 from tests.bench.rivals.plain_casadi import solve_mx, solve_sx
@@ -57,6 +58,8 @@ def roads(motion: Motion) -> dict[str, Road]:
     found: dict[str, Road] = {}
     for control, suffix in (("polynomial", ""), ("constant", " constant")):
         for name, machine_code in (("vm", False), ("C", True)):
+            if machine_code and isinstance(toolchain.find(), str):
+                continue
             found[name + suffix] = partial(_ours, motion, model, control, machine_code)
     found |= {"SX": partial(solve_sx, motion), "MX": partial(solve_mx, motion)}
     for module, name, road in (("pyomo", "pyomo", solve_pyomo), ("rockit", "rockit", solve_rockit)):
@@ -115,7 +118,8 @@ def compare(weight: float, runs: int, met: dict[tuple[str, str], list[float]]) -
             f"| {TITLES[name]} | {first.objective:.6f} | {first.iterations} | {median(r.setup for r in results):.2f} | "
             f"{median(r.solve for r in results):.2f} | {spread([r.total for r in results])} | {' | '.join(cells)} |"
         )
-    print(f"\nOnce: the model compiled in {model_seconds:.2f} s, C for both controls in {compiled:.1f} s by the clock.")
+    machine_code = f", C for both controls in {compiled:.1f} s by the clock" if compiled else ""
+    print(f"\nOnce: the model compiled in {model_seconds:.2f} s{machine_code}.")
 
 
 def _ratio(found: dict[str, list[Result]], rival: str, ours: str, met: dict[tuple[str, str], list[float]]) -> str:
@@ -187,6 +191,8 @@ def main() -> int:
     for module, title in (("rockit", "rockit"), ("pyomo", "Pyomo")):
         if importlib.util.find_spec(module) is None:
             print(f"{title} is not installed, so it is not compared: pip install '.[bench]' brings it.")
+    if isinstance(lacking := toolchain.find(), str):
+        print(f"Compiled C is left out: {lacking}.")
     print(f"Medians of {options.runs} interleaved runs, processor seconds, range of the total; ratios run by run.")
     met: dict[tuple[str, str], list[float]] = {}
     with tempfile.TemporaryDirectory() as folder:
