@@ -67,6 +67,7 @@ class PhasesSolution:
     """Result of solving Phases: a Solution for each phase, by name, and the whole.
 
     A phase's own Solution has the whole's status and message, and its own share of the cost and of the multipliers.
+    `link_multipliers`: by the name of each link's row, in SI units and IPOPT's sign.
     """
 
     status: SolveStatus
@@ -101,6 +102,8 @@ def solve_phases(
             f"gt.solve_phases takes gt.Phases; found {type(model).__name__}; one phase is solved by gt.solve"
         )
     options = solver or SolverOptions()
+    if options.solver != "ipopt":
+        raise ModelError(f"linked phases are solved by solver 'ipopt' only; found '{options.solver}'")
     nlps: dict[str, Nlp] = {}
     for given, what in ((mesh, "mesh"), (guess, "guess")):
         for name in given if isinstance(given, Mapping) else ():
@@ -135,7 +138,7 @@ def _read(joined: Joined, run: Run, throw: bool) -> PhasesSolution:
         cost = float(nlp.nlp(x, [])[0])
         own = Run(x, run.g[rows], cost, multipliers, run.iterations, status, run.word, run.seconds)
         solutions[name] = read_solution(nlp, own, status, message)
-    values = run.multipliers.rows[joined.rows[-1] :]
+    values = run.multipliers.rows[joined.rows[-1] :] / np.array([r.scale for r in joined.links])
     links = dict(zip((r.label for r in joined.links), values.tolist(), strict=True))
     solution = PhasesSolution(status, message, run.objective, run.iterations, solutions, links, run.seconds)
     if throw and not status.ok:
