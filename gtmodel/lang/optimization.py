@@ -76,7 +76,15 @@ class Delayed(Variable):
     def before(self, time: float) -> float:
         """Value at a time [s] before the start of the horizon."""
         value: Any = self.history(time) if callable(self.history) else self.history
-        return float(value)
+        try:
+            found = float(value)
+        except (TypeError, ValueError):
+            found = np.nan
+        if not np.isfinite(found):
+            raise ModelError(
+                f"the history of '{self.name}' is a finite number at {time:g} s; found {value!r}", self.where
+            )
+        return found
 
 
 def delayed(source: Any, tau: float, *, history: Any) -> Any:

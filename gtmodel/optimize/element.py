@@ -171,12 +171,17 @@ def _inputs(layout: Layout, physical: ca.SX, local: np.ndarray) -> list[ca.SX]:
     for by_u, by_z in zip(
         control_basis(mesh.control, mesh.table, local), basis(mesh.table.points, local), strict=True
     ):  # fmt: skip
-        u = sum((_share(w, physical[i.tolist()]) for w, i in zip(by_u, layout.u, strict=True) if w != 0.0),
+        u = sum((_share(w, _entries(physical, i)) for w, i in zip(by_u, layout.u, strict=True) if w != 0.0),
                 ca.SX.zeros(layout.nu, 1))  # fmt: skip
-        z = sum((_share(w, physical[i.tolist()]) for w, i in zip(by_z, layout.z, strict=True) if w != 0.0),
+        z = sum((_share(w, _entries(physical, i)) for w, i in zip(by_z, layout.z, strict=True) if w != 0.0),
                 ca.SX.zeros(layout.nz, 1))  # fmt: skip
         found.append(ca.vertcat(u, z))
     return found
+
+
+def _entries(column: ca.SX, index: np.ndarray) -> ca.SX:
+    """A column of entries; none of a single number would be a row in CasADi."""
+    return column[index.tolist()] if index.size else ca.SX(0, 1)
 
 
 def _share(weight: float, value: ca.SX) -> ca.SX:

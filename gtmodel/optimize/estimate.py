@@ -11,6 +11,7 @@ from scipy.sparse import bmat, csc_matrix, identity
 from scipy.sparse.linalg import splu
 
 from ..lang.source import ModelError
+from .dynamic import DynamicProblem
 from .nlp import instants, placed
 from .solution import Solution
 
@@ -20,6 +21,9 @@ REGULAR = 1e-13
 UNTOLD = 1e-3
 AT_BOUND = 1e-6  # of a scaled unknown: it stands at its bound, where it is held
 LEAST_SQUARES = 1e-6  # relative: the objective is the misfit and nothing else
+ROUNDING = 1e-24  # of the data's squares: more than the squared rounding of a residual that vanishes
+# at random values of all that the objective holds, the rest besides misfits has no slopes beyond rounding
+SAME, SEED, TRIALS = 1e-9, 0, 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +90,10 @@ def estimate(solution: Solution) -> Estimate:
     residual, index, places = _residuals(solution)
     r, slope = (np.asarray(v.full()) for v in residual(solution.x[index]))
     r = r.reshape(-1)
-    if abs(r @ r - solution.objective) > LEAST_SQUARES * (abs(solution.objective) + r @ r) + 1e-14:
+    data = _data(problem)
+    rounding = ROUNDING * float(data @ data)
+    beside = abs(r @ r - solution.objective) > LEAST_SQUARES * (abs(solution.objective) + r @ r) + rounding
+    if beside or _holds_more(solution):
         raise ModelError(
             f"{title}: the objective holds more than misfits; the covariance is that of least squares only"
         )
@@ -118,6 +125,36 @@ def estimate(solution: Solution) -> Estimate:
     noise = float(np.sqrt(r @ r / freedom)) if freedom else 1.0
     covariance = (covariance + covariance.T) / 2 * np.outer(scale, scale) * (1.0 if known else noise**2)
     return Estimate(tuple(names), values, covariance, freedom, noise, known, r, tuple(held))
+
+
+def _data(problem: DynamicProblem) -> np.ndarray:
+    """The measured values in units of the residuals."""
+    r = ca.vertcat(*[m.residual for m in problem.misfits])
+    symbols = ca.symvar(r)
+    return np.asarray(ca.Function("data", symbols, [r])(*[0.0] * len(symbols))).reshape(-1)
+
+
+def _holds_more(solution: Solution) -> bool:
+    """Does the objective bend or slope otherwise than the misfits anywhere, though it may be theirs at the optimum?"""
+    problem, blocks = solution.problem, solution.nlp.mesh.blocks
+    if any(weight != 0.0 for _, _, weight in problem.integrals):
+        return True
+    if blocks is not None and any(blocks.step_penalty.values()):
+        return True
+    misfit = ca.sumsqr(ca.vertcat(*[m.residual for m in problem.misfits]))
+    symbols = ca.vertcat(*ca.symvar(ca.vertcat(misfit, problem.mayer)))
+    rest = problem.mayer - misfit
+    derivatives = []
+    for e in (rest, misfit):
+        bend, slope = ca.hessian(e, symbols)
+        derivatives += [ca.densify(ca.horzcat(bend, slope))]
+    f = ca.Function("rest", [symbols], derivatives)
+    rng = np.random.default_rng(SEED)
+    for _ in range(TRIALS):
+        more, own = (np.abs(v.full()) for v in f(rng.uniform(0.5, 1.5, symbols.numel())))
+        if not np.all(more <= SAME * own):
+            return True
+    return False
 
 
 def _residuals(solution: Solution) -> tuple[ca.Function, np.ndarray, np.ndarray]:

@@ -18,6 +18,7 @@ from .finite import not_finite
 from .guess import initial_guess
 from .ipopt import Multipliers, Progress, Run, run_ipopt
 from .linking import Joined, Link, join
+from .magnitude import objective_scale
 from .mesh import Mesh
 from .nlp import Nlp, make_nlp
 from .problem import build
@@ -117,7 +118,8 @@ def solve_phases(
     joined = join(model, nlps)
     earlier = guess.phases if isinstance(guess, PhasesSolution) else guess or {}
     x0 = np.concatenate([initial_guess(nlp, earlier.get(name)) for name, nlp in nlps.items()])
-    run = run_ipopt(joined, x0, options, progress)
+    scale = objective_scale(joined, x0, [m for n in nlps.values() for m in n.problem.misfits])
+    run = run_ipopt(joined, x0, options, progress, scale=scale)
     return _read(joined, run, throw)
 
 

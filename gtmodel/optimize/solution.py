@@ -271,13 +271,18 @@ def _outputs(problem: DynamicProblem) -> tuple[list[tuple[str, Any, int, str]], 
         return problem.outputs
     flat = problem.flat
     entries: list[tuple[str, tuple[int, ...], list[tuple[int, int]]]] = []
-    for name, (shape, indices) in flat.groups.items():
-        if name.count(".") <= 1 and len(shape) < 2:
-            entries.append((name, shape, [(i, 0) for i in indices]))
     states = set(problem.state_pairs)
+    groups: list[tuple[str, tuple[int, ...], list[int]]] = []
     for name, (shape, indices) in flat.groups.items():
-        for order in (1, 2):
-            if len(shape) < 2 and name.count(".") <= 1 and all(_known(problem, states, i, order) for i in indices):
+        if name.count(".") > 1:
+            continue
+        if len(shape) < 2:
+            groups.append((name, shape, list(indices)))
+        else:  # a Trajectory holds vectors: the entries of a matrix stand by themselves, as simulate() records them
+            groups += [(flat.variables[i].name, (), [i]) for i in indices]
+    for order in (0, 1, 2):
+        for name, shape, indices in groups:
+            if order == 0 or all(_known(problem, states, i, order) for i in indices):
                 entries.append((derivative_name(name, order), shape, [(i, order) for i in indices]))
     builder = problem.builder
     expressions = builder.express([flat.scope.symbol(i, k) for _, _, pairs in entries for i, k in pairs])
