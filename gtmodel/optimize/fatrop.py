@@ -16,7 +16,10 @@ class Staged:
     """The same NLP with the signs of its links turned round; fatrop finds the stages by itself."""
 
     def __init__(self, nlp: Nlp, scale: float = 1.0) -> None:
-        """scale: of the objective. Raises ModelError where something couples the elements otherwise than by their states."""
+        """scale: of the objective.
+
+        Raises ModelError where something couples the elements otherwise than by their states.
+        """
         self.signs, self.scale = _signs(nlp), scale
         X, p, sigma = ca.MX.sym("X", nlp.size), ca.MX.sym("p", 0), ca.MX.sym("lam_f")
         lam = ca.MX.sym("lam_g", len(nlp.lbg))

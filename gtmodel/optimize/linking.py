@@ -120,6 +120,7 @@ class Joined:
     links: list[Row]
     at: np.ndarray
     rows: np.ndarray
+    shared: tuple[str, ...]
 
 
 def join(model: Links, nlps: dict[str, Nlp]) -> Joined:
@@ -169,7 +170,7 @@ def join(model: Links, nlps: dict[str, Nlp]) -> Joined:
     low = np.concatenate([*[n.lbg for n in each], [r.low for r in links]])
     high = np.concatenate([*[n.ubg for n in each], [r.high for r in links]])
     lbx, ubx = np.concatenate([n.lbx for n in each]), np.concatenate([n.ubx for n in each])
-    return Joined(nlps, functions, nlp, lbx, ubx, low, high, links, at, rows)
+    return Joined(nlps, functions, nlp, lbx, ubx, low, high, links, at, rows, model.shared)
 
 
 def _links(model: Links, nlps: dict[str, Nlp], at: np.ndarray) -> tuple[ca.SX, np.ndarray, list[Row]]:
@@ -247,17 +248,18 @@ def _shared(model: Links, nlps: dict[str, Nlp], ends: dict[str, list[End]]) -> l
     """Free constants of one name with one value."""
     rows = []
     for name in model.shared:
-        owners = [(k, n) for k, n in nlps.items() if any(_is(name, f) for f in n.problem.free_names)]
+        owners = [(k, n) for k, n in nlps.items() if any(is_of(name, f) for f in n.problem.free_names)]
         if len(owners) < 2:
             raise ModelError(f"'{name}' is shared, but {len(owners)} of the phases have such a free constant")
         for (a, first), (b, second) in pairwise(owners):
             for i, own in enumerate(first.problem.free_names):
-                if _is(name, own):
+                if is_of(name, own):
                     j = second.problem.free_names.index(own)
                     p = ca.SX(ends[a][0].P[i] * first.p_scale[i] - ends[b][0].P[j] * second.p_scale[j])
                     rows.append(Row(p, 0.0, 0.0, f"{own} of '{a}' and '{b}'", None))
     return rows
 
 
-def _is(name: str, element: str) -> bool:
+def is_of(name: str, element: str) -> bool:
+    """Is it that constant, or an entry of that vector?"""
     return element == name or element.startswith(f"{name}[")

@@ -5,7 +5,7 @@ IPOPT ends where slopes are below its tolerance: an objective in micrometres squ
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from typing import Protocol
 
 import casadi as ca
@@ -20,7 +20,7 @@ SEED, TRIALS = 0, 2
 
 
 class Sized(Protocol):
-    functions: Mapping[str, ca.Function]
+    functions: dict[str, ca.Function]
     lbx: np.ndarray
     ubx: np.ndarray
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -78,6 +78,10 @@ class PhasesSolution:
     phases: dict[str, Solution]
     link_multipliers: dict[str, float]
     seconds: dict[str, float]
+    joined: Joined
+    x: np.ndarray
+    multipliers: np.ndarray
+    bound_multipliers: np.ndarray
 
     def __getitem__(self, name: str) -> Solution:
         return self.phases[name]
@@ -139,10 +143,13 @@ def _read(joined: Joined, run: Run, throw: bool) -> PhasesSolution:
         multipliers = Multipliers(run.multipliers.rows[rows], run.multipliers.bounds[columns])
         cost = float(nlp.nlp(x, [])[0])
         own = Run(x, run.g[rows], cost, multipliers, run.iterations, status, run.word, run.seconds)
-        solutions[name] = read_solution(nlp, own, status, message)
+        solutions[name] = replace(read_solution(nlp, own, status, message), linked=True)
     values = run.multipliers.rows[joined.rows[-1] :] / np.array([r.scale for r in joined.links])
     links = dict(zip((r.label for r in joined.links), values.tolist(), strict=True))
-    solution = PhasesSolution(status, message, run.objective, run.iterations, solutions, links, run.seconds)
+    solution = PhasesSolution(
+        status, message, run.objective, run.iterations, solutions, links, run.seconds, joined, run.x,
+        run.multipliers.rows, run.multipliers.bounds,
+    )  # fmt: skip
     if throw and not status.ok:
         raise NotSolved(solution)
     return solution

@@ -143,8 +143,8 @@ def _refuse_delays(model: Optimization) -> None:
     late = [n for n, item in getattr(type(model), "_declared", {}).items() if isinstance(item, Delayed)]
     if late:
         raise ModelError(
-            f"{type(model).__name__}: refine() moves mesh edges, and those of '{late[0]}' must fit its delay; solve on a "
-            "finer mesh with gt.solve"
+            f"{type(model).__name__}: refine() moves mesh edges, and those of '{late[0]}' must fit its delay; solve on "
+            "a finer mesh with gt.solve"
         )
 
 

@@ -51,6 +51,7 @@ class Solution:
     seconds: dict[str, float]
     checks: dict[str, Check] = field(default_factory=dict)
     bound_multipliers: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    linked: bool = False  # one of several phases: its rows are not all that hold it
 
     def with_checks(self, **checks: Check) -> Solution:
         return replace(self, checks={**self.checks, **checks})

@@ -112,7 +112,7 @@ def test_the_bound_of_a_state_at_the_ends_of_elements(scale):
 
 
 def test_the_bound_of_a_continuous_control():
-    """(u - 2)^2 with u <= 1 over 2 s: all bounds together press with 4, each edge with its share of the hat functions."""
+    """(u - 2)^2 with u <= 1 over 2 s: all bounds together press with 4, each edge by its hat function."""
 
     class Hat(gt.Optimization):
         x = gt.variable(start=0.0, fixed=True)
