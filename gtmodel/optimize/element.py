@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from ..lang.source import ModelError
 from .control import coefficients, control_basis
 from .dynamic import DynamicProblem
 from .mesh import Mesh
@@ -109,6 +110,10 @@ def pointwise(problem: DynamicProblem) -> ca.Function:
 def make_element(problem: DynamicProblem, mesh: Mesh) -> Element:
     """Rows of one element: [end state - next left state's share; collocation; path], scaled by nominals."""
     layout = Layout(problem, mesh)
+    if layout.size == 1 and layout.nx == 0:
+        raise ModelError(
+            f"{problem.flat.title}: no state, and one unknown in each element; take a mesh of two points or more"
+        )
     table = mesh.table
     k, nx = mesh.points, layout.nx
     y = ca.SX.sym("y", layout.size)

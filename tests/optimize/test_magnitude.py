@@ -288,3 +288,16 @@ def test_entries_of_a_matrix_are_recorded_and_guess_themselves():
 
     assert initial_guess(s.nlp, s) == pytest.approx(s.x, abs=1e-9)
     assert initial_guess(s.nlp, s.trajectory) == pytest.approx(s.x, abs=1e-9)
+
+
+def test_one_unknown_in_each_element_is_refused():
+    class Bare(gt.Optimization):
+        u = gt.input(min=-3, max=3, start=0.3)
+        final_time = 1.0
+
+        def objective(self):
+            return gt.integral((self.u**2 - 1) ** 2)
+
+    with pytest.raises(ModelError, match="Bare: no state, and one unknown in each element"):
+        solve(Bare(), Mesh(2, 1))
+    assert solve(Bare(), Mesh(2, 2)).objective == pytest.approx(0.0, abs=1e-8)
