@@ -19,6 +19,7 @@ from .equalities import check_equalities
 from .fatrop import Staged
 from .guess import initial_guess
 from .ipopt import HESSIANS, Multipliers, Progress, Run, run_ipopt
+from .magnitude import objective_scale
 from .mesh import Mesh
 from .nlp import Nlp, make_nlp
 from .problem import FORMULATIONS, build
@@ -123,6 +124,8 @@ def solve(
     check_equalities(problem, nlp.element)
     x0 = initial_guess(nlp, guess)
     if shooting:
+        if options.solver != "ipopt":
+            raise ModelError(f"{problem.flat.title}: shooting takes solver 'ipopt' only; found '{options.solver}'")
         return _answer(nlp, run_shooting(nlp, x0, options, progress), throw)
     return solve_nlp(nlp, x0, options, progress, throw)
 
@@ -136,12 +139,12 @@ def solve_nlp(
     warm: Multipliers | None = None,
 ) -> Solution:
     """Run IPOPT on a transcribed problem from scaled unknowns x0."""
+    scale = objective_scale(nlp, x0, nlp.problem.misfits)
     if options.solver == "fatrop":
-        staged = Staged(nlp)
+        staged = Staged(nlp, scale)
         run = run_ipopt(staged, x0, options)
-        turned = Multipliers(run.multipliers.rows * staged.signs, run.multipliers.bounds)
-        return _answer(nlp, replace(run, g=run.g * staged.signs, multipliers=turned), throw)
-    return _answer(nlp, run_ipopt(nlp, x0, options, progress, warm), throw)
+        return _answer(nlp, staged.turned(run), throw)
+    return _answer(nlp, run_ipopt(nlp, x0, options, progress, warm, scale), throw)
 
 
 def _answer(nlp: Nlp, run: Run, throw: bool) -> Solution:
