@@ -151,13 +151,13 @@ def make_element(problem: DynamicProblem, mesh: Mesh) -> Element:
         n = len(with_rate) + algebraic.numel()
         low.append(np.zeros(n))
         high.append(np.zeros(n))
-        path_rows.append(path)
+        path_rows.append(path / ca.DM([r.scale for r in problem.path]) if path.numel() else path)
         path_names += [(r.label, c) for r in problem.path]
         quadrature = quadrature + length * float(table.weights[c]) * integrand
     rows += path_rows
     names += path_names
-    low += [np.array([r.low for r in problem.path])] * k
-    high += [np.array([r.high for r in problem.path])] * k
+    low += [np.array([r.low / r.scale for r in problem.path])] * k
+    high += [np.array([r.high / r.scale for r in problem.path])] * k
     weights = ca.DM([w for _, _, w in problem.integrals]) if problem.integrals else ca.DM(0, 1)
     cost = ca.dot(weights, quadrature) if problem.integrals else ca.SX(0)
     all_rows = ca.vertcat(*rows)

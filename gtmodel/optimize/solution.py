@@ -86,7 +86,7 @@ class Solution:
         m, N = nlp.element.rows.numel(), nlp.mesh.elements
         for n, row in enumerate(self.problem.points):
             if row.label.startswith(name):
-                return float(self.multipliers[m * N + n])
+                return float(self.multipliers[m * N + n]) / row.scale
         rows = [r for r, (label, _) in enumerate(nlp.element.row_names) if label.startswith(name)]
         labels = {nlp.element.row_names[r][0] for r in rows}
         if len(labels) != 1:
@@ -98,6 +98,7 @@ class Solution:
         problem, layout = self.problem, self.nlp.element.layout
         known = dict(zip(problem.algebraic_labels, problem.algebraic_scale, strict=True))
         known |= dict(zip((f"rate of {n}" for n in problem.state_names), problem.x_scale, strict=True))
+        known |= {r.label: r.scale for r in problem.path}
         names = self.nlp.element.row_names
         return np.array([layout.scale[r] if r < layout.nl else known.get(names[r][0], 1.0) for r in rows])
 
