@@ -34,6 +34,7 @@ def delays_of(flat: FlatModel) -> dict[int, tuple[int, Delayed]]:
     Raises ModelError for a delay of something that is no input of the same class.
     """
     found: dict[int, tuple[int, Delayed]] = {}
+    _refuse_in_parts(flat.root, "")
     for name, item in type(flat.root)._declared.items():
         if not isinstance(item, Delayed):
             continue
@@ -43,6 +44,21 @@ def delays_of(flat: FlatModel) -> dict[int, tuple[int, Delayed]]:
         for own, source in zip(flat.groups[name][1], indices, strict=True):
             found[own] = (source, item)
     return found
+
+
+def _refuse_in_parts(model: Model, prefix: str) -> None:
+    """Raises ModelError for a delay that a part declares: only the root's inputs are controls."""
+    for name, part in model._components.items():
+        for one, suffix in model_elements(part):
+            own = f"{prefix}{name}{suffix}"
+            late = next((n for n, item in type(one)._declared.items() if isinstance(item, Delayed)), None)
+            if late is not None:
+                raise ModelError(
+                    f"'{own}.{late}' is a delayed input of a part; a delay is declared beside the control that it follows: "
+                    f"write gt.delayed in {type(model).__name__} and set {own}.{late} equal to it, there a plain gt.input",
+                    type(one)._declared[late].where,
+                )
+            _refuse_in_parts(one, f"{own}.")
 
 
 def delay_rows(problem: DynamicProblem, mesh: Mesh, layout: Layout) -> DelayRows:
@@ -65,6 +81,15 @@ def delay_rows(problem: DynamicProblem, mesh: Mesh, layout: Layout) -> DelayRows
                 f"edge is still an edge {item.tau:g} s earlier",
                 item.where,
             )
+        for k in range(N):
+            inside = (mesh.edges > moved[k] + ROUND_OFF) & (mesh.edges < moved[k + 1] - ROUND_OFF)
+            if np.any(inside):
+                # the input may jump there, which one polynomial cannot follow
+                raise ModelError(
+                    f"{title}: element {k + 1} reads the input over the edge at {t0 + mesh.edges[inside][0] * (tf - t0):g} s, "
+                    f"{item.tau:g} s earlier; choose the mesh so that each edge is an edge {item.tau:g} s later, too",
+                    item.where,
+                )
         own, other = problem.u_scale[layout.nu + j], problem.u_scale[source]
         name = problem.point_names[j]
         for k in range(N):
@@ -79,7 +104,7 @@ def delay_rows(problem: DynamicProblem, mesh: Mesh, layout: Layout) -> DelayRows
                     value.append(item.before(t0 + s * (tf - t0)) / own)
                     continue
                 value.append(0.0)
-                e = min(N - 1, int(np.searchsorted(mesh.edges, mesh.edges[k] - shift + ROUND_OFF, side="right")) - 1)
+                e = mesh.element_at(moved[k])
                 local = np.clip((s - mesh.edges[e]) / mesh.h[e], 0.0, 1.0)
                 weights_at = control_basis(mesh.control, mesh.table, np.array([local]))[0]
                 for weight, i in zip(weights_at, layout.u[:, source], strict=True):

@@ -10,6 +10,8 @@ import numpy as np
 from .control import CONTROLS, Blocks
 from .tables import SCHEMES, Table, table
 
+ROUND_OFF = 1e-9  # of fractions of the horizon: sums of lengths and times over durations miss an edge by as much
+
 
 @dataclass(frozen=True)
 class Mesh:
@@ -66,7 +68,8 @@ class Mesh:
 
     def element_at(self, s: float) -> int:
         """Number of the element that holds the fraction s of the horizon; at an edge the one on its right."""
-        return min(self.elements - 1, max(0, int(np.searchsorted(self.edges, s, side="right")) - 1))
+        found = int(np.searchsorted(self.edges, s + ROUND_OFF, side="right"))
+        return min(self.elements - 1, max(0, found - 1))
 
     @property
     def edges(self) -> np.ndarray:

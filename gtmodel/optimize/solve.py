@@ -134,8 +134,8 @@ def solve_nlp(
     if options.solver == "fatrop":
         staged = Staged(nlp)
         run = run_ipopt(staged, x0, options)
-        turned = Multipliers(run.multipliers.rows * staged.signs, run.multipliers.bounds)
-        return _answer(nlp, replace(run, g=run.g * staged.signs, multipliers=turned), throw)
+        turned = Multipliers(staged.rows(run.multipliers.rows), run.multipliers.bounds)
+        return _answer(nlp, replace(run, g=staged.rows(run.g), multipliers=turned), throw)
     return _answer(nlp, run_ipopt(nlp, x0, options, progress, warm), throw)
 
 
