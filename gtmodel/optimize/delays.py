@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import casadi as ca
@@ -9,6 +10,8 @@ import numpy as np
 from scipy.sparse import coo_matrix
 
 from ..compiler.flat import FlatModel
+from ..lang.bind import join
+from ..lang.model import Connector, Model
 from ..lang.optimization import Delayed
 from ..lang.source import ModelError
 from .control import control_basis
@@ -34,31 +37,27 @@ def delays_of(flat: FlatModel) -> dict[int, tuple[int, Delayed]]:
     Raises ModelError for a delay of something that is no input of the same class.
     """
     found: dict[int, tuple[int, Delayed]] = {}
-    _refuse_in_parts(flat.root, "")
-    for name, item in type(flat.root)._declared.items():
-        if not isinstance(item, Delayed):
-            continue
-        shape, indices = flat.groups.get(item.source.name, (None, []))
-        if shape is None or flat.variables[indices[0]].role != "input" or item.source.name not in flat.groups:
-            raise ModelError(f"'{name}' delays '{item.source.name}', which is no input of {flat.title}", item.where)
-        for own, source in zip(flat.groups[name][1], indices, strict=True):
-            found[own] = (source, item)
+    for component in _components(flat.root):
+        path = component.__dict__["_path"]
+        for name, item in type(component)._declared.items():
+            if not isinstance(item, Delayed):
+                continue
+            own_name, source_name = join(path, name), join(path, item.source.name)
+            shape, indices = flat.groups.get(source_name, (None, []))
+            if shape is None or flat.variables[indices[0]].role != "input":
+                raise ModelError(f"'{own_name}' delays '{source_name}', which is no input of {flat.title}", item.where)
+            for own, source in zip(flat.groups[own_name][1], indices, strict=True):
+                found[own] = (source, item)
     return found
 
 
-def _refuse_in_parts(model: Model, prefix: str) -> None:
-    """Raises ModelError for a delay that a part declares: only the root's inputs are controls."""
-    for name, part in model._components.items():
-        for one, suffix in model_elements(part):
-            own = f"{prefix}{name}{suffix}"
-            late = next((n for n, item in type(one)._declared.items() if isinstance(item, Delayed)), None)
-            if late is not None:
-                raise ModelError(
-                    f"'{own}.{late}' is a delayed input of a part; a delay is declared beside the control that it follows: "
-                    f"write gt.delayed in {type(model).__name__} and set {own}.{late} equal to it, there a plain gt.input",
-                    type(one)._declared[late].where,
-                )
-            _refuse_in_parts(one, f"{own}.")
+def _components(model: Model) -> Iterator[Model]:
+    """A bound model and the parts below it."""
+    yield model
+    for value in model.__dict__["_values"].values():
+        for part in value if isinstance(value, (list, tuple)) else (value,):
+            if isinstance(part, Model) and not isinstance(part, Connector) and part.__dict__["_parent"] is model:
+                yield from _components(part)
 
 
 def delay_rows(problem: DynamicProblem, mesh: Mesh, layout: Layout) -> DelayRows:
@@ -86,8 +85,9 @@ def delay_rows(problem: DynamicProblem, mesh: Mesh, layout: Layout) -> DelayRows
             if np.any(inside):
                 # the input may jump there, which one polynomial cannot follow
                 raise ModelError(
-                    f"{title}: element {k + 1} reads the input over the edge at {t0 + mesh.edges[inside][0] * (tf - t0):g} s, "
-                    f"{item.tau:g} s earlier; choose the mesh so that each edge is an edge {item.tau:g} s later, too",
+                    f"{title}: element {k + 1} takes the delayed input from two elements, that meet at "
+                    f"{t0 + mesh.edges[inside][0] * (tf - t0):g} s; choose the mesh "
+                    f"so that each edge is still an edge {item.tau:g} s later",
                     item.where,
                 )
         own, other = problem.u_scale[layout.nu + j], problem.u_scale[source]
