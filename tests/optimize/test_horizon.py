@@ -142,8 +142,8 @@ class TestInstants:
     [
         (lambda: Mesh(REAL), "elements of a mesh is a whole number; found 4.0"),
         (lambda: Mesh(4, True), "points of a mesh is a whole number; found True"),
-        (lambda: Mesh(2, lengths=(1.0, np.nan)), "as many positive, finite lengths; found"),
-        (lambda: Mesh(2, lengths=(1.0, np.inf)), "as many positive, finite lengths; found"),
+        (lambda: Mesh(2, lengths=(1.0, np.nan)), "as many positive lengths, all of them finite; found"),
+        (lambda: Mesh(2, lengths=(1.0, np.inf)), "as many positive lengths, all of them finite; found"),
         (lambda: solve(Run(), FOUR), r"a mesh is a gt.Mesh\(elements, points\); found 4"),
         (lambda: transcribe(Run(), FOUR), r"a mesh is a gt.Mesh\(elements, points\); found 4"),
         (lambda: solve(Run(), MESH, guess=TABLE), r"a guess is a gt.Trajectory or an earlier solution; found \{"),
