@@ -109,7 +109,7 @@ def solve_phases(
     for name, phase in model.phases.items():
         own = mesh if isinstance(mesh, Mesh) else (mesh or {}).get(name, Mesh())
         problem = build(phase, options.formulation, options.prefer, branches)
-        nlps[name] = make_nlp(problem, own)
+        nlps[name] = make_nlp(problem, own, options.compile)
         check_equalities(problem, nlps[name].element)
     joined = join(model, nlps)
     earlier = guess.phases if isinstance(guess, PhasesSolution) else guess or {}

@@ -42,6 +42,9 @@ class SolverOptions:
         hessian: "exact", or "lbfgs" from gradients alone.
         solver: "ipopt"; or "fatrop", where states alone link the elements (no free constants, a horizon that is given),
             without progress and time limit.
+        compile: evaluate the elements by machine code instead of CasADi's virtual machine: the same optimum, and a
+            second or two of the C compiler at the first solve, which `seconds["compile"]` shows. The library is kept
+            in $GTMODEL_CACHE, by default ~/.cache/gtmodel. For problems that are solved again and again.
 
     Raises ValueError for a number out of range or an unknown word.
     """
@@ -53,6 +56,7 @@ class SolverOptions:
     prefer: tuple[str, ...] = ()
     hessian: Literal["exact", "lbfgs"] = "exact"
     solver: Literal["ipopt", "fatrop"] = "ipopt"
+    compile: bool = False
 
     def __post_init__(self) -> None:
         if not 0 < self.tolerance < 1:
@@ -64,8 +68,8 @@ class SolverOptions:
         for name, words in (("formulation", FORMULATIONS), ("hessian", HESSIANS), ("solver", SOLVERS)):
             if getattr(self, name) not in words:
                 raise ValueError(f"{name} is one of {', '.join(words)}; found '{getattr(self, name)}'")
-        if self.solver == "fatrop" and (self.hessian != "exact" or self.max_seconds is not None):
-            raise ValueError("fatrop takes the exact hessian and no max_seconds; use solver 'ipopt'")
+        if self.solver == "fatrop" and (self.hessian != "exact" or self.max_seconds is not None or self.compile):
+            raise ValueError("fatrop takes the exact hessian, no max_seconds and no compile; use solver 'ipopt'")
 
 
 class NotSolved(RuntimeError):
@@ -100,7 +104,8 @@ def solve(
         method: "shooting" integrates the equations with CVODES on each element instead (explicit form, Radau points,
             L-BFGS): slower, but without collocation's error.
 
-    Raises ModelError for a wrong problem and NotSolved (with the best iterate) unless throw is False.
+    Raises ModelError for a wrong problem, NotSolved (with the best iterate) unless throw is False, and CompilerMissing
+    where machine code is wanted and cannot be made.
     """
     if not isinstance(model, Model) and not isinstance(model, type):
         raise ModelError(
@@ -114,7 +119,7 @@ def solve(
     shooting = method == "shooting"
     form = "explicit" if shooting and options.formulation == "auto" else options.formulation
     problem = build(model, form, options.prefer, branches)
-    nlp = make_nlp(problem, mesh)
+    nlp = make_nlp(problem, mesh, options.compile and not shooting)
     check_equalities(problem, nlp.element)
     x0 = initial_guess(nlp, guess)
     if shooting:
@@ -144,6 +149,8 @@ def _answer(nlp: Nlp, run: Run, throw: bool) -> Solution:
     status, message = run.status, sentence(run, nlp)
     if status.ok and (astray := wrong_branch(nlp, run.x)):
         status, message = SolveStatus.FAILED, astray
+    if nlp.compile_seconds is not None:
+        run = replace(run, seconds={**run.seconds, "compile": nlp.compile_seconds})
     solution = read_solution(nlp, run, status, message)
     if throw and not status.ok:
         raise NotSolved(solution)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import gtmodel as gt
-from gtmodel.kinds.motion import line_guess, motion
+from gtmodel.kinds.motion import MotionTask, line_guess, motion
 from gtmodel.optimize import Mesh
 from gtmodel.optimize.guess import initial_guess
 from gtmodel.optimize.nlp import Nlp, make_nlp
@@ -103,9 +103,18 @@ def robot_motion():
     robot = gt.robots.gantry_tau("l1_tape")
     start, goal = np.array([0.0, -0.9, 0.1]), np.array([0.9, -0.9, 0.45])
     model = motion(
-        robot, start=start, goal=goal, start_rest=["velocity"], goal_rest=["velocity", "acceleration"], force=700.0,
-        force_unit=112.9, weight_time=1.0, weight_energy=0.01,
-    )  # fmt: skip
+        robot,
+        MotionTask(
+            start=start,
+            goal=goal,
+            start_rest=["velocity"],
+            goal_rest=["velocity", "acceleration"],
+            force=700.0,
+            force_unit=112.9,
+            weight_time=1.0,
+            weight_energy=0.01,
+        ),
+    )
     return model, line_guess(robot.causal(known="T", targets="tau"), start, goal, 700.0)
 
 

@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 
 import gtmodel as gt
 from gtmodel import SolveStatus, der
-from gtmodel.kinds.motion import line_guess, motion
+from gtmodel.kinds.motion import MotionTask, line_guess, motion
 from gtmodel.optimize import Mesh, SolverOptions, solve
 from gtmodel.optimize.resimulate import SUBSTEPS, resimulate
 from tests.optimize import features, problems
@@ -26,9 +26,18 @@ START, GOAL = np.array([0.0, -0.9, 0.1]), np.array([0.9, -0.9, 0.45])
 def l1():
     robot = gt.robots.gantry_tau("l1_tape")
     model = motion(
-        robot, start=START, goal=GOAL, start_rest=["velocity"], goal_rest=["velocity"], force=FORCE, force_unit=UNIT,
-        weight_time=1.0, weight_energy=0.0,
-    )  # fmt: skip
+        robot,
+        MotionTask(
+            start=START,
+            goal=GOAL,
+            start_rest=["velocity"],
+            goal_rest=["velocity"],
+            force=FORCE,
+            force_unit=UNIT,
+            weight_time=1.0,
+            weight_energy=0.0,
+        ),
+    )
     return robot, model, line_guess(robot.causal(known="T", targets="tau"), START, GOAL, FORCE)
 
 
