@@ -53,7 +53,8 @@ class Mesh:
             np.shape(self.lengths) != (self.elements,) or not all(0 < h < np.inf for h in self.lengths)
         ):
             raise ModelError(
-                f"a mesh of {self.elements} elements takes as many positive lengths, all of them finite; found {self.lengths}"
+                f"a mesh of {self.elements} elements takes as many positive lengths, all of them finite; "
+                f"found {self.lengths}"
             )
         if self.length_ratio is not None and not 0 < self.length_ratio[0] <= 1 <= self.length_ratio[1]:
             raise ValueError(

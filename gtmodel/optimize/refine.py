@@ -9,7 +9,7 @@ import numpy as np
 from numpy.polynomial import legendre
 
 from ..lang.optimization import Optimization
-from .mesh import Mesh
+from .mesh import Mesh, given_mesh
 from .nlp import placed
 from .resimulate import System
 from .solution import Solution, constants, states_and_controls
@@ -105,7 +105,7 @@ def refine(
     """
     if not tolerance > 0:
         raise ValueError(f"the tolerance of refine() is positive; found {tolerance:g}")
-    mesh = mesh or Mesh(10)
+    mesh = Mesh(10) if mesh is None else given_mesh(mesh)
     if mesh.blocks is not None:
         raise ValueError("refine() splits elements, and blocks count them; leave out blocks")
     solution = solve(model, mesh, **options)

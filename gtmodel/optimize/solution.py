@@ -98,7 +98,7 @@ class Solution:
         problem, layout = self.problem, self.nlp.element.layout
         known = dict(zip(problem.algebraic_labels, problem.algebraic_scale, strict=True))
         known |= dict(zip((f"rate of {n}" for n in problem.state_names), problem.x_scale, strict=True))
-        known |= {r.label: r.scale for r in problem.path}
+        known |= {f"{place}{r.label}": r.scale for r in problem.path for place in ("", "at the edge: ")}
         names = self.nlp.element.row_names
         return np.array([layout.scale[r] if r < layout.nl else known.get(names[r][0], 1.0) for r in rows])
 

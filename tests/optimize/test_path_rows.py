@@ -160,3 +160,23 @@ def test_fatrop_takes_the_row_at_the_start():
     assert b.trajectory["x"][0] == pytest.approx(2.0, abs=1e-6)
     name = "at the start: constraint 1"
     assert b.multiplier(name) == pytest.approx(a.multiplier(name), rel=1e-3) and a.multiplier(name) > 0.1
+
+
+@pytest.mark.parametrize("cls", [High, Cubed])
+def test_gauss_edges(cls):
+    """A row holds at the end too, where no Gauss point lies: it pays to climb over the bound there."""
+
+    class Up(cls):
+        u = gt.input(min=-50.0, max=50.0)
+
+        def objective(self):
+            return -self.x.at(1.0) + 0.01 * gt.integral(self.x**2 + self.u**2)
+
+    top = 1.0 if cls is High else 2.0
+    s = transcribe(Up(), Mesh(5, 2, "gauss")).solve()
+    assert s.trajectory["x"][-1] <= top + 1e-6
+    name = "constraint 1" if cls is High else "bounds of y"
+    assert np.shape(s.multiplier(f"at the edge: {name}")) == (5,)
+    assert np.shape(s.multiplier(name)) == (5, 2)
+    if cls is High:
+        assert s.objective == pytest.approx(solve(Up(), Mesh(5, 2, "gauss")).objective, abs=1e-6)
