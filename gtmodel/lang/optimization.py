@@ -26,6 +26,18 @@ class Optimization(Model):
     start_time: Any = 0.0
     final_time: Any = 1.0
 
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        super().__init_subclass__(**kwargs)
+        # `final_time = T` is the same quantity under a second name
+        for name in ("start_time", "final_time"):
+            item = cls._declared.get(name)
+            twin = next((n for n, other in cls._declared.items() if n != name and other is item), None)
+            if item is not None and twin is None and item.name != name and item.name in cls._declared:
+                twin = item.name  # declared anew by a subclass
+            if item is not None and twin is not None:
+                item.name = twin
+                del cls._declared[name]
+
     def objective(self) -> Any:
         """The scalar to minimise: built from `x.at(t)`, `gt.integral(...)`, `self.final_time`, free constants."""
         raise ModelError(f"{type(self).__name__} has no objective; define objective(self)", self.__dict__.get("where"))
@@ -54,10 +66,30 @@ def at(x: Expr, instant: Any) -> Expr:
     if shape != ():
         raise ModelError(f"an instant is a scalar time; found shape {shape}", here())
     scope = x.scope
+    _require_constant(x, sx)
     rows, cols = x.sx.shape
     symbol = ca.SX.sym(f"at{len(scope.instants)}", rows, cols)
     scope.instants.append(Instant(symbol, x.sx, sx))
     return Expr(symbol, x.shape, x.dimension, scope)
+
+
+def _require_constant(x: Expr, time: ca.SX) -> None:
+    """Raises ModelError for a time that is none, and for a value that stands for one instant already."""
+    scope = x.scope
+    constant = {p.element_hash() for p in scope.parameters}
+    if moving := [s.name() for s in ca.symvar(time) if s.element_hash() not in constant]:
+        raise ModelError(
+            f".at() takes a constant time: a number [s], self.start_time, self.final_time or an expression of "
+            f"parameters; found one that depends on {', '.join(moving)}",
+            here(),
+        )
+    along = {scope.time.element_hash(), *constant}
+    if any(scope.owner(s) is None and s.element_hash() not in along for s in ca.symvar(x.sx)):
+        raise ModelError(
+            ".at() takes an expression along the path; found one that holds a value at an instant or an integral "
+            "already; take .at() of what stands inside",
+            here(),
+        )
 
 
 def is_free(value: Any) -> bool:
@@ -90,7 +122,8 @@ class Delayed(Variable):
 def delayed(source: Any, tau: float, *, history: Any) -> Any:
     """The input `source` of the same class as it was `tau` seconds ago: `late = gt.delayed(u, 0.1, history=0.0)`.
 
-    A constant delay of a scalar input on a given horizon, where every mesh edge is an edge `tau` earlier too.
+    A constant delay of a scalar input on a given horizon, where every mesh edge is an edge `tau` earlier and
+    later, too. A part may delay its own input.
     `history` is its value before the start: a number or a function of time [s]. Raises ModelError for another source.
     """
     if not isinstance(source, Variable) or source.role != "input" or source.shape != ():

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
@@ -14,10 +14,13 @@ from ..lang.expression import Expr
 from ..lang.optimization import Delayed, Optimization
 from ..lang.scope import Misfit
 from ..lang.source import ModelError
-from .attributes import Pair
+from .attributes import Pair, nominal_of
 from .dynamic import Bounds, DynamicProblem
 from .horizon import PointValue, horizon, point_values, require_length
 from .relations import Row, as_bound
+
+# what a value that is fixed at the start may miss, in the size of the row: IPOPT's own measure of a solution
+START_SLACK = 1e-6
 
 
 @dataclass(eq=False)
@@ -128,7 +131,8 @@ class Builder:
                 u_bounds.tighten(n, *((low, high) if s > 0 else (-high, -low)))
             else:
                 symbol = flat.scope.symbol(v.index, 0)
-                path.append(Row(symbol, v.min, v.max, f"bounds of {v.name}", v.where))
+                nominal = nominal_of(flat, self.plan.alias, (v.index, 0))
+                path.append(Row(symbol, v.min, v.max, f"bounds of {v.name}", v.where, nominal))
         ends = horizon(flat, self.P, self.parameters)
         require_length(flat, ends, constraints, self.P[self.n_free :], self._tuned())
         instants = point_values(flat, ends, flat.scope.instants, self.parameters)
@@ -152,7 +156,8 @@ class Builder:
         values = self.express([i.expression for i in instants] + [r.expression for r in path])
         for i, e in zip(instants, values[: len(instants)], strict=True):
             i.expression = e
-        path = [Row(e, r.low, r.high, r.label, r.where) for r, e in zip(path, values[len(instants) :], strict=True)]
+        written = path
+        path = [replace(r, expression=e) for r, e in zip(path, values[len(instants) :], strict=True)]
         tuned = {q.name: q.value for q in flat.parameters}
         held = [tuned[n] for n in self.tunable]
         free = [q for q in flat.parameters if q.free]
@@ -160,6 +165,11 @@ class Builder:
         self._check_bounds(x_bounds, u_bounds, P_bounds, start, end)
         rates, algebraic, labels = self._dynamics()
         P_guess = np.array([q.value for q in free] + held)
+        for row, size in zip(path, self._sizes([r.expression for r in path], P_guess), strict=True):
+            row.scale = row.scale if row.scale != 1.0 else float(size)
+        at_start = self._at_start(written, path, x_bounds, u_bounds, start, ends.t0)
+        instants += [value for value, _ in at_start]
+        points += [row for _, row in at_start]
         scale = self._row_scale(algebraic, P_guess)
         if self.kind == "inverse":
             scale[: len(self.controls)] = [flat.variables[i].nominal for i in self.controls]
@@ -182,12 +192,7 @@ class Builder:
 
     def explicit(self) -> Explicit:
         """Rates of the states and all point variables as functions of x, the given inputs, P and t."""
-        base = self.base
-        kind = "torn" if base.newton else "explicit"
-        other = Builder(
-            self.model, self.root, self.flat, base, kind, self.states, self.controls, base, self.parameters,
-            self.tunable, self.delayed,
-        )  # fmt: skip
+        base, other = self.base, self._other()
         scope = self.flat.scope
         unknowns = [s for b in base.newton for s in b.unknowns]
         residuals = [r for b in base.newton for r in b.residuals]
@@ -197,6 +202,14 @@ class Builder:
             found = ca.substitute(found, [other.given], [self.given])
         n, m = len(self.states), len(wanted)
         return Explicit(found[:n], found[n:m], unknowns, found[m:])
+
+    def _other(self) -> Builder:
+        """The same problem in its explicit form."""
+        base = self.base
+        return Builder(
+            self.model, self.root, self.flat, base, "torn" if base.newton else "explicit", self.states, self.controls,
+            base, self.parameters, self.tunable, self.delayed,
+        )  # fmt: skip
 
     def _is_point(self, e: ca.SX) -> bool:
         keys = {s.element_hash() for i in self.flat.scope.instants for s in ca.vertsplit(ca.vec(i.symbol))}
@@ -294,21 +307,91 @@ class Builder:
         labels += [f"{e.label} ({e.where})" for e in self.base.conditions]
         return rates, ca.vertcat(*rows) if rows else ca.SX(0, 1), labels
 
+    def _at_start(
+        self, written: list[Row], path: list[Row], x: Bounds, u: Bounds, start: Bounds, t0: ca.SX
+    ) -> list[tuple[PointValue, Row]]:
+        """Rows at the start of the horizon, where no collocation point lies: what states, constants and time tell.
+
+        Raises ModelError where a start that is fixed breaks one.
+        """
+        rows = list(path)
+        if self.kind == "dae":
+            # states tell the unknowns that are free at each point
+            offset = self.given.numel()
+            for n, pair in enumerate(self.z_pairs):
+                low, high = float(u.low[offset + n]), float(u.high[offset + n])
+                if np.isfinite(low) or np.isfinite(high):
+                    name, size = self.flat.symbol_name(*pair), nominal_of(self.flat, self.base.alias, pair)
+                    row = Row(self.flat.scope.symbol(*pair), low, high, f"bounds of {name}", None, size)
+                    written, rows = [*written, row], [*rows, row]
+            if rows:
+                found = self._other().express([r.expression for r in written])
+                rows = [replace(r, expression=e) for r, e in zip(rows, found, strict=True)]
+        low, high = np.maximum(x.low, start.low), np.minimum(x.high, start.high)
+        states = {s.element_hash(): n for n, s in enumerate(ca.vertsplit(self.x))}
+        constants = {s.element_hash(): n for n, s in enumerate(ca.vertsplit(self.P))}
+        time = self.flat.scope.time.element_hash()
+        result = []
+        for row in rows:
+            keys = {s.element_hash() for s in ca.symvar(row.expression)}
+            if not keys & set(states) or not keys <= {*states, *constants, time}:
+                continue
+            held = all(low[states[k]] == high[states[k]] for k in keys if k in states)
+            bounds, label = (row.low, row.high), f"at the start: {row.label}"
+            chosen = keys & set(constants) or (time in keys and not t0.is_constant())
+            if held and not chosen:
+                at = ca.substitute([row.expression], [ca.vertcat(self.x, self.flat.scope.time)],
+                                   [ca.vertcat(ca.SX(np.where(np.isfinite(low), low, 0.0)), t0)])[0]  # fmt: skip
+                value = float(at)
+                miss = max(row.low - value, value - row.high)
+                if miss > START_SLACK * row.scale:
+                    raise ModelError(
+                        f"{self.flat.title}: the values fixed at the start miss '{row.label}' by {miss:g}; change the "
+                        "start or the constraint",
+                        row.where,
+                    )
+                continue
+            free = any(constants[k] < self.n_free for k in keys if k in constants) or any(
+                s.element_hash() in constants and constants[s.element_hash()] < self.n_free for s in ca.symvar(t0)
+            )
+            if held and not free and row.low == row.high:
+                # an equation without an unknown would leave too few of them
+                bounds = (row.low - START_SLACK * row.scale, row.high + START_SLACK * row.scale)
+            symbol = ca.SX.sym(f"start{len(result)}")
+            point = Row(symbol, *bounds, label, row.where, row.scale)
+            result.append((PointValue(symbol, row.expression, 0.0), point))
+        return result
+
+    def _sizes(self, rows: list[ca.SX], P: np.ndarray) -> np.ndarray:
+        """Typical size of each row: its largest slope times a nominal, in the middle of some consistent points."""
+        if not rows:
+            return np.ones(0)
+        sizes = self._slopes(ca.vertcat(*rows), P, self.base.samples)
+        size = np.median(np.where(np.isfinite(sizes), sizes, 0.0), axis=0)
+        return np.where(size > 0, size, 1.0)
+
     def _row_scale(self, rows: ca.SX, P: np.ndarray) -> np.ndarray:
         """Largest term of each row at a consistent point, in nominals; 1 where that is none."""
-        flat, plan = self.flat, self.base
         if not rows.numel():
             return np.ones(0)
-        known = dict(zip(plan.pairs, plan.samples[0], strict=True))
+        size = self._slopes(rows, P, self.base.samples[:1])[0]
+        return np.where(size > 0, size, 1.0)
+
+    def _slopes(self, rows: ca.SX, P: np.ndarray, samples: np.ndarray) -> np.ndarray:
+        """Largest slope of each row in nominals, (samples, rows); 0 where none is finite."""
+        flat, plan = self.flat, self.base
         tops = [(i, k + 1) for i, k in self.states]
         inputs = [(i, 0) for i in (*self.controls, *self.delayed)] + self.z_pairs
-        point = [np.array([known.get(p, 0.0) for p in pairs]) for pairs in (self.states, tops, inputs)]
         everything = ca.vertcat(self.x, self.xd, self.u)
         nominal = np.array([flat.variables[i].nominal for i, _ in (*self.states, *tops, *inputs)])
         f = ca.Function("slopes", [self.x, self.xd, self.u, self.P, flat.scope.time], [ca.jacobian(rows, everything)])
-        slopes = np.abs(np.asarray(f(*point, P, plan.sampler.time).full())) * nominal
-        size = np.max(np.where(np.isfinite(slopes), slopes, 0.0), axis=1, initial=0.0)
-        return np.where(size > 0, size, 1.0)
+        found = []
+        for sample in samples:
+            known = dict(zip(plan.pairs, sample, strict=True))
+            point = [np.array([known.get(p, 0.0) for p in pairs]) for pairs in (self.states, tops, inputs)]
+            slopes = np.abs(np.asarray(f(*point, P, plan.sampler.time).full())) * nominal
+            found.append(np.max(np.where(np.isfinite(slopes), slopes, 0.0), axis=1, initial=0.0))
+        return np.array(found)
 
     def _cost(self, p: DynamicProblem, objective: Expr, points: list[Row], instants: list[PointValue]) -> None:
         """Split the objective into constant weights of integrals and a Mayer part; other integrals become states."""
@@ -340,7 +423,7 @@ class Builder:
             self._require(e, at_points, f"{r.label} holds", ", beside a value at an instant or an integral")
             if not ca.symvar(e):
                 raise ModelError(f"{r.label} holds no variable and nothing to choose: {r.low:g} <= {e} <= {r.high:g}")
-            p.points.append(Row(e, r.low, r.high, r.label, r.where))
+            p.points.append(replace(r, expression=e))
 
     def _numbers(self, e: ca.SX) -> ca.SX:
         """An expression with the numbers of all parameters that are not free."""

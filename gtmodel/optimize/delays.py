@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import casadi as ca
@@ -9,6 +10,8 @@ import numpy as np
 from scipy.sparse import coo_matrix
 
 from ..compiler.flat import FlatModel
+from ..lang.bind import join
+from ..lang.model import Connector, Model
 from ..lang.optimization import Delayed
 from ..lang.source import ModelError
 from .control import control_basis
@@ -34,15 +37,27 @@ def delays_of(flat: FlatModel) -> dict[int, tuple[int, Delayed]]:
     Raises ModelError for a delay of something that is no input of the same class.
     """
     found: dict[int, tuple[int, Delayed]] = {}
-    for name, item in type(flat.root)._declared.items():
-        if not isinstance(item, Delayed):
-            continue
-        shape, indices = flat.groups.get(item.source.name, (None, []))
-        if shape is None or flat.variables[indices[0]].role != "input" or item.source.name not in flat.groups:
-            raise ModelError(f"'{name}' delays '{item.source.name}', which is no input of {flat.title}", item.where)
-        for own, source in zip(flat.groups[name][1], indices, strict=True):
-            found[own] = (source, item)
+    for component in _components(flat.root):
+        path = component.__dict__["_path"]
+        for name, item in type(component)._declared.items():
+            if not isinstance(item, Delayed):
+                continue
+            own_name, source_name = join(path, name), join(path, item.source.name)
+            shape, indices = flat.groups.get(source_name, (None, []))
+            if shape is None or flat.variables[indices[0]].role != "input":
+                raise ModelError(f"'{own_name}' delays '{source_name}', which is no input of {flat.title}", item.where)
+            for own, source in zip(flat.groups[own_name][1], indices, strict=True):
+                found[own] = (source, item)
     return found
+
+
+def _components(model: Model) -> Iterator[Model]:
+    """A bound model and the parts below it."""
+    yield model
+    for value in model.__dict__["_values"].values():
+        for part in value if isinstance(value, (list, tuple)) else (value,):
+            if isinstance(part, Model) and not isinstance(part, Connector) and part.__dict__["_parent"] is model:
+                yield from _components(part)
 
 
 def delay_rows(problem: DynamicProblem, mesh: Mesh, layout: Layout) -> DelayRows:
@@ -65,6 +80,16 @@ def delay_rows(problem: DynamicProblem, mesh: Mesh, layout: Layout) -> DelayRows
                 f"edge is still an edge {item.tau:g} s earlier",
                 item.where,
             )
+        for k in range(N):
+            inside = (mesh.edges > moved[k] + ROUND_OFF) & (mesh.edges < moved[k + 1] - ROUND_OFF)
+            if np.any(inside):
+                # the input may jump there, which one polynomial cannot follow
+                raise ModelError(
+                    f"{title}: element {k + 1} takes the delayed input from two elements, that meet at "
+                    f"{t0 + mesh.edges[inside][0] * (tf - t0):g} s; choose the mesh "
+                    f"so that each edge is still an edge {item.tau:g} s later",
+                    item.where,
+                )
         own, other = problem.u_scale[layout.nu + j], problem.u_scale[source]
         name = problem.point_names[j]
         for k in range(N):
@@ -79,7 +104,7 @@ def delay_rows(problem: DynamicProblem, mesh: Mesh, layout: Layout) -> DelayRows
                     value.append(item.before(t0 + s * (tf - t0)) / own)
                     continue
                 value.append(0.0)
-                e = min(N - 1, int(np.searchsorted(mesh.edges, mesh.edges[k] - shift + ROUND_OFF, side="right")) - 1)
+                e = mesh.element_at(moved[k])
                 local = np.clip((s - mesh.edges[e]) / mesh.h[e], 0.0, 1.0)
                 weights_at = control_basis(mesh.control, mesh.table, np.array([local]))[0]
                 for weight, i in zip(weights_at, layout.u[:, source], strict=True):

@@ -11,6 +11,7 @@ from ..lang.source import ModelError
 from .control import coefficients, control_basis
 from .dynamic import DynamicProblem
 from .mesh import Mesh
+from .relations import Row
 from .tables import basis, basis_slope
 
 
@@ -156,17 +157,36 @@ def make_element(problem: DynamicProblem, mesh: Mesh) -> Element:
         n = len(with_rate) + algebraic.numel()
         low.append(np.zeros(n))
         high.append(np.zeros(n))
-        path_rows.append(path)
+        path_rows.append(path / ca.DM([r.scale for r in problem.path]) if path.numel() else path)
         path_names += [(r.label, c) for r in problem.path]
         quadrature = quadrature + length * float(table.weights[c]) * integrand
+    edges = [n for n, r in enumerate(problem.path) if r.low != r.high and _of_states(problem, r)]
+    if edges and table.points[-1] < 1.0:
+        # bounds on states hold at the edges, which are no Gauss points, and so do these
+        at_edge = point(end, ca.SX.zeros(nx), ca.SX.zeros(problem.u.numel()), P, t0 + (left + h) * horizon)[2]
+        chosen = [problem.path[n] for n in edges]
+        scales = np.array([r.scale for r in chosen])
+        rows.append(at_edge[edges] / ca.DM(scales))
+        names += [(f"at the edge: {r.label}", -1) for r in chosen]
+        low.append(np.array([r.low for r in chosen]) / scales)
+        high.append(np.array([r.high for r in chosen]) / scales)
     rows += path_rows
     names += path_names
-    low += [np.array([r.low for r in problem.path])] * k
-    high += [np.array([r.high for r in problem.path])] * k
+    low += [np.array([r.low / r.scale for r in problem.path])] * k
+    high += [np.array([r.high / r.scale for r in problem.path])] * k
     weights = ca.DM([w for _, _, w in problem.integrals]) if problem.integrals else ca.DM(0, 1)
     cost = ca.dot(weights, quadrature) if problem.integrals else ca.SX(0)
     all_rows = ca.vertcat(*rows)
     return Element(layout, y, P, d, all_rows, np.concatenate(low), np.concatenate(high), names, cost, quadrature)
+
+
+def _of_states(problem: DynamicProblem, row: Row) -> bool:
+    """Do states, constants and time alone tell it?"""
+    keys = {s.element_hash() for s in ca.symvar(row.expression)}
+    states = {s.element_hash() for s in ca.vertsplit(problem.x)}
+    return bool(keys & states) and keys <= {
+        *states, *(s.element_hash() for s in ca.vertsplit(problem.P)), problem.t.element_hash()
+    }  # fmt: skip
 
 
 def _inputs(layout: Layout, physical: ca.SX, local: np.ndarray) -> list[ca.SX]:

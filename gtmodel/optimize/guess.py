@@ -27,6 +27,8 @@ def initial_guess(nlp: Nlp, guess: Trajectory | Solution | None) -> np.ndarray:
     states.
     """
     problem, mesh, layout = nlp.problem, nlp.mesh, nlp.element.layout
+    if guess is not None and not isinstance(guess, (Trajectory, Solution)):
+        raise ModelError(f"a guess is a gt.Trajectory or an earlier solution; found {guess!r}")
     free = problem.P_guess.copy()
     extrapolated = 0.0
     if isinstance(guess, Solution):
@@ -36,9 +38,9 @@ def initial_guess(nlp: Nlp, guess: Trajectory | Solution | None) -> np.ndarray:
             free[n] = guess.free.get(name, free[n])
         guess = guess.trajectory
     elif guess is not None and guess.duration > 0:
-        for name, time in (("start_time", guess.time[0]), ("final_time", guess.time[-1])):
-            if name in problem.free_names:
-                free[problem.free_names.index(name)] = time
+        for end, time in ((problem.t0, guess.time[0]), (problem.tf, guess.time[-1])):
+            if end.is_symbolic() and end.name() in problem.free_names:
+                free[problem.free_names.index(end.name())] = time
     free = np.clip(free, problem.P_bounds.low, problem.P_bounds.high)
     flat, alias = problem.flat, problem.base.alias
     states = [_series(guess, names_of(flat, alias, p), start_of(flat, alias, p)) for p in problem.state_pairs]

@@ -44,9 +44,21 @@ def horizon(flat: FlatModel, P: ca.SX, parameters: ca.SX) -> Horizon:
     t0, tf = (_end(flat, name) for name in ("start_time", "final_time"))
     if flat.parameters:
         t0, tf = ca.substitute([t0, tf], [flat.p], [parameters])
-    if t0.is_constant() and tf.is_constant() and not float(tf) > float(t0):
-        raise ModelError(f"{flat.title}: the horizon ends at {float(tf):g} s, not after {float(t0):g} s")
+    known = {s.element_hash() for s in ca.vertsplit(P)}
+    for name, end in (("start_time", t0), ("final_time", tf)):
+        if strange := [s.name() for s in ca.symvar(end) if s.element_hash() not in known]:
+            raise ModelError(
+                f"{flat.title}: {name} is made of numbers, parameters and free constants; found one that depends on "
+                f"{', '.join(strange)}"
+            )
+    require_order(flat.title, t0, tf)
     return Horizon(t0, tf, P)
+
+
+def require_order(title: str, t0: ca.SX, tf: ca.SX) -> None:
+    """Raises ModelError for a given horizon that does not end after its start."""
+    if t0.is_constant() and tf.is_constant() and not float(tf) > float(t0):
+        raise ModelError(f"{title}: the horizon ends at {float(tf):g} s, not after {float(t0):g} s")
 
 
 def _end(flat: FlatModel, name: str) -> ca.SX:
@@ -84,13 +96,25 @@ def require_length(
     def limits(end: ca.SX) -> tuple[float, float]:
         if end.is_constant():
             return float(end), float(end)
-        q = free[end.element_hash()]
-        return q.min, q.max
+        # an affine expression of free constants between its extremes
+        symbols = ca.symvar(end)
+        slopes = ca.gradient(end, ca.vertcat(*symbols))
+        if not slopes.is_constant():
+            raise ModelError(
+                f"{flat.title}: an end of the horizon is no sum of free constants; found {end}; declare it as "
+                "gt.free(...) and write the relation in constraints()"
+            )
+        low = high = float(ca.substitute([end], [ca.vertcat(*symbols)], [ca.SX.zeros(len(symbols))])[0])
+        for s, a in zip(symbols, np.asarray(ca.DM(slopes)).reshape(-1).tolist(), strict=True):
+            q = free[s.element_hash()]
+            reach = sorted([a * q.min, a * q.max]) if a else [0.0, 0.0]
+            low, high = low + reach[0], high + reach[1]
+        return low, high
 
     (low0, high0), (lowf, highf) = limits(h.t0), limits(h.tf)
     if lowf > high0 or h.length.is_constant() or any(_shortest(row, h) > 0 for row in constraints):
         return
-    first, last = (free.get(end.element_hash()) for end in (h.t0, h.tf))
+    first, last = (next((free.get(s.element_hash()) for s in ca.symvar(end)), None) for end in (h.t0, h.tf))
     if first is None and last is not None:
         raise ModelError(
             f"{flat.title}: a free final time needs a lower bound after the start at {low0:g} s; "
@@ -134,7 +158,10 @@ def point_values(flat: FlatModel, h: Horizon, instants: Sequence[Instant], param
         s = ca.Function("s", [h.P], [(time - h.t0) / h.length])
         first, second = (float(s(v)) for v in np.random.default_rng(0).uniform(0.5, 1.5, (2, h.P.numel())))
         if abs(first - second) > ROUND_OFF:
-            raise ModelError(f"{flat.title}: an instant of .at() moves within the horizon; use its ends")
+            free = {q.name for q in flat.parameters if q.free}
+            tuned = sorted({v.name() for v in ca.symvar((time - h.t0) / h.length)} - free)
+            hint = f", or leave {', '.join(tuned)} out of transcribe(parameters=...)" if tuned else ""
+            raise ModelError(f"{flat.title}: an instant of .at() moves within the horizon; use its ends{hint}")
         if not -ROUND_OFF <= first <= 1 + ROUND_OFF:
             raise ModelError(f"{flat.title}: an instant of .at() lies outside the horizon")
         place = min(1.0, max(0.0, first))

@@ -7,8 +7,11 @@ from typing import Literal
 
 import numpy as np
 
+from ..lang.source import ModelError
 from .control import CONTROLS, Blocks
 from .tables import SCHEMES, Table, table
+
+ROUND_OFF = 1e-9  # of fractions of the horizon: sums of lengths and times over durations miss an edge by as much
 
 
 @dataclass(frozen=True)
@@ -36,14 +39,23 @@ class Mesh:
     blocks: Blocks | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
+        for name in ("elements", "points"):
+            value = getattr(self, name)
+            if not isinstance(value, (int, np.integer)) or isinstance(value, bool):
+                raise ModelError(f"{name} of a mesh is a whole number; found {value!r}")
         if self.elements < 1 or self.points < 1:
             raise ValueError(f"a mesh needs at least one element and one point; found {self.elements} x {self.points}")
         if self.scheme not in SCHEMES:
             raise ValueError(f"scheme is 'radau' or 'gauss'; found '{self.scheme}'")
         if self.control not in CONTROLS:
             raise ValueError(f"control is one of {', '.join(CONTROLS)}; found '{self.control}'")
-        if self.lengths is not None and (len(self.lengths) != self.elements or min(self.lengths) <= 0):
-            raise ValueError(f"a mesh of {self.elements} elements takes as many positive lengths")
+        if self.lengths is not None and (
+            np.shape(self.lengths) != (self.elements,) or not all(0 < h < np.inf for h in self.lengths)
+        ):
+            raise ModelError(
+                f"a mesh of {self.elements} elements takes as many positive lengths, all of them finite; "
+                f"found {self.lengths}"
+            )
         if self.length_ratio is not None and not 0 < self.length_ratio[0] <= 1 <= self.length_ratio[1]:
             raise ValueError(
                 f"length_ratio is (low, high) with 0 < low <= 1 <= high: shortest and longest length of an element "
@@ -66,9 +78,19 @@ class Mesh:
 
     def element_at(self, s: float) -> int:
         """Number of the element that holds the fraction s of the horizon; at an edge the one on its right."""
-        return min(self.elements - 1, max(0, int(np.searchsorted(self.edges, s, side="right")) - 1))
+        found = int(np.searchsorted(self.edges, s + ROUND_OFF, side="right"))
+        return min(self.elements - 1, max(0, found - 1))
 
     @property
     def edges(self) -> np.ndarray:
         """Element boundaries on [0, 1], (elements + 1,)."""
         return np.concatenate([[0.0], np.cumsum(self.h)[:-1], [1.0]])
+
+
+def given_mesh(mesh: Mesh | None) -> Mesh:
+    """The mesh that was given, or the default one. Raises ModelError for what is no mesh."""
+    if mesh is None:
+        return Mesh()
+    if not isinstance(mesh, Mesh):
+        raise ModelError(f"a mesh is a gt.Mesh(elements, points); found {mesh!r}")
+    return mesh

@@ -158,8 +158,8 @@ def make_nlp(problem: DynamicProblem, mesh: Mesh, machine_code: bool = False) ->
         ),
     }
     lbx, ubx = _bounds(problem, element, mesh, p_scale)
-    lbg = np.concatenate([np.tile(element.low, N), [r.low for r in problem.points], delays.value])
-    ubg = np.concatenate([np.tile(element.high, N), [r.high for r in problem.points], delays.value])
+    lbg = np.concatenate([np.tile(element.low, N), [r.low / r.scale for r in problem.points], delays.value])
+    ubg = np.concatenate([np.tile(element.high, N), [r.high / r.scale for r in problem.points], delays.value])
     _step_bounds(problem, mesh, element.layout, m, lbg, ubg)
     return Nlp(problem, mesh, element, functions, nlp, lbx, ubx, lbg, ubg, p_scale, delays.names, compile_seconds)
 
@@ -264,7 +264,10 @@ def _points(problem: DynamicProblem, mesh: Mesh, element: Element, p_scale: np.n
     borders = mesh.blocks.borders if stepped and mesh.blocks is not None else []
     held = instants(problem, mesh, layout, p_scale, [*borders, *(k - 1 for k in borders)])
     z, index, ys = held.z, held.index, held.ys
-    exprs = [problem.mayer, ca.vertcat(*[r.expression for r in problem.points]) if problem.points else ca.SX(0, 1)]
+    exprs = [
+        problem.mayer,
+        ca.vertcat(*[r.expression / r.scale for r in problem.points]) if problem.points else ca.SX(0, 1),
+    ]
     if held.old.numel():
         exprs = ca.substitute(exprs, [held.old], [held.new])
     mayer, rows = exprs

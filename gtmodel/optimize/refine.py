@@ -10,7 +10,7 @@ from numpy.polynomial import legendre
 
 from ..lang.optimization import Delayed, Optimization
 from ..lang.source import ModelError
-from .mesh import Mesh
+from .mesh import Mesh, given_mesh
 from .nlp import placed
 from .resimulate import System
 from .solution import Solution, constants, states_and_controls
@@ -111,7 +111,7 @@ def refine(
     """
     if not tolerance > 0:
         raise ValueError(f"the tolerance of refine() is positive; found {tolerance:g}")
-    mesh = mesh or Mesh(10)
+    mesh = Mesh(10) if mesh is None else given_mesh(mesh)
     if mesh.blocks is not None:
         raise ValueError("refine() splits elements, and blocks count them; leave out blocks")
     _refuse_delays(model)

@@ -17,7 +17,7 @@ from ..lang.source import ModelError, SourceLocation
 
 @dataclass(eq=False)
 class Row:
-    """One scalar constraint with its name and the line that wrote it; `scale` is the SI size of one of its units."""
+    """One scalar constraint with its name and the line that wrote it; the solver sees it divided by `scale`."""
 
     expression: ca.SX
     low: float

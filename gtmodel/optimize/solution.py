@@ -90,7 +90,8 @@ class Solution:
         label = _chosen(name, self.multiplier_names)
         points = [n for n, row in enumerate(self.problem.points) if row.label in label]
         if points:
-            values = self.multipliers[m * N + np.array(points)]
+            sizes = np.array([self.problem.points[n].scale for n in points])
+            values = self.multipliers[m * N + np.array(points)] / sizes
             return float(values[0]) if len(points) == 1 else values
         rows = [r for r, (own, _) in enumerate(nlp.element.row_names) if own in label]
         instants = list(dict.fromkeys(nlp.element.row_names[r][1] for r in rows))
@@ -106,7 +107,8 @@ class Solution:
         problem, layout = self.problem, self.nlp.element.layout
         with_rate = [n for n, r in enumerate(problem.rates) if r is not None]
         each = np.concatenate([problem.x_scale[with_rate], problem.algebraic_scale])
-        scale = np.ones(self.nlp.element.rows.numel())
+        known = {f"{place}{r.label}": r.scale for r in problem.path for place in ("", "at the edge: ")}
+        scale = np.array([known.get(label, 1.0) for label, _ in self.nlp.element.row_names])
         scale[: layout.nl] = layout.scale[layout.left]
         scale[layout.nl : layout.nl + len(each) * self.nlp.mesh.points] = np.tile(each, self.nlp.mesh.points)
         return scale

@@ -20,7 +20,7 @@ from .fatrop import Staged
 from .guess import initial_guess
 from .ipopt import HESSIANS, Multipliers, Progress, Run, run_ipopt
 from .magnitude import objective_scale
-from .mesh import Mesh
+from .mesh import Mesh, given_mesh
 from .nlp import Nlp, make_nlp
 from .problem import FORMULATIONS, build
 from .shooting import run_shooting
@@ -113,7 +113,7 @@ def solve(
             f"gt.solve takes a configured Optimization; found {type(model).__name__}; linked phases are solved by "
             "gt.solve_phases"
         )
-    mesh = mesh or Mesh()
+    mesh = given_mesh(mesh)
     options = solver or SolverOptions()
     if method not in METHODS:
         raise ValueError(f"method is one of {', '.join(METHODS)}; found '{method}'")

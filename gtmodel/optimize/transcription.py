@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+import casadi as ca
 import numpy as np
 
 from ..compiler.causal import flat_of
@@ -17,8 +18,9 @@ from ..results.trajectory import Trajectory
 from .dynamic import DynamicProblem
 from .equalities import check_equalities
 from .guess import initial_guess
+from .horizon import require_order
 from .ipopt import Multipliers, Progress
-from .mesh import Mesh
+from .mesh import Mesh, given_mesh
 from .nlp import Nlp, make_nlp
 from .problem import build
 from .solution import Solution
@@ -164,6 +166,8 @@ class Transcription:
         self._check_attributes(changed, ", ".join(parameters))
         values = {q.name: q.value for q in changed.parameters}
         first = nlp.constants + len(problem.free_names)
+        symbols, numbers = problem.P[len(problem.free_names) :], ca.SX([values[n] for n in problem.tunable])
+        require_order(problem.flat.title, *ca.substitute([problem.t0, problem.tf], [symbols], [numbers]))
         low, high = nlp.lbx.copy(), nlp.ubx.copy()
         low[first:] = high[first:] = [values[n] for n in problem.tunable] / nlp.p_scale[len(problem.free_names) :]
         return replace(nlp, lbx=low, ubx=high)
@@ -203,6 +207,6 @@ def transcribe(
             names[name] = elements
     tunable = tuple(e for n in names.values() for e in n)
     problem = build(model, options.formulation, options.prefer, branches, tunable)
-    nlp = make_nlp(problem, mesh or Mesh(), options.compile)
+    nlp = make_nlp(problem, given_mesh(mesh), options.compile)
     check_equalities(problem, nlp.element)
     return Transcription(model, nlp, names, options)

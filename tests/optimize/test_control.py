@@ -168,3 +168,64 @@ class TestDelay:
         for source, tau in ((gt.variable(), 0.1), (gt.input(2), 0.1), (3.0, 0.1), (gt.input(), 0.0)):
             with pytest.raises(ModelError, match=r"gt.delayed takes a scalar gt.input|a delay is positive"):
                 gt.delayed(source, tau, history=0.0)
+
+
+class Late(gt.Model):
+    u = gt.input(min=-1, max=1)
+    late = gt.delayed(u, 1.0, history=0.5)
+    x = gt.variable(start=0.0, fixed=True)
+
+    def equations(self):
+        yield gt.der(self.x) == self.late
+
+
+class WithPart(gt.Optimization):
+    p = gt.part(Late)
+    final_time = 2.0
+
+    def objective(self):
+        return (self.p.x.at(2.0) - 5) ** 2
+
+
+class TestDelayInPlace:
+    def test_of_a_part(self):
+        """Half a second's worth of history, then the bound of the part's own input."""
+        s = solve(WithPart(), Mesh(4))
+        assert s.problem.control_names == ["p.u"]
+        assert s.trajectory["p.x"][-1] == pytest.approx(1.5, abs=1e-6)
+
+    @pytest.mark.parametrize("control", ["polynomial", "linear", "bernstein", "constant"])
+    def test_an_element_that_reads_two(self, control):
+        class Two(gt.Optimization):
+            u = gt.input()
+            late = gt.delayed(u, 2.0, history=0.0)
+            x = gt.variable(start=0.0, fixed=True)
+            final_time = 4.0
+
+            def equations(self):
+                yield gt.der(self.x) == self.late
+
+            def objective(self):
+                return gt.integral((self.u - self.time) ** 2)
+
+        with pytest.raises(ModelError, match="element 3 takes the delayed input from two elements, that meet at 1 s"):
+            solve(Two(), Mesh(3, 3, control=control, lengths=(1, 1, 2)))
+        if control != "constant":
+            s = solve(Two(), Mesh(4, 3, control=control))
+            assert s.trajectory["x"][-1] == pytest.approx(2.0, abs=1e-8)
+
+    @pytest.mark.parametrize("history", ["abc", lambda t: float("nan"), None])
+    def test_a_history_that_is_no_number(self, history):
+        class Wrong(gt.Optimization):
+            u = gt.input()
+            late = gt.delayed(u, 0.5, history=history)
+            x = gt.variable(start=0.0, fixed=True)
+
+            def equations(self):
+                yield gt.der(self.x) == self.late
+
+            def objective(self):
+                return gt.integral(self.u**2)
+
+        with pytest.raises(ModelError, match="the history of 'late' is a finite number at -0"):
+            solve(Wrong(), Mesh(4))

@@ -237,7 +237,7 @@ def late(history):
     return Late()
 
 
-@pytest.mark.parametrize("history", [np.nan, "abc", lambda t: np.inf], ids=str)
+@pytest.mark.parametrize("history", [np.nan, "abc", lambda t: np.inf], ids=["nan", "text", "infinite"])
 def test_a_history_is_finite(history):
     with pytest.raises(ModelError, match="the history of 'late' is a finite number at"):
         solve(late(history), Mesh(8))
