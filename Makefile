@@ -15,13 +15,14 @@ ONE_THREAD := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help demo test proof bench format constraints clean
+.PHONY: help demo test proof bench conformance format constraints clean
 
 help:
 	@echo "make demo         solve the time-optimal motion of the L1 prototype, then generate and check its C code"
 	@echo "make test         lint, types and all tests: what CI runs"
 	@echo "make proof        long statistics and formal checks"
 	@echo "make bench        benchmarks and rivals"
+	@echo "make conformance  solve the problems with known optima and write docs/conformance.md"
 	@echo "make format       bring the Python files into the form that make test asks for"
 	@echo "make constraints  resolve constraints.txt anew"
 	@echo "make clean        remove what was built and the caches; the environment, $(VENV), stays"
@@ -49,6 +50,9 @@ bench: $(VENV)/.bench
 	  ran=1; echo "== $$script"; $(ONE_THREAD) $(BIN)/python "$$script" || status=1; \
 	done; \
 	test $$ran -eq 1 || echo "No benchmark in tests/bench yet: nothing was measured."; exit $$status
+
+conformance: $(VENV)/.dev
+	$(ONE_THREAD) $(BIN)/python docs/make_conformance.py
 
 format: $(VENV)/.dev
 	$(BIN)/ruff check --fix .

@@ -76,7 +76,15 @@ class Delayed(Variable):
     def before(self, time: float) -> float:
         """Value at a time [s] before the start of the horizon."""
         value: Any = self.history(time) if callable(self.history) else self.history
-        return float(value)
+        try:
+            found = float(value)
+        except (TypeError, ValueError):
+            found = np.nan
+        if not np.isfinite(found):
+            raise ModelError(
+                f"the history of '{self.name}' is a finite number at {time:g} s; found {value!r}", self.where
+            )
+        return found
 
 
 def delayed(source: Any, tau: float, *, history: Any) -> Any:
@@ -117,9 +125,12 @@ def misfit(expression: Any, times: Any, measured: Any, *, sigma: Any = None) -> 
         )
     if not (np.all(np.isfinite(at_times)) and np.all(np.isfinite(values))) or not at_times.size:
         raise ModelError("gt.misfit takes at least one measured value, and finite ones only", here())
-    noise = np.broadcast_to(1.0 if sigma is None else np.asarray(sigma, float), (size,))
-    if not np.all(noise > 0):
-        raise ModelError(f"sigma is a standard deviation and positive; found {sigma!r}", here())
+    noise = np.ones(()) if sigma is None else np.asarray(sigma, float)
+    if noise.shape not in ((), (size,)):
+        raise ModelError(f"sigma is one number, or one for each of {size} measured; found {noise.shape}", here())
+    noise = np.broadcast_to(noise, (size,))
+    if not np.all((noise > 0) & np.isfinite(noise)):
+        raise ModelError(f"sigma is a standard deviation, positive and finite; found {sigma!r}", here())
     values = values.reshape(len(at_times), size)
     residuals = [
         (at(expression, float(t)).sx - ca.DM(row)) / ca.DM(noise) for t, row in zip(at_times, values, strict=True)

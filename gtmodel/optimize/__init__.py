@@ -1,5 +1,6 @@
 """Optimal control: direct collocation of any Optimization. Knows no robot."""
 
+from .compiled import CompilerMissing
 from .control import Blocks
 from .estimate import Estimate, estimate
 from .mesh import Mesh
@@ -12,7 +13,7 @@ from .solve import NotSolved, SolverOptions, solve
 from .transcription import Continuation, Transcription, transcribe
 
 __all__ = [
-    "Blocks", "Check", "Continuation", "Estimate", "Mesh", "MultiStart", "NotSolved", "Optimum", "Phases",
-    "PhasesSolution", "Refinement", "Resimulation", "Solution", "SolverOptions", "Transcription", "estimate",
+    "Blocks", "Check", "CompilerMissing", "Continuation", "Estimate", "Mesh", "MultiStart", "NotSolved", "Optimum",
+    "Phases", "PhasesSolution", "Refinement", "Resimulation", "Solution", "SolverOptions", "Transcription", "estimate",
     "multi_start", "refine", "resimulate", "solve", "solve_phases", "transcribe",
 ]  # fmt: skip

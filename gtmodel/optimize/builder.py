@@ -287,7 +287,8 @@ class Builder:
                 if block.newton is not None:
                     # each equation left over after elimination comes of the whole block
                     said = "; ".join(dict.fromkeys(block.equations))
-                    labels += [f"block of {said}"] * block.newton.size
+                    size = block.newton.size
+                    labels += [f"block of {said}{f'[{k}]' if size > 1 else ''}" for k in range(size)]
         # what the controls alone must satisfy, as u'u = 1
         rows += self.express([e.residual for e in self.base.conditions])
         labels += [f"{e.label} ({e.where})" for e in self.base.conditions]

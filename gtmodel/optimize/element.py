@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from ..lang.source import ModelError
 from .control import coefficients, control_basis
 from .dynamic import DynamicProblem
 from .mesh import Mesh
@@ -109,6 +110,10 @@ def pointwise(problem: DynamicProblem) -> ca.Function:
 def make_element(problem: DynamicProblem, mesh: Mesh) -> Element:
     """Rows of one element: [end state - next left state's share; collocation; path], scaled by nominals."""
     layout = Layout(problem, mesh)
+    if layout.size == 1 and layout.nx == 0:
+        raise ModelError(
+            f"{problem.flat.title}: no state, and one unknown in each element; take a mesh of two points or more"
+        )
     table = mesh.table
     k, nx = mesh.points, layout.nx
     y = ca.SX.sym("y", layout.size)
@@ -171,12 +176,17 @@ def _inputs(layout: Layout, physical: ca.SX, local: np.ndarray) -> list[ca.SX]:
     for by_u, by_z in zip(
         control_basis(mesh.control, mesh.table, local), basis(mesh.table.points, local), strict=True
     ):  # fmt: skip
-        u = sum((_share(w, physical[i.tolist()]) for w, i in zip(by_u, layout.u, strict=True) if w != 0.0),
+        u = sum((_share(w, _entries(physical, i)) for w, i in zip(by_u, layout.u, strict=True) if w != 0.0),
                 ca.SX.zeros(layout.nu, 1))  # fmt: skip
-        z = sum((_share(w, physical[i.tolist()]) for w, i in zip(by_z, layout.z, strict=True) if w != 0.0),
+        z = sum((_share(w, _entries(physical, i)) for w, i in zip(by_z, layout.z, strict=True) if w != 0.0),
                 ca.SX.zeros(layout.nz, 1))  # fmt: skip
         found.append(ca.vertcat(u, z))
     return found
+
+
+def _entries(column: ca.SX, index: np.ndarray) -> ca.SX:
+    """A column of entries; none of a single number would be a row in CasADi."""
+    return column[index.tolist()] if index.size else ca.SX(0, 1)
 
 
 def _share(weight: float, value: ca.SX) -> ca.SX:

@@ -7,11 +7,15 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 from scipy import stats
-from scipy.sparse import bmat, csc_matrix, identity
+from scipy.sparse import block_diag, bmat, csc_matrix, identity
 from scipy.sparse.linalg import splu
 
+from ..lang.scope import Misfit
 from ..lang.source import ModelError
-from .nlp import instants, placed
+from .linking import Joined, is_of
+from .magnitude import objective_scale
+from .nlp import Nlp, instants, placed
+from .phases import PhasesSolution
 from .solution import Solution
 
 # added to the information, relative to its largest entry: what the data do not determine shows as this alone
@@ -20,6 +24,9 @@ REGULAR = 1e-13
 UNTOLD = 1e-3
 AT_BOUND = 1e-6  # of a scaled unknown: it stands at its bound, where it is held
 LEAST_SQUARES = 1e-6  # relative: the objective is the misfit and nothing else
+ROUNDING = 1e-24  # of the data's squares: more than the squared rounding of a residual that vanishes
+# at random values of all that the objective holds, the rest besides misfits has no slopes beyond rounding
+SAME, SEED, TRIALS = 1e-9, 0, 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,38 +76,67 @@ class Estimate:
         return "\n".join([*lines, f"{len(self.residuals)} measured values, residual noise {self.noise:.4g}"])
 
 
-def estimate(solution: Solution) -> Estimate:
-    """Covariance of what an Optimization with gt.misfit(...) as its objective has estimated.
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    """What was solved: one problem, or linked phases with the place where the unknowns of each begin."""
 
-    Raises ModelError if the solve failed, the objective is no misfit or holds more, too few values were measured, or
-    the data do not determine some of the quantities; these are named.
+    title: str
+    parts: tuple[tuple[str, Solution, int], ...]
+    program: Nlp | Joined
+    whole: Solution | PhasesSolution
+
+    @classmethod
+    def of(cls, solution: Solution | PhasesSolution) -> _Fit:
+        if isinstance(solution, PhasesSolution):
+            parts = [
+                (f"{n}: ", s, int(k)) for (n, s), k in zip(solution.phases.items(), solution.joined.at, strict=False)
+            ]
+            title = " and ".join(s.problem.flat.title for s in solution.phases.values())
+            return cls(title, tuple(parts), solution.joined, solution)
+        title = solution.problem.flat.title
+        if solution.linked:
+            raise ModelError(
+                f"{title} is one of several phases, whose links and shared constants hold it too; take "
+                "gt.estimate(...) of the whole that solve_phases() returned"
+            )
+        return cls(title, (("", solution, 0),), solution.nlp, solution)
+
+    @property
+    def misfits(self) -> list[Misfit]:
+        return [m for _, s, _ in self.parts for m in s.problem.misfits]
+
+
+def estimate(solution: Solution | PhasesSolution) -> Estimate:
+    """Covariance of what an Optimization with gt.misfit(...) as its objective has estimated, or linked phases together.
+
+    In phases, names are "phase: name"; a shared constant stands under the first of its phases. Raises ModelError if
+    the solve failed, the objective is no misfit or holds more, too few values were measured, or the data do not
+    determine some of the quantities; these are named. So it does for a single one of linked phases.
     """
-    nlp, problem = solution.nlp, solution.problem
-    title = problem.flat.title
+    fit = _Fit.of(solution)
+    title = fit.title
     if not solution.status.ok:
         raise ModelError(f"{title}: there is no estimate without a solution: {solution.message}")
-    if not problem.misfits:
+    if not fit.misfits:
         raise ModelError(f"{title}: the objective holds no gt.misfit(...), so there is nothing to estimate from")
-    if len({m.known for m in problem.misfits}) > 1:
+    if len({m.known for m in fit.misfits}) > 1:
         raise ModelError(f"{title}: give sigma to all misfits, or to none")
-    residual, index, places = _residuals(solution)
-    r, slope = (np.asarray(v.full()) for v in residual(solution.x[index]))
-    r = r.reshape(-1)
-    if abs(r @ r - solution.objective) > LEAST_SQUARES * (abs(solution.objective) + r @ r) + 1e-14:
+    r, J = _residuals(fit)
+    data = _data(fit.misfits)
+    rounding = ROUNDING * float(data @ data)
+    beside = abs(r @ r - solution.objective) > LEAST_SQUARES * (abs(solution.objective) + r @ r) + rounding
+    if beside or any(_holds_more(s) for _, s, _ in fit.parts):
         raise ModelError(
             f"{title}: the objective holds more than misfits; the covariance is that of least squares only"
         )
-    row, column = np.repeat(np.arange(len(r)), len(places)), np.tile(index[places], len(r))
-    J = csc_matrix((slope[:, places].ravel(), (row, column)),
-                   shape=(len(r), nlp.size))  # fmt: skip
-    A, variables = _active(solution)
+    A, variables = _active(fit)
     J, n = csc_matrix(J[:, variables]), len(variables)
     held_rows = A.get_shape()[0]
     freedom = len(r) - (n - held_rows)
-    known = problem.misfits[0].known
+    known = fit.misfits[0].known
     if freedom < 0 or (freedom == 0 and not known):
         raise ModelError(f"{title}: {len(r)} measured values for {n - held_rows} unknowns; measure more, or give sigma")
-    names, columns, scale, values, held = _quantities(solution, variables)
+    names, columns, scale, values, held = _quantities(fit, variables)
     if not names:
         raise ModelError(f"{title}: nothing is free to be estimated; declare gt.free constants or leave a start free")
     information = (J.T @ J).tocsc()
@@ -120,24 +156,68 @@ def estimate(solution: Solution) -> Estimate:
     return Estimate(tuple(names), values, covariance, freedom, noise, known, r, tuple(held))
 
 
-def _residuals(solution: Solution) -> tuple[ca.Function, np.ndarray, np.ndarray]:
-    """z -> residuals and their slopes, where z stands among the unknowns, and which of z matter."""
-    nlp, problem = solution.nlp, solution.problem
-    held = instants(problem, placed(nlp, solution.x), nlp.element.layout, nlp.p_scale, [])
-    r = ca.substitute([ca.vertcat(*[m.residual for m in problem.misfits])], [held.old], [held.new])[0]
-    touched = np.array(sorted(set(ca.jacobian_sparsity(r, held.z).get_triplet()[1])), int)
-    return ca.Function("residuals", [held.z], [r, ca.densify(ca.jacobian(r, held.z))]), held.index, touched
+def _data(misfits: list[Misfit]) -> np.ndarray:
+    """The measured values in units of the residuals."""
+    r = ca.vertcat(*[m.residual for m in misfits])
+    symbols = ca.symvar(r)
+    return np.asarray(ca.Function("data", symbols, [r])(*[0.0] * len(symbols))).reshape(-1)
 
 
-def _active(solution: Solution) -> tuple[csc_matrix, np.ndarray]:
+def _holds_more(solution: Solution) -> bool:
+    """Does the objective bend or slope otherwise than the misfits anywhere, though it may be theirs at the optimum?"""
+    problem, blocks = solution.problem, solution.nlp.mesh.blocks
+    if any(weight != 0.0 for _, _, weight in problem.integrals):
+        return True
+    if blocks is not None and any(blocks.step_penalty.values()):
+        return True
+    if not problem.misfits:
+        return bool(ca.symvar(problem.mayer))
+    misfit = ca.sumsqr(ca.vertcat(*[m.residual for m in problem.misfits]))
+    symbols = ca.vertcat(*ca.symvar(ca.vertcat(misfit, problem.mayer)))
+    rest = problem.mayer - misfit
+    derivatives = []
+    for e in (rest, misfit):
+        bend, slope = ca.hessian(e, symbols)
+        derivatives += [ca.densify(ca.horzcat(bend, slope))]
+    f = ca.Function("rest", [symbols], derivatives)
+    rng = np.random.default_rng(SEED)
+    for _ in range(TRIALS):
+        more, own = (np.abs(v.full()) for v in f(rng.uniform(0.5, 1.5, symbols.numel())))
+        if not np.all(more <= SAME * own):
+            return True
+    return False
+
+
+def _residuals(fit: _Fit) -> tuple[np.ndarray, csc_matrix]:
+    """Residuals, and their slopes in all unknowns."""
+    values: list[np.ndarray] = []
+    blocks: list[csc_matrix] = []
+    for _, s, _ in fit.parts:
+        nlp, problem = s.nlp, s.problem
+        held = instants(problem, placed(nlp, s.x), nlp.element.layout, nlp.p_scale, [])
+        r = ca.vertcat(*[m.residual for m in problem.misfits]) if problem.misfits else ca.SX(0, 1)
+        if held.old.numel():
+            r = ca.substitute([r], [held.old], [held.new])[0]
+        touched = np.array(sorted(set(ca.jacobian_sparsity(r, held.z).get_triplet()[1])), int)
+        f = ca.Function("residuals", [held.z], [r, ca.densify(ca.jacobian(r, held.z))])
+        value, slope = (np.asarray(v.full()) for v in f(s.x[held.index]))
+        values.append(value.reshape(-1))
+        n = len(values[-1])
+        row, column = np.repeat(np.arange(n), len(touched)), np.tile(held.index[touched], n)
+        blocks.append(csc_matrix((slope[:, touched].ravel(), (row, column)), shape=(n, nlp.size)))
+    return np.concatenate(values), csc_matrix(block_diag(blocks))
+
+
+def _active(fit: _Fit) -> tuple[csc_matrix, np.ndarray]:
     """Slopes of all rows that hold with equality, in the unknowns that are free to move."""
-    nlp, x = solution.nlp, solution.x
+    nlp, solution, x = fit.program, fit.whole, fit.whole.x
     g, jacobian = nlp.functions["jac_g"](x, [])
     g = np.asarray(g).reshape(-1)
     near = (np.abs(g - nlp.lbg) <= AT_BOUND) | (np.abs(g - nlp.ubg) <= AT_BOUND)
-    pressed = np.abs(solution.multipliers) > AT_BOUND
+    slight = AT_BOUND / objective_scale(nlp, x, fit.misfits)  # multipliers are in the objective's units
+    pressed = np.abs(solution.multipliers) > slight
     rows = np.flatnonzero((nlp.lbg == nlp.ubg) | (near & pressed))
-    at_bound = (np.minimum(x - nlp.lbx, nlp.ubx - x) <= AT_BOUND) & (np.abs(solution.bound_multipliers) > AT_BOUND)
+    at_bound = (np.minimum(x - nlp.lbx, nlp.ubx - x) <= AT_BOUND) & (np.abs(solution.bound_multipliers) > slight)
     variables = np.flatnonzero(~((nlp.lbx == nlp.ubx) | at_bound))
     sparsity = jacobian.sparsity()
     matrix = csc_matrix(
@@ -146,18 +226,28 @@ def _active(solution: Solution) -> tuple[csc_matrix, np.ndarray]:
     return csc_matrix(matrix[rows][:, variables]), variables
 
 
-def _quantities(
-    solution: Solution, variables: np.ndarray
-) -> tuple[list[str], np.ndarray, np.ndarray, np.ndarray, list[str]]:
-    """Names, columns among the free unknowns, scales and values of what is estimated; names of what is held."""
-    nlp, problem = solution.nlp, solution.problem
+def _quantities(fit: _Fit, variables: np.ndarray) -> tuple[list[str], np.ndarray, np.ndarray, np.ndarray, list[str]]:
+    """Names, columns among the free unknowns, scales and values of what is estimated; names of what is held.
+
+    States that continue from the phase before are those at its end: left out.
+    """
     column = {int(v): n for n, v in enumerate(variables)}
-    free = problem.free_names
-    asked = [(nlp.constants + n, name, nlp.p_scale[n]) for n, name in enumerate(free)]
-    states = [name for name in problem.state_names[: len(problem.state_pairs)]]
-    asked += [(n, f"{name} at the start", problem.x_scale[n]) for n, name in enumerate(states)]
-    found = [(name, column[i], s, solution.x[i] * s) for i, name, s in asked if i in column]
-    held = [name for i, name, _ in asked if i not in column and nlp.lbx[i] != nlp.ubx[i]]
+    asked: list[tuple[int, str, float]] = []
+    known: set[str] = set()
+    shared = fit.program.shared if isinstance(fit.program, Joined) else ()
+    links = {r.label for r in fit.program.links} if isinstance(fit.program, Joined) else set()
+    for prefix, s, at in fit.parts:
+        nlp, problem = s.nlp, s.problem
+        for k, name in enumerate(problem.free_names):
+            if name not in known or not any(is_of(c, name) for c in shared):
+                asked.append((at + nlp.constants + k, f"{prefix}{name}", float(nlp.p_scale[k])))
+            known.add(name)
+        for k, name in enumerate(problem.state_names[: len(problem.state_pairs)]):
+            if f"{name} continues into '{prefix.removesuffix(': ')}'" not in links:
+                asked.append((at + k, f"{prefix}{name} at the start", float(problem.x_scale[k])))
+    x, low, high = fit.whole.x, fit.program.lbx, fit.program.ubx
+    found = [(name, column[i], s, x[i] * s) for i, name, s in asked if i in column]
+    held = [name for i, name, _ in asked if i not in column and low[i] != high[i]]
     columns, scales, values = (np.array([f[k] for f in found]) for k in (1, 2, 3))
     return [f[0] for f in found], columns.astype(int), scales, values, held
 

@@ -2,27 +2,33 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import casadi as ca
 import numpy as np
 
 from ..lang.source import ModelError
+from .ipopt import Multipliers, Run
 from .nlp import Nlp
 
 
 class Staged:
     """The same NLP with the signs of its links turned round; fatrop finds the stages by itself."""
 
-    def __init__(self, nlp: Nlp) -> None:
-        """Raises ModelError where something couples the elements otherwise than by their states."""
-        self.signs = _signs(nlp)
+    def __init__(self, nlp: Nlp, scale: float = 1.0) -> None:
+        """scale: of the objective.
+
+        Raises ModelError where something couples the elements otherwise than by their states.
+        """
+        self.signs, self.scale = _signs(nlp), scale
         X, p, sigma = ca.MX.sym("X", nlp.size), ca.MX.sym("p", 0), ca.MX.sym("lam_f")
         lam = ca.MX.sym("lam_g", len(nlp.lbg))
         s = ca.DM(self.signs)
         f, g = nlp.nlp(X, p)
         g_j, jac = nlp.functions["jac_g"](X, p)
         turned = ca.mtimes(ca.diag(s), jac)
-        upper = nlp.functions["hess_lag"](X, p, sigma, s * lam)
-        grad = nlp.functions["grad_f"](X, p)[1]
+        upper = nlp.functions["hess_lag"](X, p, scale * sigma, s * lam)
+        f, grad = scale * f, scale * nlp.functions["grad_f"](X, p)[1]
         self.nlp = ca.Function("nlp", [X, p], [f, s * g], ["x", "p"], ["f", "g"])
         self.functions = {
             "jac_g": ca.Function("nlp_jac_g", [X, p], [s * g_j, turned], ["x", "p"], ["g", "jac_g_x"]),
@@ -38,6 +44,12 @@ class Staged:
         self.lbx, self.ubx = nlp.lbx, nlp.ubx
         self.lbg = np.where(self.signs > 0, nlp.lbg, -nlp.ubg)
         self.ubg = np.where(self.signs > 0, nlp.ubg, -nlp.lbg)
+
+    def turned(self, run: Run) -> Run:
+        """The run in the signs and the scale of the NLP itself."""
+        rows, bounds = run.multipliers.rows * self.signs / self.scale, run.multipliers.bounds / self.scale
+        objective = run.objective / self.scale
+        return replace(run, g=run.g * self.signs, objective=objective, multipliers=Multipliers(rows, bounds))
 
 
 def _signs(nlp: Nlp) -> np.ndarray:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from .nlp import Nlp, placed
+from .nlp import Nlp, instants, placed
 from .solution import constants, mesh_fractions, states_and_controls
 
 NAMES = {
@@ -71,6 +71,23 @@ def not_finite(nlp: Nlp, x: np.ndarray) -> str:
                 slope = "the slope of " if infinite_slope else ""
                 element = min(mesh.elements, int(np.searchsorted(mesh.edges, s[k] - 1e-12, side="right")))
                 return f"{slope}{found} in {step.label} at {times[k]:.4g} s (element {element}) is not finite"
+    return _at_instants(nlp, x)
+
+
+def _at_instants(nlp: Nlp, x: np.ndarray) -> str:
+    """The same of what holds values at instants: the objective beside its integrals, and point constraints."""
+    problem = nlp.problem
+    rows = [("the objective", problem.mayer)] + [(f"'{r.label}'", r.expression) for r in problem.points]
+    held = instants(problem, placed(nlp, x), nlp.element.layout, nlp.p_scale, [])
+    expressions = [e for _, e in rows]
+    if held.old.numel():
+        expressions = ca.substitute(expressions, [held.old], [held.new])
+    given = {s.element_hash(): v for s, v in zip(ca.vertsplit(held.z), x[held.index].tolist(), strict=True)}
+    for infinite_slope in (False, True):
+        for (label, _), e in zip(rows, expressions, strict=True):
+            found = _first(e, given, infinite_slope)
+            if found:
+                return f"{'the slope of ' if infinite_slope else ''}{found} in {label} is not finite"
     return ""
 
 

@@ -11,6 +11,7 @@ import casadi as ca
 import numpy as np
 
 from ..results.status import SolveStatus
+from .quiet import without_warnings
 
 Progress = Callable[[int, float, float], bool]
 HESSIANS = {"exact": "exact", "lbfgs": "limited-memory"}
@@ -67,9 +68,17 @@ class Run:
 
 
 def run_ipopt(
-    program: Program, x0: np.ndarray, options: Limits, progress: Progress | None = None, warm: Multipliers | None = None
+    program: Program,
+    x0: np.ndarray,
+    options: Limits,
+    progress: Progress | None = None,
+    warm: Multipliers | None = None,
+    scale: float = 1.0,
 ) -> Run:
-    """Run IPOPT from x0, and from multipliers too where they are given; or fatrop."""
+    """Run IPOPT from x0, and from multipliers too where they are given; or fatrop.
+
+    scale: what IPOPT multiplies the objective by; the answer is without it.
+    """
     watch = _Watch(program, progress, options.max_seconds)
     ipopt: dict[str, Any] = {
         "tol": options.tolerance,
@@ -81,6 +90,8 @@ def run_ipopt(
         "honor_original_bounds": "yes",  # IPOPT relaxes bounds by 1e-8 while it works
         "mumps_pivot_order": 0,  # AMD: 18 % per iteration on these banded systems
     }
+    if scale != 1.0:
+        ipopt["obj_scaling_factor"] = scale
     if warm is not None:
         ipopt |= {"warm_start_init_point": "yes", "mu_strategy": "monotone", "mu_init": WARM_BARRIER}
         ipopt |= {f"warm_start_{n}": WARM_PUSH for n in (
@@ -107,12 +118,20 @@ def run_ipopt(
             "fatrop": {"tol": options.tolerance, "max_iter": options.max_iterations, "print_level": 0},
         }
     start = time.perf_counter()
-    run = ca.nlpsol("solver", plugin, program.nlp, settings)
-    setup = time.perf_counter() - start
     given = {} if warm is None else {"lam_g0": warm.rows, "lam_x0": warm.bounds}
-    result = run(x0=x0, lbx=program.lbx, ubx=program.ubx, lbg=program.lbg, ubg=program.ubg, **given)
+    with without_warnings():
+        run = ca.nlpsol("solver", plugin, program.nlp, settings)
+        setup = time.perf_counter() - start
+        result = run(x0=x0, lbx=program.lbx, ubx=program.ubx, lbg=program.lbg, ubg=program.ubg, **given)
     stats = run.stats()
-    status, word = _status(str(stats["return_status"]) if plugin == "ipopt" else FATROP[bool(stats["success"])], watch)
+    if watch.raised is not None:
+        raise watch.raised
+    word = str(stats["return_status"]) if plugin == "ipopt" else FATROP[bool(stats["success"])]
+    if plugin == "fatrop" and not stats["success"] and int(stats["iter_count"]) >= options.max_iterations:
+        word = "Maximum_Iterations_Exceeded"
+    status, word = _status(word, watch)
+    if plugin == "fatrop" and status is SolveStatus.ITERATION_LIMIT:
+        word = f"fatrop ended after {stats['iter_count']} iterations"
     x, g, rows, bounds = (np.asarray(result[n]).reshape(-1) for n in ("x", "g", "lam_g", "lam_x"))
     return Run(
         x, g, float(result["f"]), Multipliers(rows, bounds), int(stats["iter_count"]), status, word,
@@ -129,6 +148,7 @@ class _Watch(ca.Callback):
         self.stop_at = None if max_seconds is None else time.monotonic() + max_seconds
         self.count = 0
         self.stopped = ""
+        self.raised: BaseException | None = None
         self.nx, self.ng = len(nlp.lbx), len(nlp.lbg)
         self.lbg, self.ubg = nlp.lbg, nlp.ubg
         self.construct("watch", {})
@@ -156,7 +176,11 @@ class _Watch(ca.Callback):
         if self.progress is not None:
             g = np.asarray(arg[ca.nlpsol_out().index("g")]).reshape(-1)
             violation = max(0.0, float(np.max(np.maximum(self.lbg - g, g - self.ubg), initial=0.0)))
-            asked = bool(self.progress(count, float(arg[ca.nlpsol_out().index("f")]), violation))
+            try:
+                asked = bool(self.progress(count, float(arg[ca.nlpsol_out().index("f")]), violation))
+            except BaseException as error:  # CasADi would print it and go on: it is raised when IPOPT has returned
+                self.raised = error
+                return [1]
         if late or asked:
             self.stopped = "its time was over" if late else "it was asked to stop"
             return [1]

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any, Protocol
 
 import casadi as ca
 import numpy as np
 
+from ..compiler.sparse import nonzeros, stacked
 from ..lang.expression import Expr
 from ..lang.scope import Scope
 from ..lang.source import ModelError
@@ -119,6 +120,7 @@ class Joined:
     links: list[Row]
     at: np.ndarray
     rows: np.ndarray
+    shared: tuple[str, ...]
 
 
 def join(model: Links, nlps: dict[str, Nlp]) -> Joined:
@@ -135,8 +137,8 @@ def join(model: Links, nlps: dict[str, Nlp]) -> Joined:
     lam = ca.SX.sym("lam", len(links))
     jacobian = ca.jacobian(expression, z)
     hessian = ca.triu(ca.hessian(ca.dot(lam, expression), z)[0])
-    value = ca.Function("links", [z], [expression, jacobian])
-    curvature = ca.Function("links_hessian", [z, lam], [hessian])
+    value = ca.Function("links", [z], [expression, stacked(nonzeros(jacobian))])
+    curvature = ca.Function("links_hessian", [z, lam], [stacked(nonzeros(hessian))])
 
     X, p = ca.MX.sym("X", total), ca.MX.sym("p", 0)
     parts = [X[int(a) : int(b)] for a, b in pairwise(at)]
@@ -147,7 +149,7 @@ def join(model: Links, nlps: dict[str, Nlp]) -> Joined:
     f, g = sum((v[0] for v in found), ca.MX(0)), ca.vertcat(*[v[1] for v in found], linked)
     jacobians = [n.functions["jac_g"](x, p)[1] for n, x in zip(each, parts, strict=True)]
     r, c = (np.array(a, int) for a in jacobian.sparsity().get_triplet())
-    below = scatter(r, index[c] if c.size else c, slope.nz[:], (len(links), total))
+    below = scatter(r, index[c] if c.size else c, slope, (len(links), total))
     jac = ca.vertcat(ca.diagcat(*jacobians), below)
     grad = ca.vertcat(*[n.functions["grad_f"](x, p)[1] for n, x in zip(each, parts, strict=True)])
     sigma, lams = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", int(rows[-1]) + len(links))
@@ -155,7 +157,7 @@ def join(model: Links, nlps: dict[str, Nlp]) -> Joined:
     hess = ca.diagcat(*[n.functions["hess_lag"](x, p, sigma, v) for n, x, v in zip(each, parts, own, strict=True)])
     if hessian.nnz():
         r, c = (np.array(a, int) for a in hessian.sparsity().get_triplet())
-        values = curvature(zx, lams[int(rows[-1]) :]).nz[:]
+        values = curvature(zx, lams[int(rows[-1]) :])
         hess = hess + scatter(index[r], index[c], values, (total, total))
     functions = {
         "jac_g": ca.Function("nlp_jac_g", [X, p], [g, jac], ["x", "p"], ["g", "jac_g_x"]),
@@ -168,7 +170,7 @@ def join(model: Links, nlps: dict[str, Nlp]) -> Joined:
     low = np.concatenate([*[n.lbg for n in each], [r.low for r in links]])
     high = np.concatenate([*[n.ubg for n in each], [r.high for r in links]])
     lbx, ubx = np.concatenate([n.lbx for n in each]), np.concatenate([n.ubx for n in each])
-    return Joined(nlps, functions, nlp, lbx, ubx, low, high, links, at, rows)
+    return Joined(nlps, functions, nlp, lbx, ubx, low, high, links, at, rows, model.shared)
 
 
 def _links(model: Links, nlps: dict[str, Nlp], at: np.ndarray) -> tuple[ca.SX, np.ndarray, list[Row]]:
@@ -183,13 +185,13 @@ def _links(model: Links, nlps: dict[str, Nlp], at: np.ndarray) -> tuple[ca.SX, n
         before, after = End(nlps[first], scope, 1.0), End(nlps[second], scope, 0.0)
         ends[first].append(before)
         ends[second].append(after)
-        relations = list(model.links[second](before, after)) if second in model.links else []
+        relations = _written(model.links[second], second, before, after) if second in model.links else []
         written = relation_rows(relations, f"the link to '{second}'", f"link to '{second}'")
         written += _continuity(model, nlps[first], nlps[second], second, before, after)
         old, new = (ca.vertcat(*v) for v in zip(before.values(), after.values(), strict=True))
         for row in written:
             e = ca.substitute([row.expression], [old], [new])[0] if old.numel() else row.expression
-            rows.append(Row(e, row.low, row.high, row.label, row.where))
+            rows.append(replace(row, expression=e))
         (_, tf), (start, _) = before.times(), after.times()
         if not nlps[second].problem.t0.is_constant():
             rows.append(Row(start - tf, 0.0, 0.0, f"'{second}' begins when '{first}' ends", None))
@@ -204,8 +206,17 @@ def _links(model: Links, nlps: dict[str, Nlp], at: np.ndarray) -> tuple[ca.SX, n
     kept = column[first_at.tolist()]
     if len(chosen) < len(where) and rows:
         expressions = ca.substitute([r.expression for r in rows], [column], [kept[inverse.tolist()]])
-        rows = [Row(e, r.low, r.high, r.label, r.where) for e, r in zip(expressions, rows, strict=True)]
+        rows = [replace(r, expression=e) for e, r in zip(expressions, rows, strict=True)]
     return kept, chosen, rows
+
+
+def _written(link: Link, name: str, before: End, after: End) -> list[Any]:
+    """What a link yields. Raises ModelError where it is no list."""
+    found: Any = link(before, after)
+    if not isinstance(found, Iterable):
+        what = "nothing" if found is None else f"one {type(found).__name__}"
+        raise ModelError(f"the link to '{name}' returned {what}; expected a list of relations")
+    return list(found)
 
 
 def _continuity(model: Links, first: Nlp, second: Nlp, name: str, before: End, after: End) -> list[Row]:
@@ -226,8 +237,10 @@ def _continuity(model: Links, first: Nlp, second: Nlp, name: str, before: End, a
         if (index, order) in jump or flat.variables[index].name not in known:
             continue
         state = flat.symbol_name(index, order)
-        difference = (after[state].sx - before[state].sx) / second.problem.x_scale[n]
-        rows.append(Row(difference, 0.0, 0.0, f"{state} continues into '{name}'", flat.variables[index].where))
+        scale = float(second.problem.x_scale[n])
+        difference = (after[state].sx - before[state].sx) / scale
+        label = f"{state} continues into '{name}'"
+        rows.append(Row(difference, 0.0, 0.0, label, flat.variables[index].where, scale))
     return rows
 
 
@@ -235,17 +248,18 @@ def _shared(model: Links, nlps: dict[str, Nlp], ends: dict[str, list[End]]) -> l
     """Free constants of one name with one value."""
     rows = []
     for name in model.shared:
-        owners = [(k, n) for k, n in nlps.items() if any(_is(name, f) for f in n.problem.free_names)]
+        owners = [(k, n) for k, n in nlps.items() if any(is_of(name, f) for f in n.problem.free_names)]
         if len(owners) < 2:
             raise ModelError(f"'{name}' is shared, but {len(owners)} of the phases have such a free constant")
         for (a, first), (b, second) in pairwise(owners):
             for i, own in enumerate(first.problem.free_names):
-                if _is(name, own):
+                if is_of(name, own):
                     j = second.problem.free_names.index(own)
                     p = ca.SX(ends[a][0].P[i] * first.p_scale[i] - ends[b][0].P[j] * second.p_scale[j])
                     rows.append(Row(p, 0.0, 0.0, f"{own} of '{a}' and '{b}'", None))
     return rows
 
 
-def _is(name: str, element: str) -> bool:
+def is_of(name: str, element: str) -> bool:
+    """Is it that constant, or an entry of that vector?"""
     return element == name or element.startswith(f"{name}[")

@@ -15,14 +15,15 @@ from .solve import NotSolved, SolverOptions, solve_nlp
 from .transcription import Transcription
 
 WAVES = 3  # a perturbation is a sum of so many half waves over the horizon: smooth, as motions are
-# optima are one where their costs and their states agree to this part
-SAME_COST, SAME_PATH = 1e-5, 1e-3
+# optima are one where their costs, their states and constants, and their controls agree to this part; the cost tells
+# controls less sharply than the states that they move
+SAME_COST, SAME_PATH, SAME_CONTROL = 1e-5, 1e-3, 1e-2
+NOTHING = 1e-3  # of its room: a constant below this has no size of its own
 
 
 @dataclass(frozen=True, eq=False)
 class Optimum:
-    """One of the optima found: how many starts led there, and how far its states are from the best one's (root mean
-    square over the horizon, in nominals)."""
+    """One of the optima found: how many starts led there, and how far it is from the best one: see distance()."""
 
     solution: Solution
     count: int
@@ -70,13 +71,17 @@ def multi_start(
     """Solve from the guess and from count - 1 perturbations of it.
 
     spread: size of the smooth random change of states and controls, as a part of the room between their bounds (of
-    the nominal where there are none); free constants change by about this part. Raises NotSolved if no start arrives.
+    the nominal where there are none); free constants change by about this part of their value, or of the room between
+    their bounds where these have two signs, or of 1 where the guess is 0. Raises NotSolved if no start arrives.
     """
     if count < 1 or not spread > 0:
         raise ValueError(f"multi_start takes at least one start and a positive spread; found {count} and {spread:g}")
     nlp = problem._with(parameters or {})
     first = problem.first_guess(nlp, guess)
     options = solver or problem.options
+    # costs that differ by less than this part of the guess's are equal, also where the optimal cost is 0
+    floor = abs(float(nlp.nlp(first, [])[0]))
+    floor = floor if np.isfinite(floor) else 0.0
     found: list[tuple[Solution, int]] = []
     failures: list[Solution] = []
     for k in range(count):
@@ -86,8 +91,9 @@ def multi_start(
             failures.append(s)
             continue
         for n, (other, times) in enumerate(found):
-            close = abs(s.objective - other.objective) <= SAME_COST * max(abs(s.objective), abs(other.objective), 1e-12)
-            if close and distance(s, other) <= SAME_PATH:
+            close = abs(s.objective - other.objective) <= SAME_COST * max(abs(s.objective), abs(other.objective), floor)
+            states, controls, constants = _distances(s, other)
+            if close and max(states, constants) <= SAME_PATH and controls <= SAME_CONTROL:
                 found[n] = (min(s, other, key=lambda v: v.objective), times + 1)
                 break
         else:
@@ -101,11 +107,28 @@ def multi_start(
 
 
 def distance(a: Solution, b: Solution) -> float:
-    """Root mean square difference of the states over the horizon, in nominals; of two solutions on one mesh."""
-    layout, end = a.nlp.element.layout, a.nlp.end
-    columns = layout.x.ravel()
-    xa, xb = (s.x[:end].reshape(-1, layout.size)[:, columns] for s in (a, b))
-    return float(np.sqrt(np.mean((xa - xb) ** 2))) if columns.size else 0.0
+    """The largest of: root mean square difference over the horizon, in nominals, of the states and of the controls, and
+    relative difference of a free constant; of two solutions on one mesh."""
+    return max(_distances(a, b))
+
+
+def _distances(a: Solution, b: Solution) -> tuple[float, float, float]:
+    """Of states, of controls and of free constants."""
+    nlp, layout = a.nlp, a.nlp.element.layout
+    ya, yb = (s.x[: nlp.end].reshape(-1, layout.size) for s in (a, b))
+    each = []
+    for columns in (layout.x.ravel(), layout.u.ravel()):
+        each.append(float(np.sqrt(np.mean((ya - yb)[:, columns] ** 2))) if columns.size else 0.0)
+    free = slice(nlp.constants, nlp.constants + len(nlp.problem.free_names))
+    pa, pb, room = a.x[free], b.x[free], _room(nlp, free, np.maximum(np.abs(a.x[free]), np.abs(b.x[free])))
+    size = np.maximum(np.maximum(np.abs(pa), np.abs(pb)), NOTHING * room)
+    return each[0], each[1], float(np.max(np.abs(pa - pb) / size, initial=0.0))
+
+
+def _room(nlp: Nlp, free: slice, size: np.ndarray) -> np.ndarray:
+    """Room between the bounds of free constants, or else their size, or else 1."""
+    room = nlp.ubx[free] - nlp.lbx[free]
+    return np.where(np.isfinite(room) & (room > 0), room, np.where(size > 0, size, 1.0))
 
 
 def _perturbed(nlp: Nlp, x0: np.ndarray, spread: float, rng: np.random.Generator) -> np.ndarray:
@@ -132,5 +155,8 @@ def _perturbed(nlp: Nlp, x0: np.ndarray, spread: float, rng: np.random.Generator
         f = wave(nlp.lbx[column], nlp.ubx[column])
         blocks[:, layout.u[:, j]] += f(places)
     free = slice(nlp.constants, nlp.constants + len(nlp.problem.free_names))
-    x[free] *= np.exp(spread * rng.standard_normal(len(nlp.problem.free_names)))
+    low, high, p, change = nlp.lbx[free], nlp.ubx[free], x[free], spread * rng.standard_normal(len(x[free]))
+    # a factor changes no sign and no zero
+    added = (p == 0.0) | ((low < 0) & (high > 0) & np.isfinite(high - low))
+    x[free] = np.where(added, p + change * _room(nlp, free, np.abs(p)), p * np.exp(change))
     return np.clip(x, nlp.lbx, nlp.ubx)

@@ -13,6 +13,7 @@ import numpy as np
 
 from ..compiler.sparse import nonzeros, stacked
 from ..lang.source import ModelError
+from .compiled import compiled
 from .delays import DelayRows, delay_rows
 from .dynamic import DynamicProblem
 from .element import Element, Layout, make_element, value_at
@@ -37,6 +38,7 @@ class Nlp:
     ubg: np.ndarray
     p_scale: np.ndarray
     linear_names: list[str]
+    compile_seconds: float | None = None  # None: CasADi's virtual machine evaluates the elements
 
     @property
     def size(self) -> int:
@@ -84,8 +86,8 @@ def placed(nlp: Nlp, x: np.ndarray) -> Mesh:
     return replace(mesh, lengths=tuple(h.tolist()), length_ratio=None)
 
 
-def make_nlp(problem: DynamicProblem, mesh: Mesh) -> Nlp:
-    """Transcribe a dynamic problem on a mesh."""
+def make_nlp(problem: DynamicProblem, mesh: Mesh, machine_code: bool = False) -> Nlp:
+    """Transcribe a dynamic problem on a mesh; machine_code: compile the element functions. Raises CompilerMissing."""
     element = make_element(problem, mesh)
     n, m, N = element.layout.size, element.rows.numel(), mesh.elements
     nx, nP = element.layout.nl, problem.P.numel()
@@ -111,11 +113,14 @@ def make_nlp(problem: DynamicProblem, mesh: Mesh) -> Nlp:
     HyP = ca.densify(ca.jacobian(grad, P))
     HPP = ca.densify(ca.hessian(L, P)[0]) if nP else ca.SX(0, 0)
     args = [y, P, d]
-    e_g = _function("e_g", args, [rows, cost], N)
-    e_j = _function("e_j", args, [rows, stacked(nonzeros(J)), JP], N)
-    nz_Hyy = stacked(nonzeros(Hyy))
-    e_h = _function("e_h", [*args, lam_f, lam], [nz_Hyy, HyP, HPP], N)
-    e_d = _function("e_d", args, [cost, ca.densify(ca.jacobian(cost, y)), ca.densify(ca.jacobian(cost, P))], N)
+    one = [
+        _function("e_g", args, [rows, cost]),
+        _function("e_j", args, [rows, stacked(nonzeros(J)), JP]),
+        _function("e_h", [*args, lam_f, lam], [stacked(nonzeros(Hyy)), HyP, HPP]),
+        _function("e_d", args, [cost, ca.densify(ca.jacobian(cost, y)), ca.densify(ca.jacobian(cost, P))]),
+    ]
+    one, compile_seconds = compiled(one) if machine_code else (one, None)
+    e_g, e_j, e_h, e_d = (f.map(N) for f in one)
     point = _points(problem, mesh, element, p_scale)
     z = X[point.index.tolist()] if point.index.size else ca.MX(0, 1)
     mc = len(problem.points)
@@ -156,7 +161,7 @@ def make_nlp(problem: DynamicProblem, mesh: Mesh) -> Nlp:
     lbg = np.concatenate([np.tile(element.low, N), [r.low for r in problem.points], delays.value])
     ubg = np.concatenate([np.tile(element.high, N), [r.high for r in problem.points], delays.value])
     _step_bounds(problem, mesh, element.layout, m, lbg, ubg)
-    return Nlp(problem, mesh, element, functions, nlp, lbx, ubx, lbg, ubg, p_scale, delays.names)
+    return Nlp(problem, mesh, element, functions, nlp, lbx, ubx, lbg, ubg, p_scale, delays.names, compile_seconds)
 
 
 def _check_names(problem: DynamicProblem, mesh: Mesh) -> None:
@@ -181,8 +186,8 @@ def _step_bounds(problem: DynamicProblem, mesh: Mesh, layout: Layout, m: int, lb
             lbg[row], ubg[row] = -most, most
 
 
-def _function(name: str, args: list[ca.SX], out: list[ca.SX], count: int) -> ca.Function:
-    return ca.Function(name, args, ca.cse(out)).map(count)
+def _function(name: str, args: list[ca.SX], out: list[ca.SX]) -> ca.Function:
+    return ca.Function(name, args, ca.cse(out))
 
 
 def _link(X: ca.MX, n: int, m: int, nx: int, N: int) -> ca.MX:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from .finite import not_finite
 from .guess import initial_guess
 from .ipopt import Multipliers, Progress, Run, run_ipopt
 from .linking import Joined, Link, join
+from .magnitude import objective_scale
 from .mesh import Mesh
 from .nlp import Nlp, make_nlp
 from .problem import build
@@ -67,6 +68,7 @@ class PhasesSolution:
     """Result of solving Phases: a Solution for each phase, by name, and the whole.
 
     A phase's own Solution has the whole's status and message, and its own share of the cost and of the multipliers.
+    `link_multipliers`: by the name of each link's row, in SI units and IPOPT's sign.
     """
 
     status: SolveStatus
@@ -76,6 +78,10 @@ class PhasesSolution:
     phases: dict[str, Solution]
     link_multipliers: dict[str, float]
     seconds: dict[str, float]
+    joined: Joined
+    x: np.ndarray
+    multipliers: np.ndarray
+    bound_multipliers: np.ndarray
 
     def __getitem__(self, name: str) -> Solution:
         return self.phases[name]
@@ -101,6 +107,8 @@ def solve_phases(
             f"gt.solve_phases takes gt.Phases; found {type(model).__name__}; one phase is solved by gt.solve"
         )
     options = solver or SolverOptions()
+    if options.solver != "ipopt":
+        raise ModelError(f"linked phases are solved by solver 'ipopt' only; found '{options.solver}'")
     nlps: dict[str, Nlp] = {}
     for given, what in ((mesh, "mesh"), (guess, "guess")):
         for name in given if isinstance(given, Mapping) else ():
@@ -109,12 +117,13 @@ def solve_phases(
     for name, phase in model.phases.items():
         own = mesh if isinstance(mesh, Mesh) else (mesh or {}).get(name, Mesh())
         problem = build(phase, options.formulation, options.prefer, branches)
-        nlps[name] = make_nlp(problem, own)
+        nlps[name] = make_nlp(problem, own, options.compile)
         check_equalities(problem, nlps[name].element)
     joined = join(model, nlps)
     earlier = guess.phases if isinstance(guess, PhasesSolution) else guess or {}
     x0 = np.concatenate([initial_guess(nlp, earlier.get(name)) for name, nlp in nlps.items()])
-    run = run_ipopt(joined, x0, options, progress)
+    scale = objective_scale(joined, x0, [m for n in nlps.values() for m in n.problem.misfits])
+    run = run_ipopt(joined, x0, options, progress, scale=scale)
     return _read(joined, run, throw)
 
 
@@ -134,10 +143,13 @@ def _read(joined: Joined, run: Run, throw: bool) -> PhasesSolution:
         multipliers = Multipliers(run.multipliers.rows[rows], run.multipliers.bounds[columns])
         cost = float(nlp.nlp(x, [])[0])
         own = Run(x, run.g[rows], cost, multipliers, run.iterations, status, run.word, run.seconds)
-        solutions[name] = read_solution(nlp, own, status, message)
-    values = run.multipliers.rows[joined.rows[-1] :]
+        solutions[name] = replace(read_solution(nlp, own, status, message), linked=True)
+    values = run.multipliers.rows[joined.rows[-1] :] / np.array([r.scale for r in joined.links])
     links = dict(zip((r.label for r in joined.links), values.tolist(), strict=True))
-    solution = PhasesSolution(status, message, run.objective, run.iterations, solutions, links, run.seconds)
+    solution = PhasesSolution(
+        status, message, run.objective, run.iterations, solutions, links, run.seconds, joined, run.x,
+        run.multipliers.rows, run.multipliers.bounds,
+    )  # fmt: skip
     if throw and not status.ok:
         raise NotSolved(solution)
     return solution

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.polynomial import legendre
 
-from ..lang.optimization import Optimization
+from ..lang.optimization import Delayed, Optimization
+from ..lang.source import ModelError
 from .mesh import Mesh
 from .nlp import placed
 from .resimulate import System
@@ -45,7 +46,8 @@ class Refinement:
 
     @property
     def reached(self) -> bool:
-        return bool(self.errors.max() <= self.tolerance)
+        """Was it solved, with an error below the tolerance everywhere?"""
+        return self.solution.status.ok and bool(self.errors.max() <= self.tolerance)
 
     def __str__(self) -> str:
         lines = ["pass  elements       error  split  merged  iterations  objective"]
@@ -61,6 +63,8 @@ def element_errors(solution: Solution) -> np.ndarray:
     """Error estimate (elements,): int |x' - f(x, u)| dt over each element, off the collocation points, of the worst
     state, in nominals. Algebraic unknowns without a closed form are solved for at each of these instants."""
     nlp, problem = solution.nlp, solution.problem
+    if not np.all(np.isfinite(solution.x)):  # of a failed solve
+        return np.full(nlp.mesh.elements, np.inf)
     mesh = placed(nlp, solution.x)
     points, weights = legendre.leggauss(mesh.points + EXTRA)
     points, weights = (points + 1) / 2, weights / 2
@@ -101,19 +105,24 @@ def refine(
 
     Each pass starts from the last solution; `options` are those of solve(). Elements are split into up to four,
     and neighbours far below the tolerance are merged. It ends after `passes` solves or at `most_elements` too; see
-    `reached`. Raises what solve() raises, and ValueError for a tolerance that is not positive or a mesh with blocks.
+    `reached`. With throw=False a pass that fails ends it too, with the last solution of all and a message that names
+    the pass. A model with a delayed input is refused: its mesh edges follow the delay. Raises what solve() raises, and
+    ValueError for a tolerance that is not positive or a mesh with blocks.
     """
     if not tolerance > 0:
         raise ValueError(f"the tolerance of refine() is positive; found {tolerance:g}")
     mesh = mesh or Mesh(10)
     if mesh.blocks is not None:
         raise ValueError("refine() splits elements, and blocks count them; leave out blocks")
-    solution = solve(model, mesh, **options)
+    _refuse_delays(model)
+    throw = bool(options.pop("throw", True))
+    solution = solve(model, mesh, throw=throw, **options)
     history: list[Pass] = []
-    options.pop("throw", None)
     while True:
         errors = element_errors(solution)
         last = Pass(len(errors), float(errors.max()), solution.objective, solution.iterations)
+        if not solution.status.ok:
+            return Refinement(solution, errors, (*history, last), tolerance)
         lengths, split, merged = _next_lengths(placed(solution.nlp, solution.x), errors, tolerance, merge)
         done = last.error <= tolerance or len(history) + 1 >= passes or len(lengths) > most_elements
         history.append(last if done else replace(last, split=split, merged=merged))
@@ -121,12 +130,22 @@ def refine(
             return Refinement(solution, errors, tuple(history), tolerance)
         options["guess"] = solution
         finer = replace(mesh, elements=len(lengths), lengths=tuple(lengths))
-        try:
-            solution = solve(model, finer, **options)
-        except NotSolved as failed:
-            raise NotSolved(
-                replace(failed.solution, message=f"pass {len(history) + 1} of refine(): {failed.solution.message}")
-            ) from None
+        solution = solve(model, finer, throw=False, **options)
+        if not solution.status.ok:
+            message = f"pass {len(history) + 1} of refine(): {solution.message}"
+            solution = replace(solution, message=message)
+            if throw:
+                raise NotSolved(solution)
+
+
+def _refuse_delays(model: Optimization) -> None:
+    """Raises ModelError for a model with delayed inputs."""
+    late = [n for n, item in getattr(type(model), "_declared", {}).items() if isinstance(item, Delayed)]
+    if late:
+        raise ModelError(
+            f"{type(model).__name__}: refine() moves mesh edges, and those of '{late[0]}' must fit its delay; solve on "
+            "a finer mesh with gt.solve"
+        )
 
 
 def _next_lengths(mesh: Mesh, errors: np.ndarray, tolerance: float, merge: bool) -> tuple[list[float], int, int]:

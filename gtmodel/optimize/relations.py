@@ -17,13 +17,14 @@ from ..lang.source import ModelError, SourceLocation
 
 @dataclass(eq=False)
 class Row:
-    """One scalar constraint with its name and the line that wrote it."""
+    """One scalar constraint with its name and the line that wrote it; `scale` is the SI size of one of its units."""
 
     expression: ca.SX
     low: float
     high: float
     label: str
     where: SourceLocation | None
+    scale: float = 1.0
 
 
 def relations(source: Iterable[Any] | None, flat: FlatModel) -> list[Row]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -50,6 +51,7 @@ class Solution:
     seconds: dict[str, float]
     checks: dict[str, Check] = field(default_factory=dict)
     bound_multipliers: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    linked: bool = False  # one of several phases: its rows are not all that hold it
 
     def with_checks(self, **checks: Check) -> Solution:
         return replace(self, checks={**self.checks, **checks})
@@ -77,29 +79,37 @@ class Solution:
     def multiplier(self, name: str) -> np.ndarray | float:
         """Multipliers of a constraint in SI units, in IPOPT's sign: cost per unit by which its row is raised.
 
-        name: the beginning of a row's name, which `multiplier_names` lists: a number for a point constraint,
-        (elements,) for the continuity of a state ("continuity of x": the costate at the element's end),
-        (elements, points) for what holds along the path. Divided by quadrature weight times element length, the last
-        approach the multiplier functions of time. Raises KeyError with the names.
+        name: whole words that begin a row's name, which `multiplier_names` lists ("constraint 1" is not the tenth): a
+        number for a point constraint, (elements,) for the continuity of a state ("continuity of x": the costate at
+        the element's end), (elements, points) for what holds along the path; with a last axis for the entries of a
+        vector. Divided by quadrature weight times element length, those along the path approach the multiplier
+        functions of time. Raises KeyError with the names.
         """
         nlp = self.nlp
         m, N = nlp.element.rows.numel(), nlp.mesh.elements
-        for n, row in enumerate(self.problem.points):
-            if row.label.startswith(name):
-                return float(self.multipliers[m * N + n])
-        rows = [r for r, (label, _) in enumerate(nlp.element.row_names) if label.startswith(name)]
-        labels = {nlp.element.row_names[r][0] for r in rows}
-        if len(labels) != 1:
-            raise KeyError(f"{len(labels)} rows begin with '{name}'; there are {', '.join(self.multiplier_names)}")
-        values = self.multipliers[: m * N].reshape(N, m)[:, rows] / self._row_scale(rows)
-        return values[:, 0] if nlp.element.row_names[rows[0]][1] < 0 else values
+        label = _chosen(name, self.multiplier_names)
+        points = [n for n, row in enumerate(self.problem.points) if row.label in label]
+        if points:
+            values = self.multipliers[m * N + np.array(points)]
+            return float(values[0]) if len(points) == 1 else values
+        rows = [r for r, (own, _) in enumerate(nlp.element.row_names) if own in label]
+        instants = list(dict.fromkeys(nlp.element.row_names[r][1] for r in rows))
+        # entries of a vector stand side by side at each point
+        rows.sort(key=lambda r: instants.index(nlp.element.row_names[r][1]))
+        values = self.multipliers[: m * N].reshape(N, m)[:, rows] / self._row_scale()[rows]
+        values = values.reshape(N, len(instants), -1)
+        values = values[:, 0] if instants == [-1] else values
+        return values[..., 0] if values.shape[-1] == 1 else values
 
-    def _row_scale(self, rows: list[int]) -> np.ndarray:
+    def _row_scale(self) -> np.ndarray:
+        """SI size of one unit of each row of an element, in their order: see element.make_element."""
         problem, layout = self.problem, self.nlp.element.layout
-        known = dict(zip(problem.algebraic_labels, problem.algebraic_scale, strict=True))
-        known |= dict(zip((f"rate of {n}" for n in problem.state_names), problem.x_scale, strict=True))
-        names = self.nlp.element.row_names
-        return np.array([layout.scale[r] if r < layout.nl else known.get(names[r][0], 1.0) for r in rows])
+        with_rate = [n for n, r in enumerate(problem.rates) if r is not None]
+        each = np.concatenate([problem.x_scale[with_rate], problem.algebraic_scale])
+        scale = np.ones(self.nlp.element.rows.numel())
+        scale[: layout.nl] = layout.scale[layout.left]
+        scale[layout.nl : layout.nl + len(each) * self.nlp.mesh.points] = np.tile(each, self.nlp.mesh.points)
+        return scale
 
     @property
     def multiplier_names(self) -> tuple[str, ...]:
@@ -111,7 +121,9 @@ class Solution:
         """Multipliers (elements, points) of the bounds of a state, control or algebraic variable at the collocation
         points (of a control's coefficients, where it is no polynomial), in SI units; positive at an upper bound.
 
-        Raises KeyError with the names.
+        What two elements share counts once, at the end of the earlier one: a linear control's first coefficient has 0
+        in all elements but the first. A state that is given at the end of the horizon has no bound there. Raises
+        KeyError with the names.
         """
         problem, layout = self.problem, self.nlp.element.layout
         columns = dict(zip(problem.state_names, layout.x.T, strict=True))
@@ -120,7 +132,29 @@ class Solution:
         if name not in columns:
             raise KeyError(f"'{name}' has no bounds of its own; there are {', '.join(columns)}")
         values = self.bound_multipliers[: self.nlp.end].reshape(-1, layout.size)
-        return values[:, columns[name]] / layout.scale[columns[name]]
+        found = values[:, columns[name]] / layout.scale[columns[name]]
+        twin = self._twin(name, int(columns[name][-1]))
+        if twin is not None:
+            # an element's end and the next one's left are one quantity with two bounds
+            scale, end = layout.scale[twin], self.nlp.end + twin
+            if twin not in columns[name]:
+                found[:-1, -1] += values[1:, twin] / scale
+            elif len(columns[name]) > 1:
+                found[:-1, -1] += found[1:, 0]
+                found[1:, 0] = 0.0
+            if self.nlp.lbx[end] < self.nlp.ubx[end]:
+                found[-1, -1] += self.bound_multipliers[end] / scale
+        return found
+
+    def _twin(self, name: str, last: int) -> int | None:
+        """Where the next element holds again what is `last` in this one; None where nothing is shared."""
+        problem, layout, mesh = self.problem, self.nlp.element.layout, self.nlp.mesh
+        if name in problem.state_names:
+            ends = mesh.table.points[-1] == 1.0
+            return int(layout.left[problem.state_names.index(name)]) if ends else None
+        if name in problem.control_names and layout.carried.size:
+            return int(layout.carried[problem.control_names.index(name)])
+        return None
 
     @property
     def final_time(self) -> float:
@@ -130,6 +164,15 @@ class Solution:
     def sample(self, s: np.ndarray) -> Trajectory:
         """The collocation polynomials at fractions s of the horizon (increasing), with every named quantity."""
         return evaluate(self.nlp, self.x, np.asarray(s, float))
+
+
+def _chosen(name: str, labels: tuple[str, ...]) -> set[str]:
+    """Labels of the row, or of the entries of the vector, that a name begins. Raises KeyError."""
+    found = [n for n in labels if n == name]
+    found = found or [n for n in labels if n.startswith(name) and not re.match(r"[\w.]", n[len(name) :])]
+    if len({re.sub(r"\[\d+(?:, ?\d+)*\]", "", n[len(name) :]) for n in found}) != 1:
+        raise KeyError(f"{len(found)} rows begin with '{name}'; there are {', '.join(labels)}")
+    return set(found)
 
 
 def read_solution(nlp: Nlp, run: Run, status: SolveStatus, message: str) -> Solution:
@@ -229,13 +272,18 @@ def _outputs(problem: DynamicProblem) -> tuple[list[tuple[str, Any, int, str]], 
         return problem.outputs
     flat = problem.flat
     entries: list[tuple[str, tuple[int, ...], list[tuple[int, int]]]] = []
-    for name, (shape, indices) in flat.groups.items():
-        if name.count(".") <= 1 and len(shape) < 2:
-            entries.append((name, shape, [(i, 0) for i in indices]))
     states = set(problem.state_pairs)
+    groups: list[tuple[str, tuple[int, ...], list[int]]] = []
     for name, (shape, indices) in flat.groups.items():
-        for order in (1, 2):
-            if len(shape) < 2 and name.count(".") <= 1 and all(_known(problem, states, i, order) for i in indices):
+        if name.count(".") > 1:
+            continue
+        if len(shape) < 2:
+            groups.append((name, shape, list(indices)))
+        else:  # a Trajectory holds vectors: the entries of a matrix stand by themselves, as simulate() records them
+            groups += [(flat.variables[i].name, (), [i]) for i in indices]
+    for order in (0, 1, 2):
+        for name, shape, indices in groups:
+            if order == 0 or all(_known(problem, states, i, order) for i in indices):
                 entries.append((derivative_name(name, order), shape, [(i, order) for i in indices]))
     builder = problem.builder
     expressions = builder.express([flat.scope.symbol(i, k) for _, _, pairs in entries for i, k in pairs])

@@ -19,6 +19,7 @@ from .equalities import check_equalities
 from .fatrop import Staged
 from .guess import initial_guess
 from .ipopt import HESSIANS, Multipliers, Progress, Run, run_ipopt
+from .magnitude import objective_scale
 from .mesh import Mesh
 from .nlp import Nlp, make_nlp
 from .problem import FORMULATIONS, build
@@ -42,6 +43,9 @@ class SolverOptions:
         hessian: "exact", or "lbfgs" from gradients alone.
         solver: "ipopt"; or "fatrop", where states alone link the elements (no free constants, a horizon that is given),
             without progress and time limit.
+        compile: evaluate the elements by machine code instead of CasADi's virtual machine: the same optimum, and a
+            second or two of the C compiler at the first solve, which `seconds["compile"]` shows. The library is kept
+            in $GTMODEL_CACHE, by default ~/.cache/gtmodel. For problems that are solved again and again.
 
     Raises ValueError for a number out of range or an unknown word.
     """
@@ -53,6 +57,7 @@ class SolverOptions:
     prefer: tuple[str, ...] = ()
     hessian: Literal["exact", "lbfgs"] = "exact"
     solver: Literal["ipopt", "fatrop"] = "ipopt"
+    compile: bool = False
 
     def __post_init__(self) -> None:
         if not 0 < self.tolerance < 1:
@@ -64,8 +69,8 @@ class SolverOptions:
         for name, words in (("formulation", FORMULATIONS), ("hessian", HESSIANS), ("solver", SOLVERS)):
             if getattr(self, name) not in words:
                 raise ValueError(f"{name} is one of {', '.join(words)}; found '{getattr(self, name)}'")
-        if self.solver == "fatrop" and (self.hessian != "exact" or self.max_seconds is not None):
-            raise ValueError("fatrop takes the exact hessian and no max_seconds; use solver 'ipopt'")
+        if self.solver == "fatrop" and (self.hessian != "exact" or self.max_seconds is not None or self.compile):
+            raise ValueError("fatrop takes the exact hessian, no max_seconds and no compile; use solver 'ipopt'")
 
 
 class NotSolved(RuntimeError):
@@ -100,7 +105,8 @@ def solve(
         method: "shooting" integrates the equations with CVODES on each element instead (explicit form, Radau points,
             L-BFGS): slower, but without collocation's error.
 
-    Raises ModelError for a wrong problem and NotSolved (with the best iterate) unless throw is False.
+    Raises ModelError for a wrong problem, NotSolved (with the best iterate) unless throw is False, and CompilerMissing
+    where machine code is wanted and cannot be made.
     """
     if not isinstance(model, Model) and not isinstance(model, type):
         raise ModelError(
@@ -114,10 +120,12 @@ def solve(
     shooting = method == "shooting"
     form = "explicit" if shooting and options.formulation == "auto" else options.formulation
     problem = build(model, form, options.prefer, branches)
-    nlp = make_nlp(problem, mesh)
+    nlp = make_nlp(problem, mesh, options.compile and not shooting)
     check_equalities(problem, nlp.element)
     x0 = initial_guess(nlp, guess)
     if shooting:
+        if options.solver != "ipopt":
+            raise ModelError(f"{problem.flat.title}: shooting takes solver 'ipopt' only; found '{options.solver}'")
         return _answer(nlp, run_shooting(nlp, x0, options, progress), throw)
     return solve_nlp(nlp, x0, options, progress, throw)
 
@@ -131,12 +139,12 @@ def solve_nlp(
     warm: Multipliers | None = None,
 ) -> Solution:
     """Run IPOPT on a transcribed problem from scaled unknowns x0."""
+    scale = objective_scale(nlp, x0, nlp.problem.misfits)
     if options.solver == "fatrop":
-        staged = Staged(nlp)
+        staged = Staged(nlp, scale)
         run = run_ipopt(staged, x0, options)
-        turned = Multipliers(run.multipliers.rows * staged.signs, run.multipliers.bounds)
-        return _answer(nlp, replace(run, g=run.g * staged.signs, multipliers=turned), throw)
-    return _answer(nlp, run_ipopt(nlp, x0, options, progress, warm), throw)
+        return _answer(nlp, staged.turned(run), throw)
+    return _answer(nlp, run_ipopt(nlp, x0, options, progress, warm, scale), throw)
 
 
 def _answer(nlp: Nlp, run: Run, throw: bool) -> Solution:
@@ -144,6 +152,8 @@ def _answer(nlp: Nlp, run: Run, throw: bool) -> Solution:
     status, message = run.status, sentence(run, nlp)
     if status.ok and (astray := wrong_branch(nlp, run.x)):
         status, message = SolveStatus.FAILED, astray
+    if nlp.compile_seconds is not None:
+        run = replace(run, seconds={**run.seconds, "compile": nlp.compile_seconds})
     solution = read_solution(nlp, run, status, message)
     if throw and not status.ok:
         raise NotSolved(solution)

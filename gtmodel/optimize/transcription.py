@@ -203,6 +203,6 @@ def transcribe(
             names[name] = elements
     tunable = tuple(e for n in names.values() for e in n)
     problem = build(model, options.formulation, options.prefer, branches, tunable)
-    nlp = make_nlp(problem, mesh or Mesh())
+    nlp = make_nlp(problem, mesh or Mesh(), options.compile)
     check_equalities(problem, nlp.element)
     return Transcription(model, nlp, names, options)

@@ -25,6 +25,31 @@ def test_lagrange_is_mayer(mesh):
     assert cost(problems.VanDerPolMayer(), mesh) == pytest.approx(cost(problems.VanDerPol(), mesh), rel=SOLVER)
 
 
+class FreeIntegral(problems.VanDerPolTime):
+    """Time and energy, the time itself in the integrand, on a horizon that is free."""
+
+    def objective(self):
+        return self.final_time + gt.integral(self.time * self.u**2 / 10)
+
+
+class FreeMayer(FreeIntegral):
+    """The integral as a state."""
+
+    cost = gt.variable(start=0.0, fixed=True)
+
+    def equations(self):
+        yield from super().equations()
+        yield der(self.cost) == self.time * self.u**2 / 10
+
+    def objective(self):
+        return self.final_time + self.cost.at(self.final_time)
+
+
+@pytest.mark.parametrize("mesh", [Mesh(20, 3), Mesh(15, 2, "gauss", control="linear", lengths=tuple(range(1, 16)))])
+def test_lagrange_is_mayer_on_a_free_horizon(mesh):
+    assert cost(FreeMayer(), mesh) == pytest.approx(cost(FreeIntegral(), mesh), rel=SOLVER)
+
+
 class TestBounds:
     """u <= 0.75 in five ways: all of them act at the collocation points."""
 
@@ -261,6 +286,35 @@ class TestFormulation:
         assert solve(Lever(), Mesh(4, 2), solver=SolverOptions(prefer=("hand",))).problem.state_names == [
             "hand", "der(hand)"
         ]  # fmt: skip
+
+
+class TestEliminated:
+    """The oscillator with its damping and its force as variables of their own, and with nothing eliminated."""
+
+    class Named(problems.VanDerPolPath):
+        damping = gt.variable()
+        force = gt.variable()
+        room = gt.variable(min=0.0)
+
+        def equations(self):
+            yield self.damping == 1 - self.x2**2
+            yield self.force == self.damping * self.x1 - self.x2 + self.u
+            yield der(self.x1) == self.force
+            yield der(self.x2) == self.x1
+            yield self.room == 0.1 + self.x1**2 * self.x2**2 - self.u**4
+
+        def constraints(self):
+            return iter(())
+
+    @pytest.mark.parametrize("formulation, free", [("explicit", 0), ("dae", 2)])
+    def test_optimum(self, formulation, free):
+        """The path constraint is the bound of a variable: a row where it is eliminated, a bound where it is kept.
+
+        Equal names are always eliminated: the force is the rate of x1.
+        """
+        s = solve(self.Named(), Mesh(20, 3), solver=SolverOptions(formulation=formulation))
+        assert len(s.problem.z_pairs) == free and len(s.problem.path) == (0 if free else 1)
+        assert s.objective == pytest.approx(cost(problems.VanDerPolPath()), rel=SOLVER)
 
 
 class TestOrderOfDeclaration:

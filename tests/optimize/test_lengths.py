@@ -136,3 +136,16 @@ class TestRefine:
         with pytest.raises(ValueError, match="blocks count them"):
             blocks = gt.Blocks(sizes=(1, 1))
             refine(problems.VanDerPol(), Mesh(2, 2, control="constant", blocks=blocks), tolerance=1.0)
+
+
+@pytest.mark.parametrize("control", ["polynomial", "linear"])
+def test_after_refinement_constraints_hold_between_the_nodes(control):
+    r = refine(problems.StateConstraint(), Mesh(10, 3, control=control), tolerance=1e-6)
+    run = resimulate(r.solution)
+    t, x2 = run.trajectory.time, run.trajectory["x2"]
+    reach = np.ptp(8 * (t - 0.5) ** 2 - 0.5 - x2)
+    assert "constraint 1" in run.violated
+    assert run.violation <= 1e-4 * reach
+    if control == "linear":
+        low, high = run.control_range["u"]
+        assert -20 - 1e-9 <= low <= high <= 20 + 1e-9

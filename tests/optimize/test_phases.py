@@ -156,6 +156,35 @@ def test_multipliers_of_links_are_slopes_of_the_cost():
     assert s.link_multipliers[name] == pytest.approx(-slope, rel=1e-4)
 
 
+def test_one_row_links_two_phases_and_its_multiplier_has_si_units():
+    """x' = u to x(2) = 200 costs 2 (x(1)^2) at best: the costate where phases meet is 2 u = 200."""
+
+    class First(gt.Optimization):
+        x = gt.variable(start=0.0, fixed=True, nominal=100.0)
+        u = gt.input(nominal=100.0)
+        final_time = 1.0
+
+        def equations(self):
+            yield der(self.x) == self.u
+
+        def objective(self):
+            return gt.integral(self.u**2)
+
+    class Second(First):
+        x = gt.variable(start=0.0, nominal=100.0)
+        start_time = 1.0
+        final_time = 2.0
+
+        def constraints(self):
+            yield self.x.at(2.0) == 200.0
+
+    s = solve_phases(Phases({"a": First(), "b": Second()}), Mesh(4))
+    assert s.objective == pytest.approx(2e4, rel=SOLVER)
+    assert s.link_multipliers["x continues into 'b'"] == pytest.approx(200.0, rel=SOLVER)
+    jump = Phases({"a": First(), "b": Second()}, free={"b": ["x"]}, links={"b": lambda p, q: [p.x == q.x]})
+    assert list(solve_phases(jump, Mesh(4)).link_multipliers.values()) == pytest.approx([-200.0], rel=SOLVER)
+
+
 def test_failure_names_phase_element_and_time():
     class Far(Rise):
         def constraints(self):
@@ -189,6 +218,18 @@ WRONG = {
     "no relation": (
         lambda: solve_phases(Phases({"a": Fall(), "b": Rise()}, links={"b": lambda x, y: [x.v]})),
         "the link to 'b' yielded Expr, which is no relation",
+    ),
+    "a link without relations": (
+        lambda: solve_phases(Phases({"a": Fall(), "b": Rise()}, links={"b": lambda x, y: None})),
+        "the link to 'b' returned nothing; expected a list of relations",
+    ),
+    "a link of one relation": (
+        lambda: solve_phases(Phases({"a": Fall(), "b": Rise()}, links={"b": lambda x, y: x.v == y.v})),
+        "the link to 'b' returned one Relation; expected a list",
+    ),
+    "another solver": (
+        lambda: solve_phases(bounce(0.5), Mesh(3), solver=SolverOptions(solver="fatrop")),
+        "linked phases are solved by solver 'ipopt' only; found 'fatrop'",
     ),
     "mesh of no phase": (lambda: solve_phases(bounce(0.5), {"up": Mesh()}), "no phase 'up' for a mesh; phases are"),
     "nothing shared": (

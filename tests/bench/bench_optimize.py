@@ -1,0 +1,207 @@
+"""Time-optimal motion of the L1 prototype: gtmodel's collocation beside plain CasADi, rockit and Pyomo.dae.
+
+Prints Markdown. One process, one thread, processor times, runs interleaved, medians; all roads have the same points,
+guess, tolerance and IPOPT options, and a ratio is given only where the optimum is the same to SAME. Ends with 1 where a
+ratio misses its target. A rival that is not installed (`pip install '.[bench]'`) is named in a sentence and left out.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import importlib.util
+import multiprocessing
+import os
+import sys
+import tempfile
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from statistics import median
+
+from gtmodel.cgen import toolchain
+from tests.bench.rivals.gtmodel_road import compile_seconds, declared, solve_blocks
+from tests.bench.rivals.l1_by_hand import Motion
+from tests.bench.rivals.plain_casadi import solve_mx, solve_sx
+from tests.bench.rivals.timing import Result
+from tests.bench.rivals.with_pyomo import solve_pyomo
+from tests.bench.rivals.with_rockit import solve_rockit
+
+ELEMENTS, WEIGHTS, RUNS = 50, (0.0, 0.001, 0.01), 5
+MESHES = (25, 50, 100, 200, 400)
+SAME = 1e-4  # relative, of the cost: two local optima lie nearer than a road's own error only by chance
+# issue 5: (rival, ours) -> at least
+TARGETS = {("SX", "vm"): 1.8, ("rockit", "vm constant"): 4.0, ("SX", "C"): 2.5, ("rockit", "C constant"): 6.0}
+SETUP_TARGET = 20.0
+TITLES = {
+    "vm": "gtmodel, virtual machine",
+    "C": "gtmodel, compiled C",
+    "SX": "plain CasADi, SX",
+    "MX": "CasADi, MX map of an SX element",
+    "pyomo": "Pyomo.dae, lifted by hand",
+    "vm constant": "gtmodel, constant force, virtual machine",
+    "C constant": "gtmodel, constant force, compiled C",
+    "rockit": "rockit, constant force",
+}
+RIVALS = {
+    "vm": ("SX", "MX", "pyomo"),
+    "C": ("SX", "MX", "pyomo"),
+    "vm constant": ("rockit",),
+    "C constant": ("rockit",),
+}
+Road = Callable[[int], Result]
+
+
+def roads(motion: Motion) -> dict[str, Road]:
+    """Everyone's road from the number of elements to a result."""
+    model = declared(motion)
+    found: dict[str, Road] = {}
+    for control, suffix in (("polynomial", ""), ("constant", " constant")):
+        for name, machine_code in (("vm", False), ("C", True)):
+            if machine_code and isinstance(toolchain.find(), str):
+                continue
+            found[name + suffix] = partial(_ours, motion, model, control, machine_code)
+    found |= {"SX": partial(solve_sx, motion), "MX": partial(solve_mx, motion)}
+    for module, name, road in (("pyomo", "pyomo", solve_pyomo), ("rockit", "rockit", solve_rockit)):
+        if importlib.util.find_spec(module):
+            found[name] = partial(road, motion)
+    return found
+
+
+def _ours(motion: Motion, model, control: str, machine_code: bool, elements: int) -> Result:
+    return solve_blocks(motion, model, elements, control, machine_code)
+
+
+@contextlib.contextmanager
+def quiet():
+    """Solvers write where Python does not see it; their last words come where something fails."""
+    sys.stdout.flush()
+    with tempfile.TemporaryFile() as sink:
+        kept = os.dup(1), os.dup(2)
+        for to in (1, 2):
+            os.dup2(sink.fileno(), to)
+        try:
+            yield
+        finally:
+            sys.stdout.flush()
+            for to, fd in zip((1, 2), kept, strict=True):
+                os.dup2(fd, to)
+                os.close(fd)
+
+
+def spread(values: list[float]) -> str:
+    return f"{median(values):.2f} ({min(values):.2f}-{max(values):.2f})"
+
+
+def compare(weight: float, runs: int, met: dict[tuple[str, str], list[float]]) -> None:
+    """One table: all roads at one weight of the energy."""
+    motion = Motion(weight)
+    assert len(motion.guess.time)  # robot and guess are made before any clock runs
+    model_seconds = compile_seconds(motion)
+    found: dict[str, list[Result]] = {}
+    with quiet():
+        all_roads = roads(motion)
+        compiled = sum(all_roads[name](ELEMENTS).compile for name in ("C", "C constant") if name in all_roads)
+        for _ in range(runs):
+            for name, road in all_roads.items():
+                found.setdefault(name, []).append(road(ELEMENTS))
+    columns = ("cost", "iterations", "set-up [s]", "solve [s]", "total [s]", "over vm", "over C")
+    print(f"\n| weight {weight:g}, {ELEMENTS} elements | {' | '.join(columns)} |")
+    print("|---|---:|---:|---:|---:|---:|---:|---:|")
+    for name in [n for n in TITLES if n in found]:
+        results, cells = found[name], []
+        for own in ("vm", "C"):
+            ours = next((o for o in (own, f"{own} constant") if name in RIVALS[o]), None)
+            cells.append(_ratio(found, name, ours, met) if ours in found else "")
+        first = results[0]
+        print(
+            f"| {TITLES[name]} | {first.objective:.6f} | {first.iterations} | {median(r.setup for r in results):.2f} | "
+            f"{median(r.solve for r in results):.2f} | {spread([r.total for r in results])} | {' | '.join(cells)} |"
+        )
+    machine_code = f", C for both controls in {compiled:.1f} s by the clock" if compiled else ""
+    print(f"\nOnce: the model compiled in {model_seconds:.2f} s{machine_code}.")
+
+
+def _ratio(found: dict[str, list[Result]], rival: str, ours: str, met: dict[tuple[str, str], list[float]]) -> str:
+    a, b = found[rival], found[ours]
+    if not all(r.converged for r in (*a, *b)):
+        return "not solved"
+    if abs(a[0].objective - b[0].objective) > SAME * abs(b[0].objective):
+        return "another optimum"
+    ratio = median(x.total / y.total for x, y in zip(a, b, strict=True))
+    met.setdefault((rival, ours), []).append(ratio)
+    return f"{ratio:.1f}"
+
+
+def peak_memory() -> float:
+    """Peak resident memory of this process [MB]; NaN where /proc does not tell."""
+    with contextlib.suppress(OSError, StopIteration):  # ru_maxrss would keep the parent's peak across exec
+        lines = Path("/proc/self/status").read_text(encoding="ascii").splitlines()
+        return int(next(line for line in lines if line.startswith("VmHWM")).split()[1]) / 1024
+    return float("nan")
+
+
+def _measured(weight: float, name: str, elements: int) -> tuple[Result, float]:
+    """In a process of its own: the result, and how far the memory rose [MB]."""
+    motion = Motion(weight)
+    road = {"vm": partial(_ours, motion, declared(motion), "polynomial", False), "SX": partial(solve_sx, motion)}[name]
+    road(2)
+    before = peak_memory()
+    with quiet():
+        result = road(elements)
+    return result, peak_memory() - before
+
+
+def curve(weight: float, meshes: tuple[int, ...]) -> float:
+    """Set-up, solve and memory over the mesh; the ratio of the set-ups on the finest."""
+    print(f"\n| weight {weight:g} | elements | cost | iterations | set-up [s] | solve [s] | memory [MB] |")
+    print("|---|---:|---:|---:|---:|---:|---:|")
+    setups: dict[str, float] = {}
+    for name in ("vm", "SX"):
+        for elements in meshes:
+            with multiprocessing.get_context("spawn").Pool(1) as pool:
+                r, memory = pool.apply(_measured, (weight, name, elements))
+            setups[name] = r.setup
+            print(
+                f"| {TITLES[name]} | {elements} | {r.objective:.6f} | {r.iterations} | {r.setup:.2f} | {r.solve:.2f} | "
+                f"{memory:.0f} |"
+            )
+    return setups["SX"] / setups["vm"]
+
+
+def verdicts(met: dict[tuple[str, str], list[float]], setup: float | None) -> bool:
+    print("\n| total time, median over the weights | ratio | at least | |\n|---|---:|---:|---|")
+    rows = [(f"{TITLES[a]} over {TITLES[b]}", met[a, b], t) for (a, b), t in TARGETS.items() if (a, b) in met]
+    if setup is not None:
+        rows.append((f"set-up on {MESHES[-1]} elements, {TITLES['SX']} over {TITLES['vm']}", [setup], SETUP_TARGET))
+    good = True
+    for title, ratios, target in rows:
+        passed = median(ratios) >= target
+        good &= passed
+        print(f"| {title} | {median(ratios):.1f} ({min(ratios):.1f}-{max(ratios):.1f}) | {target:g} | "
+              f"{'pass' if passed else 'MISSED'} |")  # fmt: skip
+    return good
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--runs", type=int, default=RUNS, help="interleaved runs of each road")
+    parser.add_argument("--no-curve", action="store_true", help="leave out the curve over the mesh")
+    options = parser.parse_args()
+    for module, title in (("rockit", "rockit"), ("pyomo", "Pyomo")):
+        if importlib.util.find_spec(module) is None:
+            print(f"{title} is not installed, so it is not compared: pip install '.[bench]' brings it.")
+    if isinstance(lacking := toolchain.find(), str):
+        print(f"Compiled C is left out: {lacking}.")
+    print(f"Medians of {options.runs} interleaved runs, processor seconds, range of the total; ratios run by run.")
+    met: dict[tuple[str, str], list[float]] = {}
+    with tempfile.TemporaryDirectory() as folder:
+        os.environ["GTMODEL_CACHE"] = folder
+        for weight in WEIGHTS:
+            compare(weight, options.runs, met)
+    setup = None if options.no_curve else curve(WEIGHTS[1], MESHES)
+    return 0 if verdicts(met, setup) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

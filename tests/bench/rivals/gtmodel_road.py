@@ -1,0 +1,44 @@
+"""gtmodel's own road, from the compiled model to the solution read back by name."""
+
+from __future__ import annotations
+
+import gtmodel as gt
+from gtmodel.kinds.motion import MotionTask
+from gtmodel.kinds.motion import motion as declare
+from gtmodel.optimize import Mesh, SolverOptions
+from gtmodel.optimize.guess import initial_guess
+from gtmodel.optimize.nlp import make_nlp
+from gtmodel.optimize.problem import build
+from gtmodel.optimize.solve import solve_nlp
+
+from .l1_by_hand import FORCE, FORCE_UNIT, GOAL, START, Motion
+from .plain_casadi import POINTS
+from .timing import TOLERANCE, Clock, Result
+
+
+def declared(motion: Motion) -> gt.Optimization:
+    """The problem of problems/l1_min_time.toml with the weight of the motion."""
+    task = MotionTask(start=START, goal=GOAL, force=FORCE, force_unit=FORCE_UNIT, weight_energy=motion.weight)
+    return declare(motion.robot, task)
+
+
+def compile_seconds(motion: Motion) -> float:
+    """Processor time from the class to states, controls and expressions; kept with the model."""
+    clock = Clock()
+    build(declared(motion))
+    return clock.lap()
+
+
+def solve_blocks(motion: Motion, model: gt.Optimization, elements: int, control: str, machine_code: bool) -> Result:
+    """Transcription, guess, IPOPT, and the solution by name. Compiling C is told apart."""
+    problem, options = build(model), SolverOptions(tolerance=TOLERANCE, compile=machine_code)
+    clock = Clock()
+    nlp = make_nlp(problem, Mesh(elements, POINTS, control=control), machine_code)
+    x0 = initial_guess(nlp, motion.guess)
+    setup = clock.lap()
+    solution = solve_nlp(nlp, x0, options, throw=False)
+    total, solver = clock.lap(), solution.seconds["setup"]
+    return Result(
+        solution.objective, solution.iterations, setup + solver, total - solver, solution.status.ok,
+        nlp.compile_seconds or 0.0,
+    )  # fmt: skip
