@@ -20,6 +20,7 @@ from .base import Check, Context, InputError, Kind, Outcome, Problem, Section
 
 _KINDS = {
     "trajectory": "time- or energy-optimal motion of a robot between two poses",
+    "axis_trajectory": "optimal motion of the F1 between two positions of its axes, carts and rotary ones",
     "trajectory_table": "several such motions beside published numbers",
     "codegen": "C code of a robot's functions",
     "optimization": "a dynamic optimisation problem written in Python",

@@ -1,0 +1,70 @@
+"""The keys of an axis trajectory problem: from which axis positions to which, within what, at which cost."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt
+
+from .base import Section
+from .robot_keys import RobotProblem
+from .trajectory_keys import Point
+
+
+class Axes(Section):
+    """Where the axes stand; the robot is at rest there."""
+
+    q_m: Point = Field(description="carts q1, q2, q3")
+    q_deg: Point = Field(description="rotary axes q4, q5, q6; with five degrees of freedom q5 = -q4")
+
+
+class Limits(Section):
+    """What the motion must keep; what is left out is unlimited."""
+
+    force_N: PositiveFloat = Field(description="largest motor force of each cart, friction included")
+    torque_Nm: PositiveFloat = Field(description="largest motor torque of each rotary axis")
+    cart_low_m: Point | None = Field(None, description="least position of each cart")
+    cart_high_m: Point | None = Field(None, description="largest position of each cart")
+    axis_low_deg: Point | None = Field(None, description="least angle of each rotary axis")
+    axis_high_deg: Point | None = Field(None, description="largest angle of each rotary axis")
+
+
+class Cost(Section):
+    """What is minimised: time * T + energy * sum over the motors of int (tau / limit)^2 dt."""
+
+    time: NonNegativeFloat = Field(1.0, description="weight of the final time")
+    energy: NonNegativeFloat = Field(0.0, description="weight of the energy")
+
+
+class Mesh(Section):
+    """Where the equations are collocated (Radau)."""
+
+    elements: PositiveInt = Field(20, description="number of elements of the horizon")
+    points: int = Field(3, ge=1, le=9, description="collocation points per element")
+    control: Literal["linear", "constant", "polynomial"] = Field(
+        "linear",
+        description="accelerations of the axes per element: a continuous line, one value, or a polynomial, whose "
+        "forces keep their limits at the points only",
+    )
+
+
+class Solver(Section):
+    """When the solver stops."""
+
+    tolerance: PositiveFloat = Field(1e-8, description="on the scaled optimality conditions")
+    max_iterations: PositiveInt = Field(300, description="limit of iterations")
+    formulation: Literal["torn", "dae"] = Field(
+        "torn", description="which equations are collocated: those of the plate's pose alone, or all as they stand"
+    )
+
+
+class AxisTrajectoryProblem(RobotProblem):
+    """Optimal motion of the F1 from rest to rest between two positions of its axes."""
+
+    degrees_of_freedom: Literal[5, 6] = Field(5, description="5 keeps q4 = -q5 all the way, 6 leaves all axes free")
+    start: Axes
+    goal: Axes
+    limits: Limits
+    cost: Cost = Cost()  # type: ignore[call-arg]
+    mesh: Mesh = Mesh()  # type: ignore[call-arg]
+    solver: Solver = Solver()  # type: ignore[call-arg]

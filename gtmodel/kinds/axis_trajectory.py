@@ -1,0 +1,232 @@
+"""Kind "axis_trajectory": time- or energy-optimal motion of the F1 between two positions of its axes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from gtmodel.optimize import Mesh, Solution, SolverOptions
+from gtmodel.optimize import solve as collocate
+from gtmodel.optimize.resimulate import SUBSTEPS, resimulate
+from gtmodel.results import SolveStatus, Status, Trajectory
+
+from .axis_free_run import free_run
+from .axis_keys import AxisTrajectoryProblem as Schema
+from .axis_motion import CARTS, AxisPlan, plan_of
+from .base import Check, Context, Outcome, Row
+
+NAME = "axis_trajectory"
+
+VALUES = {
+    "final_time_s": "final time of the optimum",
+    "energy": "sum over motors of int (tau / limit)^2 dt [s]",
+    "saturation": "share of the time in which each motor is within 1 % of its limit",
+    "peak_share": "largest force over its limit at any instant of the re-simulated motion, of each motor",
+    "tcp_m": "tool centre point at start and goal",
+    "turned_deg": "angle between the plate's orientations at start and goal",
+    "end_error_m": "distance of the tool centre point from the goal when all six axes are free and get the forces",
+    "end_error_deg": "angle of the plate from that at the goal, then",
+    "uncoupled_deg": "largest |q4 + q5| on that way; null with six degrees of freedom",
+    "pose_apart_m": "largest distance of the optimum's tool centre points from the forward kinematics of its axes",
+    "defect": "largest difference of re-simulated and collocated states at an element's edge, in nominals",
+}
+
+SATURATED = 0.99
+# forces are bounded at collocation points and are no polynomials: between the points they pass by less than that
+PEAK_SHARE = 1.01
+# the printed accuracy of the F1 is a quarter of a millimetre
+END_ERROR_M = 2.5e-4
+END_ERROR_DEG = 0.05
+POSE_APART_M = 1e-6  # Newton and collocation solve the same equations
+
+
+def solve(problem: Schema, context: Context) -> Outcome:
+    """Optimise, re-simulate, and let the forces move the robot with all six axes free."""
+    plan = plan_of(problem, context)
+    solution = _optimum(plan, context)
+    if not solution.status.ok:
+        return _failed(problem, solution, "")
+    tried = resimulate(solution)
+    if tried.trajectory is None:
+        return _failed(problem, solution, f"the optimum cannot be re-simulated: {tried.message}; ")
+    trajectory, apart = _placed(plan, tried.trajectory)
+    if trajectory is None:
+        return _failed(problem, solution, "forward kinematics from the home pose does not follow the optimum's axes; ")
+    return _outcome(plan, solution, trajectory, apart, tried.defect, context)
+
+
+def explain(problem: Schema, context: Context) -> str:
+    """What is optimised: states, controls, unknowns without a closed form, bounds."""
+    from gtmodel.optimize.problem import build
+
+    plan = plan_of(problem, context)
+    built = build(plan.optimization(), problem.solver.formulation)
+    limits, low, high = problem.limits, *plan.strokes
+    strokes = [f"q{k + 1} {_shown(k, low[k])} to {_shown(k, high[k])}" for k in range(len(low))
+               if np.isfinite(low[k]) or np.isfinite(high[k])]  # fmt: skip
+    return "\n".join(
+        [
+            f"{problem.title or 'motion'}: {built.formulation} form, {problem.mesh.elements} elements x "
+            f"{problem.mesh.points} Radau points, {problem.degrees_of_freedom} degrees of freedom",
+            f"  states: {', '.join(built.state_names)}",
+            f"  controls: {', '.join(built.control_names)}; forces within {limits.force_N:g} N, torques within "
+            f"{limits.torque_Nm:g} N.m",
+            f"  unknown at each point: {', '.join(built.point_names)}",
+            f"  free: {', '.join(built.free_names)}",
+            *([f"  strokes: {'; '.join(strokes)}"] if strokes else []),
+        ]
+    )
+
+
+def _shown(k: int, x: float) -> str:
+    return f"{x:g} m" if k < CARTS else f"{np.degrees(x):g} deg"
+
+
+def _optimum(plan: AxisPlan, context: Context) -> Solution:
+    def progress(iteration: int, objective: float, violation: float) -> bool:
+        numbers = {"iteration": iteration, "objective": objective, "violation": violation}
+        context.progress("optimising", None, numbers)
+        return context.interrupted()
+
+    mesh, solver = plan.problem.mesh, plan.problem.solver
+    return collocate(
+        plan.optimization(),
+        Mesh(mesh.elements, mesh.points, control=mesh.control),
+        guess=plan.guess(),
+        solver=SolverOptions(**solver.model_dump(), max_seconds=context.seconds_left()),
+        progress=progress,
+        throw=False,
+    )
+
+
+def _failed(problem: Schema, solution: Solution, lead: str) -> Outcome:
+    title = f"{problem.title} (not solved: {solution.status.value})".strip()
+    status = SolveStatus.FAILED if solution.status.ok else solution.status
+    return Outcome(
+        status=status,
+        message=lead + solution.message,
+        objective=solution.objective if np.isfinite(solution.objective) else None,
+        iterations=solution.iterations,
+        checks=solution.checks,
+        values={"final_time_s": solution.free.get("final_time")},
+        trajectory=_renamed(solution.trajectory, title),
+    )
+
+
+def _renamed(run: Trajectory, title: str) -> Trajectory:
+    """The robot's own names: robot.q becomes q; q and tau have one unit for carts, another for rotary axes."""
+    names = ("q", "der(q)", "der(q,2)", "T", "e", "tau")
+    own = {name: name.replace("q", "robot.q") if "q" in name else f"robot.{name}" for name in names}
+    values = {name: run[old] for name, old in own.items() if old in run}
+    return Trajectory(run.time, values, {"T": "m", "e": "1"}, title=title)
+
+
+def _placed(plan: AxisPlan, run: Trajectory) -> tuple[Trajectory | None, float]:
+    """The re-simulated motion of the axes with poses by Newton and forces by inverse dynamics, None where these fail,
+    and how far the optimum's tool centre points are from those poses [m]."""
+    trajectory = _renamed(run, plan.problem.title or "optimal motion")
+    q, v, a = (trajectory[name] for name in ("q", "der(q)", "der(q,2)"))
+    T, e, placed = plan.poses(q)
+    tau, moved = plan.inverse(q, v, a)
+    if np.any(placed != Status.OK) or np.any(moved != Status.OK):
+        return None, np.inf
+    apart = np.linalg.norm(T - trajectory["T"], axis=1)[1:]  # at the start the re-simulation's is a step late
+    return trajectory.with_values({"T": T, "e": e, "tau": tau}), float(np.max(apart))
+
+
+def _energy(plan: AxisPlan, solution: Solution) -> float:
+    """By the quadrature of the collocation points [s]."""
+    mesh = solution.nlp.mesh
+    weights = np.outer(mesh.h, mesh.table.weights).reshape(-1) * solution.final_time
+    tau = solution.trajectory["robot.tau"][1 : 1 + len(weights)]
+    return float(weights @ np.sum((tau / plan.limits) ** 2, axis=1))
+
+
+def _angle_deg(a: np.ndarray, b: np.ndarray) -> float:
+    """Angle between two orientations by their unit quaternions."""
+    nearer = min(float(np.linalg.norm(a - b)), float(np.linalg.norm(a + b)))
+    return float(np.degrees(4 * np.arcsin(min(1.0, nearer / 2))))
+
+
+def _outcome(
+    plan: AxisPlan, solution: Solution, trajectory: Trajectory, pose_apart: float, defect: float, context: Context
+) -> Outcome:
+    problem = plan.problem
+    context.progress("moving all six axes by the forces", None, {})
+    free = free_run(plan.robot, trajectory, SUBSTEPS, context.interrupted)
+    (T0, T1, T), (e0, e1, e), status = plan.poses(np.array([plan.start, plan.goal, free.q]))
+    reached = not free.message and status[2] == Status.OK
+    share = np.abs(trajectory["tau"]) / plan.limits
+    end_m = float(np.linalg.norm(T - T1)) if reached else np.inf
+    end_deg = _angle_deg(e, e1) if reached else np.inf
+    five = problem.degrees_of_freedom == 5
+    values = {
+        "final_time_s": solution.final_time,
+        "energy": _energy(plan, solution),
+        "saturation": np.mean(share[1:] >= SATURATED, axis=0).tolist(),  # rows are equally spaced
+        "peak_share": np.max(share, axis=0).tolist(),
+        "tcp_m": [T0.tolist(), T1.tolist()],
+        "turned_deg": _angle_deg(e0, e1),
+        "end_error_m": end_m if reached else None,
+        "end_error_deg": end_deg if reached else None,
+        "uncoupled_deg": float(np.degrees(free.uncoupled)) if five and reached else None,
+        "pose_apart_m": pose_apart,
+        "defect": defect,
+    }
+    peak = max(values["peak_share"])
+    bounds = {
+        "peak_share": (peak, PEAK_SHARE),
+        "end_error_m": (end_m, END_ERROR_M),
+        "end_error_deg": (end_deg, END_ERROR_DEG),
+        "pose_apart_m": (pose_apart, POSE_APART_M),
+    }
+    checks: dict[str, Any] = {"constraint_violation": solution.checks["constraint_violation"]}
+    checks |= {n: Check(x if np.isfinite(x) else None, bound, x <= bound) for n, (x, bound) in bounds.items()}
+    return Outcome(
+        status=SolveStatus.SOLVED,
+        message=_message(checks, free.message),
+        objective=solution.objective,
+        iterations=solution.iterations,
+        checks=checks,
+        values=values,
+        trajectory=trajectory,
+        rows=_rows(values, solution),
+        figures={"motion": lambda: _figure(plan, trajectory)},
+    )
+
+
+def _message(checks: dict[str, Any], trouble: str) -> str:
+    if trouble:
+        return f"solved, but the forces could not be tried on all six axes: {trouble}"
+    failed = [name for name, check in checks.items() if not check.passed]
+    if failed:
+        verb = "exceeds its bound" if len(failed) == 1 else "exceed their bounds"
+        return f"solved, but {' and '.join(failed)} {verb}; use more mesh.elements or mesh.control = linear"
+    return "solved, re-simulated, and tried on all six axes"
+
+
+def _rows(values: dict[str, Any], solution: Solution) -> list[Row]:
+    rows = [
+        Row("final time", values["final_time_s"], "s"),
+        Row("cost", solution.objective, ""),
+        Row("energy", values["energy"], "s"),
+        Row("plate turned by", values["turned_deg"], "deg"),
+    ]
+    rows += [Row(f"motor {k + 1} at its limit", 100 * x, "% of the time") for k, x in enumerate(values["saturation"])]
+    rows.append(Row("largest force at any instant", 100 * max(values["peak_share"]), "% of its limit"))
+    if values["end_error_m"] is not None:
+        rows += [
+            Row("all six axes free: end error", 1e3 * values["end_error_m"], "mm"),
+            Row("all six axes free: end error", values["end_error_deg"], "deg"),
+        ]
+    if values["uncoupled_deg"] is not None:
+        rows.append(Row("all six axes free: largest |q4 + q5|", values["uncoupled_deg"], "deg"))
+    return rows
+
+
+def _figure(plan: AxisPlan, trajectory: Trajectory) -> Any:
+    from gtmodel.plot.axis_motion import axis_motion_figure
+
+    limits = plan.problem.limits
+    return axis_motion_figure(trajectory, force_limit=limits.force_N, torque_limit=limits.torque_Nm)

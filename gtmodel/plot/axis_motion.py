@@ -1,0 +1,52 @@
+"""Axes, motor forces and the path of the plate of a robot with three carts and three rotary axes."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from ..results.trajectory import Trajectory
+from .motion import COLOURS
+
+
+def axis_motion_figure(trajectory: Trajectory, *, force_limit: float, torque_limit: float) -> Figure:
+    """Six panels: the path of the tool centre point from two sides, carts and their forces, angles and their torques.
+
+    Args:
+        trajectory: with q (6) [m, rad], T (3) [m] and tau (6) [N, N.m].
+        force_limit: of the carts [N]; torque_limit: of the rotary axes [N.m].
+    """
+    figure = Figure(figsize=(13.0, 7.0), layout="constrained")
+    panels = figure.subplots(2, 3)
+    T, time = trajectory["T"], trajectory.time
+    for axes, (a, b), names in ((panels[0, 0], (0, 2), "xz"), (panels[1, 0], (1, 2), "yz")):
+        axes.plot(T[[0, -1], a], T[[0, -1], b], color="0.7", linestyle="--", label="straight line")
+        axes.plot(T[:, a], T[:, b], color="black", label="optimal path")
+        axes.plot(T[0, a], T[0, b], "o", color="black", markerfacecolor="white", label="start")
+        axes.plot(T[-1, a], T[-1, b], "o", color="black", label="goal")
+        axes.set_xlabel(f"{names[0]} [m]")
+        axes.set_ylabel(f"{names[1]} [m]")
+        axes.set_aspect("equal", adjustable="datalim")
+    panels[0, 0].set_title("path of the tool centre point")
+    panels[0, 0].legend(fontsize="small")
+    carts, angles = trajectory["q"][:, :3], np.degrees(trajectory["q"][:, 3:])
+    forces, torques = trajectory["tau"][:, :3], trajectory["tau"][:, 3:]
+    for axes, curves, what, first, title, unit, limit in (
+        (panels[0, 1], carts, "q", 1, "carts", "position [m]", None),
+        (panels[1, 1], forces, "motor ", 1, "cart forces", "force [N]", force_limit),
+        (panels[0, 2], angles, "q", 4, "rotary axes", "angle [deg]", None),
+        (panels[1, 2], torques, "motor ", 4, "torques of the rotary axes", "torque [N.m]", torque_limit),
+    ):
+        for k in range(3):
+            axes.plot(time, curves[:, k], color=COLOURS[k], label=f"{what}{first + k}")
+        for bound in (-limit, limit) if limit is not None else ():
+            axes.axhline(bound, color="0.4", linestyle=":")
+        axes.set_title(title)
+        axes.set_xlabel("time [s]")
+        axes.set_ylabel(unit)
+        axes.legend(fontsize="small")
+    for axes in panels.ravel():
+        axes.grid(alpha=0.3)
+    if trajectory.title:
+        figure.suptitle(f"{trajectory.title}: {trajectory.duration:.4f} s")
+    return figure
