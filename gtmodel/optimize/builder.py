@@ -19,6 +19,8 @@ from .dynamic import Bounds, DynamicProblem
 from .horizon import PointValue, horizon, point_values, require_length
 from .relations import Row, as_bound
 
+# rows smaller than this are scaled up, for IPOPT's slack of 1e-8 must not swallow them; larger ones it scales itself
+SMALL = 1e-4
 # what a value that is fixed at the start may miss, in the size of the row: IPOPT's own measure of a solution
 START_SLACK = 1e-6
 
@@ -166,7 +168,8 @@ class Builder:
         rates, algebraic, labels = self._dynamics()
         P_guess = np.array([q.value for q in free] + held)
         for row, size in zip(path, self._sizes([r.expression for r in path], P_guess), strict=True):
-            row.scale = row.scale if row.scale != 1.0 else float(size)
+            typical = row.scale if row.scale != 1.0 else float(size)
+            row.scale = typical if typical < SMALL else 1.0
         at_start = self._at_start(written, path, x_bounds, u_bounds, start, ends.t0)
         instants += [value for value, _ in at_start]
         points += [row for _, row in at_start]
