@@ -10,7 +10,8 @@ import numpy as np
 
 from gtmodel.compiler.causal import CausalFunction, compile_causal
 from gtmodel.lang import Model
-from gtmodel.optimize.path import PathMotion, PathTask, Progress, solve_path
+from gtmodel.optimize.ipopt import Progress
+from gtmodel.optimize.path import PathMotion, PathTask, solve_path
 from gtmodel.results import SolveStatus, Status, Trajectory
 
 from .motion import MotionTask, along_guideways, link_ends, link_names, trapezoid

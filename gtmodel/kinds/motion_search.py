@@ -24,7 +24,6 @@ from .trajectory_keys import TrajectoryProblem
 ATTEMPT_ITERATIONS = 200
 EXPORT_ITERATIONS = 100  # from the optimum it takes 10 to 70
 EXPORT_LOSS = 0.05  # a constant force per element costs less than this; more tells of another, worse optimum
-NEARER = 0.5  # of the violation: an earlier iterate of a failed attempt is kept if it is so much nearer
 TIGHTENINGS = 3
 TIGHTENED = 1e-4  # relative, beyond what was seen
 CONTINUATION = (0.01, 0.001)  # weights of the energy, in units of the time's, on the way to the problem's own
@@ -74,15 +73,6 @@ def motion_of(problem: TrajectoryProblem, robot: Model, *args: Any, **options: A
     return motion(robot, task_of(problem, *args, **options))
 
 
-@dataclass(frozen=True)
-class Seen:
-    """The iterate of an attempt that came nearest to its constraints, and how to get it again."""
-
-    violation: float
-    iteration: int
-    arguments: tuple[Optimization, Control, Trajectory | Solution]
-
-
 @dataclass
 class Search:
     """Attempts in turn, until one is solved and keeps its links off the edge of reach.
@@ -100,7 +90,6 @@ class Search:
     guard: Guard = field(default_factory=lambda: Guard([], {}))
     path: Path | None = None
     iterations: int = field(default=0, init=False)
-    seen: dict[int, Seen] = field(default_factory=dict, init=False)
 
     @cached_property
     def plain(self) -> Optimization:
@@ -188,12 +177,8 @@ class Search:
         wanted = control == self.problem.mesh.control
         stage = "optimising" if wanted else "bounding the force between the nodes"
 
-        least = [np.inf, 0]
-
         def progress(iteration: int, objective: float, violation: float) -> bool:
             self.context.progress(stage, None, {"iteration": iteration, "objective": objective, "violation": violation})
-            if violation < least[0] and iteration > 0:
-                least[:] = [violation, iteration]
             return self.context.interrupted()
 
         mesh, solver = self.problem.mesh, self.problem.solver
@@ -210,7 +195,6 @@ class Search:
             progress=progress,
             throw=False,
         )
-        self.seen[id(solution)] = Seen(least[0], int(least[1]), (model, control, guess))
         self.iterations += solution.iterations if shared else 0
         return solution
 
@@ -232,14 +216,7 @@ class Search:
         if not failed:
             told = "an optimum was found, but it comes nearer to the edge of reach than limits.link_along_guideway_m"
             return replace(tried[-1], status=SolveStatus.FAILED, message=told)
-        last = min(failed, key=lambda s: s.checks["constraint_violation"].value)
-        best = min((self.seen[id(s)] for s in failed), key=lambda seen: seen.violation)
-        if best.violation > NEARER * last.checks["constraint_violation"].value:
-            return last
-        # the solver is deterministic: so many iterations give that iterate again
-        kept = self._attempt(*best.arguments, most=best.iteration, shared=False)
-        told = f"{last.message}; kept is iterate {best.iteration} of an attempt, the nearest to its constraints"
-        return replace(kept, status=last.status, message=told, iterations=last.iterations)
+        return min(failed, key=lambda s: s.checks["constraint_violation"].value)
 
     def _within(self, solution: Solution) -> bool:
         run = solution.trajectory

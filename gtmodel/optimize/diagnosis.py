@@ -27,7 +27,8 @@ def solved_word(run: Run) -> str:
 def failure(run: Run, more: list[str]) -> str:
     """The status in words, IPOPT's word, and what else is known."""
     said = f"{run.status.sentence} ({run.word if ' ' in run.word else f'IPOPT: {run.word}'})"
-    return "; ".join([said, *[m for m in more if m]])
+    kept = f"kept is iterate {run.best.number}, the nearest to its constraints" if run.best else ""
+    return "; ".join([said, *[m for m in [kept, *more] if m]])
 
 
 def surplus(nlp: Nlp) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
 import casadi as ca
@@ -19,13 +19,15 @@ HESSIANS = {"exact": "exact", "lbfgs": "limited-memory"}
 # larger change of parameters may take more iterations than a cold start
 FATROP = {True: "Solve_Succeeded", False: "fatrop did not converge"}
 WARM_PUSH, WARM_BARRIER = 1e-3, 1e-6
+FEASIBLE = 1e-6  # violations of scaled rows below this are none
+NEARER = 0.5  # of the violation: an earlier iterate of a failed run is kept if it is so much nearer to its constraints
 
 
 class Program(Protocol):
     """What IPOPT needs of an NLP: functions by nlpsol's names and bounds."""
 
     functions: dict[str, ca.Function]
-    nlp: ca.Function
+    nlp: Any  # a function, or the expressions of one by their names
     lbx: np.ndarray
     ubx: np.ndarray
     lbg: np.ndarray
@@ -54,8 +56,23 @@ class Multipliers:
 
 
 @dataclass(frozen=True, eq=False)
+class Iterate:
+    """A point on the way, by its number, with the largest violation of its rows."""
+
+    number: int
+    x: np.ndarray
+    g: np.ndarray
+    objective: float
+    multipliers: Multipliers
+    violation: float
+
+
+@dataclass(frozen=True, eq=False)
 class Run:
-    """How a run of IPOPT ended: the last iterate, its multipliers, and IPOPT's own word for it."""
+    """How a run of IPOPT ended: the last iterate, its multipliers, and IPOPT's own word for it.
+
+    best: of a run that failed, an earlier iterate much nearer to its constraints, or one that keeps them for less.
+    """
 
     x: np.ndarray
     g: np.ndarray
@@ -65,6 +82,12 @@ class Run:
     status: SolveStatus
     word: str
     seconds: dict[str, float]
+    best: Iterate | None = None
+
+    def at_best(self) -> Run:
+        """The run with its best iterate in place of the last; what a failure says is about the last."""
+        b = self.best
+        return self if b is None else replace(self, x=b.x, g=b.g, objective=b.objective, multipliers=b.multipliers)
 
 
 def run_ipopt(
@@ -133,14 +156,13 @@ def run_ipopt(
     if plugin == "fatrop" and status is SolveStatus.ITERATION_LIMIT:
         word = f"fatrop ended after {stats['iter_count']} iterations"
     x, g, rows, bounds = (np.asarray(result[n]).reshape(-1) for n in ("x", "g", "lam_g", "lam_x"))
-    return Run(
-        x, g, float(result["f"]), Multipliers(rows, bounds), int(stats["iter_count"]), status, word,
-        {"setup": setup, "solve": time.perf_counter() - start - setup},
-    )  # fmt: skip
+    f, seconds = float(result["f"]), {"setup": setup, "solve": time.perf_counter() - start - setup}
+    best = None if status.ok else watch.better_than(g, f)
+    return Run(x, g, f, Multipliers(rows, bounds), int(stats["iter_count"]), status, word, seconds, best)
 
 
 class _Watch(ca.Callback):
-    """IPOPT's iteration callback: progress, time limit, a stop that keeps the iterate."""
+    """IPOPT's iteration callback: progress, time limit, a stop that keeps the best iterate."""
 
     def __init__(self, nlp: Program, progress: Progress | None, max_seconds: float | None) -> None:
         ca.Callback.__init__(self)
@@ -149,8 +171,9 @@ class _Watch(ca.Callback):
         self.count = 0
         self.stopped = ""
         self.raised: BaseException | None = None
+        self.best: Iterate | None = None
         self.nx, self.ng = len(nlp.lbx), len(nlp.lbg)
-        self.lbg, self.ubg = nlp.lbg, nlp.ubg
+        self.lbx, self.ubx, self.lbg, self.ubg = nlp.lbx, nlp.ubx, nlp.lbg, nlp.ubg
         self.construct("watch", {})
 
     def get_n_in(self) -> int:
@@ -173,11 +196,17 @@ class _Watch(ca.Callback):
         count, self.count = self.count, self.count + 1
         late = self.stop_at is not None and time.monotonic() > self.stop_at
         asked = False
+        outputs = dict(zip(ca.nlpsol_out(), arg, strict=True))
+        g, f = np.asarray(outputs["g"]).reshape(-1), float(outputs["f"])
+        violation = self.violation(g)
+        better = self.best is None or _rank(violation, f) < _rank(self.best.violation, self.best.objective)
+        if count > 0 and better and np.isfinite([violation, f]).all():  # the guess itself is no answer
+            x, rows, bounds = (np.array(outputs[n]).reshape(-1) for n in ("x", "lam_g", "lam_x"))
+            x = np.clip(x, self.lbx, self.ubx)  # IPOPT brings only its last iterate back to the bounds that it relaxed
+            self.best = Iterate(count, x, g.copy(), f, Multipliers(rows, bounds), violation)
         if self.progress is not None:
-            g = np.asarray(arg[ca.nlpsol_out().index("g")]).reshape(-1)
-            violation = max(0.0, float(np.max(np.maximum(self.lbg - g, g - self.ubg), initial=0.0)))
             try:
-                asked = bool(self.progress(count, float(arg[ca.nlpsol_out().index("f")]), violation))
+                asked = bool(self.progress(count, f, violation))
             except BaseException as error:  # CasADi would print it and go on: it is raised when IPOPT has returned
                 self.raised = error
                 return [1]
@@ -185,6 +214,23 @@ class _Watch(ca.Callback):
             self.stopped = "its time was over" if late else "it was asked to stop"
             return [1]
         return [0]
+
+    def violation(self, g: np.ndarray) -> float:
+        """Largest excess of a row over its bounds; infinite where a row is no number."""
+        worst = float(np.max(np.maximum(self.lbg - g, g - self.ubg), initial=0.0))
+        return np.inf if np.isnan(worst) else worst
+
+    def better_than(self, g: np.ndarray, f: float) -> Iterate | None:
+        """The best iterate where it is clearly better than the last one, given by its rows and objective."""
+        last, best = self.violation(g), self.best
+        if best is None or _rank(best.violation, best.objective) >= _rank(last, f):
+            return None
+        return best if last <= FEASIBLE or best.violation <= NEARER * last else None
+
+
+def _rank(violation: float, objective: float) -> tuple[float, float]:
+    """By violation, and among those that keep their rows by the objective."""
+    return max(violation, FEASIBLE), objective
 
 
 def _status(word: str, watch: _Watch) -> tuple[SolveStatus, str]:

@@ -7,7 +7,7 @@ the motion rests and s' has a vertical tangent; on each interval s'' is constant
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -15,11 +15,13 @@ import casadi as ca
 import numpy as np
 
 from ..results.status import SolveStatus
+from .diagnosis import failure
+from .ipopt import Progress, run_ipopt
+from .solve import SolverOptions
 
 ROOT = 1e-12  # added under the root: its slope at rest stays finite
 LEAST_GUESS = 1e-3  # of b, in squares of the path per second
 Curve = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]]
-Progress = Callable[[int, float, float], bool]
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,6 +79,18 @@ class PathMotion:
         return np.clip(self.s[k] + v * tau + a * tau**2 / 2, 0.0, 1.0), np.maximum(v + a * tau, 0.0), a
 
 
+@dataclass(eq=False)
+class _Program:
+    """The path's NLP as `run_ipopt` takes it."""
+
+    functions: dict[str, ca.Function]
+    nlp: dict[str, ca.MX]
+    lbx: np.ndarray
+    ubx: np.ndarray
+    lbg: np.ndarray
+    ubg: np.ndarray
+
+
 def cosine_nodes(intervals: int) -> np.ndarray:
     """(intervals + 1,) fractions from 0 to 1, closest at both ends."""
     return (1 - np.cos(np.pi * np.arange(intervals + 1) / intervals)) / 2
@@ -112,35 +126,13 @@ def solve_path(
         if rests:
             high_b[end] = 0.0
     low, high = (np.tile(bound / _scale(task), per * intervals) for bound in (task.low, task.high))
-    watch = _Watch(intervals + 1, low, high, progress, max_seconds)
-    ipopt = {"tol": tolerance, "max_iter": max_iterations, "mu_strategy": "adaptive", "print_level": 0, "sb": "yes",
-             "honor_original_bounds": "yes"}  # fmt: skip
-    settings = {"ipopt": ipopt, "print_time": False, "no_nlp_grad": True, "error_on_fail": False,
-                "show_eval_warnings": False, "iteration_callback": watch, **nlp[1]}  # fmt: skip
-    run = ca.nlpsol("path", "ipopt", nlp[0], settings)
-    result = run(x0=_guess(s), lbx=low_b, ubx=high_b, lbg=low, ubg=high)
-    stats = run.stats()
-    word = str(stats["return_status"])
-    status = _STATUS.get(word, SolveStatus.FAILED)
-    if watch.stopped:
-        status, word = SolveStatus.INTERRUPTED, "it was asked to stop"
-    b = np.maximum(np.asarray(result["x"]).reshape(-1), 0.0)
+    program = _Program(nlp[1], nlp[0], low_b, high_b, low, high)
+    options = SolverOptions(tolerance=tolerance, max_iterations=max_iterations, max_seconds=max_seconds)
+    run = run_ipopt(program, _guess(s), options, progress).at_best()
+    b = np.maximum(run.x, 0.0)
     energy = float(np.sum(interval.map(intervals)(b[:-1], b[1:], data)[2].full()))
-    message = "solved" if status.ok else f"{status.sentence} ({word})"
-    return PathMotion(
-        status, message, float(result["f"]), energy, int(stats["iter_count"]), s, b, time.perf_counter() - begin
-    )
-
-
-_STATUS = {
-    "Solve_Succeeded": SolveStatus.SOLVED,
-    "Solved_To_Acceptable_Level": SolveStatus.SOLVED,
-    "Infeasible_Problem_Detected": SolveStatus.INFEASIBLE,
-    "Restoration_Failed": SolveStatus.INFEASIBLE,
-    "Maximum_Iterations_Exceeded": SolveStatus.ITERATION_LIMIT,
-    "Invalid_Number_Detected": SolveStatus.NOT_FINITE,
-    "Diverging_Iterates": SolveStatus.DIVERGED,
-}
+    message = "solved" if run.status.ok else failure(run, [])
+    return PathMotion(run.status, message, run.objective, energy, run.iterations, s, b, time.perf_counter() - begin)
 
 
 def _scale(task: PathTask) -> np.ndarray:
@@ -217,42 +209,3 @@ def _assemble(interval: ca.Function, data: ca.DM, N: int, m: int) -> tuple[dict[
 def _scatter(rows: np.ndarray, cols: np.ndarray, values: ca.MX, shape: tuple[int, int]) -> ca.MX:
     order = np.lexsort((rows, cols))
     return ca.MX(ca.Sparsity.triplet(*shape, rows.tolist(), cols.tolist()), values[order.tolist()])
-
-
-class _Watch(ca.Callback):
-    """Progress, and a stop that keeps the iterate."""
-
-    def __init__(
-        self, nx: int, low: np.ndarray, high: np.ndarray, progress: Progress | None, max_seconds: float | None
-    ) -> None:
-        ca.Callback.__init__(self)
-        self.nx, self.ng, self.low, self.high, self.progress = nx, len(low), low, high, progress
-        self.stop_at = None if max_seconds is None else time.monotonic() + max_seconds
-        self.count, self.stopped = 0, False
-        self.construct("path_watch", {})
-
-    def get_n_in(self) -> int:
-        return ca.nlpsol_n_out()
-
-    def get_n_out(self) -> int:
-        return 1
-
-    def get_name_in(self, i: int) -> str:
-        return ca.nlpsol_out(i)
-
-    def get_name_out(self, i: int) -> str:
-        return "ret"
-
-    def get_sparsity_in(self, i: int) -> ca.Sparsity:
-        size = {"f": 1, "x": self.nx, "lam_x": self.nx, "g": self.ng, "lam_g": self.ng}.get(ca.nlpsol_out(i), 0)
-        return ca.Sparsity.dense(size, 1)
-
-    def eval(self, arg: Sequence[ca.DM]) -> list[float]:
-        count, self.count = self.count, self.count + 1
-        asked = self.stop_at is not None and time.monotonic() > self.stop_at
-        if self.progress is not None:
-            g = np.asarray(arg[ca.nlpsol_out().index("g")]).reshape(-1)
-            violation = max(0.0, float(np.max(np.maximum(self.low - g, g - self.high), initial=0.0)))
-            asked = bool(self.progress(count, float(arg[ca.nlpsol_out().index("f")]), violation)) or asked
-        self.stopped = self.stopped or asked
-        return [1] if asked else [0]

@@ -136,6 +136,7 @@ def _read(joined: Joined, run: Run, throw: bool) -> PhasesSolution:
             if astray:
                 status, message = SolveStatus.FAILED, f"phase '{name}': {astray}"
                 break
+    run = run.at_best()
     solutions = {}
     for k, (name, nlp) in enumerate(joined.nlps.items()):
         columns, rows = slice(joined.at[k], joined.at[k + 1]), slice(joined.rows[k], joined.rows[k + 1])

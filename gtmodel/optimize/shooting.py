@@ -60,7 +60,7 @@ def run_shooting(nlp: Nlp, x0: np.ndarray, options: Limits, progress: Progress |
     shooting = _transcribe(nlp)
     limits = _Limits(options.tolerance, options.max_iterations, options.max_seconds)
     scale = objective_scale(nlp, x0, problem.misfits)
-    run = run_ipopt(shooting, x0[shooting.kept], limits, progress, scale=scale)
+    run = run_ipopt(shooting, x0[shooting.kept], limits, progress, scale=scale).at_best()
     x = np.asarray(shooting.full(run.x)).reshape(-1)
     g, lam_g, lam_x = np.zeros(len(nlp.lbg)), np.zeros(len(nlp.lbg)), np.zeros(nlp.size)
     g[shooting.rows], lam_g[shooting.rows] = run.g[: len(shooting.rows)], run.multipliers.rows[: len(shooting.rows)]

@@ -36,8 +36,8 @@ class SolverOptions:
 
     Args:
         tolerance: IPOPT's overall tolerance on the scaled problem.
-        max_iterations: limit; reached means status iteration_limit with the best iterate.
-        max_seconds: wall-clock limit; reached means status interrupted with the best iterate.
+        max_iterations: limit; reached means status iteration_limit with the best iterate: the nearest to its constraints.
+        max_seconds: wall-clock limit; reached means status interrupted with the best iterate: the nearest to its constraints.
         formulation: "auto", "inverse", "explicit", "torn" or "dae" (see optimize.problem.build).
         prefer: names to keep as states.
         hessian: "exact", or "lbfgs" from gradients alone.
@@ -154,7 +154,7 @@ def _answer(nlp: Nlp, run: Run, throw: bool) -> Solution:
         status, message = SolveStatus.FAILED, astray
     if nlp.compile_seconds is not None:
         run = replace(run, seconds={**run.seconds, "compile": nlp.compile_seconds})
-    solution = read_solution(nlp, run, status, message)
+    solution = read_solution(nlp, run.at_best(), status, message)
     if throw and not status.ok:
         raise NotSolved(solution)
     return solution

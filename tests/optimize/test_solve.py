@@ -247,7 +247,7 @@ class TestGuess:
 
 
 class TestStops:
-    def test_callback_keeps_the_iterate(self):
+    def test_callback_keeps_the_best_iterate(self):
         seen = []
 
         def progress(iteration, objective, violation):
@@ -257,8 +257,12 @@ class TestStops:
         solution = solve(StirredTank(), Mesh(20, 3), progress=progress, throw=False)
         assert solution.status is SolveStatus.INTERRUPTED and not solution.status.ok
         assert [s[0] for s in seen] == list(range(8)) and solution.iterations == 7
-        # what was seen last is what is kept, but for the bounds that it is brought back to
-        assert solution.objective == pytest.approx(seen[-1][1], rel=1e-6)
+        # what came nearest to its constraints is kept, but for the bounds that it is brought back to; never the guess
+        number, objective, violation = min(seen[1:], key=lambda s: s[2])
+        assert violation < 0.5 * seen[-1][2]
+        assert solution.objective == pytest.approx(objective, rel=1e-6)
+        assert solution.checks["constraint_violation"].value == pytest.approx(violation, rel=1e-6)
+        assert f"kept is iterate {number}, the nearest to its constraints" in solution.message
         assert "stopped early, by the user or by its time limit" in solution.message
         again = solve(StirredTank(), Mesh(20, 3), guess=solution)
         assert again.status.ok
