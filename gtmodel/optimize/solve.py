@@ -36,8 +36,8 @@ class SolverOptions:
 
     Args:
         tolerance: IPOPT's overall tolerance on the scaled problem.
-        max_iterations: limit; reached means status iteration_limit with the best iterate: the nearest to its constraints.
-        max_seconds: wall-clock limit; reached means status interrupted with the best iterate: the nearest to its constraints.
+        max_iterations: limit; reached means status iteration_limit with the iterate nearest to its constraints.
+        max_seconds: wall-clock limit; reached means status interrupted with the iterate nearest to its constraints.
         formulation: "auto", "inverse", "explicit", "torn" or "dae" (see optimize.problem.build).
         prefer: names to keep as states.
         hessian: "exact", or "lbfgs" from gradients alone.
