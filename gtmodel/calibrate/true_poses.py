@@ -1,4 +1,4 @@
-"""Where a robot really stands whose parameters differ from pose to pose, by Newton's method on its closure equations."""
+"""Where a robot stands whose parameters differ from pose to pose, by Newton's method on its closure equations."""
 
 from __future__ import annotations
 
