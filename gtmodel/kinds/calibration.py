@@ -14,7 +14,7 @@ from .calibration_data import FILE, data_of, with_device
 from .calibration_findings import found_of
 from .calibration_keys import Schema
 from .calibration_pictures import pictures
-from .calibration_recognition import recognise, witness_of
+from .calibration_recognition import a_priori, recognise, witness_of
 from .calibration_results import VALUES, checks_of, rows_of, values_of
 
 __all__ = ["NAME", "VALUES", "Schema", "explain", "solve"]
@@ -28,7 +28,8 @@ def solve(problem: Schema, context: Context) -> Outcome:
     context.progress("reading", 0.1)
     data = data_of(problem, model, context)
     context.progress("looking at the poses", 0.3)
-    placed = recognise(data, witness_of(model, data))
+    witness = witness_of(model, data)
+    placed = recognise(data, witness)
     if placed is not None and data.keys.device_start is None:
         data = with_device(data, *placed)
     if context.interrupted():
@@ -36,10 +37,10 @@ def solve(problem: Schema, context: Context) -> Outcome:
     context.progress("fitting", 0.5)
     ready = prepared(problem, model, data.fitted, data.keys.actuators)
     require_poses(ready)
-    found = found_of(problem, data, ready)
+    found = found_of(problem, data, ready, a_priori(data, witness, placed))
     context.progress("telling", 0.9)
     title = problem.title or f"calibration of {problem.robot}"
-    if data.synthetic:
+    if data.synthetic and "synthetic" not in title.lower():
         title += " (synthetic)"
     values = values_of(problem, found)
     figures = pictures(found, title)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -25,8 +25,8 @@ HELD_OUT = 1.5
 @dataclass(frozen=True, eq=False)
 class Found:
     """`before`, `after`: identifiability without and with the data's noise. `fitted`, `held_out`, `a_priori`: signal ->
-    errors of the calibrated model on fitted and held-out poses, and of the robot as it was; empty where a pose cannot
-    be closed. `repeatability`: rms distance [m] of poses at the same actuators from their mean, None without any."""
+    errors of the calibrated model on fitted and held-out poses, and of the robot as it was, on the held-out ones if there
+    are any; empty where a pose cannot be closed. `repeatability`: rms distance [m] of poses at the same actuators from their mean, None without any."""
 
     problem: Prepared
     data: PoseData
@@ -64,8 +64,8 @@ class Found:
         return self.fitted, self.lines, False
 
 
-def found_of(problem: Schema, data: PoseData, prepared: Prepared) -> Found:
-    """Fit and look at it. Raises InputError where the cost or the loss does not fit the measurements."""
+def found_of(problem: Schema, data: PoseData, prepared: Prepared, a_priori: Prediction | None) -> Found:
+    """Fit and look at it; `a_priori`: errors of the robot as it was, at all poses. Raises InputError where the cost or the loss does not fit the measurements."""
     cost = COSTS[problem.cost]
     width = problem.loss_width
     try:
@@ -78,10 +78,11 @@ def found_of(problem: Schema, data: PoseData, prepared: Prepared) -> Found:
     except (ModelError, ValueError) as error:
         raise InputError(str(error), "loss" if "loss" in str(error) else "cost" if "cost" in str(error) else
                          "measurements") from error  # fmt: skip
-    prior = replace(c, x=prepared.unknowns.start)
+    part = data.held_out if data.held_out.any() else ~data.held_out
+    prior = {} if a_priori is None else {data.keys.position: Prediction(a_priori.errors[part])}
     return Found(
         prepared, data, c, before, _predicted(c, data.fitted), {} if data.kept is None else _predicted(c, data.kept),
-        _predicted(prior, data.fitted if data.kept is None else data.kept), outliers(c.residuals),
+        prior, outliers(c.residuals),
         _sensitivity(problem, c), _repeatability(data),
     )  # fmt: skip
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from gtmodel.calibrate.prediction import Prediction
 from gtmodel.calibrate.recognition import (
     NEARER,
     aligned,
@@ -106,6 +107,20 @@ def recognise(data: PoseData, witness: Witness) -> tuple[np.ndarray, np.ndarray]
         t, R, _ = aligned(T[good], predicted)
         return t, Rotation.from_matrix(R).as_quat(scalar_first=True)
     return None
+
+
+def a_priori(data: PoseData, witness: Witness, placed: tuple[np.ndarray, np.ndarray] | None) -> Prediction | None:
+    """Errors of the robot as it was at all poses, in its frame; NaN where it does not reach, None without a witness."""
+    keys = data.keys
+    if witness.forward is None:
+        return None
+    q, T = (np.asarray(data.all.values[n]) for n in (keys.actuators, keys.position))
+    if placed is not None:
+        T = placed[0] + Rotation.from_quat(placed[1], scalar_first=True).apply(T)
+    predicted, _, good = witness.positions(q)
+    errors = np.full(T.shape, np.nan)
+    errors[good] = predicted - T[good]
+    return Prediction(errors) if len(good) else None
 
 
 def _likelier(columns: str | None, axes: str | None) -> str | None:

@@ -43,6 +43,7 @@ VALUES = {
 }
 SHOWN_PAIRS = 20
 WORST_ROWS = 5
+WEAK = "told no better than"  # of a combination, in words
 
 
 def values_of(problem: Schema, found: Found) -> dict[str, Any]:
@@ -118,7 +119,11 @@ def rows_of(values: dict[str, Any], found: Found) -> list[Row]:
     if values["repeatability_mm"] is not None:
         rows.append(Row("repeatability, rms", values["repeatability_mm"], "mm"))
     if values["identifiability_after"]:
-        rows += [Row("identifiability", s) for s in values["identifiability_after"]["sentences"]]
+        told = values["identifiability_after"]["sentences"]
+        rows += [Row("identifiability", s) for s in told if WEAK not in s]
+        weak = sum(WEAK in s for s in told)
+        if weak:
+            rows.append(Row("identifiability", f"{weak} combinations are {WEAK} they were known; see result.json"))
     rows += [
         Row("outlier", f"line {o['line']}, {o['link']}: {o['residual_mm']:.3g} mm, {o['times']:.1f} deviations")
         for o in values["outliers"][:WORST_ROWS]

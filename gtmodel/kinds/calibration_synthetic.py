@@ -70,7 +70,7 @@ def disturbed(model: Model, s: Synthetic) -> Model:
     for cart in rows:
         u = v[cart[0]] / np.linalg.norm(v[cart[0]])
         axis = np.cross(u, rng.standard_normal(3))
-        turn = Rotation.from_rotvec(np.radians(s.misalignment_deg) * axis / np.linalg.norm(axis))
+        turn = Rotation.from_rotvec(np.radians(s.misalignment_deg) / np.sqrt(2.0) * axis / np.linalg.norm(axis))
         v[cart] = turn.apply(v[cart]) * (1 + s.scale_error * rng.standard_normal())
     return robot.with_(**changed, v=v)
 
@@ -92,7 +92,8 @@ def make(model: Model, s: Synthetic) -> Made:
     wandering = _wanderings(truth, carts, s, q)
     deviations: dict[str, np.ndarray] = {}
     for i, curve in enumerate(wandering):
-        deviations |= rows_of(curve(q[:, i]), carts.points, carts.rows[i])
+        off = curve(q[:, i]) + _by_load(near["T"], curve, s, i)
+        deviations |= rows_of(off, carts.points, carts.rows[i])
     try:
         stands = true_poses(truth, q, near, deviations)
     except ModelError as error:
@@ -153,6 +154,17 @@ def _wanderings(truth: Model, carts: Carts, s: Synthetic, q: np.ndarray) -> list
     return found
 
 
+def _by_load(T: np.ndarray, curve: Wandering, s: Synthetic, i: int) -> np.ndarray:
+    """Shift (N, 3) of a cart with the plate's place across its guideway."""
+    if s.load_um == 0:
+        return np.zeros(T.shape)
+    seeds = np.random.SeedSequence([s.seed, 4, i])
+    way = np.cross(curve.direction, np.random.default_rng(seeds).standard_normal(3))
+    place = T @ (way / np.linalg.norm(way))
+    size = 1e-6 * s.load_um / np.sqrt(2.0)
+    return Wandering(curve.direction, place.min() - 0.01, place.max() + 0.01, size, size, 0.0, 1.0, seeds)(place)
+
+
 def _seen(stands: dict[str, np.ndarray], s: Synthetic, rng: np.random.Generator) -> dict[str, np.ndarray]:
     """What the device says: in its frame, with the robot's repeatability and its own noise."""
     T = stands["T"]
@@ -173,9 +185,10 @@ def _note(s: Synthetic, poses: int) -> str:
     noise = ", ".join(f"{x:g}" for x in (sigma if isinstance(sigma, list) else [sigma]))
     return (
         f"seed {s.seed}, {poses} poses; {s.device} noise {noise} um, {s.orientation_noise_deg:g} deg; repeatability "
-        f"{s.repeatability_um:g} um; guideways off by {s.misalignment_deg:g} deg, carts by "
+        f"{s.repeatability_um:g} um; guideways apart by {s.misalignment_deg:g} deg, carts by "
         f"{', '.join(f'{x:g}' for x in s.along_um)} um along and {', '.join(f'{x:g}' for x in s.across_um)} um across "
-        f"(means), cyclic {s.cyclic_um:g} um; points and lengths off by {s.point_error_mm:g} mm"
+        f"(means), cyclic {s.cyclic_um:g} um, by load "
+        f"{s.load_um:g} um; points and lengths off by {s.point_error_mm:g} mm"
     )
 
 

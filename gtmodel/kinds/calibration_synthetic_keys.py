@@ -28,7 +28,7 @@ class Synthetic(Section):
         default=1.0, description="standard deviation of errors of joint positions and link lengths"
     )
     misalignment_deg: NonNegativeFloat = Field(
-        default=0.1, description="turn of each guideway, each about another axis"
+        default=0.1, description="angle between two guideways, rms; each is turned about an axis of its own"
     )
     scale_error: NonNegativeFloat = Field(default=1e-3, description="standard deviation of transmission scales")
     along_um: ThreeSizes = Field(
@@ -36,6 +36,11 @@ class Synthetic(Section):
         description="mean deviation of each cart along its guideway (Dressler 2012, Table 4.2)",
     )
     across_um: ThreeSizes = Field(default=[28.0, 38.0, 47.0], description="and across it")
+    load_um: NonNegativeFloat = Field(
+        default=0.0,
+        description="mean shift of each cart as the plate moves across the guideways and its weight is shared out anew; "
+        "up to 100 on L1 (section 4.2)",
+    )
     cyclic_um: NonNegativeFloat = Field(default=10.0, description="amplitude of the transmission's cyclic error")
     cyclic_period_mm: PositiveFloat = Field(default=10.0, description="its period, of ours: the text gives none")
     repeatability_um: NonNegativeFloat = Field(default=13.0, description="mean distance of repeated tool centre points")

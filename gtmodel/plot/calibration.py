@@ -84,6 +84,8 @@ def deviations_figure(names: Sequence[str], std: np.ndarray, units: Sequence[str
     axes.barh(at[known], std[known], color=[c for c, k in zip(colours, known, strict=True) if k])
     axes.barh(at[~known], np.full(int((~known).sum()), 3 * top), color="0.9", hatch="//", edgecolor="0.6")
     axes.set_xscale("log")
+    least = float(np.min(std[known])) if known.any() else 0.1 * top
+    axes.set_xlim(10 ** np.floor(np.log10(least)), 10 ** np.ceil(np.log10(top)))
     axes.set_yticks(at, [f"{n} [{u}]" for n, u in zip(names, units, strict=True)], fontsize=7)
     axes.invert_yaxis()
     axes.set_xlabel("standard deviation; hatched: not told by these poses")
