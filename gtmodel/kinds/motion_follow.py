@@ -17,6 +17,7 @@ from gtmodel.results import SolveStatus, Status, Trajectory
 from .motion import MotionTask, along_guideways, link_ends, link_names, trapezoid
 from .motion_limits import Guard
 from .motion_paths import Path
+from .path_rows import rows_along
 
 FORCE_RESERVE = 1e-5  # of the limit: what the root's rounding at rest and the curvature between nodes may take
 TIGHTENINGS = 4  # each takes what the curvature of the path adds between nodes, some 0.1 %, off the limit
@@ -63,15 +64,15 @@ class Follower:
     ) -> PathMotion:
         """The optimal motion; its limits hold on both sides of every node, and so in between, or in the middles."""
         f = motion_function(self.robot, self.task.guard)
-        x = [ca.SX.sym(n, 3) for n in ("x", "v", "a")]
-        given = [x[signal.pairs[0][1]] for signal in f.inputs]
-        found = f.casadi.call(given)
-        rows = ca.vertcat(found[0], *found[3 : len(f.outputs)])  # tau, and the margins where there are any
-        extra = rows.numel() - 3
+        rows, curve = rows_along(f, self.path)
+        given = rows.sx_in()
+        found = rows.call(given)
+        bounded_rows = ca.vertcat(found[0], *found[3:])  # tau, and the margins where there are any
+        extra = bounded_rows.numel() - 3
         force = np.full(3, self.task.force * (1 - reserve))
         task = PathTask(
-            self.path,
-            ca.Function("rows", x, [rows], {"cse": True}),
+            curve,
+            ca.Function("rows", given, [bounded_rows], {"cse": True}),
             np.concatenate([-force, np.zeros(extra)]),
             np.concatenate([force, np.full(extra, np.inf)]),
             np.concatenate([np.full(3, self.task.force_unit**-2), np.zeros(extra)]),
