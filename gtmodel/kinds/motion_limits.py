@@ -22,6 +22,7 @@ SHARPNESS_PER_M = (
 )
 ROUNDING_M = 1e-4  # of smooth absolute values
 CARTS, ROTARY = range(3), range(3, 6)  # of the coordinates q
+ROUND_OFF = 1e-9  # of margins
 FAR_M = 1.0  # a separation beyond this is far enough; keeps exponentials finite
 
 
@@ -44,7 +45,7 @@ class Guard:
 
     def declarations(self, robot: gt.Model, bounded: bool = False) -> dict[str, Any]:
         """Class attributes of a model that holds the robot and its margins."""
-        found: dict[str, Any] = {"robot": gt.part(robot), **self.parameters}
+        found: dict[str, Any] = {"robot": gt.part(robot), "metre": gt.parameter(1.0, unit="m"), **self.parameters}
         if self.margins:
             found["margin"] = gt.variable(len(self.margins), min=0.0 if bounded else None)
         return found
@@ -53,6 +54,22 @@ class Guard:
         """Equations of the margins."""
         for k, margin in enumerate(self.margins):
             yield model.margin[k] == margin.expression(model)
+
+    def least(self, values: np.ndarray) -> dict[str, float]:
+        """The least of margins (n, k) by the key that they come from."""
+        found: dict[str, float] = {}
+        for k, margin in enumerate(self.margins):
+            found[margin.key] = min(float(np.min(values[:, k])), found.get(margin.key, np.inf))
+        return found
+
+    def broken(self, values: np.ndarray) -> tuple[int, str] | None:
+        """The first of rows of margins (n, k) that breaks a limit, and which one by how much; None where all keep it."""
+        rows = np.flatnonzero(np.min(values, axis=1, initial=np.inf) < -ROUND_OFF)
+        if not rows.size:
+            return None
+        row = int(rows[0])
+        k = int(np.argmin(values[row]))
+        return row, f"breaks limits.{self.margins[k].key} by {-values[row, k]:.4g}{' m' * (self.margins[k].unit == 'm')}"
 
     @property
     def prefix(self) -> str:
@@ -97,7 +114,7 @@ def guard_of(
 
     Raises InputError with the key for bounds that cross or name what the robot has not.
     """
-    p: dict[str, Any] = {"metre": gt.parameter(1.0, unit="m")}
+    p: dict[str, Any] = {}
     margins: list[Margin] = []
 
     def parameter(name: str, value: Any, unit: str) -> str:

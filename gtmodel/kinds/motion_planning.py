@@ -195,10 +195,8 @@ def _check_statics(problem: TrajectoryProblem, robot: gt.Model, guard: Guard) ->
                 f"{key}",
                 "limits.force_N",
             )
-        if margins and np.min(margins[0]) < 0:
-            broken = guard.margins[int(np.argmin(margins[0]))]
-            by = f"{-np.min(margins[0]):.4g}{' m' if broken.unit == 'm' else ''}"
-            raise InputError(f"breaks limits.{broken.key} by {by}", key)
+        if margins and (broken := guard.broken(margins[0][None])):
+            raise InputError(broken[1], key)
 
 
 def _guess(context: Context, path: Path | None) -> Trajectory | None:

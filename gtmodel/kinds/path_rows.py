@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import casadi as ca
 import numpy as np
 
 from gtmodel.compiler.causal import CausalFunction
-from gtmodel.optimize.path import Curve
+from gtmodel.optimize.path import Curve, PathTask
 
 from .base import InputError
 
@@ -34,6 +36,29 @@ def rows_along(f: CausalFunction, curve: Curve) -> tuple[ca.Function, Curve]:
         return (*curve(s), *_unknowns(f, curve, s, moving=False)[0])
 
     return rows, along
+
+
+def task_along(
+    f: CausalFunction, curve: Curve, margins_from: int, limit: np.ndarray, squares: np.ndarray, **more: Any
+) -> PathTask:
+    """The task of a robot along a path.
+
+    f: as for `rows_along`; its first target are the motor forces, those from `margins_from` on are kept above zero.
+    limit: (m,) of the motor forces. squares: (m,) their weights in the energy. more: of PathTask.
+    """
+    rows, along = rows_along(f, curve)
+    given = rows.sx_in()
+    found = rows.call(given)
+    bounded = ca.vertcat(found[0], *found[margins_from:])
+    extra = bounded.numel() - len(limit)
+    return PathTask(
+        along,
+        ca.Function("rows", given, [bounded], {"cse": True}),
+        np.concatenate([-limit, np.zeros(extra)]),
+        np.concatenate([limit, np.full(extra, np.inf)]),
+        np.concatenate([squares, np.zeros(extra)]),
+        **more,
+    )
 
 
 def _unknowns(f: CausalFunction, curve: Curve, s: np.ndarray, moving: bool) -> tuple[list[np.ndarray], np.ndarray]:

@@ -95,7 +95,9 @@ class PathSection(Section):
     through_m: Point | None = Field(None, description="arc: a third point between start and goal")
     file: str = Field("", description="spline, taught: CSV file with the columns x_m, y_m, z_m")
     tolerance_m: PositiveFloat = Field(5e-4, description="taught: root mean square distance left by the smoothing")
-    intervals: PositiveInt = Field(400, description="intervals of the exported motion along the path")
+    intervals: PositiveInt = Field(
+        400, description="intervals of the motion by squared speeds, the exported one of kind trajectory"
+    )
 
 
 class Starts(Section):

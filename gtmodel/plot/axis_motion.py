@@ -9,18 +9,23 @@ from ..results.trajectory import Trajectory
 from .motion import COLOURS
 
 
-def axis_motion_figure(trajectory: Trajectory, *, force_limit: float, torque_limit: float) -> Figure:
+def axis_motion_figure(
+    trajectory: Trajectory, *, force_limit: float, torque_limit: float, path: np.ndarray | None = None
+) -> Figure:
     """Six panels: the path of the tool centre point from two sides, carts and their forces, angles and their torques.
 
     Args:
         trajectory: with q (6) [m, rad], T (3) [m] and tau (6) [N, N.m].
         force_limit: of the carts [N]; torque_limit: of the rotary axes [N.m].
+        path: (n, 3) [m], the path to follow, drawn in place of the straight line.
     """
     figure = Figure(figsize=(13.0, 7.0), layout="constrained")
     panels = figure.subplots(2, 3)
     T, time = trajectory["T"], trajectory.time
     for axes, (a, b), names in ((panels[0, 0], (0, 2), "xz"), (panels[1, 0], (1, 2), "yz")):
-        axes.plot(T[[0, -1], a], T[[0, -1], b], color="0.7", linestyle="--", label="straight line")
+        line = T[[0, -1]] if path is None else path
+        what = "straight line" if path is None else "path"
+        axes.plot(line[:, a], line[:, b], color="0.7", linestyle="--", label=what)
         axes.plot(T[:, a], T[:, b], color="black", label="optimal path")
         axes.plot(T[0, a], T[0, b], "o", color="black", markerfacecolor="white", label="start")
         axes.plot(T[-1, a], T[-1, b], "o", color="black", label="goal")
