@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -22,6 +23,7 @@ from .path_rows import task_along
 
 Array = np.ndarray
 GUESS_ROWS = 41
+SLOWER = (1.0, 1.5, 2.0, 3.0, 5.0, 8.0)  # guesses of the time, in the shortest one's
 MOTORS = 6
 CARTS = 3
 # of the coordinates s in the axes q1..q6; with five degrees of freedom q5 = -q4
@@ -93,7 +95,7 @@ class AxisPlan:
     def held(self, run: Trajectory) -> dict[str, Array]:
         """Axes and their two derivatives along the path, at the rows of a motion of s; NaN where they cannot be had."""
         f = self.following
-        given = [run[name] for name in ("s", "der(s)", "der(s,2)", "der(s,3)")[: len(f.inputs)]]
+        given = [run[name] for name in ("s", "der(s)", "der(s,2)", "drive")[: len(f.inputs)]]  # the third is the control
         _, *found = f(*given)
         return dict(zip(("q", "der(q)", "der(q,2)"), found, strict=False))
 
@@ -172,14 +174,15 @@ class AxisPlan:
         return type("AxisMotion", (AxisMotion,), declared)()
 
     def guess(self) -> Trajectory:
-        """An earlier result, or in 1 s, a quintic from rest to rest, along the path or all axes on their straight way;
-        poses by Newton."""
+        """An earlier result, or a quintic from rest to rest, along the path or all axes on their straight way, poses by
+        Newton; in 1 s, or along a path in so much more time that the further limits hold."""
         if self.earlier is not None:
             return self.earlier
         r = np.linspace(0.0, 1.0, GUESS_ROWS)[:, None]
-        profile = [x / GUESS_TIME_S**k for k, x in enumerate((
-            10 * r**3 - 15 * r**4 + 6 * r**5, 30 * r**2 - 60 * r**3 + 30 * r**4,
-            60 * r - 180 * r**2 + 120 * r**3, 60 - 360 * r + 360 * r**2))]  # fmt: skip
+        shape = (10 * r**3 - 15 * r**4 + 6 * r**5, 30 * r**2 - 60 * r**3 + 30 * r**4,
+                 60 * r - 180 * r**2 + 120 * r**3, 60 - 360 * r + 360 * r**2)  # fmt: skip
+        duration = GUESS_TIME_S * next((f for f in SLOWER if self._kept(shape, f * GUESS_TIME_S)), SLOWER[-1])
+        profile = [x / duration**k for k, x in enumerate(shape)]
         if self.course is not None:
             s = [x[:, 0] for x in profile]
             _, _, _, _, T, e, *_ = self.following(*s[: len(self.following.inputs)])
@@ -198,7 +201,15 @@ class AxisPlan:
         values = {"s": s[0], "der(s)": s[1], "drive": s[self.order], "robot.T": T, "robot.e": e}
         if self.order == 3:
             values["der(s,2)"] = s[2]
-        return Trajectory(GUESS_TIME_S * r[:, 0], values, {})
+        return Trajectory(duration * r[:, 0], values, {})
+
+    def _kept(self, shape: Sequence[Array], duration: float) -> bool:
+        """Whether that motion along the path keeps the further limits; of a free one nothing is asked."""
+        if self.course is None or not self.guard.margins:
+            return True
+        f = self.following
+        margins = f(*[x[:, 0] / duration**k for k, x in enumerate(shape)][: len(f.inputs)])[-2]
+        return bool(np.all(margins >= 0))
 
     def by_squared_speeds(self, intervals: int) -> PathMotion:
         """The motion along the path by the fast engine, limits in the middles of its intervals; not with a jerk."""
