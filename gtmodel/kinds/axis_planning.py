@@ -85,6 +85,8 @@ def _check_end(problem: AxisTrajectoryProblem, end: End, which: str) -> None:
                 "leaves the turn of the plate about it open in six degrees of freedom; give the axes, q_m and q_deg",
                 f"{which}.tool",
             )
+        if end.tool is not None:
+            _unit(np.array(end.tool), f"{which}.tool")
         return
     for key in ("q_m", "q_deg"):
         if getattr(end, key) is None:
