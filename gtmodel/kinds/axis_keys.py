@@ -47,9 +47,7 @@ class Limits(MotionLimits):
     axis_low_deg: Point | None = Field(None, description="least angle of each rotary axis")
     axis_high_deg: Point | None = Field(None, description="largest angle of each rotary axis")
     axis_velocity_deg_s: PositiveFloat | None = Field(None, description="largest speed of each rotary axis")
-    axis_acceleration_deg_s2: PositiveFloat | None = Field(
-        None, description="largest acceleration of each rotary axis"
-    )
+    axis_acceleration_deg_s2: PositiveFloat | None = Field(None, description="largest acceleration of each rotary axis")
 
 
 class Cost(Section):

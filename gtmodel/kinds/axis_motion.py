@@ -95,7 +95,9 @@ class AxisPlan:
     def held(self, run: Trajectory) -> dict[str, Array]:
         """Axes and their two derivatives along the path, at the rows of a motion of s; NaN where they cannot be had."""
         f = self.following
-        given = [run[name] for name in ("s", "der(s)", "der(s,2)", "drive")[: len(f.inputs)]]  # the third is the control
+        given = [
+            run[name] for name in ("s", "der(s)", "der(s,2)", "drive")[: len(f.inputs)]
+        ]  # the third is the control
         _, *found = f(*given)
         return dict(zip(("q", "der(q)", "der(q,2)"), found, strict=False))
 
@@ -216,5 +218,7 @@ class AxisPlan:
         cost = self.problem.cost
         curve = lambda s: (s[:, None], np.ones((len(s), 1)), np.zeros((len(s), 1)))  # noqa: E731  # s itself
         squares = self.limits**-2.0
-        task = task_along(self.following, curve, len(FOLLOWED), self.limits, squares, time=cost.time, energy=cost.energy)
+        task = task_along(
+            self.following, curve, len(FOLLOWED), self.limits, squares, time=cost.time, energy=cost.energy
+        )
         return solve_path(task, intervals)

@@ -67,7 +67,9 @@ def plan_of(problem: AxisTrajectoryProblem, context: Context) -> AxisPlan:
 
 def _axes(end: End) -> Array:
     """Axes (6,) [m, rad] as given; NaN where they are not."""
-    return np.full(MOTORS, np.nan) if end.q_m is None else np.concatenate([end.q_m, np.radians(end.q_deg)])
+    if end.q_m is None or end.q_deg is None:
+        return np.full(MOTORS, np.nan)
+    return np.concatenate([end.q_m, np.radians(end.q_deg)])
 
 
 def _check_end(problem: AxisTrajectoryProblem, end: End, which: str) -> None:
@@ -76,10 +78,14 @@ def _check_end(problem: AxisTrajectoryProblem, end: End, which: str) -> None:
     if problem.path is None:
         for key in ("tcp_m", "tool"):
             if getattr(end, key) is not None:
-                raise InputError("needs a [path]; a free motion goes from axes to axes, q_m and q_deg", f"{which}.{key}")
+                raise InputError(
+                    "needs a [path]; a free motion goes from axes to axes, q_m and q_deg", f"{which}.{key}"
+                )
     elif end.tcp_m is not None:
         if axes:
-            raise InputError(f"is given beside tcp_m, which determines the axes; remove one of them", f"{which}.{axes[0]}")
+            raise InputError(
+                "is given beside tcp_m, which determines the axes; remove one of them", f"{which}.{axes[0]}"
+            )
         if end.tool is not None and problem.degrees_of_freedom == 6:
             raise InputError(
                 "leaves the turn of the plate about it open in six degrees of freedom; give the axes, q_m and q_deg",
@@ -90,7 +96,9 @@ def _check_end(problem: AxisTrajectoryProblem, end: End, which: str) -> None:
         return
     for key in ("q_m", "q_deg"):
         if getattr(end, key) is None:
-            raise InputError(f"is missing{'' if problem.path is None else '; give q_m and q_deg, or tcp_m'}", f"{which}.{key}")
+            raise InputError(
+                f"is missing{'' if problem.path is None else '; give q_m and q_deg, or tcp_m'}", f"{which}.{key}"
+            )
     if end.tool is not None:
         raise InputError("is given beside the axes, which determine it; remove it", f"{which}.tool")
     q4, q5, _ = end.q_deg or (0.0, 0.0, 0.0)

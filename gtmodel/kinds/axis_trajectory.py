@@ -36,7 +36,7 @@ VALUES = {
     "defect": "largest difference of re-simulated and collocated states at an element's edge, in nominals",
     "path_length_m": "length of the path to follow; null for a free motion",
     "path_error_m": "largest distance of the tool centre point from the path at its s; null for a free motion",
-    "second_road_time_s": "final time along the path with squared speeds as unknowns; null without a path or with a jerk",
+    "second_road_time_s": "final time along the path with squared speeds as unknowns; null if free or with a jerk",
     "margins": "least margin to each further limit, by key: in m for positions, else a share of the limit",
     "clearance_m": "least distance of tool centre point and links from each obstacle",
 }
@@ -86,7 +86,11 @@ def explain(problem: Schema, context: Context) -> str:
             f"{limits.torque_Nm:g} N.m",
             f"  unknown at each point: {', '.join(built.point_names)}",
             f"  free: {', '.join(built.free_names)}",
-            *([f"  along: {problem.path.shape} of {plan.course.path.length:.4g} m"] if problem.path and plan.course else []),
+            *(
+                [f"  along: {problem.path.shape} of {plan.course.path.length:.4g} m"]
+                if problem.path and plan.course
+                else []
+            ),
             *([f"  strokes: {'; '.join(strokes)}"] if strokes else []),
             *([f"  further limits: {', '.join(further)}"] if further else []),
         ]

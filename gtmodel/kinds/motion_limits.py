@@ -63,13 +63,16 @@ class Guard:
         return found
 
     def broken(self, values: np.ndarray) -> tuple[int, str] | None:
-        """The first of rows of margins (n, k) that breaks a limit, and which one by how much; None where all keep it."""
+        """The first row of margins (n, k) that breaks a limit, and which one by how much; None where none does."""
         rows = np.flatnonzero(np.min(values, axis=1, initial=np.inf) < -ROUND_OFF)
         if not rows.size:
             return None
         row = int(rows[0])
         k = int(np.argmin(values[row]))
-        return row, f"breaks limits.{self.margins[k].key} by {-values[row, k]:.4g}{' m' * (self.margins[k].unit == 'm')}"
+        return (
+            row,
+            f"breaks limits.{self.margins[k].key} by {-values[row, k]:.4g}{' m' * (self.margins[k].unit == 'm')}",
+        )
 
     @property
     def prefix(self) -> str:
@@ -103,9 +106,7 @@ class Carrier:
 Carriers = Callable[[int, str], Carrier | None]
 
 
-def guard_of(
-    limits: MotionLimits, arms: list[tuple[str, int]], carriers: Carriers = lambda arm, end: None
-) -> Guard:
+def guard_of(limits: MotionLimits, arms: list[tuple[str, int]], carriers: Carriers = lambda arm, end: None) -> Guard:
     """The margins that a problem file asks for.
 
     Args:

@@ -110,7 +110,7 @@ def test_courses_of_directions():
         (["degrees_of_freedom=6"], "goal.tool", "leaves the turn of the plate about it open"),
         (["start.tool=[0.0,0.0,-1.0]"], "start.tool", "is given beside the axes"),
         (["goal.tool=[0.0,0.0,0.0]"], "goal.tool", "is zero"),
-        (["path.tool=[{at=0.6,direction=[0.0,0.0,-1.0]},{at=0.5,direction=[0.0,0.0,-1.0]}]"], "path.tool", "do not rise"),
+        (["path.tool=[{at=0.6,direction=[0,0,-1.0]},{at=0.5,direction=[0,0,-1.0]}]"], "path.tool", "do not rise"),
         (["goal.tool=[0.0,0.0,1.0]"], "goal", "turns by 178"),
         (["goal.tcp_m=[-0.32,5.0,0.3]"], "goal.tcp_m", "no axes hold the plate there"),
         (["limits.axis_high_deg=[45.0,45.0,0.5]"], "goal.tcp_m", "is above limits.axis_high_deg, 0.5"),
@@ -144,10 +144,13 @@ def test_declared_problem():
     assert 0.9 * SPEED_M_S < np.max(speed) < 1.02 * SPEED_M_S
     ends = {"start": run["q"][0], "goal": run["q"][-1]}
     free = solved(
-        *(f"{name}={{q_m={q[:3].tolist()},q_deg={np.degrees([q[3], -q[3], q[5]]).tolist()}}}" for name, q in ends.items()),
+        *(
+            f"{name}={{q_m={q[:3].tolist()},q_deg={np.degrees([q[3], -q[3], q[5]]).tolist()}}}"
+            for name, q in ends.items()
+        ),
         problem=FREE,
     )
-    assert free.status is SolveStatus.SOLVED and free.objective < o.objective
+    assert free.status is SolveStatus.SOLVED and (free.objective or np.inf) < (o.objective or 0.0)
 
 
 @pytest.mark.proof

@@ -16,7 +16,7 @@ from gtmodel.results import Trajectory
 
 PROBLEM, FREE = "problems/d1_six_link_line.toml", "problems/d1_six_link_motion.toml"
 LINE = 'path.shape="line"'
-FORCE_N, SPEED_M_S, CART_M_S2 = 700.0, 0.8, 4.0  # of the declared problem
+FORCE_N, SPEED_M_S, CART_M_S2 = 700.0, 0.7, 4.0  # of the declared problem
 BETWEEN_NODES = 0.01  # limits hold on both sides of each of 80 nodes; between them they bend by some 0.1 %
 STEP_S = 1e-4  # of finite differences: round-off of Newton leaves 1e-4 m/s2, curvature less
 DIFFERENCES_N = 0.5
@@ -96,9 +96,18 @@ def test_against_toppra():
             mass, centre = forces(at, 0 * at, slope)[0] - rest, forces(at, slope, bend)[0] - rest
             limit = np.tile(np.repeat([FORCE_N, CART_M_S2], 3), 2)
             both = np.vstack([np.eye(6), -np.eye(6)])
-            return np.hstack([mass, slope]), np.hstack([centre, bend]), np.hstack([rest, 0 * at]), both, limit, None, None
+            return (
+                np.hstack([mass, slope]),
+                np.hstack([centre, bend]),
+                np.hstack([rest, 0 * at]),
+                both,
+                limit,
+                None,
+                None,
+            )
 
-    _, speed, _ = TOPPRA([Rows()], SplineInterpolator(grid, q), grid, "seidel").compute_parameterization(0, 0)
+    found = TOPPRA([Rows()], SplineInterpolator(grid, q), grid, "seidel").compute_parameterization(0, 0)
+    speed = np.asarray(found[1])
     time = np.sum(2 * np.diff(grid) / (speed[1:] + speed[:-1]))
     assert own.final_time == pytest.approx(time, rel=ORACLE)
 
@@ -146,6 +155,6 @@ def test_limits_and_shapes(settings: tuple[str, ...]):
     loaded = load(FREE, [LINE, "path.intervals=100", *settings])
     o = solve(loaded, context_of(loaded)).outcome
     assert o.status is SolveStatus.SOLVED and all(check.passed for check in o.checks.values()), o.message
-    assert o.objective > 1.0917 and o.values["exported_peak_force_N"] <= FORCE_N
+    assert (o.objective or 0.0) > 1.0917 and o.values["exported_peak_force_N"] <= FORCE_N
     assert min(o.values["exported_margins"].values(), default=0.0) > -1e-4
     assert isinstance(o.trajectory, gt.Trajectory)
