@@ -10,17 +10,20 @@ from .colours import COLOURS
 from .path import draw_path, head
 
 
-def axis_motion_figure(trajectory: Trajectory, *, force_limit: float, torque_limit: float) -> Figure:
+def axis_motion_figure(
+    trajectory: Trajectory, *, force_limit: float, torque_limit: float, path: np.ndarray | None = None
+) -> Figure:
     """Six panels: the path of the tool centre point from two sides, carts and their forces, angles and their torques.
 
     Args:
         trajectory: with q (6) [m, rad], T (3) [m] and tau (6) [N, N.m].
         force_limit: of the carts [N]; torque_limit: of the rotary axes [N.m].
+        path: (n, 3) [m], the path to follow, drawn in place of the straight line.
     """
     figure = Figure(figsize=(13.0, 7.0), layout="constrained")
     panels = figure.subplots(2, 3)
-    draw_path(panels[0, 0], trajectory["T"], "xz")
-    draw_path(panels[1, 0], trajectory["T"], "yz")
+    draw_path(panels[0, 0], trajectory["T"], "xz", path)
+    draw_path(panels[1, 0], trajectory["T"], "yz", path)
     panels[0, 0].set_title("path of the tool centre point")
     panels[0, 0].legend(fontsize="small")
     carts, angles = trajectory["q"][:, :3], np.degrees(trajectory["q"][:, 3:])
