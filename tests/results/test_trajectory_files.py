@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,28 +13,19 @@ from gtmodel.results import Trajectory, TrajectoryError
 from tests.results.trajectories import ROUNDING, example, quick, trajectories
 
 
+@pytest.mark.parametrize(
+    ("write", "read"), [(Trajectory.to_csv, Trajectory.from_csv), (Trajectory.to_npz, Trajectory.from_npz)]
+)
 @quick
 @given(traj=trajectories())
-def test_csv_round_trip_is_exact(tmp_path: Path, traj: Trajectory) -> None:
-    first, second = tmp_path / "first.csv", tmp_path / "second.csv"
-    traj.to_csv(first, overwrite=True)
-    again = Trajectory.from_csv(first)
+def test_round_trips_are_exact(tmp_path: Path, write: Any, read: Any, traj: Trajectory) -> None:
+    first, second = tmp_path / "first", tmp_path / "second"
+    write(traj, first, overwrite=True)
+    again = read(first)
     assert again == traj
     for name in traj.names:
         assert again[name].tobytes() == traj[name].tobytes()  # -0.0 too
-    again.to_csv(second, overwrite=True)
-    assert first.read_bytes() == second.read_bytes()
-
-
-@quick
-@given(traj=trajectories())
-def test_npz_round_trip_is_exact(tmp_path: Path, traj: Trajectory) -> None:
-    first, second = tmp_path / "first.npz", tmp_path / "second.npz"
-    traj.to_npz(first, overwrite=True)
-    again = Trajectory.from_npz(first)
-    assert again == traj
-    assert all(again[name].tobytes() == traj[name].tobytes() for name in traj.names)
-    again.to_npz(second, overwrite=True)
+    write(again, second, overwrite=True)
     assert first.read_bytes() == second.read_bytes()
 
 
