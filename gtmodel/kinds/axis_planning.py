@@ -243,7 +243,7 @@ def _check_ends(plan: AxisPlan) -> None:
                 f"{k + 1} to stand at {which}",
                 f"limits.{key}",
             )
-        if broken := plan.guard.broken(plan.margins(q)):
+        if plan.course is None and (broken := plan.guard.broken(plan.margins(q))):  # of a path with all of its way
             raise InputError(broken[1], which)
 
 

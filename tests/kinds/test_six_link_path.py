@@ -128,7 +128,7 @@ def test_cone_of_a_joint_that_turns_with_the_plate():
 @pytest.mark.proof
 def test_declared_problem_is_never_better_than_the_free_motion():
     outcomes = {}
-    for name, settings in ((PROBLEM, ()), (FREE, ("mesh.elements=20",)), (FREE, ("mesh.elements=20", LINE))):
+    for name, settings in ((PROBLEM, ()), (FREE, ()), (FREE, (LINE,))):
         loaded = load(name, list(settings))
         o = outcomes[name, settings] = solve(loaded, context_of(loaded)).outcome
         assert o.status is SolveStatus.SOLVED and all(check.passed for check in o.checks.values()), o.message
