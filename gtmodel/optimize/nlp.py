@@ -93,7 +93,7 @@ def make_nlp(problem: DynamicProblem, mesh: Mesh, machine_code: bool = False) ->
     nx, nP = element.layout.nl, problem.P.numel()
     _check_names(problem, mesh)
     delays = delay_rows(problem, mesh, element.layout)
-    p_scale = np.maximum(1.0, np.abs(problem.P_guess)) if nP else np.ones(0)
+    p_scale = problem.P_scale
     total = N * n + nx + nP
     X = ca.MX.sym("X", total)
     Y = ca.reshape(X[: N * n], n, N)

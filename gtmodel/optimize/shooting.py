@@ -66,7 +66,7 @@ def run_shooting(nlp: Nlp, x0: np.ndarray, options: Limits, progress: Progress |
     g[shooting.rows], lam_g[shooting.rows] = run.g[: len(shooting.rows)], run.multipliers.rows[: len(shooting.rows)]
     lam_x[shooting.kept] = run.multipliers.bounds
     multipliers = Multipliers(lam_g, lam_x)
-    return Run(x, g, run.objective, multipliers, run.iterations, run.status, run.word, run.seconds)
+    return Run(x, g, run.objective, multipliers, run.iterations, run.status, run.word, run.seconds, None, run.miss)
 
 
 def _transcribe(nlp: Nlp) -> _Shooting:

@@ -182,7 +182,9 @@ def read_solution(nlp: Nlp, run: Run, status: SolveStatus, message: str) -> Solu
     x = run.x
     chosen = constants(nlp, x)[: len(nlp.problem.free_names)]
     free = dict(zip(nlp.problem.free_names, chosen.tolist(), strict=True))
-    violation = float(np.max(np.maximum(nlp.lbg - run.g, run.g - nlp.ubg), initial=0.0))
+    violation = run.miss
+    if violation is None:
+        violation = float(np.max(np.maximum(nlp.lbg - run.g, run.g - nlp.ubg), initial=0.0))
     trajectory = evaluate(nlp, x, mesh_fractions(placed(nlp, x)))
     solution = Solution(
         status, message, run.objective, run.iterations, trajectory, free, nlp, x, run.multipliers.rows, run.seconds,
