@@ -168,7 +168,7 @@ def run_ipopt(
     if miss is not None and not miss <= FEASIBLE:
         status, word = SolveStatus.FAILED, (
             f"IPOPT's answer misses its rows by {miss:.2g} of their size within the bounds, which it relaxes by 1e-8; "
-            "give a nominal to what is small"
+            "give what is small a nominal, or bounds on both sides"
         )  # fmt: skip
     best = None if status.ok else watch.better_than(g, f)
     return Run(x, g, f, Multipliers(rows, bounds), int(stats["iter_count"]), status, word, seconds, best, miss)

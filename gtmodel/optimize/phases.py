@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -85,10 +85,10 @@ class PhasesSolution:
     phases: dict[str, Solution]
     link_multipliers: dict[str, float]
     seconds: dict[str, float]
-    joined: Joined
-    x: np.ndarray
-    multipliers: np.ndarray
-    bound_multipliers: np.ndarray
+    joined: Joined = field(repr=False)
+    x: np.ndarray = field(repr=False)
+    multipliers: np.ndarray = field(repr=False)
+    bound_multipliers: np.ndarray = field(repr=False)
 
     def __getitem__(self, name: str) -> Solution:
         return self.phases[name]

@@ -73,6 +73,8 @@ def _build(
     objective = root.objective()
     if not isinstance(objective, Expr) or objective.shape != ():
         raise ModelError(f"{flat.title}.objective() must return a scalar expression; found {objective!r}")
+    if not flat.variables:
+        raise ModelError(f"{flat.title} has no variable, so there is no trajectory to optimise; declare one")
     constraints = relations(root.constraints(), flat) + initial_rows(flat)
     inputs = [v.index for v in flat.variables if v.role == "input"]
     delays = delays_of(flat)

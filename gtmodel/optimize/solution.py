@@ -45,12 +45,12 @@ class Solution:
     iterations: int
     trajectory: Trajectory
     free: dict[str, float]
-    nlp: Nlp
-    x: np.ndarray
-    multipliers: np.ndarray
+    nlp: Nlp = field(repr=False)
+    x: np.ndarray = field(repr=False)
+    multipliers: np.ndarray = field(repr=False)
     seconds: dict[str, float]
     checks: dict[str, Check] = field(default_factory=dict)
-    bound_multipliers: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    bound_multipliers: np.ndarray = field(default_factory=lambda: np.zeros(0), repr=False)
     linked: bool = False  # one of several phases: its rows are not all that hold it
 
     def with_checks(self, **checks: Check) -> Solution:

@@ -47,7 +47,7 @@ class SolverOptions:
             second or two of the C compiler at the first solve, which `seconds["compile"]` shows. The library is kept
             in $GTMODEL_CACHE, by default ~/.cache/gtmodel. For problems that are solved again and again.
 
-    Raises ValueError for a number out of range or an unknown word.
+    Raises ModelError, which is a ValueError, for a number out of range or an unknown word.
     """
 
     tolerance: float = 1e-8
@@ -60,17 +60,25 @@ class SolverOptions:
     compile: bool = False
 
     def __post_init__(self) -> None:
+        numbers = (self.tolerance, self.max_iterations, 0 if self.max_seconds is None else self.max_seconds)
+        if not all(isinstance(n, (int, float, np.number)) for n in numbers) or self.max_iterations % 1:
+            raise ModelError(
+                "tolerance and max_seconds are numbers and max_iterations is a whole one; found "
+                f"{self.tolerance!r}, {self.max_seconds!r} and {self.max_iterations!r}"
+            )
         if not 0 < self.tolerance < 1:
-            raise ValueError(f"tolerance is between 0 and 1; found {self.tolerance:g}")
+            raise ModelError(f"the solver's tolerance is between 0 and 1; found {self.tolerance:g}")
         if self.max_iterations < 0 or (self.max_seconds is not None and not self.max_seconds >= 0):
-            raise ValueError(
+            raise ModelError(
                 f"max_iterations and max_seconds are not negative; found {self.max_iterations} and {self.max_seconds}"
             )
+        if isinstance(self.prefer, str):
+            raise ModelError(f"prefer takes a list of names; found '{self.prefer}'")
         for name, words in (("formulation", FORMULATIONS), ("hessian", HESSIANS), ("solver", SOLVERS)):
             if getattr(self, name) not in words:
-                raise ValueError(f"{name} is one of {', '.join(words)}; found '{getattr(self, name)}'")
+                raise ModelError(f"{name} is one of {', '.join(words)}; found '{getattr(self, name)}'")
         if self.solver == "fatrop" and (self.hessian != "exact" or self.max_seconds is not None or self.compile):
-            raise ValueError("fatrop takes the exact hessian, no max_seconds and no compile; use solver 'ipopt'")
+            raise ModelError("fatrop takes the exact hessian, no max_seconds and no compile; use solver 'ipopt'")
 
 
 class NotSolved(RuntimeError):

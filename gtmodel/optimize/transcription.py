@@ -163,6 +163,7 @@ class Transcription:
                     f"'{name}'"
                 )
         changed = flatten(self.model.with_(**parameters))
+        changed.require_values()
         self._check_attributes(changed, ", ".join(parameters))
         values = {q.name: q.value for q in changed.parameters}
         first = nlp.constants + len(problem.free_names)
