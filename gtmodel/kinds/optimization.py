@@ -8,9 +8,8 @@ import numpy as np
 from pydantic import Field, PositiveFloat, PositiveInt
 
 from gtmodel.lang import ModelError, Optimization
-from gtmodel.optimize import CompilerMissing
+from gtmodel.optimize import CompilerMissing, Solution, SolverOptions
 from gtmodel.optimize import Mesh as CollocationMesh
-from gtmodel.optimize import Solution, SolverOptions
 from gtmodel.optimize import solve as collocate
 from gtmodel.optimize.problem import Bounds
 from gtmodel.optimize.resimulate import resimulate

@@ -24,7 +24,8 @@ class Blocks:
         step_max: largest step between neighbouring blocks, by the control's name, in its SI unit.
         step_penalty: weight of the squared step in the objective, by the control's name.
 
-    Raises ValueError for a size that is no whole number or below one, a bound that is not positive or a negative weight.
+    Raises ValueError for a size that is no whole number of at least one, a bound that is not positive or a negative
+    weight.
     """
 
     sizes: tuple[int, ...]

@@ -22,11 +22,13 @@ def within(nominal: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray
 
 
 def of_constants(guess: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """Sizes of constants that are chosen: 1 or a larger guess, or their bounds where these are far smaller, or a small
-    positive guess where one bound says that it is positive."""
+    """Sizes of constants that are chosen: 1 or a larger guess, or their bounds where these are far smaller; with one
+    bound only, a guess that is far smaller tells the size beside it."""
     found = within(np.maximum(1.0, np.abs(guess)), low, high)
-    one_sided = (guess > 0) & (guess < SMALL) & (low > 0) & ~np.isfinite(high)
-    return np.where(one_sided, guess, found)
+    bound = np.minimum(np.abs(low), np.abs(high))
+    reach = np.maximum(np.abs(guess), bound)
+    one_sided = (np.isfinite(low) != np.isfinite(high)) & (guess != 0) & (reach < SMALL)
+    return np.where(one_sided, reach, found)
 
 
 def scale_of(size: float) -> float:

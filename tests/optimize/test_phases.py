@@ -288,7 +288,7 @@ def test_wrong_arguments(wrong, sentence):
 
 def test_what_is_no_phase_and_no_list():
     with pytest.raises(ModelError, match="phase 'second' is a configured Optimization; found 3"):
-        Phases({"first": Named(), "second": 3})
+        Phases({"first": Named(), "second": 3})  # type: ignore[dict-item]
     with pytest.raises(ModelError, match="free takes a list of names; found 'values'"):
         Phases({"first": Named(), "second": Named()}, free={"second": "values"})
     with pytest.raises(ModelError, match="shared takes a list of names; found 'final_time'"):

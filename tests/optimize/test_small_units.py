@@ -7,13 +7,13 @@ import pytest
 
 import gtmodel as gt
 from gtmodel import SolveStatus, der
-from gtmodel.optimize import Mesh, NotSolved, Phases, solve, solve_phases
+from gtmodel.optimize import Mesh, NotSolved, Phases, estimate, solve, solve_phases
 
 MESH = Mesh(4)
 SOLVER = 1e-6  # relative: IPOPT's 1e-8 on unknowns of order one, and what bounds give way by
 
 
-def two(unit: float, objective=None, rows=None):
+def two(unit: float, objective=None, rows=lambda m: []):
     """x' = u, y' = w from 0, with int u^2 + 4 w^2 as the cost."""
 
     class Two(gt.Optimization):
@@ -52,9 +52,9 @@ def test_an_integral_that_is_bounded(unit):
 
 def test_a_link_of_phases():
     """Free phases that must meet x + y = 1e-9 where the second one begins: half the way in each."""
-    first = two(1e-9, rows=lambda m: [])
+    first = two(1e-9)
     links = {"second": lambda before, after: [before.x + before.y == 1e-9]}
-    s = solve_phases(Phases({"first": first, "second": two(1e-9, rows=lambda m: [])}, links=links,
+    s = solve_phases(Phases({"first": first, "second": two(1e-9)}, links=links,
                             free={"second": ["x", "y"]}), MESH)  # fmt: skip
     assert s["first"].trajectory["x"][-1] == pytest.approx(0.8e-9, rel=SOLVER)
     assert s.link_multipliers[next(n for n in s.link_multipliers if n.startswith("link"))] == pytest.approx(
@@ -137,3 +137,29 @@ def test_what_is_large_may_be_missed_by_as_much_more():
     s = solve(Large(), MESH)
     assert s.objective == pytest.approx(0.0, abs=SOLVER) and s.checks["constraint_violation"].passed
     assert s.free["k"] + np.mean(s.trajectory["u"]) == pytest.approx(3.0, abs=1e-3)
+
+
+@pytest.mark.parametrize("bounds", [{"min": 0.0}, {"min": 0.0, "max": 1e-8}, {}])
+def test_a_small_constant_is_estimated(bounds):
+    """Synthetic data, exact but for a ripple: k and its deviation are those in units of 1e-9."""
+    t = np.linspace(0.1, 2.0, 20)
+    data = 2 * np.exp(-0.7 * t) + 0.01 * np.sin(40 * t)
+
+    def decay(unit: float, **own):
+        class Decay(gt.Optimization):
+            k = gt.free(unit, **own)
+            final_time = 2.0
+            x = gt.variable(start=unit, nominal=unit)
+
+            def equations(self):
+                yield der(self.x) == -self.k / unit * self.x
+
+            def objective(self):
+                return gt.misfit(self.x, t, unit * data)
+
+        return estimate(solve(Decay(), MESH))
+
+    large, small = decay(1.0), decay(1e-9, **bounds)
+    assert small.names == large.names == ("k", "x at the start") and not small.held
+    assert small.values == pytest.approx(1e-9 * large.values, rel=1e-5)
+    assert small.std == pytest.approx(1e-9 * large.std, rel=1e-4)
