@@ -31,7 +31,7 @@ VALUES = {
 class Mesh(Section):
     """Where the equations are collocated."""
 
-    elements: PositiveInt = Field(default=50, description="number of elements of the horizon")
+    elements: PositiveInt = Field(default=50, le=10000, description="number of elements of the horizon")
     points: int = Field(default=3, ge=1, le=9, description="collocation points per element")
     scheme: Literal["radau", "gauss"] = Field(default="radau", description="where the points of an element lie")
     control: Literal["polynomial", "bernstein", "linear", "constant"] = Field(

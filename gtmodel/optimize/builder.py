@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import casadi as ca
@@ -14,7 +15,7 @@ from ..lang.expression import Expr
 from ..lang.optimization import Delayed, Optimization
 from ..lang.scope import Misfit
 from ..lang.source import ModelError
-from .attributes import Pair, nominal_of
+from .attributes import Pair, names_of, nominal_of
 from .dynamic import Bounds, DynamicProblem
 from .horizon import PointValue, horizon, point_values, require_length
 from .relations import Row, as_bound
@@ -50,7 +51,10 @@ class Builder:
         fold: ca.SX,
         tunable: tuple[str, ...] = (),
         delayed: dict[int, tuple[int, Delayed]] | None = None,
+        told: Mapping[str, float] | None = None,
     ) -> None:
+        """told: sizes by the names of variables and free constants, in place of their nominals."""
+        self.told = dict(told or {})
         self.base = base
         self.model, self.root, self.flat, self.plan, self.kind = model, root, flat, plan, kind
         self.states, self.controls, self.tunable = states, controls, tunable
@@ -132,7 +136,7 @@ class Builder:
                 u_bounds.tighten(n, *((low, high) if s > 0 else (-high, -low)))
             else:
                 symbol = flat.scope.symbol(v.index, 0)
-                nominal = nominal_of(flat, self.plan.alias, (v.index, 0))
+                nominal = self._nominal((v.index, 0))
                 path.append(Row(symbol, v.min, v.max, f"bounds of {v.name}", v.where, nominal))
         ends = horizon(flat, self.P, self.parameters)
         require_length(flat, ends, constraints, self.P[self.n_free :], self._tuned())
@@ -165,7 +169,9 @@ class Builder:
         P_bounds = Bounds(np.array([q.min for q in free] + held), np.array([q.max for q in free] + held))
         self._check_bounds(x_bounds, u_bounds, P_bounds, start, end)
         rates, algebraic, labels = self._dynamics()
-        P_guess = np.array([q.value for q in free] + held)
+        P_guess, names = np.array([q.value for q in free] + held), [q.name for q in free]
+        P_scale = of_constants(P_guess, P_bounds.low, P_bounds.high)
+        P_scale = np.array([self.told.get(n, s) for n, s in zip([*names, *self.tunable], P_scale, strict=True)])
         inputs = [(i, 0) for i in (*self.controls, *self.delayed)] + self.z_pairs
         x_scale = within(self._nominals(states), x_bounds.low, x_bounds.high)
         u_scale = within(self._nominals(inputs), u_bounds.low, u_bounds.high)
@@ -186,7 +192,7 @@ class Builder:
             path=path, x_bounds=x_bounds, u_bounds=u_bounds, P_bounds=P_bounds,
             P_guess=P_guess, delayed=list(self.delayed.values()), delayed_indices=list(self.delayed),
             z_pairs=self.z_pairs, tunable=self.tunable, x_scale=x_scale, u_scale=u_scale,
-            P_scale=of_constants(P_guess, P_bounds.low, P_bounds.high),
+            P_scale=P_scale,
             start_bounds=start, end_bounds=end, integrals=[], instants=[], mayer=ca.SX(0), points=[],
             builder=self, base=self.base,
         )  # fmt: skip
@@ -215,7 +221,7 @@ class Builder:
         base = self.base
         return Builder(
             self.model, self.root, self.flat, base, "torn" if base.newton else "explicit", self.states, self.controls,
-            base, self.parameters, self.tunable, self.delayed,
+            base, self.parameters, self.tunable, self.delayed, self.told,
         )  # fmt: skip
 
     def _is_point(self, e: ca.SX) -> bool:
@@ -328,7 +334,7 @@ class Builder:
             for n, pair in enumerate(self.z_pairs):
                 low, high = float(u.low[offset + n]), float(u.high[offset + n])
                 if np.isfinite(low) or np.isfinite(high):
-                    name, size = self.flat.symbol_name(*pair), nominal_of(self.flat, self.base.alias, pair)
+                    name, size = self.flat.symbol_name(*pair), self._nominal(pair)
                     row = Row(self.flat.scope.symbol(*pair), low, high, f"bounds of {name}", None, size)
                     written, rows = [*written, row], [*rows, row]
             if rows:
@@ -369,8 +375,12 @@ class Builder:
             result.append((PointValue(symbol, row.expression, 0.0), point))
         return result
 
+    def _nominal(self, pair: Pair) -> float:
+        told = [self.told[n] for n, _ in names_of(self.flat, self.base.alias, pair) if n in self.told]
+        return told[0] if told else nominal_of(self.flat, self.base.alias, pair)
+
     def _nominals(self, pairs: list[Pair]) -> np.ndarray:
-        return np.array([nominal_of(self.flat, self.base.alias, p) for p in pairs])
+        return np.array([self._nominal(p) for p in pairs])
 
     def _slopes(self, x_scale: np.ndarray, u_scale: np.ndarray, P: np.ndarray) -> Slopes:
         """Slopes of rows per size of the states, their rates and the inputs."""

@@ -8,11 +8,30 @@ import casadi as ca
 import numpy as np
 
 from ..compiler.plan import Plan
+from ..lang.source import ModelError
+from ..results.trajectory import Trajectory
 from .attributes import Pair
 
 # rows smaller than this are scaled up, for IPOPT's slack of 1e-8 must not swallow them; larger ones it scales itself.
 # Unknowns whose bounds are smaller than this beside their nominal have the size of their bounds, for the same reason
 SMALL = 1e-4
+
+
+def of_trajectory(scaling: Trajectory | None, free: dict[str, float]) -> tuple[tuple[str, float], ...]:
+    """Largest magnitude of each scalar in a trajectory, of its end as final_time, and of constants that were chosen;
+    what is zero all along has none. Raises ModelError for what is no trajectory."""
+    if scaling is None:
+        return ()
+    if not isinstance(scaling, Trajectory):
+        raise ModelError(f"scaling takes a gt.Trajectory or an earlier solution; found {scaling!r}")
+    found = {"final_time": abs(float(scaling.time[-1]))} | {n: abs(v) for n, v in free.items()}
+    for name in scaling.names:
+        sizes = np.atleast_1d(np.max(np.abs(scaling[name]), axis=0))
+        head, comma, order = name.removeprefix("der(").removesuffix(")").partition(",")
+        for k, size in enumerate(sizes.tolist()):
+            entry = f"{head}[{k}]" if np.ndim(scaling[name]) > 1 else head
+            found[f"der({entry}{comma}{order})" if name.startswith("der(") else entry] = size
+    return tuple((n, v) for n, v in sorted(found.items()) if v > 0)
 
 
 def within(nominal: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:

@@ -24,6 +24,7 @@ from .mesh import Mesh, given_mesh
 from .nlp import Nlp, make_nlp
 from .problem import FORMULATIONS, build
 from .shooting import run_shooting
+from .sizes import of_trajectory
 from .solution import Solution, read_solution
 
 SOLVERS = ("ipopt", "fatrop")
@@ -94,6 +95,7 @@ def solve(
     mesh: Mesh | None = None,
     *,
     guess: Trajectory | Solution | None = None,
+    scaling: Trajectory | Solution | None = None,
     branches: Mapping[str, int] | None = None,
     solver: SolverOptions | None = None,
     progress: Progress | None = None,
@@ -106,6 +108,8 @@ def solve(
         model: an Optimization with values for its parameters.
         mesh: elements, points, scheme and control; default 50 x 3 Radau.
         guess: a trajectory with names of states and controls, or an earlier solution.
+        scaling: a trajectory, or an earlier solution, whose largest magnitudes take the place of the nominals of the
+            variables that it holds, in the solver and wherever "in nominals" is said; constants of a solution too.
         branches: sign +1 or -1 by the name of a declared branch, +1 by default; a solution that leaves it at any
             point has status failed.
         progress: called with (iteration, objective, constraint violation); returning True stops the solve,
@@ -127,7 +131,7 @@ def solve(
         raise ValueError(f"method is one of {', '.join(METHODS)}; found '{method}'")
     shooting = method == "shooting"
     form = "explicit" if shooting and options.formulation == "auto" else options.formulation
-    problem = build(model, form, options.prefer, branches)
+    problem = build(model, form, options.prefer, branches, sizes=scaled_by(scaling))
     nlp = make_nlp(problem, mesh, options.compile and not shooting)
     check_equalities(problem, nlp.element)
     x0 = initial_guess(nlp, guess)
@@ -136,6 +140,13 @@ def solve(
             raise ModelError(f"{problem.flat.title}: shooting takes solver 'ipopt' only; found '{options.solver}'")
         return _answer(nlp, run_shooting(nlp, x0, options, progress), throw)
     return solve_nlp(nlp, x0, options, progress, throw)
+
+
+def scaled_by(scaling: Trajectory | Solution | None) -> tuple[tuple[str, float], ...]:
+    """Sizes by name, for build(). Raises ModelError for what is neither."""
+    if isinstance(scaling, Solution):
+        return of_trajectory(scaling.trajectory, scaling.free)
+    return of_trajectory(scaling, {})
 
 
 def solve_nlp(

@@ -24,7 +24,7 @@ from .mesh import Mesh, given_mesh
 from .nlp import Nlp, make_nlp
 from .problem import build
 from .solution import Solution
-from .solve import NotSolved, SolverOptions, solve_nlp
+from .solve import NotSolved, SolverOptions, scaled_by, solve_nlp
 
 ATTRIBUTES = ("nominal", "min", "max", "start", "fixed")
 HALVINGS = 4  # a step of a continuation is halved so often before it is given up
@@ -189,13 +189,14 @@ def transcribe(
     mesh: Mesh | None = None,
     *,
     parameters: Sequence[str] | None = None,
+    scaling: Trajectory | Solution | None = None,
     branches: Mapping[str, int] | None = None,
     solver: SolverOptions | None = None,
 ) -> Transcription:
     """Transcribe a model once, to be solved for many values of its parameters.
 
     parameters: names, of the model's own class, that may change between solves; by default all of them. What stands
-    fixed is folded into the equations, where zeros vanish. Raises ModelError for a wrong model or an unknown name.
+    fixed is folded into the equations, where zeros vanish. scaling: as for gt.solve. Raises ModelError for a wrong model or an unknown name.
     """
     flat, options = flat_of(model), solver or SolverOptions()
     own = [n for n, item in type(model)._declared.items() if isinstance(item, Parameter)]
@@ -207,7 +208,7 @@ def transcribe(
         if elements:  # one that is bound to others has no symbol of its own
             names[name] = elements
     tunable = tuple(e for n in names.values() for e in n)
-    problem = build(model, options.formulation, options.prefer, branches, tunable)
+    problem = build(model, options.formulation, options.prefer, branches, tunable, scaled_by(scaling))
     nlp = make_nlp(problem, given_mesh(mesh), options.compile)
     check_equalities(problem, nlp.element)
     return Transcription(model, nlp, names, options)
