@@ -196,8 +196,8 @@ def transcribe(
     """Transcribe a model once, to be solved for many values of its parameters.
 
     parameters: names, of the model's own class, that may change between solves; by default all of them. What stands
-    fixed is folded into the equations, where zeros vanish. scaling: as for gt.solve. Raises ModelError for a wrong model
-    or an unknown name.
+    fixed is folded into the equations, where zeros vanish. scaling: as for gt.solve. Raises ModelError for a wrong
+    model or an unknown name.
     """
     flat, options = flat_of(model), solver or SolverOptions()
     own = [n for n, item in type(model)._declared.items() if isinstance(item, Parameter)]
