@@ -48,7 +48,7 @@ def closure_equations(flat: FlatModel, known: Sequence[str], latent: Sequence[st
     """
     names = (*known, *latent)
     groups = {name: _indices(flat, name) for name in names}
-    given = [i for indices in groups.values() for i in indices]
+    given = [i for name in names for i in groups[name]]
     if len(set(given)) != len(given):
         raise ModelError(f"{flat.title}: a variable is named twice in {', '.join(names)}")
     alias = eliminate(flat, frozenset(given))

@@ -46,19 +46,17 @@ class Adjustment:
         S = np.broadcast_to(self.covariance, (len(y), *self.covariance.shape[1:]))
         size = float(np.sqrt(np.max(np.diagonal(S, axis1=1, axis2=2))))
         floor = FLOOR * float(np.abs(self.data).max(initial=1.0))
-        floor = FLOOR * float(np.abs(self.data).max(initial=1.0))
         with np.errstate(all="ignore"):
             for _ in range(ROUNDS):
                 r, J, By, Bz = self.block.evaluate_all(self.data, y, z, x)
-                whitening = _whitening(By, Bz, S) if np.all(np.isfinite(r)) else None
-                if whitening is None:
+                W = _whitening(By, Bz, S) if np.all(np.isfinite(r)) else None
+                if W is None:
                     break
-                W, dz = whitening
                 w = r - _times(By, y)
                 e = _times(W, w)
                 # the multipliers of the equations, from which all errors follow
                 new = -_times(S @ By.transpose(0, 2, 1), _times(W.transpose(0, 2, 1), e))
-                step = _times(dz, w)
+                step = -_times(np.linalg.pinv(Bz), w + _times(By, new)) if self.latent else np.zeros_like(z)
                 moved = max(float(np.abs(new - y).max(initial=0.0)), float(np.abs(step).max(initial=0.0)))
                 y, z = new, z + step
                 if moved <= STILL * max(size, float(np.abs(y).max(initial=0.0))) + floor:
@@ -70,28 +68,25 @@ class Adjustment:
     def by_noise(self, x: np.ndarray) -> np.ndarray:
         """Slopes of the whitened residuals in the noise of all signals (N, k, ny), where the iteration ended."""
         _, _, By, Bz = self.block.evaluate_all(self.data, self.y, self.z, x)
-        found = _whitening(By, Bz, np.broadcast_to(self.covariance, (len(self.y), *self.covariance.shape[1:])))
-        if found is None:
+        W = _whitening(By, Bz, np.broadcast_to(self.covariance, (len(self.y), *self.covariance.shape[1:])))
+        if W is None:
             raise ModelError("a pose is singular at the solution: its errors have no slopes")
-        return found[0] @ By
+        return W @ By
 
 
 def _times(A: np.ndarray, b: np.ndarray) -> np.ndarray:
     return (A @ b[..., None])[..., 0]
 
 
-def _whitening(By: np.ndarray, Bz: np.ndarray, S: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
-    """W (N, m - nz, m), which makes residuals white and blind to latent values, and (N, nz, m) what these move by;
-    None where a pose is singular."""
+def _whitening(By: np.ndarray, Bz: np.ndarray, S: np.ndarray) -> np.ndarray | None:
+    """W (N, m - nz, m), which makes residuals white and blind to latent values; None where a pose is singular."""
+    nz = Bz.shape[2]
+    omega = By @ S @ By.transpose(0, 2, 1)
     try:
-        L = np.linalg.cholesky(By @ S @ By.transpose(0, 2, 1))
-        W = np.linalg.inv(L)
-        nz = Bz.shape[2]
         if not nz:
-            return W, np.zeros((len(By), 0, By.shape[1]))
-        Q, R = np.linalg.qr(W @ Bz, mode="complete")
-        turned = Q.transpose(0, 2, 1) @ W
-        return turned[:, nz:], -np.linalg.solve(R[:, :nz], turned[:, :nz])
+            return np.linalg.inv(np.linalg.cholesky(omega))
+        blind = np.linalg.qr(Bz, mode="complete")[0][:, :, nz:].transpose(0, 2, 1)
+        return np.linalg.solve(np.linalg.cholesky(blind @ omega @ blind.transpose(0, 2, 1)), blind)
     except np.linalg.LinAlgError:
         return None
 
@@ -99,13 +94,14 @@ def _whitening(By: np.ndarray, Bz: np.ndarray, S: np.ndarray) -> tuple[np.ndarra
 def require_noise_enough(block: Block, data: np.ndarray, covariance: np.ndarray, latent: int, x: np.ndarray,
                          labels: tuple[str, ...]) -> None:  # fmt: skip
     """ModelError where the noise has fewer directions than there are equations to close per pose."""
-    n = min(data.shape[1], 1)
-    _, _, By, _ = block.evaluate_all(data[:, :n], np.zeros((n, covariance.shape[1])), np.zeros((n, latent)), x)
-    omega = By[0] @ covariance[0] @ By[0].T
+    none = np.zeros((1, covariance.shape[1])), np.zeros((1, latent))
+    _, _, By, Bz = block.evaluate_all(data[:, :1], *none, x)
+    blind = np.linalg.qr(Bz[0], mode="complete")[0][:, latent:].T if latent else np.eye(len(block.rows))
+    omega = blind @ By[0] @ covariance[0] @ By[0].T @ blind.T
     scale = np.sqrt(np.diag(omega))
     rank = 0 if not np.all(scale > 0) else int(np.linalg.matrix_rank(omega / np.outer(scale, scale), tol=1e-10))
-    if rank < len(block.rows):
+    if rank < len(omega):
         raise ModelError(
-            f"the stated noise can close {rank} of the {len(block.rows)} equations of a pose ({', '.join(labels)}); "
+            f"the stated noise can close {rank} of the {len(omega)} equations of a pose ({', '.join(labels)}); "
             "give noise to more signals, or take the cost 'length'"
         )
