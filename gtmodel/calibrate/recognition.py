@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from itertools import combinations, permutations, product
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,6 +15,15 @@ NEARER = 3.0
 # of the robot's size: poses nearer to the model's than this part are read right, whatever else may be nearer still
 CLOSE = 0.02
 AXES = "xyz"
+SMALLER = {"m": "mm", "mm": "um"}
+LARGER = {"um": "mm", "mm": "m", "m": "km"}
+
+
+class Reading(NamedTuple):
+    """Another reading of the columns: what to say, and the rms distance [m] from the model's positions that is left."""
+
+    sentence: str
+    left: float
 
 
 def unit_sentence(name: str, rows: np.ndarray, size: float, unit: str) -> str | None:
@@ -21,17 +31,12 @@ def unit_sentence(name: str, rows: np.ndarray, size: float, unit: str) -> str | 
     spread = float(np.max(np.ptp(rows, axis=0)))
     if LEAST * size <= spread <= GREATEST * size or spread == 0:
         return None
-    factor = (
-        "1000 times too large: the column looks like millimetres"
-        if spread > size
-        else ("1000 times too small: the column looks like metres")
-    )
-    if not LEAST * size <= spread * (1e-3 if spread > size else 1e3) <= GREATEST * size:
-        factor = "in another unit"
-    return (
-        f"'{name}' spans {spread:.4g} m as declared in {unit}, and the robot's points are within {size:.3g} m: it is "
-        f"probably {factor}"
-    )
+    large = spread > size
+    meant = (SMALLER if large else LARGER).get(unit)
+    thousand = LEAST * size <= spread * (1e-3 if large else 1e3) <= GREATEST * size
+    hint = f"the column is probably in {meant}" if thousand and meant else "check its unit"
+    times = f"{spread / size:.3g} times the robot's {size:.3g} m"
+    return f"'{name}' spans {spread:.4g} m as declared in {unit}, {times}; {hint}"
 
 
 def angle_sentence(name: str, rows: np.ndarray, unit: str) -> str | None:
@@ -55,10 +60,10 @@ def scale_sentence(name: str, measured: np.ndarray, predicted: np.ndarray) -> st
     )
 
 
-def exchanged_sentence(
+def exchanged_columns(
     names: Sequence[str], groups: Sequence[Sequence[int]], predict: Callable[[list[int]], np.ndarray | None],
     misfit: Callable[[np.ndarray], float], size: float,
-) -> str | None:  # fmt: skip
+) -> Reading | None:  # fmt: skip
     """Columns of actuators that belong to each other's arms: `predict(order)` gives the model's positions (N, 3) with
     the columns in another order, `misfit` their rms distance [m] from the measured ones. `groups`: columns of one unit.
     """
@@ -68,7 +73,7 @@ def exchanged_sentence(
     if before <= CLOSE * size:
         return None
     best, order = before, given
-    for trial in _orders(len(names), groups):
+    for trial in orders(len(names), groups):
         found = predict(trial)
         rms = np.inf if found is None else misfit(found)
         if rms < best * (1 - 1e-9):
@@ -77,15 +82,16 @@ def exchanged_sentence(
         return None
     changed = [k for k in given if order[k] != k]
     read = ", ".join(names[order[k]] for k in changed)
-    return (
+    return Reading(
         f"the columns {', '.join(names[k] for k in changed)} look exchanged: poses miss the model's by "
-        f"{_length(before)} rms as given, and by {_length(best)} when read as {read}"
+        f"{_length(before)} rms as given, and by {_length(best)} when read as {read}",
+        best,
     )
 
 
-def axes_sentence(
+def swapped_axes(
     name: str, measured: np.ndarray, predicted: np.ndarray, size: float, free_frame: bool = False
-) -> str | None:
+) -> Reading | None:
     """Positions (N, 3) whose axes are exchanged or reversed against the model's, as the cart directions tell.
 
     With a frame that is unknown (`free_frame`) only the handedness can be told.
@@ -94,9 +100,10 @@ def axes_sentence(
     if free_frame:
         proper, mirrored = (_aligned(measured, predicted, hand)[2] for hand in (1, -1))
         if mirrored * NEARER < proper and proper > CLOSE * size:
-            return (
+            return Reading(
                 f"'{name}' is left-handed: no turn brings it nearer than {_length(proper)} rms to the model's, "
-                f"a mirrored one {_length(mirrored)}; an axis is reversed or two are exchanged"
+                f"a mirrored one {_length(mirrored)}; an axis is reversed or two are exchanged",
+                mirrored,
             )
         return None
     if before <= CLOSE * size:
@@ -112,9 +119,10 @@ def axes_sentence(
     order, signs = reading
     read = ", ".join(("-" if s < 0 else "") + AXES[k] for k, s in zip(order, signs, strict=True))
     left = _sign(order) * np.prod(signs) < 0
-    return (
+    return Reading(
         f"the axes of '{name}' look swapped: poses miss the model's by {_length(before)} rms as given, and by "
-        f"{_length(best)} when ({read}) is read as (x, y, z)" + ("; as given they are left-handed" if left else "")
+        f"{_length(best)} when ({read}) is read as (x, y, z)" + ("; as given they are left-handed" if left else ""),
+        best,
     )
 
 
@@ -139,7 +147,7 @@ def _aligned(measured: np.ndarray, predicted: np.ndarray, hand: int) -> tuple[np
     return predicted.mean(axis=0) - R @ measured.mean(axis=0), R, rms
 
 
-def _orders(n: int, groups: Sequence[Sequence[int]]) -> list[list[int]]:
+def orders(n: int, groups: Sequence[Sequence[int]]) -> list[list[int]]:
     """All orders of groups of three and less, single exchanges within larger ones."""
     found = []
     for group in groups:

@@ -5,16 +5,18 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
+import numpy as np
+
 from gtmodel.results import SolveStatus
 
 from . import calibration_parameters, calibration_poses, calibration_report
-from .base import Context, Outcome
+from .base import Context, InputError, Outcome
 from .calibration_choice import prepared, require_poses
 from .calibration_data import FILE, data_of, with_device
 from .calibration_findings import found_of
 from .calibration_keys import Schema
 from .calibration_pictures import pictures
-from .calibration_recognition import a_priori, recognise, witness_of
+from .calibration_recognition import a_priori, exchanged_after, recognise, witness_of
 from .calibration_results import VALUES, checks_of, rows_of, values_of
 
 __all__ = ["NAME", "VALUES", "Schema", "explain", "solve"]
@@ -38,6 +40,11 @@ def solve(problem: Schema, context: Context) -> Outcome:
     ready = prepared(problem, model, data.fitted, data.keys.actuators)
     require_poses(ready)
     found = found_of(problem, data, ready, a_priori(data, witness, placed))
+    c = found.calibration
+    left = float(np.sqrt(np.mean(c.residuals**2))) if c.status.ok else np.inf
+    exchanged = exchanged_after(data, ready, left, witness.size)
+    if exchanged is not None:
+        raise InputError(exchanged, f"measurements.signals.{data.keys.actuators}")
     context.progress("telling", 0.9)
     title = problem.title or f"calibration of {problem.robot}"
     if data.synthetic and "synthetic" not in title.lower():
@@ -51,7 +58,6 @@ def solve(problem: Schema, context: Context) -> Outcome:
     }
     if data.text is not None:
         files[FILE] = lambda: data.text or ""
-    c = found.calibration
     told, _, held = found.told
     message = c.message
     if c.status.ok and found.position in told:

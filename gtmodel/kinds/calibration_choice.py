@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from gtmodel.calibrate import Choice, Measurements, Problem, prepare
-from gtmodel.compiler.causal import flat_of
+from gtmodel.calibrate.unknowns import Unknowns
 from gtmodel.inference import Prior
 from gtmodel.lang import Model, ModelError
 
@@ -29,7 +31,7 @@ def family_of(model: Model) -> str:
 
 
 def choice_of(problem: Schema, model: Model) -> Choice:
-    """Raises InputError for a variant of another family and for priors of unknown parameters."""
+    """Without priors. Raises InputError for a variant of another family."""
     tied, unit = dict(problem.tied), list(problem.unit_quaternions)
     if problem.variant is not None:
         wanted, found = FAMILIES[problem.variant], family_of(model)
@@ -42,20 +44,18 @@ def choice_of(problem: Schema, model: Model) -> Choice:
             tied = {"v[1]": "v[0]", "v[2]": "v[0]"} | tied
         if problem.variant == "f1_unit":
             unit += [n for n in QUATERNIONS if n not in unit]
-    own = {q.name: q.value for q in flat_of(model).parameters}
-    priors = []
-    for name, prior in problem.priors.items():
-        value = prior.value if prior.value is not None else own.get(name)
-        if value is None:
-            raise InputError(f"'{name}' has no value of its own; give the prior's", f"priors.{name}")
-        priors.append(Prior(name, value, prior.std))
-    return Choice(problem.free, problem.fixed, tied, unit, priors, problem.sizes)
+    return Choice(problem.free, problem.fixed, tied, unit, (), problem.sizes)
 
 
 def prepared(problem: Schema, model: Model, measurements: Measurements, actuators: str) -> Problem:
     """Raises InputError with the key whose name is not understood."""
     try:
-        return prepare(model, measurements, choice_of(problem, model), actuators=actuators)
+        choice = choice_of(problem, model)
+        first = prepare(model, measurements, choice, actuators=actuators)
+        if not problem.priors:
+            return first
+        priors = _priors(problem, first.unknowns)
+        return prepare(model, measurements, replace(choice, priors=priors), actuators=actuators)
     except (ModelError, ValueError) as error:
         raise InputError(str(error), _key(problem, str(error))) from error
 
@@ -74,6 +74,23 @@ def require_poses(p: Problem) -> None:
                 "times as many, or fix parameters",
                 "measurements",
             )
+
+
+def _priors(problem: Schema, u: Unknowns) -> list[Prior]:
+    """One for each unknown of the named ones, at its start where no value is given. Raises InputError."""
+    found: dict[str, Prior] = {}
+    for name, prior in problem.priors.items():
+        begins = (name[:-1] + ",", f"{name} turned") if name.endswith("]") else (f"{name}[", f"{name} turned")
+        hits = [k for k, n in enumerate(u.names) if n == name or n.startswith(begins)]
+        if not hits:
+            raise InputError(f"names '{name}', which is not free; these are {', '.join(u.names)}", "priors")
+        if prior.value is not None and len(hits) > 1:
+            raise InputError(f"one value for the {len(hits)} unknowns of '{name}'; leave it out, or name one of them",
+                             f"priors.{name}")  # fmt: skip
+        for k in hits:
+            value = float(u.start[k]) if prior.value is None else prior.value
+            found[u.names[k]] = Prior(u.names[k], value, prior.std)
+    return list(found.values())
 
 
 def _key(problem: Schema, sentence: str) -> str:

@@ -25,8 +25,9 @@ HELD_OUT = 1.5
 @dataclass(frozen=True, eq=False)
 class Found:
     """`before`, `after`: identifiability without and with the data's noise. `fitted`, `held_out`, `a_priori`: signal ->
-    errors of the calibrated model on fitted and held-out poses, and of the robot as it was, on the held-out ones if there
-    are any; empty where a pose cannot be closed. `repeatability`: rms distance [m] of poses at the same actuators from their mean, None without any."""
+    errors of the calibrated model on fitted and held-out poses, and of the robot as it was on the latter or, without
+    any, the former; empty where a pose cannot be closed. `repeatability`: rms distance [m] of poses at the same
+    actuators from their mean, None without any."""
 
     problem: Prepared
     data: PoseData
@@ -65,7 +66,8 @@ class Found:
 
 
 def found_of(problem: Schema, data: PoseData, prepared: Prepared, a_priori: Prediction | None) -> Found:
-    """Fit and look at it; `a_priori`: errors of the robot as it was, at all poses. Raises InputError where the cost or the loss does not fit the measurements."""
+    """Fit and look at it; `a_priori`: errors of the robot as it was, at all poses. Raises InputError where the cost or
+    the loss does not fit the measurements."""
     cost = COSTS[problem.cost]
     width = problem.loss_width
     try:
@@ -100,6 +102,12 @@ def verdict(found: Found, accuracy: float | None) -> tuple[bool, bool | None, li
     if c.estimate.known_noise:
         size = noise_size(c.estimate)
         sentences.append(size.sentence)
+    if found.data.held_out.any() and found.position not in found.held_out:
+        sentences.append(
+            f"prediction not proven: with these parameters not all of {len(found.lines_held_out)} held-out poses close; "
+            "two links may have come to coincide: give priors, fix parameters or turn the plate farther"
+        )
+        return True, False, sentences
     if not found.held_out:
         sentences.append("prediction not proven: no poses were held out, errors of fitted poses flatter")
         return True, None, sentences

@@ -88,7 +88,9 @@ class Schema(RobotProblem):
     fixed: list[str] = Field(default=[], description="parameters to leave, stronger than free")
     tied: dict[str, str] = Field(default={}, description="parameter -> parameter that it follows")
     unit_quaternions: list[str] = Field(default=[], description="quaternions that are turned at length one")
-    priors: dict[str, PriorKeys] = Field(default={}, description="by scalar parameter")
+    priors: dict[str, PriorKeys] = Field(
+        default={}, description="by unknown, or by row or parameter for all its unknowns at their start"
+    )
     sizes: dict[str, PositiveFloat] = Field(default={}, description="expected error of a parameter in SI; 0.001")
     cost: Literal["closure", "linear", "inverse", "forward", "orthogonal"] = Field(
         default="linear",

@@ -7,14 +7,17 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from gtmodel.calibrate import Measurements, calibrate
+from gtmodel.calibrate import Problem as Prepared
 from gtmodel.calibrate.prediction import Prediction
 from gtmodel.calibrate.recognition import (
     NEARER,
     aligned,
     angle_sentence,
-    axes_sentence,
-    exchanged_sentence,
+    exchanged_columns,
+    orders,
     scale_sentence,
+    swapped_axes,
     unit_sentence,
 )
 from gtmodel.compiler.causal import CausalFunction, compile_causal, flat_of
@@ -26,6 +29,8 @@ from .calibration_data import KEY, PoseData
 
 MOST = 150  # poses that are looked at: enough to tell a metre from a millimetre
 REACHED = 0.5  # share of the poses that the model must reach to be a witness
+MISFIT = 2e-4  # of the robot's size: length errors of a fit above this are worth a look at other orders
+TRIALS = 25  # iterations of a fit with other columns
 TURNED = 0.2  # rad: orientations nearer to the model's are read right
 
 
@@ -93,16 +98,19 @@ def recognise(data: PoseData, witness: Witness) -> tuple[np.ndarray, np.ndarray]
     if len(good) >= REACHED * len(q) and len(good) > 3:
         _refuse(scale_sentence(keys.position, T[good], predicted), keys.position)
         _refuse(_upright(data, rows[good], e), keys.orientation or "")
-    sentence = exchanged_sentence(names, groups, predict, misfit, witness.size)
+    columns = exchanged_columns(names, groups, predict, misfit, witness.size)
     if len(good) < max(4, REACHED * len(q)):
-        _refuse(sentence, keys.actuators)
+        _refuse(None if columns is None else columns.sentence, keys.actuators)
         raise InputError(
             f"the robot's model reaches {len(good)} of {len(q)} poses with these actuators; check their units, order "
             "and zero, or the robot",
             f"{KEY}.signals.{keys.actuators}",
         )
-    axes = axes_sentence(keys.position, T[good], predicted, witness.size, device)
-    _refuse(_likelier(sentence, axes), keys.actuators if axes is None else keys.position)
+    axes = swapped_axes(keys.position, T[good], predicted, witness.size, device)
+    if columns is not None and (axes is None or columns.left < axes.left):
+        _refuse(columns.sentence, keys.actuators)
+    elif axes is not None:
+        _refuse(axes.sentence, keys.position)
     if device:
         t, R, _ = aligned(T[good], predicted)
         return t, Rotation.from_matrix(R).as_quat(scalar_first=True)
@@ -123,9 +131,34 @@ def a_priori(data: PoseData, witness: Witness, placed: tuple[np.ndarray, np.ndar
     return Prediction(errors) if len(good) else None
 
 
-def _likelier(columns: str | None, axes: str | None) -> str | None:
-    """Where both readings are nearer, the one that says less of the measurement: its axes."""
-    return axes if axes is not None and columns is None else columns if axes is None else f"{axes}; or {columns}"
+def exchanged_after(data: PoseData, prepared: Prepared, fitted: float, size: float) -> str | None:
+    """Where a fit is left with length errors of `fitted` rms [m] or did not end: whether it is of another order of the
+    actuators' columns, by fits of all of them. Arms do not know their columns, residuals do."""
+    keys = data.keys
+    if fitted <= MISFIT * size:
+        return None
+    names, groups = _columns(data)
+    m = data.fitted
+    best, order = fitted, list(range(len(names)))
+    for trial in orders(len(names), groups):
+        q = np.asarray(m.values[keys.actuators])[:, trial]
+        other = Measurements({**m.values, keys.actuators: q}, m.noise, m.sessions, m.poses, m.corrections)
+        try:
+            c = calibrate(prepared.on(other), cost="length", limit=TRIALS)
+        except (ModelError, ValueError):
+            continue
+        rms = float(np.sqrt(np.mean(c.residuals**2)))
+        if rms < best:
+            best, order = rms, trial
+    if not best * NEARER < fitted:
+        return None
+    changed = [k for k in range(len(names)) if order[k] != k]
+    read = ", ".join(names[order[k]] for k in changed)
+    before = f"{1e3 * fitted:.3g} mm rms" if np.isfinite(fitted) else "no solution"
+    return (
+        f"the columns {', '.join(names[k] for k in changed)} look exchanged: links are left with {before} as given and "
+        f"with {1e3 * best:.3g} mm rms when read as {read}"
+    )
 
 
 def _units(data: PoseData, size: float) -> None:

@@ -38,8 +38,8 @@ class Synthetic(Section):
     across_um: ThreeSizes = Field(default=[28.0, 38.0, 47.0], description="and across it")
     load_um: NonNegativeFloat = Field(
         default=0.0,
-        description="mean shift of each cart as the plate moves across the guideways and its weight is shared out anew; "
-        "up to 100 on L1 (section 4.2)",
+        description="mean shift of each cart as the plate moves across the guideways and its weight is shared out "
+        "anew; up to 100 on L1 (section 4.2)",
     )
     cyclic_um: NonNegativeFloat = Field(default=10.0, description="amplitude of the transmission's cyclic error")
     cyclic_period_mm: PositiveFloat = Field(default=10.0, description="its period, of ours: the text gives none")
