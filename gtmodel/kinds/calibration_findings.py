@@ -71,11 +71,11 @@ def found_of(problem: Schema, data: PoseData, prepared: Prepared, a_priori: Pred
     cost = COSTS[problem.cost]
     width = problem.loss_width
     try:
-        c = calibrate(prepared, cost=cost)  # type: ignore[arg-type]
+        c = calibrate(prepared, cost=cost)
         if problem.loss != "linear":
             c = calibrate(
                 prepared, cost=cost, loss=problem.loss, width=width or HUBER * _scale(c), start=dict(_start(c))
-            )  # type: ignore[arg-type]
+            )
         before = prepared.identifiability(sigma=_length_noise(prepared))
     except (ModelError, ValueError) as error:
         raise InputError(str(error), "loss" if "loss" in str(error) else "cost" if "cost" in str(error) else
@@ -104,7 +104,7 @@ def verdict(found: Found, accuracy: float | None) -> tuple[bool, bool | None, li
         sentences.append(size.sentence)
     if found.data.held_out.any() and found.position not in found.held_out:
         sentences.append(
-            f"prediction not proven: with these parameters not all of {len(found.lines_held_out)} held-out poses close; "
+            f"prediction not proven: not all {len(found.lines_held_out)} held-out poses close with these parameters; "
             "two links may have come to coincide: give priors, fix parameters or turn the plate farther"
         )
         return True, False, sentences

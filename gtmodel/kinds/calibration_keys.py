@@ -6,6 +6,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field, NonNegativeFloat, PositiveFloat
 
+from gtmodel.calibrate import Cost
+
 from .base import Section
 from .calibration_synthetic_keys import Synthetic
 from .robot_keys import RobotProblem
@@ -14,8 +16,7 @@ Free = Literal["estimate"]
 Three = Annotated[list[float], Field(min_length=3, max_length=3)]
 Four = Annotated[list[float], Field(min_length=4, max_length=4)]
 Noise = PositiveFloat | list[PositiveFloat] | list[list[float]]
-VARIANTS = ("ideal", "modified", "six_link", "f1_unit", "f1_raw")
-COSTS = {"closure": "squared", "linear": "length", "inverse": "inverse", "forward": "forward",
+COSTS: dict[str, Cost] = {"closure": "squared", "linear": "length", "inverse": "inverse", "forward": "forward",
          "orthogonal": "orthogonal"}  # fmt: skip
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from gtmodel.calibrate.prediction import Prediction
 from gtmodel.compiler.causal import flat_of
-from gtmodel.inference import Identifiability
+from gtmodel.inference import Identifiability, whiteness
 
 from .base import Check, Row
 from .calibration_data import PoseData
@@ -43,6 +43,7 @@ VALUES = {
 }
 SHOWN_PAIRS = 20
 WORST_ROWS = 5
+LEAST_POSES = 30  # for a test of whiteness
 WEAK = "told no better than"  # of a combination, in words
 
 
@@ -77,7 +78,7 @@ def values_of(problem: Schema, found: Found) -> dict[str, Any]:
         "numerics_sound": sound,
         "prediction_proven": proven,
         "verdict": sentences,
-        "notes": [] if c.estimate is None else list(c.estimate.notes),
+        "notes": [] if c.estimate is None else [*c.estimate.notes, *_coloured(found)],
         "truth": _truth(found),
         "synthetic": data.synthetic,
     }  # fmt: skip
@@ -155,6 +156,15 @@ def _unknowns(found: Found) -> list[dict[str, Any]]:
 
 def _sizes(p: Prediction | None, factor: float = 1e3) -> dict[str, float] | None:
     return None if p is None else {"mean": factor * p.mean, "max": factor * p.greatest, "rms": factor * p.rms}
+
+
+def _coloured(found: Found) -> list[str]:
+    """Links whose residuals, in the order of the poses, are no noise: carts that wander, loads, a lacking effect."""
+    residuals, labels = found.calibration.residuals, found.problem.labels
+    if len(residuals) < LEAST_POSES:
+        return []
+    tests = [whiteness(r) for r in residuals.T]
+    return [f"{label}: {t.sentence}" for label, t in zip(labels, tests, strict=True) if not t.passed]
 
 
 def _worst(data: PoseData, head: Prediction, lines: np.ndarray, held: bool) -> dict[str, Any]:

@@ -49,7 +49,7 @@ def carts_of(model: Model) -> Carts:
     """Of a Gantry-Tau of the library. Raises InputError for another robot."""
     if hasattr(model, "A0"):
         return Carts("A0", [[0], [1], [2]], ("A0", "A", "B", "L", "r3"))
-    A = np.shape(getattr(model, "A", None))
+    A = np.shape(getattr(model, "A", ()))
     if A == (6, 3) and hasattr(model, "B"):
         return Carts("A", clusters.ROWS, ("A", "B", "L"))
     if A == (3, 3) and hasattr(model, "v"):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from matplotlib.collections import PathCollection
 from matplotlib.figure import Figure
 
 from .signals import COLOURS
@@ -60,7 +61,7 @@ def workspace_errors_figure(positions: np.ndarray, sizes: np.ndarray, title: str
     order = np.argsort(np.nan_to_num(sizes, nan=-1.0), kind="stable")
     figure = Figure(figsize=(11.0, 4.2), layout="constrained")
     panels = figure.subplots(1, 3)
-    drawn = None
+    drawn: PathCollection | None = None
     for axes, (a, b) in zip(panels, ((0, 1), (0, 2), (1, 2)), strict=True):
         drawn = axes.scatter(positions[order, a], positions[order, b], c=1e3 * sizes[order], s=22, cmap="viridis")
         worst = order[-1]
@@ -68,6 +69,7 @@ def workspace_errors_figure(positions: np.ndarray, sizes: np.ndarray, title: str
         axes.set(xlabel=f"{'xyz'[a]} [m]", ylabel=f"{'xyz'[b]} [m]")
         axes.set_aspect("equal", adjustable="datalim")
         axes.grid(alpha=0.3)
+    assert drawn is not None
     figure.colorbar(drawn, ax=list(panels), label="positioning error [mm]")
     figure.suptitle(title)
     return figure
@@ -87,7 +89,7 @@ def deviations_figure(names: Sequence[str], std: np.ndarray, units: Sequence[str
     least = float(np.min(std[known])) if known.any() else 0.1 * top
     axes.set_xlim(10 ** np.floor(np.log10(least)), 10 ** np.ceil(np.log10(top)))
     axes.set_yticks(at, [f"{n} [{u}]" for n, u in zip(names, units, strict=True)], fontsize=7)
-    axes.invert_yaxis()
+    axes.set_ylim(len(names) - 0.4, -0.6)
     axes.set_xlabel("standard deviation; hatched: not told by these poses")
     axes.grid(alpha=0.3, axis="x", which="both")
     axes.set_title(title)
