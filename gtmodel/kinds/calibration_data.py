@@ -11,6 +11,7 @@ import numpy as np
 
 from gtmodel.calibrate import Correction, Measurements, Pose
 from gtmodel.calibrate.recognition import copies
+from gtmodel.compiler.causal import flat_of
 from gtmodel.lang import Model, ModelError
 
 from . import calibration_synthetic, calibration_table
@@ -75,6 +76,7 @@ def data_of(problem: Schema, model: Model, context: Context) -> PoseData:
         other = _table(_found(problem.held_out.file, "held_out.file", context), keys)
         tables.append(other)
         held = np.concatenate([held, np.ones(len(other.lines), bool)])
+    _fit_the_model(tables[0], model)
     everything = _measurements(tables, keys)
     lines = np.concatenate([t.lines for t in tables])
     _refuse_copies(everything, lines, [len(t.lines) for t in tables])
@@ -158,6 +160,21 @@ def _measurements(tables: Sequence[PoseTable], keys: Measured) -> Measurements:
         return found
     except ModelError as error:
         raise InputError(str(error), f"{KEY}.signals") from error
+
+
+def _fit_the_model(table: PoseTable, model: Model) -> None:
+    """Raises InputError for signals that are no variables of the model, and for another number of columns."""
+    flat = flat_of(model)
+    for name, rows in table.values.items():
+        try:
+            shape, _, _ = flat.lookup(name)
+        except ModelError as error:
+            raise InputError(str(error), f"{KEY}.signals.{name}") from error
+        size = int(np.prod(shape))
+        if rows.shape[1] != size:
+            raise InputError(
+                f"has {rows.shape[1]} columns; '{name}' of the robot has {size}", f"{KEY}.signals.{name}.column"
+            )
 
 
 def _read_through(name: str, s: MeasuredSignal, values: dict[str, np.ndarray], corrections: list[Correction]) -> None:

@@ -43,6 +43,7 @@ VALUES = {
 }
 SHOWN_PAIRS = 20
 WORST_ROWS = 5
+FAR = 0.1  # of the largest length: a tape measure does not err by that
 LEAST_POSES = 30  # for a test of whiteness
 WEAK = "told no better than"  # of a combination, in words
 
@@ -78,7 +79,7 @@ def values_of(problem: Schema, found: Found) -> dict[str, Any]:
         "numerics_sound": sound,
         "prediction_proven": proven,
         "verdict": sentences,
-        "notes": [] if c.estimate is None else [*c.estimate.notes, *_coloured(found)],
+        "notes": [] if c.estimate is None else [*c.estimate.notes, *_coloured(found), *_far(found)],
         "truth": _truth(found),
         "synthetic": data.synthetic,
     }  # fmt: skip
@@ -165,6 +166,23 @@ def _coloured(found: Found) -> list[str]:
         return []
     tests = [whiteness(r) for r in residuals.T]
     return [f"{label}: {t.sentence}" for label, t in zip(labels, tests, strict=True) if not t.passed]
+
+
+def _far(found: Found) -> list[str]:
+    """The length that moved farthest, where no correction of a robot known before would go."""
+    u, x = found.problem.unknowns, found.calibration.x
+    at = [k for k, unit in enumerate(u.units) if unit == "m" and u.names[k] in found.calibration.values]
+    own = [k for k in at if u.names[k].partition("[")[0] in found.problem.closure.flat.bindings]
+    if not own:
+        return []
+    k = max(own, key=lambda k: abs(x[k] - u.start[k]))
+    moved = float(x[k] - u.start[k])
+    if abs(moved) <= FAR * max(abs(float(u.start[j])) for j in own):
+        return []
+    return [
+        f"{u.names[k]} moved by {moved:.3g} m from where it was: are the columns, axes and the robot those of the "
+        "measurement?"
+    ]
 
 
 def _worst(data: PoseData, head: Prediction, lines: np.ndarray, held: bool) -> dict[str, Any]:

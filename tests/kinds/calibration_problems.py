@@ -41,7 +41,9 @@ def data(robot: str) -> tuple[list[str], list[list[str]]]:
     return [*head, names], [line.split(",") for line in lines[len(head) + 1 :]]
 
 
-def written(folder: Path, robot: str, change: Callable[[list[str]], list[str]] = list, rows: slice = slice(None)) -> Path:
+def written(
+    folder: Path, robot: str, change: Callable[[list[str]], list[str]] = list, rows: slice = slice(None)
+) -> Path:
     """poses.csv in the folder: the shipped poses, each row changed, columns without units in the header."""
     head, cells = data(robot)
     path = folder / "poses.csv"
