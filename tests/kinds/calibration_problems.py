@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import tomllib
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,12 @@ def keys(name: str, **changes: Any) -> dict[str, Any]:
 
 def solved(problem: dict[str, Any], folder: Path = PROBLEMS) -> Outcome:
     return calibration.solve(validate(calibration.Schema, problem), Context(folder=folder))
+
+
+@cache
+def shipped(robot: str) -> Outcome:
+    """The outcome of problems/calibrate_ROBOT.toml."""
+    return solved(keys(f"calibrate_{robot}"))
 
 
 def with_signals(problem: dict[str, Any], file: str = "poses.csv", **signals: dict[str, Any]) -> dict[str, Any]:

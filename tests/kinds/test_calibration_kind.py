@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gtmodel.cli import main
 from gtmodel.kinds import Context, calibration, robots
 from gtmodel.results import SolveStatus
-from tests.kinds.calibration_problems import PROBLEMS, data, keys, solved, with_signals, written
+from tests.kinds.calibration_problems import PROBLEMS, data, keys, shipped, solved, with_signals, written
 from tests.support.commands import Commands
 
 # the thesis's 0.7 and 0.23 mm on our synthetic robots: sizes of the errors are known to that only
@@ -20,23 +21,16 @@ SAME = 1e-9
 
 
 @pytest.fixture(scope="module")
-def folders(tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureRequest) -> dict[str, Path]:
-    """Results of both shipped problems, by the command line."""
-    out = tmp_path_factory.mktemp("out")
-    from gtmodel.cli import main
-
-    codes = [main(["solve", str(PROBLEMS / f"calibrate_{r}.toml"), "--out", str(out / r)]) for r in ("l1", "f1")]
-    assert codes == [0, 0]
-    return {r: out / r for r in ("l1", "f1")}
-
-
-def result(folder: Path) -> dict:
-    return json.loads((folder / "result.json").read_text())
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Where the command line left the result of calibrate_l1."""
+    out = tmp_path_factory.mktemp("out") / "l1"
+    assert main(["solve", str(PROBLEMS / "calibrate_l1.toml"), "--out", str(out)]) == 0
+    return out
 
 
 class TestShippedProblems:
-    def test_l1_by_the_command_line(self, folders: dict[str, Path]) -> None:
-        found = result(folders["l1"])
+    def test_l1_by_the_command_line(self, folder: Path) -> None:
+        found = json.loads((folder / "result.json").read_text())
         assert found["status"] == "solved" and list(found["values"]) == list(calibration.VALUES)
         assert all(check["passed"] for check in found["checks"].values())
         v = found["values"]
@@ -46,16 +40,16 @@ class TestShippedProblems:
         assert v["principal"]["rms_mm"] == sorted(v["principal"]["rms_mm"])
         assert np.sum(np.square(v["principal"]["rms_mm"])) == pytest.approx(v["held_out_mm"]["rms"] ** 2)
         assert v["synthetic"].startswith("seed 1, 200 poses")
-        assert {p.name for p in folders["l1"].iterdir()} == {
+        assert {p.name for p in folder.iterdir()} == {
             "result.json", "run.toml", "parameters.toml", "poses.csv", "report.html"
         }  # fmt: skip
 
     def test_ideal_guideways_leave_three_times_as_much(self) -> None:
-        v = solved(keys("calibrate_l1", variant="ideal")).values
+        v = solved(keys("calibrate_l1", variant="ideal", sensitivity_step=0.0)).values
         assert len(v["unknowns"]) == 15 and v["held_out_mm"]["mean"] == pytest.approx(0.7, rel=STORY)
 
-    def test_f1_from_some_sixty_millimetres_to_a_quarter(self, folders: dict[str, Path]) -> None:
-        v = result(folders["f1"])["values"]
+    def test_f1_from_some_sixty_millimetres_to_a_quarter(self) -> None:
+        v = shipped("f1").values
         assert v["a_priori_mm"]["mean"] == pytest.approx(62, rel=STORY)
         assert v["held_out_mm"]["mean"] == pytest.approx(0.24, rel=STORY)
         told = v["identifiability_after"]
@@ -70,10 +64,11 @@ class TestShippedProblems:
 
     @pytest.mark.parametrize("robot", ["l1", "f1"])
     def test_the_loader_reads_parameters_toml_and_its_robot_predicts_the_held_out_poses(
-        self, folders: dict[str, Path], robot: str
+        self, tmp_path: Path, robot: str
     ) -> None:
         """Second road: forward kinematics of the loaded robot, not of the fit."""
-        path = folders[robot] / "parameters.toml"
+        path = tmp_path / "parameters.toml"
+        path.write_text(str(shipped(robot).files["parameters.toml"]))
         model = robots.resolve(str(path), Context())
         names, rows = data(robot)
         columns = names[-1].split(",")
@@ -82,19 +77,17 @@ class TestShippedProblems:
         q = of("q") * np.array([1e-3] * 3 + [np.pi / 180] * (len(of("q")[0]) - 3))
         T, status = model.causal(known="q", targets="T")(q)
         errors = np.linalg.norm(T - 1e-3 * of("T"), axis=1)
-        v = result(folders[robot])["values"]
+        v = shipped(robot).values
         assert np.all(status == 0) and 1e3 * errors.mean() == pytest.approx(v["held_out_mm"]["mean"], rel=SAME * 1e3)
         line = int(v["worst"]["line"]) - len(names) - 1
         assert v["worst"]["held_out"] and line % 2 == 1 and np.argmax(errors) == line // 2
         assert "# std of L[0]: " in path.read_text() and "synthetic" in tomllib.loads(path.read_text())["note"]
 
-    def test_the_report_stands_alone_and_is_the_same_twice(self, folders: dict[str, Path], tmp_path: Path) -> None:
-        from gtmodel.cli import main
-
+    def test_the_report_stands_alone_and_is_the_same_twice(self, folder: Path, tmp_path: Path) -> None:
         assert main(["solve", str(PROBLEMS / "calibrate_l1.toml"), "--out", str(tmp_path / "again")]) == 0
         for name in ("report.html", "result.json", "parameters.toml", "poses.csv"):
-            assert (tmp_path / "again" / name).read_bytes() == (folders["l1"] / name).read_bytes()
-        page = (folders["l1"] / "report.html").read_text()
+            assert (tmp_path / "again" / name).read_bytes() == (folder / name).read_bytes()
+        page = (folder / "report.html").read_text()
         assert page.count("data:image/png;base64,") == 5
         text = re.sub(r"base64,[^\"]*", "", page)
         assert not re.search(r"https?:|href|<script|<link|src=\"(?!data:)", text)
@@ -121,7 +114,7 @@ class TestChoices:
 
     @pytest.mark.parametrize("cost", ["closure", "inverse", "forward"])
     def test_all_costs_predict_as_well(self, cost: str) -> None:
-        linear, other = (solved(keys("calibrate_l1", cost=c, sensitivity_step=0.0)) for c in ("linear", cost))
+        linear, other = shipped("l1"), solved(keys("calibrate_l1", cost=cost, sensitivity_step=0.0))
         assert other.status is SolveStatus.SOLVED
         # they weigh systematic errors otherwise, which changes their size by some hundredths
         assert other.values["held_out_mm"]["rms"] == pytest.approx(linear.values["held_out_mm"]["rms"], rel=0.15)
@@ -156,7 +149,7 @@ class TestChoices:
     def test_numbers_in_the_same_line_are_applied(self, tmp_path: Path) -> None:
         written(tmp_path, "l1", lambda r: [*(repr((float(x) - 5.0) / 2) for x in r[:3]), *r[3:]])
         problem = with_signals(keys("calibrate_l1", sensitivity_step=0.0), q={"scale": 2.0, "offset": 0.005})
-        v, plain = (solved(p, f).values for p, f in ((problem, tmp_path), (keys("calibrate_l1"), PROBLEMS)))
+        v, plain = solved(problem, tmp_path).values, shipped("l1").values
         assert v["parameters"] == pytest.approx(plain["parameters"], abs=1e-9)
 
     def test_a_device_that_stands_somewhere_else(self, tmp_path: Path) -> None:
@@ -170,7 +163,7 @@ class TestChoices:
         written(tmp_path, "l1", seen)
         problem = with_signals(keys("calibrate_l1", sensitivity_step=0.0))
         problem["measurements"]["frame"] = "device"
-        v, plain = solved(problem, tmp_path).values, solved(keys("calibrate_l1", sensitivity_step=0.0)).values
+        v, plain = solved(problem, tmp_path).values, shipped("l1").values
         assert v["identifiability_after"]["redundant"] == 6
         assert v["held_out_mm"]["mean"] == pytest.approx(plain["held_out_mm"]["mean"], rel=1e-3)  # file's digits
         assert np.allclose([v["measurement"][f"T.device.t[{k}]"] for k in range(3)], t / 1e3, atol=0.03)

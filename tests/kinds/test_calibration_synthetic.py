@@ -85,5 +85,5 @@ def test_the_thesiss_story() -> None:
             made_up = {**problem, "variant": variant, "synthetic": {**problem["synthetic"], "seed": seed}}
             means.append(solved(made_up).values["held_out_mm"]["mean"])
     assert np.mean(found["ideal"]) == pytest.approx(0.7, rel=STORY)
-    assert found["modified"] == pytest.approx([0.23] * len(SEEDS), rel=STORY)
+    assert np.mean(found["modified"]) == pytest.approx(0.23, rel=STORY)
     assert min(np.array(found["ideal"]) / found["modified"]) > 2
