@@ -19,7 +19,7 @@ def test_a_draw_of_intervals_of_the_modified_model(known, cost):
     runs = monte_carlo(partial(one, kind="three_link", cost=cost, known=known), 40, SEED, processes=0)
     found = coverage(runs.results, truth("three_link"))
     assert not found.outside and not found.biased
-    assert 0.93 <= found.pooled <= 0.97  # 40 runs of 21 correlated intervals
+    assert 0.90 <= found.pooled <= 0.99  # 40 runs of three arms, each some two independent intervals: 3.3 deviations
 
 
 @pytest.mark.proof
