@@ -56,7 +56,7 @@ class ZeroPhase:
             raise TrajectoryError(
                 f"the cut-off is {self.cutoff_Hz:g} Hz; expected between 0 and half the sampling rate, {half:g} Hz"
             )
-        return butter(self.order, self.cutoff_Hz, fs=1 / sample_time, output="sos")
+        return np.asarray(butter(self.order, self.cutoff_Hz, fs=1 / sample_time, output="sos"), dtype=float)
 
 
 def excitation_band(position: Array, sample_time: float, share: float = BAND_SHARE) -> float:
