@@ -21,7 +21,7 @@ class GearedMotor(ForceMotor):
     """A motor that turns: its rotor's inertia J [kg m2] rides on the flange through an ideal gear and spindle.
 
     `force` [N] is the motor's torque as a force on the flange, torque / radius, with `radius` [m] the travel per radian
-    of the motor. The rotor adds J / radius^2 to the mass moved along the flange, and no weight: on a horizontal guideway
+    of the motor. The rotor adds J / radius^2 to the mass moved along the flange, and no weight: on a level guideway
     it cannot be told from the cart's mass.
     """
 

@@ -21,22 +21,22 @@ J, RADIUS = 2e-3, 0.02  # 5 kg on the flange
 
 
 @cache
-def plain() -> gt.Model:
+def plain() -> gt.robots.GantryTau:
     return gt.robots.gantry_tau("l1_camera", m_a=[0.5, 1.0, 1.5])
 
 
 @cache
-def with_parts(**parts) -> gt.Model:
+def with_parts(**parts) -> gt.robots.GantryTau:
     return gt.robots.gantry_tau("l1_camera", m_a=[0.5, 1.0, 1.5], arm=parts)
 
 
 @cache
-def saddled() -> gt.Model:
+def saddled() -> gt.robots.GantryTau:
     arms = [dict(guideway=m.SaddleGuideway(saddle=s, velocity_scale=0.05)) for s in SADDLE]
     return gt.robots.gantry_tau("l1_camera", m_a=[0.5, 1.0, 1.5], arm=arms)
 
 
-def geared() -> gt.Model:
+def geared() -> gt.robots.GantryTau:
     return with_parts(motor=m.GearedMotor(J=J, radius=RADIUS))
 
 
