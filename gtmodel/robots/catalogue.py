@@ -43,6 +43,11 @@ def _table(name: str) -> dict[str, Any]:
     return tomllib.loads(files("gtmodel.robots").joinpath("data", name).read_text(encoding="utf-8"))
 
 
+def dynamics_table() -> dict[str, Any]:
+    """The printed figures of dynamics and friction of the L1 (Dressler 2012, chapters 3, 6 and 7)."""
+    return _table("gantry_tau_dynamics.toml")
+
+
 def _geometries() -> dict[str, dict[str, Any]]:
     return {name: table for name, table in _table("gantry_tau.toml").items() if "prototype" in table}
 
@@ -60,7 +65,7 @@ def _sets() -> dict[str, dict[str, Any]]:
 
 def _inertias() -> dict[str, dict[str, Any]]:
     """Identified inertia models whose friction is symmetric and printed in full."""
-    table = _table("gantry_tau_dynamics.toml")["inertia"]
+    table = dynamics_table()["inertia"]
     return {k: v for k, v in table.items() if "*" not in (v["coulomb_N"], v["viscous_kg_s"])}
 
 
