@@ -17,8 +17,6 @@ from .regressor import Regressor
 
 Array = np.ndarray
 
-# samples in a row below the threshold of the velocity that mean standing still, not turning round
-STILL = 5
 # of the cut-off's period: there white noise behind the filter has lost its correlation (first zero, at any sampling)
 INDEPENDENT = 0.57
 MASK_STEPS = 3.0  # quantisation steps per sample: below, the sign of a velocity is not known
@@ -159,7 +157,8 @@ def _rows(
     velocity = given[f"der({known})"].reshape(n, -1)
     fast = moving(velocity, step, quantum if np.isfinite(quantum) else 0.0, how.mask_steps)
     cut, reach = low_pass.end_rows(step), int(np.ceil(1 / (low_pass.cutoff_Hz * step)))
-    still = np.asarray(binary_dilation(binary_opening(~fast.rows, np.ones(STILL)), iterations=reach), dtype=bool)
+    # slower for longer than a period of the cut-off: standing still, not turning round
+    still = np.asarray(binary_dilation(binary_opening(~fast.rows, np.ones(reach)), iterations=reach), dtype=bool)
     keep = fast.rows & ~still
     keep[:cut], keep[n - cut :] = False, False
     rows = np.arange(cut, n - cut, every)
