@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tomllib
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from gtmodel.kinds.load import load, validate
 from gtmodel.results import SolveStatus
 from tests.identify.plants import NOISE, SAMPLE_TIME, simulator
 
-SHORT = {
+SHORT: dict[str, Any] = {
     "kind": "identification",
     "robot": "l1_tape",
     "variant": "links",
@@ -48,7 +49,7 @@ def test_the_shipped_problem():
 
 
 def test_left_out_links_are_reported():
-    outcome = solve(variant="model_2", watch=["m_a"], synthetic={**SHORT["synthetic"], "duration_s": 30.0})  # type: ignore[dict-item]
+    outcome = solve(variant="model_2", watch=["m_a"], synthetic={**SHORT["synthetic"], "duration_s": 30.0})
     assert not outcome.checks["nothing_left_out"].passed
     assert "error_in_standard_deviations" not in outcome.checks  # the truth of another model
     assert any("would explain" in s for s in outcome.values["sentences"])
@@ -56,7 +57,7 @@ def test_left_out_links_are_reported():
 
 
 def test_repeated_runs():
-    outcome = solve(synthetic={**SHORT["synthetic"], "runs": 3, "processes": 1, "duration_s": 8.0})  # type: ignore[dict-item]
+    outcome = solve(synthetic={**SHORT["synthetic"], "runs": 3, "processes": 0, "duration_s": 8.0})
     assert outcome.values["coverage"]["runs"] == 3 and outcome.values["coverage"]["band"][1] == 3
     assert any(row.label == "pooled coverage" for row in outcome.rows)
 
@@ -132,14 +133,7 @@ def test_wrong_logs(log: Path, changes: dict[str, object], sentence: str):
         ({"known": "p"}, "known: .*no variable 'p'"),
         ({"nonnegative": ["m_q"]}, "nonnegative: 'm_q' is no parameter"),
         ({"synthetic": {"half_range": 3.0}}, "synthetic.half_range: the motion leaves the reach"),
-        ({"synthetic": {"duration_s": 1.0}}, "synthetic.ramp_s: a motion of .* cannot grow and fade"),
-        ({"synthetic": {"sample_time_s": 0.002}}, "synthetic: the tracking was identified at 0.004 s"),
-        ({"synthetic": {"effort_noise": [1.0, 2.0]}}, "synthetic.effort_noise: has 2 numbers; expected one, or 3"),
-        ({"filter": {"cutoff_Hz": 200.0}}, "synthetic: the cut-off is 200 Hz"),
-        (
-            {"synthetic": {"duration_s": 2.1, "ramp_s": 0.5}, "filter": {"cutoff_Hz": 0.5}},
-            "synthetic: .*stands still|lasts",
-        ),
+        ({"synthetic": {"duration_s": 3.0, "sample_time_s": 0.002}}, "synthetic: the tracking was identified at"),
     ],
 )
 def test_wrong_problems(changes: dict[str, object], sentence: str):
@@ -147,6 +141,10 @@ def test_wrong_problems(changes: dict[str, object], sentence: str):
         solve(**changes)
 
 
+DRIVE: dict[str, Any] = dict(
+    robot="drive.py:Drive", variant=None, free=["m", "coulomb", "viscous"], known="x", targets="F"
+)
+WAY: dict[str, Any] = {"reference": "x", "centre": [0.0], "half_range": 0.1, "tracking": "exact", "duration_s": 12.0}
 MODEL = """
 import gtmodel as gt
 from gtmodel import der
@@ -173,13 +171,30 @@ class Drive(gt.Model):
 
 def test_any_model_in_python(tmp_path: Path):
     (tmp_path / "drive.py").write_text(MODEL, encoding="utf-8")
-    outcome = solve(
-        Context(folder=tmp_path), robot="drive.py:Drive", variant=None, free=["m", "coulomb", "viscous"], known="x",
-        targets="F", synthetic={"reference": "x", "centre": [0.0], "half_range": 0.1, "tracking": "exact",
-                                "duration_s": 12.0, "effort_noise": 5.0, "parameters": {"m": 95.0}},
-    )  # fmt: skip
+    way = {**WAY, "effort_noise": 5.0, "parameters": {"m": 95.0}}
+    outcome = solve(Context(folder=tmp_path), **DRIVE, synthetic=way)
     assert outcome.values["parameters"]["m"] == pytest.approx(95.0, abs=1.0)
     assert all(check.passed for check in outcome.checks.values())
+
+
+@pytest.mark.parametrize(
+    ("way", "cutoff", "sentence"),
+    [
+        ({"duration_s": 1.0}, None, "synthetic.ramp_s: a motion of .* cannot grow and fade"),
+        ({"effort_noise": [1.0, 2.0]}, None, "synthetic.effort_noise: has 2 numbers; expected one, or 1"),
+        ({"centre": [0.0, 1.0]}, None, "synthetic.centre: expected 1 numbers"),
+        ({"half_range": [1.0, 1.0]}, None, "synthetic.half_range: has 2 numbers; expected one, or 1"),
+        ({"tracking": "dressler_2012"}, None, "synthetic.tracking: is for three carts"),
+        ({"reference": "y"}, None, "synthetic.reference: .*no variable 'y'"),
+        ({}, 200.0, "synthetic: the cut-off is 200 Hz"),
+        ({"duration_s": 2.5}, 0.5, "synthetic: .*lasts 2.496 s; expected more than"),
+    ],
+)
+def test_wrong_motions(tmp_path: Path, way: dict[str, object], cutoff: float | None, sentence: str):
+    (tmp_path / "drive.py").write_text(MODEL, encoding="utf-8")
+    low_pass = {} if cutoff is None else {"cutoff_Hz": cutoff}
+    with pytest.raises(InputError, match=sentence):
+        solve(Context(folder=tmp_path), **DRIVE, synthetic={**WAY, **way}, filter=low_pass)
 
 
 def test_explain():
