@@ -40,10 +40,13 @@ class MeasuredSignal(Section):
         default=["offset"], description="which of those to be estimated differ from session to session"
     )
 
-    def signal(self, key: str) -> Signal:
-        """As the measurements take it; the key, such as force_N, tells the quantity's unit. Raises InputError."""
+    def signal(self, key: str, unit: str | None = None) -> Signal:
+        """As the measurements take it; the key, such as force_N, tells the quantity's SI unit, or `unit` does.
+
+        Raises InputError.
+        """
         column = self.column if isinstance(self.column, str) else tuple(self.column)
-        unit = unit_of(key.rpartition(".")[2])
+        unit = unit_of(key.rpartition(".")[2]) if unit is None else unit
         try:
             return Signal(
                 column, self.unit, self.scale, self.offset, self.delay_s, unit, tuple(dict.fromkeys(self.per_session))
