@@ -23,6 +23,7 @@ VALUES = {
     "closed_loop_rms": "error of the simulated motion, rms by recording, in the unit of the position",
     "closed_loop_maximum": "its largest size, by recording",
     "closed_loop_relative": "its rms over that of the motion itself, mean taken off, by recording",
+    "closed_loop_effort": "rms error of the simulated efforts over the rms of the measured, unfiltered ones, by recording",
 }
 
 
@@ -58,7 +59,11 @@ class ClosedLoop(Section):
 
 @dataclass(frozen=True)
 class ClosedLoopRun:
-    """One recording: the measured motion and the simulated one on the same times, as "measured" and "simulated"."""
+    """One recording: the measured motion and the simulated one on the same times, as "measured" and "simulated".
+
+    Position alone says little, for the loop corrects it: the efforts, "measured_effort" and "simulated_effort", are what
+    it took.
+    """
 
     name: str
     trajectory: Trajectory
@@ -79,17 +84,23 @@ class ClosedLoopRun:
     def relative(self) -> float:
         return self.rms / float(np.std(self.trajectory["measured"]))
 
+    @property
+    def effort(self) -> float:
+        off = self.trajectory["simulated_effort"] - self.trajectory["measured_effort"]
+        return float(np.linalg.norm(off) / np.linalg.norm(self.trajectory["measured_effort"]))
+
 
 def follow(
     section: ClosedLoop,
     parameters: Mapping[str, float],
     sessions: tuple[Session, ...],
     position: str,
+    effort: str,
     context: Context,
 ) -> list[ClosedLoopRun]:
     """Simulate every recording from its first row, where the measured position and its velocity are the start.
 
-    sessions : corrected, with the position and the inputs of the section. Raises InputError where it cannot be
+    sessions : corrected, with the position, the effort and the inputs of the section. Raises InputError where it cannot be
     simulated.
     """
     model = section.controlled(parameters, context)
@@ -116,6 +127,7 @@ def follow(
                 start=start,
                 step=float(time[-1]) / (len(time) - 1),
                 tolerance=section.tolerance,
+                outputs=[effort],
                 progress=progress,
                 throw=False,
             )
@@ -124,9 +136,14 @@ def follow(
         rows = len(done.trajectory)
         if not done.status.ok and rows < 2:
             raise InputError(f"the closed loop could not be simulated: {done.message}", "closed_loop")
-        unit = raw.unit(position)
-        pair = {"measured": raw[position][kept][:rows], "simulated": done.trajectory[position]}
-        runs.append(ClosedLoopRun(session.name, Trajectory(time[:rows], pair, dict.fromkeys(pair, unit))))
+        found = {
+            "measured": raw[position][kept][:rows],
+            "simulated": done.trajectory[position],
+            "measured_effort": raw[effort][kept][:rows],
+            "simulated_effort": done.trajectory[effort],
+        }
+        units = dict(zip(found, [raw.unit(position)] * 2 + [raw.unit(effort)] * 2, strict=True))
+        runs.append(ClosedLoopRun(session.name, Trajectory(time[:rows], found, units, synthetic=raw.synthetic)))
     return runs
 
 
@@ -136,6 +153,7 @@ def values_of(runs: list[ClosedLoopRun]) -> dict[str, Any]:
         "closed_loop_rms": [run.rms for run in runs],
         "closed_loop_maximum": [run.maximum for run in runs],
         "closed_loop_relative": [run.relative for run in runs],
+        "closed_loop_effort": [run.effort for run in runs],
     }
 
 
@@ -146,7 +164,7 @@ def rows_of(runs: list[ClosedLoopRun]) -> list[Row]:
         unit = run.trajectory.unit("measured")
         label = "closed loop, simulated from the reference" + (f", {run.name}" if len(runs) > 1 else "")
         rows += [Row(f"{label}: error rms", run.rms, unit), Row("largest", run.maximum, unit)]
-        rows += [Row("of the motion", 100 * run.relative, "%")]
+        rows += [Row("of the motion", 100 * run.relative, "%"), Row("error of its effort", 100 * run.effort, "%")]
     return rows
 
 

@@ -162,15 +162,14 @@ def _runs(problem: Schema, sessions: list[tuple[int, Session]]) -> Runs:
     log = problem.log
     found = []
     for pose, session in sessions:
-        slow = log.slow_steps * log.quantisation_m / session.sample_time if log else 0.0
         try:
             found.append(
                 steady_runs(
                     session,
                     pose=pose,
-                    cutoff_Hz=log.cutoff_Hz if log and log.cutoff_Hz else CUTOFF_HZ,
+                    cutoff_Hz=log.cutoff_Hz if log else CUTOFF_HZ,
                     steady=log.steady_acceleration_m_s2 if log else STEADY,
-                    slow=slow,
+                    slow=log.slowest_m_s if log else 0.0,
                     shortest=log.shortest_run_s if log else SHORTEST,
                 )
             )

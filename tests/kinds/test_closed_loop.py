@@ -26,9 +26,12 @@ def section(**changes: Any) -> ClosedLoop:
     return validate(ClosedLoop, {**SECTION, **changes})
 
 
+def drive(q: float, v: float, qg: float) -> float:
+    return GAIN * KV * (KP * (qg - q) - v)
+
+
 def acceleration(q: float, v: float, qg: float) -> float:
-    tau = GAIN * KV * (KP * (qg - q) - v)
-    return (tau - TRUE["F_v"] * v - TRUE["F_c"] * np.tanh(v / SCALE) - TRUE["offset"]) / TRUE["M"]
+    return (drive(q, v, qg) - TRUE["F_v"] * v - TRUE["F_c"] * np.tanh(v / SCALE) - TRUE["offset"]) / TRUE["M"]
 
 
 def reference(t: float) -> float:
@@ -39,9 +42,10 @@ def reference(t: float) -> float:
 def made() -> Session:
     """Synthetic, no noise: the loop by Runge and Kutta's fourth-order rule on four steps per sample."""
     rows, q, v = 400, 0.0, 0.0
-    out, h = [], DT / 4
+    out, force, h = [], [], DT / 4
     for k in range(rows):
         out.append(q)
+        force.append(drive(q, v, reference(k * DT)))
         for j in range(4):
             t = k * DT + j * h
             g = [reference(t), reference(t + h / 2), reference(t + h)]
@@ -54,35 +58,35 @@ def made() -> Session:
             v4 = v + h * a3
             q, v = q + h / 6 * (v + 2 * v2 + 2 * v3 + v4), v + h / 6 * (a1 + 2 * a2 + 2 * a3 + a4)
     time = DT * np.arange(rows)
-    values = {"q": np.array(out), "qg": np.array([reference(t) for t in time])}
-    return Session("made here", Trajectory(time, values, {"q": "m", "qg": "m"}, synthetic="no noise"), DT)
+    values = {"q": np.array(out), "qg": np.array([reference(t) for t in time]), "tau": np.array(force)}
+    return Session("made here", Trajectory(time, values, {"q": "m", "qg": "m", "tau": "N"}, synthetic="no noise"), DT)
 
 
 def test_the_loop_is_that_of_the_equations(made: Session) -> None:
     context = Context(folder=PROBLEMS)
-    (run,) = follow(section(tolerance=1e-11), TRUE, (made,), "q", context)
-    assert run.maximum < HAND and len(run.trajectory) == 400
+    (run,) = follow(section(tolerance=1e-11), TRUE, (made,), "q", "tau", context)
+    assert run.maximum < HAND and run.effort < 1e-4 and len(run.trajectory) == 400
     assert context.inputs["closed_loop.model"].name == "emps.py"
     v = values_of([run])
     assert v["closed_loop_rms"] == [run.rms] and run.relative == pytest.approx(run.rms / np.std(made.trajectory["q"]))
 
 
 def test_a_wrong_mass_shows(made: Session) -> None:
-    (run,) = follow(section(bound=1e-8), {**TRUE, "M": 105.0}, (made,), "q", Context(folder=PROBLEMS))
-    assert run.rms > 100 * HAND
+    (run,) = follow(section(bound=1e-8), {**TRUE, "M": 105.0}, (made,), "q", "tau", Context(folder=PROBLEMS))
+    assert run.rms > 10 * HAND and run.effort > 0.01
     assert not checks_of(section(bound=1e-8), [run])["closed_loop_error"].passed
     assert checks_of(section(), [run]) == {}
-    assert [row.label for row in rows_of([run])][1:] == ["largest", "of the motion"]
+    assert [row.label for row in rows_of([run])][1:] == ["largest", "of the motion", "error of its effort"]
 
 
 def test_fewer_samples_of_the_reference_change_little(made: Session) -> None:
-    (run,) = follow(section(every=4), TRUE, (made,), "q", Context(folder=PROBLEMS))
+    (run,) = follow(section(every=4), TRUE, (made,), "q", "tau", Context(folder=PROBLEMS))
     # cubic spline of a 0.5 Hz cosine at 4 ms: 1e-12 of it inside, its ends somewhat more
     assert run.maximum < 1e-6 and len(run.trajectory) == 100
 
 
 def test_the_picture(made: Session) -> None:
-    (run,) = follow(section(), TRUE, (made,), "q", Context(folder=PROBLEMS))
+    (run,) = follow(section(), TRUE, (made,), "q", "tau", Context(folder=PROBLEMS))
     figure = closed_loop_figure([(run.name, run.trajectory)], title="loop")
     assert [axes.get_ylabel() for axes in figure.axes] == ["[m]", "error [µm]"]
 
@@ -104,4 +108,4 @@ def test_refusals(changes: dict[str, Any], key: str, said: str) -> None:
 
 def test_a_parameter_that_the_controlled_model_has_not(made: Session) -> None:
     with pytest.raises(InputError, match="mass"):
-        follow(section(), {"mass": 1.0}, (made,), "q", Context(folder=PROBLEMS))
+        follow(section(), {"mass": 1.0}, (made,), "q", "tau", Context(folder=PROBLEMS))
