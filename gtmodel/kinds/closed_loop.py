@@ -23,7 +23,7 @@ VALUES = {
     "closed_loop_rms": "error of the simulated motion, rms by recording, in the unit of the position",
     "closed_loop_maximum": "its largest size, by recording",
     "closed_loop_relative": "its rms over that of the motion itself, mean taken off, by recording",
-    "closed_loop_effort": "rms error of the simulated efforts over the rms of the measured, unfiltered ones, by recording",
+    "closed_loop_effort": "rms error of the simulated efforts over the rms of the measured ones, unfiltered",
 }
 
 
@@ -61,8 +61,8 @@ class ClosedLoop(Section):
 class ClosedLoopRun:
     """One recording: the measured motion and the simulated one on the same times, as "measured" and "simulated".
 
-    Position alone says little, for the loop corrects it: the efforts, "measured_effort" and "simulated_effort", are what
-    it took.
+    Position alone says little, for the loop corrects it: the efforts, "measured_effort" and "simulated_effort", are
+    what it took.
     """
 
     name: str
@@ -100,8 +100,8 @@ def follow(
 ) -> list[ClosedLoopRun]:
     """Simulate every recording from its first row, where the measured position and its velocity are the start.
 
-    sessions : corrected, with the position, the effort and the inputs of the section. Raises InputError where it cannot be
-    simulated.
+    sessions : corrected, with the position, the effort and the inputs of the section. Raises InputError where it cannot
+    be simulated.
     """
     model = section.controlled(parameters, context)
     runs = []
