@@ -53,9 +53,12 @@ WARNING = "the runs do not tell the mass"
 def solve(problem: Schema, context: Context) -> Outcome:
     """Find the runs, fit the lines, share the levels between gravity and friction."""
     pattern = _pattern(problem, context)
+    context.progress("reading", 0.2)
     if problem.printed is not None:
         return _of_printed(problem, problem.printed, pattern)
     sessions = _sessions(problem, context, pattern)
+    if context.interrupted():
+        return Outcome(status=SolveStatus.INTERRUPTED, message="stopped before the fit")
     runs = _runs(problem, sessions)
     try:
         fit = identify_friction(runs, pattern, symmetric=problem.directions == "symmetric", gravity=problem.gravity)

@@ -35,7 +35,7 @@ class ControlledEmps(Emps):
     The sign is smoothed by tanh(q' / velocity_scale), as simulation needs it.
     """
 
-    gain = gt.parameter(35.15065188, unit="N/V", description="force per drive voltage")
+    gain = gt.parameter(35.15065188248547, unit="N/V", description="force per drive voltage")
     kp = gt.parameter(160.18, unit="1/s", description="gain of the position loop")
     kv = gt.parameter(243.45, unit="V.s/m", description="gain of the velocity loop")
     velocity_scale = gt.parameter(1e-3, unit="m/s", positive=True, description="velocity of the smoothed sign")
