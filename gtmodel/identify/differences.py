@@ -20,5 +20,6 @@ def velocity_and_acceleration(position: Array, sample_time: float) -> tuple[Arra
 
 def _correlated(position: Array, weights: Array) -> Array:
     n = len(position)
-    inner = sum(w * position[k : n - 2 * HALF + k] for k, w in enumerate(weights) if w)
+    terms = [w * position[k : n - 2 * HALF + k] for k, w in enumerate(weights)]
+    inner = np.sum(terms, axis=0)
     return np.concatenate([inner[:1]] * HALF + [inner] + [inner[-1:]] * HALF)

@@ -26,7 +26,7 @@ from .rows import Rows
 Array = np.ndarray
 Confidence = Literal["auto", "white", "newey_west"]
 
-WEIGHTINGS = 3  # rounds of fit and noise per target; two change the third digit of the weights, three no more
+WEIGHTINGS = 2  # rounds of noise per target and fit; a third one changes no digit that is shown
 SMALL_P = 0.01
 
 
@@ -48,8 +48,8 @@ class LeftOut:
         if self.passed:
             return f"residuals show nothing of {names} (F = {self.F:.3g}, p = {self.p:.2g})"
         return (
-            f"residuals hold what {names} would explain (F = {self.F:.3g}, p = {self.p:.2g}): the other parameters have "
-            "taken the rest of it, so free these too"
+            f"residuals hold what {names} would explain (F = {self.F:.3g}, p = {self.p:.2g}): the other parameters "
+            "have taken the rest of it, so free these too"
         )
 
 
@@ -181,10 +181,10 @@ def identify(
         except ValueError as error:
             raise ModelError(f"the motion does not tell the parameters: {error}") from error
 
-    for _ in range(1 if noise is not None else WEIGHTINGS):
+    unbounded = fit(size, {})
+    for _ in range(0 if noise is not None else WEIGHTINGS):
+        size = _spread(b - A @ unbounded.values, len(at))
         unbounded = fit(size, {})
-        if noise is None:
-            size = _spread(b - A @ unbounded.values, len(at))
     negative = [n for n in bounded if unbounded.value(n) < 0]
     estimate = fit(size, {n: (0.0, np.inf) for n in bounded}) if negative else unbounded
     values = np.array([estimate.value(n) for n in names])

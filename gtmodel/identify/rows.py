@@ -81,9 +81,9 @@ class Rows:
     def filter_sentence(self) -> str:
         """What was done, for tables."""
         return (
-            f"zero-phase Butterworth low pass at {self.cutoff_Hz:.3g} Hz on position, efforts and regressor, five-point "
-            f"differences, every {self.every}. row, {100 * self.dropped:.2g} % of the samples left out as slower than "
-            f"{self.threshold:.2g} m/s"
+            f"zero-phase Butterworth low pass at {self.cutoff_Hz:.3g} Hz on position, efforts and regressor, "
+            f"five-point differences, every {self.every}. row; {100 * self.dropped:.2g} % of the samples left out near "
+            f"standstill, slower than {self.threshold:.2g} m/s"
         )
 
 
@@ -159,7 +159,7 @@ def _rows(
     velocity = given[f"der({known})"].reshape(n, -1)
     fast = moving(velocity, step, quantum if np.isfinite(quantum) else 0.0, how.mask_steps)
     cut, reach = low_pass.end_rows(step), int(np.ceil(1 / (low_pass.cutoff_Hz * step)))
-    still = binary_dilation(binary_opening(~fast.rows, np.ones(STILL)), iterations=reach)
+    still = np.asarray(binary_dilation(binary_opening(~fast.rows, np.ones(STILL)), iterations=reach), dtype=bool)
     keep = fast.rows & ~still
     keep[:cut], keep[n - cut :] = False, False
     rows = np.arange(cut, n - cut, every)
