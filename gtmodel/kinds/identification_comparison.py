@@ -1,0 +1,52 @@
+"""What stands beside an identification: published numbers, and the closed loop simulated with the identified ones."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+from . import closed_loop
+from .base import Context, InputError, Outcome, Row
+from .identification_data import Recordings
+from .identification_keys import Schema
+
+VALUES = {
+    "published": "relative difference from published numbers by name; null where none are given",
+    **{name: f"{text}; null without [closed_loop]" for name, text in closed_loop.VALUES.items()},
+}
+
+
+def check(problem: Schema, free: list[str]) -> None:
+    """Raises InputError for a name that is not estimated, and for a closed loop without a log."""
+    for name in problem.published:
+        if name not in free:
+            raise InputError(f"is not estimated; these are: {', '.join(free)}", f"published.{name}")
+    if problem.closed_loop is not None and problem.log is None:
+        raise InputError("compares with measured motion; give a [log]", "closed_loop")
+
+
+def beside(problem: Schema, outcome: Outcome, data: Recordings, context: Context) -> Outcome:
+    """The outcome with what the problem asks to see beside it."""
+    values: dict[str, Any] = {**outcome.values, **dict.fromkeys(VALUES)}
+    found = values["parameters"]
+    rows, checks, figures = list(outcome.rows), dict(outcome.checks), dict(outcome.figures)
+    if problem.published:
+        values["published"] = {name: found[name] / told - 1 for name, told in problem.published.items() if told}
+        for name, told in problem.published.items():
+            percent = "" if not told else f", {100 * values['published'][name]:+.2f} %"
+            rows.append(Row(f"published {name}", f"{told:g}{percent}", values["units"].get(name, "")))
+    section = problem.closed_loop
+    if section is not None:
+        runs = closed_loop.follow(section, found, data.fitted + data.held_out, problem.known, problem.targets, context)
+        values |= closed_loop.values_of(runs)
+        rows += closed_loop.rows_of(runs)
+        checks |= closed_loop.checks_of(section, runs)
+        title = f"{problem.title or problem.robot}: closed loop simulated from the reference"
+
+        def figure() -> Any:
+            from gtmodel.plot.closed_loop import closed_loop_figure
+
+            return closed_loop_figure([(run.name, run.trajectory) for run in runs], title=title)
+
+        figures["closed_loop"] = figure
+    return dataclasses.replace(outcome, values=values, rows=rows, checks=checks, figures=figures)
