@@ -37,7 +37,10 @@ def beside(problem: Schema, outcome: Outcome, data: Recordings, context: Context
             rows.append(Row(f"published {name}", f"{told:g}{percent}", values["units"].get(name, "")))
     section = problem.closed_loop
     if section is not None:
-        runs = closed_loop.follow(section, found, data.fitted + data.held_out, problem.known, problem.targets, context)
+        numbers = {**problem.parameters, **found}
+        runs = closed_loop.follow(
+            section, numbers, data.fitted + data.held_out, problem.known, problem.targets, context
+        )
         values |= closed_loop.values_of(runs)
         rows += closed_loop.rows_of(runs)
         checks |= closed_loop.checks_of(section, runs)
