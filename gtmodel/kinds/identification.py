@@ -51,7 +51,7 @@ def solve(problem: Schema, context: Context) -> Outcome:
     """Read or make the logs, filter, fit, validate."""
     model, free = model_of(problem, context)
     regressor = regressor_of(problem, model, free)
-    identification_comparison.check(problem, scalars_of(regressor, free))
+    identification_comparison.check(problem, model)
     context.progress("reading", 0.1)
     data = recordings(problem, context, regressor, free)
     if context.interrupted():

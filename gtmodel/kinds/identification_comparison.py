@@ -5,22 +5,28 @@ from __future__ import annotations
 import dataclasses
 from typing import Any
 
+from gtmodel.compiler.causal import flat_of
+from gtmodel.identify.parameter_names import scalar_parameters
+from gtmodel.lang import Model, ModelError
+
 from . import closed_loop
 from .base import Context, InputError, Outcome, Row
 from .identification_data import Recordings
 from .identification_keys import Schema
 
 VALUES = {
-    "published": "relative difference from published numbers by name; null where none are given",
+    "published": "relative difference from published numbers by name; of what was estimated; null where none are given",
     **{name: f"{text}; null without [closed_loop]" for name, text in closed_loop.VALUES.items()},
 }
 
 
-def check(problem: Schema, free: list[str]) -> None:
-    """Raises InputError for a name that is not estimated, and for a closed loop without a log."""
+def check(problem: Schema, model: Model) -> None:
+    """Raises InputError for a published number of no parameter, and for a closed loop without a log."""
     for name in problem.published:
-        if name not in free:
-            raise InputError(f"is not estimated; these are: {', '.join(free)}", f"published.{name}")
+        try:
+            scalar_parameters(flat_of(model), [name])
+        except ModelError as error:
+            raise InputError(str(error), f"published.{name}") from error
     if problem.closed_loop is not None and problem.log is None:
         raise InputError("compares with measured motion; give a [log]", "closed_loop")
 
@@ -30,9 +36,10 @@ def beside(problem: Schema, outcome: Outcome, data: Recordings, context: Context
     values: dict[str, Any] = {**outcome.values, **dict.fromkeys(VALUES)}
     found = values["parameters"]
     rows, checks, figures = list(outcome.rows), dict(outcome.checks), dict(outcome.figures)
-    if problem.published:
-        values["published"] = {name: found[name] / told - 1 for name, told in problem.published.items() if told}
-        for name, told in problem.published.items():
+    told_of = {name: told for name, told in problem.published.items() if name in found}
+    if told_of:
+        values["published"] = {name: found[name] / told - 1 for name, told in told_of.items() if told}
+        for name, told in told_of.items():
             percent = "" if not told else f", {100 * values['published'][name]:+.2f} %"
             rows.append(Row(f"published {name}", f"{told:g}{percent}", values["units"].get(name, "")))
     section = problem.closed_loop

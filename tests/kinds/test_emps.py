@@ -118,7 +118,7 @@ LOOP = {"model": "models/emps.py:ControlledEmps", "inputs": {"qg": {"column": "q
     ("changes", "key", "said"),
     [
         ({}, "log.files[0]", "there is no file 'nowhere.mat'"),
-        ({"published": {"mass": 95.0}}, "published.mass", "is not estimated; these are: M, F_v, F_c, offset"),
+        ({"published": {"mass": 95.0}}, "published.mass", "has no parameter 'mass'"),
         ({"closed_loop": LOOP, "log": None, "synthetic": {"reference": "q"}}, "closed_loop", r"give a \[log\]"),
         ({"closed_loop": {**LOOP, "inputs": {"gq": LOOP["inputs"]["qg"]}}}, "closed_loop.inputs.gq", "gq"),
     ],
