@@ -9,6 +9,7 @@ from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt
 from gtmodel.identify.rows import MASK_STEPS
 
 from .base import Section
+from .closed_loop import ClosedLoop
 from .log_keys import LogFiles, MeasuredSignal
 from .robot_keys import RobotProblem
 
@@ -97,3 +98,5 @@ class Schema(RobotProblem):
     filter: Filter = Filter()
     log: Log | None = Field(default=None, description="measured logs")
     synthetic: Synthetic | None = Field(default=None, description="or a log made up")
+    published: dict[str, float] = Field(default={}, description="numbers to compare with, by parameter, in SI")
+    closed_loop: ClosedLoop | None = Field(default=None, description="validation by simulating the controlled model")
