@@ -22,7 +22,7 @@ from .inertia import Identification, LeftOut, Validation, bias_of, identify
 from .reference_motion import multisine
 from .regressor import Regressor, RegressorRows
 from .repeated import Repeated, repeat_identification
-from .rows import Processing, Rows, rows_of
+from .rows import Processing, Rows, rows_of, with_offsets
 from .simulated_log import LogSimulator, Sensors
 from .steady import Runs, constant_velocity_log, joined, steady_runs
 from .tracking import Tracking
@@ -54,4 +54,5 @@ __all__ = [
     "repeat_identification",
     "rows_of",
     "steady_runs",
+    "with_offsets",
 ]

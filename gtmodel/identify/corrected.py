@@ -12,7 +12,7 @@ from gtmodel.measurements import ESTIMATE, Corrections, Session, cutoff_for
 
 from .parameter_names import among
 from .regressor import Regressor
-from .rows import Processing, rows_of
+from .rows import Processing, rows_of, with_offsets
 
 
 def corrected(
@@ -22,11 +22,14 @@ def corrected(
     free: Sequence[str],
     known: str = "q",
     targets: str = "tau",
+    offsets: bool = False,
 ) -> tuple[tuple[Session, ...], dict[str, float]]:
     """The sessions in quantities, and the free corrections by name [SI].
 
     What is free makes the residual of the least-squares fit smallest, whose parameters are eliminated at each step
-    (variable projection). Raises ModelError where the scale of the efforts is free: it cannot be told from the masses.
+    (variable projection). Offsets of the efforts belong into that fit, see `with_offsets`; `offsets` tells that they
+    are free there, session by session. Raises ModelError where the scale of the efforts is free: it cannot be told
+    from the masses.
     """
     if corrections.signals[targets].scale == ESTIMATE:
         raise ModelError("the scale of the efforts cannot be told from the masses and friction; give it a number")
@@ -42,6 +45,8 @@ def corrected(
     def residual(sessions: tuple[Session, ...]) -> np.ndarray:
         rows = rows_of(sessions, regressor, steady, known, targets)
         A = rows.Y[:, :, at].reshape(-1, len(at))
+        if offsets:
+            A = np.hstack([A, with_offsets(rows, targets).Y[:, :, regressor.size :].reshape(len(A), -1)])
         b = (rows.effort - rows.y0 - rows.Y[:, :, rest] @ rows.nominal[rest]).reshape(-1)
         return b - A @ np.linalg.lstsq(A, b, rcond=None)[0]
 

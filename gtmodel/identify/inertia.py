@@ -90,7 +90,7 @@ class Identification:
         """Errors on a motion that the fit has not seen."""
         if rows.names != self.rows.names:
             raise ModelError("the other motion was prepared with another regressor; use the same one")
-        return Validation(rows.effort - self.modelled(rows), rows.effort, self.noise, rows.targets)
+        return Validation(rows.time, rows.effort - self.modelled(rows), rows.effort, self.noise, rows.targets)
 
     @property
     def sentences(self) -> list[str]:
@@ -112,8 +112,9 @@ class Identification:
 
 @dataclass(frozen=True, eq=False)
 class Validation:
-    """Errors (n, m) on another motion: rms per target, beside the effort's own and the noise of the fit."""
+    """Errors (n, m) on another motion at times (n,) [s], beside the effort's own size and the noise of the fit."""
 
+    time: Array
     errors: Array
     effort: Array
     noise: Array
@@ -167,7 +168,7 @@ def identify(
     names = tuple(rows.names[k] for k in at)
     A = rows.Y[:, :, at]
     b = rows.effort - rows.y0 - rows.Y[:, :, rest] @ rows.nominal[rest]
-    bounded = () if nonnegative is False else names
+    bounded = () if nonnegative is False else tuple(n for n in names if n not in rows.signed)
     if not isinstance(nonnegative, bool):
         bounded = tuple(rows.names[k] for k in among(rows.names, nonnegative) if k in at)
     options = dict(scale=rows.nominal[at], units=[rows.units[k] for k in at])

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.ndimage import binary_dilation, binary_opening
 
 from gtmodel.lang import ModelError
-from gtmodel.measurements import Session, ZeroPhase, cutoff_for, moving
+from gtmodel.measurements import Session, ZeroPhase, cutoff_for, moving, offset_columns
 from gtmodel.results import Status, TrajectoryError
 
 from .differences import velocity_and_acceleration
@@ -45,7 +45,8 @@ class Rows:
 
     names, nominal (p,), units of the parameters; targets (m,) and effort_unit; time (n,) [s]; position and velocity
     (n, k); `starts`: where recordings begin; `cutoff_Hz`, `every`, `interval` [s] between rows; `dropped`: share of
-    samples left out as too slow, and the `threshold` of velocity; synthetic: the log's own note.
+    samples left out as too slow, and the `threshold` of velocity; synthetic: the log's own note;
+    signed: names that may be negative although masses and friction may not.
     """
 
     names: tuple[str, ...]
@@ -66,6 +67,7 @@ class Rows:
     dropped: float
     threshold: float
     synthetic: str | None
+    signed: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         return len(self.time)
@@ -129,6 +131,31 @@ def rows_of(
         threshold=float(max(p["threshold"] for p in parts)),
         synthetic="; ".join(notes) or None,
         **joined,
+    )
+
+
+def with_offsets(rows: Rows, signal: str, *, per_session: bool = True) -> Rows:
+    """The rows with offsets of the measured efforts as further parameters, each recording's own or one for all.
+
+    Named as by `Corrections`: "tau.offset[0] of session 2". What a motion with gravity and friction tells of them is in
+    their intervals, and what they cost in those of the others.
+    """
+    n, m = rows.effort.shape
+    lengths = np.diff([*rows.starts, n])
+    count = len(lengths) if per_session else 1
+    names = [
+        f"{signal}.offset{f'[{i}]' if m > 1 else ''}{f' of session {k + 1}' if count > 1 else ''}"
+        for k in range(count)
+        for i in range(m)
+    ]
+    columns = offset_columns(lengths.tolist(), m, per_session=per_session).reshape(n, m, len(names))
+    return replace(
+        rows,
+        names=(*rows.names, *names),
+        nominal=np.concatenate([rows.nominal, np.zeros(len(names))]),
+        units=(*rows.units, *[rows.effort_unit] * len(names)),
+        Y=np.concatenate([rows.Y, columns], axis=2),
+        signed=(*rows.signed, *names),
     )
 
 

@@ -7,7 +7,16 @@ from typing import Any
 import numpy as np
 import tomli_w
 
-from gtmodel.identify import Identification, Regressor, Repeated, Validation, identify, repeat_identification, rows_of
+from gtmodel.identify import (
+    Identification,
+    Regressor,
+    Repeated,
+    Validation,
+    identify,
+    repeat_identification,
+    rows_of,
+    with_offsets,
+)
 from gtmodel.lang import ModelError
 from gtmodel.results import SolveStatus, Trajectory, TrajectoryError
 
@@ -83,11 +92,17 @@ def _fitted(
     how = processing_of(problem)
     try:
         rows = rows_of(data.fitted, regressor, how, problem.known, problem.targets)
-        found = identify(rows, free, nonnegative=_nonnegative(problem, regressor), confidence=problem.confidence)
+        if data.offsets is not None:
+            rows = with_offsets(rows, problem.targets, per_session=data.offsets == "session")
+        found = identify(
+            rows, [*free, *rows.signed], nonnegative=_nonnegative(problem, regressor), confidence=problem.confidence
+        )
         if not data.held_out:
             return found, None
         fixed = how.__class__(rows.cutoff_Hz, how.order, rows.every, how.position_step, how.mask_steps)
         others = rows_of(data.held_out, regressor, fixed, problem.known, problem.targets)
+        if data.offsets is not None:
+            others = with_offsets(others, problem.targets, per_session=False)
         return found, found.validate(others)
     except (ModelError, TrajectoryError) as error:
         raise InputError(str(error), place) from error
@@ -193,11 +208,11 @@ def _values(
         hits = {n: int(h) for n, h in zip(c.names, c.hits, strict=True)}
         coverage = {"runs": c.runs, "hits": hits, "pooled": c.pooled, "band": list(c.band)}
     return {
-        "parameters": {n: e.value(n) for n in rows.names if n in names},
+        "parameters": {n: e.value(n) for n in rows.names if n in names and n not in rows.signed},
         "units": {n: u for n, u in zip(rows.names, rows.units, strict=True) if n in names},
         "intervals": {n: list(e.interval(n)) for n in e.names},
         "at_bound": list(e.held),
-        "corrections": data.corrections,
+        "corrections": data.corrections | {n: e.value(n) for n in rows.signed},
         "confidence": found.confidence,
         "noise": found.noise,
         "residual_share": np.sqrt(np.mean(found.residuals**2, axis=0)) / power,
@@ -210,9 +225,14 @@ def _values(
         "left_out": {", ".join(t.names): t.p for t in found.left_out},
         "truth": data.truth or None,
         "coverage": coverage,
-        "sentences": [rows.filter_sentence, *found.sentences],
+        "sentences": [rows.filter_sentence, *found.sentences, *_taken_as_known(data)],
         "synthetic": rows.synthetic,
     }
+
+
+def _taken_as_known(data: Recordings) -> list[str]:
+    names = ", ".join(data.corrections)
+    return [f"intervals take the estimated {names} as known"] if names else []
 
 
 def _rows(values: dict[str, Any], found: Identification) -> list[Row]:
@@ -286,9 +306,10 @@ def _figures(found: Identification, validation: Validation | None, title: str) -
         from gtmodel.plot.identification import efforts_figure
 
         assert validation is not None
-        time = rows.interval * np.arange(len(validation.effort))
         modelled = validation.effort - validation.errors
-        return efforts_figure(time, validation.effort, modelled, rows.targets, rows.effort_unit, f"{title}, held out")
+        return efforts_figure(
+            validation.time, validation.effort, modelled, rows.targets, rows.effort_unit, f"{title}, held out"
+        )
 
     def friction() -> Any:
         from gtmodel.plot.identification import friction_figure

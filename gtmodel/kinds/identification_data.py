@@ -21,7 +21,7 @@ from gtmodel.identify import (
 )
 from gtmodel.identify.parameter_names import among
 from gtmodel.lang import Model, ModelError
-from gtmodel.measurements import Corrections, Session, Signal
+from gtmodel.measurements import ESTIMATE, Corrections, Session, Signal
 from gtmodel.results import Status, TrajectoryError
 from gtmodel.robots import actuator_closed_loop, catalogue
 from gtmodel.robots.by_direction import VARIANTS, inertia_variant
@@ -39,6 +39,8 @@ class Recordings:
     fitted: tuple[Session, ...]
     held_out: tuple[Session, ...] = ()
     corrections: dict[str, float] = field(default_factory=dict)
+    # of the efforts, if they are to be estimated: parameters of the fit, by "session" or for "all"
+    offsets: str | None = None
     truth: dict[str, float] = field(default_factory=dict)
     simulator: LogSimulator | None = None
     sensors: Sensors = field(default_factory=Sensors)
@@ -140,10 +142,23 @@ def _measured(problem: Schema, log: Log, context: Context, regressor: Regressor,
                 f"log.{key}.column",
             )
     try:
+        offsets = None
+        if log.effort.offset == ESTIMATE:
+            offsets = "session" if "offset" in log.effort.per_session and len(raw) > 1 else "all"
+            if offsets == "session" and others:
+                raise _by_session("offset", problem.targets)
+            signals[problem.targets] = dataclasses.replace(signals[problem.targets], offset=0.0)
         fitted, values = corrected(
-            Corrections(signals, raw), regressor, processing_of(problem), free, problem.known, problem.targets
+            Corrections(signals, raw),
+            regressor,
+            processing_of(problem),
+            free,
+            problem.known,
+            problem.targets,
+            offsets=offsets is not None,
         )
-        return Recordings(fitted, _held_out(signals, others, values) if others else (), values)
+        held_out = _held_out(signals, others, values) if others else ()
+        return Recordings(fitted, held_out, values, offsets)
     except (TrajectoryError, ModelError) as error:
         raise InputError(str(error), "log") from error
 
@@ -154,12 +169,16 @@ def _held_out(signals: dict[str, Signal], others: tuple[Session, ...], values: d
     wanted = [values.get(f.name) for f in corrections.free]
     for f, value in zip(corrections.free, wanted, strict=True):
         if value is None or f.session is not None:
-            raise InputError(
-                f"{f.what} of {f.signal} differs by session and cannot be carried to another recording; take it out of "
-                "per_session, or give it a number",
-                "log.held_out",
-            )
+            raise _by_session(f.what, f.signal)
     return corrections.apply([v for v in wanted if v is not None])
+
+
+def _by_session(what: str, signal: str) -> InputError:
+    return InputError(
+        f"{what} of {signal} differs by session and cannot be carried to another recording; take it out of "
+        "per_session, or give it a number",
+        "log.held_out",
+    )
 
 
 def _signal(measured: MeasuredSignal, unit: str, key: str) -> Signal:
@@ -198,7 +217,7 @@ def _made_up(problem: Schema, s: Synthetic, context: Context, regressor: Regress
     flat = flat_of(plant)
     values = {q.name: q.value for q in flat.parameters}
     truth = {n: values[n] for n in regressor.names if n in values}
-    return Recordings((logs[0],), (logs[1],), {}, truth, simulators[0], sensors)
+    return Recordings((logs[0],), (logs[1],), truth=truth, simulator=simulators[0], sensors=sensors)
 
 
 def _reference(problem: Schema, s: Synthetic, plant: Model, seed: int) -> np.ndarray:

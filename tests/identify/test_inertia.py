@@ -16,6 +16,7 @@ from gtmodel.identify import (
     identify,
     repeat_identification,
     rows_of,
+    with_offsets,
 )
 from gtmodel.measurements import Corrections, Session, Signal
 from tests.identify.plants import LINKS, NOISE, SAMPLE_TIME, SEED, plant, regressor, session, simulator, truth
@@ -188,6 +189,22 @@ def test_a_delay_is_estimated_beside_the_masses():
     assert list(values.values()) == pytest.approx([late] * 3, abs=2e-4)
     found = identify(rows_of(sessions, regressor(), Processing(cutoff_Hz=8.0)), nonnegative=False)
     assert found.estimate.value("m_p") == pytest.approx(plant().m_p, abs=0.15)
+
+
+def test_offsets_of_two_sessions_are_parameters_with_intervals():
+    t = simulator(8.0).truth
+    shifts = [[20.0, -10.0, 5.0], [-30.0, 0.0, 12.0]]
+    recordings = [
+        Session(str(k), gt.Trajectory(t.time, {"q": t["q"], "tau": t["tau"] + s}, {"q": "m", "tau": "N"}), SAMPLE_TIME)
+        for k, s in enumerate(shifts)
+    ]
+    rows = with_offsets(rows_of(recordings, regressor(), WIDE), "tau")
+    assert rows.names[-1] == "tau.offset[2] of session 2" and len(rows.starts) == 2
+    found = identify(rows)
+    assert found.estimate.values[-6:] == pytest.approx(np.ravel(shifts), abs=0.2)  # negative ones are not held at zero
+    assert found.estimate.value("m_p") == pytest.approx(plant().m_p, abs=0.01)
+    together = with_offsets(rows_of(recordings, regressor(), WIDE), "tau", per_session=False)
+    assert identify(together).estimate.values[-3:] == pytest.approx(np.mean(shifts, axis=0), abs=3.0)
 
 
 def test_the_scale_of_the_forces_is_refused():
