@@ -58,7 +58,9 @@ class Synthetic(Section):
     )
     effort_colour: float = Field(default=0.0, ge=0, lt=1, description="correlation of neighbouring samples of noise")
     runs: int = Field(default=0, ge=0, le=10000, description="further logs by seed, to see whether intervals hold")
-    processes: PositiveInt | None = Field(default=None, description="for the runs; one per core if left out")
+    processes: int | None = Field(
+        default=None, ge=0, description="for the runs; 0 in this one, one per core if left out"
+    )
 
 
 class Filter(Section):

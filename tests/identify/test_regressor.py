@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from functools import cache
 from typing import Any
 
@@ -54,6 +55,13 @@ def test_what_is_not_asked_for_stays_at_its_number():
     found = regressor(q[None], qd[None], qdd[None])
     assert np.max(np.abs(found.y0)) > 100.0  # N; friction and the other carts
     assert found.Y[0] @ [9.13, 13.64] + found.y0[0] == pytest.approx(tau, rel=ROUND_OFF)
+
+
+def test_cut_loose_and_pickled_it_stays_the_same():
+    regressor = Regressor(robot(), THIRTEEN)
+    rows = [np.array(x) for x in ([[0.1, 0.0, -0.1]], [[0.5, 0.4, 0.3]], [[1.0, -2.0, 3.0]])]
+    copy = pickle.loads(pickle.dumps(regressor))
+    assert np.array_equal(copy(*rows).Y, regressor(*rows).Y) and copy.names == regressor.names
 
 
 def test_symbols_for_an_optimisation():
