@@ -140,7 +140,7 @@ def _outcome(
     stopped = repeated is not None and repeated.runs.interrupted
     message = f"{len(found.estimate.names)} parameters from {len(found.rows)} rows"
     if failed:
-        message += f"; {' and '.join(failed)} beyond the bound"
+        message += f", but {' and '.join(failed)} failed"
     values = _values(data, found, validation, repeated)
     title = problem.title or f"identification of {problem.robot}"
     if found.rows.synthetic:
