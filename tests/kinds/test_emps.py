@@ -97,7 +97,9 @@ def test_an_offset_in_the_line_of_the_signal_is_that_of_the_model() -> None:
     settings = ['free=["M", "F_v", "F_c"]', "log.effort.offset=estimate", "parameters.offset=0.0", "published={}"]
     data = load(PROBLEMS / "emps.toml", settings).problem.model_copy(update={"closed_loop": None})
     found = identification.solve(data, Context(folder=PROBLEMS)).values  # type: ignore[arg-type]
-    assert found["corrections"]["tau.offset of session 1"] == pytest.approx(PUBLISHED["offset"], abs=0.1)
+    assert found["corrections"]["tau.offset"] == pytest.approx(PUBLISHED["offset"], abs=0.1)
+    low, high = found["intervals"]["tau.offset"]
+    assert low < PUBLISHED["offset"] < high
     assert found["parameters"]["M"] == pytest.approx(PUBLISHED["M"], rel=0.015)
 
 
