@@ -241,7 +241,7 @@ def _spread(residuals: Array, parameters: int) -> Array:
 def _scale(nominal: Array, units: Sequence[str]) -> Array:
     """Nominal sizes (p,) for ranks and conditions; where one is zero, the smallest of its unit stands in."""
     sizes = np.abs(nominal)
-    for k in np.flatnonzero(sizes == 0):
+    for k in np.flatnonzero(sizes == 0).tolist():
         alike = [x for x, unit in zip(sizes, units, strict=True) if unit == units[k] and x > 0]
         sizes[k] = min(alike, default=0.0)  # zero still: the column's own length
     return sizes
