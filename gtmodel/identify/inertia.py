@@ -171,7 +171,9 @@ def identify(
     bounded = () if nonnegative is False else tuple(n for n in names if n not in rows.signed)
     if not isinstance(nonnegative, bool):
         bounded = tuple(rows.names[k] for k in among(rows.names, nonnegative) if k in at)
-    options = dict(scale=rows.nominal[at], units=[rows.units[k] for k in at])
+    units = [rows.units[k] for k in at]
+    scale = _scale(rows.nominal[at], units)
+    options = dict(scale=scale, units=units)
     size = np.ones(b.shape[1]) if noise is None else np.asarray(noise, dtype=float)
 
     def fit(size: Array, bounds: dict[str, tuple[float, float]]) -> Estimate:
@@ -210,7 +212,7 @@ def identify(
         identifiability(
             np.linalg.qr(weighted.reshape(-1, len(at)), mode="r"),
             names,
-            scale=_scale(rows.nominal[at]),
+            scale=scale,
             poses=len(rows),
         ),
         tuple(_left_out(rows, group, weighted, residuals / size, size) for group in groups if group),
@@ -236,9 +238,13 @@ def _spread(residuals: Array, parameters: int) -> Array:
     return np.sqrt(np.sum(residuals**2, axis=0) / max(1.0, n - parameters / m))
 
 
-def _scale(nominal: Array) -> Array | None:
-    """Nominal sizes for ranks; parameters whose nominal value is zero go by the length of their column."""
-    return nominal if np.any(nominal) else None
+def _scale(nominal: Array, units: Sequence[str]) -> Array:
+    """Nominal sizes (p,) for ranks and conditions; where one is zero, the smallest of its unit stands in."""
+    sizes = np.abs(nominal)
+    for k in np.flatnonzero(sizes == 0).tolist():
+        alike = [x for x, unit in zip(sizes, units, strict=True) if unit == units[k] and x > 0]
+        sizes[k] = min(alike, default=0.0)  # zero still: the column's own length
+    return sizes
 
 
 def _sandwich(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from scipy.ndimage import binary_dilation, binary_opening
@@ -111,7 +112,7 @@ def rows_of(
     low_pass = ZeroPhase(cutoff, processing.order)
     every = processing.every or max(1, round(INDEPENDENT / (cutoff * sessions[0].sample_time)))
     parts = [_rows(s, regressor, low_pass, every, processing, known, targets) for s in sessions]
-    joined = {k: np.concatenate([p[k] for p in parts]) for k in parts[0] if parts[0][k].ndim}
+    joined: dict[str, Any] = {k: np.concatenate([p[k] for p in parts]) for k in parts[0] if parts[0][k].ndim}
     lengths = [len(p["time"]) for p in parts]
     if not sum(lengths):
         raise ModelError("the log stands still, or nearly so, all the time; nothing can be told from it")

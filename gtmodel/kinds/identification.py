@@ -41,7 +41,7 @@ VALUES = {
     "rows": "rows that were fitted",
     "dropped_share": "share of the samples left out as too slow",
     "cutoff_Hz": "of the zero-phase low pass",
-    "condition": "condition number of the weighted regressor, columns scaled by nominal values",
+    "condition": "condition number of the weighted regressor, columns in nominal values (0: least of its unit)",
     "left_out": "p-value by watched group of fixed parameters: small where the residuals show their traces",
     "truth": "of a synthetic plant; null for measured logs",
     "coverage": "hits of the intervals by name over the repeated runs, pooled, and the band; null without runs",
