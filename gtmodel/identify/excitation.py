@@ -25,6 +25,7 @@ FINER = 20  # times as many samples when limits are looked at again
 TIGHTENINGS = 6
 RESERVE = 2e-4  # of a row's size: IPOPT keeps its rows to 1e-4
 BEYOND = 1.1  # times what was seen between the samples
+FARTHEST = 0.05  # of a row's size: no reserve grows by more at once
 SHARES = (0.99, 0.97, 0.9, 0.75, 0.5)
 
 
@@ -78,6 +79,10 @@ class ExcitationTask:
         return [self.basis.rows(times, order) @ c for order in range(orders)]
 
     @cached_property
+    def _mapped(self) -> dict[int, ca.Function]:
+        return {}
+
+    @cached_property
     def size(self) -> Array:
         """(m,) typical size of each row: its larger finite bound, or one."""
         found = np.maximum(*(np.where(np.isfinite(b), np.abs(b), 0.0) for b in (self.low, self.high)))
@@ -86,7 +91,9 @@ class ExcitationTask:
     def excess(self, c: Array, times: Array) -> Array:
         """(m,) greatest violation of each row in its size, negative where it is kept; infinite for no number."""
         columns = [part.T for part in self.motion(c, times, self.rows.n_in())]
-        found = np.asarray(self.rows.map(len(times))(*columns)) / self.size[:, None]
+        n = len(times)
+        rows = self._mapped.get(n) or self._mapped.setdefault(n, self.rows.map(n))
+        found = np.asarray(rows(*columns)) / self.size[:, None]
         over = np.maximum(found - (self.high / self.size)[:, None], (self.low / self.size)[:, None] - found)
         return np.max(np.where(np.isnan(found), np.inf, over), axis=1)
 
@@ -123,14 +130,14 @@ def optimise_excitation(
     task: ExcitationTask,
     start: Array,
     *,
-    max_iterations: int = 200,
+    max_iterations: int = 400,
     tolerance: float = 1e-2,
     max_seconds: float | None = None,
     progress: Progress | None = None,
 ) -> Excitation:
     """The best motion near a start c (size, d), which should keep the limits: a random feasible draw.
 
-    tolerance: of IPOPT, on the cost's logarithm: 1e-2 gives the condition number to about a hundredth.
+    max_iterations: of all tightenings together. tolerance: of IPOPT, on the cost's logarithm: 1e-2 gives the condition number to about a hundredth.
     progress: called with (iteration, cost, violation); True stops, keeping the best iterate. Never worse than the
     start: where the search does not lead to a better motion that keeps all limits, the start itself comes back, and the
     message says so.
@@ -143,8 +150,9 @@ def optimise_excitation(
     status, message, warm = SolveStatus.FAILED, "", None
     for _ in range(TIGHTENINGS):
         left = None if max_seconds is None else max(0.0, max_seconds - (time.perf_counter() - begin))
+        rest = max(0, max_iterations - iterations)
         # gradients alone: an exact Hessian costs ten times as much per step and saves few
-        options = SolverOptions(tolerance=tolerance, max_iterations=max_iterations, max_seconds=left, hessian="lbfgs")
+        options = SolverOptions(tolerance=tolerance, max_iterations=rest, max_seconds=left, hessian="lbfgs")
         run = run_ipopt(nlp.within(task, reserve), x, options, progress, warm).at_best()
         iterations += run.iterations
         status, message = run.status, "solved" if run.status.ok else failure(run, [])
@@ -157,9 +165,11 @@ def optimise_excitation(
             if value < best_cost and np.all(task.excess(nearer, fine) <= 0):
                 best, best_cost = nearer, value
                 break
-        if np.all(over <= 0) or status is SolveStatus.INTERRUPTED:
+        if np.all(over <= 0) or status is SolveStatus.INTERRUPTED or iterations >= max_iterations:
             break
-        reserve = reserve + np.where(over > 0, BEYOND * over + RESERVE, 0.0)
+        reserve = reserve + np.where(over > 0, np.minimum(BEYOND * over, FARTHEST) + RESERVE, 0.0)
+        if np.any(over > FARTHEST):  # out of reach between two samples: no point to go on from
+            x, warm = best.reshape(-1, order="F"), None
     if best is start:
         message += "; no motion better than the start keeps all limits, so the start is kept"
     seconds = time.perf_counter() - begin
