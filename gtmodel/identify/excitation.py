@@ -137,7 +137,8 @@ def optimise_excitation(
 ) -> Excitation:
     """The best motion near a start c (size, d), which should keep the limits: a random feasible draw.
 
-    max_iterations: of all tightenings together. tolerance: of IPOPT, on the cost's logarithm: 1e-2 gives the condition number to about a hundredth.
+    max_iterations: of all tightenings together.
+    tolerance: of IPOPT, on the cost's logarithm: 1e-2 gives the condition number to about a hundredth.
     progress: called with (iteration, cost, violation); True stops, keeping the best iterate. Never worse than the
     start: where the search does not lead to a better motion that keeps all limits, the start itself comes back, and the
     message says so.

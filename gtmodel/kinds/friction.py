@@ -88,9 +88,7 @@ class Synthetic(Coefficients):
     """Logs made up from known friction, to see what identification gives back."""
 
     velocities_m_s: list[PositiveFloat] = Field(min_length=2, description="each is run forth and back")
-    moved_mass_kg: NonNegativeFloat = Field(
-        default=30.0, description="felt by each motor in the ramps between the runs"
-    )
+    moved_mass_kg: NonNegativeFloat = Field(default=30.0, description="felt by each motor in the ramps between the runs")
     noise_N: NonNegativeFloat = Field(default=5.0, description="white, standard deviation")
     quantisation_m: NonNegativeFloat = Field(default=1e-6, description="step of the positions")
     seed: int = Field(default=0, ge=0, description="of the noise")
@@ -122,7 +120,9 @@ def solve(problem: Schema, context: Context) -> Outcome:
     sessions = _sessions(problem, context, pattern)
     runs = _runs(problem, sessions)
     try:
-        fit = identify_friction(runs, pattern, symmetric=problem.directions == "symmetric", gravity=problem.gravity)
+        fit = identify_friction(
+            runs, pattern, symmetric=problem.directions == "symmetric", gravity=problem.gravity
+        )
     except FrictionError as error:
         raise InputError(str(error), "pose") from error
     note = next((s.trajectory.synthetic for _, s in sessions if s.trajectory.synthetic), None)
@@ -354,9 +354,7 @@ def _checks(problem: Schema, fit: FrictionFit) -> dict[str, Check]:
 
 def _coefficient_rows(values: dict[str, Any]) -> list[Row]:
     labels = ("Coulomb friction forwards", "Coulomb friction backwards", "viscous forwards", "viscous backwards")
-    return [
-        Row(label, _list(values[k]), unit) for label, k, unit in zip(labels, _COEFFICIENTS, "N N kg/s kg/s".split())
-    ]
+    return [Row(label, _list(values[k]), unit) for label, k, unit in zip(labels, _COEFFICIENTS, "N N kg/s kg/s".split())]
 
 
 def _norms(norms: Any) -> dict[str, Any]:
