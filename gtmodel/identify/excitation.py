@@ -177,7 +177,7 @@ def optimise_excitation(
     return Excitation(status, message, best_cost, iterations, best, task.excess(best, fine), seconds)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class _Program:
     """The excitation's NLP: unknowns column by column of c, rows in their size."""
 

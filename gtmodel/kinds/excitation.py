@@ -30,7 +30,7 @@ VALUES = {
     "criterion": "what was optimised",
     "parameters": "for each: name, nominal, unit, deviation (predicted standard deviation in an experiment), "
     "random_deviation (along the best random motion), ratio of the two; and, with monte_carlo, seen_deviation and hits",
-    "coverage": "with monte_carlo: runs, band of hits, pooled share of 95 % intervals that hold the truth; null without",
+    "coverage": "with monte_carlo: runs, band of hits, pooled share of 95 % intervals that hold the truth; or null",
     "singular_values": "of the scaled regressor per root of samples, largest first: optimised and random",
     "limits": "by key: the least margin on the fine grid, relative to the bound, or in m for places",
     "coefficients": "of the optimised motion: place_m, cosine_m and sine_m (harmonics, 3); of a spline controls_m",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -59,8 +60,8 @@ def plan_of(problem: ExcitationProblem, context: Context) -> Plan:
     if np.any(regressor.nominal == 0):
         name = regressor.names[int(np.argmin(np.abs(regressor.nominal)))]
         raise InputError(
-            f"the nominal value of '{name}' is zero, and columns are scaled by nominal values; give a typical one under "
-            "parameters, or leave it out",
+            f"the nominal value of '{name}' is zero, and columns are scaled by nominal values; give a typical one "
+            "under parameters, or leave it out",
             "identified",
         )
     rows, low, high = _rows(inverse, problem.limits.force_N)
@@ -83,7 +84,7 @@ def _guard(problem: ExcitationProblem, robot: gt.Model) -> Guard:
     least = problem.limits.link_along_guideway_m
 
     def along(part: str, i: int) -> Margin:
-        def expression(m: gt.Model) -> gt.Expr:
+        def expression(m: Any) -> Any:
             arm = getattr(m.robot, part)[i]
             return gt.dot(arm.rod.b.r - arm.rod.a.r, arm.v) / gt.norm(arm.v) - least * m.metre
 

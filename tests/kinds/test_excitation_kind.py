@@ -29,7 +29,7 @@ SMALL: dict[str, Any] = {
 }
 
 
-def problem(**changes: Any) -> excitation.Schema:
+def problem(**changes: Any) -> Any:
     given = copy.deepcopy(SMALL)
     for path, value in changes.items():
         *sections, key = path.split("__")
@@ -117,7 +117,8 @@ class TestCommandLine:
         (tmp_path / "e.toml").write_text(
             'kind = "excitation"\nrobot = "l1_tape"\n[motion]\nperiod_s = 2.0\nharmonics = 2\n'
             "place_low_m = [0.9, -0.9, 0.4]\nplace_high_m = [1.1, -0.7, 0.6]\n[limits]\nforce_N = 700.0\n"
-            'tcp_low_m = [0.5, -1.1, 0.2]\ntcp_high_m = [1.5, -0.5, 0.8]\n[random]\ndraws = 3\n[search]\ncriterion = "variance"\n'
+            "tcp_low_m = [0.5, -1.1, 0.2]\ntcp_high_m = [1.5, -0.5, 0.8]\n"
+            '[random]\ndraws = 3\n[search]\ncriterion = "variance"\n'
         )
         commands = Commands(capsys)
         done = commands("solve", tmp_path / "e.toml", "--json", "--plot", "--out", tmp_path / "one")
@@ -158,8 +159,9 @@ class TestChoices:
         assert outcome.figures["information"]().axes
 
     def test_jerk_is_bounded_where_it_is_asked_for(self) -> None:
-        outcome = excitation.solve(problem(limits__tcp_jerk_m_s3=20.0), Context())
-        jerk = np.gradient(outcome.trajectory["der(T,2)"], outcome.trajectory.time, axis=0)
+        motion = excitation.solve(problem(limits__tcp_jerk_m_s3=20.0), Context()).trajectory
+        assert motion is not None
+        jerk = np.gradient(motion["der(T,2)"], motion.time, axis=0)
         most = np.max(np.linalg.norm(jerk, axis=1))
         assert 15.0 < most < 20.1
 
