@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.interpolate import BSpline
 
-Array = npt.NDArray[np.float64]
+Array = np.ndarray
 DEGREE = 5  # of the splines: four continuous derivatives, so that forces and their rates are smooth
 AT_REST = 3  # equal control points at an end make velocity and acceleration vanish there
 

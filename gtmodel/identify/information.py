@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+Array = np.ndarray
 Criterion = Literal["condition", "determinant", "variance"]
 CRITERIA: tuple[Criterion, ...] = ("condition", "determinant", "variance")
 DOUBLINGS = 2  # the surrogate takes the 4-norm of the eigenvalues: within p^(1/4) of their largest

@@ -53,7 +53,7 @@ class Impatient(Context):
 @pytest.fixture(scope="module")
 def declared(tmp_path_factory: pytest.TempPathFactory) -> Any:
     """The declared problem with part of its search and one period, and its outcome."""
-    read = load(L1, ["search.max_iterations=60", "periods=1"]).problem
+    read: Any = load(L1, ["search.max_iterations=60", "periods=1"]).problem
     return read, excitation.solve(read, Context())
 
 
