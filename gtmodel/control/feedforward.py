@@ -6,8 +6,8 @@ With a reference r and the measured positions q of the actuators, e = r - q:
     Feedforward     tau = f(r, r', r'') + K e + D e'
     ComputedTorque  tau = f(q, q', r'' + K e + D e')
 
-f is the model's `causal(known=..., targets=...)`, such as Dressler 2012, eqs. (6.7) and (6.8). Gains are positive: K [force
-per position] and D [force per velocity] of the first two, K [1/s2] and D [1/s] of computed torque.
+f is the model's `causal(known=..., targets=...)`, such as Dressler 2012, eqs. (6.7) and (6.8). Gains are positive: K
+[force per position] and D [force per velocity] of the first two, K [1/s2] and D [1/s] of computed torque.
 """
 
 from __future__ import annotations
@@ -102,8 +102,8 @@ class _InverseDynamics:
     def _expression(self, motion: list[ca.SX]) -> ca.SX:
         if self.inverse.plan.newton:
             raise ModelError(
-                f"{self.inverse.name} of {self.inverse.flat.title} is solved by Newton's method and makes no expression "
-                "of a model; give its forces for the reference as an input instead, see modelled()"
+                f"{self.inverse.name} of {self.inverse.flat.title} is solved by Newton's method and makes no "
+                "expression of a model; give its forces for the reference as an input instead, see modelled()"
             )
         return self.inverse.casadi.call([motion[s.pairs[0][1]] for s in self.inverse.inputs])[0]
 
@@ -125,8 +125,8 @@ class Feedforward(_InverseDynamics):
 class ComputedTorque(_InverseDynamics):
     """Forces of the model at the measured state for the acceleration that brings it back to the reference.
 
-    With the plant's own parameters e'' + D e' + K e = 0, whatever the motion. Args as of `Feedforward`, the gains in 1/s2
-    and 1/s.
+    With the plant's own parameters e'' + D e' + K e = 0, whatever the motion. Args as of `Feedforward`, the gains in
+    1/s2 and 1/s.
     """
 
     def forces(self, reference: list[ca.SX], position: ca.SX, velocity: ca.SX) -> ca.SX:

@@ -7,23 +7,51 @@ Friction
     constant_velocity_log  a synthetic log of such runs
 Motion
     Regressor              efforts as a linear function of parameters
+    Processing, rows_of    logs as filtered rows of a regressor
+    corrected              delays, scales and offsets estimated beside the parameters
+    identify               weighted least squares: values, intervals, residual tests; bias_of what is left out
+Synthetic
+    LogSimulator, Sensors  logs of a motion, by seed; multisine and Tracking make the motion
+    repeat_identification  many of them: unbiased, and do intervals hold?
 """
 
+from .corrected import corrected
 from .friction import FrictionError, FrictionFit, identify_friction
 from .gravity import MassByNorm, mass_by_norm
+from .inertia import Identification, LeftOut, Validation, bias_of, identify
+from .reference_motion import multisine
 from .regressor import Regressor, RegressorRows
+from .repeated import Repeated, repeat_identification
+from .rows import Processing, Rows, rows_of
+from .simulated_log import LogSimulator, Sensors
 from .steady import Runs, constant_velocity_log, joined, steady_runs
+from .tracking import Tracking
 
 __all__ = [
     "FrictionError",
     "FrictionFit",
+    "Identification",
+    "LeftOut",
+    "LogSimulator",
     "MassByNorm",
+    "Processing",
     "Regressor",
     "RegressorRows",
+    "Repeated",
+    "Rows",
     "Runs",
+    "Sensors",
+    "Tracking",
+    "Validation",
+    "bias_of",
     "constant_velocity_log",
+    "corrected",
+    "identify",
     "identify_friction",
     "joined",
     "mass_by_norm",
+    "multisine",
+    "repeat_identification",
+    "rows_of",
     "steady_runs",
 ]

@@ -63,9 +63,9 @@ def identify_friction(
         runs: velocities and mean forces.
         pattern: (poses, carts) force of each cart that holds one kilogram [N/kg], by the geometry.
         symmetric: one Coulomb and one viscous coefficient for both directions.
-        gravity: how the mass is found while friction may differ by direction. "most_symmetric": the least sum of squares
-            of what is left of the middle levels, as the thesis did by eye. "poses": from the change of the levels
-            between poses, friction being the same in all; it needs poses of different patterns.
+        gravity: how the mass is found while friction may differ by direction. "most_symmetric": the least sum of
+            squares of what is left of the middle levels, as the thesis did by eye. "poses": from the change of the
+            levels between poses, friction being the same in all; it needs poses of different patterns.
 
     Every actuator's line is a least-squares fit of its own, its noise its own; the rest is a linear function of the
     lines. Raises FrictionError where a direction has too few velocities, or where poses do not tell the mass.
@@ -141,8 +141,8 @@ def _line(runs: Runs, cart: int, poses: int, symmetric: bool) -> Estimate:
             speeds = np.unique(np.round(np.abs(v[here]), 9))
             if speeds.size < (1 if symmetric or p else 2):
                 raise FrictionError(
-                    f"cart {cart + 1}, pose {p + 1}: {speeds.size} velocities in direction {way}; expected at least two "
-                    "for a level and a slope"
+                    f"cart {cart + 1}, pose {p + 1}: {speeds.size} velocities in direction {way}; expected at least "
+                    "two for a level and a slope"
                 )
             if not symmetric:
                 columns[f"{way} {p}"] = here.astype(float)
@@ -162,8 +162,8 @@ def _mass_weights(pattern: Array, gravity: Gravity, symmetric: bool) -> Array:
     change = pattern - pattern.mean(axis=0)
     if np.sum(change**2) <= PARALLEL * np.sum(pattern**2):
         raise FrictionError(
-            "gravity loads the actuators alike in all poses, so their levels do not tell the mass; record another pose, "
-            "or take the most symmetric friction"
+            "gravity loads the actuators alike in all poses, so their levels do not tell the mass; record another "
+            "pose, or take the most symmetric friction"
         )
     return change / np.sum(change**2)
 
@@ -171,8 +171,8 @@ def _mass_weights(pattern: Array, gravity: Gravity, symmetric: bool) -> Array:
 def _in_words(pattern: Array, symmetric: bool, gravity: Gravity) -> tuple[str, ...]:
     if symmetric:
         return (
-            "nothing is left open, given that friction is the same in both directions; whether it is, these runs cannot "
-            "tell from a gravity that differs from the geometry's",
+            "nothing is left open, given that friction is the same in both directions; whether it is, these runs "
+            "cannot tell from a gravity that differs from the geometry's",
         )
     alone = (
         "slopes and the two levels of each actuator are determined; its gravity and the asymmetric half of its Coulomb "
@@ -181,13 +181,13 @@ def _in_words(pattern: Array, symmetric: bool, gravity: Gravity) -> tuple[str, .
     if gravity == "poses":
         return (
             alone,
-            "the mass is told by how the levels change between poses, as far as friction itself does not change with the "
-            "pose",
+            "the mass is told by how the levels change between poses, as far as friction itself does not change with "
+            "the pose",
         )
     moves = ", ".join(f"{-g:+.2f}" for g in pattern.mean(axis=0))
     return (
         alone,
-        f"one kilogram more would change fc+ by {moves} N on the actuators in turn and fc- by the opposite, with the same "
-        "forces: the mass is a choice, the one that makes friction most symmetric (2-norm), and its interval is that "
-        "choice's, not the mass's",
+        f"one kilogram more would change fc+ by {moves} N on the actuators in turn and fc- by the opposite, with the "
+        "same forces: the mass is a choice, the one that makes friction most symmetric (2-norm), and its interval is "
+        "that choice's, not the mass's",
     )

@@ -31,6 +31,17 @@ def scalar_parameters(flat: FlatModel, names: Sequence[str]) -> list[int]:
     return found
 
 
+def among(every: Sequence[str], names: Sequence[str]) -> list[int]:
+    """Positions of names among scalar ones; an array's name stands for all its entries. ModelError for another."""
+    found: list[int] = []
+    for name in names:
+        here = [k for k, one in enumerate(every) if one == name or one.startswith(f"{name}[")]
+        if not here:
+            raise ModelError(f"'{name}' is no parameter of this regressor; it has {', '.join(every)}")
+        found += here
+    return sorted(set(found))
+
+
 def _unknown(flat: FlatModel, name: str, every: list[str]) -> str:
     if name in flat.bindings:
         inside = {s.element_hash() for s in ca.symvar(ca.SX(flat.bindings[name]))}

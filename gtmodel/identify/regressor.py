@@ -13,7 +13,7 @@ import numpy as np
 from gtmodel.compiler.causal import CausalFunction, c_name, compile_causal, flat_of
 from gtmodel.compiler.evaluate import Built, build
 from gtmodel.compiler.plan import Plan, make_plan
-from gtmodel.compiler.rows import map_columns, status_codes
+from gtmodel.compiler.rows import Margin, map_columns, status_codes
 from gtmodel.lang import Model, ModelError
 from gtmodel.results import Status
 
@@ -84,8 +84,10 @@ class Regressor:
         self._title = flat.title
         plan = _partly_folded(causal, self._chosen)
         self._uses_time = plan.uses_time
-        self._plan, self._margins = plan, [m for b in plan.blocks for m in b.margins]
+        self._plan, self._p0 = plan, flat.p0
+        self._margins = [Margin(m.kind, m.scale) for b in plan.blocks for m in b.margins]
         self._built = self._build([(c_name(s.name), s.pairs) for s in self.outputs])
+        self._kernels = self._built.kernels
         self._function = self._made()
 
     @property
@@ -99,7 +101,7 @@ class Regressor:
         n = columns[0].shape[1]
         given = np.vstack([*columns, np.repeat(self._p0[:, None], n, axis=1)])
         found, zs = np.zeros(n, dtype=int), []
-        for kernel in self._built.kernels:
+        for kernel in self._kernels:
             z, converged, singular = kernel.solve(given)
             found = np.where((found == 0) & ~converged, Status.NOT_CONVERGED, found)
             found = np.where((found == 0) & singular, Status.SINGULAR, found)
@@ -127,10 +129,10 @@ class Regressor:
         """
         f, m, p = self._function, len(self.columns), self.size
         names = [c_name(s.name) for s in self.inputs] + ["time"] * self._uses_time
-        kind: Any = ca.MX if self._built.kernels else ca.SX
+        kind: Any = ca.MX if self._kernels else ca.SX
         inputs: list[Any] = [kind.sym(n, s.size) for n, s in zip(names, self.inputs, strict=False)]
         inputs += [kind.sym("time")] * self._uses_time
-        zs = self._unknowns().call([*inputs, ca.DM(self._p0)])[:-1] if self._built.kernels else []
+        zs = self._unknowns().call([*inputs, ca.DM(self._p0)])[:-1] if self._kernels else []
         Y, y0, _ = f.call([*inputs, *zs])
         return ca.Function("regressor", inputs, [ca.reshape(Y, p, m).T, y0], names, ["Y", "y0"])
 
@@ -143,10 +145,6 @@ class Regressor:
         flat = self._plan.flat
         pairs = [tuple(flat.scope.owner(s) for s in b.unknowns) for b in self._plan.newton]
         return self._build([(f"z{k}", p) for k, p in enumerate(pairs)]).whole
-
-    @property
-    def _p0(self) -> Array:
-        return self._plan.flat.p0
 
     def _made(self) -> ca.Function:
         """(inputs..., z of each Newton block...) -> Y by rows (targets p,), y0 (targets,), margins."""
@@ -259,6 +257,17 @@ class Regressor:
                 raise TypeError(f"the regressor: '{name}' takes shape {expected}; found {a.shape}")
             columns.append(np.ascontiguousarray(a.reshape(a.shape[0], -1).T))
         return columns
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Cut loose from its model, for other processes. Raises ModelError where Newton blocks tie it to the model."""
+        if self._kernels:
+            raise ModelError("a regressor with Newton blocks cannot leave its model; make one in each process")
+        kept = {k: v for k, v in self.__dict__.items() if k not in ("_plan", "_built", "casadi")}
+        return {**kept, "_function": self._function.serialize()}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._function = ca.Function.deserialize(state["_function"])
 
     def __repr__(self) -> str:
         return f"Regressor({', '.join(self.columns)} linear in {', '.join(self.names)})"

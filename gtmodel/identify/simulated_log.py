@@ -35,9 +35,7 @@ class Sensors:
     def __post_init__(self) -> None:
         sizes = (self.position_step, self.effort_step, *np.atleast_1d(self.effort_noise))
         if min(sizes) < 0 or not 0 <= self.effort_colour < 1:
-            raise ValueError(
-                f"steps and noise must not be negative, and the colour must lie between 0 and 1 (1 excluded); found {self}"
-            )
+            raise ValueError(f"steps and noise must not be negative, and the colour must lie in [0, 1); found {self}")
 
     @property
     def note(self) -> str:

@@ -40,9 +40,9 @@ def steady_runs(
     """The stretches in which no cart accelerates and all move.
 
     position [m], force [N]: names of the signals, (n,) or (n, carts). Rows count as steady while every acceleration
-    behind a low pass of cutoff_Hz is below `steady` [m/s2] and every velocity above `slow` [m/s] in size; a stretch lasts at
-    least `shortest` [s] after the filter's settling time is cut off its ends. The velocity of a run is a straight line
-    through its positions, its force their mean, both of unfiltered rows.
+    behind a low pass of cutoff_Hz is below `steady` [m/s2] and every velocity above `slow` [m/s] in size; a stretch
+    lasts at least `shortest` [s] after the filter's settling time is cut off its ends. The velocity of a run is the
+    slope of a straight line through its positions, its force the mean, both of unfiltered rows.
 
     Raises TrajectoryError where there is none.
     """
@@ -51,7 +51,7 @@ def steady_runs(
     cut = low_pass.end_rows(step)
     n = len(smooth)
     v, a = (smooth[name].reshape(n, -1) for name in (f"der({position})", f"der({position},2)"))
-    still = (np.abs(a) < steady).all(axis=1) & (np.abs(v) > slow).all(axis=1)
+    still = np.asarray((np.abs(a) < steady).all(axis=1) & (np.abs(v) > slow).all(axis=1))
     # a change of sign is no steady motion, however slow it happens
     border = np.concatenate([[True], (np.sign(v[1:]) != np.sign(v[:-1])).any(axis=1) | (still[1:] != still[:-1])])
     starts = np.flatnonzero(border)

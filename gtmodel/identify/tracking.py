@@ -37,7 +37,9 @@ class Tracking:
         """Positions (n, axes) of the axes for references (n, axes), at rest before the first row."""
         reference = np.asarray(reference, dtype=float)
         if reference.ndim != 2 or reference.shape[1] != len(self.a):
-            raise ValueError(f"tracking of {len(self.a)} axes takes references (n, {len(self.a)}); found {reference.shape}")
+            raise ValueError(
+                f"tracking of {len(self.a)} axes takes references (n, {len(self.a)}); found {reference.shape}"
+            )
         moved = reference - reference[0]
         late = np.vstack([np.zeros((self.delay, len(self.a))), moved])[: len(moved)]
         columns = [lfilter([b], [1.0, -a], late[:, k]) for k, (a, b) in enumerate(zip(self.a, self.b, strict=True))]

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import tomli_w
-from pydantic import Field, NonNegativeFloat, PositiveFloat
 
 from gtmodel.identify import (
     FrictionError,
@@ -22,9 +21,8 @@ from gtmodel.identify.steady import CUTOFF_HZ, SHORTEST, STEADY
 from gtmodel.measurements import Corrections, Session
 from gtmodel.results import SolveStatus, TrajectoryError
 
-from .base import Check, Context, InputError, Outcome, Row, Section
-from .log_keys import LogFiles, MeasuredSignal
-from .robot_keys import RobotProblem
+from .base import Check, Context, InputError, Outcome, Row
+from .friction_keys import Coefficients, Pose, Schema, Synthetic
 
 NAME = "friction"
 
@@ -49,69 +47,6 @@ SLOPE_ERROR = 0.01  # of synthetic logs: the issue's bound
 WARNING = "the runs do not tell the mass"
 
 
-class Pose(Section):
-    """Where the tool centre point was held in the cross-section while the carts ran."""
-
-    name: str = Field(default="", description="one word for pictures")
-    tcp_m: list[float] | None = Field(
-        default=None, description="somewhere on the way; with guideways along x the place along them does not matter"
-    )
-    holding_N: list[float] | None = Field(
-        default=None, description="printed gravity force of each cart in place of tcp_m; for holding_mass_kg"
-    )
-    holding_mass_kg: PositiveFloat | None = Field(default=None, description="mass that holding_N holds")
-    files: list[str] = Field(default=[], description="logs of this pose, with [log]")
-
-
-class Log(LogFiles):
-    """Measured logs; each pose names its own files."""
-
-    position_m: MeasuredSignal = Field(description="positions of the carts")
-    force_N: MeasuredSignal = Field(description="forces of the motors")
-    steady_acceleration_m_s2: PositiveFloat = Field(
-        default=STEADY, description="rows count as constant velocity while all accelerations are smaller"
-    )
-    shortest_run_s: PositiveFloat = Field(default=SHORTEST, description="shorter runs are left out")
-
-
-class Coefficients(Section):
-    """Friction by cart."""
-
-    coulomb_plus_N: list[float] = Field(description="Coulomb friction forwards")
-    coulomb_minus_N: list[float] = Field(description="Coulomb friction backwards, positive")
-    viscous_plus_kg_s: list[float] = Field(description="viscous friction forwards")
-    viscous_minus_kg_s: list[float] = Field(description="viscous friction backwards")
-    mass_kg: PositiveFloat = Field(description="plate and half the links")
-
-
-class Synthetic(Coefficients):
-    """Logs made up from known friction, to see what identification gives back."""
-
-    velocities_m_s: list[PositiveFloat] = Field(min_length=2, description="each is run forth and back")
-    moved_mass_kg: NonNegativeFloat = Field(default=30.0, description="felt by each motor in the ramps between the runs")
-    noise_N: NonNegativeFloat = Field(default=5.0, description="white, standard deviation")
-    quantisation_m: NonNegativeFloat = Field(default=1e-6, description="step of the positions")
-    seed: int = Field(default=0, ge=0, description="of the noise")
-
-
-class Schema(RobotProblem):
-    """Friction from constant-velocity runs. One of [log], [synthetic] and [printed] gives the forces."""
-
-    directions: Literal["separate", "symmetric"] = Field(
-        default="separate", description="separate: coefficients by direction of motion"
-    )
-    gravity: Literal["most_symmetric", "poses"] = Field(
-        default="most_symmetric",
-        description="how the mass is found beside friction by direction: least asymmetry, or the change between poses",
-    )
-    pose: list[Pose] = Field(min_length=1, description="one table for each; the first is the picture's")
-    log: Log | None = Field(default=None, description="measured logs")
-    synthetic: Synthetic | None = Field(default=None, description="made-up logs")
-    printed: Coefficients | None = Field(
-        default=None, description="published lines; their mass is the one that was chosen, and is found anew"
-    )
-
-
 def solve(problem: Schema, context: Context) -> Outcome:
     """Find the runs, fit the lines, share the levels between gravity and friction."""
     pattern = _pattern(problem, context)
@@ -120,9 +55,7 @@ def solve(problem: Schema, context: Context) -> Outcome:
     sessions = _sessions(problem, context, pattern)
     runs = _runs(problem, sessions)
     try:
-        fit = identify_friction(
-            runs, pattern, symmetric=problem.directions == "symmetric", gravity=problem.gravity
-        )
+        fit = identify_friction(runs, pattern, symmetric=problem.directions == "symmetric", gravity=problem.gravity)
     except FrictionError as error:
         raise InputError(str(error), "pose") from error
     note = next((s.trajectory.synthetic for _, s in sessions if s.trajectory.synthetic), None)
@@ -144,7 +77,8 @@ def _pattern(problem: Schema, context: Context) -> np.ndarray:
     given = [k for k in ("log", "synthetic", "printed") if getattr(problem, k) is not None]
     if len(given) != 1:
         raise InputError(
-            f"found {', '.join(f'[{k}]' for k in given) or 'none of them'}; expected one of [log], [synthetic], [printed]",
+            f"found {', '.join(f'[{k}]' for k in given) or 'none of them'}; "
+            "expected one of [log], [synthetic], [printed]",
             given[-1] if given else "log",
         )
     rows = [_holding(problem, pose, f"pose[{n}]", context) for n, pose in enumerate(problem.pose)]
@@ -354,7 +288,8 @@ def _checks(problem: Schema, fit: FrictionFit) -> dict[str, Check]:
 
 def _coefficient_rows(values: dict[str, Any]) -> list[Row]:
     labels = ("Coulomb friction forwards", "Coulomb friction backwards", "viscous forwards", "viscous backwards")
-    return [Row(label, _list(values[k]), unit) for label, k, unit in zip(labels, _COEFFICIENTS, "N N kg/s kg/s".split())]
+    units = ("N", "N", "kg/s", "kg/s")
+    return [Row(label, _list(values[k]), u) for label, k, u in zip(labels, _COEFFICIENTS, units, strict=True)]
 
 
 def _norms(norms: Any) -> dict[str, Any]:

@@ -1,5 +1,7 @@
 """Feedforward and computed torque in closed loop: the better the model, the smaller the error."""
 
+from typing import Any
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -45,7 +47,7 @@ class TestClosedLoop:
         assert rms["exact"] < INTEGRATED_M
 
     def test_computed_torque_forgets_an_error_as_its_gains_say(self) -> None:
-        off = {"T": CENTRE + [0.02, -0.01, 0.01], "der(T)": np.zeros(3)}
+        off = {"T": CENTRE + np.array([0.02, -0.01, 0.01]), "der(T)": np.zeros(3)}
         run = track(PLANT, ComputedTorque(PLANT, *RATES), REFERENCE, off)
         t, first = REFERENCE.time, run.error[0]
         # critically damped: e = e0 (1 + w t) exp(-w t), whatever the motion and the coupling
@@ -84,7 +86,7 @@ class TestForces:
         np.testing.assert_allclose(np.sum(gravity, axis=1), 0.0, atol=TWO_ROADS)  # v = (1,0,0), vertical gravity
 
     def test_any_model_feeds_forward_even_by_newton(self) -> None:
-        six = make("d1_six_link")
+        six: Any = make("d1_six_link")
         T = six.home + 0.05 * np.sin(2 * np.pi * REFERENCE.time)[:, None] ** 4 * np.ones(3)
         law = Feedforward(six, known="T")
         assert np.all(np.isfinite(law.modelled(Trajectory(REFERENCE.time, {"T": T}))["tau"]))

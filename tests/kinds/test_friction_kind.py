@@ -20,6 +20,7 @@ TRUTH = {
     "viscous_minus_kg_s": [158.01, 133.76, 197.52],
     "mass_kg": 22.38,
 }
+COLUMNS = {"position_m": {"column": "q", "unit": "m"}, "force_N": {"column": "f", "unit": "N"}}
 SHORT: dict[str, Any] = {
     "kind": "friction",
     "robot": "l1_tape",
@@ -80,7 +81,7 @@ def test_table_6_1_by_three_norms() -> None:
 
 
 def test_measured_logs_with_a_drive_gain(tmp_path: Path) -> None:
-    made = friction._sessions(problem(), Context(), np.array([PATTERN]) / 22.38)[0][1].trajectory  # noqa: SLF001
+    made = friction._sessions(problem(), Context(), np.array([PATTERN]) / 22.38)[0][1].trajectory
     header = "t," + ",".join([f"pos{i}" for i in (1, 2, 3)] + [f"amp{i}" for i in (1, 2, 3)])
     rows = np.column_stack([1e3 * made.time, 1e3 * made["q"], made["force"] / 40.0])
     text = "\n".join([header, *(",".join(f"{x:.9g}" for x in row) for row in rows)])
@@ -124,8 +125,7 @@ def test_measured_logs_with_a_drive_gain(tmp_path: Path) -> None:
         ({"synthetic": {**SHORT["synthetic"], "coulomb_plus_N": [1.0]}}, "synthetic.coulomb_plus_N", "has 1 numbers"),
         ({"synthetic": {**SHORT["synthetic"], "velocities_m_s": [0.5, 0.5]}}, "pose", "1 velocities in direction plus"),
         ({"synthetic": None, "printed": TRUTH, "pose": SHORT["pose"] * 2}, "pose", "belong to one pose"),
-        ({"synthetic": None, "log": {"position_m": {"column": "q", "unit": "m"}, "force_N": {"column": "f", "unit": "N"}}},
-         "pose[0].files", "is empty; name a CSV or .mat file"),
+        ({"synthetic": None, "log": COLUMNS}, "pose[0].files", "is empty; name a CSV or .mat file"),
     ],
 )  # fmt: skip
 def test_refusals_name_the_key(changes: dict[str, Any], key: str, said: str) -> None:
