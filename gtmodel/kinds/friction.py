@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -19,7 +21,7 @@ from gtmodel.identify import (
 )
 from gtmodel.identify.steady import CUTOFF_HZ, SHORTEST, STEADY
 from gtmodel.measurements import Corrections, Session
-from gtmodel.results import SolveStatus, TrajectoryError
+from gtmodel.results import SolveStatus, Status, TrajectoryError
 
 from .base import Check, Context, InputError, Outcome, Row
 from .friction_keys import Coefficients, Pose, Schema, Synthetic
@@ -44,15 +46,19 @@ VALUES = {
 }
 
 SLOPE_ERROR = 0.01  # of synthetic logs: the issue's bound
+Weighed = Callable[[list[float]], np.ndarray]
 WARNING = "the runs do not tell the mass"
 
 
 def solve(problem: Schema, context: Context) -> Outcome:
     """Find the runs, fit the lines, share the levels between gravity and friction."""
     pattern = _pattern(problem, context)
+    context.progress("reading", 0.2)
     if problem.printed is not None:
         return _of_printed(problem, problem.printed, pattern)
     sessions = _sessions(problem, context, pattern)
+    if context.interrupted():
+        return Outcome(status=SolveStatus.INTERRUPTED, message="stopped before the fit")
     runs = _runs(problem, sessions)
     try:
         fit = identify_friction(runs, pattern, symmetric=problem.directions == "symmetric", gravity=problem.gravity)
@@ -81,32 +87,46 @@ def _pattern(problem: Schema, context: Context) -> np.ndarray:
             "expected one of [log], [synthetic], [printed]",
             given[-1] if given else "log",
         )
-    rows = [_holding(problem, pose, f"pose[{n}]", context) for n, pose in enumerate(problem.pose)]
+    weigh = cache(lambda: _by_geometry(problem, context))
+    rows = [_holding(pose, f"pose[{n}]", weigh) for n, pose in enumerate(problem.pose)]
     if len({len(row) for row in rows}) > 1:
         raise InputError(f"the poses have {', '.join(str(len(r)) for r in rows)} carts; expected one number", "pose")
     return np.array(rows)
 
 
-def _holding(problem: Schema, pose: Pose, key: str, context: Context) -> np.ndarray:
+def _holding(pose: Pose, key: str, weigh: Callable[[], Weighed]) -> np.ndarray:
     if (pose.tcp_m is None) == (pose.holding_N is None):
         raise InputError("expected either tcp_m or holding_N with holding_mass_kg", key)
     if pose.holding_N is not None:
         if pose.holding_mass_kg is None:
             raise InputError("is missing; expected the mass that holding_N holds, in kg", f"{key}.holding_mass_kg")
         return np.array(pose.holding_N) / pose.holding_mass_kg
-    forces = []
-    for payload in (0.0, 1.0):
-        loaded = problem.model_copy(update={"payload_kg": (problem.payload_kg or 0.0) + payload})
-        inverse = loaded.model(context).causal(known="T", targets="tau")
-        width = inverse.inputs[0].size
-        if len(pose.tcp_m or ()) != width:
-            raise InputError(f"expected a list of {width} numbers in m", f"{key}.tcp_m")
-        tau, status = inverse(pose.tcp_m, *([np.zeros(width)] * (len(inverse.inputs) - 1)))
-        if int(status) != 0:
-            raise InputError(f"{list(pose.tcp_m or ())} m cannot be reached: {status}", f"{key}.tcp_m")
-        forces.append(np.asarray(tau))
-    # friction is the same in both and falls out
-    return forces[1] - forces[0]
+    try:
+        return weigh()(pose.tcp_m or [])
+    except ValueError as error:
+        raise InputError(str(error), f"{key}.tcp_m") from error
+
+
+def _by_geometry(problem: Schema, context: Context) -> Weighed:
+    """Tool centre point [m] -> forces that hold one kilogram more [N]; friction is in both cases and falls out."""
+    payloads = [(problem.payload_kg or 0.0) + extra for extra in (0.0, 1.0)]
+    models = [problem.model_copy(update={"payload_kg": p}).model(context) for p in payloads]
+    inverse = [model.causal(known="T", targets="tau") for model in models]
+
+    def weighed(tcp: list[float]) -> np.ndarray:
+        width = inverse[0].inputs[0].size
+        if len(tcp) != width:
+            raise ValueError(f"expected a list of {width} numbers in m")
+        at_rest = [np.zeros(width)] * (len(inverse[0].inputs) - 1)
+        forces = []
+        for function in inverse:
+            tau, status = function(tcp, *at_rest)
+            if status is not Status.OK:
+                raise ValueError(f"{tcp} m cannot be reached: {status.sentence}")
+            forces.append(np.asarray(tau))
+        return forces[1] - forces[0]
+
+    return weighed
 
 
 def _sessions(problem: Schema, context: Context, pattern: np.ndarray) -> list[tuple[int, Session]]:
@@ -162,15 +182,14 @@ def _runs(problem: Schema, sessions: list[tuple[int, Session]]) -> Runs:
     log = problem.log
     found = []
     for pose, session in sessions:
-        slow = log.slow_steps * log.quantisation_m / session.sample_time if log else 0.0
         try:
             found.append(
                 steady_runs(
                     session,
                     pose=pose,
-                    cutoff_Hz=log.cutoff_Hz if log and log.cutoff_Hz else CUTOFF_HZ,
+                    cutoff_Hz=log.cutoff_Hz if log else CUTOFF_HZ,
                     steady=log.steady_acceleration_m_s2 if log else STEADY,
-                    slow=slow,
+                    slow=log.slowest_m_s if log else 0.0,
                     shortest=log.shortest_run_s if log else SHORTEST,
                 )
             )

@@ -6,7 +6,7 @@ from typing import Literal
 
 from pydantic import Field, NonNegativeFloat, PositiveFloat
 
-from gtmodel.identify.steady import SHORTEST, STEADY
+from gtmodel.identify.steady import CUTOFF_HZ, SHORTEST, STEADY
 
 from .base import Section
 from .log_keys import LogFiles, MeasuredSignal
@@ -32,6 +32,10 @@ class Log(LogFiles):
 
     position_m: MeasuredSignal = Field(description="positions of the carts")
     force_N: MeasuredSignal = Field(description="forces of the motors")
+    cutoff_Hz: PositiveFloat = Field(
+        default=CUTOFF_HZ, description="of the low pass that tells steady from unsteady rows; means are of raw ones"
+    )
+    slowest_m_s: NonNegativeFloat = Field(default=0.0, description="slower runs are left out")
     steady_acceleration_m_s2: PositiveFloat = Field(
         default=STEADY, description="rows count as constant velocity while all accelerations are smaller"
     )

@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Literal
 
-from pydantic import Field, PositiveFloat, PositiveInt
+from pydantic import Field, PositiveFloat
 
 from gtmodel.lang.units import UnitError
-from gtmodel.measurements import Column, Session, Signal, ZeroPhase, cutoff_for
+from gtmodel.measurements import Column, Session, Signal
 from gtmodel.measurements.log import JITTER
 from gtmodel.measurements.signals import read_signals
 from gtmodel.results import TrajectoryError
@@ -40,10 +40,13 @@ class MeasuredSignal(Section):
         default=["offset"], description="which of those to be estimated differ from session to session"
     )
 
-    def signal(self, key: str) -> Signal:
-        """As the measurements take it; the key, such as force_N, tells the quantity's unit. Raises InputError."""
+    def signal(self, key: str, unit: str | None = None) -> Signal:
+        """As the measurements take it; the key, such as force_N, tells the quantity's SI unit, or `unit` does.
+
+        Raises InputError.
+        """
         column = self.column if isinstance(self.column, str) else tuple(self.column)
-        unit = unit_of(key.rpartition(".")[2])
+        unit = unit_of(key.rpartition(".")[2]) if unit is None else unit
         try:
             return Signal(
                 column, self.unit, self.scale, self.offset, self.delay_s, unit, tuple(dict.fromkeys(self.per_session))
@@ -53,19 +56,13 @@ class MeasuredSignal(Section):
 
 
 class LogFiles(Section):
-    """Where logs lie and how they are sampled and filtered; a kind adds its signals."""
+    """Where logs lie and how they are sampled; a kind adds its signals."""
 
     files: list[str] = Field(default=[], description="CSV or .mat files; paths start at the problem's folder")
     time: TimeColumn = TimeColumn()
     session: str | None = Field(default=None, description="column whose number tells the recordings of a file apart")
     sample_time_s: PositiveFloat | None = Field(default=None, description="expected; the log's median if left out")
     jitter: float = Field(default=JITTER, gt=0, lt=1, description="how far a step may be off, as a share of it")
-    cutoff_Hz: PositiveFloat | None = Field(
-        default=None, description="of the zero-phase low pass; 2.5 times the excitation band if left out"
-    )
-    decimation: PositiveInt = Field(default=1, description="every how many-th filtered row is used")
-    quantisation_m: float = Field(default=0.0, ge=0, description="step of the position; 0 drops no slow rows")
-    slow_steps: PositiveFloat = Field(default=3.0, description="rows slower than so many steps a sample are dropped")
 
     def sessions(
         self, signals: Mapping[str, Signal], context: Context, *, files: list[str] | None = None, key: str = "log"
@@ -99,9 +96,3 @@ class LogFiles(Section):
         if len(widths) > 1:
             raise InputError("the files have signals of different widths; name logs of one robot", f"{key}.files")
         return tuple(found)
-
-    def low_pass(self, sessions: tuple[Session, ...], position: str) -> ZeroPhase:
-        """The filter as declared, or from the excitation band of all sessions."""
-        if self.cutoff_Hz is not None:
-            return ZeroPhase(self.cutoff_Hz)
-        return ZeroPhase(max(cutoff_for(s.trajectory[position], s.sample_time) for s in sessions))

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.signal import butter, sosfiltfilt, sosfreqz
 
+from ..lang.units import rate_unit
 from ..results.trajectory import Array, Trajectory, TrajectoryError
 from .log import Session
 
@@ -111,7 +112,7 @@ def motion(session: Session, position: str, low_pass: ZeroPhase | None) -> Traje
             "cuts off at either end, so record longer or raise the cut-off"
         )
     inside = slice(cut, len(raw) - cut)
-    units = {**raw.units, first: _per_second(unit, 1), second: _per_second(unit, 2)}
+    units = {**raw.units, first: rate_unit(unit), second: rate_unit(unit, 2)}
     return Trajectory(
         raw.time[inside],
         {name: value[inside] for name, value in rows.items()},
@@ -150,8 +151,3 @@ def moving(velocity: Array, sample_time: float, step: float, steps: float = 3.0)
     fast = np.abs(np.asarray(velocity).reshape(len(velocity), -1)) >= threshold
     rows = np.asarray(fast.all(axis=1))
     return Moving(rows, threshold, float(1 - rows.mean()))
-
-
-def _per_second(unit: str, order: int) -> str:
-    per = "s" if order == 1 else f"s{order}"
-    return f"{'1' if unit == '1' else unit}/{per}" if "/" not in unit else f"({unit}).s-{order}"

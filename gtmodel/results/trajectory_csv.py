@@ -157,6 +157,13 @@ def _read_row(line: str, header: Header, width: int, where: str) -> list[float]:
     cells = line.split(",")
     if len(cells) != width:
         raise TrajectoryError(f"{where}: found {len(cells)} cells; expected {width}, one for each column of the header")
+    try:
+        row = [float(cells[place]) for place in header[2]]
+        # finite numbers only, unless they are huge: the common case, in one go
+        if math.isfinite(sum(row)) and "_" not in line:
+            return row
+    except ValueError:
+        pass
     row = []
     for name, place in zip(header[0], header[2], strict=True):
         cell = cells[place]
