@@ -25,6 +25,7 @@ FINER = 20  # times as many samples when limits are looked at again
 TIGHTENINGS = 6
 RESERVE = 2e-4  # of a row's size: IPOPT keeps its rows to 1e-4
 BEYOND = 1.1  # times what was seen between the samples
+PATIENCE, GAIN, KEPT = 25, 0.02, 1e-3  # iterations; of the cost, one per cent of a condition number; of a row's size
 FARTHEST = 0.05  # of a row's size: no reserve grows by more at once
 SHARES = (0.99, 0.97, 0.9, 0.75, 0.5)
 
@@ -154,9 +155,17 @@ def optimise_excitation(
         rest = max(0, max_iterations - iterations)
         # gradients alone: an exact Hessian costs ten times as much per step and saves few
         options = SolverOptions(tolerance=tolerance, max_iterations=rest, max_seconds=left, hessian="lbfgs")
-        run = run_ipopt(nlp.within(task, reserve), x, options, progress, warm).at_best()
+        patience = _Patience(progress)
+        run = run_ipopt(nlp.within(task, reserve), x, options, patience, warm)
         iterations += run.iterations
-        status, message = run.status, "solved" if run.status.ok else failure(run, [])
+        if patience.over:
+            status, message = (
+                SolveStatus.SOLVED,
+                f"solved; {PATIENCE} iterations no longer brought {GAIN:g} of the cost",
+            )
+        else:
+            run = run.at_best()
+            status, message = run.status, "solved" if run.status.ok else failure(run, [])
         x, warm = run.x, run.multipliers
         c = x.reshape(start.shape, order="F")
         over = task.excess(c, fine)
@@ -175,6 +184,23 @@ def optimise_excitation(
         message += "; no motion better than the start keeps all limits, so the start is kept"
     seconds = time.perf_counter() - begin
     return Excitation(status, message, best_cost, iterations, best, task.excess(best, fine), seconds)
+
+
+@dataclass(eq=False)
+class _Patience:
+    """Stops a search whose cost no longer falls; `over` says that this, and not the caller, was why."""
+
+    progress: Progress | None
+    best: float = np.inf
+    since: int = 0
+    over: bool = False
+
+    def __call__(self, iteration: int, cost: float, violation: float) -> bool:
+        if violation <= KEPT and cost < self.best - GAIN:
+            self.best, self.since = cost, iteration
+        asked = self.progress is not None and self.progress(iteration, cost, violation)
+        self.over = not asked and np.isfinite(self.best) and iteration - self.since >= PATIENCE
+        return asked or self.over
 
 
 @dataclass(eq=False)

@@ -29,7 +29,8 @@ VALUES = {
     "improvement": "best random condition number over the optimised one",
     "criterion": "what was optimised",
     "parameters": "for each: name, nominal, unit, deviation (predicted standard deviation in an experiment), "
-    "random_deviation (along the best random motion), ratio of the two; and, with monte_carlo, seen_deviation and hits",
+    "random_deviation (along the best random motion), ratio of the two; and, with monte_carlo, seen_deviation, "
+    "random_seen_deviation and hits of its 95 % interval along the optimised motion",
     "coverage": "with monte_carlo: runs, band of hits, pooled share of 95 % intervals that hold the truth; or null",
     "singular_values": "of the scaled regressor per root of samples, largest first: optimised and random",
     "limits": "by key: the least margin on the fine grid, relative to the bound, or in m for places",
@@ -50,7 +51,7 @@ class _Found:
     random: np.ndarray
     W_random: np.ndarray
     conditions: np.ndarray
-    runs: tuple[Coverage, np.ndarray] | None
+    runs: list[tuple[Coverage, np.ndarray]]
 
 
 def solve(problem: Schema, context: Context) -> Outcome:
@@ -69,7 +70,8 @@ def solve(problem: Schema, context: Context) -> Outcome:
     best = min(found, key=lambda e: e.objective)
     first = int(order[0])
     W = plan.task.stacked(best.c, times, plan.sharp)
-    runs = _monte_carlo(problem, plan, context, W)
+    fits = [_monte_carlo(problem, plan, context, A) for A in (W, stacks[first])]
+    runs = [fit for fit in fits if fit is not None]
     return _outcome(problem, plan, _Found(best, W, draws[first], stacks[first], conditions, runs), found)
 
 
@@ -129,7 +131,7 @@ def _optimise(problem: Schema, plan: Plan, context: Context, start: np.ndarray, 
 
 
 def _monte_carlo(problem: Schema, plan: Plan, context: Context, W: np.ndarray) -> tuple[Coverage, np.ndarray] | None:
-    """Fits of synthetic forces along the optimised motion: hits of their intervals, and how they scatter (p,)."""
+    """Fits of synthetic forces along a motion: hits of their intervals, and how they scatter (p,); None: not wanted."""
     keys, regressor = problem.monte_carlo, plan.regressor
     if not keys.runs or context.interrupted():
         return None
@@ -157,8 +159,8 @@ def _outcome(problem: Schema, plan: Plan, found: _Found, runs: list[Excitation])
             1 / values["improvement"], STILL_BETTER, values["improvement"] >= STILL_BETTER
         ),
     }
-    if found.runs is not None:
-        seen = found.runs[0]
+    if found.runs:
+        seen = found.runs[0][0]
         checks["coverage_outside_band"] = Check(len(seen.outside), 0, not seen.outside)
     status = SolveStatus.INTERRUPTED if SolveStatus.INTERRUPTED in [e.status for e in runs] else best.status
     message = best.message
@@ -199,11 +201,11 @@ def _values(problem: Schema, plan: Plan, found: _Found) -> dict[str, Any]:
         )
     ]
     seen = None
-    if found.runs is not None:
-        counted, scatter = found.runs
+    if len(found.runs) == 2:
+        (counted, scatter), (_, of_random) = found.runs
         seen = {"runs": counted.runs, "band": list(counted.band), "pooled": counted.pooled}
-        for p, s, hits in zip(parameters, scatter, counted.hits, strict=True):
-            p |= {"seen_deviation": s, "hits": int(hits)}
+        for p, s, r, hits in zip(parameters, scatter, of_random, counted.hits, strict=True):
+            p |= {"seen_deviation": s, "random_seen_deviation": r, "hits": int(hits)}
     if isinstance(basis, FourierSeries):
         coefficients = dict(zip(("place_m", "cosine_m", "sine_m"), basis.amplitudes(c), strict=True))
     else:

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from .robot3d import COLOURS, draw_robot, finish
+from .colours import COLOURS
+from .robot3d import draw_robot, finish, pieces
 
 WIDTH = 0.38  # of a bar
 AXES = "xyz"
@@ -73,13 +74,14 @@ def path_figure(
 ) -> Figure:
     """Paths (n, 3) [m] of the tool centre point by name, the robot where the first begins, and the box (2, 3) [m].
 
-    carts, joints: (l, 3) ends of its links [m]; directions (l, 3) of the guideways, along x if left out.
+    carts, joints: (l, 3) ends of its links [m]; directions (l, 3) of its guideways, not drawn if left out.
     """
     figure = Figure(figsize=(8.0, 6.5), layout="constrained")
     axes: Any = figure.add_subplot(projection="3d")
-    first = next(iter(paths.values()))
-    along = np.tile([1.0, 0.0, 0.0], (len(carts), 1)) if directions is None else directions
-    draw_robot(axes, carts, joints, first[0], along, faint=True)
+    alone = [[k] for k in range(len(carts))]
+    reach = float(np.mean(np.linalg.norm(joints - carts, axis=1))) / 2
+    guideways = np.zeros((0, 2, 3)) if directions is None else pieces(carts, alone, directions, reach)
+    draw_robot(axes, carts, joints, alone, guideways, width=1.0)
     for k, (name, path) in enumerate(paths.items()):
         axes.plot(*path.T, color=COLOURS[k], linewidth=1.8 - 0.9 * k, label=name)
     if box is not None:

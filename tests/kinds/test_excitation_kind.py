@@ -94,10 +94,13 @@ class TestThirteenParameters:
         grew = values["singular_values"]["optimised"][-1] / values["singular_values"]["random"][-1]
         assert relative["random_deviation"] / relative["deviation"] == pytest.approx(grew, rel=0.3)
         assert relative["random_deviation"] / relative["deviation"] > GAIN
+        links = [p["random_seen_deviation"] / p["seen_deviation"] for p in parameters if p["name"].startswith("m_a")]
+        assert len(links) == 3 and min(links) > 1 and max(links) > GAIN
         low, high = values["coverage"]["band"]
         assert (low, high) == (179, 198)
         for p in parameters:
             assert p["seen_deviation"] == pytest.approx(p["deviation"], rel=SEEN), p["name"]
+            assert p["random_seen_deviation"] == pytest.approx(p["random_deviation"], rel=SEEN), p["name"]
             assert low <= p["hits"] <= high, p["name"]
         assert all(check.passed for check in declared[1].checks.values())
 
