@@ -309,7 +309,8 @@ def _outcome(
 def _message(problem: Schema, checks: dict[str, Any]) -> str:
     failed = [name for name, check in checks.items() if not check.passed]
     if failed:
-        return f"solved, but {' and '.join(failed)} exceed their bounds; use more mesh.elements"
+        verb = "exceeds its bound" if len(failed) == 1 else "exceed their bounds"
+        return f"solved, but {' and '.join(failed)} {verb}; use more mesh.elements"
     return "solved and re-simulated"
 
 

@@ -101,7 +101,7 @@ class Starts(Section):
 class Mesh(Section):
     """Where the equations are collocated (Radau)."""
 
-    elements: PositiveInt = Field(50, description="number of elements of the horizon")
+    elements: PositiveInt = Field(50, le=10000, description="number of elements of the horizon")
     points: int = Field(3, ge=1, le=9, description="collocation points per element")
     control: Literal["polynomial", "constant"] = Field(
         "polynomial", description="force polynomial per element, bounded at its points only, or one value"
@@ -121,8 +121,8 @@ class Solver(Section):
 class Export(Section):
     """The files for a controller."""
 
-    sample_s: PositiveFloat = Field(0.004, description="interval of reference.csv")
-    target_s: PositiveFloat = Field(0.04, description="interval of the targets in motion.mod")
+    sample_s: PositiveFloat = Field(0.004, ge=1e-5, description="interval of reference.csv")
+    target_s: PositiveFloat = Field(0.04, ge=1e-4, description="interval of the targets in motion.mod")
 
 
 class TrajectoryProblem(RobotProblem):
