@@ -205,7 +205,13 @@ def identify(
         residuals,
         verdicts,
         "newey_west" if coloured else "white",
-        identifiability(weighted.reshape(-1, len(at)), names, scale=_scale(rows.nominal[at])),
+        # the triangle of the QR has the singular values and the null space of the rows
+        identifiability(
+            np.linalg.qr(weighted.reshape(-1, len(at)), mode="r"),
+            names,
+            scale=_scale(rows.nominal[at]),
+            poses=len(rows),
+        ),
         tuple(_left_out(rows, group, weighted, residuals / size, size) for group in groups if group),
     )
 

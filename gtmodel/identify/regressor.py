@@ -99,8 +99,8 @@ class Regressor:
         """Regressor of many rows: one array (n, *shape) per input. Raises TypeError for a wrong number or shape."""
         columns = self._columns(rows)
         n = columns[0].shape[1]
-        given = np.vstack([*columns, np.repeat(self._p0[:, None], n, axis=1)])
         found, zs = np.zeros(n, dtype=int), []
+        given = np.vstack([*columns, np.repeat(self._p0[:, None], n, axis=1)]) if self._kernels else np.zeros((0, n))
         for kernel in self._kernels:
             z, converged, singular = kernel.solve(given)
             found = np.where((found == 0) & ~converged, Status.NOT_CONVERGED, found)

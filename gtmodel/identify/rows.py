@@ -10,15 +10,13 @@ from scipy.ndimage import binary_dilation, binary_opening
 
 from gtmodel.lang import ModelError
 from gtmodel.measurements import Session, ZeroPhase, cutoff_for, moving
-from gtmodel.results import Status
+from gtmodel.results import Status, TrajectoryError
 
 from .differences import velocity_and_acceleration
 from .regressor import Regressor
 
 Array = np.ndarray
 
-# samples in a row below the threshold of the velocity that mean standing still, not turning round
-STILL = 5
 # of the cut-off's period: there white noise behind the filter has lost its correlation (first zero, at any sampling)
 INDEPENDENT = 0.57
 MASK_STEPS = 3.0  # quantisation steps per sample: below, the sign of a velocity is not known
@@ -159,13 +157,21 @@ def _rows(
     velocity = given[f"der({known})"].reshape(n, -1)
     fast = moving(velocity, step, quantum if np.isfinite(quantum) else 0.0, how.mask_steps)
     cut, reach = low_pass.end_rows(step), int(np.ceil(1 / (low_pass.cutoff_Hz * step)))
-    still = np.asarray(binary_dilation(binary_opening(~fast.rows, np.ones(STILL)), iterations=reach), dtype=bool)
+    if 2 * cut >= n:
+        raise TrajectoryError(
+            f"'{session.name}' lasts {raw.duration:g} s; expected more than twice the {cut * step:g} s that the filter "
+            "cuts off at either end, so record longer or raise the cut-off"
+        )
+    # slower for longer than a period of the cut-off: standing still, not turning round
+    still = np.asarray(binary_dilation(binary_opening(~fast.rows, np.ones(reach)), iterations=reach), dtype=bool)
     keep = fast.rows & ~still
     keep[:cut], keep[n - cut :] = False, False
     rows = np.arange(cut, n - cut, every)
     chosen = rows[keep[rows]]
-    filtered = low_pass(np.column_stack([found.Y.reshape(n, m * p), found.y0, raw[targets].reshape(n, m)]), step)
-    Y, y0, effort = np.split(filtered[chosen], [m * p, m * p + m], axis=1)
+    columns = np.column_stack([found.Y.reshape(n, m * p), found.y0, raw[targets].reshape(n, m)])
+    filtered, used = np.zeros((len(chosen), columns.shape[1])), np.any(columns != 0, axis=0)
+    filtered[:, used] = low_pass(columns[:, used], step)[chosen]  # a cart's friction enters one effort of three
+    Y, y0, effort = np.split(filtered, [m * p, m * p + m], axis=1)
     return {
         "Y": Y.reshape(-1, m, p),
         "y0": y0,

@@ -30,13 +30,13 @@ VALUES = {
 class ClosedLoop(Section):
     """Simulation of the controlled model from the measured reference, with the identified parameters."""
 
-    model: str = Field(description="controlled model in Python, file.py:Class; it takes the parameters by their names")
+    model: str = Field(description="controlled model in Python, file.py:Class; takes [parameters] and what was found")
     inputs: dict[str, MeasuredSignal] = Field(description="its inputs by name, such as the reference")
     every: PositiveInt = Field(default=1, description="every how many-th sample of the inputs is used, cubic between")
     tolerance: float = Field(default=1e-7, ge=1e-14, le=1e-3, description="of the integrator, relative and absolute")
     bound: float | None = Field(default=None, gt=0, description="largest allowed rms error, SI; checked where given")
 
-    def controlled(self, parameters: Mapping[str, float], context: Context) -> Model:
+    def controlled(self, parameters: Mapping[str, Any], context: Context) -> Model:
         """The model with these parameters, arrays by their entries' names. Raises InputError."""
         return python_models.resolve(self.model, context, "closed_loop.model", _gathered(parameters))
 
@@ -92,7 +92,7 @@ class ClosedLoopRun:
 
 def follow(
     section: ClosedLoop,
-    parameters: Mapping[str, float],
+    parameters: Mapping[str, Any],
     sessions: tuple[Session, ...],
     position: str,
     effort: str,
@@ -181,7 +181,7 @@ def _first_rate(position: np.ndarray, sample_time: float) -> np.ndarray | float:
     return derivative(position[:3], sample_time)[0]
 
 
-def _gathered(parameters: Mapping[str, float]) -> dict[str, Any]:
+def _gathered(parameters: Mapping[str, Any]) -> dict[str, Any]:
     """Entries "m_c[0]", "m_c[1]" as one list "m_c"."""
     found: dict[str, Any] = {}
     for name, value in parameters.items():

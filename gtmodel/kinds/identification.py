@@ -11,6 +11,7 @@ from gtmodel.identify import Identification, Regressor, Repeated, Validation, id
 from gtmodel.lang import ModelError
 from gtmodel.results import SolveStatus, Trajectory, TrajectoryError
 
+from . import identification_comparison
 from .base import Check, Context, InputError, Outcome, Row
 from .identification_data import Recordings, model_of, processing_of, recordings, regressor_of, scalars_of
 from .identification_keys import Schema
@@ -37,6 +38,7 @@ VALUES = {
     "coverage": "hits of the intervals by name over the repeated runs, pooled, and the band; null without runs",
     "sentences": "what limits the numbers, in words",
     "synthetic": "seed and noise of a made-up log; null for a measured one",
+    **identification_comparison.VALUES,
 }
 
 # of estimate minus truth in standard deviations: a fair draw of thirteen is beyond once in a thousand
@@ -49,6 +51,7 @@ def solve(problem: Schema, context: Context) -> Outcome:
     """Read or make the logs, filter, fit, validate."""
     model, free = model_of(problem, context)
     regressor = regressor_of(problem, model, free)
+    identification_comparison.check(problem, model)
     context.progress("reading", 0.1)
     data = recordings(problem, context, regressor, free)
     if context.interrupted():
@@ -56,7 +59,9 @@ def solve(problem: Schema, context: Context) -> Outcome:
     context.progress("fitting", 0.3)
     found, validation = _fitted(problem, regressor, data, free)
     repeated = _repeated(problem, context, regressor, data, free)
-    return _outcome(problem, data, found, validation, repeated)
+    return identification_comparison.beside(
+        problem, _outcome(problem, data, found, validation, repeated), data, context
+    )
 
 
 def explain(problem: Schema, context: Context) -> str:
@@ -135,7 +140,7 @@ def _outcome(
     stopped = repeated is not None and repeated.runs.interrupted
     message = f"{len(found.estimate.names)} parameters from {len(found.rows)} rows"
     if failed:
-        message += f"; {' and '.join(failed)} beyond the bound"
+        message += f", but {' and '.join(failed)} failed"
     values = _values(data, found, validation, repeated)
     title = problem.title or f"identification of {problem.robot}"
     if found.rows.synthetic:

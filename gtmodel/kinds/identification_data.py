@@ -128,6 +128,8 @@ def _measured(problem: Schema, log: Log, context: Context, regressor: Regressor,
         problem.known: _signal(log.position, known.unit, "log.position"),
         problem.targets: _signal(log.effort, target.unit, "log.effort"),
     }
+    if problem.closed_loop is not None:
+        signals |= problem.closed_loop.signals(context)
     raw = log.sessions(signals, context)
     others = log.sessions(signals, context, files=log.held_out) if log.held_out else ()
     for name, shape, key in ((problem.known, known.shape, "position"), (problem.targets, target.shape, "effort")):

@@ -9,6 +9,7 @@ from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt
 from gtmodel.identify.rows import MASK_STEPS
 
 from .base import Section
+from .closed_loop import ClosedLoop
 from .log_keys import LogFiles, MeasuredSignal
 from .robot_keys import RobotProblem
 
@@ -57,7 +58,9 @@ class Synthetic(Section):
     )
     effort_colour: float = Field(default=0.0, ge=0, lt=1, description="correlation of neighbouring samples of noise")
     runs: int = Field(default=0, ge=0, le=10000, description="further logs by seed, to see whether intervals hold")
-    processes: PositiveInt | None = Field(default=None, description="for the runs; one per core if left out")
+    processes: int | None = Field(
+        default=None, ge=0, description="for the runs; 0 in this one, one per core if left out"
+    )
 
 
 class Filter(Section):
@@ -95,3 +98,5 @@ class Schema(RobotProblem):
     filter: Filter = Filter()
     log: Log | None = Field(default=None, description="measured logs")
     synthetic: Synthetic | None = Field(default=None, description="or a log made up")
+    published: dict[str, float] = Field(default={}, description="numbers to compare with, by parameter, in SI")
+    closed_loop: ClosedLoop | None = Field(default=None, description="validation by simulating the controlled model")

@@ -62,13 +62,14 @@ def read_log(
         sample_time: expected [s]; the median of the file's own where it is None.
         jitter: how far a step may be from the sample time, as a share of it.
 
-    Comments "# title:" and "# synthetic:" of a CSV file are kept with the trajectories. Raises LogError or
-    TrajectoryError in one sentence with file and line (or sample): a column missing or of another unit, a cell that is
-    no finite number, a row of another length, a time going back, a gap, jitter. FileNotFoundError passes through.
+    A matrix (n, k) of a MATLAB file is a vector. Comments "# title:" and "# synthetic:" of a CSV file are kept with the
+    trajectories. Raises LogError or TrajectoryError in one sentence with file and line (or sample): a column missing or
+    of another unit, a cell that is no finite number, a row of another length, a time going back, a gap, jitter.
+    FileNotFoundError passes through.
     """
     _check_units(columns, time)
     wanted = {"time": time, **columns}
-    found = _from_mat(path, wanted, session) if str(path).endswith(".mat") else _from_csv(path, wanted, session)
+    found = _from_mat(path, wanted, session) if str(path).lower().endswith(".mat") else _from_csv(path, wanted, session)
     table, names = found
     values = table.in_si()
     stops = np.flatnonzero(np.diff(values[:, -1])) + 1 if session else np.array([], dtype=int)
@@ -164,7 +165,7 @@ def _from_mat(path: PathLike, wanted: Mapping[str, Column], session: str | None)
     from scipy.io import loadmat
 
     try:
-        data = {k: np.asarray(v) for k, v in loadmat(str(path)).items() if not k.startswith("__")}
+        data = _by_columns({k: np.asarray(v) for k, v in loadmat(str(path)).items() if not k.startswith("__")})
     except FileNotFoundError:
         raise
     except Exception as error:
@@ -187,6 +188,17 @@ def _from_mat(path: PathLike, wanted: Mapping[str, Column], session: str | None)
             )
         arrays.append(value.astype(float))
     return Table(columns, units, np.column_stack(arrays), list(range(1, rows + 1)), {}), names
+
+
+def _by_columns(data: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Matrices "q" as columns "q[0]", "q[1]", ..."""
+    found: dict[str, np.ndarray] = {}
+    for name, value in data.items():
+        if value.ndim == 2 and min(value.shape) > 1:
+            found |= {f"{name}[{j}]": value[:, j] for j in range(value.shape[1])}
+        else:
+            found[name] = value
+    return found
 
 
 def _refuse_scattered(values: Array, stops: np.ndarray, table: Table, path: PathLike, session: str | None) -> None:

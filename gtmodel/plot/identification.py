@@ -34,7 +34,7 @@ def efforts_figure(
         axes.plot(time[rows], modelled[rows, k], color=MODELLED, linewidth=1.0, label="modelled")
         axes.plot(time[rows], (measured - modelled)[rows, k], color="0.6", linewidth=0.8, label="difference")
         _finish(axes, f"{name} [{unit}]")
-    stack[0].legend(loc="upper right", ncols=3, fontsize="small")
+    figure.legend(*stack[0].get_legend_handles_labels(), loc="outside lower right", ncols=3, fontsize="small")
     stack[-1].set_xlabel("time [s]")
     if title:
         figure.suptitle(title)

@@ -16,16 +16,6 @@ from .three_link import Arm, GantryTau
 LAWS = {"sign": (SignFriction, DirectionalSignFriction), "tanh": (TanhFriction, DirectionalTanhFriction)}
 
 
-def _law(self: Any, i: int, minus: Any) -> dict[str, Any]:
-    return dict(
-        coulomb=self.coulomb[i],
-        coulomb_minus=minus[i],
-        viscous=self.viscous[i],
-        viscous_minus=self.viscous_minus[i],
-        velocity_scale=self.velocity_scale,
-    )
-
-
 class GantryTauViscousByDirection(GantryTau):
     """Viscous friction by direction, Coulomb friction symmetric (model 4 of Table 6.3).
 
@@ -41,23 +31,27 @@ class GantryTauViscousByDirection(GantryTau):
         v=GantryTau.v,
         m_c=GantryTau.m_c,
         rod=lambda self: [dict(L=self.L[i], m=self.m_a[i]) for i in range(3)],
-        friction=lambda self: [_law(self, i, self.coulomb) for i in range(3)],
+        friction=lambda self: [self.law(i) for i in range(3)],
     )
+
+    def law(self, i: int) -> dict[str, Any]:
+        """Parameters of the friction of arm i."""
+        return dict(
+            coulomb=self.coulomb[i],
+            coulomb_minus=self.coulomb[i],
+            viscous=self.viscous[i],
+            viscous_minus=self.viscous_minus[i],
+            velocity_scale=self.velocity_scale,
+        )
 
 
 class GantryTauByDirection(GantryTauViscousByDirection):
     """Friction by direction, as in Dressler 2012, Table 6.1; see GantryTauViscousByDirection."""
 
     coulomb_minus = gt.parameter([0.0] * 3, unit="N", description="Coulomb friction at negative velocity, positive")
-    arm = gt.parts(
-        3,
-        Arm,
-        A=GantryTau.A,
-        v=GantryTau.v,
-        m_c=GantryTau.m_c,
-        rod=lambda self: [dict(L=self.L[i], m=self.m_a[i]) for i in range(3)],
-        friction=lambda self: [_law(self, i, self.coulomb_minus) for i in range(3)],
-    )
+
+    def law(self, i: int) -> dict[str, Any]:
+        return super().law(i) | {"coulomb_minus": self.coulomb_minus[i]}
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from functools import cache
 from typing import Any
 
@@ -11,6 +12,7 @@ import pytest
 import gtmodel as gt
 from gtmodel import der
 from gtmodel.identify import Regressor
+from gtmodel.inference import identifiability
 from tests.support.strategies import columns, random_states
 
 # sums of some hundred products of masses up to 40 kg and accelerations up to 10 m/s2
@@ -54,6 +56,13 @@ def test_what_is_not_asked_for_stays_at_its_number():
     found = regressor(q[None], qd[None], qdd[None])
     assert np.max(np.abs(found.y0)) > 100.0  # N; friction and the other carts
     assert found.Y[0] @ [9.13, 13.64] + found.y0[0] == pytest.approx(tau, rel=ROUND_OFF)
+
+
+def test_cut_loose_and_pickled_it_stays_the_same():
+    regressor = Regressor(robot(), THIRTEEN)
+    rows = [np.array(x) for x in ([[0.1, 0.0, -0.1]], [[0.5, 0.4, 0.3]], [[1.0, -2.0, 3.0]])]
+    copy = pickle.loads(pickle.dumps(regressor))
+    assert np.array_equal(copy(*rows).Y, regressor(*rows).Y) and copy.names == regressor.names
 
 
 def test_symbols_for_an_optimisation():
@@ -109,6 +118,31 @@ def test_newton_blocks_read_geometry_alone():
     assert np.max(np.abs(regressor.effort(p, T, Td, Tdd) - tau)) < 1e-9 * np.max(np.abs(tau))  # Newton's tolerance
     Y, y0 = regressor.casadi(T[0], Td[0], Tdd[0])
     assert (Y.full() @ p + y0.full().ravel()) == pytest.approx(tau[0], rel=1e-9)
+
+
+def test_a_wrist_on_the_plate_and_what_its_motion_cannot_tell():
+    robot = gt.robots.gantry_tau_wrist("l1_tape", m_a=[0.5, 1.0, 1.5])
+    names = ["m_p", "m_c", "wrist.m", "wrist.link[0].motor.J", "viscous"]
+    known = ["q", "wrist.q"]
+    regressor = Regressor(robot, names, known=known, targets=["tau", "wrist.tau"])
+    assert regressor.columns == ("tau[0]", "tau[1]", "tau[2]", "wrist.tau[0]", "wrist.tau[1]")
+    rng = np.random.default_rng(5)
+    T, Td, Tdd, _ = columns(random_states(robot, 20, seed=5))
+    q, qd, qdd, _ = robot.causal("T", ["q", "der(q)", "der(q,2)"])(T, Td, Tdd)
+    turning = [rng.uniform(-1, 1, (20, 2)) for _ in range(3)]
+    rows = (q, qd, qdd, *turning)
+    tau, wrist_tau, status = robot.causal(known, ["tau", "wrist.tau"])(*rows)
+    assert not np.any(status)
+    found = regressor.effort(regressor.nominal, *rows)
+    assert np.max(np.abs(found - np.hstack([tau, wrist_tau]))) < ROUND_OFF * np.max(np.abs(tau))
+    # with the wrist held still its first body is so much more plate: together they are told, alone they are not
+    still = [np.full((20, 2), 0.3), np.zeros((20, 2)), np.zeros((20, 2))]
+    masses = [k for k, unit in enumerate(regressor.units) if unit == "kg"]
+    Y = regressor(q, qd, qdd, *still).Y[:, :3, masses].reshape(60, -1)  # the forces of the carts
+    chosen = [regressor.names[k] for k in masses]
+    told = identifiability(Y, chosen, scale=regressor.nominal[masses], known_noise=False, keep=["m_p"])
+    assert told.redundant == 2
+    assert told.dependencies.base("m_p") == pytest.approx({"m_p": 1.0, "wrist.m[0]": 1.0, "wrist.m[1]": 1.0})
 
 
 @pytest.mark.parametrize(

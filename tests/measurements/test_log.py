@@ -84,9 +84,14 @@ def test_a_nan_in_a_column_that_nobody_asked_for_is_no_fault(tmp_path: Path) -> 
 def test_a_matlab_file(tmp_path: Path) -> None:
     path = tmp_path / "log.mat"
     rows = np.arange(5.0)
-    savemat(path, {"t": 4 * rows[:, None], "pos": rows[:, None], "cur": rows, "gain": 3.0, "bad": rows * np.nan})
+    data = {"t": 4 * rows[:, None], "pos": rows[:, None], "cur": rows, "gain": 3.0, "bad": rows * np.nan}
+    savemat(path, data)
     (session,) = read(path)
     assert np.allclose(session.trajectory["q"], rows / 1000, atol=1e-15)
+    savemat(path, {"t": 4 * rows[:, None], "q": np.column_stack([rows, 2 * rows, 3 * rows])})
+    (vector,) = read_log(path, {"q": Column("q", "m")}, time=Column("t", "ms"))
+    assert np.array_equal(vector.trajectory["q"][2], [2.0, 4.0, 6.0])
+    savemat(path, data)
     for columns, said in (
         ({"q": Column("position", "m")}, r"log.mat: there is no column 'position'; did you mean 'pos'"),
         ({"q": Column("gain", "1")}, r"the variable 'gain' holds 1 float64 values; expected 5"),
