@@ -9,7 +9,7 @@ import numpy as np
 
 from ..inference import linear_fit
 from ..results.estimate import Estimate
-from ..results.trajectory import Array
+from ..results.trajectory_errors import Array
 from .gravity import MassByNorm, mass_by_norm
 from .steady import Runs
 

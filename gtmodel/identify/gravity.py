@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import linprog
 
-from ..results.trajectory import Array
+from ..results.trajectory_errors import Array
 
 TIE = 1e-9  # of the sum of weights: two sides of a median that weigh the same
 

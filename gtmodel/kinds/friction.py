@@ -146,7 +146,7 @@ def _sessions(problem: Schema, context: Context, pattern: np.ndarray) -> list[tu
     signals = {"q": log.position_m.signal("log.position_m"), "force": log.force_N.signal("log.force_N")}
     found = []
     for n, pose in enumerate(problem.pose):
-        raw = log.sessions(signals, context, files=pose.files, key=f"pose[{n}]")
+        raw = log.read(pose.files, signals, context, f"pose[{n}].files")
         try:
             found += [(n, session) for session in Corrections(signals, raw).apply()]
         except TrajectoryError as error:
@@ -238,6 +238,7 @@ def _of_printed(problem: Schema, printed: Coefficients, pattern: np.ndarray) -> 
         Row("maximum norm", norms.maximum, "kg"),
         Row("asymmetry, 2-norm: published", size[0], "N"),
         Row("asymmetry, 2-norm: least", size[1], "N"),
+        Row("why they differ", f"the minimum is flat: {size[0] - size[1]:.2g} N are not seen by eye"),
         *_coefficient_rows(values),
     ]
     figures = {} if problem.printed is None else {"friction": lambda: _printed_figure(problem, printed, g, norms.two)}

@@ -9,7 +9,7 @@ from pydantic import Field, NonNegativeFloat, PositiveFloat
 from gtmodel.identify.steady import CUTOFF_HZ, SHORTEST, STEADY
 
 from .base import Section
-from .log_keys import LogFiles, MeasuredSignal
+from .log_keys import LogSampling, MeasuredSignal
 from .robot_keys import RobotProblem
 
 
@@ -27,7 +27,7 @@ class Pose(Section):
     files: list[str] = Field(default=[], description="logs of this pose, with [log]")
 
 
-class Log(LogFiles):
+class Log(LogSampling):
     """Measured logs; each pose names its own files."""
 
     position_m: MeasuredSignal = Field(description="positions of the carts")

@@ -131,7 +131,7 @@ def _measured(problem: Schema, log: Log, context: Context, regressor: Regressor,
     if problem.closed_loop is not None:
         signals |= problem.closed_loop.signals(context)
     raw = log.sessions(signals, context)
-    others = log.sessions(signals, context, files=log.held_out) if log.held_out else ()
+    others = log.sessions(signals, context, files=log.held_out, key="log.held_out") if log.held_out else ()
     for name, shape, key in ((problem.known, known.shape, "position"), (problem.targets, target.shape, "effort")):
         width = raw[0].trajectory[name].shape[1:]
         if width != shape:

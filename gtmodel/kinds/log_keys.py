@@ -55,28 +55,24 @@ class MeasuredSignal(Section):
             raise InputError(str(error), key) from error
 
 
-class LogFiles(Section):
-    """Where logs lie and how they are sampled; a kind adds its signals."""
+class LogSampling(Section):
+    """How logs are sampled; a kind adds its files and signals."""
 
-    files: list[str] = Field(default=[], description="CSV or .mat files; paths start at the problem's folder")
     time: TimeColumn = TimeColumn()
     session: str | None = Field(default=None, description="column whose number tells the recordings of a file apart")
     sample_time_s: PositiveFloat | None = Field(default=None, description="expected; the log's median if left out")
     jitter: float = Field(default=JITTER, gt=0, lt=1, description="how far a step may be off, as a share of it")
 
-    def sessions(
-        self, signals: Mapping[str, Signal], context: Context, *, files: list[str] | None = None, key: str = "log"
-    ) -> tuple[Session, ...]:
-        """The columns of the signals from `files`, or the section's own, as they stand in the log.
+    def read(self, names: list[str], signals: Mapping[str, Signal], context: Context, key: str) -> tuple[Session, ...]:
+        """The columns of the signals from these files, as they stand in the log; `key`: where the names stand.
 
         Raises InputError with the key of the file that is missing or wrong.
         """
         found: list[Session] = []
-        names = self.files if files is None else files
         if not names:
-            raise InputError("is empty; name a CSV or .mat file", f"{key}.files")
+            raise InputError("is empty; name a CSV or .mat file", key)
         for n, name in enumerate(names):
-            place = f"{key}.files[{n}]"
+            place = f"{key}[{n}]"
             path = file_of(name, context)
             if path is None:
                 raise InputError(f"there is no file '{name}' in {context.folder} or here", place)
@@ -91,8 +87,21 @@ class LogFiles(Section):
                     jitter=self.jitter,
                 )
             except (TrajectoryError, UnitError) as error:
-                raise InputError(str(error), key) from error
+                # the sentence names the file; a column's fault is the section's as often as the file's
+                raise InputError(str(error), key.rpartition(".")[0]) from error
         widths = {tuple(s.trajectory[name].shape[1:] for name in signals) for s in found}
         if len(widths) > 1:
-            raise InputError("the files have signals of different widths; name logs of one robot", f"{key}.files")
+            raise InputError("the files have signals of different widths; name logs of one robot", key)
         return tuple(found)
+
+
+class LogFiles(LogSampling):
+    """Where logs lie and how they are sampled; a kind adds its signals."""
+
+    files: list[str] = Field(default=[], description="CSV or .mat files; paths start at the problem's folder")
+
+    def sessions(
+        self, signals: Mapping[str, Signal], context: Context, *, files: list[str] | None = None, key: str = "log.files"
+    ) -> tuple[Session, ...]:
+        """As `read`, from `files` or the section's own."""
+        return self.read(self.files if files is None else files, signals, context, key)

@@ -10,7 +10,8 @@ import numpy as np
 from scipy.signal import butter, sosfiltfilt, sosfreqz
 
 from ..lang.units import rate_unit
-from ..results.trajectory import Array, Trajectory, TrajectoryError
+from ..results.trajectory import Trajectory
+from ..results.trajectory_errors import Array, TrajectoryError
 from .log import Session
 
 BAND_FACTOR = 2.5  # cut-off over excitation band; 2 to 3 leaves the motion and takes most of the noise

@@ -11,8 +11,10 @@ from typing import NamedTuple
 import numpy as np
 
 from ..lang.units import UnitError, convert, parse_unit
-from ..results.trajectory import COLUMN, Array, PathLike, Trajectory, TrajectoryError
+from ..results.trajectory import Trajectory
 from ..results.trajectory_csv import HEADER_CELL, Header, Table, check_increasing, read_table
+from ..results.trajectory_errors import COLUMN, Array, TrajectoryError
+from ..results.trajectory_files import PathLike
 
 JITTER = 0.1  # of the sample time: central differences of an uneven grid are off by about as much
 MISSING = 0.5  # of a sample time beyond the next row: a sample is missing, not late

@@ -11,7 +11,9 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import least_squares
 
 from ..lang.units import convert, parse_unit
-from ..results.trajectory import Array, PathLike, Trajectory
+from ..results.trajectory import Trajectory
+from ..results.trajectory_errors import Array
+from ..results.trajectory_files import PathLike
 from .log import JITTER, TIME, Column, LogError, Session, read_log
 
 Estimate = Literal["estimate"]
