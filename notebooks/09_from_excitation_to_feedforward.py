@@ -190,4 +190,4 @@ signals_figure(gt.Trajectory(t, errors, dict.fromkeys(errors, "m"), title="track
 # random motions the condition number halves, the intervals of carts and plate shrink to less than a half, those of the
 # light links to a third; friction is told by either. The links stay the least known, and yet the forces are right to
 # two per cent on a motion not seen before: feedforward of the identified model leaves a hundredth of the tracking error
-# that model 1 leaves, and a three-hundredth of that of feedback alone.
+# that model 1 leaves, and less than a three-hundredth of that of feedback alone.
