@@ -14,6 +14,7 @@ from .robot3d import draw_robot, finish, pieces
 
 WIDTH = 0.38  # of a bar
 AXES = "xyz"
+PATHS = ("black", COLOURS[3], COLOURS[4])  # beside the links, which take the first colours
 
 
 def information_figure(
@@ -83,7 +84,7 @@ def path_figure(
     guideways = np.zeros((0, 2, 3)) if directions is None else pieces(carts, alone, directions, reach)
     draw_robot(axes, carts, joints, alone, guideways, width=1.0)
     for k, (name, path) in enumerate(paths.items()):
-        axes.plot(*path.T, color=COLOURS[k], linewidth=1.8 - 0.9 * k, label=name)
+        axes.plot(*path.T, color=PATHS[k % len(PATHS)], linewidth=1.8 - 0.9 * min(k, 1), label=name)
     if box is not None:
         corners = np.array(list(product(*box.T)))
         for a, b in product(range(8), repeat=2):
