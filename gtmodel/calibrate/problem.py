@@ -51,7 +51,15 @@ class Problem:
         return self.closure.labels
 
     def residuals(self, x: ArrayLike | None = None) -> np.ndarray:
-        """Lengths' errors (N, m) [m] in the order of `labels`, at x (default: the start)."""
+        """Lengths' errors (N, m) [m] in the order of `labels`, at x (default: the start).
+
+        Raises ModelError where latent variables leave them open.
+        """
+        if self.closure.latent:
+            raise ModelError(
+                f"{', '.join(self.closure.latent)} is latent, so that no length is known by itself; take the errors of "
+                "what was measured, positioning_errors()"
+            )
         x = self.unknowns.start if x is None else np.asarray(x, float)
         r = np.empty((len(self.measurements), len(self.labels)))
         for b in self.lengths:
@@ -59,12 +67,17 @@ class Problem:
         return r
 
     def slopes(self, x: ArrayLike | None = None) -> np.ndarray:
-        """d residuals / d x (N, m, n)."""
+        """d residuals / d x (N, m, n); of latent variables (N, m - nz, n), combinations of lengths blind to these."""
         x = self.unknowns.start if x is None else np.asarray(x, float)
-        J = np.zeros((len(self.measurements), len(self.labels), len(x)))
+        N, ny, nz = len(self.measurements), self.reading.noise.numel(), self.reading.latent.numel()
+        J, Bz = np.zeros((N, len(self.labels), len(x))), np.zeros((N, len(self.labels), nz))
         for b in self.lengths:
-            J[np.ix_(np.arange(len(J)), b.rows, b.columns)] = b.evaluate(self.reading.data, x[b.columns])[1]
-        return J
+            own = b.evaluate_all(self.reading.data, np.zeros((N, ny)), np.zeros((N, nz)), x[b.columns])
+            J[np.ix_(np.arange(N), b.rows, b.columns)] = own[1]
+            Bz[:, b.rows] = own[3]
+        if not nz:
+            return J
+        return np.linalg.qr(Bz, mode="complete")[0][:, :, nz:].transpose(0, 2, 1) @ J
 
     def identifiability(self, x: ArrayLike | None = None, sigma: float = 1.0, **more: Any) -> Identifiability:
         """What these poses tell of each unknown, before or after they are measured: sigma [m] of a length's error.

@@ -16,6 +16,7 @@ from .turning import turned
 
 # expected size of a parameter's error before calibration, by its unit: a millimetre, and as much at a metre's distance
 SIZE = 1e-3
+TURN = " turned about "
 
 
 @dataclass(frozen=True)
@@ -23,10 +24,11 @@ class Choice:
     """What to do with the parameters that the closure equations hold; names are of scalars ("L[0]"), rows or columns
     of numbers that share a beginning ("v[1]") or whole parameters ("A").
 
-    `free`: those to move, empty for all; `fixed`: those to leave, stronger than free. `tied`: name -> name or number
-    of the same shape, which it follows. `unit`: quaternions (4), scalar first, that are turned and keep the length 1
-    (three unknowns each, "u1_2 turned about x" [rad], in the quaternion's own frame). `priors` by scalar name of an
-    unknown. `sizes`: expected error of a parameter, the scale in which rank and observability are told; default 1e-3.
+    `free`: those to move, empty for all; `fixed`: those to leave, stronger than free (turns of quaternions too).
+    `tied`: name -> name of the same shape, which it follows. `unit`: quaternions (4), scalar first, that are turned and
+    keep the length 1 (three unknowns each, "u1_2 turned about x" [rad], in the quaternion's own frame). `priors` by
+    scalar name of an unknown. `sizes`: expected error of a parameter, the scale in which rank and observability are
+    told; default 1e-3.
     """
 
     free: Sequence[str] = ()
@@ -95,7 +97,8 @@ def unknowns(parameters: Parameters, choice: Choice) -> Unknowns:
     """The unknowns of a choice. Raises ModelError for names that are not there and choices that contradict."""
     p = parameters
     free = {k for name in choice.free for k in p.indices(name)} if choice.free else set(range(len(p.names)))
-    free -= {k for name in choice.fixed for k in p.indices(name)}
+    still = {name for name in choice.fixed if TURN in name}
+    free -= {k for name in choice.fixed if name not in still for k in p.indices(name)}
     follows = _ties(p, choice.tied)
     quaternions = {name: p.indices(name) for name in choice.unit}
     for name, indices in quaternions.items():
@@ -126,15 +129,19 @@ def unknowns(parameters: Parameters, choice: Choice) -> Unknowns:
             raise ModelError(f"the quaternion '{name}' is zero; give it a start value")
         if abs(length - 1) > 1e-6:
             notes.append(f"{name} starts from its direction: its length was {length:.4f}")
-        own = [f"{name} turned about {axis}" for axis in "xyz"]
-        turn = [ca.SX.sym(n) for n in own]
-        names += own
-        units += ["rad"] * 3
-        symbols += turn
-        start += [0.0] * 3
+        own = [f"{name}{TURN}{axis}" for axis in "xyz"]
+        turn = [ca.SX(0) if n in still else ca.SX.sym(n) for n in own]
+        left = [k for k, n in enumerate(own) if n not in still]
+        still -= set(own)
+        names += [own[k] for k in left]
+        units += ["rad"] * len(left)
+        symbols += [turn[k] for k in left]
+        start += [0.0] * len(left)
         direction = ca.SX(ca.DM(reference / length))
         for k, component in zip(indices, ca.vertsplit(turned(direction, ca.vertcat(*turn))), strict=True):
             moved[k] = component
+    if still:
+        raise ModelError(f"'{min(still)}' is fixed, but no quaternion is turned so; name its quaternion in unit")
     for k, target in follows.items():
         moved[k] = moved.get(target, ca.SX(p.values[target]))
     everything = [(p.symbols[k], moved.get(k, ca.SX(p.values[k]))) for k in range(len(p.names))]

@@ -12,7 +12,8 @@ from gtmodel.calibrate import Measurements
 from gtmodel.robots.catalogue import f1_gantry_tau, six_link_gantry_tau
 
 GEOMETRY = {"three_link": ("A", "v", "L"), "six_link": ("A", "v", "L", "B"), "f1": ("A0", "v", "L", "A", "B", "r3")}
-SIGNALS = {"three_link": ("T",), "six_link": ("T", "e"), "f1": ("T", "e")}
+GEOMETRY["f1_unit"] = GEOMETRY["f1"]
+SIGNALS = {"three_link": ("T",), "six_link": ("T", "e"), "f1": ("T", "e"), "f1_unit": ("T", "e")}
 
 
 def disturbed(robot: Any, names: tuple[str, ...], size: float, seed: int) -> Any:
@@ -24,12 +25,17 @@ def disturbed(robot: Any, names: tuple[str, ...], size: float, seed: int) -> Any
 
 @cache
 def true_robot(kind: str, seed: int = 1) -> Any:
-    """The robot that was measured: the printed one with errors of 1 mm; the F1 as printed, its quaternions raw."""
+    """The robot that was measured: the printed one with errors of 1 mm; the F1 as printed, its quaternions raw;
+    "f1_unit" with their directions only."""
     if kind == "three_link":
         return disturbed(gt.robots.gantry_tau("l1_tracker_2008"), GEOMETRY[kind], 1e-3, seed)
     if kind == "six_link":
         return disturbed(six_link_gantry_tau(), ("A", "v", "L"), 1e-3, seed)
-    return f1_gantry_tau()
+    f1 = f1_gantry_tau()
+    if kind == "f1":
+        return f1
+    us = {n: np.array(getattr(f1, n), float) for n in ("u1_2", "u1_3", "u2_3")}
+    return f1.with_(**{n: u / np.linalg.norm(u) for n, u in us.items()})
 
 
 @cache
@@ -37,7 +43,7 @@ def poses(kind: str, number: int, seed: int = 2) -> dict[str, np.ndarray]:
     """Actuators and the pose without noise, by the robot's own forward kinematics."""
     robot = true_robot(kind)
     rng = np.random.default_rng(seed)
-    if kind == "f1":
+    if kind.startswith("f1"):
         q = np.array([0.72, 0.26, 0.21, 0, 0, 0]) + rng.uniform(-1, 1, (number + 20, 6)) * np.repeat([0.3, 0.5], 3)
     else:
         q = rng.uniform(-0.6, 0.6, (number + 20, 3))

@@ -146,6 +146,7 @@ def test_wrong_measurements_get_a_sentence(values, more, sentence):
         (Choice(tied={"v[1]": "L"}), ""),
         (Choice(tied={"v[1]": "A"}), r"'v\[1\]' with 3 numbers is tied to 'A' with 9"),
         (Choice(tied={"L[0]": "L[1]", "L[1]": "L[0]"}), r"'L\[0\]' is tied to itself in a circle"),
+        (Choice(fixed=("u turned about x",)), "'u turned about x' is fixed, but no quaternion is turned so"),
         (Choice(unit=("v[0]",)), r"unit names 'v\[0\]' with 3 numbers"),
         (Choice(priors=[Prior("L[7]", 1.0, 1.0)]), r"a prior names 'L\[7\]', which is not free"),
         (Choice(sizes={"L": 0.0}), "the expected error of 'L' is 0; it must be positive"),
