@@ -29,8 +29,8 @@ from .unknowns import Choice
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """What calibrate() found. `estimate` of the unknowns, None unless solved and asked for; `values` of all parameters in
-    the closure equations; `residuals` (N, m) [m] of `labels`, none with latent variables; `start` those before.
+    """What calibrate() found. `estimate` of the unknowns, None unless solved and asked for; `values` of all parameters
+    in the closure equations; `residuals` (N, m) [m] of `labels`, none with latent variables; `start` those before.
     `blocks`: names of unknowns solved together.
     """
 
