@@ -83,6 +83,7 @@ def data_of(problem: Schema, model: Model, context: Context) -> PoseData:
     repeated = _repeated(np.asarray(everything.values[keys.actuators]))
     if problem.held_out.file is None and problem.held_out.every > 0:
         held = _alternate(repeated, len(lines), problem.held_out.every)
+    _refuse_unknown_sessions(everything, held)
     notes = [t.synthetic for t in tables if t.synthetic]
     return PoseData(keys, everything, lines, held, notes[0] if notes else None, text, truth, repeated)
 
@@ -191,6 +192,21 @@ def _read_through(name: str, s: MeasuredSignal, values: dict[str, np.ndarray], c
         values[f"der({name})"] = scale * rate
     if any(free.values()):
         corrections.append(Correction(name, **free))
+
+
+def _refuse_unknown_sessions(m: Measurements, held: np.ndarray) -> None:
+    """Raises InputError for sessions that only held-out poses have, and whose offsets no fitted pose tells."""
+    offsets = [c.signal for c in m.corrections if c.offset]
+    if m.sessions is None or not offsets:
+        return
+    known = {s for s, h in zip(m.sessions, held, strict=True) if not h}
+    lost = [s for s in m.session_names if s not in known]
+    if lost:
+        raise InputError(
+            f"the offsets of {', '.join(offsets)} in session '{lost[0]}' cannot be known, all its poses are held out; "
+            "let some of them be fitted, or give the offset as a number",
+            "held_out",
+        )
 
 
 def _refuse_long(e: np.ndarray, keys: Measured) -> None:
