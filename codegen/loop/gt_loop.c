@@ -40,9 +40,25 @@ static double gt_clamped(double value, double lowest, double highest)
     return (value > highest) ? highest : value;
 }
 
+/* Cycles of the robot's clock since the last command; no more than may be held, whatever the clock says. */
+static double gt_loop_passed(const gt_loop *loop)
+{
+    const uint64_t most = (uint64_t)loop->settings.hold_cycles + 1U;
+    uint64_t cycles = 1U;
+
+    if (loop->feedback.time_ms > loop->command_ms) {
+        cycles = (loop->feedback.time_ms - loop->command_ms) / loop->peer.cycle_ms;
+    }
+    if (cycles > most) {
+        cycles = most;
+    }
+    return (cycles > 0U) ? (double)cycles : 1.0;
+}
+
 static int gt_loop_allowed(const gt_loop *loop, const gt_command *command)
 {
     const gt_limits *limits = &loop->settings.limits;
+    const double furthest = limits->step_m * gt_loop_passed(loop);
     uint32_t n;
 
     if (command->along_path) {
@@ -57,7 +73,7 @@ static int gt_loop_allowed(const gt_loop *loop, const gt_command *command)
         const double step = command->position_m[n] - loop->command.position_m[n];
 
         if (!(command->position_m[n] >= limits->lowest_m[n]) || !(command->position_m[n] <= limits->highest_m[n]) ||
-            !(fabs(step) <= limits->step_m) || !gt_all_finite(&command->speed_m_s[n], 1)) {
+            !(fabs(step) <= furthest) || !gt_all_finite(&command->speed_m_s[n], 1)) {
             return 0;
         }
     }
@@ -71,6 +87,7 @@ static void gt_loop_wait(gt_loop *loop)
     gt_copy(loop->command.position_m, loop->peer.start_m, (int)GT_AXES);
     if (loop->feedback.running) {
         loop->first_ms = loop->feedback.time_ms;
+        loop->command_ms = loop->feedback.time_ms;
         loop->status = loop->law.init(loop->law.state, &loop->feedback);
         loop->state = (loop->status == GT_OK) ? GT_LOOP_RUNNING : GT_LOOP_STOPPED;
     }
@@ -86,10 +103,13 @@ static void gt_loop_law(gt_loop *loop)
     }
     loop->status = loop->law.step(loop->law.state, &loop->feedback, loop->feedback.time_ms - loop->first_ms, &command);
     if ((loop->status == GT_OK) && !gt_loop_allowed(loop, &command)) {
+        /* a wrong command is no hiccup: the ramp begins at once */
         loop->status = GT_OUT_OF_RANGE;
+        loop->misses = loop->settings.hold_cycles;
     }
     if (loop->status == GT_OK) {
         loop->command = command;
+        loop->command_ms = loop->feedback.time_ms;
     }
 }
 

@@ -1,8 +1,8 @@
 /* The loop without its sockets: datagrams go in, an answer and a log record come out, once per cycle.
  *
  * The robot is the clock. Of the datagrams of a cycle the newest counts; without one the last speed is held for some
- * cycles, then it is ramped to zero, and the loop stays stopped. The same for a law that fails and for a command
- * outside the limits. Nothing is allocated, nothing waits.
+ * cycles, then it is ramped to zero, and the loop stays stopped. The same for a law that fails; for a command outside
+ * the limits the ramp begins at once. Nothing is allocated, nothing waits.
  */
 #ifndef GT_LOOP_H
 #define GT_LOOP_H
@@ -27,7 +27,7 @@ typedef enum gt_loop_state {
 typedef struct gt_limits {
     double lowest_m[GT_AXES];
     double highest_m[GT_AXES];
-    double step_m; /* most that a cart's command may change in a cycle */
+    double step_m; /* most that a cart's command may change in a cycle of the robot's clock */
     double path_m; /* most that a path correction may be */
 } gt_limits;
 
@@ -51,6 +51,7 @@ typedef struct gt_loop {
     int fresh;               /* a newer datagram came since the last cycle */
     gt_feedback feedback;    /* the newest */
     uint64_t first_ms;       /* robot's clock when the law began */
+    uint64_t command_ms;     /* when the last command of the law was made */
     uint64_t cycles;
     uint64_t late;           /* cycles without a newer datagram */
     uint64_t garbage;        /* datagrams that could not be read */
