@@ -79,6 +79,12 @@ def names() -> dict[str, str]:
     return {name: entry.source for name, entry in entries().items()}
 
 
+def closed_loop_drives() -> dict[str, Any]:
+    """Drives of the L1 prototype under position control, b q^-d / (1 - a q^-1) at sample_time_s: lists a and b, one
+    entry per cart, and delay_samples d (Dressler 2012, eq. (6.11))."""
+    return dict(_table("gantry_tau_dynamics.toml")["actuator_closed_loop"])
+
+
 def inertia_names() -> list[str]:
     """Names of the identified inertia and friction models (Dressler 2012, Table 6.3)."""
     return sorted(_inertias())
