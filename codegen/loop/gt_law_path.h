@@ -1,7 +1,8 @@
 /* Law: the robot runs its own programme; the loop moves the tool centre point by an integral of its deviation.
  *
- * c(k) = c(k-1) + gain dt (T(r) - T(q)), within +-limit; r is the robot's own reference of the carts. In the frame of
- * the model, which on a real controller has to be the one of the correction.
+ * c(k) = c(k-1) + gain dt (T(r) - T(q)), within +-limit; r is the reference of the carts by the robot's own
+ * programme, without the correction. In the frame of the model, which on a real controller has to be the one of the
+ * correction.
  */
 #ifndef GT_LAW_PATH_H
 #define GT_LAW_PATH_H

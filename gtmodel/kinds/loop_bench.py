@@ -26,6 +26,8 @@ from .loop_motion import CYCLE_MS, there_and_back
 Peer = Literal["egm", "rsi"]
 MARK = "loop.json"
 LONGEST_S = 3600.0
+# path correction integrates, which is slow beside a time-optimal motion
+SLOWER = {"path": 10.0}
 _ROBOT_KEYS = {"robot", "inertia", "payload_kg", "parameters", "friction"}
 
 
@@ -92,7 +94,7 @@ def prepare(
     except GenerationError as error:
         raise InputError(str(error)) from error
     cycles = max(1, round(1000 * seconds / CYCLE_MS))
-    table = there_and_back(robot, _motion(problem, motion, place, job), cycles)
+    table = there_and_back(robot, _motion(problem, motion, place, job), cycles, SLOWER.get(law, 1.0))
     (place / "reference.table").write_bytes(table.to_bytes())
     return Bench(
         cast("Peer", peer), law, robot, program, place, table, cycles, in_lockstep, job, forward

@@ -73,6 +73,10 @@ class LoopProcess:
             raise LoopError(f"the loop does not answer ({error}); see what it printed: {self._ending()}") from error
         return answers
 
+    def end(self) -> None:
+        """Ask the loop to end, as a person does with Ctrl-C; `finish` waits for it."""
+        self._process.terminate()
+
     def finish(self) -> dict[str, Any]:
         """Wait for the loop's end and return its report. Raises LoopError."""
         try:

@@ -35,16 +35,13 @@ class RobotSide:
         programme: Programme | None = None,
         waits: int = 0,
     ) -> None:
-        self.protocol, self.plant, self.cycle_ms, self.programme, self.waits = (
-            protocol,
-            plant,
-            cycle_ms,
-            programme,
-            waits,
-        )
+        self.protocol, self.plant, self.cycle_ms = protocol, plant, cycle_ms
+        self.programme, self.waits = programme, waits
         self.cycles = 0
         self.start_m = np.array(plant.position_m)
         self.planned_m = list(map(float, plant.position_m))
+        # what the robot reports as its reference: its own programme, without the correction
+        self.reported_m = self.planned_m
         self.speed_m_s = [0.0] * len(self.planned_m)
         self.path_m = [0.0, 0.0, 0.0]
         self.late = 0  # cycles that ended without an answer to their own datagram
@@ -61,7 +58,7 @@ class RobotSide:
     def datagram(self) -> bytes:
         """What the robot sends in this cycle."""
         measured = [x * MM for x in self.plant.position_m.tolist()]
-        planned = [x * MM for x in self.planned_m]
+        planned = [x * MM for x in self.reported_m]
         if self.protocol == "rsi":
             rest = [0.0] * (AXES - len(planned))
             cartesian = [0.0] * 6
@@ -88,8 +85,11 @@ class RobotSide:
         if self.programme is not None:
             before = self.planned_m
             self.planned_m = list(map(float, self.programme(self.cycles, self.path_m)))
+            self.reported_m = list(map(float, self.programme(self.cycles, [0.0] * 3)))
             moved = zip(self.planned_m, before, strict=True)
             self.speed_m_s = [(now - then) * 1000.0 / self.cycle_ms for now, then in moved]
+        else:
+            self.reported_m = self.planned_m
         self.plant.step(self.planned_m, self.speed_m_s)
         self.cycles += 1
 

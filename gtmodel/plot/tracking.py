@@ -21,7 +21,7 @@ def tracking_figure(wanted: Trajectory, runs: Mapping[str, Trajectory], title: s
         runs: by label; T and q of the cycles that a run lasted.
     """
     figure = Figure(figsize=(8.5, 9.0), layout="constrained")
-    panels = figure.subplots(5, 1, sharex=True, height_ratios=(2, 2, 2, 2, 2))
+    panels = figure.subplots(5, 1, sharex=True)
     for k, axes in enumerate(panels[:3]):
         axes.plot(wanted.time, wanted["T"][:, k], color="black", linewidth=1.0, label="reference")
         for (label, run), colour in zip(runs.items(), COLOURS[1:], strict=False):
@@ -35,8 +35,8 @@ def tracking_figure(wanted: Trajectory, runs: Mapping[str, Trajectory], title: s
         axes.set_ylabel("error of T [mm]" if name == "T" else "worst cart [mm]")
     for axes in panels:
         axes.grid(alpha=0.3)
-    panels[0].legend(loc="upper right", fontsize="small")
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=3, fontsize="small")
     panels[-1].set_xlabel("time [s]")
     if title:
-        figure.suptitle(title)
+        panels[0].set_title(title)
     return figure
