@@ -2,6 +2,7 @@
 #include "gt_loop.h"
 
 #include "gt_guard.h"
+#include "gt_record.h"
 
 #include <math.h>
 #include <string.h>
@@ -174,47 +175,6 @@ static uint32_t gt_loop_answer(const gt_loop *loop, int fresh, uint8_t *answer)
     return gt_peer_write(&loop->peer, &loop->feedback, &command, answer, GT_DATAGRAM_MAX);
 }
 
-/* FNV-1a, so that a log says which bytes were sent. */
-static uint32_t gt_loop_hash(const uint8_t *data, uint32_t length)
-{
-    uint32_t hash = 2166136261U;
-    uint32_t n;
-
-    for (n = 0U; n < length; n++) {
-        hash = (hash ^ data[n]) * 16777619U;
-    }
-    return hash;
-}
-
-static void gt_loop_record(gt_loop *loop, const uint8_t *answer, uint32_t length)
-{
-    double *r = loop->record;
-    uint32_t n;
-
-    r[0] = (double)loop->cycles;
-    r[1] = (double)loop->feedback.sequence;
-    r[2] = (double)loop->feedback.time_ms;
-    r[3] = (double)loop->state;
-    r[4] = (double)loop->status;
-    r[5] = (double)loop->datagrams;
-    r[6] = (double)loop->late;
-    r[7] = (double)loop->sequence.lost;
-    r[8] = (double)loop->sequence.repeated;
-    r[9] = (double)loop->sequence.reordered;
-    r[10] = (double)loop->sequence.stale;
-    r[11] = (double)loop->garbage;
-    r[12] = (double)loop->feedback.delay;
-    r[13] = (double)length;
-    r[14] = (double)gt_loop_hash(answer, length);
-    for (n = 0U; n < GT_AXES; n++) {
-        r[15U + n] = loop->feedback.position_m[n];
-        r[21U + n] = loop->command.position_m[n];
-        r[27U + n] = loop->command.speed_m_s[n];
-    }
-    gt_copy(&r[33], loop->command.path_m, 3);
-    r[36] = (double)loop->settings.dry;
-}
-
 uint32_t gt_loop_cycle(gt_loop *loop, uint8_t *answer)
 {
     const int fresh = loop->fresh;
@@ -241,7 +201,7 @@ uint32_t gt_loop_cycle(gt_loop *loop, uint8_t *answer)
     }
     loop->late += (!fresh && loop->sequence.started) ? 1U : 0U;
     length = gt_loop_answer(loop, fresh, answer);
-    gt_loop_record(loop, answer, length);
+    gt_record(loop, answer, length);
     loop->fresh = 0;
     loop->datagrams = 0U;
     return length;

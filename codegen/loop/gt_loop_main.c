@@ -26,6 +26,7 @@
 
 #define GT_PRIORITY 80
 #define GT_RING 4096U
+#define GT_LONGEST_WAIT_MS 50U
 
 /* All that a run holds; one object in main, nothing static. */
 typedef struct gt_run {
@@ -87,11 +88,11 @@ static int gt_drain(gt_run *run, uint8_t *data)
     return 0;
 }
 
-/* How long to wait [ms]: a cycle and a half once the robot sends, else until idle. */
+/* How long to wait [ms]: a cycle and a half once the robot sends; else as long as a person waits for an end. */
 static int gt_patience(const gt_run *run)
 {
     if (run->arguments.lockstep || !run->loop.sequence.started) {
-        return (int)run->arguments.idle_ms;
+        return (run->arguments.idle_ms < GT_LONGEST_WAIT_MS) ? (int)run->arguments.idle_ms : (int)GT_LONGEST_WAIT_MS;
     }
     return (int)(run->arguments.cycle_ms + ((run->arguments.cycle_ms + 1U) / 2U));
 }
