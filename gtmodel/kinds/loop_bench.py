@@ -75,6 +75,8 @@ def prepare(
         raise InputError(f"--law {law}: expected {', '.join(laws)}")
     if not 0 < seconds <= LONGEST_S or not math.isfinite(seconds):
         raise InputError(f"--seconds {seconds:g}: expected a time above 0 and up to {LONGEST_S:g} s")
+    if motion is not None and not motion.is_file():
+        raise InputError(f"--reference {motion}: there is no such file")
     place = out or folder / "loop"
     if place.exists() and not (place / MARK).is_file() and (not place.is_dir() or any(place.iterdir())):
         raise InputError(f"--out {place} holds files that gtmodel did not write; name a new folder")
@@ -96,16 +98,12 @@ def prepare(
     cycles = max(1, round(1000 * seconds / CYCLE_MS))
     table = there_and_back(robot, _motion(problem, motion, place, job), cycles, SLOWER.get(law, 1.0))
     (place / "reference.table").write_bytes(table.to_bytes())
-    return Bench(
-        cast("Peer", peer), law, robot, program, place, table, cycles, in_lockstep, job, forward
-    )
+    return Bench(cast("Peer", peer), law, robot, program, place, table, cycles, in_lockstep, job, forward)
 
 
 def _motion(problem: codegen.Schema, path: Path | None, place: Path, job: Context) -> Trajectory:
     """The reference motion from a file, or the time-optimal one of the shipped problem for this robot."""
     if path is not None:
-        if not path.is_file():
-            raise InputError(f"--reference {path}: there is no such file")
         return Trajectory.from_csv(path)
     job.progress("solving for the time-optimal motion")
     data = parse(read(problems_dir() / "l1_min_time.toml"))

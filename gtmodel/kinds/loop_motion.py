@@ -21,7 +21,8 @@ BACK = 1.5
 def there_and_back(robot: Model, motion: Trajectory, cycles: int, slower: float = 1.0) -> Table:
     """Rows q, der(q), der(q,2), T, der(T), der(T,2) every 4 ms for `cycles` cycles and a little more.
 
-    motion: T, der(T) and der(T,2) every 4 ms, from rest to rest; it is made `slower` times as long. Raises InputError where it is none or not reached.
+    motion: T, der(T) and der(T,2) every 4 ms, from rest to rest; it is made `slower` times as long.
+    Raises InputError where it is none or not reached.
     """
     for name in ("T", "der(T)", "der(T,2)"):
         if name not in motion.names or motion[name].shape[1:] != (3,):

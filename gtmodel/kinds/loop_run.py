@@ -214,7 +214,9 @@ def _outcome(bench: Bench, runs: list[OneRun]) -> Outcome:
     for name, one in zip(("off", "on"), runs, strict=True):
         running = one.report["state"] in GOING
         checks[f"{name}_running_at_the_end"] = Check(float(running), None, running)
-        checks[f"{name}_log_complete"] = Check(float(one.report["log_complete"]), None, bool(one.report["log_complete"]))
+        checks[f"{name}_log_complete"] = Check(
+            float(one.report["log_complete"]), None, bool(one.report["log_complete"])
+        )
     good = all(check.passed for check in checks.values())
     failed = ", ".join(name for name, check in checks.items() if not check.passed)
     real_time_granted = all(one.report["fifo"] and one.report["memory_locked"] for one in runs)
@@ -253,7 +255,9 @@ def _rows(runs: list[OneRun], errors: list[dict[str, float]], in_lockstep: bool)
         rows += [
             Row(f"{one.label}: rms error of T", error["tcp_rms_mm"], "mm"),
             Row(f"{one.label}: largest error of T", error["tcp_largest_mm"], "mm"),
-            Row(f"{one.label}: late, lost, repeated", " ".join(str(one.report[k]) for k in ("late", "lost", "repeated"))),
+            Row(
+                f"{one.label}: late, lost, repeated", " ".join(str(one.report[k]) for k in ("late", "lost", "repeated"))
+            ),
         ]
         if not in_lockstep:
             rows += [

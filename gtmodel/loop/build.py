@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
@@ -9,11 +10,12 @@ from typing import Any
 
 from .._files import codegen_dir
 from ..cgen import GenerationError
-from ..cgen.manifest import FILE, changed_files, read
+from ..cgen.manifest import FILE, changed_files, read, sha256
 from ..cgen.toolchain import STANDARD, WARNINGS, find
 
 ADAPTER = "gt_loop_model.c"
 PROGRAM = "gt_loop"
+STAMP = "gt_loop.sha256"  # of what the program was built from
 # what a law may call: (signals in, signals out) of a generated function
 _FORWARD = (("q",), ("T",))
 _INVERSE_DYNAMICS = (("T", "der(T)", "der(T,2)"), ("tau",))
@@ -65,8 +67,9 @@ def sources(content: Mapping[str, Any], axes: int) -> dict[str, str]:
 def build(folder: Path, place: Path, axes: int) -> Path:
     """Write the loop's files into `place`, compile them with the generated `folder`, and return the program.
 
-    Every warning is an error but for CasADi's unused parameters. Raises GenerationError for a folder that is not
-    generated or was changed, without a compiler, and for code that does not compile.
+    A program that was built there from the same files is used again. Every warning is an error but for CasADi's
+    unused parameters. Raises GenerationError for a folder that is not generated or was changed, without a compiler,
+    and for code that does not compile.
     """
     content = manifest_of(folder)
     tools = find()
@@ -74,6 +77,10 @@ def build(folder: Path, place: Path, axes: int) -> Path:
         raise GenerationError(tools)
     place.mkdir(parents=True, exist_ok=True)
     texts = sources(content, axes)
+    made_of = sha256(json.dumps([texts, content["files"], tools.cc, STANDARD], sort_keys=True))
+    stamp = place / STAMP
+    if (place / PROGRAM).is_file() and stamp.is_file() and stamp.read_text(encoding="utf-8") == made_of:
+        return place / PROGRAM
     for name, text in texts.items():
         (place / name).write_text(text, encoding="utf-8", newline="\n")
     own = [folder / f"gt_{content['name']}{part}.c" for part in ("", "_body")]
@@ -88,6 +95,7 @@ def build(folder: Path, place: Path, axes: int) -> Path:
     if not good:
         first = next((line for line in text.splitlines() if "error" in line), text.strip())
         raise GenerationError(f"the loop does not compile: {first}")
+    stamp.write_text(made_of, encoding="utf-8")
     return place / PROGRAM
 
 
@@ -101,7 +109,9 @@ def _function(content: Mapping[str, Any], known: tuple[str, ...], targets: tuple
 
 def _call(name: str, function: Mapping[str, Any], arguments: tuple[str, ...]) -> str:
     symbol, *given = function["symbol"], *arguments[:-1]
-    lines = [f"static gt_status {name}({', '.join(f'const double *{a}' for a in given)}, double *{arguments[-1]})\n{{\n"]
+    lines = [
+        f"static gt_status {name}({', '.join(f'const double *{a}' for a in given)}, double *{arguments[-1]})\n{{\n"
+    ]
     lines += [f"    {symbol}_in in;\n    {symbol}_out out;\n    gt_status status;\n\n"]
     for argument, member in zip(given, function["inputs"], strict=True):
         lines.append(f"    gt_copy(in.{member['member']}, {argument}, {member['shape'][0]});\n")

@@ -54,6 +54,7 @@ class TrajectoryLaw:
     def step(self, feedback: Feedback, elapsed_ms: int, command: Command) -> Status:
         ahead = elapsed_ms + self.delay_ms if self.feedforward else elapsed_ms
         status, row = self.reference.at(ahead)
+        before: list[float] = []
         if status is Status.OK:
             status, before = self.reference.at(max(0, ahead - self.cycle_ms))
         if status is not Status.OK:

@@ -26,8 +26,6 @@ def rsi_configuration(address: str, port: int) -> str:
     lines += ["    </ELEMENTS>", "  </SEND>", "  <RECEIVE>", "    <ELEMENTS>"]
     taken = [f"RKorr.{c}" for c in "XYZABC"]
     taken += [f"AK.A{n}" for n in range(1, AXES + 1)] + [f"EK.E{n}" for n in range(1, AXES + 1)]
-    lines += [
-        f'      <ELEMENT TAG="{tag}" TYPE="DOUBLE" INDX="{n}" HOLDON="1"/>' for n, tag in enumerate(taken, 1)
-    ]
+    lines += [f'      <ELEMENT TAG="{tag}" TYPE="DOUBLE" INDX="{n}" HOLDON="1"/>' for n, tag in enumerate(taken, 1)]
     lines += ["    </ELEMENTS>", "  </RECEIVE>", "</ROOT>"]
     return "\n".join(lines) + "\n"

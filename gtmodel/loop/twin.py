@@ -46,7 +46,9 @@ class Twin:
         self.state, self.status = WAITING, Status.STALE_INPUT
         self.fresh: Feedback | None = None
         self.feedback: Feedback | None = None
-        self.first_ms = self.command_ms = self.cycles = self.late = self.garbage = self.datagrams = self.misses = self.ramp_left = 0
+        self.first_ms = self.command_ms = self.cycles = self.late = self.garbage = self.datagrams = self.misses = (
+            self.ramp_left
+        ) = 0
         self.ramp_from = [0.0] * AXES
         self.command = Command()
         self.log = bytearray()

@@ -32,9 +32,7 @@ def generated(functions: dict[str, CausalFunction], tmp_path_factory: pytest.Tem
 
 
 @pytest.fixture(scope="session")
-def bench(
-    functions: dict[str, CausalFunction], generated: Path, tmp_path_factory: pytest.TempPathFactory
-) -> Bench:
+def bench(functions: dict[str, CausalFunction], generated: Path, tmp_path_factory: pytest.TempPathFactory) -> Bench:
     place = tmp_path_factory.mktemp("loop")
     return Bench(build(generated, place, 3), place, functions)
 

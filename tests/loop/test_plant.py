@@ -54,7 +54,7 @@ def test_substeps_converge_with_fourth_order() -> None:
     ends = {}
     for substeps in (4, 8, 64):
         plant, _ = _rigid(Servo(substeps=substeps), np.array([0.0, -0.9, 0.1]))
-        goal = plant.position_m + [0.02, -0.01, 0.015]
+        goal = plant.position_m + np.array([0.02, -0.01, 0.015])
         for _ in range(20):
             plant.step(goal.tolist(), [0.1, 0.0, -0.1])
         ends[substeps] = plant.position_m

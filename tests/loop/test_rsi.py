@@ -11,15 +11,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gtmodel.loop import rsi, rsi_configuration
-from gtmodel.loop.decimals import write_decimal
 from gtmodel.loop.decimals import read_decimal as read_decimal_python
+from gtmodel.loop.decimals import write_decimal
 from tests.loop.c_codecs import decode_rsi, encode_rsi, read_decimal
 from tests.loop.spoiling import spoilt
 
 TELEGRAM = b"""<?xml version="1.0"?>
 <Rob TYPE="KUKA">
-<RIst X="1620.0008" Y="-0.5" Z="1e-3" A="-180.0000" B="0.0" C="+180.0"/><RSol X="1620.0" Y="0" Z="0" A="0" B="0" C="0" />
-<AIPos A1="0.0" A2="-90.0" A3="90.0" A4="0.0" A5="90.0" A6="0.0"/><EIPos E1="-1303.68" E2="12.5" E3="0.0" E4="0" E5="0" E6="0"/>
+<RIst X="1620.0008" Y="-0.5" Z="1e-3" A="-180.0000" B="0.0" C="+180.0"/>
+<RSol X="1620.0" Y="0" Z="0" A="0" B="0" C="0" />
+<AIPos A1="0.0" A2="-90.0" A3="90.0" A4="0.0" A5="90.0" A6="0.0"/>
+<EIPos E1="-1303.68" E2="12.5" E3="0.0" E4="0" E5="0" E6="0"/>
 <GearTorque A1="x"/><ProgStatus R="1"></ProgStatus><Delay D="3" />
 <IPOC>00004208163634</IPOC>
 </Rob>"""
