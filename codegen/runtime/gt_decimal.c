@@ -7,6 +7,7 @@
 
 #define GT_DIGITS_MOST 18U
 #define GT_POWER_MOST 22
+#define GT_EXPONENT_MOST 999U
 #define GT_SCALE 1000000U
 #define GT_WRITE_LIMIT 1.0e9
 
@@ -20,20 +21,24 @@ static int gt_read_exponent(const uint8_t *data, uint32_t at, uint32_t end, int 
 {
     uint32_t i = at;
     uint32_t digits = 0U;
-    int value = 0;
+    uint32_t value = 0U;
     int negative = 0;
 
-    if ((i < end) && ((data[i] == (uint8_t)'+') || (data[i] == (uint8_t)'-'))) {
-        negative = (data[i] == (uint8_t)'-') ? 1 : 0;
+    *exponent = 0;
+    if ((i < end) && ((gt_byte_at(data, i, end) == (uint8_t)'+') || (gt_byte_at(data, i, end) == (uint8_t)'-'))) {
+        negative = (gt_byte_at(data, i, end) == (uint8_t)'-') ? 1 : 0;
         i++;
     }
-    while ((i < end) && (digits < 3U) && gt_is_digit(data[i])) {
-        value = (10 * value) + ((int)data[i] - (int)'0');
+    while ((i < end) && (digits < 3U) && gt_is_digit(gt_byte_at(data, i, end))) {
+        value = (10U * value) + ((uint32_t)gt_byte_at(data, i, end) - (uint32_t)'0');
         digits++;
         i++;
     }
-    *exponent = negative ? -value : value;
-    return (digits > 0U) && (i == end);
+    if ((digits == 0U) || (i != end) || (value > GT_EXPONENT_MOST)) {
+        return 0;
+    }
+    *exponent = negative ? -(int)value : (int)value;
+    return 1;
 }
 
 static double gt_scaled(double mantissa, int power)
@@ -52,26 +57,30 @@ int gt_read_decimal(const uint8_t *data, uint32_t at, uint32_t end, double *valu
     uint32_t seen = 0U; /* digits */
     uint32_t kept = 0U; /* of which in the mantissa, leading zeros apart */
     uint64_t mantissa = 0U;
-    int power = 0;
+    uint32_t places = 0U; /* of the mantissa behind the point */
+    int power;
     int exponent = 0;
     int point = 0;
     int negative = 0;
 
-    if ((i < end) && ((data[i] == (uint8_t)'+') || (data[i] == (uint8_t)'-'))) {
-        negative = (data[i] == (uint8_t)'-') ? 1 : 0;
+    if ((i < end) && ((gt_byte_at(data, i, end) == (uint8_t)'+') || (gt_byte_at(data, i, end) == (uint8_t)'-'))) {
+        negative = (gt_byte_at(data, i, end) == (uint8_t)'-') ? 1 : 0;
         i++;
     }
-    while ((i < end) && (gt_is_digit(data[i]) || ((data[i] == (uint8_t)'.') && !point))) {
-        if (data[i] == (uint8_t)'.') {
+    while ((i < end) &&
+           (gt_is_digit(gt_byte_at(data, i, end)) || ((gt_byte_at(data, i, end) == (uint8_t)'.') && !point))) {
+        if (gt_byte_at(data, i, end) == (uint8_t)'.') {
             point = 1;
         } else {
-            const uint32_t digit = (uint32_t)data[i] - (uint32_t)'0';
+            const uint32_t digit = (uint32_t)gt_byte_at(data, i, end) - (uint32_t)'0';
 
             seen++;
             if (kept < GT_DIGITS_MOST) {
                 mantissa = (10U * mantissa) + digit;
                 kept += (mantissa > 0U) ? 1U : 0U;
-                power -= point;
+                if (point && (places < GT_DATAGRAM_MAX)) {
+                    places++;
+                }
             } else if (!point) {
                 return 0;
             } else {
@@ -83,13 +92,13 @@ int gt_read_decimal(const uint8_t *data, uint32_t at, uint32_t end, double *valu
     if (seen == 0U) {
         return 0;
     }
-    if ((i < end) && ((data[i] == (uint8_t)'e') || (data[i] == (uint8_t)'E'))) {
+    if ((i < end) && ((gt_byte_at(data, i, end) == (uint8_t)'e') || (gt_byte_at(data, i, end) == (uint8_t)'E'))) {
         if (!gt_read_exponent(data, i + 1U, end, &exponent)) {
             return 0;
         }
         i = end;
     }
-    power += exponent;
+    power = exponent - (int)places;
     if ((i != end) || (power < -GT_POWER_MOST) || (power > GT_POWER_MOST)) {
         return 0;
     }
@@ -109,10 +118,10 @@ int gt_read_digits(const uint8_t *data, uint32_t at, uint32_t end, uint64_t *val
         return 0;
     }
     for (i = at; i < end; i++) {
-        if (!gt_is_digit(data[i])) {
+        if (!gt_is_digit(gt_byte_at(data, i, end))) {
             return 0;
         }
-        *value = (10U * *value) + ((uint64_t)data[i] - (uint64_t)'0');
+        *value = (10U * *value) + ((uint64_t)gt_byte_at(data, i, end) - (uint64_t)'0');
     }
     return 1;
 }

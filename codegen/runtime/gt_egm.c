@@ -52,7 +52,7 @@ static int gt_egm_numbers(gt_reader reader, double *values, uint32_t count, int 
 
     *present = 1;
     while (gt_read_field(&reader, &field)) {
-        if ((field.type == GT_WIRE_FIXED64) && (field.number <= count)) {
+        if ((field.type == GT_WIRE_FIXED64) && (field.number >= 1U) && (field.number <= count)) {
             values[field.number - 1U] = gt_read_double(&reader);
         } else {
             gt_skip(&reader, field.type);

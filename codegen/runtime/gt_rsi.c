@@ -32,7 +32,7 @@ static int gt_is_letter(uint8_t byte)
 /* The byte at the scanner, 0 behind the end. */
 static uint8_t gt_here(const gt_scanner *s)
 {
-    return (s->at < s->end) ? s->data[s->at] : 0U;
+    return gt_byte_at(s->data, s->at, s->end);
 }
 
 static int gt_step_over(gt_scanner *s, char byte)
@@ -46,14 +46,14 @@ static int gt_step_over(gt_scanner *s, char byte)
 
 static void gt_step_to(gt_scanner *s, char byte)
 {
-    while ((s->at < s->end) && (s->data[s->at] != (uint8_t)byte)) {
+    while ((s->at < s->end) && (gt_here(s) != (uint8_t)byte)) {
         s->at++;
     }
 }
 
 static void gt_skip_spaces(gt_scanner *s)
 {
-    while ((s->at < s->end) && gt_is_space(s->data[s->at])) {
+    while ((s->at < s->end) && gt_is_space(gt_here(s))) {
         s->at++;
     }
 }
@@ -63,7 +63,7 @@ static gt_piece gt_word(gt_scanner *s)
     gt_piece word;
 
     word.at = s->at;
-    while ((s->at < s->end) && gt_is_letter(s->data[s->at])) {
+    while ((s->at < s->end) && gt_is_letter(gt_here(s))) {
         s->at++;
     }
     word.end = s->at;
@@ -75,7 +75,7 @@ static int gt_equals(const gt_scanner *s, gt_piece piece, const char *text)
     uint32_t n = 0U;
 
     while ((text[n] != '\0') && ((piece.at + n) < piece.end)) {
-        if (s->data[piece.at + n] != (uint8_t)text[n]) {
+        if (gt_byte_at(s->data, piece.at + n, s->end) != (uint8_t)text[n]) {
             return 0;
         }
         n++;
@@ -93,11 +93,11 @@ static uint32_t gt_rsi_place(const gt_scanner *s, gt_piece name, uint32_t elemen
 
     for (n = 0U; n < 6U; n++) {
         if ((element & (GT_RSI_RIST | GT_RSI_RSOL)) != 0U) {
-            if ((length == 1U) && (s->data[name.at] == (uint8_t)letters[n])) {
+            if ((length == 1U) && (gt_byte_at(s->data, name.at, s->end) == (uint8_t)letters[n])) {
                 return n;
             }
-        } else if ((length == 2U) && (s->data[name.at] == (uint8_t)letter) &&
-                   (s->data[name.at + 1U] == (uint8_t)('1' + (int)n))) {
+        } else if ((length == 2U) && (gt_byte_at(s->data, name.at, s->end) == (uint8_t)letter) &&
+                   (gt_byte_at(s->data, name.at + 1U, s->end) == (uint8_t)('1' + (int)n))) {
             return n;
         } else {
             /* not this one */
@@ -180,7 +180,7 @@ static int gt_rsi_ipoc(gt_scanner *s, gt_rsi_robot *robot)
     }
     robot->ipoc_length = s->at - at;
     for (n = 0U; (n < robot->ipoc_length) && (n < GT_RSI_DIGITS); n++) {
-        robot->ipoc_text[n] = s->data[at + n];
+        robot->ipoc_text[n] = gt_byte_at(s->data, at + n, s->end);
     }
     robot->present |= GT_RSI_IPOC;
     return 1;

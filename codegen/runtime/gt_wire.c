@@ -7,6 +7,11 @@
 
 #define GT_VARINT_BYTES 10U
 
+uint8_t gt_byte_at(const uint8_t *data, uint32_t at, uint32_t end)
+{
+    return ((at < end) && (at < GT_DATAGRAM_MAX)) ? data[at] : 0U;
+}
+
 gt_reader gt_reader_of(const uint8_t *data, uint32_t length)
 {
     gt_reader reader;
@@ -58,7 +63,7 @@ uint64_t gt_read_varint(gt_reader *reader)
         if (!gt_has(reader, 1U)) {
             return 0U;
         }
-        byte = reader->data[reader->at];
+        byte = gt_byte_at(reader->data, reader->at, reader->end);
         reader->at++;
         value |= ((uint64_t)(byte & 0x7FU)) << (7U * n);
         if ((byte & 0x80U) == 0U) {
@@ -79,7 +84,7 @@ double gt_read_double(gt_reader *reader)
         return 0.0;
     }
     for (n = 0U; n < 8U; n++) {
-        bits |= ((uint64_t)reader->data[reader->at + n]) << (8U * n);
+        bits |= ((uint64_t)gt_byte_at(reader->data, reader->at + n, reader->end)) << (8U * n);
     }
     reader->at += 8U;
     (void)memcpy(&value, &bits, sizeof(value));

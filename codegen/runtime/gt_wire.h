@@ -41,6 +41,9 @@ typedef struct gt_field {
     uint32_t type;
 } gt_field;
 
+/* The byte at an index below `end`, 0 behind it and behind GT_DATAGRAM_MAX: safe by its own test, whoever calls. */
+uint8_t gt_byte_at(const uint8_t *data, uint32_t at, uint32_t end);
+
 /* A reader of `length` bytes at `data`; more than GT_DATAGRAM_MAX is a fault. */
 gt_reader gt_reader_of(const uint8_t *data, uint32_t length);
 
