@@ -46,7 +46,7 @@ def test_a_telegram_is_read(runtime: ctypes.CDLL) -> None:
 
 
 def test_the_stamp_comes_back_to_the_letter(runtime: ctypes.CDLL) -> None:
-    sensor = rsi.Sensor(rsi.decode_robot(TELEGRAM).stamp, ek_mm=[1.0, -2.5, 1e-7, 0.0, 0.0, 1234567.1234567])
+    sensor = rsi.Sensor(rsi.decode_robot(TELEGRAM).stamp, ek_mm=[1.0, -2.5, 1e-7, 5e-7, -5e-7, 1234567.1234567])
     data = rsi.encode_sensor(sensor)
     assert encode_rsi(runtime, sensor) == data
     root = ElementTree.fromstring(data)
@@ -54,7 +54,7 @@ def test_the_stamp_comes_back_to_the_letter(runtime: ctypes.CDLL) -> None:
     external = root.find("EK")
     assert external is not None
     assert external.attrib == {
-        "E1": "1.000000", "E2": "-2.500000", "E3": "0.000000", "E4": "0.000000", "E5": "0.000000",
+        "E1": "1.000000", "E2": "-2.500000", "E3": "0.000000", "E4": "0.000001", "E5": "-0.000001",
         "E6": "1234567.123457",
     }  # fmt: skip
 
