@@ -13,7 +13,6 @@ from .compiler.causal import CausalFunction, compile_causal
 from .lang import *  # noqa: F403
 from .optimize import (
     Blocks,
-    Estimate,
     Mesh,
     NotSolved,
     Phases,
@@ -29,7 +28,7 @@ from .optimize import (
     solve_phases,
     transcribe,
 )
-from .results import SolveStatus, Status, Trajectory
+from .results import Estimate, SolveStatus, Status, Trajectory
 from .simulate import NotSimulated, Simulation, linearize, modes, simulate
 
 if TYPE_CHECKING:

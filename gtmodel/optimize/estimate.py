@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
-from scipy import stats
 from scipy.sparse import block_diag, bmat, csc_matrix, identity
 from scipy.sparse.linalg import splu
 
 from ..lang.scope import Misfit
 from ..lang.source import ModelError
+from ..results.estimate import Estimate
 from .linking import Joined, is_of
 from .magnitude import objective_scale
 from .nlp import Nlp, instants, placed
@@ -27,53 +27,6 @@ LEAST_SQUARES = 1e-6  # relative: the objective is the misfit and nothing else
 ROUNDING = 1e-24  # of the data's squares: more than the squared rounding of a residual that vanishes
 # at random values of all that the objective holds, the rest besides misfits has no slopes beyond rounding
 SAME, SEED, TRIALS = 1e-9, 0, 2
-
-
-@dataclass(frozen=True, eq=False)
-class Estimate:
-    """Estimated quantities with their covariance, in SI units.
-
-    `names`: free constants, and states at the start as "x at the start". `covariance` (n, n) is that of linearised
-    least squares (Gauss-Newton), `freedom` the number of measured values beyond the estimated quantities, `noise` the
-    standard deviation of the residuals (1 expected where sigma was given). `held` stand at a bound: no covariance.
-    """
-
-    names: tuple[str, ...]
-    values: np.ndarray
-    covariance: np.ndarray
-    freedom: int
-    noise: float
-    known_noise: bool
-    residuals: np.ndarray
-    held: tuple[str, ...]
-
-    @property
-    def std(self) -> np.ndarray:
-        """Standard deviations (n,)."""
-        return np.sqrt(np.diag(self.covariance))
-
-    @property
-    def correlation(self) -> np.ndarray:
-        return self.covariance / np.outer(self.std, self.std)
-
-    def interval(self, name: str, level: float = 0.95) -> tuple[float, float]:
-        """Confidence interval: normal where sigma was given, else Student's t with `freedom`. Raises ValueError."""
-        if name not in self.names:
-            raise ValueError(f"'{name}' was not estimated; these were: {', '.join(self.names)}")
-        if not 0 < level < 1:
-            raise ValueError(f"a confidence level lies between 0 and 1; found {level:g}")
-        k = self.names.index(name)
-        q = stats.norm.ppf((1 + level) / 2) if self.known_noise else stats.t.ppf((1 + level) / 2, self.freedom)
-        return float(self.values[k] - q * self.std[k]), float(self.values[k] + q * self.std[k])
-
-    def __str__(self) -> str:
-        width = max(len(n) for n in self.names)
-        lines = [f"{'':{width}s}  {'value':>14s}  {'std':>10s}  95 % interval"]
-        for k, name in enumerate(self.names):
-            low, high = self.interval(name)
-            lines.append(f"{name:{width}s}  {self.values[k]:14.7g}  {self.std[k]:10.3g}  {low:.7g} .. {high:.7g}")
-        lines += [f"{name} is held at its bound" for name in self.held]
-        return "\n".join([*lines, f"{len(self.residuals)} measured values, residual noise {self.noise:.4g}"])
 
 
 @dataclass(frozen=True, eq=False)

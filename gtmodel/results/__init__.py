@@ -7,16 +7,21 @@ Status of a run
     c_enum            `Status` as a C99 enumeration
     c_sentences       its sentences as a C99 table
 
+What data say
+    Estimate          estimated quantities with their covariance, from whichever engine
+
 Time series
     Trajectory        named, unit-carrying, immutable: result, optimum, measurement, guess, scaling reference
     TrajectoryError   data that make no trajectory
     UnknownNameError  a signal name that is not there
 """
 
+from gtmodel.results.estimate import Estimate
 from gtmodel.results.status import ModesStatus, SolveStatus, Status, c_enum, c_sentences
 from gtmodel.results.trajectory import Trajectory, TrajectoryError, UnknownNameError
 
 __all__ = [
+    "Estimate",
     "ModesStatus",
     "SolveStatus",
     "Status",

@@ -1,0 +1,72 @@
+"""From whitened residuals and slopes at the optimum to an Estimate: covariance, freedom, noise, what is not told."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .words import listed
+
+# of the largest singular value of the scaled slopes: directions below are in the null space
+RANK = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Spectrum:
+    """Singular values and right vectors of whitened, scaled slopes (priors included), split at the rank."""
+
+    singular: np.ndarray
+    V: np.ndarray
+    rank: int
+
+    @property
+    def inverse(self) -> np.ndarray:
+        """Pseudo-inverse of the information of the scaled parameters (n, n)."""
+        told = self.V[:, : self.rank] / self.singular[: self.rank]
+        return told @ told.T
+
+    @property
+    def null(self) -> np.ndarray:
+        return self.V[:, self.rank :]
+
+
+def spectrum(scaled: np.ndarray, tolerance: float = RANK) -> Spectrum:
+    """Of slopes (rows, n) with columns in units of the scales; linear in the rows (QR first)."""
+    n = scaled.shape[1]
+    R = np.linalg.qr(scaled, mode="r") if scaled.shape[0] > n else scaled
+    _, s, Vt = np.linalg.svd(R, full_matrices=True)
+    s = np.concatenate([s, np.zeros(n - len(s))])
+    rank = int(np.count_nonzero(s > tolerance * s[0])) if n and s[0] > 0 else 0
+    return Spectrum(s, Vt.T, rank)
+
+
+def scales(values: np.ndarray | None, n: int, J: np.ndarray) -> np.ndarray:
+    """Column scales (n,): those given, or the inverse norm of each column where there is none or zero."""
+    given = np.zeros(n) if values is None else np.abs(np.asarray(values, float)).reshape(-1)
+    if given.shape != (n,) or not np.all(np.isfinite(given)):
+        raise ValueError(f"scale has the shape {given.shape}; expected {n} finite numbers, one per parameter")
+    norms = np.linalg.norm(J, axis=0) / np.sqrt(max(len(J), 1))
+    # what no row sees stays a column of zeros, whatever its scale
+    return np.where(given > 0, given, 1 / np.where(norms > 0, norms, 1.0))
+
+
+def effective_parameters(scaled_data: np.ndarray, inverse: np.ndarray) -> float:
+    """Trace of the hat matrix: how many parameters the data, not the priors, have fixed."""
+    return float(np.einsum("ij,jk,ik->", scaled_data, inverse, scaled_data, optimize=True))
+
+
+def moved_together(null: np.ndarray, names: tuple[str, ...], least: float = 0.05) -> list[str]:
+    """One sentence per null direction of scaled parameters, naming what moves along it."""
+    sentences = []
+    for column in null.T:
+        size = np.abs(column)
+        shown = [n for n, w in zip(names, size, strict=True) if w > least * size.max()]
+        if len(shown) == 1:
+            sentences.append(f"the data do not determine {shown[0]}: nothing measured moves with it")
+        else:
+            sentences.append(
+                f"the data do not determine {listed(shown)} apart from each other: fix one, "
+                "or measure what moves only one of them"
+            )
+    return sentences

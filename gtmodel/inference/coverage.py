@@ -1,0 +1,91 @@
+"""Do intervals hold the truth as often as they say? Judged by the exact binomial band."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from ..results.estimate import Estimate
+
+BAND = 0.999  # two-sided: one perfect interval in a thousand falls outside
+POOLED = (0.94, 0.96)
+
+
+def binomial_band(runs: int, level: float = 0.95, band: float = BAND) -> tuple[int, int]:
+    """Smallest and largest number of hits of `runs` that an interval of true coverage `level` has with probability
+    `band`: no more than (1 - band) / 2 lies beyond either end. 179..198 of 200, 458..489 of 500."""
+    tail = (1 - band) / 2
+    return int(stats.binom.ppf(tail, runs, level)), int(stats.binom.ppf(1 - tail, runs, level))
+
+
+@dataclass(frozen=True, eq=False)
+class Coverage:
+    """Hits of each name's intervals in `runs` runs, mean error over its standard error (`bias`), and the verdict."""
+
+    names: tuple[str, ...]
+    hits: np.ndarray
+    runs: int
+    level: float
+    bias: np.ndarray
+
+    @property
+    def band(self) -> tuple[int, int]:
+        return binomial_band(self.runs, self.level)
+
+    @property
+    def pooled(self) -> float:
+        """Share of hits over all names."""
+        return float(self.hits.sum() / (self.runs * len(self.names)))
+
+    @property
+    def outside(self) -> tuple[str, ...]:
+        """Names whose hits lie outside the band."""
+        low, high = self.band
+        return tuple(n for n, h in zip(self.names, self.hits, strict=True) if not low <= h <= high)
+
+    @property
+    def biased(self) -> tuple[str, ...]:
+        """Names whose mean error is beyond what `runs` runs would make of none, at the band's level for all names."""
+        limit = float(stats.norm.ppf(1 - (1 - BAND) / 2 / len(self.names)))
+        return tuple(n for n, b in zip(self.names, self.bias, strict=True) if abs(b) > limit)
+
+    @property
+    def passed(self) -> bool:
+        """Every name inside the band and unbiased, and the pooled coverage within one per cent of the level."""
+        return not self.outside and not self.biased and POOLED[0] <= self.pooled + 0.95 - self.level <= POOLED[1]
+
+    def __str__(self) -> str:
+        low, high = self.band
+        width = max(len(n) for n in self.names)
+        rows = [f"{n:{width}s}  {h:5d}  {b:6.2f}" for n, h, b in zip(self.names, self.hits, self.bias, strict=True)]
+        head = f"{self.runs} runs, {self.level:.0%} intervals: {low}..{high} hits expected, pooled {self.pooled:.2%}"
+        return "\n".join([head, f"{'':{width}s}  {'hits':>5s}  {'bias':>6s}", *rows])
+
+
+def coverage(
+    estimates: Sequence[Estimate],
+    truth: Mapping[str, float],
+    *,
+    level: float = 0.95,
+    combinations: Mapping[str, Mapping[str, float]] | None = None,
+) -> Coverage:
+    """Of the names in `truth`, or of `combinations` of them (label -> name -> weight) where single ones are not told.
+
+    Raises ValueError for no runs, or a name that was not estimated.
+    """
+    if not estimates:
+        raise ValueError("coverage needs runs; found none")
+    asked = combinations or {name: {name: 1.0} for name in truth}
+    hits, errors = np.zeros(len(asked), int), np.zeros((len(estimates), len(asked)))
+    for k, weights in enumerate(asked.values()):
+        true = sum(w * truth[n] for n, w in weights.items())
+        for run, e in enumerate(estimates):
+            value, low, high = e.combination(weights, level)
+            hits[k] += low <= true <= high
+            errors[run, k] = value - true
+    spread = errors.std(axis=0, ddof=1) if len(estimates) > 1 else np.ones(len(asked))
+    bias = errors.mean(axis=0) / np.where(spread > 0, spread, 1.0) * np.sqrt(len(estimates))
+    return Coverage(tuple(asked), hits, len(estimates), level, bias)

@@ -1,0 +1,167 @@
+"""What a set of measurements can tell of each parameter, before or after it is taken."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .concluding import scales, spectrum
+from .dependencies import Dependencies, dependencies
+from .observability import Observability, observability
+from .words import listed
+
+TOLERANCES = (1e-12, 1e-10, 1e-8, 1e-6, 1e-4, 1e-2)
+# a direction whose standard deviation, in units of the scales, is above this is told no better than it was known
+NEAR = 1.0
+SHOWN = 0.05  # of a direction's largest entry: smaller ones are not named
+CORRELATED = 0.95
+
+
+@dataclass(frozen=True, eq=False)
+class Direction:
+    """A combination of parameters: `weights` by name in their own units, largest first, one for the largest.
+
+    `singular`: its singular value over the largest. `std`: of the whole combination, in units of the scales.
+    """
+
+    weights: dict[str, float]
+    singular: float
+    std: float
+
+    def __str__(self) -> str:
+        return " ".join(f"{w:+.3g} {n}" for n, w in self.weights.items())
+
+
+@dataclass(frozen=True, eq=False)
+class Identifiability:
+    """Rank, null and near-null directions, dependencies, and a standard deviation per parameter.
+
+    `std` (n,) for the stated noise: infinite for what moves along the null space. `ranks`: tolerance -> rank.
+    `told_by` (n,): share of each parameter's direction that lies in the identifiable space, 0..1.
+    """
+
+    names: tuple[str, ...]
+    scale: np.ndarray
+    singular: np.ndarray
+    rank: int
+    tolerance: float
+    ranks: dict[float, int]
+    null: tuple[Direction, ...]
+    near: tuple[Direction, ...]
+    dependencies: Dependencies
+    std: np.ndarray
+    covariance: np.ndarray
+    told_by: np.ndarray
+    indices: Observability
+    known_noise: bool
+
+    @property
+    def redundant(self) -> int:
+        """How many parameters, or combinations of them, the measurements cannot tell."""
+        return len(self.names) - self.rank
+
+    @property
+    def condition(self) -> float:
+        """Largest over smallest singular value within the rank."""
+        return float(self.singular[0] / self.singular[self.rank - 1])
+
+    @property
+    def correlation(self) -> np.ndarray:
+        """Correlation coefficients (n, n) within the identifiable space."""
+        std = np.sqrt(np.diag(self.covariance))
+        std = np.where(std > 0, std, 1.0)
+        return self.covariance / np.outer(std, std)
+
+    @property
+    def correlated(self) -> list[tuple[str, str, float]]:
+        """Pairs that correlate by more than 0.95, the strongest first."""
+        c = self.correlation
+        pairs = [(a, b) for b in range(len(self.names)) for a in range(b) if abs(c[a, b]) > CORRELATED]
+        pairs.sort(key=lambda p: (-round(abs(c[p]), 12), self.names[p[0]], self.names[p[1]]))
+        return [(self.names[a], self.names[b], float(c[a, b])) for a, b in pairs]
+
+    def sentences(self) -> list[str]:
+        """In words: the rank, what moves with what, what is told badly."""
+        n = len(self.names)
+        by_tolerance = ", ".join(f"{r} at {t:.0e}" for t, r in self.ranks.items())
+        lines = [f"{self.rank} of {n} parameters or combinations are told (rank {by_tolerance})"]
+        lines += self.dependencies.sentences()
+        for d in self.near:
+            lines.append(
+                f"{listed(tuple(d.weights))} are told no better than they were known: their combination {d} has a "
+                f"standard deviation of {d.std:.3g} expected sizes"
+                if len(d.weights) > 1
+                else f"{next(iter(d.weights))} is told no better than it was known: its standard deviation is "
+                f"{d.std:.3g} expected sizes"
+            )
+        return lines
+
+    def __str__(self) -> str:
+        width = max(len(n) for n in self.names)
+        rows = [
+            f"{n:{width}s}  {s:10.3g}  {t:6.3f}" for n, s, t in zip(self.names, self.std, self.told_by, strict=True)
+        ]
+        return "\n".join([*self.sentences(), str(self.indices), f"{'':{width}s}  {'std':>10s}  {'told':>6s}", *rows])
+
+
+def identifiability(
+    J: ArrayLike,
+    names: Sequence[str],
+    *,
+    scale: ArrayLike | None = None,
+    poses: int | None = None,
+    known_noise: bool = True,
+    tolerance: float = 1e-9,
+    near: float = NEAR,
+    keep: Sequence[str] = (),
+) -> Identifiability:
+    """Of slopes J (rows, n) whose rows are whitened (divided by the noise), priors included as rows where wanted.
+
+    `scale` (n,): expected size of each parameter's error, or its nominal value; ranks and indices refer to columns in
+    these units (missing or zero: the column's norm). `poses`: for the observability indices, default the rows.
+    `keep`: names that are preferred as independent ones. With `known_noise` False rows are in units of an unknown
+    noise: `std` is then per unit of it, and nothing is called near. The order of the columns changes nothing.
+    Raises ValueError for a wrong shape, values that are not finite, or slopes that are all zero.
+    """
+    J, names = np.asarray(J, float), tuple(names)
+    if J.ndim != 2 or J.shape[1] != len(names):
+        raise ValueError(f"the slopes have the shape {J.shape}; expected (rows, {len(names)})")
+    if not np.all(np.isfinite(J)):
+        raise ValueError(f"the slopes of '{names[int(np.argwhere(~np.isfinite(J))[0, 1])]}' are not finite")
+    # sorted by name: sums are then formed in one order
+    order = sorted(range(len(names)), key=lambda k: names[k])
+    back = np.argsort(order)
+    J = J[:, order]
+    own = tuple(names[k] for k in order)
+    given = None if scale is None else np.asarray(scale, float)[order]
+    size = scales(given, len(names), J)
+    s = spectrum(J * size, tolerance)
+    if s.rank == 0:
+        raise ValueError("nothing measured moves with any of the parameters")
+    null, V = s.null, s.V
+    moving = np.abs(null).max(axis=1, initial=0.0) > 1e-8
+    cov = s.inverse * np.outer(size, size)
+    std = np.sqrt(np.diag(cov))
+    std[moving] = np.inf
+    weak = [k for k in range(s.rank) if known_noise and 1 / s.singular[k] > near]
+    said = "columns in the expected sizes, rows in the noise" if scale is not None else "columns of equal length"
+    return Identifiability(
+        names, size[back], s.singular, s.rank, tolerance,
+        {t: int(np.count_nonzero(s.singular > t * s.singular[0])) for t in TOLERANCES},
+        tuple(_direction(null[:, k], own, size, 0.0, np.inf) for k in range(null.shape[1])),
+        tuple(_direction(V[:, k], own, size, s.singular[k] / s.singular[0], 1 / s.singular[k]) for k in weak),
+        dependencies(J, own, scale=size, tolerance=tolerance, keep=keep),
+        std[back], cov[np.ix_(back, back)], 1 - np.sum(null**2, axis=1)[back],
+        observability(s.singular, s.rank, poses or len(J), said), known_noise,
+    )  # fmt: skip
+
+
+def _direction(v: np.ndarray, names: tuple[str, ...], size: np.ndarray, singular: float, std: float) -> Direction:
+    largest = int(np.argmax(np.round(np.abs(v), 9)))
+    physical = v * size
+    shown = [k for k in range(len(v)) if abs(v[k]) > SHOWN * abs(v[largest])]
+    shown.sort(key=lambda k: (-round(abs(v[k] / v[largest]), 6), names[k]))
+    return Direction({names[k]: float(physical[k] / physical[largest]) for k in shown}, float(singular), float(std))

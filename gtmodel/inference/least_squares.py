@@ -1,0 +1,162 @@
+"""Linear weighted least squares with bounds and priors, and what its numbers are worth."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.optimize import lsq_linear
+
+from ..results.estimate import Estimate
+from .concluding import RANK, effective_parameters, moved_together, scales, spectrum
+from .weighting import Prior, prior_rows, weighting
+
+# with priors and an unknown noise, the two weigh each other: rounds until the noise stands still to this part
+NOISE_STILL, NOISE_ROUNDS = 1e-10, 100
+# at a bound: no further from it than this part of the parameter's scale
+AT_BOUND = 1e-9
+PART = 1e-8  # of a null direction of length one in scaled units: smaller entries are rounding
+BVLS = 1e-15  # lsq_linear's tolerance: it ends by the active set, not by this
+
+
+def linear_fit(
+    A: ArrayLike,
+    b: ArrayLike,
+    names: Sequence[str],
+    *,
+    scale: ArrayLike | None = None,
+    sigma: ArrayLike | None = None,
+    weights: ArrayLike | None = None,
+    covariance: ArrayLike | None = None,
+    bounds: Mapping[str, tuple[float, float]] | None = None,
+    priors: Sequence[Prior] = (),
+    units: Sequence[str] = (),
+    hold_undetermined: bool = False,
+    rank_tolerance: float = RANK,
+) -> Estimate:
+    """x that makes A x nearest to b (rows whitened), as an Estimate.
+
+    A (rows, n), b (rows,), names n. `scale` (n,): nominal or expected size of each parameter; it decides what counts
+    as rank, not the result (missing or zero: the column's own norm). Noise by one of sigma, weights, covariance: see
+    weighting(); with weights or none of them, the residuals tell it. `bounds`: name -> (low, high); what ends at a
+    bound is `held` there and leaves the covariance. `priors` act as further measurements.
+
+    What the data do not determine is refused with ValueError naming it; with `hold_undetermined` it stays nearest to
+    zero in units of the scales, and the Estimate says so. Raises ValueError too for wrong shapes, values that are not
+    finite, or too few rows.
+    """
+    A, b = np.asarray(A, float), np.asarray(b, float).reshape(-1)
+    names, priors = tuple(names), tuple(priors)
+    _check(A, b, names)
+    w = weighting(len(b), sigma=sigma, weights=weights, covariance=covariance)
+    Aw, bw = w(A), w(b)
+    size = scales(None if scale is None else np.asarray(scale, float), len(names), Aw)
+    low, high = _limits(bounds or {}, names)
+    P, p = prior_rows(priors, names)
+    noise = 1.0
+    for _ in range(NOISE_ROUNDS):
+        x = _solve(np.vstack([Aw, noise * P]) * size, np.concatenate([bw, noise * p]), low / size, high / size,
+                   rank_tolerance) * size  # fmt: skip
+        near = AT_BOUND * size
+        free = (x > low + near) & (x < high - near)
+        before = noise
+        estimate = conclude(
+            x, bw - Aw @ x, Aw, names, size, free, P, w.known, units=tuple(units), prior_noise=noise,
+            hold_undetermined=hold_undetermined, rank_tolerance=rank_tolerance,
+        )  # fmt: skip
+        noise = estimate.noise
+        if w.known or not priors or abs(noise - before) <= NOISE_STILL * noise:
+            break
+    return estimate  # pyright: ignore[reportPossiblyUnboundVariable]
+
+
+def conclude(
+    x: np.ndarray,
+    r: np.ndarray,
+    J: np.ndarray,
+    names: tuple[str, ...],
+    scale: np.ndarray,
+    free: np.ndarray,
+    P: np.ndarray,
+    known: bool,
+    *,
+    units: tuple[str, ...] = (),
+    prior_noise: float = 1.0,
+    hold_undetermined: bool = False,
+    rank_tolerance: float = RANK,
+    notes: tuple[str, ...] = (),
+) -> Estimate:
+    """The Estimate at an optimum x (n,) with whitened residuals r (rows,) and slopes J (rows, n).
+
+    `free` (n,) tells which are not held; P (k, n) whitened prior rows, times `prior_noise` in units of r.
+    Raises ValueError for too few rows, and for what is not determined unless `hold_undetermined`.
+    """
+    kept = np.flatnonzero(free)
+    own = tuple(names[k] for k in kept)
+    data, size = J[:, kept] * scale[kept], scale[kept]
+    s = spectrum(np.vstack([data, prior_noise * P[:, kept] * size]), rank_tolerance)
+    null = moved_together(s.null, own)
+    if null and not hold_undetermined:
+        raise ValueError("; ".join(null))
+    freedom = len(r) - effective_parameters(data, s.inverse)
+    if abs(freedom - round(freedom)) < 1e-6:  # a whole number but for rounding
+        freedom = float(round(freedom))
+    if freedom < 0 or (freedom == 0 and not known):
+        raise ValueError(f"{len(r)} measured values for {len(kept)} unknowns; measure more, or give sigma")
+    noise = float(np.sqrt(r @ r / freedom)) if freedom else 1.0
+    cov = s.inverse * np.outer(size, size) * (1.0 if known else noise**2)
+    held = np.flatnonzero(~free)
+    null_space = np.where(np.abs(s.null) > PART, s.null, 0.0) * size[:, None] if null else np.zeros((0, 0))
+    return Estimate(
+        own, x[kept], (cov + cov.T) / 2, freedom, noise, known, r, tuple(names[k] for k in held),
+        held_values=tuple(float(x[k]) for k in held), units=tuple(units[k] for k in kept) if units else (),
+        notes=(*notes, *null), null_space=null_space,
+    )  # fmt: skip
+
+
+def _solve(A: np.ndarray, b: np.ndarray, low: np.ndarray, high: np.ndarray, tolerance: float) -> np.ndarray:
+    """Minimum-norm solution within the bounds; A has scaled columns."""
+    x = np.linalg.lstsq(A, b, rcond=tolerance)[0]
+    if np.all(x >= low) and np.all(x <= high):
+        return x
+    # exactly equal bounds are refused there: hold them by hand
+    fixed = low == high
+    x = np.where(fixed, low, 0.0)
+    if not fixed.all():
+        rest = A[:, ~fixed]
+        # bvls ends on the exact active set; it wants full rank, which a ridge at the rounding gives
+        if np.linalg.matrix_rank(rest, tol=tolerance * np.linalg.norm(rest, 2)) < rest.shape[1]:
+            ridge = tolerance * np.linalg.norm(rest, 2) * np.eye(rest.shape[1])
+            rest, right = np.vstack([rest, ridge]), np.concatenate([b - A @ x, np.zeros(rest.shape[1])])
+        else:
+            right = b - A @ x
+        if len(rest) > rest.shape[1]:
+            Q, R = np.linalg.qr(rest)
+            rest, right = R, Q.T @ right
+        x[~fixed] = lsq_linear(rest, right, (low[~fixed], high[~fixed]), method="bvls", tol=BVLS).x
+    return x
+
+
+def _limits(bounds: Mapping[str, tuple[float, float]], names: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray]:
+    unknown = [n for n in bounds if n not in names]
+    if unknown:
+        raise ValueError(f"bounds name '{unknown[0]}', which is not free; these are: {', '.join(names)}")
+    pairs = [bounds.get(n, (-np.inf, np.inf)) for n in names]
+    for name, (low, high) in zip(names, pairs, strict=True):
+        if not low <= high:
+            raise ValueError(f"the bounds of '{name}' are {low:g} and {high:g}; expected low <= high")
+    return np.array([p[0] for p in pairs], float), np.array([p[1] for p in pairs], float)
+
+
+def _check(A: np.ndarray, b: np.ndarray, names: tuple[str, ...]) -> None:
+    if A.shape != (len(b), len(names)):
+        raise ValueError(f"A has the shape {A.shape}; expected ({len(b)}, {len(names)}): a row per measured value, "
+                         "a column per name")  # fmt: skip
+    if len(set(names)) < len(names):
+        twice = next(n for n in names if names.count(n) > 1)
+        raise ValueError(f"'{twice}' names two parameters; give each its own name")
+    for what, values in (("A", A), ("b", b)):
+        if not np.all(np.isfinite(values)):
+            row = int(np.argwhere(~np.isfinite(values))[0, 0])
+            raise ValueError(f"{what} is not finite in row {row}; remove the row or mend the data")

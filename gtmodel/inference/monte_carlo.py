@@ -1,0 +1,157 @@
+"""Many independent runs by seed, in parallel processes with one BLAS thread each."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+from collections.abc import Callable, Iterator
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
+LOOK = 0.2  # s between looks at `interrupted`
+AHEAD = 4  # runs handed out per process beyond those at work: little is left to cancel
+
+Task = Callable[[np.random.Generator, int], Any]
+
+
+@dataclass(frozen=True, eq=False)
+class MonteCarlo:
+    """Results of the runs that ended, in the order of their numbers `indices`; all of them unless `interrupted`."""
+
+    results: tuple[Any, ...]
+    indices: tuple[int, ...]
+    runs: int
+    seed: int
+    interrupted: bool
+
+
+def monte_carlo(
+    task: Task,
+    runs: int,
+    seed: int,
+    *,
+    processes: int | None = None,
+    progress: Callable[[int, int], None] | None = None,
+    interrupted: Callable[[], bool] | None = None,
+    executor: Executor | None = None,
+) -> MonteCarlo:
+    """task(rng, k) for k = 0..runs-1, each with its own generator spawned from `seed`: the same results for any number
+    of processes.
+
+    `processes`: default one per core; 0 runs in this process (and its BLAS threads), for looking inside. The task must
+    be importable: a function of a module, or functools.partial of one. `executor`: another one to hand the runs to,
+    such as a Dask client's get_executor(). `progress(done, runs)` after each. Ctrl-C, or `interrupted()` telling True,
+    ends the workers and returns what is done. Raises RuntimeError naming the run in which the task failed.
+    """
+    if runs < 1:
+        raise ValueError(f"a Monte Carlo needs at least one run; found {runs}")
+    seeds = np.random.SeedSequence(seed).spawn(runs)
+    if executor is None and processes == 0:
+        return _here(task, seeds, seed, progress, interrupted)
+    if executor is not None:
+        return _handed_out(executor, 64, task, seeds, seed, progress, interrupted)
+    count = max(1, min(runs, processes if processes is not None else os.cpu_count() or 1))
+    with _one_thread():
+        # spawn: a forked process would inherit locks and BLAS threads
+        pool = ProcessPoolExecutor(count, multiprocessing.get_context("spawn"), _ignore_interrupt)
+        whole = False
+        try:
+            found = _handed_out(pool, count, task, seeds, seed, progress, interrupted)
+            whole = not found.interrupted
+            return found
+        finally:
+            if not whole:  # a run at work has no other end; Python 3.14 has terminate_workers() for this
+                for process in list((pool._processes or {}).values()):
+                    process.terminate()
+            pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _here(task: Task, seeds: list[np.random.SeedSequence], seed: int, progress: Callable[[int, int], None] | None,
+          interrupted: Callable[[], bool] | None) -> MonteCarlo:  # fmt: skip
+    found: dict[int, Any] = {}
+    stopped = False
+    try:
+        for k, s in enumerate(seeds):
+            if interrupted is not None and interrupted():
+                stopped = True
+                break
+            found[k] = _named(k, lambda k=k, s=s: _run(task, s, k))
+            if progress is not None:
+                progress(len(found), len(seeds))
+    except KeyboardInterrupt:
+        stopped = True
+    return MonteCarlo(tuple(found.values()), tuple(found), len(seeds), seed, stopped)
+
+
+def _handed_out(
+    pool: Executor,
+    workers: int,
+    task: Task,
+    seeds: list[np.random.SeedSequence],
+    seed: int,
+    progress: Callable[[int, int], None] | None,
+    interrupted: Callable[[], bool] | None,
+) -> MonteCarlo:
+    found: dict[int, Any] = {}
+    waiting: dict[Future[Any], int] = {}
+    rest = iter(enumerate(seeds))
+    stopped = False
+    try:
+        while True:
+            while len(waiting) < AHEAD * workers and (following := next(rest, None)) is not None:
+                k, s = following
+                waiting[pool.submit(_run, task, s, k)] = k
+            if not waiting:
+                break
+            done, _ = wait(waiting, timeout=LOOK, return_when=FIRST_COMPLETED)
+            for future in sorted(done, key=lambda f: waiting[f]):
+                k = waiting.pop(future)
+                found[k] = _named(k, future.result)
+                if progress is not None:
+                    progress(len(found), len(seeds))
+            if interrupted is not None and interrupted():
+                stopped = True
+                break
+    except KeyboardInterrupt:
+        stopped = True
+    finally:
+        for future in waiting:
+            future.cancel()
+    indices = tuple(sorted(found))
+    return MonteCarlo(tuple(found[k] for k in indices), indices, len(seeds), seed, stopped)
+
+
+def _run(task: Task, seed: np.random.SeedSequence, k: int) -> Any:
+    return task(np.random.default_rng(seed), k)
+
+
+def _named(k: int, run: Callable[[], Any]) -> Any:
+    try:
+        return run()
+    except Exception as error:
+        raise RuntimeError(f"run {k}: {type(error).__name__}: {error}") from error
+
+
+def _ignore_interrupt() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent answers Ctrl-C for all
+
+
+@contextmanager
+def _one_thread() -> Iterator[None]:
+    """BLAS reads its thread count once, when it is loaded: processes started meanwhile take one."""
+    before = {name: os.environ.get(name) for name in THREADS}
+    os.environ.update(dict.fromkeys(THREADS, "1"))
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value

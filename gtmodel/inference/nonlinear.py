@@ -1,0 +1,179 @@
+"""Nonlinear least squares by Gauss-Newton steps on exact slopes, damped as Levenberg and Marquardt did."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..results.estimate import Estimate
+from ..results.status import SolveStatus
+from .concluding import RANK, scales
+from .least_squares import conclude
+from .losses import Loss, loss_named
+from .weighting import Prior, Weighting, prior_rows, weighting
+
+Residuals = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
+Retraction = Callable[[np.ndarray, np.ndarray], np.ndarray]
+
+STEP = 1e-13  # the norm of a full step in units of the scales: the iteration has arrived
+ROUNDING = 1e-8  # likewise: a step that the rounding of the residuals alone may ask for
+LEVEL = 1e-5  # cosine of the residuals with the slopes: below, the cost is level to 1e-10 and cannot judge a step
+DAMPING, EASIER, HARDER, STUCK = 1e-4, 0.1, 10.0, 1e16  # of the information's diagonal, which is one by the scaling
+QUIET = 1e-3  # a full step that changes the cost by less than this part is taken undamped
+
+
+@dataclass(frozen=True, eq=False)
+class NonlinearFit:
+    """x (n,) where the iteration ended, why (`status`, `message`), and the `estimate` there; None unless solved."""
+
+    x: np.ndarray
+    status: SolveStatus
+    message: str
+    iterations: int
+    evaluations: int
+    cost: float
+    estimate: Estimate | None
+
+
+@dataclass(frozen=True, eq=False)
+class Descent:
+    """Where the iteration ended: x, whitened residuals and slopes there, and how it went."""
+
+    x: np.ndarray
+    r: np.ndarray
+    J: np.ndarray
+    cost: float
+    status: SolveStatus
+    message: str
+    iterations: int
+    evaluations: int
+
+
+def nonlinear_fit(
+    residuals: Residuals,
+    start: ArrayLike,
+    names: Sequence[str],
+    *,
+    scale: ArrayLike | None = None,
+    sigma: ArrayLike | None = None,
+    weights: ArrayLike | None = None,
+    covariance: ArrayLike | None = None,
+    priors: Sequence[Prior] = (),
+    loss: str = "linear",
+    width: float = 1.0,
+    units: Sequence[str] = (),
+    hold_undetermined: bool = False,
+    rank_tolerance: float = RANK,
+    limit: int = 200,
+) -> NonlinearFit:
+    """x that minimises half the squares of residuals(x) -> (r (rows,), dr/dx (rows, n)), rows whitened.
+
+    Noise, priors, scales and what is not determined as in linear_fit(); priors need a known noise (sigma or
+    covariance). `loss` of whitened residuals: linear, huber, soft_l1 or cauchy as in scipy, with its `width`; the
+    covariance is then Huber's. Raises ValueError for bad shapes; a failing iteration is a status.
+    """
+    x, names, priors = np.asarray(start, float).reshape(-1), tuple(names), tuple(priors)
+    if len(names) != len(x):
+        raise ValueError(f"{len(names)} names for {len(x)} starting values; give one each")
+    r, J = residuals(x)
+    if J.shape != (len(r), len(x)):
+        raise ValueError(f"the slopes have the shape {J.shape}; expected ({len(r)}, {len(x)})")
+    w = weighting(len(r), sigma=sigma, weights=weights, covariance=covariance)
+    if priors and not w.known:
+        raise ValueError("priors need the size of the noise to be weighed against: give sigma or covariance")
+    size = scales(None if scale is None else np.asarray(scale, float), len(x), w(J))
+    P, p = prior_rows(priors, names)
+    d = descend(residuals, x, size, w, P=P, p=p, loss=loss_named(loss), width=width, rank_tolerance=rank_tolerance,
+                limit=limit)  # fmt: skip
+    fit = NonlinearFit(d.x, d.status, d.message, d.iterations, d.evaluations, d.cost, None)
+    if not d.status.ok:
+        return fit
+    told = conclude(
+        d.x, d.r, d.J, names, size, np.ones(len(x), bool), P, w.known, units=tuple(units),
+        hold_undetermined=hold_undetermined, rank_tolerance=rank_tolerance,
+    )  # fmt: skip
+    if loss != "linear" and told.freedom:
+        factor = loss_named(loss).variance_factor(d.r, width, told.freedom)
+        told = replace(told, covariance=told.covariance / (1.0 if w.known else told.noise**2) * factor)
+    return replace(fit, estimate=told)
+
+
+def descend(
+    residuals: Residuals,
+    x: np.ndarray,
+    scale: np.ndarray,
+    w: Weighting,
+    *,
+    P: np.ndarray | None = None,
+    p: np.ndarray | None = None,
+    retract: Retraction | None = None,
+    loss: Loss | None = None,
+    width: float = 1.0,
+    rank_tolerance: float = RANK,
+    limit: int = 200,
+) -> Descent:
+    """Gauss-Newton with damping only where a full step does not help.
+
+    `retract(x, step)` moves x on a manifold (default: adds); slopes are then in the step's coordinates. Along null
+    directions nothing moves: steps are of least norm in units of the scales.
+    """
+    move = retract or np.add
+    robust = loss or loss_named("linear")
+    n = len(scale)
+    P = np.zeros((0, n)) if P is None else P
+    p = np.zeros(len(P)) if p is None else p
+
+    def at(x: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+        r, J = residuals(x)
+        r, J = w(np.asarray(r, float)), w(np.asarray(J, float))
+        prior = P @ x - p if len(P) else np.zeros(0)
+        return r, J, robust.cost(r, width) + 0.5 * float(prior @ prior)
+
+    def ended(status: SolveStatus, message: str) -> Descent:
+        return Descent(x, r, J, cost, status, message, iterations, evaluations)
+
+    r, J, cost = at(x)
+    damping, before, iterations, evaluations = 0.0, np.inf, 0, 1
+    if not (np.isfinite(cost) and np.all(np.isfinite(J))):
+        return ended(SolveStatus.NOT_FINITE, "the residuals or their slopes are not finite at the start")
+    while iterations < limit:
+        iterations += 1
+        # the normal equations by QR and SVD: the condition number is not squared
+        weight = robust.weight(r, width)
+        rows = np.vstack([J * weight[:, None], P]) * scale
+        right = np.concatenate([r * weight, P @ x - p if len(P) else np.zeros(0)])
+        Q, R = np.linalg.qr(rows) if len(rows) > n else (np.eye(len(rows)), rows)
+        U, s, Vt = np.linalg.svd(R, full_matrices=False)
+        told = s > rank_tolerance * s[0]
+        projected = (U.T @ (Q.T @ right))[told]
+        if not told.any():
+            return ended(SolveStatus.SOLVED, "nothing measured moves with the parameters")
+        full = float(np.linalg.norm(projected / s[told]))  # of the undamped step, in units of the scales
+        reach = 1 + float(np.linalg.norm(x / scale)) if len(x) == n else 1.0
+        flat = float(np.linalg.norm(projected)) <= LEVEL * np.linalg.norm(right)
+        if flat and full >= before:  # the last digits no longer settle
+            return ended(SolveStatus.SOLVED, f"arrived after {iterations} iterations")
+        while True:
+            step = -Vt[told].T @ (projected * s[told] / (s[told] ** 2 + damping * s[0] ** 2)) * scale
+            trial = move(x, step)
+            r_new, J_new, cost_new = at(trial)
+            evaluations += 1
+            finite = np.isfinite(cost_new) and np.all(np.isfinite(J_new))
+            if finite and (cost_new <= cost or (flat and damping == 0.0)):
+                quiet = cost - cost_new < QUIET * cost
+                x, r, J, cost, before = trial, r_new, J_new, cost_new, full
+                damping = 0.0 if quiet or damping <= DAMPING else damping * EASIER
+                if full <= STEP * reach:
+                    return ended(SolveStatus.SOLVED, f"arrived after {iterations} iterations")
+                break
+            if full <= ROUNDING * reach and finite:  # no better, but no further either
+                return ended(SolveStatus.SOLVED, f"arrived after {iterations} iterations, at rounding")
+            damping = max(damping * HARDER, DAMPING)
+            if damping > STUCK:
+                return ended(
+                    SolveStatus.FAILED, "no step along the gradient lowers the residuals; are the slopes right?"
+                )
+    return ended(SolveStatus.ITERATION_LIMIT, f"no end after {limit} iterations; start nearer, or scale the parameters")

@@ -1,0 +1,137 @@
+"""What residuals say of a model: are they white, normal, as large as the noise, and as large on other data."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from ..results.estimate import Estimate
+
+SMALL_P = 0.01  # a test with a smaller p-value speaks against its hypothesis
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """A test: its statistic, its p-value under the hypothesis, whether that stands at 1 %, and a sentence."""
+
+    statistic: float
+    p: float
+    passed: bool
+    sentence: str
+
+
+def autocorrelation(r: np.ndarray, lags: int) -> np.ndarray:
+    """Coefficients at lags 0..lags (lags + 1,) of r (T,), mean removed, divided by T (positive definite)."""
+    d = np.asarray(r, float) - np.mean(r)
+    size = 1 << int(np.ceil(np.log2(2 * len(d))))
+    power = np.abs(np.fft.rfft(d, size)) ** 2
+    c = np.fft.irfft(power, size)[: lags + 1]
+    return c / c[0] if c[0] > 0 else np.concatenate([[1.0], np.zeros(lags)])
+
+
+def insignificant(r: np.ndarray) -> int:
+    """The last lag before the autocorrelation of r (T,) first lies within 2 / sqrt(T) of zero."""
+    c = autocorrelation(r, len(r) // 2)
+    return (
+        int(np.argmax(np.abs(c) < 2 / np.sqrt(len(r)))) - 1 if np.any(np.abs(c) < 2 / np.sqrt(len(r))) else len(c) - 1
+    )
+
+
+def whiteness(r: np.ndarray, *, lags: int | None = None, parameters: int = 0) -> Verdict:
+    """Ljung-Box test of r (T,) in the order of time; `lags` default min(20, T / 5), `parameters` of the noise's model.
+
+    Source: Ljung and Box 1978, Biometrika 65: Q = T (T + 2) sum c_k^2 / (T - k), chi-squared of lags - parameters.
+    """
+    T = len(r)
+    K = min(20, T // 5) if lags is None else int(lags)
+    if K <= parameters:
+        raise ValueError(
+            f"{T} residuals and {K} lags are too few to test whiteness; take at least {parameters + 1} lags"
+        )
+    c = autocorrelation(r, K)[1:]
+    Q = T * (T + 2) * float(np.sum(c**2 / (T - np.arange(1, K + 1))))
+    p = float(stats.chi2.sf(Q, K - parameters))
+    k = int(np.argmax(np.abs(c)))
+    said = (
+        "residuals look white"
+        if p >= SMALL_P
+        else f"residuals are coloured (correlation {c[k]:.2f} at lag {k + 1}): intervals for white noise are too narrow"
+    )
+    return Verdict(Q, p, p >= SMALL_P, f"{said} (Ljung-Box p = {p:.2g}, {K} lags)")
+
+
+def normality(r: np.ndarray) -> Verdict:
+    """Jarque-Bera test of skewness and kurtosis: a hint, since least squares needs no normal noise, intervals do."""
+    skew, tail = float(stats.skew(r)), float(stats.kurtosis(r))
+    J = len(r) / 6 * (skew**2 + tail**2 / 4)
+    p = float(stats.chi2.sf(J, 2))
+    said = (
+        "residuals look normal"
+        if p >= SMALL_P
+        else f"residuals are not normal (skewness {skew:.2g}, excess kurtosis {tail:.2g}): look for outliers, or take "
+        "a loss that bears them"
+    )
+    return Verdict(J, p, p >= SMALL_P, f"{said} (Jarque-Bera p = {p:.2g})")
+
+
+def noise_size(estimate: Estimate) -> Verdict:
+    """Chi-squared test of whitened residuals against a known noise, both sides. Raises ValueError if it is unknown."""
+    if not estimate.known_noise:
+        raise ValueError("the noise was not given, so that the residuals cannot be compared with it; give sigma")
+    chi2 = float(estimate.residuals @ estimate.residuals)
+    p = 2 * float(min(stats.chi2.sf(chi2, estimate.freedom), stats.chi2.cdf(chi2, estimate.freedom)))
+    ratio = estimate.noise
+    said = "residuals are as large as the stated noise"
+    if p < SMALL_P:
+        said = (
+            f"residuals are {ratio:.2f} times the stated noise: the model lacks an effect, or the noise was stated too "
+            "small"
+            if ratio > 1
+            else f"residuals are {ratio:.2f} times the stated noise: it was stated too large"
+        )
+    return Verdict(chi2, p, p >= SMALL_P, f"{said} (chi-squared {chi2:.4g} for {estimate.freedom:.4g}, p = {p:.2g})")
+
+
+@dataclass(frozen=True, eq=False)
+class CrossValidation:
+    """Errors (rows,) of rows that the fit had not seen; `rms` of them, and `inside`, that of fits that saw all rows."""
+
+    errors: np.ndarray
+    inside: float
+    folds: int
+
+    @property
+    def rms(self) -> float:
+        return float(np.sqrt(np.mean(self.errors**2)))
+
+    @property
+    def sentence(self) -> str:
+        return (
+            f"held-out error {self.rms:.4g} rms over {self.folds} parts, {self.inside:.4g} on the data that were fitted"
+        )
+
+
+def cross_validation(
+    fit: Callable[[np.ndarray], object], errors: Callable[[object, np.ndarray], np.ndarray], parts: Sequence[np.ndarray]
+) -> CrossValidation:
+    """`fit(rows)` fits on some rows (indices), `errors(fitted, rows)` tells its errors on others; `parts` are held out
+    in turn: see contiguous() and alternate(). Raises ValueError for fewer than two parts."""
+    if len(parts) < 2:
+        raise ValueError("cross-validation needs at least two parts: one to fit and one to hold out")
+    every = np.sort(np.concatenate(parts))
+    found = np.concatenate([np.asarray(errors(fit(np.setdiff1d(every, part)), part)).reshape(-1) for part in parts])
+    inside = np.asarray(errors(fit(every), every)).reshape(-1)
+    return CrossValidation(found, float(np.sqrt(np.mean(inside**2))), len(parts))
+
+
+def contiguous(n: int, folds: int) -> list[np.ndarray]:
+    """Indices 0..n-1 in `folds` stretches: for series, where neighbours are alike."""
+    return list(np.array_split(np.arange(n), folds))
+
+
+def alternate(n: int, folds: int = 2) -> list[np.ndarray]:
+    """Indices 0..n-1 dealt out in turn: alternate grid points, Dressler 2012, section 5.5."""
+    return [np.arange(k, n, folds) for k in range(folds)]

@@ -1,0 +1,113 @@
+"""Estimated quantities with their covariance: what every fit returns, whichever engine made it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy import stats
+
+# what a combination's terms sum to along a null direction, of the sum of their sizes: more is not told by the data
+INSIDE = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """Estimated quantities with their covariance, in SI units.
+
+    `names`: free constants, and states at the start as "x at the start". `covariance` (n, n) is that of linearised
+    least squares (Gauss-Newton), `freedom` the number of measured values beyond the estimated quantities, `noise` the
+    standard deviation of the residuals (1 expected where sigma was given). `held` stand at a bound, at `held_values`:
+    no covariance. `null_space` (n, k), one column per direction in which the data say nothing, zero where a name has
+    no part: values stand where the fit was told to leave them, `covariance` is that of the rest, and intervals of
+    names that move along one are infinite. `units` per name (empty: not told); `notes`: sentences on what limits the
+    numbers.
+    """
+
+    names: tuple[str, ...]
+    values: np.ndarray
+    covariance: np.ndarray
+    freedom: float
+    noise: float
+    known_noise: bool
+    residuals: np.ndarray
+    held: tuple[str, ...]
+    held_values: tuple[float, ...] = ()
+    units: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+    null_space: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+
+    @property
+    def std(self) -> np.ndarray:
+        """Standard deviations (n,); infinite for what moves along the null space."""
+        std = np.sqrt(np.diag(self.covariance))
+        std[self._moving] = np.inf
+        return std
+
+    @property
+    def undetermined(self) -> tuple[str, ...]:
+        """Names that move along a direction in which the data say nothing."""
+        return tuple(n for n, moves in zip(self.names, self._moving, strict=True) if moves)
+
+    @property
+    def correlation(self) -> np.ndarray:
+        """Correlation coefficients (n, n)."""
+        std = np.sqrt(np.diag(self.covariance))
+        return self.covariance / np.outer(std, std)
+
+    def value(self, name: str) -> float:
+        """The estimate, or the bound at which it is held. Raises ValueError for another name."""
+        if name in self.held and self.held_values:
+            return self.held_values[self.held.index(name)]
+        return float(self.values[self._index(name)])
+
+    def interval(self, name: str, level: float = 0.95) -> tuple[float, float]:
+        """Confidence interval: normal where sigma was given, else Student's t with `freedom`. Raises ValueError."""
+        k = self._index(name)
+        q = self._quantile(level)
+        return float(self.values[k] - q * self.std[k]), float(self.values[k] + q * self.std[k])
+
+    def combination(self, weights: Mapping[str, float], level: float = 0.95) -> tuple[float, float, float]:
+        """Value and confidence limits of sum weights[name] * name; infinite where the data do not tell it.
+
+        Raises ValueError for a name that was not estimated.
+        """
+        w = np.zeros(len(self.names))
+        for name, weight in weights.items():
+            w[self._index(name)] = weight
+        value = float(w @ self.values)
+        if self.null_space.size:
+            along = np.abs(w @ self.null_space)
+            if np.any(along > INSIDE * (np.abs(w) @ np.abs(self.null_space))):
+                return value, -np.inf, np.inf
+        half = self._quantile(level) * float(np.sqrt(w @ self.covariance @ w))
+        return value, value - half, value + half
+
+    @property
+    def _moving(self) -> np.ndarray:
+        return np.abs(self.null_space).max(axis=1) > 0 if self.null_space.size else np.zeros(len(self.names), bool)
+
+    def _index(self, name: str) -> int:
+        if name not in self.names:
+            raise ValueError(f"'{name}' was not estimated; these were: {', '.join(self.names)}")
+        return self.names.index(name)
+
+    def _quantile(self, level: float) -> float:
+        if not 0 < level < 1:
+            raise ValueError(f"a confidence level lies between 0 and 1; found {level:g}")
+        return float(
+            stats.norm.ppf((1 + level) / 2) if self.known_noise else stats.t.ppf((1 + level) / 2, self.freedom)
+        )
+
+    def __str__(self) -> str:
+        width = max(len(n) for n in self.names)
+        lines = [f"{'':{width}s}  {'value':>14s}  {'std':>10s}  95 % interval"]
+        std = self.std
+        for k, name in enumerate(self.names):
+            low, high = self.interval(name)
+            unit = f" {self.units[k]}" if self.units and self.units[k] else ""
+            lines.append(f"{name:{width}s}  {self.values[k]:14.7g}  {std[k]:10.3g}  {low:.7g} .. {high:.7g}{unit}")
+        lines += [f"{name} is held at its bound" for name in self.held]
+        lines += self.notes
+        return "\n".join([*lines, f"{len(self.residuals)} measured values, residual noise {self.noise:.4g}"])

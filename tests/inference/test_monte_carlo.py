@@ -1,0 +1,65 @@
+"""Runs by seed: the same for any number of processes, counted, interrupted; and the binomial band."""
+
+import os
+import time
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+from scipy.special import comb
+
+from gtmodel.inference import binomial_band, coverage, monte_carlo
+from tests.inference.runs import mean_of_ten, own_seed, slow, third_fails
+
+
+def test_the_band_is_exact():
+    assert binomial_band(200) == (179, 198)
+    assert binomial_band(500) == (458, 489)
+    low, high = binomial_band(200)
+    p = np.array([comb(200, k) * 0.95**k * 0.05 ** (200 - k) for k in range(201)])
+    assert p[:low].sum() <= 0.0005 < p[: low + 1].sum()
+    assert p[high + 1 :].sum() <= 0.0005 < p[high:].sum()
+
+
+def test_students_intervals_hold_and_normal_ones_would_not():
+    runs = monte_carlo(mean_of_ten, 200, 20, processes=0)
+    found = coverage(runs.results, {"m": 3.0})
+    assert found.passed and found.pooled == found.hits[0] / 200
+    assert not coverage(runs.results, {"m": 3.05}).passed  # biased
+    assert "179..198" in str(found)
+    with pytest.raises(ValueError, match="found none"):
+        coverage([], {"m": 3.0})
+
+
+def test_processes_change_nothing_and_have_one_thread_each():
+    before = dict(os.environ)
+    seen: list[int] = []
+    here = monte_carlo(own_seed, 5, 42, processes=0)
+    two = monte_carlo(own_seed, 5, 42, processes=2, progress=lambda done, of: seen.append(done))
+    threads = monte_carlo(own_seed, 5, 42, executor=ThreadPoolExecutor(3))
+    assert [r[:2] for r in two.results] == [r[:2] for r in here.results] == [r[:2] for r in threads.results]
+    assert {r[2] for r in two.results} == {"1"} and seen == [1, 2, 3, 4, 5]
+    assert len({r[1] for r in here.results}) == 5 and not two.interrupted
+    assert dict(os.environ) == before
+
+
+def test_a_failing_run_is_named():
+    with pytest.raises(RuntimeError, match="run 2: ValueError: no such pose"):
+        monte_carlo(third_fails, 4, 1, processes=0)
+
+
+def test_an_interruption_keeps_what_is_done_and_ends_the_workers():
+    done: list[int] = []
+    begun = time.monotonic()
+    found = monte_carlo(slow, 6, 1, processes=1, progress=lambda n, of: done.append(n), interrupted=lambda: bool(done))
+    assert found.interrupted and found.indices == (0,) and found.results == (0,)
+    assert time.monotonic() - begun < 30
+
+
+def test_ctrl_c_keeps_what_is_done():
+    def stop(done: int, of: int) -> None:
+        if done == 3:
+            raise KeyboardInterrupt
+
+    found = monte_carlo(own_seed, 6, 1, processes=0, progress=stop)
+    assert found.interrupted and found.indices == (0, 1, 2)
