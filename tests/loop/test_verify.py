@@ -12,6 +12,9 @@ from pathlib import Path
 import pytest
 
 from gtmodel._files import codegen_dir
+from gtmodel.loop import Faults
+from gtmodel.loop.build import manifest_of, sources
+from tests.loop.bench import Bench
 
 pytestmark = pytest.mark.proof
 
@@ -76,6 +79,25 @@ def test_fuzzing_under_sanitizers(codec: str, tmp_path: Path) -> None:
     runs = re.search(r"Done (\d+) runs", done.stderr)
     assert done.returncode == 0, done.stderr[-2000:]
     assert runs and int(runs.group(1)) > 10_000
+
+
+@pytest.mark.parametrize("protocol", ["egm", "rsi"])
+def test_whole_loop_runs_clean_under_sanitizers(bench: Bench, generated: Path, tmp_path: Path, protocol: str) -> None:
+    """Every law for a while, and faults in both directions; a finding ends the program with a message."""
+    files = [bench.place / name for name in sources(manifest_of(generated), 3) if name.endswith(".c")]
+    files += [generated / "gt_l1.c", generated / "gt_l1_body.c"]
+    flags = ["-std=c99", "-g", "-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
+    flags += [f"-I{generated}", f"-I{bench.place}", "-lm", "-pthread"]
+    program = tmp_path / "gt_loop"
+    built = subprocess.run(["cc", *map(str, files), *flags, "-o", str(program)], capture_output=True, text=True)
+    if built.returncode != 0 and "cannot find" in built.stderr:
+        pytest.skip("not run: the compiler lacks its sanitizers on this machine")
+    assert built.returncode == 0, built.stderr
+    clean = Bench(program, bench.place, bench.functions)
+    faults = Faults(lost=0.05, delayed=0.2, repeated=0.1, garbage=0.1, seed=4)
+    for law in ("trajectory", "dynamics", "replay", "path"):
+        pair = clean.both(protocol, law, 1000, faults)
+        assert pair.c_log == pair.twin_log
 
 
 def test_misra_counts_only_fall() -> None:
