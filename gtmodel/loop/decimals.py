@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 DIGITS_MOST = 18
 POWER_MOST = 22
@@ -11,6 +12,7 @@ SCALE = 1_000_000
 _DIGITS = frozenset(b"0123456789")
 
 
+@lru_cache(maxsize=4096)  # most numbers of a telegram stand still
 def read_decimal(text: bytes) -> float | None:
     """[+-]digits[.digits][e[+-]digits] as a number, None for anything else; see gt_decimal.h for what is cut."""
     at, negative = (1, text[:1] == b"-") if text[:1] in (b"+", b"-") else (0, False)

@@ -10,6 +10,7 @@ VARINT, FIXED64, BYTES, FIXED32 = 0, 1, 2, 5
 _VARINT_BYTES = 10
 _UINT64 = (1 << 64) - 1
 _UINT32 = (1 << 32) - 1
+_ONE_BYTE = [bytes([n]) for n in range(0x80)]
 
 
 class WireError(ValueError):
@@ -18,6 +19,8 @@ class WireError(ValueError):
 
 def varint(value: int) -> bytes:
     """Seven bits per byte, lowest first."""
+    if value < 0x80:
+        return _ONE_BYTE[value]
     out = bytearray()
     while value >= 0x80:
         out.append(value & 0x7F | 0x80)
@@ -81,6 +84,8 @@ def fields(data: bytes) -> Iterator[tuple[int, int, int | float | bytes]]:
 
 
 def _varint(data: bytes, at: int) -> tuple[int, int]:
+    if at < len(data) and data[at] < 0x80:
+        return data[at], at + 1
     value = 0
     for n in range(_VARINT_BYTES):
         if at >= len(data):

@@ -47,9 +47,7 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp("place") / "loop"
 
 
-@pytest.mark.parametrize(
-    ("peer", "law"), [("egm", "trajectory"), ("rsi", "dynamics"), ("rsi", "replay"), ("egm", "path")]
-)
+@pytest.mark.parametrize(("peer", "law"), [("egm", "dynamics"), ("rsi", "replay"), ("egm", "path")])
 def test_law_tracks_better_than_the_reference_alone(
     folder: Path, motion: Path, place: Path, peer: str, law: str
 ) -> None:

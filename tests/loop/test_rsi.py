@@ -113,7 +113,7 @@ def test_numbers_that_cannot_be_sent_give_no_answer(runtime: ctypes.CDLL) -> Non
 
 
 @given(text=st.from_regex(rb"[+-]?[0-9]{0,20}\.?[0-9]{0,20}([eE][+-]?[0-9]{0,4})?", fullmatch=True))
-@settings(max_examples=400, deadline=None)
+@settings(max_examples=150, deadline=None)
 def test_decimals_are_read_alike(runtime: ctypes.CDLL, text: bytes) -> None:
     found = read_decimal_python(text)
     assert read_decimal(runtime, text) == found
