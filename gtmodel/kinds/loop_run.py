@@ -97,6 +97,9 @@ def run(
         for n, label in enumerate(LAWS[law]):
             job.progress(f"{peer}: {label}", n / 2)
             runs.append(_run(bench, label, active=n == 1))
+            if job.interrupted():
+                outcome = Outcome(status=SolveStatus.INTERRUPTED, message="stopped before both runs were compared")
+                return Finished(outcome, time.monotonic() - job.began)
     except LoopError as error:
         return Finished(Outcome(status=SolveStatus.FAILED, message=str(error)), time.monotonic() - job.began)
     outcome = _outcome(bench, runs)
@@ -112,12 +115,16 @@ def _run(bench: Bench, label: str, *, active: bool) -> OneRun:
     options = [*_options(bench, active), "--log", str(log)]
     # in real time a late cycle is one more, and the loop ends when it is asked to
     options += ["--cycles", str(bench.cycles)] if bench.in_lockstep else []
+
+    def stopped(share: float) -> bool:
+        return bench.context.interrupted()
+
     with LoopProcess(bench.program, options) as process:
         if bench.in_lockstep:
-            done = lockstep(robot, process.exchange, bench.cycles)
+            done = lockstep(robot, process.exchange, bench.cycles, stopped=stopped)
         else:
-            done = real_time(robot, process, bench.cycles, lambda share: bench.context.interrupted())
-            process.end()
+            done = real_time(robot, process, bench.cycles, stopped)
+        process.end()
         found = process.finish()
         said = process.said
     tcp, status = bench.forward(done.measured_m)

@@ -13,6 +13,11 @@ from .process import LoopProcess
 from .robot_side import RobotSide
 
 Answering = Callable[[list[bytes]], list[bytes]]
+Stopped = Callable[[float], bool]  # asked in every cycle with the share done; True ends the run there
+
+
+def _never(share: float) -> bool:
+    return False
 
 
 @dataclass
@@ -31,6 +36,7 @@ def lockstep(
     cycles: int,
     to_loop: Channel | None = None,
     to_robot: Channel | None = None,
+    stopped: Stopped = _never,
 ) -> Run:
     """Cycle by cycle: the robot sends, the loop (`exchange` of a LoopProcess or of a Twin) answers, the robot moves."""
     out, back = to_loop or Channel(), to_robot or Channel()
@@ -42,12 +48,12 @@ def lockstep(
         for answer in answering(out.due(cycle)):
             back.put(cycle, robot.number, answer)
         robot.step(back.due(cycle))
+        if stopped(cycle / cycles):
+            break
     return Run(np.array(measured), np.array(planned), out, back)
 
 
-def real_time(
-    robot: RobotSide, loop: LoopProcess, cycles: int, stopped: Callable[[float], bool] = lambda share: False
-) -> Run:
+def real_time(robot: RobotSide, loop: LoopProcess, cycles: int, stopped: Stopped = _never) -> Run:
     """The robot sends every cycle_ms by the clock; answers count that have come when the next cycle begins."""
     measured, planned = [], []
     begin, step = time.monotonic(), robot.cycle_ms / 1000.0

@@ -13,7 +13,7 @@ from gtmodel.kinds import loop_run
 from gtmodel.kinds.base import Context, InputError
 from gtmodel.kinds.load import load
 from gtmodel.kinds.run import context_of, generate
-from gtmodel.results import Trajectory
+from gtmodel.results import SolveStatus, Trajectory
 
 SECONDS = 2.0
 
@@ -102,3 +102,11 @@ def test_reference_of_another_step_is_refused(folder: Path, motion: Path, place:
     Trajectory(2 * slow.time, {n: slow[n] for n in names}, {n: slow.unit(n) for n in names}).to_csv(path)
     with pytest.raises(InputError, match=r"a row every 0\.004 s"):
         loop_run.run(folder, "egm", 1.0, reference=path, in_lockstep=True, out=place, context=Context())
+
+
+@pytest.mark.parametrize("in_lockstep", [True, False])
+def test_interrupted_run_says_so(folder: Path, motion: Path, place: Path, in_lockstep: bool) -> None:
+    job = Context()
+    job.request_stop()
+    finished = loop_run.run(folder, "egm", 60.0, reference=motion, in_lockstep=in_lockstep, out=place, context=job)
+    assert finished.outcome.status is SolveStatus.INTERRUPTED and not finished.files
