@@ -13,6 +13,7 @@ from .words import listed
 TIE = 1e-6
 # coefficients below this part of a column's largest are rounding
 NOTHING = 1e-8
+SHOWN = 0.01  # of the largest: smaller ones are not named in a sentence
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,11 +37,16 @@ class Dependencies:
     def sentences(self) -> list[str]:
         """One per dependent name."""
         return [
-            f"{d} moves with {listed(tuple(c))}: measure {d}, or fix one of them"
+            f"{d} moves with {listed(_largest(c))}: measure {d}, or fix one of them"
             if c
             else f"{d} moves nothing that is measured: fix it"
             for d, c in self.coefficients.items()
         ]
+
+
+def _largest(c: dict[str, float]) -> tuple[str, ...]:
+    most = max(abs(v) for v in c.values())
+    return tuple(n for n, v in c.items() if abs(v) > SHOWN * most)
 
 
 def dependencies(

@@ -21,7 +21,8 @@ Retraction = Callable[[np.ndarray, np.ndarray], np.ndarray]
 STEP = 1e-13  # the norm of a full step in units of the scales: the iteration has arrived
 ROUNDING = 1e-8  # likewise: a step that the rounding of the residuals alone may ask for
 LEVEL = 1e-5  # cosine of the residuals with the slopes: below, the cost is level to 1e-10 and cannot judge a step
-DAMPING, EASIER, HARDER, STUCK = 1e-4, 0.1, 10.0, 1e16  # of the information's diagonal, which is one by the scaling
+# damping begins below what the data tell least, or weak directions would creep; all relative to the largest
+DAMPING, EASIER, HARDER, STUCK = 0.1, 0.1, 10.0, 1e16
 QUIET = 1e-3  # a full step that changes the cost by less than this part is taken undamped
 
 
@@ -151,6 +152,7 @@ def descend(
         projected = (U.T @ (Q.T @ right))[told]
         if not told.any():
             return ended(SolveStatus.SOLVED, "nothing measured moves with the parameters")
+        least = DAMPING * float(s[told][-1] / s[0]) ** 2
         full = float(np.linalg.norm(projected / s[told]))  # of the undamped step, in units of the scales
         reach = 1 + float(np.linalg.norm(x / scale)) if len(x) == n else 1.0
         flat = float(np.linalg.norm(projected)) <= LEVEL * np.linalg.norm(right)
@@ -165,13 +167,13 @@ def descend(
             if finite and (cost_new <= cost or (flat and damping == 0.0)):
                 quiet = cost - cost_new < QUIET * cost
                 x, r, J, cost, before = trial, r_new, J_new, cost_new, full
-                damping = 0.0 if quiet or damping <= DAMPING else damping * EASIER
+                damping = 0.0 if quiet or damping <= least else damping * EASIER
                 if full <= STEP * reach:
                     return ended(SolveStatus.SOLVED, f"arrived after {iterations} iterations")
                 break
             if full <= ROUNDING * reach and finite:  # no better, but no further either
                 return ended(SolveStatus.SOLVED, f"arrived after {iterations} iterations, at rounding")
-            damping = max(damping * HARDER, DAMPING)
+            damping = max(damping * HARDER, least)
             if damping > STUCK:
                 return ended(
                     SolveStatus.FAILED, "no step along the gradient lowers the residuals; are the slopes right?"

@@ -27,7 +27,7 @@ from gtmodel.loop import (
 from gtmodel.loop.plant import Plant
 from gtmodel.loop.record import STATES, trajectory_of
 from gtmodel.results import SolveStatus, Status, Trajectory
-from gtmodel.robots.catalogue import closed_loop_drives
+from gtmodel.robots import actuator_closed_loop
 
 from . import report
 from .base import Check, Context, Outcome, Row
@@ -140,13 +140,13 @@ def _plant(bench: Bench) -> Plant:
         forward = compile_causal(bench.robot, known="tau", targets="der(T,2)", prefer="T")
         velocity = compile_causal(bench.robot, known="T", targets=["q", "der(q)"])
         return RigidBodyPlant(forward, velocity, bench.tcp_m[0].tolist(), Servo(), CYCLE_MS / 1000.0)
-    drives = closed_loop_drives()
-    return DrivePlant(start.tolist(), drives["a"], drives["b"], drives["delay_samples"])
+    drives = actuator_closed_loop()
+    return DrivePlant(start.tolist(), drives["a"], drives["b"], drives["delay"])
 
 
 def _options(bench: Bench, active: bool) -> list[str]:
     """The loop's command line."""
-    drives, servo = closed_loop_drives(), Servo()
+    drives, servo = actuator_closed_loop(), Servo()
     lowest = bench.carts_m.min(axis=0) - REACH_LIMIT_M
     highest = bench.carts_m.max(axis=0) + REACH_LIMIT_M
     table = str(bench.place / "reference.table")
@@ -163,7 +163,7 @@ def _options(bench: Bench, active: bool) -> list[str]:
         "--highest": _text(highest),
         "--step": repr(STEP_LIMIT_M),
         "--path-limit": repr(PATH_LIMIT_M),
-        "--delay-ms": str(CYCLE_MS * drives["delay_samples"]),
+        "--delay-ms": str(CYCLE_MS * drives["delay"]),
         "--a": _text(drives["a"]),
         "--b": _text(drives["b"]),
         "--kp": _text([servo.kp_N_m] * 3),
@@ -186,7 +186,7 @@ def _text(values: Sequence[float] | np.ndarray) -> str:
 
 def _learned(bench: Bench) -> Table:
     """Corrections that repeated simulated runs of the drives leave: u + 0.9 e(k + 5) (Dressler 2012, section 7.3)."""
-    wanted, delay = bench.carts_m, closed_loop_drives()["delay_samples"]
+    wanted, delay = bench.carts_m, actuator_closed_loop()["delay"]
     correction = np.zeros_like(wanted)
     for _ in range(LEARNING_RUNS):
         plant, measured = _plant(bench), np.zeros_like(wanted)

@@ -12,10 +12,12 @@ from .fixed import Fixed, FixedTranslation, PointOnFrame
 from .frames import Flange, Frame, PointFrame, Shaft, World
 from .friction import (
     DirectionalPiecewiseLinearFriction,
+    DirectionalSignFriction,
     DirectionalTanhFriction,
     Friction,
     Frictionless,
     PiecewiseLinearFriction,
+    SignFriction,
     StribeckFriction,
     TanhFriction,
 )
@@ -29,9 +31,10 @@ from .friction_rotational import (
 )
 from .guideway import Guideway
 from .guideway_curves import CurvedGuideway, PiecewiseLinearCyclicGuideway, PiecewiseLinearGuideway, SplineGuideway
+from .guideway_saddle import SaddleGuideway
 from .joints import Prismatic, Revolute, Spherical, Universal
 from .load import FrameLoad, PointLoad
-from .motor import ForceMotor, TorqueMotor
+from .motor import ForceMotor, GearedMotor, TorqueMotor
 from .plane import Plane
 from .plate import RigidPlate
 from .rod import MidpointRod, Rod, UniformRod
@@ -46,6 +49,7 @@ __all__ = [
     "BallScrew",
     "CurvedGuideway",
     "DirectionalPiecewiseLinearFriction",
+    "DirectionalSignFriction",
     "DirectionalTanhFriction",
     "Fixed",
     "FixedFlange",
@@ -60,6 +64,7 @@ __all__ = [
     "Friction",
     "Frictionless",
     "Gear",
+    "GearedMotor",
     "Ground",
     "Guideway",
     "Inertia",
@@ -85,8 +90,10 @@ __all__ = [
     "RotationalPiecewiseLinearFriction",
     "RotationalStribeckFriction",
     "RotationalTanhFriction",
+    "SaddleGuideway",
     "Shaft",
     "ShaftSpringDamper",
+    "SignFriction",
     "Spherical",
     "SplineGuideway",
     "SpringDamper",

@@ -31,9 +31,9 @@ from gtmodel.loop import (
 )
 from gtmodel.loop.laws import Law
 from gtmodel.results import Status
-from gtmodel.robots.catalogue import closed_loop_drives
+from gtmodel.robots import actuator_closed_loop
 
-DRIVES = closed_loop_drives()
+DRIVES = actuator_closed_loop()
 A, B = [*DRIVES["a"], 0.0, 0.0, 0.0], [*DRIVES["b"], 1.0, 1.0, 1.0]
 KP, KD = [40_000.0] * 6, [1_500.0] * 6
 STEP, HOLD, RAMP = 0.05, 25, 40
@@ -87,7 +87,7 @@ class Bench:
         return self.reference.rows[0, :3].tolist()
 
     def robot(self, protocol: str, **keys: object) -> RobotSide:
-        plant = DrivePlant(self.start_m, DRIVES["a"], DRIVES["b"], DRIVES["delay_samples"])
+        plant = DrivePlant(self.start_m, DRIVES["a"], DRIVES["b"], DRIVES["delay"])
         return RobotSide(protocol, plant, **keys)  # type: ignore[arg-type]
 
     def options(self, protocol: str, law: str, *, live: bool = True) -> list[str]:

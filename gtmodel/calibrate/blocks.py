@@ -1,0 +1,80 @@
+"""Functions of a calibration: residuals and exact slopes per pose, in blocks that share no unknown."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import connected_components
+
+from ..compiler.rows import map_columns
+
+
+@dataclass(frozen=True, eq=False)
+class Block:
+    """Rows of the closure and unknowns that have nothing to do with the others.
+
+    `rows`, `columns`: their indices. `function`: (d, noise, latent, x) -> r (m,), slopes in x (m, n), in the noise
+    (m, ny), in the latent values (m, nz), of which `plain` computes the first two only.
+    """
+
+    rows: np.ndarray
+    columns: np.ndarray
+    plain: ca.Function
+    function: ca.Function
+
+    def evaluate(self, data: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """r (N, m) and dr/dx (N, m, n) of data (nd, N), without noise."""
+        r, J = map_columns(self.plain, [data, _repeated(x, data)])
+        return r.T, _stacked(J, data.shape[1])
+
+    def evaluate_all(
+        self, data: np.ndarray, noise: np.ndarray, latent: np.ndarray, x: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """r (N, m), dr/dx (N, m, n), dr/dnoise (N, m, ny), dr/dlatent (N, m, nz) for noise (N, ny), latent (N, nz)."""
+        n = data.shape[1]
+        r, J, By, Bz = map_columns(self.function, [data, noise.T, latent.T, _repeated(x, data)])
+        return r.T, _stacked(J, n), _stacked(By, n), _stacked(Bz, n)
+
+
+def blocks(
+    residuals: ca.SX, d: ca.SX, noise: ca.SX, latent: ca.SX, x: ca.SX, joined: Sequence[int] = ()
+) -> tuple[Block, ...]:
+    """Split by the sparsity of the slopes: rows that share an unknown, a latent value, or one of the noises `joined`.
+
+    Blocks come in the order of their first row; an unknown that no row holds is in the first block.
+    """
+    shared = ca.vertcat(x, latent, *[noise[k] for k in joined])
+    pattern = ca.jacobian_sparsity(residuals, shared)
+    m, n = residuals.numel(), shared.numel()
+    r, c = pattern.get_triplet()
+    graph = csr_matrix((np.ones(len(r)), (r, np.array(c, int) + m)), shape=(m + n, m + n))
+    _, label = connected_components(graph, directed=False)
+    found = []
+    order = list(dict.fromkeys(label[:m]))
+    for k in order:
+        rows = np.flatnonzero(label[:m] == k)
+        inside = [j for j in range(x.numel()) if label[m + j] == k or (k == order[0] and label[m + j] not in order)]
+        columns = np.array(inside, int)
+        part, own = residuals[rows.tolist()], x[columns.tolist()]
+        slopes = [ca.densify(ca.jacobian(part, s)) for s in (own, noise, latent)]
+        none = [noise, latent], [ca.DM.zeros(noise.numel(), 1), ca.DM.zeros(latent.numel(), 1)]
+        quiet = ca.cse(ca.substitute([ca.densify(part), slopes[0]], *none))
+        found.append(
+            Block(
+                rows, columns, ca.Function("closure", [d, own], quiet),
+                ca.Function("closure", [d, noise, latent, own], ca.cse([ca.densify(part), *slopes])),
+            )
+        )  # fmt: skip
+    return tuple(found)
+
+
+def _repeated(x: np.ndarray, data: np.ndarray) -> np.ndarray:
+    return np.broadcast_to(x[:, None], (len(x), data.shape[1]))
+
+
+def _stacked(J: np.ndarray, n: int) -> np.ndarray:
+    return J.reshape(J.shape[0], n, J.shape[1] // n if n else 0).transpose(1, 0, 2)

@@ -1,0 +1,212 @@
+"""Calibration of any model: measured poses in, parameters with confidence out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from ..compiler.flat import FlatModel
+from ..inference import Identifiability
+from ..inference.losses import loss_named
+from ..inference.nonlinear import descend
+from ..inference.weighting import Weighting, prior_rows
+from ..lang.builder import Builder
+from ..lang.model import Model
+from ..lang.source import ModelError
+from ..results.estimate import Estimate
+from ..results.status import SolveStatus
+from .blocks import Block
+from .confidence import Fitted, estimated
+from .implicit import Adjustment, require_noise_enough
+from .measurements import Measurements
+from .problem import COSTS, Cost, Problem, joined_blocks, noise_covariance, prepare
+from .unknowns import Choice
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """What calibrate() found. `estimate` of the unknowns, None unless solved; `values` of all parameters in the closure
+    equations; `residuals` (N, m) [m] of `labels`; `start` those before. `blocks`: names of unknowns solved together.
+    """
+
+    problem: Problem
+    cost: Cost
+    status: SolveStatus
+    message: str
+    x: np.ndarray
+    estimate: Estimate | None
+    identifiability: Identifiability | None
+    values: dict[str, float]
+    residuals: np.ndarray
+    start: np.ndarray
+    iterations: int
+    blocks: tuple[tuple[str, ...], ...]
+
+    @property
+    def link_errors(self) -> dict[str, float]:
+        """Mean |length error| [m] per link (Dressler 2012, eq. (5.13))."""
+        return dict(zip(self.problem.labels, np.abs(self.residuals).mean(axis=0).tolist(), strict=True))
+
+    @property
+    def pose_errors(self) -> np.ndarray:
+        """Root mean square of the length errors [m] of each pose (N,)."""
+        return np.sqrt(np.mean(self.residuals**2, axis=1))
+
+    @property
+    def flat(self) -> FlatModel:
+        """The flat model with calibrated parameters: for causal functions, as gt.compiler.causal.compile_causal()."""
+        flat = self.problem.closure.flat
+        own = [replace(q, value=self.values.get(q.name, q.value)) for q in flat.parameters]
+        return replace(flat, parameters=own, cache={})
+
+    def parameters(self) -> dict[str, np.ndarray]:
+        """Whole top-level parameters as arrays, for model.with_(**parameters)."""
+        flat = self.problem.closure.flat
+        p = ca.vertcat(*[q.symbol for q in flat.parameters])
+        at = np.array([self.values.get(q.name, q.value) for q in flat.parameters])
+        found = {}
+        for name in dict.fromkeys(flat.parameters[k].name.partition("[")[0] for k in self.problem.closure.touched):
+            if name in flat.bindings:
+                array = np.asarray(ca.Function("p", [p], [flat.bindings[name]])(at)).reshape(-1)
+                declared = getattr(type(flat.root), name)
+                found[name] = array.reshape(declared.shape) if declared.shape else float(array[0])
+        return found
+
+    def on(self, measurements: Measurements) -> np.ndarray:
+        """Length errors (N, m) [m] on other poses, such as those held out."""
+        return self.problem.on(measurements).residuals(self.x)
+
+    def positioning_errors(self, measurements: Measurements | None = None) -> dict[str, np.ndarray]:
+        """What the forward kinematics of the measured actuators misses, model less measured, per signal of the pose:
+        (N, 3) [m], and for quaternions a turn (N, 3) [rad]. NaN where a pose cannot be closed."""
+        p = self.problem if measurements is None else self.problem.on(measurements)
+        joined = joined_blocks(p.closure, p.reading, p.unknowns, p.actuators, "forward")
+        found = np.full((len(p.measurements), p.reading.noise.numel()), np.nan)
+        for b in joined:
+            S = noise_covariance(p, "forward", unit=True)
+            a = Adjustment(b, p.reading.data, S, p.reading.latent.numel())
+            e, _ = a.per_pose(self.x[b.columns])
+            if np.all(np.isfinite(e)):
+                touched = [k for k in range(found.shape[1]) if np.any(a.y[:, k])]
+                found[:, touched] = a.y[:, touched]
+        return {n: found[:, s] for n, s in p.reading.places.items() if n != p.actuators}
+
+
+def calibrate(
+    model: Model | Builder | FlatModel | Problem,
+    measurements: Measurements | None = None,
+    choice: Choice | None = None,
+    *,
+    cost: Cost = "length",
+    loss: str = "linear",
+    width: float = 1.0,
+    start: Mapping[str, float] | None = None,
+    actuators: str = "q",
+    latent: Sequence[str] = (),
+    hold_undetermined: bool = True,
+    limit: int = 100,
+) -> Calibration:
+    """Parameters that bring the model nearest to measured poses, by Gauss-Newton on exact slopes, arm by arm where arms
+    share nothing.
+
+    `cost`: see Problem. `loss` and its `width` as in gtmodel.inference.nonlinear_fit(), in units of the noise where it
+    is known and of the residual otherwise. `start`: other start values by unknown. With noise for all measured signals
+    the confidence is propagated from it; otherwise the residuals tell it, poses taken as independent. What the poses
+    cannot tell stays at its start, and the estimate says so, unless `hold_undetermined` is False: ModelError then.
+
+    Raises ModelError for what does not fit; a failing iteration is a status.
+    """
+    if isinstance(model, Problem):
+        problem = model
+    else:
+        if measurements is None:
+            raise ModelError("calibrate() needs measurements, or a problem made by prepare()")
+        problem = prepare(model, measurements, choice, actuators=actuators, latent=latent)
+    if cost not in COSTS:
+        raise ModelError(f"there is no cost '{cost}'; these are: {', '.join(COSTS)}")
+    u = problem.unknowns
+    x = u.start.copy()
+    for name, value in (start or {}).items():
+        if name not in u.names:
+            raise ModelError(f"start names '{name}', which is not free; these are: {', '.join(u.names)}")
+        x[u.names.index(name)] = value
+    begin = problem.residuals(x) if not problem.reading.latent.numel() else np.zeros((len(problem.measurements), 0))
+    if not np.all(np.isfinite(begin)):
+        raise ModelError("the closure equations are not finite at the start values; check units and frames")
+    fits, x = _descended(problem, cost, x, loss, width, limit)
+    bad = next((f for f in fits if not f.descent.status.ok), None)
+    status, message = (bad.descent.status, bad.descent.message) if bad else (SolveStatus.SOLVED, _arrived(fits))
+    estimate = told = None
+    if bad is None:
+        try:
+            estimate, told = estimated(problem, fits, loss_named(loss), width, hold_undetermined)
+        except ValueError as error:
+            raise ModelError(str(error)) from None
+    latent_free = not problem.reading.latent.numel()
+    residuals = problem.residuals(x) if latent_free else begin
+    return Calibration(
+        problem, cost, status, message, x, estimate, told, problem.values(x), residuals, begin,
+        max(f.descent.iterations for f in fits), tuple(tuple(u.names[k] for k in f.block.columns) for f in fits),
+    )  # fmt: skip
+
+
+def _descended(
+    problem: Problem, cost: Cost, x: np.ndarray, loss: str, width: float, limit: int
+) -> tuple[list[Fitted], np.ndarray]:
+    u, read = problem.unknowns, problem.reading
+    x = x.copy()
+    implicit = cost in ("inverse", "forward", "orthogonal")
+    if implicit and not read.latent.numel():  # from near the optimum each pose closes
+        _, x = _descended(problem, "length", x, loss, width, limit)
+    found = {"squared": problem.squared, "length": problem.lengths}.get(cost) or joined_blocks(
+        problem.closure, read, u, problem.actuators, cost
+    )
+    fits = []
+    for b in found:
+        own = [p for p in u.priors if p.name in {u.names[k] for k in b.columns}]
+        P, p = prior_rows(tuple(own), tuple(u.names[k] for k in b.columns))
+        adjustment = None
+        if implicit:
+            S = noise_covariance(problem, cost)
+            labels = tuple(problem.labels[k] for k in b.rows)
+            require_noise_enough(b, read.data, S, read.latent.numel(), x[b.columns], labels)
+            adjustment = Adjustment(b, read.data, S, read.latent.numel())
+        sigma = 1.0 if implicit or not own else _level(problem, b, x)
+        d = descend(
+            adjustment or _plain(b, read.data), x[b.columns], u.sizes[b.columns], Weighting(np.array(1 / sigma), True),
+            P=P, p=p, loss=loss_named(loss), width=width, limit=limit,
+        )  # fmt: skip
+        x[b.columns] = d.x
+        fits.append(Fitted(b, d, P, sigma, adjustment))
+    return fits, x
+
+
+def _plain(block: Block, data: np.ndarray) -> Any:
+    def residuals(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        r, J = block.evaluate(data, x)
+        return r.reshape(-1), J.reshape(-1, J.shape[2])
+
+    return residuals
+
+
+def _level(problem: Problem, block: Block, x: np.ndarray) -> float:
+    """Typical size of a residual from the stated noise, against which priors are weighed."""
+    m = problem.measurements
+    if any(n not in m.noise for n in problem.reading.places):
+        lacking = [n for n in problem.reading.places if n not in m.noise]
+        raise ModelError(f"priors are weighed against the noise: give that of {', '.join(lacking)} too")
+    S = noise_covariance(problem, "orthogonal")
+    n = len(m)
+    _, _, By, _ = block.evaluate_all(
+        problem.reading.data, np.zeros((n, S.shape[1])), np.zeros((n, problem.reading.latent.numel())), x[block.columns]
+    )
+    return float(np.sqrt(np.mean(np.einsum("kmi,kij,kmj->km", By, np.broadcast_to(S, (n, *S.shape[1:])), By))))
+
+
+def _arrived(fits: Sequence[Fitted]) -> str:
+    counts = [f.descent.iterations for f in fits]
+    return f"solved in {max(counts)} iterations" + (f", {len(fits)} blocks" if len(fits) > 1 else "")

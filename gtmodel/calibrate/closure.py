@@ -1,0 +1,168 @@
+"""Closure equations of any model: what is left of its kinematics when measured variables are put in as known."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+
+from ..compiler.alias import AliasResult, eliminate
+from ..compiler.flat import FlatEquation, FlatModel
+from ..compiler.structure import overdetermined_and_underdetermined
+from ..lang.source import ModelError
+
+
+@dataclass(frozen=True, eq=False)
+class Closure:
+    """Residuals (m,) that vanish on a perfect robot, in `symbols` of the known and latent variables and in flat.p.
+
+    `labels` per row: the component that wrote it, such as "arm[0].rod", with the equation's number where it wrote
+    several. `touched`: indices in flat.parameters of what the rows hold. `unit`: known or latent quaternions, of which
+    an equation says that their length is 1.
+    """
+
+    flat: FlatModel
+    known: tuple[str, ...]
+    latent: tuple[str, ...]
+    symbols: dict[str, ca.SX]
+    residuals: ca.SX
+    labels: tuple[str, ...]
+    touched: tuple[int, ...]
+    unit: tuple[str, ...] = ()
+
+    @property
+    def lengths(self) -> ca.SX:
+        """Residuals with a == b^2 taken as sqrt(a) - b: of a rod, its distance of joints less its length [m]."""
+        return ca.vertcat(*[_rooted(r) for r in ca.vertsplit(self.residuals)])
+
+
+def closure_equations(flat: FlatModel, known: Sequence[str], latent: Sequence[str] = ()) -> Closure:
+    """Equations that hold nothing but parameters, `known` and `latent` variables once all else is eliminated.
+
+    Unknowns go that stand alone in an equation with a number as their factor, step by step, as frames, joints and plate
+    points do. Equations with derivatives (forces) take no part; conditions on known values alone, and the unit length
+    of a latent quaternion, are left out. `latent` are variables that nobody measured, one value per pose.
+
+    Raises ModelError for an unknown name, a derivative, or when nothing closes: with what to measure besides.
+    """
+    names = (*known, *latent)
+    groups = {name: _indices(flat, name) for name in names}
+    given = [i for name in names for i in groups[name]]
+    if len(set(given)) != len(given):
+        raise ModelError(f"{flat.title}: a variable is named twice in {', '.join(names)}")
+    alias = eliminate(flat, frozenset(given))
+    level = [e for e in alias.equations if _position(flat, e)]
+    order, rest = _propagated(flat, level, set(given))
+    closing = [e for e, unknown in rest if not unknown]
+    results = [e.residual for e in closing]
+    if order:
+        _, results = ca.substitute_inplace([s for s, _ in order], [v for _, v in order], results)
+    hidden = {flat.scope.symbol(i, 0).element_hash() for n in latent for i in groups[n]}
+    parameters = {q.symbol.element_hash(): k for k, q in enumerate(flat.parameters)}
+    rows: list[tuple[FlatEquation, ca.SX]] = []
+    touched: set[int] = set()
+    four = {frozenset(flat.scope.symbol(i, 0).element_hash() for i in g): n for n, g in groups.items() if len(g) == 4}
+    unit: list[str] = []
+    for e, r in zip(closing, results, strict=True):
+        inside = {s.element_hash() for s in ca.symvar(r)}
+        held = {parameters[h] for h in inside if h in parameters}
+        if not held and frozenset(inside) in four:
+            unit.append(four[frozenset(inside)])
+        elif held or inside & hidden:
+            rows.append((e, r))
+            touched |= held
+    if not touched or _overdetermined(rest):
+        raise ModelError(_nothing_closes(flat, known, alias, rest))
+    return Closure(
+        flat, tuple(known), tuple(latent),
+        {n: ca.vertcat(*[flat.scope.symbol(i, 0) for i in indices]) for n, indices in groups.items()},
+        ca.vertcat(*[r for _, r in rows]), _labels(flat, [e for e, _ in rows]), tuple(sorted(touched)), tuple(unit),
+    )  # fmt: skip
+
+
+def _indices(flat: FlatModel, name: str) -> list[int]:
+    _, indices, order = flat.lookup(name)
+    if order:
+        raise ModelError(f"'{name}' is a derivative; closure equations take positions, such as {flat.top()}")
+    return indices
+
+
+def _position(flat: FlatModel, equation: FlatEquation) -> bool:
+    inside = flat.scope.symbols_in(equation.residual)
+    return all(k == 0 for _, k in inside)
+
+
+def _propagated(
+    flat: FlatModel, equations: list[FlatEquation], known: set[int]
+) -> tuple[list[tuple[ca.SX, ca.SX]], list[tuple[FlatEquation, set[int]]]]:
+    """Assignments in order, and the other equations with the unknowns left in them."""
+    done = set(known)
+    waiting = [(e, {i for i, _ in flat.scope.symbols_in(e.residual)} - done) for e in equations]
+    order: list[tuple[ca.SX, ca.SX]] = []
+    moved = True
+    while moved:
+        moved = False
+        left: list[tuple[FlatEquation, set[int]]] = []
+        for e, unknown in waiting:
+            unknown -= done
+            solved = _solved(flat, e, next(iter(unknown))) if len(unknown) == 1 else None
+            if solved is None:
+                left.append((e, unknown))
+                continue
+            order.append((flat.scope.symbol(next(iter(unknown)), 0), solved))
+            done |= unknown
+            moved = True
+        waiting = left
+    return order, waiting
+
+
+def _solved(flat: FlatModel, equation: FlatEquation, index: int) -> ca.SX | None:
+    """The unknown in terms of the rest, where its factor is a number; None otherwise."""
+    s = flat.scope.symbol(index, 0)
+    factor = ca.SX(ca.jacobian(equation.residual, s))
+    if not factor.is_constant() or float(factor) == 0.0:
+        return None
+    at_zero = ca.substitute(equation.residual, s, ca.SX(0))
+    return -at_zero / float(factor)
+
+
+def _labels(flat: FlatModel, equations: list[FlatEquation]) -> tuple[str, ...]:
+    paths = [e.component or flat.title for e in equations]
+    return tuple(p if paths.count(p) == 1 else f"{p} {paths[: k + 1].count(p)}" for k, p in enumerate(paths))
+
+
+def _nothing_closes(
+    flat: FlatModel, known: Sequence[str], alias: AliasResult, rest: list[tuple[FlatEquation, set[int]]]
+) -> str:
+    inside = _overdetermined(rest)
+    names = [n for n, (_, indices) in flat.groups.items() if "." not in n and n not in known
+             and {alias.resolve(i, 0)[1] for i in indices} & inside]  # fmt: skip
+    hint = f"measure {' or '.join(names)} too, or name it as latent" if names else f"known may be some of {flat.top()}"
+    return f"{flat.title}: with {', '.join(known)} known not all equations close that hold parameters; {hint}"
+
+
+def _overdetermined(rest: list[tuple[FlatEquation, set[int]]]) -> set[int]:
+    """Unknowns for which more equations are left than they need: measured values say more than was eliminated."""
+    left = [u for _, u in rest if u]
+    unknown = sorted({i for u in left for i in u})
+    column = {j: k for k, j in enumerate(unknown)}
+    entries = {(row, column[j]): 0 for row, u in enumerate(left) for j in u}
+    over, _ = overdetermined_and_underdetermined(len(left), len(unknown), entries)
+    return {j for row in over for j in left[row]}
+
+
+def _rooted(r: ca.SX) -> ca.SX:
+    """sqrt(a) - b for a residual a - b^2, in either order; the residual itself otherwise."""
+    if r.is_leaf() or r.op() != ca.OP_SUB:
+        return r
+    first, second = r.dep(0), r.dep(1)
+    if _square(second):
+        return ca.sqrt(first) - second.dep(0)
+    if _square(first):
+        return ca.sqrt(second) - first.dep(0)
+    return r
+
+
+def _square(e: ca.SX) -> bool:
+    return not e.is_leaf() and e.op() == ca.OP_SQ and e.dep(0).is_symbolic()

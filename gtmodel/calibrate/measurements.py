@@ -1,0 +1,109 @@
+"""Measured poses: values of the model's variables, their noise, and what lies between sensor and model."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..lang.source import ModelError
+
+
+@dataclass(frozen=True)
+class Pose:
+    """A pose measured by a device that stands somewhere, on a target that sits somewhere on the end-effector.
+
+    `position` and `orientation` (quaternion, scalar first) name variables of the model; no `orientation` for devices
+    that see a point, on robots whose plate does not turn. `device`: the frame of the device in that of the robot is
+    unknown, p_robot = t + R(u) p_device, parameters "T.device.t" and "T.device.u" where T is the position's name.
+    `target`: the model's frame in that of the target, "T.target.t" and "T.target.u". Start values are the identity,
+    or (t (3,), u (4,)) in `device_start` and `target_start`.
+    """
+
+    position: str
+    orientation: str | None = None
+    device: bool = False
+    target: bool = False
+    device_start: tuple[ArrayLike, ArrayLike] = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
+    target_start: tuple[ArrayLike, ArrayLike] = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
+
+
+@dataclass(frozen=True)
+class Correction:
+    """A signal read through delay [s], scale and an offset per session: y = scale (m + delay m') + offset[session].
+
+    True estimates it; `delay` needs the signal's rate among the values, as "der(q)". Parameters "q.scale[i]",
+    "q.offset[i]" (of several sessions "q.offset[i] in s"), "q.delay".
+    """
+
+    signal: str
+    offset: bool = False
+    scale: bool = False
+    delay: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Measurements:
+    """N poses: `values` by variable name, (N,) or (N, k) in SI units, in the frames in which they were measured.
+
+    `noise` by name: a standard deviation, one per component (k,), a covariance (k, k), or one per pose (N, k, k); of a
+    quaternion in rad, about the axes of what was measured. `sessions` (N,): names of recordings. `poses` and
+    `corrections` say what lies between sensor and model. Raises ModelError for shapes and values that cannot be.
+    """
+
+    values: Mapping[str, ArrayLike]
+    noise: Mapping[str, ArrayLike] = field(default_factory=dict)
+    sessions: Sequence[str] | None = None
+    poses: Sequence[Pose] = ()
+    corrections: Sequence[Correction] = ()
+
+    def __post_init__(self) -> None:
+        arrays: dict[str, np.ndarray] = {}
+        for name, given in self.values.items():
+            a = np.asarray(given, float)
+            if a.ndim == 0:
+                raise ModelError(f"'{name}' is one number; expected rows, one per pose")
+            arrays[name] = a.reshape(len(a), -1)
+        if not arrays:
+            raise ModelError("there is nothing measured; give values such as q=..., T=...")
+        first = next(iter(arrays))
+        for name, a in arrays.items():
+            if len(a) != len(arrays[first]):
+                raise ModelError(f"'{name}' has {len(a)} rows and '{first}' {len(arrays[first])}; give one per pose")
+            if not np.all(np.isfinite(a)):
+                raise ModelError(f"'{name}' is not finite at pose {int(np.argwhere(~np.isfinite(a))[0, 0])} (from 0)")
+        if self.sessions is not None and len(self.sessions) != len(arrays[first]):
+            raise ModelError(f"{len(self.sessions)} sessions are named for {len(arrays[first])} poses; give one each")
+        object.__setattr__(self, "values", arrays)
+
+    def __len__(self) -> int:
+        return len(np.asarray(next(iter(self.values.values()))))
+
+    @property
+    def session_names(self) -> tuple[str, ...]:
+        """In the order of their first pose; one empty name where none are given."""
+        return tuple(dict.fromkeys(self.sessions)) if self.sessions is not None else ("",)
+
+    def part(self, rows: ArrayLike) -> Measurements:
+        """Some of the poses, by index or mask."""
+        index = np.arange(len(self))[np.asarray(rows)]
+        noise = {n: (np.asarray(s)[index] if np.ndim(s) == 3 else s) for n, s in self.noise.items()}
+        sessions = None if self.sessions is None else [self.sessions[int(k)] for k in index]
+        values = {n: np.asarray(a)[index] for n, a in self.values.items()}
+        return Measurements(values, noise, sessions, self.poses, self.corrections)
+
+    def covariance(self, name: str, size: int) -> np.ndarray:
+        """Covariance (N or 1, size, size) of a signal; size 3 for a quaternion [rad^2]. Raises ModelError."""
+        s = np.asarray(self.noise[name], float)
+        if s.ndim < 2:
+            if s.shape not in ((), (size,)) or not np.all(s > 0):
+                raise ModelError(f"the noise of '{name}' must be positive: one standard deviation or {size}; found {s}")
+            return (np.broadcast_to(s, size) ** 2 * np.eye(size))[None]
+        c = s if s.ndim == 3 else s[None]
+        if c.shape[1:] != (size, size) or len(c) not in (1, len(self)):
+            raise ModelError(
+                f"the noise of '{name}' has the shape {s.shape}; expected ({size}, {size}) or one per pose"
+            )
+        return c

@@ -1,0 +1,196 @@
+"""A calibration made ready: equations of the model, data, unknowns and functions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..compiler.causal import flat_of
+from ..compiler.flat import FlatModel
+from ..inference import Identifiability, identifiability
+from ..inference.weighting import prior_rows
+from ..lang.builder import Builder
+from ..lang.model import Model
+from ..lang.source import ModelError
+from .blocks import Block, blocks
+from .closure import Closure, closure_equations
+from .measurements import Measurements
+from .reading import Reading, reading
+from .unknowns import Choice, Parameters, Unknowns, unknowns
+
+Cost = Literal["squared", "length", "inverse", "forward", "orthogonal"]
+COSTS = ("squared", "length", "inverse", "forward", "orthogonal")
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """A calibration made ready: closure equations of the model with data, unknowns and functions; nothing is solved.
+
+    `costs`: "squared" closure residuals (Dressler 2012, eq. (5.1)); "length", their roots |d| - L; the errors of the
+    measured signals that close every pose: of `actuators` alone ("inverse"), of all others ("forward"), or of all that
+    have noise ("orthogonal").
+    """
+
+    closure: Closure
+    measurements: Measurements
+    reading: Reading
+    unknowns: Unknowns
+    actuators: str
+    squared: tuple[Block, ...]
+    lengths: tuple[Block, ...]
+    joined: tuple[Block, ...]
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Names of the closure residuals: links, in the model's order."""
+        return self.closure.labels
+
+    def residuals(self, x: ArrayLike | None = None) -> np.ndarray:
+        """Lengths' errors (N, m) [m] in the order of `labels`, at x (default: the start).
+
+        Raises ModelError where latent variables leave them open.
+        """
+        if self.closure.latent:
+            raise ModelError(
+                f"{', '.join(self.closure.latent)} is latent, so that no length is known by itself; take the errors of "
+                "what was measured, positioning_errors()"
+            )
+        x = self.unknowns.start if x is None else np.asarray(x, float)
+        r = np.empty((len(self.measurements), len(self.labels)))
+        for b in self.lengths:
+            r[:, b.rows] = b.evaluate(self.reading.data, x[b.columns])[0]
+        return r
+
+    def slopes(self, x: ArrayLike | None = None) -> np.ndarray:
+        """d residuals / d x (N, m, n); of latent variables (N, m - nz, n), combinations of lengths blind to these."""
+        x = self.unknowns.start if x is None else np.asarray(x, float)
+        N, ny, nz = len(self.measurements), self.reading.noise.numel(), self.reading.latent.numel()
+        J, Bz = np.zeros((N, len(self.labels), len(x))), np.zeros((N, len(self.labels), nz))
+        for b in self.lengths:
+            own = b.evaluate_all(self.reading.data, np.zeros((N, ny)), np.zeros((N, nz)), x[b.columns])
+            J[np.ix_(np.arange(N), b.rows, b.columns)] = own[1]
+            Bz[:, b.rows] = own[3]
+        if not nz:
+            return J
+        return np.linalg.qr(Bz, mode="complete")[0][:, :, nz:].transpose(0, 2, 1) @ J
+
+    def identifiability(self, x: ArrayLike | None = None, sigma: float = 1.0, **more: Any) -> Identifiability:
+        """What these poses tell of each unknown, before or after they are measured: sigma [m] of a length's error.
+
+        Priors count as rows. Further arguments as for gtmodel.inference.identifiability().
+        """
+        J = self.slopes(x)
+        P, _ = prior_rows(self.unknowns.priors, self.unknowns.names)
+        rows = np.vstack([J.reshape(-1, J.shape[2]) / sigma, P])
+        return identifiability(rows, self.unknowns.names, scale=self.unknowns.sizes, poses=len(J), **more)
+
+    def on(self, measurements: Measurements) -> Problem:
+        """The same equations and unknowns with other poses, of the same signals, corrections and sessions.
+
+        Raises ModelError where they differ.
+        """
+        read = reading(self.closure, measurements, latent_starts(self.closure))
+        if read.parameters.names != self.reading.parameters.names or len(read.data) != len(self.reading.data):
+            raise ModelError(
+                f"the other poses have the signals {', '.join(measurements.values)} and other corrections or sessions "
+                f"than those prepared: {', '.join(self.measurements.values)}"
+            )
+        return replace(self, measurements=measurements, reading=replace(self.reading, data=read.data))
+
+    def values(self, x: ArrayLike) -> dict[str, float]:
+        """All parameters that the equations hold, of model and measurement, at x."""
+        u = self.unknowns
+        f = ca.Function("parameters", [u.x], [ca.vertcat(*[v for _, v in u.moved])])
+        found = np.asarray(f(np.asarray(x, float))).reshape(-1)
+        return {s.name(): float(v) for (s, _), v in zip(u.moved, found, strict=True)}
+
+
+def prepare(
+    model: Model | Builder | FlatModel,
+    measurements: Measurements,
+    choice: Choice | None = None,
+    *,
+    actuators: str = "q",
+    latent: Sequence[str] = (),
+) -> Problem:
+    """The problem of a model and measured poses. All values but rates count as known; `latent`: see
+    closure_equations(). Raises ModelError for what does not fit."""
+    flat = model if isinstance(model, FlatModel) else flat_of(model)
+    known = [n for n in measurements.values if not n.startswith("der(")]
+    if actuators not in known:
+        raise ModelError(f"the actuators '{actuators}' are not among the measured {', '.join(known)}")
+    closure = closure_equations(flat, known, latent)
+    read = reading(closure, measurements, latent_starts(closure))
+    own = Parameters.of(flat, closure.touched)
+    p, extra = own, read.parameters
+    everything = Parameters(
+        p.title, p.names + extra.names, p.symbols + extra.symbols, p.values + extra.values, p.units + extra.units
+    )
+    choice = choice or Choice()
+    free = [*choice.free, *extra.names] if choice.free else []
+    u = unknowns(everything, replace(choice, free=free, unit=[*choice.unit, *read.unit]))
+    args = read.d, read.noise, read.latent, u.x
+    squared, lengths = (expressed(closure, read, u, root) for root in (False, True))
+    return Problem(
+        closure, measurements, read, u, actuators, blocks(squared, *args), blocks(lengths, *args),
+        blocks(lengths, *args, joined=range(read.noise.numel())),
+    )  # fmt: skip
+
+
+def latent_starts(closure: Closure) -> dict[str, np.ndarray]:
+    """Start values of latent variables, from the model. Raises ModelError where there are none."""
+    starts = {}
+    for name in closure.latent:
+        _, indices, _ = closure.flat.lookup(name)
+        values = [closure.flat.variables[i].start for i in indices]
+        if any(v is None for v in values):
+            raise ModelError(f"'{name}' is latent and has no start value; give it one in the model")
+        starts[name] = np.array(values, float)
+    return starts
+
+
+def expressed(closure: Closure, read: Reading, u: Unknowns, root: bool) -> ca.SX:
+    """Residuals in d, noise, latent and x."""
+    known = [ca.vertcat(*[s for s, _ in read.values])], [ca.vertcat(*[v for _, v in read.values])]
+    inside = ca.substitute([closure.lengths if root else closure.residuals], *known)
+    return u.substituted(inside)[0]
+
+
+def noisy(read: Reading, actuators: str, cost: str, m: Measurements | None = None) -> list[str]:
+    """Signals whose errors a cost counts."""
+    if cost == "inverse":
+        return [actuators]
+    if cost == "forward":
+        return [n for n in read.places if n != actuators]
+    return [n for n in read.places if m is None or n in m.noise]
+
+
+def joined_blocks(closure: Closure, read: Reading, u: Unknowns, actuators: str, cost: str) -> tuple[Block, ...]:
+    """Blocks in which what shares a noise that the cost counts is together."""
+    names = noisy(read, actuators, cost)
+    joined = [k for n in names for k in range(read.places[n].start, read.places[n].stop)]
+    return blocks(expressed(closure, read, u, True), read.d, read.noise, read.latent, u.x, joined)
+
+
+def noise_covariance(problem: Problem, cost: str, unit: bool = False) -> np.ndarray:
+    """(N or 1, ny, ny) of the noise that a cost counts; unit variances where nothing but ratios is needed."""
+    read, m = problem.reading, problem.measurements
+    names = noisy(read, problem.actuators, cost, m)
+    if cost == "orthogonal" and not names:
+        raise ModelError("the cost 'orthogonal' weighs errors by their noise: give noise to the measured signals")
+    lacking = [n for n in names if n not in m.noise]
+    if lacking and len(names) > 1 and not unit:
+        raise ModelError(f"the cost '{cost}' weighs {' and '.join(names)} against each other: give the noise of "
+                         f"{' and '.join(lacking)} too")  # fmt: skip
+    parts = {n: np.eye(s.stop - s.start)[None] if unit or n in lacking else m.covariance(n, s.stop - s.start)
+             for n, s in read.places.items() if n in names}  # fmt: skip
+    count = max([len(c) for c in parts.values()], default=1)
+    S = np.zeros((count, read.noise.numel(), read.noise.numel()))
+    for n, c in parts.items():
+        S[:, read.places[n], read.places[n]] = c
+    return S

@@ -1,0 +1,183 @@
+"""Which parameters a calibration moves: free, tied to others, fixed, or quaternions that keep their length."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import casadi as ca
+import numpy as np
+
+from ..compiler.flat import FlatModel
+from ..inference import Prior
+from ..lang.source import ModelError
+from .turning import turned
+
+# expected size of a parameter's error before calibration, by its unit: a millimetre, and as much at a metre's distance
+SIZE = 1e-3
+TURN = " turned about "
+
+
+@dataclass(frozen=True)
+class Choice:
+    """What to do with the parameters that the closure equations hold; names are of scalars ("L[0]"), rows or columns
+    of numbers that share a beginning ("v[1]") or whole parameters ("A").
+
+    `free`: those to move, empty for all; `fixed`: those to leave, stronger than free (turns of quaternions too).
+    `tied`: name -> name of the same shape, which it follows. `unit`: quaternions (4), scalar first, that are turned and
+    keep the length 1 (three unknowns each, "u1_2 turned about x" [rad], in the quaternion's own frame). `priors` by
+    scalar name of an unknown. `sizes`: expected error of a parameter, the scale in which rank and observability are
+    told; default 1e-3.
+    """
+
+    free: Sequence[str] = ()
+    fixed: Sequence[str] = ()
+    tied: Mapping[str, str] = field(default_factory=dict)
+    unit: Sequence[str] = ()
+    priors: Sequence[Prior] = ()
+    sizes: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class Unknowns:
+    """Scalar unknowns x (n,) with names, units, start values and sizes, and the parameters as expressions of x.
+
+    `moved`: symbols of parameters -> expressions in x and numbers; parameters that it does not hold are numbers.
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    x: ca.SX
+    start: np.ndarray
+    sizes: np.ndarray
+    moved: tuple[tuple[ca.SX, ca.SX], ...]
+    priors: tuple[Prior, ...]
+    notes: tuple[str, ...] = ()
+
+    def substituted(self, expressions: Sequence[ca.SX]) -> list[ca.SX]:
+        """Expressions of parameters in terms of x."""
+        old, new = ca.vertcat(*[s for s, _ in self.moved]), ca.vertcat(*[v for _, v in self.moved])
+        return ca.substitute(list(expressions), [old], [new])
+
+
+@dataclass(frozen=True, eq=False)
+class Parameters:
+    """Scalar parameters that a problem has: names, symbols, values, units; of the model and of the measurement."""
+
+    title: str
+    names: list[str]
+    symbols: list[ca.SX]
+    values: list[float]
+    units: list[str]
+
+    @classmethod
+    def of(cls, flat: FlatModel, touched: Sequence[int]) -> Parameters:
+        chosen = [flat.parameters[k] for k in touched]
+        return cls(
+            flat.title, [q.name for q in chosen], [q.symbol for q in chosen], [q.value for q in chosen],
+            [q.unit or "" for q in chosen],
+        )  # fmt: skip
+
+    def indices(self, name: str) -> list[int]:
+        """Of a scalar, or of all whose names go on with an index. Raises ModelError where there is none."""
+        if name in self.names:
+            return [self.names.index(name)]
+        begin = name[:-1] + "," if name.endswith("]") else name + "["
+        found = [k for k, n in enumerate(self.names) if n.startswith(begin)]
+        if not found:
+            whole = list(dict.fromkeys([*(n.partition("[")[0] for n in self.names), *self.names]))
+            close = difflib.get_close_matches(name, whole, n=3)
+            hint = f"did you mean {' or '.join(close)}?" if close else f"they hold {', '.join(whole[:12])}"
+            raise ModelError(f"the closure equations of {self.title} hold no parameter '{name}'; {hint}")
+        return found
+
+
+def unknowns(parameters: Parameters, choice: Choice) -> Unknowns:
+    """The unknowns of a choice. Raises ModelError for names that are not there and choices that contradict."""
+    p = parameters
+    free = {k for name in choice.free for k in p.indices(name)} if choice.free else set(range(len(p.names)))
+    still = {name for name in choice.fixed if TURN in name}
+    free -= {k for name in choice.fixed if name not in still for k in p.indices(name)}
+    follows = _ties(p, choice.tied)
+    quaternions = {name: p.indices(name) for name in choice.unit}
+    for name, indices in quaternions.items():
+        if len(indices) != 4:
+            raise ModelError(f"unit names '{name}' with {len(indices)} numbers; a quaternion has four, scalar first")
+    in_quaternions = {k for indices in quaternions.values() for k in indices}
+    missing = [p.names[k] for k in sorted(free) if not np.isfinite(p.values[k]) and k not in follows]
+    if missing:
+        raise ModelError(f"parameter '{missing[0]}' of {p.title} has no value; give it one to start from")
+    names: list[str] = []
+    units: list[str] = []
+    symbols: list[ca.SX] = []
+    start: list[float] = []
+    moved: dict[int, ca.SX] = {}
+    notes: list[str] = []
+    for k in sorted(free - set(follows) - in_quaternions):
+        names.append(p.names[k])
+        units.append(p.units[k])
+        symbols.append(ca.SX.sym(p.names[k]))
+        start.append(p.values[k])
+        moved[k] = symbols[-1]
+    for name, indices in quaternions.items():
+        if not set(indices) <= free:
+            continue
+        reference = np.array([p.values[k] for k in indices])
+        length = float(np.linalg.norm(reference))
+        if not length > 0:
+            raise ModelError(f"the quaternion '{name}' is zero; give it a start value")
+        if abs(length - 1) > 1e-6:
+            notes.append(f"{name} starts from its direction: its length was {length:.4f}")
+        own = [f"{name}{TURN}{axis}" for axis in "xyz"]
+        turn = [ca.SX(0) if n in still else ca.SX.sym(n) for n in own]
+        left = [k for k, n in enumerate(own) if n not in still]
+        still -= set(own)
+        names += [own[k] for k in left]
+        units += ["rad"] * len(left)
+        symbols += [turn[k] for k in left]
+        start += [0.0] * len(left)
+        direction = ca.SX(ca.DM(reference / length))
+        for k, component in zip(indices, ca.vertsplit(turned(direction, ca.vertcat(*turn))), strict=True):
+            moved[k] = component
+    if still:
+        raise ModelError(f"'{min(still)}' is fixed, but no quaternion is turned so; name its quaternion in unit")
+    for k, target in follows.items():
+        moved[k] = moved.get(target, ca.SX(p.values[target]))
+    everything = [(p.symbols[k], moved.get(k, ca.SX(p.values[k]))) for k in range(len(p.names))]
+    if not names:
+        raise ModelError(f"nothing is left free to calibrate in {p.title}: all parameters are fixed or tied")
+    sizes = {n: SIZE for n in names}
+    for name, size in choice.sizes.items():
+        if not size > 0:
+            raise ModelError(f"the expected error of '{name}' is {size:g}; it must be positive")
+        hits = [name] if name in sizes else [p.names[k] for k in p.indices(name)]
+        sizes.update({n: size for n in hits if n in sizes})
+    for prior in choice.priors:
+        if prior.name not in sizes:
+            raise ModelError(f"a prior names '{prior.name}', which is not free; these are: {', '.join(names)}")
+    return Unknowns(
+        tuple(names), tuple(units), ca.vertcat(*symbols), np.array(start), np.array([sizes[n] for n in names]),
+        tuple(everything), tuple(choice.priors), tuple(notes),
+    )  # fmt: skip
+
+
+def _ties(p: Parameters, tied: Mapping[str, str]) -> dict[int, int]:
+    """Index -> index that it follows; chains are followed to their end."""
+    follows: dict[int, int] = {}
+    for name, other in tied.items():
+        mine, theirs = p.indices(name), p.indices(other)
+        if len(mine) != len(theirs):
+            raise ModelError(
+                f"'{name}' with {len(mine)} numbers is tied to '{other}' with {len(theirs)}; give equal shapes"
+            )
+        follows.update(zip(mine, theirs, strict=True))
+    for k in follows:
+        seen, end = {k}, follows[k]
+        while end in follows:
+            if end in seen:
+                raise ModelError(f"'{p.names[k]}' is tied to itself in a circle; leave one of them free")
+            seen.add(end)
+            end = follows[end]
+        follows[k] = end
+    return follows
