@@ -17,6 +17,7 @@ from gtmodel.lang import Model, ModelError
 from . import calibration_synthetic, calibration_table
 from .base import Context, InputError
 from .calibration_keys import Measured, MeasuredSignal, Schema
+from .calibration_synthetic_keys import Synthetic
 from .calibration_table import PoseTable
 from .robots import file_of
 
@@ -61,7 +62,7 @@ def data_of(problem: Schema, model: Model, context: Context) -> PoseData:
     if problem.synthetic is not None:
         made = calibration_synthetic.make(model, problem.synthetic)
         text, truth = made.text, made.robot
-        keys = _synthetic_keys(made)
+        keys = _synthetic_keys(made, problem.synthetic)
         with tempfile.TemporaryDirectory() as scratch:
             path = Path(scratch) / FILE
             path.write_text(text, encoding="utf-8")
@@ -103,13 +104,14 @@ def _found(name: str, key: str, context: Context) -> Path:
     return path
 
 
-def _synthetic_keys(made: calibration_synthetic.Made) -> Measured:
+def _synthetic_keys(made: calibration_synthetic.Made, s: Synthetic) -> Measured:
     drives: list[str] = ["mm"] * 3 + (["deg"] * 3 if made.rotary else [])
     signals = {
         "q": MeasuredSignal(column="q", unit=drives),
         "T": MeasuredSignal(column="T", unit="mm"),
     } | ({"e": MeasuredSignal(column="e", unit="1")} if made.turns else {})
-    return Measured(file=FILE, signals=signals, orientation="e" if made.turns else None)
+    frame = "device" if any([*s.device_t_m, *s.device_zyz_deg]) else "robot"
+    return Measured(file=FILE, signals=signals, orientation="e" if made.turns else None, frame=frame)
 
 
 def _table(path: Path, keys: Measured) -> PoseTable:
