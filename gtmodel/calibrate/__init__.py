@@ -17,7 +17,7 @@ Before anything is measured
 """
 
 from .calibration import Calibration, calibrate
-from .candidates import Candidates, candidates
+from .candidates import Candidates, candidates, regular_grid
 from .closure import Closure, closure_equations
 from .devices import Camera, Device, LaserTracker, LineOfSight
 from .measurements import Correction, Measurements, Pose
@@ -33,6 +33,6 @@ __all__ = [
     "COSTS", "Calibration", "Camera", "Candidates", "Choice", "Closure", "Correction", "Cost", "Device",
     "ErrorCurve", "LaserTracker", "LineOfSight", "Measurements", "Point", "Pose", "PoseInformation", "Positioning",
     "PredictedErrors", "Problem", "Selection", "calibrate", "candidates", "closure_equations", "condition_removal",
-    "error_curve", "exchange", "grid_point", "pose_information", "positioning", "prepare", "seen_by_distance",
-    "seen_by_plane", "spread", "sufficient_number",
+    "error_curve", "exchange", "grid_point", "pose_information", "positioning", "prepare", "regular_grid",
+    "seen_by_distance", "seen_by_plane", "spread", "sufficient_number",
 ]  # fmt: skip

@@ -74,3 +74,18 @@ def candidates(
                 within[at] = last.inside(T[at] + safety * d)
         found["safety distance"] = within
     return Candidates(T, found)
+
+
+def regular_grid(low: np.ndarray, high: np.ndarray, volume: float, number: int) -> Grid:
+    """A grid in the middle of the box low..high (3,) [m] with some `number` of its points in a `volume` [m3] inside.
+
+    The grid constant is (volume / number)^(1/3), as Dressler 2012, section 5.6, takes it.
+    """
+    if not volume > 0 or number < 1:
+        raise ModelError(f"{number} poses of a volume of {volume:g} m3 make no grid; both must be positive")
+    step = (volume / number) ** (1 / 3)
+    coordinates = []
+    for a, b in zip(low, high, strict=True):
+        count = int((b - a) / step) + 1
+        coordinates.append((a + b) / 2 + step * (np.arange(count) - (count - 1) / 2))
+    return Grid(np.zeros(3), np.eye(3), tuple(coordinates))

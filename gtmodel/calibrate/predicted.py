@@ -57,6 +57,12 @@ class Positioning:
         P, C = self._columns(info), info.covariance(selection)
         return PredictedErrors(P @ C @ P.transpose(0, 2, 1))
 
+    def spread(self, info: PoseInformation, runs: int, selection: ArrayLike | None = None) -> float:
+        """Relative standard deviation by chance of the rms error of so many simulated calibrations."""
+        P = self._columns(info)
+        CM = info.covariance(selection) @ (np.einsum("kip,kiq->pq", P, P) / len(P))
+        return float(np.sqrt(np.trace(CM @ CM) / (2 * runs)) / np.trace(CM))
+
     def _columns(self, info: PoseInformation) -> np.ndarray:
         """Slopes with the columns of `info`; zero for unknowns that do not move the robot, such as a device's frame."""
         unknown = [n for n in self.names if n not in info.names]

@@ -28,6 +28,7 @@ _KINDS = {
     "modes": "all poses in which six links of given lengths can be assembled, with a certificate",
     "kinematics": "any causality of a robot on many points, and the orientation of its plate",
     "workspace": "which tool centre points a robot reaches: cross-section, boundary, volume, reasons",
+    "calibration_plan": "which poses to measure for a calibration, and what it will then be worth",
     "accuracy": "positioning errors of a robot from errors of its carts and links",
 }
 

@@ -2,23 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
-from pydantic import Field, NonNegativeFloat, PositiveFloat
+from pydantic import Field, PositiveFloat
 
 from gtmodel.kinematics.workspace import (
     REACHABLE,
-    ActuatorLimits,
     BallJointCones,
-    CartesianBox,
-    FrameClearance,
-    Limit,
-    LinkClearance,
-    Obstacles,
     Reach,
     SectionMap,
-    Singularities,
     Volume,
     map_section,
     map_volume,
@@ -26,8 +19,8 @@ from gtmodel.kinematics.workspace import (
 from gtmodel.results import SolveStatus
 
 from .base import Check, Context, InputError, Outcome, Row, Section
-from .mechanism import Mechanism, mechanism_of
-from .robot_keys import RobotProblem
+from .mechanism import Mechanism
+from .reach_limits import Angle, LimitedRobot, Pair, Point, limits_of, mechanism_with_limits, ordered
 
 NAME = "workspace"
 
@@ -55,12 +48,7 @@ CONVERGENCE = 0.01
 # relative: the same polygons by cells and by loops
 POLYGONS = 1e-9
 MOST_POINTS = 2.5e7  # of a section, some 500 MB
-LONGEST_STROKE = 100.0  # in link lengths; a longer one was given in millimetres
 FEW = 10  # steps across the section; a section not reached at so few points may be reached between them
-
-Point = Annotated[list[float], Field(min_length=3, max_length=3)]
-Pair = Annotated[list[float], Field(min_length=2, max_length=2)]
-Angle = Annotated[float, Field(gt=0, le=180)]
 
 
 class SectionKeys(Section):
@@ -82,59 +70,13 @@ class VolumeKeys(Section):
     sections: int = Field(default=21, ge=2, le=10000, description="number of sections")
 
 
-class Limits(Section):
-    """What the workspace must keep."""
-
-    actuators_m: list[Pair] | None = Field(default=None, description="least and greatest q of every cart")
-    cone_deg: Angle | None = Field(default=None, description="half-angle of ball-joint cones about the links at home")
-    singularity_deg: NonNegativeFloat = Field(
-        default=0.1, description="least angle of a link from orthogonal to its guideway and from the others' plane"
-    )
-    tcp_low_m: Point | None = Field(default=None, description="least tool centre point, such as a wall of the frame")
-    tcp_high_m: Point | None = Field(default=None, description="greatest tool centre point")
-
-
-class Bodies(Section):
-    """Sizes of links and plate, for clearances. Lengths from the simplified to the real joints may be given."""
-
-    link_radius_m: NonNegativeFloat = Field(default=0.0, description="of every link")
-    plate_radius_m: NonNegativeFloat = Field(default=0.0, description="of a sphere about the TCP that holds the plate")
-    plate_joints_m: list[Point] | None = Field(
-        default=None,
-        description="plate joint of each link from the TCP, robot frame; the links meet in the TCP without",
-    )
-    link_clearance: bool = Field(default=False, description="keep the links clear of one another; needs plate_joints_m")
-
-
-class Box(Section):
-    """An obstacle with sides along the axes."""
-
-    name: str = Field(default="", description="for messages")
-    low_m: Point = Field(description="its least corner")
-    high_m: Point = Field(description="its greatest corner")
-
-
-class Beam(Section):
-    """A beam of the frame."""
-
-    from_m: Point = Field(description="one end")
-    to_m: Point = Field(description="the other end")
-    radius_m: NonNegativeFloat = Field(default=0.0, description="its radius")
-    skip_links: list[int] = Field(default=[], description="numbers of links (from 1) that may touch it")
-
-
-class Schema(RobotProblem):
+class Schema(LimitedRobot):
     """Workspace of a robot whose plate keeps its orientation or follows from T."""
 
-    home_m: Point | None = Field(default=None, description="pose of the cone axes; the robot's own home if left out")
     compare_cones_deg: list[Angle] = Field(default=[], description="cones to report beside the limits in force")
     points_m: list[Point] = Field(default=[], description="points to judge one by one")
     section: SectionKeys = SectionKeys()
     volume: VolumeKeys | None = Field(default=None)
-    limits: Limits = Limits()
-    bodies: Bodies = Bodies()
-    obstacles: list[Box] = Field(default=[], description="boxes that links and plate must not touch")
-    beams: list[Beam] = Field(default=[], description="beams of the frame that links must not touch")
 
 
 class _Stopped(Exception):
@@ -145,8 +87,8 @@ def solve(problem: Schema, context: Context) -> Outcome:
     """Map the section, with and without limits, then the volume."""
     if context.start is not None:
         raise InputError("--start: a workspace is mapped from the beginning; leave it out")
-    robot = _mechanism(problem, context)
-    reach = Reach(robot.inverse, _limits(problem, robot))
+    robot = mechanism_with_limits(problem, context)
+    reach = Reach(robot.inverse, limits_of(problem, robot))
     section = robot.section(problem.section.along_m, "section.along_m")
     low, high = _window(problem, robot, section)
     step = problem.section.step_m
@@ -180,8 +122,8 @@ def solve(problem: Schema, context: Context) -> Outcome:
 
 def explain(problem: Schema, context: Context) -> str:
     """The tests in their order, the section and the grid."""
-    robot = _mechanism(problem, context)
-    reach = Reach(robot.inverse, _limits(problem, robot))
+    robot = mechanism_with_limits(problem, context)
+    reach = Reach(robot.inverse, limits_of(problem, robot))
     section = robot.section(problem.section.along_m, "section.along_m")
     low, high = _window(problem, robot, section)
     lines = [
@@ -197,70 +139,6 @@ def explain(problem: Schema, context: Context) -> str:
     return "\n".join(lines)
 
 
-def _mechanism(problem: Schema, context: Context) -> Mechanism:
-    joints = problem.bodies.plate_joints_m
-    home = None if problem.home_m is None else np.array(problem.home_m)
-    robot = mechanism_of(problem.model(context), home)
-    if joints is None:
-        return robot
-    count = len(robot.lengths)
-    if len(joints) != count:
-        raise InputError(f"the robot has {count} links; found {len(joints)} joints", "bodies.plate_joints_m")
-    return mechanism_of(robot.model, home, np.array(joints, dtype=float))
-
-
-def _limits(problem: Schema, robot: Mechanism) -> list[Limit]:
-    """Limits in the order of their cost and of their certainty."""
-    keys, bodies = problem.limits, problem.bodies
-    count, carts = len(robot.lengths), robot.home.q.shape[1]
-    limits: list[Limit] = [Singularities(robot.directions, np.radians(keys.singularity_deg))]
-    if keys.actuators_m is not None:
-        if len(keys.actuators_m) != carts:
-            raise InputError(f"the robot has {carts} carts; found {len(keys.actuators_m)} pairs", "limits.actuators_m")
-        low, high = np.array(keys.actuators_m, dtype=float).T
-        _ordered(low, high, "limits.actuators_m")
-        stroke, longest = float(np.max(high - low)), float(robot.lengths.max())
-        if stroke > LONGEST_STROKE * longest:
-            raise InputError(
-                f"a stroke of {stroke:.6g} m is more than {LONGEST_STROKE:g} times the longest link, {longest:.4g} m; "
-                "give metres, not millimetres",
-                "limits.actuators_m",
-            )
-        limits.append(ActuatorLimits(low, high))
-    if keys.tcp_low_m is not None or keys.tcp_high_m is not None:
-        low = np.full(3, -np.inf) if keys.tcp_low_m is None else np.array(keys.tcp_low_m)
-        high = np.full(3, np.inf) if keys.tcp_high_m is None else np.array(keys.tcp_high_m)
-        _ordered(low, high, "limits.tcp_high_m")
-        limits.append(CartesianBox(low, high))
-    if keys.cone_deg is not None:
-        limits.append(BallJointCones.about_home(robot.home, np.radians(keys.cone_deg)))
-    radius = np.full(count, bodies.link_radius_m)
-    if problem.obstacles:
-        low, high = (np.array([getattr(box, key) for box in problem.obstacles]) for key in ("low_m", "high_m"))
-        _ordered(low, high, "obstacles.high_m")
-        names = [box.name or f"box {k + 1}" for k, box in enumerate(problem.obstacles)]
-        limits.append(Obstacles(low, high, radius, bodies.plate_radius_m, names))
-    if bodies.link_clearance:
-        if bodies.plate_joints_m is None:
-            raise InputError(
-                "the links meet in the tool centre point; give bodies.plate_joints_m", "bodies.link_clearance"
-            )
-        limits.append(LinkClearance(radius))
-    if problem.beams:
-        wrong = [i for beam in problem.beams for i in beam.skip_links if not 1 <= i <= count]
-        if wrong:
-            raise InputError(f"there is no link {wrong[0]}; there are 1 to {count}", "beams.skip_links")
-        skip = [(i - 1, k) for k, beam in enumerate(problem.beams) for i in beam.skip_links]
-        ends = np.array([[beam.from_m, beam.to_m] for beam in problem.beams])
-        limits.append(FrameClearance(ends, np.array([beam.radius_m for beam in problem.beams]), radius, skip))
-    return limits
-
-
-def _ordered(low: np.ndarray, high: np.ndarray, key: str) -> None:
-    if np.any(low >= high):
-        raise InputError("every lower limit must be less than its upper one", key)
-
-
 def _window(problem: Schema, robot: Mechanism, section: Any) -> tuple[np.ndarray, np.ndarray]:
     """The part of the section to look at: what all links can reach at most, unless the file says so."""
     keys = problem.section
@@ -268,7 +146,7 @@ def _window(problem: Schema, robot: Mechanism, section: Any) -> tuple[np.ndarray
     low, high = robot.farthest(points)
     low = low if keys.low_m is None else np.array(keys.low_m)
     high = high if keys.high_m is None else np.array(keys.high_m)
-    _ordered(low, high, "section.high_m")
+    ordered(low, high, "section.high_m")
     if np.any(high - low <= keys.step_m):
         raise InputError(
             f"the section is {high[0] - low[0]:.4g} m by {high[1] - low[1]:.4g} m, so that no point lies within it; "
