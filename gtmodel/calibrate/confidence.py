@@ -74,12 +74,12 @@ def estimated(
     cov = np.einsum("kci,kcj->ij", gain, np.broadcast_to(omega, (N, *omega.shape[1:])) @ gain)
     by_prior = np.hstack([s.by_prior for s in shares])
     cov = cov + by_prior @ by_prior.T
-    white = _whitened(np.hstack([f.descent.r.reshape(N, -1) for f in fits]), omega) if known else psi
-    noise = float(np.sqrt(np.sum(white**2) / freedom)) if freedom > 0 else 1.0
+    scaled = _scaled(problem, fits, omega, gain, cov, freedom) if known else psi
+    noise = float(np.sqrt(np.sum(scaled**2) / freedom)) if freedom > 0 else 1.0
     null = np.hstack([s.null for s in shares])
     estimate = Estimate(
         u.names, np.concatenate([f.descent.x for f in fits])[_order(fits)], (cov + cov.T) / 2,
-        freedom if known else least, noise, known, white.reshape(-1), (), units=u.units,
+        freedom if known else least, noise, known, scaled.reshape(-1), (), units=u.units,
         notes=(*notes, *u.notes), null_space=null if null.shape[1] else np.zeros((0, 0)),
     )  # fmt: skip
     return estimate, _told(problem, fits, 1.0 if known else noise, N)
@@ -113,13 +113,30 @@ def _by_noise(problem: Problem, f: Fitted) -> np.ndarray:
     return f.block.evaluate_all(read.data, y, z, f.descent.x)[2] / f.sigma
 
 
-def _whitened(r: np.ndarray, omega: np.ndarray) -> np.ndarray:
-    """Residuals (N, k) in units of their covariance; one by one where some have no noise of their own."""
-    try:
-        return np.linalg.solve(np.linalg.cholesky(omega), r[..., None])[..., 0]
-    except np.linalg.LinAlgError:
-        variance = np.diagonal(omega, axis1=1, axis2=2)
-        return r / np.sqrt(np.where(variance > 0, variance, 1.0))
+def _scaled(
+    problem: Problem, fits: Sequence[Fitted], omega: np.ndarray, gain: np.ndarray, cov: np.ndarray, freedom: float
+) -> np.ndarray:
+    """Residuals (N, k) in units of their noise, such that their squares sum to `freedom` on average.
+
+    What is left of noise e is e - J G'e: its expected squares are those of e less what the fit took, which differs from
+    the number of unknowns where the cost does not weigh as the noise does.
+    """
+    N, n = len(problem.measurements), len(problem.unknowns.names)
+    J = np.zeros_like(gain)
+    at = 0
+    for f in fits:
+        rows = f.descent.J.reshape(N, -1, len(f.block.columns))
+        J[:, at : at + rows.shape[1], f.block.columns] = rows
+        at += rows.shape[1]
+    size = np.sqrt(np.diagonal(omega, axis1=1, axis2=2))
+    size = np.where(size > 0, size, 1.0)
+    J, D = J / size[..., None], omega / (size[..., None] * size[:, None])
+    G = gain * size[..., None]
+    taken = np.broadcast_to(D, (N, *D.shape[1:])) @ G
+    expected = N * J.shape[1] - 2 * float(np.sum(taken * J))
+    expected += np.einsum("kin,nm,kim->", J, cov, J, optimize=True)
+    r = np.hstack([f.descent.r.reshape(N, -1) for f in fits]) / size
+    return r * np.sqrt(freedom / expected) if freedom > 0 and expected > 0 and n else r
 
 
 def _order(fits: Sequence[Fitted]) -> np.ndarray:

@@ -24,10 +24,11 @@ class Choice:
     """What to do with the parameters that the closure equations hold; names are of scalars ("L[0]"), rows or columns
     of numbers that share a beginning ("v[1]") or whole parameters ("A").
 
-    `free`: those to move, empty for all; `fixed`: those to leave, stronger than free (turns of quaternions too). `tied`: name -> name or number
-    of the same shape, which it follows. `unit`: quaternions (4), scalar first, that are turned and keep the length 1
-    (three unknowns each, "u1_2 turned about x" [rad], in the quaternion's own frame). `priors` by scalar name of an
-    unknown. `sizes`: expected error of a parameter, the scale in which rank and observability are told; default 1e-3.
+    `free`: those to move, empty for all; `fixed`: those to leave, stronger than free (turns of quaternions too).
+    `tied`: name -> name of the same shape, which it follows. `unit`: quaternions (4), scalar first, that are turned and
+    keep the length 1 (three unknowns each, "u1_2 turned about x" [rad], in the quaternion's own frame). `priors` by
+    scalar name of an unknown. `sizes`: expected error of a parameter, the scale in which rank and observability are
+    told; default 1e-3.
     """
 
     free: Sequence[str] = ()

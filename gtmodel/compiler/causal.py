@@ -84,6 +84,18 @@ class CausalFunction:
         """
         return self._built.whole
 
+    @property
+    def closed(self) -> ca.Function:
+        """ca.Function (inputs..., unknowns of each Newton block...) -> (targets..., margins): no root finders."""
+        return self._built.closed
+
+    def unknowns(self, *arguments: Any) -> tuple[list[np.ndarray], np.ndarray]:
+        """Unknowns of each Newton block as rows (n, m), for the further inputs of `closed`, and a Status code per row;
+        empty where there is no such block. Arguments as for a call of this object."""
+        columns, _ = self._columns(arguments)
+        found, status = self._unknowns(columns)
+        return [z.T for z in found], status
+
     @cached_property
     def casadi_parametric(self) -> ca.Function:
         """ca.Function (inputs..., parameters) -> (targets..., margins), algebra done without their values.

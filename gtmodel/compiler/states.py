@@ -146,7 +146,10 @@ def _greedy(m: np.ndarray, groups: list[list[int]], count: int) -> list[int]:
 
 def _redundant(flat: FlatModel, structure: Structure, k: int, rows: list[int], scaled: list[np.ndarray]) -> str:
     """Names the equations in the left null vector."""
-    m = max(scaled, key=lambda a: np.linalg.matrix_rank(a, tol=RANK_TOLERANCE))
+    ranks = [int(np.linalg.matrix_rank(a, tol=RANK_TOLERANCE)) for a in scaled]
+    # singular at some points only, as max(u, 0) is where u < 0: these tell what vanishes
+    told = max if max(ranks) < len(rows) else min
+    m = scaled[ranks.index(told(ranks))]
     u, s, _ = np.linalg.svd(m)
     rank = int(np.sum(s > RANK_TOLERANCE * max(s[0], 1e-300)))
     null = u[:, rank:]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from functools import partial
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 from pydantic import Field, PositiveFloat
@@ -13,7 +13,6 @@ from pydantic import Field, PositiveFloat
 from gtmodel.compiler.causal import compile_causal
 from gtmodel.kinematics.accuracy import (
     SIGNS,
-    Ellipsoids,
     ErrorCase,
     ErrorMap,
     ForwardWithLengths,
@@ -28,9 +27,13 @@ from gtmodel.kinematics.accuracy import (
 from gtmodel.kinematics.section import Section as Plane
 from gtmodel.results import SolveStatus, Status
 
+from . import section_keys
+from .accuracy_cases import Case, describe, errors_of, method_of
 from .base import Check, Context, InputError, Outcome, Row, Section
-from .mechanism import Mechanism, mechanism_of
+from .mechanism import Mechanism, home_figure, mechanism_of
 from .robot_keys import RobotProblem
+from .section_keys import Pair
+from .sentences import listed
 
 NAME = "accuracy"
 
@@ -52,31 +55,12 @@ TWO_ROADS = 1e-9
 # a draw may exceed the first-order corners by second-order terms only; and one of many comes within a tenth of them
 ABOVE, BELOW = 1.001, 0.9
 
-Three = Annotated[list[Annotated[float, Field(ge=0)]], Field(min_length=3, max_length=3)]
-Pair = Annotated[list[float], Field(min_length=2, max_length=2)]
 
-
-class SectionKeys(Section):
+class SectionKeys(section_keys.SectionKeys):
     """The cross-section, a plane orthogonal to the mean guideway direction; (u, v) = (y, z) for guideways along x."""
 
-    along_m: float | None = Field(
-        default=None, description="its position along the guideways; through home if left out"
-    )
     step_m: PositiveFloat = Field(default=0.05, description="of the grid")
     low_m: Pair | None = Field(default=None, description="least (u, v); of the guideways if left out")
-    high_m: Pair | None = Field(default=None, description="greatest (u, v)")
-
-
-class Case(Section):
-    """Errors of the three links: of their lengths, or of the cart joints, in ellipsoids about them; some may be 0."""
-
-    name: str = Field(description="of the case")
-    length_um: Three | None = Field(default=None, description="greatest error of each link length")
-    along_um: Three | None = Field(
-        default=None, description="half-axis of each cart joint's ellipsoid along its guideway"
-    )
-    across_um: Three | None = Field(default=None, description="half-axes across it")
-    method: Literal["support", "projection"] | None = Field(default=None, description="for this case another one")
 
 
 class MonteCarlo(Section):
@@ -135,7 +119,7 @@ def solve(problem: Schema, context: Context) -> Outcome:
     study = _study(problem, context)
     found = []
     for k, case in enumerate(problem.resolved()):
-        errors = _errors(case, k, study.robot)
+        errors = errors_of(case, k, study.robot)
 
         def progress(fraction: float, name: str = case.name) -> bool:
             context.progress(name, fraction)
@@ -163,13 +147,14 @@ def explain(problem: Schema, context: Context) -> str:
     """The section, the rectangle, and each case with its method."""
     study = _study(problem, context)
     lines = [
-        f"{problem.title or 'accuracy'}: section orthogonal to ({_list(study.plane.normal)}), through "
-        f"({_list(study.plane.origin)}) m",
-        f"  rectangle from (u, v) = ({_list(study.low)}) to ({_list(study.high)}) m, step {problem.section.step_m:g} m",
+        f"{problem.title or 'accuracy'}: section orthogonal to ({listed(study.plane.normal)}), through "
+        f"({listed(study.plane.origin)}) m",
+        f"  rectangle from (u, v) = ({listed(study.low)}) to ({listed(study.high)}) m, "
+        f"step {problem.section.step_m:g} m",
     ]
     for k, case in enumerate(problem.resolved()):
-        _errors(case, k, study.robot)
-        lines.append(f"  {case.name}: {_describe(case)}")
+        errors_of(case, k, study.robot)
+        lines.append(f"  {case.name}: {describe(case)}")
     lines.append(f"  beside them {problem.monte_carlo.samples} synthetic draws, seed {problem.monte_carlo.seed}")
     return "\n".join(lines)
 
@@ -212,22 +197,6 @@ def _through(low: float, high: float, outer_low: float, outer_high: float, step:
     return low + size * np.arange(first, last + 1)
 
 
-def _errors(case: Case, k: int, robot: Mechanism) -> ErrorCase:
-    key = f"cases[{k}]"
-    given = [name for name in ("length_um", "along_um", "across_um") if getattr(case, name) is not None]
-    if given and not any(np.any(getattr(case, name)) for name in given):
-        raise InputError("all errors are zero; give at least one that is greater", f"{key}.{given[0]}")
-    if case.length_um is not None:
-        if case.along_um is not None or case.across_um is not None:
-            raise InputError("give either length_um, or along_um with across_um", key)
-        return ErrorCase(robot.lengths, radius=1e-6 * np.array(case.length_um))
-    if case.along_um is None or case.across_um is None:
-        raise InputError("give either length_um, or along_um with across_um", key)
-    along, across = 1e-6 * np.array(case.along_um), 1e-6 * np.array(case.across_um)
-    ellipsoids = Ellipsoids.about_guideways(robot.directions, along, across)
-    return ErrorCase(robot.lengths, ellipsoids=ellipsoids, method=case.method or "support")
-
-
 def _base_points(robot: Mechanism) -> Any:
     def found(T: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         poses = robot.inverse(T)
@@ -261,8 +230,8 @@ def _judge(problem: Schema, study: _Study, case: Case, errors: ErrorCase, found:
     shape = parallelepiped(poses.directions[1:], half[1:])
     values = {
         "name": case.name,
-        "errors": _describe(case),
-        "method": _method(case),
+        "errors": describe(case),
+        "method": method_of(case),
         "min_um": 1e6 * float(found.error[least]),
         "min_at_m": study.plane.coordinates(T[[least]])[0].tolist(),
         "max_um": 1e6 * float(found.error[top]),
@@ -318,7 +287,7 @@ def _outcome(problem: Schema, study: _Study, found: list[_Found]) -> Outcome:
     }
     checks = {name: check for f in found for name, check in f.checks.items()}
     failed = [name for name, check in checks.items() if not check.passed]
-    rows = [Row("rectangle from (u, v)", _list(study.low), "m"), Row("to", _list(study.high), "m")]
+    rows = [Row("rectangle from (u, v)", listed(study.low), "m"), Row("to", listed(study.high), "m")]
     for f in found:
         rows += _rows(f.values)
     message = SolveStatus.SOLVED.sentence
@@ -336,7 +305,9 @@ def _outcome(problem: Schema, study: _Study, found: list[_Found]) -> Outcome:
     shape = (len(study.u), len(study.v))
     figures = {f"error_{k + 1}": partial(_error_figure, problem, study, f, shape) for k, f in enumerate(found)}
     figures["faces"] = partial(_faces_figure, problem, study, found)
-    figures["robot"] = partial(_robot_figure, problem, study)
+    low, high = study.low, study.high
+    rectangle = study.plane.points(np.array([low, [high[0], low[1]], high, [low[0], high[1]]]))
+    figures["robot"] = partial(home_figure, study.robot, [rectangle], problem.title)
     return Outcome(
         status=status, message=message, checks=checks, values=values, rows=rows, figures=figures,
         files={"errors.csv": _table(study, found)},
@@ -363,21 +334,6 @@ def _word(name: str) -> str:
     return "_".join(re.findall(r"\w+", name)) or "case"
 
 
-def _describe(case: Case) -> str:
-    if case.length_um is not None:
-        return f"link lengths within {_list(np.array(case.length_um))} um"
-    return (
-        f"cart joints within ellipsoids of {_list(np.array(case.along_um))} um along and "
-        f"{_list(np.array(case.across_um))} um across the guideways, corners by {_method(case)}"
-    )
-
-
-def _method(case: Case) -> str:
-    if case.length_um is not None:
-        return "eight corners of U^-1"
-    return "iterative projection" if case.method == "projection" else "the support function"
-
-
 def _reasons(status: np.ndarray) -> dict[str, int]:
     found = np.bincount(np.asarray(status, dtype=int))
     return {Status(code).sentence: int(n) for code, n in enumerate(found) if n and code != Status.OK}
@@ -395,14 +351,10 @@ def _table(study: _Study, found: list[_Found]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _list(x: np.ndarray) -> str:
-    return ", ".join(f"{v:.4g}" for v in np.asarray(x) + 0.0)
-
-
 def _error_figure(problem: Schema, study: _Study, f: _Found, shape: tuple[int, int]) -> Any:
     from gtmodel.plot.accuracy import error_figure
 
-    title = f"{problem.title or 'accuracy'}: {f.case.name}, {_method(f.case)}"
+    title = f"{problem.title or 'accuracy'}: {f.case.name}, {method_of(f.case)}"
     error = f.map.error.reshape(shape)
     return error_figure(
         study.u, study.v, error, study.corners, window=(study.low, study.high), title=title, names=study.plane.names
@@ -418,14 +370,3 @@ def _faces_figure(problem: Schema, study: _Study, found: list[_Found]) -> Any:
     faces = {f.case.name: map_errors(f.errors, _base_points(study.robot), T).faces for f in found}
     title = "faces of the error's parallelepiped, along the rising diagonal of the rectangle"
     return faces_figure(s * float(np.linalg.norm(study.high - study.low)), faces, title=title)
-
-
-def _robot_figure(problem: Schema, study: _Study) -> Any:
-    from gtmodel.plot.robot3d import robot_figure
-
-    low, high = study.low, study.high
-    rectangle = study.plane.points(np.array([low, [high[0], low[1]], high, [low[0], high[1]]]))
-    home = study.robot.home
-    return robot_figure(
-        home.a[0], home.b[0], home.T[0], study.robot.directions, curves=[rectangle], title=problem.title
-    )

@@ -8,25 +8,46 @@ from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt
 
 from .base import Section
 from .robot_keys import RobotProblem
-from .trajectory_keys import Point
+from .trajectory_keys import MotionLimits, PathSection, Point
 
 
-class Axes(Section):
-    """Where the axes stand; the robot is at rest there."""
+class End(Section):
+    """Where the robot stands at rest: the positions of its axes, or, on a path, its tool centre point."""
 
-    q_m: Point = Field(description="carts q1, q2, q3")
-    q_deg: Point = Field(description="rotary axes q4, q5, q6; with five degrees of freedom q5 = -q4")
+    q_m: Point | None = Field(None, description="carts q1, q2, q3")
+    q_deg: Point | None = Field(None, description="rotary axes q4, q5, q6; with five degrees of freedom q5 = -q4")
+    tcp_m: Point | None = Field(None, description="with [path], instead of the axes: tool centre point")
+    tool: Point | None = Field(
+        None,
+        description="with tcp_m and five degrees of freedom: tool direction in the robot's frame; left out, the other "
+        "end's, so that it is constant",
+    )
 
 
-class Limits(Section):
+class ToolDirection(Section):
+    """A tool direction on the way."""
+
+    at: float = Field(gt=0, lt=1, description="fraction of the way")
+    direction: Point = Field(description="tool direction there, in the robot's frame")
+
+
+class AxisPathSection(PathSection):
+    """The path to follow, from start to goal, and how the tool is held."""
+
+    tool_axis: Point = Field([1.0, 0.0, 0.0], description="direction of the tool in plate coordinates")
+    tool: list[ToolDirection] = Field(
+        [], description="tool directions between start and goal; the tool turns smoothly from each to the next"
+    )
+
+
+class Limits(MotionLimits):
     """What the motion must keep; what is left out is unlimited."""
 
-    force_N: PositiveFloat = Field(description="largest motor force of each cart, friction included")
     torque_Nm: PositiveFloat = Field(description="largest motor torque of each rotary axis")
-    cart_low_m: Point | None = Field(None, description="least position of each cart")
-    cart_high_m: Point | None = Field(None, description="largest position of each cart")
     axis_low_deg: Point | None = Field(None, description="least angle of each rotary axis")
     axis_high_deg: Point | None = Field(None, description="largest angle of each rotary axis")
+    axis_velocity_deg_s: PositiveFloat | None = Field(None, description="largest speed of each rotary axis")
+    axis_acceleration_deg_s2: PositiveFloat | None = Field(None, description="largest acceleration of each rotary axis")
 
 
 class Cost(Section):
@@ -59,12 +80,13 @@ class Solver(Section):
 
 
 class AxisTrajectoryProblem(RobotProblem):
-    """Optimal motion of the F1 from rest to rest between two positions of its axes."""
+    """Optimal motion of the F1 from rest to rest, free between two positions of its axes or along a path."""
 
     degrees_of_freedom: Literal[5, 6] = Field(5, description="5 keeps q4 = -q5 all the way, 6 leaves all axes free")
-    start: Axes
-    goal: Axes
+    start: End
+    goal: End
     limits: Limits
+    path: AxisPathSection | None = Field(default=None, description="the path to follow; free if it is left out")
     cost: Cost = Cost()  # type: ignore[call-arg]
     mesh: Mesh = Mesh()  # type: ignore[call-arg]
     solver: Solver = Solver()  # type: ignore[call-arg]

@@ -1,4 +1,4 @@
-"""Kind "axis_trajectory": time- or energy-optimal motion of the F1 between two positions of its axes."""
+"""Kind "axis_trajectory": time- or energy-optimal motion of the F1, free between positions of its axes or on a path."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from gtmodel.compiler.causal import compile_causal
 from gtmodel.optimize import Mesh, Solution, SolverOptions
 from gtmodel.optimize import solve as collocate
 from gtmodel.optimize.resimulate import SUBSTEPS, resimulate
@@ -13,8 +14,11 @@ from gtmodel.results import SolveStatus, Status, Trajectory
 
 from .axis_free_run import free_run
 from .axis_keys import AxisTrajectoryProblem as Schema
-from .axis_motion import CARTS, AxisPlan, plan_of
+from .axis_motion import CARTS, AxisPlan
+from .axis_planning import LINKS, plan_of
 from .base import Check, Context, Outcome, Row
+from .motion_limits import clearance
+from .trajectory import MARGIN_TOLERANCE
 
 NAME = "axis_trajectory"
 
@@ -30,15 +34,22 @@ VALUES = {
     "uncoupled_deg": "largest |q4 + q5| on that way; null with six degrees of freedom",
     "pose_apart_m": "largest distance of the optimum's tool centre points from the forward kinematics of its axes",
     "defect": "largest difference of re-simulated and collocated states at an element's edge, in nominals",
+    "path_length_m": "length of the path to follow; null for a free motion",
+    "path_error_m": "largest distance of the tool centre point from the path at its s; null for a free motion",
+    "second_road_time_s": "final time along the path with squared speeds as unknowns; null if free or with a jerk",
+    "margins": "least margin to each further limit, by key: in m for positions, else a share of the limit",
+    "clearance_m": "least distance of tool centre point and links from each obstacle",
 }
 
 SATURATED = 0.99
+ROADS_AGREE = 0.02  # relative: of the final time along a path; accelerations linear on 20 elements cannot jump
 # forces are bounded at collocation points and are no polynomials: between the points they pass by less than that
 PEAK_SHARE = 1.01
 # the printed accuracy of the F1 is a quarter of a millimetre
 END_ERROR_M = 2.5e-4
 END_ERROR_DEG = 0.05
 POSE_APART_M = 1e-6  # Newton and collocation solve the same equations
+PATH_M = 1e-6  # round-off of the same equations
 
 
 def solve(problem: Schema, context: Context) -> Outcome:
@@ -63,6 +74,7 @@ def explain(problem: Schema, context: Context) -> str:
     plan = plan_of(problem, context)
     built = build(plan.optimization(), problem.solver.formulation)
     limits, low, high = problem.limits, *plan.strokes
+    further = list(dict.fromkeys(m.key for m in plan.guard.margins))
     strokes = [f"q{k + 1} {_shown(k, low[k])} to {_shown(k, high[k])}" for k in range(len(low))
                if np.isfinite(low[k]) or np.isfinite(high[k])]  # fmt: skip
     return "\n".join(
@@ -74,7 +86,13 @@ def explain(problem: Schema, context: Context) -> str:
             f"{limits.torque_Nm:g} N.m",
             f"  unknown at each point: {', '.join(built.point_names)}",
             f"  free: {', '.join(built.free_names)}",
+            *(
+                [f"  along: {problem.path.shape} of {plan.course.path.length:.4g} m"]
+                if problem.path and plan.course
+                else []
+            ),
             *([f"  strokes: {'; '.join(strokes)}"] if strokes else []),
+            *([f"  further limits: {', '.join(further)}"] if further else []),
         ]
     )
 
@@ -118,6 +136,9 @@ def _renamed(run: Trajectory, title: str) -> Trajectory:
     """The robot's own names: robot.q becomes q; q and tau have one unit for carts, another for rotary axes."""
     names = ("q", "der(q)", "der(q,2)", "T", "e", "tau")
     own = {name: name.replace("q", "robot.q") if "q" in name else f"robot.{name}" for name in names}
+    if "s" in run and np.ndim(run["s"]) == 1:  # along a path
+        own["s"] = "s"
+    own["margin"] = "margin"
     values = {name: run[old] for name, old in own.items() if old in run}
     return Trajectory(run.time, values, {"T": "m", "e": "1"}, title=title)
 
@@ -126,7 +147,11 @@ def _placed(plan: AxisPlan, run: Trajectory) -> tuple[Trajectory | None, float]:
     """The re-simulated motion of the axes with poses by Newton and forces by inverse dynamics, None where these fail,
     and how far the optimum's tool centre points are from those poses [m]."""
     trajectory = _renamed(run, plan.problem.title or "optimal motion")
-    q, v, a = (trajectory[name] for name in ("q", "der(q)", "der(q,2)"))
+    names = ("q", "der(q)", "der(q,2)")
+    if plan.course is not None:
+        held = plan.held(run)
+        trajectory = trajectory.with_values({name: held[name] for name in names})
+    q, v, a = (trajectory[name] for name in names)
     T, e, placed = plan.poses(q)
     tau, moved = plan.inverse(q, v, a)
     if np.any(placed != Status.OK) or np.any(moved != Status.OK):
@@ -173,6 +198,10 @@ def _outcome(
         "uncoupled_deg": float(np.degrees(free.uncoupled)) if five and reached else None,
         "pose_apart_m": pose_apart,
         "defect": defect,
+        **_along(plan, trajectory, context),
+        # at the start what is no state is extrapolated
+        "margins": plan.guard.least(trajectory["margin"][1:]) if plan.guard.margins else {},
+        "clearance_m": _clearances(plan, trajectory),
     }
     peak = max(values["peak_share"])
     bounds = {
@@ -181,6 +210,12 @@ def _outcome(
         "end_error_deg": (end_deg, END_ERROR_DEG),
         "pose_apart_m": (pose_apart, POSE_APART_M),
     }
+    if plan.course is not None:
+        bounds["path_error_m"] = (values["path_error_m"], PATH_M)
+    if values["margins"]:
+        bounds["excess"] = (max(0.0, -min(values["margins"].values())), MARGIN_TOLERANCE)
+    if values["second_road_time_s"] is not None and problem.cost.energy == 0.0:
+        bounds["roads_apart"] = (abs(values["second_road_time_s"] / solution.final_time - 1), ROADS_AGREE)
     checks: dict[str, Any] = {"constraint_violation": solution.checks["constraint_violation"]}
     checks |= {n: Check(x if np.isfinite(x) else None, bound, x <= bound) for n, (x, bound) in bounds.items()}
     return Outcome(
@@ -194,6 +229,34 @@ def _outcome(
         rows=_rows(values, solution),
         figures={"motion": lambda: _figure(plan, trajectory)},
     )
+
+
+def _along(plan: AxisPlan, run: Trajectory, context: Context) -> dict[str, float | None]:
+    """How the path was followed, and how long it takes by the other road."""
+    path, second = plan.problem.path, None
+    if path is None or plan.course is None:
+        return {"path_length_m": None, "path_error_m": None, "second_road_time_s": None}
+    off = np.linalg.norm(run["T"] - plan.course.path(np.clip(run["s"], 0.0, 1.0))[0], axis=1)
+    if plan.order == 2:
+        context.progress("squared speeds", None, {})
+        motion = plan.by_squared_speeds(path.intervals)
+        second = motion.final_time if motion.status.ok else None
+    return {"path_length_m": plan.course.path.length, "path_error_m": float(np.max(off)), "second_road_time_s": second}
+
+
+def _clearances(plan: AxisPlan, run: Trajectory) -> list[float]:
+    """Distances [m] of tool centre point and links from each obstacle."""
+    obstacles = plan.problem.limits.obstacles
+    if not obstacles:
+        return []
+    names = [f"{part}[{k}].{end}.r" for part, k in LINKS for end in "ab"]
+    *joints, _ = compile_causal(plan.robot, known="q", targets=names)(run["q"])
+    found = []
+    for obstacle in obstacles:
+        box = np.array(obstacle.center_m), np.array(obstacle.size_m)
+        links = [clearance(a, b, *box) for a, b in zip(joints[::2], joints[1::2], strict=True)]
+        found.append(min(clearance(run["T"], run["T"], *box, 1), *links))
+    return found
 
 
 def _message(checks: dict[str, Any], trouble: str) -> str:
@@ -220,6 +283,12 @@ def _rows(values: dict[str, Any], solution: Solution) -> list[Row]:
             Row("all six axes free: end error", 1e3 * values["end_error_m"], "mm"),
             Row("all six axes free: end error", values["end_error_deg"], "deg"),
         ]
+    if values["path_length_m"] is not None:
+        rows.append(Row("length of the path", values["path_length_m"], "m"))
+    if values["second_road_time_s"] is not None:
+        rows.append(Row("final time by squared speeds", values["second_road_time_s"], "s"))
+    rows += [Row(f"margin to {key}", x, "") for key, x in values["margins"].items()]
+    rows += [Row(f"distance from obstacle {n}", 1e3 * x, "mm") for n, x in enumerate(values["clearance_m"])]
     if values["uncoupled_deg"] is not None:
         rows.append(Row("all six axes free: largest |q4 + q5|", values["uncoupled_deg"], "deg"))
     return rows
@@ -229,4 +298,5 @@ def _figure(plan: AxisPlan, trajectory: Trajectory) -> Any:
     from gtmodel.plot.axis_motion import axis_motion_figure
 
     limits = plan.problem.limits
-    return axis_motion_figure(trajectory, force_limit=limits.force_N, torque_limit=limits.torque_Nm)
+    path = None if plan.course is None else plan.course.path(np.linspace(0.0, 1.0, 201))[0]
+    return axis_motion_figure(trajectory, force_limit=limits.force_N, torque_limit=limits.torque_Nm, path=path)

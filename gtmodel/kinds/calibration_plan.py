@@ -23,7 +23,7 @@ from .calibration_plan_steps import (
     simulate,
     stages_of,
 )
-from .reach_limits import mechanism_with_limits
+from .workspace_limits import limited_mechanism
 
 NAME = "calibration_plan"
 
@@ -64,7 +64,7 @@ def solve(problem: Schema, context: Context) -> Outcome:
     """The steps of Fig. 5.21, with more poses while the criteria are not met."""
     if context.start is not None:
         raise InputError("--start: a plan is made from the beginning; leave it out")
-    robot = mechanism_with_limits(problem, context)
+    robot = limited_mechanism(problem.model(context), problem.home_m, problem.bodies)
     plan = Plan(problem, robot, measuring(problem, robot.model))
 
     def stop(stage: str, fraction: float) -> bool:
@@ -88,7 +88,7 @@ def solve(problem: Schema, context: Context) -> Outcome:
 
 def explain(problem: Schema, context: Context) -> str:
     """The steps and what a point must pass."""
-    robot = mechanism_with_limits(problem, context)
+    robot = limited_mechanism(problem.model(context), problem.home_m, problem.bodies)
     device = measuring(problem, robot.model)
     stages = stages_of(problem, robot, device)
     lines = [f"{problem.title or 'calibration plan'}: candidates every {problem.room.step_m:g} m, which must pass"]

@@ -7,7 +7,8 @@ from typing import Annotated, Literal
 from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt
 
 from .base import Section
-from .reach_limits import LimitedRobot, Point
+from .robot_keys import RobotProblem
+from .workspace_limits import Beam, Bodies, Box, Limits, Point
 
 Count = Annotated[int, Field(ge=2, le=200)]
 
@@ -137,8 +138,14 @@ class SimulationKeys(Section):
     seed: Annotated[int, Field(ge=0)] = Field(default=1, description="of noise and start errors")
 
 
-class Schema(LimitedRobot):
+class Schema(RobotProblem):
     """A calibration planned before anything is measured (Dressler 2012, Fig. 5.21)."""
+
+    home_m: Point | None = Field(default=None, description="pose of the cone axes; the robot's own home if left out")
+    limits: Limits = Limits()
+    bodies: Bodies = Bodies()
+    obstacles: list[Box] = Field(default=[], description="boxes that links and plate must not touch, nor hide")
+    beams: list[Beam] = Field(default=[], description="beams of the frame that links must not touch")
 
     free: list[str] = Field(default=[], description="parameters to calibrate, scalars, rows or whole; all if left out")
     fixed: list[str] = Field(default=[], description="parameters to leave, stronger than free")

@@ -19,10 +19,13 @@ def pictures(plan: Plan) -> Figures:
         return found
     stages = plan.found.stages
     T = plan.found.T
-    first = {"reached": T[stages["workspace"]]}
+    first = {"workspace": T[stages["workspace"]]}
     found["1_workspace"] = lambda: _space(plan, first, "workspace of the a-priori parameters", boxes=False)
     if "safety" in stages:
-        second = {"left for calibration": T[stages["safety"]], "reached, but not safe": T[stages["workspace"] & ~stages["safety"]]}
+        second = {
+            "left for calibration": T[stages["safety"]],
+            "reached, but not safe": T[stages["workspace"] & ~stages["safety"]],
+        }
         found["2_obstacles_and_safety"] = lambda: _space(plan, second, "without obstacles and safety zones")
     if "safety distance" in stages or (plan.found.complete and "device" in stages):
         last = next(reversed(stages.values()))
@@ -45,10 +48,10 @@ def pictures(plan: Plan) -> Figures:
 
 
 def _space(plan: Plan, layers: dict[str, np.ndarray], step: str, *, boxes: bool = True, device: bool = False) -> Any:
-    from gtmodel.plot.calibration_plan import space_figure
+    from gtmodel.plot.calibration_plan import room_figure
 
     problem, home = plan.problem, plan.robot.home
-    return space_figure(
+    return room_figure(
         (home.a[0], home.b[0], home.T[0], plan.robot.directions),
         layers,
         room=(np.array(problem.room.low_m), np.array(problem.room.high_m)),

@@ -33,7 +33,7 @@ from .base import InputError
 from .calibration_plan_device import Measuring
 from .calibration_plan_keys import Schema
 from .mechanism import Mechanism
-from .reach_limits import limits_of, ordered
+from .workspace_limits import limits_of, refuse_disordered
 
 Array = np.ndarray
 MOST_POINTS = 200_000  # of the room's grid
@@ -85,26 +85,19 @@ class Plan:
 def stages_of(problem: Schema, robot: Mechanism, measuring: Measuring) -> dict[str, Reach]:
     """Tests of a point, each with those before: workspace, with obstacles and safety, seen by the device."""
     limits, safety = problem.limits, problem.safety
-    bare = problem.model_copy(update={"obstacles": [], "beams": []})
     cone, strokes = limits.cone_deg, limits.actuators_m
     if cone is not None and safety.cone_deg >= cone:
         raise InputError(f"takes {safety.cone_deg:g} deg off cones of {cone:g} deg; nothing is left", "safety.cone_deg")
     if strokes is not None:
         strokes = [[a + safety.stroke_m, b - safety.stroke_m] for a, b in strokes]
-    bodies = problem.bodies
+    bodies, boxes, beams = problem.bodies, problem.obstacles, problem.beams
     wider = {name: getattr(bodies, name) + safety.obstacles_m for name in ("link_radius_m", "plate_radius_m")}
-    safe = problem.model_copy(
-        update={
-            "limits": limits.model_copy(
-                update={"cone_deg": None if cone is None else cone - safety.cone_deg, "actuators_m": strokes}
-            ),
-            "bodies": bodies.model_copy(update=wider),
-        }
-    )
-    within = limits_of(safe, robot)
+    narrower = {"cone_deg": None if cone is None else cone - safety.cone_deg, "actuators_m": strokes}
+    safe = limits.model_copy(update=narrower)
+    within = limits_of(safe, bodies.model_copy(update=wider), boxes, beams, robot)
     return {
-        "workspace": Reach(robot.inverse, limits_of(bare, robot)),
-        "obstacles": Reach(robot.inverse, limits_of(problem, robot)),
+        "workspace": Reach(robot.inverse, limits_of(limits, bodies, [], [], robot)),
+        "obstacles": Reach(robot.inverse, limits_of(limits, bodies, boxes, beams, robot)),
         "safety": Reach(robot.inverse, within),
         "device": Reach(robot.inverse, [*within, *measuring.limits]),
     }
@@ -114,7 +107,7 @@ def find_candidates(plan: Plan, stop: Stop) -> None:
     """Workspace, obstacles and safety, device, distance from the edge. Raises InputError where nothing is left."""
     problem, room = plan.problem, plan.problem.room
     low, high = np.array(room.low_m), np.array(room.high_m)
-    ordered(low, high, "room.high_m")
+    refuse_disordered(low, high, "room.high_m")
     size = float(np.prod((high - low) / room.step_m + 1))
     if size > MOST_POINTS:
         raise InputError(f"the grid would have {size:.1e} points; take at least a step of "
@@ -158,7 +151,7 @@ def _evaluation(plan: Plan) -> Array:
         T = plan.found.T[plan.found.stages["obstacles"]]
         return T[np.round(np.linspace(0, len(T) - 1, min(len(T), MOST_EVALUATED))).astype(int)]
     low, high = np.array(keys.low_m), np.array(keys.high_m)
-    ordered(low, high, "evaluation.high_m")
+    refuse_disordered(low, high, "evaluation.high_m")
     lines = [np.linspace(a, b, n) for a, b, n in zip(low, high, keys.counts, strict=True)]
     T = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 3)
     lost = plan.robot.inverse(T).status != 0

@@ -105,6 +105,14 @@ def mechanism_of(model: Model, home: Array | None = None, offsets: Array | None 
     )  # fmt: skip
 
 
+def home_figure(robot: Mechanism, curves: list[Array], title: str) -> Any:
+    """The robot at home, and closed curves (k, 3) [m]."""
+    from gtmodel.plot.robot3d import robot_figure
+
+    home = robot.home
+    return robot_figure(home.a[0], home.b[0], home.T[0], robot.directions, curves=curves, title=title)
+
+
 def _symbols(expressions: list[Any], known: list[str]) -> tuple[str, ...]:
     names = tuple(x.name() for x in expressions if x.is_symbolic())
     return names if len(names) == len(expressions) and set(names) <= set(known) else ()

@@ -104,7 +104,6 @@ def motion(robot: gt.Model, task: MotionTask) -> gt.Optimization:
                         yield gt.der(moved, k).at(instant) == 0
 
     declared = guard.declarations(dependent(robot, "tau") if restricted else robot, bounded=True)
-    declared.setdefault("metre", gt.parameter(1.0, unit="m"))
     if links:
         declared["along_guideway"] = gt.variable(len(links), unit="m", min=task.link_margin)
     if path is not None:

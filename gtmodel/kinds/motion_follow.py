@@ -11,12 +11,13 @@ import numpy as np
 from gtmodel.compiler.causal import CausalFunction, compile_causal
 from gtmodel.lang import Model
 from gtmodel.optimize.ipopt import Progress
-from gtmodel.optimize.path import PathMotion, PathTask, solve_path
+from gtmodel.optimize.path import PathMotion, solve_path
 from gtmodel.results import SolveStatus, Status, Trajectory
 
 from .motion import MotionTask, along_guideways, link_ends, link_names, trapezoid
 from .motion_limits import Guard
 from .motion_paths import Path
+from .path_rows import task_along
 
 FORCE_RESERVE = 1e-5  # of the limit: what the root's rounding at rest and the curvature between nodes may take
 TIGHTENINGS = 4  # each takes what the curvature of the path adds between nodes, some 0.1 %, off the limit
@@ -46,7 +47,10 @@ class Follower:
                 return f"the path leaves the workspace at {shown}"
             if least_along[k] < least:
                 return f"the path comes to the edge of reach at {shown}: a link stands {least_along[k]:.3g} m along"
-        return ""
+        f = motion_function(self.robot, self.task.guard)
+        margins = f(T, *[np.zeros_like(T)] * (len(f.inputs) - 1))[3:-1]
+        broken = self.task.guard.broken(margins[0]) if margins else None
+        return f"the path {broken[1]}, {100 * s[broken[0]]:.0f} % of the way" if broken else ""
 
     def guess(self) -> Trajectory:
         """The trapezoid of 1 s along the path."""
@@ -63,21 +67,15 @@ class Follower:
     ) -> PathMotion:
         """The optimal motion; its limits hold on both sides of every node, and so in between, or in the middles."""
         f = motion_function(self.robot, self.task.guard)
-        x = [ca.SX.sym(n, 3) for n in ("x", "v", "a")]
-        given = [x[signal.pairs[0][1]] for signal in f.inputs]
-        found = f.casadi.call(given)
-        rows = ca.vertcat(found[0], *found[3 : len(f.outputs)])  # tau, and the margins where there are any
-        extra = rows.numel() - 3
-        force = np.full(3, self.task.force * (1 - reserve))
-        task = PathTask(
+        task = task_along(
+            f,
             self.path,
-            ca.Function("rows", x, [rows], {"cse": True}),
-            np.concatenate([-force, np.zeros(extra)]),
-            np.concatenate([force, np.full(extra, np.inf)]),
-            np.concatenate([np.full(3, self.task.force_unit**-2), np.zeros(extra)]),
-            self.task.weight_time,
-            self.task.weight_energy,
-            ("velocity" in self.task.start_rest, "velocity" in self.task.goal_rest),
+            3,
+            np.full(3, self.task.force * (1 - reserve)),
+            np.full(3, self.task.force_unit**-2),
+            time=self.task.weight_time,
+            energy=self.task.weight_energy,
+            rest=("velocity" in self.task.start_rest, "velocity" in self.task.goal_rest),
         )
         return solve_path(task, intervals, bounded=bounded, progress=progress, max_seconds=max_seconds)
 

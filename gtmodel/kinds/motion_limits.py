@@ -15,12 +15,14 @@ import numpy as np
 from gtmodel import lang as gt
 
 from .base import InputError
-from .trajectory_keys import Limits
+from .trajectory_keys import MotionLimits
 
 SHARPNESS_PER_M = (
     200.0  # of the smooth maximum over separating directions: at most log(6) / 200 = 9 mm on the safe side
 )
 ROUNDING_M = 1e-4  # of smooth absolute values
+CARTS, ROTARY = range(3), range(3, 6)  # of the coordinates q
+ROUND_OFF = 1e-9  # of margins
 FAR_M = 1.0  # a separation beyond this is far enough; keeps exponentials finite
 
 
@@ -43,7 +45,7 @@ class Guard:
 
     def declarations(self, robot: gt.Model, bounded: bool = False) -> dict[str, Any]:
         """Class attributes of a model that holds the robot and its margins."""
-        found: dict[str, Any] = {"robot": gt.part(robot), **self.parameters}
+        found: dict[str, Any] = {"robot": gt.part(robot), "metre": gt.parameter(1.0, unit="m"), **self.parameters}
         if self.margins:
             found["margin"] = gt.variable(len(self.margins), min=0.0 if bounded else None)
         return found
@@ -52,6 +54,25 @@ class Guard:
         """Equations of the margins."""
         for k, margin in enumerate(self.margins):
             yield model.margin[k] == margin.expression(model)
+
+    def least(self, values: np.ndarray) -> dict[str, float]:
+        """The least of margins (n, k) by the key that they come from."""
+        found: dict[str, float] = {}
+        for k, margin in enumerate(self.margins):
+            found[margin.key] = min(float(np.min(values[:, k])), found.get(margin.key, np.inf))
+        return found
+
+    def broken(self, values: np.ndarray) -> tuple[int, str] | None:
+        """The first row of margins (n, k) that breaks a limit, and which one by how much; None where none does."""
+        rows = np.flatnonzero(np.min(values, axis=1, initial=np.inf) < -ROUND_OFF)
+        if not rows.size:
+            return None
+        row = int(rows[0])
+        k = int(np.argmin(values[row]))
+        return (
+            row,
+            f"breaks limits.{self.margins[k].key} by {-values[row, k]:.4g}{' m' * (self.margins[k].unit == 'm')}",
+        )
 
     @property
     def prefix(self) -> str:
@@ -74,12 +95,27 @@ class Guard:
         return model
 
 
-def guard_of(limits: Limits, arms: list[tuple[str, int]]) -> Guard:
-    """The margins that a problem file asks for; `arms` are (part, index) of the robot's links.
+@dataclass(frozen=True)
+class Carrier:
+    """A body that turns and carries joints: its rotation in a model that has `robot`, and the one at the start."""
+
+    rotation: Callable[[Any], Any]
+    at_start: np.ndarray
+
+
+Carriers = Callable[[int, str], Carrier | None]
+
+
+def guard_of(limits: MotionLimits, arms: list[tuple[str, int]], carriers: Carriers = lambda arm, end: None) -> Guard:
+    """The margins that a problem file asks for.
+
+    Args:
+        arms: (part, index) of the robot's links.
+        carriers: what turns the joint at an end of an arm; None where it keeps its direction.
 
     Raises InputError with the key for bounds that cross or name what the robot has not.
     """
-    p: dict[str, Any] = {"metre": gt.parameter(1.0, unit="m")}
+    p: dict[str, Any] = {}
     margins: list[Margin] = []
 
     def parameter(name: str, value: Any, unit: str) -> str:
@@ -94,11 +130,11 @@ def guard_of(limits: Limits, arms: list[tuple[str, int]]) -> Guard:
                 Margin(key, "1", lambda m: 1.0 - gt.dot(v := gt.der(m.robot.T, order), v) / getattr(m, name) ** 2)
             )
 
-    def carts(key: str, order: int, unit: str) -> None:
-        value = getattr(limits, key)
+    def axes(key: str, order: int, unit: str, which: range, factor: float = 1.0) -> None:
+        value = getattr(limits, key, None)  # a robot without rotary axes has no keys for them
         if value is not None:
-            name = parameter(key, value, unit)
-            for i in range(3):
+            name = parameter(key, value * factor, unit)
+            for i in which:
                 margins.append(
                     Margin(key, "1", lambda m, i=i: 1.0 - (gt.der(m.robot.q[i], order) / getattr(m, name)) ** 2)
                 )
@@ -120,12 +156,14 @@ def guard_of(limits: Limits, arms: list[tuple[str, int]]) -> Guard:
     magnitude("tcp_velocity_m_s", 1, "m/s")
     magnitude("tcp_acceleration_m_s2", 2, "m/s2")
     magnitude("tcp_jerk_m_s3", 3, "m/s3")
-    carts("cart_velocity_m_s", 1, "m/s")
-    carts("cart_acceleration_m_s2", 2, "m/s2")
+    axes("cart_velocity_m_s", 1, "m/s", CARTS)
+    axes("cart_acceleration_m_s2", 2, "m/s2", CARTS)
+    axes("axis_velocity_deg_s", 1, "rad/s", ROTARY, np.pi / 180)
+    axes("axis_acceleration_deg_s2", 2, "rad/s2", ROTARY, np.pi / 180)
     between("cart_low_m", "cart_high_m", "cart", lambda m, i: m.robot.q[i])
     between("tcp_low_m", "tcp_high_m", "coordinate", lambda m, i: m.robot.T[i])
     for n, cone in enumerate(limits.joint_cones):
-        margins.append(_cone(f"joint_cones[{n}]", cone, arms, parameter))
+        margins.append(_cone(f"joint_cones[{n}]", cone, arms, carriers, parameter))
     for n, obstacle in enumerate(limits.obstacles):
         center = parameter(f"obstacle_{n}_center", obstacle.center_m, "m")
         half = np.array(obstacle.size_m) / 2
@@ -143,21 +181,29 @@ def guard_of(limits: Limits, arms: list[tuple[str, int]]) -> Guard:
 
 
 def _link(model: Any, arm: tuple[str, int]) -> Any:
-    return getattr(model.robot, arm[0])[arm[1]].rod
+    """The rod of a link; the link itself where it has no other parts."""
+    link = getattr(model.robot, arm[0])[arm[1]]
+    return link.rod if hasattr(link, "rod") else link
 
 
-def _cone(key: str, cone: Any, arms: list[tuple[str, int]], parameter: Callable[[str, Any, str], str]) -> Margin:
+def _cone(
+    key: str, cone: Any, arms: list[tuple[str, int]], carriers: Carriers, parameter: Callable[[str, Any, str], str]
+) -> Margin:
     if cone.arm >= len(arms):
         raise InputError(f"is {cone.arm}; the robot has the arms 0 to {len(arms) - 1}", f"limits.{key}.arm")
     axis = np.array(cone.axis)
     if not np.any(axis):
         raise InputError("is zero; a direction is expected", f"limits.{key}.axis")
-    name = parameter(key.replace("[", "_").replace("]", "_axis"), axis / np.linalg.norm(axis), "1")
+    axis = axis / np.linalg.norm(axis)
+    carrier = carriers(cone.arm, cone.end)
+    own = axis if carrier is None else np.linalg.solve(carrier.at_start, axis)
+    name = parameter(key.replace("[", "_").replace("]", "_axis"), own, "1")
     arm, least = arms[cone.arm], float(np.cos(np.deg2rad(cone.half_angle_deg)))
 
     def expression(m: Any) -> Any:
         rod = _link(m, arm)
-        return gt.dot(rod.b.r - rod.a.r, getattr(m, name)) / rod.L - least
+        now = getattr(m, name) if carrier is None else carrier.rotation(m) @ getattr(m, name)
+        return gt.dot(rod.b.r - rod.a.r, now) / rod.L - least
 
     return Margin(key, "1", expression)
 

@@ -102,7 +102,7 @@ def _refuse_stray(keys: PathSection) -> None:
         "spline": {"file"},
         "taught": {"file", "tolerance_m"},
     }
-    for key in keys.model_fields_set - {"shape", "intervals"} - own.get(keys.shape, set()):
+    for key in keys.model_fields_set & set().union(*own.values()) - own.get(keys.shape, set()):
         raise InputError(f"does not belong to shape '{keys.shape}'; remove it or choose another shape", f"path.{key}")
 
 

@@ -25,7 +25,7 @@ from .motion import (
     trapezoid,
 )
 from .motion_follow import Follower, motion_function
-from .motion_limits import Guard, guard_of
+from .motion_limits import Carrier, Guard, guard_of
 from .motion_paths import Path, path_of
 from .motion_search import Search, order_of, task_of
 from .trajectory_keys import TrajectoryProblem
@@ -137,13 +137,21 @@ def plan_of(problem: TrajectoryProblem, context: Context) -> Plan:
     if np.array_equal(start, goal):
         raise InputError("the goal equals the start; give another goal", "goal.tcp_m")
     _check_reach(problem, robot)
-    guard = guard_of(problem.limits, links_of(robot))
+    guard = guard_of(problem.limits, links_of(robot), lambda arm, end: _carrier(robot, end, start))
     _check_statics(problem, robot, guard)
     path = None if problem.path is None else path_of(problem.path, context, start, goal)
     plan = Plan(problem, robot, guard, path, _guess(context, path))
     if path is not None and (trouble := plan.follower.trouble()):
         raise InputError(trouble, "path")
     return plan
+
+
+def _carrier(robot: gt.Model, end: str, start: np.ndarray) -> Carrier | None:
+    """The plate, where it turns: a robot with its rotation R as a variable."""
+    if end != "plate" or flat_of(robot).groups.get("R", ((), []))[0] != (3, 3):
+        return None
+    R, _ = compile_causal(robot, known="T", targets="R")(start)
+    return Carrier(lambda model: model.robot.R, R)
 
 
 def _check_robot(robot: gt.Model) -> None:
@@ -187,10 +195,8 @@ def _check_statics(problem: TrajectoryProblem, robot: gt.Model, guard: Guard) ->
                 f"{key}",
                 "limits.force_N",
             )
-        if margins and np.min(margins[0]) < 0:
-            broken = guard.margins[int(np.argmin(margins[0]))]
-            by = f"{-np.min(margins[0]):.4g}{' m' if broken.unit == 'm' else ''}"
-            raise InputError(f"breaks limits.{broken.key} by {by}", key)
+        if margins and (broken := guard.broken(margins[0][None])):
+            raise InputError(broken[1], key)
 
 
 def _guess(context: Context, path: Path | None) -> Trajectory | None:

@@ -8,14 +8,14 @@ import numpy as np
 from pydantic import Field, PositiveFloat, PositiveInt
 
 from gtmodel.lang import ModelError, Optimization
+from gtmodel.optimize import CompilerMissing, Solution, SolverOptions
 from gtmodel.optimize import Mesh as CollocationMesh
-from gtmodel.optimize import Solution, SolverOptions
 from gtmodel.optimize import solve as collocate
 from gtmodel.optimize.problem import Bounds
 from gtmodel.optimize.resimulate import resimulate
 
 from . import python_models
-from .base import Context, Outcome, Problem, Row, Section
+from .base import Context, InputError, Outcome, Problem, Row, Section
 
 NAME = "optimization"
 
@@ -31,7 +31,7 @@ VALUES = {
 class Mesh(Section):
     """Where the equations are collocated."""
 
-    elements: PositiveInt = Field(default=50, description="number of elements of the horizon")
+    elements: PositiveInt = Field(default=50, le=10000, description="number of elements of the horizon")
     points: int = Field(default=3, ge=1, le=9, description="collocation points per element")
     scheme: Literal["radau", "gauss"] = Field(default="radau", description="where the points of an element lie")
     control: Literal["polynomial", "bernstein", "linear", "constant"] = Field(
@@ -52,6 +52,9 @@ class Solver(Section):
 
     tolerance: PositiveFloat = Field(default=1e-8, description="on the scaled optimality conditions")
     max_iterations: PositiveInt = Field(default=1000, description="limit of iterations")
+    compile: bool = Field(
+        default=False, description="the elements as machine code: the same optimum, sooner where it is solved again"
+    )
 
 
 class Schema(Problem):
@@ -73,14 +76,17 @@ def solve(problem: Schema, context: Context) -> Outcome:
         context.progress("optimising", None, numbers)
         return context.interrupted()
 
-    solution = collocate(
-        _model(problem, context),
-        CollocationMesh(**problem.mesh.model_dump()),
-        guess=context.guess(),
-        solver=SolverOptions(**problem.solver.model_dump(), max_seconds=context.seconds_left()),
-        progress=progress,
-        throw=False,
-    )
+    try:
+        solution = collocate(
+            _model(problem, context),
+            CollocationMesh(**problem.mesh.model_dump()),
+            guess=context.guess(),
+            solver=SolverOptions(**problem.solver.model_dump(), max_seconds=context.seconds_left()),
+            progress=progress,
+            throw=False,
+        )
+    except CompilerMissing as error:
+        raise InputError(str(error), "solver.compile") from None
     return _outcome(solution)
 
 

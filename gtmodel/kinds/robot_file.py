@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+from abc import abstractmethod
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal, cast
 
@@ -54,9 +55,9 @@ class _Robot(Section):
         }
         return self.geometry() | {name: value for name, value in chosen.items() if value is not None}
 
+    @abstractmethod
     def geometry(self) -> dict[str, Any]:
         """All parameters that say where points are, home included."""
-        raise NotImplementedError
 
     def more(self) -> dict[str, Any]:
         """Masses that only this family has; None where left out."""
@@ -95,11 +96,12 @@ class _SixLinks(_Robot):
     def more(self) -> dict[str, Any]:
         return {"m_a": self.m_a_kg, "c_p": self.c_p_m, "I_p": self.I_p_kg_m2}
 
-    def checked_order(self) -> None:
+    def modifiers(self, payload: float) -> dict[str, Any]:
         if self.links is not None and tuple(self.links) != clusters.LINKS:
             raise InputError(
                 f"must be {', '.join(clusters.LINKS)} in this order; found {', '.join(self.links)}", "links"
             )
+        return super().modifiers(payload)
 
 
 class SixLinkFile(_SixLinks):
@@ -116,7 +118,6 @@ class SixLinkFile(_SixLinks):
     )
 
     def geometry(self) -> dict[str, Any]:
-        self.checked_order()
         A, v, L, B = (np.array(x) for x in (self.A_m, self.v, self.L_m, self.B_m))
         home = A.mean(axis=0) + 0.85 * L.mean() * v.mean(axis=0) if self.home_m is None else self.home_m
         if self.home_zyz_deg is not None:
@@ -147,7 +148,6 @@ class F1File(_SixLinks):
     )
 
     def geometry(self) -> dict[str, Any]:
-        self.checked_order()
         found = f1_geometry.of_table(self.model_dump())
         R, misfit = f1_geometry.home_rotation(found)
         _refuse(misfit, "u1_2", ", or of u1_3, u2_3, A_bj_mm and B0_mm")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import pydantic
@@ -175,6 +175,11 @@ def _value_at(place: Sequence[str | int], data: Any) -> Any:
 def a(text: str) -> str:
     """A type as the schema names it, with its article."""
     return f"a {text}" if text.startswith(("number", "whole number", "text", "list", "table")) else text
+
+
+def listed(numbers: Iterable[float]) -> str:
+    """The numbers of a vector, such as "1, 0.25, 0"."""
+    return ", ".join(f"{x + 0.0:.4g}" for x in numbers)  # -0 is 0
 
 
 def shown(value: Any) -> str:

@@ -15,7 +15,7 @@ from gtmodel.results import SolveStatus, Trajectory
 
 from .base import Check, Context, Outcome, Row
 from .motion_follow import sampled
-from .motion_limits import Guard, clearance
+from .motion_limits import clearance
 from .motion_planning import Plan, plan_of
 from .motion_reference import at_rest, between_rows, csv_text, rapid_text
 from .motion_search import motion_of
@@ -216,15 +216,6 @@ def _peak(run: Resimulation) -> float:
     return max(map(abs, sum((r for name, r in run.control_range.items() if "tau" in name), ())))
 
 
-def _margins(guard: Guard, run: Trajectory) -> dict[str, float]:
-    """The least margin by key."""
-    least: dict[str, float] = {}
-    for k, margin in enumerate(guard.margins):
-        value = float(np.min(run["margin"][:, k]))
-        least[margin.key] = min(value, least.get(margin.key, np.inf))
-    return least
-
-
 def _clearances(plan: Plan, run: Trajectory) -> list[float]:
     found = []
     for obstacle in plan.problem.limits.obstacles:
@@ -249,7 +240,7 @@ def _outcome(
     run = exported.trajectory
     end_error = _distance(tried.trajectory["robot.T"][-1], plan.goal)
     peak = float(np.max(np.abs(tried.trajectory["robot.tau"]))) if plan.restricted else _peak(tried)
-    margins = _margins(plan.guard, run)
+    margins = plan.guard.least(run["margin"]) if plan.guard.margins else {}
     values = {
         "final_time_s": solution.final_time,
         "energy": _energy(solution, unit),
@@ -309,7 +300,8 @@ def _outcome(
 def _message(problem: Schema, checks: dict[str, Any]) -> str:
     failed = [name for name, check in checks.items() if not check.passed]
     if failed:
-        return f"solved, but {' and '.join(failed)} exceed their bounds; use more mesh.elements"
+        verb = "exceeds its bound" if len(failed) == 1 else "exceed their bounds"
+        return f"solved, but {' and '.join(failed)} {verb}; use more mesh.elements"
     return "solved and re-simulated"
 
 

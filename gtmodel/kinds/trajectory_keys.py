@@ -32,7 +32,10 @@ class JointCone(Section):
 
     arm: int = Field(ge=0, description="number of the arm, from 0")
     end: Literal["cart", "plate"] = Field(description="the end of the link at which the joint sits")
-    axis: Point = Field(description="mounting direction of the joint in the robot's frame, from cart towards plate")
+    axis: Point = Field(
+        description="mounting direction of the joint in the robot's frame, from cart towards plate; of a joint that "
+        "turns with the plate or a rotary axis, its direction at the start"
+    )
     half_angle_deg: float = Field(gt=0, le=90, description="largest angle between the link and the axis")
 
 
@@ -44,13 +47,10 @@ class Obstacle(Section):
     clearance_m: NonNegativeFloat = Field(0.0, description="distance kept from it, radii of tool and links included")
 
 
-class Limits(Section):
-    """What the motion must keep; what is left out is unlimited."""
+class MotionLimits(Section):
+    """What the motion of a robot on three carts must keep; what is left out is unlimited."""
 
     force_N: PositiveFloat = Field(description="largest motor force of each cart, friction included")
-    link_along_guideway_m: NonNegativeFloat = Field(
-        0.02, description="least component of each link along its guideway: how far to stay off the edge of reach"
-    )
     tcp_velocity_m_s: PositiveFloat | None = Field(None, description="largest speed of the tool centre point")
     tcp_acceleration_m_s2: PositiveFloat | None = Field(None, description="largest magnitude of its acceleration")
     tcp_jerk_m_s3: PositiveFloat | None = Field(
@@ -64,6 +64,14 @@ class Limits(Section):
     tcp_high_m: Point | None = Field(None, description="upper corner of the box that holds the tool centre point")
     joint_cones: list[JointCone] = Field([], description="cones of the ball joints")
     obstacles: list[Obstacle] = Field([], description="boxes to stay out of")
+
+
+class Limits(MotionLimits):
+    """What the motion must keep; what is left out is unlimited."""
+
+    link_along_guideway_m: NonNegativeFloat = Field(
+        0.02, description="least component of each link along its guideway: how far to stay off the edge of reach"
+    )
 
 
 class Cost(Section):
@@ -87,7 +95,9 @@ class PathSection(Section):
     through_m: Point | None = Field(None, description="arc: a third point between start and goal")
     file: str = Field("", description="spline, taught: CSV file with the columns x_m, y_m, z_m")
     tolerance_m: PositiveFloat = Field(5e-4, description="taught: root mean square distance left by the smoothing")
-    intervals: PositiveInt = Field(400, description="intervals of the exported motion along the path")
+    intervals: PositiveInt = Field(
+        400, description="intervals of the motion by squared speeds, the exported one of kind trajectory"
+    )
 
 
 class Starts(Section):
@@ -101,7 +111,7 @@ class Starts(Section):
 class Mesh(Section):
     """Where the equations are collocated (Radau)."""
 
-    elements: PositiveInt = Field(50, description="number of elements of the horizon")
+    elements: PositiveInt = Field(50, le=10000, description="number of elements of the horizon")
     points: int = Field(3, ge=1, le=9, description="collocation points per element")
     control: Literal["polynomial", "constant"] = Field(
         "polynomial", description="force polynomial per element, bounded at its points only, or one value"
@@ -121,8 +131,8 @@ class Solver(Section):
 class Export(Section):
     """The files for a controller."""
 
-    sample_s: PositiveFloat = Field(0.004, description="interval of reference.csv")
-    target_s: PositiveFloat = Field(0.04, description="interval of the targets in motion.mod")
+    sample_s: PositiveFloat = Field(0.004, ge=1e-5, description="interval of reference.csv")
+    target_s: PositiveFloat = Field(0.04, ge=1e-4, description="interval of the targets in motion.mod")
 
 
 class TrajectoryProblem(RobotProblem):

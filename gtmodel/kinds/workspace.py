@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from pydantic import Field, PositiveFloat
+from pydantic import Field
 
 from gtmodel.kinematics.workspace import (
     REACHABLE,
@@ -19,8 +19,11 @@ from gtmodel.kinematics.workspace import (
 from gtmodel.results import SolveStatus
 
 from .base import Check, Context, InputError, Outcome, Row, Section
-from .mechanism import Mechanism
-from .reach_limits import Angle, LimitedRobot, Pair, Point, limits_of, mechanism_with_limits, ordered
+from .mechanism import Mechanism, home_figure
+from .robot_keys import RobotProblem
+from .section_keys import SectionKeys
+from .sentences import listed
+from .workspace_limits import Angle, Beam, Bodies, Box, Limits, Point, limited_mechanism, limits_of, refuse_disordered
 
 NAME = "workspace"
 
@@ -51,17 +54,6 @@ MOST_POINTS = 2.5e7  # of a section, some 500 MB
 FEW = 10  # steps across the section; a section not reached at so few points may be reached between them
 
 
-class SectionKeys(Section):
-    """The cross-section, a plane orthogonal to the mean guideway direction; (u, v) = (y, z) for guideways along x."""
-
-    along_m: float | None = Field(
-        default=None, description="its position along the guideways; through home if left out"
-    )
-    step_m: PositiveFloat = Field(default=0.02, description="of the grid")
-    low_m: Pair | None = Field(default=None, description="least (u, v); all that the links may reach if left out")
-    high_m: Pair | None = Field(default=None, description="greatest (u, v)")
-
-
 class VolumeKeys(Section):
     """Sections between two positions along the guideways."""
 
@@ -70,13 +62,18 @@ class VolumeKeys(Section):
     sections: int = Field(default=21, ge=2, le=10000, description="number of sections")
 
 
-class Schema(LimitedRobot):
+class Schema(RobotProblem):
     """Workspace of a robot whose plate keeps its orientation or follows from T."""
 
+    home_m: Point | None = Field(default=None, description="pose of the cone axes; the robot's own home if left out")
     compare_cones_deg: list[Angle] = Field(default=[], description="cones to report beside the limits in force")
     points_m: list[Point] = Field(default=[], description="points to judge one by one")
     section: SectionKeys = SectionKeys()
     volume: VolumeKeys | None = Field(default=None)
+    limits: Limits = Limits()
+    bodies: Bodies = Bodies()
+    obstacles: list[Box] = Field(default=[], description="boxes that links and plate must not touch")
+    beams: list[Beam] = Field(default=[], description="beams of the frame that links must not touch")
 
 
 class _Stopped(Exception):
@@ -87,8 +84,8 @@ def solve(problem: Schema, context: Context) -> Outcome:
     """Map the section, with and without limits, then the volume."""
     if context.start is not None:
         raise InputError("--start: a workspace is mapped from the beginning; leave it out")
-    robot = mechanism_with_limits(problem, context)
-    reach = Reach(robot.inverse, limits_of(problem, robot))
+    robot = limited_mechanism(problem.model(context), problem.home_m, problem.bodies)
+    reach = Reach(robot.inverse, limits_of(problem.limits, problem.bodies, problem.obstacles, problem.beams, robot))
     section = robot.section(problem.section.along_m, "section.along_m")
     low, high = _window(problem, robot, section)
     step = problem.section.step_m
@@ -122,15 +119,15 @@ def solve(problem: Schema, context: Context) -> Outcome:
 
 def explain(problem: Schema, context: Context) -> str:
     """The tests in their order, the section and the grid."""
-    robot = mechanism_with_limits(problem, context)
-    reach = Reach(robot.inverse, limits_of(problem, robot))
+    robot = limited_mechanism(problem.model(context), problem.home_m, problem.bodies)
+    reach = Reach(robot.inverse, limits_of(problem.limits, problem.bodies, problem.obstacles, problem.beams, robot))
     section = robot.section(problem.section.along_m, "section.along_m")
     low, high = _window(problem, robot, section)
     lines = [
-        f"{problem.title or 'workspace'}: section orthogonal to ({_list(section.normal)}), through "
-        f"({_list(section.origin)}) m",
-        f"  u along ({_list(section.across)}) from {low[0]:.4g} to {high[0]:.4g} m, "
-        f"v along ({_list(section.up)}) from {low[1]:.4g} to {high[1]:.4g} m, step {problem.section.step_m:g} m",
+        f"{problem.title or 'workspace'}: section orthogonal to ({listed(section.normal)}), through "
+        f"({listed(section.origin)}) m",
+        f"  u along ({listed(section.across)}) from {low[0]:.4g} to {high[0]:.4g} m, "
+        f"v along ({listed(section.up)}) from {low[1]:.4g} to {high[1]:.4g} m, step {problem.section.step_m:g} m",
         "  a point is tested by, in this order:",
         "    inverse kinematics",
         *(f"    {limit.name}" for limit in reach.limits),
@@ -146,7 +143,7 @@ def _window(problem: Schema, robot: Mechanism, section: Any) -> tuple[np.ndarray
     low, high = robot.farthest(points)
     low = low if keys.low_m is None else np.array(keys.low_m)
     high = high if keys.high_m is None else np.array(keys.high_m)
-    ordered(low, high, "section.high_m")
+    refuse_disordered(low, high, "section.high_m")
     if np.any(high - low <= keys.step_m):
         raise InputError(
             f"the section is {high[0] - low[0]:.4g} m by {high[1] - low[1]:.4g} m, so that no point lies within it; "
@@ -236,7 +233,7 @@ def _outcome(
         rows=_rows_of(values),
         figures={
             "section": lambda: _section_figure(problem, robot, main, bare, cones, len(reach.limits) > 1),
-            "robot": lambda: _robot_figure(problem, robot, main),
+            "robot": lambda: home_figure(robot, [main.section.points(p) for p in main.region.loops], problem.title),
         },
         files={} if empty else {"boundary.csv": _boundary(main)},
     )
@@ -293,10 +290,6 @@ def _boundary(main: SectionMap) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _list(x: np.ndarray) -> str:
-    return ", ".join(f"{v:.4g}" for v in x + 0.0)
-
-
 def _section_figure(
     problem: Schema,
     robot: Mechanism,
@@ -314,17 +307,3 @@ def _section_figure(
     layers = {"inverse kinematics has a solution": bare.region, **layers}
     guideways = main.section.pierced(robot.anchors, robot.directions)
     return section_figure(layers, guideways, title=problem.title, names=main.section.names)
-
-
-def _robot_figure(problem: Schema, robot: Mechanism, main: SectionMap) -> Any:
-    from gtmodel.plot.robot3d import robot_figure
-
-    home = robot.home
-    return robot_figure(
-        home.a[0],
-        home.b[0],
-        home.T[0],
-        robot.directions,
-        curves=[main.section.points(p) for p in main.region.loops],
-        title=problem.title,
-    )

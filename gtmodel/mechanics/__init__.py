@@ -29,6 +29,7 @@ from .friction_rotational import (
 )
 from .guideway import Guideway
 from .guideway_curves import CurvedGuideway, PiecewiseLinearCyclicGuideway, PiecewiseLinearGuideway, SplineGuideway
+from .guideway_measured import MeasuredGuideway
 from .joints import Prismatic, Revolute, Spherical, Universal
 from .load import FrameLoad, PointLoad
 from .motor import ForceMotor, TorqueMotor
@@ -64,6 +65,7 @@ __all__ = [
     "Guideway",
     "Inertia",
     "Mass",
+    "MeasuredGuideway",
     "MidpointRod",
     "PiecewiseLinearCyclicGuideway",
     "PiecewiseLinearFriction",

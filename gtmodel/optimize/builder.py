@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import casadi as ca
@@ -14,13 +15,12 @@ from ..lang.expression import Expr
 from ..lang.optimization import Delayed, Optimization
 from ..lang.scope import Misfit
 from ..lang.source import ModelError
-from .attributes import Pair, nominal_of
+from .attributes import Pair, names_of, nominal_of
 from .dynamic import Bounds, DynamicProblem
 from .horizon import PointValue, horizon, point_values, require_length
 from .relations import Row, as_bound
+from .sizes import Slopes, of_constants, scale_of, within
 
-# rows smaller than this are scaled up, for IPOPT's slack of 1e-8 must not swallow them; larger ones it scales itself
-SMALL = 1e-4
 # what a value that is fixed at the start may miss, in the size of the row: IPOPT's own measure of a solution
 START_SLACK = 1e-6
 
@@ -51,7 +51,10 @@ class Builder:
         fold: ca.SX,
         tunable: tuple[str, ...] = (),
         delayed: dict[int, tuple[int, Delayed]] | None = None,
+        told: Mapping[str, float] | None = None,
     ) -> None:
+        """told: sizes by the names of variables and free constants, in place of their nominals."""
+        self.told = dict(told or {})
         self.base = base
         self.model, self.root, self.flat, self.plan, self.kind = model, root, flat, plan, kind
         self.states, self.controls, self.tunable = states, controls, tunable
@@ -133,7 +136,7 @@ class Builder:
                 u_bounds.tighten(n, *((low, high) if s > 0 else (-high, -low)))
             else:
                 symbol = flat.scope.symbol(v.index, 0)
-                nominal = nominal_of(flat, self.plan.alias, (v.index, 0))
+                nominal = self._nominal((v.index, 0))
                 path.append(Row(symbol, v.min, v.max, f"bounds of {v.name}", v.where, nominal))
         ends = horizon(flat, self.P, self.parameters)
         require_length(flat, ends, constraints, self.P[self.n_free :], self._tuned())
@@ -166,27 +169,34 @@ class Builder:
         P_bounds = Bounds(np.array([q.min for q in free] + held), np.array([q.max for q in free] + held))
         self._check_bounds(x_bounds, u_bounds, P_bounds, start, end)
         rates, algebraic, labels = self._dynamics()
-        P_guess = np.array([q.value for q in free] + held)
-        for row, size in zip(path, self._sizes([r.expression for r in path], P_guess), strict=True):
-            typical = row.scale if row.scale != 1.0 else float(size)
-            row.scale = typical if typical < SMALL else 1.0
+        P_guess, names = np.array([q.value for q in free] + held), [q.name for q in free]
+        P_scale = of_constants(P_guess, P_bounds.low, P_bounds.high)
+        P_scale = np.array([self.told.get(n, s) for n, s in zip([*names, *self.tunable], P_scale, strict=True)])
+        inputs = [(i, 0) for i in (*self.controls, *self.delayed)] + self.z_pairs
+        x_scale = within(self._nominals(states), x_bounds.low, x_bounds.high)
+        u_scale = within(self._nominals(inputs), u_bounds.low, u_bounds.high)
+        slopes = self._slopes(x_scale, u_scale, P_guess)
+        for row, size in zip(path, slopes.typical([r.expression for r in path]), strict=True):
+            nominal = float(within(np.array(row.scale), np.array(row.low), np.array(row.high)))
+            row.scale = scale_of(nominal if nominal != 1.0 else float(size))
         at_start = self._at_start(written, path, x_bounds, u_bounds, start, ends.t0)
         instants += [value for value, _ in at_start]
         points += [row for _, row in at_start]
-        scale = self._row_scale(algebraic, P_guess)
+        scale = slopes.at_one(algebraic)
         if self.kind == "inverse":
-            scale[: len(self.controls)] = [flat.variables[i].nominal for i in self.controls]
+            scale[: len(self.controls)] = u_scale[: len(self.controls)]
         problem = DynamicProblem(
             model=self.model, flat=flat, plan=self.plan, formulation=self.kind, state_pairs=states,
             control_indices=self.controls, x=self.x, xd=self.xd, u=self.u, P=self.P, t=flat.scope.time,
             t0=ends.t0, tf=ends.tf, rates=rates, algebraic=algebraic, algebraic_labels=labels, algebraic_scale=scale,
             path=path, x_bounds=x_bounds, u_bounds=u_bounds, P_bounds=P_bounds,
             P_guess=P_guess, delayed=list(self.delayed.values()), delayed_indices=list(self.delayed),
-            z_pairs=self.z_pairs, tunable=self.tunable,
+            z_pairs=self.z_pairs, tunable=self.tunable, x_scale=x_scale, u_scale=u_scale,
+            P_scale=P_scale,
             start_bounds=start, end_bounds=end, integrals=[], instants=[], mayer=ca.SX(0), points=[],
             builder=self, base=self.base,
         )  # fmt: skip
-        self._cost(problem, objective, points, instants)
+        self._cost(problem, objective, points, instants, slopes)
         return problem
 
     def _tuned(self) -> ca.DM:
@@ -211,7 +221,7 @@ class Builder:
         base = self.base
         return Builder(
             self.model, self.root, self.flat, base, "torn" if base.newton else "explicit", self.states, self.controls,
-            base, self.parameters, self.tunable, self.delayed,
+            base, self.parameters, self.tunable, self.delayed, self.told,
         )  # fmt: skip
 
     def _is_point(self, e: ca.SX) -> bool:
@@ -324,7 +334,7 @@ class Builder:
             for n, pair in enumerate(self.z_pairs):
                 low, high = float(u.low[offset + n]), float(u.high[offset + n])
                 if np.isfinite(low) or np.isfinite(high):
-                    name, size = self.flat.symbol_name(*pair), nominal_of(self.flat, self.base.alias, pair)
+                    name, size = self.flat.symbol_name(*pair), self._nominal(pair)
                     row = Row(self.flat.scope.symbol(*pair), low, high, f"bounds of {name}", None, size)
                     written, rows = [*written, row], [*rows, row]
             if rows:
@@ -365,44 +375,32 @@ class Builder:
             result.append((PointValue(symbol, row.expression, 0.0), point))
         return result
 
-    def _sizes(self, rows: list[ca.SX], P: np.ndarray) -> np.ndarray:
-        """Typical size of each row: its largest slope times a nominal, in the middle of some consistent points."""
-        if not rows:
-            return np.ones(0)
-        sizes = self._slopes(ca.vertcat(*rows), P, self.base.samples)
-        size = np.median(np.where(np.isfinite(sizes), sizes, 0.0), axis=0)
-        return np.where(size > 0, size, 1.0)
+    def _nominal(self, pair: Pair) -> float:
+        told = [self.told[n] for n, _ in names_of(self.flat, self.base.alias, pair) if n in self.told]
+        return told[0] if told else nominal_of(self.flat, self.base.alias, pair)
 
-    def _row_scale(self, rows: ca.SX, P: np.ndarray) -> np.ndarray:
-        """Largest term of each row at a consistent point, in nominals; 1 where that is none."""
-        if not rows.numel():
-            return np.ones(0)
-        size = self._slopes(rows, P, self.base.samples[:1])[0]
-        return np.where(size > 0, size, 1.0)
+    def _nominals(self, pairs: list[Pair]) -> np.ndarray:
+        return np.array([self._nominal(p) for p in pairs])
 
-    def _slopes(self, rows: ca.SX, P: np.ndarray, samples: np.ndarray) -> np.ndarray:
-        """Largest slope of each row in nominals, (samples, rows); 0 where none is finite."""
-        flat, plan = self.flat, self.base
+    def _slopes(self, x_scale: np.ndarray, u_scale: np.ndarray, P: np.ndarray) -> Slopes:
+        """Slopes of rows per size of the states, their rates and the inputs."""
         tops = [(i, k + 1) for i, k in self.states]
         inputs = [(i, 0) for i in (*self.controls, *self.delayed)] + self.z_pairs
-        everything = ca.vertcat(self.x, self.xd, self.u)
-        nominal = np.array([flat.variables[i].nominal for i, _ in (*self.states, *tops, *inputs)])
-        f = ca.Function("slopes", [self.x, self.xd, self.u, self.P, flat.scope.time], [ca.jacobian(rows, everything)])
-        found = []
-        for sample in samples:
-            known = dict(zip(plan.pairs, sample, strict=True))
-            point = [np.array([known.get(p, 0.0) for p in pairs]) for pairs in (self.states, tops, inputs)]
-            slopes = np.abs(np.asarray(f(*point, P, plan.sampler.time).full())) * nominal
-            found.append(np.max(np.where(np.isfinite(slopes), slopes, 0.0), axis=1, initial=0.0))
-        return np.array(found)
+        arguments = [self.x, self.xd, self.u, self.P, self.flat.scope.time]
+        nominal = np.concatenate([x_scale, self._nominals(tops), u_scale])
+        return Slopes(self.base, arguments, (self.states, tops, inputs), nominal, P)
 
-    def _cost(self, p: DynamicProblem, objective: Expr, points: list[Row], instants: list[PointValue]) -> None:
+    def _cost(
+        self, p: DynamicProblem, objective: Expr, points: list[Row], instants: list[PointValue], slopes: Slopes
+    ) -> None:
         """Split the objective into constant weights of integrals and a Mayer part; other integrals become states."""
         integrals = [i for i in self.flat.scope.instants if i.time is None]
         cost = self._numbers(objective.sx)
         used_in_points = {s.element_hash() for r in points for s in ca.symvar(r.expression)}
         integrands = self.express([i.expression for i in integrals]) if integrals else []
         along = [p.x, p.xd, p.u, p.P, p.t]
+        length = abs(float(ca.Function("length", [p.P], [p.tf - p.t0])(p.P_guess)))
+        told = {i.symbol.element_hash(): i.expression for i in instants}
         for instant, integrand in zip(integrals, integrands, strict=True):
             self._require(integrand, along, "the argument of gt.integral() holds a value at an instant or an integral")
             weight = ca.gradient(cost, instant.symbol)
@@ -416,6 +414,8 @@ class Builder:
             for b, reach in ((p.x_bounds, np.inf), (p.start_bounds, 0.0), (p.end_bounds, np.inf)):
                 b.low, b.high = np.append(b.low, -reach), np.append(b.high, reach)
             instants.append(PointValue(instant.symbol, q, 1.0))
+            told[instant.symbol.element_hash()] = length * integrand
+            p.x_scale = np.append(p.x_scale, scale_of(float(slopes.typical([length * integrand])[0])))
         at_points = [p.P, *(i.symbol for i in instants)]
         self._require(cost, at_points, "objective() holds", "; take a value with .at(...) or gt.integral(...)")
         p.mayer = cost
@@ -427,6 +427,11 @@ class Builder:
             if not ca.symvar(e):
                 raise ModelError(f"{r.label} holds no variable and nothing to choose: {r.low:g} <= {e} <= {r.high:g}")
             p.points.append(replace(r, expression=e))
+        values = [told[i.symbol.element_hash()] for i in instants]
+        symbols = ca.vertcat(*[i.symbol for i in instants])
+        sizes = slopes.of_points([r.expression for r in p.points], symbols, values, p.P, p.P_scale)
+        for r, size in zip(p.points, sizes, strict=True):
+            r.scale = scale_of(float(size)) if r.scale == 1.0 else r.scale
 
     def _numbers(self, e: ca.SX) -> ca.SX:
         """An expression with the numbers of all parameters that are not free."""

@@ -24,7 +24,8 @@ class Blocks:
         step_max: largest step between neighbouring blocks, by the control's name, in its SI unit.
         step_penalty: weight of the squared step in the objective, by the control's name.
 
-    Raises ValueError for a size below one, a bound that is not positive or a negative weight.
+    Raises ValueError for a size that is no whole number of at least one, a bound that is not positive or a negative
+    weight.
     """
 
     sizes: tuple[int, ...]
@@ -33,8 +34,8 @@ class Blocks:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "sizes", tuple(self.sizes))
-        if not self.sizes or min(self.sizes) < 1:
-            raise ValueError(f"each block holds at least one element; found sizes {self.sizes}")
+        if not self.sizes or not all(isinstance(n, (int, np.integer)) and n >= 1 for n in self.sizes):
+            raise ValueError(f"each block holds a whole number of elements, at least one; found sizes {self.sizes}")
         for name, value in self.step_max.items():
             if not value > 0:
                 raise ValueError(f"the largest step of '{name}' between blocks is positive; found {value:g}")

@@ -11,13 +11,14 @@ from .solution import horizon
 
 WORST = 3
 SMALL = 1e-6  # violations below this are none
+FAR = 1e6  # nominals: what is so far away where nothing bounds it runs away
 
 
 def sentence(run: Run, nlp: Nlp) -> str:
     """One sentence on how a solve ended."""
     if run.status.ok:
         return solved_word(run)
-    return failure(run, [surplus(nlp), not_finite(nlp, run.x), worst(nlp, run)])
+    return failure(run, [surplus(nlp), not_finite(nlp, run.x), runaway(nlp, run.x) or worst(nlp, run)])
 
 
 def solved_word(run: Run) -> str:
@@ -50,6 +51,30 @@ def surplus(nlp: Nlp) -> str:
     along = [r.label for r in problem.path if r.label in element]
     names += [f"{label} is an equation at every point" for label in dict.fromkeys(along)]
     return f"{equal} equations for {free} unknowns on {N} elements: {', '.join(names)}; leave one out"
+
+
+def runaway(nlp: Nlp, x: np.ndarray) -> str:
+    """What has grown far beyond its nominal where no bound stops it: the objective may fall for ever there."""
+    layout, problem = nlp.element.layout, nlp.problem
+    unbounded = np.where(x > 0, nlp.ubx == np.inf, nlp.lbx == -np.inf)
+    size = np.where(unbounded & np.isfinite(x), np.abs(x), 0.0)
+    k = int(np.argmax(size)) if len(size) else 0
+    if not len(size) or size[k] < FAR:
+        return ""
+    if k >= nlp.constants:
+        name, place = problem.free_names[k - nlp.constants], ""
+        value = x[k] * nlp.p_scale[k - nlp.constants]
+    else:
+        column = (k - nlp.end) if k >= nlp.end else k % layout.size
+        groups = ((problem.state_names, layout.left[: layout.nx]), (problem.state_names, layout.x),
+                  (problem.control_names, layout.u), (problem.point_names, layout.z))  # fmt: skip
+        own = [
+            names[i] for names, columns in groups for i in np.flatnonzero(np.any(np.atleast_2d(columns) == column, 0))
+        ]
+        name = own[0] if own else "an element's length"
+        place = f" in element {min(k // layout.size, nlp.mesh.elements - 1) + 1}"
+        value = x[k] * layout.scale[column]
+    return f"'{name}' has grown to {value:.2g}{place}, where it has no bound: bound it, or give it a larger nominal"
 
 
 def worst(nlp: Nlp, run: Run) -> str:

@@ -12,7 +12,7 @@ from ..compiler.flat import FlatModel
 from ..compiler.plan import Plan
 from ..lang.optimization import Delayed, Optimization
 from ..lang.scope import Misfit
-from .attributes import Pair, nominal_of
+from .attributes import Pair
 from .horizon import PointValue
 from .relations import Row
 
@@ -44,6 +44,7 @@ class DynamicProblem:
     `delayed`, and the algebraic variables `z_pairs`. P holds the free constants and behind them the parameters that
     may change between solves (`tunable`). Each state has a rate expression, or None where its rate enters
     `algebraic` rows as xd. `integrals` are (symbol, integrand, constant coefficient in the objective).
+    The solver's unknowns are x, u and P divided by `x_scale`, `u_scale` and `P_scale`.
     """
 
     model: Optimization
@@ -76,6 +77,9 @@ class DynamicProblem:
     points: list[Row]
     builder: Builder
     base: Plan
+    x_scale: np.ndarray
+    u_scale: np.ndarray
+    P_scale: np.ndarray
     delayed: list[tuple[int, Delayed]] = field(default_factory=list)
     delayed_indices: list[int] = field(default_factory=list)
     z_pairs: list[Pair] = field(default_factory=list)
@@ -107,12 +111,3 @@ class DynamicProblem:
     @property
     def free_names(self) -> list[str]:
         return [q.name for q in self.flat.parameters if q.free]
-
-    @property
-    def x_scale(self) -> np.ndarray:
-        own = [nominal_of(self.flat, self.base.alias, p) for p in self.state_pairs]
-        return np.array(own + [1.0] * (self.x.numel() - len(own)))
-
-    @property
-    def u_scale(self) -> np.ndarray:
-        return np.array([nominal_of(self.flat, self.base.alias, p) for p in self.input_pairs])

@@ -160,7 +160,7 @@ def make_element(problem: DynamicProblem, mesh: Mesh) -> Element:
         path_rows.append(path / ca.DM([r.scale for r in problem.path]) if path.numel() else path)
         path_names += [(r.label, c) for r in problem.path]
         quadrature = quadrature + length * float(table.weights[c]) * integrand
-    edges = [n for n, r in enumerate(problem.path) if r.low != r.high and _of_states(problem, r)]
+    edges = [n for n, r in enumerate(problem.path) if r.low != r.high and of_states(problem, r)]
     if edges and table.points[-1] < 1.0:
         # bounds on states hold at the edges, which are no Gauss points, and so do these
         at_edge = point(end, ca.SX.zeros(nx), ca.SX.zeros(problem.u.numel()), P, t0 + (left + h) * horizon)[2]
@@ -180,7 +180,7 @@ def make_element(problem: DynamicProblem, mesh: Mesh) -> Element:
     return Element(layout, y, P, d, all_rows, np.concatenate(low), np.concatenate(high), names, cost, quadrature)
 
 
-def _of_states(problem: DynamicProblem, row: Row) -> bool:
+def of_states(problem: DynamicProblem, row: Row) -> bool:
     """Do states, constants and time alone tell it?"""
     keys = {s.element_hash() for s in ca.symvar(row.expression)}
     states = {s.element_hash() for s in ca.vertsplit(problem.x)}

@@ -72,6 +72,7 @@ class Run:
     """How a run of IPOPT ended: the last iterate, its multipliers, and IPOPT's own word for it.
 
     best: of a run that failed, an earlier iterate much nearer to its constraints, or one that keeps them for less.
+    miss: of a run that solved its problem, the largest violation of a row beside the size of its terms (at least 1).
     """
 
     x: np.ndarray
@@ -83,6 +84,7 @@ class Run:
     word: str
     seconds: dict[str, float]
     best: Iterate | None = None
+    miss: float | None = None
 
     def at_best(self) -> Run:
         """The run with its best iterate in place of the last; what a failure says is about the last."""
@@ -157,8 +159,30 @@ def run_ipopt(
         word = f"fatrop ended after {stats['iter_count']} iterations"
     x, g, rows, bounds = (np.asarray(result[n]).reshape(-1) for n in ("x", "g", "lam_g", "lam_x"))
     f, seconds = float(result["f"]), {"setup": setup, "solve": time.perf_counter() - start - setup}
+    miss = None
+    if isinstance(program.nlp, ca.Function):
+        # what IPOPT tells of its answer was before it brought x back to the bounds that it relaxes
+        f, g = (np.asarray(v).reshape(-1) for v in program.nlp(x, []))
+        f = float(f[0])
+        miss = _miss(program, x, g) if status.ok else None
+    if miss is not None and not miss <= FEASIBLE:
+        status, word = SolveStatus.FAILED, (
+            f"IPOPT's answer misses its rows by {miss:.2g} of their size within the bounds, which it relaxes by 1e-8; "
+            "give what is small a nominal, or bounds on both sides"
+        )  # fmt: skip
     best = None if status.ok else watch.better_than(g, f)
-    return Run(x, g, f, Multipliers(rows, bounds), int(stats["iter_count"]), status, word, seconds, best)
+    return Run(x, g, f, Multipliers(rows, bounds), int(stats["iter_count"]), status, word, seconds, best, miss)
+
+
+def _miss(program: Program, x: np.ndarray, g: np.ndarray) -> float:
+    """Largest violation of a row, divided by the sum of its slopes times the unknowns where that is above 1."""
+    excess = np.maximum(program.lbg - g, g - program.ubg)
+    worst = float(np.max(excess, initial=0.0))
+    if worst <= FEASIBLE or "jac_g" not in program.functions:
+        return worst
+    jacobian = ca.fabs(program.functions["jac_g"](x, [])[1])
+    size = np.asarray((jacobian @ ca.fabs(ca.DM(x))).full()).reshape(-1)
+    return float(np.max(excess / np.maximum(1.0, size), initial=0.0))
 
 
 class _Watch(ca.Callback):

@@ -18,6 +18,7 @@ from ..lang.units import parse_unit
 from .element import value_at
 from .nlp import Nlp, scatter
 from .relations import Row, relation_rows
+from .sizes import scale_of
 
 Link = Callable[["End", "End"], Iterable[Any]]
 
@@ -31,13 +32,32 @@ class Links(Protocol):
 
 
 class End:
-    """Values of one phase at the instant where two meet; attributes and items are expressions."""
+    """Values of one phase at the instant where two meet; attributes and items are expressions.
+
+    It has no names of its own: those of a model may be any.
+    """
+
+    def __init__(self, take: Callable[[str], Expr]) -> None:
+        self.__dict__["_take"] = take
+
+    def __getitem__(self, name: str) -> Expr:
+        return self.__dict__["_take"](name)
+
+    def __getattr__(self, name: str) -> Expr:
+        if name.startswith("_"):
+            raise AttributeError(name)
+        return self[name]
+
+
+class Border:
+    """The start (place 0.0) or the end (1.0) of a phase: its unknowns there, and what links take of it."""
 
     def __init__(self, nlp: Nlp, scope: Scope, place: float) -> None:
         self._nlp, self._scope, self._place = nlp, scope, place
         self._taken: list[tuple[ca.SX, list[tuple[int, int]]]] = []
 
-    def __getitem__(self, name: str) -> Expr:
+    def take(self, name: str) -> Expr:
+        """The value of a name here, as an expression. Raises ModelError for a name that the phase does not know."""
         flat = self._nlp.problem.flat
         shape, indices, order = flat.lookup(name)
         column = ca.vertcat(*[ca.SX.sym(f"end{len(self._taken)}_{k}") for k in range(len(indices))])
@@ -46,11 +66,6 @@ class End:
         dimension = None if unit == "?" else parse_unit(unit).dimension
         matrix = ca.reshape(column, shape[1], shape[0]).T if len(shape) > 1 else column
         return Expr(matrix, shape, dimension, self._scope)
-
-    def __getattr__(self, name: str) -> Expr:
-        if name.startswith("_"):
-            raise AttributeError(name)
-        return self[name]
 
     def values(self) -> tuple[ca.SX, ca.SX]:
         """Symbols that were taken and what they are, in the unknowns that stand at this end: (symbols, values)."""
@@ -179,19 +194,20 @@ def _links(model: Links, nlps: dict[str, Nlp], at: np.ndarray) -> tuple[ca.SX, n
     places: list[np.ndarray] = []
     rows: list[Row] = []
     names = list(nlps)
-    ends: dict[str, list[End]] = {n: [] for n in names}
+    ends: dict[str, list[Border]] = {n: [] for n in names}
     for k, (first, second) in enumerate(pairwise(names)):
         scope = Scope()
-        before, after = End(nlps[first], scope, 1.0), End(nlps[second], scope, 0.0)
+        before, after = Border(nlps[first], scope, 1.0), Border(nlps[second], scope, 0.0)
         ends[first].append(before)
         ends[second].append(after)
-        relations = _written(model.links[second], second, before, after) if second in model.links else []
+        ends_here = End(before.take), End(after.take)
+        relations = _written(model.links[second], second, *ends_here) if second in model.links else []
         written = relation_rows(relations, f"the link to '{second}'", f"link to '{second}'")
         written += _continuity(model, nlps[first], nlps[second], second, before, after)
         old, new = (ca.vertcat(*v) for v in zip(before.values(), after.values(), strict=True))
         for row in written:
             e = ca.substitute([row.expression], [old], [new])[0] if old.numel() else row.expression
-            rows.append(replace(row, expression=e))
+            rows.append(_sized(replace(row, expression=e)))
         (_, tf), (start, _) = before.times(), after.times()
         if not nlps[second].problem.t0.is_constant():
             rows.append(Row(start - tf, 0.0, 0.0, f"'{second}' begins when '{first}' ends", None))
@@ -219,7 +235,17 @@ def _written(link: Link, name: str, before: End, after: End) -> list[Any]:
     return list(found)
 
 
-def _continuity(model: Links, first: Nlp, second: Nlp, name: str, before: End, after: End) -> list[Row]:
+def _sized(row: Row) -> Row:
+    """A row that is small about one nominal, divided by its size; what continues has its state's already."""
+    unknowns = ca.vertcat(*ca.symvar(row.expression))
+    if row.scale != 1.0 or not unknowns.numel():
+        return row
+    slopes = np.abs(ca.Function("slopes", [unknowns], [ca.densify(ca.gradient(row.expression, unknowns))])(1.0).full())
+    scale = scale_of(float(np.max(np.where(np.isfinite(slopes), slopes, 0.0))))
+    return replace(row, expression=row.expression / scale, low=row.low / scale, high=row.high / scale, scale=scale)
+
+
+def _continuity(model: Links, first: Nlp, second: Nlp, name: str, before: Border, after: Border) -> list[Row]:
     """States of the later phase that the earlier one knows under the same name continue, unless they may jump."""
     flat, alias = second.problem.flat, second.problem.base.alias
     states = second.problem.state_pairs
@@ -238,13 +264,13 @@ def _continuity(model: Links, first: Nlp, second: Nlp, name: str, before: End, a
             continue
         state = flat.symbol_name(index, order)
         scale = float(second.problem.x_scale[n])
-        difference = (after[state].sx - before[state].sx) / scale
+        difference = (after.take(state).sx - before.take(state).sx) / scale
         label = f"{state} continues into '{name}'"
         rows.append(Row(difference, 0.0, 0.0, label, flat.variables[index].where, scale))
     return rows
 
 
-def _shared(model: Links, nlps: dict[str, Nlp], ends: dict[str, list[End]]) -> list[Row]:
+def _shared(model: Links, nlps: dict[str, Nlp], ends: dict[str, list[Border]]) -> list[Row]:
     """Free constants of one name with one value."""
     rows = []
     for name in model.shared:

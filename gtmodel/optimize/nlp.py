@@ -93,7 +93,7 @@ def make_nlp(problem: DynamicProblem, mesh: Mesh, machine_code: bool = False) ->
     nx, nP = element.layout.nl, problem.P.numel()
     _check_names(problem, mesh)
     delays = delay_rows(problem, mesh, element.layout)
-    p_scale = np.maximum(1.0, np.abs(problem.P_guess)) if nP else np.ones(0)
+    p_scale = problem.P_scale
     total = N * n + nx + nP
     X = ca.MX.sym("X", total)
     Y = ca.reshape(X[: N * n], n, N)
@@ -290,7 +290,7 @@ def _points(problem: DynamicProblem, mesh: Mesh, element: Element, p_scale: np.n
         ca.Function("points", [symbol], [mayer, rows]),
         ca.Function("points_gradient", [symbol], [ca.densify(ca.gradient(mayer, symbol))]),
         ca.Function("points_jacobian", [symbol], [stacked(nonzeros(jac))]),
-        ca.Function("points_hessian", [symbol, lam_f, lam], [hess]),
+        ca.Function("points_hessian", [symbol, lam_f, lam], [stacked(nonzeros(hess))]),
         jac.sparsity(),
         hess.sparsity(),
     )
@@ -345,7 +345,7 @@ def _hessian(
     if point.hess_sparsity.nnz():
         rp, cp = (np.array(a, int) for a in point.hess_sparsity.get_triplet())
         rows, cols = point.index[rp], point.index[cp]
-        values = point.hessian(z, sigma, lam).nz[:]
+        values = point.hessian(z, sigma, lam)
         low, high = np.minimum(rows, cols), np.maximum(rows, cols)
         result = result + scatter(low, high, values, (total, total))
     return result

@@ -21,7 +21,7 @@ from .solve import SolverOptions
 
 ROOT = 1e-12  # added under the root: its slope at rest stays finite
 LEAST_GUESS = 1e-3  # of b, in squares of the path per second
-Curve = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]]
+Curve = Callable[[np.ndarray], tuple[np.ndarray, ...]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,8 +29,9 @@ class PathTask:
     """What is moved, along what, within what.
 
     Args:
-        curve: fractions s (n,) in [0, 1] -> path x(s), its slope and second derivative, (n, d) each.
-        quantities: (x, x', x'') in time -> bounded rows (m,).
+        curve: fractions s (n,) in [0, 1] -> path x(s), its slope and second derivative, (n, d) each; and, where the
+            quantities take them, further numbers (n, k) that depend on s alone.
+        quantities: (x, x', x'') in time, and the further numbers -> bounded rows (m,).
         low, high: (m,) bounds of the rows.
         squares: (m,) weights; the energy is the integral of sum squares * rows^2.
         time, energy: weights of the cost.
@@ -150,17 +151,18 @@ def _guess(s: np.ndarray) -> np.ndarray:
 def _interval(task: PathTask, s: np.ndarray, bounded: str) -> tuple[ca.Function, ca.DM, int]:
     """(b left, b right, data) -> scaled rows, cost, energy on one interval; the data of all, one column each."""
     at = [(s[:-1] + s[1:]) / 2] if bounded == "middle" else [s[:-1], s[1:]]
-    curves = [np.hstack(task.curve(x)) for x in at]
-    data = ca.DM(np.hstack([*curves, np.diff(s)[:, None]]).T)
-    d = curves[0].shape[1] // 3
+    curves = [task.curve(x) for x in at]
+    data = ca.DM(np.hstack([*(column for curve in curves for column in curve), np.diff(s)[:, None]]).T)
+    sizes = [column.shape[1] for column in curves[0]]
     bl, br, p = ca.SX.sym("bl"), ca.SX.sym("br"), ca.SX.sym("p", data.shape[0])
     ds = p[-1]
     a = (br - bl) / (2 * ds)
     duration = 2 * ds / (ca.sqrt(bl + ROOT) + ca.sqrt(br + ROOT))
     rows, energies = [], []
     for n, b in enumerate([(bl + br) / 2] if bounded == "middle" else [bl, br]):
-        x, slope, curvature = (p[3 * d * n + i * d : 3 * d * n + (i + 1) * d] for i in range(3))
-        row = task.quantities(x, slope * ca.sqrt(b + ROOT), curvature * b + slope * a)
+        own = p[n * sum(sizes) : (n + 1) * sum(sizes)]
+        x, slope, curvature, *further = ca.vertsplit(own, np.cumsum([0, *sizes]).tolist())
+        row = task.quantities(x, slope * ca.sqrt(b + ROOT), curvature * b + slope * a, *further)
         rows.append(row / ca.DM(_scale(task)))
         energies.append(duration * ca.dot(ca.DM(task.squares), row**2))
     energy = sum(energies) / len(energies)

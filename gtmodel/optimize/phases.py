@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from ..lang.model import Model
 from ..lang.optimization import Optimization
 from ..lang.source import ModelError
 from ..results.status import SolveStatus
@@ -19,7 +20,7 @@ from .guess import initial_guess
 from .ipopt import Multipliers, Progress, Run, run_ipopt
 from .linking import Joined, Link, join
 from .magnitude import objective_scale
-from .mesh import Mesh
+from .mesh import Mesh, given_mesh
 from .nlp import Nlp, make_nlp
 from .problem import build
 from .solution import Solution, read_solution
@@ -51,6 +52,12 @@ class Phases:
         shared: Iterable[str] = (),
     ) -> None:
         self.phases = dict(phases)
+        for name, phase in self.phases.items():
+            if not isinstance(phase, (Model, type)):
+                raise ModelError(f"phase '{name}' is a configured Optimization; found {phase!r}")
+        for word, names in (*(("free", v) for v in (free or {}).values()), ("shared", shared)):
+            if isinstance(names, str):
+                raise ModelError(f"{word} takes a list of names; found '{names}'")
         self.free = {k: tuple(v) for k, v in (free or {}).items()}
         self.links = dict(links or {})
         self.shared = tuple(shared)
@@ -78,10 +85,10 @@ class PhasesSolution:
     phases: dict[str, Solution]
     link_multipliers: dict[str, float]
     seconds: dict[str, float]
-    joined: Joined
-    x: np.ndarray
-    multipliers: np.ndarray
-    bound_multipliers: np.ndarray
+    joined: Joined = field(repr=False)
+    x: np.ndarray = field(repr=False)
+    multipliers: np.ndarray = field(repr=False)
+    bound_multipliers: np.ndarray = field(repr=False)
 
     def __getitem__(self, name: str) -> Solution:
         return self.phases[name]
@@ -115,12 +122,14 @@ def solve_phases(
             if name not in model.phases:
                 raise ModelError(f"there is no phase '{name}' for a {what}; phases are {', '.join(model.phases)}")
     for name, phase in model.phases.items():
-        own = mesh if isinstance(mesh, Mesh) else (mesh or {}).get(name, Mesh())
+        own = given_mesh(mesh.get(name) if isinstance(mesh, Mapping) else mesh)
         problem = build(phase, options.formulation, options.prefer, branches)
         nlps[name] = make_nlp(problem, own, options.compile)
         check_equalities(problem, nlps[name].element)
     joined = join(model, nlps)
     earlier = guess.phases if isinstance(guess, PhasesSolution) else guess or {}
+    if not isinstance(earlier, Mapping):
+        raise ModelError(f"a guess is a trajectory for each phase by its name, or an earlier solution; found {guess!r}")
     x0 = np.concatenate([initial_guess(nlp, earlier.get(name)) for name, nlp in nlps.items()])
     scale = objective_scale(joined, x0, [m for n in nlps.values() for m in n.problem.misfits])
     run = run_ipopt(joined, x0, options, progress, scale=scale)
@@ -143,7 +152,7 @@ def _read(joined: Joined, run: Run, throw: bool) -> PhasesSolution:
         x = run.x[columns]
         multipliers = Multipliers(run.multipliers.rows[rows], run.multipliers.bounds[columns])
         cost = float(nlp.nlp(x, [])[0])
-        own = Run(x, run.g[rows], cost, multipliers, run.iterations, status, run.word, run.seconds)
+        own = Run(x, run.g[rows], cost, multipliers, run.iterations, status, run.word, run.seconds, None, run.miss)
         solutions[name] = replace(read_solution(nlp, own, status, message), linked=True)
     values = run.multipliers.rows[joined.rows[-1] :] / np.array([r.scale for r in joined.links])
     links = dict(zip((r.label for r in joined.links), values.tolist(), strict=True))

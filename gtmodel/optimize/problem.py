@@ -30,6 +30,7 @@ def build(
     prefer: Sequence[str] = (),
     branches: Mapping[str, int] | None = None,
     tunable: Sequence[str] = (),
+    sizes: tuple[tuple[str, float], ...] = (),
 ) -> DynamicProblem:
     """Flatten, choose states, and express cost and constraints in them; made once per configuration object.
 
@@ -44,6 +45,7 @@ def build(
             u = (x' - f) / cos x; else explicit; else torn.
     branches: sign +1 or -1 by the name of a declared branch; +1 by default.
     tunable: names of parameters that stay symbols, to be changed between solves.
+    sizes: of variables and free constants by name, in place of their nominals: see sizes.of_trajectory.
 
     Raises ModelError with file and line.
     """
@@ -51,9 +53,9 @@ def build(
         raise ValueError(f"formulation is one of {', '.join(FORMULATIONS)}; found '{formulation}'")
     flat = flat_of(model)
     wanted = dict(branches or {})
-    key = ("problem", formulation, tuple(prefer), tuple(sorted(wanted.items())), tuple(tunable))
+    key = ("problem", formulation, tuple(prefer), tuple(sorted(wanted.items())), tuple(tunable), sizes)
     if key not in flat.cache:
-        flat.cache[key] = _build(model, flat, formulation, prefer, wanted, tuple(tunable))
+        flat.cache[key] = _build(model, flat, formulation, prefer, wanted, tuple(tunable), sizes)
     return flat.cache[key]
 
 
@@ -64,6 +66,7 @@ def _build(
     prefer: Sequence[str],
     branches: dict[str, int],
     tunable: tuple[str, ...],
+    sizes: tuple[tuple[str, float], ...],
 ) -> DynamicProblem:
     root = flat.root
     if not isinstance(root, Optimization):
@@ -73,6 +76,8 @@ def _build(
     objective = root.objective()
     if not isinstance(objective, Expr) or objective.shape != ():
         raise ModelError(f"{flat.title}.objective() must return a scalar expression; found {objective!r}")
+    if not flat.variables:
+        raise ModelError(f"{flat.title} has no variable, so there is no trajectory to optimise; declare one")
     constraints = relations(root.constraints(), flat) + initial_rows(flat)
     inputs = [v.index for v in flat.variables if v.role == "input"]
     delays = delays_of(flat)
@@ -110,7 +115,7 @@ def _build(
     elif formulation == "dae":
         kind = "dae"
     delayed = {i: (controls.index(source), item) for i, (source, item) in delays.items()}
-    builder = Builder(model, root, flat, plan, kind, states, controls, base, fold, tunable, delayed)
+    builder = Builder(model, root, flat, plan, kind, states, controls, base, fold, tunable, delayed, dict(sizes))
     problem = builder.problem(objective, constraints)
     problem.branches = branches
     return problem

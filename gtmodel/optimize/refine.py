@@ -5,11 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Any
 
+import casadi as ca
 import numpy as np
 from numpy.polynomial import legendre
 
 from ..lang.optimization import Delayed, Optimization
 from ..lang.source import ModelError
+from .element import of_states
 from .mesh import Mesh, given_mesh
 from .nlp import placed
 from .resimulate import System
@@ -21,6 +23,8 @@ MOST_PIECES = 4
 # two elements are merged where that is expected to leave the error this far below the tolerance
 SPARE = 0.1
 ALIKE = 3.0  # and only if neither is this much longer than the other
+BETWEEN = 1e-4  # of its range: what a limit on states may be passed by between the points
+INSIDE = np.linspace(0.0, 1.0, 9)  # where limits are tried on an element
 
 
 @dataclass(frozen=True)
@@ -37,17 +41,22 @@ class Pass:
 
 @dataclass(frozen=True, eq=False)
 class Refinement:
-    """The last solution with its error estimate per element, and how it came about."""
+    """The last solution with its error estimate per element, and how it came about.
+
+    excess: per element, by what a limit on states is passed between the points, as a part of its range.
+    """
 
     solution: Solution
     errors: np.ndarray
     passes: tuple[Pass, ...]
     tolerance: float
+    excess: np.ndarray
 
     @property
     def reached(self) -> bool:
-        """Was it solved, with an error below the tolerance everywhere?"""
-        return self.solution.status.ok and bool(self.errors.max() <= self.tolerance)
+        """Was it solved, with an error below the tolerance and limits on states kept to 1e-4 of their range?"""
+        close = self.errors.max() <= self.tolerance and self.excess.max() <= BETWEEN
+        return self.solution.status.ok and bool(close)
 
     def __str__(self) -> str:
         lines = ["pass  elements       error  split  merged  iterations  objective"]
@@ -91,6 +100,28 @@ def element_errors(solution: Solution) -> np.ndarray:
     return np.max(each.sum(axis=1), axis=1, initial=0.0) * mesh.h * horizon
 
 
+def element_excess(solution: Solution) -> np.ndarray:
+    """Largest excess (elements,) over a bound of a state or a row of states alone anywhere in an element, as a part of
+    the room between its limits, or of what it runs through where it has one limit only."""
+    nlp, problem = solution.nlp, solution.problem
+    mesh = placed(nlp, solution.x)
+    rows = [r for r in problem.path if of_states(problem, r)]
+    if not np.all(np.isfinite(solution.x)):
+        return np.full(mesh.elements, np.inf)
+    s = (mesh.edges[:-1, None] + mesh.h[:, None] * INSIDE).ravel()
+    xs, _, _, times = states_and_controls(nlp, solution.x, s)
+    arguments = [problem.x, problem.P, problem.t]
+    f = ca.Function("limited", arguments, [ca.vertcat(problem.x, *[r.expression for r in rows])]).map(len(times))
+    P = ca.repmat(ca.DM(constants(nlp, solution.x)), 1, len(times))
+    values = f(ca.DM(xs.T), P, ca.DM(times).T).full()
+    low = np.concatenate([problem.x_bounds.low, [r.low for r in rows]])[:, None]
+    high = np.concatenate([problem.x_bounds.high, [r.high for r in rows]])[:, None]
+    room = np.where(np.isfinite(high - low) & (high > low), high - low, np.ptp(values, axis=1)[:, None])
+    passed = np.maximum(np.maximum(low - values, values - high), 0.0)
+    part = np.divide(passed, room, out=np.zeros_like(passed), where=room > 0)
+    return np.max(part.reshape(len(values), mesh.elements, -1), axis=(0, 2), initial=0.0)
+
+
 def refine(
     model: Optimization,
     mesh: Mesh | None = None,
@@ -101,7 +132,8 @@ def refine(
     merge: bool = True,
     **options: Any,
 ) -> Refinement:
-    """Solve on meshes that follow the error estimate until it is below the tolerance (in nominals) everywhere.
+    """Solve on meshes that follow the error estimate until it is below the tolerance (in nominals) everywhere, and
+    limits on states alone are passed between the points by at most 1e-4 of their range.
 
     Each pass starts from the last solution; `options` are those of solve(). Elements are split into up to four,
     and neighbours far below the tolerance are merged. It ends after `passes` solves or at `most_elements` too; see
@@ -119,15 +151,16 @@ def refine(
     solution = solve(model, mesh, throw=throw, **options)
     history: list[Pass] = []
     while True:
-        errors = element_errors(solution)
+        errors, excess = element_errors(solution), element_excess(solution)
         last = Pass(len(errors), float(errors.max()), solution.objective, solution.iterations)
         if not solution.status.ok:
-            return Refinement(solution, errors, (*history, last), tolerance)
-        lengths, split, merged = _next_lengths(placed(solution.nlp, solution.x), errors, tolerance, merge)
-        done = last.error <= tolerance or len(history) + 1 >= passes or len(lengths) > most_elements
+            return Refinement(solution, errors, (*history, last), tolerance, excess)
+        worse = np.maximum(errors, tolerance * excess / BETWEEN)
+        lengths, split, merged = _next_lengths(placed(solution.nlp, solution.x), worse, tolerance, merge)
+        done = worse.max() <= tolerance or len(history) + 1 >= passes or len(lengths) > most_elements
         history.append(last if done else replace(last, split=split, merged=merged))
         if done:
-            return Refinement(solution, errors, tuple(history), tolerance)
+            return Refinement(solution, errors, tuple(history), tolerance, excess)
         options["guess"] = solution
         finer = replace(mesh, elements=len(lengths), lengths=tuple(lengths))
         solution = solve(model, finer, throw=False, **options)

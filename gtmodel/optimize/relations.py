@@ -31,6 +31,11 @@ def relations(source: Iterable[Any] | None, flat: FlatModel) -> list[Row]:
     """Rows of everything that constraints() yields. Raises ModelError for what is no relation."""
     if source is None:
         raise ModelError(f"constraints() of {flat.title} returned nothing; expected 'yield' in front of each relation")
+    if not isinstance(source, Iterable):
+        raise ModelError(
+            f"constraints() of {flat.title} returned one {type(source).__name__}; expected 'yield' in front of each "
+            "relation"
+        )
     return relation_rows(source, f"{flat.title}.constraints()")
 
 

@@ -92,7 +92,7 @@ def resimulate(solution: Solution, tolerance: float = INTEGRATOR_TOLERANCE) -> R
     end = dict(zip(problem.state_names, (xs[-1] - xs_c[-1]).tolist(), strict=True))
     defect = float(np.max(np.abs(xs[at_edges] - xs_c) / problem.x_scale, initial=0.0))
     trajectory = named(problem, xs, rates, us, times, P)
-    cost_error = cost + _mayer(solution, integrated, P) - float(nlp.nlp(solution.x, [])[0])
+    cost_error = cost + _mayer(solution, integrated, P) + _steps(nlp, solution.x) - float(nlp.nlp(solution.x, [])[0])
     return Resimulation(
         SolveStatus.SOLVED, "re-simulated", trajectory, end, defect, violation, name, cost_error, ranges
     )
@@ -224,6 +224,16 @@ def _mayer(solution: Solution, integrated: Callable[[float], tuple[np.ndarray, .
         values.append(float(ca.Function("instant", inputs, [i.expression])(x, rate, u, P, t)))
     symbols = ca.vertcat(*[i.symbol for i in problem.instants]) if values else ca.SX(0, 1)
     return float(ca.Function("mayer", [symbols, problem.P], [problem.mayer])(values, P))
+
+
+def _steps(nlp: Nlp, x: np.ndarray) -> float:
+    """Penalties on the steps between blocks: of the input itself, so there is nothing to integrate."""
+    blocks = nlp.mesh.blocks
+    if blocks is None:
+        return 0.0
+    held = np.vstack([_given(nlp, x, k, np.zeros(1)) for k in range(nlp.mesh.elements)])
+    each = {name: np.sum(np.diff(held[:, j]) ** 2) for j, name in enumerate(nlp.problem.control_names)}
+    return float(sum(weight * each[name] for name, weight in blocks.step_penalty.items()))
 
 
 def make_integrator(nlp: Nlp, tolerance: float, outputs: Sequence[float] = ()) -> ca.Function:

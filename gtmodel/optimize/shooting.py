@@ -6,13 +6,14 @@ from the integrator, with its sensitivities. Bounds and path constraints hold at
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from ..lang.source import ModelError
-from .ipopt import Limits, Multipliers, Progress, Run, run_ipopt
+from .ipopt import Iterate, Limits, Multipliers, Progress, Run, run_ipopt
 from .magnitude import objective_scale
 from .nlp import Nlp
 from .resimulate import make_integrator
@@ -60,13 +61,19 @@ def run_shooting(nlp: Nlp, x0: np.ndarray, options: Limits, progress: Progress |
     shooting = _transcribe(nlp)
     limits = _Limits(options.tolerance, options.max_iterations, options.max_seconds)
     scale = objective_scale(nlp, x0, problem.misfits)
-    run = run_ipopt(shooting, x0[shooting.kept], limits, progress, scale=scale).at_best()
-    x = np.asarray(shooting.full(run.x)).reshape(-1)
-    g, lam_g, lam_x = np.zeros(len(nlp.lbg)), np.zeros(len(nlp.lbg)), np.zeros(nlp.size)
-    g[shooting.rows], lam_g[shooting.rows] = run.g[: len(shooting.rows)], run.multipliers.rows[: len(shooting.rows)]
-    lam_x[shooting.kept] = run.multipliers.bounds
-    multipliers = Multipliers(lam_g, lam_x)
-    return Run(x, g, run.objective, multipliers, run.iterations, run.status, run.word, run.seconds)
+    run = run_ipopt(shooting, x0[shooting.kept], limits, progress, scale=scale)
+
+    def lifted(of: Run | Iterate) -> dict[str, Any]:
+        """Unknowns, rows and multipliers of collocation."""
+        g, lam_g, lam_x = np.zeros(len(nlp.lbg)), np.zeros(len(nlp.lbg)), np.zeros(nlp.size)
+        count = len(shooting.rows)
+        g[shooting.rows], lam_g[shooting.rows] = of.g[:count], of.multipliers.rows[:count]
+        lam_x[shooting.kept] = of.multipliers.bounds
+        x = np.asarray(shooting.full(of.x)).reshape(-1)
+        return {"x": x, "g": g, "multipliers": Multipliers(lam_g, lam_x)}
+
+    best = None if run.best is None else replace(run.best, **lifted(run.best))
+    return replace(run, best=best, **lifted(run))
 
 
 def _transcribe(nlp: Nlp) -> _Shooting:

@@ -45,12 +45,12 @@ class Solution:
     iterations: int
     trajectory: Trajectory
     free: dict[str, float]
-    nlp: Nlp
-    x: np.ndarray
-    multipliers: np.ndarray
+    nlp: Nlp = field(repr=False)
+    x: np.ndarray = field(repr=False)
+    multipliers: np.ndarray = field(repr=False)
     seconds: dict[str, float]
     checks: dict[str, Check] = field(default_factory=dict)
-    bound_multipliers: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    bound_multipliers: np.ndarray = field(default_factory=lambda: np.zeros(0), repr=False)
     linked: bool = False  # one of several phases: its rows are not all that hold it
 
     def with_checks(self, **checks: Check) -> Solution:
@@ -182,7 +182,9 @@ def read_solution(nlp: Nlp, run: Run, status: SolveStatus, message: str) -> Solu
     x = run.x
     chosen = constants(nlp, x)[: len(nlp.problem.free_names)]
     free = dict(zip(nlp.problem.free_names, chosen.tolist(), strict=True))
-    violation = float(np.max(np.maximum(nlp.lbg - run.g, run.g - nlp.ubg), initial=0.0))
+    violation = run.miss
+    if violation is None:
+        violation = float(np.max(np.maximum(nlp.lbg - run.g, run.g - nlp.ubg), initial=0.0))
     trajectory = evaluate(nlp, x, mesh_fractions(placed(nlp, x)))
     solution = Solution(
         status, message, run.objective, run.iterations, trajectory, free, nlp, x, run.multipliers.rows, run.seconds,

@@ -24,6 +24,7 @@ from .mesh import Mesh, given_mesh
 from .nlp import Nlp, make_nlp
 from .problem import FORMULATIONS, build
 from .shooting import run_shooting
+from .sizes import of_trajectory
 from .solution import Solution, read_solution
 
 SOLVERS = ("ipopt", "fatrop")
@@ -47,7 +48,7 @@ class SolverOptions:
             second or two of the C compiler at the first solve, which `seconds["compile"]` shows. The library is kept
             in $GTMODEL_CACHE, by default ~/.cache/gtmodel. For problems that are solved again and again.
 
-    Raises ValueError for a number out of range or an unknown word.
+    Raises ModelError, which is a ValueError, for a number out of range or an unknown word.
     """
 
     tolerance: float = 1e-8
@@ -60,17 +61,25 @@ class SolverOptions:
     compile: bool = False
 
     def __post_init__(self) -> None:
+        numbers = (self.tolerance, self.max_iterations, 0 if self.max_seconds is None else self.max_seconds)
+        if not all(isinstance(n, (int, float, np.number)) for n in numbers) or self.max_iterations % 1:
+            raise ModelError(
+                "tolerance and max_seconds are numbers and max_iterations is a whole one; found "
+                f"{self.tolerance!r}, {self.max_seconds!r} and {self.max_iterations!r}"
+            )
         if not 0 < self.tolerance < 1:
-            raise ValueError(f"tolerance is between 0 and 1; found {self.tolerance:g}")
+            raise ModelError(f"the solver's tolerance is between 0 and 1; found {self.tolerance:g}")
         if self.max_iterations < 0 or (self.max_seconds is not None and not self.max_seconds >= 0):
-            raise ValueError(
+            raise ModelError(
                 f"max_iterations and max_seconds are not negative; found {self.max_iterations} and {self.max_seconds}"
             )
+        if isinstance(self.prefer, str):
+            raise ModelError(f"prefer takes a list of names; found '{self.prefer}'")
         for name, words in (("formulation", FORMULATIONS), ("hessian", HESSIANS), ("solver", SOLVERS)):
             if getattr(self, name) not in words:
-                raise ValueError(f"{name} is one of {', '.join(words)}; found '{getattr(self, name)}'")
+                raise ModelError(f"{name} is one of {', '.join(words)}; found '{getattr(self, name)}'")
         if self.solver == "fatrop" and (self.hessian != "exact" or self.max_seconds is not None or self.compile):
-            raise ValueError("fatrop takes the exact hessian, no max_seconds and no compile; use solver 'ipopt'")
+            raise ModelError("fatrop takes the exact hessian, no max_seconds and no compile; use solver 'ipopt'")
 
 
 class NotSolved(RuntimeError):
@@ -86,6 +95,7 @@ def solve(
     mesh: Mesh | None = None,
     *,
     guess: Trajectory | Solution | None = None,
+    scaling: Trajectory | Solution | None = None,
     branches: Mapping[str, int] | None = None,
     solver: SolverOptions | None = None,
     progress: Progress | None = None,
@@ -98,6 +108,8 @@ def solve(
         model: an Optimization with values for its parameters.
         mesh: elements, points, scheme and control; default 50 x 3 Radau.
         guess: a trajectory with names of states and controls, or an earlier solution.
+        scaling: a trajectory, or an earlier solution, whose largest magnitudes take the place of the nominals of the
+            variables that it holds, in the solver and wherever "in nominals" is said; constants of a solution too.
         branches: sign +1 or -1 by the name of a declared branch, +1 by default; a solution that leaves it at any
             point has status failed.
         progress: called with (iteration, objective, constraint violation); returning True stops the solve,
@@ -119,7 +131,7 @@ def solve(
         raise ValueError(f"method is one of {', '.join(METHODS)}; found '{method}'")
     shooting = method == "shooting"
     form = "explicit" if shooting and options.formulation == "auto" else options.formulation
-    problem = build(model, form, options.prefer, branches)
+    problem = build(model, form, options.prefer, branches, sizes=scaled_by(scaling))
     nlp = make_nlp(problem, mesh, options.compile and not shooting)
     check_equalities(problem, nlp.element)
     x0 = initial_guess(nlp, guess)
@@ -128,6 +140,13 @@ def solve(
             raise ModelError(f"{problem.flat.title}: shooting takes solver 'ipopt' only; found '{options.solver}'")
         return _answer(nlp, run_shooting(nlp, x0, options, progress), throw)
     return solve_nlp(nlp, x0, options, progress, throw)
+
+
+def scaled_by(scaling: Trajectory | Solution | None) -> tuple[tuple[str, float], ...]:
+    """Sizes by name, for build(). Raises ModelError for what is neither."""
+    if isinstance(scaling, Solution):
+        return of_trajectory(scaling.trajectory, scaling.free)
+    return of_trajectory(scaling, {})
 
 
 def solve_nlp(

@@ -24,7 +24,7 @@ from .mesh import Mesh, given_mesh
 from .nlp import Nlp, make_nlp
 from .problem import build
 from .solution import Solution
-from .solve import NotSolved, SolverOptions, solve_nlp
+from .solve import NotSolved, SolverOptions, scaled_by, solve_nlp
 
 ATTRIBUTES = ("nominal", "min", "max", "start", "fixed")
 HALVINGS = 4  # a step of a continuation is halved so often before it is given up
@@ -163,6 +163,7 @@ class Transcription:
                     f"'{name}'"
                 )
         changed = flatten(self.model.with_(**parameters))
+        changed.require_values()
         self._check_attributes(changed, ", ".join(parameters))
         values = {q.name: q.value for q in changed.parameters}
         first = nlp.constants + len(problem.free_names)
@@ -188,13 +189,15 @@ def transcribe(
     mesh: Mesh | None = None,
     *,
     parameters: Sequence[str] | None = None,
+    scaling: Trajectory | Solution | None = None,
     branches: Mapping[str, int] | None = None,
     solver: SolverOptions | None = None,
 ) -> Transcription:
     """Transcribe a model once, to be solved for many values of its parameters.
 
     parameters: names, of the model's own class, that may change between solves; by default all of them. What stands
-    fixed is folded into the equations, where zeros vanish. Raises ModelError for a wrong model or an unknown name.
+    fixed is folded into the equations, where zeros vanish. scaling: as for gt.solve. Raises ModelError for a wrong
+    model or an unknown name.
     """
     flat, options = flat_of(model), solver or SolverOptions()
     own = [n for n, item in type(model)._declared.items() if isinstance(item, Parameter)]
@@ -206,7 +209,7 @@ def transcribe(
         if elements:  # one that is bound to others has no symbol of its own
             names[name] = elements
     tunable = tuple(e for n in names.values() for e in n)
-    problem = build(model, options.formulation, options.prefer, branches, tunable)
+    problem = build(model, options.formulation, options.prefer, branches, tunable, scaled_by(scaling))
     nlp = make_nlp(problem, given_mesh(mesh), options.compile)
     check_equalities(problem, nlp.element)
     return Transcription(model, nlp, names, options)

@@ -9,9 +9,9 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from matplotlib.text import Text
 
+from .colours import COLOURS
 from .workspace import mark_guideways
 
-COLOURS = ("#0072b2", "#d55e00", "#009e73")
 STYLES = ("-", "-.", "--")
 LEVELS = 12
 NEAR = 0.07  # of the picture's width: a level's number so near to a guideway would cover that one's

@@ -6,27 +6,24 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from ..results.trajectory import Trajectory
-from .motion import COLOURS
+from .colours import COLOURS
+from .path import draw_path, head
 
 
-def axis_motion_figure(trajectory: Trajectory, *, force_limit: float, torque_limit: float) -> Figure:
+def axis_motion_figure(
+    trajectory: Trajectory, *, force_limit: float, torque_limit: float, path: np.ndarray | None = None
+) -> Figure:
     """Six panels: the path of the tool centre point from two sides, carts and their forces, angles and their torques.
 
     Args:
         trajectory: with q (6) [m, rad], T (3) [m] and tau (6) [N, N.m].
         force_limit: of the carts [N]; torque_limit: of the rotary axes [N.m].
+        path: (n, 3) [m], the path to follow, drawn in place of the straight line.
     """
     figure = Figure(figsize=(13.0, 7.0), layout="constrained")
     panels = figure.subplots(2, 3)
-    T, time = trajectory["T"], trajectory.time
-    for axes, (a, b), names in ((panels[0, 0], (0, 2), "xz"), (panels[1, 0], (1, 2), "yz")):
-        axes.plot(T[[0, -1], a], T[[0, -1], b], color="0.7", linestyle="--", label="straight line")
-        axes.plot(T[:, a], T[:, b], color="black", label="optimal path")
-        axes.plot(T[0, a], T[0, b], "o", color="black", markerfacecolor="white", label="start")
-        axes.plot(T[-1, a], T[-1, b], "o", color="black", label="goal")
-        axes.set_xlabel(f"{names[0]} [m]")
-        axes.set_ylabel(f"{names[1]} [m]")
-        axes.set_aspect("equal", adjustable="datalim")
+    draw_path(panels[0, 0], trajectory["T"], "xz", path)
+    draw_path(panels[1, 0], trajectory["T"], "yz", path)
     panels[0, 0].set_title("path of the tool centre point")
     panels[0, 0].legend(fontsize="small")
     carts, angles = trajectory["q"][:, :3], np.degrees(trajectory["q"][:, 3:])
@@ -38,15 +35,13 @@ def axis_motion_figure(trajectory: Trajectory, *, force_limit: float, torque_lim
         (panels[1, 2], torques, "motor ", 4, "torques of the rotary axes", "torque [N.m]", torque_limit),
     ):
         for k in range(3):
-            axes.plot(time, curves[:, k], color=COLOURS[k], label=f"{what}{first + k}")
+            axes.plot(trajectory.time, curves[:, k], color=COLOURS[k], label=f"{what}{first + k}")
         for bound in (-limit, limit) if limit is not None else ():
             axes.axhline(bound, color="0.4", linestyle=":")
         axes.set_title(title)
         axes.set_xlabel("time [s]")
         axes.set_ylabel(unit)
-        axes.legend(fontsize="small")
-    for axes in panels.ravel():
         axes.grid(alpha=0.3)
-    if trajectory.title:
-        figure.suptitle(f"{trajectory.title}: {trajectory.duration:.4f} s")
+        axes.legend(fontsize="small")
+    head(figure, trajectory)
     return figure

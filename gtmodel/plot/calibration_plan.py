@@ -10,12 +10,13 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import ScalarFormatter
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
-from .robot3d import draw_robot, finish
+from .robot3d import draw_links, finish
 
-# the first layer is what the picture is about; the later ones are context, but for chosen poses
+# colour, size, opacity; other layers are what the picture is about
 LAYERS: Mapping[str, tuple[str, float, float]] = {
     "candidates": ("0.75", 4.0, 0.5), "calibrate": ("#d55e00", 34.0, 1.0), "held out": ("#0072b2", 22.0, 1.0),
-    "reached, but not safe": ("0.7", 4.0, 0.4), "not seen": ("#cc79a7", 6.0, 0.6), "seen, too near the edge": ("0.6", 5.0, 0.5),
+    "reached, but not safe": ("0.7", 4.0, 0.4), "not seen": ("#cc79a7", 6.0, 0.6),
+    "seen, too near the edge": ("0.6", 5.0, 0.5),
 }  # fmt: skip
 MAIN = ("#0072b2", 9.0, 0.7)
 CORNERS = np.array(list(np.ndindex(2, 2, 2)))
@@ -24,7 +25,7 @@ FACES = [[0, 1, 3, 2], [4, 5, 7, 6], [0, 1, 5, 4], [2, 3, 7, 6], [0, 2, 6, 4], [
 Box = tuple[np.ndarray, np.ndarray]
 
 
-def space_figure(
+def room_figure(
     robot: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray],
     layers: Mapping[str, np.ndarray],
     *,
@@ -41,7 +42,7 @@ def space_figure(
     """
     figure = Figure(figsize=(8.5, 6.8), layout="constrained")
     axes: Any = figure.add_subplot(projection="3d")
-    draw_robot(axes, *robot)
+    draw_links(axes, *robot)
     for name, T in layers.items():
         colour, size, strength = LAYERS.get(name, MAIN)
         at, times = np.unique(np.asarray(T).reshape(-1, 3), axis=0, return_counts=True)

@@ -9,9 +9,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from ..results.trajectory import Trajectory
-
-COLOURS = ("#0072b2", "#d55e00", "#009e73")  # readable with colour-blind eyes
-RUNS = (*COLOURS, "#cc79a7", "#e69f00", "#56b4e9", "black")
+from .colours import COLOURS
+from .path import draw_path, head
 
 
 def motion_figure(
@@ -37,20 +36,12 @@ def motion_figure(
     figure = Figure(figsize=(10.5, 7.0), layout="constrained")
     side, front, speed, force = figure.subplots(2, 2).ravel()
     T = trajectory["T"]
-    for axes, (a, b), names in ((side, (0, 2), "xz"), (front, (1, 2), "yz")):
+    for axes, plane in ((side, "xz"), (front, "yz")):
+        a, b = map("xyz".index, plane)
         for center, size in obstacles:
             low = center - size / 2
             axes.add_patch(Rectangle((low[a], low[b]), size[a], size[b], color="0.85", zorder=0))
-        line = T[[0, -1]] if path is None else path
-        what = "straight line" if path is None else "path"
-        axes.plot(line[:, a], line[:, b], color="0.7", linestyle="--", label=what)
-        axes.plot(T[:, a], T[:, b], color="black", label="optimal path")
-        axes.plot(T[0, a], T[0, b], "o", color="black", markerfacecolor="white", label="start")
-        axes.plot(T[-1, a], T[-1, b], "o", color="black", label="goal")
-        axes.set_xlabel(f"{names[0]} [m]")
-        axes.set_ylabel(f"{names[1]} [m]")
-        axes.set_aspect("equal", adjustable="datalim")
-        axes.grid(alpha=0.3)
+        draw_path(axes, T, plane, path)
     side.set_title("path seen from the side")
     front.set_title("path seen along the guideways")
     side.legend(fontsize="small")
@@ -76,8 +67,7 @@ def motion_figure(
         axes.set_xlabel("time [s]")
         axes.grid(alpha=0.3)
         axes.legend(fontsize="small", ncols=3, loc="lower right")
-    if trajectory.title:
-        figure.suptitle(f"{trajectory.title}: {trajectory.duration:.4f} s")
+    head(figure, trajectory)
     return figure
 
 
@@ -92,7 +82,7 @@ def force_figure(runs: Sequence[tuple[str, Trajectory]], *, force_limit: float) 
     panels = figure.subplots(runs[0][1]["tau"].shape[1], 1, sharex=True, squeeze=False)[:, 0]
     for k, axes in enumerate(panels):
         for n, (label, run) in enumerate(runs):
-            axes.plot(run.time, run["tau"][:, k], color=RUNS[n % len(RUNS)], linewidth=1.0, label=label)
+            axes.plot(run.time, run["tau"][:, k], color=COLOURS[n % len(COLOURS)], linewidth=1.0, label=label)
         for sign in (-1, 1):
             axes.axhline(sign * force_limit, color="0.4", linestyle=":")
         axes.set_ylabel(f"motor {k + 1} [N]")
@@ -113,7 +103,7 @@ def space_figure(runs: Sequence[tuple[str, Trajectory]]) -> Figure:
     figure = Figure(figsize=(8.0, 6.0), layout="constrained")
     axes = figure.add_subplot(projection="3d")
     for n, (label, run) in enumerate(runs):
-        axes.plot(*run["T"].T, color=RUNS[n % len(RUNS)], label=label)
+        axes.plot(*run["T"].T, color=COLOURS[n % len(COLOURS)], label=label)
     T = runs[0][1]["T"]
     axes.scatter(*T[0], color="black", s=20, label="start")  # type: ignore[misc]
     for set_label, name in ((axes.set_xlabel, "x"), (axes.set_ylabel, "y"), (axes.set_zlabel, "z")):  # type: ignore[attr-defined]

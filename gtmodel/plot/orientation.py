@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ..kinematics.orientation import OrientationMap
-from .signals import COLOURS
+from .colours import COLOURS
 
 ANGLES = ("alpha", "beta", "gamma")
 MOST_LAYERS = 6  # more cannot be seen beside each other

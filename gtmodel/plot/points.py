@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from .signals import COLOURS, PANEL_HEIGHT
+from .colours import COLOURS
+from .signals import PANEL_HEIGHT
 
 
 def points_figure(signals: Sequence[tuple[str, str, np.ndarray]], ok: np.ndarray, title: str = "") -> Figure:

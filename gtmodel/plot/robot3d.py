@@ -8,50 +8,50 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
+from scipy.spatial import ConvexHull
 
-COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
+from .colours import COLOURS
+
 TICKS = 5
-STROKE = 0.6  # of a guideway drawn to each side of its cart where no ends are given, in link lengths
+STROKE = 0.6  # of a guideway drawn to each side of its cart where no ends are given, in mean link lengths
+FLAT = 1e-9  # least extent of the plate joints, relative, in a direction that counts
 
 
 def draw_robot(
     axes: Any,
-    carts: np.ndarray,
+    A: np.ndarray,
     joints: np.ndarray,
-    T: np.ndarray,
-    directions: np.ndarray,
+    carts: Sequence[Sequence[int]],
+    guideways: np.ndarray,
     *,
-    ends: np.ndarray | None = None,
-    faint: bool = False,
+    T: np.ndarray | None = None,
+    width: float = 2.0,
 ) -> None:
-    """Draw one pose into three-dimensional axes.
+    """Draw one pose into three-dimensional axes: guideways, carts, links, each cart's in one colour, and the plate.
 
     Args:
-        carts, joints: (l, 3) the ends of each link at its cart and at the plate [m].
-        T: (3,) tool centre point [m].
-        directions: (l, 3) of each link's guideway.
-        ends: (l, 2, 3) of the guideways [m]; a piece about each cart if left out.
-        faint: for further poses of the same robot; guideways are left out.
+        A, joints: (l, 3) the ends of each link at its cart and at the plate [m].
+        carts: links of each cart.
+        guideways: (g, 2, 3) their ends [m].
+        T: (3,) tool centre point [m], drawn with rays to the plate joints.
+        width: of the links [points]; other sizes follow it.
     """
-    carts, joints = np.asarray(carts, float), np.asarray(joints, float)
-    unit = np.asarray(directions, float) / np.linalg.norm(directions, axis=1, keepdims=True)
-    length = np.linalg.norm(joints - carts, axis=1)
-    if ends is None:
-        reach = STROKE * length[:, None] * unit
-        ends = np.stack([carts - reach, carts + reach], axis=1)
-    strength = 0.3 if faint else 1.0
-    for i, (cart, joint) in enumerate(zip(carts, joints, strict=True)):
-        colour = COLOURS[i % len(COLOURS)]
-        if not faint:
-            axes.plot(*ends[i].T, color="0.6", linewidth=3, solid_capstyle="butt")
-        label = None if faint else f"link {i + 1}"
-        axes.plot(*np.stack([cart, joint]).T, color=colour, linewidth=2, alpha=strength, label=label)
-        axes.plot(*cart, "s", color="black", markersize=6, alpha=strength)
-        axes.plot(*joint, "o", color=colour, markersize=4, alpha=strength)
-    if np.ptp(joints, axis=0).max() > 0:  # the plate, as rays from the tool centre point
+    for line in guideways:
+        axes.plot(*line.T, color="0.7", linewidth=1.8 * width, solid_capstyle="butt", zorder=0)
+    for n, legs in enumerate(map(list, carts)):
+        colour = COLOURS[n % len(COLOURS)]
+        if len(legs) > 1:  # the cart or joint plate that carries them
+            axes.plot(*A[[*legs, legs[0]]].T, color="0.35", linewidth=width)
+        for k in legs:
+            axes.plot(*np.stack([A[k], joints[k]]).T, color=colour, linewidth=width, label=f"link {k + 1}")
+        axes.plot(*A[legs].T, "s", color="black", markersize=2.2 * width)
+        axes.plot(*joints[legs].T, "o", color=colour, markersize=1.6 * width)
+    for face in plate_faces(joints):
+        axes.plot_trisurf(*joints.T, triangles=[face], color="0.5", alpha=0.35, linewidth=0, shade=False)
+    if T is not None:
         for joint in joints:
-            axes.plot(*np.stack([T, joint]).T, color="black", linewidth=1, alpha=strength)
-    axes.plot(*np.asarray(T, float), "D", color="black", markersize=6, alpha=strength)
+            axes.plot(*np.stack([T, joint]).T, color="black", linewidth=0.5 * width)
+        axes.plot(*np.asarray(T, float), "D", color="black", markersize=3.0 * width)
 
 
 def robot_figure(
@@ -64,10 +64,17 @@ def robot_figure(
     curves: Sequence[np.ndarray] = (),
     title: str = "",
 ) -> Figure:
-    """One pose of a robot, see `draw_robot`, and closed curves (k, 3) [m] such as the boundary of its workspace."""
+    """One pose of a robot, and closed curves (k, 3) [m] such as the boundary of its workspace.
+
+    Args:
+        carts, joints: (l, 3) the ends of each link at its cart and at the plate [m].
+        T: (3,) tool centre point [m].
+        directions: (l, 3) of each link's guideway.
+        ends: (l, 2, 3) of the guideways [m]; a piece about each cart if left out.
+    """
     figure = Figure(figsize=(8.0, 6.5), layout="constrained")
     axes: Any = figure.add_subplot(projection="3d")
-    draw_robot(axes, carts, joints, T, directions, ends=ends)
+    draw_links(axes, carts, joints, T, directions, ends=ends)
     for k, curve in enumerate(curves):
         closed = np.vstack([curve, curve[:1]])
         axes.plot(*closed.T, color="0.3", linestyle="--", label="boundary of the section" if k == 0 else None)
@@ -77,10 +84,58 @@ def robot_figure(
     return figure
 
 
+def draw_links(
+    axes: Any,
+    carts: np.ndarray,
+    joints: np.ndarray,
+    T: np.ndarray,
+    directions: np.ndarray,
+    *,
+    ends: np.ndarray | None = None,
+) -> None:
+    """Draw one pose, a cart for each link; the arguments are those of `robot_figure`."""
+    carts, joints = np.asarray(carts, float), np.asarray(joints, float)
+    each = [(k,) for k in range(len(carts))]
+    reach = STROKE * float(np.mean(np.linalg.norm(joints - carts, axis=1)))
+    draw_robot(axes, carts, joints, each, pieces(carts, each, directions, reach) if ends is None else ends, T=T)
+
+
 def finish(axes: Any) -> None:
-    """Equal scales, names of the axes and a view from the side of positive x and negative y."""
+    """Equal scales, names of the axes, few ticks, and a view from the side."""
     axes.set(xlabel="x [m]", ylabel="y [m]", zlabel="z [m]")
     for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
         axis.set_major_locator(MaxNLocator(TICKS))
     axes.set_aspect("equal")
+    from_the_side(axes)
+
+
+def from_the_side(axes: Any) -> None:
+    """A view from the side of positive x and negative y."""
     axes.view_init(elev=20.0, azim=-55.0)
+
+
+def pieces(A: np.ndarray, carts: Sequence[Sequence[int]], directions: np.ndarray, reach: float) -> np.ndarray:
+    """Ends (g, 2, 3) of guideways through the middle of each cart's joints, reach [m] to each side.
+
+    A: (l, 3) joints at the carts [m]. directions: (l, 3) ways of the cart joints; their length does not matter.
+    """
+    lines = []
+    for legs in map(list, carts):
+        way = np.asarray(directions, float)[legs].mean(axis=0)
+        way = reach * way / np.linalg.norm(way)
+        middle = A[legs].mean(axis=0)
+        lines.append([middle - way, middle + way])
+    return np.array(lines)
+
+
+def plate_faces(joints: np.ndarray) -> np.ndarray:
+    """Triangles (t, 3) of the convex hull of the plate joints; of their plane where they are in one; else none."""
+    centred = joints - joints.mean(axis=0)
+    _, extent, axes = np.linalg.svd(centred, full_matrices=False)
+    extent = np.pad(extent, (0, 3 - len(extent)))  # fewer than three joints span no plane
+    if extent[2] > FLAT * extent[0]:
+        return ConvexHull(joints).simplices
+    if not extent[1] > FLAT * extent[0]:
+        return np.zeros((0, 3), dtype=int)
+    around = ConvexHull(centred @ axes[:2].T).vertices
+    return np.array([[around[0], around[i], around[i + 1]] for i in range(1, len(around) - 1)])

@@ -9,9 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ..results.trajectory import Trajectory
+from .colours import COLOURS
 
-# readable with colour-blind eyes (Okabe and Ito), dark ones first
-COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000", "#f0e442")
 STYLES = ("-", "--", ":", "-.")
 ENERGIES = ("energy.stored", "energy.supplied", "energy.dissipated")
 PANEL_HEIGHT = 2.1  # inches

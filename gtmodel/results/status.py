@@ -9,6 +9,7 @@ never throw: a bad row of an array must not lose the good ones, and a controller
 from __future__ import annotations
 
 import enum
+from typing import Self
 
 
 class Status(enum.IntEnum):
@@ -39,14 +40,24 @@ class Status(enum.IntEnum):
         return f"GT_{self.name}"
 
 
-class SolveStatus(enum.StrEnum):
+class _Word(enum.StrEnum):
+    """A machine word with a sentence for people."""
+
+    sentence: str
+
+    def __new__(cls, word: str, sentence: str) -> Self:
+        member = str.__new__(cls, word)
+        member._value_ = word
+        member.sentence = sentence
+        return member
+
+
+class SolveStatus(_Word):
     """What a whole solve or simulation ended with. The value is the machine word, as in ``result.json``.
 
     ``sentence`` is the plain English shown to people; ``ok`` is True only for a solved problem: an
     interrupted run, or one at its iteration limit, holds its best iterate, but is not to be relied on.
     """
-
-    sentence: str
 
     SOLVED = "solved", "a solution was found to the requested tolerance"
     INFEASIBLE = "infeasible", "no point was found that satisfies all constraints"
@@ -57,26 +68,18 @@ class SolveStatus(enum.StrEnum):
     BAD_INPUT = "bad_input", "the input was refused before the run began"
     FAILED = "failed", "the solver stopped for another reason, given in its message"
 
-    def __new__(cls, word: str, sentence: str) -> SolveStatus:
-        member = str.__new__(cls, word)
-        member._value_ = word
-        member.sentence = sentence
-        return member
-
     @property
     def ok(self) -> bool:
         """True when the problem was solved."""
         return self is SolveStatus.SOLVED
 
 
-class ModesStatus(enum.StrEnum):
+class ModesStatus(_Word):
     """How the search for all assembly modes of a platform ended. The value is the machine word.
 
     ``sentence`` is the plain English shown to people; ``ok`` is True when every mode at a finite distance is
     known and stands alone.
     """
-
-    sentence: str
 
     COMPLETE = "complete", "all 40 modes were found, and no two are the same"
     FEWER_FINITE = "fewer_finite", "all modes were found; fewer than 40 are finite, the others lie at infinity"
@@ -85,12 +88,6 @@ class ModesStatus(enum.StrEnum):
     INCOMPLETE = "incomplete", "some paths were lost: modes may be missing"
     INTERRUPTED = "interrupted", "the search was stopped before this pose"
     BAD_INPUT = "bad_input", "the input was refused before the search began"
-
-    def __new__(cls, word: str, sentence: str) -> ModesStatus:
-        member = str.__new__(cls, word)
-        member._value_ = word
-        member.sentence = sentence
-        return member
 
     @property
     def ok(self) -> bool:

@@ -6,41 +6,22 @@ any of them can be handed to any engine, written to a file, read back and plotte
 
 from __future__ import annotations
 
-import difflib
-import io
 import json
 import math
-import os
-import re
 from collections.abc import Iterable, Mapping
-from typing import Any, Literal, NoReturn
+from typing import Any, NoReturn
 
 import numpy as np
 import numpy.typing as npt
 
-from gtmodel.lang.units import UnitError, si_unit
+from .interpolation import Kind, interpolate
+from .trajectory_checks import checked_time, checked_unit, checked_values, json_text, one_line
+from .trajectory_errors import COLUMN, Array, TrajectoryError, UnknownNameError, columns, unknown
+from .trajectory_files import PathLike, read_npz, write_csv, write_npz
 
-Array = npt.NDArray[np.float64]
-Kind = Literal["linear", "pchip", "previous"]
-PathLike = str | os.PathLike[str]
-
-KINDS = ("linear", "pchip", "previous")
 TIME_SLACK = 8 * np.finfo(float).eps  # relative; 3 * 0.1 may ask for the end of a trajectory that ends at 0.3
 GRID_SLACK = 1e-9  # relative to dt; the rounding of duration / dt must not lose the last sample
 REPR_SIGNALS = 6  # signals shown by repr
-
-COLUMN = re.compile(r"(?P<base>.+)\[(?P<index>0|[1-9][0-9]*)\]")
-
-
-class TrajectoryError(ValueError):
-    """Data that make no trajectory, or a question it cannot answer. The message is one plain sentence."""
-
-
-class UnknownNameError(KeyError):
-    """A signal name that a trajectory does not hold; the sentence gives close matches."""
-
-    def __str__(self) -> str:
-        return str(self.args[0])
 
 
 class Trajectory:
@@ -82,21 +63,21 @@ class Trajectory:
         provenance: Mapping[str, Any] | None = None,
         synthetic: str | None = None,
     ) -> None:
-        grid = _checked_time(time)
-        signals = _checked_values(values, grid.size)
-        known = {name: _checked_unit(name, (units or {}).get(name, "1")) for name in signals}
+        grid = checked_time(time)
+        signals = checked_values(values, grid.size)
+        known = {name: checked_unit(name, (units or {}).get(name, "1")) for name in signals}
         for name in units or {}:
             if name not in signals:
-                raise UnknownNameError(_unknown(name, signals, "units names the signal"))
+                raise UnknownNameError(unknown(name, signals, "units names the signal"))
         if synthetic is not None and not synthetic.strip():
             raise TrajectoryError("synthetic is empty; give seed and noise in one line, or None for real data")
         for attribute, value in (
             ("_time", grid),
             ("_values", signals),
             ("_units", known),
-            ("_title", _one_line("title", title)),
-            ("_provenance", _json_text(provenance or {})),
-            ("_synthetic", None if synthetic is None else _one_line("synthetic", synthetic)),
+            ("_title", one_line("title", title)),
+            ("_provenance", json_text(provenance or {})),
+            ("_synthetic", None if synthetic is None else one_line("synthetic", synthetic)),
         ):
             object.__setattr__(self, attribute, value)
 
@@ -193,7 +174,7 @@ class Trajectory:
         times = np.asarray(t, dtype=float)
         if times.ndim > 1:
             raise TrajectoryError(f"t has shape {times.shape}; expected a scalar or a one-dimensional array")
-        value = _interpolate(self._time, self[name], self._inside(times), kind)
+        value = interpolate(self._time, self[name], self._inside(times), kind)
         return float(value) if value.ndim == 0 else value
 
     def __eq__(self, other: object) -> bool:
@@ -235,9 +216,7 @@ class Trajectory:
         if times.ndim != 1:
             raise TrajectoryError(f"t has shape {times.shape}; expected (m,) new times, or a step as dt={t!r}")
         times = self._inside(times)
-        return self._derived(
-            times, {name: _interpolate(self._time, v, times, kind) for name, v in self._values.items()}
-        )
+        return self._derived(times, {name: interpolate(self._time, v, times, kind) for name, v in self._values.items()})
 
     def select(self, names: str | Iterable[str]) -> Trajectory:
         """Only these signals or components, in this order; a component "T[0]" becomes a scalar signal.
@@ -308,17 +287,7 @@ class Trajectory:
 
         Raises FileExistsError when the file is there and `overwrite` is False.
         """
-        origin = self._provenance if self.provenance else ""
-        notes = {"title": self.title, "synthetic": self.synthetic, "provenance": origin}
-        lines = [f"# {key}: {text}" for key, text in notes.items() if text]
-        lines += [f"# scalar: {name}" for name, v in self._values.items() if v.ndim == 1 and COLUMN.fullmatch(name)]
-        cells = ["time [s]"]
-        for name, value in self._values.items():
-            cells += [_quoted(f"{column} [{self._units[name]}]") for column in _columns(name, value)]
-        lines.append(",".join(cells))
-        table = np.column_stack([self._time, *self._values.values()])
-        lines += [",".join(map(repr, row)) for row in table.tolist()]
-        _write(path, ("\n".join(lines) + "\n").encode(), overwrite)
+        write_csv(self, path, overwrite)
 
     @classmethod
     def from_csv(cls, path: PathLike) -> Trajectory:
@@ -344,34 +313,12 @@ class Trajectory:
 
         Raises FileExistsError when the file is there and `overwrite` is False.
         """
-        header = dict(zip(("signals", "title", "provenance", "synthetic"), self._header(), strict=True))
-        arrays = {f"value_{i}": value for i, value in enumerate(self._values.values())}
-        buffer = io.BytesIO()
-        np.savez(buffer, header=np.array(json.dumps(header)), time=self._time, **arrays)  # type: ignore[arg-type]
-        _write(path, buffer.getvalue(), overwrite)
+        write_npz(self, path, overwrite)
 
     @classmethod
     def from_npz(cls, path: PathLike) -> Trajectory:
         """Read what `to_npz` wrote. Raises TrajectoryError for another kind of file."""
-        try:
-            with np.load(path, allow_pickle=False) as data:
-                header = json.loads(str(data["header"]))
-                signals = dict(header["signals"])
-                values = {name: data[f"value_{i}"] for i, name in enumerate(signals)}
-                return cls(
-                    data["time"],
-                    values,
-                    signals,
-                    title=header["title"],
-                    provenance=json.loads(header["provenance"]),
-                    synthetic=header["synthetic"],
-                )
-        except FileNotFoundError:
-            raise
-        except Exception as error:
-            raise TrajectoryError(
-                f"{path} is not a trajectory written by to_npz() ({error}); write it again"
-            ) from error
+        return read_npz(cls, path)
 
     # -- private -----------------------------------------------------------------------------------
 
@@ -385,12 +332,12 @@ class Trajectory:
         found = COLUMN.fullmatch(name) if isinstance(name, str) else None
         value = self._values.get(found["base"]) if found else None
         if not found or value is None or value.ndim == 1:
-            raise UnknownNameError(_unknown(name, self._values, "there is no signal"))
+            raise UnknownNameError(unknown(name, self._values, "there is no signal"))
         base, index = found["base"], int(found["index"])
         if index >= value.shape[1]:
             raise UnknownNameError(
                 f"there is no component {name!r}: signal {base!r} has {value.shape[1]}, from "
-                f"{_columns(base, value)[0]!r} to {_columns(base, value)[-1]!r}"
+                f"{columns(base, value)[0]!r} to {columns(base, value)[-1]!r}"
             )
         return base, index
 
@@ -440,155 +387,5 @@ def _rebuild(
     return Trajectory(time, values, units, title=title, provenance=provenance, synthetic=synthetic)
 
 
-# -- checks of the constructor ---------------------------------------------------------------------
-
-
-def _frozen(data: npt.ArrayLike, what: str) -> Array:
-    try:
-        raw = np.asarray(data)
-    except ValueError as error:
-        raise TrajectoryError(f"{what} is no array ({error}); expected rows of equal length") from error
-    if raw.dtype.kind not in "biuf":
-        raise TrajectoryError(f"{what} holds {raw.dtype} data; expected real numbers")
-    array = np.array(raw, dtype=np.float64, order="C")
-    array.setflags(write=False)
-    return array
-
-
-def _checked_time(time: npt.ArrayLike) -> Array:
-    grid = _frozen(time, "time")
-    if grid.ndim != 1 or grid.size == 0:
-        raise TrajectoryError(f"time has shape {grid.shape}; expected (n,) with n at least 1")
-    if (bad := np.flatnonzero(~np.isfinite(grid))).size:
-        raise TrajectoryError(f"time[{bad[0]}] is {float(grid[bad[0]])!r}; expected finite seconds")
-    if (bad := np.flatnonzero(np.diff(grid) <= 0)).size:
-        i = int(bad[0]) + 1
-        raise TrajectoryError(
-            f"time[{i}] = {float(grid[i])!r} s does not come after time[{i - 1}] = {float(grid[i - 1])!r} "
-            "s; time must increase strictly, so sort the rows or remove the repeated one"
-        )
-    return grid
-
-
-def _checked_values(values: Mapping[str, npt.ArrayLike], rows: int) -> dict[str, Array]:
-    if not values:
-        raise TrajectoryError("a trajectory needs at least one signal; values is empty")
-    signals: dict[str, Array] = {}
-    for name, data in values.items():
-        check_name(name)
-        value = _frozen(data, f"signal {name!r}")
-        if value.ndim not in (1, 2) or value.shape[0] != rows or value.size == 0:
-            raise TrajectoryError(
-                f"signal {name!r} has shape {value.shape}; expected ({rows},) or ({rows}, k), a row for each time"
-            )
-        if (bad := np.argwhere(~np.isfinite(value))).size:
-            row = int(bad[0][0])
-            column = name if value.ndim == 1 else f"{name}[{bad[0][1]}]"
-            raise TrajectoryError(
-                f"signal {column!r} is {float(value[tuple(bad[0])])!r} in row {row}; expected finite "
-                "numbers, so remove the row or fill the gap before"
-            )
-        signals[name] = value
-    for name, value in signals.items():
-        for column in _columns(name, value) if value.ndim == 2 else []:
-            if column in signals:
-                raise TrajectoryError(
-                    f"signal {column!r} has the name of a component of the vector signal {name!r}; rename one of them"
-                )
-    return signals
-
-
-def check_name(name: object) -> None:
-    if not isinstance(name, str):
-        raise TrajectoryError(f"a signal is named {name!r} of type {type(name).__name__}; expected a text")
-    if not name or not name.isprintable() or any(mark in name for mark in ' "') or name.startswith("#"):
-        raise TrajectoryError(
-            f"signal name {name!r} cannot be written to a file; expected printable characters without "
-            "blank or quote and no leading '#'"
-        )
-    if name == "time":
-        raise TrajectoryError("a signal is named 'time', which is the name of the time grid; choose another name")
-
-
-def _checked_unit(name: str, unit: str) -> str:
-    try:
-        return si_unit(unit).text
-    except UnitError as error:
-        raise TrajectoryError(f"signal {name!r}: {error}") from error
-
-
-def _one_line(what: str, text: str) -> str:
-    stripped = text.strip()
-    if not stripped.isprintable():
-        raise TrajectoryError(f"{what} is {text!r}; expected one line of printable characters")
-    return stripped
-
-
-def _json_text(provenance: Mapping[str, Any]) -> str:
-    try:
-        return json.dumps(dict(provenance), sort_keys=True, allow_nan=False)
-    except (TypeError, ValueError) as error:
-        raise TrajectoryError(
-            f"provenance cannot be written as JSON ({error}); give texts, finite numbers, lists and dictionaries"
-        ) from error
-
-
-# -- names -----------------------------------------------------------------------------------------
-
-
-def _quoted(cell: str) -> str:
-    """A header cell as CSV; names such as der(T,2) hold a comma."""
-    return f'"{cell}"' if "," in cell else cell
-
-
-def _columns(name: str, value: Array) -> list[str]:
-    """Column names of a signal: itself, or one per component."""
-    return [name] if value.ndim == 1 else [f"{name}[{i}]" for i in range(value.shape[1])]
-
-
-def _unknown(name: object, signals: Mapping[str, Array], lead: str) -> str:
-    known = [*signals, *(c for n, v in signals.items() if v.ndim == 2 for c in _columns(n, v))]
-    close = difflib.get_close_matches(str(name), known, n=3)
-    if close:
-        return f"{lead} {name!r}; close matches are {', '.join(map(repr, close))}"
-    shown = ", ".join(map(repr, list(signals)[:10]))
-    return f"{lead} {name!r}; the trajectory holds {shown}{' and more' if len(signals) > 10 else ''}"
-
-
 def _span(trajectory: Trajectory) -> str:
     return f"{len(trajectory)} rows from {float(trajectory.time[0])!r} to {float(trajectory.time[-1])!r} s"
-
-
-# -- interpolation ---------------------------------------------------------------------------------
-
-
-def _interpolate(grid: Array, value: Array, times: Array, kind: Kind) -> Array:
-    """Values (..., k) at times inside the grid."""
-    if kind not in KINDS:
-        raise TrajectoryError(f"kind is {kind!r}; expected 'linear', 'pchip' or 'previous'")
-    if kind == "previous" or grid.size == 1:
-        return value[np.searchsorted(grid, times, side="right") - 1]
-    if kind == "pchip":
-        from scipy.interpolate import PchipInterpolator
-
-        between = PchipInterpolator(grid, value, axis=0)(times)
-        end = times == grid[-1]  # scipy evaluates the last polynomial there, which rounds
-        return np.where(end[..., None] if value.ndim == 2 else end, value[-1], between)
-    left = np.clip(np.searchsorted(grid, times, side="right") - 1, 0, grid.size - 2)
-    weight = (times - grid[left]) / (grid[left + 1] - grid[left])
-    weight = weight[..., None] if value.ndim == 2 else weight
-    below, above = value[left], value[left + 1]
-    return np.where(weight == 1.0, above, below + weight * (above - below))
-
-
-# -- files -----------------------------------------------------------------------------------------
-
-
-def _write(path: PathLike, data: bytes, overwrite: bool) -> None:
-    try:
-        with open(path, "wb" if overwrite else "xb") as file:
-            file.write(data)
-    except FileExistsError:
-        raise FileExistsError(
-            f"{path} is already there and was left alone; choose another path or pass overwrite=True"
-        ) from None

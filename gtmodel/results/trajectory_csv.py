@@ -13,7 +13,10 @@ import numpy as np
 
 from gtmodel.lang.units import UnitError, convert, parse_unit
 
-from .trajectory import COLUMN, Array, PathLike, Trajectory, TrajectoryError, check_name
+from .trajectory import Trajectory
+from .trajectory_checks import check_name
+from .trajectory_errors import COLUMN, Array, TrajectoryError
+from .trajectory_files import PathLike
 
 _HEADER_CELL = re.compile(r"(?P<name>\S+)\s+\[(?P<unit>[^\[\]]+)\]")
 _NOTES = ("title", "synthetic", "provenance", "scalar")

@@ -9,44 +9,12 @@ from typing import Any
 import numpy as np
 
 from .. import lang as gt
-from ..mechanics import (
-    Flange,
-    ForceMotor,
-    Guideway,
-    MidpointRod,
-    PointFrame,
-    PointMass,
-    RigidPlate,
-    RotationalTanhFriction,
-    Shaft,
-    TanhFriction,
-    TorqueMotor,
-)
+from ..mechanics import MidpointRod, RigidPlate, RotationalTanhFriction, Shaft, TorqueMotor
 from ..mechanics.rotation import quaternion_matrix
 from . import clusters, f1_geometry
+from .cart import PointCart, behind_and_ahead, cart_friction
 from .f1_closed_form import F1FiveDof, F1Rotation
 from .joint_plates import TiltingPlate, TurningPlate
-
-
-class PointCart(gt.Model):
-    """A driven cart: a point A + q v [m] with the cart's mass m [kg], on which links or joint plates stand."""
-
-    A = gt.parameter(shape=3, unit="m", description="reference point at q = 0")
-    v = gt.parameter(shape=3, unit="1", description="its motion per q, not normalised")
-    m = gt.parameter(unit="kg", description="cart mass, joint plates included")
-    point = gt.port(PointFrame)
-    flange = gt.port(Flange)
-    guideway = gt.part(Guideway, A=A, v=v)
-    body = gt.part(PointMass, m=m)
-    friction = gt.part(TanhFriction)
-    motor = gt.part(ForceMotor)
-
-    def equations(self):
-        yield gt.connect(self.guideway.frame, self.point)
-        yield gt.connect(self.guideway.frame, self.body.frame)
-        yield gt.connect(self.guideway.flange, self.flange)
-        yield gt.connect(self.motor.flange, self.flange)
-        yield gt.connect(self.friction.flange, self.flange)
 
 
 class RotaryAxis(gt.Model):
@@ -104,9 +72,7 @@ class F1(gt.Model):
         A=A0,
         v=v,
         m=m_c,
-        friction=lambda self: [
-            dict(coulomb=self.coulomb[i], viscous=self.viscous[i], velocity_scale=self.velocity_scale) for i in range(3)
-        ],
+        friction=cart_friction,
     )
     axis = gt.parts(3, RotaryAxis, motor=lambda self: [dict(J=self.J[i]) for i in range(3)])
     turning = gt.part(TurningPlate, u=u1_2, A=lambda self: self.A[1:3])
@@ -139,13 +105,11 @@ def _home_q(robot: Any) -> Any:
     R = quaternion_matrix(robot.home_e)
     R12, R13, R23 = (quaternion_matrix(u) for u in (robot.u1_2, robot.u1_3, robot.u2_3))
     joints = [robot.A0[0], robot.A0[1] + R12 @ robot.A[1], robot.A0[2] + R13 @ (robot.r3 + R23 @ robot.A[3])]
-    q = []
-    for i, k in enumerate((0, 1, 3)):
-        d, v = robot.home + R @ robot.B[k] - joints[i], robot.v[i]
-        dv, vv = gt.dot(d, v), gt.dot(v, v)
-        root = dv**2 - vv * (gt.dot(d, d) - robot.L[k] ** 2)
-        q.append((dv + gt.sqrt(gt.maximum(root, 0.0))) / vv)
-    return gt.vector([*q, 0.0, 0.0, 0.0])
+    carts = [
+        behind_and_ahead(robot.home + R @ robot.B[k] - joints[i], robot.v[i], robot.L[k])[1]
+        for i, k in enumerate((0, 1, 3))
+    ]
+    return gt.vector([*carts, 0.0, 0.0, 0.0])
 
 
 # No masses of the F1 are printed: an EXAMPLE OF OURS, of the size of the identified L1 (Dressler 2012, Table 6.3).

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
 from .. import lang as gt
-from ..mechanics.rotation import quaternion_matrix
-from .six_link import Cart, SixLink, six_link_gantry_tau
-
-ON = (0, 1, 3, 2, 2, 4)  # the cart on which each link stands: 2b and 3c have their own
+from .cart import Cart, cart_friction
+from .six_link import SixLink, home_q, means, six_link_gantry_tau
 
 
 class ExtraCarts(SixLink):
@@ -21,49 +19,20 @@ class ExtraCarts(SixLink):
     pose, T and two elements of e can be prescribed. A reorientation of about 5 degrees is reported.
     """
 
+    stands_on: ClassVar[tuple[int, ...]] = (0, 1, 3, 2, 2, 4)  # 2b and 3c have carts of their own
     m_c = gt.parameter(shape=5, unit="kg", positive=True, description="cart masses, joints included")
     coulomb = gt.parameter(np.zeros(5), unit="N", description="Coulomb friction of each cart")
     viscous = gt.parameter(np.zeros(5), unit="kg/s", description="viscous friction of each cart")
-    q = gt.variable(5, unit="m", start=lambda self: _home_q(self), description="cart coordinates along their guideways")
+    q = gt.variable(5, unit="m", start=lambda self: home_q(self), description="cart coordinates along their guideways")
     tau = gt.input(5, unit="N", nominal=100.0, description="motor forces")
     cart = gt.parts(
         5,
         Cart,
-        A=lambda self: _means(self.A),
-        v=lambda self: _means(self.v),
+        A=lambda self: means(self.A, self.stands_on),
+        v=lambda self: means(self.v, self.stands_on),
         m=m_c,
-        friction=lambda self: [
-            dict(coulomb=self.coulomb[i], viscous=self.viscous[i], velocity_scale=self.velocity_scale) for i in range(5)
-        ],
+        friction=cart_friction,
     )
-
-    def equations(self):
-        for k, link in enumerate(self.link):
-            yield gt.connect(link.cart, self.cart[ON[k]].flange)
-            yield gt.connect(link.tip, self.plate.point[k])
-        for i, cart in enumerate(self.cart):
-            yield self.q[i] == cart.flange.s
-            yield self.tau[i] == cart.motor.force
-        yield self.plate.frame.r == self.T
-        yield self.e == self.plate.attitude.e
-        yield self.plate.frame.R == self.R
-
-
-def _means(rows: Any) -> list[Any]:
-    groups = [[rows[k] for k in range(6) if ON[k] == i] for i in range(5)]
-    return [sum(group[1:], group[0]) / len(group) for group in groups]
-
-
-def _home_q(robot: Any) -> Any:
-    R = quaternion_matrix(robot.home_e)
-    q = []
-    for i in range(5):
-        k = ON.index(i)
-        d, v = robot.home + R @ robot.B[k] - robot.A[k], robot.v[k]
-        dv, vv = gt.dot(d, v), gt.dot(v, v)
-        root = dv**2 - vv * (gt.dot(d, d) - robot.L[k] ** 2)
-        q.append((dv - gt.sqrt(gt.maximum(root, 0.0))) / vv)
-    return gt.vector(q)
 
 
 def extra_carts(name: str = "d1_six_link", **modifiers: Any) -> ExtraCarts:

@@ -5,36 +5,18 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Sequence
 from importlib.resources import files
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
 from .. import lang as gt
-from ..mechanics import Flange, ForceMotor, Guideway, MidpointRod, PointFrame, PointMass, RigidPlate, TanhFriction
+from ..mechanics import Flange, Guideway, MidpointRod, PointFrame, RigidPlate
 from ..mechanics.rotation import quaternion_matrix
+from .cart import Cart, behind_and_ahead, cart_friction
 from .clusters import zyz_quaternion
 
 LINKS = ("1", "2a", "2b", "3a", "3b", "3c")
 ARM = (0, 1, 1, 2, 2, 2)  # the cart on which each link stands
-
-
-class Cart(gt.Model):
-    """A driven cart; its reference point A + q v [m] carries the mass m [kg]. The links stand on `flange`."""
-
-    A = gt.parameter(shape=3, unit="m", description="reference point at q = 0")
-    v = gt.parameter(shape=3, unit="1", description="its motion per q, not normalised")
-    m = gt.parameter(unit="kg", description="cart mass, joints included")
-    flange = gt.port(Flange)
-    guideway = gt.part(Guideway, A=A, v=v)
-    body = gt.part(PointMass, m=m)
-    friction = gt.part(TanhFriction)
-    motor = gt.part(ForceMotor)
-
-    def equations(self):
-        yield gt.connect(self.guideway.frame, self.body.frame)
-        yield gt.connect(self.guideway.flange, self.flange)
-        yield gt.connect(self.motor.flange, self.flange)
-        yield gt.connect(self.friction.flange, self.flange)
 
 
 class Link(gt.Model):
@@ -65,8 +47,12 @@ class SixLink(gt.Model):
     of its links' v. R = R(e), e a unit quaternion, scalar first; e and -e are the same pose. A wrist may hang on
     plate.frame. Of the assembly modes Newton takes the one that continues the home pose, with carts behind the plate
     unless branches ask for another.
+
+    Attributes:
+        stands_on: the cart of each link.
     """
 
+    stands_on: ClassVar[tuple[int, ...]] = ARM
     A = gt.parameter(shape=(6, 3), unit="m", description="cart joints at q = 0")
     v = gt.parameter(shape=(6, 3), unit="1", description="their motion per q, not normalised")
     L = gt.parameter(shape=6, unit="m", positive=True, description="link lengths")
@@ -81,7 +67,7 @@ class SixLink(gt.Model):
     velocity_scale = gt.parameter(0.1, unit="m/s", positive=True, description="friction smoothing")
     home = gt.parameter([0.0, 0.0, 0.0], unit="m", description="a reachable T")
     home_e = gt.parameter([1.0, 0.0, 0.0, 0.0], unit="1", description="the quaternion there")
-    q = gt.variable(3, unit="m", start=lambda self: _home_q(self), description="cart coordinates along their guideways")
+    q = gt.variable(3, unit="m", start=lambda self: home_q(self), description="cart coordinates along their guideways")
     T = gt.variable(3, unit="m", start=home, prefer=1, description="tool centre point, origin of the plate frame")
     e = gt.variable(4, unit="1", start=home_e, prefer=-2, description="plate quaternion, scalar first")
     R = gt.variable((3, 3), unit="1", prefer=-4, description="rotation from plate to world coordinates")
@@ -89,19 +75,17 @@ class SixLink(gt.Model):
     cart = gt.parts(
         3,
         Cart,
-        A=lambda self: _means(self.A),
-        v=lambda self: _means(self.v),
+        A=lambda self: means(self.A, self.stands_on),
+        v=lambda self: means(self.v, self.stands_on),
         m=m_c,
-        friction=lambda self: [
-            dict(coulomb=self.coulomb[i], viscous=self.viscous[i], velocity_scale=self.velocity_scale) for i in range(3)
-        ],
+        friction=cart_friction,
     )
     link = gt.parts(6, Link, A=A, v=v, rod=lambda self: [dict(L=self.L[k], m=self.m_a[k]) for k in range(6)])
     plate = gt.part(RigidPlate, m=m_p, c=c_p, I=I_p, B=B)
 
     def equations(self):
         for k, link in enumerate(self.link):
-            yield gt.connect(link.cart, self.cart[ARM[k]].flange)
+            yield gt.connect(link.cart, self.cart[self.stands_on[k]].flange)
             yield gt.connect(link.tip, self.plate.point[k])
         for i, cart in enumerate(self.cart):
             yield self.q[i] == cart.flange.s
@@ -125,23 +109,19 @@ def on_guideways(guideways: Sequence[Any]) -> dict[str, list[dict[str, Any]]]:
     return dict(cart=[dict(guideway=g) for g in guideways], link=[dict(guideway=guideways[i]) for i in ARM])
 
 
-def _means(rows):
+def means(rows: Any, stands_on: Sequence[int]) -> list[Any]:
     """Mean over the links of each cart."""
-    groups = [[rows[k] for k in range(6) if ARM[k] == i] for i in range(3)]
+    groups = [[rows[k] for k, cart in enumerate(stands_on) if cart == i] for i in range(max(stands_on) + 1)]
     return [sum(group[1:], group[0]) / len(group) for group in groups]
 
 
-def _home_q(robot):
-    """Carts behind the plate at the home pose, by the first link of each arm: a start value on the common side."""
+def home_q(robot: Any) -> Any:
+    """Carts behind the plate at the home pose, by the first link of each: a start value on the common side."""
     R = quaternion_matrix(robot.home_e)
-    q = []
-    for i in range(3):
-        k = ARM.index(i)
-        d, v = robot.home + R @ robot.B[k] - robot.A[k], robot.v[k]
-        dv, vv = gt.dot(d, v), gt.dot(v, v)
-        root = dv**2 - vv * (gt.dot(d, d) - robot.L[k] ** 2)
-        q.append((dv - gt.sqrt(gt.maximum(root, 0.0))) / vv)
-    return gt.vector(q)
+    first = [robot.stands_on.index(i) for i in range(max(robot.stands_on) + 1)]
+    return gt.vector(
+        [behind_and_ahead(robot.home + R @ robot.B[k] - robot.A[k], robot.v[k], robot.L[k])[0] for k in first]
+    )
 
 
 # No masses of D1 are printed: an EXAMPLE OF OURS, of the size of the identified L1 (Dressler 2012, Table 6.3).

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from .. import lang as gt
 from ..mechanics import ForceMotor, Guideway, MidpointRod, PointFrame, PointMass, TanhFriction
+from .cart import cart_friction
 
 
 class Arm(gt.Model):
@@ -58,9 +59,7 @@ class GantryTau(gt.Model):
         v=v,
         m_c=m_c,
         rod=lambda self: [dict(L=self.L[i], m=self.m_a[i]) for i in range(3)],
-        friction=lambda self: [
-            dict(coulomb=self.coulomb[i], viscous=self.viscous[i], velocity_scale=self.velocity_scale) for i in range(3)
-        ],
+        friction=cart_friction,
     )
     plate = gt.part(PointMass, m=m_p)
 

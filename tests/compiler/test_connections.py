@@ -204,30 +204,32 @@ class Mechanical(gt.Model):
 
 
 class TestRefusals:
-    def refused(self, body: dict[str, Any], equations: Any, sentence: str) -> None:
+    def refused(self, body: dict[str, Any], equations: Any) -> str:
+        """The sentence, if a place in this file ends it."""
         cls = type("Refused", (gt.Model,), {**body, "equations": equations})
-        with pytest.raises(gt.ModelError, match=sentence) as error:
+        with pytest.raises(gt.ModelError) as error:
             flat_of(cls())
-        assert "compiler/test_connections.py:" in str(error.value)
+        sentence, here, _ = str(error.value).partition(" (compiler/test_connections.py:")
+        return sentence if here else "no place told"
 
     def test_different_connectors(self):
         def equations(self):
             yield gt.connect(self.r.p, self.m.flange)
 
         body = {"r": gt.part(Resistor, R=1.0), "m": gt.part(Mechanical)}
-        self.refused(body, equations, r"'r\.p' is a Pin and 'm\.flange' a Flange: only ports of one connector class")
+        assert "'r.p' is a Pin and 'm.flange' a Flange: only ports of one connector" in self.refused(body, equations)
 
     def test_something_that_is_no_port(self):
         def equations(self):
             yield gt.connect(self.r.p, self.r.v)
 
-        self.refused({"r": gt.part(Resistor, R=1.0)}, equations, r"connect\(\) takes ports; found Expr")
+        assert "connect() takes ports; found Expr" in self.refused({"r": gt.part(Resistor, R=1.0)}, equations)
 
     def test_a_port_with_itself(self):
         def equations(self):
             yield gt.connect(self.r.p, self.r.p)
 
-        self.refused({"r": gt.part(Resistor, R=1.0)}, equations, r"port 'r\.p' is connected to itself")
+        assert "port 'r.p' is connected to itself" in self.refused({"r": gt.part(Resistor, R=1.0)}, equations)
 
     def test_a_pair_twice(self):
         def equations(self):
@@ -235,14 +237,14 @@ class TestRefusals:
             yield gt.connect(self.g.p, self.r.p)
 
         body = {"r": gt.part(Resistor, R=1.0), "g": gt.part(Ground)}
-        self.refused(body, equations, r"'g\.p' and 'r\.p' are connected twice")
+        assert "'g.p' and 'r.p' are connected twice" in self.refused(body, equations)
 
     def test_a_port_of_a_part_of_a_part(self):
         def equations(self):
             yield gt.connect(self.load.a.p, self.g.p)
 
         body = {"load": gt.part(Parallel), "g": gt.part(Ground)}
-        self.refused(body, equations, r"port 'load\.a\.p' is neither a port of 'Refused' nor of one of its parts")
+        assert "port 'load.a.p' is neither a port of 'Refused' nor of one of its parts" in self.refused(body, equations)
 
     def test_flow_without_a_connector_of_its_own(self):
         # the law of a component refers to its own ports only; a typing error in a name is an AttributeError

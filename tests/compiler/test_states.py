@@ -23,6 +23,18 @@ def pendulum(angle: float) -> Pendulum:
     return Pendulum(x=dict(start=np.sin(angle)), y=dict(start=-np.cos(angle)))
 
 
+class TwoRods(Pendulum):
+    """A pendulum on two rods; the second one's length is for a subclass to give."""
+
+    second = gt.variable(unit="N/m")
+
+    def equations(self):
+        pull = self.tension + self.second
+        yield self.m * der(self.x, 2) == -pull * self.x
+        yield self.m * der(self.y, 2) == -pull * self.y - self.m * self.g
+        yield self.x**2 + self.y**2 == self.L**2
+
+
 class TestPendulum:
     @pytest.mark.parametrize("angle", [np.pi / 2, -np.pi / 2, 1.4, 1.7, 2 * np.pi / 3])
     def test_beside_the_pivot_the_height_is_the_state(self, angle):
@@ -119,14 +131,9 @@ class TestRedundancy:
             FourRods().causal(known, target)
 
     def test_a_rod_that_contradicts_the_others_has_no_solution(self):
-        class Contradicting(Pendulum):
-            second = gt.variable(unit="N/m")
-
+        class Contradicting(TwoRods):
             def equations(self):
-                pull = self.tension + self.second
-                yield self.m * der(self.x, 2) == -pull * self.x
-                yield self.m * der(self.y, 2) == -pull * self.y - self.m * self.g
-                yield self.x**2 + self.y**2 == self.L**2
+                yield from super().equations()
                 yield (self.x - 0.1 * self.L) ** 2 + self.y**2 == (1.3 * self.L) ** 2
 
         with pytest.raises(gt.ModelError, match=r"no common solution near the start values \(closest residual 0"):
@@ -174,14 +181,9 @@ class TestRedundancy:
 
     def test_a_rod_twice(self):
         # two rods between the same points: the simplest redundancy
-        class Doubled(Pendulum):
-            second = gt.variable(unit="N/m")
-
+        class Doubled(TwoRods):
             def equations(self):
-                pull = self.tension + self.second
-                yield self.m * der(self.x, 2) == -pull * self.x
-                yield self.m * der(self.y, 2) == -pull * self.y - self.m * self.g
-                yield self.x**2 + self.y**2 == self.L**2
+                yield from super().equations()
                 yield (self.x / self.L) ** 2 + (self.y / self.L) ** 2 == 1
 
         with pytest.raises(gt.ModelError, match=r"2 equations of rank 1 in stage -2 \(positions\)"):

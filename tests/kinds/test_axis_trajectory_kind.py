@@ -9,7 +9,8 @@ import gtmodel as gt
 from gtmodel import SolveStatus
 from gtmodel.kinds import InputError, get
 from gtmodel.kinds.axis_free_run import free_run
-from gtmodel.kinds.axis_motion import AxisPlan, plan_of
+from gtmodel.kinds.axis_motion import AxisPlan
+from gtmodel.kinds.axis_planning import plan_of
 from gtmodel.kinds.load import load
 from gtmodel.kinds.run import context_of, solve
 

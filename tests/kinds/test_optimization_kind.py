@@ -72,3 +72,25 @@ def test_refused(gtmodel: Commands) -> None:
     assert done.code == 2 and "mesh.control" in done.err
     done = gtmodel("solve", problem(formulation="explicit"))
     assert done.code == 2 and "no closed form" in done.err and "'torn' or 'dae'" in done.err
+
+
+def test_compiled_elements_give_the_same(gtmodel: Commands, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("GTMODEL_CACHE", str(tmp_path / "cache"))
+    plain, fast = (
+        gtmodel("solve", problem(), "--json", "--set", f"solver.compile={word}") for word in ("false", "true")
+    )
+    assert (plain.code, fast.code) == (0, 0)
+    assert fast.json["objective"] == pytest.approx(plain.json["objective"], rel=SOLVER)
+    assert fast.json["iterations"] == plain.json["iterations"]
+    assert any((tmp_path / "cache").glob("*.so"))
+
+
+def test_no_compiler_is_one_sentence(gtmodel: Commands, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("CC", "no-such-compiler")
+    done = gtmodel("solve", problem(), "--set", "solver.compile=true")
+    assert done.code == 2 and "solver.compile: compile=True needs a compiler" in done.err
+
+
+def test_a_tolerance_out_of_range(gtmodel: Commands) -> None:
+    done = gtmodel("solve", problem(), "--set", "solver.tolerance=2")
+    assert done.code == 2 and "the solver's tolerance is between 0 and 1; found 2" in done.err

@@ -217,6 +217,11 @@ class TestSentences:
         assert error.key == "path" and error.sentence.startswith("the path leaves the workspace at (")
         assert error.sentence.endswith("% of the way")
 
+    def test_an_obstacle_on_the_path(self):
+        error = refused('path.shape="line"', "limits.obstacles=[{center_m=[0.45,-0.9,0.275], size_m=[0.1,0.1,0.1]}]")
+        assert error.key == "path" and error.sentence.startswith("the path breaks limits.obstacles[0] by ")
+        assert error.sentence.endswith("% of the way")
+
     @pytest.mark.parametrize(
         "settings, key, words",
         [

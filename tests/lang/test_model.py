@@ -43,6 +43,16 @@ def value(model: gt.Model, *names: str) -> Any:
     return found[0] if len(found) == 1 else found
 
 
+class Sum(gt.Model):
+    """Three digits."""
+
+    a = gt.parameter(shape=3, unit="1")
+    y = gt.variable(unit="1")
+
+    def equations(self):
+        yield self.y == self.a @ np.array([1.0, 10.0, 100.0])
+
+
 class TestModifiers:
     def test_default_given_and_replaced(self):
         assert value(Gain(), "y") == 1.0
@@ -86,13 +96,6 @@ class TestModifiers:
         assert value(Top(holder=dict(k=9.0)), "holder.inner.y") == 2.0
 
     def test_vector_from_scalar_parameters(self):
-        class Sum(gt.Model):
-            a = gt.parameter(shape=3, unit="1")
-            y = gt.variable(unit="1")
-
-            def equations(self):
-                yield self.y == self.a @ np.array([1.0, 10.0, 100.0])
-
         class Top(gt.Model):
             c = gt.parameter(7.0, unit="1")
             part = gt.part(Sum, a=[c, 0.0, c])
@@ -148,13 +151,6 @@ class TestArrays:
         assert value(Top(), "shared[0].y", "shared[1].y", "listed[0].y", "listed[1].y") == [5.0, 5.0, 5.0, 3.0]
 
     def test_matrix_rows_go_to_parts_as_vectors(self):
-        class Sum(gt.Model):
-            a = gt.parameter(shape=3, unit="1")
-            y = gt.variable(unit="1")
-
-            def equations(self):
-                yield self.y == self.a @ np.array([1.0, 10.0, 100.0])
-
         class Top(gt.Model):
             M = gt.parameter([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]], unit="1")
             part = gt.parts(2, Sum, a=M)

@@ -12,7 +12,7 @@ from gtmodel.optimize import Blocks, Mesh, SolverOptions, resimulate, solve
 from gtmodel.optimize.nlp import make_nlp
 from gtmodel.optimize.problem import build
 from tests.optimize import features, problems
-from tests.optimize.test_derivatives import compare, point_near_guess
+from tests.optimize.test_derivatives import point_near_guess, wrong
 from tests.optimize.test_order import Regulator
 
 SOLVER = 1e-6  # two roads to one discrete optimum
@@ -49,13 +49,13 @@ MESHES = {
 @pytest.mark.parametrize("cls", [features.Mayer, features.FreeTimes, problems.ImplicitBlock])
 def test_derivatives(cls, mesh):
     nlp = make_nlp(build(cls()), MESHES[mesh])
-    compare(nlp, point_near_guess(nlp, spread=0.02))
+    assert wrong(nlp, point_near_guess(nlp, spread=0.02)) == {}
 
 
 def test_derivatives_with_a_delay():
     for mesh in (Mesh(4, 2), Mesh(4, 3, control="linear"), Mesh(8, 2, control="constant")):
         nlp = make_nlp(build(Delayed()), mesh)
-        compare(nlp, point_near_guess(nlp))
+        assert wrong(nlp, point_near_guess(nlp)) == {}
 
 
 class TestLinear:
@@ -117,6 +117,7 @@ class TestBlocks:
         u = s.trajectory["u"][1:].reshape(6, 3)
         for values, expected in zip(np.split(u, np.cumsum(self.SIZES)[:-1]), hand.x, strict=True):
             assert values == pytest.approx(np.full_like(values, expected), abs=1e-4)
+        assert resimulate(s).cost_error == pytest.approx(0.0, abs=SOLVER)
 
     def test_arguments_cannot_be_swapped(self):
         with pytest.raises(TypeError, match="positional"):
@@ -125,7 +126,8 @@ class TestBlocks:
     @pytest.mark.parametrize(
         "arguments, sentence",
         [
-            (dict(sizes=(1, 0)), r"each block holds at least one element; found sizes \(1, 0\)"),
+            (dict(sizes=(1, 0)), r"each block holds a whole number of elements, at least one; found sizes \(1, 0\)"),
+            (dict(sizes=(1.5, 0.5)), r"each block holds a whole number of elements"),
             (dict(sizes=(1,), step_max={"u": 0.0}), "largest step of 'u' between blocks is positive; found 0"),
             (dict(sizes=(1,), step_penalty={"u": -1.0}), "penalty on steps of 'u' is not negative; found -1"),
         ],

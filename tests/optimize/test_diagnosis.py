@@ -219,3 +219,43 @@ def test_what_happens_between_the_nodes():
     run = resimulate(s)
     assert run.violation > 1e-3 and run.violated.startswith("constraint 1 (optimize/problems.py:")
     assert abs(run.cost_error) > 1e-3
+
+
+class TestRunsAway:
+    """x' = u without a bound on u, and the least x: nothing stops it."""
+
+    def failure(self, **changes) -> str:
+        class Falls(gt.Optimization):
+            x = gt.variable(start=1.0, fixed=True)
+            u = gt.input()
+
+            def equations(self):
+                yield der(self.x) == self.u
+
+            def objective(self):
+                return self.x.at(1.0)
+
+        made = type("Falls", (Falls,), changes)()
+        solution = solve(made, Mesh(4), solver=SolverOptions(max_iterations=60), throw=False)
+        assert not solution.status.ok
+        return solution.message
+
+    def test_names_what_grows(self):
+        assert re.search(r"'[ux]' has grown to -\d\S* in element \d, where it has no bound: bound it", self.failure())
+
+    def test_names_a_constant(self):
+        said = self.failure(
+            k=gt.free(1.0), u=gt.input(min=-1.0, max=1.0), objective=lambda self: self.x.at(1.0) - self.k
+        )
+        assert re.search(r"'k' has grown to \d\S*, where it has no bound", said)
+
+
+def test_a_model_without_variables():
+    class Nothing(gt.Optimization):
+        k = gt.free(1.0, min=0.0)
+
+        def objective(self):
+            return (self.k - 2) ** 2
+
+    with pytest.raises(ModelError, match="Nothing has no variable"):
+        solve(Nothing())

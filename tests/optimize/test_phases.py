@@ -13,7 +13,7 @@ from gtmodel.optimize.linking import join
 from gtmodel.optimize.nlp import make_nlp
 from gtmodel.optimize.problem import build
 from tests.optimize import problems
-from tests.optimize.test_derivatives import compare
+from tests.optimize.test_derivatives import wrong
 
 SOLVER = 1e-6  # two roads to one discrete optimum
 
@@ -104,7 +104,7 @@ def test_derivatives_of_the_whole():
         joined = join(model, nlps)
         x = np.concatenate([initial_guess(n, None) for n in nlps.values()])
         joined.size = len(x)  # type: ignore[attr-defined]
-        compare(joined, x + 0.1 * np.random.default_rng(0).standard_normal(len(x)))  # type: ignore[arg-type]
+        assert wrong(joined, x + 0.1 * np.random.default_rng(0).standard_normal(len(x))) == {}  # type: ignore[arg-type]
 
 
 def test_three_phases_and_a_shared_constant():
@@ -244,3 +244,52 @@ def test_wrong_phases(name):
     make, sentence = WRONG[name]
     with pytest.raises(ModelError, match=sentence):
         make()
+
+
+class Named(gt.Optimization):
+    """States whose names are those of many a program's own variables."""
+
+    y = gt.variable(start=0.0)
+    values = gt.variable(start=0.0)
+    P = gt.input(min=-1.0, max=1.0)
+
+    def equations(self):
+        yield der(self.y) == self.P
+        yield der(self.values) == self.y
+
+    def objective(self):
+        return gt.integral(self.P**2)
+
+    def constraints(self):
+        yield self.y.at(self.start_time) >= 0.25
+
+
+def test_links_take_any_name():
+    links = {"second": lambda before, after: [after.y == 2 * before.y, after.values == before.values + before.P]}
+    s = solve_phases(Phases({"first": Named(), "second": Named()}, free={"second": ["y", "values"]}, links=links))
+    first, second = s["first"].trajectory, s["second"].trajectory
+    assert second["y"][0] == pytest.approx(2 * first["y"][-1], abs=1e-6)
+    assert second["values"][0] == pytest.approx(first["values"][-1] + first["P"][-1], abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    "wrong, sentence",
+    [
+        ({"mesh": 7}, "a mesh is a gt.Mesh"),
+        ({"mesh": {"first": 7}}, "a mesh is a gt.Mesh"),
+        ({"guess": 7}, "a guess is"),
+        ({"guess": {"first": 7}}, "a guess is"),
+    ],
+)
+def test_wrong_arguments(wrong, sentence):
+    with pytest.raises(ModelError, match=sentence):
+        solve_phases(Phases({"first": Named(), "second": Named()}), **wrong)
+
+
+def test_what_is_no_phase_and_no_list():
+    with pytest.raises(ModelError, match="phase 'second' is a configured Optimization; found 3"):
+        Phases({"first": Named(), "second": 3})  # type: ignore[dict-item]
+    with pytest.raises(ModelError, match="free takes a list of names; found 'values'"):
+        Phases({"first": Named(), "second": Named()}, free={"second": "values"})
+    with pytest.raises(ModelError, match="shared takes a list of names; found 'final_time'"):
+        Phases({"first": Named(), "second": Named()}, shared="final_time")

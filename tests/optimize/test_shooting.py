@@ -72,3 +72,14 @@ def test_refused(model, mesh, options, sentence):
 def test_unknown_method():
     with pytest.raises(ValueError, match="method is one of collocation, shooting; found 'single'"):
         solve(problems.VanDerPol(), method="single")  # type: ignore[arg-type]
+
+
+def test_a_failure_keeps_the_best_iterate_and_says_so():
+    options = SolverOptions(max_iterations=2)
+    s = solve(problems.StirredTank(), Mesh(8), method="shooting", solver=options, throw=False)
+    assert "kept is iterate 1, the nearest to its constraints; worst rows: continuity of" in s.message
+    kept = solve(
+        problems.StirredTank(), Mesh(8), method="shooting", solver=SolverOptions(max_iterations=1), throw=False
+    )
+    assert s.checks["constraint_violation"].value == pytest.approx(kept.checks["constraint_violation"].value)
+    assert s.trajectory["T"] == pytest.approx(kept.trajectory["T"], rel=1e-9)

@@ -185,6 +185,9 @@ def test_inverse_form_where_there_is_none():
     "options, sentence",
     [
         (dict(tolerance=0.0), "tolerance is between 0 and 1; found 0"),
+        (dict(tolerance="small"), "tolerance and max_seconds are numbers .* found 'small'"),
+        (dict(max_iterations=2.5), "max_iterations is a whole one; found .* 2.5"),
+        (dict(prefer="tau"), "prefer takes a list of names; found 'tau'"),
         (dict(max_iterations=-1), "are not negative; found -1 and None"),
         (dict(max_seconds=-2.0), "are not negative; found 1000 and -2.0"),
         (dict(max_seconds=float("nan")), "are not negative; found 1000 and nan"),

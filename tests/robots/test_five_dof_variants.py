@@ -13,7 +13,7 @@ import gtmodel as gt
 from gtmodel import Status
 from gtmodel.mechanics import BallScrew, ForceMotor, Inertia
 from gtmodel.robots.f1_screws import F1BallScrews
-from gtmodel.robots.five_carts import ON, extra_carts
+from gtmodel.robots.five_carts import ExtraCarts, extra_carts
 from gtmodel.robots.triangular_link import queensland_gantry_tau
 from gtmodel.robots.with_wrist import gantry_tau_wrist
 from tests.oracle.f1_by_hand import F1ByHand
@@ -108,7 +108,7 @@ class TestExtraCarts:
         r = self.robot()
         T, e = ok(*r.causal("q", ["T", "e"])(q))
         for x, t, u in zip(q, T, e, strict=True):
-            d = t + np.asarray(r.B) @ rotation(u).T - r.A - x[list(ON), None] * np.asarray(r.v)
+            d = t + np.asarray(r.B) @ rotation(u).T - r.A - x[list(ExtraCarts.stands_on), None] * np.asarray(r.v)
             assert relative_error(np.linalg.norm(d, axis=1), r.L) < ROUND_OFF
         # the pose has five freedoms: T and two elements of e prescribe the carts
         back, whole = ok(*r.causal(["T", "e[1]", "e[2]"], ["q", "e"])(T, e[:, 1], e[:, 2]))

@@ -5,8 +5,9 @@ A limit gives a margin for each of its parts (positive inside, in its own unit) 
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -36,22 +37,43 @@ class Limit(Protocol):
 
 
 @dataclass(frozen=True)
-class ActuatorLimits:
-    """Each actuator keeps low <= q <= high [m or rad], both (m,)."""
+class _Ends(ABC):
+    """Coordinates of a pose stay between a low and a high end."""
 
     low: Array
     high: Array
-    name: str = "actuator limits"
+    name: str
     unit: str = "m"
     assumes: str = ""
 
+    @abstractmethod
+    def coordinates(self, poses: Poses) -> Array:
+        """(n, m) what is limited."""
+
+    @abstractmethod
+    def names(self) -> Sequence[str]:
+        """Of the m coordinates."""
+
     @property
     def parts(self) -> Sequence[str]:
-        n = len(self.low)
-        return [f"actuator {i + 1} at its {end} end" for end in ("low", "high") for i in range(n)]
+        return [f"{name} at its {end} end" for end in ("low", "high") for name in self.names()]
 
     def margins(self, poses: Poses) -> Array:
-        return np.hstack([poses.q - np.asarray(self.low), np.asarray(self.high) - poses.q])
+        x = self.coordinates(poses)
+        return np.hstack([x - np.asarray(self.low), np.asarray(self.high) - x])
+
+
+@dataclass(frozen=True)
+class ActuatorLimits(_Ends):
+    """Each actuator keeps low <= q <= high [m or rad], both (m,)."""
+
+    name: str = "actuator limits"
+
+    def coordinates(self, poses: Poses) -> Array:
+        return poses.q
+
+    def names(self) -> Sequence[str]:
+        return [f"actuator {i + 1}" for i in range(len(self.low))]
 
 
 @dataclass(frozen=True)
@@ -96,19 +118,17 @@ class BallJointCones:
 
 
 @dataclass(frozen=True)
-class CartesianBox:
+class CartesianBox(_Ends):
     """The tool centre point stays within low <= T <= high [m], both (3,): the free space inside a frame
     (Dressler 2012, section 5.6)."""
 
-    low: Array
-    high: Array
     name: str = "Cartesian limits"
-    unit: str = "m"
-    assumes: str = ""
-    parts: Sequence[str] = field(default=tuple(f"{axis} at its {end} end" for end in ("low", "high") for axis in "xyz"))
 
-    def margins(self, poses: Poses) -> Array:
-        return np.hstack([poses.T - np.asarray(self.low), np.asarray(self.high) - poses.T])
+    def coordinates(self, poses: Poses) -> Array:
+        return poses.T
+
+    def names(self) -> Sequence[str]:
+        return "xyz"
 
 
 @dataclass(frozen=True)

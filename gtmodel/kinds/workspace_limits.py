@@ -1,4 +1,4 @@
-"""What limits a robot's reach, as keys of a problem file: strokes, cones, obstacles, beams; shared by the kinds."""
+"""What a workspace must keep: strokes, joint cones, bodies and what stands in their way."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from gtmodel.kinematics.workspace import (
     Obstacles,
     Singularities,
 )
+from gtmodel.lang import Model
 
-from .base import Context, InputError, Section
+from .base import InputError, Section
 from .mechanism import Mechanism, mechanism_of
-from .robot_keys import RobotProblem
+from .section_keys import Pair
 
 LONGEST_STROKE = 100.0  # in link lengths; a longer one was given in millimetres
 
 Point = Annotated[list[float], Field(min_length=3, max_length=3)]
-Pair = Annotated[list[float], Field(min_length=2, max_length=2)]
 Angle = Annotated[float, Field(gt=0, le=180)]
 
 
@@ -70,39 +70,28 @@ class Beam(Section):
     skip_links: list[int] = Field(default=[], description="numbers of links (from 1) that may touch it")
 
 
-class LimitedRobot(RobotProblem):
-    """A robot and what limits its reach."""
-
-    home_m: Point | None = Field(default=None, description="pose of the cone axes; the robot's own home if left out")
-    limits: Limits = Limits()
-    bodies: Bodies = Bodies()
-    obstacles: list[Box] = Field(default=[], description="boxes that links and plate must not touch")
-    beams: list[Beam] = Field(default=[], description="beams of the frame that links must not touch")
-
-
-def mechanism_with_limits(problem: LimitedRobot, context: Context) -> Mechanism:
-    """The robot with its home pose and plate joints. Raises InputError."""
-    joints = problem.bodies.plate_joints_m
-    home = None if problem.home_m is None else np.array(problem.home_m)
-    robot = mechanism_of(problem.model(context), home)
+def limited_mechanism(model: Model, home_m: Point | None, bodies: Bodies) -> Mechanism:
+    """The robot with its home pose and its real plate joints. Raises InputError."""
+    joints = bodies.plate_joints_m
+    home = None if home_m is None else np.array(home_m)
+    robot = mechanism_of(model, home)
     if joints is None:
         return robot
     count = len(robot.lengths)
     if len(joints) != count:
         raise InputError(f"the robot has {count} links; found {len(joints)} joints", "bodies.plate_joints_m")
-    return mechanism_of(robot.model, home, np.array(joints, dtype=float))
+    return mechanism_of(model, home, np.array(joints, dtype=float))
 
 
-def limits_of(problem: LimitedRobot, robot: Mechanism) -> list[Limit]:
-    """Limits in the order of their cost and of their certainty. Raises InputError."""
-    keys, bodies = problem.limits, problem.bodies
+def limits_of(keys: Limits, bodies: Bodies, boxes: list[Box], beams: list[Beam], robot: Mechanism) -> list[Limit]:
+    """Limits in the order of their cost and of their certainty. Raises InputError naming the key."""
     count, carts = len(robot.lengths), robot.home.q.shape[1]
     limits: list[Limit] = [Singularities(robot.directions, np.radians(keys.singularity_deg))]
     if keys.actuators_m is not None:
         if len(keys.actuators_m) != carts:
             raise InputError(f"the robot has {carts} carts; found {len(keys.actuators_m)} pairs", "limits.actuators_m")
         low, high = np.array(keys.actuators_m, dtype=float).T
-        ordered(low, high, "limits.actuators_m")
+        refuse_disordered(low, high, "limits.actuators_m")
         stroke, longest = float(np.max(high - low)), float(robot.lengths.max())
         if stroke > LONGEST_STROKE * longest:
             raise InputError(
@@ -114,15 +103,15 @@ def limits_of(problem: LimitedRobot, robot: Mechanism) -> list[Limit]:
     if keys.tcp_low_m is not None or keys.tcp_high_m is not None:
         low = np.full(3, -np.inf) if keys.tcp_low_m is None else np.array(keys.tcp_low_m)
         high = np.full(3, np.inf) if keys.tcp_high_m is None else np.array(keys.tcp_high_m)
-        ordered(low, high, "limits.tcp_high_m")
+        refuse_disordered(low, high, "limits.tcp_high_m")
         limits.append(CartesianBox(low, high))
     if keys.cone_deg is not None:
         limits.append(BallJointCones.about_home(robot.home, np.radians(keys.cone_deg)))
     radius = np.full(count, bodies.link_radius_m)
-    if problem.obstacles:
-        low, high = (np.array([getattr(box, key) for box in problem.obstacles]) for key in ("low_m", "high_m"))
-        ordered(low, high, "obstacles.high_m")
-        names = [box.name or f"box {k + 1}" for k, box in enumerate(problem.obstacles)]
+    if boxes:
+        low, high = (np.array([getattr(box, key) for box in boxes]) for key in ("low_m", "high_m"))
+        refuse_disordered(low, high, "obstacles.high_m")
+        names = [box.name or f"box {k + 1}" for k, box in enumerate(boxes)]
         limits.append(Obstacles(low, high, radius, bodies.plate_radius_m, names))
     if bodies.link_clearance:
         if bodies.plate_joints_m is None:
@@ -130,17 +119,16 @@ def limits_of(problem: LimitedRobot, robot: Mechanism) -> list[Limit]:
                 "the links meet in the tool centre point; give bodies.plate_joints_m", "bodies.link_clearance"
             )
         limits.append(LinkClearance(radius))
-    if problem.beams:
-        wrong = [i for beam in problem.beams for i in beam.skip_links if not 1 <= i <= count]
+    if beams:
+        wrong = [i for beam in beams for i in beam.skip_links if not 1 <= i <= count]
         if wrong:
             raise InputError(f"there is no link {wrong[0]}; there are 1 to {count}", "beams.skip_links")
-        skip = [(i - 1, k) for k, beam in enumerate(problem.beams) for i in beam.skip_links]
-        ends = np.array([[beam.from_m, beam.to_m] for beam in problem.beams])
-        limits.append(FrameClearance(ends, np.array([beam.radius_m for beam in problem.beams]), radius, skip))
+        skip = [(i - 1, k) for k, beam in enumerate(beams) for i in beam.skip_links]
+        ends = np.array([[beam.from_m, beam.to_m] for beam in beams])
+        limits.append(FrameClearance(ends, np.array([beam.radius_m for beam in beams]), radius, skip))
     return limits
 
 
-def ordered(low: np.ndarray, high: np.ndarray, key: str) -> None:
-    """Raises InputError unless low < high."""
+def refuse_disordered(low: np.ndarray, high: np.ndarray, key: str) -> None:
     if np.any(low >= high):
         raise InputError("every lower limit must be less than its upper one", key)

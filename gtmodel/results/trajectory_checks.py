@@ -1,0 +1,104 @@
+"""What the constructor of `Trajectory` accepts; each refusal is one sentence."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from gtmodel.lang.units import UnitError, si_unit
+
+from .trajectory_errors import Array, TrajectoryError, columns
+
+
+def _frozen(data: npt.ArrayLike, what: str) -> Array:
+    try:
+        raw = np.asarray(data)
+    except ValueError as error:
+        raise TrajectoryError(f"{what} is no array ({error}); expected rows of equal length") from error
+    if raw.dtype.kind not in "biuf":
+        raise TrajectoryError(f"{what} holds {raw.dtype} data; expected real numbers")
+    array = np.array(raw, dtype=np.float64, order="C")
+    array.setflags(write=False)
+    return array
+
+
+def checked_time(time: npt.ArrayLike) -> Array:
+    grid = _frozen(time, "time")
+    if grid.ndim != 1 or grid.size == 0:
+        raise TrajectoryError(f"time has shape {grid.shape}; expected (n,) with n at least 1")
+    if (bad := np.flatnonzero(~np.isfinite(grid))).size:
+        raise TrajectoryError(f"time[{bad[0]}] is {float(grid[bad[0]])!r}; expected finite seconds")
+    if (bad := np.flatnonzero(np.diff(grid) <= 0)).size:
+        i = int(bad[0]) + 1
+        raise TrajectoryError(
+            f"time[{i}] = {float(grid[i])!r} s does not come after time[{i - 1}] = {float(grid[i - 1])!r} "
+            "s; time must increase strictly, so sort the rows or remove the repeated one"
+        )
+    return grid
+
+
+def checked_values(values: Mapping[str, npt.ArrayLike], rows: int) -> dict[str, Array]:
+    if not values:
+        raise TrajectoryError("a trajectory needs at least one signal; values is empty")
+    signals: dict[str, Array] = {}
+    for name, data in values.items():
+        check_name(name)
+        value = _frozen(data, f"signal {name!r}")
+        if value.ndim not in (1, 2) or value.shape[0] != rows or value.size == 0:
+            raise TrajectoryError(
+                f"signal {name!r} has shape {value.shape}; expected ({rows},) or ({rows}, k), a row for each time"
+            )
+        if (bad := np.argwhere(~np.isfinite(value))).size:
+            row = int(bad[0][0])
+            column = name if value.ndim == 1 else f"{name}[{bad[0][1]}]"
+            raise TrajectoryError(
+                f"signal {column!r} is {float(value[tuple(bad[0])])!r} in row {row}; expected finite "
+                "numbers, so remove the row or fill the gap before"
+            )
+        signals[name] = value
+    for name, value in signals.items():
+        for column in columns(name, value) if value.ndim == 2 else []:
+            if column in signals:
+                raise TrajectoryError(
+                    f"signal {column!r} has the name of a component of the vector signal {name!r}; rename one of them"
+                )
+    return signals
+
+
+def check_name(name: object) -> None:
+    if not isinstance(name, str):
+        raise TrajectoryError(f"a signal is named {name!r} of type {type(name).__name__}; expected a text")
+    if not name or not name.isprintable() or any(mark in name for mark in ' "') or name.startswith("#"):
+        raise TrajectoryError(
+            f"signal name {name!r} cannot be written to a file; expected printable characters without "
+            "blank or quote and no leading '#'"
+        )
+    if name == "time":
+        raise TrajectoryError("a signal is named 'time', which is the name of the time grid; choose another name")
+
+
+def checked_unit(name: str, unit: str) -> str:
+    try:
+        return si_unit(unit).text
+    except UnitError as error:
+        raise TrajectoryError(f"signal {name!r}: {error}") from error
+
+
+def one_line(what: str, text: str) -> str:
+    stripped = text.strip()
+    if not stripped.isprintable():
+        raise TrajectoryError(f"{what} is {text!r}; expected one line of printable characters")
+    return stripped
+
+
+def json_text(provenance: Mapping[str, Any]) -> str:
+    try:
+        return json.dumps(dict(provenance), sort_keys=True, allow_nan=False)
+    except (TypeError, ValueError) as error:
+        raise TrajectoryError(
+            f"provenance cannot be written as JSON ({error}); give texts, finite numbers, lists and dictionaries"
+        ) from error

@@ -1,0 +1,83 @@
+"""Files of trajectories: exact, and the same bytes for equal trajectories."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from .trajectory_checks import json_text
+from .trajectory_errors import COLUMN, TrajectoryError, columns
+
+if TYPE_CHECKING:
+    from .trajectory import Trajectory
+
+PathLike = str | os.PathLike[str]
+
+
+def write_csv(trajectory: Trajectory, path: PathLike, overwrite: bool) -> None:
+    """Write a CSV file; see `Trajectory.to_csv`."""
+    values = {name: trajectory[name] for name in trajectory.names}
+    origin = json_text(trajectory.provenance) if trajectory.provenance else ""
+    notes = {"title": trajectory.title, "synthetic": trajectory.synthetic, "provenance": origin}
+    lines = [f"# {key}: {text}" for key, text in notes.items() if text]
+    lines += [f"# scalar: {name}" for name, v in values.items() if v.ndim == 1 and COLUMN.fullmatch(name)]
+    cells = ["time [s]"]
+    for name, value in values.items():
+        cells += [_quoted(f"{column} [{trajectory.unit(name)}]") for column in columns(name, value)]
+    lines.append(",".join(cells))
+    table = np.column_stack([trajectory.time, *values.values()])
+    lines += [",".join(map(repr, row)) for row in table.tolist()]
+    _write(path, ("\n".join(lines) + "\n").encode(), overwrite)
+
+
+def write_npz(trajectory: Trajectory, path: PathLike, overwrite: bool) -> None:
+    """Write a NumPy .npz file; see `Trajectory.to_npz`."""
+    header = {
+        "signals": list(trajectory.units.items()),
+        "title": trajectory.title,
+        "provenance": json_text(trajectory.provenance),
+        "synthetic": trajectory.synthetic,
+    }
+    arrays: dict[str, Any] = {f"value_{i}": trajectory[name] for i, name in enumerate(trajectory.names)}
+    buffer = io.BytesIO()
+    np.savez(buffer, header=np.array(json.dumps(header)), time=trajectory.time, **arrays)
+    _write(path, buffer.getvalue(), overwrite)
+
+
+def read_npz(cls: type[Trajectory], path: PathLike) -> Trajectory:
+    """Read what `write_npz` wrote; see `Trajectory.from_npz`."""
+    try:
+        with np.load(path, allow_pickle=False) as data:
+            header = json.loads(str(data["header"]))
+            signals = dict(header["signals"])
+            return cls(
+                data["time"],
+                {name: data[f"value_{i}"] for i, name in enumerate(signals)},
+                signals,
+                title=header["title"],
+                provenance=json.loads(header["provenance"]),
+                synthetic=header["synthetic"],
+            )
+    except FileNotFoundError:
+        raise
+    except Exception as error:
+        raise TrajectoryError(f"{path} is not a trajectory written by to_npz() ({error}); write it again") from error
+
+
+def _quoted(cell: str) -> str:
+    """A header cell as CSV; names such as der(T,2) hold a comma."""
+    return f'"{cell}"' if "," in cell else cell
+
+
+def _write(path: PathLike, data: bytes, overwrite: bool) -> None:
+    try:
+        with open(path, "wb" if overwrite else "xb") as file:
+            file.write(data)
+    except FileExistsError:
+        raise FileExistsError(
+            f"{path} is already there and was left alone; choose another path or pass overwrite=True"
+        ) from None

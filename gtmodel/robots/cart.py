@@ -1,0 +1,57 @@
+"""A driven cart on its guideway, its friction, and where it stands for a pose of the plate."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from .. import lang as gt
+from ..mechanics import Flange, ForceMotor, Guideway, PointFrame, PointMass, TanhFriction
+
+
+class Cart(gt.Model):
+    """A driven cart; its reference point A + q v [m] carries the mass m [kg]. The links stand on `flange`."""
+
+    A = gt.parameter(shape=3, unit="m", description="reference point at q = 0")
+    v = gt.parameter(shape=3, unit="1", description="its motion per q, not normalised")
+    m = gt.parameter(unit="kg", description="cart mass, joints included")
+    flange = gt.port(Flange)
+    guideway = gt.part(Guideway, A=A, v=v)
+    body = gt.part(PointMass, m=m)
+    friction = gt.part(TanhFriction)
+    motor = gt.part(ForceMotor)
+
+    def equations(self):
+        yield gt.connect(self.guideway.frame, self.body.frame)
+        yield gt.connect(self.guideway.flange, self.flange)
+        yield gt.connect(self.motor.flange, self.flange)
+        yield gt.connect(self.friction.flange, self.flange)
+
+
+class _Point(gt.Model):
+    """What PointCart adds, declared ahead of Cart's: the order of unknowns settles the last digits."""
+
+    point = gt.port(PointFrame)
+
+
+class PointCart(Cart, _Point):
+    """A driven cart on whose `point` links or joint plates stand; joint plates count in its mass."""
+
+    def equations(self):
+        yield gt.connect(self.guideway.frame, self.point)
+        yield from super().equations()
+
+
+def cart_friction(robot: Any) -> list[dict[str, Any]]:
+    """Modifiers of the frictions of all carts from the robot's `coulomb`, `viscous` and `velocity_scale`."""
+    pairs = zip(robot.coulomb, robot.viscous, strict=True)
+    return [dict(coulomb=c, viscous=d, velocity_scale=robot.velocity_scale) for c, d in pairs]
+
+
+def behind_and_ahead(d: Any, v: Any, length: Any) -> tuple[Any, Any]:
+    """Both coordinates q of a cart with |d - q v| = length, behind the plate and ahead of it; out of reach the nearest.
+
+    d: (3,) from the cart joint at q = 0 to the plate joint [m]. v: (3,) motion per q.
+    """
+    dv, vv = gt.dot(d, v), gt.dot(v, v)
+    root = gt.sqrt(gt.maximum(dv**2 - vv * (gt.dot(d, d) - length**2), 0.0))
+    return (dv - root) / vv, (dv + root) / vv
