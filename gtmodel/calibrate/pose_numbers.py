@@ -75,7 +75,7 @@ def sufficient_number(
     """The least number of selected poses whose predicted rms error is at most `accuracy` [m]; None if `most` (default
     all candidates, each once) are too few.
 
-    By bisection: more poses never tell less. Raises ModelError for an accuracy that is not positive.
+    By doubling and bisection: more poses never tell less. Raises ModelError for an accuracy that is not positive.
     """
     if not accuracy > 0:
         raise ModelError(f"the accuracy is {accuracy:g} m; it must be positive")
@@ -91,8 +91,14 @@ def sufficient_number(
         except ModelError:  # so few poses need not tell all
             return False
 
-    if high < low or not enough(high):
+    if high < low:
         return None
+    tried = low
+    while not enough(tried):  # upwards: the effort grows with the number
+        if tried == high:
+            return None
+        low, tried = tried + 1, min(2 * tried, high)
+    high = tried
     while low < high:
         middle = (low + high) // 2
         low, high = (low, middle) if enough(middle) else (middle + 1, high)

@@ -96,7 +96,10 @@ def explain(problem: Schema, context: Context) -> str:
     for name, reach in stages.items():
         new = [limit.name for limit in reach.limits if limit.name not in seen]
         seen += new
-        lines.append(f"  {name}: {', '.join(['inverse kinematics'] * (name == 'workspace') + new) or 'more distance'}")
+        if name == "safety":
+            s = problem.safety
+            new = [f"the same, {s.cone_deg:g} deg, {s.stroke_m:g} m of stroke and {s.obstacles_m:g} m of air narrower"]
+        lines.append(f"  {name}: {', '.join(['inverse kinematics'] * (name == 'workspace') + new) or 'nothing more'}")
     lines.append(f"  safety distance: {problem.safety.edge_m:g} m in 26 directions")
     p = problem.poses
     many = f"{p.number} to {p.most} poses by {p.method}, and {p.held_out} held out"

@@ -157,7 +157,8 @@ class Schema(RobotProblem):
     actuator_noise_um: NonNegativeFloat = Field(default=13.0, description="repeatability of the carts")
     poses: PoseKeys = PoseKeys()
     curve: list[PositiveInt] = Field(
-        default=[10, 15, 20, 30, 40, 60, 80, 100], description="numbers of poses for the curve of predicted errors"
+        default=[10, 15, 20, 30, 40, 60, 80, 100],
+        description="numbers of poses for the curve of predicted errors, with the number that suffices; [] for none",
     )
     evaluation: EvaluationKeys | None = Field(default=None, description="where the robot must be accurate")
     simulation: SimulationKeys = SimulationKeys()

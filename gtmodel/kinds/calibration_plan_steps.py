@@ -177,6 +177,8 @@ def draw_curve(plan: Plan, stop: Stop) -> None:
     """Predicted error against the number of poses, selected and on grids, and the number that suffices."""
     assert plan.info is not None and plan.target is not None
     keys = plan.problem.poses
+    if not plan.problem.curve:
+        return
     own = plan.info.rows.shape[1]
     most = len(plan.pool)
     numbers = [n for n in plan.problem.curve if plan.info.rank / own <= n <= most]
