@@ -148,7 +148,7 @@ def test_predicted_covariance_of_each_parameter_and_place_matches_monte_carlo():
 
 def _compared(runs: int, whole_only: bool) -> tuple[np.ndarray, np.ndarray]:
     """Standard deviations in Monte Carlo and predicted: [all parameters, all positions], or one by one."""
-    errors = np.array(monte_carlo(one, runs, SEED, processes=0).results)
+    errors = np.array(monte_carlo(one, runs, SEED, processes=0 if whole_only else None).results)
     info, target = pose_information(thirty()), workspace()
     C = info.covariance()
     moved = np.einsum("mij,kj->kmi", target.slopes, errors)
