@@ -46,8 +46,9 @@ def monte_carlo(
 
     `processes`: default one per core; 0 runs in this process (and its BLAS threads), for looking inside. The task must
     be importable: a function of a module, or functools.partial of one. `executor`: another one to hand the runs to,
-    with submit() as concurrent.futures.Executor has it, or a Dask client, whose get_executor() is asked. `progress(done, runs)` after each. Ctrl-C, or `interrupted()` telling True,
-    ends the workers and returns what is done. Raises RuntimeError naming the run in which the task failed.
+    with submit() as concurrent.futures.Executor has it, or a Dask client, whose get_executor() is asked.
+    `progress(done, runs)` after each. Ctrl-C, or `interrupted()` telling True, ends the workers and returns what is
+    done. Raises RuntimeError naming the run in which the task failed.
     """
     if runs < 1:
         raise ValueError(f"a Monte Carlo needs at least one run; found {runs}")

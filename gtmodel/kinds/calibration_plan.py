@@ -201,7 +201,7 @@ def _verdict(plan: Plan, failed: list[str]) -> str:
     if plan.enough is not None and plan.enough > plan.problem.poses.most:
         hint = f"some {plan.enough} poses would reach the accuracy; raise poses.most"
     if "simulations_lost" in failed:
-        hint = f"{plan.lost} of {plan.problem.simulation.runs} simulated calibrations did not end; free fewer parameters"
+        hint = f"{plan.lost} of {plan.problem.simulation.runs} simulations did not end; free fewer parameters"
         hint += " or measure more of the pose, such as its orientation" if plan.measuring.latent else ""
     return f"not approved with {n} poses: {', '.join(failed)}; {hint}"
 

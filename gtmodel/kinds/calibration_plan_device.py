@@ -20,6 +20,7 @@ from gtmodel.calibrate import (
     seen_by_plane,
 )
 from gtmodel.calibrate.devices import sampled
+from gtmodel.calibrate.true_poses import moved
 from gtmodel.compiler.causal import compile_causal, flat_of
 from gtmodel.kinematics.workspace import Limit, Poses
 from gtmodel.lang import Model, ModelError
@@ -122,7 +123,7 @@ class Measuring:
             size = 3 if name == "e" else values[name].shape[1]
             C = np.broadcast_to(m.covariance(name, size), (len(m), size, size))
             by = sampled(C, rng)
-            values[name] = _turned(values[name], by) if name == "e" else values[name] + by
+            values[name] = moved(values[name], by)
         return Measurements(values, m.noise)
 
 
@@ -178,10 +179,3 @@ def _sight(problem: Schema, at: Array) -> list[Limit]:
         return []
     low, high = (np.array([getattr(box, key) for box in problem.obstacles]) for key in ("low_m", "high_m"))
     return [LineOfSight(at, low, high, [box.name or f"box {k + 1}" for k, box in enumerate(problem.obstacles)])]
-
-
-def _turned(e: Array, by: Array) -> Array:
-    w, v = e[:, :1], e[:, 1:]
-    half = by / 2
-    u = np.hstack([w - np.sum(v * half, axis=1, keepdims=True), v + w * half + np.cross(v, half)])
-    return u / np.linalg.norm(u, axis=1, keepdims=True)

@@ -89,5 +89,12 @@ def test_wide_start_errors_converge():
         assert max(abs(c.values[n] - v) for n, v in true.items()) < 1e-9
 
 
+def test_without_confidence_the_solution_is_the_same_to_the_bit():
+    p = ready("three_link")
+    alone, whole = calibrate(p, confidence=False), calibrate(p)
+    assert alone.estimate is None and alone.identifiability is None and alone.status.ok
+    assert np.array_equal(alone.x, whole.x)
+
+
 def test_choices_of_the_runs_leave_nothing_undetermined():
     assert [ready(kind).identifiability().redundant for kind in CHOICES] == [0, 0, 0]

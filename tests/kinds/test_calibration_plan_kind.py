@@ -75,7 +75,7 @@ def test_every_step_has_its_picture():
         "7_predicted_error",
     ]  # fmt: skip
     shown = {name: draw() for name, draw in done.figures.items()}
-    legend = [t.get_text() for t in shown["4_poses"].axes[0].get_legend().get_texts()]
+    legend = shown["4_poses"].axes[0].get_legend_handles_labels()[1]
     assert any(t.startswith("calibrate: 12") for t in legend) and "held out: 4" in legend
     assert "synthetic" in shown["7_predicted_error"].axes[-1].get_ylabel()
 
