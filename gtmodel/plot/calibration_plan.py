@@ -18,7 +18,7 @@ LAYERS: Mapping[str, tuple[str, float, float]] = {
     "reached, but not safe": ("0.7", 4.0, 0.4), "not seen": ("#cc79a7", 6.0, 0.6),
     "seen, too near the edge": ("0.6", 5.0, 0.5),
 }  # fmt: skip
-MAIN = ("#0072b2", 9.0, 0.7)
+MAIN = ("#0072b2", 9.0, 0.35)
 CORNERS = np.array(list(np.ndindex(2, 2, 2)))
 EDGES = [(i, j) for i in range(8) for j in range(i) if np.sum(CORNERS[i] != CORNERS[j]) == 1]
 FACES = [[0, 1, 3, 2], [4, 5, 7, 6], [0, 1, 5, 4], [2, 3, 7, 6], [0, 2, 6, 4], [1, 3, 7, 5]]
