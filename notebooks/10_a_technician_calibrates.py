@@ -19,9 +19,9 @@
 # beforehand that it will work?**
 #
 # Dressler (2012, section 5.6, Fig. 5.21) drew the workflow for a robot that has just been rebuilt: workspace, obstacles
-# and safety, what the device sees, poses, a simulated calibration, criteria, a robot program, measurements, calibration,
-# verdict. Each step here is what `gtmodel solve` does on a file. No measurements of the L1 are published: the robot that
-# is measured below is **synthetic** (seed 7).
+# and safety, what the device sees, poses, a simulated calibration, criteria, a robot program, measurements,
+# calibration, verdict. Each step here is what `gtmodel solve` does on a file. No measurements of the L1 are published:
+# the robot that is measured below is **synthetic** (seed 7).
 
 # %%
 # %matplotlib inline
@@ -169,18 +169,15 @@ box = np.stack(np.meshgrid(*np.linspace(low, high, 6).T, indexing="ij"), axis=-1
 carts, reached = known.causal(known="T", targets="q")(box)
 truth, told = (r.causal(known="q", targets="T")(carts[reached == 0])[0] for r in (made_up, robot))
 error = float(np.sqrt(np.mean(np.sum((told - truth) ** 2, axis=1))))
-print(
-    f"rms error over the workspace: {1e6 * error:.0f} um; predicted before the first measurement {1e6 * predicted:.0f} um"
-)
+print(f"rms error over the workspace {1e6 * error:.0f} um; predicted beforehand {1e6 * predicted:.0f} um")
+
+assert plan.values["approved"]
+assert before > 1.0 > wanted_mm > after
+assert 0.3 * predicted < error < 2 * predicted
 
 # %% [markdown]
 # ## Answer
 #
 # Yes: from two files. The plan said beforehand what the calibration would be worth, and the calibrated robot keeps it,
-# on held-out poses and, since this robot is made up, against the truth. On a real robot guideways wander by more than the
-# tracker's noise; the error on the held-out poses then stays above the prediction, and the verdict says so.
-
-# %%
-assert plan.values["approved"]
-assert before > 1.0 > wanted_mm > after
-assert 0.3 * predicted < error < 2 * predicted
+# on held-out poses and, since this robot is made up, against the truth. On a real robot guideways wander by more than
+# the tracker's noise; the error on the held-out poses then stays above the prediction, and the verdict says so.
