@@ -23,6 +23,7 @@ from gtmodel.calibrate import (
 )
 from gtmodel.inference import Prior, monte_carlo
 from tests.calibrate.pose_runs import NOISE, box, grid_information, l1, one, problem, thirty, workspace
+from tests.calibrate.synthetic import poses, true_robot
 
 SEED = 20261121  # chosen before the first run
 WITHIN = 0.10  # the issue's
@@ -203,3 +204,19 @@ def test_wrong_calls_get_a_sentence():
     fixed = prepare(l1(), problem(box((4, 3, 3)), NOISE).measurements, Choice(fixed=("L",)))
     with pytest.raises(gt.ModelError, match=r"say nothing of 'L\[0\]'"):
         workspace().errors(pose_information(fixed))
+
+
+def test_the_f1_is_planned_within_what_its_poses_tell():
+    """69 unknowns with unit quaternions, of which six combinations are told by no pose (Table 5.4)."""
+    choice = Choice(unit=("u1_2", "u1_3", "u2_3"))
+    robot = true_robot("f1_unit")
+    info = pose_information(prepare(robot, Measurements(poses("f1_unit", 185), {"T": 5e-5, "e": 1e-4}), choice))
+    assert (len(info.names), info.rank, info.rows.shape[1]) == (69, 63, 6)
+    assert any(np.isinf(s) for s in info.std().values())
+    # what is not told does not move the tool: its errors are predicted all the same
+    target = positioning(prepare(robot, Measurements(poses("f1_unit", 60, seed=5)), choice))
+    chosen = exchange(info, 60, "I", target.moment(info), starts=1)
+    evenly, best = (target.errors(info, s.indices).rms for s in (spread(info, 60), chosen))
+    assert target.errors(info).rms < best < 0.8 * evenly
+    with pytest.raises(gt.ModelError, match="take at least 11"):
+        condition_removal(info, 10)
