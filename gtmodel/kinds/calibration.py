@@ -13,7 +13,7 @@ from . import calibration_parameters, calibration_poses, calibration_report
 from .base import Context, InputError, Outcome
 from .calibration_choice import prepared, require_poses
 from .calibration_data import FILE, data_of, with_device
-from .calibration_findings import found_of
+from .calibration_findings import found_of, length_noise
 from .calibration_keys import Schema
 from .calibration_pictures import pictures
 from .calibration_recognition import a_priori, exchanged_after, recognise, witness_of
@@ -89,7 +89,7 @@ def explain(problem: Schema, context: Context) -> str:
     fixed = [n for n in ready.values(u.start) if n not in u.names]
     if fixed:
         lines.append(f"fixed, tied or turned as a quaternion: {', '.join(fixed)}")
-    return "\n".join([*lines, *ready.identifiability().sentences()])
+    return "\n".join([*lines, *ready.identifiability(sigma=length_noise(ready)).sentences()])
 
 
 class _Files(Mapping[str, str]):

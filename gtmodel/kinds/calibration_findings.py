@@ -76,7 +76,7 @@ def found_of(problem: Schema, data: PoseData, prepared: Prepared, a_priori: Pred
             c = calibrate(
                 prepared, cost=cost, loss=problem.loss, width=width or HUBER * _scale(c), start=dict(_start(c))
             )
-        before = prepared.identifiability(sigma=_length_noise(prepared))
+        before = prepared.identifiability(sigma=length_noise(prepared))
     except (ModelError, ValueError) as error:
         raise InputError(str(error), "loss" if "loss" in str(error) else "cost" if "cost" in str(error) else
                          "measurements") from error  # fmt: skip
@@ -152,8 +152,8 @@ def _start(c: Calibration) -> list[tuple[str, float]]:
     return list(zip(c.problem.unknowns.names, c.x.tolist(), strict=True))
 
 
-def _length_noise(p: Prepared) -> float:
-    """Noise of a length [m] from that of the position; a tenth of a millimetre where none is stated."""
+def length_noise(p: Prepared) -> float:
+    """Noise of a length [m] before the residuals are known: that of the position, 0.1 mm where none is stated."""
     for pose in p.measurements.poses:
         if pose.position in p.measurements.noise:
             return float(np.sqrt(np.mean(np.diagonal(p.measurements.covariance(pose.position, 3), axis1=1, axis2=2))))

@@ -1,5 +1,6 @@
 """Kind "calibration": the shipped problems, what they find and write, their choices, costs and corrections."""
 
+import inspect
 import json
 import re
 import tomllib
@@ -11,6 +12,7 @@ import pytest
 from gtmodel.cli import main
 from gtmodel.kinds import Context, calibration, robots
 from gtmodel.results import SolveStatus
+from tests.calibrate.test_closure import Slider
 from tests.kinds.calibration_problems import PROBLEMS, data, keys, shipped, solved, with_signals, written
 from tests.support.commands import Commands
 
@@ -169,7 +171,7 @@ class TestChoices:
         assert np.allclose([v["measurement"][f"T.device.t[{k}]"] for k in range(3)], t / 1e3, atol=0.03)
 
     def test_a_users_own_mechanism(self, tmp_path: Path) -> None:
-        (tmp_path / "slider.py").write_text(SLIDER)
+        (tmp_path / "slider.py").write_text(f"import gtmodel as gt\n\n\n{inspect.getsource(Slider)}")
         phi = np.linspace(-1.5, 1.5, 40)
         s = 0.41 * np.cos(phi) + np.sqrt(1.23**2 - (0.41 * np.sin(phi) - 0.12) ** 2)
         lines = [f"{1e3 * a:.9f},{b:.9f}" for a, b in zip(s, phi, strict=True)]
@@ -182,23 +184,3 @@ class TestChoices:
         assert v.values["parameters"] == pytest.approx({"L": 1.23, "a": 0.41, "h": 0.12}, abs=1e-7)
         table = tomllib.loads(v.files["parameters.toml"])  # type: ignore[arg-type]
         assert table["parameters"]["a"] == pytest.approx(0.41, abs=1e-7)
-
-
-SLIDER = '''
-import gtmodel as gt
-
-class Slider(gt.Model):
-    """A rod from a slide along x to the end of a crank."""
-    L = gt.parameter(1.2, unit="m")
-    a = gt.parameter(0.4, unit="m")
-    h = gt.parameter(0.1, unit="m")
-    phi = gt.variable(unit="rad", start=0.3)
-    s = gt.variable(unit="m", start=1.5)
-    x = gt.variable(unit="m", start=0.4)
-    y = gt.variable(unit="m", start=0.1)
-
-    def equations(self):
-        yield self.x == self.a * gt.cos(self.phi)
-        yield self.y == self.a * gt.sin(self.phi)
-        yield (self.s - self.x) ** 2 + (self.h - self.y) ** 2 == self.L**2
-'''
