@@ -25,7 +25,7 @@ from .partial_devices import seen_by_distance, seen_by_plane
 from .pose_information import PoseInformation, pose_information
 from .pose_numbers import ErrorCurve, Point, error_curve, grid_point, sufficient_number
 from .pose_selection import Selection, condition_removal, exchange, spread
-from .predicted import Positioning, PredictedErrors, positioning
+from .positioning import Positioning, PredictedErrors, positioning
 from .problem import COSTS, Cost, Problem, prepare
 from .unknowns import Choice
 

@@ -11,27 +11,19 @@ from typing import Protocol
 
 import numpy as np
 
-from ..kinematics.workspace import Poses
+from ..kinematics.workspace import Limit, Poses
 from ..kinematics.workspace.distances import segment_to_box
 from ..lang.source import ModelError
 
 Array = np.ndarray
 
 
-class Device(Protocol):
-    """What every device offers: where it sees, as a limit with margins, and the covariance (n, 3, 3) [m2] of the
-    measured position at T (n, 3) [m], in the robot's frame."""
+class Device(Limit, Protocol):
+    """A limit that says where the device sees, with the noise of what it measures."""
 
-    @property
-    def name(self) -> str: ...
-    @property
-    def unit(self) -> str: ...
-    @property
-    def parts(self) -> Sequence[str]: ...
-    @property
-    def assumes(self) -> str: ...
-    def margins(self, poses: Poses) -> Array: ...
-    def covariance(self, T: Array) -> Array: ...
+    def covariance(self, T: Array) -> Array:
+        """(n, 3, 3) [m2] of the measured position at T (n, 3) [m], in the robot's frame."""
+        ...
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ import numpy as np
 from ..lang.source import ModelError
 from .pose_information import PoseInformation
 from .pose_selection import Criterion, Selection, exchange
-from .predicted import Positioning
+from .positioning import Positioning
 
 
 class Point(NamedTuple):
