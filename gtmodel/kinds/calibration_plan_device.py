@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -53,7 +53,7 @@ class Span:
 class Measuring:
     """A robot and a device. `model`: of the robot with what the device adds; `latent`: what nobody measures.
 
-    `limits`: what the device sees. `at`: where it stands, None for a plane.
+    `limits`: what the device sees. `at`: where it stands, None for a plane. `earlier`: the problem once it is made.
     """
 
     problem: Schema
@@ -64,6 +64,7 @@ class Measuring:
     limits: tuple[Limit, ...]
     at: Array | None
     device: Any
+    earlier: list[Problem] = field(default_factory=list)
 
     def readings(self, T: Array) -> dict[str, Array]:
         """Noise-free measurements at commanded points (n, 3) [m]. Raises InputError for what cannot be reached."""
@@ -100,12 +101,16 @@ class Measuring:
     def prepared(self, T: Array) -> Problem:
         """The calibration from these points. Raises InputError."""
         p = self.problem
+        if self.earlier:  # the same equations with other poses
+            return self.earlier[0].on(self.measurements(T))
         known = {"device_at", "plane_normal", "plane_point"} & set(type(self.model)._declared)
         choice = Choice(p.free, [*p.fixed, *sorted(known)], p.tied, sizes=p.sizes)
         try:
-            return prepare(self.model, self.measurements(T), choice, latent=self.latent)
+            found = prepare(self.model, self.measurements(T), choice, latent=self.latent)
         except ModelError as error:
             raise InputError(str(error)) from error
+        self.earlier.append(found)
+        return found
 
     def whole(self, T: Array) -> Problem:
         """The robot's own closure equations at these points, all of its pose known: for positioning errors."""

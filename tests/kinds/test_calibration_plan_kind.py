@@ -23,6 +23,23 @@ SMALL = {
 SAME_POINT = 1e-4  # mm, the files' last decimal
 
 
+MECHANISMS: dict[str, object] = {}
+
+
+@pytest.fixture(autouse=True)
+def one_compilation(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The same robot is compiled once for all tests here: most of a small plan's time."""
+    made = calibration_plan.limited_mechanism
+
+    def once(model, home, bodies):
+        key = repr((model, home, bodies.plate_joints_m))
+        if key not in MECHANISMS:
+            MECHANISMS[key] = made(model, home, bodies)
+        return MECHANISMS[key]
+
+    monkeypatch.setattr(calibration_plan, "limited_mechanism", once)
+
+
 def solve(context: Context | None = None, **changes: object):
     return calibration_plan.solve(validate(calibration_plan.Schema, {**SMALL, **changes}), context or Context())
 
@@ -112,6 +129,20 @@ def test_methods_of_selection(method):
     assert done.values["poses"] == 40 if method != "grid" else 20 < done.values["poses"] < 80
 
 
+@pytest.mark.parametrize(
+    ("device", "more", "worse"),
+    [
+        ({"kind": "camera", "at_m": [1.4, -5.0, 0.8], "looks_at_m": [1.4, -0.5, 0.8]}, {}, 10.0),
+        ({"kind": "plane", "normal": [0.0, 0.0, 1.0]}, {"free": ["L"]}, 0.1),
+    ],
+)
+def test_other_devices(device, more, worse):
+    tracked = solve(criteria={"accuracy_mm": 5.0}, **more).values["predicted_error_m"]
+    done = solve(device=device, criteria={"accuracy_mm": 5.0}, simulation={"runs": 2}, **more)
+    assert done.values["approved"] and done.values["predicted_error_m"] > worse * tracked
+    assert done.values["told"] == (3 if more else 21)
+
+
 def test_a_stop_keeps_what_is_done():
     done = solve(Context(max_seconds=0.0))
     assert done.status is SolveStatus.INTERRUPTED and list(done.values["stages"]) == ["workspace"]
@@ -132,6 +163,7 @@ def test_a_stop_keeps_what_is_done():
         ({"poses": {"number": 5000, "held_out": 0}}, "poses.number", "5000 poses are asked for"),
         ({"safety": {"cone_deg": 40.0}, "limits": {"cone_deg": 40.0}}, "safety.cone_deg", "nothing is left"),
         ({"evaluation": {"low_m": [0, 0, 0], "high_m": [9, 9, 9]}}, "evaluation", "cannot reach"),
+        ({"robot": "f1"}, "robot", "must follow from T alone|links"),
         ({"free": ["B"]}, "", "hold no parameter 'B'"),
         ({"free": ["L"], "fixed": ["L"]}, "", "nothing is left free"),
     ],
