@@ -256,7 +256,7 @@ def simulate(plan: Plan, stop: Stop) -> None:
         rng = np.random.default_rng(seed)
         start = dict(zip(u.names, (u.start + scale * rng.standard_normal(len(scale))).tolist(), strict=True))
         noisy = plan.measuring.noisy(ready.measurements, rng)
-        c = calibrate(ready.on(noisy), cost="orthogonal", start=None if ready.closure.latent else start)
+        c = calibrate(ready.on(noisy), cost="orthogonal", start=start)
         if c.status.ok and np.all(np.isfinite(c.x)):
             errors.append(c.x - u.start)
         else:
