@@ -14,7 +14,7 @@ from .robot3d import draw_links, finish
 
 # colour, size, opacity; other layers are what the picture is about
 LAYERS: Mapping[str, tuple[str, float, float]] = {
-    "candidates": ("0.75", 4.0, 0.5), "calibrate": ("#d55e00", 34.0, 1.0), "held out": ("#0072b2", 22.0, 1.0),
+    "candidates": ("0.8", 2.0, 0.3), "calibrate": ("#d55e00", 34.0, 1.0), "held out": ("#0072b2", 22.0, 1.0),
     "reached, but not safe": ("0.7", 4.0, 0.4), "not seen": ("#cc79a7", 6.0, 0.6),
     "seen, too near the edge": ("0.6", 5.0, 0.5),
 }  # fmt: skip
