@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -89,11 +89,9 @@ class Calibration:
         found = np.full((len(p.measurements), p.reading.noise.numel()), np.nan)
         for b in joined:
             S = noise_covariance(p, "forward", unit=True)
-            a = Adjustment(b, p.reading.data, S, p.reading.latent.numel())
-            e, _ = a.per_pose(self.x[b.columns])
-            if np.all(np.isfinite(e)):
-                touched = [k for k in range(found.shape[1]) if np.any(a.y[:, k])]
-                found[:, touched] = a.y[:, touched]
+            y = Adjustment(b, p.reading.data, S, p.reading.latent.numel()).closing(self.x[b.columns])
+            touched = [k for k in range(found.shape[1]) if np.any(np.nan_to_num(y[:, k]))]
+            found[:, touched] = y[:, touched]
         return {n: found[:, s] for n, s in p.reading.places.items() if n != p.actuators}
 
 
@@ -111,6 +109,7 @@ def calibrate(
     hold_undetermined: bool = True,
     confidence: bool = True,
     limit: int = 100,
+    stop: Callable[[], bool] | None = None,
 ) -> Calibration:
     """Parameters that bring the model nearest to measured poses, by Gauss-Newton on exact slopes, arm by arm where arms
     share nothing.
@@ -119,6 +118,7 @@ def calibrate(
     is known and of the residual otherwise. `start`: other start values by unknown. With noise for all measured signals
     the confidence is propagated from it; otherwise the residuals tell it, poses taken as independent. What the poses
     cannot tell stays at its start, and the estimate says so, unless `hold_undetermined` is False: ModelError then.
+    `stop` is asked once per iteration: True ends with the best x so far and the status INTERRUPTED.
     Without `confidence` neither estimate nor identifiability are worked out, which takes its time where poses are few.
 
     Raises ModelError for what does not fit; a failing iteration is a status.
@@ -140,7 +140,7 @@ def calibrate(
     begin = problem.residuals(x) if not problem.reading.latent.numel() else np.zeros((len(problem.measurements), 0))
     if not np.all(np.isfinite(begin)):
         raise ModelError("the closure equations are not finite at the start values; check units and frames")
-    fits, x = _descended(problem, cost, x, loss, width, limit)
+    fits, x = _descended(problem, cost, x, loss, width, limit, stop)
     bad = next((f for f in fits if not f.descent.status.ok), None)
     status, message = (bad.descent.status, bad.descent.message) if bad else (SolveStatus.SOLVED, _arrived(fits))
     estimate = told = None
@@ -158,13 +158,21 @@ def calibrate(
 
 
 def _descended(
-    problem: Problem, cost: Cost, x: np.ndarray, loss: str, width: float, limit: int
+    problem: Problem,
+    cost: Cost,
+    x: np.ndarray,
+    loss: str,
+    width: float,
+    limit: int,
+    stop: Callable[[], bool] | None = None,
 ) -> tuple[list[Fitted], np.ndarray]:
     u, read = problem.unknowns, problem.reading
     x = x.copy()
     implicit = cost in ("inverse", "forward", "orthogonal")
     if implicit and not read.latent.numel():  # from near the optimum each pose closes
-        _, x = _descended(problem, "length", x, loss, width, limit)
+        first, x = _descended(problem, "length", x, loss, width, limit, stop)
+        if any(f.descent.status is SolveStatus.INTERRUPTED for f in first):
+            return first, x
     found = {"squared": problem.squared, "length": problem.lengths}.get(cost) or joined_blocks(
         problem.closure, read, u, problem.actuators, cost
     )
@@ -181,7 +189,7 @@ def _descended(
         sigma = 1.0 if implicit or not own else _level(problem, b, x)
         d = descend(
             adjustment or _plain(b, read.data), x[b.columns], u.sizes[b.columns], Weighting(np.array(1 / sigma), True),
-            P=P, p=p, loss=loss_named(loss), width=width, limit=limit,
+            P=P, p=p, loss=loss_named(loss), width=width, limit=limit, stop=stop,
         )  # fmt: skip
         x[b.columns] = d.x
         fits.append(Fitted(b, d, P, sigma, adjustment))

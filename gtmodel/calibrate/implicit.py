@@ -65,6 +65,18 @@ class Adjustment:
         rows = len(self.block.rows) - self.latent
         return np.full((len(y), rows), np.inf), np.full((len(y), rows, len(x)), np.inf)
 
+    def closing(self, x: np.ndarray) -> np.ndarray:
+        """The changes y (N, ny) that close the poses; rows of NaN where a pose cannot be closed."""
+        if np.all(np.isfinite(self.per_pose(x)[0])):
+            return self.y
+        y = np.full_like(self.y, np.nan)
+        for k in range(len(y)):  # one that does not close stops all that are solved beside it
+            S = self.covariance[k : k + 1] if len(self.covariance) > 1 else self.covariance
+            alone = Adjustment(self.block, self.data[:, k : k + 1], S, self.latent)
+            if np.all(np.isfinite(alone.per_pose(x)[0])):
+                y[k] = alone.y[0]
+        return y
+
     def by_noise(self, x: np.ndarray) -> np.ndarray:
         """Slopes of the whitened residuals in the noise of all signals (N, k, ny), where the iteration ended."""
         _, _, By, Bz = self.block.evaluate_all(self.data, self.y, self.z, x)

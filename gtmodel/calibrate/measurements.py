@@ -32,10 +32,11 @@ class Pose:
 
 @dataclass(frozen=True)
 class Correction:
-    """A signal read through delay [s], scale and an offset per session: y = scale (m + delay m') + offset[session].
+    """A signal read through a delay [s], a scale and an offset per session, in the convention of
+    `gtmodel.measurements.Signal`: quantity = scale column(t + delay) - offset, column(t + delay) = column + delay rate.
 
     True estimates it; `delay` needs the signal's rate among the values, as "der(q)". Parameters "q.scale[i]",
-    "q.offset[i]" (of several sessions "q.offset[i] in s"), "q.delay".
+    "q.offset[i]" (of several sessions "q.offset in s[i]"), "q.delay".
     """
 
     signal: str

@@ -24,6 +24,11 @@ class Prediction:
         return np.linalg.norm(self.errors, axis=1)
 
     @property
+    def lost(self) -> int:
+        """How many poses do not close, and so are in none of the numbers."""
+        return int(np.count_nonzero(np.isnan(self.sizes)))
+
+    @property
     def mean(self) -> float:
         return float(np.nanmean(self.sizes))
 

@@ -119,7 +119,7 @@ class _Reader:
                 inside = self.symbol(f"in session {session}", here[None])
                 ending = f" in {session}" if len(sessions) > 1 else ""
                 offset = self.parameter(f"{c.signal}.offset{ending}", np.zeros(n), "")
-                value = value + inside * offset
+                value = value - inside * offset
         return value
 
     def placed(self, pose: Pose, signals: dict[str, ca.SX]) -> None:

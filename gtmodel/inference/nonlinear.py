@@ -115,11 +115,13 @@ def descend(
     width: float = 1.0,
     rank_tolerance: float = RANK,
     limit: int = 200,
+    stop: Callable[[], bool] | None = None,
 ) -> Descent:
     """Gauss-Newton with damping only where a full step does not help.
 
     `retract(x, step)` moves x on a manifold (default: adds); slopes are then in the step's coordinates. Along null
-    directions nothing moves: steps are of least norm in units of the scales.
+    directions nothing moves: steps are of least norm in units of the scales. `stop` is asked before each iteration and
+    ends it with the best x so far, status INTERRUPTED.
     """
     move = retract or np.add
     robust = loss or loss_named("linear")
@@ -141,6 +143,8 @@ def descend(
     if not (np.isfinite(cost) and np.all(np.isfinite(J))):
         return ended(SolveStatus.NOT_FINITE, "the residuals or their slopes are not finite at the start")
     while iterations < limit:
+        if stop is not None and stop():
+            return ended(SolveStatus.INTERRUPTED, f"stopped after {iterations} iterations; the best parameters so far")
         iterations += 1
         # the normal equations by QR and SVD: the condition number is not squared
         weight = robust.weight(r, width)

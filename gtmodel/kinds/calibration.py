@@ -39,10 +39,11 @@ def solve(problem: Schema, context: Context) -> Outcome:
     context.progress("fitting", 0.5)
     ready = prepared(problem, model, data.fitted, data.keys.actuators)
     require_poses(ready)
-    found = found_of(problem, data, ready, a_priori(data, witness, placed))
+    found = found_of(problem, data, ready, a_priori(data, witness, placed), context.interrupted)
     c = found.calibration
     left = float(np.sqrt(np.mean(c.residuals**2))) if c.status.ok else np.inf
-    exchanged = exchanged_after(data, ready, left, witness.size)
+    stopped = c.status is SolveStatus.INTERRUPTED
+    exchanged = None if stopped else exchanged_after(data, ready, left, witness.size)
     if exchanged is not None:
         raise InputError(exchanged, f"measurements.signals.{data.keys.actuators}")
     context.progress("telling", 0.9)

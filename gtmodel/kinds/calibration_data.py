@@ -192,7 +192,7 @@ def _read_through(name: str, s: MeasuredSignal, values: dict[str, np.ndarray], c
     rate = values.pop(f"der({name})", None)
     rows = values[name] if rate is None or free["delay"] else values[name] + float(s.delay_s) * rate
     scale = 1.0 if free["scale"] else float(s.scale)
-    values[name] = scale * rows + (0.0 if free["offset"] else float(s.offset))
+    values[name] = scale * rows - (0.0 if free["offset"] else float(s.offset))
     if free["delay"] and rate is not None:
         values[f"der({name})"] = scale * rate
     if any(free.values()):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -58,6 +59,12 @@ class Found:
         return self.data.lines[self.data.held_out]
 
     @property
+    def lost(self) -> int:
+        """Held-out poses that do not close with the calibrated parameters."""
+        kept = self.held_out.get(self.position)
+        return len(self.lines_held_out) if kept is None else kept.lost
+
+    @property
     def told(self) -> tuple[dict[str, Prediction], np.ndarray, bool]:
         """Errors that the headline is about, their lines, and whether they are of held-out poses."""
         if self.held_out:
@@ -65,17 +72,21 @@ class Found:
         return self.fitted, self.lines, False
 
 
-def found_of(problem: Schema, data: PoseData, prepared: Prepared, a_priori: Prediction | None) -> Found:
-    """Fit and look at it; `a_priori`: errors of the robot as it was, at all poses. Raises InputError where the cost or
-    the loss does not fit the measurements."""
+def found_of(
+    problem: Schema, data: PoseData, prepared: Prepared, a_priori: Prediction | None, stop: Callable[[], bool]
+) -> Found:
+    """Fit and look at it; `a_priori`: errors of the robot as it was, at all poses; `stop`: see calibrate().
+
+    Raises InputError where the cost or the loss does not fit the measurements."""
     cost = COSTS[problem.cost]
     width = problem.loss_width
     try:
-        c = calibrate(prepared, cost=cost)
-        if problem.loss != "linear":
+        c = calibrate(prepared, cost=cost, stop=stop)
+        if problem.loss != "linear" and c.status.ok:
             c = calibrate(
-                prepared, cost=cost, loss=problem.loss, width=width or HUBER * _scale(c), start=dict(_start(c))
-            )
+                prepared, cost=cost, loss=problem.loss, width=width or HUBER * _scale(c), start=dict(_start(c)),
+                stop=stop,
+            )  # fmt: skip
         before = prepared.identifiability(sigma=length_noise(prepared))
     except (ModelError, ValueError) as error:
         raise InputError(str(error), "loss" if "loss" in str(error) else "cost" if "cost" in str(error) else
@@ -102,9 +113,11 @@ def verdict(found: Found, accuracy: float | None) -> tuple[bool, bool | None, li
     if c.estimate.known_noise:
         size = noise_size(c.estimate)
         sentences.append(size.sentence)
-    if found.data.held_out.any() and found.position not in found.held_out:
+    lost = found.lost
+    if lost:
         sentences.append(
-            f"prediction not proven: not all {len(found.lines_held_out)} held-out poses close with these parameters; "
+            f"prediction not proven: {lost} of {len(found.lines_held_out)} held-out poses do not close with these "
+            "parameters; "
             "two links may have come to coincide: give priors, fix parameters or turn the plate farther"
         )
         return True, False, sentences

@@ -21,7 +21,7 @@ COSTS: dict[str, Cost] = {"closure": "squared", "linear": "length", "inverse": "
 
 
 class MeasuredSignal(Section):
-    """Columns of a measured variable: quantity = scale (column + delay rate) + offset, as written in one line."""
+    """Columns of a measured variable: quantity = scale (column + delay rate) - offset, as of a log's signals."""
 
     column: str | list[str] = Field(description='names in the file; "q" means "q[0]", "q[1]", ... too')
     unit: str | list[str] = Field(description="unit of the columns, or one each")
@@ -31,7 +31,9 @@ class MeasuredSignal(Section):
         "residuals tell it",
     )
     scale: float | Free = Field(default=1.0, description="quantity per column, both in SI")
-    offset: float | Free = Field(default=0.0, description="what is added, in SI; estimated, one per session")
+    offset: float | Free = Field(
+        default=0.0, description="what is read when the quantity is zero, in its SI unit; estimated, one per session"
+    )
     delay_s: float | Free = Field(default=0.0, description="how late the column is; needs its rate")
     rate: str | list[str] | None = Field(default=None, description="columns of the rate, for a delay")
     rate_unit: str = Field(default="m/s", description="unit of the rate's columns")

@@ -8,7 +8,8 @@ from .calibration_findings import Found
 
 
 def text(found: Found) -> str:
-    """Line of the file, fitted or held out, the measured position [m], errors of position [mm] and lengths [mm]."""
+    """Line of the file, fitted or held out, the measured position [m], errors of position [mm] and lengths [mm];
+    empty where a pose cannot be closed."""
     name = found.position
     T = np.asarray(found.data.all.values[name])
     labels = found.problem.labels
@@ -27,6 +28,11 @@ def text(found: Found) -> str:
     lines.append(",".join(heads))
     for k in range(len(T)):
         part = "held out" if held[k] else "fitted"
-        cells = [str(found.data.lines[k]), part, *(f"{x:.7f}" for x in T[k]), *(f"{x:.5f}" for x in numbers[k])]
+        cells = [
+            str(found.data.lines[k]),
+            part,
+            *(f"{x:.7f}" for x in T[k]),
+            *("" if np.isnan(x) else f"{x:.5f}" for x in numbers[k]),
+        ]
         lines.append(",".join(cells))
     return "\n".join(lines) + "\n"

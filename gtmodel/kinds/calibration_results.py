@@ -92,8 +92,8 @@ def checks_of(problem: Schema, found: Found) -> dict[str, Check]:
     if name in found.held_out and name in found.fitted:
         ratio = found.held_out[name].rms / found.fitted[name].rms
         checks["held_out_over_fitted"] = Check(ratio, HELD_OUT, ratio <= HELD_OUT)
-    elif found.data.held_out.any():
-        checks["held_out_poses_lost"] = Check(float(len(found.lines_held_out)), 0.0, False)
+    if found.lost:
+        checks["held_out_poses_lost"] = Check(float(found.lost), 0.0, False)
     wanted = _accuracy(problem)
     if wanted is not None and name in found.told[0]:
         mean = found.told[0][name].mean

@@ -7,6 +7,8 @@ from scipy.spatial.transform import Rotation
 import gtmodel as gt
 from gtmodel.calibrate import Choice, Correction, Measurements, Pose, calibrate, prepare
 from gtmodel.inference import Prior
+from gtmodel.measurements import Corrections, Session, Signal
+from gtmodel.results import Trajectory
 from tests.calibrate.synthetic import GEOMETRY, disturbed, geometry, measured, poses, true_robot
 
 RECOVERED = 1e-9  # m, 1 or rad: as in test_recovery
@@ -74,7 +76,7 @@ def test_offsets_of_each_session_a_scale_and_a_delay_are_found():
     offset = {"monday": np.array([1e-3, -2e-3, 0.5e-3]), "friday": np.array([-1e-3, 1e-3, 3e-3])}
     scale = np.array([1.002, 0.998, 1.001])
     shift = np.array([offset[s] for s in sessions])
-    values = {"T": data["T"], "q": (data["q"] - shift) / scale - 0.004 * rate, "der(q)": rate}
+    values = {"T": data["T"], "q": (data["q"] + shift) / scale - 0.004 * rate, "der(q)": rate}
     m = Measurements(values, sessions=sessions, corrections=[Correction("q", offset=True, scale=True, delay=True)])
     c = calibrate(true_robot("three_link"), m, Choice(fixed=("A", "v", "L")))
     assert c.status.ok and len(c.x) == 1 + 3 + 6
@@ -82,6 +84,19 @@ def test_offsets_of_each_session_a_scale_and_a_delay_are_found():
     np.testing.assert_allclose(found(c, "q.scale", 3), scale, atol=RECOVERED)
     for s, expected in offset.items():
         np.testing.assert_allclose([c.values[f"q.offset in {s}[{k}]"] for k in range(3)], expected, atol=RECOVERED)
+
+
+def test_an_offset_has_the_sign_that_it_has_in_a_log():
+    """The number found, given to a log's signal, makes the cart positions of the log those of the model."""
+    data, read = poses("three_link", 30), 2e-3
+    m = Measurements({**data, "q": data["q"] + read}, corrections=[Correction("q", offset=True)])
+    c = calibrate(true_robot("three_link"), m, Choice(fixed=("A", "v", "L")))
+    at = np.arange(30.0)
+    log = Session("", Trajectory(at, {"q": data["q"][:, 0] + read}), 1.0)
+    (corrected,) = Corrections({"q": Signal("q", "m", offset=c.values["q.offset[0]"])}, [log]).apply()
+    assert c.values["q.offset[0]"] == pytest.approx(read, abs=RECOVERED)
+    inside = np.searchsorted(at, corrected.trajectory.time)
+    np.testing.assert_allclose(corrected.trajectory["q"], data["q"][inside, 0], atol=RECOVERED)
 
 
 def test_a_scale_of_the_carts_is_the_length_of_v():

@@ -145,7 +145,7 @@ class TestChoices:
         v = solved(problem, tmp_path).values
         assert spoilt["held_out_mm"]["mean"] > 0.4 > 0.25 > v["held_out_mm"]["mean"]
         m = v["measurement"]
-        assert m["q.offset in b[0]"] - m["q.offset in a[0]"] == pytest.approx(-2e-3, abs=2e-4)
+        assert m["q.offset in b[0]"] - m["q.offset in a[0]"] == pytest.approx(2e-3, abs=2e-4)
         assert v["identifiability_after"]["redundant"] == 3  # a common offset is a cart's place at zero
         lines = (tmp_path / "poses.csv").read_text().splitlines()
         (tmp_path / "other.csv").write_text("\n".join([*lines[:3], *lines[-20:]]) + "\n")
@@ -157,7 +157,7 @@ class TestChoices:
         assert other["poses"]["held_out"] == 20 and other["held_out_mm"]["mean"] > 1 and not other["prediction_proven"]
 
     def test_numbers_in_the_same_line_are_applied(self, tmp_path: Path) -> None:
-        written(tmp_path, "l1", lambda r: [*(repr((float(x) - 5.0) / 2) for x in r[:3]), *r[3:]])
+        written(tmp_path, "l1", lambda r: [*(repr((float(x) + 5.0) / 2) for x in r[:3]), *r[3:]])
         problem = with_signals(keys("calibrate_l1", sensitivity_step=0.0), q={"scale": 2.0, "offset": 0.005})
         v, plain = solved(problem, tmp_path).values, shipped("l1").values
         assert v["parameters"] == pytest.approx(plain["parameters"], abs=1e-9)
