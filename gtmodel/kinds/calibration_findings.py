@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from gtmodel.inference import Identifiability, noise_size
 from gtmodel.lang import ModelError
 
 from .base import InputError
+from .calibration_confidence import Confidence
 from .calibration_data import PoseData
 from .calibration_keys import COSTS, Schema
 
@@ -44,6 +46,10 @@ class Found:
     @property
     def after(self) -> Identifiability | None:
         return self.calibration.identifiability
+
+    @cached_property
+    def confidence(self) -> Confidence:
+        return Confidence(self.calibration)
 
     @property
     def position(self) -> str:

@@ -90,7 +90,8 @@ def _accuracy(values: Mapping[str, Any]) -> str:
 def _parameters(values: Mapping[str, Any]) -> str:
     rows = []
     for u in values["unknowns"]:
-        interval = ["not told", ""] if u["interval_95"] is None else [f"{x:.7g}" for x in u["interval_95"]]
+        told = u["interval_95"] or ["not told" if u["std"] is None else "see notes", ""]
+        interval = [x if isinstance(x, str) else f"{x:.7g}" for x in told]
         std = "" if u["std"] is None else f"{u['std']:.2g}"
         rows.append((u["name"], u["unit"], u["start"], u["value"], std, *interval))
     return _table(("unknown", "unit", "before", "calibrated", "std", "95 % from", "to"), rows)

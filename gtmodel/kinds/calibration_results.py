@@ -8,7 +8,7 @@ import numpy as np
 
 from gtmodel.calibrate.prediction import Prediction
 from gtmodel.compiler.causal import flat_of
-from gtmodel.inference import Identifiability, whiteness
+from gtmodel.inference import Identifiability
 
 from .base import Check, Row
 from .calibration_data import PoseData
@@ -17,7 +17,9 @@ from .calibration_keys import Schema
 
 VALUES = {
     "parameters": "all geometric parameters of the closure equations by name, calibrated ones among them, in SI units",
-    "unknowns": "for each unknown: name, unit, start, value, std and interval_95, null where the poses do not tell it",
+    "unknowns": "for each unknown: name, unit, start, value, std and interval_95, null where the poses do not tell it; "
+    "where residuals are no noise (intervals_hold false) interval_95 is null and std but what white noise would leave",
+    "intervals_hold": "whether residuals look like the noise that intervals rest on; the notes say why not",
     "measurement": "estimated frames, scales, offsets and delays of the measurement by name, in SI units",
     "poses": "number of poses fitted and held out, and of places that were measured more than once",
     "link_errors_mm": "mean length error of each link over the fitted poses (Dressler 2012, eq. (5.13))",
@@ -44,7 +46,6 @@ VALUES = {
 SHOWN_PAIRS = 20
 WORST_ROWS = 5
 FAR = 0.1  # of the largest length: a tape measure does not err by that
-LEAST_POSES = 30  # for a test of whiteness
 WEAK = "told no better than"  # of a combination, in words
 
 
@@ -58,6 +59,7 @@ def values_of(problem: Schema, found: Found) -> dict[str, Any]:
     return {
         "parameters": {n: v for n, v in c.values.items() if n in own},
         "unknowns": _unknowns(found),
+        "intervals_hold": c.estimate is not None and found.confidence.holds,
         "measurement": {n: v for n, v in c.values.items() if n not in own},
         "poses": {"fitted": len(found.lines), "held_out": len(found.lines_held_out), "repeated": len(data.repeated)},
         "link_errors_mm": {n: 1e3 * v for n, v in c.link_errors.items()},
@@ -79,7 +81,7 @@ def values_of(problem: Schema, found: Found) -> dict[str, Any]:
         "numerics_sound": sound,
         "prediction_proven": proven,
         "verdict": sentences,
-        "notes": [] if c.estimate is None else [*c.estimate.notes, *_coloured(found), *_far(found)],
+        "notes": [] if c.estimate is None else [*c.estimate.notes, *found.confidence.reasons, *_far(found)],
         "truth": _truth(found),
         "synthetic": data.synthetic,
     }  # fmt: skip
@@ -106,8 +108,13 @@ def rows_of(values: dict[str, Any], found: Found) -> list[Row]:
     rows = []
     for u in values["unknowns"]:
         rows.append(Row(u["name"], u["value"], u["unit"]))
-        low, high = u["interval_95"] or (None, None)
-        rows.append(Row("  95 %", "not told by these poses" if low is None else f"{low:.7g} to {high:.7g}"))
+        if u["interval_95"] is not None:
+            low, high = u["interval_95"]
+            rows.append(Row("  95 %", f"{low:.7g} to {high:.7g}"))
+        elif u["std"] is None:
+            rows.append(Row("  95 %", "not told by these poses"))
+        else:
+            rows.append(Row("  std, were residuals noise", u["std"], u["unit"]))
     rows += [Row(f"mean length error of {n}", v, "mm") for n, v in values["link_errors_mm"].items()]
     for key, said in (("a_priori_mm", "before"), ("fitted_mm", "fitted poses"), ("held_out_mm", "held-out poses")):
         if values[key]:
@@ -150,22 +157,15 @@ def _unknowns(found: Found) -> list[dict[str, Any]]:
         entry = {"name": name, "unit": u.units[k] or "1", "start": float(u.start[k]), "value": float(c.x[k]),
                  "std": None, "interval_95": None}  # fmt: skip
         if c.estimate is not None and np.isfinite(c.estimate.std[k]):
-            entry |= {"std": float(c.estimate.std[k]), "interval_95": list(c.estimate.interval(name))}
+            entry["std"] = float(c.estimate.std[k])
+            if found.confidence.holds:
+                entry["interval_95"] = list(c.estimate.interval(name))
         listed.append(entry)
     return listed
 
 
 def _sizes(p: Prediction | None, factor: float = 1e3) -> dict[str, float] | None:
     return None if p is None else {"mean": factor * p.mean, "max": factor * p.greatest, "rms": factor * p.rms}
-
-
-def _coloured(found: Found) -> list[str]:
-    """Links whose residuals, in the order of the poses, are no noise: carts that wander, loads, a lacking effect."""
-    residuals, labels = found.calibration.residuals, found.problem.labels
-    if len(residuals) < LEAST_POSES:
-        return []
-    tests = [whiteness(r) for r in residuals.T]
-    return [f"{label}: {t.sentence}" for label, t in zip(labels, tests, strict=True) if not t.passed]
 
 
 def _far(found: Found) -> list[str]:
