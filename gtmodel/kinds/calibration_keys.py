@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field, NonNegativeFloat, PositiveFloat
+from pydantic import Field, NonNegativeFloat, PositiveFloat, field_validator
 
 from gtmodel.calibrate import Cost
 
@@ -70,6 +70,13 @@ class HeldOut(Section):
 
     every: int = Field(default=2, ge=0, description="every how many-th pose is held out; 0 for none")
     file: str | None = Field(default=None, description="another file of the same columns instead")
+
+    @field_validator("every")
+    @classmethod
+    def _leaves_poses(cls, every: int) -> int:
+        if every == 1:
+            raise ValueError("1 holds every pose out and leaves none to fit; take 2 or more, or 0 for none")
+        return every
 
 
 class PriorKeys(Section):

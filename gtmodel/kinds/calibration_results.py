@@ -96,6 +96,9 @@ def checks_of(problem: Schema, found: Found) -> dict[str, Check]:
         checks["held_out_over_fitted"] = Check(ratio, HELD_OUT, ratio <= HELD_OUT)
     if found.lost:
         checks["held_out_poses_lost"] = Check(float(found.lost), 0.0, False)
+    far = _far(found)
+    if far and found.calibration.estimate is not None:
+        checks["moved_too_far"] = Check(float(len(far)), 0.0, False)
     wanted = _accuracy(problem)
     if wanted is not None and name in found.told[0]:
         mean = found.told[0][name].mean
@@ -169,20 +172,27 @@ def _sizes(p: Prediction | None, factor: float = 1e3) -> dict[str, float] | None
 
 
 def _far(found: Found) -> list[str]:
-    """The length that moved farthest, where no correction of a robot known before would go."""
+    """What moved where no correction of a robot known before would go: the length that moved farthest, and lengths of
+    rows without a unit, such as a cart's travel per actuator's."""
     u, x = found.problem.unknowns, found.calibration.x
-    at = [k for k, unit in enumerate(u.units) if unit == "m" and u.names[k] in found.calibration.values]
-    own = [k for k in at if u.names[k].partition("[")[0] in found.problem.closure.flat.bindings]
-    if not own:
-        return []
-    k = max(own, key=lambda k: abs(x[k] - u.start[k]))
-    moved = float(x[k] - u.start[k])
-    if abs(moved) <= FAR * max(abs(float(u.start[j])) for j in own):
-        return []
-    return [
-        f"{u.names[k]} moved by {moved:.3g} m from where it was: are the columns, axes and the robot those of the "
-        "measurement?"
-    ]
+    own = [k for k, n in enumerate(u.names) if n.partition("[")[0] in found.problem.closure.flat.bindings]
+    lengths = [k for k in own if u.units[k] == "m" and u.names[k] in found.calibration.values]
+    said, asked = [], "are the columns, axes and the robot those of the measurement?"
+    if lengths:
+        k = max(lengths, key=lambda k: abs(x[k] - u.start[k]))
+        moved = float(x[k] - u.start[k])
+        if abs(moved) > FAR * max(abs(float(u.start[j])) for j in lengths):
+            said.append(f"{u.names[k]} moved by {moved:.3g} m from where it was: {asked}")
+    before, after = found.problem.values(u.start), found.calibration.values
+    for row in dict.fromkeys(u.names[k].rpartition(",")[0] or u.names[k] for k in own if u.units[k] in ("", "1")):
+        members = [n for n in after if n == row or n.startswith(f"{row},")]
+        norms = [float(np.linalg.norm([values[n] for n in members])) for values in (before, after)]
+        if members and norms[0] > 0 and not 1 - FAR <= norms[1] / norms[0] <= 1 + FAR:
+            name = row if row in after else f"{row}]"
+            said.append(
+                f"{name} became {norms[1] / norms[0]:.3g} times as long as it was; are the units right? {asked}"
+            )
+    return said
 
 
 def _worst(data: PoseData, head: Prediction, lines: np.ndarray, held: bool) -> dict[str, Any]:

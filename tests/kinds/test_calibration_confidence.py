@@ -1,12 +1,15 @@
 """Intervals are told where residuals are noise, and not told where they are not."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from gtmodel.calibrate import Calibration, calibrate, prepare
+from gtmodel.kinds.base import InputError
 from gtmodel.kinds.calibration_confidence import Confidence
 from tests.calibrate.synthetic import measured, true_robot
-from tests.kinds.calibration_problems import shipped
+from tests.kinds.calibration_problems import keys, shipped, solved, with_signals, written
 
 SEEDS = range(20)
 NOISE = {"q": 13e-6, "T": 50e-6}  # m: repeatability and tracker
@@ -39,3 +42,17 @@ def test_wandering_carts_are_seen_in_the_order_of_their_own_positions() -> None:
         assert any(f"arm[{arm}].rod, poses in the order by q[{arm}]" in s for s in v["notes"])
     rows = [row for row in shipped("l1").rows if "95 %" in row.label]
     assert rows == [] and "no 95 % intervals" in str(shipped("l1").files["parameters.toml"])
+
+
+def test_one_cart_in_other_units_is_no_sound_calibration(tmp_path: Path) -> None:
+    """Its direction takes the factor up, so that no held-out error tells it."""
+    written(tmp_path, "l1", lambda r: [str(float(r[0]) / 10), *r[1:]])
+    outcome = solved(with_signals(keys("calibrate_l1", sensitivity_step=0.0)), tmp_path)
+    assert not outcome.checks["moved_too_far"].passed
+    assert any("v[0] became 10 times as long" in s for s in outcome.values["notes"])
+    assert "moved_too_far" not in shipped("l1").checks and "moved_too_far" not in shipped("f1").checks
+
+
+def test_holding_every_pose_out_is_refused() -> None:
+    with pytest.raises(InputError, match="1 holds every pose out"):
+        solved(keys("calibrate_l1", held_out={"every": 1}))
