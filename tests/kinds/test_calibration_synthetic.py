@@ -75,7 +75,13 @@ def test_a_device_that_stands_elsewhere_is_found() -> None:
 def test_six_links_of_a_plate_that_hardly_turns_need_priors_and_the_verdict_says_so() -> None:
     s = {"seed": 1, "low_m": [-1.5, -4.7, -0.4], "high_m": [-0.5, -3.9, 0.5], "counts": [8, 4, 5], "load_um": 20.0,
          "point_error_mm": 0.2, "scale_error": 1e-4, "state_noise": True}  # fmt: skip
-    problem = {"kind": "calibration", "robot": "d1_six_link", "variant": "six_link", "synthetic": s}
+    problem = {
+        "kind": "calibration",
+        "robot": "d1_six_link",
+        "variant": "six_link",
+        "synthetic": s,
+        "sensitivity_step": 0.0,
+    }
     free, known = (solved({**problem, **more}) for more in ({}, {"priors": {"B": {"std": 5e-4}}}))
     assert len(free.values["unknowns"]) == 60 and free.values["prediction_proven"] is False
     assert "two links may have come to coincide: give priors" in free.values["verdict"][-1]
