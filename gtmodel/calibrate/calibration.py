@@ -178,6 +178,8 @@ def _descended(
     )
     fits = []
     for b in found:
+        if not len(b.columns):  # an arm of which nothing is free
+            continue
         own = [p for p in u.priors if p.name in {u.names[k] for k in b.columns}]
         P, p = prior_rows(tuple(own), tuple(u.names[k] for k in b.columns))
         adjustment = None

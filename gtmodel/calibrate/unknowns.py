@@ -171,6 +171,11 @@ def _ties(p: Parameters, tied: Mapping[str, str]) -> dict[int, int]:
             raise ModelError(
                 f"'{name}' with {len(mine)} numbers is tied to '{other}' with {len(theirs)}; give equal shapes"
             )
+        for k, other_k in zip(mine, theirs, strict=True):
+            units = [p.units[j] or "1" for j in (k, other_k)]
+            if units[0] != units[1]:
+                pair = f"'{p.names[k]}' in {units[0]} is tied to '{p.names[other_k]}' in {units[1]}"
+                raise ModelError(f"{pair}; tie parameters of one unit")
         follows.update(zip(mine, theirs, strict=True))
     for k in follows:
         seen, end = {k}, follows[k]

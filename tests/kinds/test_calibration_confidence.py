@@ -56,3 +56,19 @@ def test_one_cart_in_other_units_is_no_sound_calibration(tmp_path: Path) -> None
 def test_holding_every_pose_out_is_refused() -> None:
     with pytest.raises(InputError, match="1 holds every pose out"):
         solved(keys("calibrate_l1", held_out={"every": 1}))
+
+
+def test_one_arm_may_be_calibrated_alone() -> None:
+    outcome = solved(keys("calibrate_l1", free=["L[0]", "A[0]"], sensitivity_step=0.0))
+    assert outcome.status.ok and [u["name"] for u in outcome.values["unknowns"]] == [
+        "A[0,0]",
+        "A[0,1]",
+        "A[0,2]",
+        "L[0]",
+    ]
+    assert outcome.values["link_errors_mm"]["arm[0].rod"] < outcome.values["link_errors_mm"]["arm[1].rod"]
+
+
+def test_unlike_units_are_not_tied() -> None:
+    with pytest.raises(InputError, match=r"'A\[0,0\]' in m is tied to 'v\[0,0\]' in 1"):
+        solved(keys("calibrate_l1", tied={"A[0,0]": "v[0,0]"}))
