@@ -9,7 +9,7 @@ import numpy as np
 
 from gtmodel.results import SolveStatus
 
-from . import calibration_parameters, calibration_poses, calibration_report
+from . import calibration_parameters, calibration_poses, calibration_report, calibration_sensitivity
 from .base import Context, InputError, Outcome
 from .calibration_carts import on_cart_points
 from .calibration_choice import prepared, require_poses
@@ -57,6 +57,8 @@ def solve(problem: Schema, context: Context) -> Outcome:
         "poses.csv": lambda: calibration_poses.text(found),
         "report.html": lambda: calibration_report.text(found, values, figures, title, problem, context),
     }
+    if values.get("sensitivity"):
+        files["sensitivity.csv"] = lambda: calibration_sensitivity.text(values["sensitivity"])
     if data.text is not None:
         files[FILE] = lambda: data.text or ""
     if data.carts is not None:

@@ -51,7 +51,11 @@ def text(found: Found, model: Model, title: str, robot: str) -> str:
         beside = {k: v for k, v in found.calibration.values.items() if k.partition("[")[0] not in own}
         body = tomli_w.dumps({**table, "parameters": own})
     comments = [f"# {line}" for line in _confidence(found)]
-    comments += [f"# of the measurement: {name} = {value:.9g}" for name, value in beside.items()]
+    comments += [
+        f"# of the measurement: {name} = {value:.9g}"
+        for name, value in beside.items()
+        if ".guideway.at[" not in name and ".guideway.points[" not in name
+    ]
     head = "# Calibrated parameters; gtmodel reads this file as a robot."
     if pieces:
         head = "# Calibrated parameters; no robot file, since guideways are measured: their A and v are those before."
