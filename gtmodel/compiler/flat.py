@@ -18,6 +18,7 @@ from ..lang.expression import Relation
 from ..lang.model import Model
 from ..lang.scope import Scope, derivative_name
 from ..lang.source import ModelError, SourceLocation, of_frame
+from ..lang.units import rate_unit
 from .connections import connection_equations
 from .trees import check_trees
 
@@ -109,8 +110,7 @@ class FlatModel:
         unit = self.variables[index].unit
         if unit is None or order == 0:
             return unit or "?"
-        per = "s" if order == 1 else f"s{order}"
-        return f"1/{per}" if unit in ("1", "") else f"{unit}/{per}"
+        return rate_unit(unit, order)
 
     @property
     def p(self) -> ca.SX:

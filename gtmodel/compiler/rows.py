@@ -78,7 +78,7 @@ def status_codes(
     return np.where(inputs, code, Status.NOT_FINITE)
 
 
-class _Margin(NamedTuple):
+class Margin(NamedTuple):
     """What the status of a row needs of a margin; its symbols stay with the model."""
 
     kind: str
@@ -99,7 +99,7 @@ class RowFunction:
                 f"{function.name} holds {len(newton)} Newton block(s) and cannot leave its model; call it as it is"
             )
         self._function = function.casadi
-        self._margins = [_Margin(m.kind, m.scale) for m in function.margins]
+        self._margins = [Margin(m.kind, m.scale) for m in function.margins]
         self._shapes = [s.shape for s in function.outputs]
 
     def __call__(self, *arguments: Any) -> tuple[Any, ...]:

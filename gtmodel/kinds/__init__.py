@@ -28,7 +28,10 @@ _KINDS = {
     "modes": "all poses in which six links of given lengths can be assembled, with a certificate",
     "kinematics": "any causality of a robot on many points, and the orientation of its plate",
     "workspace": "which tool centre points a robot reaches: cross-section, boundary, volume, reasons",
+    "excitation": "the motion from which masses and friction are identified best, within limits",
+    "identification": "masses and friction of a robot from its measured motion and forces",
     "accuracy": "positioning errors of a robot from errors of its carts and links",
+    "friction": "friction of the actuators and the mass they hold, from constant-velocity runs",
 }
 
 

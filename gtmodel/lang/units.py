@@ -366,6 +366,12 @@ def si_unit(text: str) -> Unit:
     return unit
 
 
+def rate_unit(unit: str, order: int = 1) -> str:
+    """Unit of a quantity's time derivative: "m" -> "m/s2" at order 2."""
+    per = "s" if order == 1 else f"s{order}"
+    return f"1/{per}" if unit in ("1", "") else f"{unit}/{per}"
+
+
 def convert(value: Any, from_unit: str, to_unit: str) -> Any:
     """The same quantity in another unit: ``convert(250.0, "mm", "m")`` is 0.25.
 

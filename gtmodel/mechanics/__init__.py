@@ -12,10 +12,12 @@ from .fixed import Fixed, FixedTranslation, PointOnFrame
 from .frames import Flange, Frame, PointFrame, Shaft, World
 from .friction import (
     DirectionalPiecewiseLinearFriction,
+    DirectionalSignFriction,
     DirectionalTanhFriction,
     Friction,
     Frictionless,
     PiecewiseLinearFriction,
+    SignFriction,
     StribeckFriction,
     TanhFriction,
 )
@@ -30,9 +32,10 @@ from .friction_rotational import (
 from .guideway import Guideway
 from .guideway_curves import CurvedGuideway, PiecewiseLinearCyclicGuideway, PiecewiseLinearGuideway, SplineGuideway
 from .guideway_measured import MeasuredGuideway
+from .guideway_saddle import SaddleGuideway
 from .joints import Prismatic, Revolute, Spherical, Universal
 from .load import FrameLoad, PointLoad
-from .motor import ForceMotor, TorqueMotor
+from .motor import ForceMotor, GearedMotor, TorqueMotor
 from .plane import Plane
 from .plate import RigidPlate
 from .rod import MidpointRod, Rod, UniformRod
@@ -47,6 +50,7 @@ __all__ = [
     "BallScrew",
     "CurvedGuideway",
     "DirectionalPiecewiseLinearFriction",
+    "DirectionalSignFriction",
     "DirectionalTanhFriction",
     "Fixed",
     "FixedFlange",
@@ -61,6 +65,7 @@ __all__ = [
     "Friction",
     "Frictionless",
     "Gear",
+    "GearedMotor",
     "Ground",
     "Guideway",
     "Inertia",
@@ -87,8 +92,10 @@ __all__ = [
     "RotationalPiecewiseLinearFriction",
     "RotationalStribeckFriction",
     "RotationalTanhFriction",
+    "SaddleGuideway",
     "Shaft",
     "ShaftSpringDamper",
+    "SignFriction",
     "Spherical",
     "SplineGuideway",
     "SpringDamper",

@@ -6,7 +6,7 @@ from typing import Any
 
 from .. import lang as gt
 from .frames import Flange
-from .friction_law import CoulombViscousLaw, DirectionalLaw, PiecewiseLinearSign, StribeckLaw, TanhSign
+from .friction_law import CoulombViscousLaw, DirectionalLaw, ExactSign, PiecewiseLinearSign, StribeckLaw, TanhSign
 
 
 class Friction(gt.Model):
@@ -49,6 +49,13 @@ class PiecewiseLinearFriction(PiecewiseLinearSign, CoulombViscousLaw, _CoulombVi
     -velocity_scale and velocity_scale."""
 
 
+class SignFriction(ExactSign, CoulombViscousLaw, _CoulombViscous):
+    """Coulomb and viscous friction exactly as in Dressler 2012, eq. (6.8): for identification away from zero velocity.
+
+    Simulation and optimisation refuse it, for its jump.
+    """
+
+
 class _Directional(_CoulombViscous):
     coulomb = gt.parameter(0.0, unit="N", description="Coulomb friction force at positive velocity")
     viscous = gt.parameter(0.0, unit="kg/s", description="viscous friction coefficient at positive velocity")
@@ -62,6 +69,10 @@ class DirectionalTanhFriction(TanhSign, DirectionalLaw, _Directional):
 
 class DirectionalPiecewiseLinearFriction(PiecewiseLinearSign, DirectionalLaw, _Directional):
     """Coefficients by direction (Dressler 2012, Table 6.1), sign smoothed by a straight line."""
+
+
+class DirectionalSignFriction(ExactSign, DirectionalLaw, _Directional):
+    """Coefficients by direction (Dressler 2012, Table 6.1), for identification away from zero velocity only."""
 
 
 class StribeckFriction(TanhSign, StribeckLaw, _CoulombViscous):

@@ -25,6 +25,13 @@ class PiecewiseLinearSign:
         return gt.clip(ratio, -1.0, 1.0)
 
 
+class ExactSign:
+    """The sign itself, 0 at standstill; velocity_scale has no say."""
+
+    def smooth_sign(self, ratio: Any) -> Any:
+        return gt.sign(ratio)
+
+
 class CoulombViscousLaw:
     """Coulomb and viscous friction, the same in both directions (Dressler 2012, eq. (6.8))."""
 

@@ -17,6 +17,24 @@ class ForceMotor(gt.Model):
         yield gt.energy(supplied=self.force * gt.der(self.flange.s))
 
 
+class GearedMotor(ForceMotor):
+    """A motor that turns: its rotor's inertia J [kg m2] rides on the flange through an ideal gear and spindle.
+
+    `force` [N] is the motor's torque as a force on the flange, torque / radius, with `radius` [m] the travel per radian
+    of the motor. The rotor adds J / radius^2 to the mass moved along the flange, and no weight: on a level guideway
+    it cannot be told from the cart's mass.
+    """
+
+    J = gt.parameter(unit="kg.m2", description="rotor inertia, motor side")
+    radius = gt.parameter(unit="m", nonzero=True, description="travel per radian of the motor")
+
+    def equations(self):
+        rate = gt.der(self.flange.s)
+        apparent = self.J / self.radius**2
+        yield self.flange.f == apparent * gt.der(rate) - self.force
+        yield gt.energy(stored=apparent / 2 * rate**2, supplied=self.force * rate)
+
+
 class TorqueMotor(gt.Model):
     """A motor with rotor inertia J [kg m2] that turns the shaft through an ideal gear.
 

@@ -81,14 +81,19 @@ def robot_figure(
     for k, curve in enumerate(curves):
         closed = np.vstack([curve, curve[:1]])
         axes.plot(*closed.T, color="0.3", linestyle="--", label="boundary of the section" if k == 0 else None)
+    finish(axes)
+    axes.legend(fontsize="small", loc="upper left")
+    figure.suptitle(title or "robot at its home pose")
+    return figure
+
+
+def finish(axes: Any) -> None:
+    """Equal scales, names of the axes and a view from the side."""
     axes.set(xlabel="x [m]", ylabel="y [m]", zlabel="z [m]")
     for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
         axis.set_major_locator(MaxNLocator(TICKS))
     axes.set_aspect("equal")
     from_the_side(axes)
-    axes.legend(fontsize="small", loc="upper left")
-    figure.suptitle(title or "robot at its home pose")
-    return figure
 
 
 def from_the_side(axes: Any) -> None:

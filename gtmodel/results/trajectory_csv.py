@@ -6,8 +6,9 @@ import csv
 import json
 import math
 import re
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -18,19 +19,50 @@ from .trajectory_checks import check_name
 from .trajectory_errors import COLUMN, Array, TrajectoryError
 from .trajectory_files import PathLike
 
-_HEADER_CELL = re.compile(r"(?P<name>\S+)\s+\[(?P<unit>[^\[\]]+)\]")
+HEADER_CELL = re.compile(r"(?P<name>\S+)\s+\[(?P<unit>[^\[\]]+)\]")
 _NOTES = ("title", "synthetic", "provenance", "scalar")
 
 
-def read_csv(path: PathLike) -> Trajectory:
-    """Read a CSV file; see `Trajectory.from_csv`."""
+class Table(NamedTuple):
+    """The numbers of a CSV file as written: columns with their units, one row per line of the file.
+
+    columns, units: of the columns kept, the time first. values: (rows, columns). lines: of the file, from 1.
+    notes: what the comments "# title:", "# synthetic:", "# provenance:", "# scalar:" say.
+    """
+
+    columns: list[str]
+    units: list[str]
+    values: Array
+    lines: list[int]
+    notes: dict[str, list[str]]
+
+    def in_si(self) -> Array:
+        """(rows, columns) in SI units."""
+        return np.column_stack(
+            [convert(self.values[:, j], unit, parse_unit(unit).si_text) for j, unit in enumerate(self.units)]
+        )
+
+
+Header = tuple[list[str], list[str], list[int]]
+"""Names, unit texts and places of the columns to keep, the time first."""
+
+
+def read_table(path: PathLike, header_of: Callable[[Sequence[str], str], Header]) -> Table:
+    """The numbers of a CSV file whose header `header_of` understands.
+
+    header_of: (cells of the header line, place in the file for messages) -> the columns to keep.
+
+    Raises TrajectoryError with file and line: no text, no header, no rows, a row of another length, a cell of a kept
+    column that is no finite number.
+    """
     try:
         text = Path(path).read_bytes().decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise TrajectoryError(f"{path} is not a UTF-8 text file ({error.reason}); save it as UTF-8") from error
     lines = text.replace("\r\n", "\n").split("\n")
     notes: dict[str, list[str]] = {key: [] for key in _NOTES}
-    header: tuple[list[str], list[str]] | None = None
+    header: Header | None = None
+    width = 0
     numbers: list[int] = []
     rows: list[list[float]] = []
     last = max((i for i, line in enumerate(lines, 1) if line.strip()), default=0)
@@ -41,20 +73,25 @@ def read_csv(path: PathLike) -> Trajectory:
             if colon and key.strip().lower() in notes:
                 notes[key.strip().lower()].append(note.strip())
         elif header is None:
-            header = _read_header(line, where)
+            cells = _header_cells(line, where)
+            header, width = header_of(cells, where), len(cells)
         else:
-            rows.append(_read_row(line, header[0], where))
+            rows.append(_read_row(line, header, width, where))
             numbers.append(number)
     if header is None:
         raise TrajectoryError(f"{path} has no header; expected a line such as 'time [s],q[0] [m]'")
     if not rows:
         raise TrajectoryError(f"{path} has a header but no rows; expected a row of numbers for each time")
-    columns, units = header
-    table = np.array(rows, dtype=np.float64)
-    table = np.column_stack([convert(table[:, j], unit, parse_unit(unit).si_text) for j, unit in enumerate(units)])
-    _check_increasing(table[:, 0], units[0], rows, numbers, path)
+    return Table(header[0], header[1], np.array(rows, dtype=np.float64), numbers, notes)
+
+
+def read_csv(path: PathLike) -> Trajectory:
+    """Read a CSV file; see `Trajectory.from_csv`."""
+    read = read_table(path, _read_header)
+    table, notes = read.in_si(), read.notes
+    check_increasing(table[:, 0], read, path)
     values, signal_units = _grouped(
-        columns[1:], [parse_unit(unit).si_text for unit in units[1:]], table[:, 1:], notes["scalar"]
+        read.columns[1:], [parse_unit(unit).si_text for unit in read.units[1:]], table[:, 1:], notes["scalar"]
     )
     try:
         return Trajectory(
@@ -81,19 +118,23 @@ def _read_provenance(notes: list[str]) -> dict[str, Any]:
     return origin
 
 
-def _read_header(line: str, where: str) -> tuple[list[str], list[str]]:
-    """Names and unit texts of all columns, the time first."""
+def _header_cells(line: str, where: str) -> list[str]:
     if "," not in line and (";" in line or "\t" in line):
         raise TrajectoryError(
             f"{where}: the columns are not separated by ','; save the file with commas and decimal points"
         )
+    return [cell.strip() for cell in next(csv.reader([line]))]
+
+
+def _read_header(cells: Sequence[str], where: str) -> Header:
+    """All columns, the time first."""
     names: list[str] = []
     units: list[str] = []
-    for number, cell in enumerate(next(csv.reader([line])), 1):
-        found = _HEADER_CELL.fullmatch(cell.strip())
+    for number, cell in enumerate(cells, 1):
+        found = HEADER_CELL.fullmatch(cell)
         if not found:
             raise TrajectoryError(
-                f"{where}, column {number}: {cell.strip()!r} has no unit; expected 'name [unit]', such as 'q[0] [m]'"
+                f"{where}, column {number}: {cell!r} has no unit; expected 'name [unit]', such as 'q[0] [m]'"
             )
         name, unit = found["name"], found["unit"].strip()
         try:
@@ -103,9 +144,7 @@ def _read_header(line: str, where: str) -> tuple[list[str], list[str]]:
         except (UnitError, TrajectoryError) as error:
             raise TrajectoryError(f"{where}, column {number}: {error}") from error
         if number == 1 and (name != "time" or dimension != parse_unit("s").dimension):
-            raise TrajectoryError(
-                f"{where}, column 1: found {cell.strip()!r}; expected the time, as 'time [s]' or 'time [ms]'"
-            )
+            raise TrajectoryError(f"{where}, column 1: found {cell!r}; expected the time, as 'time [s]' or 'time [ms]'")
         if name in names:
             raise TrajectoryError(
                 f"{where}, column {number}: the name {name!r} occurs twice; give every column its own name"
@@ -114,17 +153,23 @@ def _read_header(line: str, where: str) -> tuple[list[str], list[str]]:
         units.append(unit)
     if len(names) == 1:
         raise TrajectoryError(f"{where}: there is no column besides the time; expected at least one signal")
-    return names, units
+    return names, units, list(range(len(names)))
 
 
-def _read_row(line: str, names: list[str], where: str) -> list[float]:
+def _read_row(line: str, header: Header, width: int, where: str) -> list[float]:
     cells = line.split(",")
-    if len(cells) != len(names):
-        raise TrajectoryError(
-            f"{where}: found {len(cells)} cells; expected {len(names)}, one for each column of the header"
-        )
+    if len(cells) != width:
+        raise TrajectoryError(f"{where}: found {len(cells)} cells; expected {width}, one for each column of the header")
+    try:
+        row = [float(cells[place]) for place in header[2]]
+        # finite numbers only, unless they are huge: the common case, in one go
+        if math.isfinite(sum(row)) and "_" not in line:
+            return row
+    except ValueError:
+        pass
     row = []
-    for name, cell in zip(names, cells, strict=True):
+    for name, place in zip(header[0], header[2], strict=True):
+        cell = cells[place]
         try:
             number = float(cell) if "_" not in cell else None
         except ValueError:
@@ -137,12 +182,14 @@ def _read_row(line: str, names: list[str], where: str) -> list[float]:
     return row
 
 
-def _check_increasing(time: Array, unit: str, rows: list[list[float]], numbers: list[int], path: PathLike) -> None:
+def check_increasing(time: Array, read: Table, path: PathLike) -> None:
+    """Raises TrajectoryError with the lines where the time [s] of a table does not increase."""
     if (bad := np.flatnonzero(np.diff(time) <= 0)).size:
-        i = int(bad[0]) + 1
+        i, unit, name = int(bad[0]) + 1, read.units[0], read.columns[0]
+        written = read.values[:, 0].tolist()
         raise TrajectoryError(
-            f"{path} line {numbers[i]}, column 'time': {rows[i][0]!r} {unit} does not come after "
-            f"{rows[i - 1][0]!r} {unit} in line {numbers[i - 1]}; time must increase strictly, so sort the "
+            f"{path} line {read.lines[i]}, column {name!r}: {written[i]!r} {unit} does not come after "
+            f"{written[i - 1]!r} {unit} in line {read.lines[i - 1]}; time must increase strictly, so sort the "
             "rows or remove the repeated one"
         )
 

@@ -1,5 +1,13 @@
 """Robots written in the language, and the catalogue of printed parameter sets."""
 
+from .by_direction import (
+    GantryTauByDirection,
+    GantryTauViscousByDirection,
+    InertiaVariant,
+    actuator_closed_loop,
+    friction_by_direction,
+    inertia_variant,
+)
 from .catalogue import entries, gantry_tau, inertia_names, make, names
 from .configuration_state import configuration
 from .f1 import F1, f1_five_dof, f1_gantry_tau, f1_rotation
@@ -18,17 +26,23 @@ __all__ = [
     "F1FiveDof",
     "F1Rotation",
     "GantryTau",
+    "GantryTauByDirection",
+    "GantryTauViscousByDirection",
     "GantryTauWrist",
+    "InertiaVariant",
     "SixLink",
+    "actuator_closed_loop",
     "configuration",
     "entries",
     "extra_carts",
     "f1_five_dof",
     "f1_gantry_tau",
     "f1_rotation",
+    "friction_by_direction",
     "gantry_tau",
     "gantry_tau_wrist",
     "inertia_names",
+    "inertia_variant",
     "make",
     "names",
     "on_guideways",

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..lang import Model, ModelError
-from ..mechanics import PiecewiseLinearFriction, TanhFriction
+from ..mechanics import PiecewiseLinearFriction, SignFriction, TanhFriction
 from . import clusters
 from .f1 import EXAMPLE as F1_EXAMPLE
 from .f1 import f1_gantry_tau
@@ -20,7 +20,7 @@ from .six_link import EXAMPLE as SIX_LINK_EXAMPLE
 from .six_link import six_link_gantry_tau
 from .three_link import GantryTau
 
-SMOOTHINGS = {"tanh": TanhFriction, "piecewise_linear": PiecewiseLinearFriction}
+SMOOTHINGS = {"tanh": TanhFriction, "piecewise_linear": PiecewiseLinearFriction, "sign": SignFriction}
 # of masses and friction
 EXAMPLE_MASSES = "an example of ours"
 IDENTIFIED_MASSES = "Dressler 2012, Table 6.3"
@@ -43,6 +43,11 @@ def _table(name: str) -> dict[str, Any]:
     return tomllib.loads(files("gtmodel.robots").joinpath("data", name).read_text(encoding="utf-8"))
 
 
+def dynamics_table() -> dict[str, Any]:
+    """The printed figures of dynamics and friction of the L1 (Dressler 2012, chapters 3, 6 and 7)."""
+    return _table("gantry_tau_dynamics.toml")
+
+
 def _geometries() -> dict[str, dict[str, Any]]:
     return {name: table for name, table in _table("gantry_tau.toml").items() if "prototype" in table}
 
@@ -60,7 +65,7 @@ def _sets() -> dict[str, dict[str, Any]]:
 
 def _inertias() -> dict[str, dict[str, Any]]:
     """Identified inertia models whose friction is symmetric and printed in full."""
-    table = _table("gantry_tau_dynamics.toml")["inertia"]
+    table = dynamics_table()["inertia"]
     return {k: v for k, v in table.items() if "*" not in (v["coulomb_N"], v["viscous_kg_s"])}
 
 
@@ -151,7 +156,7 @@ def gantry_tau(
         name: geometry, e.g. "l1_tape" (Dressler 2012, Table 5.7).
         inertia: masses [kg] and symmetric friction (Table 6.3): "model_1" or "model_2", the default of the L1 sets;
             links are massless.
-        smoothing: "tanh" or "piecewise_linear" friction.
+        smoothing: "tanh" or "piecewise_linear" friction; "sign" for identification only.
         velocity_scale: velocity of the smoothing [m/s].
         payload: mass added to the plate [kg].
         rod: a Rod class in place of MidpointRod.

@@ -17,6 +17,7 @@ from gtmodel.lang.units import (
     UnitError,
     convert,
     parse_unit,
+    rate_unit,
     si_unit,
 )
 
@@ -338,3 +339,11 @@ def test_irrational_power_and_wrong_length() -> None:
     with pytest.raises(UnitError) as caught:
         Dimension((1, 2))
     assert str(caught.value) == "a dimension got 2 exponents; give seven, for kg, m, s, A, K, mol, cd"
+
+
+@pytest.mark.parametrize(
+    ("unit", "order", "rate"), [("m", 1, "m/s"), ("m", 2, "m/s2"), ("1", 1, "1/s"), ("m/s", 1, "m/s/s")]
+)
+def test_rates_have_the_dimension_of_a_derivative(unit: str, order: int, rate: str) -> None:
+    assert rate_unit(unit, order) == rate
+    assert parse_unit(rate).dimension == parse_unit(unit).dimension / parse_unit("s").dimension ** order

@@ -23,7 +23,7 @@ from tests.support.residuals import original_residuals
 # Two roads of some thousand operations; poses lose two digits, and Newton stops at 1e-13 of the nominals.
 ROUND_OFF = 1e-10
 # Inverse and forward dynamics one after the other: a linear solve with masses from 2 to 38 kg between them.
-TWO_SOLVES = 1e-9
+TWO_SOLVES = 1e-10
 RESIDUAL = 1e-10
 COUNT = 25
 

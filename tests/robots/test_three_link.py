@@ -27,7 +27,7 @@ from tests.support.strategies import MIN_COSINE, SIDES, State, columns, random_s
 # digits more (tests/support/strategies.py).
 ROUND_OFF = 1e-12
 # Inverse and forward dynamics one after the other: two linear solves with masses from 9 to 38 kg between them.
-TWO_SOLVES = 1e-11
+TWO_SOLVES = 1e-12
 # Kinematics must not notice masses at all; the same expressions, perhaps summed in another order.
 LAST_BITS = 1e-15
 

@@ -1,0 +1,76 @@
+"""Identification of dynamics from motion: friction from constant velocities, regressors, weighted least squares.
+
+Friction
+    identify_friction      coefficients by direction and the mass held, from runs at constant velocity
+    steady_runs, joined    the runs of a log, of several logs
+    mass_by_norm           the mass by three norms of what is left
+    constant_velocity_log  a synthetic log of such runs
+Motion
+    Regressor              efforts as a linear function of parameters
+    Processing, rows_of    logs as filtered rows of a regressor
+    corrected              delays, scales and offsets estimated beside the parameters
+    identify               weighted least squares: values, intervals, residual tests; bias_of what is left out
+Excitation
+    optimise_excitation    the motion that tells most of an ExcitationTask within its limits
+    FourierSeries, ClosedSpline   families of motions at rest at both ends
+    random_excitations     feasible motions to compare with and to start from
+    condition, singular_values, predicted_deviations   what a stacked regressor tells
+Synthetic
+    LogSimulator, Sensors  logs of a motion, by seed; multisine and Tracking make the motion
+    repeat_identification  many of them: unbiased, and do intervals hold?
+"""
+
+from .corrected import corrected
+from .excitation import Excitation, ExcitationTask, optimise_excitation
+from .excitation_basis import ClosedSpline, FourierSeries
+from .friction import FrictionError, FrictionFit, identify_friction
+from .gravity import MassByNorm, mass_by_norm
+from .inertia import Identification, LeftOut, Validation, bias_of, identify
+from .information import condition, predicted_deviations, singular_values
+from .random_excitation import random_excitations
+from .reference_motion import multisine
+from .regressor import Regressor, RegressorRows
+from .repeated import Repeated, repeat_identification
+from .rows import Processing, Rows, rows_of, with_offsets
+from .simulated_log import LogSimulator, Sensors
+from .steady import Runs, constant_velocity_log, joined, steady_runs
+from .tracking import Tracking
+
+__all__ = [
+    "ClosedSpline",
+    "Excitation",
+    "ExcitationTask",
+    "FourierSeries",
+    "FrictionError",
+    "FrictionFit",
+    "Identification",
+    "LeftOut",
+    "LogSimulator",
+    "MassByNorm",
+    "Processing",
+    "Regressor",
+    "RegressorRows",
+    "Repeated",
+    "Rows",
+    "Runs",
+    "Sensors",
+    "Tracking",
+    "Validation",
+    "bias_of",
+    "condition",
+    "constant_velocity_log",
+    "corrected",
+    "identify",
+    "identify_friction",
+    "joined",
+    "mass_by_norm",
+    "multisine",
+    "optimise_excitation",
+    "predicted_deviations",
+    "random_excitations",
+    "repeat_identification",
+    "rows_of",
+    "singular_values",
+    "steady_runs",
+    "with_offsets",
+]

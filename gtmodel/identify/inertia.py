@@ -1,0 +1,277 @@
+"""Masses and friction from motion by weighted least squares, with covariance, tests and a feasible variant."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from scipy import stats
+
+from gtmodel.inference import (
+    Identifiability,
+    Verdict,
+    identifiability,
+    linear_fit,
+    newey_west,
+    whiteness,
+)
+from gtmodel.lang import ModelError
+from gtmodel.results.estimate import Estimate
+
+from .parameter_names import among
+from .rows import Rows
+
+Array = np.ndarray
+Confidence = Literal["auto", "white", "newey_west"]
+
+WEIGHTINGS = 2  # rounds of noise per target and fit; a third one changes no digit that is shown
+SMALL_P = 0.01
+
+
+@dataclass(frozen=True, eq=False)
+class LeftOut:
+    """Whether the residuals hold what a parameter that was left out would explain: F statistic and p-value."""
+
+    names: tuple[str, ...]
+    F: float
+    p: float
+
+    @property
+    def passed(self) -> bool:
+        return self.p >= SMALL_P
+
+    @property
+    def sentence(self) -> str:
+        names = ", ".join(self.names)
+        if self.passed:
+            return f"residuals show nothing of {names} (F = {self.F:.3g}, p = {self.p:.2g})"
+        return (
+            f"residuals hold what {names} would explain (F = {self.F:.3g}, p = {self.p:.2g}): the other parameters "
+            "have taken the rest of it, so free these too"
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Identification:
+    """An identified model.
+
+    estimate: values, covariance, intervals [SI]; what ended at its bound is `estimate.held`. unbounded: the fit without
+    bounds (the same object where no bound acted). noise (m,): standard deviation of the residuals of each target.
+    residuals (n, m). whiteness: one verdict per target. confidence: "white" or "newey_west", what the covariance
+    assumes. identifiability: of the scaled, weighted regressor. left_out: the tests of what was fixed.
+    """
+
+    rows: Rows
+    fixed: dict[str, float]
+    estimate: Estimate
+    unbounded: Estimate
+    noise: Array
+    residuals: Array
+    whiteness: tuple[Verdict, ...]
+    confidence: str
+    identifiability: Identifiability
+    left_out: tuple[LeftOut, ...]
+
+    @property
+    def parameters(self) -> Array:
+        """Values (p,) of all parameters of the rows, fixed ones too, in their order."""
+        return np.array(
+            [self.fixed[n] if n in self.fixed else self.estimate.value(n) for n in self.rows.names], dtype=float
+        )
+
+    def modelled(self, rows: Rows | None = None) -> Array:
+        """Modelled efforts (n, m) of these rows, or of others (Dressler 2012, Figs. 6.5 and 6.6)."""
+        rows = self.rows if rows is None else rows
+        return rows.Y @ self.parameters + rows.y0
+
+    def validate(self, rows: Rows) -> Validation:
+        """Errors on a motion that the fit has not seen."""
+        if rows.names != self.rows.names:
+            raise ModelError("the other motion was prepared with another regressor; use the same one")
+        return Validation(rows.time, rows.effort - self.modelled(rows), rows.effort, self.noise, rows.targets)
+
+    @property
+    def sentences(self) -> list[str]:
+        """What limits the numbers, in words."""
+        lines = [f"{n} is at its bound, 0; it has no interval, and the others are as if it were known" for n in
+                 self.estimate.held]  # fmt: skip
+        lines += list(self.estimate.notes)
+        lines += [f"{t}: {v.sentence}" for t, v in zip(self.rows.targets, self.whiteness, strict=True) if not v.passed]
+        lines += [t.sentence for t in self.left_out if not t.passed]
+        for name, low, high in self.insignificant():
+            lines.append(f"{name} is not told from zero: {low:.3g} to {high:.3g}")
+        return lines
+
+    def insignificant(self) -> list[tuple[str, float, float]]:
+        """Parameters whose 95 % interval holds zero."""
+        limits = [(n, *self.estimate.interval(n)) for n in self.estimate.names]
+        return [(n, low, high) for n, low, high in limits if low <= 0 <= high]
+
+
+@dataclass(frozen=True, eq=False)
+class Validation:
+    """Errors (n, m) on another motion at times (n,) [s], beside the effort's own size and the noise of the fit."""
+
+    time: Array
+    errors: Array
+    effort: Array
+    noise: Array
+    targets: tuple[str, ...]
+
+    @property
+    def rms(self) -> Array:
+        """(m,)"""
+        return np.sqrt(np.mean(self.errors**2, axis=0))
+
+    @property
+    def relative(self) -> Array:
+        """rms error over rms effort (m,)."""
+        return self.rms / np.sqrt(np.mean(self.effort**2, axis=0))
+
+    @property
+    def sentence(self) -> str:
+        each = ", ".join(
+            f"{t} {e:.3g} ({100 * r:.2g} %, {e / s:.3g} times the fit's own)"
+            for t, e, r, s in zip(self.targets, self.rms, self.relative, self.noise, strict=True)
+        )
+        return f"held-out error, rms: {each}"
+
+
+def identify(
+    rows: Rows,
+    free: Sequence[str] | None = None,
+    *,
+    nonnegative: bool | Sequence[str] = True,
+    confidence: Confidence = "auto",
+    noise: Array | None = None,
+    test: Sequence[Sequence[str]] | None = None,
+) -> Identification:
+    """Weighted least squares on the rows: each target weighs by its own noise, which the residuals tell.
+
+    Args:
+        free: parameters of the rows to be estimated, an array's name for all its entries; the others keep their
+            nominal values. All if left out.
+        nonnegative: masses and friction are nonnegative: all free parameters, none, or these. What would be negative is
+            held at zero and said so; the least-squares optimum under bounds, found by its active set.
+        confidence: what the covariance assumes of the residuals: "white", "newey_west" (coloured, sandwich), or "auto",
+            which takes the second where a target's residuals are not white.
+        noise: known standard deviation of the filtered efforts (m,); None: told by the residuals.
+        test: groups of fixed parameters whose traces the residuals are searched for; each array of those by default.
+
+    Raises ModelError for an unknown name, and where the motion does not determine the parameters (saying which move
+    together).
+    """
+    at = among(rows.names, rows.names if free is None else free)
+    rest = [k for k in range(len(rows.names)) if k not in at]
+    names = tuple(rows.names[k] for k in at)
+    A = rows.Y[:, :, at]
+    b = rows.effort - rows.y0 - rows.Y[:, :, rest] @ rows.nominal[rest]
+    bounded = () if nonnegative is False else tuple(n for n in names if n not in rows.signed)
+    if not isinstance(nonnegative, bool):
+        bounded = tuple(rows.names[k] for k in among(rows.names, nonnegative) if k in at)
+    units = [rows.units[k] for k in at]
+    scale = _scale(rows.nominal[at], units)
+    options = dict(scale=scale, units=units)
+    size = np.ones(b.shape[1]) if noise is None else np.asarray(noise, dtype=float)
+
+    def fit(size: Array, bounds: dict[str, tuple[float, float]]) -> Estimate:
+        sizes = np.tile(size, len(b))
+        weighted = dict(sigma=sizes) if noise is not None else dict(weights=1 / sizes**2)
+        try:
+            return linear_fit(A.reshape(-1, len(at)), b.reshape(-1), names, bounds=bounds, **weighted, **options)  # pyright: ignore[reportArgumentType]
+        except ValueError as error:
+            raise ModelError(f"the motion does not tell the parameters: {error}") from error
+
+    unbounded = fit(size, {})
+    for _ in range(0 if noise is not None else WEIGHTINGS):
+        size = _spread(b - A @ unbounded.values, len(at))
+        unbounded = fit(size, {})
+    negative = [n for n in bounded if unbounded.value(n) < 0]
+    estimate = fit(size, {n: (0.0, np.inf) for n in bounded}) if negative else unbounded
+    values = np.array([estimate.value(n) for n in names])
+    residuals = b - A @ values
+    verdicts = tuple(whiteness(r) for r in residuals.T)
+    coloured = confidence == "newey_west" or (confidence == "auto" and not all(v.passed for v in verdicts))
+    if coloured:
+        estimate = _sandwich(estimate, names, A, residuals, size, rows.starts)
+        unbounded = _sandwich(unbounded, names, A, b - A @ unbounded.values, size, rows.starts)
+    weighted = A / size[None, :, None]
+    groups = _groups(rows, rest) if test is None else [among(rows.names, group) for group in test]
+    return Identification(
+        rows,
+        {rows.names[k]: float(rows.nominal[k]) for k in rest},
+        estimate,
+        unbounded if negative else estimate,
+        size,
+        residuals,
+        verdicts,
+        "newey_west" if coloured else "white",
+        # the triangle of the QR has the singular values and the null space of the rows
+        identifiability(
+            np.linalg.qr(weighted.reshape(-1, len(at)), mode="r"),
+            names,
+            scale=scale,
+            poses=len(rows),
+        ),
+        tuple(_left_out(rows, group, weighted, residuals / size, size) for group in groups if group),
+    )
+
+
+def bias_of(rows: Rows, free: Sequence[str], truth: dict[str, float], noise: Array | None = None) -> dict[str, float]:
+    """By how much each free parameter is off when the others of `truth` are held at their nominal values instead.
+
+    Omitted-variable bias of weighted least squares, (A'A)^-1 A'B (truth - nominal), with B the columns held.
+    """
+    at, out = among(rows.names, free), among(rows.names, list(truth))
+    size = np.ones(rows.effort.shape[1]) if noise is None else noise
+    A, B = ((rows.Y[:, :, k] / size[None, :, None]).reshape(-1, len(k)) for k in (at, out))
+    missing = np.array([truth[rows.names[k]] for k in out]) - rows.nominal[out]
+    shift = np.linalg.lstsq(A, B @ missing, rcond=None)[0]
+    return {rows.names[k]: float(s) for k, s in zip(at, shift, strict=True)}
+
+
+def _spread(residuals: Array, parameters: int) -> Array:
+    """Standard deviation of each target (m,); the parameters' degrees of freedom are shared among the targets."""
+    n, m = residuals.shape
+    return np.sqrt(np.sum(residuals**2, axis=0) / max(1.0, n - parameters / m))
+
+
+def _scale(nominal: Array, units: Sequence[str]) -> Array:
+    """Nominal sizes (p,) for ranks and conditions; where one is zero, the smallest of its unit stands in."""
+    sizes = np.abs(nominal)
+    for k in np.flatnonzero(sizes == 0).tolist():
+        alike = [x for x, unit in zip(sizes, units, strict=True) if unit == units[k] and x > 0]
+        sizes[k] = min(alike, default=0.0)  # zero still: the column's own length
+    return sizes
+
+
+def _sandwich(
+    estimate: Estimate, names: Sequence[str], A: Array, residuals: Array, size: Array, starts: tuple[int, ...]
+) -> Estimate:
+    kept = [names.index(n) for n in estimate.names]
+    J = A[:, :, kept] / size[None, :, None]
+    return replace(estimate, covariance=newey_west(J, residuals / size, starts=starts))
+
+
+def _groups(rows: Rows, rest: Sequence[int]) -> list[list[int]]:
+    """Fixed parameters gathered by the array that they are entries of."""
+    groups: dict[str, list[int]] = {}
+    for k in rest:
+        groups.setdefault(rows.names[k].partition("[")[0], []).append(k)
+    return list(groups.values())
+
+
+def _left_out(rows: Rows, group: Sequence[int], weighted: Array, residuals: Array, size: Array) -> LeftOut:
+    """F test of the columns of a group after the fitted ones: the drop of the squares if they were free too."""
+    A = weighted.reshape(-1, weighted.shape[2])
+    B = (rows.Y[:, :, list(group)] / size[None, :, None]).reshape(len(A), -1)
+    Q = np.linalg.qr(A)[0]
+    beyond = B - Q @ (Q.T @ B)
+    r = residuals.reshape(-1)
+    W = np.linalg.qr(beyond)[0]
+    explained = float(np.sum((W.T @ r) ** 2))
+    k, freedom = len(group), len(r) - A.shape[1] - len(group)
+    F = explained / k / max(float(r @ r - explained) / freedom, np.finfo(float).tiny)
+    return LeftOut(tuple(rows.names[i] for i in group), F, float(stats.f.sf(F, k, freedom)))

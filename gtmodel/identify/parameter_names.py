@@ -1,0 +1,53 @@
+"""Scalar parameters of a model by the names that a person writes: "m_p", "m_c" for all its entries, "m_c[1]"."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Sequence
+
+import casadi as ca
+
+from gtmodel.compiler.flat import FlatModel
+from gtmodel.lang import ModelError
+
+
+def scalar_parameters(flat: FlatModel, names: Sequence[str]) -> list[int]:
+    """Positions in `flat.parameters`; an array's name stands for all its entries, in order.
+
+    Raises ModelError for an unknown name with close matches, a name given twice, or one that follows from others.
+    """
+    every = [q.name for q in flat.parameters]
+    found: list[int] = []
+    for name in names:
+        here = [k for k, one in enumerate(every) if one == name or one.startswith(f"{name}[")]
+        if not here:
+            raise ModelError(_unknown(flat, name, every))
+        twice = sorted(set(here) & set(found))
+        if twice:
+            raise ModelError(f"parameter '{every[twice[0]]}' is named twice; name each once")
+        found += here
+    if not found:
+        raise ModelError(f"{flat.title}: no parameter is named; name at least one, such as '{every[0]}'")
+    return found
+
+
+def among(every: Sequence[str], names: Sequence[str]) -> list[int]:
+    """Positions of names among scalar ones; an array's name stands for all its entries. ModelError for another."""
+    found: list[int] = []
+    for name in names:
+        here = [k for k, one in enumerate(every) if one == name or one.startswith(f"{name}[")]
+        if not here:
+            raise ModelError(f"'{name}' is no parameter of this regressor; it has {', '.join(every)}")
+        found += here
+    return sorted(set(found))
+
+
+def _unknown(flat: FlatModel, name: str, every: list[str]) -> str:
+    if name in flat.bindings:
+        inside = {s.element_hash() for s in ca.symvar(ca.SX(flat.bindings[name]))}
+        origin = [q.name for q in flat.parameters if q.symbol.element_hash() in inside]
+        return f"parameter '{name}' of {flat.title} follows from {', '.join(origin) or 'numbers'}; name these instead"
+    known = list(dict.fromkeys([*(n.partition("[")[0] for n in every), *every]))
+    close = difflib.get_close_matches(name, known, n=3)
+    hint = f"did you mean {' or '.join(repr(c) for c in close)}?" if close else f"there are {', '.join(known[:12])}"
+    return f"{flat.title} has no parameter '{name}'; {hint}"

@@ -1,0 +1,290 @@
+"""Efforts as a linear function of parameters: the regressor of identification, for any model of the language."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+from itertools import combinations
+from typing import Any, NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from gtmodel.compiler.causal import CausalFunction, c_name, compile_causal, flat_of
+from gtmodel.compiler.evaluate import Built, build
+from gtmodel.compiler.plan import Plan, make_plan
+from gtmodel.compiler.rows import Margin, map_columns, status_codes
+from gtmodel.lang import Model, ModelError
+from gtmodel.results import Status
+
+from .parameter_names import scalar_parameters
+
+Array = np.ndarray
+
+# relative: efforts at drawn parameters against Y p + y0; some thousand operations in double precision
+LINEAR = 1e-9
+DRAWS, SEED = 4, 0  # parameter vectors at which the linearity is tried, in each of the plan's sample points
+
+
+class RegressorRows(NamedTuple):
+    """Rows of a regressor: effort = Y p + y0 at each row, NaN where the status (n,) is not OK.
+
+    Y (n, targets, p), y0 (n, targets), status int codes of `Status`.
+    """
+
+    Y: Array
+    y0: Array
+    status: Array
+
+    def stacked(self) -> tuple[Array, Array]:
+        """Y (n targets, p) and y0 (n targets,), the targets of one row beside each other."""
+        n, m, p = self.Y.shape
+        return self.Y.reshape(n * m, p), self.y0.reshape(n * m)
+
+
+class Regressor:
+    """Y and y0 with effort = Y p + y0 for a given motion, by the exact Jacobian of the causal inverse dynamics.
+
+    `Regressor(robot, ["m_p", "m_c", "coulomb", "viscous"], known="q", targets="tau")` is that of Dressler 2012,
+    eqs. (6.7) and (6.8), for measured carts. All other parameters keep the model's numbers. Called with rows in the
+    order of `inputs` (known variables and their derivatives, (n, ...) each), it gives `RegressorRows`.
+
+    Args:
+        parameters: names; an array's name stands for all its entries, "m_c[1]" for one.
+        known: variables prescribed by the motion. targets: measured efforts.
+        prefer, branches: as for `Model.causal`.
+
+    Attributes: names (p,) of the parameters, nominal (p,) their values in the model [SI], units (p,), inputs and
+    outputs (signals with name, shape and unit), columns: names of the scalar targets.
+
+    Raises ModelError for an unknown parameter, for one in which a target is not linear, for one that enters no target,
+    and where the motion does not determine the targets.
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        parameters: Sequence[str],
+        known: str | Sequence[str] = "q",
+        targets: str | Sequence[str] = "tau",
+        prefer: str | Sequence[str] = (),
+        branches: Mapping[str, int] | None = None,
+    ) -> None:
+        if isinstance(parameters, str):
+            parameters = [parameters]
+        flat = flat_of(model)
+        self._chosen = scalar_parameters(flat, parameters)
+        causal = compile_causal(model, known, targets, prefer, branches)
+        entries = [flat.parameters[k] for k in self._chosen]
+        self.names = tuple(q.name for q in entries)
+        self.nominal = np.array([q.value for q in entries])
+        self.units = tuple(q.unit or "?" for q in entries)
+        self.inputs, self.outputs = causal.inputs, causal.outputs
+        self.columns = tuple(n for s in self.outputs for n in _elements(s.name, s.shape))
+        self._title = flat.title
+        plan = _partly_folded(causal, self._chosen)
+        self._uses_time = plan.uses_time
+        self._plan, self._p0 = plan, flat.p0
+        self._margins = [Margin(m.kind, m.scale) for b in plan.blocks for m in b.margins]
+        self._built = self._build([(c_name(s.name), s.pairs) for s in self.outputs])
+        self._kernels = self._built.kernels
+        self._function = self._made()
+
+    @property
+    def size(self) -> int:
+        """Number of parameters."""
+        return len(self.names)
+
+    def __call__(self, *rows: Any) -> RegressorRows:
+        """Regressor of many rows: one array (n, *shape) per input. Raises TypeError for a wrong number or shape."""
+        columns = self._columns(rows)
+        n = columns[0].shape[1]
+        found, zs = np.zeros(n, dtype=int), []
+        given = np.vstack([*columns, np.repeat(self._p0[:, None], n, axis=1)]) if self._kernels else np.zeros((0, n))
+        for kernel in self._kernels:
+            z, converged, singular = kernel.solve(given)
+            found = np.where((found == 0) & ~converged, Status.NOT_CONVERGED, found)
+            found = np.where((found == 0) & singular, Status.SINGULAR, found)
+            zs.append(z)
+            given = np.vstack([given, z])
+        results = map_columns(self._function, [*columns, *zs])
+        status = status_codes(self._margins, columns, results, found)
+        m, p = len(self.columns), self.size
+        Y, y0 = results[0].T.reshape(n, m, p).copy(), results[1].T.copy()
+        bad = status != Status.OK
+        Y[bad], y0[bad] = np.nan, np.nan
+        return RegressorRows(Y, y0, status)
+
+    def effort(self, parameters: Any, *rows: Any) -> Array:
+        """Efforts (n, targets) of a motion at these parameters (p,)."""
+        found = self(*rows)
+        return found.Y @ np.asarray(parameters, dtype=float) + found.y0
+
+    @cached_property
+    def casadi(self) -> ca.Function:
+        """ca.Function (inputs of one row, as columns) -> Y (targets, p), y0 (targets,), for use in an optimisation.
+
+        `.map(n)` takes the rows side by side. With Newton blocks it holds root finders started at the home pose; the
+        call of this object is the guarded road.
+        """
+        f, m, p = self._function, len(self.columns), self.size
+        names = [c_name(s.name) for s in self.inputs] + ["time"] * self._uses_time
+        kind: Any = ca.MX if self._kernels else ca.SX
+        inputs: list[Any] = [kind.sym(n, s.size) for n, s in zip(names, self.inputs, strict=False)]
+        inputs += [kind.sym("time")] * self._uses_time
+        zs = self._unknowns().call([*inputs, ca.DM(self._p0)])[:-1] if self._kernels else []
+        Y, y0, _ = f.call([*inputs, *zs])
+        return ca.Function("regressor", inputs, [ca.reshape(Y, p, m).T, y0], names, ["Y", "y0"])
+
+    def _build(self, outputs: list[tuple[str, Any]]) -> Built:
+        inputs = [(c_name(s.name), s.pairs) for s in self.inputs]
+        return build(self._plan, inputs, outputs, "efforts", parametric=True)
+
+    def _unknowns(self) -> ca.Function:
+        """(inputs..., parameters) -> unknowns of each Newton block, margins."""
+        flat = self._plan.flat
+        pairs = [tuple(flat.scope.owner(s) for s in b.unknowns) for b in self._plan.newton]
+        return self._build([(f"z{k}", p) for k, p in enumerate(pairs)]).whole
+
+    def _made(self) -> ca.Function:
+        """(inputs..., z of each Newton block...) -> Y by rows (targets p,), y0 (targets,), margins."""
+        f = self._built.closed
+        arguments = f.sx_in()
+        results = f.call(arguments)
+        place = len(self.inputs) + self._uses_time
+        everything, others = arguments[place], [a for k, a in enumerate(arguments) if k != place]
+        chosen = ca.vertcat(*[everything[k] for k in self._chosen])
+        effort = ca.SX(ca.vertcat(*results[:-1]))
+        self._refuse_moving(place)
+        jacobian = ca.jacobian(effort, chosen)
+        self._refuse_absent(jacobian)
+        inside = {s.element_hash() for s in ca.symvar(jacobian)}
+        base = np.zeros(self.size)
+        if any(s.element_hash() in inside for s in ca.vertsplit(chosen)):
+            base = self.nominal  # a parameter is divided by somewhere and may cancel: the trial below decides
+        folded = ca.substitute([jacobian, effort - jacobian @ chosen], [chosen], [ca.DM(base)])
+        # the margins keep the parameters at their nominal values: they are geometry
+        margins = ca.substitute([results[-1]], [everything], [ca.DM(self._p0)])
+        Y, y0 = (ca.densify(e) for e in folded)
+        outputs = ca.cse([ca.vec(Y.T), y0, ca.densify(margins[0])])
+        made = ca.Function("regressor", others, outputs)
+        self._try_linear(made, ca.Function("effort", [*others, chosen], [effort]))
+        return made
+
+    def _refuse_moving(self, place: int) -> None:
+        """The motion must not depend on the parameters: no Newton block may read one of them."""
+        inputs = sum(s.size for s in self.inputs) + self._uses_time
+        for kernel in self._built.kernels:
+            z, a = kernel.residual.sx_in()
+            residual = kernel.residual.call([z, a])[0]
+            which = ca.which_depends(residual, ca.vertcat(*[a[inputs + k] for k in self._chosen]), 1, False)
+            if any(which):
+                raise ModelError(self._nonlinear(self.names[which.index(True)]))
+
+    def _refuse_absent(self, jacobian: ca.SX) -> None:
+        for k, name in enumerate(self.names):
+            if jacobian[:, k].nnz() == 0:
+                raise ModelError(
+                    f"parameter '{name}' of {self._title} has no effect on {', '.join(s.name for s in self.outputs)} "
+                    f"when {', '.join(s.name for s in self.inputs)} are known; leave it out"
+                )
+
+    def _try_linear(self, made: ca.Function, effort: ca.Function) -> None:
+        """Efforts at drawn parameters in the sample points of the plan; ModelError names what bends them."""
+        rng = np.random.default_rng(SEED)
+        sizes = np.where(self.nominal == 0, 1.0, np.abs(self.nominal))
+        columns = self._samples()
+        Y, y0, _ = map_columns(made, columns)
+        n, m = y0.shape[1], y0.shape[0]
+        Y = Y.T.reshape(n, m, self.size)
+
+        def bent(draw: Array, places: Sequence[int]) -> bool:
+            p = self.nominal.copy()
+            p[list(places)] = draw[list(places)]
+            exact = map_columns(effort, [*columns, np.repeat(p[:, None], n, axis=1)])[0].T
+            scale = np.max(np.abs(Y) * sizes, axis=2) + np.abs(exact) + np.finfo(float).tiny
+            # a value that is no number is not linear either
+            return not np.max(np.abs(exact - Y @ p - y0.T) / scale) <= LINEAR
+
+        everything = range(self.size)
+        for draw in self.nominal + sizes * rng.uniform(-0.5, 1.0, (DRAWS, self.size)):
+            if not bent(draw, everything):
+                continue
+            alone = next((k for k in everything if bent(draw, [k])), None)
+            if alone is not None:
+                raise ModelError(self._nonlinear(self.names[alone]))
+            pairs = combinations(everything, 2)
+            j, k = next((pair for pair in pairs if bent(draw, pair)), (0, self.size - 1))
+            raise ModelError(
+                f"{self._efforts()} is linear in parameter '{self.names[j]}' and in '{self.names[k]}', but not in both "
+                "together; give one of them a number and leave it out of the list"
+            )
+
+    def _samples(self) -> list[Array]:
+        """Inputs and Newton unknowns at the consistent points of the plan, as columns."""
+        at = {pair: n for n, pair in enumerate(self._plan.pairs)}
+        points = self._plan.samples.T
+        flat = self._plan.flat
+        pairs: list[list[Any]] = [list(s.pairs) for s in self.inputs]
+        blank = np.zeros(points.shape[1])
+        columns = [np.array([points[at[q]] if q in at else blank for q in group]) for group in pairs]
+        if self._uses_time:
+            columns.append(np.full((1, points.shape[1]), self._plan.sampler.time))
+        for block in self._plan.newton:
+            columns.append(np.array([points[at[q]] for s in block.unknowns if (q := flat.scope.owner(s))]))
+        return columns
+
+    def _nonlinear(self, name: str) -> str:
+        return (
+            f"{self._efforts()} is not linear in parameter '{name}'; give it a number and leave it out of the list, or "
+            "estimate it with gt.estimate"
+        )
+
+    def _efforts(self) -> str:
+        return f"{', '.join(s.name for s in self.outputs)} of {self._title}"
+
+    def _columns(self, rows: Sequence[Any]) -> list[Array]:
+        wanted = [(s.name, s.shape) for s in self.inputs] + [("time", ())] * self._uses_time
+        if len(rows) != len(wanted):
+            names = ", ".join(n for n, _ in wanted)
+            raise TypeError(f"the regressor takes {len(wanted)} arrays of rows ({names}); found {len(rows)}")
+        columns, count = [], None
+        for (name, shape), value in zip(wanted, rows, strict=True):
+            a = np.asarray(value, dtype=float)
+            count = a.shape[0] if count is None and a.ndim else count
+            if a.shape != (count, *shape):
+                expected = f"(n, {', '.join(map(str, shape))})" if shape else "(n,)"
+                raise TypeError(f"the regressor: '{name}' takes shape {expected}; found {a.shape}")
+            columns.append(np.ascontiguousarray(a.reshape(a.shape[0], -1).T))
+        return columns
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Cut loose from its model, for other processes. Raises ModelError where Newton blocks tie it to the model."""
+        if self._kernels:
+            raise ModelError("a regressor with Newton blocks cannot leave its model; make one in each process")
+        kept = {k: v for k, v in self.__dict__.items() if k not in ("_plan", "_built", "casadi")}
+        return {**kept, "_function": self._function.serialize()}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._function = ca.Function.deserialize(state["_function"])
+
+    def __repr__(self) -> str:
+        return f"Regressor({', '.join(self.columns)} linear in {', '.join(self.names)})"
+
+
+def _partly_folded(causal: CausalFunction, chosen: Sequence[int]) -> Plan:
+    """The causality worked out again with symbols for the chosen parameters and numbers for the others."""
+    flat = causal.flat
+    fold = ca.SX(ca.DM(flat.require_values()))
+    for k in chosen:
+        fold[k] = flat.parameters[k].symbol
+    known = [i for _, _, indices in causal.groups for i in indices]
+    pairs = [p for s in causal.outputs for p in s.pairs]
+    return make_plan(flat, known, pairs, causal.preferred, causal.branches, fold=fold)
+
+
+def _elements(name: str, shape: tuple[int, ...]) -> list[str]:
+    if not shape:
+        return [name]
+    return [f"{name}[{','.join(map(str, i))}]" for i in np.ndindex(*shape)]

@@ -1,0 +1,212 @@
+"""From logs to rows of a regressor: one zero-phase filter on forces and regressor, ends cut, standstill left out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from scipy.ndimage import binary_dilation, binary_opening
+
+from gtmodel.lang import ModelError
+from gtmodel.measurements import Session, ZeroPhase, cutoff_for, moving, offset_columns
+from gtmodel.results import Status, TrajectoryError
+
+from .differences import velocity_and_acceleration
+from .regressor import Regressor
+
+Array = np.ndarray
+
+# of the cut-off's period: there white noise behind the filter has lost its correlation (first zero, at any sampling)
+INDEPENDENT = 0.57
+MASK_STEPS = 3.0  # quantisation steps per sample: below, the sign of a velocity is not known
+
+
+@dataclass(frozen=True)
+class Processing:
+    """How logs become rows.
+
+    cutoff_Hz: of the zero-phase Butterworth low pass of this order that acts on the position, and on efforts and
+    regressor alike; None: 2.5 times the band that the motion excites. every: of the filtered rows every n-th is used;
+    None: as many as the filter leaves independent. position_step: quantisation of the position; None: the smallest step
+    in the log. mask_steps: rows slower than that many position steps per sample are left out.
+    """
+
+    cutoff_Hz: float | None = None
+    order: int = 4
+    every: int | None = None
+    position_step: float | None = None
+    mask_steps: float = MASK_STEPS
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """Rows for a fit: efforts (n, m) beside Y p + y0 with Y (n, m, p) and y0 (n, m), filtered alike.
+
+    names, nominal (p,), units of the parameters; targets (m,) and effort_unit; time (n,) [s]; position and velocity
+    (n, k); `starts`: where recordings begin; `cutoff_Hz`, `every`, `interval` [s] between rows; `dropped`: share of
+    samples left out as too slow, and the `threshold` of velocity; synthetic: the log's own note;
+    signed: names that may be negative although masses and friction may not.
+    """
+
+    names: tuple[str, ...]
+    nominal: Array
+    units: tuple[str, ...]
+    targets: tuple[str, ...]
+    effort_unit: str
+    Y: Array
+    y0: Array
+    effort: Array
+    time: Array
+    position: Array
+    velocity: Array
+    starts: tuple[int, ...]
+    cutoff_Hz: float
+    every: int
+    interval: float
+    dropped: float
+    threshold: float
+    synthetic: str | None
+    signed: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    def part(self, rows: Array) -> Rows:
+        """Some of the rows, by index."""
+        chosen = {k: getattr(self, k)[rows] for k in ("Y", "y0", "effort", "time", "position", "velocity")}
+        return replace(self, starts=(0,), **chosen)
+
+    @property
+    def filter_sentence(self) -> str:
+        """What was done, for tables."""
+        return (
+            f"zero-phase Butterworth low pass at {self.cutoff_Hz:.3g} Hz on position, efforts and regressor, "
+            f"five-point differences, every {self.every}. row; {100 * self.dropped:.2g} % of the samples left out near "
+            f"standstill, slower than {self.threshold:.2g} m/s"
+        )
+
+
+def rows_of(
+    sessions: Session | Sequence[Session],
+    regressor: Regressor,
+    processing: Processing | None = None,
+    known: str = "q",
+    targets: str = "tau",
+) -> Rows:
+    """Rows of one or several recordings of one plant.
+
+    The position is low-passed and differentiated, the regressor evaluated there, and its columns and the efforts
+    low-passed once more by the same filter: no phase, no amplitude comes between them. The ends that the filter
+    disturbs are cut, and so is what lies beside a standstill, where friction is not the law's.
+
+    Raises ModelError where the regressor has no value (naming the time) or all rows are too slow; TrajectoryError where
+    a recording is too short for the filter.
+    """
+    sessions = [sessions] if isinstance(sessions, Session) else list(sessions)
+    processing = processing or Processing()
+    cutoff = processing.cutoff_Hz
+    if cutoff is None:
+        cutoff = max(cutoff_for(s.trajectory[known], s.sample_time) for s in sessions)
+    low_pass = ZeroPhase(cutoff, processing.order)
+    every = processing.every or max(1, round(INDEPENDENT / (cutoff * sessions[0].sample_time)))
+    parts = [_rows(s, regressor, low_pass, every, processing, known, targets) for s in sessions]
+    joined: dict[str, Any] = {k: np.concatenate([p[k] for p in parts]) for k in parts[0] if parts[0][k].ndim}
+    lengths = [len(p["time"]) for p in parts]
+    if not sum(lengths):
+        raise ModelError("the log stands still, or nearly so, all the time; nothing can be told from it")
+    notes = list(dict.fromkeys(s.trajectory.synthetic for s in sessions if s.trajectory.synthetic))
+    first = sessions[0]
+    return Rows(
+        regressor.names,
+        regressor.nominal,
+        regressor.units,
+        regressor.columns,
+        first.trajectory.unit(targets),
+        starts=tuple(int(k) for k in np.cumsum([0, *lengths[:-1]])),
+        cutoff_Hz=cutoff,
+        every=every,
+        interval=every * first.sample_time,
+        dropped=float(np.mean([p["dropped"] for p in parts])),
+        threshold=float(max(p["threshold"] for p in parts)),
+        synthetic="; ".join(notes) or None,
+        **joined,
+    )
+
+
+def with_offsets(rows: Rows, signal: str, *, per_session: bool = True) -> Rows:
+    """The rows with offsets of the measured efforts as further parameters, each recording's own or one for all.
+
+    Named as by `Corrections`: "tau.offset[0] of session 2". What a motion with gravity and friction tells of them is in
+    their intervals, and what they cost in those of the others.
+    """
+    n, m = rows.effort.shape
+    lengths = np.diff([*rows.starts, n])
+    count = len(lengths) if per_session else 1
+    names = [
+        f"{signal}.offset{f'[{i}]' if m > 1 else ''}{f' of session {k + 1}' if count > 1 else ''}"
+        for k in range(count)
+        for i in range(m)
+    ]
+    columns = offset_columns(lengths.tolist(), m, per_session=per_session).reshape(n, m, len(names))
+    return replace(
+        rows,
+        names=(*rows.names, *names),
+        nominal=np.concatenate([rows.nominal, np.zeros(len(names))]),
+        units=(*rows.units, *[rows.effort_unit] * len(names)),
+        Y=np.concatenate([rows.Y, columns], axis=2),
+        signed=(*rows.signed, *names),
+    )
+
+
+def smallest_step(position: Array) -> float:
+    """Smallest change between two neighbouring samples [unit of the position]: the step of a quantised one."""
+    steps = np.abs(np.diff(position.reshape(len(position), -1), axis=0))
+    return float(np.min(steps[steps > 1e-12 * np.max(steps, initial=0.0)], initial=np.inf))
+
+
+def _rows(
+    session: Session, regressor: Regressor, low_pass: ZeroPhase, every: int, how: Processing, known: str, targets: str
+) -> dict[str, Array]:
+    raw, step = session.trajectory, session.sample_time
+    quantum = how.position_step if how.position_step is not None else smallest_step(raw[known])
+    position = low_pass(raw[known], step)
+    rate, acceleration = velocity_and_acceleration(position, step)
+    given = {known: position, f"der({known})": rate, f"der({known},2)": acceleration}
+    found = regressor(*[given[s.name] for s in regressor.inputs])
+    bad = np.flatnonzero(found.status != Status.OK)
+    if bad.size:
+        raise ModelError(
+            f"{session.name} at {raw.time[bad[0]]:g} s: {Status(int(found.status[bad[0]])).sentence}; "
+            "check the unit and the sign of the measured position"
+        )
+    n, m, p = found.Y.shape
+    velocity = given[f"der({known})"].reshape(n, -1)
+    fast = moving(velocity, step, quantum if np.isfinite(quantum) else 0.0, how.mask_steps)
+    cut, reach = low_pass.end_rows(step), int(np.ceil(1 / (low_pass.cutoff_Hz * step)))
+    if 2 * cut >= n:
+        raise TrajectoryError(
+            f"'{session.name}' lasts {raw.duration:g} s; expected more than twice the {cut * step:g} s that the filter "
+            "cuts off at either end, so record longer or raise the cut-off"
+        )
+    # slower for longer than a period of the cut-off: standing still, not turning round
+    still = np.asarray(binary_dilation(binary_opening(~fast.rows, np.ones(reach)), iterations=reach), dtype=bool)
+    keep = fast.rows & ~still
+    keep[:cut], keep[n - cut :] = False, False
+    rows = np.arange(cut, n - cut, every)
+    chosen = rows[keep[rows]]
+    columns = np.column_stack([found.Y.reshape(n, m * p), found.y0, raw[targets].reshape(n, m)])
+    filtered, used = np.zeros((len(chosen), columns.shape[1])), np.any(columns != 0, axis=0)
+    filtered[:, used] = low_pass(columns[:, used], step)[chosen]  # a cart's friction enters one effort of three
+    Y, y0, effort = np.split(filtered, [m * p, m * p + m], axis=1)
+    return {
+        "Y": Y.reshape(-1, m, p),
+        "y0": y0,
+        "effort": effort,
+        "time": raw.time[chosen],
+        "position": position.reshape(n, -1)[chosen],
+        "velocity": velocity[chosen],
+        "dropped": np.array(1 - len(chosen) / max(1, len(rows))),
+        "threshold": np.array(fast.threshold),
+    }

@@ -1,0 +1,53 @@
+"""Position-controlled carts as measured from outside: delayed first-order systems from reference to motion."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import make_interp_spline
+from scipy.signal import lfilter
+
+Array = np.ndarray
+
+SMOOTH = 5  # degree of the spline through the samples: four continuous derivatives, accelerations without corners
+
+
+@dataclass(frozen=True)
+class Tracking:
+    """q_m = b z^-delay / (1 - a z^-1) q_r for each axis (Dressler 2012, eqs. (6.10) and (6.11)).
+
+    b, a: one each per axis; delay in samples; sample_time [s]. It acts on the deviation from the first reference: the
+    printed gains b / (1 - a) are 0.999, 0.996 and 1.010, and a robot at rest does not move for that.
+    """
+
+    b: tuple[float, ...]
+    a: tuple[float, ...]
+    delay: int
+    sample_time: float = 0.004
+
+    def __post_init__(self) -> None:
+        if len(self.a) != len(self.b) or self.delay < 0 or not all(abs(a) < 1 for a in self.a):
+            raise ValueError(
+                f"tracking takes as many a, each below 1 in size, as b, and a delay of 0 or more samples; found a = "
+                f"{self.a}, b = {self.b}, delay = {self.delay}"
+            )
+
+    def follow(self, reference: Array) -> Array:
+        """Positions (n, axes) of the axes for references (n, axes), at rest before the first row."""
+        reference = np.asarray(reference, dtype=float)
+        if reference.ndim != 2 or reference.shape[1] != len(self.a):
+            raise ValueError(
+                f"tracking of {len(self.a)} axes takes references (n, {len(self.a)}); found {reference.shape}"
+            )
+        moved = reference - reference[0]
+        late = np.vstack([np.zeros((self.delay, len(self.a))), moved])[: len(moved)]
+        columns = [lfilter([b], [1.0, -a], late[:, k]) for k, (a, b) in enumerate(zip(self.a, self.b, strict=True))]
+        return np.stack(columns, axis=1) + reference[0]
+
+
+def smooth_motion(time: Array, position: Array) -> tuple[Array, Array, Array]:
+    """Position, velocity and acceleration at `time` of the smooth curve through the samples (n, axes): what a
+    simulated motion is taken to be between them."""
+    spline = make_interp_spline(time, position, k=SMOOTH)
+    return position, spline.derivative(1)(time), spline.derivative(2)(time)

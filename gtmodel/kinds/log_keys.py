@@ -1,0 +1,107 @@
+"""The keys by which a problem file names its logs and measured signals; shared by the kinds that read any."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Literal
+
+from pydantic import Field, PositiveFloat
+
+from gtmodel.lang.units import UnitError
+from gtmodel.measurements import Column, Session, Signal
+from gtmodel.measurements.log import JITTER
+from gtmodel.measurements.signals import read_signals
+from gtmodel.results import TrajectoryError
+
+from .base import Context, InputError, Section
+from .robots import file_of
+from .units import unit_of
+
+Free = Literal["estimate"]
+
+
+class TimeColumn(Section):
+    """The column of time."""
+
+    column: str = Field(default="time", description="its name in the log")
+    unit: str = Field(default="s", description="its unit there")
+
+
+class MeasuredSignal(Section):
+    """A measured signal: quantity(t) = scale column(t + delay) - offset. A number fixes, "estimate" frees."""
+
+    column: str | list[str] = Field(description='its name in the log; "q" means "q[0]", "q[1]", ... too')
+    unit: str = Field(description="its unit in the log")
+    scale: float | Free = Field(default=1.0, description="quantity per column, in SI unit of the key per column's unit")
+    offset: float | Free = Field(default=0.0, description="what is read when the quantity is zero, in its SI unit")
+    delay_s: float | Free = Field(default=0.0, description="how late the column is")
+    per_session: list[Literal["delay", "scale", "offset"]] = Field(
+        default=["offset"], description="which of those to be estimated differ from session to session"
+    )
+
+    def signal(self, key: str, unit: str | None = None) -> Signal:
+        """As the measurements take it; the key, such as force_N, tells the quantity's SI unit, or `unit` does.
+
+        Raises InputError.
+        """
+        column = self.column if isinstance(self.column, str) else tuple(self.column)
+        unit = unit_of(key.rpartition(".")[2]) if unit is None else unit
+        try:
+            return Signal(
+                column, self.unit, self.scale, self.offset, self.delay_s, unit, tuple(dict.fromkeys(self.per_session))
+            )
+        except (TrajectoryError, UnitError) as error:
+            raise InputError(str(error), key) from error
+
+
+class LogSampling(Section):
+    """How logs are sampled; a kind adds its files and signals."""
+
+    time: TimeColumn = TimeColumn()
+    session: str | None = Field(default=None, description="column whose number tells the recordings of a file apart")
+    sample_time_s: PositiveFloat | None = Field(default=None, description="expected; the log's median if left out")
+    jitter: float = Field(default=JITTER, gt=0, lt=1, description="how far a step may be off, as a share of it")
+
+    def read(self, names: list[str], signals: Mapping[str, Signal], context: Context, key: str) -> tuple[Session, ...]:
+        """The columns of the signals from these files, as they stand in the log; `key`: where the names stand.
+
+        Raises InputError with the key of the file that is missing or wrong.
+        """
+        found: list[Session] = []
+        if not names:
+            raise InputError("is empty; name a CSV or .mat file", key)
+        for n, name in enumerate(names):
+            place = f"{key}[{n}]"
+            path = file_of(name, context)
+            if path is None:
+                raise InputError(f"there is no file '{name}' in {context.folder} or here", place)
+            context.inputs[place] = Path(path)
+            try:
+                found += read_signals(
+                    [path],
+                    signals,
+                    time=Column(self.time.column, self.time.unit),
+                    session=self.session,
+                    sample_time=self.sample_time_s,
+                    jitter=self.jitter,
+                )
+            except (TrajectoryError, UnitError) as error:
+                # the sentence names the file; a column's fault is the section's as often as the file's
+                raise InputError(str(error), key.rpartition(".")[0]) from error
+        widths = {tuple(s.trajectory[name].shape[1:] for name in signals) for s in found}
+        if len(widths) > 1:
+            raise InputError("the files have signals of different widths; name logs of one robot", key)
+        return tuple(found)
+
+
+class LogFiles(LogSampling):
+    """Where logs lie and how they are sampled; a kind adds its signals."""
+
+    files: list[str] = Field(default=[], description="CSV or .mat files; paths start at the problem's folder")
+
+    def sessions(
+        self, signals: Mapping[str, Signal], context: Context, *, files: list[str] | None = None, key: str = "log.files"
+    ) -> tuple[Session, ...]:
+        """As `read`, from `files` or the section's own."""
+        return self.read(self.files if files is None else files, signals, context, key)

@@ -1,0 +1,154 @@
+"""Zero-phase low pass, central differences, decimation, and where a velocity is far from zero."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from scipy.signal import butter, sosfiltfilt, sosfreqz
+
+from ..lang.units import rate_unit
+from ..results.trajectory import Trajectory
+from ..results.trajectory_errors import Array, TrajectoryError
+from .log import Session
+
+BAND_FACTOR = 2.5  # cut-off over excitation band; 2 to 3 leaves the motion and takes most of the noise
+BAND_SHARE = 0.999  # of the velocity's power
+ORDER = 4
+# the slowest pole of the filter decays as exp(-2 pi f_c sin(pi / 8) t) at order four: 1e-3 after 2.9 / f_c
+SETTLING_PERIODS = 3.0
+
+
+@dataclass(frozen=True)
+class ZeroPhase:
+    """Butterworth low pass, run forth and back: no phase, amplitude |H|^2, so -6 dB at the cut-off.
+
+    cutoff_Hz : of one pass. order : of one pass.
+    """
+
+    cutoff_Hz: float
+    order: int = ORDER
+
+    def __call__(self, rows: Array, sample_time: float) -> Array:
+        """Filtered rows, (n,) or (n, k), sampled at sample_time [s].
+
+        Raises TrajectoryError for a cut-off that the sampling cannot carry, and for too few rows.
+        """
+        rows = np.asarray(rows, dtype=float)
+        need = 3 * (2 * math.ceil(self.order / 2) + 1)
+        if len(rows) <= need:
+            raise TrajectoryError(f"there are {len(rows)} rows to filter; expected more than {need}")
+        return np.asarray(sosfiltfilt(self._sections(sample_time), rows, axis=0))
+
+    def amplitude(self, frequency_Hz: float | Array, sample_time: float) -> Array:
+        """By how much a sine of that frequency comes out smaller (both passes)."""
+        turn = 2 * np.pi * np.atleast_1d(frequency_Hz) * sample_time
+        _, response = sosfreqz(self._sections(sample_time), worN=turn)
+        return np.square(np.abs(np.asarray(response)), dtype=float)
+
+    def end_rows(self, sample_time: float) -> int:
+        """Rows at either end that the ends of the record disturb: three periods of the cut-off."""
+        return math.ceil(SETTLING_PERIODS / (self.cutoff_Hz * sample_time))
+
+    def _sections(self, sample_time: float) -> Array:
+        half = 0.5 / sample_time
+        if not 0 < self.cutoff_Hz < half:
+            raise TrajectoryError(
+                f"the cut-off is {self.cutoff_Hz:g} Hz; expected between 0 and half the sampling rate, {half:g} Hz"
+            )
+        return np.asarray(butter(self.order, self.cutoff_Hz, fs=1 / sample_time, output="sos"), dtype=float)
+
+
+def excitation_band(position: Array, sample_time: float, share: float = BAND_SHARE) -> float:
+    """Frequency [Hz] below which the velocity has that share of its power; position (n,) or (n, k).
+
+    Raises TrajectoryError where nothing moves.
+    """
+    velocity = derivative(position, sample_time)
+    power = np.abs(np.fft.rfft(velocity - velocity.mean(axis=0), axis=0)) ** 2
+    total = power.reshape(len(power), -1).sum(axis=1).cumsum()
+    if not total[-1] > 0:
+        raise TrajectoryError("nothing moves, so there is no band of excitation; give the cut-off of the filter")
+    return float(np.fft.rfftfreq(len(velocity), sample_time)[np.searchsorted(total, share * total[-1])])
+
+
+def cutoff_for(position: Array, sample_time: float, factor: float = BAND_FACTOR) -> float:
+    """Cut-off [Hz]: 2.5 times the excitation band, at most four fifths of half the sampling rate."""
+    return min(factor * excitation_band(position, sample_time), 0.4 / sample_time)
+
+
+def derivative(rows: Array, sample_time: float) -> Array:
+    """Central differences of rows (n,) or (n, k), one-sided at the ends; all of second order in the sample time."""
+    if len(rows) < 3:
+        raise TrajectoryError(f"there are {len(rows)} rows to differentiate; expected at least 3")
+    return np.gradient(np.asarray(rows, dtype=float), sample_time, axis=0, edge_order=2)
+
+
+def second_derivative(rows: Array, sample_time: float) -> Array:
+    """Central second differences on three rows, of second order; the end rows repeat their neighbours."""
+    if len(rows) < 3:
+        raise TrajectoryError(f"there are {len(rows)} rows to differentiate; expected at least 3")
+    inner = np.diff(np.asarray(rows, dtype=float), n=2, axis=0) / sample_time**2
+    return np.concatenate([inner[:1], inner, inner[-1:]])
+
+
+def motion(session: Session, position: str, low_pass: ZeroPhase | None) -> Trajectory:
+    """The session with "der(POSITION)" and "der(POSITION,2)" beside its signals, the filter's ends cut.
+
+    low_pass : acts on every signal alike, position and forces, so that no phase or amplitude comes between them; None
+        leaves the rows as they are, for regressors that are filtered together with the force afterwards: exact for
+        columns linear in velocity and acceleration, and right for the sign of a velocity.
+    """
+    raw, step = session.trajectory, session.sample_time
+    rows = {name: raw[name] if low_pass is None else low_pass(raw[name], step) for name in raw.names}
+    unit = raw.unit(position)
+    first, second = f"der({position})", f"der({position},2)"
+    rows[first], rows[second] = derivative(rows[position], step), second_derivative(rows[position], step)
+    cut = 1 if low_pass is None else low_pass.end_rows(step)
+    if 2 * cut + 3 > len(raw):
+        raise TrajectoryError(
+            f"'{session.name}' lasts {raw.duration:g} s; expected more than twice the {cut * step:g} s that the filter "
+            "cuts off at either end, so record longer or raise the cut-off"
+        )
+    inside = slice(cut, len(raw) - cut)
+    units = {**raw.units, first: rate_unit(unit), second: rate_unit(unit, 2)}
+    return Trajectory(
+        raw.time[inside],
+        {name: value[inside] for name, value in rows.items()},
+        units,
+        title=raw.title,
+        provenance=raw.provenance,
+        synthetic=raw.synthetic,
+    )
+
+
+def decimate(trajectory: Trajectory, every: int) -> Trajectory:
+    """Every n-th row of signals that are low-passed already.
+
+    Raises TrajectoryError where fewer than three rows would be left.
+    """
+    left = len(trajectory) // max(every, 1)
+    if every < 1 or left < 3:
+        raise TrajectoryError(f"every {every}th of {len(trajectory)} rows; expected a whole number that leaves three")
+    return trajectory.resample(trajectory.time[::every])
+
+
+class Moving(NamedTuple):
+    """Where all velocities are beyond their thresholds: (n,) rows, the threshold [unit of velocity], share dropped."""
+
+    rows: np.ndarray
+    threshold: float
+    dropped: float
+
+
+def moving(velocity: Array, sample_time: float, step: float, steps: float = 3.0) -> Moving:
+    """Rows whose velocity, (n,) or (n, k), is at least `steps` quantisation steps per sample in every column.
+
+    step : quantisation of the position. There the sign of the velocity is known.
+    """
+    threshold = steps * step / sample_time
+    fast = np.abs(np.asarray(velocity).reshape(len(velocity), -1)) >= threshold
+    rows = np.asarray(fast.all(axis=1))
+    return Moving(rows, threshold, float(1 - rows.mean()))

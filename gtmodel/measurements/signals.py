@@ -1,0 +1,241 @@
+"""Measured signals with a delay, a scale and an offset, each fixed or estimated, in common or by session."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.optimize import least_squares
+
+from ..lang.units import convert, parse_unit
+from ..results.trajectory import Trajectory
+from ..results.trajectory_errors import Array
+from ..results.trajectory_files import PathLike
+from .log import JITTER, TIME, Column, LogError, Session, read_log
+
+Estimate = Literal["estimate"]
+ESTIMATE: Estimate = "estimate"
+What = Literal["delay", "scale", "offset"]
+LONGEST_DELAY = 0.05  # s; what a bus, a filter and a servo cycle add up to, not the seconds between two clocks
+
+
+@dataclass(frozen=True)
+class Signal:
+    """A column and how the quantity follows from it: quantity(t) = scale column(t + delay) - offset.
+
+    column, unit : where it stands, see `Column`.
+    quantity_unit : SI unit of the quantity; that of the column when empty.
+    scale : quantity per column, [quantity_unit / unit]; offset : what the reading shows, times scale, when the quantity
+    is zero [quantity_unit]; delay : how late the column is [s]. A number fixes one, ESTIMATE frees it.
+    per_session : which of the free ones differ from session to session.
+
+    Raises LogError where column and quantity have different dimensions and no scale is given.
+    """
+
+    column: str | tuple[str, ...]
+    unit: str
+    scale: float | Estimate = 1.0
+    offset: float | Estimate = 0.0
+    delay: float | Estimate = 0.0
+    quantity_unit: str = ""
+    per_session: tuple[What, ...] = ("offset",)
+
+    def __post_init__(self) -> None:
+        other = parse_unit(self.quantity_unit or self.unit).dimension != parse_unit(self.unit).dimension
+        if other and self.scale == 1.0:
+            raise LogError(
+                f"the column '{self.column}' is in {self.unit} and the quantity in {self.quantity_unit}; "
+                f'give the scale in {self.quantity_unit} per {self.unit}, or scale = "estimate"'
+            )
+
+
+class Free(NamedTuple):
+    """One correction to be estimated; `session` and `component` are None where it holds for all."""
+
+    signal: str
+    what: What
+    session: int | None
+    component: int | None
+
+    @property
+    def name(self) -> str:
+        """As in "force.offset[0] of session 2"."""
+        part = "" if self.component is None else f"[{self.component}]"
+        return f"{self.signal}.{self.what}{part}" + ("" if self.session is None else f" of session {self.session + 1}")
+
+
+class Corrections:
+    """Delays, scales and offsets of the signals of some sessions.
+
+    signals : quantity -> `Signal`. sessions : as `read_log` gave them, columns not yet corrected.
+    longest_delay : bound on a free delay [s].
+
+    free : what is to be estimated, in the order of the arguments of `apply`. start : where an estimation begins.
+    """
+
+    def __init__(
+        self, signals: Mapping[str, Signal], sessions: Sequence[Session], *, longest_delay: float = LONGEST_DELAY
+    ) -> None:
+        self.signals = dict(signals)
+        self.sessions = tuple(sessions)
+        self.longest_delay = longest_delay
+        self.free = tuple(_free(self.signals, self.sessions))
+        self._places = {free: k for k, free in enumerate(self.free)}
+        self.start = np.array([1.0 if free.what == "scale" else 0.0 for free in self.free])
+
+    def apply(self, values: Array | Sequence[float] = ()) -> tuple[Session, ...]:
+        """The sessions with the quantities in place of the columns, in SI units; values: of `free`.
+
+        Rows at both ends are cut by the longest delay there can be, so their number does not depend on the values. A
+        fraction of a sample is a cubic spline's; a noise-like signal must be low-passed for that.
+        """
+        return tuple(self._session(k, np.asarray(values, dtype=float)) for k in range(len(self.sessions)))
+
+    def bounds(self) -> tuple[Array, Array]:
+        """Lower and upper bounds of the free values: delays are bounded, the others are not."""
+        most = np.array([self.longest_delay if free.what == "delay" else np.inf for free in self.free])
+        return -most, most
+
+    def estimate(self, residual: Callable[[tuple[Session, ...]], Array]) -> Array:
+        """The free values that make the sum of squares of residual(corrected sessions) least.
+
+        residual : smooth, of constant length; what else it has to estimate it may eliminate by itself (variable
+            projection). Offsets of a force are better columns of the regressor, see `offset_columns`.
+
+        Raises LogError where the minimum is not found, or a delay ends at its bound.
+        """
+        if not self.free:
+            return np.zeros(0)
+        size = np.array([self._size(free) for free in self.free])
+        low, high = self.bounds()
+        found = least_squares(
+            lambda z: residual(self.apply(z * size)),
+            self.start / size,
+            jac="3-point",
+            bounds=(low / size, high / size),
+            x_scale="jac",
+        )
+        if not found.success:
+            raise LogError(f"the corrections {', '.join(f.name for f in self.free)} were not found: {found.message}")
+        for free, z, at in zip(self.free, found.x, found.active_mask, strict=True):
+            if at:
+                raise LogError(
+                    f"the estimate of {free.name} runs to its bound, {1e3 * z * self._size(free):.3g} ms; "
+                    "cut the logs to a common start, or give the delay"
+                )
+        return found.x * size
+
+    def named(self, values: Array) -> dict[str, float]:
+        """Free values by name; delays in s."""
+        return {free.name: float(x) for free, x in zip(self.free, values, strict=True)}
+
+    def _size(self, free: Free) -> float:
+        """What is a small change of a value: a sample, a hundredth of the scale or of the signal."""
+        if free.what == "delay":
+            return min(session.sample_time for session in self.sessions)
+        if free.what == "scale":
+            return 1.0
+        trajectory = self.sessions[free.session or 0].trajectory
+        return float(np.std(trajectory[free.signal])) or 1.0
+
+    def _session(self, k: int, values: Array) -> Session:
+        session = self.sessions[k]
+        raw, step = session.trajectory, session.sample_time
+        reach = max(
+            self.longest_delay if s.delay == ESTIMATE else abs(float(s.delay)) for s in [*self.signals.values(), _STILL]
+        )
+        cut = int(np.ceil(reach / step - 1e-9))
+        if 2 * cut + 3 > len(raw):
+            raise LogError(f"'{session.name}' lasts {raw.duration:g} s, too short for delays of {reach:g} s")
+        time = raw.time[cut : len(raw) - cut]
+        quantities, units = {}, {}
+        for name in raw.names:
+            signal = self.signals.get(name)
+            if signal is None:
+                quantities[name], units[name] = raw[name][cut : len(raw) - cut], raw.unit(name)
+                continue
+            width = 1 if raw[name].ndim == 1 else raw[name].shape[1]
+            scale, offset, delay = (self._values(name, signal, what, k, width, values) for what in _WHATS)
+            rows = raw[name].reshape(len(raw), width)
+            late = np.column_stack([_at(raw.time, rows[:, j], time, cut, float(delay[j])) for j in range(width)])
+            corrected = late * (scale * _per_si(signal)) - offset
+            quantities[name] = corrected[:, 0] if raw[name].ndim == 1 else corrected
+            units[name] = parse_unit(signal.quantity_unit or signal.unit).si_text
+        derived = Trajectory(
+            time, quantities, units, title=raw.title, provenance=raw.provenance, synthetic=raw.synthetic
+        )
+        return Session(session.name, derived, step)
+
+    def _values(self, name: str, signal: Signal, what: What, k: int, width: int, values: Array) -> Array:
+        given = getattr(signal, what)
+        if given != ESTIMATE:
+            return np.full(width, float(given))
+        session = k if what in signal.per_session else None
+        parts = range(width) if width > 1 else [None]
+        return np.array([values[self._places[Free(name, what, session, part)]] for part in parts])
+
+
+_STILL = Signal("", "1")
+_WHATS: tuple[What, ...] = ("scale", "offset", "delay")
+
+
+def read_signals(
+    paths: Sequence[PathLike],
+    signals: Mapping[str, Signal],
+    *,
+    time: Column = TIME,
+    session: str | None = None,
+    sample_time: float | None = None,
+    jitter: float = JITTER,
+) -> tuple[Session, ...]:
+    """The columns of the signals from one or several files, one after the other, as sessions; not yet corrected.
+
+    Arguments and errors as of `read_log`.
+    """
+    columns = {name: Column(signal.column, signal.unit) for name, signal in signals.items()}
+    return tuple(
+        one
+        for path in paths
+        for one in read_log(path, columns, time=time, session=session, sample_time=sample_time, jitter=jitter)
+    )
+
+
+def offset_columns(rows: Sequence[int], width: int = 1, *, per_session: bool = True) -> Array:
+    """Regressor of a measured force's offsets: (sum(rows) * width, parameters), zeros and ones.
+
+    rows : rows of each session, stacked one after the other, with the `width` components of a row side by side. The
+    parameters are the components of the first session, of the second and so on; those of all sessions together where
+    per_session is False. The measured force is regressor @ parameters + these columns @ offsets.
+    """
+    sessions = np.repeat(np.arange(len(rows)), rows) if per_session else np.zeros(sum(rows), dtype=int)
+    count = len(rows) if per_session else 1
+    return np.kron(np.eye(count)[sessions], np.eye(width)).astype(float)
+
+
+def _free(signals: Mapping[str, Signal], sessions: Sequence[Session]) -> list[Free]:
+    found = []
+    for name, signal in signals.items():
+        rows = sessions[0].trajectory[name]
+        parts: Sequence[int | None] = [None] if rows.ndim == 1 else range(rows.shape[1])
+        for what in ("delay", "scale", "offset"):
+            if getattr(signal, what) == ESTIMATE:
+                where: Sequence[int | None] = range(len(sessions)) if what in signal.per_session else [None]
+                found += [Free(name, what, k, part) for k in where for part in parts]
+    return found
+
+
+def _at(time: Array, rows: Array, wanted: Array, cut: int, delay: float) -> Array:
+    if delay == 0.0:
+        return rows[cut : len(rows) - cut]
+    return CubicSpline(time, rows)(wanted + delay)
+
+
+def _per_si(signal: Signal) -> float:
+    """Factor of a column that arrived in SI units: the scale is per the declared unit, the column is not any more."""
+    quantity, unit = parse_unit(signal.quantity_unit or signal.unit), parse_unit(signal.unit)
+    if quantity.dimension == unit.dimension:
+        return 1.0
+    return 1.0 / float(convert(1.0, unit.text, unit.si_text))

@@ -1,0 +1,45 @@
+"""A simulated motion beside the measured one, and how far they are apart."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from ..results.trajectory import Trajectory
+from .signals import COLOURS
+
+
+def closed_loop_figure(runs: Sequence[tuple[str, Trajectory]], *, title: str = "") -> Figure:
+    """Per recording its motion, and below its error in thousandths of a thousandth of the unit (µm, µrad).
+
+    runs: name and trajectory with "measured" and "simulated", (n,) or (n, axes) each.
+    """
+    figure = Figure(figsize=(8.5, 1.0 + 3.8 * len(runs)), layout="constrained")
+    panels = figure.subplots(2 * len(runs), 1, squeeze=False, height_ratios=[2, 1] * len(runs))[:, 0]
+    for k, (name, trajectory) in enumerate(runs):
+        motion, error = panels[2 * k], panels[2 * k + 1]
+        motion.sharex(error)
+        unit, time = trajectory.unit("measured"), trajectory.time
+        measured, simulated = (trajectory[n].reshape(len(time), -1) for n in ("measured", "simulated"))
+        for i in range(measured.shape[1]):
+            of = "" if measured.shape[1] == 1 else f"[{i}]"
+            motion.plot(time, measured[:, i], color="0.6", linewidth=3.0, label=f"measured{of}")
+            motion.plot(time, simulated[:, i], color=COLOURS[i % len(COLOURS)], linewidth=1.0, label=f"simulated{of}")
+            error.plot(time, 1e6 * (simulated - measured)[:, i], color=COLOURS[i % len(COLOURS)], linewidth=0.8)
+        motion.set_ylabel(f"[{unit}]")
+        motion.tick_params(labelbottom=False)
+        if len(runs) > 1:
+            motion.set_title(name, fontsize="medium")
+        rms = 1e6 * float(np.sqrt(np.mean((simulated - measured) ** 2)))
+        error.set(ylabel=f"error [µ{unit}]", title=f"simulated - measured, {rms:.3g} µ{unit} rms")
+        error.title.set_fontsize("small")
+        for axes in (motion, error):
+            axes.grid(alpha=0.3)
+            axes.margins(x=0.0)
+        motion.legend(fontsize="small", loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
+    panels[-1].set_xlabel("time [s]")
+    if title:
+        figure.suptitle(title)
+    return figure

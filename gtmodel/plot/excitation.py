@@ -1,0 +1,96 @@
+"""Excitation: how much a motion tells of each parameter, and where it goes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import product
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from .colours import COLOURS
+from .robot3d import draw_robot, finish, pieces
+
+WIDTH = 0.38  # of a bar
+AXES = "xyz"
+PATHS = ("black", COLOURS[3], COLOURS[4])  # beside the links, which take the first colours
+
+
+def information_figure(
+    singular_values: Mapping[str, np.ndarray],
+    names: Sequence[str],
+    deviations: Mapping[str, Sequence[float]],
+    *,
+    amplitudes: np.ndarray | None = None,
+    frequency: float = 1.0,
+    title: str = "",
+) -> Figure:
+    """Singular values of the scaled regressor, relative standard deviations by parameter, amplitudes by harmonic.
+
+    Args:
+        singular_values: name of a motion -> (p,), largest first.
+        deviations: name of a motion -> (p,) predicted standard deviations over nominal values, in the order of `names`.
+        amplitudes: (harmonics, coordinates) [m] of the first motion; None for splines.
+        frequency: of the first harmonic [Hz].
+    """
+    count = 2 if amplitudes is None else 3
+    figure = Figure(figsize=(9.0, 2.8 * count), layout="constrained")
+    panels = figure.subplots(count, 1, squeeze=True)
+    for k, (name, s) in enumerate(singular_values.items()):
+        panels[0].semilogy(np.arange(1, len(s) + 1), s, "o-", color=COLOURS[k], label=f"{name}: {s[0] / s[-1]:.4g}")
+    panels[0].set(xlabel="number", ylabel="singular value [N]", title="scaled regressor, and its condition number")
+    panels[0].legend(fontsize="small")
+    at = np.arange(len(names))
+    for k, (name, row) in enumerate(deviations.items()):
+        panels[1].bar(at + (k - 0.5) * WIDTH, 100 * np.asarray(row), WIDTH, color=COLOURS[k], label=name)
+    panels[1].set_yscale("log")
+    panels[1].set_xticks(at, names, rotation=30, ha="right")
+    panels[1].set(ylabel="deviation [%]", title="predicted standard deviation over nominal value")
+    panels[1].legend(fontsize="small")
+    if amplitudes is not None:
+        harmonics = frequency * np.arange(1, len(amplitudes) + 1)
+        width = 0.8 * frequency / amplitudes.shape[1]
+        for k in range(amplitudes.shape[1]):
+            label = AXES[k] if amplitudes.shape[1] == len(AXES) else f"coordinate {k}"
+            panels[2].bar(harmonics + (k - 1) * width, 1e3 * amplitudes[:, k], width, color=COLOURS[k], label=label)
+        panels[2].set_xticks(harmonics)
+        panels[2].set(xlabel="frequency [Hz]", ylabel="amplitude [mm]", title="harmonics of the optimised motion")
+        panels[2].legend(fontsize="small")
+    for axes in panels:
+        axes.grid(alpha=0.3)
+    if title:
+        figure.suptitle(title)
+    return figure
+
+
+def path_figure(
+    paths: Mapping[str, np.ndarray],
+    carts: np.ndarray,
+    joints: np.ndarray,
+    *,
+    box: np.ndarray | None = None,
+    directions: np.ndarray | None = None,
+    title: str = "",
+) -> Figure:
+    """Paths (n, 3) [m] of the tool centre point by name, the robot where the first begins, and the box (2, 3) [m].
+
+    carts, joints: (l, 3) ends of its links [m]; directions (l, 3) of its guideways, not drawn if left out.
+    """
+    figure = Figure(figsize=(8.0, 6.5), layout="constrained")
+    axes: Any = figure.add_subplot(projection="3d")
+    alone = [[k] for k in range(len(carts))]
+    reach = float(np.mean(np.linalg.norm(joints - carts, axis=1))) / 2
+    guideways = np.zeros((0, 2, 3)) if directions is None else pieces(carts, alone, directions, reach)
+    draw_robot(axes, carts, joints, alone, guideways, width=1.0)
+    for k, (name, path) in enumerate(paths.items()):
+        axes.plot(*path.T, color=PATHS[k % len(PATHS)], linewidth=1.8 - 0.9 * min(k, 1), label=name)
+    if box is not None:
+        corners = np.array(list(product(*box.T)))
+        for a, b in product(range(8), repeat=2):
+            if a < b and np.sum(corners[a] != corners[b]) == 1:
+                axes.plot(*corners[[a, b]].T, color="0.5", linestyle=":", linewidth=1.0)
+    finish(axes)
+    axes.legend(fontsize="small", loc="upper left")
+    figure.suptitle(title)
+    return figure

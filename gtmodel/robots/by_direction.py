@@ -1,0 +1,115 @@
+"""Friction by direction on the three-link Gantry-Tau, and Table 6.3 of Dressler 2012 as declared variants."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from .. import lang as gt
+from ..mechanics import DirectionalSignFriction, DirectionalTanhFriction, SignFriction, TanhFriction
+from . import catalogue
+from .three_link import Arm, GantryTau
+
+# names of the friction laws by their smoothing: symmetric, by direction
+LAWS = {"sign": (SignFriction, DirectionalSignFriction), "tanh": (TanhFriction, DirectionalTanhFriction)}
+
+
+class GantryTauViscousByDirection(GantryTau):
+    """Viscous friction by direction, Coulomb friction symmetric (model 4 of Table 6.3).
+
+    `viscous` and `viscous_minus` are those at positive and at negative velocity, both positive numbers. The friction of
+    the arms must be one by direction: arm=dict(friction=DirectionalSignFriction).
+    """
+
+    viscous_minus = gt.parameter([0.0] * 3, unit="kg/s", description="viscous friction at negative velocity")
+    arm = gt.parts(
+        3,
+        Arm,
+        A=GantryTau.A,
+        v=GantryTau.v,
+        m_c=GantryTau.m_c,
+        rod=lambda self: [dict(L=self.L[i], m=self.m_a[i]) for i in range(3)],
+        friction=lambda self: [self.law(i) for i in range(3)],
+    )
+
+    def law(self, i: int) -> dict[str, Any]:
+        """Parameters of the friction of arm i."""
+        return dict(
+            coulomb=self.coulomb[i],
+            coulomb_minus=self.coulomb[i],
+            viscous=self.viscous[i],
+            viscous_minus=self.viscous_minus[i],
+            velocity_scale=self.velocity_scale,
+        )
+
+
+class GantryTauByDirection(GantryTauViscousByDirection):
+    """Friction by direction, as in Dressler 2012, Table 6.1; see GantryTauViscousByDirection."""
+
+    coulomb_minus = gt.parameter([0.0] * 3, unit="N", description="Coulomb friction at negative velocity, positive")
+
+    def law(self, i: int) -> dict[str, Any]:
+        return super().law(i) | {"coulomb_minus": self.coulomb_minus[i]}
+
+
+@dataclass(frozen=True)
+class InertiaVariant:
+    """One way to ask for masses and friction: which parameters are free, the robot with the others fixed, in words."""
+
+    robot: GantryTau
+    free: tuple[str, ...]
+    description: str
+
+
+VARIANTS = {
+    "model_1": (("m_p", "m_c", "coulomb"), "symmetric Coulomb friction only"),
+    "model_2": (("m_p", "m_c", "coulomb", "viscous"), "symmetric Coulomb and viscous friction"),
+    "model_3": (("m_p", "m_c"), "friction by direction fixed to Table 6.1"),
+    "model_4": (("m_p", "m_c", "coulomb"), "symmetric Coulomb friction, viscous friction fixed to Table 6.1"),
+    "links": (("m_p", "m_c", "m_a", "coulomb", "viscous"), "thirteen parameters: model 2 with link masses"),
+}
+
+
+def inertia_variant(name: str, geometry: str = "l1_tape", smoothing: str = "sign", **modifiers: Any) -> InertiaVariant:
+    """A model of Dressler 2012, Table 6.3, or "links", as a variant of a three-link robot: what is free, what is fixed.
+
+    Link masses are neglected but in "links". The numbers of what is free (m_p, m_c, friction) are those of model 2, as
+    nominal values. smoothing: "sign", for identification, or "tanh". modifiers: any parameter of GantryTau.
+
+    Raises ModelError for another name.
+    """
+    if name not in VARIANTS or smoothing not in LAWS:
+        known = VARIANTS if name not in VARIANTS else LAWS
+        asked = name if name not in VARIANTS else smoothing
+        raise gt.ModelError(f"there is no '{asked}' here; there are {', '.join(known)}")
+    free, words = VARIANTS[name]
+    symmetric, by_direction = LAWS[smoothing]
+    cls, law, friction = GantryTau, symmetric, {}
+    table = friction_by_direction()
+    if name == "model_1":
+        friction = dict(viscous=[0.0] * 3)
+    elif name == "model_3":
+        cls, law, friction = GantryTauByDirection, by_direction, table
+    elif name == "model_4":
+        cls, law = GantryTauViscousByDirection, by_direction
+        friction = {k: table[k] for k in ("viscous", "viscous_minus")}
+    given = catalogue.gantry_tau(geometry, inertia="model_2").__dict__["_modifiers"]
+    return InertiaVariant(cls(**{**given, **friction, "arm": dict(friction=law), **modifiers}), free, words)
+
+
+def friction_by_direction() -> dict[str, np.ndarray]:
+    """Coulomb [N] and viscous [kg/s] friction of the L1 carts by direction (Dressler 2012, Table 6.1)."""
+    table = catalogue.dynamics_table()["friction_constant_velocity"]
+    keys = {"coulomb": "coulomb_plus_N", "coulomb_minus": "coulomb_minus_N"}
+    keys |= {"viscous": "viscous_plus_kg_s", "viscous_minus": "viscous_minus_kg_s"}
+    return {name: np.array(table[key], dtype=float) for name, key in keys.items()}
+
+
+def actuator_closed_loop() -> dict[str, Any]:
+    """b, a, delay [samples] and sample_time [s] of the position-controlled L1 carts (Dressler 2012, eq. (6.11))."""
+    table = catalogue.dynamics_table()["actuator_closed_loop"]
+    return dict(
+        b=tuple(table["b"]), a=tuple(table["a"]), delay=int(table["delay_samples"]), sample_time=table["sample_time_s"]
+    )

@@ -1,0 +1,189 @@
+"""Excitation: motions at rest at their ends, criteria, and an optimum that beats random draws within its limits."""
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from gtmodel.identify.excitation import FINER, ExcitationTask, optimise_excitation
+from gtmodel.identify.excitation_basis import ClosedSpline, FourierSeries
+from gtmodel.identify.information import CRITERIA, condition, cost, predicted_deviations, singular_values
+from gtmodel.identify.random_excitation import random_excitations
+from gtmodel.results import SolveStatus
+
+BASES = [FourierSeries(4.0, 5), FourierSeries(0.5, 2), ClosedSpline(4.0, 12), ClosedSpline(3.0, 2)]
+ROUND_OFF = 1e-9  # of numbers of order w^2, some hundreds
+STEP_S = 1e-4
+SECOND_ORDER = 1e-5  # of central differences over STEP_S: step^2 times the next derivatives
+DRAWN = np.random.default_rng(5)
+
+
+def pendulum() -> tuple[ca.Function, ca.Function]:
+    """Rows (x, speed, force) and regressor of m x'' + d x' + c sin x, nominal (2, 1, 5): one axis."""
+    x, v, a = (ca.SX.sym(n) for n in "xva")
+    Y = ca.horzcat(a, v, ca.sin(x))
+    rows = ca.Function("rows", [x, v, a], [ca.vertcat(x, v, ca.mtimes(Y, ca.DM([2.0, 1.0, 5.0])))])
+    return rows, ca.Function("Y", [x, v, a], [Y])
+
+
+def task(criterion="condition", basis=None, **changes) -> ExcitationTask:
+    rows, Y = pendulum()
+    limit = np.array([1.0, 2.0, 15.0])
+    return ExcitationTask(**{
+        "basis": basis or FourierSeries(4.0, 3), "rows": rows, "low": -limit, "high": limit, "regressor": Y,
+        "nominal": np.array([2.0, 1.0, 5.0]), "criterion": criterion, **changes})  # fmt: skip
+
+
+CENTRE = (np.array([-0.5]), np.array([0.5]))
+
+
+class TestBases:
+    @pytest.mark.parametrize("basis", BASES)
+    def test_rest_at_both_ends_which_are_one_place(self, basis) -> None:
+        c = DRAWN.normal(size=(basis.size, 2))
+        ends = np.array([0.0, basis.period])
+        for order in (1, 2):
+            assert np.max(np.abs(basis.rows(ends, order) @ c)) < ROUND_OFF * basis.period**-order * 100
+        place = basis.rows(ends) @ c
+        np.testing.assert_allclose(place[0], place[1], atol=ROUND_OFF)
+        assert np.ptp(basis.rows(np.linspace(0, basis.period, 50)) @ c) > 0.1
+
+    @pytest.mark.parametrize("basis", BASES)
+    def test_derivatives_are_those_of_the_motion(self, basis) -> None:
+        t = np.linspace(0.1, 0.9, 17) * basis.period
+        h = STEP_S * basis.period
+        for order in range(3):
+            slope = (basis.rows(t + h, order) - basis.rows(t - h, order)) / (2 * h)
+            exact = basis.rows(t, order + 1)
+            assert np.max(np.abs(slope - exact)) < SECOND_ORDER * np.max(np.abs(exact)), order
+
+    @pytest.mark.parametrize("basis", BASES)
+    def test_it_can_stand_still_and_has_no_idle_unknown(self, basis) -> None:
+        t = np.linspace(0.0, basis.period, 101)
+        np.testing.assert_allclose(basis.rows(t) @ basis.still(), 1.0, atol=ROUND_OFF)
+        assert np.linalg.matrix_rank(basis.rows(t)) == basis.size
+
+    def test_amplitudes_are_those_of_the_harmonics(self) -> None:
+        basis = FourierSeries(4.0, 5)
+        c = DRAWN.normal(size=(basis.size, 3))
+        x0, a, b = basis.amplitudes(c)
+        t = np.linspace(0.0, 4.0, 33)
+        phase = np.outer(t, 2 * np.pi / 4.0 * np.arange(1, 6))
+        np.testing.assert_allclose(x0 + np.cos(phase) @ a + np.sin(phase) @ b, basis.rows(t) @ c, atol=ROUND_OFF)
+
+    def test_what_cannot_rest_or_has_no_period_is_refused(self) -> None:
+        with pytest.raises(ValueError, match="takes 2 harmonics or more; found 1"):
+            FourierSeries(1.0, 1)
+        with pytest.raises(ValueError, match="takes 2 intervals or more; found 1"):
+            ClosedSpline(1.0, 1)
+        with pytest.raises(ValueError, match="the period must be positive and finite; found 0 s"):
+            ClosedSpline(0.0)
+
+
+class TestInformation:
+    W = DRAWN.normal(size=(200, 4)) * [1.0, 10.0, 0.1, 3.0]
+    NOMINAL = np.array([1.0, 0.2, 5.0, 1.0])
+
+    def M(self) -> np.ndarray:
+        scaled = self.W * self.NOMINAL
+        return scaled.T @ scaled / len(scaled)
+
+    def test_criteria_against_eigenvalues(self) -> None:
+        values = np.linalg.eigvalsh(self.M())
+        power = np.sum(values**4) ** 0.25 * np.sum(values**-4.0) ** 0.25
+        expected = {"determinant": -np.mean(np.log(values)), "variance": np.log(np.sum(1 / values)),
+                    "condition": np.log(power)}  # fmt: skip
+        for name in CRITERIA:
+            assert float(cost(name, 4)(self.M())) == pytest.approx(expected[name], rel=1e-12), name
+
+    def test_the_surrogate_bounds_the_condition_number_closely(self) -> None:
+        exact = 2 * np.log(condition(self.W, self.NOMINAL))
+        surrogate = float(cost("condition", 4)(self.M()))
+        assert exact <= surrogate <= exact + np.log(4) / 2
+
+    def test_singular_values_are_roots_of_the_information(self) -> None:
+        np.testing.assert_allclose(singular_values(self.W, self.NOMINAL) ** 2, np.linalg.eigvalsh(self.M())[::-1])
+
+    def test_deviations_against_the_inverse_and_against_noise(self) -> None:
+        sigma = 0.7
+        exact = sigma * np.sqrt(np.diag(np.linalg.inv(self.W.T @ self.W)))
+        np.testing.assert_allclose(predicted_deviations(self.W, sigma), exact, rtol=1e-10)
+        noise = sigma * np.random.default_rng(8).normal(size=(400, len(self.W)))
+        seen = np.std(noise @ np.linalg.pinv(self.W).T, axis=0)
+        np.testing.assert_allclose(seen, exact, rtol=0.15)  # of 400 draws: 3.5 % each, times four
+
+    def test_dependent_columns_have_no_finite_deviation(self) -> None:
+        W = self.W.copy()
+        W[:, 3] = 2 * W[:, 0]
+        assert np.all(np.isinf(predicted_deviations(W, 1.0))) and condition(W, self.NOMINAL) > 1e12
+        W[:, 3] = 0.0
+        assert np.all(np.isinf(predicted_deviations(W, 1.0))) and condition(W, self.NOMINAL) == np.inf
+
+
+class TestOptimum:
+    @pytest.mark.parametrize(("criterion", "basis"), [
+        ("condition", FourierSeries(4.0, 3)), ("determinant", FourierSeries(4.0, 3)), ("variance", ClosedSpline(4.0, 8))
+    ])  # fmt: skip
+    def test_it_beats_random_draws_and_keeps_its_limits(self, criterion, basis) -> None:
+        t = task(criterion, basis)
+        draws = random_excitations(t, CENTRE, 20, seed=1)
+        f = cost(criterion, 3)
+
+        def value(c: np.ndarray) -> float:
+            W = t.stacked(c, t.times()) * t.nominal
+            return float(f(W.T @ W / len(W)))
+
+        best = min(draws, key=value)
+        found = optimise_excitation(t, best)
+        assert found.status is SolveStatus.SOLVED and found.feasible
+        assert found.objective == pytest.approx(value(found.c), abs=1e-9)
+        assert found.objective < value(best) - 0.05
+        x, v, a = (part[:, 0] for part in t.motion(found.c, np.linspace(0.0, 4.0, 20001)))
+        force = 2 * a + v + 5 * np.sin(x)
+        # by hand, on a grid that is no multiple of the other's
+        assert max(np.max(np.abs(x)), np.max(np.abs(v)) / 2, np.max(np.abs(force)) / 15) < 1 + 1e-5
+        assert max(np.max(np.abs(x)), np.max(np.abs(v)) / 2, np.max(np.abs(force)) / 15) > 0.98
+
+    def test_same_start_same_motion(self) -> None:
+        t = task("determinant")
+        start = random_excitations(t, CENTRE, 1, seed=3)[0]
+        one, two = (optimise_excitation(t, start).c for _ in range(2))
+        np.testing.assert_array_equal(one, two)
+
+    def test_stopped_at_once_it_returns_the_start(self) -> None:
+        t = task()
+        start = random_excitations(t, CENTRE, 1, seed=3)[0]
+        found = optimise_excitation(t, start, progress=lambda *_: True)
+        assert found.status is SolveStatus.INTERRUPTED and found.feasible
+        np.testing.assert_array_equal(found.c, start)
+        assert "the start is kept" in found.message
+
+    def test_stopped_on_the_way_it_keeps_a_better_feasible_motion(self) -> None:
+        t = task("determinant")
+        start = random_excitations(t, CENTRE, 1, seed=3)[0]
+        whole = optimise_excitation(t, start)
+        found = optimise_excitation(t, start, progress=lambda iteration, *_: iteration >= 8)
+        unmoved = optimise_excitation(t, start, progress=lambda *_: True)
+        assert found.status is SolveStatus.INTERRUPTED and found.feasible
+        assert whole.objective < found.objective < unmoved.objective
+
+    def test_shapes_and_zeros_are_refused(self) -> None:
+        with pytest.raises(ValueError, match="3 bounded rows"):
+            task(low=np.zeros(2))
+        with pytest.raises(ValueError, match="none of them zero"):
+            task(nominal=np.array([1.0, 0.0, 1.0]))
+
+
+class TestRandomDraws:
+    def test_they_are_feasible_touch_a_limit_and_repeat(self) -> None:
+        t = task()
+        draws = random_excitations(t, CENTRE, 10, seed=4)
+        excess = np.array([np.max(t.excess(c, t.times(FINER))) for c in draws])
+        assert np.all(excess <= 0) and np.all(excess > -0.02)
+        np.testing.assert_array_equal(draws, random_excitations(t, CENTRE, 10, seed=4))
+
+    def test_a_box_outside_the_limits_is_refused(self) -> None:
+        with pytest.raises(ValueError, match="only 0 of 60 places drawn keep all limits"):
+            random_excitations(task(), (np.array([2.0]), np.array([3.0])), 3, seed=1)
+
+    def test_it_can_be_stopped(self) -> None:
+        assert len(random_excitations(task(), CENTRE, 10, seed=4, progress=lambda done: done >= 0.3)) == 3

@@ -1,0 +1,108 @@
+"""Friction from constant-velocity runs: exact lines come back, intervals hold, and what is open stays open."""
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize_scalar
+
+from gtmodel.identify import FrictionError, Runs, constant_velocity_log, identify_friction, mass_by_norm, steady_runs
+from gtmodel.results import TrajectoryError
+
+PATTERN = np.array([[-7.9, -0.65, 8.55], [-11.7, -0.96, 12.66], [-9.0, -1.5, 10.5]])
+PLUS, MINUS = np.array([189.0, 262.0, 239.0]), np.array([146.0, 119.0, 177.0])
+FORTH, BACK = np.array([205.0, 190.0, 186.0]), np.array([158.0, 134.0, 197.0])
+MASS = 22.4
+SPEEDS = np.array([0.1, 0.3, 0.6, 1.0])
+
+
+def runs(noise: float = 0.0, seed: int = 0, poses: int = 3) -> Runs:
+    """Synthetic: force noise of this standard deviation [N] on the mean of every run."""
+    v = np.concatenate([SPEEDS, -SPEEDS] * poses)
+    pose = np.repeat(np.arange(poses), 2 * SPEEDS.size)
+    v = np.repeat(v[:, None], 3, axis=1)
+    force = MASS * PATTERN[pose] + np.where(v > 0, PLUS + FORTH * v, -MINUS + BACK * v)
+    force += np.random.default_rng(seed).normal(0.0, noise, force.shape) if noise else 0.0
+    return Runs(v, force, pose, np.ones(len(pose)), np.zeros_like(v))
+
+
+def test_exact_runs_of_several_poses_give_all_parameters() -> None:
+    fit = identify_friction(runs(), PATTERN, gravity="poses")
+    assert fit.mass == pytest.approx(MASS, rel=1e-12)
+    for found, true in (
+        (fit.coulomb_plus, PLUS), (fit.coulomb_minus, MINUS), (fit.viscous_plus, FORTH), (fit.viscous_minus, BACK)
+    ):  # fmt: skip
+        assert np.allclose(found, true, rtol=1e-11)
+    assert np.allclose(fit.force(np.array([0.5, -0.5]), 2, pose=1), MASS * PATTERN[1, 2] + [332.0, -275.5], rtol=1e-11)
+
+
+def test_the_most_symmetric_mass_leaves_the_least_asymmetry() -> None:
+    fit = identify_friction(runs(poses=1), PATTERN[:1])
+
+    def asymmetry(mass: float) -> float:
+        return float(np.sum(((PLUS - MINUS) / 2 + (MASS - mass) * PATTERN[0]) ** 2))
+
+    assert fit.mass == pytest.approx(minimize_scalar(asymmetry).x, rel=1e-8)
+    assert np.allclose((fit.coulomb_plus - fit.coulomb_minus) @ PATTERN[0], 0.0, atol=1e-9)
+    assert np.allclose(fit.coulomb_plus + fit.coulomb_minus, PLUS + MINUS, rtol=1e-11)
+    # whichever mass: the same forces
+    assert np.allclose(fit.force(SPEEDS, 0), runs(poses=1).force[:4, 0], rtol=1e-11)
+    assert "cannot be told apart on one actuator" in fit.undetermined[0]
+    assert "fc+ by +7.90, +0.65, -8.55 N" in fit.undetermined[1]
+
+
+def test_symmetric_friction_is_determined_from_one_pose() -> None:
+    data = runs(poses=1)
+    level = (PLUS + MINUS) / 2
+    force = MASS * PATTERN[:1] + np.sign(data.velocity) * level + FORTH * data.velocity
+    fit = identify_friction(data._replace(force=force), PATTERN[:1], symmetric=True)
+    assert fit.mass == pytest.approx(MASS, rel=1e-12)
+    assert np.allclose(fit.coulomb_plus, level) and np.allclose(fit.viscous_minus, FORTH)
+    assert len(fit.undetermined) == 1
+
+
+def test_intervals_hold_the_truth_as_often_as_they_say() -> None:
+    seeds = range(200)  # fixed beforehand; 99.9 % band of a binomial at 0.95 over 200: 179..198
+    truth = {"m": MASS, "coulomb_plus[1]": PLUS[1], "viscous_minus[2]": BACK[2]}
+    hits = dict.fromkeys(truth, 0)
+    for seed in seeds:
+        estimate = identify_friction(runs(3.0, seed), PATTERN, gravity="poses").estimate
+        for name, true in truth.items():
+            low, high = estimate.interval(name)
+            hits[name] += low <= true <= high
+    assert all(179 <= count <= 198 for count in hits.values()), hits
+
+
+def test_norms_of_the_asymmetry() -> None:
+    middle = MASS * PATTERN[0] + (PLUS - MINUS) / 2
+    found = mass_by_norm(middle, PATTERN[0])
+    masses = np.linspace(-100, 100, 200001)
+    left = np.abs(middle - masses[:, None] * PATTERN[0])
+    assert found.two == pytest.approx(masses[np.argmin((left**2).sum(axis=1))], abs=1e-3)
+    assert found.maximum == pytest.approx(masses[np.argmin(left.max(axis=1))], abs=1e-3)
+    least = masses[left.sum(axis=1) <= left.sum(axis=1).min() + 1e-9]
+    # |g1| + |g2| = |g3|: the 1-norm is flat between two carts
+    assert found.one == pytest.approx((least[0], least[-1]), abs=2e-3) and least[-1] - least[0] > 1
+    assert len(set(mass_by_norm([1.0, 2.0, 6.0], [1.0, 1.0, 1.0]).one)) == 1
+
+
+def law(v: np.ndarray) -> np.ndarray:
+    return np.where(v > 0, PLUS + FORTH * v, np.where(v < 0, -MINUS + BACK * v, 0.0))
+
+
+def test_runs_are_found_in_a_log() -> None:
+    log = constant_velocity_log(SPEEDS.tolist(), law, np.full(3, 30.0), seed=3, noise=0.0)
+    found = steady_runs(log)
+    assert np.allclose(found.velocity[:, 0], np.repeat(SPEEDS, 2) * np.tile([1, -1], 4), rtol=1e-4)
+    assert np.allclose(found.force, law(found.velocity), rtol=1e-4)
+    assert log.trajectory.synthetic == "seed 3, white force noise 0 N, positions in steps of 1e-06 m"
+    again = constant_velocity_log(SPEEDS.tolist(), law, np.full(3, 30.0), seed=3, noise=0.0)
+    assert again.trajectory == log.trajectory
+    with pytest.raises(TrajectoryError, match=r"holds no steady motion of 5 s"):
+        steady_runs(log, shortest=5.0)
+
+
+def test_refusals() -> None:
+    one_way = runs(poses=1)
+    with pytest.raises(FrictionError, match=r"cart 1, pose 1: 0 velocities in direction minus"):
+        identify_friction(Runs(*(part[:4] for part in one_way)), PATTERN[:1])
+    with pytest.raises(FrictionError, match=r"gravity loads the actuators alike in all poses"):
+        identify_friction(runs(poses=2), PATTERN[[0, 0]], gravity="poses")
