@@ -92,7 +92,7 @@ def _misfit(problem: Problem, m: Measurements, read: dict[str, np.ndarray]) -> f
     """Root mean square [m] of the links' errors after the fit; infinite where there is none."""
     other = Measurements({**m.values, **read}, m.noise, m.sessions, m.poses, m.corrections)
     try:
-        r = calibrate(problem.on(other), limit=STEPS).residuals
+        r = calibrate(problem.on(other), confidence=False, limit=STEPS).residuals
     except ModelError:
         return np.inf
     rms = float(np.sqrt(np.mean(r**2)))

@@ -173,7 +173,7 @@ def aligned() -> Choice:
     return Choice(free=("L0",))
 
 
-@pytest.mark.parametrize("order", [(1, 0, 2, 3, 4, 5), (5, 4, 3, 2, 1, 0), (3, 1, 5, 0, 2, 4)])
+@pytest.mark.parametrize("order", [(1, 0, 2, 3, 4, 5), (3, 1, 5, 0, 2, 4)])
 def test_legs_in_another_order_are_recognised_in_one_sentence(order):
     data = synthetic(disturbed(hexapod(), LEGS, 2e-3, 4), 40, 5)
     p = prepare(hexapod(), Measurements(data, poses=FRAMES), aligned(), actuators="n")
