@@ -17,6 +17,7 @@ from gtmodel.lang import Model, ModelError
 from . import calibration_synthetic, calibration_table
 from .base import Context, InputError
 from .calibration_keys import Measured, MeasuredSignal, Schema
+from .calibration_synthetic_keys import Synthetic
 from .calibration_table import PoseTable
 from .robots import file_of
 
@@ -61,7 +62,7 @@ def data_of(problem: Schema, model: Model, context: Context) -> PoseData:
     if problem.synthetic is not None:
         made = calibration_synthetic.make(model, problem.synthetic)
         text, truth = made.text, made.robot
-        keys = _synthetic_keys(made)
+        keys = _synthetic_keys(made, problem.synthetic)
         with tempfile.TemporaryDirectory() as scratch:
             path = Path(scratch) / FILE
             path.write_text(text, encoding="utf-8")
@@ -83,6 +84,7 @@ def data_of(problem: Schema, model: Model, context: Context) -> PoseData:
     repeated = _repeated(np.asarray(everything.values[keys.actuators]))
     if problem.held_out.file is None and problem.held_out.every > 0:
         held = _alternate(repeated, len(lines), problem.held_out.every)
+    _refuse_unknown_sessions(everything, held)
     notes = [t.synthetic for t in tables if t.synthetic]
     return PoseData(keys, everything, lines, held, notes[0] if notes else None, text, truth, repeated)
 
@@ -102,13 +104,14 @@ def _found(name: str, key: str, context: Context) -> Path:
     return path
 
 
-def _synthetic_keys(made: calibration_synthetic.Made) -> Measured:
+def _synthetic_keys(made: calibration_synthetic.Made, s: Synthetic) -> Measured:
     drives: list[str] = ["mm"] * 3 + (["deg"] * 3 if made.rotary else [])
     signals = {
         "q": MeasuredSignal(column="q", unit=drives),
         "T": MeasuredSignal(column="T", unit="mm"),
     } | ({"e": MeasuredSignal(column="e", unit="1")} if made.turns else {})
-    return Measured(file=FILE, signals=signals, orientation="e" if made.turns else None)
+    frame = "device" if any([*s.device_t_m, *s.device_zyz_deg]) else "robot"
+    return Measured(file=FILE, signals=signals, orientation="e" if made.turns else None, frame=frame)
 
 
 def _table(path: Path, keys: Measured) -> PoseTable:
@@ -191,6 +194,21 @@ def _read_through(name: str, s: MeasuredSignal, values: dict[str, np.ndarray], c
         values[f"der({name})"] = scale * rate
     if any(free.values()):
         corrections.append(Correction(name, **free))
+
+
+def _refuse_unknown_sessions(m: Measurements, held: np.ndarray) -> None:
+    """Raises InputError for sessions that only held-out poses have, and whose offsets no fitted pose tells."""
+    offsets = [c.signal for c in m.corrections if c.offset]
+    if m.sessions is None or not offsets:
+        return
+    known = {s for s, h in zip(m.sessions, held, strict=True) if not h}
+    lost = [s for s in m.session_names if s not in known]
+    if lost:
+        raise InputError(
+            f"the offsets of {', '.join(offsets)} in session '{lost[0]}' cannot be known, all its poses are held out; "
+            "let some of them be fitted, or give the offset as a number",
+            "held_out",
+        )
 
 
 def _refuse_long(e: np.ndarray, keys: Measured) -> None:

@@ -43,6 +43,8 @@ def text(
     good = values["numerics_sound"] and values["prediction_proven"] is not False
     sentences = "".join(f"<li>{escape(s)}</li>" for s in values["verdict"])
     parts.append(f'<h2>Verdict</h2><ul class="box {"good" if good else "bad"}">{sentences}</ul>')
+    if values["notes"]:
+        parts.append("<h2>Notes</h2><ul>" + "".join(f"<li>{escape(s)}</li>" for s in values["notes"]) + "</ul>")
     parts.append("<h2>Accuracy</h2>" + _accuracy(values))
     for name in ("pose_errors", "workspace_errors"):
         parts.append(_picture(figures, name))
@@ -135,6 +137,7 @@ def _provenance(found: Found, problem: Schema, context: Context) -> str:
     for key, path in context.inputs.items():
         if path.is_file():
             rows.append((f"{key}: {path.name}", "sha256 " + hashlib.sha256(path.read_bytes()).hexdigest()))
+    rows.append(("keys of the problem", "sha256 " + hashlib.sha256(problem.model_dump_json().encode()).hexdigest()))
     rows += [(n, v) for n, v in versions().items() if n != "platform"]
     poses = f"{len(found.lines)} fitted, {len(found.lines_held_out)} held out"
     return _table(("what", ""), [*rows, ("poses", poses)])

@@ -147,6 +147,14 @@ class TestChoices:
         m = v["measurement"]
         assert m["q.offset in b[0]"] - m["q.offset in a[0]"] == pytest.approx(-2e-3, abs=2e-4)
         assert v["identifiability_after"]["redundant"] == 3  # a common offset is a cart's place at zero
+        lines = (tmp_path / "poses.csv").read_text().splitlines()
+        (tmp_path / "other.csv").write_text("\n".join([*lines[:3], *lines[-20:]]) + "\n")
+        (tmp_path / "poses.csv").write_text("\n".join(lines[:103]) + "\n")
+        with pytest.raises(calibration.InputError, match="offsets of q in session 'b' cannot be known"):
+            solved({**problem, "held_out": {"file": "other.csv"}}, tmp_path)
+        del problem["measurements"]["signals"]["q"]["offset"]
+        other = solved({**problem, "held_out": {"file": "other.csv"}}, tmp_path).values
+        assert other["poses"]["held_out"] == 20 and other["held_out_mm"]["mean"] > 1 and not other["prediction_proven"]
 
     def test_numbers_in_the_same_line_are_applied(self, tmp_path: Path) -> None:
         written(tmp_path, "l1", lambda r: [*(repr((float(x) - 5.0) / 2) for x in r[:3]), *r[3:]])

@@ -63,6 +63,15 @@ def test_a_camera_limits_what_a_calibration_can_reach() -> None:
     assert set(v["truth"]) == set(v["parameters"]) and v["truth"]["L[0]"] != 2.05
 
 
+def test_a_device_that_stands_elsewhere_is_found() -> None:
+    s = {**keys("simulate_l1")["synthetic"], "device_t_m": [3.0, -0.5, 0.2], "device_zyz_deg": [30.0, 20.0, -50.0]}
+    v = solved(keys("simulate_l1", synthetic=s, sensitivity_step=0.0)).values
+    plain = solved(keys("simulate_l1", sensitivity_step=0.0)).values
+    assert v["identifiability_after"]["redundant"] == 6 and v["prediction_proven"]
+    assert v["held_out_mm"]["mean"] == pytest.approx(plain["held_out_mm"]["mean"], rel=0.05)  # other noise by the turn
+    assert [v["measurement"][f"T.device.t[{k}]"] for k in range(3)] == pytest.approx([3.0, -0.5, 0.2], abs=0.03)
+
+
 def test_what_cannot_be_made_is_said() -> None:
     for changes, said in (
         ({"low_m": [9.0, 9, 9], "high_m": [10.0, 10, 10]}, "none of the 420 grid points is within reach"),
