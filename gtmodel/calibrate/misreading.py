@@ -1,4 +1,4 @@
-"""Columns read wrong, told by the closure equations alone: a wrong unit, actuators in each other's place."""
+"""Columns read wrong, told by the closure equations alone: wrong units, quaternions or actuators in another order."""
 
 from __future__ import annotations
 
@@ -38,6 +38,13 @@ def misreading(problem: Problem, lengths: Sequence[str]) -> str | None:
                     f"'{name}' looks 1000 times too {size}: links miss by {_length(given)} rms as given, and by "
                     f"{_length(found)} when it is {done} by 1000; the column is probably {unit}"
                 )
+    for name in problem.closure.unit:
+        found = _misfit(problem, m, {name: np.roll(np.asarray(m.values[name]), 1, axis=1)})
+        if found * NEARER < given:
+            return (
+                f"'{name}' looks written with its scalar last: links miss by {_length(given)} rms as given, and by "
+                f"{_length(found)} when its last column is read as the first; name the columns scalar first"
+            )
     name = problem.actuators
     found, order = _ordered(problem, m, given)
     if not found * NEARER < given:

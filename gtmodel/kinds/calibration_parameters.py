@@ -51,7 +51,8 @@ def text(found: Found, model: Model, title: str, robot: str) -> str:
         body = tomli_w.dumps({**table, "parameters": own})
     comments = [f"# {line}" for line in _confidence(found)]
     comments += [f"# of the measurement: {name} = {value:.9g}" for name, value in beside.items()]
-    return "\n".join(["# Calibrated parameters; gtmodel reads this file as a robot.", *comments, "", body])
+    use = "gtmodel reads this file as a robot" if family else "[parameters] goes into problems with this robot"
+    return "\n".join([f"# Calibrated parameters; {use}.", *comments, "", body])
 
 
 def _names(model: Model) -> list[str]:

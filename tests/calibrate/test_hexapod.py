@@ -198,6 +198,13 @@ def test_measured_legs_in_another_order_are_recognised(name, order):
     assert f"read as {', '.join(f'n[{order.index(k)}]' for k in moved)}" in str(misreading(wrong, ["T"]))
 
 
+def test_a_quaternion_with_its_scalar_last_is_recognised():
+    data = synthetic(disturbed(hexapod(), LEGS, 2e-3, 4), 40, 5)
+    p = prepare(hexapod(), Measurements(data, poses=FRAMES), aligned(), actuators="n")
+    wrong = p.on(Measurements(data | {"e": np.roll(data["e"], -1, axis=1)}, poses=FRAMES))
+    assert str(misreading(wrong, ["T"])).startswith("'e' looks written with its scalar last: links miss by ")
+
+
 @present
 @pytest.mark.parametrize(("factor", "text"), [(1e3, "1000 times too large"), (1e-3, "1000 times too small")])
 def test_millimetres_for_metres_are_recognised(factor, text):
