@@ -19,11 +19,12 @@ STEPS = 20  # of each fit: a few unknowns near their start need fewer
 POSES = 40  # that are looked at: enough to tell an order from another
 
 
-def misreading(problem: Problem, lengths: Sequence[str]) -> str | None:
+def misreading(problem: Problem, lengths: Sequence[str] = (), columns: Sequence[str] = ()) -> str | None:
     """One sentence with the residuals seen where another reading of the columns closes the links much better, or None.
 
     `problem`: prepared with little left free, such as the frames and an offset per actuator, so that a wrong reading
-    cannot be explained away. `lengths`: signals that may be off by a factor of 1000. No forward kinematics is needed.
+    cannot be explained away. `lengths`: signals that may be off by a factor of 1000; `columns`: what to call those of the
+    actuators. No forward kinematics is needed.
     Where frames are free, their start must be nearer to the truth than a turn that renumbers the links.
     """
     m = problem.measurements
@@ -45,14 +46,14 @@ def misreading(problem: Problem, lengths: Sequence[str]) -> str | None:
                 f"'{name}' looks written with its scalar last: links miss by {_length(given)} rms as given, and by "
                 f"{_length(found)} when its last column is read as the first; name the columns scalar first"
             )
-    name = problem.actuators
     found, order = _ordered(problem, m, given)
     if not found * NEARER < given:
         return None
+    names = columns or [f"{problem.actuators}[{k}]" for k in range(len(order))]
     changed = [k for k, j in enumerate(order) if j != k]
     return (
-        f"the columns {', '.join(f'{name}[{k}]' for k in changed)} look exchanged: links miss by {_length(given)} rms "
-        f"as given, and by {_length(found)} when they are read as {', '.join(f'{name}[{order[k]}]' for k in changed)}"
+        f"the columns {', '.join(names[k] for k in changed)} look exchanged: links miss by {_length(given)} rms as given, "
+        f"and by {_length(found)} when they are read as {', '.join(names[order[k]] for k in changed)}"
     )
 
 
