@@ -23,9 +23,9 @@ def misreading(problem: Problem, lengths: Sequence[str] = (), columns: Sequence[
     """One sentence with the residuals seen where another reading of the columns closes the links much better, or None.
 
     `problem`: prepared with little left free, such as the frames and an offset per actuator, so that a wrong reading
-    cannot be explained away. `lengths`: signals that may be off by a factor of 1000; `columns`: what to call those of the
-    actuators. No forward kinematics is needed.
-    Where frames are free, their start must be nearer to the truth than a turn that renumbers the links.
+    cannot be explained away. `lengths`: signals that may be off by a factor of 1000; `columns`: what to call those of
+    the actuators. No forward kinematics is needed. Where frames are free, their start must be nearer to the truth than
+    a turn that renumbers the links.
     """
     m = problem.measurements
     rows = np.unique(np.linspace(0, len(m) - 1, min(POSES, len(m))).round().astype(int))
@@ -51,9 +51,10 @@ def misreading(problem: Problem, lengths: Sequence[str] = (), columns: Sequence[
         return None
     names = columns or [f"{problem.actuators}[{k}]" for k in range(len(order))]
     changed = [k for k, j in enumerate(order) if j != k]
+    read = ", ".join(names[order[k]] for k in changed)
     return (
-        f"the columns {', '.join(names[k] for k in changed)} look exchanged: links miss by {_length(given)} rms as given, "
-        f"and by {_length(found)} when they are read as {', '.join(names[order[k]] for k in changed)}"
+        f"the columns {', '.join(names[k] for k in changed)} look exchanged: links miss by {_length(given)} rms as "
+        f"given, and by {_length(found)} when they are read as {read}"
     )
 
 
