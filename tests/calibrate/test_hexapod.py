@@ -5,12 +5,25 @@ Recordings: Jugglebot project (Project-DeepBlue-Juggling/Jugglebot, MIT licence)
 
 from functools import cache
 
+import casadi as ca
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from gtmodel.calibrate import Calibration, Choice, Correction, Measurements, Pose, Problem, calibrate, prepare
+import gtmodel as gt
+from gtmodel.calibrate import (
+    Calibration,
+    Choice,
+    Correction,
+    Measurements,
+    Pose,
+    Problem,
+    calibrate,
+    closure_equations,
+    prepare,
+)
 from gtmodel.calibrate.misreading import misreading
+from gtmodel.compiler.causal import flat_of
 from gtmodel.inference import Prior
 from tests.calibrate.hexapod import (
     DATA,
@@ -63,6 +76,26 @@ def test_legs_close_as_written_by_hand_and_their_joints_are_found():
     assert c.status.ok and [len(b) for b in c.blocks] == [8] * 6
     assert np.abs(c.on(other)).max() < 1e-9
     assert max(np.abs(e).max() for e in c.positioning_errors(other).values()) < 1e-9
+
+
+class Crane(gt.Model):
+    """A load at x, y on a rope whose length s, as measured, may have any sign."""
+
+    h = gt.parameter(2.0, unit="m", description="height of the drum")
+    s = gt.variable(unit="m", start=1.0)
+    x = gt.variable(unit="m", start=1.0)
+    y = gt.variable(unit="m", start=0.5)
+
+    def equations(self):
+        yield self.x**2 + (self.y - self.h) ** 2 == self.s**2
+
+
+def test_only_lengths_that_are_declared_positive_take_a_root():
+    own = closure_equations(flat_of(Crane()), ("s", "x", "y"))
+    assert own.lengths[0].element_hash() == own.residuals[0].element_hash()
+    legs_of = closure_equations(flat_of(hexapod()), ("n", "T", "e"))  # Strut has the branch "extended"
+    assert all(r.element_hash() != s.element_hash() for r, s in zip(
+        ca.vertsplit(legs_of.residuals), ca.vertsplit(legs_of.lengths), strict=True))  # fmt: skip
 
 
 def test_its_own_forward_kinematics_answers_the_poses():
