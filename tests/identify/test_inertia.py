@@ -23,7 +23,7 @@ from tests.identify.plants import LINKS, NOISE, SAMPLE_TIME, SEED, plant, regres
 
 TEN = ["m_p", "m_c", "coulomb", "viscous"]
 SHORT = 16.0  # s
-# 10 Hz leaves 5e-6 of the motion's 2.5 Hz out; five-point differences at 4 ms are 5e-7 off
+# five-point differences of 2.5 Hz at 4 ms are 5e-7 off; what stands on both sides of the fit is filtered alike
 WIDE = Processing(cutoff_Hz=10.0, position_step=0.0)
 NOISY = Sensors(effort_noise=NOISE)
 
@@ -36,9 +36,20 @@ def test_without_noise_all_thirteen_come_back():
     rows = short_rows(Sensors(position_step=0.0), how=WIDE)
     found = identify(rows, nonnegative=False)
     for name, value in truth().items():
-        assert found.estimate.value(name) == pytest.approx(value, abs=0.01)
-    assert np.max(np.abs(found.residuals)) < 0.5  # N of 800; where a sign changes between two samples
+        assert found.estimate.value(name) == pytest.approx(value, abs=1e-3)
+    assert np.max(np.abs(found.residuals)) < 0.02  # N of 800; where a sign changes between two samples
     assert found.identifiability.redundant == 0
+
+
+@pytest.mark.parametrize("cutoff", [2.5, 4.0, 6.0, 20.0])
+def test_the_cutoff_moves_no_parameter(cutoff):
+    # even at the motion's own 2.5 Hz: efforts and regressor lose the same; 60 times better than with one filter more
+    # on the acceleration than on the efforts
+    found = identify(
+        short_rows(Sensors(position_step=0.0), how=Processing(cutoff, position_step=0.0)), nonnegative=False
+    )
+    for name, value in truth().items():
+        assert found.estimate.value(name) == pytest.approx(value, abs=5e-3)
 
 
 def test_estimates_lie_within_their_intervals_and_predict_another_motion():
@@ -117,7 +128,7 @@ def test_where_nothing_is_left_out_the_residuals_show_nothing():
 
 
 def test_a_negative_mass_is_held_at_zero_and_said_so():
-    rows = short_rows(seed=3)
+    rows = short_rows(seed=8)
     feasible = identify(rows)
     free = feasible.unbounded
     assert feasible.estimate.held and all(free.value(n) < 0 for n in feasible.estimate.held[:1])
@@ -234,7 +245,7 @@ def test_standstill_and_slow_rows_are_left_out():
     rows = short_rows(how=Processing(position_step=1e-4))
     assert rows.threshold == pytest.approx(3 * 1e-4 / SAMPLE_TIME)
     assert np.min(np.abs(rows.velocity)) >= rows.threshold
-    assert 0.05 < rows.dropped < 0.6
+    assert 0.05 < rows.dropped < 0.7
     assert short_rows().dropped < 0.05
 
 
