@@ -55,7 +55,7 @@ class ZeroPhase:
         return math.ceil(SETTLING_PERIODS / (self.cutoff_Hz * sample_time))
 
     def kernel(self, sample_time: float) -> Array:
-        """Its symmetric impulse response (2 end_rows + 1,), cut there and summing to one: the same filter as weights."""
+        """Its symmetric impulse response (2 end_rows + 1,), cut there and summing to one."""
         reach = self.end_rows(sample_time)
         impulse = np.zeros(6 * reach + 1)
         impulse[3 * reach] = 1.0
