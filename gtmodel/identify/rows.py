@@ -10,7 +10,8 @@ import numpy as np
 from scipy.ndimage import binary_dilation, binary_opening
 
 from gtmodel.lang import ModelError
-from gtmodel.measurements import Session, ZeroPhase, cutoff_for, moving, offset_columns
+from gtmodel.lang.units import rate_unit
+from gtmodel.measurements import Session, ZeroPhase, cutoff_for, moving, offset_columns, position_noise
 from gtmodel.measurements.filters import WIDEST
 from gtmodel.results import Status, TrajectoryError
 
@@ -24,6 +25,7 @@ INDEPENDENT = 0.57
 # cut-off of the prefilter over that of the filter: at a quarter of its cut-off it takes 1.5e-5, so that the sign of a
 # velocity behind it is as sharp as the filter can tell
 WIDER = 4.0
+NOISE_STEPS = 4 / 3  # three such steps are four standard deviations of the velocity
 MASK_STEPS = 3.0  # quantisation steps per sample: below, the sign of a velocity is not known
 
 
@@ -32,9 +34,9 @@ class Processing:
     """How logs become rows.
 
     cutoff_Hz: of the zero-phase Butterworth low pass of this order that acts on efforts and regressor alike; None: 2.5
-    times the band that the motion excites. every: of the filtered rows every n-th is used;
-    None: as many as the filter leaves independent. position_step: quantisation of the position; None: the smallest step
-    in the log. mask_steps: rows slower than that many position steps per sample are left out.
+    times the band that the motion excites. every: of the filtered rows every n-th is used; None: as many as the filter
+    leaves independent. position_step: quantisation of the position; None: the smallest step in the log, or more where
+    the velocity is noisier. mask_steps: rows slower than that many position steps per sample are left out.
     """
 
     cutoff_Hz: float | None = None
@@ -73,6 +75,7 @@ class Rows:
     threshold: float
     synthetic: str | None
     signed: tuple[str, ...] = ()
+    velocity_unit: str = "m/s"
 
     def __len__(self) -> int:
         return len(self.time)
@@ -88,7 +91,7 @@ class Rows:
         return (
             f"zero-phase Butterworth low pass at {self.cutoff_Hz:.3g} Hz on efforts and regressor alike, "
             f"five-point differences, every {self.every}. row; {100 * self.dropped:.2g} % of the samples left out near "
-            f"standstill, slower than {self.threshold:.2g} m/s"
+            f"standstill, slower than {self.threshold:.2g} {self.velocity_unit}"
         )
 
 
@@ -120,8 +123,12 @@ def rows_of(
     parts = [_rows(s, regressor, low_pass, every, processing, known, targets) for s in sessions]
     joined: dict[str, Any] = {k: np.concatenate([p[k] for p in parts]) for k in parts[0] if parts[0][k].ndim}
     lengths = [len(p["time"]) for p in parts]
+    threshold, unit = float(max(p["threshold"] for p in parts)), rate_unit(sessions[0].trajectory.unit(known))
     if not sum(lengths):
-        raise ModelError("the log stands still, or nearly so, all the time; nothing can be told from it")
+        raise ModelError(
+            f"the log stands still, or nearly so, all the time: never are all of '{known}' faster than {threshold:.3g} "
+            f"{unit}, {processing.mask_steps:g} steps of the position per sample; move faster, or lower mask_steps"
+        )
     notes = list(dict.fromkeys(s.trajectory.synthetic for s in sessions if s.trajectory.synthetic))
     first = sessions[0]
     return Rows(
@@ -135,8 +142,9 @@ def rows_of(
         every=every,
         interval=every * first.sample_time,
         dropped=float(np.mean([p["dropped"] for p in parts])),
-        threshold=float(max(p["threshold"] for p in parts)),
+        threshold=threshold,
         synthetic="; ".join(notes) or None,
+        velocity_unit=unit,
         **joined,
     )
 
@@ -172,11 +180,17 @@ def smallest_step(position: Array) -> float:
     return float(np.min(steps[steps > 1e-12 * np.max(steps, initial=0.0)], initial=np.inf))
 
 
+def _noise_step(position: Array, low_pass: ZeroPhase | None, step: float) -> float:
+    """Standard deviation of the velocity's noise per sample: what that of the position leaves behind the filter."""
+    kernel = np.ones(1) if low_pass is None else low_pass.kernel(step)
+    rate, _ = velocity_and_acceleration(np.pad(kernel, 2 * HALF), 1.0)
+    return position_noise(position) * float(np.linalg.norm(rate))
+
+
 def _rows(
     session: Session, regressor: Regressor, low_pass: ZeroPhase, every: int, how: Processing, known: str, targets: str
 ) -> dict[str, Array]:
     raw, step = session.trajectory, session.sample_time
-    quantum = how.position_step if how.position_step is not None else smallest_step(raw[known])
     cut, lead, reach = low_pass.end_rows(step), HALF, int(np.ceil(1 / (low_pass.cutoff_Hz * step)))
     wide = ZeroPhase(WIDER * low_pass.cutoff_Hz, low_pass.order)
     prefiltered = wide.cutoff_Hz < WIDEST / step
@@ -187,6 +201,11 @@ def _rows(
             "the filter cuts off at either end, so record longer or raise the cut-off"
         )
     position, effort = (wide(raw[name], step) if prefiltered else raw[name] for name in (known, targets))
+    quantum = how.position_step
+    if quantum is None:
+        quantum = max(
+            smallest_step(raw[known]), NOISE_STEPS * _noise_step(raw[known], wide if prefiltered else None, step)
+        )
     rate, acceleration = velocity_and_acceleration(position, step)
     inside = slice(lead, len(raw) - lead)
     time, position, effort = raw.time[inside], position[inside], effort[inside]

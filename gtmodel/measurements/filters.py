@@ -18,6 +18,9 @@ from .log import Session
 BAND_FACTOR = 2.5  # cut-off over excitation band; 2 to 3 leaves the motion and takes most of the noise
 BAND_SHARE = 0.999  # of the velocity's power
 ORDER = 4
+FLOOR = (0.25, 0.4)  # of the sampling rate: where the noise of the position is looked for
+BEYOND = 10.0  # the sum of n periodogram values of noise scatters by 1/sqrt(n) of itself
+DIFFERENCES, MEDIAN = 6, 0.6745  # the median of a normal variable's size over its standard deviation
 WIDEST = 0.4  # of the sampling rate: four fifths of half of it
 # the slowest pole of the filter decays as exp(-2 pi f_c sin(pi / 8) t) at order four: 1e-3 after 2.9 / f_c
 SETTLING_PERIODS = 3.0
@@ -95,14 +98,33 @@ def _butterworth(order: int, cutoff_Hz: float, rate_Hz: float) -> Array:
 def excitation_band(position: Array, sample_time: float, share: float = BAND_SHARE) -> float:
     """Frequency [Hz] below which the velocity has that share of its power; position (n,) or (n, k).
 
-    Raises TrajectoryError where nothing moves.
+    White noise of the position is left out of the power: its floor is what the upper frequencies show. Raises
+    TrajectoryError where nothing moves, or nothing beyond the noise.
     """
     velocity = derivative(position, sample_time)
     power = np.abs(np.fft.rfft(velocity - velocity.mean(axis=0), axis=0)) ** 2
-    total = power.reshape(len(power), -1).sum(axis=1).cumsum()
-    if not total[-1] > 0:
+    power = power.reshape(len(power), -1).sum(axis=1)
+    frequency = np.fft.rfftfreq(len(velocity), sample_time)
+    transfer = np.sin(2 * np.pi * frequency * sample_time) ** 2  # of central differences
+    upper = (frequency > FLOOR[0] / sample_time) & (frequency < FLOOR[1] / sample_time)
+    noise = transfer * (np.median(power[upper] / transfer[upper]) if upper.any() else 0.0)
+    total = np.cumsum(power - noise)
+    if not np.max(total) > 0:
         raise TrajectoryError("nothing moves, so there is no band of excitation; give the cut-off of the filter")
-    return float(np.fft.rfftfreq(len(velocity), sample_time)[np.searchsorted(total, share * total[-1])])
+    if np.max(total) < BEYOND / np.sqrt(len(power)) * noise.sum():
+        raise TrajectoryError("nothing moves beyond the noise of the position; give the cut-off of the filter")
+    return float(frequency[np.argmax(total >= share * np.max(total))])
+
+
+def position_noise(position: Array) -> float:
+    """Standard deviation of white noise on a smooth motion (n,) or (n, k), the largest of the columns; from sixth
+    differences, which leave nothing of the motion, by their median, which does not see single events."""
+    if len(position) <= DIFFERENCES:
+        return 0.0
+    left = np.abs(np.diff(np.asarray(position, dtype=float), n=DIFFERENCES, axis=0)).reshape(
+        len(position) - DIFFERENCES, -1
+    )
+    return float(np.max(np.median(left, axis=0))) / (MEDIAN * math.sqrt(math.comb(2 * DIFFERENCES, DIFFERENCES)))
 
 
 def cutoff_for(position: Array, sample_time: float, factor: float = BAND_FACTOR) -> float:

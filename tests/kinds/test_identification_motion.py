@@ -1,4 +1,4 @@
-"""A file's motion in place of the sines: an excitation's trajectory.csv identifies the L1; what is refused, and where."""
+"""A file's motion in place of the sines: an excitation's trajectory.csv identifies the L1; what is refused."""
 
 from __future__ import annotations
 
