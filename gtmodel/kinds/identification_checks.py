@@ -37,7 +37,8 @@ def checks_of(
     work = work_of(found)
     if work is not None:
         least = float(np.min(work.friction))
-        checks["work_of_friction_J"] = Check(least, 0.0, least >= 0)
+        if np.any(work.friction):  # some friction is free
+            checks["work_of_friction_J"] = Check(least, 0.0, least >= 0)
         other = work if validation is None else work_of(found, validation.rows) or work
         checks["energy_balance"] = Check(other.balance, other.bound, other.balanced)
     if found.left_out:
