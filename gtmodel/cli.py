@@ -159,6 +159,33 @@ def codegen(
             answer.finished = run.generate(loaded, job, out, verify=check)
 
 
+@app.command()
+def loop(
+    context: typer.Context,
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder that gtmodel codegen wrote.")],
+    peer: Annotated[str, typer.Option("--peer", metavar="egm|rsi", help="Protocol of the simulated controller.")],
+    seconds: Annotated[float, typer.Option("--seconds", metavar="N", help="Length of each of the two runs.")],
+    law: Annotated[str, typer.Option(metavar="LAW", help="trajectory, dynamics, replay or path.")] = "trajectory",
+    reference: Annotated[
+        Path | None, typer.Option(metavar="CSV", help="Motion to follow, as reference.csv of gtmodel solve --out.")
+    ] = None,
+    lockstep: Annotated[bool, typer.Option("--lockstep", help="Cycle by cycle as fast as it goes.")] = False,
+    out: Annotated[Path | None, typer.Option("--out", metavar="OUT", help="Results; DIR/loop by default.")] = None,
+    as_json: Json = False,
+) -> None:
+    """Run the 4 ms loop with generated code against a simulated controller on loopback, its law off and on."""
+    from gtmodel.kinds import loop_run
+    from gtmodel.kinds.base import Context
+
+    with answering(context, as_json, str(folder)) as answer:
+        answer.kind, answer.title = "loop", f"{peer}: {law}"
+        job = Context(name=folder.name)
+        with terminal.watching(job):
+            answer.finished = loop_run.run(
+                folder, peer, seconds, law=law, reference=reference, in_lockstep=lockstep, out=out, context=job
+            )
+
+
 def _load(problem: str, settings: Sequence[str] | None, answer: Answer) -> Any:
     from gtmodel.kinds.load import load
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import casadi as ca
 
@@ -48,6 +49,7 @@ def generate(
     name: str,
     overwrite: bool = False,
     provenance: Mapping[str, str] | None = None,
+    problem: Mapping[str, Any] | None = None,
 ) -> Generated:
     """Write a folder of C99 that compiles as delivered: `cc *.c -lm`.
 
@@ -57,6 +59,7 @@ def generate(
         name: of the whole, part of every file name and symbol: several folders link into one program.
         overwrite: replace also files of ours that were changed by hand.
         provenance: what header and manifest say about the origin, e.g. robot, problem file and its hash.
+        problem: the whole problem as JSON data, for the manifest: other tools rebuild the model from it.
 
     Raises GenerationError for a name that is no C identifier or is taken, and for a folder that is not ours;
     ModelError for a parameter without a value.
@@ -64,7 +67,7 @@ def generate(
     faces = interfaces(functions, name)
     texts = contents(faces, name, dict(provenance or {}))
     hashes = _hashes(faces, texts[f"gt_{name}_body.c"])
-    write(Path(out), texts, manifest(name, faces, provenance or {}, texts, hashes), overwrite)
+    write(Path(out), texts, manifest(name, faces, provenance or {}, texts, hashes, problem or {}), overwrite)
     return Generated(Path(out), name, (*texts, FILE), {f.key: f.symbol for f in faces})
 
 

@@ -17,8 +17,8 @@ from .interface import Interface, Member
 FORMAT = "gtmodel-c-1"
 FILE = "manifest.json"
 _KEYS = """
-    format name gtmodel casadi parameters_sha256 body_sha256 provenance compile pivot_tolerance statuses functions
-    models files
+    format name gtmodel casadi parameters_sha256 body_sha256 provenance problem compile pivot_tolerance statuses
+    functions models files
 """
 
 
@@ -59,9 +59,14 @@ def interface_entry(face: Interface) -> dict[str, Any]:
 
 
 def manifest(
-    name: str, faces: list[Interface], provenance: Mapping[str, str], files: Mapping[str, str], hashes: dict[str, str]
+    name: str,
+    faces: list[Interface],
+    provenance: Mapping[str, str],
+    files: Mapping[str, str],
+    hashes: dict[str, str],
+    problem: Mapping[str, Any],
 ) -> dict[str, Any]:
-    """The manifest as a dictionary; `files` are the texts of the other files."""
+    """The manifest as a dictionary; `files` are the texts of the other files, `problem` the problem as JSON data."""
     models: list[dict[str, Any]] = []
     of_flat: dict[int, int] = {}
     functions = []
@@ -79,6 +84,7 @@ def manifest(
         "casadi": ca.CasadiMeta.version(),
         **hashes,
         "provenance": dict(provenance),
+        "problem": dict(problem),
         "compile": {"bit_equal_with": ["-ffp-contract=off"], "never": ["-ffast-math", "-Ofast"], "link": ["-lm"]},
         "pivot_tolerance": PIVOT_TOLERANCE,
         "statuses": [{"code": int(s), "name": s.c_name, "sentence": s.sentence} for s in Status],

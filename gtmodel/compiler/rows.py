@@ -20,8 +20,13 @@ PIVOT_TOLERANCE = 1e-9
 BLOCK = 512
 
 
-def map_columns(f: ca.Function, columns: Sequence[np.ndarray]) -> list[np.ndarray]:
-    """A function on columns side by side: inputs (size, n), results (r, n * c) for outputs of shape (r, c)."""
+def map_columns(
+    f: ca.Function, columns: Sequence[np.ndarray], made: dict[int, ca.Function] | None = None
+) -> list[np.ndarray]:
+    """A function on columns side by side: inputs (size, n), results (r, n * c) for outputs of shape (r, c).
+
+    `made`: f mapped to numbers of columns, kept by the caller between calls.
+    """
     n = columns[0].shape[1] if columns else 1
     if n == 0:
         return [np.zeros((f.size1_out(k), 0)) for k in range(f.n_out())]
@@ -36,7 +41,8 @@ def map_columns(f: ca.Function, columns: Sequence[np.ndarray]) -> list[np.ndarra
     for begin in range(0, n, BLOCK):
         end = min(n, begin + BLOCK)
         if end - begin != size:
-            size, g = end - begin, f.map(end - begin)
+            size = end - begin
+            g = f.map(size) if made is None else made.get(size) or made.setdefault(size, f.map(size))
         buffer, run = g.buffer()
         set_arg: Any = buffer.set_arg
         set_res: Any = buffer.set_res

@@ -65,7 +65,13 @@ def write(problem: Schema, context: Context, out: Path, *, verify: bool = False)
     provenance = {"problem": context.name, "title": problem.title, "robot": problem.robot}
     provenance["problem_sha256"] = sha256(problem.model_dump_json().encode()).hexdigest()
     try:
-        generated = generate(functions, out, name=problem.name or c_name(context.name), provenance=provenance)
+        generated = generate(
+            functions,
+            out,
+            name=problem.name or c_name(context.name),
+            provenance=provenance,
+            problem=problem.model_dump(mode="json", exclude_unset=True),
+        )
     except GenerationError as error:
         raise InputError(str(error)) from error
     files = sorted(str(f) for f in generated.files)

@@ -1,0 +1,55 @@
+/* What a control law gets, what it gives, and how the loop calls it.
+ *
+ * Feedback is what the thesis calls the submit state, command its obtain state: carts in m, speeds in m/s, SI inside.
+ */
+#ifndef GT_LAW_H
+#define GT_LAW_H
+
+#include "gt_status.h"
+
+#include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+#define GT_AXES 6U
+#define GT_IPOC_DIGITS 20U
+
+typedef struct gt_feedback {
+    uint64_t sequence;          /* number of the datagram */
+    uint64_t time_ms;           /* the robot's clock */
+    double position_m[GT_AXES]; /* carts, measured */
+    double planned_m[GT_AXES];  /* carts, the robot's own reference */
+    int has_planned;
+    int running;                /* the robot takes corrections */
+    uint32_t delay;             /* answers that the robot found late, where it says so */
+    uint32_t joint_count;
+    double joints_deg[GT_AXES]; /* of a robot that also has joints: sent back as they came */
+    uint32_t stamp_length;      /* digits that the answer has to repeat */
+    uint8_t stamp[GT_IPOC_DIGITS];
+} gt_feedback;
+
+typedef struct gt_command {
+    int along_path;             /* 1: path_m is meant, 0: positions */
+    double position_m[GT_AXES]; /* carts */
+    double speed_m_s[GT_AXES];  /* of the motion at this position */
+    double path_m[3];           /* offset of the tool centre point */
+} gt_command;
+
+/* A law: `state` belongs to the caller. Each function returns GT_OK or why it cannot go on; then the loop holds. */
+typedef struct gt_law {
+    void *state;
+    /* once, with the first feedback of a running robot */
+    gt_status (*init)(void *state, const gt_feedback *first);
+    /* each cycle; elapsed_ms since the first on the robot's clock. Writes the command only with GT_OK. */
+    gt_status (*step)(void *state, const gt_feedback *feedback, uint64_t elapsed_ms, gt_command *command);
+    /* once, at the end */
+    void (*term)(void *state);
+} gt_law;
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,213 @@
+/* gt_loop: see gt_loop.h. */
+#include "gt_loop.h"
+
+#include "gt_guard.h"
+#include "gt_record.h"
+
+#include <math.h>
+#include <string.h>
+
+void gt_loop_init(gt_loop *loop, const gt_loop_settings *settings, const gt_peer *peer, const gt_law *law)
+{
+    (void)memset(loop, 0, sizeof(*loop));
+    loop->settings = *settings;
+    loop->peer = *peer;
+    loop->law = *law;
+    loop->state = GT_LOOP_WAITING;
+    loop->status = GT_STALE_INPUT;
+    gt_sequence_init(&loop->sequence);
+}
+
+void gt_loop_datagram(gt_loop *loop, const uint8_t *data, uint32_t length)
+{
+    gt_feedback feedback;
+
+    loop->datagrams++;
+    if ((length > GT_DATAGRAM_MAX) || !gt_peer_read(&loop->peer, data, length, &feedback)) {
+        loop->garbage++;
+        return;
+    }
+    if (gt_sequence_take(&loop->sequence, feedback.sequence)) {
+        loop->feedback = feedback;
+        loop->fresh = 1;
+    }
+}
+
+static double gt_clamped(double value, double lowest, double highest)
+{
+    if (value < lowest) {
+        return lowest;
+    }
+    return (value > highest) ? highest : value;
+}
+
+/* Cycles of the robot's clock since the last command; no more than may be held, whatever the clock says. */
+static double gt_loop_passed(const gt_loop *loop)
+{
+    const uint64_t most = (uint64_t)loop->settings.hold_cycles + 1U;
+    uint64_t cycles = 1U;
+
+    if (loop->feedback.time_ms > loop->command_ms) {
+        cycles = (loop->feedback.time_ms - loop->command_ms) / loop->peer.cycle_ms;
+    }
+    if (cycles > most) {
+        cycles = most;
+    }
+    return (cycles > 0U) ? (double)cycles : 1.0;
+}
+
+static int gt_loop_allowed(const gt_loop *loop, const gt_command *command)
+{
+    const gt_limits *limits = &loop->settings.limits;
+    const double furthest = limits->step_m * gt_loop_passed(loop);
+    uint32_t n;
+
+    if (command->along_path) {
+        for (n = 0U; n < 3U; n++) {
+            if (!(fabs(command->path_m[n]) <= limits->path_m)) {
+                return 0;
+            }
+        }
+        return 1;
+    }
+    for (n = 0U; n < loop->peer.axes; n++) {
+        const double step = command->position_m[n] - loop->command.position_m[n];
+
+        if (!(command->position_m[n] >= limits->lowest_m[n]) || !(command->position_m[n] <= limits->highest_m[n]) ||
+            !(fabs(step) <= furthest) || !gt_all_finite(&command->speed_m_s[n], 1)) {
+            return 0;
+        }
+    }
+    return 1;
+}
+
+/* The robot stands where it stands; once it runs, the law begins. */
+static void gt_loop_wait(gt_loop *loop)
+{
+    gt_peer_begin(&loop->peer, &loop->feedback);
+    gt_copy(loop->command.position_m, loop->peer.start_m, (int)GT_AXES);
+    if (loop->feedback.running) {
+        loop->first_ms = loop->feedback.time_ms;
+        loop->command_ms = loop->feedback.time_ms;
+        loop->status = loop->law.init(loop->law.state, &loop->feedback);
+        loop->state = (loop->status == GT_OK) ? GT_LOOP_RUNNING : GT_LOOP_STOPPED;
+    }
+}
+
+static void gt_loop_law(gt_loop *loop)
+{
+    gt_command command = loop->command;
+
+    if (loop->feedback.time_ms < loop->first_ms) {
+        loop->status = GT_STALE_INPUT;
+        return;
+    }
+    loop->status = loop->law.step(loop->law.state, &loop->feedback, loop->feedback.time_ms - loop->first_ms, &command);
+    if ((loop->status == GT_OK) && !gt_loop_allowed(loop, &command)) {
+        /* a wrong command is no hiccup: the ramp begins at once */
+        loop->status = GT_OUT_OF_RANGE;
+        loop->misses = loop->settings.hold_cycles;
+    }
+    if (loop->status == GT_OK) {
+        loop->command = command;
+        loop->command_ms = loop->feedback.time_ms;
+    }
+}
+
+/* The carts go on at their last speed times `share`, within the limits. */
+static void gt_loop_coast(gt_loop *loop, const double *speed, double share)
+{
+    const gt_limits *limits = &loop->settings.limits;
+    const double seconds = (double)loop->peer.cycle_ms / 1000.0;
+    uint32_t n;
+
+    for (n = 0U; n < loop->peer.axes; n++) {
+        const double now = speed[n] * share;
+
+        loop->command.position_m[n] = gt_clamped(loop->command.position_m[n] + (now * seconds), limits->lowest_m[n],
+                                                 limits->highest_m[n]);
+        loop->command.speed_m_s[n] = now;
+    }
+}
+
+/* Hold last, then ramp to stop. */
+static void gt_loop_miss(gt_loop *loop)
+{
+    loop->misses++;
+    if (loop->misses <= loop->settings.hold_cycles) {
+        loop->state = GT_LOOP_HOLDING;
+        gt_loop_coast(loop, loop->command.speed_m_s, 1.0);
+    } else {
+        loop->state = GT_LOOP_RAMPING;
+        loop->ramp_left = loop->settings.ramp_cycles;
+        gt_copy(loop->ramp_from, loop->command.speed_m_s, (int)GT_AXES);
+    }
+}
+
+static void gt_loop_ramp(gt_loop *loop)
+{
+    if (loop->ramp_left > 0U) {
+        loop->ramp_left--;
+        gt_loop_coast(loop, loop->ramp_from, (double)loop->ramp_left / (double)loop->settings.ramp_cycles);
+    }
+    if (loop->ramp_left == 0U) {
+        gt_loop_coast(loop, loop->ramp_from, 0.0);
+        loop->state = GT_LOOP_STOPPED;
+    }
+}
+
+static uint32_t gt_loop_answer(const gt_loop *loop, int fresh, uint8_t *answer)
+{
+    gt_command command = loop->command;
+
+    /* RSI answers datagrams only; EGM takes the newest command whenever it comes */
+    if (!loop->sequence.started || (!fresh && (loop->peer.protocol == GT_PEER_RSI))) {
+        return 0U;
+    }
+    if (loop->settings.dry) {
+        if (loop->peer.protocol == GT_PEER_EGM) {
+            return 0U;
+        }
+        /* an RSI controller drops a partner that does not answer: it gets no correction */
+        (void)memset(&command, 0, sizeof(command));
+        gt_copy(command.position_m, loop->peer.start_m, (int)GT_AXES);
+    }
+    return gt_peer_write(&loop->peer, &loop->feedback, &command, answer, GT_DATAGRAM_MAX);
+}
+
+uint32_t gt_loop_cycle(gt_loop *loop, uint8_t *answer)
+{
+    const int fresh = loop->fresh;
+    uint32_t length;
+
+    loop->cycles++;
+    if (fresh && (loop->state == GT_LOOP_WAITING)) {
+        gt_loop_wait(loop);
+    }
+    if ((loop->state == GT_LOOP_RUNNING) || (loop->state == GT_LOOP_HOLDING)) {
+        loop->status = GT_STALE_INPUT;
+        if (fresh) {
+            gt_loop_law(loop);
+        }
+        if (loop->status == GT_OK) {
+            loop->misses = 0U;
+            loop->state = GT_LOOP_RUNNING;
+        } else {
+            gt_loop_miss(loop);
+        }
+    }
+    if (loop->state == GT_LOOP_RAMPING) {
+        gt_loop_ramp(loop);
+    }
+    loop->late += (!fresh && loop->sequence.started) ? 1U : 0U;
+    length = gt_loop_answer(loop, fresh, answer);
+    gt_record(loop, answer, length);
+    loop->fresh = 0;
+    loop->datagrams = 0U;
+    return length;
+}
+
+void gt_loop_term(gt_loop *loop)
+{
+    loop->law.term(loop->law.state);
+}

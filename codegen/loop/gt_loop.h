@@ -1,0 +1,82 @@
+/* The loop without its sockets: datagrams go in, an answer and a log record come out, once per cycle.
+ *
+ * The robot is the clock. Of the datagrams of a cycle the newest counts; without one the last speed is held for some
+ * cycles, then it is ramped to zero, and the loop stays stopped. The same for a law that fails; for a command outside
+ * the limits the ramp begins at once. Nothing is allocated, nothing waits.
+ */
+#ifndef GT_LOOP_H
+#define GT_LOOP_H
+
+#include "gt_law.h"
+#include "gt_peer.h"
+#include "gt_sequence.h"
+#include "gt_wire.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef enum gt_loop_state {
+    GT_LOOP_WAITING = 0, /* no running robot yet: its own position is sent back */
+    GT_LOOP_RUNNING = 1, /* the law's command is sent */
+    GT_LOOP_HOLDING = 2, /* no command for some cycles: the last speed is kept */
+    GT_LOOP_RAMPING = 3, /* too many: the speed is going to zero */
+    GT_LOOP_STOPPED = 4  /* until the program is started again */
+} gt_loop_state;
+
+typedef struct gt_limits {
+    double lowest_m[GT_AXES];
+    double highest_m[GT_AXES];
+    double step_m; /* most that a cart's command may change in a cycle of the robot's clock */
+    double path_m; /* most that a path correction may be */
+} gt_limits;
+
+typedef struct gt_loop_settings {
+    int dry; /* commands are logged, not sent */
+    uint32_t hold_cycles;
+    uint32_t ramp_cycles;
+    gt_limits limits;
+} gt_loop_settings;
+
+/* Numbers of a record: what gtmodel/loop/record.py names. */
+#define GT_RECORD_COLUMNS 37U
+
+typedef struct gt_loop {
+    gt_loop_settings settings;
+    gt_peer peer;
+    gt_law law;
+    gt_sequence sequence;
+    gt_loop_state state;
+    gt_status status;        /* of the last cycle */
+    int fresh;               /* a newer datagram came since the last cycle */
+    gt_feedback feedback;    /* the newest */
+    uint64_t first_ms;       /* robot's clock when the law began */
+    uint64_t command_ms;     /* when the last command of the law was made */
+    uint64_t cycles;
+    uint64_t late;           /* cycles without a newer datagram */
+    uint64_t garbage;        /* datagrams that could not be read */
+    uint32_t datagrams;      /* since the last cycle */
+    uint32_t misses;         /* cycles without a command, in a row */
+    uint32_t ramp_left;
+    double ramp_from[GT_AXES];
+    gt_command command;      /* the last one */
+    double record[GT_RECORD_COLUMNS];
+} gt_loop;
+
+void gt_loop_init(gt_loop *loop, const gt_loop_settings *settings, const gt_peer *peer, const gt_law *law);
+
+/* Takes one datagram of this cycle; any bytes are allowed. */
+void gt_loop_datagram(gt_loop *loop, const uint8_t *data, uint32_t length);
+
+/* Ends the cycle: writes the answer to the newest datagram, GT_DATAGRAM_MAX bytes at the most, and fills
+ * loop->record. Returns the answer's length, 0 if there is nothing to send. */
+uint32_t gt_loop_cycle(gt_loop *loop, uint8_t *answer);
+
+/* Ends the law. */
+void gt_loop_term(gt_loop *loop);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

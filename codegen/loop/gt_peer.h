@@ -1,0 +1,34 @@
+/* Between the protocols and the laws: a datagram as feedback, a command as the answer to it. Carts in mm outside. */
+#ifndef GT_PEER_H
+#define GT_PEER_H
+
+#include "gt_law.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef enum gt_protocol { GT_PEER_EGM = 0, GT_PEER_RSI = 1 } gt_protocol;
+
+typedef struct gt_peer {
+    gt_protocol protocol;
+    uint32_t axes;           /* carts that the robot has to report */
+    uint32_t cycle_ms;       /* 4, or 12 for RSI */
+    double start_m[GT_AXES]; /* RSI corrections count from here */
+} gt_peer;
+
+/* 1 and `feedback`, or 0 for a datagram that is not of this protocol or lacks a cart. */
+int gt_peer_read(const gt_peer *peer, const uint8_t *data, uint32_t length, gt_feedback *feedback);
+
+/* Corrections count from this feedback on. */
+void gt_peer_begin(gt_peer *peer, const gt_feedback *first);
+
+/* The answer to `feedback`; returns its length, 0 if it cannot be written. */
+uint32_t gt_peer_write(const gt_peer *peer, const gt_feedback *feedback, const gt_command *command, uint8_t *data,
+                       uint32_t capacity);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

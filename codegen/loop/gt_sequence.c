@@ -1,0 +1,47 @@
+/* gt_sequence: see gt_sequence.h. */
+#include "gt_sequence.h"
+
+#include <string.h>
+
+#define GT_WINDOW 64U
+
+void gt_sequence_init(gt_sequence *sequence)
+{
+    (void)memset(sequence, 0, sizeof(*sequence));
+}
+
+int gt_sequence_take(gt_sequence *sequence, uint64_t number)
+{
+    uint64_t age;
+    uint64_t bit;
+
+    if (!sequence->started) {
+        sequence->started = 1;
+        sequence->first = number;
+        sequence->newest = number;
+        sequence->seen = 1U;
+        return 1;
+    }
+    if (number > sequence->newest) {
+        const uint64_t gap = number - sequence->newest;
+
+        sequence->lost += gap - 1U;
+        sequence->seen = (gap < GT_WINDOW) ? ((sequence->seen << gap) | 1U) : 1U;
+        sequence->newest = number;
+        return 1;
+    }
+    age = sequence->newest - number;
+    if ((age >= GT_WINDOW) || (number < sequence->first)) {
+        sequence->stale++;
+        return 0;
+    }
+    bit = ((uint64_t)1U) << age;
+    if ((sequence->seen & bit) != 0U) {
+        sequence->repeated++;
+    } else {
+        sequence->seen |= bit;
+        sequence->reordered++;
+        sequence->lost--;
+    }
+    return 0;
+}

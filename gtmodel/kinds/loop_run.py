@@ -1,0 +1,311 @@
+"""``gtmodel loop``: the C loop of a generated folder against a simulated controller, without and with its law."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gtmodel.compiler.causal import compile_causal
+from gtmodel.loop import (
+    DrivePlant,
+    LoopError,
+    LoopProcess,
+    RigidBodyPlant,
+    RobotSide,
+    Servo,
+    Table,
+    lockstep,
+    real_time,
+    rsi_configuration,
+)
+from gtmodel.loop.plant import Plant
+from gtmodel.loop.record import STATES, trajectory_of
+from gtmodel.results import SolveStatus, Status, Trajectory
+from gtmodel.robots import actuator_closed_loop
+
+from . import report
+from .base import Check, Context, Outcome, Row
+from .loop_bench import MARK, Bench, prepare
+from .loop_motion import CYCLE_MS
+from .run import Finished
+
+# what the first and the second run of a law are
+LAWS = {
+    "trajectory": ("the reference alone", "with feedforward"),
+    "dynamics": ("the reference alone", "with inverse-dynamics feedforward"),
+    "replay": ("the reference alone", "with a learned table"),
+    "path": ("the programme alone", "with path correction"),
+}
+# Python and other work share the machine with the simulated controller: 0.2 s without a datagram is still no fault
+HOLD_CYCLES = 50
+STEP_LIMIT_M = 0.1
+REACH_LIMIT_M = 1.0  # beyond the reference: the inverse of a slow drive asks for far more than it gets
+# with its law a run has to track this much better; path correction is slow beside the motion and has only to help
+GAINS = {"trajectory": 0.5, "dynamics": 0.5, "replay": 0.5, "path": 1.0}
+LEARNING, LEARNING_RUNS = 0.9, 30  # gain of Dressler 2012, section 7.3; simulated repetitions
+PATH_GAIN_PER_S, PATH_LIMIT_M = 2.0, 0.03  # slow beside drives of 1.1 Hz with five samples of delay
+# the end of a real-time run finds the loop waiting for the next datagram
+GOING = (STATES.index("running"), STATES.index("holding"))
+
+
+@dataclass
+class OneRun:
+    """One run: its log, the loop's report, what it said; carts and tool centre point measured (cycles, 3) [m]."""
+
+    label: str
+    log: bytes
+    report: dict[str, Any]
+    said: str
+    carts_m: np.ndarray
+    tcp_m: np.ndarray
+    programme_tcp_m: np.ndarray
+
+
+def run(
+    folder: Path,
+    peer: str,
+    seconds: float,
+    *,
+    law: str = "trajectory",
+    reference: Path | None = None,
+    in_lockstep: bool = False,
+    out: Path | None = None,
+    context: Context | None = None,
+) -> Finished:
+    """Build the loop with a generated folder and run it on loopback against a simulated controller.
+
+    Args:
+        folder: of gtmodel codegen, made from a problem with a robot of three carts.
+        peer: egm or rsi.
+        seconds: of each of the two runs; with `in_lockstep` they go as fast as the machine allows.
+        law: one of LAWS; it chooses the plant: drives of eq. (6.11), or for `dynamics` the rigid-body robot.
+        reference: CSV with T, der(T), der(T,2) every 4 ms; the time-optimal motion of l1_min_time if None.
+        out: for the loop's sources, logs and the picture; `folder`/loop if None.
+
+    Raises InputError, one sentence.
+    """
+    job = context or Context(name=folder.name)
+    bench = prepare(folder, peer, seconds, law, LAWS, reference, in_lockstep, out, job)
+    runs: list[OneRun] = []
+    try:
+        for n, label in enumerate(LAWS[law]):
+            job.progress(f"{peer}: {label}", n / 2)
+            runs.append(_run(bench, label, active=n == 1))
+            if job.interrupted():
+                outcome = Outcome(status=SolveStatus.INTERRUPTED, message="stopped before both runs were compared")
+                return Finished(outcome, time.monotonic() - job.began)
+    except LoopError as error:
+        return Finished(Outcome(status=SolveStatus.FAILED, message=str(error)), time.monotonic() - job.began)
+    outcome = _outcome(bench, runs)
+    return Finished(outcome, time.monotonic() - job.began, _write(bench, runs, outcome))
+
+
+def _run(bench: Bench, label: str, *, active: bool) -> OneRun:
+    plant, programme = _plant(bench), None
+    if bench.law == "path":
+        programme = _programme(bench)
+    robot = RobotSide(bench.peer, plant, cycle_ms=CYCLE_MS, programme=programme)
+    log = bench.place / ("loop_on.log" if active else "loop_off.log")
+    options = [*_options(bench, active), "--log", str(log)]
+    # in real time a late cycle is one more, and the loop ends when it is asked to
+    options += ["--cycles", str(bench.cycles)] if bench.in_lockstep else []
+
+    def stopped(share: float) -> bool:
+        return bench.context.interrupted()
+
+    with LoopProcess(bench.program, options) as process:
+        if bench.in_lockstep:
+            done = lockstep(robot, process.exchange, bench.cycles, stopped=stopped)
+        else:
+            done = real_time(robot, process, bench.cycles, stopped)
+        process.end()
+        found = process.finish()
+        said = process.said
+    tcp, status = bench.forward(done.measured_m)
+    if np.any(status != Status.OK):
+        raise LoopError(f"{label}: the simulated robot left its workspace")
+    programme_tcp, _ = bench.forward(done.planned_m)
+    return OneRun(label, log.read_bytes(), found, said, done.measured_m, tcp, programme_tcp)
+
+
+def _plant(bench: Bench) -> Plant:
+    start = bench.carts_m[0]
+    if bench.law == "dynamics":
+        forward = compile_causal(bench.robot, known="tau", targets="der(T,2)", prefer="T")
+        velocity = compile_causal(bench.robot, known="T", targets=["q", "der(q)"])
+        return RigidBodyPlant(forward, velocity, bench.tcp_m[0].tolist(), Servo(), CYCLE_MS / 1000.0)
+    drives = actuator_closed_loop()
+    return DrivePlant(start.tolist(), drives["a"], drives["b"], drives["delay"])
+
+
+def _options(bench: Bench, active: bool) -> list[str]:
+    """The loop's command line."""
+    drives, servo = actuator_closed_loop(), Servo()
+    lowest = bench.carts_m.min(axis=0) - REACH_LIMIT_M
+    highest = bench.carts_m.max(axis=0) + REACH_LIMIT_M
+    table = str(bench.place / "reference.table")
+    law = bench.law if active or bench.law in ("dynamics", "path") else "trajectory"
+    options = {
+        "--peer": bench.peer,
+        "--law": law,
+        "--feedforward": "on" if active else "off",
+        "--reference": table,
+        "--cycle-ms": str(CYCLE_MS),
+        "--hold": str(HOLD_CYCLES),
+        "--idle-ms": "5000",
+        "--lowest": _text(lowest),
+        "--highest": _text(highest),
+        "--step": repr(STEP_LIMIT_M),
+        "--path-limit": repr(PATH_LIMIT_M),
+        "--delay-ms": str(CYCLE_MS * drives["delay"]),
+        "--a": _text(drives["a"]),
+        "--b": _text(drives["b"]),
+        "--kp": _text([servo.kp_N_m] * 3),
+        "--kd": _text([servo.kd_N_s_m] * 3),
+        # a position without a speed is held for a cycle: half a cycle ahead it is right in the middle
+        "--lead-ms": "0" if bench.peer == "egm" else str(CYCLE_MS // 2),
+        "--gain": repr(PATH_GAIN_PER_S if active else 0.0),
+    }
+    if law == "replay":
+        path = bench.place / "corrections.table"
+        path.write_bytes(_learned(bench).to_bytes())
+        options["--corrections"] = str(path)
+    words = [word for pair in options.items() for word in pair]
+    return [*words, "--live", *(["--lockstep"] if bench.in_lockstep else [])]
+
+
+def _text(values: Sequence[float] | np.ndarray) -> str:
+    return ",".join(repr(float(x)) for x in values)
+
+
+def _learned(bench: Bench) -> Table:
+    """Corrections that repeated simulated runs of the drives leave: u + 0.9 e(k + 5) (Dressler 2012, section 7.3)."""
+    wanted, delay = bench.carts_m, actuator_closed_loop()["delay"]
+    correction = np.zeros_like(wanted)
+    for _ in range(LEARNING_RUNS):
+        plant, measured = _plant(bench), np.zeros_like(wanted)
+        for k, command in enumerate(wanted + correction):
+            measured[k] = plant.position_m
+            plant.step(command.tolist(), [0.0] * 3)
+        error = wanted - measured
+        correction += LEARNING * np.vstack([error[delay:], np.repeat(error[-1:], delay, axis=0)])
+    return Table(correction, CYCLE_MS)
+
+
+def _programme(bench: Bench) -> Callable[[int, Sequence[float]], Sequence[float]]:
+    """The robot's own motion: the reference, its tool centre point moved by the path correction."""
+    inverse = compile_causal(bench.robot, known="T", targets="q")
+
+    def carts(cycle: int, path_m: Sequence[float]) -> Sequence[float]:
+        q, status = inverse(bench.tcp_m[cycle] + np.array(path_m))
+        if status is not Status.OK:
+            raise LoopError(
+                f"the path corrected by {1e3 * np.array(path_m).round(4)} mm leaves the workspace in cycle {cycle}"
+            )
+        return q.tolist()
+
+    return carts
+
+
+def _outcome(bench: Bench, runs: list[OneRun]) -> Outcome:
+    errors = [_errors(bench, one) for one in runs]
+    plain, active = (e["tcp_rms_mm"] for e in errors)
+    bound = GAINS[bench.law]
+    checks = {"rms_error_ratio": Check(active / plain, bound, active <= bound * plain)}
+    for name, one in zip(("off", "on"), runs, strict=True):
+        running = one.report["state"] in GOING
+        checks[f"{name}_running_at_the_end"] = Check(float(running), None, running)
+        checks[f"{name}_log_complete"] = Check(
+            float(one.report["log_complete"]), None, bool(one.report["log_complete"])
+        )
+    good = all(check.passed for check in checks.values())
+    failed = ", ".join(name for name, check in checks.items() if not check.passed)
+    real_time_granted = all(one.report["fifo"] and one.report["memory_locked"] for one in runs)
+    timing = "in lock step" if bench.in_lockstep else "in real time" if real_time_granted else "not real-time"
+    message = f"{bench.peer} on loopback, {timing}; tested against simulators only"
+    return Outcome(
+        status=SolveStatus.SOLVED if good else SolveStatus.FAILED,
+        message=message if good else f"{message}; failed: {failed}",
+        checks=checks,
+        values={
+            "peer": bench.peer,
+            "law": bench.law,
+            "plant": "rigid body under a servo" if bench.law == "dynamics" else "drives of eq. (6.11)",
+            "cycles": bench.cycles,
+            "real_time": real_time_granted,
+            "runs": [{"label": one.label, **e, **one.report} for one, e in zip(runs, errors, strict=True)],
+        },
+        rows=_rows(runs, errors, bench.in_lockstep),
+        figures={"tracking": lambda: _figure(bench, runs)},
+    )
+
+
+def _errors(bench: Bench, one: OneRun) -> dict[str, float]:
+    tcp = 1e3 * np.linalg.norm(one.tcp_m - bench.tcp_m[: len(one.tcp_m)], axis=1)
+    carts = 1e3 * np.abs(one.carts_m - bench.carts_m[: len(one.carts_m)])
+    return {
+        "tcp_rms_mm": float(np.sqrt(np.mean(tcp**2))),
+        "tcp_largest_mm": float(tcp.max()),
+        "cart_largest_mm": float(carts.max()),
+    }
+
+
+def _rows(runs: list[OneRun], errors: list[dict[str, float]], in_lockstep: bool) -> list[Row]:
+    rows: list[Row] = []
+    for one, error in zip(runs, errors, strict=True):
+        rows += [
+            Row(f"{one.label}: rms error of T", error["tcp_rms_mm"], "mm"),
+            Row(f"{one.label}: largest error of T", error["tcp_largest_mm"], "mm"),
+            Row(
+                f"{one.label}: late, lost, repeated", " ".join(str(one.report[k]) for k in ("late", "lost", "repeated"))
+            ),
+        ]
+        if not in_lockstep:
+            rows += [
+                Row(f"{one.label}: worst reply, worst period", " ".join(_worst_ms(one.report)), "ms"),
+                Row(f"{one.label}: replies below", _histogram(one.report["reply_below_us"])),
+                Row(f"{one.label}: periods below", _histogram(one.report["period_below_us"])),
+            ]
+    for line in dict.fromkeys(line for one in runs for line in one.said.splitlines()):
+        rows.append(Row("the loop says", line))
+    return rows
+
+
+def _worst_ms(found: dict[str, Any]) -> list[str]:
+    return [f"{found[f'{what}_worst_us'] / 1000:.2f}" for what in ("reply", "period")]
+
+
+def _histogram(below_us: dict[str, int]) -> str:
+    return ", ".join(f"{int(us) / 1000:g} ms: {count}" for us, count in below_us.items() if count)
+
+
+def _figure(bench: Bench, runs: list[OneRun]) -> Any:
+    from gtmodel.plot.tracking import tracking_figure
+
+    time_s = 1e-3 * CYCLE_MS * np.arange(bench.cycles)
+    wanted = Trajectory(time_s, {"T": bench.tcp_m, "q": bench.carts_m}, {"T": "m", "q": "m"})
+    measured = {
+        one.label: Trajectory(time_s[: len(one.tcp_m)], {"T": one.tcp_m, "q": one.carts_m}, {"T": "m", "q": "m"})
+        for one in runs
+    }
+    return tracking_figure(wanted, measured, f"{bench.peer.upper()} on loopback, {bench.law}: simulated controller")
+
+
+def _write(bench: Bench, runs: list[OneRun], outcome: Outcome) -> list[Path]:
+    place = bench.place
+    for name, one in zip(("off", "on"), runs, strict=True):
+        log = trajectory_of(one.log, 3, 1e-3 * CYCLE_MS, title=f"{bench.peer}, {one.label}: log of the loop")
+        log.to_csv(place / f"loop_{name}.csv", overwrite=True)
+    if bench.peer == "rsi":
+        (place / "rsi_configuration.xml").write_text(rsi_configuration("127.0.0.1", 49152), encoding="utf-8")
+    figure = outcome.figures["tracking"]()
+    figure.savefig(place / "tracking.png", dpi=150, metadata={"Software": None})
+    summary = report.summary(bench.context.name, "loop", outcome, 0.0)
+    (place / MARK).write_text(json.dumps(summary, indent=1) + "\n", encoding="utf-8")
+    return [place / name for name in ("tracking.png", "loop_off.csv", "loop_on.csv", MARK)]

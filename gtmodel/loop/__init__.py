@@ -1,0 +1,46 @@
+"""The 4 ms loop and its peers: EGM and RSI in Python, simulated controllers and plants, the loop's twin.
+
+Build and run: build -> program, LoopProcess, lockstep, real_time. Peers: RobotSide with a DrivePlant or a
+RigidBodyPlant, Channel with Faults. The loop in Python: Twin with one of the laws. All of it was tested against
+simulators only.
+"""
+
+from .build import build
+from .exchange import Command, Exchange, Feedback
+from .faults import Channel, Faults, expected_counters
+from .laws import DynamicsLaw, PathLaw, ReplayLaw, TrajectoryLaw
+from .plant import DrivePlant, RigidBodyPlant, Servo
+from .process import LoopError, LoopProcess
+from .robot_side import RobotSide
+from .rsi_configuration import rsi_configuration
+from .run import Run, lockstep, real_time
+from .table import Table
+from .twin import Limits, Settings, Twin
+
+__all__ = [
+    "Channel",
+    "Command",
+    "DrivePlant",
+    "DynamicsLaw",
+    "Exchange",
+    "Faults",
+    "Feedback",
+    "Limits",
+    "LoopError",
+    "LoopProcess",
+    "PathLaw",
+    "ReplayLaw",
+    "RigidBodyPlant",
+    "RobotSide",
+    "Run",
+    "Servo",
+    "Settings",
+    "Table",
+    "TrajectoryLaw",
+    "Twin",
+    "build",
+    "expected_counters",
+    "lockstep",
+    "real_time",
+    "rsi_configuration",
+]

@@ -1,0 +1,121 @@
+"""The C loop, built with a generated folder: the adapter between the two, and the compiler's call."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from .._files import codegen_dir
+from ..cgen import GenerationError
+from ..cgen.manifest import FILE, changed_files, read, sha256
+from ..cgen.toolchain import STANDARD, WARNINGS, find
+
+ADAPTER = "gt_loop_model.c"
+PROGRAM = "gt_loop"
+STAMP = "gt_loop.sha256"  # of what the program was built from
+# what a law may call: (signals in, signals out) of a generated function
+_FORWARD = (("q",), ("T",))
+_INVERSE_DYNAMICS = (("T", "der(T)", "der(T,2)"), ("tau",))
+
+
+def manifest_of(folder: Path) -> dict[str, Any]:
+    """The manifest of a generated folder that is as gtmodel wrote it. Raises GenerationError."""
+    content = read(folder)
+    if content is None:
+        raise GenerationError(f"'{folder}' holds no {FILE} of this gtmodel; make it with gtmodel codegen -o {folder}")
+    changed = changed_files(folder, content)
+    if changed:
+        raise GenerationError(f"'{folder / changed[0]}' was changed since gtmodel wrote it; generate the folder again")
+    return content
+
+
+def adapter(content: Mapping[str, Any], axes: int) -> str:
+    """Text of gt_loop_model.c: the generated functions that laws call, under the loop's own names."""
+    forward = _function(content, *_FORWARD)
+    dynamics = _function(content, *_INVERSE_DYNAMICS)
+    parts = [
+        f"/* The functions of gt_{content['name']} that the laws of the loop call. Written by gtmodel. */\n",
+        f'#include "gt_{content["name"]}.h"\n#include "gt_guard.h"\n#include "gt_laws.h"\n\n#include <stddef.h>\n\n',
+    ]
+    names = {"forward": "NULL", "inverse_dynamics": "NULL"}
+    for name, found, arguments in (
+        ("forward", forward, ("position_m", "tcp_m")),
+        ("inverse_dynamics", dynamics, ("tcp_m", "tcp_m_s", "tcp_m_s2", "force_N")),
+    ):
+        if found is not None:
+            names[name] = f"gt_loop_model_{name}"
+            parts.append(_call(names[name], found, arguments))
+    parts.append(
+        f"const gt_robot_model gt_loop_model = {{{axes}U, {names['forward']}, {names['inverse_dynamics']}}};\n"
+    )
+    return "".join(parts)
+
+
+def sources(content: Mapping[str, Any], axes: int) -> dict[str, str]:
+    """Files of the loop by name: runtime, loop and adapter; together with the generated folder they make a program."""
+    texts: dict[str, str] = {}
+    for place in ("runtime", "loop"):
+        for path in sorted((codegen_dir() / place).glob("*.[ch]")):
+            if path.name != "gt_model_main.c" and path.name not in content["files"]:
+                texts[path.name] = path.read_text(encoding="utf-8")
+    return {**texts, ADAPTER: adapter(content, axes)}
+
+
+def build(folder: Path, place: Path, axes: int) -> Path:
+    """Write the loop's files into `place`, compile them with the generated `folder`, and return the program.
+
+    A program that was built there from the same files is used again. Every warning is an error but for CasADi's
+    unused parameters. Raises GenerationError for a folder that is not generated or was changed, without a compiler,
+    and for code that does not compile.
+    """
+    content = manifest_of(folder)
+    tools = find()
+    if isinstance(tools, str):
+        raise GenerationError(tools)
+    place.mkdir(parents=True, exist_ok=True)
+    texts = sources(content, axes)
+    made_of = sha256(json.dumps([texts, content["files"], tools.cc, STANDARD], sort_keys=True))
+    stamp = place / STAMP
+    if (place / PROGRAM).is_file() and stamp.is_file() and stamp.read_text(encoding="utf-8") == made_of:
+        return place / PROGRAM
+    for name, text in texts.items():
+        (place / name).write_text(text, encoding="utf-8", newline="\n")
+    own = [folder / f"gt_{content['name']}{part}.c" for part in ("", "_body")]
+    hand = [place / name for name in texts if name.endswith(".c")]
+    include = ("-I", folder, "-I", place)
+    with tempfile.TemporaryDirectory() as scratch:
+        body = Path(scratch) / "body.o"
+        good, text = tools.compile(own[1], body, body=True)
+        if good:
+            command = (tools.cc, *STANDARD, *WARNINGS, *include, *hand, own[0], body)
+            good, text = tools.run(*command, "-o", place / PROGRAM, "-lm", "-pthread")
+    if not good:
+        first = next((line for line in text.splitlines() if "error" in line), text.strip())
+        raise GenerationError(f"the loop does not compile: {first}")
+    stamp.write_text(made_of, encoding="utf-8")
+    return place / PROGRAM
+
+
+def _function(content: Mapping[str, Any], known: tuple[str, ...], targets: tuple[str, ...]) -> dict[str, Any] | None:
+    for function in content["functions"]:
+        inputs = sorted(m["signal"] for m in function["inputs"])
+        if inputs == sorted(known) and [m["signal"] for m in function["outputs"]] == list(targets):
+            return {**function, "inputs": sorted(function["inputs"], key=lambda m: known.index(m["signal"]))}
+    return None
+
+
+def _call(name: str, function: Mapping[str, Any], arguments: tuple[str, ...]) -> str:
+    symbol, *given = function["symbol"], *arguments[:-1]
+    lines = [
+        f"static gt_status {name}({', '.join(f'const double *{a}' for a in given)}, double *{arguments[-1]})\n{{\n"
+    ]
+    lines += [f"    {symbol}_in in;\n    {symbol}_out out;\n    gt_status status;\n\n"]
+    for argument, member in zip(given, function["inputs"], strict=True):
+        lines.append(f"    gt_copy(in.{member['member']}, {argument}, {member['shape'][0]});\n")
+    (result,) = function["outputs"]
+    lines.append(f"    status = {symbol}(&in, &out);\n    if (status == GT_OK) {{\n")
+    lines.append(f"        gt_copy({arguments[-1]}, out.{result['member']}, {result['shape'][0]});\n    }}\n")
+    return "".join([*lines, "    return status;\n}\n\n"])

@@ -1,0 +1,241 @@
+"""ABB EGM in Python: both sides of it, from the field numbers of the protocol; no vendor file.
+
+Degrees, and mm for linear and external linear axes. Tested against simulators only.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from dataclasses import dataclass, field
+
+from .wire import (
+    BYTES,
+    DATAGRAM_MAX,
+    FIXED64,
+    VARINT,
+    WireError,
+    double_field,
+    doubles_field,
+    fields,
+    message_field,
+    uint32,
+    varint_field,
+)
+
+JOINTS = 6
+TYPE_DATA, TYPE_CORRECTION, TYPE_PATH_CORRECTION = 2, 3, 4
+MCI_RUNNING = 3
+
+
+@dataclass
+class Pose:
+    """Numbers of EgmFeedBack or EgmPlanned; lists are empty where the robot said nothing."""
+
+    joints_deg: list[float] = field(default_factory=list)
+    external_mm: list[float] = field(default_factory=list)
+    position_mm: list[float] = field(default_factory=lambda: [0.0] * 3)
+    quaternion: list[float] = field(default_factory=lambda: [0.0] * 4)
+    euler_deg: list[float] = field(default_factory=lambda: [0.0] * 3)
+    has_position: bool = False
+    has_quaternion: bool = False
+    has_euler: bool = False
+
+
+@dataclass
+class Robot:
+    """EgmRobot."""
+
+    sequence: int = 0
+    time_ms: int = 0
+    type: int = 0
+    feedback: Pose = field(default_factory=Pose)
+    planned: Pose = field(default_factory=Pose)
+    motor_state: int = 0
+    mci_state: int = 0
+    rapid_state: int = 0
+    convergence_met: bool = False
+
+
+@dataclass
+class Sensor:
+    """EgmSensor, or EgmSensorPathCorr where `path_mm` is given."""
+
+    sequence: int = 0
+    time_ms: int = 0
+    type: int = TYPE_CORRECTION
+    joints_deg: list[float] = field(default_factory=list)
+    joint_speeds_deg_s: list[float] = field(default_factory=list)
+    external_mm: list[float] = field(default_factory=list)
+    external_speeds_mm_s: list[float] = field(default_factory=list)
+    path_mm: list[float] | None = None
+    age_ms: int = 0
+
+
+def decode_robot(data: bytes) -> Robot:
+    """EgmRobot from a datagram. Raises WireError for one that is cut, malformed, incomplete or not finite."""
+    if len(data) > DATAGRAM_MAX:
+        raise WireError("the datagram is too long")
+    robot = Robot()
+    has: set[int] = set()
+    for number, kind, value in fields(data):
+        if kind == VARINT and number == 6:
+            robot.convergence_met = value != 0
+        if not isinstance(value, bytes) or kind != BYTES:
+            continue
+        if number == 1:
+            _header(value, robot, has)
+        elif number in (2, 3):
+            _pose(value, robot.feedback if number == 2 else robot.planned)
+        elif number == 4:
+            robot.motor_state = _state(value, robot.motor_state)
+        elif number == 5:
+            robot.mci_state = _state(value, robot.mci_state)
+        elif number == 8:
+            robot.rapid_state = _state(value, robot.rapid_state)
+    if not {1, 2} <= has:
+        raise WireError("the header lacks number or time")
+    for pose in (robot.feedback, robot.planned):
+        if not all(map(math.isfinite, _numbers_of(pose))):
+            raise WireError("a number is not finite")
+    return robot
+
+
+def encode_robot(robot: Robot, *, packed: bool = False) -> bytes:
+    """EgmRobot as a robot sends it: doubles unpacked, as in proto2, unless `packed`."""
+    out = message_field(1, _header_bytes(robot.sequence, robot.time_ms, robot.type or TYPE_DATA))
+    for number, pose in ((2, robot.feedback), (3, robot.planned)):
+        cartesian = b""
+        if pose.has_position:
+            cartesian += message_field(1, _numbered(pose.position_mm))
+        if pose.has_quaternion:
+            cartesian += message_field(2, _numbered(pose.quaternion))
+        if pose.has_euler:
+            cartesian += message_field(3, _numbered(pose.euler_deg))
+        content = doubles_field(1, pose.joints_deg, packed=packed)
+        content += message_field(2, cartesian) if cartesian else b""
+        content += doubles_field(3, pose.external_mm, packed=packed)
+        out += message_field(number, content)
+    out += message_field(4, varint_field(1, robot.motor_state))
+    out += message_field(5, varint_field(1, robot.mci_state))
+    out += varint_field(6, int(robot.convergence_met))
+    return out + message_field(8, varint_field(1, robot.rapid_state))
+
+
+def encode_sensor(sensor: Sensor) -> bytes:
+    """EgmSensor or EgmSensorPathCorr as the loop sends it, byte for byte like the C codec."""
+    if sensor.path_mm is not None:
+        head = message_field(1, _header_bytes(sensor.sequence, sensor.time_ms, TYPE_PATH_CORRECTION))
+        content = message_field(1, _numbered(sensor.path_mm)) + varint_field(2, sensor.age_ms)
+        return head + message_field(2, content)
+    head = message_field(1, _header_bytes(sensor.sequence, sensor.time_ms, TYPE_CORRECTION))
+    planned = doubles_field(1, sensor.joints_deg) + doubles_field(3, sensor.external_mm)
+    speeds = doubles_field(1, sensor.joint_speeds_deg_s) + doubles_field(3, sensor.external_speeds_mm_s)
+    return head + message_field(2, planned) + message_field(3, speeds)
+
+
+def decode_sensor(data: bytes) -> Sensor:
+    """What a robot reads from the loop's answer. Raises WireError."""
+    robot, sensor = Robot(), Sensor()
+    has: set[int] = set()
+    parts: dict[int, bytes] = {}
+    for number, kind, value in fields(data):
+        if kind == BYTES and isinstance(value, bytes):
+            parts[number] = value
+    _header(parts.get(1, b""), robot, has)
+    if not {1, 2} <= has:
+        raise WireError("the header lacks number or time")
+    sensor.sequence, sensor.time_ms, sensor.type = robot.sequence, robot.time_ms, robot.type
+    if sensor.type == TYPE_PATH_CORRECTION:
+        sensor.path_mm = [0.0] * 3
+        for number, kind, value in fields(parts.get(2, b"")):
+            if number == 1 and isinstance(value, bytes):
+                _numbered_into(value, sensor.path_mm)
+            elif number == 2 and kind == VARINT:
+                sensor.age_ms = uint32(int(value))  # type: ignore[arg-type]
+        return sensor
+    planned, speed = Pose(), Pose()
+    _pose(parts.get(2, b""), planned)
+    _pose(parts.get(3, b""), speed)
+    sensor.joints_deg, sensor.external_mm = planned.joints_deg, planned.external_mm
+    sensor.joint_speeds_deg_s, sensor.external_speeds_mm_s = speed.joints_deg, speed.external_mm
+    return sensor
+
+
+def _header_bytes(sequence: int, time_ms: int, kind: int) -> bytes:
+    return varint_field(1, sequence) + varint_field(2, time_ms) + varint_field(3, kind)
+
+
+def _header(data: bytes, robot: Robot, has: set[int]) -> None:
+    for number, kind, value in fields(data):
+        if kind != VARINT or not isinstance(value, int):
+            continue
+        has.add(number)
+        if number == 1:
+            robot.sequence = uint32(value)
+        elif number == 2:
+            robot.time_ms = uint32(value)
+        elif number == 3:
+            robot.type = uint32(value)
+
+
+def _pose(data: bytes, pose: Pose) -> None:
+    for number, kind, value in fields(data):
+        if kind != BYTES or not isinstance(value, bytes):
+            continue
+        if number == 1:
+            _joints(value, pose.joints_deg)
+        elif number == 2:
+            _cartesian(value, pose)
+        elif number == 3:
+            _joints(value, pose.external_mm)
+
+
+def _cartesian(data: bytes, pose: Pose) -> None:
+    for number, kind, value in fields(data):
+        if kind != BYTES or not isinstance(value, bytes):
+            continue
+        if number == 1:
+            pose.has_position = True
+            _numbered_into(value, pose.position_mm)
+        elif number == 2:
+            pose.has_quaternion = True
+            _numbered_into(value, pose.quaternion)
+        elif number == 3:
+            pose.has_euler = True
+            _numbered_into(value, pose.euler_deg)
+
+
+def _joints(data: bytes, kept: list[float]) -> None:
+    """Doubles of field 1, each with its key or packed; the first six are kept."""
+    for number, kind, value in fields(data):
+        found: list[float] = []
+        if number == 1 and kind == FIXED64 and isinstance(value, float):
+            found = [value]
+        elif number == 1 and kind == BYTES and isinstance(value, bytes):
+            if len(value) % 8:
+                raise WireError("packed doubles are cut")
+            found = list(struct.unpack(f"<{len(value) // 8}d", value))
+        kept += found[: max(0, JOINTS - len(kept))]
+
+
+def _numbered(values: list[float]) -> bytes:
+    return b"".join(double_field(n, x) for n, x in enumerate(values, 1))
+
+
+def _numbered_into(data: bytes, values: list[float]) -> None:
+    for number, kind, value in fields(data):
+        if kind == FIXED64 and number <= len(values) and isinstance(value, float):
+            values[number - 1] = value
+
+
+def _state(data: bytes, before: int) -> int:
+    state = before
+    for number, kind, value in fields(data):
+        if number == 1 and kind == VARINT and isinstance(value, int):
+            state = uint32(value)
+    return state
+
+
+def _numbers_of(pose: Pose) -> list[float]:
+    return [*pose.joints_deg, *pose.external_mm, *pose.position_mm, *pose.quaternion, *pose.euler_deg]

@@ -1,0 +1,123 @@
+"""Between the protocols and the laws: a datagram as feedback, a command as the answer to it. gt_peer in Python."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+from . import egm, rsi
+from .wire import WireError
+
+AXES = 6
+MM = 1000.0
+Protocol = Literal["egm", "rsi"]
+
+
+@dataclass
+class Feedback:
+    """What the thesis calls the submit state: carts [m] measured and planned, the robot's clock [ms]."""
+
+    sequence: int
+    time_ms: int
+    position_m: list[float]
+    planned_m: list[float]
+    has_planned: bool
+    running: bool
+    delay: int = 0
+    joints_deg: list[float] = field(default_factory=list)
+    stamp: bytes = b""
+
+
+@dataclass
+class Command:
+    """What the thesis calls the obtain state: carts [m] with their speeds [m/s], or an offset of the path [m]."""
+
+    position_m: list[float] = field(default_factory=lambda: [0.0] * AXES)
+    speed_m_s: list[float] = field(default_factory=lambda: [0.0] * AXES)
+    path_m: list[float] = field(default_factory=lambda: [0.0] * 3)
+    along_path: bool = False
+
+    def copy(self) -> Command:
+        return Command(list(self.position_m), list(self.speed_m_s), list(self.path_m), self.along_path)
+
+
+class Exchange:
+    """Reads and answers datagrams of one protocol for `axes` carts."""
+
+    def __init__(self, protocol: Protocol, axes: int, cycle_ms: int = 4) -> None:
+        self.protocol, self.axes, self.cycle_ms = protocol, axes, cycle_ms
+        self.start_m = [0.0] * AXES
+
+    def read(self, data: bytes) -> Feedback | None:
+        """Feedback, or None for a datagram that is not of this protocol or lacks a cart."""
+        try:
+            return self._read_egm(data) if self.protocol == "egm" else self._read_rsi(data)
+        except (WireError, rsi.TelegramError):
+            return None
+
+    def begin(self, first: Feedback) -> None:
+        """Corrections count from this feedback on."""
+        self.start_m = list(first.planned_m if first.has_planned else first.position_m)
+
+    def write(self, feedback: Feedback, command: Command) -> bytes:
+        """The answer; empty if it cannot be written."""
+        if self.protocol == "egm":
+            return self._write_egm(feedback, command)
+        try:
+            return self._write_rsi(feedback, command)
+        except ValueError:
+            return b""
+
+    def _read_egm(self, data: bytes) -> Feedback | None:
+        robot = egm.decode_robot(data)
+        if len(robot.feedback.external_mm) < self.axes:
+            return None
+        planned = len(robot.planned.external_mm) >= self.axes
+        same = len(robot.planned.joints_deg) == len(robot.feedback.joints_deg)
+        return Feedback(
+            sequence=robot.sequence,
+            time_ms=robot.time_ms,
+            position_m=self._metres(robot.feedback.external_mm),
+            planned_m=self._metres(robot.planned.external_mm),
+            has_planned=planned,
+            running=robot.mci_state == egm.MCI_RUNNING,
+            joints_deg=robot.planned.joints_deg if same else robot.feedback.joints_deg,
+        )
+
+    def _read_rsi(self, data: bytes) -> Feedback | None:
+        robot = rsi.decode_robot(data)
+        if "EIPos" not in robot.values:
+            return None
+        return Feedback(
+            sequence=robot.ipoc // self.cycle_ms,
+            time_ms=robot.ipoc,
+            position_m=self._metres(robot.values["EIPos"]),
+            planned_m=self._metres(robot.values.get("ESPos", [])),
+            has_planned="ESPos" in robot.values,
+            running=True,
+            delay=robot.delay,
+            stamp=robot.stamp,
+        )
+
+    def _metres(self, values_mm: list[float]) -> list[float]:
+        kept = [x / MM for x in values_mm[: self.axes]]
+        return kept + [0.0] * (AXES - len(kept))
+
+    def _write_egm(self, feedback: Feedback, command: Command) -> bytes:
+        sensor = egm.Sensor(feedback.sequence & 0xFFFFFFFF, feedback.time_ms & 0xFFFFFFFF)
+        if command.along_path:
+            sensor.path_mm = [x * MM for x in command.path_m]
+            return egm.encode_sensor(sensor)
+        sensor.joints_deg = list(feedback.joints_deg)
+        sensor.joint_speeds_deg_s = [0.0] * len(feedback.joints_deg)
+        sensor.external_mm = [x * MM for x in command.position_m[: self.axes]]
+        sensor.external_speeds_mm_s = [x * MM for x in command.speed_m_s[: self.axes]]
+        return egm.encode_sensor(sensor)
+
+    def _write_rsi(self, feedback: Feedback, command: Command) -> bytes:
+        sensor = rsi.Sensor(feedback.stamp)
+        for n in range(3 if command.along_path else 0):
+            sensor.rkorr[n] = command.path_m[n] * MM
+        for n in range(0 if command.along_path else self.axes):
+            sensor.ek_mm[n] = (command.position_m[n] - self.start_m[n]) * MM
+        return rsi.encode_sensor(sensor)

@@ -1,0 +1,90 @@
+"""A channel that loses, delays, repeats, reorders and spoils datagrams, with a seed; and what a loop has to count."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+
+@dataclass(frozen=True)
+class Faults:
+    """Shares of the datagrams, each drawn on its own; a delay is 1 to `longest_delay` cycles."""
+
+    lost: float = 0.0
+    delayed: float = 0.0
+    repeated: float = 0.0
+    garbage: float = 0.0
+    longest_delay: int = 3
+    seed: int = 0
+
+
+@dataclass
+class Delivered:
+    """A datagram as it arrives: its number, None for garbage."""
+
+    number: int | None
+    data: bytes
+
+
+@dataclass
+class Channel:
+    """One direction. `put` takes a datagram in its cycle, `due` gives what arrives in a cycle, oldest sending first."""
+
+    faults: Faults = field(default_factory=Faults)
+    history: list[list[int | None]] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self._random = random.Random(self.faults.seed)
+        self._waiting: list[tuple[int, Delivered]] = []
+
+    def put(self, cycle: int, number: int, data: bytes) -> None:
+        """Send a datagram."""
+        f, draw = self.faults, self._random.random
+        lost, delayed, repeated, garbage = (draw() < share for share in (f.lost, f.delayed, f.repeated, f.garbage))
+        delay = self._random.randint(1, f.longest_delay) if delayed else 0
+        if garbage:
+            self._waiting.append((cycle, Delivered(None, self._spoilt(data))))
+        if not lost:
+            self._waiting.append((cycle + delay, Delivered(number, data)))
+        if repeated and not lost:
+            self._waiting.append((cycle + delay + self._random.randint(0, f.longest_delay), Delivered(number, data)))
+
+    def due(self, cycle: int) -> list[bytes]:
+        """Datagrams that arrive in this cycle."""
+        here = [d for at, d in self._waiting if at <= cycle]
+        self._waiting = [(at, d) for at, d in self._waiting if at > cycle]
+        self.history.append([d.number for d in here])
+        return [d.data for d in here]
+
+    def _spoilt(self, data: bytes) -> bytes:
+        """Random bytes or a datagram that is cut; neither can be read as a whole one."""
+        if self._random.random() < 0.5:
+            return b"\xff" + self._random.randbytes(self._random.randint(0, 200))
+        return data[: self._random.randint(1, max(1, len(data) // 3))]
+
+
+def expected_counters(history: Iterable[list[int | None]]) -> dict[str, int]:
+    """What a loop has to count, from the numbers that arrived in each cycle: by sets, not by its window."""
+    seen: set[int] = set()
+    count = dict.fromkeys(("late", "repeated", "reordered", "stale", "garbage"), 0)
+    newest = first = None
+    for numbers in history:
+        before = newest
+        for number in numbers:
+            if number is None:
+                count["garbage"] += 1
+            elif first is None or newest is None:
+                first = newest = number
+                seen.add(number)
+            elif number < first:
+                count["stale"] += 1
+            elif number in seen:
+                count["repeated"] += 1
+            else:
+                seen.add(number)
+                count["reordered"] += number < newest
+                newest = max(newest, number)
+        count["late"] += newest is not None and newest == before
+    span = 0 if newest is None or first is None else newest - first + 1
+    return {**count, "lost": span - len(seen)}

@@ -1,0 +1,168 @@
+"""The control laws in Python, step for step as in C: the same numbers in the same order give the same bits."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+
+from ..results.status import Status
+from .exchange import Command, Feedback
+from .table import Table
+
+Forward = Callable[[list[float]], tuple[Status, list[float]]]
+InverseDynamics = Callable[[list[float], list[float], list[float]], tuple[Status, list[float]]]
+
+
+def reference_columns(axes: int) -> int:
+    """Columns of a reference: q, der(q), der(q,2) of the carts, then T, der(T), der(T,2)."""
+    return 3 * axes + 9
+
+
+class Law(Protocol):
+    """A law: each method returns GT_OK or why it cannot go on; `step` writes the command only with GT_OK."""
+
+    def init(self, first: Feedback) -> Status: ...
+
+    def step(self, feedback: Feedback, elapsed_ms: int, command: Command) -> Status: ...
+
+
+@dataclass
+class TrajectoryLaw:
+    """The carts of an optimised motion; with `feedforward` the drives b q^-d / (1 - a q^-1) of eq. (6.11) inverted."""
+
+    reference: Table
+    axes: int
+    feedforward: bool
+    delay_ms: int
+    cycle_ms: int
+    a: list[float]
+    b: list[float]
+    start_m: list[float] = field(default_factory=list)
+
+    def init(self, first: Feedback) -> Status:
+        if self.reference.rows.shape[1] != reference_columns(self.axes):
+            return Status.OUT_OF_RANGE
+        if self.feedforward and not all(abs(b) > 0 for b in self.b[: self.axes]):
+            return Status.SINGULAR
+        status, row = self.reference.at(0)
+        self.start_m = row[: self.axes]
+        return status
+
+    def step(self, feedback: Feedback, elapsed_ms: int, command: Command) -> Status:
+        ahead = elapsed_ms + self.delay_ms if self.feedforward else elapsed_ms
+        status, row = self.reference.at(ahead)
+        before: list[float] = []
+        if status is Status.OK:
+            status, before = self.reference.at(max(0, ahead - self.cycle_ms))
+        if status is not Status.OK:
+            return status
+        command.along_path = False
+        for n in range(self.axes):
+            command.position_m[n] = row[n]
+            if self.feedforward:
+                wanted, previous = row[n] - self.start_m[n], before[n] - self.start_m[n]
+                command.position_m[n] = self.start_m[n] + (wanted - self.a[n] * previous) / self.b[n]
+            command.speed_m_s[n] = row[self.axes + n]
+        return Status.OK
+
+
+@dataclass
+class DynamicsLaw:
+    """Inverse-dynamics feedforward for carts under a servo F = kp (u - q) + kd (du - dq); see gt_law_dynamics.h."""
+
+    reference: Table
+    axes: int
+    inverse_dynamics: InverseDynamics | None
+    feedforward: bool
+    sends_speed: bool
+    lead_ms: int
+    kp_N_m: list[float]
+    kd_N_s_m: list[float]
+
+    def init(self, first: Feedback) -> Status:
+        if self.inverse_dynamics is None or self.reference.rows.shape[1] != reference_columns(self.axes):
+            return Status.OUT_OF_RANGE
+        return Status.OK if all(kp > 0 for kp in self.kp_N_m[: self.axes]) else Status.SINGULAR
+
+    def step(self, feedback: Feedback, elapsed_ms: int, command: Command) -> Status:
+        assert self.inverse_dynamics is not None
+        status, row = self.reference.at(elapsed_ms + self.lead_ms)
+        force: list[float] = []
+        if status is Status.OK and self.feedforward:
+            tcp = row[3 * self.axes :]
+            status, force = self.inverse_dynamics(tcp[:3], tcp[3:6], tcp[6:9])
+        if status is not Status.OK:
+            return status
+        command.along_path = False
+        for n in range(self.axes):
+            speed = row[self.axes + n]
+            command.position_m[n] = row[n]
+            if self.feedforward:
+                damping = 0.0 if self.sends_speed else self.kd_N_s_m[n] * speed
+                command.position_m[n] = row[n] + (force[n] + damping) / self.kp_N_m[n]
+            command.speed_m_s[n] = speed
+        return Status.OK
+
+
+@dataclass
+class ReplayLaw:
+    """A reference and a stored table of corrections, one column per cart [m]."""
+
+    reference: Table
+    corrections: Table
+    axes: int
+
+    def init(self, first: Feedback) -> Status:
+        wrong = self.corrections.rows.shape[1] != self.axes
+        wrong = wrong or self.reference.rows.shape[1] != reference_columns(self.axes)
+        return Status.OUT_OF_RANGE if wrong else Status.OK
+
+    def step(self, feedback: Feedback, elapsed_ms: int, command: Command) -> Status:
+        status, row = self.reference.at(elapsed_ms)
+        correction: list[float] = []
+        if status is Status.OK:
+            status, correction = self.corrections.at(elapsed_ms)
+        if status is not Status.OK:
+            return status
+        command.along_path = False
+        for n in range(self.axes):
+            command.position_m[n] = row[n] + correction[n]
+            command.speed_m_s[n] = row[self.axes + n]
+        return Status.OK
+
+
+@dataclass
+class PathLaw:
+    """The robot runs its own programme; the loop moves the tool centre point by an integral of its deviation."""
+
+    axes: int
+    forward: Forward | None
+    gain_per_s: float
+    limit_m: float
+    last_ms: int = 0
+    correction_m: list[float] = field(default_factory=lambda: [0.0] * 3)
+
+    def init(self, first: Feedback) -> Status:
+        self.last_ms, self.correction_m = 0, [0.0] * 3
+        good = self.forward is not None and first.has_planned and self.limit_m >= 0
+        return Status.OK if good else Status.OUT_OF_RANGE
+
+    def step(self, feedback: Feedback, elapsed_ms: int, command: Command) -> Status:
+        assert self.forward is not None
+        seconds = (elapsed_ms - self.last_ms) / 1000.0
+        status, wanted = self.forward(feedback.planned_m[: self.axes])
+        found: list[float] = []
+        if status is Status.OK:
+            status, found = self.forward(feedback.position_m[: self.axes])
+        if status is not Status.OK:
+            return status
+        command.along_path = True
+        self.last_ms = elapsed_ms
+        for k in range(3):
+            step = (self.gain_per_s * seconds) * (wanted[k] - found[k])
+            self.correction_m[k] = float(np.clip(self.correction_m[k] + step, -self.limit_m, self.limit_m))
+            command.path_m[k] = self.correction_m[k]
+        return Status.OK

@@ -1,0 +1,107 @@
+"""What stands behind a simulated controller: the drives of eq. (6.11), or the rigid-body robot under a servo."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import casadi as ca
+import numpy as np
+
+from ..compiler.causal import CausalFunction
+
+
+class Plant(Protocol):
+    """Carts [m]; `step` moves them on by one cycle under a commanded position [m] and speed [m/s]."""
+
+    position_m: np.ndarray
+
+    def step(self, position_m: Sequence[float], speed_m_s: Sequence[float]) -> None: ...
+
+
+class DrivePlant:
+    """Drives under closed-loop position control, b q^-d / (1 - a q^-1) about the start (Dressler 2012, eq. (6.11)).
+
+    One output per input: the commanded speed is not used.
+    """
+
+    def __init__(self, start_m: Sequence[float], a: Sequence[float], b: Sequence[float], delay: int) -> None:
+        self.start_m = np.array(start_m, dtype=float)
+        self.position_m = self.start_m.copy()
+        self.a, self.b = np.array(a, dtype=float), np.array(b, dtype=float)
+        # what is commanded in this cycle is measured `delay` cycles later, the step itself being one of them
+        self._pipe: deque[np.ndarray] = deque([np.zeros_like(self.start_m)] * (delay - 1))
+
+    def step(self, position_m: Sequence[float], speed_m_s: Sequence[float]) -> None:
+        self._pipe.append(np.array(position_m, dtype=float) - self.start_m)
+        moved = self.a * (self.position_m - self.start_m) + self.b * self._pipe.popleft()
+        self.position_m = self.start_m + moved
+
+
+@dataclass(frozen=True)
+class Servo:
+    """F = kp (u - q) + kd (du - dq) on every cart [N/m, N s/m], in every substep of a cycle."""
+
+    kp_N_m: float = 40_000.0
+    kd_N_s_m: float = 1_500.0
+    substeps: int = 8
+
+
+class RigidBodyPlant:
+    """The rigid-body robot, its motors under a servo; the reference goes on with the commanded speed in a cycle.
+
+    Args:
+        forward_dynamics: CausalFunction of (T, der(T), tau) -> der(T,2), inputs in any order.
+        velocity: CausalFunction of (T, der(T)) -> q, der(q).
+        tcp_m: where the robot stands at rest when it begins; it sags until its servo makes the holding force.
+    """
+
+    def __init__(
+        self,
+        forward_dynamics: CausalFunction,
+        velocity: CausalFunction,
+        tcp_m: Sequence[float],
+        servo: Servo | None = None,
+        cycle_s: float = 0.004,
+    ) -> None:
+        self.servo = servo or Servo()
+        self._step, self._carts = _cycle(forward_dynamics, velocity, self.servo, cycle_s)
+        self._state = np.concatenate([tcp_m, np.zeros(3)])
+        self.position_m = np.array(self._carts(self._state)).ravel()
+
+    @property
+    def tcp_m(self) -> np.ndarray:
+        """Tool centre point [m]."""
+        return self._state[:3]
+
+    def step(self, position_m: Sequence[float], speed_m_s: Sequence[float]) -> None:
+        self._state = np.array(self._step(self._state, np.array(position_m), np.array(speed_m_s))).ravel()
+        self.position_m = np.array(self._carts(self._state)).ravel()
+
+
+def _cycle(
+    forward: CausalFunction, velocity: CausalFunction, servo: Servo, cycle_s: float
+) -> tuple[ca.Function, ca.Function]:
+    """(state, u, du) -> state after a cycle, by Runge and Kutta's fourth order; state -> carts."""
+    x, u, du, t = ca.SX.sym("x", 6), ca.SX.sym("u", 3), ca.SX.sym("du", 3), ca.SX.sym("t")
+    q, dq = _call(velocity, {("T", 0): x[:3], ("T", 1): x[3:]})
+    tau = servo.kp_N_m * (u + t * du - q) + servo.kd_N_s_m * (du - dq)
+    (acceleration,) = _call(forward, {("T", 0): x[:3], ("T", 1): x[3:], ("tau", 0): tau})
+    rate = ca.Function("rate", [x, u, du, t], [ca.vertcat(x[3:], acceleration)])
+    h, state = cycle_s / servo.substeps, x
+    for n in range(servo.substeps):
+        at = n * h
+        k1 = rate(state, u, du, at)
+        k2 = rate(state + h / 2 * k1, u, du, at + h / 2)
+        k3 = rate(state + h / 2 * k2, u, du, at + h / 2)
+        k4 = rate(state + h * k3, u, du, at + h)
+        state = state + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+    return ca.Function("cycle", [x, u, du], [state]), ca.Function("carts", [x], [q])
+
+
+def _call(function: CausalFunction, given: dict[tuple[str, int], ca.SX]) -> list[ca.SX]:
+    arguments = [given["T" if "T" in s.name else "tau", s.pairs[0][1]] for s in function.inputs]
+    results = function.casadi.call(arguments)
+    return list(results[: len(function.outputs)])

@@ -1,0 +1,102 @@
+"""The C loop as a child process, and a robot's end of its socket."""
+
+from __future__ import annotations
+
+import json
+import select
+import socket
+import subprocess
+from collections.abc import Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+from .wire import DATAGRAM_MAX
+
+SECONDS = 10.0
+
+
+class LoopError(RuntimeError):
+    """The loop did not start, or did not answer; the message is one plain sentence."""
+
+
+class LoopProcess:
+    """A running gt_loop. Use as a context manager: it is ended when the block is left, whatever happens."""
+
+    def __init__(self, program: Path, options: Sequence[str]) -> None:
+        self._process = subprocess.Popen(
+            [str(program), *options], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        )
+        self.port = self._port()
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.bind(("127.0.0.1", 0))
+        self._socket.connect(("127.0.0.1", self.port))
+        self.said = ""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self._socket.close()
+        if self._process.poll() is None:
+            self._process.kill()
+        self._process.communicate()
+
+    def send(self, data: bytes) -> None:
+        """One datagram to the loop."""
+        self._socket.send(data)
+
+    def received(self) -> list[bytes]:
+        """Answers that are there, without waiting."""
+        found: list[bytes] = []
+        while select.select([self._socket], [], [], 0.0)[0]:
+            try:
+                found.append(self._socket.recv(DATAGRAM_MAX))
+            except ConnectionRefusedError:
+                break
+        return found
+
+    def exchange(self, datagrams: list[bytes]) -> list[bytes]:
+        """One cycle in lock step: its datagrams and an empty one; the answers up to an empty one.
+
+        Raises LoopError if the loop does not answer.
+        """
+        self._socket.settimeout(SECONDS)
+        answers: list[bytes] = []
+        try:
+            for data in datagrams:
+                self._socket.send(data)
+            self._socket.send(b"")
+            while data := self._socket.recv(DATAGRAM_MAX):
+                answers.append(data)
+        except OSError as error:
+            raise LoopError(f"the loop does not answer ({error}); see what it printed: {self._ending()}") from error
+        return answers
+
+    def end(self) -> None:
+        """Ask the loop to end, as a person does with Ctrl-C; `finish` waits for it."""
+        self._process.terminate()
+
+    def finish(self) -> dict[str, Any]:
+        """Wait for the loop's end and return its report. Raises LoopError."""
+        try:
+            out, self.said = self._process.communicate(timeout=SECONDS)
+        except subprocess.TimeoutExpired:
+            raise LoopError(f"the loop did not end within {SECONDS:g} s") from None
+        if self._process.returncode != 0 or not out.strip():
+            raise LoopError(f"the loop ended with {self._process.returncode}: {self.said.strip()}")
+        return json.loads(out)
+
+    def _port(self) -> int:
+        stream = self._process.stdout
+        assert stream is not None
+        ready = select.select([stream], [], [], SECONDS)[0]
+        word, _, port = (stream.readline() if ready else "").partition(" ")
+        if word != "port":
+            raise LoopError(f"the loop did not start: {self._ending()}")
+        return int(port)
+
+    def _ending(self) -> str:
+        if self._process.poll() is None:
+            self._process.kill()
+        return (self._process.communicate()[1] or "nothing").strip()

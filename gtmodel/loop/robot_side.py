@@ -1,0 +1,114 @@
+"""A simulated controller on the other end of the protocol: it sends its state each cycle and follows the answers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from . import egm, rsi
+from .exchange import AXES, MM, Protocol
+from .plant import Plant
+from .wire import WireError
+
+FIRST_MS = 1000
+FIRST_IPOC = 4_208_000
+# an arm beside the carts, which stands still; its joints are sent back as they came
+JOINTS_DEG = [0.0, 10.0, -20.0, 0.0, 30.0, 0.0]
+Programme = Callable[[int, Sequence[float]], Sequence[float]]
+
+
+class RobotSide:
+    """Speaks EGM or RSI for a plant. It is the clock: `cycle_ms` pass with each `step`.
+
+    Args:
+        programme: carts [m] of the robot's own motion in a cycle under a path correction [m]; None: it stands.
+        waits: cycles before the robot says that it is running (EGM).
+    """
+
+    def __init__(
+        self,
+        protocol: Protocol,
+        plant: Plant,
+        *,
+        cycle_ms: int = 4,
+        programme: Programme | None = None,
+        waits: int = 0,
+    ) -> None:
+        self.protocol, self.plant, self.cycle_ms = protocol, plant, cycle_ms
+        self.programme, self.waits = programme, waits
+        self.cycles = 0
+        self.start_m = np.array(plant.position_m)
+        self.planned_m = list(map(float, plant.position_m))
+        # what the robot reports as its reference: its own programme, without the correction
+        self.reported_m = self.planned_m
+        self.speed_m_s = [0.0] * len(self.planned_m)
+        self.path_m = [0.0, 0.0, 0.0]
+        self.late = 0  # cycles that ended without an answer to their own datagram
+
+    @property
+    def number(self) -> int:
+        """Number of the datagram of this cycle, as the loop counts it."""
+        return self.cycles if self.protocol == "egm" else self._ipoc // self.cycle_ms
+
+    @property
+    def _ipoc(self) -> int:
+        return FIRST_IPOC + self.cycle_ms * self.cycles
+
+    def datagram(self) -> bytes:
+        """What the robot sends in this cycle."""
+        measured = [x * MM for x in self.plant.position_m.tolist()]
+        planned = [x * MM for x in self.reported_m]
+        if self.protocol == "rsi":
+            rest = [0.0] * (AXES - len(planned))
+            cartesian = [0.0] * 6
+            values = {"RIst": cartesian, "RSol": cartesian, "AIPos": JOINTS_DEG, "ASPos": JOINTS_DEG}
+            values |= {"EIPos": measured + rest, "ESPos": planned + rest}
+            return rsi.encode_robot(rsi.Robot(self._ipoc, delay=self.late, values=values))
+        running = self.cycles >= self.waits
+        robot = egm.Robot(
+            sequence=self.cycles,
+            time_ms=FIRST_MS + self.cycle_ms * self.cycles,
+            type=egm.TYPE_DATA,
+            feedback=egm.Pose(joints_deg=JOINTS_DEG, external_mm=measured),
+            planned=egm.Pose(joints_deg=JOINTS_DEG, external_mm=planned),
+            motor_state=1,
+            mci_state=egm.MCI_RUNNING if running else 2,
+            rapid_state=2,
+        )
+        return egm.encode_robot(robot)
+
+    def step(self, answers: Sequence[bytes]) -> None:
+        """Follow the last answer that can be read, or hold the last one; then one cycle passes."""
+        answered = [self._take(data) for data in answers]
+        self.late += not any(answered)
+        if self.programme is not None:
+            before = self.planned_m
+            self.planned_m = list(map(float, self.programme(self.cycles, self.path_m)))
+            self.reported_m = list(map(float, self.programme(self.cycles, [0.0] * 3)))
+            moved = zip(self.planned_m, before, strict=True)
+            self.speed_m_s = [(now - then) * 1000.0 / self.cycle_ms for now, then in moved]
+        else:
+            self.reported_m = self.planned_m
+        self.plant.step(self.planned_m, self.speed_m_s)
+        self.cycles += 1
+
+    def _take(self, data: bytes) -> bool:
+        """True if the answer belongs to this cycle; older ones are followed too."""
+        n = len(self.planned_m)
+        try:
+            if self.protocol == "rsi":
+                found = rsi.decode_sensor(data)
+                if self.programme is None:
+                    self.planned_m = [s + x / MM for s, x in zip(self.start_m.tolist(), found.ek_mm[:n], strict=True)]
+                self.path_m = [x / MM for x in found.rkorr[:3]]
+                return found.stamp == b"%d" % self._ipoc
+            sensor = egm.decode_sensor(data)
+        except (WireError, rsi.TelegramError):
+            return False
+        if sensor.path_mm is not None:
+            self.path_m = [x / MM for x in sensor.path_mm]
+        elif len(sensor.external_mm) >= n and self.programme is None:
+            self.planned_m = [x / MM for x in sensor.external_mm[:n]]
+            self.speed_m_s = [x / MM for x in sensor.external_speeds_mm_s[:n]]
+        return sensor.sequence == self.cycles

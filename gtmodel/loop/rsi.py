@@ -1,0 +1,187 @@
+"""KUKA RSI in Python: both sides of it. The scanner decides as the one in C does, on any bytes.
+
+mm and degrees; corrections count from the start pose. Tested against simulators only.
+"""
+
+from __future__ import annotations
+
+import string
+from dataclasses import dataclass, field
+
+from .decimals import read_decimal, read_digits, write_decimal
+from .wire import DATAGRAM_MAX
+
+_SPACE = b" \t\r\n"
+_LETTERS = (string.ascii_letters + string.digits + "_").encode()
+_CARTESIAN = (b"X", b"Y", b"Z", b"A", b"B", b"C")
+_JOINTS = tuple(b"A%d" % n for n in range(1, 7))
+_EXTERNAL = tuple(b"E%d" % n for n in range(1, 7))
+_UINT32 = (1 << 32) - 1
+ELEMENTS = {
+    "RIst": _CARTESIAN,
+    "RSol": _CARTESIAN,
+    "AIPos": _JOINTS,
+    "ASPos": _JOINTS,
+    "EIPos": _EXTERNAL,
+    "ESPos": _EXTERNAL,
+}
+
+
+class TelegramError(ValueError):
+    """Bytes that are no telegram of a controller."""
+
+
+@dataclass
+class Robot:
+    """What a controller sends: six numbers by element name, late answers, time stamp [ms] and its digits."""
+
+    ipoc: int = 0
+    stamp: bytes = b""
+    delay: int = 0
+    values: dict[str, list[float]] = field(default_factory=dict)
+
+
+@dataclass
+class Sensor:
+    """The answer: corrections in mm and degrees, and the stamp that came."""
+
+    stamp: bytes = b""
+    ak_deg: list[float] = field(default_factory=lambda: [0.0] * 6)
+    ek_mm: list[float] = field(default_factory=lambda: [0.0] * 6)
+    rkorr: list[float] = field(default_factory=lambda: [0.0] * 6)
+
+
+def encode_robot(robot: Robot) -> bytes:
+    """A telegram as a controller sends it."""
+    out = b'<Rob TYPE="KUKA">'
+    for name, values in robot.values.items():
+        out += _element(name.encode(), ELEMENTS[name], values)
+    stamp = robot.stamp or b"%d" % robot.ipoc
+    return out + b'<Delay D="%d"/><IPOC>%s</IPOC></Rob>' % (robot.delay, stamp)
+
+
+def encode_sensor(sensor: Sensor) -> bytes:
+    """The answer, byte for byte like the C writer. Raises ValueError for a number that cannot be sent."""
+    out = b'<Sen Type="ImFree">' + _element(b"AK", _JOINTS, sensor.ak_deg) + _element(b"EK", _EXTERNAL, sensor.ek_mm)
+    out += _element(b"RKorr", _CARTESIAN, sensor.rkorr)
+    return out + b"<IPOC>" + sensor.stamp + b"</IPOC></Sen>"
+
+
+def decode_sensor(data: bytes) -> Sensor:
+    """What a controller reads from the answer, by the standard library's parser. Raises TelegramError."""
+    from xml.etree import ElementTree
+
+    try:
+        root = ElementTree.fromstring(data)
+        places = (("AK", _JOINTS), ("EK", _EXTERNAL), ("RKorr", _CARTESIAN))
+        found = {name: _six(root.find(name), names) for name, names in places}
+        stamp = (root.findtext("IPOC") or "").encode()
+    except (ElementTree.ParseError, ValueError) as error:
+        raise TelegramError(f"the answer cannot be read: {error}") from error
+    if root.tag != "Sen" or not stamp:
+        raise TelegramError("the answer has no IPOC")
+    return Sensor(stamp, found["AK"], found["EK"], found["RKorr"])
+
+
+def decode_robot(data: bytes) -> Robot:
+    """A controller's telegram, as gt_rsi.c reads it. Raises TelegramError."""
+    if len(data) > DATAGRAM_MAX:
+        raise TelegramError("the telegram is too long")
+    return _Scanner(data).robot()
+
+
+class _Scanner:
+    def __init__(self, data: bytes) -> None:
+        self.data = data
+        self.at = 0
+
+    def robot(self) -> Robot:
+        robot, opened = Robot(), False
+        while self.at < len(self.data):
+            self._to(b"<")
+            self._need(b"<")
+            if self._over(b"/"):
+                name = self._word()
+                self._need(b">")
+                if name == b"Rob":
+                    if opened and robot.stamp:
+                        return robot
+                    break
+            elif self._over(b"?"):
+                self._to(b">")
+                self._need(b">")
+            else:
+                name = self._word()
+                if not name or (not opened and name != b"Rob"):
+                    break
+                opened = True
+                self._attributes(name.decode(), robot)
+                if name == b"IPOC":
+                    self._ipoc(robot)
+        raise TelegramError("the telegram is not complete")
+
+    def _attributes(self, element: str, robot: Robot) -> None:
+        names = ELEMENTS.get(element)
+        values = robot.values.setdefault(element, [0.0] * 6) if names else []
+        while True:
+            while self.data[self.at : self.at + 1] and self.data[self.at] in _SPACE:
+                self.at += 1
+            self._over(b"/")
+            if self._over(b">"):
+                return
+            name = self._word()
+            if not name:
+                raise TelegramError("an attribute has no name")
+            self._need(b"=")
+            self._need(b'"')
+            begin = self.at
+            self._to(b'"')
+            text = self.data[begin : self.at]
+            self._need(b'"')
+            if element == "Delay" and name == b"D":
+                delay = read_digits(text)
+                if delay is None:
+                    raise TelegramError("the delay is no number")
+                robot.delay = min(delay, _UINT32)
+            elif names and name in names:
+                value = read_decimal(text)
+                if value is None:
+                    raise TelegramError(f"{element} holds what is no number")
+                values[names.index(name)] = value
+
+    def _ipoc(self, robot: Robot) -> None:
+        begin = self.at
+        self._to(b"<")
+        ipoc = read_digits(self.data[begin : self.at])
+        if ipoc is None:
+            raise TelegramError("IPOC is no number")
+        robot.ipoc, robot.stamp = ipoc, self.data[begin : self.at]
+
+    def _over(self, byte: bytes) -> bool:
+        found = self.data[self.at : self.at + 1] == byte
+        self.at += found
+        return found
+
+    def _need(self, byte: bytes) -> None:
+        if not self._over(byte):
+            raise TelegramError(f"'{byte.decode()}' is missing")
+
+    def _to(self, byte: bytes) -> None:
+        found = self.data.find(byte, self.at)
+        self.at = len(self.data) if found < 0 else found
+
+    def _word(self) -> bytes:
+        begin = self.at
+        while self.at < len(self.data) and self.data[self.at] in _LETTERS:
+            self.at += 1
+        return self.data[begin : self.at]
+
+
+def _element(name: bytes, attributes: tuple[bytes, ...], values: list[float]) -> bytes:
+    pairs = zip(attributes, values, strict=True)
+    return b"<%s %s/>" % (name, b" ".join(b'%s="%s"' % (a, write_decimal(v)) for a, v in pairs))
+
+
+def _six(element: object, names: tuple[bytes, ...]) -> list[float]:
+    get = getattr(element, "get", lambda name, default: default)
+    return [float(get(name.decode(), "0")) for name in names]

@@ -1,0 +1,68 @@
+"""Runs of a simulated controller against a loop: in lock step, as fast as it goes, or in real time."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from .faults import Channel
+from .process import LoopProcess
+from .robot_side import RobotSide
+
+Answering = Callable[[list[bytes]], list[bytes]]
+Stopped = Callable[[float], bool]  # asked in every cycle with the share done; True ends the run there
+
+
+def _never(share: float) -> bool:
+    return False
+
+
+@dataclass
+class Run:
+    """Carts (cycles, n) [m] before each cycle's step, and the channels with what arrived."""
+
+    measured_m: np.ndarray
+    planned_m: np.ndarray
+    to_loop: Channel = field(default_factory=Channel)
+    to_robot: Channel = field(default_factory=Channel)
+
+
+def lockstep(
+    robot: RobotSide,
+    answering: Answering,
+    cycles: int,
+    to_loop: Channel | None = None,
+    to_robot: Channel | None = None,
+    stopped: Stopped = _never,
+) -> Run:
+    """Cycle by cycle: the robot sends, the loop (`exchange` of a LoopProcess or of a Twin) answers, the robot moves."""
+    out, back = to_loop or Channel(), to_robot or Channel()
+    measured, planned = [], []
+    for cycle in range(cycles):
+        measured.append(np.array(robot.plant.position_m))
+        planned.append(list(robot.planned_m))
+        out.put(cycle, robot.number, robot.datagram())
+        for answer in answering(out.due(cycle)):
+            back.put(cycle, robot.number, answer)
+        robot.step(back.due(cycle))
+        if stopped(cycle / cycles):
+            break
+    return Run(np.array(measured), np.array(planned), out, back)
+
+
+def real_time(robot: RobotSide, loop: LoopProcess, cycles: int, stopped: Stopped = _never) -> Run:
+    """The robot sends every cycle_ms by the clock; answers count that have come when the next cycle begins."""
+    measured, planned = [], []
+    begin, step = time.monotonic(), robot.cycle_ms / 1000.0
+    for cycle in range(cycles):
+        measured.append(np.array(robot.plant.position_m))
+        planned.append(list(robot.planned_m))
+        loop.send(robot.datagram())
+        if stopped(cycle / cycles):
+            break
+        time.sleep(max(0.0, begin + (cycle + 1) * step - time.monotonic()))
+        robot.step(loop.received())
+    return Run(np.array(measured), np.array(planned))

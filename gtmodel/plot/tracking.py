@@ -1,0 +1,42 @@
+"""How well a robot followed its reference: positions and errors of runs over time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from ..results.trajectory import Trajectory
+from .signals import COLOURS
+
+_AXES = "xyz"
+
+
+def tracking_figure(wanted: Trajectory, runs: Mapping[str, Trajectory], title: str = "") -> Figure:
+    """The tool centre point of each run beside its reference, and below, its distance from it.
+
+    Args:
+        wanted: T (n, 3) [m] and q (n, k) [m], a row per cycle.
+        runs: by label; T and q of the cycles that a run lasted.
+    """
+    figure = Figure(figsize=(8.5, 9.0), layout="constrained")
+    panels = figure.subplots(5, 1, sharex=True)
+    for k, axes in enumerate(panels[:3]):
+        axes.plot(wanted.time, wanted["T"][:, k], color="black", linewidth=1.0, label="reference")
+        for (label, run), colour in zip(runs.items(), COLOURS[1:], strict=False):
+            axes.plot(run.time, run["T"][:, k], "--", color=colour, linewidth=1.2, label=label)
+        axes.set_ylabel(f"$T_{_AXES[k]}$ [m]")
+    for name, axes in zip(("T", "q"), panels[3:], strict=True):
+        for (label, run), colour in zip(runs.items(), COLOURS[1:], strict=False):
+            off = 1e3 * (run[name] - wanted[name][: len(run)])
+            size = np.linalg.norm(off, axis=1) if name == "T" else np.abs(off).max(axis=1)
+            axes.plot(run.time, size, color=colour, label=label)
+        axes.set_ylabel("error of T [mm]" if name == "T" else "worst cart [mm]")
+    for axes in panels:
+        axes.grid(alpha=0.3)
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=3, fontsize="small")
+    panels[-1].set_xlabel("time [s]")
+    if title:
+        panels[0].set_title(title)
+    return figure

@@ -1,0 +1,62 @@
+"""The simulated plants: eq. (6.11) against scipy's filter, the rigid body against its own inverse dynamics."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+import gtmodel as gt
+from gtmodel.loop import DrivePlant, RigidBodyPlant, Servo
+from gtmodel.results import Status
+from tests.loop.bench import DRIVES
+
+START = [-1.30, -1.39, -1.57]
+# the recursion and scipy's add up in another order
+ROUND_OFF = 1e-12
+
+
+def test_drives_are_the_filter_of_the_thesis() -> None:
+    inputs = np.cumsum(np.random.default_rng(1).normal(0, 1e-3, (200, 3)), axis=0)
+    plant = DrivePlant(START, DRIVES["a"], DRIVES["b"], 5)
+    found = []
+    for u in inputs:
+        found.append(plant.position_m - START)
+        plant.step((u + START).tolist(), [0.0] * 3)
+    for n in range(3):
+        numerator = [0.0] * 5 + [DRIVES["b"][n]]
+        expected = lfilter(numerator, [1.0, -DRIVES["a"][n]], inputs[:, n])
+        assert np.array(found)[:, n] == pytest.approx(expected, abs=ROUND_OFF)
+
+
+def _rigid(servo: Servo, tcp: np.ndarray) -> tuple[RigidBodyPlant, gt.CausalFunction]:
+    robot = gt.robots.gantry_tau("l1_tape", inertia="model_2")
+    forward = robot.causal("tau", "der(T,2)", prefer="T")
+    plant = RigidBodyPlant(forward, robot.causal("T", ["q", "der(q)"]), tcp.tolist(), servo)
+    return plant, robot.causal("T", "tau")
+
+
+def test_robot_comes_to_rest_where_servo_and_weight_balance() -> None:
+    servo = Servo()
+    plant, inverse_dynamics = _rigid(servo, np.array([0.0, -0.9, 0.1]))
+    wanted = plant.position_m.copy()
+    for _ in range(1500):
+        plant.step(wanted.tolist(), [0.0] * 3)
+    tau, status = inverse_dynamics(plant.tcp_m, [0.0] * 3, [0.0] * 3)
+    assert status is Status.OK
+    # friction is smooth: at rest there is none, and after 6 s nothing moves any more
+    assert servo.kp_N_m * (wanted - plant.position_m) == pytest.approx(tau, abs=1e-3)
+    assert np.abs(tau).max() > 50, "there is a weight to hold"
+
+
+def test_substeps_converge_with_fourth_order() -> None:
+    """Against the finest: halving the step makes the error at least ten times smaller; fourth order is 16."""
+    ends = {}
+    for substeps in (4, 8, 32):
+        plant, _ = _rigid(Servo(substeps=substeps), np.array([0.0, -0.9, 0.1]))
+        goal = plant.position_m + np.array([0.02, -0.01, 0.015])
+        for _ in range(20):
+            plant.step(goal.tolist(), [0.1, 0.0, -0.1])
+        ends[substeps] = plant.position_m
+    coarse, fine = (np.abs(ends[n] - ends[32]).max() for n in (4, 8))
+    assert fine < coarse / 10

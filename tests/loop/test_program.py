@@ -1,0 +1,144 @@
+"""The program and its sources: strict in C and in C++, nothing allocated, no state of its own, refusals."""
+
+from __future__ import annotations
+
+import shutil
+import socket
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from gtmodel._files import codegen_dir
+from gtmodel.cgen import GenerationError
+from gtmodel.loop import LoopError, LoopProcess, build
+from gtmodel.loop.build import PROGRAM, adapter, manifest_of
+from tests.loop.bench import Bench, text
+from tests.loop.conftest import STRICT
+
+PLACES = (codegen_dir() / "runtime", codegen_dir() / "loop")
+SOURCES = [p for place in PLACES for p in sorted(place.glob("*.c")) if p.name != "gt_model_main.c"]
+# what the pure parts may ask for besides each other; the rest of the loop is POSIX
+PURE = {"floor", "memcpy", "memset", "memcmp", "strcmp"}
+POSIX = {"gt_arguments.c", "gt_log_writer.c", "gt_loop_main.c", "gt_realtime.c", "gt_socket.c", "gt_table.c"}
+INCLUDE = [f"-I{place}" for place in PLACES]
+
+
+@pytest.mark.skipif(shutil.which("c++") is None, reason="there is no C++ compiler on this machine")
+def test_all_sources_are_also_cpp() -> None:
+    command = ["c++", "-x", "c++", "-std=c++17", *STRICT, *INCLUDE, "-fsyntax-only", *map(str, SOURCES)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+
+
+def test_objects_hold_no_state_and_ask_for_nothing(tmp_path: Path) -> None:
+    pure = [p for p in SOURCES if p.name not in POSIX]
+    flags = ["-std=c99", *STRICT, *INCLUDE, "-fno-stack-protector", "-U_FORTIFY_SOURCE"]
+    flags += ["-fno-pic", "-fno-pie", "-O1", "-c"]  # -fPIC would put tables of pointers among the variables
+    done = subprocess.run(["cc", *flags, *map(str, pure)], capture_output=True, text=True, timeout=60, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    objects = sorted(map(str, tmp_path.glob("*.o")))
+    listing = subprocess.run(["nm", *objects], capture_output=True, text=True, check=True).stdout
+    rows = [line.split() for line in listing.splitlines() if line and not line.endswith(":")]
+    assert [row[-1] for row in rows if row[-2] in "bBdDC"] == [], "no variable that changes"
+    defined = {row[-1] for row in rows if row[-2] in "TRr"}
+    wanted = {row[-1] for row in rows if row[-2] == "U"}
+    assert wanted - defined - PURE == {"gt_loop_model"}, "the adapter's"
+
+
+def test_files_are_small_and_begin_with_their_purpose() -> None:
+    for path in (p for place in PLACES for p in place.iterdir()):
+        content = path.read_text()
+        assert len(content.splitlines()) < 250, path.name
+        assert content.startswith("/* "), path.name
+        assert "malloc" not in content
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (["--bind", "0.0.0.0"], "a peer beyond loopback needs --lowest, --highest, --step and --beyond-loopback"),
+        (["--allow", "192.168.125.1", "--beyond-loopback"], "a peer beyond loopback needs"),
+        (["--bind", "127.0.0.1.", "--step", "1"], "a peer beyond loopback needs"),
+        (["--law", "guess"], "--law is trajectory, dynamics, replay"),
+        (["--reference", "/nowhere"], "no reference table in /nowhere"),
+        (["--peer", "abb"], "--peer is egm or rsi"),
+        (["--hold", "-1"], "a whole number that is not negative"),
+        (["--step", "nan"], "finite numbers separated by commas"),
+        (["--lowest", "1,2,3,4,5,6,7"], "finite numbers separated by commas"),
+        (["--kp", "1,,2"], "finite numbers separated by commas"),
+        (["--what", "1"], "an option that does not exist"),
+        (["--step"], "the last option lacks its value"),
+    ],
+)
+def test_program_refuses_in_one_sentence(bench: Bench, words: list[str], sentence: str) -> None:
+    command = [str(bench.program), *bench.options("egm", "trajectory"), *words]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=20)
+    assert done.returncode == 2 and done.stdout == ""
+    assert done.stderr.startswith("gt_loop: ") and sentence in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+
+
+def test_limits_and_the_switch_open_the_door(bench: Bench) -> None:
+    """Beyond loopback the address is that of the robot: what comes from elsewhere is counted and not answered."""
+    words = ["--allow", "192.0.2.1", "--beyond-loopback", "--lowest", text([-1.0] * 6), "--highest", text([1.0] * 6)]
+    options = [w for w in bench.options("egm", "trajectory") if w != "--lockstep"]
+    robot = bench.robot("egm")
+    with LoopProcess(bench.program, [*options, *words]) as process:
+        for _ in range(3):
+            process.send(robot.datagram())
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+            other.sendto(b"x", ("127.0.0.1", process.port))
+        process.end()
+        report = process.finish()
+        assert process.received() == []
+    assert report["foreign"] <= 4 and report["garbage"] == 0 and report["state"] == 0
+
+
+def test_program_that_cannot_write_its_log_says_so(bench: Bench) -> None:
+    with pytest.raises(LoopError, match="cannot write /nowhere/log"):
+        LoopProcess(bench.program, [*bench.options("egm", "trajectory"), "--log", "/nowhere/log"])
+
+
+def test_silent_loop_is_ended_by_its_watchdog(bench: Bench) -> None:
+    options = [*bench.options("rsi", "trajectory"), "--idle-ms", "50"]
+    with LoopProcess(bench.program, options) as process:
+        report = process.finish()
+    assert report["cycles"] == 0 and report["log_complete"] == 1
+
+
+def test_real_time_run_counts_every_deadline(bench: Bench) -> None:
+    """The histogram is checked for being whole, not judged: other work shares the machine."""
+    options = [w for w in bench.options("egm", "trajectory") if w != "--lockstep"]
+    robot = bench.robot("egm")
+    with LoopProcess(bench.program, options) as process:
+        for _ in range(20):
+            process.send(robot.datagram())
+            answers: list[bytes] = []
+            while not answers:
+                answers = process.received()
+            robot.step(answers)
+        process.end()
+        report = process.finish()
+        said = process.said
+    assert report["cycles"] == sum(report["reply_below_us"].values()) == sum(report["period_below_us"].values())
+    assert report["lost"] == 0
+    assert report["fifo"] or "not real-time" in said
+
+
+def test_adapter_leaves_out_what_the_folder_lacks(generated: Path) -> None:
+    content = manifest_of(generated)
+    whole = adapter(content, 3)
+    assert "gt_loop_model = {3U, gt_loop_model_forward, gt_loop_model_inverse_dynamics};" in whole
+    content["functions"] = [f for f in content["functions"] if f["name"] == "fk"]
+    assert "gt_loop_model = {3U, gt_loop_model_forward, NULL};" in adapter(content, 3)
+
+
+def test_build_refuses_a_changed_folder(generated: Path, tmp_path: Path) -> None:
+    copy = Path(shutil.copytree(generated, tmp_path / "copy"))
+    (copy / "gt_l1.c").write_text("int x;\n")
+    with pytest.raises(GenerationError, match="was changed since gtmodel wrote it"):
+        build(copy, tmp_path / "loop", 3)
+    with pytest.raises(GenerationError, match=r"holds no manifest\.json"):
+        build(tmp_path / "nothing", tmp_path / "loop", 3)
+    assert not (tmp_path / "loop" / PROGRAM).exists()

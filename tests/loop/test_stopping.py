@@ -1,0 +1,99 @@
+"""Hold last, then ramp to stop; limits; statuses of laws: what the loop commands when things go wrong."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gtmodel.loop import Faults, LoopProcess, Table, TrajectoryLaw
+from gtmodel.loop.record import STATES, rows_of
+from gtmodel.loop.twin import STOPPED
+from gtmodel.results import Status
+from tests.loop.bench import HOLD, RAMP, STEP, Bench, text
+
+BEFORE, SILENT, AFTER = 180, 100, 20
+
+
+def _through_silence(bench: Bench, protocol: str) -> tuple[np.ndarray, bytes]:
+    """Log of the C loop and of the twin: running, then no datagrams for a while, then datagrams again."""
+    robots = bench.robot(protocol), bench.robot(protocol)
+    twin = bench.twin(protocol, "trajectory")
+    with LoopProcess(bench.program, [*bench.options(protocol, "trajectory"), "--cycles", "300"]) as process:
+        for robot, answering in zip(robots, (process.exchange, twin.exchange), strict=True):
+            for cycle in range(BEFORE + SILENT + AFTER):
+                silent = BEFORE <= cycle < BEFORE + SILENT
+                answers = answering([] if silent else [robot.datagram()])
+                robot.step([] if silent else answers)
+        process.finish()
+    return rows_of(bench.log.read_bytes()), bytes(twin.log)
+
+
+@pytest.mark.parametrize("protocol", ["egm", "rsi"])
+def test_silence_holds_the_speed_then_ramps_to_a_stop(bench: Bench, protocol: str) -> None:
+    rows, twin_log = _through_silence(bench, protocol)
+    assert rows.tobytes() == twin_log
+    states, speed, command = rows[:, 3], rows[:, 27:30], rows[:, 21:24]
+    held = slice(BEFORE, BEFORE + HOLD)
+    ramp = slice(BEFORE + HOLD, BEFORE + HOLD + RAMP)
+    assert {STATES[int(s)] for s in states[held]} == {"holding"}
+    assert {STATES[int(s)] for s in states[ramp][:-1]} == {"ramping"}
+    assert np.all(states[ramp][-1:] == STOPPED)
+    assert np.all(states[ramp.stop :] == STOPPED), "it stays stopped when datagrams come again"
+    assert np.all(speed[held] == speed[BEFORE - 1]) and np.abs(speed[BEFORE - 1]).max() > 0.1
+    falling = np.abs(speed[ramp])
+    assert np.all(np.diff(falling, axis=0) <= 0) and np.all(falling[-1] == 0)
+    moved = np.abs(np.diff(command[BEFORE - 1 :], axis=0))
+    assert moved.max() <= 0.004 * np.abs(speed[BEFORE - 1]).max() + 1e-12, "never faster than before"
+    assert np.all(rows[held, 4] == Status.STALE_INPUT)
+    answered = rows[BEFORE : BEFORE + SILENT, 13] > 0
+    assert np.all(answered == (protocol == "egm")), "RSI has no stamp to answer; EGM takes the newest command"
+
+
+def test_a_command_outside_the_limits_ramps_at_once(bench: Bench) -> None:
+    twin = bench.twin("egm", "trajectory")
+    twin.settings.limits.highest_m[0] = bench.start_m[0] + 0.02
+    robot = bench.robot("egm")
+    options = [*bench.options("egm", "trajectory"), "--cycles", "300"]
+    options += ["--highest", text([bench.start_m[0] + 0.02, 10.0, 10.0])]
+    with LoopProcess(bench.program, options) as process:
+        for _ in range(300):
+            datagram = robot.datagram()
+            answers = process.exchange([datagram])
+            twin.exchange([datagram])
+            robot.step(answers)
+        report = process.finish()
+    log = bench.log.read_bytes()
+    rows = rows_of(log)
+    assert log == bytes(twin.log)
+    assert STATES[report["state"]] == "stopped" and report["status"] == Status.OUT_OF_RANGE
+    assert "holding" not in {STATES[int(s)] for s in rows[:, 3]}
+    assert rows[:, 21].max() <= bench.start_m[0] + 0.02
+
+
+def test_a_reference_that_begins_elsewhere_is_not_followed(bench: Bench) -> None:
+    away = bench.reference.rows.copy()
+    away[:, :3] += 2 * STEP
+    twin = bench.twin("egm", "trajectory")
+    law = twin.law
+    assert isinstance(law, TrajectoryLaw)
+    law.reference = Table(away)
+    robot = bench.robot("egm")
+    for _ in range(5):
+        robot.step(twin.exchange([robot.datagram()]))
+    assert twin.status is Status.OUT_OF_RANGE
+    assert np.all(robot.plant.position_m == bench.start_m)
+
+
+def test_a_law_without_its_table_never_starts(bench: Bench) -> None:
+    twin = bench.twin("rsi", "replay")
+    twin.law.corrections = Table(np.zeros((10, 2)))  # type: ignore[attr-defined]
+    robot = bench.robot("rsi")
+    robot.step(twin.exchange([robot.datagram()]))
+    assert (twin.state, twin.status) == (STOPPED, Status.OUT_OF_RANGE)
+
+
+def test_only_garbage_never_starts_anything(bench: Bench) -> None:
+    pair = bench.both("rsi", "trajectory", 50, Faults(lost=1.0, garbage=1.0, seed=2))
+    assert pair.c_log == pair.twin_log
+    assert pair.report["garbage"] == 50 and STATES[pair.report["state"]] == "waiting"
+    assert np.all(rows_of(pair.c_log)[:, 13] == 0)
