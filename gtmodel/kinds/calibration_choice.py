@@ -25,10 +25,10 @@ def family_of(model: Model) -> str:
     """three_link, six_link or f1 by the parameters that a model declares; "" for another mechanism."""
     if hasattr(model, "A0") and hasattr(model, "u1_2"):
         return "f1"
-    A = np.shape(getattr(model, "A", ()))
-    if A == (6, 3) and hasattr(model, "B"):
+    A, v = (np.shape(getattr(model, n, ())) for n in "Av")
+    if A == v == (6, 3) and hasattr(model, "B"):
         return "six_link"
-    return "three_link" if A == (3, 3) and np.shape(getattr(model, "v", ())) == (3, 3) else ""
+    return "three_link" if A == v == (3, 3) else ""
 
 
 def choice_of(problem: Schema, model: Model, on_points: Sequence[str] = ()) -> Choice:

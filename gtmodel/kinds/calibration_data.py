@@ -112,6 +112,9 @@ def _synthetic_keys(made: calibration_synthetic.Made, s: Synthetic) -> Measured:
         "q": MeasuredSignal(column="q", unit=drives),
         "T": MeasuredSignal(column="T", unit="mm"),
     } | ({"e": MeasuredSignal(column="e", unit="1")} if made.turns else {})
+    if s.state_noise:
+        stated = calibration_synthetic.stated_noise(s, made.rotary)
+        signals = {n: k.model_copy(update={"noise": stated[n]}) for n, k in signals.items()}
     frame = "device" if any([*s.device_t_m, *s.device_zyz_deg]) else "robot"
     return Measured(file=FILE, signals=signals, orientation="e" if made.turns else None, frame=frame)
 

@@ -56,10 +56,10 @@ def text(found: Found, model: Model, title: str, robot: str) -> str:
         for name, value in beside.items()
         if ".guideway.at[" not in name and ".guideway.points[" not in name
     ]
-    head = "# Calibrated parameters; gtmodel reads this file as a robot."
+    use = "gtmodel reads this file as a robot" if family else "[parameters] goes into problems with this robot"
     if pieces:
-        head = "# Calibrated parameters; no robot file, since guideways are measured: their A and v are those before."
-    return "\n".join([head, *comments, "", body])
+        use = "no robot file, since guideways are measured: their A and v are those before"
+    return "\n".join([f"# Calibrated parameters; {use}.", *comments, "", body])
 
 
 def _names(model: Model) -> list[str]:

@@ -123,6 +123,19 @@ def make(model: Model, s: Synthetic) -> Made:
     return Made(_text(shown, note), note, truth, "e" in shown, q.shape[1] > 3, seen_carts)
 
 
+def stated_noise(s: Synthetic, rotary: bool) -> dict[str, list[float]]:
+    """Standard deviations [m, rad] by signal: of a cart all that takes it off its line, as if it were noise."""
+    device = np.broadcast_to(np.asarray(s.position_noise_um, float), 3)
+    carts = [1e-6 * float(np.hypot(np.hypot(a, b), np.hypot(s.load_um, s.cyclic_um))) + 1e-7
+             for a, b in zip(s.along_um, s.across_um, strict=True)]  # fmt: skip
+    repeated = s.repeatability_um / MEAN_DISTANCE
+    return {
+        "q": carts + ([1e-6] * 3 if rotary else []),
+        "T": (1e-6 * np.hypot(device, repeated)).tolist(),
+        "e": [float(np.radians(s.orientation_noise_deg))] * 3,
+    }
+
+
 def _commanded(model: Model, s: Synthetic, rng: np.random.Generator) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     """Actuators (N, k) of the grid's reachable poses by the model that is known, and its poses."""
     lines = [np.linspace(a, b, n) for a, b, n in zip(s.low_m, s.high_m, s.counts, strict=True)]

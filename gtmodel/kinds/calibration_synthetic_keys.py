@@ -65,5 +65,8 @@ class Synthetic(Section):
         default=10.0, description="standard deviation of the device, one or along x, y, z; a camera has some 1000"
     )
     orientation_noise_deg: PositiveFloat = Field(default=0.005, description="of a device that measures orientation too")
+    state_noise: bool = Field(
+        default=False, description="whether sizes of noise are told to the fit, as priors and some costs need them"
+    )
     device_t_m: Three = Field(default=[0.0, 0.0, 0.0], description="where the device stands in the robot's frame")
     device_zyz_deg: Three = Field(default=[0.0, 0.0, 0.0], description="and how it is turned")

@@ -72,6 +72,17 @@ def test_a_device_that_stands_elsewhere_is_found() -> None:
     assert [v["measurement"][f"T.device.t[{k}]"] for k in range(3)] == pytest.approx([3.0, -0.5, 0.2], abs=0.03)
 
 
+def test_six_links_of_a_plate_that_hardly_turns_need_priors_and_the_verdict_says_so() -> None:
+    s = {"seed": 1, "low_m": [-1.5, -4.7, -0.4], "high_m": [-0.5, -3.9, 0.5], "counts": [8, 4, 5], "load_um": 20.0,
+         "point_error_mm": 0.2, "scale_error": 1e-4, "state_noise": True}  # fmt: skip
+    problem = {"kind": "calibration", "robot": "d1_six_link", "variant": "six_link", "synthetic": s}
+    free, known = (solved({**problem, **more}) for more in ({}, {"priors": {"B": {"std": 5e-4}}}))
+    assert len(free.values["unknowns"]) == 60 and free.values["prediction_proven"] is False
+    assert "two links may have come to coincide: give priors" in free.values["verdict"][-1]
+    assert not free.checks["held_out_poses_lost"].passed
+    assert known.values["prediction_proven"] and known.values["held_out_mm"]["mean"] < 0.15
+
+
 def test_what_cannot_be_made_is_said() -> None:
     for changes, said in (
         ({"low_m": [9.0, 9, 9], "high_m": [10.0, 10, 10]}, "none of the 420 grid points is within reach"),
