@@ -14,7 +14,7 @@ from gtmodel.kinds.load import validate
 from tests.kinds.calibration_problems import PROBLEMS, keys
 
 STARTS, SEED = 100, 1
-SIZES = dict.fromkeys(("A", "B", "L", "r3", "v", "u"), 0.01)  # m, rad or 1
+SIZES: dict[str, float] = dict.fromkeys(("A", "B", "L", "r3", "v", "u"), 0.01)  # m, rad or 1
 TIMES = (1, 3, 10, 30, 100)
 
 
