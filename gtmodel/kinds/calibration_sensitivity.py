@@ -25,7 +25,8 @@ def table(sums: Mapping[str, Mapping[str, float]], of: str) -> tuple[list[str], 
             found.setdefault(row, {})[int(m["link"])] = own[of]
     links = 1 + max((k for row in found.values() for k in row), default=-1)
     order = sorted(found, key=lambda row: (row[0] != "L", row))
-    return order, np.array([[found[row].get(k, np.nan) for k in range(links)] for row in order]).reshape(len(order), links)
+    rows = [[found[row].get(k, np.nan) for k in range(links)] for row in order]
+    return order, np.array(rows, float).reshape(len(order), links)
 
 
 def text(sums: Mapping[str, Mapping[str, float]]) -> str:
