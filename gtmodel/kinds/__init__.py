@@ -31,6 +31,7 @@ _KINDS = {
     "excitation": "the motion from which masses and friction are identified best, within limits",
     "identification": "masses and friction of a robot from its measured motion and forces",
     "accuracy": "positioning errors of a robot from errors of its carts and links",
+    "stiffness": "joint compliances of a serial arm from static load tests",
     "friction": "friction of the actuators and the mass they hold, from constant-velocity runs",
 }
 
