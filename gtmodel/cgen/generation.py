@@ -23,6 +23,7 @@ from .vectors import selftest
 from .wrapper import wrapper
 
 RUNTIME = ("gt_compare.h", "gt_float.h", "gt_guard.h")
+NEWTON = "gt_newton.h"
 STATUS = "gt_status.h"
 _MAIN = "gt_model_main.c"
 
@@ -74,12 +75,13 @@ def generate(
 def contents(faces: list[Interface], name: str, provenance: Mapping[str, str]) -> dict[str, str]:
     """Text of every file but the manifest, by file name."""
     own = f"gt_{name}"
-    if f"{own}.h".lower() in (*RUNTIME, STATUS):
+    if f"{own}.h".lower() in (*RUNTIME, NEWTON, STATUS):
         raise GenerationError(f"'{name}' cannot name the generated code: {own}.h belongs to the runtime")
     source, declarations = body(name, faces)
     about = [f"gtmodel {gtmodel_version()}, CasADi {ca.CasadiMeta.version()}."]
     about += [f"{key}: {value}" for key, value in provenance.items()]
     runtime = codegen_dir() / "runtime"
+    shared = (*RUNTIME, NEWTON) if any(face.newton for face in faces) else RUNTIME
     main = (runtime / _MAIN).read_text(encoding="utf-8").replace("gt_model", own)
     return {
         f"{own}.h": header(name, faces, about, _hashes(faces, source)),
@@ -88,7 +90,7 @@ def contents(faces: list[Interface], name: str, provenance: Mapping[str, str]) -
         f"{own}_body.c": source,
         f"{own}_selftest.c": selftest(name, faces),
         f"{own}_main.c": main,
-        **{file: (runtime / file).read_text(encoding="utf-8") for file in RUNTIME},
+        **{file: (runtime / file).read_text(encoding="utf-8") for file in shared},
         STATUS: status_header(),
         "Makefile": makefile(name),
         "README.md": readme(name, faces),

@@ -50,12 +50,13 @@ def parameters_hash(faces: list[Interface]) -> str:
 
 def interface_entry(face: Interface) -> dict[str, Any]:
     """What a caller of one function must know."""
-    return {
+    entry = {
         "name": face.key,
         "symbol": face.symbol,
         "inputs": [_member(m) for m in face.inputs],
         "outputs": [_member(m) for m in face.outputs],
     }
+    return {**entry, "state": [_member(m) for m in face.state]} if face.newton else entry
 
 
 def manifest(
