@@ -69,12 +69,12 @@ def body(name: str, faces: list[Interface]) -> tuple[str, str]:
         text, declarations = source.read_text(), source.with_suffix(".h").read_text()
     if "#error" in text:
         raise GenerationError("CasADi cannot write C for one of the functions: its text holds an #error line")
-    return _source(text, prefix, {symbol for face in faces for symbol in face.bodies}), _header(
+    return trimmed(text, prefix, {symbol for face in faces for symbol in face.bodies}), _header(
         declarations, name, faces
     )
 
 
-def _source(text: str, prefix: str, wanted: set[str]) -> str:
+def trimmed(text: str, prefix: str, wanted: set[str]) -> str:
     """CasADi's text without the functions that describe themselves at run time, and including our headers."""
     text = _EXPORTED.sub(lambda m: m[0] if m[1] in wanted else "", text)
     text = text.replace("/* Configuration this file was compiled with */\n", "")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from ..compiler.blocks import Margin
 from ..compiler.causal import PIVOT_TOLERANCE
+from ..compiler.emit import express
 from ..results.status import Status
 from .errors import GenerationError
 from .interface import Interface, Member, macro
@@ -58,16 +59,16 @@ def _function(face: Interface) -> str:
         *([f"    const double *known[{max(1, len(known))}];\n    gt_status status;\n"] if blocks else []),
         "\n",
         "" if face.inputs else "    (void)in;\n",
-        *[_guard(f"gt_all_finite({x.address('in->')}, {x.size})", Status.NOT_FINITE) for x in face.inputs],
-        *[_guard(f"gt_all_finite({x.address('state->')}, {x.size})", Status.NOT_FINITE) for x in face.state],
+        _finite(face.inputs, "in->"),
+        _finite(face.state, "state->"),
         *gather,
         *_copies(face, into_state=False),
         *solve,
         *[f"    arg[{n}] = {address};\n" for n, address in enumerate([*known, *unknowns])],
         *[f"    res[{n}] = {address};\n" for n, address in enumerate(results)],
         _guard(f"{face.body}(arg, res, iw, w, 0) == 0", Status.NOT_CONVERGED),
-        *[_margin(n, margin) for n, margin in enumerate(margins)],
-        *[_guard(f"gt_all_finite({y.address('y.')}, {y.size})", Status.NOT_FINITE) for y in face.outputs],
+        *[_margin(n, margins[n]) for n in _distinct(face)],
+        _finite(face.outputs, "y."),
         *_copies(face, into_state=True),
         f"    *out = y;\n    return {Status.OK.c_name};\n}}\n\n",
     ]
@@ -166,9 +167,29 @@ def _copies(face: Interface, into_state: bool) -> list[str]:
     return lines
 
 
+def _distinct(face: Interface) -> list[int]:
+    """Which margins of the body to test: of two that are the same expression the first decides."""
+    margins = face.stages.margins if face.stages else face.function.margins
+    found = express(face.function.plan, [m.expression for m in margins])
+    first: dict[tuple[int, str, float], int] = {}
+    for n, (m, e) in enumerate(zip(margins, found, strict=True)):
+        first.setdefault((e.element_hash(), m.kind, m.scale), n)
+    return sorted(first.values())
+
+
 def _guard(good: str, otherwise: Status, why: str = "") -> str:
     note = comment([why], "    ") if why else ""
     return f"{note}    if (!({good})) {{\n        return {otherwise.c_name};\n    }}\n"
+
+
+def _finite(members: tuple[Member, ...], struct: str) -> str:
+    """The guard that all numbers are finite: if their sum is, they are; only a sum that is not asks each of them."""
+    terms = [x for m in members for x in elements(m, struct)]
+    if not terms:
+        return ""
+    total = (" +\n" + " " * 15).join(" + ".join(terms[k : k + 5]) for k in range(0, len(terms), 5))
+    each = " && ".join(f"gt_all_finite({m.address(struct)}, {m.size})" for m in members)
+    return _guard(f"(fabs({total}) <= DBL_MAX) ||\n          ({each})", Status.NOT_FINITE)
 
 
 def _margin(n: int, margin: Margin) -> str:
