@@ -6,7 +6,7 @@ from ..compiler.blocks import Root
 from ..compiler.causal import CausalFunction
 from .interface import Interface, Member
 from .text import comment
-from .wrapper import prototype
+from .wrapper import prototype, prototype_along
 
 _CONVENTIONS = (
     "Every number is in SI units; a member's name ends in its unit. Matrices are stored row by row. A function "
@@ -14,16 +14,22 @@ _CONVENTIONS = (
     "of their own and may be called from several threads at once. Pointers must not be NULL."
 )
 
+_ALONG = (
+    "The same along a sampled reference with the columns {columns}: linear between its rows, the last one behind its "
+    "end. GT_OUT_OF_RANGE for a reference without rows or with another number of columns."
+)
+
 
 def header(name: str, faces: list[Interface], about: list[str], hashes: dict[str, str]) -> str:
     """Text of the public header; `about` opens it, `hashes` become string macros."""
     guard = f"GT_{name.upper()}_H"
     newton = '#include "gt_newton.h"\n' if any(face.newton for face in faces) else ""
+    trajectory = '#include "gt_traj.h"\n' if any(face.along for face in faces) else ""
     parts = [
         comment([f"gt_{name}: functions made from the equations of a model.", "", *about, "", _CONVENTIONS]),
         f"#ifndef {guard}\n#define {guard}\n\n",
         newton,
-        '#include "gt_status.h"\n\n',
+        f'#include "gt_status.h"\n{trajectory}\n',
         '#ifdef __cplusplus\nextern "C" {\n#endif\n\n',
         comment(["What this code was made from, for logs; manifest.json holds the same."]),
         *[f'#define GT_{name.upper()}_{key.upper()} "{value}"\n' for key, value in hashes.items()],
@@ -66,6 +72,10 @@ def _declarations(face: Interface) -> str:
             _struct(f"{symbol}_out", face.outputs),
             *state,
             f"{prototype(face)};\n\n",
+            comment([_ALONG.format(columns=", ".join(f"{m.signal} ({m.size})" for m in face.inputs))])
+            + f"{prototype_along(face)};\n\n"
+            if face.along
+            else "",
         ]
     )
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 
 from ..compiler.causal import CausalFunction, Signal, c_name
@@ -50,7 +50,8 @@ class Member:
 class Interface:
     """A causal function under the C name `symbol`, with typed inputs and outputs.
 
-    A function with Newton blocks has `stages`, and a `state` of its last solution that the caller owns.
+    `along`: it is also offered along a sampled reference. A function with Newton blocks has `stages`, and a `state` of
+    its last solution that the caller owns.
     """
 
     key: str
@@ -60,6 +61,7 @@ class Interface:
     outputs: tuple[Member, ...]
     stages: Stages | None = None
     state: tuple[Member, ...] = ()
+    along: bool = False
 
     @property
     def body(self) -> str:
@@ -98,12 +100,15 @@ class Interface:
         return sum(m.size for m in self.outputs)
 
 
-def interfaces(functions: Mapping[str, CausalFunction], name: str) -> list[Interface]:
-    """C faces of the functions, in their order.
+def interfaces(functions: Mapping[str, CausalFunction], name: str, along: Collection[str] = ()) -> list[Interface]:
+    """C faces of the functions, in their order; those named in `along` also along a sampled reference.
 
     Raises GenerationError for a name that is no identifier, and for two names that meet in C.
     """
     check_identifier(name, "the name of the generated code")
+    unknown = [key for key in along if key not in functions]
+    if unknown:
+        raise GenerationError(f"there is no function '{unknown[0]}' to offer along a reference")
     if not functions:
         raise GenerationError("there is no function to generate; give at least one")
     result = []
@@ -116,7 +121,13 @@ def interfaces(functions: Mapping[str, CausalFunction], name: str) -> list[Inter
         symbol = f"gt_{name}_{key}"
         cut = stages(function, symbol) if function.plan.newton else None
         unknowns = [_record(function, s) for block in cut.newton for s in block.unknowns] if cut else []
-        face = Interface(key, symbol, function, _members(inputs), _members(outputs), cut, _members(unknowns))
+        face = Interface(
+            key, symbol, function, _members(inputs), _members(outputs), cut, _members(unknowns), key in along
+        )
+        if face.along and (face.newton or function.plan.uses_time or not inputs):
+            raise GenerationError(
+                f"'{key}' cannot be offered along a reference: that takes a closed form of inputs without time"
+            )
         result.append(face)
     _check_distinct(result, name)
     return result
@@ -173,6 +184,7 @@ def _check_distinct(faces: list[Interface], name: str) -> None:
     taken = {f"gt_{name}_{own}".lower(): "the self-test" for own in ("selftest", "selftest_difference")}
     for face in faces:
         state = (f"{face.symbol}_state", f"{face.symbol}_start") if face.newton else ()
+        state += (f"{face.symbol}_at",) if face.along else ()
         for symbol in (face.symbol, *face.bodies, f"{face.symbol}_in", f"{face.symbol}_out", *state):
             # macros are written in capitals
             if symbol.lower() in taken:

@@ -25,7 +25,7 @@ def wrapper(name: str, faces: list[Interface]) -> str:
         "#include <math.h>\n\n",
         comment(["A pivot below this fraction of its typical size means singular."]),
         f"#define GT_PIVOT_TOLERANCE ({decimal(PIVOT_TOLERANCE)})\n\n",
-        *[_start(face) + _function(face) for face in faces],
+        *[_start(face) + _function(face) + _along(face) for face in faces],
     ]
     return "".join(parts).rstrip("\n") + "\n"
 
@@ -34,6 +34,28 @@ def prototype(face: Interface) -> str:
     """Declaration of the guarded function, without the semicolon."""
     state = f"{face.symbol}_state *state, " if face.newton else ""
     return f"gt_status {face.symbol}({state}const {face.symbol}_in *in, {face.symbol}_out *out)"
+
+
+def prototype_along(face: Interface) -> str:
+    """Declaration of the function along a sampled reference."""
+    return f"gt_status {face.symbol}_at(const gt_traj *reference, uint64_t time_ms, {face.symbol}_out *out)"
+
+
+def _along(face: Interface) -> str:
+    """The function at a time of a reference: its row becomes the inputs."""
+    if not face.along:
+        return ""
+    first, fill = 0, []
+    for m in face.inputs:
+        fill.append(f"    gt_copy({m.address('in.')}, &row[{first}], {m.size});\n")
+        first += m.size
+    return (
+        f"{prototype_along(face)}\n{{\n    {face.symbol}_in in;\n    double row[{first}];\n    gt_status status;\n\n"
+        + _guard(f"reference->columns == {first}U", Status.OUT_OF_RANGE)
+        + f"    status = gt_traj_at(reference, time_ms, row);\n    if (status != {Status.OK.c_name}) {{\n"
+        "        return status;\n    }\n"
+        f"{''.join(fill)}    return {face.symbol}(&in, out);\n}}\n\n"
+    )
 
 
 def _function(face: Interface) -> str:

@@ -37,6 +37,7 @@ class Function(Section):
     targets: list[str] = Field(min_length=1, description='names such as "T", "der(q)", "der(T,2)"')
     prefer: list[str] = Field(default=[], description="names to keep as states")
     branches: dict[str, Literal[-1, 1]] = Field(default={}, description="sign by name of a declared branch")
+    trajectory: bool = Field(default=False, description="offer it along a sampled reference too, as NAME_at")
 
 
 class Verification(Section):
@@ -75,6 +76,7 @@ def write(problem: Schema, context: Context, out: Path, *, verify: bool = False)
             name=problem.name or c_name(context.name),
             provenance=provenance,
             problem=problem.model_dump(mode="json", exclude_unset=True),
+            along=[f.name for f in problem.functions if f.trajectory],
         )
     except GenerationError as error:
         raise InputError(str(error)) from error
