@@ -89,7 +89,7 @@ def test_a_status_for_every_call(
         assert np.max(np.abs(closures(key, robots, inputs[ok], outputs[ok]))) < RESIDUAL_M2
     if key in ("ik", "velocity", "inverse_dynamics"):
         three = robots[0]
-        A, L = np.array(three.A, dtype=float), np.array(three.L, dtype=float)
+        A, L = (np.array(getattr(three, n), dtype=float) for n in ("A", "L"))
         with np.errstate(invalid="ignore"):
             across = inputs[:, None, 1:3] - A[:, 1:]
             beyond = np.any(np.sum(across * across, axis=2) > L**2 * (1 + 1e-12), axis=1)
