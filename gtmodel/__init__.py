@@ -1,13 +1,14 @@
 """gtmodel: write a robot's equations once; every causality is derived.
 
 Language: Model, Connector, Optimization; variable, input, parameter, part, parts, port, outer, connect, der.
-Engines: Model.causal (any causality), kinematics (all assembly modes), solve (optimal control), cgen.generate (C code).
+Engines: Model.causal (any causality), kinematics (all assembly modes), solve (optimal control), calibrate (closure
+equations and measured poses), inference (what data say), cgen.generate (C code).
 """
 
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from . import kinematics, mechanics
+from . import calibrate, inference, kinematics, mechanics
 from . import lang as _lang
 from .compiler.causal import CausalFunction, compile_causal
 from .lang import *  # noqa: F403
@@ -57,7 +58,9 @@ __all__ = [
     "SolverOptions",
     "Status",
     "Trajectory",
+    "calibrate",
     "estimate",
+    "inference",
     "kinematics",
     "linearize",
     "mechanics",

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import casadi as ca
 import numpy as np
@@ -18,17 +19,23 @@ class Block:
     """Rows of the closure and unknowns that have nothing to do with the others.
 
     `rows`, `columns`: their indices. `function`: (d, noise, latent, x) -> r (m,), slopes in x (m, n), in the noise
-    (m, ny), in the latent values (m, nz), of which `plain` computes the first two only.
+    (m, ny), in the latent values (m, nz); `plain` (d, x) computes the first two, `alone` r only, both without noise.
     """
 
     rows: np.ndarray
     columns: np.ndarray
+    alone: ca.Function
     plain: ca.Function
     function: ca.Function
+    made: dict[str, dict[int, ca.Function]] = field(default_factory=lambda: defaultdict(dict), repr=False)
+
+    def residuals(self, data: np.ndarray, x: np.ndarray) -> np.ndarray:
+        """r (N, m) of data (nd, N), without noise."""
+        return self._mapped("alone", [data, _repeated(x, data)])[0].T
 
     def evaluate(self, data: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """r (N, m) and dr/dx (N, m, n) of data (nd, N), without noise."""
-        r, J = map_columns(self.plain, [data, _repeated(x, data)])
+        r, J = self._mapped("plain", [data, _repeated(x, data)])
         return r.T, _stacked(J, data.shape[1])
 
     def evaluate_all(
@@ -36,8 +43,11 @@ class Block:
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """r (N, m), dr/dx (N, m, n), dr/dnoise (N, m, ny), dr/dlatent (N, m, nz) for noise (N, ny), latent (N, nz)."""
         n = data.shape[1]
-        r, J, By, Bz = map_columns(self.function, [data, noise.T, latent.T, _repeated(x, data)])
+        r, J, By, Bz = self._mapped("function", [data, noise.T, latent.T, _repeated(x, data)])
         return r.T, _stacked(J, n), _stacked(By, n), _stacked(Bz, n)
+
+    def _mapped(self, name: str, columns: list[np.ndarray]) -> list[np.ndarray]:
+        return map_columns(getattr(self, name), columns, self.made[name])
 
 
 def blocks(
@@ -65,7 +75,7 @@ def blocks(
         quiet = ca.cse(ca.substitute([ca.densify(part), slopes[0]], *none))
         found.append(
             Block(
-                rows, columns, ca.Function("closure", [d, own], quiet),
+                rows, columns, ca.Function("closure", [d, own], quiet[:1]), ca.Function("closure", [d, own], quiet),
                 ca.Function("closure", [d, noise, latent, own], ca.cse([ca.densify(part), *slopes])),
             )
         )  # fmt: skip

@@ -29,8 +29,9 @@ from .unknowns import Choice
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """What calibrate() found. `estimate` of the unknowns, None unless solved; `values` of all parameters in the closure
-    equations; `residuals` (N, m) [m] of `labels`; `start` those before. `blocks`: names of unknowns solved together.
+    """What calibrate() found. `estimate` of the unknowns, None unless solved and asked for; `values` of all parameters
+    in the closure equations; `residuals` (N, m) [m] of `labels`, none with latent variables; `start` those before.
+    `blocks`: names of unknowns solved together.
     """
 
     problem: Problem
@@ -108,6 +109,7 @@ def calibrate(
     actuators: str = "q",
     latent: Sequence[str] = (),
     hold_undetermined: bool = True,
+    confidence: bool = True,
     limit: int = 100,
 ) -> Calibration:
     """Parameters that bring the model nearest to measured poses, by Gauss-Newton on exact slopes, arm by arm where arms
@@ -117,6 +119,7 @@ def calibrate(
     is known and of the residual otherwise. `start`: other start values by unknown. With noise for all measured signals
     the confidence is propagated from it; otherwise the residuals tell it, poses taken as independent. What the poses
     cannot tell stays at its start, and the estimate says so, unless `hold_undetermined` is False: ModelError then.
+    Without `confidence` neither estimate nor identifiability are worked out, which takes its time where poses are few.
 
     Raises ModelError for what does not fit; a failing iteration is a status.
     """
@@ -141,7 +144,7 @@ def calibrate(
     bad = next((f for f in fits if not f.descent.status.ok), None)
     status, message = (bad.descent.status, bad.descent.message) if bad else (SolveStatus.SOLVED, _arrived(fits))
     estimate = told = None
-    if bad is None:
+    if bad is None and confidence:
         try:
             estimate, told = estimated(problem, fits, loss_named(loss), width, hold_undetermined)
         except ValueError as error:

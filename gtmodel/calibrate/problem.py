@@ -63,7 +63,7 @@ class Problem:
         x = self.unknowns.start if x is None else np.asarray(x, float)
         r = np.empty((len(self.measurements), len(self.labels)))
         for b in self.lengths:
-            r[:, b.rows] = b.evaluate(self.reading.data, x[b.columns])[0]
+            r[:, b.rows] = b.residuals(self.reading.data, x[b.columns])
         return r
 
     def slopes(self, x: ArrayLike | None = None) -> np.ndarray:

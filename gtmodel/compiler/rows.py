@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import casadi as ca
@@ -19,10 +20,17 @@ if TYPE_CHECKING:
 PIVOT_TOLERANCE = 1e-7
 # rows per mapped function: what a core keeps near; making one costs no more than some rows
 BLOCK = 512
+# rows that a small function takes in one call, and how many operations are few: a call costs as much as some forty
+GROUP, SMALL = 16, 256
 
 
-def map_columns(f: ca.Function, columns: Sequence[np.ndarray]) -> list[np.ndarray]:
-    """A function on columns side by side: inputs (size, n), results (r, n * c) for outputs of shape (r, c)."""
+def map_columns(
+    f: ca.Function, columns: Sequence[np.ndarray], made: dict[int, ca.Function] | None = None
+) -> list[np.ndarray]:
+    """A function on columns side by side: inputs (size, n), results (r, n * c) for outputs of shape (r, c).
+
+    `made`: f mapped to numbers of columns, kept by the caller between calls.
+    """
     n = columns[0].shape[1] if columns else 1
     if n == 0:
         return [np.zeros((f.size1_out(k), 0)) for k in range(f.n_out())]
@@ -34,10 +42,13 @@ def map_columns(f: ca.Function, columns: Sequence[np.ndarray]) -> list[np.ndarra
     inputs = [np.ascontiguousarray(c.T) for c in columns]
     results = [np.empty((n, f.size2_out(k), f.size1_out(k))) for k in range(f.n_out())]
     size, g = 0, f
-    for begin in range(0, n, BLOCK):
-        end = min(n, begin + BLOCK)
+    edges = [*range(0, n, BLOCK), n]
+    if made is not None and n > GROUP and n % GROUP:
+        edges = sorted({*edges, n - n % GROUP})
+    for begin, end in pairwise(edges):
         if end - begin != size:
-            size, g = end - begin, f.map(end - begin)
+            size = end - begin
+            g = f.map(size) if made is None else made.get(size) or made.setdefault(size, _grouped(f, size))
         buffer, run = g.buffer()
         set_arg: Any = buffer.set_arg
         set_res: Any = buffer.set_res
@@ -51,6 +62,13 @@ def map_columns(f: ca.Function, columns: Sequence[np.ndarray]) -> list[np.ndarra
                 set_res(k - len(inputs), memoryview(view))
         run()
     return [r.reshape(r.shape[0] * r.shape[1], r.shape[2]).T for r in results]
+
+
+def _grouped(f: ca.Function, size: int) -> ca.Function:
+    """f mapped to `size` columns, with the same numbers; a small one is written out for GROUP of them at a time."""
+    if size % GROUP or not f.is_a("SXFunction") or f.n_instructions() > SMALL:
+        return f.map(size)
+    return f.map(GROUP).expand().map(size // GROUP)
 
 
 def status_codes(

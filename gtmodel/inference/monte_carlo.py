@@ -39,19 +39,22 @@ def monte_carlo(
     processes: int | None = None,
     progress: Callable[[int, int], None] | None = None,
     interrupted: Callable[[], bool] | None = None,
-    executor: Executor | None = None,
+    executor: Any = None,
 ) -> MonteCarlo:
     """task(rng, k) for k = 0..runs-1, each with its own generator spawned from `seed`: the same results for any number
     of processes.
 
     `processes`: default one per core; 0 runs in this process (and its BLAS threads), for looking inside. The task must
     be importable: a function of a module, or functools.partial of one. `executor`: another one to hand the runs to,
-    such as a Dask client's get_executor(). `progress(done, runs)` after each. Ctrl-C, or `interrupted()` telling True,
-    ends the workers and returns what is done. Raises RuntimeError naming the run in which the task failed.
+    with submit() as concurrent.futures.Executor has it, or a Dask client, whose get_executor() is asked.
+    `progress(done, runs)` after each. Ctrl-C, or `interrupted()` telling True, ends the workers and returns what is
+    done. Raises RuntimeError naming the run in which the task failed.
     """
     if runs < 1:
         raise ValueError(f"a Monte Carlo needs at least one run; found {runs}")
     seeds = np.random.SeedSequence(seed).spawn(runs)
+    if hasattr(executor, "get_executor"):  # a client of Dask, which is no dependency
+        executor = executor.get_executor()
     if executor is None and processes == 0:
         return _here(task, seeds, seed, progress, interrupted)
     if executor is not None:

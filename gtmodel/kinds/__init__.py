@@ -30,7 +30,9 @@ _KINDS = {
     "workspace": "which tool centre points a robot reaches: cross-section, boundary, volume, reasons",
     "excitation": "the motion from which masses and friction are identified best, within limits",
     "identification": "masses and friction of a robot from its measured motion and forces",
+    "calibration_plan": "which poses to measure for a calibration, and what it will then be worth",
     "accuracy": "positioning errors of a robot from errors of its carts and links",
+    "calibration": "geometric parameters of a robot from measured poses, with confidence and held-out accuracy",
     "friction": "friction of the actuators and the mass they hold, from constant-velocity runs",
 }
 

@@ -91,10 +91,7 @@ def rapid_text(reference: Trajectory, title: str, name: str = "GtMotion") -> str
         f"  CONST num GtCount := {n};",
         f"  LOCAL CONST robtarget GtTargets{{{n}}} := [",
     ]
-    for k in range(n):
-        x, q = (", ".join(f"{1e3 * v:.4f}" for v in reference[name][k]) for name in ("T", "q"))
-        end = "," if k < n - 1 else ""
-        lines.append(f"    [[{x}], [1, 0, 0, 0], [0, 0, 0, 0], [{q}, 9E9, 9E9, 9E9]]{end}")
+    lines += robtargets(reference["T"], reference["q"])
     lines += [
         "  ];",
         "  PROC GtMove(PERS tooldata tool, PERS wobjdata wobj)",
@@ -107,3 +104,13 @@ def rapid_text(reference: Trajectory, title: str, name: str = "GtMotion") -> str
         "ENDMODULE",
     ]
     return "\n".join(lines) + "\n"
+
+
+def robtargets(T: np.ndarray, q: np.ndarray) -> list[str]:
+    """Lines of a RAPID array of robtargets: T (n, 3) in mm, carts q (n, 3) in mm as external axes."""
+    lines = []
+    for k, row in enumerate(zip(T, q, strict=True)):
+        x, axes = (", ".join(f"{1e3 * v:.4f}" for v in values) for values in row)
+        end = "," if k < len(T) - 1 else ""
+        lines.append(f"    [[{x}], [1, 0, 0, 0], [0, 0, 0, 0], [{axes}, 9E9, 9E9, 9E9]]{end}")
+    return lines

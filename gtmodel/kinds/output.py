@@ -69,7 +69,7 @@ def write(folder: Path, loaded: Loaded, context: Context, outcome: Outcome, *, w
         files[name] = content.encode() if isinstance(content, str) else content
     if plot:
         for name, draw in outcome.figures.items():
-            files[name if name.endswith(".png") else f"{name}.png"] = _png(draw)
+            files[name if name.endswith(".png") else f"{name}.png"] = png(draw)
     refuse_foreign(folder)
     earlier = (_written(folder) or {}) if folder.is_dir() else {}
     for name in files:
@@ -135,7 +135,8 @@ def _csv(outcome: Outcome) -> bytes:
         return Path(path).read_bytes()
 
 
-def _png(draw: Any) -> bytes:
+def png(draw: Any) -> bytes:
+    """A picture as a file, the same bytes for the same picture."""
     buffer = io.BytesIO()
     # matplotlib's own version stays out of the file: same input, same bytes
     draw().savefig(buffer, format="png", dpi=_DPI, metadata={"Software": None})

@@ -19,11 +19,11 @@ from gtmodel.kinematics.workspace import (
 from gtmodel.results import SolveStatus
 
 from .base import Check, Context, InputError, Outcome, Row, Section
-from .mechanism import Mechanism, home_figure, mechanism_of
+from .mechanism import Mechanism, home_figure
 from .robot_keys import RobotProblem
 from .section_keys import SectionKeys
 from .sentences import listed
-from .workspace_limits import Angle, Beam, Bodies, Box, Limits, Point, limits_of, refuse_disordered
+from .workspace_limits import Angle, Beam, Bodies, Box, Limits, Point, limited_mechanism, limits_of, refuse_disordered
 
 NAME = "workspace"
 
@@ -84,7 +84,7 @@ def solve(problem: Schema, context: Context) -> Outcome:
     """Map the section, with and without limits, then the volume."""
     if context.start is not None:
         raise InputError("--start: a workspace is mapped from the beginning; leave it out")
-    robot = _mechanism(problem, context)
+    robot = limited_mechanism(problem.model(context), problem.home_m, problem.bodies)
     reach = Reach(robot.inverse, limits_of(problem.limits, problem.bodies, problem.obstacles, problem.beams, robot))
     section = robot.section(problem.section.along_m, "section.along_m")
     low, high = _window(problem, robot, section)
@@ -119,7 +119,7 @@ def solve(problem: Schema, context: Context) -> Outcome:
 
 def explain(problem: Schema, context: Context) -> str:
     """The tests in their order, the section and the grid."""
-    robot = _mechanism(problem, context)
+    robot = limited_mechanism(problem.model(context), problem.home_m, problem.bodies)
     reach = Reach(robot.inverse, limits_of(problem.limits, problem.bodies, problem.obstacles, problem.beams, robot))
     section = robot.section(problem.section.along_m, "section.along_m")
     low, high = _window(problem, robot, section)
@@ -134,18 +134,6 @@ def explain(problem: Schema, context: Context) -> str:
         *(f"  {sentence}" for sentence in reach.assumptions),
     ]
     return "\n".join(lines)
-
-
-def _mechanism(problem: Schema, context: Context) -> Mechanism:
-    joints = problem.bodies.plate_joints_m
-    home = None if problem.home_m is None else np.array(problem.home_m)
-    robot = mechanism_of(problem.model(context), home)
-    if joints is None:
-        return robot
-    count = len(robot.lengths)
-    if len(joints) != count:
-        raise InputError(f"the robot has {count} links; found {len(joints)} joints", "bodies.plate_joints_m")
-    return mechanism_of(robot.model, home, np.array(joints, dtype=float))
 
 
 def _window(problem: Schema, robot: Mechanism, section: Any) -> tuple[np.ndarray, np.ndarray]:

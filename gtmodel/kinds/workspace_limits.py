@@ -17,9 +17,10 @@ from gtmodel.kinematics.workspace import (
     Obstacles,
     Singularities,
 )
+from gtmodel.lang import Model
 
 from .base import InputError, Section
-from .mechanism import Mechanism
+from .mechanism import Mechanism, mechanism_of
 from .section_keys import Pair
 
 LONGEST_STROKE = 100.0  # in link lengths; a longer one was given in millimetres
@@ -67,6 +68,19 @@ class Beam(Section):
     to_m: Point = Field(description="the other end")
     radius_m: NonNegativeFloat = Field(default=0.0, description="its radius")
     skip_links: list[int] = Field(default=[], description="numbers of links (from 1) that may touch it")
+
+
+def limited_mechanism(model: Model, home_m: Point | None, bodies: Bodies) -> Mechanism:
+    """The robot with its home pose and its real plate joints. Raises InputError."""
+    joints = bodies.plate_joints_m
+    home = None if home_m is None else np.array(home_m)
+    robot = mechanism_of(model, home)
+    if joints is None:
+        return robot
+    count = len(robot.lengths)
+    if len(joints) != count:
+        raise InputError(f"the robot has {count} links; found {len(joints)} joints", "bodies.plate_joints_m")
+    return mechanism_of(model, home, np.array(joints, dtype=float))
 
 
 def limits_of(keys: Limits, bodies: Bodies, boxes: list[Box], beams: list[Beam], robot: Mechanism) -> list[Limit]:

@@ -31,6 +31,7 @@ from .friction_rotational import (
 )
 from .guideway import Guideway
 from .guideway_curves import CurvedGuideway, PiecewiseLinearCyclicGuideway, PiecewiseLinearGuideway, SplineGuideway
+from .guideway_measured import MeasuredGuideway
 from .guideway_saddle import SaddleGuideway
 from .joints import Prismatic, Revolute, Spherical, Universal
 from .load import FrameLoad, PointLoad
@@ -69,6 +70,7 @@ __all__ = [
     "Guideway",
     "Inertia",
     "Mass",
+    "MeasuredGuideway",
     "MidpointRod",
     "PiecewiseLinearCyclicGuideway",
     "PiecewiseLinearFriction",

@@ -72,12 +72,9 @@ def robot_figure(
         directions: (l, 3) of each link's guideway.
         ends: (l, 2, 3) of the guideways [m]; a piece about each cart if left out.
     """
-    carts, joints = np.asarray(carts, float), np.asarray(joints, float)
-    each = [(k,) for k in range(len(carts))]
-    reach = STROKE * float(np.mean(np.linalg.norm(joints - carts, axis=1)))
     figure = Figure(figsize=(8.0, 6.5), layout="constrained")
     axes: Any = figure.add_subplot(projection="3d")
-    draw_robot(axes, carts, joints, each, pieces(carts, each, directions, reach) if ends is None else ends, T=T)
+    draw_links(axes, carts, joints, T, directions, ends=ends)
     for k, curve in enumerate(curves):
         closed = np.vstack([curve, curve[:1]])
         axes.plot(*closed.T, color="0.3", linestyle="--", label="boundary of the section" if k == 0 else None)
@@ -87,8 +84,24 @@ def robot_figure(
     return figure
 
 
+def draw_links(
+    axes: Any,
+    carts: np.ndarray,
+    joints: np.ndarray,
+    T: np.ndarray,
+    directions: np.ndarray,
+    *,
+    ends: np.ndarray | None = None,
+) -> None:
+    """Draw one pose, a cart for each link; the arguments are those of `robot_figure`."""
+    carts, joints = np.asarray(carts, float), np.asarray(joints, float)
+    each = [(k,) for k in range(len(carts))]
+    reach = STROKE * float(np.mean(np.linalg.norm(joints - carts, axis=1)))
+    draw_robot(axes, carts, joints, each, pieces(carts, each, directions, reach) if ends is None else ends, T=T)
+
+
 def finish(axes: Any) -> None:
-    """Equal scales, names of the axes and a view from the side."""
+    """Equal scales, names of the axes, few ticks, and a view from the side."""
     axes.set(xlabel="x [m]", ylabel="y [m]", zlabel="z [m]")
     for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
         axis.set_major_locator(MaxNLocator(TICKS))

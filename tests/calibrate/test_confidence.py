@@ -16,10 +16,10 @@ MODELS = ("three_link", "six_link", "f1_unit")
 
 @pytest.mark.parametrize(("known", "cost"), [(True, "length"), (False, "squared"), (True, "orthogonal")])
 def test_a_draw_of_intervals_of_the_modified_model(known, cost):
-    runs = monte_carlo(partial(one, kind="three_link", cost=cost, known=known), 60, SEED, processes=0)
+    runs = monte_carlo(partial(one, kind="three_link", cost=cost, known=known), 40, SEED, processes=0)
     found = coverage(runs.results, truth("three_link"))
     assert not found.outside and not found.biased
-    assert 0.93 <= found.pooled <= 0.97  # 60 runs of 21 correlated intervals
+    assert 0.90 <= found.pooled <= 0.99  # 40 runs of three arms, each some two independent intervals: 3.3 deviations
 
 
 @pytest.mark.proof
@@ -50,9 +50,9 @@ def test_the_stated_noise_is_judged_and_told_by_the_residuals():
 def test_residuals_are_as_large_as_the_stated_noise_whatever_the_cost_weighs(kind):
     sizes = [
         calibrate(ready(kind).on(measured(kind, POSES[kind], noise(kind), seed))).estimate.noise  # pyright: ignore
-        for seed in range(8)
+        for seed in range(4)
     ]
-    assert abs(np.mean(sizes) - 1) < 0.06  # links of a pose share its noise: few of the residuals are their own
+    assert abs(np.mean(sizes) - 1) < 0.08  # links of a pose share its noise: few of the residuals are their own
 
 
 def test_the_predicted_covariance_is_that_of_the_fit_before_anything_is_measured():
@@ -87,6 +87,13 @@ def test_wide_start_errors_converge():
         c = calibrate(p, start={n: v + 0.05 * rng.standard_normal() for n, v in true.items()})
         assert c.status.ok and np.abs(c.start).max() > 0.05
         assert max(abs(c.values[n] - v) for n, v in true.items()) < 1e-9
+
+
+def test_without_confidence_the_solution_is_the_same_to_the_bit():
+    p = ready("three_link")
+    alone, whole = calibrate(p, confidence=False), calibrate(p)
+    assert alone.estimate is None and alone.identifiability is None and alone.status.ok
+    assert np.array_equal(alone.x, whole.x)
 
 
 def test_choices_of_the_runs_leave_nothing_undetermined():

@@ -3,6 +3,7 @@
 import os
 import time
 from concurrent.futures import ThreadPoolExecutor
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -37,7 +38,10 @@ def test_processes_change_nothing_and_have_one_thread_each():
     here = monte_carlo(own_seed, 5, 42, processes=0)
     two = monte_carlo(own_seed, 5, 42, processes=2, progress=lambda done, of: seen.append(done))
     threads = monte_carlo(own_seed, 5, 42, executor=ThreadPoolExecutor(3))
+    client = SimpleNamespace(get_executor=lambda: ThreadPoolExecutor(2))  # as a Dask client has it
+    cluster = monte_carlo(own_seed, 5, 42, executor=client)
     assert [r[:2] for r in two.results] == [r[:2] for r in here.results] == [r[:2] for r in threads.results]
+    assert [r[:2] for r in cluster.results] == [r[:2] for r in here.results]
     assert {r[2] for r in two.results} == {"1"} and seen == [1, 2, 3, 4, 5]
     assert len({r[1] for r in here.results}) == 5 and not two.interrupted
     assert dict(os.environ) == before

@@ -1,0 +1,91 @@
+"""Candidate poses: a grid in what the robot reaches and the device sees, with a distance from the edge of both."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..kinematics.workspace import REACHABLE, Grid, Reach, map_grid
+from ..lang.source import ModelError
+
+# directions in which the neighbourhood of a point is looked at: to the faces, edges and corners of a cube
+_AROUND = np.array([d for d in np.ndindex(3, 3, 3) if d != (1, 1, 1)], float) - 1
+AROUND = _AROUND / np.linalg.norm(_AROUND, axis=1, keepdims=True)
+
+
+@dataclass(frozen=True, eq=False)
+class Candidates:
+    """Points of a grid (N, 3) [m] and what became of them: `stages` name -> (N,) booleans, each within the former.
+
+    `complete`: False after a stop.
+    """
+
+    T: np.ndarray
+    stages: dict[str, np.ndarray]
+    complete: bool = True
+
+    @property
+    def chosen(self) -> np.ndarray:
+        """(n, 3) points that passed all stages [m]."""
+        return self.T[next(reversed(self.stages.values()))]
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Number of points by stage."""
+        return {name: int(np.count_nonzero(m)) for name, m in self.stages.items()}
+
+
+def candidates(
+    grid: Grid,
+    stages: dict[str, Reach],
+    safety: float = 0.0,
+    *,
+    stop: Callable[[str, float], bool] | None = None,
+) -> Candidates:
+    """The points of a grid through the stages in their order, such as workspace, obstacles, device.
+
+    `safety` [m]: at the end points stay that have all their neighbours, at that distance in 26 directions, within the
+    last stage too: so far is the edge of the working range (Dressler 2012, section 5.6). `stop(stage, fraction)`: True
+    ends with what was found. Raises ModelError for a negative distance.
+    """
+    if not safety >= 0:
+        raise ModelError(f"the safety distance is {safety:g} m; it must not be negative")
+    T = grid.points()
+    left = np.ones(len(T), bool)
+    found: dict[str, np.ndarray] = {}
+
+    def asked(stage: str) -> Callable[[float], bool]:
+        return lambda fraction: stop is not None and stop(stage, fraction)
+
+    for name, reach in stages.items():
+        m = map_grid(reach, grid, progress=asked(name))
+        left = left & (m.codes.reshape(-1) == REACHABLE)
+        found[name] = left
+        if not m.complete or (stop is not None and stop(name, 1.0)):
+            return Candidates(T, found, complete=False)
+    if safety > 0 and stages:
+        last = next(reversed(stages.values()))
+        within = left.copy()
+        for d in AROUND:
+            at = np.flatnonzero(within)
+            if len(at):
+                within[at] = last.inside(T[at] + safety * d)
+        found["safety distance"] = within
+    return Candidates(T, found)
+
+
+def regular_grid(low: np.ndarray, high: np.ndarray, volume: float, number: int) -> Grid:
+    """A grid in the middle of the box low..high (3,) [m] with some `number` of its points in a `volume` [m3] inside.
+
+    The grid constant is (volume / number)^(1/3), as Dressler 2012, section 5.6, takes it.
+    """
+    if not volume > 0 or number < 1:
+        raise ModelError(f"{number} poses of a volume of {volume:g} m3 make no grid; both must be positive")
+    step = (volume / number) ** (1 / 3)
+    coordinates = []
+    for a, b in zip(low, high, strict=True):
+        count = int((b - a) / step) + 1
+        coordinates.append((a + b) / 2 + step * (np.arange(count) - (count - 1) / 2))
+    return Grid(np.zeros(3), np.eye(3), tuple(coordinates))

@@ -1,0 +1,177 @@
+"""Measuring devices: where they see a target, and how well.
+
+A device is a limit of the workspace (`gtmodel.kinematics.workspace.Limit`) and gives the covariance of a point.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+
+from ..kinematics.workspace import Limit, Poses
+from ..kinematics.workspace.distances import segment_to_box
+from ..lang.source import ModelError
+
+Array = np.ndarray
+
+
+class Device(Limit, Protocol):
+    """A limit that says where the device sees, with the noise of what it measures."""
+
+    def covariance(self, T: Array) -> Array:
+        """(n, 3, 3) [m2] of the measured position at T (n, 3) [m], in the robot's frame."""
+        ...
+
+
+@dataclass(frozen=True)
+class LaserTracker:
+    """A laser tracker: distance and two angles of a reflector.
+
+    `at` (3,): its centre [m]. Standard deviations: `range_noise` [m] and `range_per_m` of the distance, `angle_noise`
+    [rad] of each angle, `fixed_noise` [m] of the reflector in all directions. It sees from `nearest` to `farthest` [m]
+    and up to `elevation` [rad] above and below the horizontal plane of its `axis`.
+    """
+
+    at: Array
+    range_noise: float = 10e-6
+    range_per_m: float = 0.0
+    angle_noise: float = 7e-6
+    fixed_noise: float = 0.0
+    nearest: float = 0.5
+    farthest: float = 30.0
+    elevation: float = np.radians(60.0)
+    axis: Array = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
+    name: str = "range of the laser tracker"
+    unit: str = "m"
+    assumes: str = ""
+
+    @property
+    def parts(self) -> Sequence[str]:
+        return ["nearest distance", "farthest distance", "elevation"]
+
+    def margins(self, poses: Poses) -> Array:
+        """[m]; of the elevation as a length, the distance from the cone's surface."""
+        ray = poses.T - np.asarray(self.at, float)
+        r = np.linalg.norm(ray, axis=1)
+        up = np.asarray(self.axis, float) / np.linalg.norm(self.axis)
+        angle = np.arctan2(np.abs(ray @ up), np.linalg.norm(np.cross(ray, up), axis=1))
+        return np.stack([r - self.nearest, self.farthest - r, r * np.sin(self.elevation - angle)], axis=1)
+
+    def covariance(self, T: Array) -> Array:
+        ray = np.asarray(T, float) - np.asarray(self.at, float)
+        r = np.linalg.norm(ray, axis=1)
+        u = ray / r[:, None]
+        along = np.einsum("ni,nj->nij", u, u)
+        distance = self.range_noise**2 + (self.range_per_m * r) ** 2
+        across = (self.angle_noise * r) ** 2
+        return (
+            distance[:, None, None] * along
+            + across[:, None, None] * (np.eye(3) - along)
+            + (self.fixed_noise**2 * np.eye(3))
+        )
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A fixed pinhole camera that sees a flat pattern of points on the plate (Dressler 2012, section 5.6).
+
+    `at` (3,) [m] and `looks_at` (3,) [m]; `up` (3,) is up in the picture. `focal` [pixel], `width`, `height` [pixel].
+    The pattern: a square of `side` [m] with `points` by `points` marks, its middle in the tool centre point, facing the
+    camera's home direction. `pixel_noise`: standard deviation of a mark's coordinates [pixel]. The covariance is that
+    of the pattern's position when position and turn are found together. It sees a pattern that is whole in the picture.
+    """
+
+    at: Array
+    looks_at: Array
+    focal: float = 1500.0
+    width: float = 1600.0
+    height: float = 1200.0
+    side: float = 0.2
+    points: int = 7
+    pixel_noise: float = 0.1
+    up: Array = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
+    name: str = "picture of the camera"
+    unit: str = "pixel"
+    assumes: str = "the pattern faces the camera as it does in the middle of the picture, at every pose"
+
+    @property
+    def parts(self) -> Sequence[str]:
+        return ["in front of the camera", "across the picture", "up the picture"]
+
+    @property
+    def axes(self) -> Array:
+        """(3, 3) rows: right and down in the picture, and forward."""
+        forward = np.asarray(self.looks_at, float) - np.asarray(self.at, float)
+        right = np.cross(forward, np.asarray(self.up, float))
+        if not np.linalg.norm(right) > 1e-9 * np.linalg.norm(forward):
+            raise ModelError("the camera looks along its own 'up'; give another direction")
+        rows = np.stack([right, np.cross(forward, right), forward])
+        return rows / np.linalg.norm(rows, axis=1, keepdims=True)
+
+    def margins(self, poses: Poses) -> Array:
+        p = self._marks(poses.T)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            seen = self.focal * p[..., :2] / p[..., 2:]
+        limits = np.array([self.width, self.height]) / 2
+        inside = np.min(limits - np.abs(seen), axis=1)
+        front = self.focal * np.min(p[..., 2], axis=1)
+        return np.column_stack([front, inside])
+
+    def covariance(self, T: Array) -> Array:
+        p = self._marks(T)
+        x, y, z = np.moveaxis(p, 2, 0)
+        centre = p.mean(axis=1, keepdims=True)
+        zero = np.zeros_like(z)
+        by_point = self.focal * np.stack(
+            [np.stack([1 / z, zero, -x / z**2], axis=-1), np.stack([zero, 1 / z, -y / z**2], axis=-1)], axis=2
+        )  # (n, marks, 2, 3)
+        # a turn w moves a mark by w x (p - centre)
+        d = p - centre
+        skew = np.zeros((*d.shape, 3))
+        skew[..., 0, 1], skew[..., 0, 2], skew[..., 1, 2] = d[..., 2], -d[..., 1], d[..., 0]
+        skew = skew - skew.swapaxes(-1, -2)
+        J = np.concatenate([by_point, by_point @ skew], axis=3).reshape(len(p), -1, 6)
+        C = self.pixel_noise**2 * np.linalg.inv(J.transpose(0, 2, 1) @ J)[:, :3, :3]
+        return self.axes.T @ C @ self.axes
+
+    def _marks(self, T: Array) -> Array:
+        """Marks (n, marks, 3) [m] in the camera's axes."""
+        line = self.side * np.linspace(-0.5, 0.5, self.points)
+        flat = np.stack(np.meshgrid(line, line, indexing="ij"), axis=-1).reshape(-1, 2)
+        pattern = np.column_stack([flat, np.zeros(len(flat))])
+        middle = (np.asarray(T, float) - np.asarray(self.at, float)) @ self.axes.T
+        return middle[:, None] + pattern
+
+
+@dataclass(frozen=True)
+class LineOfSight:
+    """Nothing stands between a device at `at` (3,) and the tool centre point: boxes with sides along the axes, corners
+    `low`, `high` (k, 3) [m], stay `clearance` [m] from the line."""
+
+    at: Array
+    low: Array
+    high: Array
+    names: Sequence[str] = ()
+    clearance: float = 1e-6
+    name: str = "line of sight"
+    unit: str = "m"
+    assumes: str = ""
+
+    @property
+    def parts(self) -> Sequence[str]:
+        return [f"behind {name}" for name in self.names or [f"box {k + 1}" for k in range(len(self.low))]]
+
+    def margins(self, poses: Poses) -> Array:
+        start = np.broadcast_to(np.asarray(self.at, float), poses.T.shape)
+        boxes = zip(np.asarray(self.low, float), np.asarray(self.high, float), strict=True)
+        return np.stack([segment_to_box(start, poses.T, a, b) for a, b in boxes], axis=1) - self.clearance
+
+
+def sampled(covariance: Array, rng: np.random.Generator) -> Array:
+    """Normal noise (n, k) with covariances (n, k, k), for synthetic measurements."""
+    values, vectors = np.linalg.eigh(covariance)
+    white = rng.standard_normal(values.shape) * np.sqrt(np.maximum(values, 0.0))
+    return np.einsum("nij,nj->ni", vectors, white)

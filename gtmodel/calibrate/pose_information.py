@@ -1,0 +1,112 @@
+"""What each pose would tell of the unknowns, before anything is measured: whitened slopes, pose by pose."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..inference import Identifiability, identifiability
+from ..inference.concluding import spectrum
+from ..inference.weighting import prior_rows
+from ..lang.source import ModelError
+from .implicit import Adjustment, require_noise_enough
+from .problem import Problem, noise_covariance
+
+# of a prediction's slopes along what no pose tells, relative: more means that it cannot be predicted
+LEAK = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class PoseInformation:
+    """Of N candidate poses and n unknowns `names`, in units of `sizes`, their expected errors.
+
+    `rows` (N, k, n): slopes of what a pose tells, divided by the noise; `priors` (p, n) likewise. `told` (n, r): an
+    orthonormal basis of the combinations that all poses together tell. The information of poses is the sum of
+    rows' rows: J' (B S B')^-1 J with slopes J in the unknowns and B in the noise, whose covariance is S.
+    """
+
+    names: tuple[str, ...]
+    sizes: np.ndarray
+    rows: np.ndarray
+    priors: np.ndarray
+    told: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    @property
+    def rank(self) -> int:
+        """How many combinations of unknowns all poses together tell."""
+        return self.told.shape[1]
+
+    @property
+    def reduced(self) -> np.ndarray:
+        """Rows (N, k, r) in the combinations that are told."""
+        return self.rows @ self.told
+
+    def matrix(self, selection: ArrayLike | None = None) -> np.ndarray:
+        """Information (r, r) of some poses (default all) and the priors, in the combinations that are told."""
+        rows = self._stacked(selection)
+        return rows.T @ rows
+
+    def covariance(self, selection: ArrayLike | None = None) -> np.ndarray:
+        """Predicted covariance (n, n) of the unknowns, in their own units, from some poses, within what all poses tell.
+
+        It is that of the fit with cost "orthogonal", the best one. Raises ModelError where the poses tell less.
+        """
+        told = spectrum(self._stacked(selection))
+        if told.rank < self.rank:
+            count = len(self) if selection is None else len(np.asarray(selection))
+            raise ModelError(
+                f"{count} poses tell fewer than the {self.rank} combinations that all {len(self)} tell; take more poses"
+            )
+        return self.sizes[:, None] * (self.told @ told.inverse @ self.told.T) * self.sizes
+
+    def std(self, selection: ArrayLike | None = None) -> dict[str, float]:
+        """Predicted standard deviation by unknown; infinite for what moves with others without any pose's notice."""
+        std = np.sqrt(np.diag(self.covariance(selection)))
+        lost = 1 - np.sum(self.told**2, axis=1) > LEAK
+        return dict(zip(self.names, np.where(lost, np.inf, std).tolist(), strict=True))
+
+    def identifiability(self, selection: ArrayLike | None = None) -> Identifiability:
+        """What some poses (default all) tell of each unknown, with the observability indices O1 to O5."""
+        own = self.rows if selection is None else self.rows[np.asarray(selection)]
+        rows = np.vstack([own.reshape(-1, len(self.names)), self.priors]) / self.sizes
+        return identifiability(rows, self.names, scale=self.sizes, poses=len(own))
+
+    def _stacked(self, selection: ArrayLike | None) -> np.ndarray:
+        own = self.reduced if selection is None else self.reduced[np.asarray(selection)]
+        return np.vstack([own.reshape(-1, self.rank), self.priors @ self.told])
+
+
+def pose_information(problem: Problem) -> PoseInformation:
+    """Of the poses of a problem, which need not have been measured: commanded ones, with the device's noise.
+
+    The noise of every signal counts, that of the actuators where it is given. Raises ModelError where the noise cannot
+    close the equations.
+    """
+    u, read = problem.unknowns, problem.reading
+    S = noise_covariance(problem, "orthogonal")
+    N, n, nz = len(problem.measurements), len(u.names), read.latent.numel()
+    found = []
+    for b in problem.joined:
+        labels = tuple(problem.labels[k] for k in b.rows)
+        require_noise_enough(b, read.data, S, nz, u.start[b.columns], labels)
+        _, J = Adjustment(b, read.data, S, nz).per_pose(u.start[b.columns])
+        lost = np.flatnonzero(~np.all(np.isfinite(J), axis=(1, 2)))
+        if lost.size:
+            raise ModelError(f"pose {lost[0]} (from 0) cannot be closed by the model; take poses that it reaches")
+        rows = np.zeros((N, J.shape[1], n))
+        rows[:, :, b.columns] = J * u.sizes[b.columns]
+        found.append(rows)
+    P, _ = prior_rows(u.priors, u.names)
+    return made(u.names, u.sizes, np.concatenate(found, axis=1), P * u.sizes)
+
+
+def made(names: Sequence[str], sizes: np.ndarray, rows: np.ndarray, priors: np.ndarray) -> PoseInformation:
+    """Of scaled, whitened rows (N, k, n) and priors (p, n)."""
+    s = spectrum(np.vstack([rows.reshape(-1, len(names)), priors]))
+    return PoseInformation(tuple(names), np.asarray(sizes, float), rows, priors, s.V[:, : s.rank])

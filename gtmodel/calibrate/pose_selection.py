@@ -1,0 +1,189 @@
+"""Which poses to measure: exchange for D-, E- and I-optimality, and removal by the condition number."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from ..lang.source import ModelError
+from .pose_information import PoseInformation
+
+Criterion = Literal["D", "E", "I"]
+CRITERIA = ("D", "E", "I")
+GAIN = 1e-4  # relative fall of the score for which a pose is exchanged
+SWEEPS = 50
+SHORT_LIST = 24  # candidates for E that are evaluated in full: those that see the weakest combination best
+# of the mean information of a pose: keeps what is left of a few poses invertible
+RIDGE = 1e-10
+
+
+@dataclass(frozen=True, eq=False)
+class Selection:
+    """Chosen poses, `indices` ascending (one chosen twice is there twice), and the `score` that was made small.
+
+    Of the information I of r combinations: "D" det(I)^(-1/r), "E" 1 / its least eigenvalue, "I" the mean square error
+    over the workspace [m2], "condition" the condition number.
+
+    `starts`: the score that each random start came to. `complete`: False where it was stopped before the end.
+    """
+
+    indices: np.ndarray
+    criterion: str
+    score: float
+    starts: tuple[float, ...] = ()
+    complete: bool = True
+
+    def __len__(self) -> int:
+        return len(self.indices)
+
+
+def exchange(
+    info: PoseInformation,
+    number: int,
+    criterion: Criterion = "I",
+    moment: np.ndarray | None = None,
+    *,
+    repeats: int = 2,
+    starts: int = 3,
+    seed: int = 0,
+    stop: Callable[[float], bool] | None = None,
+) -> Selection:
+    """`number` of the poses, by swapping one pose for the best candidate while the score falls by 1e-4.
+
+    Each pose may be chosen up to `repeats` times: the far corners tell most, and a pose measured again tells of drift.
+    "D": determinant of the information; "E": its least eigenvalue; "I": trace(information^-1 moment), the mean square
+    error of the tool centre point, with `moment` from Positioning.moment(). The best of `starts` random starts; the
+    same seed gives the same poses. `stop(fraction)`: asked before each sweep; True ends with the best so far.
+
+    Raises ModelError for a wrong criterion, and numbers of poses that are more than there are or tell too little.
+    """
+    _require(info, number)
+    if criterion not in CRITERIA:
+        raise ModelError(f"there is no criterion '{criterion}'; these are: {', '.join(CRITERIA)}")
+    if criterion == "I" and moment is None:
+        raise ModelError('the criterion "I" needs the moment of the positioning errors, Positioning.moment()')
+    rows = info.reduced
+    ridge = RIDGE * float(np.mean(rows**2)) * rows.shape[1] * np.eye(info.rank)
+    constant = info.priors @ info.told
+    score = _Score(criterion, rows, np.zeros_like(ridge) if moment is None else moment)
+    best, reached, complete = np.zeros(0, int), [], True
+    for k, s in enumerate(np.random.SeedSequence(seed).spawn(starts)):
+        chosen = np.random.default_rng(s).permutation(len(info))[:number]
+        for sweep in range(SWEEPS):
+            if stop is not None and (k or sweep) and stop((k + sweep / (sweep + 3)) / starts):
+                complete = False
+                break
+            if not _swept(chosen, rows, constant.T @ constant + ridge, score, repeats):
+                break
+        reached.append(score.of(info.matrix(chosen) + ridge))
+        if reached[-1] <= min(reached):
+            best = np.sort(chosen)
+        if not complete:
+            break
+    return Selection(best, criterion, min(reached), tuple(reached), complete)
+
+
+def condition_removal(
+    info: PoseInformation, number: int, *, one_by_one: bool = False, stop: Callable[[float], bool] | None = None
+) -> Selection:
+    """The `number` of poses without which the condition number of the slopes is worst (Dressler 2012, eq. (5.9)).
+
+    C_k is the condition number, in units of the expected errors, without pose k; poses with the largest C_k stay.
+    `one_by_one`: after each removal all C_k are taken anew. `stop(fraction)`: True ends with more poses than wanted.
+    Raises ModelError as exchange().
+    """
+    _require(info, number)
+    rows = info.reduced
+    left = np.arange(len(info))
+    total = info.matrix()
+    complete = True
+    while len(left) > number:
+        own = rows[left]
+        without = _conditions(total - own.transpose(0, 2, 1) @ own)
+        order = np.argsort(without, kind="stable")
+        gone = order[:1] if one_by_one else order[: len(left) - number]
+        total = total - np.einsum("kij,kil->jl", own[gone], own[gone])
+        left = np.delete(left, gone)
+        if stop is not None and stop((len(info) - len(left)) / (len(info) - number)) and len(left) > number:
+            complete = False
+            break
+    return Selection(left, "condition", float(_conditions(info.matrix(left)[None])[0]), (), complete)
+
+
+def spread(info: PoseInformation, number: int) -> Selection:
+    """`number` of the poses evenly by their order, in which a grid's neighbours stand: what a grid would be."""
+    _require(info, number)
+    return Selection(np.round(np.linspace(0, len(info) - 1, number)).astype(int), "grid", np.nan)
+
+
+class _Score:
+    """Scores, smaller is better, of an information matrix, and of one with each candidate's rows added."""
+
+    def __init__(self, criterion: str, rows: np.ndarray, moment: np.ndarray) -> None:
+        self.criterion, self.rows, self.moment = criterion, rows, moment
+        self.grams = rows.transpose(0, 2, 1) @ rows if criterion == "E" else None
+
+    def of(self, information: np.ndarray) -> float:
+        if self.criterion == "D":
+            return float(np.exp(-np.linalg.slogdet(information)[1] / len(information)))
+        if self.criterion == "E":
+            least = float(np.linalg.eigvalsh(information)[0])
+            return 1 / least if least > 0 else np.inf
+        return float(np.trace(np.linalg.solve(information, self.moment)))
+
+    def each(self, base: np.ndarray) -> np.ndarray:
+        """(N,) scores of base with the rows of each candidate."""
+        rows = self.rows
+        if self.grams is not None:
+            weakest = np.linalg.eigh(base)[1][:, 0]
+            short = np.argsort(-np.sum((rows @ weakest) ** 2, axis=1), kind="stable")[:SHORT_LIST]
+            found = np.full(len(rows), np.inf)
+            least = np.linalg.eigvalsh(base + self.grams[short])[:, 0]
+            found[short] = 1 / np.maximum(least, 1e-300)
+            return found
+        C = np.linalg.inv(base)
+        RC = rows @ C
+        capacity = np.eye(rows.shape[1]) + RC @ rows.transpose(0, 2, 1)
+        if self.criterion == "D":
+            return np.exp(-(np.linalg.slogdet(base)[1] + np.linalg.slogdet(capacity)[1]) / len(base))
+        gained = RC @ self.moment @ RC.transpose(0, 2, 1)
+        return np.trace(C @ self.moment) - np.trace(np.linalg.solve(capacity, gained), axis1=1, axis2=2)
+
+
+def _swept(chosen: np.ndarray, rows: np.ndarray, constant: np.ndarray, score: _Score, repeats: int) -> bool:
+    """One pass over the chosen poses, changed in place; whether any was exchanged."""
+    moved = False
+    for k in range(len(chosen)):
+        others = rows[np.delete(chosen, k)].reshape(-1, rows.shape[2])
+        each = score.each(others.T @ others + constant)
+        now = each[chosen[k]]
+        if not np.isfinite(now):  # E: not on the short list
+            own = rows[chosen].reshape(-1, rows.shape[2])
+            now = score.of(own.T @ own + constant)
+        each[np.bincount(np.delete(chosen, k), minlength=len(rows)) >= repeats] = np.inf
+        j = int(np.argmin(each))
+        if each[j] < (1 - GAIN) * now:
+            chosen[k], moved = j, True
+    return moved
+
+
+def _conditions(information: np.ndarray) -> np.ndarray:
+    """Condition numbers (k,) of slopes whose information is given (k, r, r)."""
+    values = np.linalg.eigvalsh(information)
+    with np.errstate(divide="ignore"):
+        return np.sqrt(values[:, -1] / np.maximum(values[:, 0], 0.0))
+
+
+def _require(info: PoseInformation, number: int) -> None:
+    if not 1 <= number <= len(info):
+        raise ModelError(f"{number} poses are asked for of {len(info)} candidates; ask for 1 to {len(info)}")
+    prior = int(np.linalg.matrix_rank(info.priors)) if len(info.priors) else 0
+    if number * info.rows.shape[1] + prior < info.rank:
+        least = -(-(info.rank - prior) // info.rows.shape[1])
+        raise ModelError(
+            f"{number} poses with {info.rows.shape[1]} equations each cannot tell {info.rank} combinations; "
+            f"take at least {least}"
+        )

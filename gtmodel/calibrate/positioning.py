@@ -1,0 +1,112 @@
+"""How accurate a calibrated robot will be over its workspace, predicted before any measurement is taken."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..lang.source import ModelError
+from .pose_information import LEAK, PoseInformation
+from .problem import Problem, joined_blocks
+
+
+@dataclass(frozen=True, eq=False)
+class PredictedErrors:
+    """Covariance (M, 3, 3) [m2] of the tool centre point's error at M evaluation poses, from the parameters' alone."""
+
+    covariance: np.ndarray
+
+    @property
+    def each(self) -> np.ndarray:
+        """(M,) root mean square of |error| [m] at each pose."""
+        return np.sqrt(np.trace(self.covariance, axis1=1, axis2=2))
+
+    @property
+    def rms(self) -> float:
+        """Root mean square of |error| [m] over the poses."""
+        return float(np.sqrt(np.mean(self.each**2)))
+
+    @property
+    def greatest(self) -> float:
+        """Root mean square of |error| [m] at the worst pose."""
+        return float(np.max(self.each))
+
+
+@dataclass(frozen=True, eq=False)
+class Positioning:
+    """Slopes (M, 3, n) [m] of the tool centre point in the unknowns `names`, in their own units, actuators held."""
+
+    names: tuple[str, ...]
+    slopes: np.ndarray
+
+    def moment(self, info: PoseInformation) -> np.ndarray:
+        """Mean over the poses of slopes' slopes (r, r) in the combinations that `info` has: trace(C moment) is the
+        mean square error for their covariance C."""
+        P = self._scaled(info)
+        return np.einsum("kip,kiq->pq", P, P) / len(P)
+
+    def errors(self, info: PoseInformation, selection: ArrayLike | None = None) -> PredictedErrors:
+        """Predicted errors after a calibration with some poses (default all) of `info`.
+
+        Raises ModelError where these poses do not tell the errors.
+        """
+        self._scaled(info)
+        P, C = self._columns(info), info.covariance(selection)
+        return PredictedErrors(P @ C @ P.transpose(0, 2, 1))
+
+    def spread(self, info: PoseInformation, runs: int, selection: ArrayLike | None = None) -> float:
+        """Relative standard deviation by chance of the rms error of so many simulated calibrations."""
+        P = self._columns(info)
+        CM = info.covariance(selection) @ (np.einsum("kip,kiq->pq", P, P) / len(P))
+        return float(np.sqrt(np.trace(CM @ CM) / (2 * runs)) / np.trace(CM))
+
+    def _columns(self, info: PoseInformation) -> np.ndarray:
+        """Slopes with the columns of `info`; zero for unknowns that do not move the robot, such as a device's frame."""
+        unknown = [n for n in self.names if n not in info.names]
+        if unknown:
+            raise ModelError(f"the poses say nothing of '{unknown[0]}', on which the position depends; free it there")
+        full = np.zeros((*self.slopes.shape[:2], len(info.names)))
+        full[:, :, [info.names.index(n) for n in self.names]] = self.slopes
+        return full
+
+    def _scaled(self, info: PoseInformation) -> np.ndarray:
+        P = self._columns(info) * info.sizes
+        inside = P @ info.told
+        outside = np.abs(P - inside @ info.told.T)
+        if np.max(outside, initial=0.0) > LEAK * np.max(np.abs(P), initial=0.0):
+            k = int(np.argmax(outside.max(axis=(0, 1))))
+            raise ModelError(
+                f"the position moves with what no pose tells ({info.rank} of {len(info.names)} combinations are told; "
+                f"'{info.names[k]}' among the others): measure more, or fix a parameter"
+            )
+        return inside
+
+
+def positioning(problem: Problem, signal: str = "T", names: Sequence[str] | None = None) -> Positioning:
+    """At the poses of a problem whose actuators and whole pose are measured values: by its closure equations.
+
+    `signal`: the position. `names`: of these unknowns only, those of another problem of the same robot; default all.
+    Raises ModelError for singular poses, and where the equations do not give the pose.
+    """
+    read, u = problem.reading, problem.unknowns
+    if signal not in read.places or read.latent.numel():
+        raise ModelError(f"positioning errors are predicted from poses whose '{signal}' and all else is known")
+    pose = [k for n, s in read.places.items() if n != problem.actuators for k in range(s.start, s.stop)]
+    m, N = len(problem.labels), len(problem.measurements)
+    if m != len(pose):
+        raise ModelError(f"{m} equations close, but the measured pose has {len(pose)} freedoms: no position follows")
+    J, B = np.zeros((N, m, len(u.names))), np.zeros((N, m, read.noise.numel()))
+    for b in joined_blocks(problem.closure, read, u, problem.actuators, "forward"):
+        _, own, by, _ = b.evaluate_all(read.data, np.zeros(B[:, 0].shape), np.zeros((N, 0)), u.start[b.columns])
+        J[np.ix_(np.arange(N), b.rows, b.columns)] = own
+        B[:, b.rows] = by
+    try:
+        moved = -np.linalg.solve(B[:, :, pose], J)
+    except np.linalg.LinAlgError:
+        raise ModelError("an evaluation pose is singular: the closure equations do not hold the position") from None
+    at = [pose.index(k) for k in range(read.places[signal].start, read.places[signal].stop)]
+    chosen = list(u.names) if names is None else [n for n in u.names if n in set(names)]
+    return Positioning(tuple(chosen), moved[:, at][:, :, [u.names.index(n) for n in chosen]])

@@ -1,0 +1,175 @@
+"""What is wrong with measured poses before anything is solved: units, axes, columns; each in one sentence."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from itertools import combinations, permutations, product
+from typing import NamedTuple
+
+import numpy as np
+
+# of a signal's spread to the robot's size: beyond, its unit is another one
+LEAST, GREATEST = 5e-3, 30.0
+# another reading of the columns is believed when it brings the poses so many times nearer to the model's
+NEARER = 3.0
+# of the robot's size: poses nearer to the model's than this part are read right, whatever else may be nearer still
+CLOSE = 0.02
+AXES = "xyz"
+SMALLER = {"m": "mm", "mm": "um"}
+LARGER = {"um": "mm", "mm": "m", "m": "km"}
+
+
+class Reading(NamedTuple):
+    """Another reading of the columns: what to say, and the rms distance [m] from the model's positions that is left."""
+
+    sentence: str
+    left: float
+
+
+def unit_sentence(name: str, rows: np.ndarray, size: float, unit: str) -> str | None:
+    """Of lengths (N, k) [m] of a robot of a `size` [m], whose columns were declared in `unit`; None where they fit."""
+    spread = float(np.max(np.ptp(rows, axis=0)))
+    if LEAST * size <= spread <= GREATEST * size or spread == 0:
+        return None
+    large = spread > size
+    meant = (SMALLER if large else LARGER).get(unit)
+    thousand = LEAST * size <= spread * (1e-3 if large else 1e3) <= GREATEST * size
+    hint = f"the column is probably in {meant}" if thousand and meant else "check its unit"
+    times = f"{spread / size:.3g} times the robot's {size:.3g} m"
+    return f"'{name}' spans {spread:.4g} m as declared in {unit}, {times}; {hint}"
+
+
+def angle_sentence(name: str, rows: np.ndarray, unit: str) -> str | None:
+    """Of angles (N, k) [rad]; None where they fit within two turns."""
+    spread = float(np.max(np.ptp(rows, axis=0)))
+    if spread <= 4 * np.pi:
+        return None
+    return (
+        f"'{name}' spans {spread:.4g} rad as declared in {unit}, {spread / 2 / np.pi:.0f} turns: it looks like degrees"
+    )
+
+
+def scale_sentence(name: str, measured: np.ndarray, predicted: np.ndarray) -> str | None:
+    """Positions (N, 3) [m] that spread otherwise than the model's: another unit, or the unit of the actuators."""
+    ratio = float(np.sqrt(np.sum(np.var(measured, axis=0)) / np.sum(np.var(predicted, axis=0))))
+    if 1 / 1.5 <= ratio <= 1.5:
+        return None
+    return (
+        f"'{name}' spreads {ratio:.4g} times as far as the robot's model says for these actuators; check the units of "
+        "both"
+    )
+
+
+def exchanged_columns(
+    names: Sequence[str], groups: Sequence[Sequence[int]], predict: Callable[[list[int]], np.ndarray | None],
+    misfit: Callable[[np.ndarray], float], size: float,
+) -> Reading | None:  # fmt: skip
+    """Columns of actuators that belong to each other's arms: `predict(order)` gives the model's positions (N, 3) with
+    the columns in another order, `misfit` their rms distance [m] from the measured ones. `groups`: columns of one unit.
+    """
+    given = list(range(len(names)))
+    as_given = predict(given)
+    before = np.inf if as_given is None else misfit(as_given)
+    if before <= CLOSE * size:
+        return None
+    best, order = before, given
+    for trial in orders(len(names), groups):
+        found = predict(trial)
+        rms = np.inf if found is None else misfit(found)
+        if rms < best * (1 - 1e-9):
+            best, order = rms, trial
+    if not best * NEARER < before:
+        return None
+    changed = [k for k in given if order[k] != k]
+    read = ", ".join(names[order[k]] for k in changed)
+    return Reading(
+        f"the columns {', '.join(names[k] for k in changed)} look exchanged: poses miss the model's by "
+        f"{_length(before)} rms as given, and by {_length(best)} when read as {read}",
+        best,
+    )
+
+
+def swapped_axes(
+    name: str, measured: np.ndarray, predicted: np.ndarray, size: float, free_frame: bool = False
+) -> Reading | None:
+    """Positions (N, 3) whose axes are exchanged or reversed against the model's, as the cart directions tell.
+
+    With a frame that is unknown (`free_frame`) only the handedness can be told.
+    """
+    before = float(np.sqrt(np.mean(np.sum((measured - predicted) ** 2, axis=1))))
+    if free_frame:
+        proper, mirrored = (_aligned(measured, predicted, hand)[2] for hand in (1, -1))
+        if mirrored * NEARER < proper and proper > CLOSE * size:
+            return Reading(
+                f"'{name}' is left-handed: no turn brings it nearer than {_length(proper)} rms to the model's, "
+                f"a mirrored one {_length(mirrored)}; an axis is reversed or two are exchanged",
+                mirrored,
+            )
+        return None
+    if before <= CLOSE * size:
+        return None
+    best, reading = before, None
+    for order in permutations(range(3)):
+        for signs in product((1.0, -1.0), repeat=3):
+            rms = float(np.sqrt(np.mean(np.sum((measured[:, order] * signs - predicted) ** 2, axis=1))))
+            if rms < best:
+                best, reading = rms, (order, signs)
+    if reading is None or not best * NEARER < before:
+        return None
+    order, signs = reading
+    read = ", ".join(("-" if s < 0 else "") + AXES[k] for k, s in zip(order, signs, strict=True))
+    left = _sign(order) * np.prod(signs) < 0
+    return Reading(
+        f"the axes of '{name}' look swapped: poses miss the model's by {_length(before)} rms as given, and by "
+        f"{_length(best)} when ({read}) is read as (x, y, z)" + ("; as given they are left-handed" if left else ""),
+        best,
+    )
+
+
+def aligned(measured: np.ndarray, predicted: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+    """t (3,), R (3, 3) with predicted = t + R measured as nearly as may be, det R = +1, and the rms distance [m]."""
+    return _aligned(measured, predicted, 1)
+
+
+def copies(rows: np.ndarray) -> np.ndarray:
+    """Pairs (k, 2): a row that is the same in all digits as an earlier one, and that one."""
+    _, first, which = np.unique(rows, axis=0, return_index=True, return_inverse=True)
+    original = first[which.reshape(-1)]
+    again = np.flatnonzero(original != np.arange(len(rows)))
+    return np.column_stack([again, original[again]])
+
+
+def _aligned(measured: np.ndarray, predicted: np.ndarray, hand: int) -> tuple[np.ndarray, np.ndarray, float]:
+    a, b = measured - measured.mean(axis=0), predicted - predicted.mean(axis=0)
+    U, _, Vt = np.linalg.svd(a.T @ b)
+    R = (U @ np.diag([1.0, 1.0, hand * np.sign(np.linalg.det(U @ Vt))]) @ Vt).T
+    rms = float(np.sqrt(np.mean(np.sum((a @ R.T - b) ** 2, axis=1))))
+    return predicted.mean(axis=0) - R @ measured.mean(axis=0), R, rms
+
+
+def orders(n: int, groups: Sequence[Sequence[int]]) -> list[list[int]]:
+    """All orders of groups of three and less, single exchanges within larger ones."""
+    found = []
+    for group in groups:
+        if len(group) <= 3:
+            trials = [list(p) for p in permutations(group)][1:]
+        else:
+            trials = []
+            for a, b in combinations(range(len(group)), 2):
+                trial = list(group)
+                trial[a], trial[b] = trial[b], trial[a]
+                trials.append(trial)
+        for trial in trials:
+            order = list(range(n))
+            for k, m in zip(group, trial, strict=True):
+                order[k] = m
+            found.append(order)
+    return found
+
+
+def _sign(order: Sequence[int]) -> float:
+    return float(np.linalg.det(np.eye(3)[list(order)]))
+
+
+def _length(metres: float) -> str:
+    return f"{1e3 * metres:.3g} mm" if np.isfinite(metres) else "no pose at all"

@@ -1,0 +1,176 @@
+"""All that a calibration has found, put together before it is told: fit, held-out poses, verdict."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gtmodel.calibrate import Calibration, Measurements, calibrate
+from gtmodel.calibrate import Problem as Prepared
+from gtmodel.calibrate.prediction import MAD, Outlier, Prediction, outliers
+from gtmodel.calibrate.sensitivity import Sensitivity, sensitivity
+from gtmodel.inference import Identifiability, noise_size
+from gtmodel.lang import ModelError
+
+from .base import InputError
+from .calibration_data import PoseData
+from .calibration_keys import COSTS, Schema
+
+HUBER = 1.345  # standard deviations: 95 % as sharp as least squares where there are no outliers
+# held-out over fitted errors: two halves of one grid differ by some tenths, a fit of noise by much more
+HELD_OUT = 1.5
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """`before`, `after`: identifiability without and with the data's noise. `fitted`, `held_out`, `a_priori`: signal ->
+    errors of the calibrated model on fitted and held-out poses, and of the robot as it was on the latter or, without
+    any, the former; empty where a pose cannot be closed. `repeatability`: rms distance [m] of poses at the same
+    actuators from their mean, None without any."""
+
+    problem: Prepared
+    data: PoseData
+    calibration: Calibration
+    before: Identifiability
+    fitted: dict[str, Prediction]
+    held_out: dict[str, Prediction]
+    a_priori: dict[str, Prediction]
+    outliers: list[Outlier]
+    sensitivity: Sensitivity | None
+    repeatability: float | None
+
+    @property
+    def after(self) -> Identifiability | None:
+        return self.calibration.identifiability
+
+    @property
+    def position(self) -> str:
+        return self.data.keys.position
+
+    @property
+    def lines(self) -> np.ndarray:
+        """Lines of the fitted poses."""
+        return self.data.lines[~self.data.held_out]
+
+    @property
+    def lines_held_out(self) -> np.ndarray:
+        return self.data.lines[self.data.held_out]
+
+    @property
+    def told(self) -> tuple[dict[str, Prediction], np.ndarray, bool]:
+        """Errors that the headline is about, their lines, and whether they are of held-out poses."""
+        if self.held_out:
+            return self.held_out, self.lines_held_out, True
+        return self.fitted, self.lines, False
+
+
+def found_of(problem: Schema, data: PoseData, prepared: Prepared, a_priori: Prediction | None) -> Found:
+    """Fit and look at it; `a_priori`: errors of the robot as it was, at all poses. Raises InputError where the cost or
+    the loss does not fit the measurements."""
+    cost = COSTS[problem.cost]
+    width = problem.loss_width
+    try:
+        c = calibrate(prepared, cost=cost)
+        if problem.loss != "linear":
+            c = calibrate(
+                prepared, cost=cost, loss=problem.loss, width=width or HUBER * _scale(c), start=dict(_start(c))
+            )
+        before = prepared.identifiability(sigma=length_noise(prepared))
+    except (ModelError, ValueError) as error:
+        raise InputError(str(error), "loss" if "loss" in str(error) else "cost" if "cost" in str(error) else
+                         "measurements") from error  # fmt: skip
+    part = data.held_out if data.held_out.any() else ~data.held_out
+    prior = {} if a_priori is None else {data.keys.position: Prediction(a_priori.errors[part])}
+    return Found(
+        prepared, data, c, before, _predicted(c, data.fitted), {} if data.kept is None else _predicted(c, data.kept),
+        prior, outliers(c.residuals),
+        _sensitivity(problem, c), _repeatability(data),
+    )  # fmt: skip
+
+
+def verdict(found: Found, accuracy: float | None) -> tuple[bool, bool | None, list[str]]:
+    """Whether the numerics are sound, whether prediction is proven (None: not tried), and what both cover, in words."""
+    c = found.calibration
+    sound, sentences = c.status.ok, []
+    if not sound:
+        return False, None, [f"not solved: {c.message}"]
+    assert c.estimate is not None and found.after is not None
+    n, redundant = len(c.x), found.after.redundant
+    free = f"{redundant} of {n} are not told by these poses and stay near their start" if redundant else "all are told"
+    sentences.append(f"numerics sound: {c.message}, {n} unknowns, {free}")
+    if c.estimate.known_noise:
+        size = noise_size(c.estimate)
+        sentences.append(size.sentence)
+    if found.data.held_out.any() and found.position not in found.held_out:
+        sentences.append(
+            f"prediction not proven: not all {len(found.lines_held_out)} held-out poses close with these parameters; "
+            "two links may have come to coincide: give priors, fix parameters or turn the plate farther"
+        )
+        return True, False, sentences
+    if not found.held_out:
+        sentences.append("prediction not proven: no poses were held out, errors of fitted poses flatter")
+        return True, None, sentences
+    name, kept = found.position, len(found.lines_held_out)
+    outside, inside = found.held_out[name], found.fitted[name]
+    sizes = f"mean {1e3 * outside.mean:.3g} mm, greatest {1e3 * outside.greatest:.3g} mm"
+    proven = outside.rms <= HELD_OUT * inside.rms and (accuracy is None or outside.mean <= accuracy)
+    if proven:
+        sentences.append(f"prediction proven on {kept} held-out poses: {sizes}; within their box and load, not beyond")
+    elif accuracy is not None and outside.mean > accuracy:
+        sentences.append(f"prediction misses the wanted {1e3 * accuracy:.3g} mm on {kept} held-out poses: {sizes}")
+    else:
+        sentences.append(
+            f"prediction not proven: {kept} held-out poses have {outside.rms / inside.rms:.2f} times the error of the "
+            f"fitted ones ({sizes}); measure more poses or free fewer parameters"
+        )
+    return True, proven, sentences
+
+
+def _predicted(c: Calibration, m: Measurements) -> dict[str, Prediction]:
+    try:
+        errors = c.positioning_errors(m)
+    except (ModelError, ValueError, np.linalg.LinAlgError):
+        return {}
+    found = {n: Prediction(e) for n, e in errors.items() if e.shape[1] == 3}
+    return found if all(np.any(np.isfinite(p.errors)) for p in found.values()) else {}
+
+
+def _scale(c: Calibration) -> float:
+    """Robust standard deviation of the residuals as the cost has them."""
+    p = c.problem
+    if c.cost == "squared":
+        r = np.concatenate([b.evaluate(p.reading.data, c.x[b.columns])[0].reshape(-1) for b in p.squared])
+    elif c.cost == "length":
+        r = c.residuals.reshape(-1)
+    else:
+        r = np.asarray(c.estimate.residuals) if c.estimate is not None else np.ones(1)
+    return max(MAD * float(np.median(np.abs(r))), 1e-12)
+
+
+def _start(c: Calibration) -> list[tuple[str, float]]:
+    return list(zip(c.problem.unknowns.names, c.x.tolist(), strict=True))
+
+
+def length_noise(p: Prepared) -> float:
+    """Noise of a length [m] before the residuals are known: that of the position, 0.1 mm where none is stated."""
+    for pose in p.measurements.poses:
+        if pose.position in p.measurements.noise:
+            return float(np.sqrt(np.mean(np.diagonal(p.measurements.covariance(pose.position, 3), axis1=1, axis2=2))))
+    return 1e-4
+
+
+def _sensitivity(problem: Schema, c: Calibration) -> Sensitivity | None:
+    if problem.sensitivity_step == 0 or not c.status.ok:
+        return None
+    try:
+        return sensitivity(c.problem, c.x, problem.sensitivity_step)
+    except ModelError:
+        return None
+
+
+def _repeatability(data: PoseData) -> float | None:
+    T = np.asarray(data.all.values[data.keys.position])
+    spread = [T[g] - T[g].mean(axis=0) for g in data.repeated]
+    freedom = sum(len(s) - 1 for s in spread)
+    return float(np.sqrt(sum(np.sum(s**2) for s in spread) / freedom)) if freedom else None

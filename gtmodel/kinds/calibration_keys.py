@@ -1,0 +1,113 @@
+"""The keys of kind "calibration"."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, NonNegativeFloat, PositiveFloat
+
+from gtmodel.calibrate import Cost
+
+from .base import Section
+from .calibration_synthetic_keys import Synthetic
+from .robot_keys import RobotProblem
+
+Free = Literal["estimate"]
+Three = Annotated[list[float], Field(min_length=3, max_length=3)]
+Four = Annotated[list[float], Field(min_length=4, max_length=4)]
+Noise = PositiveFloat | list[PositiveFloat] | list[list[float]]
+COSTS: dict[str, Cost] = {"closure": "squared", "linear": "length", "inverse": "inverse", "forward": "forward",
+         "orthogonal": "orthogonal"}  # fmt: skip
+
+
+class MeasuredSignal(Section):
+    """Columns of a measured variable: quantity = scale (column + delay rate) + offset, as written in one line."""
+
+    column: str | list[str] = Field(description='names in the file; "q" means "q[0]", "q[1]", ... too')
+    unit: str | list[str] = Field(description="unit of the columns, or one each")
+    noise: Noise | None = Field(
+        default=None,
+        description="standard deviation in SI, one, one each, or a covariance; of a quaternion in rad; left out, the "
+        "residuals tell it",
+    )
+    scale: float | Free = Field(default=1.0, description="quantity per column, both in SI")
+    offset: float | Free = Field(default=0.0, description="what is added, in SI; estimated, one per session")
+    delay_s: float | Free = Field(default=0.0, description="how late the column is; needs its rate")
+    rate: str | list[str] | None = Field(default=None, description="columns of the rate, for a delay")
+    rate_unit: str = Field(default="m/s", description="unit of the rate's columns")
+
+
+class FrameStart(Section):
+    """Where an unknown frame is thought to be."""
+
+    t_m: Three = Field(default=[0.0, 0.0, 0.0], description="its origin")
+    quaternion: Four = Field(default=[1.0, 0.0, 0.0, 0.0], description="its turn, scalar first")
+
+
+class Measured(Section):
+    """Measured poses in a CSV file."""
+
+    file: str = Field(description="path from the problem's folder")
+    signals: dict[str, MeasuredSignal] = Field(description="by the model's variables: q, T, e", min_length=2)
+    session: str | None = Field(default=None, description="column that names the recording of a row")
+    actuators: str = Field(default="q", description="the variable that the drives measure")
+    position: str = Field(default="T", description="the variable that the device measures")
+    orientation: str | None = Field(default=None, description="its quaternion, scalar first, where it is measured")
+    frame: Literal["robot", "device"] = Field(
+        default="robot", description="coordinates of the file: the robot's, or those of a device that stands unknown"
+    )
+    target: bool = Field(default=False, description="whether the target sits unknown on the end-effector")
+    device_start: FrameStart | None = Field(
+        default=None, description="of the device in the robot's frame; left out, by alignment with the robot's model"
+    )
+    target_start: FrameStart = Field(default=FrameStart(), description="of the robot's tool frame in the target's")
+
+
+class HeldOut(Section):
+    """Poses that the fit does not see."""
+
+    every: int = Field(default=2, ge=0, description="every how many-th pose is held out; 0 for none")
+    file: str | None = Field(default=None, description="another file of the same columns instead")
+
+
+class PriorKeys(Section):
+    """Knowledge of one parameter before the measurement."""
+
+    value: float | None = Field(default=None, description="in SI; the robot's own if left out")
+    std: PositiveFloat = Field(description="its standard deviation in SI")
+
+
+class Schema(RobotProblem):
+    """Geometric parameters of a robot from measured poses."""
+
+    variant: Literal["ideal", "modified", "six_link", "f1_unit", "f1_raw"] | None = Field(
+        default=None,
+        description="ideal: one guideway direction (15 parameters); modified: one each (21); six_link (60); f1_unit, "
+        "f1_raw: quaternions of length one, or free. Left out: all that the equations hold, quaternions raw",
+    )
+    free: list[str] = Field(default=[], description="parameters to move, scalars, rows or whole; all if left out")
+    fixed: list[str] = Field(default=[], description="parameters to leave, stronger than free")
+    tied: dict[str, str] = Field(default={}, description="parameter -> parameter that it follows")
+    unit_quaternions: list[str] = Field(default=[], description="quaternions that are turned at length one")
+    priors: dict[str, PriorKeys] = Field(
+        default={}, description="by unknown, or by row or parameter for all its unknowns at their start"
+    )
+    sizes: dict[str, PositiveFloat] = Field(default={}, description="expected error of a parameter in SI; 0.001")
+    cost: Literal["closure", "linear", "inverse", "forward", "orthogonal"] = Field(
+        default="linear",
+        description="what is made small: squared closures (5.1), length errors, errors of the drives, of the pose, or "
+        "both in units of their noise",
+    )
+    loss: Literal["linear", "huber", "soft_l1", "cauchy"] = Field(default="linear", description="robust losses")
+    loss_width: PositiveFloat | None = Field(
+        default=None, description="residual beyond which the loss flattens; 1.345 robust standard deviations"
+    )
+    accuracy_mm: PositiveFloat | None = Field(
+        default=None, description="mean held-out positioning error that is wanted; a check"
+    )
+    sensitivity_step: NonNegativeFloat = Field(
+        default=5e-5, description="change of each parameter in the sensitivity (5.8), in SI; 0 for none"
+    )
+    measurements: Measured | None = Field(default=None, description="measured poses")
+    synthetic: Synthetic | None = Field(default=None, description="made-up poses instead")
+    held_out: HeldOut = HeldOut()

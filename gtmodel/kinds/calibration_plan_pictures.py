@@ -1,0 +1,88 @@
+"""The pictures of a calibration plan, one for each step that was done."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from .calibration_plan_steps import Plan
+
+Figures = dict[str, Callable[[], Any]]
+
+
+def pictures(plan: Plan) -> Figures:
+    """Name -> function that draws it, in the order of the steps."""
+    found: Figures = {}
+    if plan.found is None:
+        return found
+    stages = plan.found.stages
+    T = plan.found.T
+    first = {"workspace": T[stages["workspace"]]}
+    found["1_workspace"] = lambda: _space(plan, first, "workspace of the a-priori parameters", boxes=False)
+    if "safety" in stages:
+        second = {
+            "left for calibration": T[stages["safety"]],
+            "reached, but not safe": T[stages["workspace"] & ~stages["safety"]],
+        }
+        found["2_obstacles_and_safety"] = lambda: _space(plan, second, "without obstacles and safety zones")
+    if "safety distance" in stages or (plan.found.complete and "device" in stages):
+        last = next(reversed(stages.values()))
+        third = {
+            "measurable": last,
+            "seen, too near the edge": stages["device"] & ~last,
+            "not seen": stages["safety"] & ~stages["device"],
+        }
+        layers = {name: T[m] for name, m in third.items()}
+        found["3_device"] = lambda: _space(plan, layers, "what the device measures", device=True)
+    if len(plan.poses):
+        fourth = {"candidates": plan.pool, "calibrate": plan.poses, "held out": plan.held_out}
+        found["4_poses"] = lambda: _space(plan, fourth, "poses to measure", device=True)
+    if plan.curve is not None and plan.curve.points:
+        found["5_number_of_poses"] = lambda: _curve(plan)
+    if plan.chosen is not None and not plan.unpredicted:
+        found["6_parameters"] = lambda: _parameters(plan)
+        found["7_predicted_error"] = lambda: _errors(plan)
+    return found
+
+
+def _space(plan: Plan, layers: dict[str, np.ndarray], step: str, *, boxes: bool = True, device: bool = False) -> Any:
+    from gtmodel.plot.calibration_plan import room_figure
+
+    problem, home = plan.problem, plan.robot.home
+    return room_figure(
+        (home.a[0], home.b[0], home.T[0], plan.robot.directions),
+        layers,
+        room=(np.array(problem.room.low_m), np.array(problem.room.high_m)),
+        boxes=[(np.array(b.low_m), np.array(b.high_m)) for b in problem.obstacles] if boxes else [],
+        device=plan.measuring.at if device else None,
+        title=f"{problem.title or 'calibration plan'}: {step}",
+    )
+
+
+def _curve(plan: Plan) -> Any:
+    from gtmodel.plot.calibration_plan import curve_figure
+
+    assert plan.curve is not None
+    return curve_figure(
+        plan.curve.points, plan.grids, 1e-3 * plan.problem.criteria.accuracy_mm, title=plan.problem.title
+    )
+
+
+def _parameters(plan: Plan) -> Any:
+    from gtmodel.plot.calibration_plan import parameters_figure
+
+    assert plan.chosen is not None
+    std = np.array(list(plan.chosen.std().values()))
+    own = np.sqrt(np.mean(plan.errors**2, axis=0)) if len(plan.errors) else None
+    return parameters_figure(plan.chosen.names, std, own, runs=len(plan.errors), title=plan.problem.title)
+
+
+def _errors(plan: Plan) -> Any:
+    from gtmodel.plot.calibration_plan import predicted_figure
+
+    simulated = plan.each_simulated() if len(plan.errors) else None
+    return predicted_figure(
+        plan.evaluation, plan.each_predicted(), simulated, runs=len(plan.errors), title=plan.problem.title
+    )

@@ -1,0 +1,264 @@
+"""The steps of a calibration plan, from the room to a simulated calibration (Dressler 2012, Fig. 5.21)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from gtmodel.calibrate import (
+    Candidates,
+    ErrorCurve,
+    Point,
+    PoseInformation,
+    Positioning,
+    Problem,
+    calibrate,
+    candidates,
+    condition_removal,
+    error_curve,
+    exchange,
+    grid_point,
+    pose_information,
+    positioning,
+    regular_grid,
+    sufficient_number,
+)
+from gtmodel.inference import Identifiability
+from gtmodel.kinematics.workspace import Reach, box_grid
+from gtmodel.lang import ModelError
+
+from .base import InputError
+from .calibration_plan_device import Measuring
+from .calibration_plan_keys import Schema
+from .mechanism import Mechanism
+from .workspace_limits import limits_of, refuse_disordered
+
+Array = np.ndarray
+MOST_POINTS = 200_000  # of the room's grid
+MOST_CANDIDATES = 3000  # information of a candidate is kept in memory
+MOST_EVALUATED = 400
+Stop = Callable[[str, float], bool]
+
+
+class Stopped(Exception):
+    """The work was interrupted; what is done is in the plan."""
+
+
+@dataclass(eq=False)
+class Plan:
+    """What the steps have found so far."""
+
+    problem: Schema
+    robot: Mechanism
+    measuring: Measuring
+    found: Candidates | None = None
+    pool: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    info: PoseInformation | None = None
+    evaluation: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    target: Positioning | None = None
+    curve: ErrorCurve | None = None
+    grids: tuple[Point, ...] = ()
+    enough: int | None = None
+    poses: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    held_out: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    chosen: PoseInformation | None = None
+    told: Identifiability | None = None
+    rounds: list[int] = field(default_factory=list)
+    errors: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    lost: int = 0
+    unpredicted: str = ""
+
+    def each_predicted(self) -> Array:
+        """Predicted rms error [m] at each evaluation pose."""
+        assert self.target is not None and self.chosen is not None
+        return self.target.errors(self.chosen).each
+
+    def each_simulated(self) -> Array:
+        """The same over the simulated calibrations."""
+        assert self.target is not None
+        moved = np.einsum("mij,kj->kmi", self.target.slopes, self.errors)
+        return np.sqrt(np.mean(np.sum(moved**2, axis=2), axis=0))
+
+
+def stages_of(problem: Schema, robot: Mechanism, measuring: Measuring) -> dict[str, Reach]:
+    """Tests of a point, each with those before: workspace, with obstacles and safety, seen by the device."""
+    limits, safety = problem.limits, problem.safety
+    cone, strokes = limits.cone_deg, limits.actuators_m
+    if cone is not None and safety.cone_deg >= cone:
+        raise InputError(f"takes {safety.cone_deg:g} deg off cones of {cone:g} deg; nothing is left", "safety.cone_deg")
+    if strokes is not None:
+        strokes = [[a + safety.stroke_m, b - safety.stroke_m] for a, b in strokes]
+    bodies, boxes, beams = problem.bodies, problem.obstacles, problem.beams
+    wider = {name: getattr(bodies, name) + safety.obstacles_m for name in ("link_radius_m", "plate_radius_m")}
+    narrower = {"cone_deg": None if cone is None else cone - safety.cone_deg, "actuators_m": strokes}
+    safe = limits.model_copy(update=narrower)
+    within = limits_of(safe, bodies.model_copy(update=wider), boxes, beams, robot)
+    return {
+        "workspace": Reach(robot.inverse, limits_of(limits, bodies, [], [], robot)),
+        "obstacles": Reach(robot.inverse, limits_of(limits, bodies, boxes, beams, robot)),
+        "safety": Reach(robot.inverse, within),
+        "device": Reach(robot.inverse, [*within, *measuring.limits]),
+    }
+
+
+def find_candidates(plan: Plan, stop: Stop) -> None:
+    """Workspace, obstacles and safety, device, distance from the edge. Raises InputError where nothing is left."""
+    problem, room = plan.problem, plan.problem.room
+    low, high = np.array(room.low_m), np.array(room.high_m)
+    refuse_disordered(low, high, "room.high_m")
+    size = float(np.prod((high - low) / room.step_m + 1))
+    if size > MOST_POINTS:
+        raise InputError(f"the grid would have {size:.1e} points; take at least a step of "
+                         f"{np.cbrt(np.prod(high - low) / MOST_POINTS):.2g} m", "room.step_m")  # fmt: skip
+    stages = stages_of(problem, plan.robot, plan.measuring)
+    plan.found = candidates(box_grid(low, high, room.step_m), stages, problem.safety.edge_m, stop=stop)
+    if not plan.found.complete:
+        raise Stopped
+    for before, (name, count) in zip([None, *plan.found.counts], plan.found.counts.items(), strict=False):
+        if not count:
+            raise InputError(_empty(name, before, plan.found.counts), "room")
+    T = plan.found.chosen
+    if len(T) > MOST_CANDIDATES:
+        T = T[np.round(np.linspace(0, len(T) - 1, MOST_CANDIDATES)).astype(int)]
+    plan.pool = T
+
+
+def _empty(name: str, before: str | None, counts: dict[str, int]) -> str:
+    left = f"of {counts[before]} points after the stage '{before}'" if before else "of the room's grid points"
+    return f"none {left} passes the stage '{name}'; move the room, take a smaller step or smaller safety distances"
+
+
+def prepare_information(plan: Plan) -> None:
+    """What each candidate would tell, and how the position depends on it. Raises InputError."""
+    plan.evaluation = _evaluation(plan)
+    try:
+        plan.info = pose_information(plan.measuring.prepared(plan.pool))
+        plan.target = positioning(plan.measuring.whole(plan.evaluation))
+    except ModelError as error:
+        raise InputError(str(error)) from error
+    try:
+        plan.target.moment(plan.info)
+    except ModelError as error:  # a device that sees too little: the plan says so
+        plan.unpredicted = str(error)
+
+
+def _evaluation(plan: Plan) -> Array:
+    keys = plan.problem.evaluation
+    assert plan.found is not None
+    if keys is None:
+        T = plan.found.T[plan.found.stages["obstacles"]]
+        return T[np.round(np.linspace(0, len(T) - 1, min(len(T), MOST_EVALUATED))).astype(int)]
+    low, high = np.array(keys.low_m), np.array(keys.high_m)
+    refuse_disordered(low, high, "evaluation.high_m")
+    lines = [np.linspace(a, b, n) for a, b, n in zip(low, high, keys.counts, strict=True)]
+    T = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 3)
+    lost = plan.robot.inverse(T).status != 0
+    if np.any(lost):
+        where = ", ".join(f"{x:.4g}" for x in T[lost][0])
+        raise InputError(f"the robot cannot reach ({where}) m of the box; take a smaller one", "evaluation")
+    return T
+
+
+def grid_poses(plan: Plan, number: int) -> Array:
+    """A regular grid of about so many candidates, by the volume of the measurable workspace."""
+    assert plan.found is not None
+    room, counts = plan.problem.room, plan.found.counts
+    low, high = np.array(room.low_m), np.array(room.high_m)
+    step = (high - low) / (np.ceil((high - low) / room.step_m - 1e-9))
+    volume = float(np.prod(step)) * counts[next(reversed(counts))]
+    last = stages_of(plan.problem, plan.robot, plan.measuring)["device"]
+    grid = regular_grid(low, high, volume, number)
+    return candidates(grid, {"device": last}, plan.problem.safety.edge_m).chosen
+
+
+def draw_curve(plan: Plan, stop: Stop) -> None:
+    """Predicted error against the number of poses, selected and on grids, and the number that suffices."""
+    assert plan.info is not None and plan.target is not None
+    keys = plan.problem.poses
+    if not plan.problem.curve:
+        return
+    own = plan.info.rows.shape[1]
+    most = len(plan.pool)
+    numbers = [n for n in plan.problem.curve if plan.info.rank / own <= n <= most]
+    criterion = keys.method if keys.method in ("D", "E") else "I"
+    plan.curve = error_curve(
+        plan.info, plan.target, numbers, criterion, repeats=keys.repeats, starts=keys.starts, seed=keys.seed,
+        stop=lambda f: stop("number of poses", f),
+    )  # fmt: skip
+    if not plan.curve.complete:
+        raise Stopped
+    grids: dict[int, Point] = {}
+    for n in numbers:
+        T = grid_poses(plan, n)
+        if len(T):
+            try:
+                grids[len(T)] = grid_point(pose_information(plan.measuring.prepared(T)), plan.target)
+            except ModelError:  # a small grid need not tell all
+                continue
+    plan.grids = tuple(grids[n] for n in sorted(grids))
+    plan.enough = sufficient_number(
+        plan.info, plan.target, 1e-3 * plan.problem.criteria.accuracy_mm, criterion, repeats=keys.repeats, starts=1,
+        seed=keys.seed, most=min(most, 4 * keys.most),
+    )  # fmt: skip
+
+
+def select(plan: Plan, number: int, stop: Stop) -> None:
+    """Poses to measure, and others held out. Raises InputError where there are too few candidates."""
+    assert plan.info is not None
+    keys, info = plan.problem.poses, plan.info
+    try:
+        if keys.method == "grid":
+            plan.poses = grid_poses(plan, number)
+            taken = np.zeros(0, int)
+        else:
+            if keys.method in ("condition", "condition_one_by_one"):
+                s = condition_removal(info, number, one_by_one=keys.method != "condition",
+                                      stop=lambda f: stop("poses", f))  # fmt: skip
+            else:
+                blind = bool(plan.unpredicted) or plan.target is None
+                moment = None if blind or plan.target is None else plan.target.moment(info)
+                s = exchange(
+                    info, number, "D" if moment is None else keys.method, moment, repeats=keys.repeats,
+                    starts=keys.starts, seed=keys.seed, stop=lambda f: stop("poses", f),
+                )  # fmt: skip
+            if not s.complete:
+                raise Stopped
+            taken = s.indices
+            plan.poses = plan.pool[taken]
+        plan.chosen = pose_information(plan.measuring.prepared(plan.poses))
+    except ModelError as error:
+        raise InputError(str(error), "poses.number") from error
+    rest = np.setdiff1d(np.arange(len(plan.pool)), taken)
+    if keys.method == "grid":
+        near = np.min(np.linalg.norm(plan.pool[:, None] - plan.poses, axis=2), axis=1)
+        rest = np.flatnonzero(near > 1e-6)
+    if len(rest) < keys.held_out:
+        raise InputError(f"{keys.held_out} poses are to be held out, but only {len(rest)} candidates are left; take a "
+                         "smaller room.step_m", "poses.held_out")  # fmt: skip
+    held = rest[np.round(np.linspace(0, len(rest) - 1, keys.held_out)).astype(int)] if keys.held_out else rest[:0]
+    plan.held_out = plan.pool[held]
+    plan.told = plan.chosen.identifiability()
+    plan.rounds.append(number)
+
+
+def simulate(plan: Plan, stop: Stop) -> None:
+    """Synthetic calibrations of the robot as it is thought to be: noise of the device, wrong start values."""
+    keys = plan.problem.simulation
+    ready: Problem = plan.measuring.prepared(plan.poses)
+    u = ready.unknowns
+    scale = np.array([1e-3 * keys.start_error_mm] * len(u.names))
+    errors, lost = [], 0
+    for k, seed in enumerate(np.random.SeedSequence(keys.seed).spawn(keys.runs)):
+        if stop("simulated calibration", k / keys.runs):
+            raise Stopped
+        rng = np.random.default_rng(seed)
+        start = dict(zip(u.names, (u.start + scale * rng.standard_normal(len(scale))).tolist(), strict=True))
+        noisy = plan.measuring.noisy(ready.measurements, rng)
+        c = calibrate(ready.on(noisy), cost="orthogonal", start=start)
+        if c.status.ok and np.all(np.isfinite(c.x)):
+            errors.append(c.x - u.start)
+        else:
+            lost += 1
+    plan.errors, plan.lost = np.array(errors).reshape(-1, len(u.names)), lost

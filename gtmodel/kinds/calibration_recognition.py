@@ -1,0 +1,219 @@
+"""Measurements that were read wrong, told before the fit by the robot's own forward kinematics."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from gtmodel.calibrate import Choice, Measurements, calibrate, prepare
+from gtmodel.calibrate import Problem as Prepared
+from gtmodel.calibrate.misreading import misreading
+from gtmodel.calibrate.prediction import Prediction
+from gtmodel.calibrate.recognition import (
+    NEARER,
+    aligned,
+    angle_sentence,
+    exchanged_columns,
+    orders,
+    scale_sentence,
+    swapped_axes,
+    unit_sentence,
+)
+from gtmodel.compiler.causal import CausalFunction, compile_causal, flat_of
+from gtmodel.lang import Model, ModelError
+from gtmodel.lang.units import parse_unit
+
+from .base import InputError
+from .calibration_data import KEY, PoseData
+
+MOST = 150  # poses that are looked at: enough to tell a metre from a millimetre
+REACHED = 0.5  # share of the poses that the model must reach to be a witness
+MISFIT = 2e-4  # of the robot's size: length errors of a fit above this are worth a look at other orders
+TRIALS = 25  # iterations of a fit with other columns
+TURNED = 0.2  # rad: orientations nearer to the model's are read right
+
+
+@dataclass(frozen=True, eq=False)
+class Witness:
+    """The robot's model as it was before calibration, by forward kinematics; None where it has none."""
+
+    forward: CausalFunction | None
+    size: float
+    turns: bool
+
+    def positions(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Positions (n, 3) and quaternions (n, 4 or 0) of the rows (n,) that are reached."""
+        assert self.forward is not None
+        T, *e, status = self.forward(q)
+        good = np.flatnonzero(np.asarray(status) == 0)
+        return T[good], e[0][good] if e else np.zeros((len(good), 0)), good
+
+
+def witness_of(model: Model, data: PoseData) -> Witness:
+    """Of the signals that were measured."""
+    keys = data.keys
+    flat = flat_of(model)
+    lengths = [abs(p.value) for p in flat.parameters if p.unit == "m" and np.isfinite(p.value)]
+    targets = [keys.position] + ([keys.orientation] if keys.orientation else [])
+    try:
+        forward = compile_causal(model, known=[keys.actuators], targets=targets)
+    except ModelError:
+        forward = None
+    if forward is not None and forward.outputs[0].shape != (3,):
+        forward = None
+    return Witness(forward, max(lengths, default=1.0), keys.orientation is not None)
+
+
+def recognise(data: PoseData, witness: Witness) -> tuple[np.ndarray, np.ndarray] | None:
+    """The frame of the device (t, quaternion) by alignment with the model, None without a witness.
+
+    Raises InputError in one sentence with the numbers seen: wrong units, exchanged columns, swapped axes.
+    """
+    keys = data.keys
+    _units(data, witness.size)
+    q, T = (np.asarray(data.all.values[n]) for n in (keys.actuators, keys.position))
+    if witness.forward is None:
+        return None
+    rows = np.unique(np.round(np.linspace(0, len(q) - 1, min(MOST, len(q)))).astype(int))
+    q, T = q[rows], T[rows]
+    device = keys.frame == "device"
+    predicted, e, good = witness.positions(q)
+
+    def predict(order: list[int]) -> np.ndarray | None:
+        found, _, at = witness.positions(q[:, order])
+        if len(at) < REACHED * len(q):
+            return None
+        everywhere = np.full(T.shape, np.nan)
+        everywhere[at] = found
+        return everywhere
+
+    def misfit(found: np.ndarray) -> float:
+        at = np.all(np.isfinite(found), axis=1)
+        if device:
+            return aligned(T[at], found[at])[2]
+        return float(np.sqrt(np.mean(np.sum((T[at] - found[at]) ** 2, axis=1))))
+
+    names, groups = _columns(data)
+    if len(good) >= REACHED * len(q) and len(good) > 3:
+        _refuse(scale_sentence(keys.position, T[good], predicted), keys.position)
+        _refuse(_upright(data, rows[good], e), keys.orientation or "")
+    columns = exchanged_columns(names, groups, predict, misfit, witness.size)
+    if len(good) < max(4, REACHED * len(q)):
+        _refuse(None if columns is None else columns.sentence, keys.actuators)
+        raise InputError(
+            f"the robot's model reaches {len(good)} of {len(q)} poses with these actuators; check their units, order "
+            "and zero, or the robot",
+            f"{KEY}.signals.{keys.actuators}",
+        )
+    axes = swapped_axes(keys.position, T[good], predicted, witness.size, device)
+    if columns is not None and (axes is None or columns.left < axes.left):
+        _refuse(columns.sentence, keys.actuators)
+    elif axes is not None:
+        _refuse(axes.sentence, keys.position)
+    if device:
+        t, R, _ = aligned(T[good], predicted)
+        return t, Rotation.from_matrix(R).as_quat(scalar_first=True)
+    return None
+
+
+def a_priori(data: PoseData, witness: Witness, placed: tuple[np.ndarray, np.ndarray] | None) -> Prediction | None:
+    """Errors of the robot as it was at all poses, in its frame; NaN where it does not reach, None without a witness."""
+    keys = data.keys
+    if witness.forward is None:
+        return None
+    q, T = (np.asarray(data.all.values[n]) for n in (keys.actuators, keys.position))
+    if placed is not None:
+        T = placed[0] + Rotation.from_quat(placed[1], scalar_first=True).apply(T)
+    predicted, _, good = witness.positions(q)
+    errors = np.full(T.shape, np.nan)
+    errors[good] = predicted - T[good]
+    return Prediction(errors) if len(good) else None
+
+
+def exchanged_after(data: PoseData, prepared: Prepared, fitted: float, size: float) -> str | None:
+    """Where a fit is left with length errors of `fitted` rms [m] or did not end: whether it is of another order of the
+    actuators' columns, by fits of all of them. Arms do not know their columns, residuals do."""
+    keys = data.keys
+    if fitted <= MISFIT * size:
+        return None
+    names, groups = _columns(data)
+    if keys.frame == "device" or keys.target:
+        # with nothing but the frames free no link can take up another's column, in whatever order they are
+        own = [prepared.closure.flat.parameters[k].name for k in prepared.closure.touched]
+        alone = prepare(prepared.closure.flat, prepared.measurements, Choice(fixed=own), actuators=prepared.actuators)
+        sentence = misreading(alone, columns=names)
+        if sentence is not None:
+            return sentence
+    m = data.fitted
+    best, order = fitted, list(range(len(names)))
+    for trial in orders(len(names), groups):
+        q = np.asarray(m.values[keys.actuators])[:, trial]
+        other = Measurements({**m.values, keys.actuators: q}, m.noise, m.sessions, m.poses, m.corrections)
+        try:
+            c = calibrate(prepared.on(other), cost="length", limit=TRIALS)
+        except (ModelError, ValueError):
+            continue
+        rms = float(np.sqrt(np.mean(c.residuals**2)))
+        if rms < best:
+            best, order = rms, trial
+    if not best * NEARER < fitted:
+        return None
+    changed = [k for k in range(len(names)) if order[k] != k]
+    read = ", ".join(names[order[k]] for k in changed)
+    before = f"{1e3 * fitted:.3g} mm rms" if np.isfinite(fitted) else "no solution"
+    return (
+        f"the columns {', '.join(names[k] for k in changed)} look exchanged: links are left with {before} as given and "
+        f"with {1e3 * best:.3g} mm rms when read as {read}"
+    )
+
+
+def _units(data: PoseData, size: float) -> None:
+    keys = data.keys
+    for name, signal in keys.signals.items():
+        if name == keys.orientation or signal.scale == "estimate":
+            continue
+        rows = np.asarray(data.all.values[name])
+        units = [signal.unit] * rows.shape[1] if isinstance(signal.unit, str) else signal.unit
+        si = [parse_unit(u).si_text for u in units]
+        lengths, angles = ([k for k, u in enumerate(si) if u == unit] for unit in ("m", "rad"))
+        if lengths:
+            _refuse(unit_sentence(name, rows[:, lengths], size, units[lengths[0]]), name)
+        if angles:
+            _refuse(angle_sentence(name, rows[:, angles], units[angles[0]]), name)
+
+
+def _columns(data: PoseData) -> tuple[list[str], list[list[int]]]:
+    """Names of the actuators' columns, and those of one unit."""
+    keys = data.keys
+    signal = keys.signals[keys.actuators]
+    n = np.asarray(data.all.values[keys.actuators]).shape[1]
+    names = list(signal.column) if isinstance(signal.column, list) else [f"{signal.column}[{k}]" for k in range(n)]
+    units = [signal.unit] * n if isinstance(signal.unit, str) else list(signal.unit)
+    return names, [[k for k in range(n) if units[k] == u] for u in dict.fromkeys(units)]
+
+
+def _upright(data: PoseData, rows: np.ndarray, predicted: np.ndarray) -> str | None:
+    """Quaternions whose scalar stands last."""
+    keys = data.keys
+    if keys.orientation is None or keys.frame == "device" or keys.target or not predicted.shape[1]:
+        return None
+    e = np.asarray(data.all.values[keys.orientation])[rows]
+    given, rolled = (_turn(x, predicted) for x in (e, np.roll(e, 1, axis=1)))
+    if given <= TURNED or rolled * NEARER > given:
+        return None
+    return (
+        f"'{keys.orientation}' is {np.degrees(given):.3g} deg rms from the model's orientation as given and "
+        f"{np.degrees(rolled):.3g} deg with its last column as the scalar; name the columns scalar first"
+    )
+
+
+def _turn(a: np.ndarray, b: np.ndarray) -> float:
+    c = np.abs(np.sum(a * b, axis=1)) / np.linalg.norm(a, axis=1) / np.linalg.norm(b, axis=1)
+    return float(np.sqrt(np.mean((2 * np.arccos(np.minimum(c, 1.0))) ** 2)))
+
+
+def _refuse(sentence: str | None, signal: str) -> None:
+    if sentence is not None:
+        raise InputError(sentence, f"{KEY}.signals.{signal}")

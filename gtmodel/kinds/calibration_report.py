@@ -1,0 +1,164 @@
+"""report.html of a calibration: one file with all pictures in it, the same bytes for the same input."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+from collections.abc import Callable, Mapping, Sequence
+from html import escape
+from typing import Any
+
+from matplotlib.figure import Figure
+
+from .base import Context
+from .calibration_findings import Found
+from .calibration_keys import Schema
+from .output import png, versions
+
+STYLE = (
+    "body{font:15px/1.45 sans-serif;max-width:62em;margin:2em auto;padding:0 1em;color:#222}"
+    "table{border-collapse:collapse;margin:.6em 0}"
+    "td,th{padding:.15em .7em;border-bottom:1px solid #ddd;text-align:left}"
+    "td.n{text-align:right;font-variant-numeric:tabular-nums}img{max-width:100%}"
+    ".good{background:#e3f4e3}.bad{background:#fbe3e0}.box{padding:.5em 1em;margin:.5em 0}"
+    ".made{background:#fff3cd;padding:.5em 1em}"
+)
+CAPTIONS = {
+    "pose_errors": "Positioning error per pose (compare Dressler 2012, Fig. 5.1); dashed: its mean; ring: the worst.",
+    "workspace_errors": "Positioning error over the workspace; ring: the worst place.",
+    "length_errors": "Length errors of each link on the fitted poses.",
+    "deviations": "Standard deviation of each unknown.",
+    "correlation": "Correlation of the unknowns.",
+}
+
+
+def text(
+    found: Found, values: Mapping[str, Any], figures: Mapping[str, Callable[[], Figure]], title: str, problem: Schema,
+    context: Context,
+) -> str:  # fmt: skip
+    """The page. No link leads out of it, no date is in it."""
+    parts = [f"<h1>{escape(title)}</h1>"]
+    if values["synthetic"]:
+        parts.append(f'<p class="made">Synthetic measurements: {escape(values["synthetic"])}</p>')
+    good = values["numerics_sound"] and values["prediction_proven"] is not False
+    sentences = "".join(f"<li>{escape(s)}</li>" for s in values["verdict"])
+    parts.append(f'<h2>Verdict</h2><ul class="box {"good" if good else "bad"}">{sentences}</ul>')
+    if values["notes"]:
+        parts.append("<h2>Notes</h2><ul>" + "".join(f"<li>{escape(s)}</li>" for s in values["notes"]) + "</ul>")
+    parts.append("<h2>Accuracy</h2>" + _accuracy(values))
+    for name in ("pose_errors", "workspace_errors"):
+        parts.append(_picture(figures, name))
+    parts.append("<h2>Parameters</h2>" + _parameters(values))
+    if values["measurement"]:
+        parts.append("<h3>Of the measurement</h3>" + _table(("name", "value"), list(values["measurement"].items())))
+    parts += [_picture(figures, name) for name in ("deviations", "correlation")]
+    parts.append("<h2>Links</h2>" + _table(("link", "mean length error [mm]"), list(values["link_errors_mm"].items())))
+    parts.append(_picture(figures, "length_errors"))
+    parts.append("<h2>What the poses tell</h2>" + _told(values))
+    parts.append(_outliers(values))
+    parts.append(_sensitivity(values, problem))
+    parts.append("<h2>Where this comes from</h2>" + _provenance(found, problem, context))
+    body = "\n".join(p for p in parts if p)
+    return (
+        f'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8"><title>{escape(title)}</title>'
+        f"<style>{STYLE}</style></head><body>\n{body}\n</body></html>\n"
+    )
+
+
+def _accuracy(values: Mapping[str, Any]) -> str:
+    rows: list[Sequence[Any]] = []
+    for key, said in (("a_priori_mm", "before"), ("fitted_mm", "fitted poses"), ("held_out_mm", "held-out poses")):
+        if values[key]:
+            rows.append((said, values[key]["mean"], values[key]["rms"], values[key]["max"]))
+    found = _table(("positioning error", "mean [mm]", "rms [mm]", "greatest [mm]"), rows)
+    if values["orientation_deg"]:
+        o = values["orientation_deg"]
+        found += f"<p>Orientation error: mean {o['mean']:.3g}, greatest {o['max']:.3g} degrees.</p>"
+    if values["worst"]:
+        w = values["worst"]
+        at = ", ".join(f"{x:.3f}" for x in w["position_m"])
+        found += f"<p>Worst place: ({at}) m, line {w['line']}, {w['error_mm']:.3g} mm.</p>"
+    if values["principal"]:
+        p = values["principal"]
+        rows = [(f"({', '.join(f'{x:.2f}' for x in d)})", s) for s, d in zip(p["rms_mm"], p["directions"], strict=True)]
+        found += _table(("principal direction of the error", "rms [mm]"), rows)
+    if values["repeatability_mm"] is not None:
+        found += f"<p>Repeatability of poses measured more than once: {values['repeatability_mm']:.3g} mm rms.</p>"
+    return found
+
+
+def _parameters(values: Mapping[str, Any]) -> str:
+    rows = []
+    for u in values["unknowns"]:
+        interval = ["not told", ""] if u["interval_95"] is None else [f"{x:.7g}" for x in u["interval_95"]]
+        std = "" if u["std"] is None else f"{u['std']:.2g}"
+        rows.append((u["name"], u["unit"], u["start"], u["value"], std, *interval))
+    return _table(("unknown", "unit", "before", "calibrated", "std", "95 % from", "to"), rows)
+
+
+def _told(values: Mapping[str, Any]) -> str:
+    found = ""
+    for key, said in (("identifiability_before", "Before the fit"), ("identifiability_after", "At the solution")):
+        told = values[key]
+        if told is None:
+            continue
+        sentences = "".join(f"<li>{escape(s)}</li>" for s in told["sentences"])
+        indices = ", ".join(f"{n} = {v:.4g}" for n, v in told["observability"].items())
+        found += (
+            f"<h3>{said}</h3><ul>{sentences}</ul><p>Observability {indices} (r = {told['rank']}, {told['scaling']})."
+        )
+        found += f" Condition {told['condition']:.4g}.</p>"
+    if values["correlated"]:
+        found += "<h3>Correlated</h3>" + _table(("unknown", "and", "correlation"), values["correlated"])
+    return found
+
+
+def _outliers(values: Mapping[str, Any]) -> str:
+    if not values["outliers"]:
+        return "<h2>Outliers</h2><p>None.</p>"
+    rows = [(o["line"], o["link"], o["residual_mm"], f"{o['times']:.1f}") for o in values["outliers"]]
+    return "<h2>Outliers</h2>" + _table(("line", "link", "length error [mm]", "robust deviations"), rows)
+
+
+def _sensitivity(values: Mapping[str, Any], problem: Schema) -> str:
+    table = values["sensitivity"]
+    if not table:
+        return ""
+    heads = list(next(iter(table.values())))
+    rows = [(name, *(entry[h] for h in heads)) for name, entry in table.items()]
+    said = (
+        f"Sums over the fitted poses of the changes by {problem.sensitivity_step:g} up and down (Dressler 2012, (5.8))."
+    )
+    return f"<h2>Sensitivity</h2><p>{said}</p>" + _table(("unknown", *heads), rows)
+
+
+def _provenance(found: Found, problem: Schema, context: Context) -> str:
+    rows: list[Sequence[Any]] = [("problem", context.name), ("robot", problem.robot), ("cost", problem.cost)]
+    for key, path in context.inputs.items():
+        if path.is_file():
+            rows.append((f"{key}: {path.name}", "sha256 " + hashlib.sha256(path.read_bytes()).hexdigest()))
+    rows.append(("keys of the problem", "sha256 " + hashlib.sha256(problem.model_dump_json().encode()).hexdigest()))
+    rows += [(n, v) for n, v in versions().items() if n != "platform"]
+    poses = f"{len(found.lines)} fitted, {len(found.lines_held_out)} held out"
+    return _table(("what", ""), [*rows, ("poses", poses)])
+
+
+def _table(heads: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
+    top = "".join(f"<th>{escape(h)}</th>" for h in heads)
+    lines = ["<tr>" + "".join(map(_cell, row)) + "</tr>" for row in rows]
+    return f"<table><tr>{top}</tr>{''.join(lines)}</table>"
+
+
+def _cell(value: Any) -> str:
+    if isinstance(value, float):
+        return f'<td class="n">{value:.6g}</td>'
+    return f"<td>{escape(str(value))}</td>"
+
+
+def _picture(figures: Mapping[str, Callable[[], Figure]], name: str) -> str:
+    if name not in figures:
+        return ""
+    data = base64.b64encode(png(figures[name])).decode()
+    caption = escape(CAPTIONS[name])
+    image = f'<img alt="{caption}" src="data:image/png;base64,{data}">'
+    return f"<figure>{image}<figcaption>{caption}</figcaption></figure>"

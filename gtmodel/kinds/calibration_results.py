@@ -1,0 +1,231 @@
+"""What a calibration tells: values for programs, rows for people, checks."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from gtmodel.calibrate.prediction import Prediction
+from gtmodel.compiler.causal import flat_of
+from gtmodel.inference import Identifiability, whiteness
+
+from .base import Check, Row
+from .calibration_data import PoseData
+from .calibration_findings import HELD_OUT, Found, verdict
+from .calibration_keys import Schema
+
+VALUES = {
+    "parameters": "all geometric parameters of the closure equations by name, calibrated ones among them, in SI units",
+    "unknowns": "for each unknown: name, unit, start, value, std and interval_95, null where the poses do not tell it",
+    "measurement": "estimated frames, scales, offsets and delays of the measurement by name, in SI units",
+    "poses": "number of poses fitted and held out, and of places that were measured more than once",
+    "link_errors_mm": "mean length error of each link over the fitted poses (Dressler 2012, eq. (5.13))",
+    "held_out_mm": "positioning error (5.5) of the held-out poses: mean, max, rms; null without any",
+    "fitted_mm": "the same of the fitted poses",
+    "a_priori_mm": "the same of the robot as it was before, on the held-out poses or the fitted ones",
+    "orientation_deg": "angle between predicted and measured orientation of held-out poses; null where not measured",
+    "worst": "the pose with the greatest error: line, measured position_m, error_mm and whether it was held_out",
+    "principal": "rms error rms_mm along each principal direction, the least first, and the directions",
+    "identifiability_before": "rank, redundant, condition, observability indices and sentences, before measuring",
+    "identifiability_after": "the same at the solution, with the noise of the residuals",
+    "correlated": "pairs of unknowns that correlate by more than 0.95",
+    "outliers": "residuals far beyond the others of their link: line, link, residual_mm, times the robust deviation",
+    "repeatability_mm": "rms distance of poses at the same actuators from their mean; null without any",
+    "sensitivity": "sums (5.8) of changes by a small step of each unknown: position_mm, orientation_deg, cost_m4; null "
+    "where the pose is not told",
+    "numerics_sound": "whether the iteration arrived",
+    "prediction_proven": "whether held-out poses are predicted as well as fitted ones; null without any",
+    "verdict": "in words, with what it covers",
+    "notes": "what limits the numbers, in words",
+    "truth": "parameters of the robot that was made up; null for measured poses",
+    "synthetic": "seed and noise of made-up poses; null for measured ones",
+}
+SHOWN_PAIRS = 20
+WORST_ROWS = 5
+FAR = 0.1  # of the largest length: a tape measure does not err by that
+LEAST_POSES = 30  # for a test of whiteness
+WEAK = "told no better than"  # of a combination, in words
+
+
+def values_of(problem: Schema, found: Found) -> dict[str, Any]:
+    """The kind's values."""
+    c, data = found.calibration, found.data
+    sound, proven, sentences = verdict(found, _accuracy(problem))
+    told, lines, held = found.told
+    own = {q.name for q in found.problem.closure.flat.parameters}
+    head = told.get(found.position)
+    return {
+        "parameters": {n: v for n, v in c.values.items() if n in own},
+        "unknowns": _unknowns(found),
+        "measurement": {n: v for n, v in c.values.items() if n not in own},
+        "poses": {"fitted": len(found.lines), "held_out": len(found.lines_held_out), "repeated": len(data.repeated)},
+        "link_errors_mm": {n: 1e3 * v for n, v in c.link_errors.items()},
+        "held_out_mm": _sizes(found.held_out.get(found.position)),
+        "fitted_mm": _sizes(found.fitted.get(found.position)),
+        "a_priori_mm": _sizes(found.a_priori.get(found.position)),
+        "orientation_deg": _sizes(told.get(data.keys.orientation or ""), np.degrees(1.0)),
+        "worst": None if head is None else _worst(data, head, lines, held),
+        "principal": None if head is None else _principal(head),
+        "identifiability_before": _told(found.before),
+        "identifiability_after": None if found.after is None else _told(found.after),
+        "correlated": [] if found.after is None else [list(p) for p in found.after.correlated[:SHOWN_PAIRS]],
+        "outliers": [
+            {"line": int(found.lines[o.pose]), "link": found.problem.labels[o.link], "residual_mm": 1e3 * o.residual,
+             "times": o.times} for o in found.outliers
+        ],
+        "repeatability_mm": None if found.repeatability is None else 1e3 * found.repeatability,
+        "sensitivity": _sensitivity(found),
+        "numerics_sound": sound,
+        "prediction_proven": proven,
+        "verdict": sentences,
+        "notes": [] if c.estimate is None else [*c.estimate.notes, *_coloured(found), *_far(found)],
+        "truth": _truth(found),
+        "synthetic": data.synthetic,
+    }  # fmt: skip
+
+
+def checks_of(problem: Schema, found: Found) -> dict[str, Check]:
+    """Prediction and, where it was asked for, the accuracy."""
+    checks = {}
+    name = found.position
+    if name in found.held_out and name in found.fitted:
+        ratio = found.held_out[name].rms / found.fitted[name].rms
+        checks["held_out_over_fitted"] = Check(ratio, HELD_OUT, ratio <= HELD_OUT)
+    elif found.data.held_out.any():
+        checks["held_out_poses_lost"] = Check(float(len(found.lines_held_out)), 0.0, False)
+    wanted = _accuracy(problem)
+    if wanted is not None and name in found.told[0]:
+        mean = found.told[0][name].mean
+        checks["mean_error_mm"] = Check(1e3 * mean, 1e3 * wanted, bool(found.held_out) and mean <= wanted)
+    return checks
+
+
+def rows_of(values: dict[str, Any], found: Found) -> list[Row]:
+    """The table that people see."""
+    rows = []
+    for u in values["unknowns"]:
+        rows.append(Row(u["name"], u["value"], u["unit"]))
+        low, high = u["interval_95"] or (None, None)
+        rows.append(Row("  95 %", "not told by these poses" if low is None else f"{low:.7g} to {high:.7g}"))
+    rows += [Row(f"mean length error of {n}", v, "mm") for n, v in values["link_errors_mm"].items()]
+    for key, said in (("a_priori_mm", "before"), ("fitted_mm", "fitted poses"), ("held_out_mm", "held-out poses")):
+        if values[key]:
+            rows.append(Row(f"positioning error, {said}: mean", values[key]["mean"], "mm"))
+            rows.append(Row("  greatest", values[key]["max"], "mm"))
+    if values["worst"]:
+        w = values["worst"]
+        at = ", ".join(f"{x:.3f}" for x in w["position_m"])
+        rows.append(Row("worst place", f"({at}) m, line {w['line']}: {w['error_mm']:.3g} mm"))
+    if values["principal"]:
+        for size, d in zip(values["principal"]["rms_mm"], values["principal"]["directions"], strict=True):
+            rows.append(Row(f"rms along ({', '.join(f'{x:.2f}' for x in d)})", size, "mm"))
+    if values["repeatability_mm"] is not None:
+        rows.append(Row("repeatability, rms", values["repeatability_mm"], "mm"))
+    if values["identifiability_after"]:
+        told = values["identifiability_after"]["sentences"]
+        rows += [Row("identifiability", s) for s in told if WEAK not in s]
+        weak = sum(WEAK in s for s in told)
+        if weak:
+            rows.append(Row("identifiability", f"{weak} combinations are {WEAK} they were known; see result.json"))
+    rows += [
+        Row("outlier", f"line {o['line']}, {o['link']}: {o['residual_mm']:.3g} mm, {o['times']:.1f} deviations")
+        for o in values["outliers"][:WORST_ROWS]
+    ]
+    rows += [Row("note", s) for s in values["notes"] if "do not determine" not in s]
+    rows += [Row("verdict", s) for s in values["verdict"]]
+    if values["synthetic"]:
+        rows.append(Row("synthetic", values["synthetic"].partition(";")[0]))
+    return rows
+
+
+def _accuracy(problem: Schema) -> float | None:
+    return None if problem.accuracy_mm is None else 1e-3 * problem.accuracy_mm
+
+
+def _unknowns(found: Found) -> list[dict[str, Any]]:
+    c, u = found.calibration, found.problem.unknowns
+    listed = []
+    for k, name in enumerate(u.names):
+        entry = {"name": name, "unit": u.units[k] or "1", "start": float(u.start[k]), "value": float(c.x[k]),
+                 "std": None, "interval_95": None}  # fmt: skip
+        if c.estimate is not None and np.isfinite(c.estimate.std[k]):
+            entry |= {"std": float(c.estimate.std[k]), "interval_95": list(c.estimate.interval(name))}
+        listed.append(entry)
+    return listed
+
+
+def _sizes(p: Prediction | None, factor: float = 1e3) -> dict[str, float] | None:
+    return None if p is None else {"mean": factor * p.mean, "max": factor * p.greatest, "rms": factor * p.rms}
+
+
+def _coloured(found: Found) -> list[str]:
+    """Links whose residuals, in the order of the poses, are no noise: carts that wander, loads, a lacking effect."""
+    residuals, labels = found.calibration.residuals, found.problem.labels
+    if len(residuals) < LEAST_POSES:
+        return []
+    tests = [whiteness(r) for r in residuals.T]
+    return [f"{label}: {t.sentence}" for label, t in zip(labels, tests, strict=True) if not t.passed]
+
+
+def _far(found: Found) -> list[str]:
+    """The length that moved farthest, where no correction of a robot known before would go."""
+    u, x = found.problem.unknowns, found.calibration.x
+    at = [k for k, unit in enumerate(u.units) if unit == "m" and u.names[k] in found.calibration.values]
+    own = [k for k in at if u.names[k].partition("[")[0] in found.problem.closure.flat.bindings]
+    if not own:
+        return []
+    k = max(own, key=lambda k: abs(x[k] - u.start[k]))
+    moved = float(x[k] - u.start[k])
+    if abs(moved) <= FAR * max(abs(float(u.start[j])) for j in own):
+        return []
+    return [
+        f"{u.names[k]} moved by {moved:.3g} m from where it was: are the columns, axes and the robot those of the "
+        "measurement?"
+    ]
+
+
+def _worst(data: PoseData, head: Prediction, lines: np.ndarray, held: bool) -> dict[str, Any]:
+    part = data.held_out if held else ~data.held_out
+    T = np.asarray(data.all.values[data.keys.position])[part]
+    k = head.worst
+    return {"line": int(lines[k]), "position_m": T[k].tolist(), "error_mm": 1e3 * head.greatest, "held_out": held}
+
+
+def _principal(head: Prediction) -> dict[str, Any]:
+    sizes, directions = head.principal()
+    return {"rms_mm": (1e3 * sizes).tolist(), "directions": directions.tolist()}
+
+
+def _told(i: Identifiability) -> dict[str, Any]:
+    return {
+        "rank": i.rank,
+        "redundant": i.redundant,
+        "ranks": {f"{t:.0e}": r for t, r in i.ranks.items()},
+        "condition": i.condition,
+        "observability": {f"O{k}": getattr(i.indices, f"o{k}") for k in range(1, 6)},
+        "scaling": i.indices.scaling,
+        "sentences": i.sentences(),
+    }
+
+
+def _sensitivity(found: Found) -> dict[str, dict[str, float]] | None:
+    s = found.sensitivity
+    if s is None:
+        return None
+    table = {}
+    for k, name in enumerate(s.names):
+        entry = {"position_mm": 1e3 * float(s.pose[found.position][k])}
+        e = found.data.keys.orientation
+        if e is not None and e in s.pose:
+            entry["orientation_deg"] = float(np.degrees(s.pose[e][k]))
+        table[name] = entry | {"cost_m4": float(s.cost[k])}
+    return table
+
+
+def _truth(found: Found) -> dict[str, float] | None:
+    robot = found.data.truth
+    if robot is None:
+        return None
+    own = {q.name: q.value for q in flat_of(robot).parameters}
+    return {n: own[n] for n in found.calibration.values if n in own}

@@ -1,0 +1,160 @@
+"""Measurements that were read wrong: each recognised, in one sentence with the number seen; nothing is overwritten."""
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gtmodel.kinds import InputError, calibration
+from gtmodel.kinds.calibration_recognition import Witness
+from tests.kinds.calibration_problems import PROBLEMS, data, keys, solved, with_signals, written
+from tests.support.commands import Commands
+
+Change = Callable[[list[str]], list[str]]
+
+
+def order(*columns: int) -> Change:
+    """The first columns in another order."""
+    return lambda row: [row[k] for k in columns] + row[len(columns) :]
+
+
+def refused(folder: Path, robot: str = "l1", change: Change = list, rows: slice = slice(None), frame: str = "robot",
+            **signals: dict) -> str:  # fmt: skip
+    """What the kind says of the changed poses."""
+    written(folder, robot, change, rows)
+    problem = with_signals(keys(f"calibrate_{robot}", sensitivity_step=0.0), **signals)
+    problem["measurements"]["frame"] = frame
+    with pytest.raises(InputError) as error:
+        solved(problem, folder)
+    return str(error.value)
+
+
+class TestUnits:
+    def test_millimetres_for_metres(self, tmp_path: Path) -> None:
+        said = refused(tmp_path, T={"unit": "m"})
+        assert said == (
+            "measurements.signals.T: 'T' spans 2009 m as declared in m, 980 times the robot's 2.05 m; the column is "
+            "probably in mm"
+        )
+
+    def test_metres_for_millimetres(self, tmp_path: Path) -> None:
+        said = refused(tmp_path, change=lambda r: [*(repr(float(x) / 1e3) for x in r[:3]), *r[3:]])
+        assert "'q' spans 0.003442 m as declared in mm" in said and "probably in m" in said
+
+    def test_both_wrong_alike(self, tmp_path: Path) -> None:
+        assert "probably in mm" in refused(tmp_path, q={"unit": "um"}, T={"unit": "um"})
+
+    def test_a_factor_that_is_no_thousand(self, tmp_path: Path) -> None:
+        said = refused(tmp_path, change=lambda r: [*r[:3], *(repr(float(x) / 2.54) for x in r[3:])])
+        assert "'T' spreads 0.39" in said and "times as far as the robot's model says" in said
+
+    def test_degrees_for_radians(self, tmp_path: Path) -> None:
+        said = refused(tmp_path, "f1", q={"unit": ["mm"] * 3 + ["rad"] * 3})
+        assert "17 turns: it looks like degrees" in said
+
+    def test_the_files_header_contradicts(self, capsys: pytest.CaptureFixture[str]) -> None:
+        done = Commands(capsys)("solve", PROBLEMS / "calibrate_l1.toml", "--set", "measurements.signals.T.unit=m")
+        assert done.code == 2
+        assert "l1_synthetic.csv line 3: 'T[0]' is in mm here and declared in m; correct one of them" in done.sentence
+
+
+class TestAxes:
+    @pytest.mark.parametrize(("columns", "read"), [((1, 0, 2), "y, x, z"), ((1, 2, 0), "z, x, y")])
+    def test_exchanged(self, tmp_path: Path, columns: tuple[int, ...], read: str) -> None:
+        said = refused(tmp_path, change=order(0, 1, 2, *(3 + k for k in columns)))
+        assert said.startswith("measurements.signals.T: the axes of 'T' look swapped")
+        assert f"by 12.2 mm when ({read}) is read as (x, y, z)" in said
+        assert ("left-handed" in said) == (columns == (1, 0, 2))  # a cyclic exchange is a turn
+
+    def test_reversed_seen_by_a_device_that_stands_unknown(self, tmp_path: Path) -> None:
+        said = refused(tmp_path, change=lambda r: [*r[:4], repr(-float(r[4])), *r[5:]], frame="device")
+        assert "'T' is left-handed: no turn brings it nearer than 681 mm rms" in said
+
+    def test_a_quaternion_with_its_scalar_last(self, tmp_path: Path) -> None:
+        said = refused(tmp_path, "f1", change=lambda r: [*r[:9], *r[10:], r[9]])
+        assert "'e' is 164 deg rms from the model's orientation as given and 8.4 deg with its last column" in said
+
+
+class TestColumns:
+    @pytest.mark.parametrize("columns", [(1, 0, 2), (2, 1, 0), (1, 2, 0)])
+    def test_of_arms_exchanged(self, tmp_path: Path, columns: tuple[int, ...]) -> None:
+        said = refused(tmp_path, change=order(*columns))
+        changed = [k for k in range(3) if columns[k] != k]
+        back = [columns.index(k) for k in changed]
+        assert f"the columns {', '.join(f'q[{k}]' for k in changed)} look exchanged" in said
+        assert f"by 12.2 mm when read as {', '.join(f'q[{k}]' for k in back)}" in said
+
+    def test_rotary_axes_of_the_f1(self, tmp_path: Path) -> None:
+        assert "the columns q[3], q[4] look exchanged" in refused(tmp_path, "f1", change=order(0, 1, 2, 4, 3))
+
+    def test_without_forward_kinematics_residuals_tell_where_lengths_are_known(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        """With all parameters free the arms of three links only change their names: then what moved far is said."""
+        monkeypatch.setattr(calibration, "witness_of", lambda model, data: Witness(None, 2.0, False))
+        written(tmp_path, "l1", order(1, 0, 2))
+        problem = with_signals(keys("calibrate_l1", sensitivity_step=0.0))
+        with pytest.raises(
+            InputError, match=r"q\[0\], q\[1\] look exchanged: links are left with .* read as q\[1\], q"
+        ):
+            solved({**problem, "fixed": ["L"]}, tmp_path)
+        notes = solved(problem, tmp_path).values["notes"]
+        assert any(re.match(r"A\[\d,1\] moved by -?1\.3\d* m from where it was: are the columns", n) for n in notes)
+
+    def test_a_signal_of_another_size(self, tmp_path: Path) -> None:
+        said = refused(tmp_path, q={"column": ["q[1]", "q[2]"]})
+        assert said == "measurements.signals.q.column: has 2 columns; 'q' of the robot has 3"
+
+
+class TestRows:
+    def test_too_few_for_the_unknowns(self, tmp_path: Path) -> None:
+        said = refused(tmp_path, rows=slice(10))
+        assert "5 poses give 5 equations of arm[0].rod for 7 unknowns (A[0,0] to L[0]); measure at least 7" in said
+
+    @pytest.mark.parametrize(("cell", "seen"), [("nan", "nan"), ("", "nothing"), ("inf", "inf")])
+    def test_no_number(self, tmp_path: Path, cell: str, seen: str) -> None:
+        _, rows = data("l1")
+        first = rows[20][0]
+        said = refused(tmp_path, change=lambda r: [cell if r[0] == first else r[0], *r[1:]])
+        assert said.startswith("measurements.file: poses.csv line 24, column 'q[0]': found " + seen)
+
+    def test_copied(self, tmp_path: Path) -> None:
+        head, rows = data("l1")
+        (tmp_path / "poses.csv").write_text("\n".join([*head, *map(",".join, [*rows, rows[7]])]) + "\n")
+        with pytest.raises(InputError, match="1 of 201 poses are copies of others in every digit, the first line 204 "):
+            solved(with_signals(keys("calibrate_l1")), tmp_path)
+
+    def test_measured_twice_is_repeatability_and_stays_in_one_half(self, tmp_path: Path) -> None:
+        head, rows = data("l1")
+        rng = np.random.default_rng(4)
+        again = [[*r[:3], *(f"{float(x) + 0.02 * rng.standard_normal():.4f}" for x in r[3:])] for r in rows[:40]]
+        (tmp_path / "poses.csv").write_text("\n".join([*head, *map(",".join, [*rows, *again])]) + "\n")
+        o = solved(with_signals(keys("calibrate_l1", sensitivity_step=0.0)), tmp_path)
+        assert o.values["poses"] == {"fitted": 120, "held_out": 120, "repeated": 40}
+        # two of a pair are each a half of their difference from the mean: 0.02 sqrt(3 / 2) mm
+        assert o.values["repeatability_mm"] == pytest.approx(0.0245, rel=0.25)
+
+
+class TestKeys:
+    @pytest.mark.parametrize(
+        ("setting", "said"),
+        [
+            ("variant=f1_unit", "variant: 'f1_unit' is for robots with an F1; this one has three links"),
+            ('fixed=["Q"]', "fixed: the closure equations of GantryTau hold no parameter 'Q'"),
+            ('priors={Z={std=0.1}}', "priors: names 'Z', which is not free"),
+            ("measurements.file=none.csv", "measurements.file: there is no file 'none.csv'"),
+            ("measurements.position=Z", "measurements.position: names 'Z', which is no signal"),
+            ("measurements.signals.q.delay_s=estimate", "measurements.signals.q.rate: a delay needs the columns"),
+            ("cost=orthogonal", "cost: the cost 'orthogonal' weighs errors by their noise"),
+        ],
+    )  # fmt: skip
+    def test_wrong_ones(self, capsys: pytest.CaptureFixture[str], setting: str, said: str) -> None:
+        done = Commands(capsys)("solve", PROBLEMS / "calibrate_l1.toml", "--set", setting)
+        assert done.code == 2 and said in done.sentence
+
+    def test_nothing_of_the_users_is_overwritten(self, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+        (tmp_path / "parameters.toml").write_text("mine")
+        done = Commands(capsys)("solve", PROBLEMS / "calibrate_l1.toml", "--out", tmp_path)
+        assert done.code == 2 and (tmp_path / "parameters.toml").read_text() == "mine"

@@ -1,0 +1,188 @@
+"""Kind "calibration_plan": the declared plan from room to robot program, and what is refused."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gtmodel.kinds import Context, InputError, calibration_plan
+from gtmodel.kinds.load import load, validate
+from gtmodel.results import SolveStatus
+from tests.support.commands import CLONE, Commands
+
+FILE = CLONE / "problems" / "plan_calibration_l1.toml"
+# coarser than declared: seconds less
+COARSE = ["room.step_m=0.2", "curve=[12, 24]", "simulation.runs=6", "poses.held_out=5", "poses.starts=1"]
+SMALL = {
+    "kind": "calibration_plan", "robot": "l1_tape", "curve": [], "simulation": {"runs": 0},
+    "room": {"low_m": [0.8, -1.0, 0.4], "high_m": [2.0, 0.0, 1.4], "step_m": 0.2},
+    "poses": {"held_out": 4, "starts": 1, "number": 12},
+    "device": {"kind": "laser_tracker", "at_m": [1.0, -4.5, 0.8]},
+}  # fmt: skip
+SAME_POINT = 1e-4  # mm, the files' last decimal
+
+
+MECHANISMS: dict[str, object] = {}
+
+
+@pytest.fixture(autouse=True)
+def one_compilation(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The same robot is compiled once for all tests here: most of a small plan's time."""
+    made = calibration_plan.limited_mechanism
+
+    def once(model, home, bodies):
+        key = repr((model, home, bodies.plate_joints_m))
+        if key not in MECHANISMS:
+            MECHANISMS[key] = made(model, home, bodies)
+        return MECHANISMS[key]
+
+    monkeypatch.setattr(calibration_plan, "limited_mechanism", once)
+
+
+def solve(context: Context | None = None, **changes: object):
+    return calibration_plan.solve(validate(calibration_plan.Schema, {**SMALL, **changes}), context or Context())
+
+
+def numbers(text: str) -> np.ndarray:
+    return np.array([float(x) for x in re.findall(r"-?\d+\.\d+", text)])
+
+
+def test_the_declared_plan_goes_from_the_room_to_the_robot_program(capsys, tmp_path: Path):
+    sets = [part for s in COARSE for part in ("--set", s)]
+    done = Commands(capsys)("solve", FILE, *sets, "--json", "--out", tmp_path / "out")
+    assert done.code == 0 and done.json["status"] == "solved"
+    v = done.json["values"]
+    assert list(v) == list(calibration_plan.VALUES)
+    assert v["approved"] and v["verdict"].startswith("approved: 20 poses and 5 held out")
+    assert list(v["stages"]) == ["workspace", "obstacles", "safety", "device", "safety distance"]
+    counts = list(v["stages"].values())
+    assert counts == sorted(counts, reverse=True) and counts[0] > counts[1] > counts[2]
+    assert v["workspace_left"] == pytest.approx(counts[-1] / counts[0])
+    assert v["parameters"] == v["told"] == 21 and len(v["parameter_std"]) == 21
+    assert v["condition"] == pytest.approx(1 / v["o2"]) and v["o4"] == pytest.approx(v["o2"] * v["o3"])
+    assert v["simulated_error_m"] == pytest.approx(v["predicted_error_m"], rel=0.3)  # six runs
+    assert v["predicted_greatest_m"] > v["predicted_error_m"]
+    few, many = v["curve"]
+    assert few["predicted_error_m"] > v["predicted_error_m"] > many["predicted_error_m"]
+    assert v["enough_poses"] <= 20
+    assert all(check["passed"] for check in done.json["checks"].values())
+    rows = (tmp_path / "out" / "poses.csv").read_text().splitlines()
+    table = [line.split(",") for line in rows if not line.startswith("#")]
+    assert table[0] == ["pose", "purpose", *(f"{n}[{k}] [mm]" for n in "qT" for k in range(3))]
+    purposes = [line[1] for line in table[1:]]
+    assert purposes.count("calibrate") == 20 and purposes.count("verify") == 5
+    assert purposes != sorted(purposes)  # in random order
+    program = (tmp_path / "out" / "poses.mod").read_text()
+    targets = [numbers(line) for line in program.splitlines() if line.startswith("    [[")]
+    values = np.array([line[2:] for line in table[1:]], float)
+    np.testing.assert_allclose(targets, np.hstack([values[:, 3:], values[:, :3]]), atol=SAME_POINT)
+    A, L = np.array([[0.04, 0, 1.44], [0.25, -1.31, 1.46], [0, 0, 0]]), [2.05, 1.82, 1.81]
+    d = values[:, None, 3:] / 1e3 - A - values[:, :3, None] / 1e3 * np.array([1.0, 0, 0])
+    np.testing.assert_allclose(np.linalg.norm(d, axis=2), np.tile(L, (25, 1)), atol=1e-6)
+    assert "MoveJ GtPoses{i}, v200, fine" in program and "tested against no controller" in program
+
+
+def test_every_step_has_its_picture():
+    done = solve(
+        curve=[10, 16], simulation={"runs": 2}, obstacles=[{"low_m": [0.8, -1.0, 0.4], "high_m": [1.0, -0.8, 0.6]}]
+    )
+    assert list(done.figures) == [
+        "1_workspace", "2_obstacles_and_safety", "3_device", "4_poses", "5_number_of_poses", "6_parameters",
+        "7_predicted_error",
+    ]  # fmt: skip
+    shown = {name: draw() for name, draw in done.figures.items()}
+    legend = shown["4_poses"].axes[0].get_legend_handles_labels()[1]
+    assert any(t.startswith("calibrate: 12") for t in legend) and "held out: 4" in legend
+    assert "synthetic" in shown["7_predicted_error"].axes[-1].get_ylabel()
+
+
+def test_poses_are_added_until_the_accuracy_is_reached():
+    first = solve(criteria={"accuracy_mm": 1.0})
+    again = solve(criteria={"accuracy_mm": 1.0})
+    assert again.values == first.values and again.files == first.files
+    wanted = 0.8e3 * first.values["predicted_error_m"]
+    done = solve(criteria={"accuracy_mm": wanted}, poses={**SMALL["poses"], "more": 6, "most": 30})
+    assert done.values["rounds"] == [12, 18, 24][: len(done.values["rounds"])] and done.values["poses"] > 12
+    assert done.values["approved"] and 1e3 * done.values["predicted_error_m"] <= wanted
+    never = solve(criteria={"accuracy_mm": 1e-3}, poses={**SMALL["poses"], "most": 14})
+    assert not never.values["approved"] and not never.checks["predicted_error_m"].passed
+    assert never.message.startswith("not approved with 14 poses: predicted_error_m; take more poses")
+
+
+def test_a_wire_alone_is_not_approved_and_with_known_guideways_it_is():
+    wire = {"kind": "distance", "at_m": [3.0, -3.0, 1.0]}
+    done = solve(device=wire, poses={**SMALL["poses"], "number": 30})
+    assert done.status is SolveStatus.SOLVED and not done.values["approved"]
+    assert (done.values["told"], done.values["parameters"]) == (18, 21)
+    assert "moves with what no pose tells" in done.message and done.values["predicted_error_m"] is None
+    assert None in done.values["parameter_std"].values()
+    held = solve(device=wire, fixed=["A"], poses={**SMALL["poses"], "number": 30}, simulation={"runs": 2},
+                 criteria={"accuracy_mm": 1.0})  # fmt: skip
+    assert held.values["approved"] and held.values["told"] == held.values["parameters"] == 12
+
+
+@pytest.mark.parametrize("method", ["D", "condition", "grid"])
+def test_methods_of_selection(method):
+    done = solve(poses={**SMALL["poses"], "number": 40, "method": method}, criteria={"accuracy_mm": 1.0})
+    assert done.values["approved"]
+    assert done.values["poses"] == 40 if method != "grid" else 20 < done.values["poses"] < 80
+
+
+@pytest.mark.parametrize(
+    ("device", "more", "worse"),
+    [
+        ({"kind": "camera", "at_m": [1.4, -5.0, 0.8], "looks_at_m": [1.4, -0.5, 0.8]}, {}, 10.0),
+        ({"kind": "plane", "normal": [0.0, 0.0, 1.0]}, {"free": ["L"]}, 0.1),
+    ],
+)
+def test_other_devices(device, more, worse):
+    tracked = solve(criteria={"accuracy_mm": 5.0}, **more).values["predicted_error_m"]
+    done = solve(device=device, criteria={"accuracy_mm": 5.0}, simulation={"runs": 2}, **more)
+    assert done.values["approved"] and done.values["predicted_error_m"] > worse * tracked
+    assert done.values["told"] == (3 if more else 21)
+
+
+def test_a_stop_keeps_what_is_done():
+    done = solve(Context(max_seconds=0.0))
+    assert done.status is SolveStatus.INTERRUPTED and list(done.values["stages"]) == ["workspace"]
+    assert list(done.figures) == ["1_workspace"]
+
+
+@pytest.mark.parametrize(
+    ("changes", "key", "sentence"),
+    [
+        ({"room": {"low_m": [9, 9, 9], "high_m": [10, 10, 10]}}, "room", "passes the stage 'workspace'"),
+        ({"room": {"low_m": [0, 0, 0], "high_m": [2, 0, 2]}}, "room.high_m", "must be less"),
+        ({"room": {"low_m": [0, 0, 0], "high_m": [2, 2, 2], "step_m": 0.001}}, "room.step_m", "points; take at least"),
+        ({"device": {"kind": "laser_tracker", "at_m": [1, -4, 1], "farthest_m": 1.0}}, "room", "stage 'device'"),
+        ({"device": {"kind": "camera", "at_m": [1, 1, 5], "looks_at_m": [1, 1, 0]}}, "device", "along its own 'up'"),
+        ({"device": {"kind": "plane", "normal": [0, 0, 0]}}, "device", "normal of the plane is zero"),
+        ({"poses": {"number": 12, "held_out": 5000}}, "poses.held_out", "5000 poses are to be held out"),
+        ({"poses": {"number": 5}}, "poses.number", "take at least 7"),
+        ({"poses": {"number": 5000, "held_out": 0}}, "poses.number", "5000 poses are asked for"),
+        ({"safety": {"cone_deg": 40.0}, "limits": {"cone_deg": 40.0}}, "safety.cone_deg", "nothing is left"),
+        ({"evaluation": {"low_m": [0, 0, 0], "high_m": [9, 9, 9]}}, "evaluation", "cannot reach"),
+        ({"robot": "f1"}, "robot", "must follow from T alone|links"),
+        ({"free": ["B"]}, "", "hold no parameter 'B'"),
+        ({"free": ["L"], "fixed": ["L"]}, "", "nothing is left free"),
+    ],
+)
+def test_wrong_input_gets_a_sentence(changes, key, sentence):
+    with pytest.raises(InputError, match=sentence) as found:
+        solve(**changes)
+    assert found.value.key == key
+
+
+def test_a_wrong_device_and_a_start_are_refused(tmp_path: Path):
+    (tmp_path / "p.toml").write_text(FILE.read_text().replace('"laser_tracker"', '"sextant"'))
+    with pytest.raises(InputError, match="device"):
+        load(tmp_path / "p.toml")
+    with pytest.raises(InputError, match="--start"):
+        solve(Context(start={}))
+
+
+def test_the_plan_explains_its_steps():
+    text = calibration_plan.explain(validate(calibration_plan.Schema, SMALL), Context())
+    for step in ("workspace:", "safety:", "device: range of the laser tracker", "12 to 60 poses by I, and 4 held out"):
+        assert step in text
