@@ -15,8 +15,9 @@ from ..results.status import Status
 if TYPE_CHECKING:
     from .causal import CausalFunction
 
-# a pivot below this fraction of its typical size means singular: values would carry errors of 1e-16/1e-9
-PIVOT_TOLERANCE = 1e-9
+# a pivot below this fraction of its typical size means singular. A pivot that is a root, as of a link at right angles
+# to its guideway, is known to the root of round-off only, 1e-8: below that no double can tell it from zero
+PIVOT_TOLERANCE = 1e-7
 # rows per mapped function: what a core keeps near; making one costs no more than some rows
 BLOCK = 512
 # rows that a small function takes in one call, and how many operations are few: a call costs as much as some forty
