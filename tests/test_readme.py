@@ -36,7 +36,7 @@ def test_demo_table_and_prose_hold_the_numbers_of_the_problem() -> None:
 def test_python_blocks_run_as_printed(capsys: pytest.CaptureFixture[str]) -> None:
     scope: dict[str, Any] = {}
     blocks = re.findall(r"```python\n(.*?)```", README, re.S)
-    assert len(blocks) == 3
+    assert len(blocks) == 4
     for block in blocks:
         exec(block, scope)
     assert scope["status"].name == "OK" and np.all(np.isfinite(scope["T"]))

@@ -8,11 +8,8 @@
 #include "gt_guard.h"
 #include "gt_status.h"
 
+#include <stddef.h>
 #include <stdint.h>
-
-#ifdef __cplusplus
-extern "C" {
-#endif
 
 /* Row n stands at n * step_ms; row by row, `columns` numbers each. */
 typedef struct gt_traj {
@@ -24,13 +21,39 @@ typedef struct gt_traj {
 
 /* The row at a time, linear between two rows, the last one behind the end. GT_OUT_OF_RANGE for an empty reference,
  * GT_NOT_FINITE for a number that is not finite; `row` is written only with GT_OK. */
-gt_status gt_traj_at(const gt_traj *traj, uint64_t time_ms, double *row);
+static inline gt_status gt_traj_at(const gt_traj *traj, uint64_t time_ms, double *row)
+{
+    const double *below;
+    const double *above;
+    double weight;
+    uint64_t n;
+    uint32_t k;
+
+    if ((traj->rows == NULL) || (traj->count == 0U) || (traj->step_ms == 0U)) {
+        return GT_OUT_OF_RANGE;
+    }
+    n = time_ms / traj->step_ms;
+    if (n >= (uint64_t)traj->count - 1U) {
+        n = (uint64_t)traj->count - 1U;
+        weight = 0.0;
+    } else {
+        weight = (double)(uint32_t)(time_ms % traj->step_ms) / (double)traj->step_ms;
+    }
+    below = &traj->rows[(size_t)n * traj->columns];
+    above = (weight > 0.0) ? &below[traj->columns] : below;
+    if (!gt_all_finite(below, (int)traj->columns) || !gt_all_finite(above, (int)traj->columns)) {
+        return GT_NOT_FINITE;
+    }
+    for (k = 0U; k < traj->columns; k++) {
+        row[k] = (weight > 0.0) ? (below[k] + (weight * (above[k] - below[k]))) : below[k];
+    }
+    return GT_OK;
+}
 
 /* When the last row stands [ms]; 0 for an empty reference. */
-uint64_t gt_traj_end_ms(const gt_traj *traj);
-
-#ifdef __cplusplus
+static inline uint64_t gt_traj_end_ms(const gt_traj *traj)
+{
+    return (traj->count == 0U) ? 0U : ((uint64_t)(traj->count - 1U) * traj->step_ms);
 }
-#endif
 
 #endif

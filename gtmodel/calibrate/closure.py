@@ -19,7 +19,9 @@ class Closure:
 
     `labels` per row: the component that wrote it, such as "arm[0].rod", with the equation's number where it wrote
     several. `touched`: indices in flat.parameters of what the rows hold. `unit`: known or latent quaternions, of which
-    an equation says that their length is 1.
+    an equation says that their length is 1. `lengths` (m,): residuals with a == b^2 taken as sqrt(a) - b where b is a
+    parameter or a variable that a branch declares positive: of rods and struts, the distance of their joints less
+    their length [m].
     """
 
     flat: FlatModel
@@ -27,14 +29,10 @@ class Closure:
     latent: tuple[str, ...]
     symbols: dict[str, ca.SX]
     residuals: ca.SX
+    lengths: ca.SX
     labels: tuple[str, ...]
     touched: tuple[int, ...]
     unit: tuple[str, ...] = ()
-
-    @property
-    def lengths(self) -> ca.SX:
-        """Residuals with a == b^2 taken as sqrt(a) - b: of a rod, its distance of joints less its length [m]."""
-        return ca.vertcat(*[_rooted(r) for r in ca.vertsplit(self.residuals)])
 
 
 def closure_equations(flat: FlatModel, known: Sequence[str], latent: Sequence[str] = ()) -> Closure:
@@ -55,29 +53,31 @@ def closure_equations(flat: FlatModel, known: Sequence[str], latent: Sequence[st
     level = [e for e in alias.equations if _position(flat, e)]
     order, rest = _propagated(flat, level, set(given))
     closing = [e for e, unknown in rest if not unknown]
-    results = [e.residual for e in closing]
+    parameters = {q.symbol.element_hash(): k for k, q in enumerate(flat.parameters)}
+    positive = set(parameters) | _declared_positive(flat, alias)
+    results = [e.residual for e in closing] + [_rooted(e.residual, positive) for e in closing]
     if order:
         _, results = ca.substitute_inplace([s for s, _ in order], [v for _, v in order], results)
     hidden = {flat.scope.symbol(i, 0).element_hash() for n in latent for i in groups[n]}
-    parameters = {q.symbol.element_hash(): k for k, q in enumerate(flat.parameters)}
-    rows: list[tuple[FlatEquation, ca.SX]] = []
+    rows: list[tuple[FlatEquation, ca.SX, ca.SX]] = []
     touched: set[int] = set()
     four = {frozenset(flat.scope.symbol(i, 0).element_hash() for i in g): n for n, g in groups.items() if len(g) == 4}
     unit: list[str] = []
-    for e, r in zip(closing, results, strict=True):
+    for e, r, length in zip(closing, results, results[len(closing) :], strict=False):
         inside = {s.element_hash() for s in ca.symvar(r)}
         held = {parameters[h] for h in inside if h in parameters}
         if not held and frozenset(inside) in four:
             unit.append(four[frozenset(inside)])
         elif held or inside & hidden:
-            rows.append((e, r))
+            rows.append((e, r, length))
             touched |= held
     if not touched or _overdetermined(rest):
         raise ModelError(_nothing_closes(flat, known, alias, rest))
     return Closure(
         flat, tuple(known), tuple(latent),
         {n: ca.vertcat(*[flat.scope.symbol(i, 0) for i in indices]) for n, indices in groups.items()},
-        ca.vertcat(*[r for _, r in rows]), _labels(flat, [e for e, _ in rows]), tuple(sorted(touched)), tuple(unit),
+        ca.vertcat(*[r for _, r, _ in rows]), ca.vertcat(*[length for *_, length in rows]),
+        _labels(flat, [e for e, *_ in rows]), tuple(sorted(touched)), tuple(unit),
     )  # fmt: skip
 
 
@@ -152,17 +152,25 @@ def _overdetermined(rest: list[tuple[FlatEquation, set[int]]]) -> set[int]:
     return {j for row in over for j in left[row]}
 
 
-def _rooted(r: ca.SX) -> ca.SX:
-    """sqrt(a) - b for a residual a - b^2, in either order; the residual itself otherwise."""
+def _declared_positive(flat: FlatModel, alias: AliasResult) -> set[int]:
+    """Variables that are branches by themselves, as the length of a strut is."""
+    index = {flat.scope.symbol(i, 0).element_hash(): i for _, group in flat.groups.values() for i in group}
+    leaves = [index.get(b.expression.element_hash()) for b in flat.branches if b.expression.is_symbolic()]
+    kept = [alias.resolve(i, 0) for i in leaves if i is not None]
+    return {flat.scope.symbol(i, 0).element_hash() for sign, i, order in kept if sign > 0 and not order}
+
+
+def _rooted(r: ca.SX, positive: set[int]) -> ca.SX:
+    """sqrt(a) - b for a residual a - b^2 with b positive, in either order; the residual itself otherwise."""
     if r.is_leaf() or r.op() != ca.OP_SUB:
         return r
     first, second = r.dep(0), r.dep(1)
-    if _square(second):
+    if _square(second, positive):
         return ca.sqrt(first) - second.dep(0)
-    if _square(first):
+    if _square(first, positive):
         return ca.sqrt(second) - first.dep(0)
     return r
 
 
-def _square(e: ca.SX) -> bool:
-    return not e.is_leaf() and e.op() == ca.OP_SQ and e.dep(0).is_symbolic()
+def _square(e: ca.SX, positive: set[int]) -> bool:
+    return not e.is_leaf() and e.op() == ca.OP_SQ and e.dep(0).element_hash() in positive

@@ -10,7 +10,7 @@ import casadi as ca
 
 from ..compiler.causal import CausalFunction
 from .errors import GenerationError
-from .interface import Interface
+from .interface import Interface, macro
 from .text import comment
 
 _EXPORTED = re.compile(r"^CASADI_SYMBOL_EXPORT [^\n]*?(\w+)\([^\n]*\{(?:[^\n]*\}\n|.*?^\}\n)\n?", re.M | re.S)
@@ -26,28 +26,34 @@ _INLINE = {
     )
     for name, order in (("fmin", "<="), ("fmax", ">="))
 }
+# every place is given by our own calls: CasADi's question at each number, whether it is, costs two instructions
+_ASKED = (
+    (re.compile(r"\bif \(res\[\d+\]!=0\) (?=res\[)"), ""),
+    (re.compile(r"\barg\[(\d+)\]\? (arg\[\1\]\[\d+\]) : 0;"), r"\2;"),
+)
 _ABOUT_HEADER = (
     "Generated bodies without guards: call the functions of gt_{name}.h instead. "
-    "SZ_*: how many pointers, integers and doubles of scratch a body takes."
+    "No pointer may be NULL. SZ_*: how many pointers, integers and doubles of scratch a body takes."
 )
 SIZES = ("SZ_ARG", "SZ_RES", "SZ_IW", "SZ_W")
 
 
-def casadi_function(face: Interface) -> ca.Function:
-    """The function of `face` under its C name, instruction by instruction as Python evaluates it.
+def casadi_functions(face: Interface) -> list[ca.Function]:
+    """The functions of `face` under their C names, instruction by instruction as Python evaluates them.
 
-    It is built again, not called: a call would simplify, and might round differently. Raises GenerationError
+    They are built again, not called: a call would simplify, and might round differently. Raises GenerationError
     if an output is not dense.
     """
-    f = face.function
-    if f.plan.newton:
-        unknowns = "; ".join(", ".join(b.labels) for b in f.plan.newton)
-        raise GenerationError(
-            f"the function '{face.key}' iterates (Newton in {unknowns}); C is generated for closed forms only"
-        )
-    built = CausalFunction(f.plan, f.inputs, f.outputs, face.body).casadi
-    if built.name() != face.body or not all(built.sparsity_out(n).is_dense() for n in range(built.n_out())):
-        raise GenerationError(f"the function '{face.key}' has a sparse output or no C name; this is a gtmodel error")
+    if face.stages is None:
+        f = face.function
+        built = [CausalFunction(f.plan, f.inputs, f.outputs, face.body).casadi]
+    else:
+        built = [g for stage in face.newton for g in (stage.prepare, stage.kernel)] + [face.stages.body]
+    for name, g in zip(face.bodies, built, strict=True):
+        if g.name() != name or not all(g.sparsity_out(n).is_dense() for n in range(g.n_out())):
+            raise GenerationError(
+                f"the function '{face.key}' has a sparse output or no C name; this is a gtmodel error"
+            )
     return built
 
 
@@ -56,16 +62,19 @@ def body(name: str, faces: list[Interface]) -> tuple[str, str]:
     prefix = f"gt_{name}_body"
     generator = ca.CodeGenerator(f"{prefix}.c", {"with_header": True, "prefix": prefix})
     for face in faces:
-        generator.add(casadi_function(face))
+        for function in casadi_functions(face):
+            generator.add(function)
     with tempfile.TemporaryDirectory() as folder:
         source = Path(generator.generate(f"{folder}/"))
         text, declarations = source.read_text(), source.with_suffix(".h").read_text()
     if "#error" in text:
         raise GenerationError("CasADi cannot write C for one of the functions: its text holds an #error line")
-    return _source(text, prefix, {face.body for face in faces}), _header(declarations, name, faces)
+    return trimmed(text, prefix, {symbol for face in faces for symbol in face.bodies}), _header(
+        declarations, name, faces
+    )
 
 
-def _source(text: str, prefix: str, wanted: set[str]) -> str:
+def trimmed(text: str, prefix: str, wanted: set[str]) -> str:
     """CasADi's text without the functions that describe themselves at run time, and including our headers."""
     text = _EXPORTED.sub(lambda m: m[0] if m[1] in wanted else "", text)
     text = text.replace("/* Configuration this file was compiled with */\n", "")
@@ -80,6 +89,8 @@ def _source(text: str, prefix: str, wanted: set[str]) -> str:
         text, found = definition.subn(inline, text)
         if found != (f" casadi_{name}(" in text):
             raise GenerationError(f"CasADi {ca.CasadiMeta.version()} writes {name} in a form that is not known")
+    for asked, direct in _ASKED:
+        text = asked.sub(direct, text)
     text = _HELPER.sub("static inline casadi_real ", text)
     lines = [line.rstrip() for line in text.splitlines()]
     return re.sub(r"\n{3,}", "\n\n", "\n".join(lines)).strip("\n") + "\n"
@@ -91,12 +102,12 @@ def _header(declarations: str, name: str, faces: list[Interface]) -> str:
         comment([_ABOUT_HEADER.format(name=name)]),
         f'#ifndef {guard}\n#define {guard}\n\n#ifdef __cplusplus\nextern "C" {{\n#endif\n\n',
     ]
-    for face in faces:
+    for symbol in [symbol for face in faces for symbol in face.bodies]:
         for size in SIZES:
-            number = re.search(rf"^#define {face.body}_{size} (\d+)$", declarations, re.M)
+            number = re.search(rf"^#define {symbol}_{size} (\d+)$", declarations, re.M)
             if number is None:
-                raise GenerationError(f"CasADi {ca.CasadiMeta.version()} does not state {size} of '{face.key}'")
-            parts.append(f"#define {face.macro}_{size} {number[1]}\n")
-        parts.append(f"int {face.body}(const double **arg, double **res, long long int *iw, double *w, int mem);\n\n")
+                raise GenerationError(f"CasADi {ca.CasadiMeta.version()} does not state {size} of '{symbol}'")
+            parts.append(f"#define {macro(symbol)}_{size} {number[1]}\n")
+        parts.append(f"int {symbol}(const double **arg, double **res, long long int *iw, double *w, int mem);\n\n")
     parts.append("#ifdef __cplusplus\n}\n#endif\n\n#endif\n")
     return "".join(parts)

@@ -12,6 +12,8 @@ from .interface import Interface
 from .points import HELD, awkward, draw, evaluate
 from .report import Check, at_least, at_most
 
+MARKS = 3  # doubles behind the unknowns in the state of a function with Newton blocks
+
 
 @dataclass(frozen=True)
 class Comparison:
@@ -24,8 +26,8 @@ class Comparison:
 
 def compare(library: ctypes.CDLL, face: Interface, points: int, seed: int) -> Comparison:
     """Compare at random and at awkward points, then with NaN and infinity in every input."""
-    inputs = np.concatenate([draw(face.function, points, seed), awkward(face.function)])
-    expected, wanted = evaluate(face.function, inputs)
+    inputs = np.concatenate([draw(face, points, seed), awkward(face)])
+    expected, wanted = evaluate(face, inputs)
     outputs, status = call(library, face, inputs)
     ok = (wanted == Status.OK) & (status == Status.OK)
     different = np.any(outputs.view(np.int64) != expected.view(np.int64), axis=1) & ok
@@ -47,17 +49,27 @@ def compare(library: ctypes.CDLL, face: Interface, points: int, seed: int) -> Co
 
 
 def call(library: ctypes.CDLL, face: Interface, inputs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Outputs (rows, m), HELD where none were written, and statuses (rows,) of the C function."""
+    """Outputs (rows, m), HELD where none were written, and statuses (rows,) of the C function.
+
+    Behind the inputs stands the state to start from, behind the outputs the new one, HELD where it is the old one
+    after a call that failed.
+    """
     function = library[face.symbol]
-    function.argtypes = [ctypes.c_void_p, ctypes.c_void_p]
+    function.argtypes = [ctypes.c_void_p] * (3 if face.newton else 2)
     function.restype = ctypes.c_int
     rows = len(inputs)
     given = np.zeros((rows, max(1, face.input_size)))
-    given[:, : face.input_size] = inputs
+    given[:, : face.input_size] = inputs[:, : face.input_size]
     outputs = np.full((rows, face.output_size), HELD)
-    a, b = given.ctypes.data, outputs.ctypes.data
-    status = [function(a + n * given.strides[0], b + n * outputs.strides[0]) for n in range(rows)]
-    return outputs, np.array(status, dtype=int)
+    start = inputs[:, face.input_size :]
+    state = np.column_stack([start, np.zeros((rows, MARKS))]) if face.newton else np.zeros((rows, 0))
+    places = [state, given, outputs] if face.newton else [given, outputs]
+    status = np.zeros(rows, dtype=int)
+    for n in range(rows):
+        status[n] = function(*[place.ctypes.data + n * place.strides[0] for place in places])
+    after = state[:, : start.shape[1]].copy()
+    after[(after.view(np.int64) == np.ascontiguousarray(start).view(np.int64)) & (status != Status.OK)[:, None]] = HELD
+    return np.column_stack([outputs, after]), status
 
 
 def _not_finite(library: ctypes.CDLL, face: Interface, good: np.ndarray) -> tuple[int, int, int]:

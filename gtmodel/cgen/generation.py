@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -23,6 +23,8 @@ from .vectors import selftest
 from .wrapper import wrapper
 
 RUNTIME = ("gt_compare.h", "gt_float.h", "gt_guard.h")
+NEWTON = "gt_newton.h"
+TRAJECTORY = "gt_traj.h"
 STATUS = "gt_status.h"
 _MAIN = "gt_model_main.c"
 
@@ -50,6 +52,7 @@ def generate(
     overwrite: bool = False,
     provenance: Mapping[str, str] | None = None,
     problem: Mapping[str, Any] | None = None,
+    along: Collection[str] = (),
 ) -> Generated:
     """Write a folder of C99 that compiles as delivered: `cc *.c -lm`.
 
@@ -59,12 +62,13 @@ def generate(
         name: of the whole, part of every file name and symbol: several folders link into one program.
         overwrite: replace also files of ours that were changed by hand.
         provenance: what header and manifest say about the origin, e.g. robot, problem file and its hash.
+        along: names of functions that get a second face, `gt_<name>_<function>_at`, along a sampled reference.
         problem: the whole problem as JSON data, for the manifest: other tools rebuild the model from it.
 
     Raises GenerationError for a name that is no C identifier or is taken, and for a folder that is not ours;
     ModelError for a parameter without a value.
     """
-    faces = interfaces(functions, name)
+    faces = interfaces(functions, name, along)
     texts = contents(faces, name, dict(provenance or {}))
     hashes = _hashes(faces, texts[f"gt_{name}_body.c"])
     write(Path(out), texts, manifest(name, faces, provenance or {}, texts, hashes, problem or {}), overwrite)
@@ -74,12 +78,14 @@ def generate(
 def contents(faces: list[Interface], name: str, provenance: Mapping[str, str]) -> dict[str, str]:
     """Text of every file but the manifest, by file name."""
     own = f"gt_{name}"
-    if f"{own}.h".lower() in (*RUNTIME, STATUS):
+    if f"{own}.h".lower() in (*RUNTIME, NEWTON, TRAJECTORY, STATUS):
         raise GenerationError(f"'{name}' cannot name the generated code: {own}.h belongs to the runtime")
     source, declarations = body(name, faces)
     about = [f"gtmodel {gtmodel_version()}, CasADi {ca.CasadiMeta.version()}."]
     about += [f"{key}: {value}" for key, value in provenance.items()]
     runtime = codegen_dir() / "runtime"
+    newton = (NEWTON,) if any(face.newton for face in faces) else ()
+    shared = (*RUNTIME, *newton, *((TRAJECTORY,) if any(face.along for face in faces) else ()))
     main = (runtime / _MAIN).read_text(encoding="utf-8").replace("gt_model", own)
     return {
         f"{own}.h": header(name, faces, about, _hashes(faces, source)),
@@ -88,7 +94,7 @@ def contents(faces: list[Interface], name: str, provenance: Mapping[str, str]) -
         f"{own}_body.c": source,
         f"{own}_selftest.c": selftest(name, faces),
         f"{own}_main.c": main,
-        **{file: (runtime / file).read_text(encoding="utf-8") for file in RUNTIME},
+        **{file: (runtime / file).read_text(encoding="utf-8") for file in shared},
         STATUS: status_header(),
         "Makefile": makefile(name),
         "README.md": readme(name, faces),

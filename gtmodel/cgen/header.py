@@ -6,21 +6,30 @@ from ..compiler.blocks import Root
 from ..compiler.causal import CausalFunction
 from .interface import Interface, Member
 from .text import comment
+from .wrapper import prototype, prototype_along
 
 _CONVENTIONS = (
     "Every number is in SI units; a member's name ends in its unit. Matrices are stored row by row. A function "
     "writes its outputs only when it returns GT_OK; otherwise they keep their last values. Functions hold no state "
-    "and may be called from several threads at once. Pointers must not be NULL."
+    "of their own and may be called from several threads at once. Pointers must not be NULL."
+)
+
+_ALONG = (
+    "The same along a sampled reference with the columns {columns}: linear between its rows, the last one behind its "
+    "end. GT_OUT_OF_RANGE for a reference without rows or with another number of columns."
 )
 
 
 def header(name: str, faces: list[Interface], about: list[str], hashes: dict[str, str]) -> str:
     """Text of the public header; `about` opens it, `hashes` become string macros."""
     guard = f"GT_{name.upper()}_H"
+    newton = '#include "gt_newton.h"\n' if any(face.newton for face in faces) else ""
+    trajectory = '#include "gt_traj.h"\n' if any(face.along for face in faces) else ""
     parts = [
         comment([f"gt_{name}: functions made from the equations of a model.", "", *about, "", _CONVENTIONS]),
         f"#ifndef {guard}\n#define {guard}\n\n",
-        '#include "gt_status.h"\n\n',
+        newton,
+        f'#include "gt_status.h"\n{trajectory}\n',
         '#ifdef __cplusplus\nextern "C" {\n#endif\n\n',
         comment(["What this code was made from, for logs; manifest.json holds the same."]),
         *[f'#define GT_{name.upper()}_{key.upper()} "{value}"\n' for key, value in hashes.items()],
@@ -39,12 +48,34 @@ def _declarations(face: Interface) -> str:
     symbol = face.symbol
     inputs = ", ".join(m.signal for m in face.inputs) or "nothing"
     title = f"{face.key}: {', '.join(m.signal for m in face.outputs)} from {inputs}."
+    about = [title, *conditions(face.function)]
+    state = []
+    if face.newton:
+        about += [
+            "- Newton from the state's last solution, which it must be near: GT_NOT_CONVERGED where it is not",
+            "- GT_SINGULAR where a pivot of Newton vanishes",
+        ]
+        state = [
+            comment(["The last solution, yours to keep; with every other status than GT_OK it stays."]),
+            _struct(
+                f"{symbol}_state",
+                face.state,
+                "    gt_newton_marks marks; /* how far the last call was from its limits */\n",
+            ),
+            comment(["Puts a state to the home pose. A robot elsewhere: write its pose into the state."]),
+            f"void {symbol}_start({symbol}_state *state);\n\n",
+        ]
     return "".join(
         [
-            comment([title, *conditions(face.function)]),
+            comment(about),
             _struct(f"{symbol}_in", face.inputs),
             _struct(f"{symbol}_out", face.outputs),
-            f"gt_status {symbol}(const {symbol}_in *in, {symbol}_out *out);\n\n",
+            *state,
+            f"{prototype(face)};\n\n",
+            comment([_ALONG.format(columns=", ".join(f"{m.signal} ({m.size})" for m in face.inputs))])
+            + f"{prototype_along(face)};\n\n"
+            if face.along
+            else "",
         ]
     )
 
@@ -66,10 +97,10 @@ def _chosen(root: Root) -> str:
     return f"{sign}: branch {root.told_by}" if root.told_by else sign
 
 
-def _struct(name: str, members: tuple[Member, ...]) -> str:
+def _struct(name: str, members: tuple[Member, ...], last: str = "") -> str:
     rows = [f"    {m.declaration} {comment([_describe(m)]).rstrip()}\n" for m in members]
     rows = rows or ["    double unused; /* C knows no empty struct */\n"]
-    return f"typedef struct {name} {{\n{''.join(rows)}}} {name};\n\n"
+    return f"typedef struct {name} {{\n{''.join(rows)}{last}}} {name};\n\n"
 
 
 def _describe(m: Member) -> str:

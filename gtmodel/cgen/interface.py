@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 
 from ..compiler.causal import CausalFunction, Signal, c_name
 from .errors import GenerationError
+from .newton_stages import NewtonStage, Stages, stages
 
 _IDENTIFIER = re.compile(r"[A-Za-z][A-Za-z0-9]*(_[A-Za-z0-9]+)*")
 _UNITLESS = {"", "1", "?"}
@@ -47,13 +48,20 @@ class Member:
 
 @dataclass(frozen=True)
 class Interface:
-    """A causal function under the C name `symbol`, with typed inputs and outputs."""
+    """A causal function under the C name `symbol`, with typed inputs and outputs.
+
+    `along`: it is also offered along a sampled reference. A function with Newton blocks has `stages`, and a `state` of
+    its last solution that the caller owns.
+    """
 
     key: str
     symbol: str
     function: CausalFunction
     inputs: tuple[Member, ...]
     outputs: tuple[Member, ...]
+    stages: Stages | None = None
+    state: tuple[Member, ...] = ()
+    along: bool = False
 
     @property
     def body(self) -> str:
@@ -63,7 +71,23 @@ class Interface:
     @property
     def macro(self) -> str:
         """Prefix of the macros of this function."""
-        return self.symbol.upper()
+        return macro(self.body)
+
+    @property
+    def newton(self) -> tuple[NewtonStage, ...]:
+        """The Newton blocks; none of a closed form."""
+        return self.stages.newton if self.stages else ()
+
+    @property
+    def bodies(self) -> list[str]:
+        """C names of all that is generated for this function."""
+        parts = [f"{self.symbol}_{part}{k}" for k in range(len(self.newton)) for part in ("prepare", "kernel")]
+        return [*parts, self.body]
+
+    @property
+    def state_size(self) -> int:
+        """How many unknowns of Newton blocks there are."""
+        return sum(m.size for m in self.state)
 
     @property
     def input_size(self) -> int:
@@ -76,12 +100,15 @@ class Interface:
         return sum(m.size for m in self.outputs)
 
 
-def interfaces(functions: Mapping[str, CausalFunction], name: str) -> list[Interface]:
-    """C faces of the functions, in their order.
+def interfaces(functions: Mapping[str, CausalFunction], name: str, along: Collection[str] = ()) -> list[Interface]:
+    """C faces of the functions, in their order; those named in `along` also along a sampled reference.
 
     Raises GenerationError for a name that is no identifier, and for two names that meet in C.
     """
     check_identifier(name, "the name of the generated code")
+    unknown = [key for key in along if key not in functions]
+    if unknown:
+        raise GenerationError(f"there is no function '{unknown[0]}' to offer along a reference")
     if not functions:
         raise GenerationError("there is no function to generate; give at least one")
     result = []
@@ -91,9 +118,24 @@ def interfaces(functions: Mapping[str, CausalFunction], name: str) -> list[Inter
         if function.plan.uses_time:
             inputs.append((Signal("time", (), "s", ()), "time", "", ""))
         outputs = [_record(function, s) for s in function.outputs]
-        result.append(Interface(key, f"gt_{name}_{key}", function, _members(inputs), _members(outputs)))
+        symbol = f"gt_{name}_{key}"
+        cut = stages(function, symbol) if function.plan.newton else None
+        unknowns = [_record(function, s) for block in cut.newton for s in block.unknowns] if cut else []
+        face = Interface(
+            key, symbol, function, _members(inputs), _members(outputs), cut, _members(unknowns), key in along
+        )
+        if face.along and (face.newton or function.plan.uses_time or not inputs):
+            raise GenerationError(
+                f"'{key}' cannot be offered along a reference: that takes a closed form of inputs without time"
+            )
+        result.append(face)
     _check_distinct(result, name)
     return result
+
+
+def macro(symbol: str) -> str:
+    """Prefix of the macros of a body."""
+    return symbol.removesuffix("_body").upper()
 
 
 def check_identifier(name: str, what: str) -> None:
@@ -141,7 +183,9 @@ def _ascii(text: str) -> str:
 def _check_distinct(faces: list[Interface], name: str) -> None:
     taken = {f"gt_{name}_{own}".lower(): "the self-test" for own in ("selftest", "selftest_difference")}
     for face in faces:
-        for symbol in (face.symbol, face.body, f"{face.symbol}_in", f"{face.symbol}_out"):
+        state = (f"{face.symbol}_state", f"{face.symbol}_start") if face.newton else ()
+        state += (f"{face.symbol}_at",) if face.along else ()
+        for symbol in (face.symbol, *face.bodies, f"{face.symbol}_in", f"{face.symbol}_out", *state):
             # macros are written in capitals
             if symbol.lower() in taken:
                 other = taken[symbol.lower()]

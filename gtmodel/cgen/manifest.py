@@ -50,12 +50,13 @@ def parameters_hash(faces: list[Interface]) -> str:
 
 def interface_entry(face: Interface) -> dict[str, Any]:
     """What a caller of one function must know."""
-    return {
+    entry = {
         "name": face.key,
         "symbol": face.symbol,
         "inputs": [_member(m) for m in face.inputs],
         "outputs": [_member(m) for m in face.outputs],
     }
+    return {**entry, "state": [_member(m) for m in face.state]} if face.newton else entry
 
 
 def manifest(
@@ -76,7 +77,8 @@ def manifest(
             of_flat[id(flat)] = len(models)
             models.append({"title": flat.title, "parameters": parameters(face.function)})
         margins = [{"kind": m.kind, "label": m.label, "scale": m.scale} for m in face.function.margins]
-        functions.append({**interface_entry(face), "model": of_flat[id(flat)], "margins": margins})
+        offered: dict[str, Any] = {"along": f"{face.symbol}_at"} if face.along else {}
+        functions.append({**interface_entry(face), **offered, "model": of_flat[id(flat)], "margins": margins})
     return {
         "format": FORMAT,
         "name": name,

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from ..results.status import Status
-from .interface import Interface, Member
+from .interface import Interface
 from .points import draw, evaluate
+from .wrapper import elements
 
 _README = """\
 # gt_{name}
@@ -39,10 +40,10 @@ int main(void)
 {{
     {symbol}_in in{initial};
     {symbol}_out out;
-    gt_status status;
+{state}    gt_status status;
 
-{fill}
-    status = {symbol}(&in, &out);
+{start}{fill}
+    status = {symbol}({given}&in, &out);
     if (status != GT_OK) {{
         (void)printf("%s\\n", gt_status_sentence(status));
         return 1;
@@ -60,7 +61,7 @@ with every other status they keep what they held.
 {statuses}
 
 Compare the status with `GT_OK` before using a value. Functions may be called from several threads at once.
-
+{newton}
 ## Files
 
 `gt_{name}.h` what you include · `gt_{name}.c` guards · `gt_{name}_body.c` equations · `gt_{name}_selftest.c` stored
@@ -69,6 +70,13 @@ generated folders · `manifest.json` functions, units, parameters and hashes.
 
 Do not edit: change the model and generate again. `gtmodel codegen PROBLEM.toml -o DIR --check`
 compares with Python.
+"""
+
+_NEWTON = """
+A function without a closed form takes a `_state` too: its last solution, from which Newton goes four steps. It follows
+the robot from cycle to cycle; `_start` puts it to the home pose, and for a robot that stands elsewhere you write the
+pose into it or lead the inputs there in small steps. `GT_NOT_CONVERGED` says that the inputs went too far in one call;
+the state then stays. One state per caller; two states never meet. `state.marks` tells how near the limits a call was.
 """
 
 _MAKEFILE = """\
@@ -112,6 +120,10 @@ def readme(name: str, faces: list[Interface]) -> str:
         symbol=face.symbol,
         initial="" if face.inputs else " = {0.0}",
         fill="\n".join(_fill(face)),
+        state=f"    {face.symbol}_state state;\n" if face.newton else "",
+        start=f"    {face.symbol}_start(&state);\n" if face.newton else "",
+        given="&state, " if face.newton else "",
+        newton=_NEWTON if any(f.newton for f in faces) else "",
         output=f"{first.identifier}[0]" if first.is_array else first.identifier,
         statuses="\n".join(f"| `{s.c_name}` | {int(s)} | {s.sentence} |" for s in Status),
     )
@@ -127,17 +139,15 @@ def _fill(face: Interface) -> list[str]:
     row = iter(_example(face))
     lines = []
     for m in face.inputs:
-        lines += [f"    in.{target} = {next(row)!r};" for target in _elements(m)]
+        lines += [f"    {target} = {next(row)!r};" for target in elements(m, "in.")]
     return lines
 
 
-def _elements(m: Member) -> list[str]:
-    return [f"{m.identifier}[{k}]" for k in range(m.size)] if m.is_array else [m.identifier]
-
-
 def _example(face: Interface) -> list[float]:
-    values = draw(face.function, 100, seed=1)
+    values = draw(face, 100, seed=1)
     short = np.array([[float(f"{x:.3g}") for x in row] for row in values.tolist()]).reshape(values.shape)
-    _, status = evaluate(face.function, short)
+    if face.newton:
+        short[:, face.input_size :] = [x for stage in face.newton for x in stage.home]
+    _, status = evaluate(face, short)
     good = np.flatnonzero(status == Status.OK)
     return short[int(good[0]) if len(good) else 0].tolist()

@@ -8,6 +8,7 @@ from ..results.status import Status
 from .interface import Interface, Member
 from .points import HELD, awkward, draw, evaluate
 from .text import comment, hexadecimal
+from .wrapper import elements
 
 CANDIDATES = 400
 GOOD, BAD = 12, 3  # vectors of each function with GT_OK, and with each other status that turns up
@@ -15,8 +16,8 @@ GOOD, BAD = 12, 3  # vectors of each function with GT_OK, and with each other st
 
 def vectors(face: Interface) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Chosen inputs (rows, n), outputs (rows, m) and statuses (rows,), a NaN and an infinity among them."""
-    inputs = np.concatenate([draw(face.function, CANDIDATES, seed=0), awkward(face.function)])
-    _, status = evaluate(face.function, inputs)
+    inputs = np.concatenate([draw(face, CANDIDATES, seed=0), awkward(face)])
+    _, status = evaluate(face, inputs)
     chosen: list[int] = []
     for code in Status:
         chosen += np.flatnonzero(status == code)[: GOOD if code == Status.OK else BAD].tolist()
@@ -25,7 +26,7 @@ def vectors(face: Interface) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         bad = np.repeat(inputs[:1], 2, axis=0)
         bad[0, 0], bad[1, -1] = np.nan, np.inf
         inputs = np.concatenate([inputs, bad])
-    outputs, status = evaluate(face.function, inputs)
+    outputs, status = evaluate(face, inputs)
     return inputs, outputs, status
 
 
@@ -49,14 +50,16 @@ def selftest(name: str, faces: list[Interface]) -> str:
 def _tables(face: Interface) -> str:
     inputs, outputs, status = vectors(face)
     held = [
-        list(map(hexadecimal, row)) if s == Status.OK else ["GT_HELD"] * len(row)
-        for row, s in zip(outputs.tolist(), status.tolist(), strict=True)
+        list(map(hexadecimal, row))
+        if s == Status.OK
+        else ["GT_HELD"] * face.output_size + list(map(hexadecimal, start[face.input_size :]))
+        for row, start, s in zip(outputs.tolist(), inputs.tolist(), status.tolist(), strict=True)
     ]
     given = [list(map(hexadecimal, row)) for row in inputs.tolist()]
     codes = ", ".join(Status(int(s)).c_name for s in status)
     n = len(status)
     tables = [
-        _table(f"{face.key}_inputs[{n}][{inputs.shape[1]}]", given) if face.inputs else "",
+        _table(f"{face.key}_inputs[{n}][{inputs.shape[1]}]", given) if inputs.shape[1] else "",
         _table(f"{face.key}_outputs[{n}][{outputs.shape[1]}]", held),
         f"static const gt_status {face.key}_status[{n}] = {{{codes}}};\n\n",
     ]
@@ -75,36 +78,35 @@ def _comparison(face: Interface) -> str:
         f"static int {key}_failures(double *worst)\n{{\n",
         f"    const int rows = {rows};\n    int failures = 0;\n    int row;\n\n",
         "    for (row = 0; row < rows; row++) {\n",
-        f"        {symbol}_in in;\n        {symbol}_out out;\n        int good;\n\n",
+        f"        {symbol}_in in;\n        {symbol}_out out;\n",
+        f"        {symbol}_state state;\n" if face.newton else "",
+        "        int good;\n\n",
+        f"        {symbol}_start(&state);\n" if face.newton else "",
         *([] if face.inputs else ["        in.unused = 0.0;\n"]),
         *_fill(face.inputs, "in.", f"{key}_inputs"),
-        *_hold(face.outputs),
-        f"        good = ({symbol}(&in, &out) == {key}_status[row]) ? 1 : 0;\n",
-        *_compare(face.outputs, f"{key}_outputs"),
+        *_fill(face.state, "state.", f"{key}_inputs", face.input_size),
+        *[f"        {number} = GT_HELD;\n" for m in face.outputs for number in elements(m, "out.")],
+        f"        good = ({symbol}({'&state, ' if face.newton else ''}&in, &out) == {key}_status[row]) ? 1 : 0;\n",
+        *_compare(face.outputs, "out.", f"{key}_outputs"),
+        *_compare(face.state, "state.", f"{key}_outputs", face.output_size),
         "        failures += (good != 0) ? 0 : 1;\n    }\n    return failures;\n}\n\n",
     ]
     return "".join(lines)
 
 
-def _fill(members: tuple[Member, ...], struct: str, table: str) -> list[str]:
-    return [f"        gt_copy({m.address(struct)}, &{table}[row][{k}], {m.size});\n" for k, m in _offsets(members)]
-
-
-def _hold(members: tuple[Member, ...]) -> list[str]:
-    lines = []
-    for m in members:
-        names = [f"out.{m.identifier}[{k}]" for k in range(m.size)] if m.is_array else [f"out.{m.identifier}"]
-        lines += [f"        {name} = GT_HELD;\n" for name in names]
-    return lines
-
-
-def _compare(members: tuple[Member, ...], table: str) -> list[str]:
+def _fill(members: tuple[Member, ...], struct: str, table: str, first: int = 0) -> list[str]:
     return [
-        f"        good &= gt_all_equal({m.address('out.')}, &{table}[row][{k}], {m.size}, worst);\n"
-        for k, m in _offsets(members)
+        f"        gt_copy({m.address(struct)}, &{table}[row][{k}], {m.size});\n" for k, m in _offsets(members, first)
     ]
 
 
-def _offsets(members: tuple[Member, ...]) -> list[tuple[int, Member]]:
-    starts = np.cumsum([0, *[m.size for m in members]])[:-1]
+def _compare(members: tuple[Member, ...], struct: str, table: str, first: int = 0) -> list[str]:
+    return [
+        f"        good &= gt_all_equal({m.address(struct)}, &{table}[row][{k}], {m.size}, worst);\n"
+        for k, m in _offsets(members, first)
+    ]
+
+
+def _offsets(members: tuple[Member, ...], first: int) -> list[tuple[int, Member]]:
+    starts = np.cumsum([first, *[m.size for m in members]])[:-1]
     return list(zip(starts.tolist(), members, strict=True))

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from ..compiler.blocks import Margin
 from ..compiler.causal import PIVOT_TOLERANCE
+from ..compiler.emit import express
 from ..results.status import Status
 from .errors import GenerationError
-from .interface import Interface
+from .interface import Interface, Member, macro
+from .newton_stages import NewtonStage
 from .text import comment, decimal
 
 
@@ -14,48 +16,202 @@ def wrapper(name: str, faces: list[Interface]) -> str:
     """Text of the guarded functions.
 
     The order of the decisions is that of CausalFunction.status: inputs finite, margins in their order,
-    outputs finite; the first cause wins.
+    outputs finite; the first cause wins. Before a Newton block come the margins that do not wait for it.
     """
+    newton = '#include "gt_newton.h"\n' if any(face.newton for face in faces) else ""
     parts = [
         comment([f"gt_{name}: guards round the bodies in gt_{name}_body.c; see gt_{name}.h."]),
-        f'#include "gt_{name}.h"\n\n#include "gt_{name}_body.h"\n#include "gt_guard.h"\n\n#include <math.h>\n\n',
+        f'#include "gt_{name}.h"\n\n#include "gt_{name}_body.h"\n#include "gt_guard.h"\n{newton}\n',
+        "#include <math.h>\n\n",
         comment(["A pivot below this fraction of its typical size means singular."]),
         f"#define GT_PIVOT_TOLERANCE ({decimal(PIVOT_TOLERANCE)})\n\n",
-        *[_function(face) for face in faces],
+        *[_start(face) + _function(face) + _along(face) for face in faces],
     ]
     return "".join(parts).rstrip("\n") + "\n"
 
 
+def prototype(face: Interface) -> str:
+    """Declaration of the guarded function, without the semicolon."""
+    state = f"{face.symbol}_state *state, " if face.newton else ""
+    return f"gt_status {face.symbol}({state}const {face.symbol}_in *in, {face.symbol}_out *out)"
+
+
+def prototype_along(face: Interface) -> str:
+    """Declaration of the function along a sampled reference."""
+    return f"gt_status {face.symbol}_at(const gt_traj *reference, uint64_t time_ms, {face.symbol}_out *out)"
+
+
+def _along(face: Interface) -> str:
+    """The function at a time of a reference: its row becomes the inputs."""
+    if not face.along:
+        return ""
+    first, fill = 0, []
+    for m in face.inputs:
+        fill.append(f"    gt_copy({m.address('in.')}, &row[{first}], {m.size});\n")
+        first += m.size
+    return (
+        f"{prototype_along(face)}\n{{\n    {face.symbol}_in in;\n    double row[{first}];\n    gt_status status;\n\n"
+        + _guard(f"reference->columns == {first}U", Status.OUT_OF_RANGE)
+        + f"    status = gt_traj_at(reference, time_ms, row);\n    if (status != {Status.OK.c_name}) {{\n"
+        "        return status;\n    }\n"
+        f"{''.join(fill)}    return {face.symbol}(&in, out);\n}}\n\n"
+    )
+
+
 def _function(face: Interface) -> str:
-    m, margins = face.macro, face.function.margins
-    arguments, results = len(face.inputs), len(face.outputs) + 1
-    unused = "" if face.inputs else "    (void)in;\n"
+    margins = face.stages.margins if face.stages else face.function.margins
+    known = [x.address("in->") for x in face.inputs]
+    unknowns = [f"z{k}" for k in range(len(face.newton))]
+    results = [*[y.address("y.") for y in face.outputs], "margins"]
+    blocks = [_block(face, k, stage) for k, stage in enumerate(face.newton)]
+    solve = [
+        f"    status = solve_{face.key}{k}({_given(k)}, z{k}, &state->marks);\n"
+        f"    if (status != {Status.OK.c_name}) {{\n        return status;\n    }}\n"
+        for k in range(len(blocks))
+    ]
+    gather = [f"    known[{n}] = {address};\n" for n, address in enumerate(known)] if blocks else []
     lines = [
-        f"#if ({m}_SZ_ARG < {arguments}) || ({m}_SZ_RES < {results})\n"
-        f'#error "the body of {face.symbol} is from another generation"\n#endif\n\n',
-        f"gt_status {face.symbol}(const {face.symbol}_in *in, {face.symbol}_out *out)\n{{\n",
+        *blocks,
+        _size_check(face.body, face.symbol, len(known) + len(blocks), len(results)),
+        f"{prototype(face)}\n{{\n",
         f"    {face.symbol}_out y;\n",
         f"    double margins[{max(1, len(margins))}];\n",
-        f"    const double *arg[{m}_SZ_ARG + 1]; /* + 1: C knows no empty array */\n",
-        f"    double *res[{m}_SZ_RES + 1];\n",
-        f"    long long int iw[{m}_SZ_IW + 1];\n",
-        f"    double w[{m}_SZ_W + 1];\n\n",
-        unused,
-        *[_guard(f"gt_all_finite({x.address('in->')}, {x.size})", Status.NOT_FINITE) for x in face.inputs],
-        *[f"    arg[{n}] = {x.address('in->')};\n" for n, x in enumerate(face.inputs)],
-        *[f"    res[{n}] = {y.address('y.')};\n" for n, y in enumerate(face.outputs)],
-        f"    res[{results - 1}] = margins;\n",
+        *_scratch(face.body),
+        *[f"    double {z}[{stage.size}];\n" for z, stage in zip(unknowns, face.newton, strict=True)],
+        *([f"    const double *known[{max(1, len(known))}];\n    gt_status status;\n"] if blocks else []),
+        "\n",
+        "" if face.inputs else "    (void)in;\n",
+        _finite(face.inputs, "in->"),
+        _finite(face.state, "state->"),
+        *gather,
+        *_copies(face, into_state=False),
+        *solve,
+        *[f"    arg[{n}] = {address};\n" for n, address in enumerate([*known, *unknowns])],
+        *[f"    res[{n}] = {address};\n" for n, address in enumerate(results)],
         _guard(f"{face.body}(arg, res, iw, w, 0) == 0", Status.NOT_CONVERGED),
-        *[_margin(n, margin) for n, margin in enumerate(margins)],
-        *[_guard(f"gt_all_finite({y.address('y.')}, {y.size})", Status.NOT_FINITE) for y in face.outputs],
+        *[_margin(n, margins[n]) for n in _distinct(face)],
+        _finite(face.outputs, "y."),
+        *_copies(face, into_state=True),
         f"    *out = y;\n    return {Status.OK.c_name};\n}}\n\n",
     ]
     return "".join(lines)
 
 
+def _start(face: Interface) -> str:
+    """The function that puts a state to the home pose."""
+    if not face.newton:
+        return ""
+    home = iter([x for stage in face.newton for x in stage.home])
+    lines = [f"    {target} = {decimal(next(home))};\n" for m in face.state for target in elements(m, "state->")]
+    marks = "".join(f"    state->marks.{mark} = 0.0;\n" for mark in ("step", "pivot", "residual"))
+    return f"void {face.symbol}_start({face.symbol}_state *state)\n{{\n{''.join(lines)}{marks}}}\n\n"
+
+
+def elements(m: Member, struct: str) -> list[str]:
+    """C expressions of the numbers of a member."""
+    return [f"{struct}{m.identifier}[{k}]" for k in range(m.size)] if m.is_array else [f"{struct}{m.identifier}"]
+
+
+def _block(face: Interface, k: int, stage: NewtonStage) -> str:
+    """A static function that solves one Newton block."""
+    prepare, kernel = f"{face.symbol}_prepare{k}", f"{face.symbol}_kernel{k}"
+    given = len(face.inputs) + k
+    n = stage.size
+    label = ", ".join(s.name for s in stage.unknowns)
+    lines = [
+        _size_check(prepare, face.symbol, given, 2),
+        _size_check(kernel, face.symbol, 2, 2),
+        comment([f"Newton in {label}, from z."]),
+        f"static gt_status solve_{face.key}{k}({_parameters(k)}, double *z, gt_newton_marks *marks)\n",
+        "{\n",
+        f"    static const double nominal[{n}] = {{{', '.join(map(decimal, stage.nominal))}}};\n",
+        f"    static const double largest[{n}] = {{{', '.join(map(decimal, stage.largest))}}};\n",
+        f"    double constants[{max(1, stage.constants)}];\n",
+        f"    double residual[{n}];\n    double jacobian[{n * n}];\n",
+        *_scratch(kernel),
+        "\n    {\n",
+        f"        double margins[{max(1, len(stage.margins))}];\n",
+        *[f"    {line}" for line in _scratch(prepare, "prepare_")],
+        "\n",
+        *[f"        prepare_arg[{i}] = known[{i}];\n" for i in range(len(face.inputs))],
+        *[f"        prepare_arg[{len(face.inputs) + i}] = z{i};\n" for i in range(k)],
+        "        prepare_res[0] = constants;\n        prepare_res[1] = margins;\n",
+        _indented(_guard(f"{prepare}(prepare_arg, prepare_res, prepare_iw, prepare_w, 0) == 0", Status.NOT_CONVERGED)),
+        *[_indented(_margin(i, margin)) for i, margin in enumerate(stage.margins)],
+        "    }\n",
+        "    arg[0] = z;\n    arg[1] = constants;\n    res[0] = residual;\n    res[1] = jacobian;\n",
+        f"    return gt_newton({kernel}, arg, res, iw, w, {n}, nominal, largest, {decimal(stage.least)}, z, marks);\n",
+        "}\n\n",
+    ]
+    return "".join(lines)
+
+
+def _parameters(k: int) -> str:
+    return ", ".join(["const double *const *known", *[f"const double *z{i}" for i in range(k)]])
+
+
+def _given(k: int) -> str:
+    return ", ".join(["known", *[f"z{i}" for i in range(k)]])
+
+
+def _indented(text: str) -> str:
+    return "".join(f"    {line}\n" for line in text.splitlines())
+
+
+def _scratch(body: str, prefix: str = "") -> list[str]:
+    m = macro(body)
+    return [
+        f"    const double *{prefix}arg[{m}_SZ_ARG + 1]; /* + 1: C knows no empty array */\n",
+        f"    double *{prefix}res[{m}_SZ_RES + 1];\n",
+        f"    long long int {prefix}iw[{m}_SZ_IW + 1];\n",
+        f"    double {prefix}w[{m}_SZ_W + 1];\n",
+    ]
+
+
+def _size_check(body: str, symbol: str, arguments: int, results: int) -> str:
+    m = macro(body)
+    return (
+        f"#if ({m}_SZ_ARG < {arguments}) || ({m}_SZ_RES < {results})\n"
+        f'#error "the body of {symbol} is from another generation"\n#endif\n\n'
+    )
+
+
+def _copies(face: Interface, into_state: bool) -> list[str]:
+    """Statements that copy the last solution to or from the unknowns of the blocks."""
+    lines, block, first = [], 0, 0
+    for m in face.state:
+        here, there = f"&z{block}[{first}]", m.address("state->")
+        to, of = (there, here) if into_state else (here, there)
+        lines.append(f"    gt_copy({to}, {of}, {m.size});\n")
+        first += m.size
+        if first == face.newton[block].size:
+            block, first = block + 1, 0
+    return lines
+
+
+def _distinct(face: Interface) -> list[int]:
+    """Which margins of the body to test: of two that are the same expression the first decides."""
+    margins = face.stages.margins if face.stages else face.function.margins
+    found = express(face.function.plan, [m.expression for m in margins])
+    first: dict[tuple[int, str, float], int] = {}
+    for n, (m, e) in enumerate(zip(margins, found, strict=True)):
+        first.setdefault((e.element_hash(), m.kind, m.scale), n)
+    return sorted(first.values())
+
+
 def _guard(good: str, otherwise: Status, why: str = "") -> str:
     note = comment([why], "    ") if why else ""
     return f"{note}    if (!({good})) {{\n        return {otherwise.c_name};\n    }}\n"
+
+
+def _finite(members: tuple[Member, ...], struct: str) -> str:
+    """The guard that all numbers are finite: if their sum is, they are; only a sum that is not asks each of them."""
+    terms = [x for m in members for x in elements(m, struct)]
+    if not terms:
+        return ""
+    total = (" +\n" + " " * 15).join(" + ".join(terms[k : k + 5]) for k in range(0, len(terms), 5))
+    each = " && ".join(f"gt_all_finite({m.address(struct)}, {m.size})" for m in members)
+    return _guard(f"(fabs({total}) <= DBL_MAX) ||\n          ({each})", Status.NOT_FINITE)
 
 
 def _margin(n: int, margin: Margin) -> str:

@@ -18,6 +18,7 @@ from ..results.status import Status
 from .evaluate import Built, build
 from .explain import explain
 from .flat import FlatModel, flatten
+from .newton import NewtonKernel
 from .plan import Plan, make_plan
 from .rows import PIVOT_TOLERANCE, map_columns, status_codes
 
@@ -88,6 +89,11 @@ class CausalFunction:
     def closed(self) -> ca.Function:
         """ca.Function (inputs..., unknowns of each Newton block...) -> (targets..., margins): no root finders."""
         return self._built.closed
+
+    @property
+    def kernels(self) -> list[NewtonKernel]:
+        """One for each Newton block, in order; empty for a closed form."""
+        return self._built.kernels
 
     def unknowns(self, *arguments: Any) -> tuple[list[np.ndarray], np.ndarray]:
         """Unknowns of each Newton block as rows (n, m), for the further inputs of `closed`, and a Status code per row;

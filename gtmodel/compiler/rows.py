@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import casadi as ca
@@ -14,10 +15,13 @@ from ..results.status import Status
 if TYPE_CHECKING:
     from .causal import CausalFunction
 
-# a pivot below this fraction of its typical size means singular: values would carry errors of 1e-16/1e-9
-PIVOT_TOLERANCE = 1e-9
+# a pivot below this fraction of its typical size means singular. A pivot that is a root, as of a link at right angles
+# to its guideway, is known to the root of round-off only, 1e-8: below that no double can tell it from zero
+PIVOT_TOLERANCE = 1e-7
 # rows per mapped function: what a core keeps near; making one costs no more than some rows
 BLOCK = 512
+# rows that a small function takes in one call, and how many operations are few: a call costs as much as some forty
+GROUP, SMALL = 16, 256
 
 
 def map_columns(
@@ -38,11 +42,13 @@ def map_columns(
     inputs = [np.ascontiguousarray(c.T) for c in columns]
     results = [np.empty((n, f.size2_out(k), f.size1_out(k))) for k in range(f.n_out())]
     size, g = 0, f
-    for begin in range(0, n, BLOCK):
-        end = min(n, begin + BLOCK)
+    edges = [*range(0, n, BLOCK), n]
+    if made is not None and n > GROUP and n % GROUP:
+        edges = sorted({*edges, n - n % GROUP})
+    for begin, end in pairwise(edges):
         if end - begin != size:
             size = end - begin
-            g = f.map(size) if made is None else made.get(size) or made.setdefault(size, f.map(size))
+            g = f.map(size) if made is None else made.get(size) or made.setdefault(size, _grouped(f, size))
         buffer, run = g.buffer()
         set_arg: Any = buffer.set_arg
         set_res: Any = buffer.set_res
@@ -56,6 +62,13 @@ def map_columns(
                 set_res(k - len(inputs), memoryview(view))
         run()
     return [r.reshape(r.shape[0] * r.shape[1], r.shape[2]).T for r in results]
+
+
+def _grouped(f: ca.Function, size: int) -> ca.Function:
+    """f mapped to `size` columns, with the same numbers; a small one is written out for GROUP of them at a time."""
+    if size % GROUP or not f.is_a("SXFunction") or f.n_instructions() > SMALL:
+        return f.map(size)
+    return f.map(GROUP).expand().map(size // GROUP)
 
 
 def status_codes(

@@ -10,6 +10,7 @@ Motion
     Processing, rows_of    logs as filtered rows of a regressor
     corrected              delays, scales and offsets estimated beside the parameters
     identify               weighted least squares: values, intervals, residual tests; bias_of what is left out
+    work_of                whether friction brakes, and whether the energy balances
 Excitation
     optimise_excitation    the motion that tells most of an ExcitationTask within its limits
     FourierSeries, ClosedSpline   families of motions at rest at both ends
@@ -35,6 +36,7 @@ from .rows import Processing, Rows, rows_of, with_offsets
 from .simulated_log import LogSimulator, Sensors
 from .steady import Runs, constant_velocity_log, joined, steady_runs
 from .tracking import Tracking
+from .work import Work, work_of
 
 __all__ = [
     "ClosedSpline",
@@ -56,6 +58,7 @@ __all__ = [
     "Sensors",
     "Tracking",
     "Validation",
+    "Work",
     "bias_of",
     "condition",
     "constant_velocity_log",
@@ -73,4 +76,5 @@ __all__ = [
     "singular_values",
     "steady_runs",
     "with_offsets",
+    "work_of",
 ]

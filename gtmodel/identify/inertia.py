@@ -90,7 +90,7 @@ class Identification:
         """Errors on a motion that the fit has not seen."""
         if rows.names != self.rows.names:
             raise ModelError("the other motion was prepared with another regressor; use the same one")
-        return Validation(rows.time, rows.effort - self.modelled(rows), rows.effort, self.noise, rows.targets)
+        return Validation(rows.time, rows.effort - self.modelled(rows), rows.effort, self.noise, rows.targets, rows)
 
     @property
     def sentences(self) -> list[str]:
@@ -112,13 +112,14 @@ class Identification:
 
 @dataclass(frozen=True, eq=False)
 class Validation:
-    """Errors (n, m) on another motion at times (n,) [s], beside the effort's own size and the noise of the fit."""
+    """Errors (n, m) on another motion, `rows`, at times (n,) [s], beside the effort's own size and the fit's noise."""
 
     time: Array
     errors: Array
     effort: Array
     noise: Array
     targets: tuple[str, ...]
+    rows: Rows
 
     @property
     def rms(self) -> Array:
@@ -175,6 +176,9 @@ def identify(
     scale = _scale(rows.nominal[at], units)
     options = dict(scale=scale, units=units)
     size = np.ones(b.shape[1]) if noise is None else np.asarray(noise, dtype=float)
+    idle = [t for t, column in zip(rows.targets, rows.effort.T, strict=True) if not np.any(column)]
+    if idle:
+        raise ModelError(f"{', '.join(idle)} is zero all the time; check which column holds the measured effort")
 
     def fit(size: Array, bounds: dict[str, tuple[float, float]]) -> Estimate:
         sizes = np.tile(size, len(b))
@@ -190,6 +194,11 @@ def identify(
         unbounded = fit(size, {})
     negative = [n for n in bounded if unbounded.value(n) < 0]
     estimate = fit(size, {n: (0.0, np.inf) for n in bounded}) if negative else unbounded
+    if not estimate.names:
+        raise ModelError(
+            f"every parameter would be negative ({', '.join(f'{n} = {unbounded.value(n):.3g}' for n in names[:3])}"
+            f"{', ...' if len(names) > 3 else ''}); check the signs of the efforts and of the position"
+        )
     values = np.array([estimate.value(n) for n in names])
     residuals = b - A @ values
     verdicts = tuple(whiteness(r) for r in residuals.T)

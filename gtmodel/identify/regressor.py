@@ -110,7 +110,7 @@ class Regressor:
         results = map_columns(self._function, [*columns, *zs])
         status = status_codes(self._margins, columns, results, found)
         m, p = len(self.columns), self.size
-        Y, y0 = results[0].T.reshape(n, m, p).copy(), results[1].T.copy()
+        Y, y0 = results[0].T.reshape(n, m, p), results[1].T
         bad = status != Status.OK
         Y[bad], y0[bad] = np.nan, np.nan
         return RegressorRows(Y, y0, status)

@@ -10,16 +10,22 @@ import numpy as np
 from scipy.ndimage import binary_dilation, binary_opening
 
 from gtmodel.lang import ModelError
-from gtmodel.measurements import Session, ZeroPhase, cutoff_for, moving, offset_columns
+from gtmodel.lang.units import rate_unit
+from gtmodel.measurements import Session, ZeroPhase, cutoff_for, moving, offset_columns, position_noise
+from gtmodel.measurements.filters import WIDEST
 from gtmodel.results import Status, TrajectoryError
 
-from .differences import velocity_and_acceleration
+from .differences import HALF, velocity_and_acceleration
 from .regressor import Regressor
 
 Array = np.ndarray
 
 # of the cut-off's period: there white noise behind the filter has lost its correlation (first zero, at any sampling)
 INDEPENDENT = 0.57
+# cut-off of the prefilter over that of the filter: at a quarter of its cut-off it takes 1.5e-5, so that the sign of a
+# velocity behind it is as sharp as the filter can tell
+WIDER = 4.0
+NOISE_STEPS = 4 / 3  # three such steps are four standard deviations of the velocity
 MASK_STEPS = 3.0  # quantisation steps per sample: below, the sign of a velocity is not known
 
 
@@ -27,10 +33,10 @@ MASK_STEPS = 3.0  # quantisation steps per sample: below, the sign of a velocity
 class Processing:
     """How logs become rows.
 
-    cutoff_Hz: of the zero-phase Butterworth low pass of this order that acts on the position, and on efforts and
-    regressor alike; None: 2.5 times the band that the motion excites. every: of the filtered rows every n-th is used;
-    None: as many as the filter leaves independent. position_step: quantisation of the position; None: the smallest step
-    in the log. mask_steps: rows slower than that many position steps per sample are left out.
+    cutoff_Hz: of the zero-phase Butterworth low pass of this order that acts on efforts and regressor alike; None: 2.5
+    times the band that the motion excites. every: of the filtered rows every n-th is used; None: as many as the filter
+    leaves independent. position_step: quantisation of the position; None: the smallest step in the log, or more where
+    the velocity is noisier. mask_steps: rows slower than that many position steps per sample are left out.
     """
 
     cutoff_Hz: float | None = None
@@ -69,6 +75,7 @@ class Rows:
     threshold: float
     synthetic: str | None
     signed: tuple[str, ...] = ()
+    velocity_unit: str = "m/s"
 
     def __len__(self) -> int:
         return len(self.time)
@@ -82,9 +89,9 @@ class Rows:
     def filter_sentence(self) -> str:
         """What was done, for tables."""
         return (
-            f"zero-phase Butterworth low pass at {self.cutoff_Hz:.3g} Hz on position, efforts and regressor, "
+            f"zero-phase Butterworth low pass at {self.cutoff_Hz:.3g} Hz on efforts and regressor alike, "
             f"five-point differences, every {self.every}. row; {100 * self.dropped:.2g} % of the samples left out near "
-            f"standstill, slower than {self.threshold:.2g} m/s"
+            f"standstill, slower than {self.threshold:.2g} {self.velocity_unit}"
         )
 
 
@@ -97,9 +104,11 @@ def rows_of(
 ) -> Rows:
     """Rows of one or several recordings of one plant.
 
-    The position is low-passed and differentiated, the regressor evaluated there, and its columns and the efforts
-    low-passed once more by the same filter: no phase, no amplitude comes between them. The ends that the filter
-    disturbs are cut, and so is what lies beside a standstill, where friction is not the law's.
+    Position and efforts pass the same wide zero-phase filter (four times the cut-off; none where the sampling cannot
+    carry it), the regressor is evaluated on that position and its five-point differences, and its columns and the
+    efforts are low-passed by the same filter: what stands on both sides was filtered equally often, and the sign of a
+    velocity was not shifted by the narrow one. The ends that the filters disturb are cut, and so is what lies beside a
+    standstill, where friction is not the law's.
 
     Raises ModelError where the regressor has no value (naming the time) or all rows are too slow; TrajectoryError where
     a recording is too short for the filter.
@@ -114,8 +123,12 @@ def rows_of(
     parts = [_rows(s, regressor, low_pass, every, processing, known, targets) for s in sessions]
     joined: dict[str, Any] = {k: np.concatenate([p[k] for p in parts]) for k in parts[0] if parts[0][k].ndim}
     lengths = [len(p["time"]) for p in parts]
+    threshold, unit = float(max(p["threshold"] for p in parts)), rate_unit(sessions[0].trajectory.unit(known))
     if not sum(lengths):
-        raise ModelError("the log stands still, or nearly so, all the time; nothing can be told from it")
+        raise ModelError(
+            f"the log stands still, or nearly so, all the time: never are all of '{known}' faster than {threshold:.3g} "
+            f"{unit}, {processing.mask_steps:g} steps of the position per sample; move faster, or lower mask_steps"
+        )
     notes = list(dict.fromkeys(s.trajectory.synthetic for s in sessions if s.trajectory.synthetic))
     first = sessions[0]
     return Rows(
@@ -129,8 +142,9 @@ def rows_of(
         every=every,
         interval=every * first.sample_time,
         dropped=float(np.mean([p["dropped"] for p in parts])),
-        threshold=float(max(p["threshold"] for p in parts)),
+        threshold=threshold,
         synthetic="; ".join(notes) or None,
+        velocity_unit=unit,
         **joined,
     )
 
@@ -166,45 +180,62 @@ def smallest_step(position: Array) -> float:
     return float(np.min(steps[steps > 1e-12 * np.max(steps, initial=0.0)], initial=np.inf))
 
 
+def _noise_step(position: Array, low_pass: ZeroPhase | None, step: float) -> float:
+    """Standard deviation of the velocity's noise per sample: what that of the position leaves behind the filter."""
+    kernel = np.ones(1) if low_pass is None else low_pass.kernel(step)
+    rate, _ = velocity_and_acceleration(np.pad(kernel, 2 * HALF), 1.0)
+    return position_noise(position) * float(np.linalg.norm(rate))
+
+
 def _rows(
     session: Session, regressor: Regressor, low_pass: ZeroPhase, every: int, how: Processing, known: str, targets: str
 ) -> dict[str, Array]:
     raw, step = session.trajectory, session.sample_time
-    quantum = how.position_step if how.position_step is not None else smallest_step(raw[known])
-    position = low_pass(raw[known], step)
+    cut, lead, reach = low_pass.end_rows(step), HALF, int(np.ceil(1 / (low_pass.cutoff_Hz * step)))
+    wide = ZeroPhase(WIDER * low_pass.cutoff_Hz, low_pass.order)
+    prefiltered = wide.cutoff_Hz < WIDEST / step
+    lead += wide.end_rows(step) if prefiltered else 0
+    if len(raw) <= 2 * (cut + lead):
+        raise TrajectoryError(
+            f"'{session.name}' lasts {raw.duration:g} s; expected more than twice the {(cut + lead) * step:g} s that "
+            "the filter cuts off at either end, so record longer or raise the cut-off"
+        )
+    position, effort = (wide(raw[name], step) if prefiltered else raw[name] for name in (known, targets))
+    quantum = how.position_step
+    if quantum is None:
+        quantum = max(
+            smallest_step(raw[known]), NOISE_STEPS * _noise_step(raw[known], wide if prefiltered else None, step)
+        )
     rate, acceleration = velocity_and_acceleration(position, step)
-    given = {known: position, f"der({known})": rate, f"der({known},2)": acceleration}
+    inside = slice(lead, len(raw) - lead)
+    time, position, effort = raw.time[inside], position[inside], effort[inside]
+    given = {known: position, f"der({known})": rate[inside], f"der({known},2)": acceleration[inside]}
     found = regressor(*[given[s.name] for s in regressor.inputs])
     bad = np.flatnonzero(found.status != Status.OK)
     if bad.size:
         raise ModelError(
-            f"{session.name} at {raw.time[bad[0]]:g} s: {Status(int(found.status[bad[0]])).sentence}; "
+            f"{session.name} at {time[bad[0]]:g} s: {Status(int(found.status[bad[0]])).sentence}; "
             "check the unit and the sign of the measured position"
         )
     n, m, p = found.Y.shape
     velocity = given[f"der({known})"].reshape(n, -1)
     fast = moving(velocity, step, quantum if np.isfinite(quantum) else 0.0, how.mask_steps)
-    cut, reach = low_pass.end_rows(step), int(np.ceil(1 / (low_pass.cutoff_Hz * step)))
-    if 2 * cut >= n:
-        raise TrajectoryError(
-            f"'{session.name}' lasts {raw.duration:g} s; expected more than twice the {cut * step:g} s that the filter "
-            "cuts off at either end, so record longer or raise the cut-off"
-        )
     # slower for longer than a period of the cut-off: standing still, not turning round
     still = np.asarray(binary_dilation(binary_opening(~fast.rows, np.ones(reach)), iterations=reach), dtype=bool)
-    keep = fast.rows & ~still
-    keep[:cut], keep[n - cut :] = False, False
     rows = np.arange(cut, n - cut, every)
-    chosen = rows[keep[rows]]
-    columns = np.column_stack([found.Y.reshape(n, m * p), found.y0, raw[targets].reshape(n, m)])
-    filtered, used = np.zeros((len(chosen), columns.shape[1])), np.any(columns != 0, axis=0)
-    filtered[:, used] = low_pass(columns[:, used], step)[chosen]  # a cart's friction enters one effort of three
-    Y, y0, effort = np.split(filtered, [m * p, m * p + m], axis=1)
+    kept = (fast.rows & ~still)[rows]
+    columns = found.Y.reshape(n, m * p)
+    used = np.any(columns != 0, axis=0)  # a cart's friction enters one effort of three
+    together = np.concatenate([columns[:, used], found.y0, effort.reshape(n, m)], axis=1)
+    filtered, y0, efforts = np.split(low_pass.every(together, step, every)[kept], [-2 * m, -m], axis=1)
+    Y = np.zeros((len(filtered), m * p))
+    Y[:, used] = filtered
+    chosen = rows[kept]
     return {
         "Y": Y.reshape(-1, m, p),
         "y0": y0,
-        "effort": effort,
-        "time": raw.time[chosen],
+        "effort": efforts,
+        "time": time[chosen],
         "position": position.reshape(n, -1)[chosen],
         "velocity": velocity[chosen],
         "dropped": np.array(1 - len(chosen) / max(1, len(rows))),

@@ -11,6 +11,7 @@ from scipy.signal import lfilter
 
 from gtmodel.compiler.causal import compile_causal
 from gtmodel.lang import Model, ModelError
+from gtmodel.lang.units import rate_unit
 from gtmodel.results import Status, Trajectory
 
 from .tracking import Tracking, smooth_motion
@@ -90,7 +91,7 @@ class LogSimulator:
             )
         signal = {s.name: s for s in f.inputs}[known]
         units = {known: signal.unit, targets: f.outputs[0].unit}
-        units |= {name: _rate_unit(signal.unit, k) for k, name in ((1, f"der({known})"), (2, f"der({known},2)"))}
+        units |= {name: rate_unit(signal.unit, k) for k, name in ((1, f"der({known})"), (2, f"der({known},2)"))}
         self.known, self.targets, self.sample_time = known, targets, sample_time
         self.truth = Trajectory(time, {**given, targets: efforts}, units, synthetic="exact motion, no noise")
 
@@ -119,8 +120,3 @@ def _noise(rng: np.random.Generator, shape: Sequence[int], sensors: Sensors) -> 
         return size * white
     white[1:] *= np.sqrt(1 - c**2)  # the first row is drawn from the stationary distribution
     return size * np.asarray(lfilter([1.0], [1.0, -c], white, axis=0))
-
-
-def _rate_unit(unit: str, order: int) -> str:
-    per = "s" if order == 1 else f"s{order}"
-    return f"1/{per}" if unit in ("1", "") else f"{unit}/{per}"

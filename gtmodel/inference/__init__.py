@@ -13,7 +13,7 @@ Proof
     coverage, binomial_band     do intervals hold the truth as often as they say
 """
 
-from .covariance import automatic_lag, block_bootstrap, correlation_time, decimated, newey_west, white
+from .covariance import automatic_lag, block_bootstrap, correlation_time, decimated, fixed_b, newey_west, white
 from .coverage import Coverage, binomial_band, coverage
 from .dependencies import Dependencies, dependencies
 from .identifiability import Direction, Identifiability, identifiability
@@ -38,6 +38,6 @@ __all__ = [
     "Coverage", "CrossValidation", "Dependencies", "Direction", "Identifiability", "MonteCarlo", "NonlinearFit",
     "Observability", "Prior", "Verdict", "Weighting", "alternate", "autocorrelation", "automatic_lag", "binomial_band",
     "block_bootstrap", "contiguous", "correlation_time", "coverage", "cross_validation", "decimated", "dependencies",
-    "identifiability", "linear_fit", "monte_carlo", "newey_west", "noise_size", "nonlinear_fit", "normality",
+    "fixed_b", "identifiability", "linear_fit", "monte_carlo", "newey_west", "noise_size", "nonlinear_fit", "normality",
     "observability", "weighting", "white", "whiteness",
 ]  # fmt: skip

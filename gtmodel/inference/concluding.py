@@ -53,7 +53,7 @@ def scales(values: np.ndarray | None, n: int, J: np.ndarray) -> np.ndarray:
 
 def effective_parameters(scaled_data: np.ndarray, inverse: np.ndarray) -> float:
     """Trace of the hat matrix: how many parameters the data, not the priors, have fixed."""
-    return float(np.einsum("ij,jk,ik->", scaled_data, inverse, scaled_data, optimize=True))
+    return float(np.sum((scaled_data @ inverse) * scaled_data))
 
 
 def moved_together(null: np.ndarray, names: tuple[str, ...], least: float = 0.05) -> list[str]:

@@ -9,10 +9,11 @@ import numpy as np
 
 from gtmodel.results import SolveStatus
 
-from . import calibration_parameters, calibration_poses, calibration_report
+from . import calibration_parameters, calibration_poses, calibration_report, calibration_sensitivity
 from .base import Context, InputError, Outcome
+from .calibration_carts import on_cart_points
 from .calibration_choice import prepared, require_poses
-from .calibration_data import FILE, data_of, with_device
+from .calibration_data import CARTS, FILE, data_of, with_device
 from .calibration_findings import found_of, length_noise
 from .calibration_keys import Schema
 from .calibration_pictures import pictures
@@ -26,8 +27,8 @@ NAME = "calibration"
 
 def solve(problem: Schema, context: Context) -> Outcome:
     """Read or make the poses, see whether they were read right, fit, predict the held-out ones, judge."""
-    model = problem.model(context)
     context.progress("reading", 0.1)
+    model, on_points = on_cart_points(problem, context)
     data = data_of(problem, model, context)
     context.progress("looking at the poses", 0.3)
     witness = witness_of(model, data)
@@ -37,7 +38,7 @@ def solve(problem: Schema, context: Context) -> Outcome:
     if context.interrupted():
         return Outcome(status=SolveStatus.INTERRUPTED, message="stopped before the fit")
     context.progress("fitting", 0.5)
-    ready = prepared(problem, model, data.fitted, data.keys.actuators)
+    ready = prepared(problem, model, data.fitted, data.keys.actuators, on_points)
     require_poses(ready)
     found = found_of(problem, data, ready, a_priori(data, witness, placed), context.interrupted)
     c = found.calibration
@@ -57,8 +58,12 @@ def solve(problem: Schema, context: Context) -> Outcome:
         "poses.csv": lambda: calibration_poses.text(found),
         "report.html": lambda: calibration_report.text(found, values, figures, title, problem, context),
     }
+    if values.get("sensitivity"):
+        files["sensitivity.csv"] = lambda: calibration_sensitivity.text(values["sensitivity"])
     if data.text is not None:
         files[FILE] = lambda: data.text or ""
+    if data.carts is not None:
+        files[CARTS] = lambda: data.carts or ""
     told, _, held = found.told
     message = c.message
     if c.status.ok and found.position in told:
@@ -78,9 +83,9 @@ def solve(problem: Schema, context: Context) -> Outcome:
 
 def explain(problem: Schema, context: Context) -> str:
     """What is free, what stays, and what the poses can tell before anything is fitted."""
-    model = problem.model(context)
+    model, on_points = on_cart_points(problem, context)
     data = data_of(problem, model, context)
-    ready = prepared(problem, model, data.fitted, data.keys.actuators)
+    ready = prepared(problem, model, data.fitted, data.keys.actuators, on_points)
     u = ready.unknowns
     lines = [
         f"{problem.title or NAME}: {len(data.fitted)} poses fitted, {int(data.held_out.sum())} held out; "

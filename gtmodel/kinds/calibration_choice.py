@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,7 +13,7 @@ from gtmodel.inference import Prior
 from gtmodel.lang import Model, ModelError
 
 from .base import InputError
-from .calibration_keys import Schema
+from .calibration_keys import PriorKeys, Schema
 
 QUATERNIONS = ("u1_2", "u1_3", "u2_3")
 FAMILIES = {"ideal": "three_link", "modified": "three_link", "six_link": "six_link", "f1_unit": "f1", "f1_raw": "f1"}
@@ -24,14 +25,17 @@ def family_of(model: Model) -> str:
     """three_link, six_link or f1 by the parameters that a model declares; "" for another mechanism."""
     if hasattr(model, "A0") and hasattr(model, "u1_2"):
         return "f1"
-    A = np.shape(getattr(model, "A", ()))
-    if A == (6, 3) and hasattr(model, "B"):
+    A, v = (np.shape(getattr(model, n, ())) for n in "Av")
+    if A == v == (6, 3) and hasattr(model, "B"):
         return "six_link"
-    return "three_link" if A == (3, 3) and np.shape(getattr(model, "v", ())) == (3, 3) else ""
+    return "three_link" if A == v == (3, 3) else ""
 
 
-def choice_of(problem: Schema, model: Model) -> Choice:
-    """Without priors. Raises InputError for a variant of another family."""
+def choice_of(problem: Schema, model: Model, on_points: Sequence[str] = ()) -> Choice:
+    """Without priors; `on_points`: names of guideways through measured points, of which the frame moves.
+
+    Raises InputError for a variant of another family.
+    """
     tied, unit = dict(problem.tied), list(problem.unit_quaternions)
     if problem.variant is not None:
         wanted, found = FAMILIES[problem.variant], family_of(model)
@@ -44,17 +48,23 @@ def choice_of(problem: Schema, model: Model) -> Choice:
             tied = {"v[1]": "v[0]", "v[2]": "v[0]"} | tied
         if problem.variant == "f1_unit":
             unit += [n for n in QUATERNIONS if n not in unit]
-    return Choice(problem.free, problem.fixed, tied, unit, (), problem.sizes)
+    unit += [f"{g}.u" for g in on_points]
+    fixed = [*problem.fixed, *(f"{g}.{n}" for g in on_points for n in ("at", "points"))]
+    return Choice(problem.free, fixed, tied, unit, (), problem.sizes)
 
 
-def prepared(problem: Schema, model: Model, measurements: Measurements, actuators: str) -> Problem:
+def prepared(
+    problem: Schema, model: Model, measurements: Measurements, actuators: str, on_points: Sequence[str] = ()
+) -> Problem:
     """Raises InputError with the key whose name is not understood."""
     try:
-        choice = choice_of(problem, model)
+        choice = choice_of(problem, model, on_points)
         first = prepare(model, measurements, choice, actuators=actuators)
-        if not problem.priors:
+        turn = problem.cart_points.turn_std_rad if problem.cart_points else None
+        known = {f"{g}.u": PriorKeys(std=turn) for g in on_points} if turn is not None else {}
+        if not problem.priors and not known:
             return first
-        priors = _priors(problem, first.unknowns)
+        priors = _priors({**known, **problem.priors}, first.unknowns)
         return prepare(model, measurements, replace(choice, priors=priors), actuators=actuators)
     except (ModelError, ValueError) as error:
         raise InputError(str(error), _key(problem, str(error))) from error
@@ -76,10 +86,10 @@ def require_poses(p: Problem) -> None:
             )
 
 
-def _priors(problem: Schema, u: Unknowns) -> list[Prior]:
+def _priors(keys: Mapping[str, PriorKeys], u: Unknowns) -> list[Prior]:
     """One for each unknown of the named ones, at its start where no value is given. Raises InputError."""
     found: dict[str, Prior] = {}
-    for name, prior in problem.priors.items():
+    for name, prior in keys.items():
         begins = (name[:-1] + ",", f"{name} turned") if name.endswith("]") else (f"{name}[", f"{name} turned")
         hits = [k for k, n in enumerate(u.names) if n == name or n.startswith(begins)]
         if not hits:

@@ -24,14 +24,15 @@ from .robots import file_of
 UNIT_LENGTH = 1e-3  # of a measured quaternion: printed digits leave less
 KEY = "measurements"
 FILE = "measurements.csv"
+CARTS = "carts.csv"
 
 
 @dataclass(frozen=True, eq=False)
 class PoseData:
     """All poses, which are held out, and where they stand in the files.
 
-    `lines` (N,): of their files; `text`, `truth`: of a synthetic file, None for a measured one; `repeated`: groups of
-    poses at the same actuators.
+    `lines` (N,): of their files; `text`, `carts`, `truth`: of synthetic files, None for measured ones; `repeated`:
+    groups of poses at the same actuators.
     """
 
     keys: Measured
@@ -41,6 +42,7 @@ class PoseData:
     synthetic: str | None
     text: str | None
     truth: Model | None
+    carts: str | None
     repeated: tuple[np.ndarray, ...]
 
     @property
@@ -58,10 +60,10 @@ def data_of(problem: Schema, model: Model, context: Context) -> PoseData:
     if (problem.measurements is None) == (problem.synthetic is None):
         found = "both" if problem.measurements else "none of them"
         raise InputError(f"expected one of [measurements] and [synthetic]; found {found}", KEY)
-    text, truth = None, None
+    text, truth, carts = None, None, None
     if problem.synthetic is not None:
         made = calibration_synthetic.make(model, problem.synthetic)
-        text, truth = made.text, made.robot
+        text, truth, carts = made.text, made.robot, made.carts
         keys = _synthetic_keys(made, problem.synthetic)
         with tempfile.TemporaryDirectory() as scratch:
             path = Path(scratch) / FILE
@@ -86,7 +88,7 @@ def data_of(problem: Schema, model: Model, context: Context) -> PoseData:
         held = _alternate(repeated, len(lines), problem.held_out.every)
     _refuse_unknown_sessions(everything, held)
     notes = [t.synthetic for t in tables if t.synthetic]
-    return PoseData(keys, everything, lines, held, notes[0] if notes else None, text, truth, repeated)
+    return PoseData(keys, everything, lines, held, notes[0] if notes else None, text, truth, carts, repeated)
 
 
 def with_device(data: PoseData, t: np.ndarray, u: np.ndarray) -> PoseData:

@@ -65,6 +65,27 @@ class Measured(Section):
     target_start: FrameStart = Field(default=FrameStart(), description="of the robot's tool frame in the target's")
 
 
+class CartPoints(Section):
+    """Points of each cart along its guideway, measured in another set-up of the device (Dressler 2012, eq. (5.7))."""
+
+    file: str = Field(
+        description="CSV with the columns q and P1, P2, P3, three numbers each, from the problem's folder"
+    )
+    unit: str = Field(default="mm", description="of all its columns")
+    arms: list[Annotated[int, Field(ge=1, le=3)]] = Field(
+        description="arms on straight pieces through their points; all others stay straight: D1 models 2 and 4 all, 5 "
+        "the second",
+        min_length=1,
+    )
+    quaternion: Four = Field(
+        default=[1.0, 0.0, 0.0, 0.0],
+        description="turn of that set-up in the frame of the poses, by common reference points, scalar first",
+    )
+    turn_std_rad: PositiveFloat | None = Field(
+        default=None, description="how well it is known; left out, the poses alone tell it, badly about the guideway"
+    )
+
+
 class HeldOut(Section):
     """Poses that the fit does not see."""
 
@@ -119,4 +140,5 @@ class Schema(RobotProblem):
     )
     measurements: Measured | None = Field(default=None, description="measured poses")
     synthetic: Synthetic | None = Field(default=None, description="made-up poses instead")
+    cart_points: CartPoints | None = Field(default=None, description="guideways through measured points")
     held_out: HeldOut = HeldOut()

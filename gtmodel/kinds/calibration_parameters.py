@@ -32,7 +32,8 @@ def text(found: Found, model: Model, title: str, robot: str) -> str:
     """A robot file of the family, masses and friction as they were; of another mechanism a table of its parameters."""
     calibrated = found.calibration.parameters()
     values = {name: calibrated.get(name, getattr(model, name, None)) for name in _names(model)}
-    family = family_of(model)
+    pieces = [name for name in found.calibration.values if ".guideway." in name]  # which no robot file holds
+    family = "" if pieces else family_of(model)
     table: dict[str, Any] = {"title": title, "source": f"calibration of {robot}", "note": _note(found)}
     if family:
         table["family"] = family
@@ -50,8 +51,15 @@ def text(found: Found, model: Model, title: str, robot: str) -> str:
         beside = {k: v for k, v in found.calibration.values.items() if k.partition("[")[0] not in own}
         body = tomli_w.dumps({**table, "parameters": own})
     comments = [f"# {line}" for line in _confidence(found)]
-    comments += [f"# of the measurement: {name} = {value:.9g}" for name, value in beside.items()]
-    return "\n".join(["# Calibrated parameters; gtmodel reads this file as a robot.", *comments, "", body])
+    comments += [
+        f"# of the measurement: {name} = {value:.9g}"
+        for name, value in beside.items()
+        if ".guideway.at[" not in name and ".guideway.points[" not in name
+    ]
+    use = "gtmodel reads this file as a robot" if family else "[parameters] goes into problems with this robot"
+    if pieces:
+        use = "no robot file, since guideways are measured: their A and v are those before"
+    return "\n".join([f"# Calibrated parameters; {use}.", *comments, "", body])
 
 
 def _names(model: Model) -> list[str]:

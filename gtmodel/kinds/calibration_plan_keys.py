@@ -33,7 +33,7 @@ class SafetyKeys(Section):
 class TrackerKeys(Section):
     """A laser tracker, which measures a distance and two angles."""
 
-    kind: Literal["laser_tracker"]
+    kind: Literal["laser_tracker"] = Field(description="which device")
     at_m: Point = Field(description="where it stands, in the robot's frame")
     range_noise_um: PositiveFloat = Field(default=10.0, description="standard deviation of the distance")
     range_noise_um_per_m: NonNegativeFloat = Field(default=0.0, description="of the distance, per metre of it")
@@ -51,7 +51,7 @@ class TrackerKeys(Section):
 class CameraKeys(Section):
     """A fixed camera that sees a pattern on the plate."""
 
-    kind: Literal["camera"]
+    kind: Literal["camera"] = Field(description="which device")
     at_m: Point = Field(description="where it stands, in the robot's frame")
     looks_at_m: Point = Field(description="a point in the middle of its picture")
     focal_pixel: PositiveFloat = Field(default=1500.0, description="focal length")
@@ -65,7 +65,7 @@ class CameraKeys(Section):
 class DistanceKeys(Section):
     """A wire sensor, a bar or an interferometer: the distance of the tool centre point from one point."""
 
-    kind: Literal["distance"]
+    kind: Literal["distance"] = Field(description="which device")
     at_m: Point = Field(description="the point, in the robot's frame, known")
     noise_um: PositiveFloat = Field(default=10.0, description="standard deviation")
     nearest_m: NonNegativeFloat = Field(default=0.0, description="least distance")
@@ -75,7 +75,7 @@ class DistanceKeys(Section):
 class PlaneKeys(Section):
     """A dial gauge over a plane, or one coordinate: the height of the tool centre point above a known plane."""
 
-    kind: Literal["plane"]
+    kind: Literal["plane"] = Field(description="which device")
     normal: Point = Field(description="of the plane; [1, 0, 0] measures the coordinate x")
     point_m: Point = Field(default=[0.0, 0.0, 0.0], description="a point of the plane")
     noise_um: PositiveFloat = Field(default=10.0, description="standard deviation")

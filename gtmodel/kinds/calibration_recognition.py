@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gtmodel.calibrate import Measurements, calibrate
+from gtmodel.calibrate import Choice, Measurements, calibrate, prepare
 from gtmodel.calibrate import Problem as Prepared
+from gtmodel.calibrate.misreading import misreading
 from gtmodel.calibrate.prediction import Prediction
 from gtmodel.calibrate.recognition import (
     NEARER,
@@ -138,6 +139,13 @@ def exchanged_after(data: PoseData, prepared: Prepared, fitted: float, size: flo
     if fitted <= MISFIT * size:
         return None
     names, groups = _columns(data)
+    if keys.frame == "device" or keys.target:
+        # with nothing but the frames free no link can take up another's column, in whatever order they are
+        own = [prepared.closure.flat.parameters[k].name for k in prepared.closure.touched]
+        alone = prepare(prepared.closure.flat, prepared.measurements, Choice(fixed=own), actuators=prepared.actuators)
+        sentence = misreading(alone, columns=names)
+        if sentence is not None:
+            return sentence
     m = data.fitted
     best, order = fitted, list(range(len(names)))
     for trial in orders(len(names), groups):

@@ -16,6 +16,7 @@ from gtmodel.lang import Model, ModelError
 from gtmodel.robots import clusters
 
 from .base import InputError
+from .calibration_synthetic_carts import cart_points, levers, tilts
 from .calibration_synthetic_keys import Synthetic
 
 KEY = "synthetic"
@@ -36,13 +37,14 @@ class Carts(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Made:
-    """The CSV, what it says of itself, and the robot that was measured."""
+    """The CSV, what it says of itself, the robot that was measured; `carts`: the CSV of cart points where asked for."""
 
     text: str
     note: str
     robot: Model
     turns: bool
     rotary: bool
+    carts: str | None = None
 
 
 def carts_of(model: Model) -> Carts:
@@ -90,10 +92,12 @@ def make(model: Model, s: Synthetic) -> Made:
     shown = {"q": (_in_units(q, names), names)}
     q = _si(*shown["q"])
     wandering = _wanderings(truth, carts, s, q)
+    tilting, points = tilts(s, wandering), np.array(getattr(truth, carts.points), float)
     deviations: dict[str, np.ndarray] = {}
     for i, curve in enumerate(wandering):
         off = curve(q[:, i]) + _by_load(near["T"], curve, s, i)
-        deviations |= rows_of(off, carts.points, carts.rows[i])
+        for k, lever in zip(carts.rows[i], levers(points, carts.rows[i]), strict=True):
+            deviations |= rows_of(off + np.cross(tilting[i](q[:, i]), lever), carts.points, [k])
     try:
         stands = true_poses(truth, q, near, deviations)
     except ModelError as error:
@@ -109,7 +113,14 @@ def make(model: Model, s: Synthetic) -> Made:
         units = ["mm"] * 3 if name == "T" else ["1"] * 4
         shown[name] = (_in_units(rows, units), units)
     note = _note(s, len(q))
-    return Made(_text(shown, note), note, truth, "e" in shown, q.shape[1] > 3)
+    seen_carts = None
+    if s.cart_points is not None:
+        v = np.broadcast_to(np.array(_any(truth).v, float), points.shape)
+        at, found = cart_points(s, s.cart_points, points, v, carts.rows, wandering, q)
+        columns = {"q": at[:, None]} | {f"P{i + 1}": rows for i, rows in enumerate(found)}
+        tables = {n: (_in_units(a, ["mm"] * a.shape[1]), ["mm"] * a.shape[1]) for n, a in columns.items()}
+        seen_carts = _text(tables, note, "cart points")
+    return Made(_text(shown, note), note, truth, "e" in shown, q.shape[1] > 3, seen_carts)
 
 
 def stated_noise(s: Synthetic, rotary: bool) -> dict[str, list[float]]:
@@ -154,13 +165,13 @@ def _commanded(model: Model, s: Synthetic, rng: np.random.Generator) -> tuple[np
 
 def _wanderings(truth: Model, carts: Carts, s: Synthetic, q: np.ndarray) -> list[Wandering]:
     v = np.array(_any(truth).v, float)
-    found = []
+    found, cyclic = [], np.broadcast_to(1e-6 * np.asarray(s.cyclic_um, float), 3)
     for i in range(3):
         low, high = float(q[:, i].min()), float(q[:, i].max())
         direction = v[carts.rows[i][0] if len(v) == 6 else i]
         found.append(
             Wandering(
-                direction, low - 0.01, high + 0.01, 1e-6 * s.along_um[i], 1e-6 * s.across_um[i], 1e-6 * s.cyclic_um,
+                direction, low - 0.01, high + 0.01, 1e-6 * s.along_um[i], 1e-6 * s.across_um[i], float(cyclic[i]),
                 1e-3 * s.cyclic_period_mm, np.random.SeedSequence([s.seed, 3, i]),
             )
         )  # fmt: skip
@@ -169,12 +180,13 @@ def _wanderings(truth: Model, carts: Carts, s: Synthetic, q: np.ndarray) -> list
 
 def _by_load(T: np.ndarray, curve: Wandering, s: Synthetic, i: int) -> np.ndarray:
     """Shift (N, 3) of a cart with the plate's place across its guideway."""
-    if s.load_um == 0:
+    load = np.broadcast_to(s.load_um, 3)[i]
+    if load == 0:
         return np.zeros(T.shape)
     seeds = np.random.SeedSequence([s.seed, 4, i])
     way = np.cross(curve.direction, np.random.default_rng(seeds).standard_normal(3))
     place = T @ (way / np.linalg.norm(way))
-    size = 1e-6 * s.load_um / np.sqrt(2.0)
+    size = 1e-6 * load / np.sqrt(2.0)
     return Wandering(curve.direction, place.min() - 0.01, place.max() + 0.01, size, size, 0.0, 1.0, seeds)(place)
 
 
@@ -195,25 +207,28 @@ def _seen(stands: dict[str, np.ndarray], s: Synthetic, rng: np.random.Generator)
 
 def _note(s: Synthetic, poses: int) -> str:
     sigma = s.position_noise_um
-    noise = ", ".join(f"{x:g}" for x in (sigma if isinstance(sigma, list) else [sigma]))
+    noise, cyclic, load = (
+        ", ".join(f"{x:g}" for x in (a if isinstance(a, list) else [a])) for a in (sigma, s.cyclic_um, s.load_um)
+    )
+    tilt = f"; carts tilt by {s.cart_tilt_deg:g} deg" if s.cart_tilt_deg else ""
     return (
         f"seed {s.seed}, {poses} poses; {s.device} noise {noise} um, {s.orientation_noise_deg:g} deg; repeatability "
         f"{s.repeatability_um:g} um; guideways apart by {s.misalignment_deg:g} deg, carts by "
         f"{', '.join(f'{x:g}' for x in s.along_um)} um along and {', '.join(f'{x:g}' for x in s.across_um)} um across "
-        f"(means), cyclic {s.cyclic_um:g} um, by load "
-        f"{s.load_um:g} um; points and lengths off by {s.point_error_mm:g} mm"
+        f"(means), cyclic {cyclic} um, by load "
+        f"{load} um; points and lengths off by {s.point_error_mm:g} mm{tilt}"
     )
 
 
-def _text(shown: dict[str, tuple[np.ndarray, list[str]]], note: str) -> str:
+def _text(shown: dict[str, tuple[np.ndarray, list[str]]], note: str, what: str = "calibration poses") -> str:
     heads = [
-        f"{name}[{k}]" + (f" [{unit}]" if unit != "1" else "")
+        (f"{name}[{k}]" if len(units) > 1 else name) + (f" [{unit}]" if unit != "1" else "")
         for name, (_, units) in shown.items()
         for k, unit in enumerate(units)
     ]
     columns = [(rows[:, k], DECIMALS[unit]) for rows, units in shown.values() for k, unit in enumerate(units)]
     lines = [",".join(f"{column[n]:.{digits}f}" for column, digits in columns) for n in range(len(columns[0][0]))]
-    return "\n".join(["# title: calibration poses", f"# synthetic: {note}", ",".join(heads), *lines]) + "\n"
+    return "\n".join([f"# title: {what}", f"# synthetic: {note}", ",".join(heads), *lines]) + "\n"
 
 
 def _in_units(rows: np.ndarray, units: Sequence[str]) -> np.ndarray:

@@ -36,12 +36,28 @@ class Synthetic(Section):
         description="mean deviation of each cart along its guideway (Dressler 2012, Table 4.2)",
     )
     across_um: ThreeSizes = Field(default=[28.0, 38.0, 47.0], description="and across it")
-    load_um: NonNegativeFloat = Field(
+    load_um: NonNegativeFloat | ThreeSizes = Field(
         default=0.0,
         description="mean shift of each cart as the plate moves across the guideways and its weight is shared out "
-        "anew; up to 100 on L1 (section 4.2)",
+        "anew, one or three; up to 100 on L1 (section 4.2)",
     )
-    cyclic_um: NonNegativeFloat = Field(default=10.0, description="amplitude of the transmission's cyclic error")
+    cart_tilt_deg: NonNegativeFloat = Field(
+        default=0.0, description="mean turn of a cart along its guideway; at most 0.03 on D1 (section 5.3)"
+    )
+    cart_points: PositiveInt | None = Field(
+        default=None,
+        ge=2,
+        description="points along each guideway, measured with a reflector on the cart: carts.csv; 28 on D1",
+    )
+    cart_drift_um: ThreeSizes = Field(
+        default=[0.0, 0.0, 0.0],
+        description="how far in the mean each cart is in that recording from where it is at the poses, by other loads",
+    )
+    cart_device_t_m: Three = Field(default=[0.0, 0.0, 0.0], description="where the device stands for these")
+    cart_device_zyz_deg: Three = Field(default=[0.0, 0.0, 0.0], description="and how it is turned")
+    cyclic_um: NonNegativeFloat | ThreeSizes = Field(
+        default=10.0, description="amplitude of the transmission's cyclic error, one or three"
+    )
     cyclic_period_mm: PositiveFloat = Field(default=10.0, description="its period, of ours: the text gives none")
     repeatability_um: NonNegativeFloat = Field(default=13.0, description="mean distance of repeated tool centre points")
     device: str = Field(default="tracker", description="what measures, for the header: tracker, camera, ...")

@@ -8,7 +8,7 @@ from typing import Literal
 
 from pydantic import Field, NonNegativeInt, PositiveInt
 
-from gtmodel.cgen import GenerationError, check, generate
+from gtmodel.cgen import Costs, GenerationError, check, costs, generate
 from gtmodel.compiler.causal import CausalFunction, c_name, compile_causal
 from gtmodel.results import SolveStatus
 
@@ -22,6 +22,10 @@ VALUES = {
     "functions": "C name of each function -> its inputs and outputs",
     "files": "files written, sorted",
     "points": "with --check: number of random inputs compared per function",
+    "text_bytes": "with --check: machine code of each function at -O2",
+    "stack_bytes": "with --check: stack of a call",
+    "instructions": "with --check: instructions of a call with its guards, counted by callgrind",
+    "symbols": "with --check: what the folder defines for others",
 }
 
 
@@ -33,6 +37,7 @@ class Function(Section):
     targets: list[str] = Field(min_length=1, description='names such as "T", "der(q)", "der(T,2)"')
     prefer: list[str] = Field(default=[], description="names to keep as states")
     branches: dict[str, Literal[-1, 1]] = Field(default={}, description="sign by name of a declared branch")
+    trajectory: bool = Field(default=False, description="offer it along a sampled reference too, as NAME_at")
 
 
 class Verification(Section):
@@ -71,6 +76,7 @@ def write(problem: Schema, context: Context, out: Path, *, verify: bool = False)
             name=problem.name or c_name(context.name),
             provenance=provenance,
             problem=problem.model_dump(mode="json", exclude_unset=True),
+            along=[f.name for f in problem.functions if f.trajectory],
         )
     except GenerationError as error:
         raise InputError(str(error)) from error
@@ -86,11 +92,17 @@ def write(problem: Schema, context: Context, out: Path, *, verify: bool = False)
         report = check(out, functions, points=problem.check.points, seed=problem.check.seed)
     except GenerationError as error:
         return Outcome(status=SolveStatus.FAILED, message=str(error), values=values, rows=rows)
+    context.progress("counting")
+    cost = costs(out, functions)
+    values |= {"points": problem.check.points, "text_bytes": cost.text_bytes, "stack_bytes": cost.stack_bytes}
+    values |= {"instructions": cost.instructions, "symbols": list(cost.symbols)}
+    rows += [Row(f"{name} costs", _cost(cost, name)) for name in cost.text_bytes]
+    rows += [Row("costs", cost.missing)] if cost.missing else []
     return Outcome(
         status=SolveStatus.SOLVED if report.passed else SolveStatus.FAILED,
         message=report.message,
         checks={c.name: Check(c.value, c.bound, c.passed) for c in report.checks},
-        values={**values, "points": problem.check.points},
+        values=values,
         rows=rows,
     )
 
@@ -117,6 +129,11 @@ def _signature(function: CausalFunction) -> dict[str, list[str]]:
         "inputs": [f"{s.name} [{s.unit}]" for s in function.inputs],
         "outputs": [f"{s.name} [{s.unit}]" for s in function.outputs],
     }
+
+
+def _cost(cost: Costs, name: str) -> str:
+    counted = f", {cost.instructions[name]} instructions" if name in cost.instructions else ""
+    return f"{cost.text_bytes[name]} bytes of code, {cost.stack_bytes[name]} of stack{counted}"
 
 
 def _in_words(signature: dict[str, list[str]]) -> str:

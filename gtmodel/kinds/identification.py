@@ -21,7 +21,8 @@ from gtmodel.lang import ModelError
 from gtmodel.results import SolveStatus, Trajectory, TrajectoryError
 
 from . import identification_comparison
-from .base import Check, Context, InputError, Outcome, Row
+from .base import Context, InputError, Outcome, Row
+from .identification_checks import checks_of, suspicions
 from .identification_data import Recordings, model_of, processing_of, recordings, regressor_of, scalars_of
 from .identification_keys import Schema
 
@@ -49,11 +50,6 @@ VALUES = {
     "synthetic": "seed and noise of a made-up log; null for a measured one",
     **identification_comparison.VALUES,
 }
-
-# of estimate minus truth in standard deviations: a fair draw of thirteen is beyond once in a thousand
-WORST = 4.0
-# held-out over fitted noise: two motions of one plant differ by some hundredths, a lacking effect by much more
-HELD_OUT = 1.5
 
 
 def solve(problem: Schema, context: Context) -> Outcome:
@@ -150,13 +146,13 @@ def _repeated(
 def _outcome(
     problem: Schema, data: Recordings, found: Identification, validation: Validation | None, repeated: Repeated | None
 ) -> Outcome:
-    checks = _checks(data, found, validation, repeated)
+    checks = checks_of(data, found, validation, repeated)
     failed = [name for name, check in checks.items() if not check.passed]
     stopped = repeated is not None and repeated.runs.interrupted
     message = f"{len(found.estimate.names)} parameters from {len(found.rows)} rows"
     if failed:
         message += f", but {' and '.join(failed)} failed"
-    values = _values(data, found, validation, repeated)
+    values = _values(problem, data, found, validation, repeated)
     title = problem.title or f"identification of {problem.robot}"
     if found.rows.synthetic:
         title += " (synthetic)"
@@ -174,30 +170,8 @@ def _outcome(
     )
 
 
-def _checks(
-    data: Recordings, found: Identification, validation: Validation | None, repeated: Repeated | None
-) -> dict[str, Check]:
-    checks = {"undetermined": Check(float(found.identifiability.redundant), 0.0, found.identifiability.redundant == 0)}
-    # what was left out shifts the others: then the truth is not what the fit is after
-    whole = all(t.passed for t in found.left_out)
-    if data.truth and whole:
-        e = found.estimate
-        worst = max((abs(e.value(n) - data.truth[n]) / s for n, s in zip(e.names, e.std, strict=True)), default=0.0)
-        checks["error_in_standard_deviations"] = Check(float(worst), WORST, bool(worst <= WORST))
-    if validation is not None:
-        ratio = float(np.max(validation.rms / found.noise))
-        checks["held_out_over_fitted_noise"] = Check(ratio, HELD_OUT, ratio <= HELD_OUT)
-    if found.left_out:
-        p = min(t.p for t in found.left_out)
-        checks["nothing_left_out"] = Check(p, None, whole)
-    if repeated is not None and not repeated.runs.interrupted:
-        outside = len(repeated.coverage.outside) + len(repeated.coverage.biased)
-        checks["parameters_outside_the_binomial_band"] = Check(float(outside), 0.0, outside == 0)
-    return checks
-
-
 def _values(
-    data: Recordings, found: Identification, validation: Validation | None, repeated: Repeated | None
+    problem: Schema, data: Recordings, found: Identification, validation: Validation | None, repeated: Repeated | None
 ) -> dict[str, Any]:
     e, rows = found.estimate, found.rows
     names = [*e.names, *e.held]
@@ -225,7 +199,12 @@ def _values(
         "left_out": {", ".join(t.names): t.p for t in found.left_out},
         "truth": data.truth or None,
         "coverage": coverage,
-        "sentences": [rows.filter_sentence, *found.sentences, *_taken_as_known(data)],
+        "sentences": [
+            rows.filter_sentence,
+            *suspicions(data, found, validation, problem.targets),
+            *found.sentences,
+            *_taken_as_known(data),
+        ],
         "synthetic": rows.synthetic,
     }
 

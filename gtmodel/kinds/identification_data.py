@@ -7,8 +7,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-import numpy as np
-
 from gtmodel.compiler.causal import flat_of
 from gtmodel.identify import (
     LogSimulator,
@@ -17,18 +15,18 @@ from gtmodel.identify import (
     Sensors,
     Tracking,
     corrected,
-    multisine,
 )
 from gtmodel.identify.parameter_names import among
 from gtmodel.lang import Model, ModelError
 from gtmodel.measurements import ESTIMATE, Corrections, Session, Signal
-from gtmodel.results import Status, TrajectoryError
+from gtmodel.results import TrajectoryError
 from gtmodel.robots import actuator_closed_loop, catalogue
 from gtmodel.robots.by_direction import VARIANTS, inertia_variant
 
 from . import python_models, robots
 from .base import Context, InputError
 from .identification_keys import Log, Schema, Synthetic
+from .identification_motion import reference_motion
 from .log_keys import MeasuredSignal
 
 
@@ -200,7 +198,8 @@ def _made_up(problem: Schema, s: Synthetic, context: Context, regressor: Regress
     sensors = Sensors(s.position_step, noise, s.effort_colour, s.effort_step)
     simulators = []
     for seed in (s.motion_seed, s.motion_seed + 1):
-        reference = _reference(problem, s, plant, seed)
+        of_file = s.reference_file is not None and seed == s.motion_seed
+        reference = reference_motion(problem.known, s, plant, None if of_file else seed, context)
         tracking = None
         if s.tracking == "dressler_2012":
             tracking = Tracking(**actuator_closed_loop())
@@ -218,46 +217,6 @@ def _made_up(problem: Schema, s: Synthetic, context: Context, regressor: Regress
     values = {q.name: q.value for q in flat.parameters}
     truth = {n: values[n] for n in regressor.names if n in values}
     return Recordings((logs[0],), (logs[1],), truth=truth, simulator=simulators[0], sensors=sensors)
-
-
-def _reference(problem: Schema, s: Synthetic, plant: Model, seed: int) -> np.ndarray:
-    """(n, ...) of the known variable along the sines."""
-    flat = flat_of(plant)
-    try:
-        shape, _, _ = flat.lookup(s.reference)
-    except ModelError as error:
-        raise InputError(str(error), "synthetic.reference") from error
-    count = shape[0] if shape else 1
-    home = getattr(plant, "home", None) if s.reference == "T" else None
-    centre = s.centre if s.centre is not None else home
-    if centre is None or np.size(centre) != count:
-        raise InputError(f"expected {count} numbers, where the sines of '{s.reference}' have their middle",
-                         "synthetic.centre")  # fmt: skip
-    half = np.atleast_1d(np.asarray(s.half_range, dtype=float))
-    if half.size not in (1, count):
-        raise InputError(f"has {half.size} numbers; expected one, or {count}", "synthetic.half_range")
-    time = s.sample_time_s * np.arange(round(s.duration_s / s.sample_time_s))
-    try:
-        rows = multisine(time, np.asarray(centre, dtype=float), np.broadcast_to(half, (count,)),
-                         np.array(s.frequencies_Hz), seed, s.ramp_s)  # fmt: skip
-    except ValueError as error:
-        raise InputError(str(error), "synthetic.ramp_s") from error
-    rows = rows.reshape(len(rows), *shape)
-    if s.reference == problem.known:
-        return rows
-    try:
-        function = plant.causal(known=s.reference, targets=problem.known)
-        found, status = function(rows)
-    except (ModelError, TypeError) as error:
-        raise InputError(str(error), "synthetic.reference") from error
-    bad = np.flatnonzero(status != Status.OK)
-    if bad.size:
-        raise InputError(
-            f"the motion leaves the reach of the robot at {time[bad[0]]:g} s ({Status(int(status[bad[0]])).sentence}); "
-            "take a smaller half_range, or another centre",
-            "synthetic.half_range",
-        )
-    return found
 
 
 def scalars_of(regressor: Regressor, names: Sequence[str]) -> list[str]:

@@ -38,9 +38,15 @@ class Synthetic(Section):
 
     seed: int = Field(default=0, ge=0, description="of the noise")
     motion_seed: int = Field(default=1, ge=0, description="of the motion's phases; the held-out one takes the next")
-    duration_s: PositiveFloat = Field(default=60.0, description="of each motion")
+    duration_s: PositiveFloat = Field(default=60.0, description="of each motion of sines")
     sample_time_s: PositiveFloat = Field(default=0.004, description="of the log")
-    reference: str = Field(default="T", description="variable that moves along the sines")
+    reference: str = Field(default="T", description="variable that moves along the sines, or as the file has it")
+    reference_file: str | None = Field(
+        default=None,
+        description="CSV file with its columns, such as the trajectory.csv of an excitation, in place of the sines; "
+        "the motion held out is of sines still",
+    )
+    repeats: PositiveInt = Field(default=1, description="how often the motion of the file runs, end on beginning")
     centre: list[float] | None = Field(default=None, description="of the motion; the robot's home if left out")
     half_range: float | list[float] = Field(default=0.4, description="how far it goes from the centre, by axis")
     frequencies_Hz: list[PositiveFloat] = Field(

@@ -5,6 +5,7 @@ assembly_modes    every pose in which a platform on six legs of given lengths ca
 section           a plane across the guideways
 workspace         which tool centre points are reached, and why not the others
 singularity       how far a pose is from a singular one, as lengths and angles
+WristPartition    all branches of the inverse kinematics of a six-axis arm with a wrist centre
 MotionMaps        velocity and acceleration maps of any position causality
 
 Guideways as measured
@@ -26,14 +27,17 @@ from .maps import MotionMaps
 from .orientation import OrientationMap, grid, orientation_map
 from .rotations import rotation_vector, zyz
 from .transmission import Backlash, CyclicTerm, backlash, cyclic_term
+from .wrist_partition import InverseBranches, WristPartition
 
 __all__ = [
     "Backlash",
     "CyclicTerm",
     "GuidewayFit",
+    "InverseBranches",
     "MeasurementError",
     "MotionMaps",
     "OrientationMap",
+    "WristPartition",
     "accuracy",
     "assembly_modes",
     "backlash",

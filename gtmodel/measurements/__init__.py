@@ -21,6 +21,7 @@ Filters
     second_derivative the same twice, on three rows
     motion            position, velocity and acceleration from measured positions
     decimate          every n-th row
+    position_noise    standard deviation of white noise on a smooth motion
     moving            where a velocity is far from zero, and the share dropped
 """
 
@@ -33,6 +34,7 @@ from .filters import (
     excitation_band,
     motion,
     moving,
+    position_noise,
     second_derivative,
 )
 from .log import Column, LogError, Session, read_log
@@ -54,6 +56,7 @@ __all__ = [
     "motion",
     "moving",
     "offset_columns",
+    "position_noise",
     "read_log",
     "read_signals",
     "second_derivative",

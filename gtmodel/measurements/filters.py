@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from scipy.signal import butter, sosfiltfilt, sosfreqz
+from scipy.signal import butter, sosfiltfilt, sosfreqz, upfirdn
 
 from ..lang.units import rate_unit
 from ..results.trajectory import Trajectory
@@ -17,6 +18,10 @@ from .log import Session
 BAND_FACTOR = 2.5  # cut-off over excitation band; 2 to 3 leaves the motion and takes most of the noise
 BAND_SHARE = 0.999  # of the velocity's power
 ORDER = 4
+FLOOR = (0.25, 0.4)  # of the sampling rate: where the noise of the position is looked for
+BEYOND = 10.0  # the sum of n periodogram values of noise scatters by 1/sqrt(n) of itself
+DIFFERENCES, MEDIAN = 6, 0.6745  # the median of a normal variable's size over its standard deviation
+WIDEST = 0.4  # of the sampling rate: four fifths of half of it
 # the slowest pole of the filter decays as exp(-2 pi f_c sin(pi / 8) t) at order four: 1e-3 after 2.9 / f_c
 SETTLING_PERIODS = 3.0
 
@@ -52,31 +57,79 @@ class ZeroPhase:
         """Rows at either end that the ends of the record disturb: three periods of the cut-off."""
         return math.ceil(SETTLING_PERIODS / (self.cutoff_Hz * sample_time))
 
+    def kernel(self, sample_time: float) -> Array:
+        """Its symmetric impulse response (2 end_rows + 1,), cut there and summing to one."""
+        reach = self.end_rows(sample_time)
+        impulse = np.zeros(6 * reach + 1)
+        impulse[3 * reach] = 1.0
+        weights = self(impulse, sample_time)[2 * reach : 4 * reach + 1]
+        weights = weights + weights[::-1]  # the edges far off leave 1e-8 of a phase
+        return weights / weights.sum()
+
+    def every(self, rows: Array, sample_time: float, every: int) -> Array:
+        """Weighted means of rows (n, k) by `kernel` at rows end_rows, end_rows + every, ... < n - end_rows only.
+
+        No value is invented beyond the ends, and rows that are not asked for cost nothing.
+        """
+        weights = self.kernel(sample_time)
+        count = -(-(len(rows) - len(weights) + 1) // every)
+        if count < 1:
+            return np.zeros((0, *rows.shape[1:]))
+        first = len(weights) - 1  # of the full convolution without missing rows; upfirdn gives multiples of `every`
+        late = -first % every
+        found = upfirdn(np.concatenate([np.zeros(late), weights]), rows, 1, every, axis=0)
+        begin = (first + late) // every
+        return np.asarray(found[begin : begin + count])
+
     def _sections(self, sample_time: float) -> Array:
         half = 0.5 / sample_time
         if not 0 < self.cutoff_Hz < half:
             raise TrajectoryError(
                 f"the cut-off is {self.cutoff_Hz:g} Hz; expected between 0 and half the sampling rate, {half:g} Hz"
             )
-        return np.asarray(butter(self.order, self.cutoff_Hz, fs=1 / sample_time, output="sos"), dtype=float)
+        return _butterworth(self.order, self.cutoff_Hz, 1 / sample_time)
+
+
+@lru_cache(maxsize=32)
+def _butterworth(order: int, cutoff_Hz: float, rate_Hz: float) -> Array:
+    return np.asarray(butter(order, cutoff_Hz, fs=rate_Hz, output="sos"), dtype=float)
 
 
 def excitation_band(position: Array, sample_time: float, share: float = BAND_SHARE) -> float:
     """Frequency [Hz] below which the velocity has that share of its power; position (n,) or (n, k).
 
-    Raises TrajectoryError where nothing moves.
+    White noise of the position is left out of the power: its floor is what the upper frequencies show. Raises
+    TrajectoryError where nothing moves, or nothing beyond the noise.
     """
     velocity = derivative(position, sample_time)
     power = np.abs(np.fft.rfft(velocity - velocity.mean(axis=0), axis=0)) ** 2
-    total = power.reshape(len(power), -1).sum(axis=1).cumsum()
-    if not total[-1] > 0:
+    power = power.reshape(len(power), -1).sum(axis=1)
+    frequency = np.fft.rfftfreq(len(velocity), sample_time)
+    transfer = np.sin(2 * np.pi * frequency * sample_time) ** 2  # of central differences
+    upper = (frequency > FLOOR[0] / sample_time) & (frequency < FLOOR[1] / sample_time)
+    noise = transfer * (np.median(power[upper] / transfer[upper]) if upper.any() else 0.0)
+    total = np.cumsum(power - noise)
+    if not np.max(total) > 0:
         raise TrajectoryError("nothing moves, so there is no band of excitation; give the cut-off of the filter")
-    return float(np.fft.rfftfreq(len(velocity), sample_time)[np.searchsorted(total, share * total[-1])])
+    if np.max(total) < BEYOND / np.sqrt(len(power)) * noise.sum():
+        raise TrajectoryError("nothing moves beyond the noise of the position; give the cut-off of the filter")
+    return float(frequency[np.argmax(total >= share * np.max(total))])
+
+
+def position_noise(position: Array) -> float:
+    """Standard deviation of white noise on a smooth motion (n,) or (n, k), the largest of the columns; from sixth
+    differences, which leave nothing of the motion, by their median, which does not see single events."""
+    if len(position) <= DIFFERENCES:
+        return 0.0
+    left = np.abs(np.diff(np.asarray(position, dtype=float), n=DIFFERENCES, axis=0)).reshape(
+        len(position) - DIFFERENCES, -1
+    )
+    return float(np.max(np.median(left, axis=0))) / (MEDIAN * math.sqrt(math.comb(2 * DIFFERENCES, DIFFERENCES)))
 
 
 def cutoff_for(position: Array, sample_time: float, factor: float = BAND_FACTOR) -> float:
     """Cut-off [Hz]: 2.5 times the excitation band, at most four fifths of half the sampling rate."""
-    return min(factor * excitation_band(position, sample_time), 0.4 / sample_time)
+    return min(factor * excitation_band(position, sample_time), WIDEST / sample_time)
 
 
 def derivative(rows: Array, sample_time: float) -> Array:

@@ -14,6 +14,7 @@ from .f1 import F1, f1_five_dof, f1_gantry_tau, f1_rotation
 from .f1_closed_form import F1FiveDof, F1Rotation
 from .f1_screws import F1BallScrews
 from .five_carts import ExtraCarts, extra_carts
+from .kr500 import SphericalWristArm, kr500, kr500_limits, kr500_tables
 from .six_link import SixLink, on_guideways, six_link_gantry_tau
 from .three_link import GantryTau
 from .triangular_link import queensland_gantry_tau
@@ -31,6 +32,7 @@ __all__ = [
     "GantryTauWrist",
     "InertiaVariant",
     "SixLink",
+    "SphericalWristArm",
     "actuator_closed_loop",
     "configuration",
     "entries",
@@ -43,6 +45,9 @@ __all__ = [
     "gantry_tau_wrist",
     "inertia_names",
     "inertia_variant",
+    "kr500",
+    "kr500_limits",
+    "kr500_tables",
     "make",
     "names",
     "on_guideways",

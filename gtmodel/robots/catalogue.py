@@ -16,6 +16,7 @@ from ..mechanics import PiecewiseLinearFriction, SignFriction, TanhFriction
 from . import clusters
 from .f1 import EXAMPLE as F1_EXAMPLE
 from .f1 import f1_gantry_tau
+from .kr500 import MASSES, SOURCE, kr500
 from .six_link import EXAMPLE as SIX_LINK_EXAMPLE
 from .six_link import six_link_gantry_tau
 from .three_link import GantryTau
@@ -35,7 +36,7 @@ class Entry(NamedTuple):
     masses: str
 
 
-FAMILIES = {"three_link": 3, "six_link": 3, "f1": 6}  # with their degrees of freedom
+FAMILIES = {"three_link": 3, "six_link": 3, "f1": 6, "serial": 6}  # with their degrees of freedom
 
 
 @cache
@@ -76,7 +77,8 @@ def entries() -> dict[str, Entry]:
         family = _family(table)
         masses = IDENTIFIED_MASSES if table["prototype"] == "L1" else EXAMPLE_MASSES
         found[name] = Entry(family, FAMILIES[family], table["source"], masses)
-    return found
+    found["kr500"] = Entry("serial", FAMILIES["serial"], SOURCE, MASSES)
+    return dict(sorted(found.items()))
 
 
 def names() -> dict[str, str]:
@@ -109,6 +111,12 @@ def family_member(
     **modifiers: Any,
 ) -> Model:
     """A robot of a family: the named one, or any of it where `modifiers` give the whole geometry."""
+    if family == "serial":
+        if inertia is not None or payload or smoothing != "tanh":
+            raise ModelError(
+                "masses and friction of 'kr500' are not printed; leave inertia, payload and friction smoothing out"
+            )
+        return kr500(**modifiers)
     if family == "three_link":
         masses = {} if inertia is None else {"inertia": inertia}
         return gantry_tau(

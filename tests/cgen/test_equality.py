@@ -54,7 +54,7 @@ def test_each_cause_has_its_status(small: Functions, small_folder: Path, tmp_pat
     outputs, status = call(load(small_folder, tmp_path), face, np.array(inputs))
     expected = [Status.OK, Status.OUT_OF_RANGE, Status.SINGULAR] + [Status.NOT_FINITE] * 3
     assert status.tolist() == expected
-    np.testing.assert_array_equal(status, evaluate(face.function, np.array(inputs))[1])
+    np.testing.assert_array_equal(status, evaluate(face, np.array(inputs))[1])
     assert np.all(outputs[1:] == HELD)
     # T = m (v^2 / L^2 - g y / L^2) in closed form
     speed2 = 0.3**2 / (1 - 0.6**2)
@@ -65,7 +65,7 @@ def test_same_result_however_calls_are_mixed(l1: Functions, l1_folder: Path, tmp
     """No state: two functions called alternately give what each gives alone."""
     library = load(l1_folder, tmp_path)
     fk, ik = interfaces({k: l1[k] for k in ("fk", "ik")}, "l1")
-    q, T = draw(fk.function, 20, seed=3), draw(ik.function, 20, seed=4)
+    q, T = draw(fk, 20, seed=3), draw(ik, 20, seed=4)
     apart = call(library, fk, q)[0], call(library, ik, T)[0]
     mixed = [(call(library, fk, q[n : n + 1])[0], call(library, ik, T[n : n + 1])[0]) for n in range(20)]
     np.testing.assert_array_equal(apart[0], np.concatenate([m[0] for m in mixed]))

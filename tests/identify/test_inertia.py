@@ -23,7 +23,7 @@ from tests.identify.plants import LINKS, NOISE, SAMPLE_TIME, SEED, plant, regres
 
 TEN = ["m_p", "m_c", "coulomb", "viscous"]
 SHORT = 16.0  # s
-# 10 Hz leaves 5e-6 of the motion's 2.5 Hz out; five-point differences at 4 ms are 5e-7 off
+# five-point differences of 2.5 Hz at 4 ms are 5e-7 off; what stands on both sides of the fit is filtered alike
 WIDE = Processing(cutoff_Hz=10.0, position_step=0.0)
 NOISY = Sensors(effort_noise=NOISE)
 
@@ -36,9 +36,20 @@ def test_without_noise_all_thirteen_come_back():
     rows = short_rows(Sensors(position_step=0.0), how=WIDE)
     found = identify(rows, nonnegative=False)
     for name, value in truth().items():
-        assert found.estimate.value(name) == pytest.approx(value, abs=0.01)
-    assert np.max(np.abs(found.residuals)) < 0.5  # N of 800; where a sign changes between two samples
+        assert found.estimate.value(name) == pytest.approx(value, abs=1e-3)
+    assert np.max(np.abs(found.residuals)) < 0.02  # N of 800; where a sign changes between two samples
     assert found.identifiability.redundant == 0
+
+
+@pytest.mark.parametrize("cutoff", [2.5, 4.0, 6.0, 20.0])
+def test_the_cutoff_moves_no_parameter(cutoff):
+    # even at the motion's own 2.5 Hz: efforts and regressor lose the same; 60 times better than with one filter more
+    # on the acceleration than on the efforts
+    found = identify(
+        short_rows(Sensors(position_step=0.0), how=Processing(cutoff, position_step=0.0)), nonnegative=False
+    )
+    for name, value in truth().items():
+        assert found.estimate.value(name) == pytest.approx(value, abs=5e-3)
 
 
 def test_estimates_lie_within_their_intervals_and_predict_another_motion():
@@ -82,12 +93,13 @@ def test_two_hundred_seeds():
 
 
 @pytest.mark.proof
-def test_two_hundred_seeds_with_coloured_noise():
-    # strongly coloured: the noise has lost half of its power at 2 Hz, inside the band of the motion
-    sensors = Sensors(effort_noise=NOISE, effort_colour=0.8)
+@pytest.mark.parametrize("colour", [0.8, 0.95])
+def test_two_hundred_seeds_with_coloured_noise(colour):
+    # strongly coloured: the noise has lost half of its power at 9 and at 2 Hz, inside the band of the motion
+    sensors = Sensors(effort_noise=NOISE, effort_colour=colour)
     found = repeat_identification(simulator(), regressor(), truth(), sensors, 200, SEED)
     assert found.coverage.outside == () and found.coverage.biased == (), str(found.coverage)
-    assert 0.92 <= found.coverage.pooled <= 0.97
+    assert 0.935 <= found.coverage.pooled <= 0.965
 
 
 def test_leaving_out_links_moves_the_plate_mass_as_theory_says_and_is_reported():
@@ -117,7 +129,7 @@ def test_where_nothing_is_left_out_the_residuals_show_nothing():
 
 
 def test_a_negative_mass_is_held_at_zero_and_said_so():
-    rows = short_rows(seed=3)
+    rows = short_rows(seed=8)
     feasible = identify(rows)
     free = feasible.unbounded
     assert feasible.estimate.held and all(free.value(n) < 0 for n in feasible.estimate.held[:1])
@@ -225,7 +237,7 @@ def test_a_motion_that_does_not_tell_names_what_moves_together():
     time = SAMPLE_TIME * np.arange(3000)
     q = np.asarray(simulator(SHORT).truth["q"][0]) + 0.3 * np.sin(2 * np.pi * time)[:, None]  # all carts alike
     q = q * np.ones(3)
-    log = gt.Trajectory(time, {"q": q, "tau": np.zeros((3000, 3))}, {"q": "m", "tau": "N"})
+    log = gt.Trajectory(time, {"q": q, "tau": np.ones((3000, 3))}, {"q": "m", "tau": "N"})
     with pytest.raises(gt.ModelError, match=r"the motion does not tell the parameters: .*m_"):
         identify(rows_of(Session("alike", log, SAMPLE_TIME), regressor(), WIDE), nonnegative=False)
 
@@ -234,7 +246,7 @@ def test_standstill_and_slow_rows_are_left_out():
     rows = short_rows(how=Processing(position_step=1e-4))
     assert rows.threshold == pytest.approx(3 * 1e-4 / SAMPLE_TIME)
     assert np.min(np.abs(rows.velocity)) >= rows.threshold
-    assert 0.05 < rows.dropped < 0.6
+    assert 0.05 < rows.dropped < 0.7
     assert short_rows().dropped < 0.05
 
 

@@ -8,6 +8,7 @@ from gtmodel.inference import (
     block_bootstrap,
     correlation_time,
     decimated,
+    fixed_b,
     newey_west,
     white,
 )  # fmt: skip
@@ -37,10 +38,10 @@ def test_white_is_the_inverse_information():
 def test_newey_west_of_a_mean_by_hand():
     r = np.array([1.0, 2.0, -1.0, -2.0])
     # lag 0: 10, lag 1: 2 - 2 + 2 = 2 with weight 1 - 1/2, both signs; over T^2, times T / (T - 1)
-    expected = (10 + 2 * 0.5 * 2) / 16 * 4 / 3
+    expected = (10 + 2 * 0.5 * 2) / 16 * 4 / 3 * fixed_b(0.5) ** 2
     assert newey_west(np.ones((4, 1)), r, lags=1)[0, 0] == pytest.approx(expected, rel=1e-12)
     # two recordings of two samples: the product across the break is not counted
-    expected = (10 + 2 * 0.5 * (2 + 2)) / 16 * 4 / 3
+    expected = (10 + 2 * 0.5 * (2 + 2)) / 16 * 4 / 3 * fixed_b(0.5) ** 2
     assert newey_west(np.ones((4, 1)), r, lags=1, starts=(0, 2))[0, 0] == pytest.approx(expected, rel=1e-12)
 
 
@@ -50,6 +51,18 @@ def test_without_lags_it_is_whites_sandwich():
     bread = np.linalg.inv(J.T @ J)
     expected = bread @ (J.T * r**2 @ J) @ bread * 60 / 57
     np.testing.assert_allclose(newey_west(J, r, lags=0), expected, rtol=1e-9)
+
+
+@pytest.mark.parametrize("share", [0.1, 0.3])
+def test_intervals_hold_whatever_share_of_the_log_the_bandwidth_is(share: float):
+    T, runs = 100, 2000
+    rows = np.random.default_rng(12).standard_normal((runs, T))  # synthetic, seed 12
+    ones, lags = np.ones((T, 1)), round(share * T) - 1
+    std = np.sqrt([newey_west(ones, r - r.mean(), lags=lags)[0, 0] for r in rows])
+    hits = np.abs(rows.mean(axis=1)) < 1.96 * std
+    # 95 % within the binomial band of 2000; the normal quantile alone would give 90 and 81 %
+    assert 0.935 < hits.mean() < 0.965
+    assert np.mean(np.abs(rows.mean(axis=1)) < 1.96 * std / fixed_b(share)) < 0.92
 
 
 def test_channels_sampled_together_are_summed_before_they_are_squared():

@@ -43,7 +43,7 @@ class TestShippedProblems:
         assert np.sum(np.square(v["principal"]["rms_mm"])) == pytest.approx(v["held_out_mm"]["rms"] ** 2)
         assert v["synthetic"].startswith("seed 1, 200 poses")
         assert {p.name for p in folder.iterdir()} == {
-            "result.json", "run.toml", "parameters.toml", "poses.csv", "report.html"
+            "result.json", "run.toml", "parameters.toml", "poses.csv", "report.html", "sensitivity.csv"
         }  # fmt: skip
 
     def test_ideal_guideways_leave_three_times_as_much(self) -> None:

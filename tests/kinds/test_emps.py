@@ -54,13 +54,16 @@ def test_published_numbers_come_back(solved) -> None:
 
 
 @measured
-def test_the_default_cutoff_gives_them_too() -> None:
+def test_the_numbers_hardly_depend_on_the_cutoff() -> None:
     data = load(PROBLEMS / "emps.toml").problem.model_dump(exclude_none=True)
-    problem = validate(identification.Schema, {k: v for k, v in data.items() if k not in ("filter", "closed_loop")})
-    found = identification.solve(problem, Context(folder=PROBLEMS)).values
-    assert 15.0 < found["cutoff_Hz"] < 25.0
-    assert all(found["parameters"][n] == pytest.approx(PUBLISHED[n], rel=0.015) for n in ("M", "F_v", "F_c"))
-    assert found["parameters"]["offset"] == pytest.approx(PUBLISHED["offset"], abs=0.1)
+    bare = {k: v for k, v in data.items() if k not in ("filter", "closed_loop")}
+    for cutoff in ({}, {"cutoff_Hz": 10.0}, {"cutoff_Hz": 80.0}):
+        problem = validate(identification.Schema, {**bare, "filter": cutoff})
+        found = identification.solve(problem, Context(folder=PROBLEMS)).values
+        assert cutoff or 15.0 < found["cutoff_Hz"] < 25.0
+        # the friction at the reversals, which a narrow filter spreads, is not quite Coulomb's: half a per cent
+        assert all(found["parameters"][n] == pytest.approx(PUBLISHED[n], rel=0.006) for n in ("M", "F_v", "F_c"))
+        assert found["parameters"]["offset"] == pytest.approx(PUBLISHED["offset"], abs=0.05)
 
 
 @measured

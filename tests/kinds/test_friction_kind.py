@@ -143,3 +143,15 @@ def test_results_are_json(shipped) -> None:
     from gtmodel.kinds import report
 
     assert json.loads(report.result("friction_l1.toml", "friction", shipped))["values"]["runs"] == 150
+
+
+def test_a_plant_without_viscous_friction_has_no_relative_error_of_it() -> None:
+    nothing = [f"synthetic.{way}=[0,0,0]" for way in ("viscous_plus_kg_s", "viscous_minus_kg_s")]
+    outcome = friction.solve(load("problems/friction_l1.toml", nothing).problem, Context())  # type: ignore[arg-type]
+    assert outcome.checks == {}
+    assert all(abs(v) < 1.0 for v in outcome.values["viscous_plus_kg_s"])
+
+
+def test_a_robot_that_its_tool_point_does_not_place() -> None:
+    with pytest.raises(InputError, match="robot: a tool centre point alone does not place it"):
+        friction.solve(load("problems/friction_l1.toml", ["robot=f1"]).problem, Context())  # type: ignore[arg-type]

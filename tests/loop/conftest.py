@@ -37,6 +37,14 @@ def bench(functions: dict[str, CausalFunction], generated: Path, tmp_path_factor
     return Bench(build(generated, place, 3), place, functions)
 
 
+EXPORTED = """
+#include "gt_traj.h"
+
+gt_status traj_at(const gt_traj *traj, uint64_t time_ms, double *row);
+gt_status traj_at(const gt_traj *traj, uint64_t time_ms, double *row) { return gt_traj_at(traj, time_ms, row); }
+"""
+
+
 @pytest.fixture(scope="session")
 def runtime(tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
     """The runtime and the loop's pure parts, compiled as strictly as they are delivered."""
@@ -44,7 +52,10 @@ def runtime(tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
     files = [p for p in sorted((place / "runtime").glob("*.c")) if p.name != "gt_model_main.c"]
     files.append(place / "loop" / "gt_sequence.c")
     target = tmp_path_factory.mktemp("runtime") / "runtime.so"
-    command = ["cc", "-std=c99", *STRICT, "-fPIC", "-shared", *map(str, files), "-o", str(target), "-lm"]
+    files.append(target.with_name("exported.c"))  # what lives in a header
+    files[-1].write_text(EXPORTED)
+    include = [f"-I{place / 'runtime'}", f"-I{place / 'loop'}"]
+    command = ["cc", "-std=c99", *STRICT, *include, "-fPIC", "-shared", *map(str, files), "-o", str(target), "-lm"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr
     return ctypes.CDLL(str(target))

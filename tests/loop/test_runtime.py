@@ -47,7 +47,7 @@ def _at(runtime: ctypes.CDLL, table: Table, time_ms: int) -> tuple[Status, list[
     given_rows = rows.ctypes.data_as(ctypes.POINTER(ctypes.c_double))
     traj = c_codecs.Traj(given_rows, rows.shape[0], rows.shape[1], table.step_ms)
     row = (ctypes.c_double * max(1, rows.shape[1]))(*[7.0] * max(1, rows.shape[1]))
-    status = Status(runtime.gt_traj_at(ctypes.byref(traj), ctypes.c_uint64(time_ms), row))
+    status = Status(runtime.traj_at(ctypes.byref(traj), ctypes.c_uint64(time_ms), row))
     assert status is Status.OK or set(row) == {7.0}, "a row that fails is not written"
     return status, list(row) if status is Status.OK else []
 

@@ -49,6 +49,25 @@ def test_half_the_amplitude_is_left_at_the_cutoff() -> None:
     assert ZeroPhase(20.0).amplitude(20.0, DT)[0] == pytest.approx(0.5, rel=1e-12)
 
 
+@pytest.mark.parametrize("every", [1, 7, 24])
+@pytest.mark.parametrize("cutoff", [6.0, 20.0, 60.0])
+def test_every_nth_row_by_the_kernel_is_the_filter_away_from_the_ends(cutoff: float, every: int) -> None:
+    low_pass = ZeroPhase(cutoff)
+    rows = np.random.default_rng(1).normal(size=(1001, 2))  # seed 1
+    cut, kernel = low_pass.end_rows(DT), low_pass.kernel(DT)
+    assert np.array_equal(kernel, kernel[::-1]) and kernel.sum() == pytest.approx(1.0)
+    found = low_pass.every(rows, DT, every)
+    assert len(found) == len(range(cut, 1001 - cut, every))
+    # the same weights by a matrix of shifted windows
+    windows = np.lib.stride_tricks.sliding_window_view(rows, len(kernel), axis=0)
+    assert np.allclose(found, (windows @ kernel)[::every], atol=1e-12)
+    # the recursive filter's amplitude, but for its response beyond three periods of the cut-off
+    frequency, shift = np.linspace(0.0, 124.0, 63), DT * np.arange(-cut, cut + 1)
+    amplitude = np.cos(2 * np.pi * np.outer(frequency, shift)) @ kernel
+    assert amplitude == pytest.approx(low_pass.amplitude(frequency, DT), abs=2 * ENDS)
+    assert len(low_pass.every(rows[: 2 * cut], DT, every)) == 0
+
+
 @pytest.mark.parametrize(("differences", "order"), [(derivative, 1), (second_derivative, 2)])
 def test_differences_are_of_second_order(differences, order: int) -> None:
     errors = []

@@ -60,6 +60,7 @@ class TestEntries:
         assert {n: e.degrees_of_freedom for n, e in found.items() if e.family != "three_link"} == {
             "d1_six_link": 3,
             "f1": 6,
+            "kr500": 6,
         }
         assert found["f1"].source == "Dressler 2012, Table 5.5"
         ours = {n for n, e in found.items() if "ours" in e.masses}
@@ -95,6 +96,8 @@ class TestEntries:
             gantry_tau("f1")
         with pytest.raises(gt.ModelError, match="F1 has no declaration 'I_q'"):
             make("f1", I_q=1.0)
+        with pytest.raises(gt.ModelError, match="masses and friction of 'kr500' are not printed"):
+            make("kr500", payload=500.0)
         with pytest.raises(gt.ModelError, match="there is no robot 'd1_nominel'; did you mean d1_nominal"):
             make("d1_nominel")
 

@@ -1,0 +1,167 @@
+/* Newton's method with a fixed number of steps on a generated kernel, for equations without a closed form.
+ *
+ * It follows the solution that it starts from: the first step is bounded and every further one must shrink to a
+ * quarter, so that it cannot end in another assembly mode, and no answer comes without a residual that was seen to be
+ * small. gtmodel/cgen/newton_steps.py does the same step by step in the same order; the two agree bit for bit.
+ */
+#ifndef GT_NEWTON_H
+#define GT_NEWTON_H
+
+#include "gt_float.h"
+#include "gt_status.h"
+
+#include <math.h>
+
+/* Steps; the kernel runs once more for the residual of the answer. */
+#define GT_NEWTON_STEPS 4
+/* The first step, in nominal sizes of the unknowns. */
+#define GT_NEWTON_REACH 0.5
+/* Each step over the one before. */
+#define GT_NEWTON_CONTRACTION 0.25
+/* Steps below this, in nominal sizes, are round-off and need not shrink. */
+#define GT_NEWTON_ROUND_OFF 1e-10
+
+/* A generated kernel: arg[0] the unknowns, arg[1] its constants, res[0] the residual, res[1] the Jacobian by columns. */
+typedef int (*gt_newton_kernel)(const double **arg, double **res, long long int *iw, double *w, int mem);
+
+/* What the last call came to. */
+typedef struct gt_newton_marks {
+    double step; /* last step in nominal sizes */
+    double pivot; /* smallest pivot over the smallest that is allowed: ok above one */
+    double residual; /* largest residual over the largest that is allowed: ok up to one */
+} gt_newton_marks;
+
+/* Solves J x = r for n <= size of r in place: r becomes x. LU by columns with partial pivoting, the first of equal
+ * candidates is the pivot. Returns 0 if a pivot is not above `least`; lowers *smallest to the smallest pivot. */
+static inline int gt_newton_lu(double *jacobian, double *r, int n, double least, double *smallest)
+{
+    int i;
+    int j;
+    int k;
+
+    for (k = 0; k < n; k++) {
+        double *column = &jacobian[n * k];
+        double best = fabs(column[k]);
+        double t;
+        double x;
+        int row = k;
+
+        for (i = k + 1; i < n; i++) {
+            const double size = fabs(column[i]);
+
+            if (size > best) {
+                best = size;
+                row = i;
+            }
+        }
+        if (!(best > least)) {
+            *smallest = best;
+            return 0;
+        }
+        if (best < *smallest) {
+            *smallest = best;
+        }
+        if (row != k) {
+            for (j = k; j < n; j++) {
+                t = jacobian[(n * j) + k];
+                jacobian[(n * j) + k] = jacobian[(n * j) + row];
+                jacobian[(n * j) + row] = t;
+            }
+            t = r[k];
+            r[k] = r[row];
+            r[row] = t;
+        }
+        t = 1.0 / column[k];
+        x = r[k];
+        for (i = k + 1; i < n; i++) {
+            const double factor = column[i] * t;
+
+            column[i] = factor;
+            r[i] -= factor * x;
+        }
+        for (j = k + 1; j < n; j++) {
+            double *other = &jacobian[n * j];
+
+            t = other[k];
+            for (i = k + 1; i < n; i++) {
+                other[i] -= column[i] * t;
+            }
+        }
+    }
+    for (k = n - 1; k >= 0; k--) {
+        const double *column = &jacobian[n * k];
+        const double x = r[k] / column[k];
+
+        r[k] = x;
+        for (i = 0; i < k; i++) {
+            r[i] -= column[i] * x;
+        }
+    }
+    return 1;
+}
+
+/* Moves z from its start to the solution. `nominal` and `largest` (n each): sizes of the unknowns and largest residuals
+ * that are allowed, both inverted; `least`: smallest pivot. arg[0] must be z; only GT_OK makes z an answer. */
+static inline gt_status gt_newton(gt_newton_kernel kernel, const double **arg, double **res, long long int *iw,
+                                  double *w, int n, const double *nominal, const double *largest, double least,
+                                  double *z, gt_newton_marks *marks)
+{
+    double *r = res[0];
+    double most = GT_NEWTON_REACH;
+    double smallest = DBL_MAX;
+    double worst = 0.0;
+    double last = 0.0;
+    int step;
+    int i;
+
+    for (step = 0; step < GT_NEWTON_STEPS; step++) {
+        double size = 0.0;
+
+        if (kernel(arg, res, iw, w, 0) != 0) {
+            return GT_NOT_CONVERGED;
+        }
+        if (!gt_newton_lu(res[1], r, n, least, &smallest)) {
+            marks->pivot = smallest / least;
+            return GT_SINGULAR;
+        }
+        for (i = 0; i < n; i++) {
+            const double part = fabs(r[i]) * nominal[i];
+
+            if (!(part <= most)) {
+                marks->step = part;
+                return GT_NOT_CONVERGED;
+            }
+            if (part > size) {
+                size = part;
+            }
+        }
+        for (i = 0; i < n; i++) {
+            z[i] -= r[i];
+        }
+        last = size;
+        most = GT_NEWTON_CONTRACTION * size;
+        if (most < GT_NEWTON_ROUND_OFF) {
+            most = GT_NEWTON_ROUND_OFF;
+        }
+    }
+    if (kernel(arg, res, iw, w, 0) != 0) {
+        return GT_NOT_CONVERGED;
+    }
+    for (i = 0; i < n; i++) {
+        const double part = fabs(r[i]) * largest[i];
+
+        if (!(part <= 1.0)) {
+            marks->residual = part;
+            return GT_NOT_CONVERGED;
+        }
+        if (part > worst) {
+            worst = part;
+        }
+    }
+    marks->step = last;
+    marks->pivot = smallest / least;
+    marks->residual = worst;
+    return GT_OK;
+}
+
+#endif

@@ -1,0 +1,134 @@
+"""What a generated folder costs: machine code, stack and instructions of each function, and the symbols it defines."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from ..compiler.causal import CausalFunction
+from ..results.status import Status
+from .interface import Interface, interfaces
+from .manifest import read
+from .points import draw, evaluate
+from .text import hexadecimal
+from .toolchain import BODY_EXCEPTIONS, LINK, STANDARD, Toolchain, find
+from .wrapper import elements
+
+CALLS = 100  # counted; one more goes before them, so that nothing is loaded on the way
+DRAWS = 200  # points among which one with a solution is looked for
+
+_COUNTED = re.compile(r"Collected : (\d+)")
+
+
+@dataclass(frozen=True)
+class Costs:
+    """By C name: bytes of machine code, bytes of stack with all that is called, instructions of a call with guards.
+
+    `symbols`: what the folder defines for others. `missing`: one sentence on what could not be counted, or "".
+    """
+
+    text_bytes: dict[str, int] = field(default_factory=dict)
+    stack_bytes: dict[str, int] = field(default_factory=dict)
+    instructions: dict[str, int] = field(default_factory=dict)
+    symbols: tuple[str, ...] = ()
+    missing: str = ""
+
+
+def costs(folder: Path, functions: Mapping[str, CausalFunction]) -> Costs:
+    """Compile a generated folder at -O2 and measure it; instructions by valgrind, where there is one.
+
+    The stack of a function is that of its guards, of what these call in the folder and of its deepest body.
+    """
+    content, tools = read(folder), find()
+    if content is None or isinstance(tools, str):
+        return Costs(missing="" if content is None else str(tools))
+    name = content["name"]
+    faces = interfaces(functions, name)
+    with tempfile.TemporaryDirectory() as scratch:
+        place = Path(scratch)
+        sizes, frames, symbols = _compiled(tools, folder, name, place)
+        parts = {f.symbol: [f.symbol, *f.bodies, *[f"solve_{f.key}{k}" for k in range(len(f.newton))]] for f in faces}
+        text = {symbol: sum(sizes.get(p, 0) for p in names) for symbol, names in parts.items()}
+        stack = {
+            f.symbol: frames.get(f.symbol, 0)
+            + sum(frames.get(f"solve_{f.key}{k}", 0) for k in range(len(f.newton)))
+            + max(frames.get(p, 0) for p in f.bodies)
+            for f in faces
+        }
+        valgrind = shutil.which("valgrind")
+        if valgrind is None:
+            why = "no instruction was counted: there is no valgrind on this machine"
+            return Costs(text, stack, {}, symbols, why)
+        counts = {f.symbol: _instructions(tools, valgrind, f, place, folder) for f in faces}
+    return Costs(text, stack, {key: n for key, n in counts.items() if n is not None}, symbols)
+
+
+def _compiled(
+    tools: Toolchain, folder: Path, name: str, place: Path
+) -> tuple[dict[str, int], dict[str, int], tuple[str, ...]]:
+    """Code size and stack frame by function name, and the names that the two files define for others."""
+    objects = []
+    for file in (f"gt_{name}", f"gt_{name}_body"):
+        objects.append(place / f"{file}.o")
+        command = (tools.cc, *STANDARD, *BODY_EXCEPTIONS, "-fstack-usage", "-c", folder / f"{file}.c")
+        tools.run(*command, "-o", objects[-1])
+    _, listing = tools.run(tools.nm, "-S", *objects)
+    sizes: dict[str, int] = {}
+    symbols = []
+    for line in listing.splitlines():
+        match line.split():
+            case [_, size, "T" | "t" as kind, symbol]:
+                sizes[symbol.partition(".")[0]] = int(size, 16)
+                symbols += [symbol] if kind == "T" else []
+    frames = {}
+    for usage in sorted(place.glob("*.su")):
+        for line in usage.read_text().splitlines():
+            where, size, _ = line.split("\t")
+            frames[where.rpartition(":")[2]] = int(size)
+    return sizes, frames, tuple(sorted(symbols))
+
+
+def _instructions(tools: Toolchain, valgrind: str, face: Interface, place: Path, folder: Path) -> int | None:
+    """Of one call with GT_OK, the mean of CALLS; None where no point has a solution or nothing runs."""
+    rows = draw(face, DRAWS, seed=2)
+    good = np.flatnonzero(evaluate(face, rows)[1] == Status.OK)
+    if not len(good):
+        return None
+    main, program = place / f"{face.key}_main.c", place / f"{face.key}_main"
+    main.write_text(_program(face, rows[good[0]]))
+    own = face.symbol.removesuffix(f"_{face.key}")
+    objects = [place / f"{own}.o", place / f"{own}_body.o"]
+    built, _ = tools.run(tools.cc, *STANDARD, f"-I{folder}", main, *objects, "-o", program, *LINK, "-Wl,-z,now")
+    if not built:
+        return None
+    totals = []
+    for calls in (1, CALLS + 1):
+        log = f"--callgrind-out-file={place / 'callgrind.out'}"
+        ran, text = tools.run(valgrind, "--tool=callgrind", log, program, *["x"] * calls)
+        found = _COUNTED.search(text)
+        if not ran or found is None:
+            return None
+        totals.append(int(found[1]))
+    return round((totals[1] - totals[0]) / CALLS)
+
+
+def _program(face: Interface, row: np.ndarray) -> str:
+    """Calls the function as often as there are arguments."""
+    s = face.symbol
+    numbers = iter(row.tolist())
+    fill = [f"    {target} = {hexadecimal(next(numbers))};\n" for m in face.inputs for target in elements(m, "in.")]
+    fill += [f"    {target} = {hexadecimal(next(numbers))};\n" for m in face.state for target in elements(m, "state.")]
+    state = f"    {s}_state state;\n" if face.newton else ""
+    given = "&state, " if face.newton else ""
+    return (
+        f'#include "{face.symbol.removesuffix(f"_{face.key}")}.h"\n\nint main(int calls, char **none)\n{{\n'
+        f"    {s}_in in = {{0}};\n    {s}_out out;\n{state}    int k;\n\n    (void)none;\n{''.join(fill)}"
+        f"    for (k = 1; k < calls; k++) {{\n        if ({s}({given}&in, &out) != GT_OK) {{\n"
+        "            return 1;\n        }\n    }\n    return 0;\n}\n"
+    )

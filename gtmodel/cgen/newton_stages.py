@@ -1,0 +1,206 @@
+"""A function with Newton blocks, cut into what C calls: constants and kernel of each block, then the targets."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import casadi as ca
+import numpy as np
+
+from ..compiler.blocks import Margin
+from ..compiler.causal import PIVOT_TOLERANCE, CausalFunction, Signal
+from ..compiler.emit import express
+from ..compiler.plan import Plan
+from ..compiler.rows import map_columns, status_codes
+from ..lang.scope import derivative_name
+from ..results.status import Status
+from .newton_steps import eliminate, newton
+
+# residual of an answer over what one nominal of each unknown would make of it: far above round-off of equations on
+# squared lengths (1e-15), far below what any measurement of a robot sees
+RESIDUAL_TOLERANCE = 1e-11
+
+
+@dataclass(frozen=True, eq=False)
+class NewtonStage:
+    """One Newton block in C. `prepare`: (inputs..., unknowns of earlier blocks...) -> (constants, margins); `kernel`:
+    (unknowns, constants) -> (residual, Jacobian). `home` solves the block at the home pose; `nominal`, `largest` (both
+    inverted) and `least` are what gt_newton wants."""
+
+    prepare: ca.Function
+    kernel: ca.Function
+    margins: tuple[Margin, ...]
+    unknowns: tuple[Signal, ...]
+    home: tuple[float, ...]
+    nominal: tuple[float, ...]
+    largest: tuple[float, ...]
+    least: float
+
+    @property
+    def size(self) -> int:
+        """How many unknowns the block has."""
+        return len(self.home)
+
+    @property
+    def constants(self) -> int:
+        """How many numbers the kernel needs beside its unknowns."""
+        return self.prepare.size1_out(0)
+
+
+@dataclass(frozen=True, eq=False)
+class Stages:
+    """The blocks in order, and `body`: (inputs..., unknowns of all blocks...) -> (targets..., margins)."""
+
+    newton: tuple[NewtonStage, ...]
+    body: ca.Function
+    margins: tuple[Margin, ...]
+
+
+def stages(f: CausalFunction, symbol: str, parametric: bool = False) -> Stages:
+    """Cut `f` for the C name `symbol`; parametric: the parameter vector is one more input of `prepare` and `body`.
+
+    What a block needs of the inputs is computed once before its steps, and a margin as soon as it can be.
+    """
+    plan, flat = f.plan, f.flat
+    args = [ca.vertcat(*[flat.scope.symbol(*p) for p in s.pairs]) for s in f.inputs]
+    args += [flat.scope.time] if plan.uses_time else []
+    args += [flat.p] if parametric else []
+    zs = [ca.vertcat(*b.unknowns) for b in plan.newton]
+    targets = [ca.vertcat(*[plan.symbol(*p) for p in s.pairs]) for s in f.outputs]
+    residuals = [ca.vertcat(*b.residuals) for b in plan.newton]
+    margins = [m.expression for m in f.margins]
+    found = express(plan, [*targets, *residuals, *margins])
+    targets, residuals, margins = (
+        found[: len(targets)],
+        found[len(targets) : len(found) - len(margins)],
+        found[len(found) - len(margins) :],
+    )
+    due = [_due(e, zs) for e in margins]
+
+    def at(k: int) -> tuple[ca.SX, tuple[Margin, ...]]:
+        here = [n for n, d in enumerate(due) if d == k]
+        return _column([margins[n] for n in here]), tuple(f.margins[n] for n in here)
+
+    blocks = []
+    for k, (block, r, z) in enumerate(zip(plan.newton, residuals, zs, strict=True)):
+        r, jacobian = ca.cse([ca.densify(r), ca.densify(ca.jacobian(r, z))])
+        inner, constants, outer = _hoisted([r, ca.vec(jacobian)], z)
+        expressions, here = at(k)
+        given = [*args, *zs[:k]]
+        prepare = ca.Function(f"{symbol}_prepare{k}", given, ca.cse([outer, expressions]))
+        kernel = ca.Function(f"{symbol}_kernel{k}", [z, constants], ca.cse(inner))
+        blocks.append(_limits(f, k, prepare, kernel, here, z, block.scale))
+    expressions, here = at(len(zs))
+    body = ca.Function(f"{symbol}_body", [*args, *zs], ca.cse([*map(ca.densify, targets), expressions]))
+    return Stages(tuple(blocks), body, here)
+
+
+def samples_of(f: CausalFunction, pairs: Sequence[tuple[int, int]]) -> np.ndarray:
+    """Values (samples, pairs) of chain symbols at the consistent points of a function; 0 where none is known."""
+    position = {pair: n for n, pair in enumerate(f.plan.pairs)}
+    values = np.zeros((len(f.plan.samples), len(pairs)))
+    for column, pair in enumerate(pairs):
+        if pair in position:
+            # six digits: the noise of another linear algebra library must not reach the generated text
+            values[:, column] = [float(f"{x:.6g}") for x in f.plan.samples[:, position[pair]]]
+    return values
+
+
+def _due(expression: ca.SX, zs: Sequence[ca.SX]) -> int:
+    """How many blocks must be solved before the expression can be computed."""
+    found = {s.element_hash() for s in ca.symvar(expression)}
+    return max([k + 1 for k, z in enumerate(zs) if found & {s.element_hash() for s in ca.vertsplit(z)}], default=0)
+
+
+def _column(expressions: list[ca.SX]) -> ca.SX:
+    return ca.densify(ca.vertcat(*expressions)) if expressions else ca.SX(0, 1)
+
+
+def _hoisted(expressions: list[ca.SX], z: ca.SX) -> tuple[list[ca.SX], ca.SX, ca.SX]:
+    """The expressions of z and of new symbols, the column of these symbols, and what they stand for."""
+    unknown = {s.element_hash() for s in ca.vertsplit(z)}
+    column = ca.vertcat(*expressions)
+    known = [s for s in ca.symvar(column) if s.element_hash() not in unknown]
+    if not known:
+        return expressions, ca.SX(0, 1), ca.SX(0, 1)
+    inner, symbols, outer = ca.extract_parametric(column, ca.vertcat(*known), {"extract_trivial": True})
+    rows = np.cumsum([0, *[e.numel() for e in expressions]])
+    parts = [inner[int(a) : int(b)] for a, b in pairwise(rows)]
+    return [ca.densify(p) for p in parts], ca.vertcat(*symbols), ca.densify(ca.vertcat(*outer))
+
+
+def _limits(
+    f: CausalFunction,
+    k: int,
+    prepare: ca.Function,
+    kernel: ca.Function,
+    margins: tuple[Margin, ...],
+    z: ca.SX,
+    nominal: np.ndarray,
+) -> NewtonStage:
+    """The stage with its home, and with limits of residual and pivot by what they are there."""
+    plan = f.plan
+    pairs = [p for p in map(f.flat.scope.owner, ca.vertsplit(z)) if p is not None]
+    home = samples_of(f, pairs)[0]
+    known = f.kernels[k]
+    jacobian = np.array(known.residual(known.z0, known.a0)[1].full())
+    rows = np.abs(jacobian) @ nominal
+    _, _, smallest, _ = eliminate(jacobian[None].copy(), np.zeros((1, len(home))), 0.0)
+    return NewtonStage(
+        prepare,
+        kernel,
+        margins,
+        tuple(_signals(plan, pairs)),
+        tuple(home.tolist()),
+        tuple(1.0 / float(x) for x in nominal),
+        tuple(float(f"{1.0 / (RESIDUAL_TOLERANCE * x):.3g}") for x in rows),
+        float(f"{PIVOT_TOLERANCE * float(smallest[0]):.3g}"),
+    )
+
+
+def _signals(plan: Plan, pairs: Sequence[tuple[int, int]]) -> list[Signal]:
+    """The unknowns in their order, gathered into declared vectors where these are complete and in line."""
+    flat, left = plan.flat, list(pairs)
+    vectors = [(name, shape, list(indices)) for name, (shape, indices) in flat.groups.items() if shape]
+    result = []
+    while left:
+        order = left[0][1]
+        name, shape, size = flat.variables[left[0][0]].name, (), 1
+        for vector, vector_shape, indices in vectors:
+            if left[: len(indices)] == [(i, order) for i in indices] and len(indices) > size:
+                name, shape, size = vector, vector_shape, len(indices)
+        head, left = left[:size], left[size:]
+        result.append(Signal(derivative_name(name, order), shape, flat.unit_of(head[0][0], order), tuple(head)))
+    return result
+
+
+def evaluate_stages(cut: Stages, inputs: Sequence[np.ndarray], start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Targets and new states side by side (rows, m), NaN without a solution, and statuses (rows,), as C decides them.
+
+    inputs: rows of each input; start (rows, unknowns of all blocks).
+    """
+    rows = len(start)
+    status = np.where(np.all([np.isfinite(x).all(axis=1) for x in [*inputs, start]], axis=0), 0, Status.NOT_FINITE)
+    given, first = [x.T for x in inputs], 0
+    for stage in cut.newton:
+        constants, margins = map_columns(stage.prepare, given)
+        status = np.where(status == 0, status_codes(stage.margins, [], [margins], None), status)
+        live = np.flatnonzero(status == 0)
+        z = np.full((rows, stage.size), np.nan)
+        here = constants[:, live]
+
+        def kernel(z: np.ndarray, chosen: np.ndarray, stage: NewtonStage = stage, here: np.ndarray = here):
+            r, jacobian = map_columns(stage.kernel, [z.T, here[:, chosen]])
+            return r.T.copy(), jacobian.T.reshape(len(z), stage.size, stage.size).transpose(0, 2, 1).copy()
+
+        begin = start[live, first : first + stage.size]
+        found, verdict = newton(kernel, begin, np.array(stage.nominal), np.array(stage.largest), stage.least)
+        z[live], status[live] = found, verdict
+        given, first = [*given, z.T], first + stage.size
+    results = map_columns(cut.body, given)
+    status = np.where(status == 0, status_codes(cut.margins, [], results, None), status)
+    values = np.vstack([*results[:-1], *given[len(inputs) :]]).T.copy()
+    values[status != Status.OK] = np.nan
+    return values, status

@@ -1,0 +1,177 @@
+"""Joint stiffness from static load tests, linear in the compliances c = 1/K (Cvitanic 2021, eqs. (2)-(7))."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..inference import Identifiability, Verdict, identifiability, linear_fit, noise_size
+from ..results.estimate import Estimate
+from .static_tests import StaticTests
+
+ARM = 3  # joints before the wrist centre
+# K_c is half a per cent of K_q for half a ton: each round gains two digits
+STILL, ROUNDS = 1e-13, 50
+UNIT = "rad/(N.m)"
+
+
+@dataclass(frozen=True, eq=False)
+class StiffnessFit:
+    """Compliances c[0].. [rad/(N.m)] as an Estimate, what the tests tell of each, and whether residuals are noise.
+
+    `slopes` (rows, k) of the measured rows by c, `assumed` the covariance by which they were weighted, as blocks or
+    whole.
+    """
+
+    method: str
+    estimate: Estimate
+    told: Identifiability
+    adequacy: Verdict
+    slopes: np.ndarray
+    assumed: np.ndarray
+
+    @property
+    def compliance(self) -> np.ndarray:
+        return self.estimate.values
+
+    @property
+    def stiffness(self) -> np.ndarray:
+        """K = 1/c [N.m/rad]; negative where noise made the compliance so."""
+        return 1 / self.estimate.values
+
+    def interval(self, joint: int, level: float = 0.95) -> tuple[float, float]:
+        """Of K: the ends of the interval of c, inverted, which no linearisation touches; without an upper end where
+        the compliance may be zero. NaN where it is negative altogether."""
+        low, high = self.estimate.interval(f"c[{joint}]", level)
+        if high <= 0:
+            return np.nan, np.nan
+        return 1 / high, 1 / low if low > 0 else np.inf
+
+
+def names_of(joints: Sequence[int]) -> list[str]:
+    return [f"c[{j}]" for j in joints]
+
+
+def complete_pose(tests: StaticTests, *, rotation_weight: float = 1.0) -> StiffnessFit:
+    """All six rows of the displacement: dX = J diag(J'F) c, or (2) with K_c where the tests have one.
+
+    Rows are whitened by the tests' covariance. `rotation_weight` w counts rotations w times as much as their noise
+    says, as the thesis scales its rotations by 10: without model error it only widens the intervals, which are those
+    of the stated noise; the chi-squared test is that of w = 1. Raises ValueError for compliances that the tests do not
+    determine.
+    """
+    fit = _complete(tests, tests.covariance)
+    if rotation_weight == 1.0:
+        return fit
+    scale = np.repeat([1.0, 1 / rotation_weight], 3)
+    weighted = _complete(tests, tests.covariance * np.outer(scale, scale))
+    gain = weighted.estimate.covariance @ _whitened_transpose(weighted.slopes, weighted.assumed)
+    spread = gain @ _rows(tests.covariance) @ gain.T
+    estimate = replace(weighted.estimate, covariance=(spread + spread.T) / 2)
+    return replace(weighted, estimate=estimate, told=fit.told, adequacy=fit.adequacy)
+
+
+def _complete(tests: StaticTests, covariance: np.ndarray) -> StiffnessFit:
+    n, _, k = tests.J.shape
+    y, torque, before = tests.displacement.reshape(-1), tests.torque, None
+    for _ in range(ROUNDS):
+        A = (tests.J * torque[:, None, :]).reshape(6 * n, k)
+        e = linear_fit(A, y, names_of(range(k)), covariance=covariance, units=[UNIT] * k)
+        still = before is not None and np.abs(e.values - before).max() <= STILL * np.abs(e.values).max()
+        if tests.K_c is None or still:
+            break
+        before, torque = e.values, loaded_torque(tests, e.values)
+    return _fit("complete pose", e, A, covariance, n)  # pyright: ignore[reportPossiblyUnboundVariable]
+
+
+def decoupled(tests: StaticTests, *, moment: bool = True) -> StiffnessFit:
+    """Arm from the linear motion of the wrist centre, then wrist from that of the tool with the arm's part taken off.
+
+    The arm's torque is (J'F)_123, the moment of the force about the wrist centre included; with `moment=False` it is
+    J_wrist' f, as the text of the thesis has it, which biases the arm and stiffens the wrist. Intervals of the wrist
+    hold the error of the arm. Raises ValueError for tests with K_c and for what the tests do not determine.
+    """
+    if tests.K_c is not None:
+        raise ValueError("the decoupled method takes no complementary stiffness; use complete_pose, or leave K_c out")
+    n, _, k = tests.J.shape
+    torque = tests.torque
+    arm_torque = torque[:, :ARM]
+    if not moment:
+        arm_torque = np.einsum("nik,ni->nk", tests.J_wrist[:, :, :ARM], tests.wrench[:, :3])
+    y_w, S_w, S_tw = tests.wrist()
+    A_w = (tests.J_wrist[:, :, :ARM] * arm_torque[:, None, :]).reshape(3 * n, ARM)
+    arm = linear_fit(A_w, y_w.reshape(-1), names_of(range(ARM)), covariance=S_w, units=[UNIT] * ARM)
+    A_t = (tests.J[:, :3] * torque[:, None, :]).reshape(3 * n, k)
+    A_a, A_b = A_t[:, :ARM], A_t[:, ARM:]
+    # the arm's error is in every row of the second fit
+    gain = arm.covariance @ _whitened_transpose(A_w, S_w)
+    shared = _rows(S_tw) @ gain.T @ A_a.T
+    S_b = _rows(tests.covariance[:, :3, :3]) - shared - shared.T + A_a @ arm.covariance @ A_a.T
+    y_b = tests.displacement[:, :3].reshape(-1) - A_a @ arm.values
+    wrist = linear_fit(A_b, y_b, names_of(range(ARM, k)), covariance=S_b, units=[UNIT] * (k - ARM))
+    back = wrist.covariance @ np.linalg.solve(S_b, A_b).T
+    cross = (gain @ _rows(S_tw).T - arm.covariance @ A_a.T) @ back.T
+    both = Estimate(
+        (*arm.names, *wrist.names), np.concatenate([arm.values, wrist.values]),
+        np.block([[arm.covariance, cross], [cross.T, wrist.covariance]]), arm.freedom + wrist.freedom,
+        _pooled(arm, wrist), True, np.concatenate([arm.residuals, wrist.residuals]), (), units=arm.units + wrist.units,
+    )  # fmt: skip
+    whole = np.block([[A_w, np.zeros((3 * n, k - ARM))], [A_a, A_b]])
+    zero = np.zeros((3 * n, 3 * n))
+    noise = np.block([[_rows(S_w), zero], [zero, _rows(tests.covariance[:, :3, :3])]])
+    return _fit("decoupled", both, whole, noise, n)
+
+
+def loaded_torque(tests: StaticTests, c: np.ndarray) -> np.ndarray:
+    """Torques (n, k) by which compliances c turn the joints once these have moved: tau + K_c (K_q - K_c)^-1 tau."""
+    if tests.K_c is None:
+        return tests.torque
+    left = np.eye(len(c)) - c[:, None] * tests.K_c
+    dq = np.linalg.solve(left, (c * tests.torque)[:, :, None])[:, :, 0]
+    return tests.torque + np.einsum("nij,nj->ni", tests.K_c, dq)
+
+
+def predicted(tests: StaticTests, c: np.ndarray) -> np.ndarray:
+    """Displacement of the tool (n, 6) [m, rad] by joint compliances c (k,), eqs. (2), (3)."""
+    return np.einsum("nik,nk->ni", tests.J, c * loaded_torque(tests, np.asarray(c, float)))
+
+
+def without_noise(tests: StaticTests, c: np.ndarray) -> StaticTests:
+    """The tests with the displacements that c predicts, at the wrist centre too where it was measured."""
+    wrist = np.einsum("nik,nk->ni", tests.J_wrist, c * loaded_torque(tests, c))
+    return replace(
+        tests,
+        displacement=predicted(tests, c),
+        wrist_displacement=None if tests.wrist_displacement is None else wrist,
+    )
+
+
+def _fit(method: str, e: Estimate, A: np.ndarray, covariance: np.ndarray, poses: int) -> StiffnessFit:
+    # in whitened rows, each compliance in units of itself
+    blocks = covariance if covariance.ndim == 3 else covariance[None]
+    L = np.linalg.cholesky(blocks)
+    rows = np.linalg.solve(L, A.reshape(len(blocks), -1, A.shape[1])).reshape(A.shape)
+    told = identifiability(rows, e.names, scale=np.abs(e.values), poses=poses)
+    return StiffnessFit(method, e, told, noise_size(e), A, covariance)
+
+
+def _pooled(*estimates: Estimate) -> float:
+    freedom = sum(e.freedom for e in estimates)
+    chi2 = sum(float(e.residuals @ e.residuals) for e in estimates)
+    return float(np.sqrt(chi2 / freedom)) if freedom else 1.0
+
+
+def _rows(blocks: np.ndarray) -> np.ndarray:
+    """Block-diagonal (n b, n b) of (n, b, b)."""
+    n, b, _ = blocks.shape
+    whole = np.zeros((n, b, n, b))
+    whole[np.arange(n), :, np.arange(n)] = blocks
+    return whole.reshape(n * b, n * b)
+
+
+def _whitened_transpose(A: np.ndarray, blocks: np.ndarray) -> np.ndarray:
+    """A' S^-1 (k, rows) for S of independent blocks."""
+    n, b, _ = blocks.shape
+    return np.linalg.solve(blocks, A.reshape(n, b, -1)).reshape(A.shape).T

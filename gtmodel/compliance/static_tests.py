@@ -1,0 +1,73 @@
+"""Static load tests of a serial arm: where it stood, what pulled, what moved."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+
+@dataclass(frozen=True, eq=False)
+class StaticTests:
+    """n tests of an arm with k joints; world coordinates, moments and rotations about and of the tool centre point.
+
+    J (n, 6, k): geometric Jacobian there, rows linear [m] then angular [1]; J_wrist (n, 3, k): linear, of the wrist
+    centre. wrench (n, 6) [N, N.m] acts on the tool; displacement (n, 6) [m, rad] is the pose with it less that
+    without. covariance (n, 6, 6) of the displacement's noise. wrist_displacement (n, 3) [m] with wrist_covariance
+    (n, 3, 3) where a target at the wrist centre was measured too, independently; else it follows from the pose by
+    `lever` (n, 3) [m], from the tool centre point to the wrist centre. K_c (n, k, k) [N.m/rad]: complementary
+    stiffness, zero if left out (eq. (3)).
+    """
+
+    J: np.ndarray
+    J_wrist: np.ndarray
+    wrench: np.ndarray
+    displacement: np.ndarray
+    covariance: np.ndarray
+    lever: np.ndarray
+    wrist_displacement: np.ndarray | None = None
+    wrist_covariance: np.ndarray | None = None
+    K_c: np.ndarray | None = None
+
+    def __post_init__(self) -> None:
+        n, k = len(self.J), self.J.shape[-1]
+        shapes = {
+            "J": (n, 6, k), "J_wrist": (n, 3, k), "wrench": (n, 6), "displacement": (n, 6), "covariance": (n, 6, 6),
+            "lever": (n, 3), "wrist_displacement": (n, 3), "wrist_covariance": (n, 3, 3), "K_c": (n, k, k),
+        }  # fmt: skip
+        for name, shape in shapes.items():
+            value = getattr(self, name)
+            if value is not None and np.shape(value) != shape:
+                raise ValueError(f"{name} has the shape {np.shape(value)}; expected {shape} for {n} tests")
+            if value is not None and not np.all(np.isfinite(value)):
+                raise ValueError(f"{name} is not finite in test {int(np.argwhere(~np.isfinite(value))[0, 0])}")
+        if (self.wrist_displacement is None) != (self.wrist_covariance is None):
+            raise ValueError("wrist_displacement and wrist_covariance belong together; give both or none")
+
+    @property
+    def torque(self) -> np.ndarray:
+        """J'F (n, k) [N.m], by which the load turns the joints, eq. (6)."""
+        return np.einsum("nik,ni->nk", self.J, self.wrench)
+
+    def wrist(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Displacement of the wrist centre (n, 3), its covariance (n, 3, 3), and that with the tool's linear
+        displacement, tool by wrist (n, 3, 3)."""
+        if self.wrist_displacement is not None and self.wrist_covariance is not None:
+            return self.wrist_displacement, self.wrist_covariance, np.zeros((len(self.J), 3, 3))
+        B = np.concatenate([np.tile(np.eye(3), (len(self.J), 1, 1)), -skew(self.lever)], axis=2)
+        moved = np.einsum("nij,nj->ni", B, self.displacement)
+        with_pose = self.covariance @ np.swapaxes(B, 1, 2)
+        return moved, B @ with_pose, with_pose[:, :3]
+
+
+def at_tool(J: ArrayLike, arm: ArrayLike) -> np.ndarray:
+    """Jacobians (n, 6, k) of a point displaced by `arm` (n, 3) [m], world coordinates, from that of J."""
+    J, arm = np.asarray(J, float), np.asarray(arm, float)
+    linear = J[:, :3] + np.cross(J[:, 3:], arm[:, :, None], axis=1)
+    return np.concatenate([linear, J[:, 3:]], axis=1)
+
+
+def skew(r: np.ndarray) -> np.ndarray:
+    """Matrices (n, 3, 3) of the cross product r x."""
+    return np.cross(r[:, None, :], np.eye(3)).swapaxes(1, 2)

@@ -1,0 +1,41 @@
+"""sensitivity.csv: what a small change of each parameter does, link by link (Dressler 2012, Table 5.10)."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+
+import numpy as np
+
+_OF_A_LINK = re.compile(r"(?P<name>\w+)\[(?P<link>\d+)(,(?P<axis>[012]))?\]")
+_TITLES = {
+    "position_mm": "position change, mm",
+    "orientation_deg": "orientation change, deg",
+    "cost_m4": "change of (5.1), m^4",
+}
+
+
+def table(sums: Mapping[str, Mapping[str, float]], of: str) -> tuple[list[str], np.ndarray]:
+    """Rows such as "L", "A_x" and their sums (rows, links), NaN where a link has none; `of`: the key of the sums."""
+    found: dict[str, dict[int, float]] = {}
+    for name, own in sums.items():
+        m = _OF_A_LINK.fullmatch(name)
+        if m is not None and of in own:
+            row = m["name"] + (f"_{'xyz'[int(m['axis'])]}" if m["axis"] else "")
+            found.setdefault(row, {})[int(m["link"])] = own[of]
+    links = 1 + max((k for row in found.values() for k in row), default=-1)
+    order = sorted(found, key=lambda row: (row[0] != "L", row))
+    rows = [[found[row].get(k, np.nan) for k in range(links)] for row in order]
+    return order, np.array(rows, float).reshape(len(order), links)
+
+
+def text(sums: Mapping[str, Mapping[str, float]]) -> str:
+    """All three tables under each other, a line per parameter and a column per link."""
+    lines = []
+    for of, title in _TITLES.items():
+        order, values = table(sums, of)
+        if not order:
+            continue
+        lines.append(",".join([title, *(f"link {k}" for k in range(values.shape[1]))]))
+        lines += [",".join([row, *(f"{x:.4g}" for x in own)]) for row, own in zip(order, values, strict=True)]
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,97 @@
+"""What an identification must pass, and what looks wrong with its log, in words."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gtmodel.identify import Identification, Repeated, Validation, work_of
+
+from .base import Check
+from .identification_data import Recordings
+
+# of estimate minus truth in standard deviations: a fair draw of thirteen is beyond once in a thousand
+WORST = 4.0
+# held-out over fitted noise: two motions of one plant differ by some hundredths, a lacking effect by much more
+HELD_OUT = 1.5
+UNEXPLAINED = 0.5  # rms of what is left over rms of the effort: beyond, the model is not that of the log
+FAR = 300.0  # times the nominal value: a factor 1000 of a unit, not a payload
+SATURATED = 0.02  # of the samples at the largest or smallest reading: noise alone does not stay there
+
+
+def checks_of(
+    data: Recordings, found: Identification, validation: Validation | None, repeated: Repeated | None
+) -> dict[str, Check]:
+    """By name, as they stand in the result."""
+    checks = {"undetermined": Check(float(found.identifiability.redundant), 0.0, found.identifiability.redundant == 0)}
+    # what was left out shifts the others: then the truth is not what the fit is after
+    whole = all(t.passed for t in found.left_out)
+    if data.truth and whole:
+        e = found.estimate
+        worst = max((abs(e.value(n) - data.truth[n]) / s for n, s in zip(e.names, e.std, strict=True)), default=0.0)
+        checks["error_in_standard_deviations"] = Check(float(worst), WORST, bool(worst <= WORST))
+    if validation is not None:
+        ratio = float(np.max(validation.rms / found.noise))
+        checks["held_out_over_fitted_noise"] = Check(ratio, HELD_OUT, ratio <= HELD_OUT)
+    share = float(np.max(_unexplained(found)))
+    checks["unexplained_share"] = Check(share, UNEXPLAINED, share <= UNEXPLAINED)
+    work = work_of(found)
+    if work is not None:
+        least = float(np.min(work.friction))
+        if np.any(work.friction):  # some friction is free
+            checks["work_of_friction_J"] = Check(least, 0.0, least >= 0)
+        other = work if validation is None else work_of(found, validation.rows) or work
+        checks["energy_balance"] = Check(other.balance, other.bound, other.balanced)
+    if found.left_out:
+        p = min(t.p for t in found.left_out)
+        checks["nothing_left_out"] = Check(p, None, whole)
+    if repeated is not None and not repeated.runs.interrupted:
+        outside = len(repeated.coverage.outside) + len(repeated.coverage.biased)
+        checks["parameters_outside_the_binomial_band"] = Check(float(outside), 0.0, outside == 0)
+    return checks
+
+
+def suspicions(data: Recordings, found: Identification, validation: Validation | None, targets: str) -> list[str]:
+    """Sentences on signs, units, order of columns and saturation that the log is suspected of."""
+    rows, work = found.rows, work_of(found)
+    lines = [
+        f"{t}: {100 * share:.3g} % of its rms are left unexplained; check sign, order and units of the columns"
+        for t, share in zip(rows.targets, _unexplained(found), strict=True)
+        if share > UNEXPLAINED
+    ]
+    if work is not None:
+        other = None if validation is None else work_of(found, validation.rows)
+        lines += work.driving(rows.targets) + (work if other is None else other).unbalanced()
+    return lines + _far_off(found) + _saturated(data, targets)
+
+
+def _unexplained(found: Identification) -> np.ndarray:
+    return np.sqrt(np.mean(found.residuals**2, axis=0) / np.mean(found.rows.effort**2, axis=0))
+
+
+def _far_off(found: Identification) -> list[str]:
+    """Where a unit of position, time or effort is off by its thousand, a parameter is, or all are."""
+    rows, e = found.rows, found.estimate
+    nominal = dict(zip(rows.names, rows.nominal, strict=True))
+    told = [n for n in e.names if nominal[n] and e.interval(n)[0] * e.interval(n)[1] > 0]
+    ratios = {n: abs(e.value(n) / nominal[n]) for n in told}
+    far = [n for n in told if ratios[n] > FAR] or (told if told and max(ratios.values()) < 1 / FAR else [])
+    if not far:
+        return []
+    return [f"{far[0]} is {ratios[far[0]]:.3g} times its nominal value; check the units of time, position and efforts"]
+
+
+def _saturated(data: Recordings, targets: str) -> list[str]:
+    lines = []
+    for session in data.fitted:
+        unit = session.trajectory.unit(targets)
+        effort = session.trajectory[targets].reshape(len(session.trajectory), -1)
+        for k, column in enumerate(effort.T):
+            name = targets if effort.shape[1] == 1 else f"{targets}[{k}]"
+            for end, value in (("largest", column.max()), ("smallest", column.min())):
+                share = float(np.mean(column == value))
+                if share > SATURATED and np.ptp(column) > 0:
+                    lines.append(
+                        f"{name} of {session.name} stands at its {end} value, {value:.5g} {unit}, in "
+                        f"{100 * share:.2g} % of the samples; if the sensor saturates there, the numbers are off"
+                    )
+    return lines

@@ -1,0 +1,140 @@
+"""All branches of the inverse kinematics of a six-axis arm whose last three axes meet, by partition at the wrist."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..results import Status
+
+# sines and relative distances below this keep fewer than ten digits of the angle they tell
+SINGULAR = 1e-6
+# a straight elbow misses its own reach by rounding of a few metres
+EDGE = 1e-12
+# where a pose is on a limit, rounding of the angle must not lose it [rad]
+ON_LIMIT = 1e-9
+AXES = np.array([[0, 0, -1], [0, 1, 0], [0, 1, 0], [-1, 0, 0], [0, 1, 0], [-1, 0, 0]], float)
+# by branch: shoulder in front (1) or behind (-1), elbow by the sign of its angle, wrist by that of q5
+SIDES = np.array([[s, e, w] for s in (1, -1) for e in (1, -1) for w in (1, -1)])
+
+
+@dataclass(frozen=True, eq=False)
+class InverseBranches:
+    """The eight branches of n poses: q (n, 8, 6) [rad], NaN where there is none, and status (n, 8).
+
+    SINGULAR: the branch exists, but there the shoulder (wrist centre on axis 1), the elbow (arm straight or folded)
+    or the wrist (axes 4 and 6 in line) lets joints move with the pose at rest, or two branches meet; q is one of its
+    solutions. OUT_OF_RANGE: the wrist centre is out of reach.
+    """
+
+    q: np.ndarray
+    status: np.ndarray
+
+    def within(self, limits: ArrayLike, pose: int = 0) -> tuple[np.ndarray, np.ndarray]:
+        """All joint angles (k, 6) of one pose within limits (6, 2) [rad], each branch in all its turns of 360 degrees,
+        and the branch (k,) that each belongs to; empty where the limits leave none."""
+        low, high = np.asarray(limits, float).reshape(6, 2).T
+        found, branches = [], []
+        for branch, angles in enumerate(self.q[pose]):
+            if not np.all(np.isfinite(angles)):
+                continue
+            first = np.ceil((low - ON_LIMIT - angles) / (2 * np.pi))
+            last = np.floor((high + ON_LIMIT - angles) / (2 * np.pi))
+            turns = [np.arange(a, b + 1) for a, b in zip(first, last, strict=True)]
+            grid = np.stack(np.meshgrid(*turns, indexing="ij"), axis=-1).reshape(-1, 6)
+            found.append(angles + 2 * np.pi * grid)
+            branches.append(np.full(len(grid), branch))
+        if not found:
+            return np.zeros((0, 6)), np.zeros(0, int)
+        return np.concatenate(found), np.concatenate(branches)
+
+
+@dataclass(frozen=True)
+class WristPartition:
+    """Lengths of an arm with axes -z, y, y, -x, y, -x at q = 0 and a flange that looks along x there, Ry(90 deg).
+
+    `base` (offset, height) of axis 2 [m], `upper` from axis 2 to 3, `fore` (2) from axis 3 to the wrist centre, along
+    x and z, `flange` from the wrist centre to the flange.
+    """
+
+    base: tuple[float, float]
+    upper: float
+    fore: tuple[float, float]
+    flange: float
+
+    @classmethod
+    def of(cls, origins: ArrayLike, axes: ArrayLike) -> WristPartition:
+        """From axis origins (6, 3) [m], each in the frame before, and directions (6, 3). ValueError for another kind
+        of arm."""
+        o, a = np.asarray(origins, float), np.asarray(axes, float)
+        if a.shape != (6, 3) or not np.allclose(a, AXES):
+            raise ValueError(f"axes are {a.tolist()}; expected -z, y, y, -x, y, -x")
+        expected = o * [[0, 0, 1], [1, 0, 1], [1, 0, 0], [1, 0, 1], [0, 0, 0], [1, 0, 0]]
+        if o.shape != (6, 3) or not np.array_equal(o, expected):
+            raise ValueError(
+                "axis origins must lie in the plane y = 0 at q = 0, with axes 4, 5 and 6 through one point"
+            )
+        return cls((o[1, 0], o[0, 2] + o[1, 2]), o[2, 0], (o[3, 0], o[3, 2]), o[5, 0])
+
+    @property
+    def reach(self) -> tuple[float, float]:
+        """Least and greatest distance of the wrist centre from axis 2 [m]."""
+        fore = float(np.hypot(*self.fore))
+        return abs(self.upper - fore), self.upper + fore
+
+    def inverse(self, T: ArrayLike, R: ArrayLike) -> InverseBranches:
+        """The branches, in the order of SIDES, of flange poses T (n, 3) [m] and R (n, 3, 3).
+
+        A row that is no finite pose has the status NOT_FINITE. Raises ValueError for other shapes.
+        """
+        T, R = np.atleast_2d(np.asarray(T, float)), np.asarray(R, float).reshape(-1, 3, 3)
+        if T.ndim != 2 or T.shape[1] != 3 or len(T) != len(R):
+            raise ValueError(f"T has the shape {T.shape} for {len(R)} orientations; expected ({len(R)}, 3)")
+        centre = T - self.flange * R[:, :, 2]
+        q, status = np.full((len(T), 8, 6), np.nan), np.empty((len(T), 8), int)
+        for k, (shoulder, elbow, wrist) in enumerate(SIDES):
+            q[:, k, :3], arm, ok = self._arm(centre, shoulder, elbow)
+            q[:, k, 3:], turned = self._wrist(R, q[:, k, :3], wrist)
+            status[:, k] = np.where(ok, np.where(arm | turned, Status.SINGULAR, Status.OK), Status.OUT_OF_RANGE)
+        finite = np.isfinite(T).all(axis=1) & np.isfinite(R).all(axis=(1, 2))
+        status[~finite] = Status.NOT_FINITE
+        return InverseBranches(q, status)
+
+    def _arm(self, centre: np.ndarray, shoulder: int, elbow: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """q1..q3 (n, 3), where they are singular (n,) and where they exist (n,)."""
+        x, y, z = centre.T
+        radius = np.hypot(x, y)
+        on_axis = radius < SINGULAR * self.upper
+        q1 = -np.arctan2(shoulder * y, shoulder * x)
+        # the plane of the arm: forwards, downwards, so that angles about y are positive
+        u, v = shoulder * radius - self.base[0], self.base[1] - z
+        fore, bend = float(np.hypot(*self.fore)), float(np.arctan2(-self.fore[1], self.fore[0]))
+        cosine = (u**2 + v**2 - self.upper**2 - fore**2) / (2 * self.upper * fore)
+        exists = np.abs(cosine) <= 1 + EDGE
+        angle = elbow * np.arccos(np.clip(cosine, -1, 1))
+        q2 = np.arctan2(v, u) - np.arctan2(fore * np.sin(angle), self.upper + fore * np.cos(angle))
+        q = np.stack([q1, _wrapped(q2), _wrapped(angle - bend)], axis=1)
+        q[~exists] = np.nan
+        return q, on_axis | (np.abs(np.sin(angle)) < SINGULAR), exists
+
+    def _wrist(self, R: np.ndarray, q: np.ndarray, side: int) -> tuple[np.ndarray, np.ndarray]:
+        """q4..q6 (n, 3) and where they are singular (n,): Rx(-q4) Ry(q5) Rx(-q6) is what arm and flange leave."""
+        c1, s1, c, s = np.cos(q[:, 0]), np.sin(q[:, 0]), np.cos(q[:, 1] + q[:, 2]), np.sin(q[:, 1] + q[:, 2])
+        zero = np.zeros_like(c1)
+        arm = np.stack([c1 * c, s1, c1 * s, -s1 * c, c1, -s1 * s, -s, zero, c], axis=1).reshape(-1, 3, 3)
+        last = np.stack([R[:, :, 2], R[:, :, 1], -R[:, :, 0]], axis=2)  # R Ry(-90 deg)
+        M = np.swapaxes(arm, 1, 2) @ last
+        sine = np.hypot(M[:, 0, 1], M[:, 0, 2])
+        q4 = np.arctan2(-side * M[:, 1, 0], -side * M[:, 2, 0])
+        q5 = np.arctan2(side * sine, M[:, 0, 0])
+        # q6 after q4 and not from M alone: with axes 4 and 6 in line, only their sum is told
+        across = np.cos(q4)[:, None] * M[:, 1] - np.sin(q4)[:, None] * M[:, 2]
+        q6 = np.arctan2(across[:, 2], across[:, 1])
+        return np.stack([q4, q5, q6], axis=1), sine < SINGULAR
+
+
+def _wrapped(angle: np.ndarray) -> np.ndarray:
+    """Within pi of zero."""
+    return angle - 2 * np.pi * np.round(angle / (2 * np.pi))

@@ -1,0 +1,101 @@
+"""The KUKA KR 500-3 (R2830): six revolute joints in a row, the last three through one point."""
+
+from __future__ import annotations
+
+import tomllib
+from functools import cache
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+
+from .. import lang as gt
+from ..mechanics import Fixed, FixedTranslation, Frame, FrameLoad, Ground, Revolute, TorqueMotor
+
+SOURCE = "maker's data sheet; Cvitanic 2021, Tables 1 and 2, Fig. 42"
+MASSES = "none printed"
+FLANGE = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])  # Ry(90 deg)
+WRIST = 3  # axes from this one on meet in the wrist centre
+
+
+class ArmAxis(gt.Model):
+    """One revolute axis, displaced by o from the frame before; both frames are parallel at angle 0. Massless."""
+
+    o = gt.parameter(shape=3, unit="m", description="origin of the axis, coordinates of the frame before")
+    axis = gt.parameter(shape=3, unit="1", description="direction of the axis")
+    before = gt.port(Frame)
+    after = gt.port(Frame)
+    reach = gt.part(FixedTranslation, d=o)
+    joint = gt.part(Revolute, axis=axis)
+    motor = gt.part(TorqueMotor)
+
+    def equations(self):
+        yield gt.connect(self.before, self.reach.a)
+        yield gt.connect(self.reach.b, self.joint.a)
+        yield gt.connect(self.joint.b, self.after)
+        yield gt.connect(self.joint.shaft, self.motor.shaft)
+
+
+class SphericalWristArm(gt.Model):
+    """Six revolute axes whose last three meet: angles q (6) [rad] as the controller shows them.
+
+    T [m] and R are origin and orientation of the flange (its z axis points out of it), v [m/s] and w [rad/s] their
+    rates, W [m] the wrist centre with its velocity v_W. The flange carries `load.force` [N] and `load.torque` [N.m],
+    world coordinates; `tau` [N.m] holds it, tau = -J'F (the motors' part; joints give way by +J'F). Links are
+    massless: no masses are printed. `known="q"` with targets v and w at der(q) gives the geometric Jacobian. All
+    branches of the inverse: `kinematics.WristPartition`.
+    """
+
+    origins = gt.parameter(shape=(6, 3), unit="m", description="axis origins, each in the frame before, at q = 0")
+    axes = gt.parameter(shape=(6, 3), unit="1", description="axis directions at q = 0")
+    R_flange = gt.parameter(FLANGE, unit="1", description="rotation from flange to the last axis' frame")
+    q = gt.variable(6, unit="rad", start=np.zeros(6), prefer=1, description="joint angles")
+    tau = gt.variable(6, unit="N.m", nominal=1000.0, description="torques of the motors on their joints")
+    T = gt.variable(3, unit="m", description="origin of the flange")
+    R = gt.variable((3, 3), unit="1", prefer=-4, description="rotation from flange to world coordinates")
+    v = gt.variable(3, unit="m/s", description="velocity of T")
+    w = gt.variable(3, unit="rad/s", prefer=-1, description="angular velocity of the flange, world coordinates")
+    W = gt.variable(3, unit="m", description="wrist centre")
+    v_W = gt.variable(3, unit="m/s", description="velocity of the wrist centre")
+    ground = gt.part(Ground)
+    link = gt.parts(6, ArmAxis, o=origins, axis=axes)
+    flange = gt.part(Fixed, R=R_flange)
+    load = gt.part(FrameLoad)
+
+    def equations(self):
+        before = self.ground.frame
+        for i, link in enumerate(self.link):
+            yield gt.connect(before, link.before)
+            yield self.q[i] == link.joint.shaft.phi
+            yield self.tau[i] == link.motor.torque
+            before = link.after
+        yield gt.connect(before, self.flange.a)
+        yield gt.connect(self.flange.b, self.load.frame)
+        end, wrist = self.load.frame, self.link[WRIST].joint.a
+        yield self.T == end.r
+        yield self.R == end.R
+        yield self.v == gt.der(end.r)
+        yield self.w == end.w
+        yield self.W == wrist.r
+        yield self.v_W == gt.der(wrist.r)
+
+
+def kr500(**modifiers: Any) -> SphericalWristArm:
+    """The KR 500-3 of the printed geometry. modifiers: any parameter of SphericalWristArm.
+
+    Raises ModelError for an unknown parameter.
+    """
+    geometry = kr500_tables()["geometry"]
+    values = {"origins": np.array(geometry["joint_origins_m"], float), "axes": np.array(geometry["joint_axes"], float)}
+    return SphericalWristArm(**{**values, **modifiers})
+
+
+def kr500_limits() -> np.ndarray:
+    """Joint limits (6, 2) of the KR 500-3, lower and upper [rad]."""
+    return np.deg2rad(np.array(kr500_tables()["geometry"]["limits_deg"], float))
+
+
+@cache
+def kr500_tables() -> dict[str, Any]:
+    """The printed figures of the KR 500-3 (Cvitanic 2021) as tables; c_z of the milling tests is missing in print."""
+    return tomllib.loads(files("gtmodel.robots").joinpath("data", "kr500.toml").read_text(encoding="utf-8"))
