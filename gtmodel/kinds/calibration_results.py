@@ -184,11 +184,13 @@ def _far(found: Found) -> list[str]:
         if abs(moved) > FAR * max(abs(float(u.start[j])) for j in lengths):
             said.append(f"{u.names[k]} moved by {moved:.3g} m from where it was: {asked}")
     before, after = found.problem.values(u.start), found.calibration.values
-    for row in dict.fromkeys(u.names[k].rpartition(",")[0] or u.names[k] for k in own if u.units[k] in ("", "1")):
-        members = [n for n in after if n == row or n.startswith(f"{row},")]
+    for row in dict.fromkeys(
+        u.names[k].rpartition(",")[0] or u.names[k].partition("[")[0] for k in own if u.units[k] in ("", "1")
+    ):
+        members = [n for n in after if n == row or n.startswith((f"{row},", f"{row}["))]
         norms = [float(np.linalg.norm([values[n] for n in members])) for values in (before, after)]
         if members and norms[0] > 0 and not 1 - FAR <= norms[1] / norms[0] <= 1 + FAR:
-            name = row if row in after else f"{row}]"
+            name = f"{row}]" if "[" in row and row not in after else row
             said.append(
                 f"{name} became {norms[1] / norms[0]:.3g} times as long as it was; are the units right? {asked}"
             )
