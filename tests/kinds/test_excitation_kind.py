@@ -121,7 +121,7 @@ class TestCommandLine:
             'kind = "excitation"\nrobot = "l1_tape"\n[motion]\nperiod_s = 2.0\nharmonics = 2\n'
             "place_low_m = [0.9, -0.9, 0.4]\nplace_high_m = [1.1, -0.7, 0.6]\n[limits]\nforce_N = 700.0\n"
             "tcp_low_m = [0.5, -1.1, 0.2]\ntcp_high_m = [1.5, -0.5, 0.8]\n"
-            '[random]\ndraws = 3\n[search]\ncriterion = "variance"\nmax_iterations = 10\n'
+            '[random]\ndraws = 3\n[search]\ncriterion = "variance"\nmax_iterations = 100\n'
         )
         commands = Commands(capsys)
         done = commands("solve", tmp_path / "e.toml", "--json", "--plot", "--out", tmp_path / "one")

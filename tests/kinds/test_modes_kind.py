@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from gtmodel import robots
 from gtmodel.kinds import Context, InputError, hand_poses, modes, report
 from gtmodel.kinds.load import load, validate
-from gtmodel.kinds.output import _png
+from gtmodel.kinds.output import png
 from gtmodel.plot.assembly_modes import MARKED, modes_figure
 from gtmodel.results import SolveStatus
 from tests.support.commands import Commands
@@ -199,7 +199,7 @@ class TestPictures:
         def draw():
             return modes_figure(np.eye(6)[:, :3], B, np.eye(3)[None], np.ones((1, 3)), commanded=0)
 
-        assert len(draw().axes) == 1 and _png(draw) == _png(draw)
+        assert len(draw().axes) == 1 and png(draw) == png(draw)
 
 
 REFUSED = [
