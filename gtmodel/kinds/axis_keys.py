@@ -60,7 +60,7 @@ class Cost(Section):
 class Mesh(Section):
     """Where the equations are collocated (Radau)."""
 
-    elements: PositiveInt = Field(20, description="number of elements of the horizon")
+    elements: PositiveInt = Field(20, le=10000, description="number of elements of the horizon")
     points: int = Field(3, ge=1, le=9, description="collocation points per element")
     control: Literal["linear", "constant", "polynomial"] = Field(
         "linear",

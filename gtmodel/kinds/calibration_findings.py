@@ -19,6 +19,7 @@ from .base import InputError
 from .calibration_confidence import Confidence
 from .calibration_data import PoseData
 from .calibration_keys import COSTS, Schema
+from .calibration_movement import moved_too_far
 
 HUBER = 1.345  # standard deviations: 95 % as sharp as least squares where there are no outliers
 # held-out over fitted errors: two halves of one grid differ by some tenths, a fit of noise by much more
@@ -130,12 +131,21 @@ def verdict(found: Found, accuracy: float | None) -> tuple[bool, bool | None, li
     if not found.held_out:
         sentences.append("prediction not proven: no poses were held out, errors of fitted poses flatter")
         return True, None, sentences
+    far = moved_too_far(c)
+    if far:
+        sentences.append(
+            f"prediction not proven: held-out poses were read in the same way as the fitted ones, and {far[0]}"
+        )
+        return True, False, sentences
     name, kept = found.position, len(found.lines_held_out)
     outside, inside = found.held_out[name], found.fitted[name]
     sizes = f"mean {1e3 * outside.mean:.3g} mm, greatest {1e3 * outside.greatest:.3g} mm"
     proven = outside.rms <= HELD_OUT * inside.rms and (accuracy is None or outside.mean <= accuracy)
     if proven:
-        sentences.append(f"prediction proven on {kept} held-out poses: {sizes}; within their box and load, not beyond")
+        sentences.append(
+            f"prediction proven on {kept} held-out poses: {sizes}; within their box, load and "
+            "units, not beyond: a scale that all readings share is not seen"
+        )
     elif accuracy is not None and outside.mean > accuracy:
         sentences.append(f"prediction misses the wanted {1e3 * accuracy:.3g} mm on {kept} held-out poses: {sizes}")
     else:

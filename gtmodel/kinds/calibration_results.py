@@ -14,6 +14,7 @@ from .base import Check, Row
 from .calibration_data import PoseData
 from .calibration_findings import HELD_OUT, Found, verdict
 from .calibration_keys import Schema
+from .calibration_movement import moved_too_far
 
 VALUES = {
     "parameters": "all geometric parameters of the closure equations by name, calibrated ones among them, in SI units",
@@ -45,7 +46,6 @@ VALUES = {
 }
 SHOWN_PAIRS = 20
 WORST_ROWS = 5
-FAR = 0.1  # of the largest length: a tape measure does not err by that
 WEAK = "told no better than"  # of a combination, in words
 
 
@@ -81,7 +81,7 @@ def values_of(problem: Schema, found: Found) -> dict[str, Any]:
         "numerics_sound": sound,
         "prediction_proven": proven,
         "verdict": sentences,
-        "notes": [] if c.estimate is None else [*c.estimate.notes, *found.confidence.reasons, *_far(found)],
+        "notes": [] if c.estimate is None else [*c.estimate.notes, *found.confidence.reasons, *moved_too_far(c)],
         "truth": _truth(found),
         "synthetic": data.synthetic,
     }  # fmt: skip
@@ -96,8 +96,8 @@ def checks_of(problem: Schema, found: Found) -> dict[str, Check]:
         checks["held_out_over_fitted"] = Check(ratio, HELD_OUT, ratio <= HELD_OUT)
     if found.lost:
         checks["held_out_poses_lost"] = Check(float(found.lost), 0.0, False)
-    far = _far(found)
-    if far and found.calibration.estimate is not None:
+    far = moved_too_far(found.calibration)
+    if far:
         checks["moved_too_far"] = Check(float(len(far)), 0.0, False)
     wanted = _accuracy(problem)
     if wanted is not None and name in found.told[0]:
@@ -169,32 +169,6 @@ def _unknowns(found: Found) -> list[dict[str, Any]]:
 
 def _sizes(p: Prediction | None, factor: float = 1e3) -> dict[str, float] | None:
     return None if p is None else {"mean": factor * p.mean, "max": factor * p.greatest, "rms": factor * p.rms}
-
-
-def _far(found: Found) -> list[str]:
-    """What moved where no correction of a robot known before would go: the length that moved farthest, and lengths of
-    rows without a unit, such as a cart's travel per actuator's."""
-    u, x = found.problem.unknowns, found.calibration.x
-    own = [k for k, n in enumerate(u.names) if n.partition("[")[0] in found.problem.closure.flat.bindings]
-    lengths = [k for k in own if u.units[k] == "m" and u.names[k] in found.calibration.values]
-    said, asked = [], "are the columns, axes and the robot those of the measurement?"
-    if lengths:
-        k = max(lengths, key=lambda k: abs(x[k] - u.start[k]))
-        moved = float(x[k] - u.start[k])
-        if abs(moved) > FAR * max(abs(float(u.start[j])) for j in lengths):
-            said.append(f"{u.names[k]} moved by {moved:.3g} m from where it was: {asked}")
-    before, after = found.problem.values(u.start), found.calibration.values
-    for row in dict.fromkeys(
-        u.names[k].rpartition(",")[0] or u.names[k].partition("[")[0] for k in own if u.units[k] in ("", "1")
-    ):
-        members = [n for n in after if n == row or n.startswith((f"{row},", f"{row}["))]
-        norms = [float(np.linalg.norm([values[n] for n in members])) for values in (before, after)]
-        if members and norms[0] > 0 and not 1 - FAR <= norms[1] / norms[0] <= 1 + FAR:
-            name = f"{row}]" if "[" in row and row not in after else row
-            said.append(
-                f"{name} became {norms[1] / norms[0]:.3g} times as long as it was; are the units right? {asked}"
-            )
-    return said
 
 
 def _worst(data: PoseData, head: Prediction, lines: np.ndarray, held: bool) -> dict[str, Any]:

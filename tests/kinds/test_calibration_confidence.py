@@ -50,6 +50,8 @@ def test_one_cart_in_other_units_is_no_sound_calibration(tmp_path: Path) -> None
     outcome = solved(with_signals(keys("calibrate_l1", sensitivity_step=0.0)), tmp_path)
     assert not outcome.checks["moved_too_far"].passed
     assert any("v[0] became 10 times as long" in s for s in outcome.values["notes"])
+    assert outcome.values["prediction_proven"] is False
+    assert any(s.startswith("prediction not proven") and "v[0]" in s for s in outcome.values["verdict"])
     assert "moved_too_far" not in shipped("l1").checks and "moved_too_far" not in shipped("f1").checks
 
 
