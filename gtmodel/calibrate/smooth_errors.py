@@ -53,6 +53,9 @@ def with_smooth_errors(c: Calibration, position: str = "T") -> tuple[Estimate, d
             return None
         found[p.labels[b.rows[0]]] = one
         covariance[np.ix_(b.columns, b.columns)] = one.covariance
+    # few poses may see no error where there is one, or less noise than there is: never less than white noise leaves
+    wider = np.maximum(1.0, np.sqrt(np.diag(c.estimate.covariance) / np.diag(covariance)))
+    covariance *= np.outer(wider, wider)
     return replace(c.estimate, covariance=covariance, known_noise=False, freedom=float(freedom)), found
 
 
