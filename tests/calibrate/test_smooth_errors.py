@@ -82,7 +82,9 @@ def test_it_is_linear_in_scale():
     b = p.lengths[0]
     _, J = b.evaluate(p.reading.data, c.x[b.columns])
     q = np.asarray(p.measurements.values["q"])[:, 0]
-    one, two = (smooth_errors(J[:, 0], s * c.residuals[:, 0], -J[:, 0, :3], q, np.array([1.0, 0, 0])) for s in (1.0, 2.0))
+    one, two = (
+        smooth_errors(J[:, 0], s * c.residuals[:, 0], -J[:, 0, :3], q, np.array([1.0, 0, 0])) for s in (1.0, 2.0)
+    )
     assert one is not None and two is not None
     assert two.across == pytest.approx(2 * one.across) and two.noise == pytest.approx(2 * one.noise)
     assert two.length == one.length

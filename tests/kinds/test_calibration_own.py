@@ -55,7 +55,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     at = tmp_path_factory.mktemp("own")
     (at / "own.py").write_text(OWN)
     rng = np.random.default_rng(0)
-    T = rng.uniform(-0.3, 0.3, (40, 3)) + [1.0, 0.0, 0.3]
+    T = rng.uniform(-0.3, 0.3, (40, 3)) + np.array([1.0, 0.0, 0.3])
     d = T[:, None] - A
     q = d[:, :, 0] - np.sqrt(L**2 - d[:, :, 1] ** 2 - d[:, :, 2] ** 2)
     rows = np.hstack([q, T + 1e-5 * rng.standard_normal(T.shape)])
@@ -105,7 +105,7 @@ def test_a_problem_may_say_more_and_a_catalogue_option_is_refused(folder: Path):
     with pytest.raises(InputError, match=r"expected a table \[parameters\] in 'bad.toml'"):
         robots.resolve("bad.toml", context)
     (folder / "lost.toml").write_text('robot = "gone.py:Three"\n[parameters]\n')
-    with pytest.raises(InputError, match="no Python file 'gone.py'"):
+    with pytest.raises(InputError, match=r"no Python file 'gone\.py'"):
         robots.resolve("lost.toml", context)
 
 
