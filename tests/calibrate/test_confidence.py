@@ -97,4 +97,4 @@ def test_without_confidence_the_solution_is_the_same_to_the_bit():
 
 
 def test_choices_of_the_runs_leave_nothing_undetermined():
-    assert [ready(kind).identifiability().redundant for kind in CHOICES] == [0, 0, 0]
+    assert [ready(kind).identifiability().redundant for kind in CHOICES] == [0, 0, 0, 0]
