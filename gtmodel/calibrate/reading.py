@@ -36,9 +36,7 @@ class Reading:
     unit: tuple[str, ...]
 
 
-def reading(
-    closure: Closure, m: Measurements, starts: dict[str, np.ndarray], sessions: Sequence[str] = ()
-) -> Reading:
+def reading(closure: Closure, m: Measurements, starts: dict[str, np.ndarray], sessions: Sequence[str] = ()) -> Reading:
     """`starts`: of latent variables (k,) or (N, k); `sessions`: all that parameters are for, those of the measurements
     if empty. Raises ModelError for what is measured but not in the model's
     closure equations, wrong sizes, and corrections that need more than was given."""

@@ -224,9 +224,7 @@ def test_each_session_has_the_frame_of_its_device():
     assert c.status.ok and len(c.x) == 12
     for name, (t, u) in zip(("first", "second"), frames, strict=True):
         np.testing.assert_allclose(found(c, f"T.device.t in {name}", 3), t, atol=RECOVERED)
-        np.testing.assert_allclose(
-            found(c, f"T.device.u in {name}", 4), u.as_quat(scalar_first=True), atol=RECOVERED
-        )
+        np.testing.assert_allclose(found(c, f"T.device.u in {name}", 4), u.as_quat(scalar_first=True), atol=RECOVERED)
     # geometry from both: one frame is a choice of coordinates, the other follows
     t, u = frames[0]
     starts = {s: (f[0], f[1].as_quat(scalar_first=True)) for s, f in zip(("first", "second"), frames, strict=True)}
