@@ -16,9 +16,9 @@ from tests.loop.spoiling import spoilt
 pytest.importorskip(
     "google.protobuf", reason="google.protobuf is the oracle of the EGM codec; pip install 'gtmodel[oracle]'"
 )
-from google.protobuf.message import DecodeError, Message  # noqa: E402
+from google.protobuf.message import DecodeError, Message
 
-from tests.loop.egm_schema import NOT_READ, messages  # noqa: E402
+from tests.loop.egm_schema import NOT_READ, messages
 
 MESSAGES = {packed: messages(packed=packed) for packed in (False, True)}
 DRAWS = 300
