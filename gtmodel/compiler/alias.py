@@ -11,7 +11,6 @@ from .flat import FlatEquation, FlatModel
 from .kinks import has_kinks, kinked_in
 from .sparse import triplets
 
-
 Terms = tuple[tuple[tuple[int, int], float], tuple[tuple[int, int], float]]  # (symbol, coefficient), twice
 
 
@@ -126,9 +125,7 @@ def _sweep(flat: FlatModel, protected: frozenset[int], result: AliasResult, sums
     rows_left = [i for i in range(len(result.equations)) if i not in drop]
     equations = [result.equations[i] for i in rows_left]
     sums[:] = [sums[i] for i in rows_left]
-    touched = [
-        n for n, e in enumerate(equations) if any(j in removed for j, _ in flat.scope.symbols_in(e.residual))
-    ]
+    touched = [n for n, e in enumerate(equations) if any(j in removed for j, _ in flat.scope.symbols_in(e.residual))]
     residuals = result.rewrite_all(flat, [equations[n].residual for n in touched])
     for n, residual in zip(touched, residuals, strict=True):
         equations[n] = replace(equations[n], residual=residual)

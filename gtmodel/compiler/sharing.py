@@ -55,11 +55,11 @@ def _flattened(model: Model | Builder) -> FlatModel:
         content = _content(model)
     except _Opaque:
         return flatten(model)
-    return _shared(_Configuration(model, content))
+    return shared(_Configuration(model, content))
 
 
 @lru_cache(maxsize=KEPT)
-def _shared(configuration: _Configuration) -> FlatModel:
+def shared(configuration: _Configuration) -> FlatModel:
     return flatten(configuration.model)
 
 
