@@ -69,21 +69,17 @@ int gt_scan_equals(const gt_scanner *s, gt_piece piece, const char *text)
 
 int gt_scan_quoted(gt_scanner *s, gt_piece *value)
 {
-    char quote = '"';
+    static const char quotes[2] = {'"', '\''};
+    char quote;
+    int good;
 
     gt_scan_spaces(s);
-    if (!gt_scan_over(s, '=')) {
-        return 0;
-    }
+    good = gt_scan_over(s, '=');
     gt_scan_spaces(s);
-    if (!gt_scan_over(s, '"')) {
-        quote = '\'';
-        if (!gt_scan_over(s, '\'')) {
-            return 0;
-        }
-    }
+    quote = quotes[(gt_scan_here(s) == (uint8_t)'"') ? 0 : 1];
+    good = good && gt_scan_over(s, quote);
     value->at = s->at;
     gt_scan_to(s, quote);
     value->end = s->at;
-    return gt_scan_over(s, quote);
+    return good && gt_scan_over(s, quote);
 }

@@ -50,6 +50,8 @@ REACH_LIMIT_M = 1.0  # beyond the reference: the inverse of a slow drive asks fo
 GAINS = {"trajectory": 0.5, "dynamics": 0.5, "replay": 0.5, "path": 1.0}
 LEARNING, LEARNING_RUNS = 0.9, 30  # gain of Dressler 2012, section 7.3; simulated repetitions
 PATH_GAIN_PER_S, PATH_LIMIT_M = 2.0, 0.03  # slow beside drives of 1.1 Hz with five samples of delay
+# edges of the histogram that is printed, among the loop's powers of two; loop.json holds all
+REPLIES_US, PERIODS_US = (64, 512, 4096), (2048, 4096, 8192)
 # the end of a real-time run finds the loop waiting for the next datagram
 GOING = (STATES.index("running"), STATES.index("holding"))
 
@@ -112,6 +114,7 @@ def _run(bench: Bench, label: str, *, active: bool) -> OneRun:
         programme = _programme(bench)
     robot = RobotSide(bench.peer, plant, cycle_ms=CYCLE_MS, programme=programme)
     log = bench.place / ("loop_on.log" if active else "loop_off.log")
+    log.unlink(missing_ok=True)  # of an earlier run in this folder, which gtmodel wrote
     options = [*_options(bench, active), "--log", str(log)]
     # in real time a late cycle is one more, and the loop ends when it is asked to
     options += ["--cycles", str(bench.cycles)] if bench.in_lockstep else []
@@ -122,9 +125,9 @@ def _run(bench: Bench, label: str, *, active: bool) -> OneRun:
     with LoopProcess(bench.program, options) as process:
         if bench.in_lockstep:
             done = lockstep(robot, process.exchange, bench.cycles, stopped=stopped)
+            process.end()
         else:
             done = real_time(robot, process, bench.cycles, stopped)
-        process.end()
         found = process.finish()
         said = process.said
     tcp, status = bench.forward(done.measured_m)
@@ -268,9 +271,10 @@ def _rows(runs: list[OneRun], errors: list[dict[str, float]], in_lockstep: bool)
         ]
         if not in_lockstep:
             rows += [
+                Row(f"{one.label}: replies later than a cycle", str(one.report["missed_deadlines"])),
                 Row(f"{one.label}: worst reply, worst period", " ".join(_worst_ms(one.report)), "ms"),
-                Row(f"{one.label}: replies below", _histogram(one.report["reply_below_us"])),
-                Row(f"{one.label}: periods below", _histogram(one.report["period_below_us"])),
+                Row(f"{one.label}: replies", _histogram(one.report["reply_below_us"], REPLIES_US)),
+                Row(f"{one.label}: periods", _histogram(one.report["period_below_us"], PERIODS_US)),
             ]
     for line in dict.fromkeys(line for one in runs for line in one.said.splitlines()):
         rows.append(Row("the loop says", line))
@@ -281,8 +285,14 @@ def _worst_ms(found: dict[str, Any]) -> list[str]:
     return [f"{found[f'{what}_worst_us'] / 1000:.2f}" for what in ("reply", "period")]
 
 
-def _histogram(below_us: dict[str, int]) -> str:
-    return ", ".join(f"{int(us) / 1000:g} ms: {count}" for us, count in below_us.items() if count)
+def _histogram(below_us: dict[str, int], edges_us: Sequence[int]) -> str:
+    """The loop's fine classes added up: how many lie below each edge and not below the one before, and the rest."""
+    cells, before = [], 0
+    for edge in edges_us:
+        up_to = sum(count for us, count in below_us.items() if int(us) <= edge)
+        cells.append(f"<{edge / 1000:.2g} ms: {up_to - before}")
+        before = up_to
+    return ", ".join([*cells, f"more: {sum(below_us.values()) - before}"])
 
 
 def _figure(bench: Bench, runs: list[OneRun]) -> Any:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from .faults import Channel
-from .process import LoopProcess
+from .process import SECONDS, LoopProcess
 from .robot_side import RobotSide
 
 Answering = Callable[[list[bytes]], list[bytes]]
@@ -54,7 +54,10 @@ def lockstep(
 
 
 def real_time(robot: RobotSide, loop: LoopProcess, cycles: int, stopped: Stopped = _never) -> Run:
-    """The robot sends every cycle_ms by the clock; answers count that have come when the next cycle begins."""
+    """The robot sends every cycle_ms by the clock; answers count that have come when the next cycle begins.
+
+    Then the loop is asked to end, and the robot, no longer measured, follows it to its stop.
+    """
     measured, planned = [], []
     begin, step = time.monotonic(), robot.cycle_ms / 1000.0
     for cycle in range(cycles):
@@ -64,5 +67,11 @@ def real_time(robot: RobotSide, loop: LoopProcess, cycles: int, stopped: Stopped
         if stopped(cycle / cycles):
             break
         time.sleep(max(0.0, begin + (cycle + 1) * step - time.monotonic()))
+        robot.step(loop.received())
+    loop.end()
+    over = time.monotonic() + SECONDS
+    while not loop.ended and time.monotonic() < over:
+        loop.send(robot.datagram())
+        time.sleep(step)
         robot.step(loop.received())
     return Run(np.array(measured), np.array(planned))

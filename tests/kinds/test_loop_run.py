@@ -86,6 +86,7 @@ def test_command_prints_one_object(folder: Path, motion: Path, place: Path, caps
         ({"folder": Path("nothing")}, "holds no manifest.json"),
         ({"out": Path(__file__).parent}, "holds files that gtmodel did not write"),
         ({"out": Path(__file__)}, "holds files that gtmodel did not write"),
+        ({"out": Path("/proc/loop")}, "cannot write into --out /proc/loop: No such file or directory"),
     ],
 )
 def test_wrong_input_is_one_sentence(folder: Path, motion: Path, place: Path, keys: dict, sentence: str) -> None:
