@@ -67,19 +67,25 @@ int gt_scan_equals(const gt_scanner *s, gt_piece piece, const char *text)
     return (text[n] == '\0') && ((piece.at + n) == piece.end);
 }
 
-int gt_scan_quoted(gt_scanner *s, gt_piece *value)
+static int gt_scan_value(gt_scanner *s, char quote, gt_piece *value)
 {
-    static const char quotes[2] = {'"', '\''};
-    char quote;
-    int good;
-
-    gt_scan_spaces(s);
-    good = gt_scan_over(s, '=');
-    gt_scan_spaces(s);
-    quote = quotes[(gt_scan_here(s) == (uint8_t)'"') ? 0 : 1];
-    good = good && gt_scan_over(s, quote);
     value->at = s->at;
     gt_scan_to(s, quote);
     value->end = s->at;
-    return good && gt_scan_over(s, quote);
+    return gt_scan_over(s, quote);
+}
+
+int gt_scan_quoted(gt_scanner *s, gt_piece *value)
+{
+    value->at = s->at;
+    value->end = s->at;
+    gt_scan_spaces(s);
+    if (!gt_scan_over(s, '=')) {
+        return 0;
+    }
+    gt_scan_spaces(s);
+    if (gt_scan_over(s, '"') != 0) {
+        return gt_scan_value(s, '"', value);
+    }
+    return gt_scan_over(s, '\'') && gt_scan_value(s, '\'', value);
 }

@@ -40,7 +40,9 @@ def tracking_figure(wanted: Trajectory, runs: Mapping[str, Trajectory], title: s
     for axes in panels:
         axes.grid(alpha=0.3)
     figure.align_ylabels(panels)
-    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=3, fontsize="small")
+    figure.legend(
+        *panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=len(runs) + 1, fontsize="small"
+    )
     panels[-1].set_xlabel(f"time [s]; errors below {1e3 * SMALLEST_MM:g} µm are drawn as {1e3 * SMALLEST_MM:g} µm")
     if title:
         panels[0].set_title(title)
