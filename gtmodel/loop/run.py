@@ -22,9 +22,11 @@ def _never(share: float) -> bool:
 
 @dataclass
 class Run:
-    """Carts (cycles, n) [m] before each cycle's step, and the channels with what arrived."""
+    """Carts (cycles, n) [m] before each cycle's step, `arm_m` where they move the tool, and the channels with what
+    arrived."""
 
     measured_m: np.ndarray
+    arm_m: np.ndarray
     planned_m: np.ndarray
     to_loop: Channel = field(default_factory=Channel)
     to_robot: Channel = field(default_factory=Channel)
@@ -40,9 +42,10 @@ def lockstep(
 ) -> Run:
     """Cycle by cycle: the robot sends, the loop (`exchange` of a LoopProcess or of a Twin) answers, the robot moves."""
     out, back = to_loop or Channel(), to_robot or Channel()
-    measured, planned = [], []
+    measured, arm, planned = [], [], []
     for cycle in range(cycles):
         measured.append(np.array(robot.plant.position_m))
+        arm.append(np.array(robot.plant.arm_m))
         planned.append(list(robot.planned_m))
         out.put(cycle, robot.number, robot.datagram())
         for answer in answering(out.due(cycle)):
@@ -50,7 +53,7 @@ def lockstep(
         robot.step(back.due(cycle))
         if stopped(cycle / cycles):
             break
-    return Run(np.array(measured), np.array(planned), out, back)
+    return Run(np.array(measured), np.array(arm), np.array(planned), out, back)
 
 
 def real_time(robot: RobotSide, loop: LoopProcess, cycles: int, stopped: Stopped = _never) -> Run:
@@ -58,10 +61,11 @@ def real_time(robot: RobotSide, loop: LoopProcess, cycles: int, stopped: Stopped
 
     Then the loop is asked to end, and the robot, no longer measured, follows it to its stop.
     """
-    measured, planned = [], []
+    measured, arm, planned = [], [], []
     begin, step = time.monotonic(), robot.cycle_ms / 1000.0
     for cycle in range(cycles):
         measured.append(np.array(robot.plant.position_m))
+        arm.append(np.array(robot.plant.arm_m))
         planned.append(list(robot.planned_m))
         loop.send(robot.datagram())
         if stopped(cycle / cycles):
@@ -74,4 +78,4 @@ def real_time(robot: RobotSide, loop: LoopProcess, cycles: int, stopped: Stopped
         loop.send(robot.datagram())
         time.sleep(step)
         robot.step(loop.received())
-    return Run(np.array(measured), np.array(planned))
+    return Run(np.array(measured), np.array(arm), np.array(planned))
