@@ -33,6 +33,7 @@ _KINDS = {
     "calibration_plan": "which poses to measure for a calibration, and what it will then be worth",
     "accuracy": "positioning errors of a robot from errors of its carts and links",
     "stiffness": "joint compliances of a serial arm from static load tests",
+    "milling": "where to mill: the angle about the spindle by static and dynamic deflection, chatter, compensation",
     "calibration": "geometric parameters of a robot from measured poses, with confidence and held-out accuracy",
     "friction": "friction of the actuators and the mass they hold, from constant-velocity runs",
 }

@@ -38,15 +38,15 @@ def offset(
     order each way) before the offset is made, for the process is known ahead. Raises ValueError for another model
     or a bandwidth beyond half the sample rate.
     """
-    F = _force(F, step)
+    force = _force(F, step)
     if model not in MODELS:
         raise ValueError(f"the model is '{model}'; expected one of {', '.join(MODELS)}")
     if bandwidth is not None:
         if not 0 < bandwidth < 0.5 / step:
             raise ValueError(f"the bandwidth is {bandwidth:g} Hz; expected between 0 and {0.5 / step:g} Hz")
-        F = sosfiltfilt(butter(2, bandwidth, fs=1 / step, output="sos"), F, axis=0)
+        force = np.asarray(sosfiltfilt(butter(2, bandwidth, fs=1 / step, output="sos"), force, axis=0))
     c, k = oscillators.c[0], oscillators.k[0]
-    b = -F / k
+    b = -force / k
     if model == "dynamic":
         for j in range(3):
             rate = k[j] / c[j] * step
