@@ -45,3 +45,25 @@ int gt_sequence_take(gt_sequence *sequence, uint64_t number)
     }
     return 0;
 }
+
+int gt_sequence_near(uint64_t last, uint32_t low, uint64_t *number)
+{
+    const uint32_t ahead = low - (uint32_t)(last & UINT32_MAX);
+    const uint32_t behind = (uint32_t)(last & UINT32_MAX) - low;
+
+    if (ahead <= (UINT32_MAX / 2U)) {
+        *number = last + ahead;
+        return 1;
+    }
+    *number = (behind <= last) ? (last - behind) : 0U;
+    return behind <= last;
+}
+
+int gt_sequence_take_32(gt_sequence *sequence, uint64_t *number)
+{
+    if (sequence->started && !gt_sequence_near(sequence->newest, (uint32_t)*number, number)) {
+        sequence->stale++;
+        return 0;
+    }
+    return gt_sequence_take(sequence, *number);
+}

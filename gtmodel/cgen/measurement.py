@@ -16,6 +16,8 @@ from ..results.status import Status
 from .interface import Interface, interfaces
 from .manifest import read
 from .points import draw, evaluate
+from .real import DOUBLE, real_of
+from .single import single
 from .text import hexadecimal
 from .toolchain import BODY_EXCEPTIONS, LINK, STANDARD, Toolchain, find
 from .wrapper import elements
@@ -49,7 +51,7 @@ def costs(folder: Path, functions: Mapping[str, CausalFunction]) -> Costs:
     if content is None or isinstance(tools, str):
         return Costs(missing="" if content is None else str(tools))
     name = content["name"]
-    faces = interfaces(functions, name)
+    faces = interfaces(functions, name, real=real_of(content["real"]))
     with tempfile.TemporaryDirectory() as scratch:
         place = Path(scratch)
         sizes, frames, symbols = _compiled(tools, folder, name, place)
@@ -101,7 +103,8 @@ def _instructions(tools: Toolchain, valgrind: str, face: Interface, place: Path,
     if not len(good):
         return None
     main, program = place / f"{face.key}_main.c", place / f"{face.key}_main"
-    main.write_text(_program(face, rows[good[0]]))
+    text = _program(face, rows[good[0]])
+    main.write_text(text if face.real is DOUBLE else single(text))
     own = face.symbol.removesuffix(f"_{face.key}")
     objects = [place / f"{own}.o", place / f"{own}_body.o"]
     built, _ = tools.run(tools.cc, *STANDARD, f"-I{folder}", main, *objects, "-o", program, *LINK, "-Wl,-z,now")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from ..compiler.blocks import Margin
-from ..compiler.causal import PIVOT_TOLERANCE
 from ..compiler.emit import express
 from ..results.status import Status
 from .errors import GenerationError
@@ -24,7 +23,7 @@ def wrapper(name: str, faces: list[Interface]) -> str:
         f'#include "gt_{name}.h"\n\n#include "gt_{name}_body.h"\n#include "gt_guard.h"\n{newton}\n',
         "#include <math.h>\n\n",
         comment(["A pivot below this fraction of its typical size means singular."]),
-        f"#define GT_PIVOT_TOLERANCE ({decimal(PIVOT_TOLERANCE)})\n\n",
+        f"#define GT_PIVOT_TOLERANCE ({decimal(faces[0].real.pivot)})\n\n",
         *[_start(face) + _function(face) + _along(face) for face in faces],
     ]
     return "".join(parts).rstrip("\n") + "\n"

@@ -43,6 +43,7 @@ class Found:
     outliers: list[Outlier]
     sensitivity: Sensitivity | None
     repeatability: float | None
+    loss: str = "linear"
 
     @property
     def after(self) -> Identifiability | None:
@@ -50,7 +51,7 @@ class Found:
 
     @cached_property
     def confidence(self) -> Confidence:
-        return Confidence(self.calibration)
+        return Confidence(self.calibration, self.position, self.loss)
 
     @property
     def position(self) -> str:
@@ -103,7 +104,7 @@ def found_of(
     return Found(
         prepared, data, c, before, _predicted(c, data.fitted), {} if data.kept is None else _predicted(c, data.kept),
         prior, outliers(c.residuals),
-        _sensitivity(problem, c), _repeatability(data),
+        _sensitivity(problem, c), _repeatability(data), problem.loss,
     )  # fmt: skip
 
 
@@ -120,6 +121,8 @@ def verdict(found: Found, accuracy: float | None) -> tuple[bool, bool | None, li
     if c.estimate.known_noise:
         size = noise_size(c.estimate)
         sentences.append(size.sentence)
+    if c.estimate.freedom > 0:
+        sentences.append(found.confidence.scope)
     lost = found.lost
     if lost:
         sentences.append(

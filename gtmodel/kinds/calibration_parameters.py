@@ -76,10 +76,10 @@ def _note(found: Found) -> str:
 
 
 def _confidence(found: Found) -> list[str]:
-    e = found.calibration.estimate
+    e = found.confidence.estimate
     if e is None:
         return ["not solved: these are the values at which the iteration ended"]
-    lines = list(found.confidence.reasons[-1:])
+    lines = [*found.confidence.reasons[-1:], *found.confidence.remarks]
     for name, std in zip(e.names, e.std, strict=True):
         lines.append(f"std of {name}: {std:.3g}" if np.isfinite(std) else f"{name} is not told apart by these poses")
     return lines

@@ -20,7 +20,8 @@ VALUES = {
     "parameters": "all geometric parameters of the closure equations by name, calibrated ones among them, in SI units",
     "unknowns": "for each unknown: name, unit, start, value, std and interval_95, null where the poses do not tell it; "
     "where residuals are no noise (intervals_hold false) interval_95 is null and std but what white noise would leave",
-    "intervals_hold": "whether residuals look like the noise that intervals rest on; the notes say why not",
+    "intervals_hold": "whether 95 % intervals are told; the notes say why not, or what they rest on beside noise",
+    "colour_tested": "whether the poses are enough to test residuals for colour (wandering carts, drift)",
     "measurement": "estimated frames, scales, offsets and delays of the measurement by name, in SI units",
     "poses": "number of poses fitted and held out, and of places that were measured more than once",
     "link_errors_mm": "mean length error of each link over the fitted poses (Dressler 2012, eq. (5.13))",
@@ -60,6 +61,7 @@ def values_of(problem: Schema, found: Found) -> dict[str, Any]:
         "parameters": {n: v for n, v in c.values.items() if n in own},
         "unknowns": _unknowns(found),
         "intervals_hold": c.estimate is not None and found.confidence.holds,
+        "colour_tested": c.estimate is not None and found.confidence.tested,
         "measurement": {n: v for n, v in c.values.items() if n not in own},
         "poses": {"fitted": len(found.lines), "held_out": len(found.lines_held_out), "repeated": len(data.repeated)},
         "link_errors_mm": {n: 1e3 * v for n, v in c.link_errors.items()},
@@ -81,7 +83,7 @@ def values_of(problem: Schema, found: Found) -> dict[str, Any]:
         "numerics_sound": sound,
         "prediction_proven": proven,
         "verdict": sentences,
-        "notes": [] if c.estimate is None else [*c.estimate.notes, *found.confidence.reasons, *moved_too_far(c)],
+        "notes": [] if c.estimate is None else [*c.estimate.notes, *found.confidence.reasons, *found.confidence.remarks, *moved_too_far(c)],
         "truth": _truth(found),
         "synthetic": data.synthetic,
     }  # fmt: skip
@@ -154,15 +156,15 @@ def _accuracy(problem: Schema) -> float | None:
 
 
 def _unknowns(found: Found) -> list[dict[str, Any]]:
-    c, u = found.calibration, found.problem.unknowns
+    c, u, told = found.calibration, found.problem.unknowns, found.confidence.estimate
     listed = []
     for k, name in enumerate(u.names):
         entry = {"name": name, "unit": u.units[k] or "1", "start": float(u.start[k]), "value": float(c.x[k]),
                  "std": None, "interval_95": None}  # fmt: skip
-        if c.estimate is not None and np.isfinite(c.estimate.std[k]):
-            entry["std"] = float(c.estimate.std[k])
+        if told is not None and np.isfinite(told.std[k]):
+            entry["std"] = float(told.std[k])
             if found.confidence.holds:
-                entry["interval_95"] = list(c.estimate.interval(name))
+                entry["interval_95"] = list(told.interval(name))
         listed.append(entry)
     return listed
 

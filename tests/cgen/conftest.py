@@ -73,6 +73,16 @@ def small() -> Functions:
 
 
 @pytest.fixture(scope="session")
+def newton_functions() -> Functions:
+    f1, six = gt.robots.f1_gantry_tau(), gt.robots.six_link_gantry_tau()
+    return {
+        "six_link_fk": six.causal("q", ["T", "e"]),
+        "fk": f1.causal("q", ["T", "e"]),
+        "ik": f1.causal(["T", "e"], "q"),
+    }
+
+
+@pytest.fixture(scope="session")
 def l1_folder(l1: Functions, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The generated folder of the robot; tests must not change it."""
     return cgen.generate(l1, tmp_path_factory.mktemp("generated") / "l1", name="l1").folder
