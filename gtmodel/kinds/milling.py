@@ -24,7 +24,7 @@ from gtmodel.results import SolveStatus
 from . import milling_compensation, milling_printed
 from .base import Check, Context, InputError, Outcome, Row
 from .milling_keys import Schema
-from .milling_task import Place, Task, deflections_of, place_of, refined, replace_oscillators, task_of
+from .milling_task import Place, Task, deflections_of, place_of, refined, replace_oscillators, task_of, title_of
 
 NAME = "milling"
 
@@ -47,12 +47,6 @@ VALUES = {
     "compensation_rms_mm": "error of the tool by offset: none, static, dynamic, and dynamic within the bandwidth",
     "printed_mean_mm": "predicted means of the twelve printed tests, by feed direction",
     "dynamics": "where the dynamics come from",
-}
-
-SOURCES = {
-    "oscillator": "measured at the given angles, monotone cubics of the logarithms between them",
-    "modal": "made from joint stiffness with declared masses: an example, not a measurement",
-    "oscillator_field": "Gaussian processes over the pose",
 }
 
 
@@ -97,7 +91,6 @@ def explain(problem: Schema, context: Context) -> str:
     task = task_of(problem, context)
     lag = np.rad2deg(task.cutter.lag(task.cut.axial_depth))
     counts = [1 + len(x) for x in (s.places_m, s.feed_directions, s.speeds_rpm)]
-    dynamics = "no dynamics: static index only" if task.dynamics is None else f"dynamics {SOURCES[_source(problem)]}"
     return "\n".join(
         [
             f"{problem.title or NAME}: {round(360 / s.step_deg) + 1} angles, {counts[0]} places, {counts[1]} feeds, "
@@ -105,7 +98,7 @@ def explain(problem: Schema, context: Context) -> str:
             f"{task.cut.mode} milling with {task.cutter.teeth} teeth at {task.speed * task.cutter.teeth:.4g} Hz; the "
             f"helix lags by {lag:.3g} deg over the depth",
             "forces by Cvitanic 2021, eqs. (12)-(17); static index |K^-1 F_peak| (18), dynamic index max |x(t)| (19)",
-            dynamics,
+            f"dynamics: {task.whence or 'none, static index only'}",
         ]
     )
 
@@ -139,10 +132,10 @@ def _search(problem: Schema, context: Context, f: _Found) -> None:
     by_speed = _combinations(problem, context, f, int(np.flatnonzero(dynamics.rows == s_row)[0]))
     at_static, at_dynamic = dynamics.at(float(angles[s_row])), dynamics.at(f.angle)
 
-    def index(oscillators: Oscillators) -> np.ndarray:
+    def peaks(oscillators: Oscillators) -> np.ndarray:
         return deflections_of(task, replace_oscillators(dynamics, oscillators)).peak
 
-    lower, higher = frequency_sensitivity(Oscillators.joined([at_dynamic, at_static]), index)
+    lower, higher = frequency_sensitivity(Oscillators.joined([at_dynamic, at_static]), peaks)
     speeds, best, static = np.array(by_speed).reshape(-1, 3).T
     f.findings = Findings(
         angles, place.static, f.peak, at_static, at_dynamic, task.speed, task.cutter.teeth,
@@ -192,7 +185,7 @@ def _outcome(problem: Schema, f: _Found) -> Outcome:
         "reachable_deg": runs,
         "static_angle_deg": angles[best],
         "static_index_mm": 1e3 * place.static[best],
-        "dynamics": None if place.dynamics is None else SOURCES[_source(problem)],
+        "dynamics": task.whence,
     }
     rows = [
         Row("reachable angles", ", ".join(f"{a:.4g} to {b:.4g}" for a, b in runs), "deg"),
@@ -254,7 +247,7 @@ def _dynamic(
         *(Row("guideline", sentence) for sentence in f.said),
         Row("mode coupling", coupling.sentence),
         Row("regenerative chatter", f"{'none' if radius < 1 else 'to be expected'}: spectral radius {radius:.3f}"),
-        Row("dynamics", SOURCES[_source(problem)]),
+        Row("dynamics", task.whence),
         *(Row(*_combined(c)) for c in f.combinations if len(f.combinations) > 1),
     ]
     checks["spectral_radius"] = Check(radius, 1.0, radius < 1)
@@ -287,10 +280,6 @@ def _combined(c: dict[str, Any]) -> tuple[str, str, str]:
     return label, f"{c['index_mm']:.3g} at {c['angle_deg']:.4g} deg", "mm"
 
 
-def _source(problem: Schema) -> str:
-    return next(k for k in SOURCES if getattr(problem, k) is not None)
-
-
 def _runs(angles: np.ndarray, there: np.ndarray) -> list[list[float]]:
     edges = np.diff(np.concatenate([[0], there, [0]]).astype(int))
     ends = zip(np.flatnonzero(edges > 0), np.flatnonzero(edges < 0), strict=True)
@@ -310,7 +299,7 @@ def _angle_figure(problem: Schema, f: _Found) -> Any:
         marks = {"static choice": place.sweep.angles[int(np.nanargmin(place.static))]}
     tooth = [f.task.speed * f.task.cutter.teeth * n for n in range(1, 6)]
     return angle_figure(place.sweep.angles, place.static, peak, frequency, tooth, reachable=place.sweep.reachable,
-                        choices=marks, title=problem.title or NAME)  # fmt: skip
+                        choices=marks, title=title_of(problem, f.task))  # fmt: skip
 
 
 def _tests_figure(p: milling_printed.Printed) -> Any:
@@ -325,7 +314,7 @@ def _lobes_figure(problem: Schema, task: Task, lobes: Lobes) -> Any:
 
     assert problem.lobes is not None
     speed = np.linspace(problem.lobes.from_rpm, problem.lobes.to_rpm, 400) / 60
-    title = f"{problem.title or NAME}: stability"
+    title = f"{title_of(problem, task)}: stability"
     return lobes_figure(speed, lobes.depth_at(speed), (task.speed, task.cut.axial_depth), title=title)
 
 

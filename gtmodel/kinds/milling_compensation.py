@@ -10,7 +10,7 @@ from gtmodel.milling import Oscillators, compensate, cutting_force
 
 from .base import InputError, Row
 from .milling_keys import Schema
-from .milling_task import Task
+from .milling_task import Task, title_of
 
 RATE = 4000.0  # samples per second of the simulation
 
@@ -48,7 +48,7 @@ def add(
         from gtmodel.plot.milling import compensation_figure
 
         after = {name: np.linalg.norm(x.after, axis=1) for name, x in made.items()}
-        title = f"{problem.title or 'milling'}: compensation, by simulation"
+        title = f"{title_of(problem, task)}: compensation, by simulation"
         return compensation_figure(time, np.linalg.norm(followed.before, axis=1), after, title=title)
 
     figures["compensation"] = figure

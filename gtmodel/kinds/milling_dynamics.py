@@ -26,19 +26,22 @@ class Dynamics:
         self.rows, self.oscillators, self.at, self.smooth = rows, oscillators, at, smooth
 
 
-def source(problem: Schema, context: Context) -> Callable[..., Dynamics] | None:
-    """(angles, reachable (n,), compliance (n, 3, 3), branch (n,), place) -> Dynamics; None where none are given."""
+def source(problem: Schema, context: Context) -> tuple[Callable[..., Dynamics] | None, str | None]:
+    """(angles, reachable (n,), compliance (n, 3, 3), branch (n,), place) -> Dynamics, and in words where they come
+    from; None where none are given."""
     keys = ("oscillator", "modal", "oscillator_field")
     given = [k for k in keys if getattr(problem, k) is not None]
     if len(given) > 1:
         raise InputError(f"found {' and '.join(given)}; expected at most one source of dynamics", given[-1])
     if problem.oscillator is not None:
-        return _of_table(_table(problem.oscillator))
+        said = "measured at the given angles, monotone cubics of the logarithms between them"
+        return _of_table(_table(problem.oscillator)), said
     if problem.modal is not None:
-        return _of_modal(problem.modal.mass_kg, problem.modal.damping_ratio)
+        said = "made from joint stiffness with declared masses: an example, not a measurement"
+        return _of_modal(problem.modal.mass_kg, problem.modal.damping_ratio), said
     if problem.oscillator_field is not None:
         return _of_field(problem.oscillator_field, context)
-    return None
+    return None, None
 
 
 def _table(rows: list[OscillatorRow]) -> AngleTable:
@@ -108,7 +111,7 @@ def _of_modal(mass: list[float], zeta: list[float]) -> Callable[..., Dynamics]:
     return dynamics
 
 
-def _of_field(file: str, context: Context) -> Callable[..., Dynamics]:
+def _of_field(file: str, context: Context) -> tuple[Callable[..., Dynamics], str]:
     import casadi as ca
 
     from gtmodel.vibration import load_oscillator_field
@@ -130,7 +133,8 @@ def _of_field(file: str, context: Context) -> Callable[..., Dynamics]:
         along = ca.Function("oscillators", [A], field.casadi_function()(ca.vertcat(*place, A)), ["A"], ["m", "c", "k"])
         return Dynamics(rows, at(angles[rows]), at, lambda row: (along, *_run(angles, reachable, row)))
 
-    return dynamics
+    made_up = f"; synthetic: {field.synthetic}" if field.synthetic else ""
+    return dynamics, f"Gaussian processes over the pose, {file}{made_up}"
 
 
 def _run(angles: np.ndarray, reachable: np.ndarray, row: int) -> tuple[float, float]:

@@ -47,6 +47,7 @@ class Task:
     feed: np.ndarray
     up: np.ndarray
     dynamics: Callable[..., Dynamics] | None
+    whence: str | None  # the dynamics come, in words
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +96,13 @@ def task_of(problem: Schema, context: Context) -> Task:
     except (ValueError, AttributeError) as error:
         raise InputError(f"expected a serial arm with a spherical wrist such as kr500; {error}", "robot") from error
     return Task(model, arm, limits, cutter, cut, k.speed_rpm / 60, np.array(k.feed_direction), up,
-                source(problem, context))  # fmt: skip
+                *source(problem, context))  # fmt: skip
+
+
+def title_of(problem: Schema, task: Task) -> str:
+    """For pictures; says where dynamics are made up."""
+    made_up = task.whence and task.whence.partition("synthetic: ")[2]
+    return (problem.title or "milling") + (f"\n(synthetic dynamics: {made_up})" if made_up else "")
 
 
 def place_of(problem: Schema, task: Task, place: list[float], feed: Any = None) -> Place:

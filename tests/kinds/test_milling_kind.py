@@ -9,6 +9,8 @@ from gtmodel.kinds import Context, InputError, milling
 from gtmodel.kinds.load import load
 from gtmodel.kinds.robot_keys import RobotProblem
 from gtmodel.results import SolveStatus
+from gtmodel.vibration import fit_oscillator_field, oscillator_text
+from tests.milling.thesis import OSCILLATORS
 
 # only the shipped problem does all; the others leave out what they do not ask for
 BARE = ("printed_tests=false", "search.speeds_rpm=[]", "search.feed_directions=[]", "search.refine=0")
@@ -95,6 +97,29 @@ def test_dynamics_from_joint_stiffness_are_refined_in_reach() -> None:
     assert low <= v["dynamic_angle_deg"] <= high and "not a measurement" in v["dynamics"]
     assert v["dynamic_index_mm"] <= v["combinations"][0]["index_mm"] and all(ok for *_, ok in v["refined"])
     assert v["static_choice_deg"] == v["static_angle_deg"]
+
+
+def test_a_field_over_the_poses_says_that_it_is_synthetic(tmp_path) -> None:
+    o = OSCILLATORS[np.array([3, 1, 0, 5, 4, 9])]
+    angles = np.deg2rad([49.0, 52.0, 110.0, 45.0, 110.0, 53.0])
+    x, y = np.array([[-0.01073] * 3 + [0.6159] * 2 + [-0.00025], [-2.40047] * 5 + [-2.11124]])
+    poses = np.column_stack([x, y, np.full(6, 0.30341), angles])
+    field, _ = fit_oscillator_field(
+        poses, o.m, o.c, o.k, starts=1, calibrate=False, synthetic="a field through six printed poses"
+    )
+    (tmp_path / "field.toml").write_text(oscillator_text(field), encoding="utf-8")
+    problem = bare(oscillator=None, oscillator_field="field.toml")
+    search = problem.search.model_copy(update={"step_deg": 4.0, "refine": 1})
+    context = Context(folder=tmp_path)
+    found = milling.solve(problem.model_copy(update={"search": search}), context)
+    v = found.values
+    assert "synthetic: a field through six printed poses" in v["dynamics"]
+    assert "synthetic dynamics" in found.figures["angle"]().axes[0].get_title()
+    assert context.inputs == {"oscillator_field": tmp_path / "field.toml"}
+    assert v["dynamic_index_mm"] <= v["combinations"][0]["index_mm"] and v["refined"][0][2]
+    wrong = problem.model_copy(update={"oscillator_field": "none.toml"})
+    with pytest.raises(InputError, match=r"^oscillator_field: none.toml cannot be read as an oscillator field"):
+        milling.solve(wrong, context)
 
 
 def test_places_that_cannot_be_reached_say_why() -> None:
