@@ -91,7 +91,7 @@ _LIMITS = (
 )
 _NUMBERS = {
     "double": f"Numbers are double. {_LIMITS}",
-    "float": "Numbers are float, within 1e-5 of the range of double inside the box of validity of manifest.json, or without "
+    "float": "Numbers are float, within 1e-5 of the range of double inside the box of manifest.json, or without "
     f"one near the home pose. {_LIMITS}",
 }
 _EXAMPLE = re.compile(r"(?<=```c\n).*?(?=```)", re.S)
