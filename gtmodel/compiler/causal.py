@@ -244,7 +244,7 @@ class CausalFunction:
                 why = f"{m.label} has no real solution, the number under its square root is {value:.4g}"
                 return f"{status.sentence}: {why}"
             if m.kind == "pivot" and not abs(value) > PIVOT_TOLERANCE * m.scale:
-                return f"{status.sentence}: the pivot for {m.label} is {value:.4g}, typically {m.scale:.4g}"
+                return f"{status.sentence}: the pivot for {m.label} is {abs(value):.4g}, typically {m.scale:.4g}"
         return status.sentence
 
     def _columns(self, arguments: Sequence[Any]) -> tuple[list[np.ndarray], int | None]:

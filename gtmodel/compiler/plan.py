@@ -333,14 +333,21 @@ def _solve(
 
 
 def _size_margins(plan: Plan, sampler: Sampler) -> None:
-    """Typical sizes of the margins, read off the consistent points."""
+    """Typical sizes of the margins, read off the consistent points; pivots that are negative there change their sign,
+    which means nothing and costs an operation."""
     flat = plan.flat
     margins = [m for b in plan.blocks for m in b.margins]
     if margins:
         sizes = ca.Function(
             "sizes", [sampler.w, flat.p, flat.scope.time], [ca.vertcat(*[m.expression for m in margins])]
         )
-        values = np.abs([np.asarray(sizes(w, flat.p0, sampler.time)).reshape(-1) for w in plan.samples])
-        scales = dict(zip(map(id, margins), np.median(values, axis=0), strict=True))
+        values = np.array([np.asarray(sizes(w, flat.p0, sampler.time)).reshape(-1) for w in plan.samples])
+        scales = dict(zip(map(id, margins), np.median(np.abs(values), axis=0), strict=True))
+        turned = {id(m) for m, row in zip(margins, values.T, strict=True) if m.kind == "pivot" and row[0] < 0}
         for b in plan.blocks:
-            b.margins = [type(m)(m.kind, m.expression, m.label, float(scales[id(m)]) or 1.0) for m in b.margins]
+            b.margins = [
+                type(m)(
+                    m.kind, -m.expression if id(m) in turned else m.expression, m.label, float(scales[id(m)]) or 1.0
+                )
+                for m in b.margins
+            ]
