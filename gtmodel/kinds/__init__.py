@@ -33,8 +33,7 @@ _KINDS = {
     "calibration_plan": "which poses to measure for a calibration, and what it will then be worth",
     "accuracy": "positioning errors of a robot from errors of its carts and links",
     "compliance": "stiffness, deflection and natural frequencies of a robot over its workspace, from its springs",
-    "stiffness": "joint compliances of a serial arm from static load tests",
-    "calibration": "geometric parameters of a robot from measured poses, with confidence and held-out accuracy",
+    "calibration": "geometric parameters of a robot from measured poses, or joint stiffness from loads, with errors",
     "friction": "friction of the actuators and the mass they hold, from constant-velocity runs",
 }
 
