@@ -29,7 +29,7 @@ from .sentences import listed
 VALUES = (
     "with [joint_stiffness]: method, stiffness_MNm_rad with interval_MNm_rad (95 %; null: no upper end) and "
     "compliance_rad_Nm by joint, other_method_MNm_rad and agree (whether intervals overlap), compensator_rate_N_m and "
-    "its std, chi_squared_p, adequacy and adequate, observability_O1, told, best_tests, softest_N_m and stiffest_N_m by "
+    "its std, chi_squared_p, adequacy and adequate, observability_O1, told, best_tests, softest_N_m, stiffest_N_m by "
     "test, said: what the print claims and the model does not support; all other values but synthetic are then null"
 )
 WITHIN = 0.1  # of synthetic tests: largest relative error of a compliance
