@@ -82,8 +82,8 @@ def residual_vibration(
     """Amplitude [m] at which a mass on a spring, carried along a motion from rest to rest, swings when this ends.
 
     x'' + 2 zeta w x' + w^2 x = -dv/dt, at rest at first; velocity (n,) or (n, d) [m/s], linear between the times (n,)
-    [s]. Frequencies [Hz] and dampings (f,) or scalars: answer (f, d), without the axes that were not given. The
-    envelope |mu integral v exp(-mu (t - t_end)) dt| / w_d at the end; integrated exactly for what is linear between times.
+    [s]. Frequencies [Hz] and dampings (f,) or scalars: answer (f, d), without axes that were not given. The
+    envelope |mu integral v exp(-mu (t - t_end)) dt| / w_d at the end, exact for what is linear between times.
     Raises ValueError for a motion that does not begin and end at rest.
     """
     t, v = np.asarray(time, float), np.asarray(velocity, float)
