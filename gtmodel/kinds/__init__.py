@@ -32,9 +32,11 @@ _KINDS = {
     "identification": "masses and friction of a robot from its measured motion and forces",
     "calibration_plan": "which poses to measure for a calibration, and what it will then be worth",
     "accuracy": "positioning errors of a robot from errors of its carts and links",
-    "vibration": "how an elastic tool swings after optimal motions: planned rigid, shaped, and planned elastic",
+    "elastic_motion": "how an elastic tool swings after optimal motions: planned rigid, shaped, and planned elastic",
     "compliance": "stiffness, deflection and natural frequencies of a robot over its workspace, from its springs",
     "calibration": "geometric parameters of a robot from measured poses, or joint stiffness from loads, with errors",
+    "vibration": "step-response, subspace and impulse models of a log; M, D, K and modes",
+    "milling": "where to mill: the angle about the spindle by static and dynamic deflection, chatter, compensation",
     "friction": "friction of the actuators and the mass they hold, from constant-velocity runs",
 }
 
