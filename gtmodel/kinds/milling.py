@@ -24,7 +24,7 @@ from gtmodel.results import SolveStatus
 from . import milling_compensation, milling_printed
 from .base import Check, Context, InputError, Outcome, Row
 from .milling_keys import Schema
-from .milling_task import Place, Task, deflections_of, place_of, refined, replace_oscillators, task_of, title_of
+from .milling_task import Better, Place, Task, deflections_of, place_of, refined, replace_oscillators, task_of, title_of
 
 NAME = "milling"
 
@@ -39,6 +39,7 @@ VALUES = {
     "static_choice_index_mm": "dynamic index of the static choice",
     "ratio": "the latter over the least dynamic index on the grid",
     "refined": "after the NLP: angle [deg], dynamic index [mm], whether it converged; best grid angle first",
+    "free_speed": "angle [deg], speed [rpm] and dynamic index [mm] of an NLP over both; null without speed_range_rpm",
     "combinations": "least dynamic index by place, feed direction and speed, with its angle [deg]",
     "change_1_Hz_percent": "of the dynamic index where all modes are 1 Hz lower, and higher",
     "mode_coupling": "verdict in words",
@@ -61,7 +62,8 @@ class _Found:
     peak: np.ndarray = field(default_factory=lambda: np.zeros(0))
     angle: float = np.nan
     index: float = np.nan
-    refined: list[tuple[float, float, bool]] = field(default_factory=list)
+    refined: list[Better] = field(default_factory=list)
+    freed: Better | None = None
     combinations: list[dict[str, Any]] = field(default_factory=list)
     findings: Findings | None = None
     said: list[str] = field(default_factory=list)
@@ -122,12 +124,18 @@ def _search(problem: Schema, context: Context, f: _Found) -> None:
     context.progress("refinement", 0.4)
     try:
         f.refined = refined(problem, task, place, f.peak)
+        if problem.search.speed_range_rpm is not None:
+            low, high = problem.search.speed_range_rpm
+            if low >= high:
+                raise InputError(f"is {low:g} to {high:g}; expected the lower speed first", "search.speed_range_rpm")
+            freed = refined(problem, task, place, f.peak, (low / 60, high / 60))
+            f.freed = min(freed, key=lambda better: better.peak, default=None)
     except ValueError as error:
-        raise InputError(str(error), "search") from error
+        raise error if isinstance(error, InputError) else InputError(str(error), "search") from error
     f.angle, f.index = float(angles[d_row]), float(f.peak[d_row])
-    for angle, index, _ in f.refined:
-        if index < f.index:
-            f.angle, f.index = angle, index
+    for better in f.refined:
+        if better.peak < f.index:
+            f.angle, f.index = better.angle, better.peak
     context.progress("speeds", 0.6)
     by_speed = _combinations(problem, context, f, int(np.flatnonzero(dynamics.rows == s_row)[0]))
     at_static, at_dynamic = dynamics.at(float(angles[s_row])), dynamics.at(f.angle)
@@ -233,7 +241,8 @@ def _dynamic(
         "dynamic_mean_mm": 1e3 * chosen.mean[0],
         "static_choice_index_mm": 1e3 * f.peak[s_row],
         "ratio": found.ratio,
-        "refined": [[np.rad2deg(a), 1e3 * x, ok] for a, x, ok in f.refined],
+        "refined": [[np.rad2deg(b.angle), 1e3 * b.peak, b.converged] for b in f.refined],
+        "free_speed": f.freed and [np.rad2deg(f.freed.angle), 60 * f.freed.speed, 1e3 * f.freed.peak],
         "combinations": f.combinations,
         "change_1_Hz_percent": [100 * x for x in found.change],
         "mode_coupling": coupling.sentence,
@@ -244,6 +253,17 @@ def _dynamic(
         Row("static choice", f"{angles[s_row]:.4g}, {_whence(problem, f)}", "deg"),
         Row("least dynamic index (19)", f"{1e3 * f.index:.3g} at {np.rad2deg(f.angle):.4g} deg", "mm"),
         Row("there, mean deflection", 1e3 * chosen.mean[0], "mm"),
+        *(
+            []
+            if f.freed is None
+            else [
+                Row(
+                    "with the speed free",
+                    f"{1e3 * f.freed.peak:.3g} at {np.rad2deg(f.freed.angle):.4g} deg and {60 * f.freed.speed:.4g} rpm",
+                    "mm",
+                )
+            ]
+        ),
         *(Row("guideline", sentence) for sentence in f.said),
         Row("mode coupling", coupling.sentence),
         Row("regenerative chatter", f"{'none' if radius < 1 else 'to be expected'}: spectral radius {radius:.3f}"),
