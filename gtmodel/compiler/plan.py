@@ -116,12 +116,13 @@ def make_plan(
         samples, sampler.time = at[0][None, :], at[1]
     parameters = flat.p if fold is None else fold
     folded = derivatives if fold is None else _folded(flat, derivatives, fold)
+    system = _system(flat, structure, folded)
     stages = choose(
         flat,
         structure,
         _jacobians(flat, structure, derivatives, sampler, samples),
         _kept(alias, prefer),
-        _pattern(flat, structure, folded),
+        set(zip(*system.sparsity().get_triplet(), strict=True)),  # entries that are not identically zero
     )
     solver: dict[Pair, Pair] = {}
     states: list[Pair] = []
@@ -156,7 +157,7 @@ def make_plan(
     uses_time = any(s.element_hash() == time_key for c in components for i, m in c for s in ca.symvar(folded[i][m]))
     plan = Plan(
         flat, alias, structure, stages, list(known), states, sorted(read), blocks, pairs, samples, uses_time,
-        parameters, sampler, _system(flat, structure, folded), conditions, undetermined,
+        parameters, sampler, system, conditions, undetermined,
     )  # fmt: skip
     if at is None:
         settle(plan, sampler, branches or {})
@@ -257,12 +258,6 @@ def _users(
         node: [p for p in flat.scope.symbols_in(derivatives[node[0]][node[1]]) if solver.get(p) != node]
         for node in unknown_of
     }
-
-
-def _pattern(flat: FlatModel, structure: Structure, derivatives: list[list[ca.SX]]) -> set[tuple[int, int]]:
-    """Entries (equation, unknown) of the system Jacobian that are not identically zero."""
-    rows, cols = _system(flat, structure, derivatives).sparsity().get_triplet()
-    return set(zip(rows, cols, strict=True))
 
 
 def _system(flat: FlatModel, structure: Structure, derivatives: list[list[ca.SX]]) -> ca.SX:

@@ -1,0 +1,154 @@
+"""One oscillator in each of x, y and z, whose mass, damping and stiffness vary with the pose of the tool."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy import stats
+
+from .gaussian_process import GaussianProcess
+from .gaussian_process_fit import STARTS, fit_gaussian_processes, held_out
+from .gaussian_process_kernel import Inputs, Shape
+
+DIRECTIONS, QUANTITIES = ("x", "y", "z"), ("m", "c", "k")
+SCALES = (0.5, 0.5, 0.5, 1.0)  # m, m, m, rad: over which an arm of three metres changes
+# shares of log m, log c, log k
+_OF = {"m": (1, 0, 0), "c": (0, 1, 0), "k": (0, 0, 1), "fn": (-0.5, 0, 0.5), "zeta": (-0.5, 1, -0.5)}
+_CONSTANT = {"fn": -np.log(2 * np.pi), "zeta": -np.log(2.0)}
+
+
+@dataclass(frozen=True, eq=False)
+class OscillatorField:
+    """m x'' + c x' + k x = F in x, y, z with m, c, k the exponentials of nine Gaussian processes over the pose.
+
+    A pose is (x, y, z, A): tool centre point [m] and rotation about the spindle [rad] (Cvitanic 2021, section 3.2.2).
+    `processes`: (direction, quantity) -> process of the logarithm. `synthetic`: seed and noise of made-up data.
+    """
+
+    processes: Mapping[tuple[str, str], GaussianProcess]
+    synthetic: str | None = None
+
+    def at(self, pose: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """m [kg], c [N.s/m], k [N/m], each (3,) at a pose (4,), or (n, 3) at poses (n, 4); in x, y, z."""
+        return self.value("m", pose), self.value("c", pose), self.value("k", pose)
+
+    def value(self, name: str, pose: Any) -> np.ndarray:
+        """The most likely "m", "c", "k", "fn" [Hz] or "zeta", (3,) at a pose (4,), (n, 3) at poses (n, 4)."""
+        return np.exp(self._log(name, pose)[0])
+
+    def interval(self, name: str, pose: Any, level: float = 0.95, *, of: str = "field") -> np.ndarray:
+        """Limits (3, 2) or (n, 3, 2) of the same, of the field or of a new measurement of it.
+
+        Those of fn and zeta take the errors of m, c and k as independent, which is on the safe side where m and k
+        err together.
+        """
+        log, std = self._log(name, pose, of)
+        q = float(stats.norm.ppf((1 + level) / 2))
+        return np.exp(np.stack([log - q * std, log + q * std], axis=-1))
+
+    def casadi_function(self, *, std: bool = False, name: str = "oscillators") -> Any:
+        """CasADi function pose (4,) -> m, c, k (3,) each; with `std` their relative standard deviations follow.
+
+        Smooth, so that its gradient by automatic differentiation serves an optimiser; c_code() writes it as C.
+        """
+        import casadi as ca
+
+        from .gaussian_process_symbols import predictions
+
+        pose = ca.SX.sym("pose", 4)  # type: ignore[call-arg]
+        order = [(d, q) for q in QUANTITIES for d in DIRECTIONS]
+        means, stds = predictions([self.processes[key] for key in order], pose, std=std)
+        columns = [ca.exp(ca.vertcat(*means[3 * q : 3 * q + 3])) for q in range(3)]
+        names = list(QUANTITIES)
+        if std:
+            columns += [ca.vertcat(*stds[3 * q : 3 * q + 3]) for q in range(3)]
+            names += [f"std_log_{q}" for q in QUANTITIES]
+        return ca.Function(name, [pose], columns, ["pose"], names)
+
+    def c_code(self, *, std: bool = False, name: str = "oscillators") -> str:
+        """casadi_function() as one C file: `name`(arg, res, iw, w, mem) in CasADi's calling convention."""
+        return _generated(self.casadi_function(std=std, name=name), name)
+
+    def _logs(self, poses: np.ndarray, of: str) -> tuple[np.ndarray, np.ndarray]:
+        """Means and standard deviations (3 quantities, n, 3 directions) of the logarithms."""
+        found = [[self.processes[d, q].predict(poses, of=of) for d in DIRECTIONS] for q in QUANTITIES]
+        stacked = np.array(found)  # (q, d, 2, n)
+        return stacked[:, :, 0].transpose(0, 2, 1), stacked[:, :, 1].transpose(0, 2, 1)
+
+    def _log(self, name: str, pose: Any, of: str = "field") -> tuple[np.ndarray, np.ndarray]:
+        if name not in _OF:
+            raise ValueError(f"there is no '{name}' of an oscillator; expected {', '.join(_OF)}")
+        poses = np.asarray(pose, float)
+        if poses.shape[-1:] != (4,) or poses.ndim > 2:
+            raise ValueError(f"the pose has the shape {poses.shape}; expected (4,) or (n, 4): x, y, z [m] and A [rad]")
+        if not np.all(np.isfinite(poses)):
+            raise ValueError("a pose is not finite")
+        mean, std = self._logs(np.atleast_2d(poses), of)
+        shares = np.array(_OF[name], float)
+        log = np.tensordot(shares, mean, 1) + _CONSTANT.get(name, 0.0)
+        size = np.sqrt(np.tensordot(shares**2, std**2, 1))
+        return (log, size) if poses.ndim > 1 else (log[0], size[0])
+
+
+def fit_oscillator_field(
+    poses: np.ndarray,
+    m: np.ndarray,
+    c: np.ndarray,
+    k: np.ndarray,
+    *,
+    scale: tuple[float, ...] = SCALES,
+    periodic: bool = True,
+    shape: Shape = "squared_exponential",
+    shared: bool = True,
+    starts: int = STARTS,
+    seed: int = 0,
+    calibrate: bool = True,
+    synthetic: str | None = None,
+) -> tuple[OscillatorField, dict[tuple[str, str], tuple[np.ndarray, np.ndarray]]]:
+    """The field through measured oscillators, and by (direction, quantity) the errors of held-out poses.
+
+    poses (n, 4) as in OscillatorField; m, c, k (n, 3), NaN where a direction was not measured. `scale` of the inputs,
+    `periodic`: whether A has period 2 pi, `shared`: whether m, c and k of a direction share their lengths, which makes
+    intervals more honest and the C code three times shorter. `calibrate`: widen intervals by held-out errors, see
+    held_out(); the errors (2, n) returned are in logarithms, with the standard deviations before widening.
+    Raises ValueError for wrong shapes and for values that are not positive.
+    """
+    poses = np.asarray(poses, float)
+    values = {q: np.asarray(v, float) for q, v in zip(QUANTITIES, (m, c, k), strict=True)}
+    for q, v in values.items():
+        if poses.ndim != 2 or poses.shape[1] != 4 or v.shape != (len(poses), 3):
+            raise ValueError(f"poses {poses.shape} and {q} {v.shape} do not fit; expected (n, 4) and (n, 3)")
+        if np.any(v <= 0):
+            row = int(np.argwhere(v <= 0)[0, 0])
+            raise ValueError(f"{q} is not positive at pose {row}; leave that measurement out as NaN")
+    inputs = Inputs(tuple(scale), (False, False, False, periodic))
+    processes, errors = {}, {}
+    for d, direction in enumerate(DIRECTIONS):
+        rows = np.all([np.isfinite(v[:, d]) for v in values.values()], axis=0)
+        logs = {q: np.log(v[rows, d]) for q, v in values.items()}
+        for group in (QUANTITIES,) if shared else tuple((q,) for q in QUANTITIES):
+            Y = np.stack([logs[q] for q in group])
+            fitted = fit_gaussian_processes(poses[rows], Y, inputs, shape=shape, starts=starts, seed=seed)
+            error, std = held_out(fitted, seed=seed) if calibrate else (None, None)
+            for j, (q, g) in enumerate(zip(group, fitted, strict=True)):
+                if error is not None and std is not None:
+                    errors[direction, q] = (error[j], std[j])
+                    g = g.calibrated(error[j], std[j])
+                processes[direction, q] = g
+    return OscillatorField(processes, synthetic), errors
+
+
+def _generated(f: Any, name: str) -> str:
+    import tempfile
+    from pathlib import Path
+
+    import casadi as ca
+
+    generator = ca.CodeGenerator(f"{name}.c")
+    generator.add(f)
+    with tempfile.TemporaryDirectory() as folder:
+        generator.generate(f"{folder}/")
+        return (Path(folder) / f"{name}.c").read_text(encoding="utf-8")
