@@ -66,7 +66,7 @@ static int gt_rsi_attributes(gt_scanner *s, uint32_t element, double *numbers, u
             return 1;
         }
         name = gt_scan_word(s);
-        if ((name.at == name.end) || !gt_scan_quoted(s, &value)) {
+        if (!gt_scan_quoted(s, &value) || (name.at == name.end)) {
             return 0;
         }
         if ((element == GT_RSI_DELAY) && gt_scan_equals(s, name, "D")) {

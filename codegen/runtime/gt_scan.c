@@ -67,23 +67,25 @@ int gt_scan_equals(const gt_scanner *s, gt_piece piece, const char *text)
     return (text[n] == '\0') && ((piece.at + n) == piece.end);
 }
 
+static int gt_scan_value(gt_scanner *s, char quote, gt_piece *value)
+{
+    value->at = s->at;
+    gt_scan_to(s, quote);
+    value->end = s->at;
+    return gt_scan_over(s, quote);
+}
+
 int gt_scan_quoted(gt_scanner *s, gt_piece *value)
 {
-    char quote = '"';
-
+    value->at = s->at;
+    value->end = s->at;
     gt_scan_spaces(s);
     if (!gt_scan_over(s, '=')) {
         return 0;
     }
     gt_scan_spaces(s);
-    if (!gt_scan_over(s, '"')) {
-        quote = '\'';
-        if (!gt_scan_over(s, '\'')) {
-            return 0;
-        }
+    if (gt_scan_over(s, '"') != 0) {
+        return gt_scan_value(s, '"', value);
     }
-    value->at = s->at;
-    gt_scan_to(s, quote);
-    value->end = s->at;
-    return gt_scan_over(s, quote);
+    return gt_scan_over(s, '\'') && gt_scan_value(s, '\'', value);
 }

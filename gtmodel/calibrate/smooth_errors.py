@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 
@@ -53,6 +52,9 @@ def with_smooth_errors(c: Calibration, position: str = "T") -> tuple[Estimate, d
             return None
         found[p.labels[b.rows[0]]] = one
         covariance[np.ix_(b.columns, b.columns)] = one.covariance
+    # few poses may see no error where there is one, or less noise than there is: never less than white noise leaves
+    wider = np.maximum(1.0, np.sqrt(np.diag(c.estimate.covariance) / np.diag(covariance)))
+    covariance *= np.outer(wider, wider)
     return replace(c.estimate, covariance=covariance, known_noise=False, freedom=float(freedom)), found
 
 
@@ -61,7 +63,7 @@ def _of_link(c: Calibration, b: Block, position: str) -> SmoothErrors | None:
     places = p.reading.places
     if len(b.rows) != 1 or position not in places:
         return None
-    none: Sequence[np.ndarray] = [np.zeros((len(p.measurements), s.numel())) for s in (p.reading.noise, p.reading.latent)]
+    none = [np.zeros((len(p.measurements), s.numel())) for s in (p.reading.noise, p.reading.latent)]
     r, J, By, _ = b.evaluate_all(p.reading.data, *none, c.x[b.columns])
     moving = np.flatnonzero(np.any(By[:, 0, places[p.actuators]] != 0, axis=0))
     if len(moving) != 1:
@@ -79,8 +81,9 @@ def smooth_errors(
 
     The end is off by e(q), along and across the guideway a Gaussian process with a squared exponential covariance of
     which no straight line over the range of q is left: a straight guideway, A and v, is the line through its errors.
-    Sizes, length and noise by restricted maximum likelihood on a grid. None where the unknowns do not take up shifts of the end that are
-    constant or linear in q, as a link on a straight guideway does with A and v free: the line would not be told.
+    Sizes, length and noise by restricted maximum likelihood on a grid. None where the unknowns do not take up shifts of
+    the end that are constant or linear in q, as a link on a straight guideway does with A and v free: the line would
+    not be told.
     Source: Patterson and Thompson 1971, Biometrika 58 (REML); Solin and Sarkka 2020, Statistics and Computing 30 (waves
     for the process).
     """

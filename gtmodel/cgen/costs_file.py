@@ -31,6 +31,7 @@ def write_costs(folder: Path, costs: Costs) -> Path:
         "flags": list(STANDARD),
         "missing": costs.missing,
         "text_bytes": costs.text_bytes,
+        "newton_bytes": costs.newton_bytes,
         "stack_bytes": costs.stack_bytes,
         "instructions": costs.instructions,
     }

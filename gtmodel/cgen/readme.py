@@ -6,6 +6,7 @@ import re
 
 import numpy as np
 
+from .._files import codegen_dir
 from ..results.status import Status
 from .interface import Interface
 from .points import draw, evaluate
@@ -68,11 +69,15 @@ Compare the status with `GT_OK` before using a value. Functions may be called fr
 {newton}
 {numbers}
 
+## Contract
+
+{contract}
 ## Files
 
 `gt_{name}.h` what you include · `gt_{name}.c` guards · `gt_{name}_body.c` equations · `gt_{name}_selftest.c` stored
 results · `gt_{name}_main.c` runs them · `gt_float.h`, `gt_guard.h`, `gt_compare.h`, `gt_status.h` shared by all
-generated folders · `manifest.json` functions, units, parameters and hashes.
+generated folders · `manifest.json` functions, units, box, operations, parameters and hashes · `costs.json` bytes, stack
+and instructions on the machine where `--check` last ran.
 
 Do not edit: change the model and generate again. `gtmodel codegen PROBLEM.toml -o DIR --check`
 compares with Python.
@@ -91,7 +96,7 @@ _LIMITS = (
 )
 _NUMBERS = {
     "double": f"Numbers are double. {_LIMITS}",
-    "float": "Numbers are float, within 1e-5 of the range of double inside the box of validity of manifest.json, or without "
+    "float": "Numbers are float, within 1e-5 of the range of double inside the box of manifest.json, or without "
     f"one near the home pose. {_LIMITS}",
 }
 _EXAMPLE = re.compile(r"(?<=```c\n).*?(?=```)", re.S)
@@ -143,6 +148,7 @@ def readme(name: str, faces: list[Interface]) -> str:
         newton=_NEWTON if any(f.newton for f in faces) else "",
         output=f"{first.identifier}[0]" if first.is_array else first.identifier,
         statuses="\n".join(f"| `{s.c_name}` | {int(s)} | {s.sentence} |" for s in Status),
+        contract=(codegen_dir() / "runtime" / "contract.md").read_text(encoding="utf-8"),
         numbers=_NUMBERS[face.real.name].format(pivot=face.real.pivot, residual=face.real.residual),
     )
     return text if face.real is DOUBLE else _EXAMPLE.sub(lambda m: single(m[0]).replace("%.17g", "%.9g"), text)

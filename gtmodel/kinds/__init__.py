@@ -35,6 +35,7 @@ _KINDS = {
     "compliance": "stiffness, deflection and natural frequencies of a robot over its workspace, from its springs",
     "stiffness": "joint compliances of a serial arm from static load tests",
     "vibration": "step-response, subspace and impulse models of a log; M, D, K and modes",
+    "milling": "where to mill: the angle about the spindle by static and dynamic deflection, chatter, compensation",
     "calibration": "geometric parameters of a robot from measured poses, with confidence and held-out accuracy",
     "friction": "friction of the actuators and the mass they hold, from constant-velocity runs",
 }

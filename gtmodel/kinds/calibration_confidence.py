@@ -12,6 +12,8 @@ from gtmodel.inference import noise_size, whiteness
 from gtmodel.inference.residuals import SMALL_P
 from gtmodel.results import Estimate
 
+from .calibration_movement import moved_too_far
+
 LEAST_POSES = 30  # for a test of whiteness
 MEASURED = "as measured"
 
@@ -21,8 +23,8 @@ class Confidence:
 
     Residuals of each link are tested for whiteness in the order of the poses (drift) and of each actuator's position: a
     guideway's wandering is the same wherever the cart comes by again, and shows in no other order. Where links run on
-    straight guideways such an effect is counted as a smooth error of each link's end (see with_smooth_errors()), if what
-    it leaves is white. Coverages of 95 % intervals on synthetic L1 robots, by seeds fixed beforehand, are in
+    straight guideways such an effect is counted as a smooth error of each link's end (see with_smooth_errors()), if
+    what it leaves is white. Coverages of 95 % intervals on synthetic L1 robots, by seeds fixed beforehand, are in
     docs/calibration.md, "Intervals": with wandering carts these held; sandwich covariances did not, neither there nor
     for drift over poses in the order of a grid.
     """
@@ -47,7 +49,9 @@ class Confidence:
         """Why no interval is told, in sentences; none where they are."""
         found = [] if self._smooth is not None else self._wrong
         if not found:
-            return ()
+            far = moved_too_far(self.calibration)
+            return ("no 95 % intervals are told: parameters moved farther than a robot known before would go, this may "
+                    "be another optimum",) if far else ()  # fmt: skip
         return (
             *found,
             *self._why_not_smooth,
@@ -70,8 +74,8 @@ class Confidence:
             )  # fmt: skip
         elif self._smooth is not None:
             sizes = ", ".join(
-                f"{name} {1e6 * e.along:.2g} um along and {1e6 * e.across:.2g} um across its guideway over {e.length:.2g} m, "
-                f"beside {1e6 * e.noise:.2g} um of noise"
+                f"{name} {1e6 * e.along:.2g} um along and {1e6 * e.across:.2g} um across its guideway over "
+                f"{e.length:.2g} m, beside {1e6 * e.noise:.2g} um of noise"
                 for name, e in self._smooth[1].items()
             )
             said.append(

@@ -20,6 +20,7 @@ from .calibration_confidence import Confidence
 from .calibration_data import PoseData
 from .calibration_keys import COSTS, Schema
 from .calibration_movement import moved_too_far
+from .calibration_priors import contradicted_priors
 
 HUBER = 1.345  # standard deviations: 95 % as sharp as least squares where there are no outliers
 # held-out over fitted errors: two halves of one grid differ by some tenths, a fit of noise by much more
@@ -48,6 +49,11 @@ class Found:
     @property
     def after(self) -> Identifiability | None:
         return self.calibration.identifiability
+
+    @cached_property
+    def priors(self) -> list[str]:
+        """What contradicts the poses of what was thought to be known, in sentences."""
+        return contradicted_priors(self.calibration)
 
     @cached_property
     def confidence(self) -> Confidence:
@@ -124,6 +130,9 @@ def verdict(found: Found, accuracy: float | None) -> tuple[bool, bool | None, li
     if c.estimate.freedom > 0:
         sentences.append(found.confidence.scope)
     lost = found.lost
+    if found.priors:
+        sentences.append(f"prediction not proven: {found.priors[0]}")
+        return True, False, sentences
     if lost:
         sentences.append(
             f"prediction not proven: {lost} of {len(found.lines_held_out)} held-out poses do not close with these "

@@ -13,6 +13,7 @@ from .calibration_plan_device import measuring
 from .calibration_plan_files import in_order, poses_csv, rapid_program
 from .calibration_plan_keys import Schema
 from .calibration_plan_pictures import pictures
+from .calibration_plan_stages import stages_of
 from .calibration_plan_steps import (
     Plan,
     Stopped,
@@ -21,7 +22,6 @@ from .calibration_plan_steps import (
     prepare_information,
     select,
     simulate,
-    stages_of,
 )
 from .calibration_plan_turns import turns_of
 

@@ -25,6 +25,7 @@ VALUES = {
     "measurement": "estimated frames, scales, offsets and delays of the measurement by name, in SI units",
     "poses": "number of poses fitted and held out, and of places that were measured more than once",
     "link_errors_mm": "mean length error of each link over the fitted poses (Dressler 2012, eq. (5.13))",
+    "held_out_link_rms_mm": "root mean square of each link's length errors on the held-out poses; null without any",
     "held_out_mm": "positioning error (5.5) of the held-out poses: mean, max, rms; null without any",
     "fitted_mm": "the same of the fitted poses",
     "a_priori_mm": "the same of the robot as it was before, on the held-out poses or the fitted ones",
@@ -46,6 +47,7 @@ VALUES = {
     "synthetic": "seed and noise of made-up poses; null for measured ones",
 }
 SHOWN_PAIRS = 20
+MANY = 0.1  # of the poses: so many outliers are seldom chance
 WORST_ROWS = 5
 WEAK = "told no better than"  # of a combination, in words
 
@@ -65,6 +67,7 @@ def values_of(problem: Schema, found: Found) -> dict[str, Any]:
         "measurement": {n: v for n, v in c.values.items() if n not in own},
         "poses": {"fitted": len(found.lines), "held_out": len(found.lines_held_out), "repeated": len(data.repeated)},
         "link_errors_mm": {n: 1e3 * v for n, v in c.link_errors.items()},
+        "held_out_link_rms_mm": _link_rms(found),
         "held_out_mm": _sizes(found.held_out.get(found.position)),
         "fitted_mm": _sizes(found.fitted.get(found.position)),
         "a_priori_mm": _sizes(found.a_priori.get(found.position)),
@@ -83,7 +86,7 @@ def values_of(problem: Schema, found: Found) -> dict[str, Any]:
         "numerics_sound": sound,
         "prediction_proven": proven,
         "verdict": sentences,
-        "notes": [] if c.estimate is None else [*c.estimate.notes, *found.confidence.reasons, *found.confidence.remarks, *moved_too_far(c)],
+        "notes": _notes(found),
         "truth": _truth(found),
         "synthetic": data.synthetic,
     }  # fmt: skip
@@ -167,6 +170,33 @@ def _unknowns(found: Found) -> list[dict[str, Any]]:
                 entry["interval_95"] = list(told.interval(name))
         listed.append(entry)
     return listed
+
+
+def _notes(found: Found) -> list[str]:
+    c = found.calibration
+    if c.estimate is None:
+        return []
+    intervals = [*found.confidence.reasons, *found.confidence.remarks]
+    return [*found.priors, *c.estimate.notes, *intervals, *_crowded(found), *moved_too_far(c)]
+
+
+def _crowded(found: Found) -> list[str]:
+    """A sentence where so many poses hold outliers that they are hardly outliers."""
+    N, bad = len(found.lines), len({o.pose for o in found.outliers})
+    if bad <= MANY * N:
+        return []
+    return [
+        f"{bad} of {N} poses ({bad / N:.0%}) hold outliers, so many are seldom chance: look at what they share, "
+        "such as a place, a session or a lost target; a robust loss bears them only from start values near the robot"
+    ]
+
+
+def _link_rms(found: Found) -> dict[str, float] | None:
+    kept = found.data.kept
+    if kept is None or found.problem.reading.latent.numel():
+        return None
+    rms = np.sqrt(np.mean(found.calibration.on(kept) ** 2, axis=0))
+    return dict(zip(found.problem.labels, (1e3 * rms).tolist(), strict=True))
 
 
 def _sizes(p: Prediction | None, factor: float = 1e3) -> dict[str, float] | None:

@@ -23,6 +23,7 @@ VALUES = {
     "files": "files written, sorted",
     "points": "with --check: number of random inputs compared per function",
     "text_bytes": "with --check: machine code of each function at -O2",
+    "newton_bytes": "with --check: of it the Newton blocks and their guards",
     "stack_bytes": "with --check: stack of a call",
     "instructions": "with --check: instructions of a call with its guards, counted by callgrind",
     "operations": "operations and calls of libm in one evaluation of each body",
@@ -106,6 +107,7 @@ def write(problem: Schema, context: Context, out: Path, *, verify: bool = False)
     except GenerationError as error:
         raise InputError(str(error)) from error
     values |= {"points": problem.check.points, "text_bytes": cost.text_bytes, "stack_bytes": cost.stack_bytes}
+    values["newton_bytes"] = cost.newton_bytes
     values |= {"instructions": cost.instructions, "symbols": list(cost.symbols)}
     rows += [Row(f"{name} costs", _cost(cost, name)) for name in cost.text_bytes]
     rows += [Row("costs", cost.missing)] if cost.missing else []

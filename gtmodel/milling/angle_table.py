@@ -11,6 +11,8 @@ from scipy.interpolate import PchipInterpolator
 
 from .oscillators import Oscillators
 
+ROUNDING = 1e-9  # rad, of an angle given in degrees
+
 
 class AngleTable:
     """Oscillators known at angles (n,) [rad], between them by monotone cubics through log m, log c, log k.
@@ -34,7 +36,7 @@ class AngleTable:
     def covers(self, angles: ArrayLike) -> np.ndarray:
         """(n,) whether the table tells anything at these angles [rad]."""
         a = np.asarray(angles, float).ravel()
-        return (a >= self.angles[0]) & (a <= self.angles[-1])
+        return (a >= self.angles[0] - ROUNDING) & (a <= self.angles[-1] + ROUNDING)
 
     def at(self, angles: ArrayLike) -> Oscillators:
         """At angles (n,) [rad]. Raises ValueError beyond the table."""
@@ -43,7 +45,7 @@ class AngleTable:
             worst = a[~self.covers(a)][0]
             low, high = np.rad2deg(self.angles[[0, -1]])
             raise ValueError(f"the angle {np.rad2deg(worst):g} deg is outside the table, {low:g} to {high:g} deg")
-        values = np.exp(self._curve(a))
+        values = np.exp(self._curve(np.clip(a, *self.angles[[0, -1]])))
         return Oscillators(values[:, :3], values[:, 3:6], values[:, 6:])
 
     def casadi_function(self) -> Any:

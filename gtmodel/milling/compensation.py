@@ -6,9 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.signal import butter, lfilter, lsim, sosfiltfilt
+from scipy.signal import butter, lfilter, sosfiltfilt
 
 from .oscillators import Oscillators
+from .response import recursion, responses
 
 MODELS = ("static", "dynamic")
 
@@ -38,15 +39,15 @@ def offset(
     order each way) before the offset is made, for the process is known ahead. Raises ValueError for another model
     or a bandwidth beyond half the sample rate.
     """
-    F = _force(F, step)
+    force = _force(F, step)
     if model not in MODELS:
         raise ValueError(f"the model is '{model}'; expected one of {', '.join(MODELS)}")
     if bandwidth is not None:
         if not 0 < bandwidth < 0.5 / step:
             raise ValueError(f"the bandwidth is {bandwidth:g} Hz; expected between 0 and {0.5 / step:g} Hz")
-        F = sosfiltfilt(butter(2, bandwidth, fs=1 / step, output="sos"), F, axis=0)
+        force = np.asarray(sosfiltfilt(butter(2, bandwidth, fs=1 / step, output="sos"), force, axis=0))
     c, k = oscillators.c[0], oscillators.k[0]
-    b = -F / k
+    b = -force / k
     if model == "dynamic":
         for j in range(3):
             rate = k[j] / c[j] * step
@@ -66,14 +67,14 @@ def tool_error(oscillators: Oscillators, F: ArrayLike, step: float, b: ArrayLike
     moved = np.zeros_like(F) if b is None else np.asarray(b, float)
     if moved.shape != F.shape:
         raise ValueError(f"the offset has the shape {moved.shape}; expected {F.shape} like the force")
-    time, y = step * np.arange(len(F)), np.empty_like(F)
+    robot = oscillators[:1]
+    y = moved[0] + F[0] / robot.k[0] + next(iter(responses(robot, F - F[0], step)))
     for j in range(3):
-        m, c, k = oscillators.m[0, j], oscillators.c[0, j], oscillators.k[0, j]
+        m, c, k = robot.m[0, j], robot.c[0, j], robot.k[0, j]
         # second state y' - (c/m) b: no derivative of the offset is needed
-        A = [[0, 1], [-k / m, -c / m]]
-        B = [[0, c / m], [1 / m, k / m - (c / m) ** 2]]
-        start = [moved[0, j] + F[0, j] / k, -c / m * moved[0, j]]
-        y[:, j] = lsim((A, B, [[1, 0]], [[0, 0]]), np.column_stack([F[:, j], moved[:, j]]), time, X0=start)[1]
+        A, B = np.array([[0, 1], [-k / m, -c / m]]), np.array([c / m, k / m - (c / m) ** 2])
+        b1, a1, _ = recursion(A, B, step)
+        y[:, j] += lfilter(b1, a1, moved[:, j] - moved[0, j])
     return y
 
 

@@ -59,8 +59,9 @@ def frequency_sensitivity(
 @dataclass(frozen=True, eq=False)
 class Findings:
     """What a search found at the given speed: static and dynamic index (n,) [m] by angle (n,) [rad], NaN where there
-    is none; oscillators of the static and of the dynamic choice; relative change of the dynamic choice's index with
-    all modes 1 Hz lower and higher; best index [m] of each speed [1/s] tried, the given one among them."""
+    is none; oscillators of the static and of the dynamic choice; relative change of the index of the dynamic and of
+    the static choice with all modes 1 Hz lower and higher; by speed [1/s] tried, the given one among them, the best
+    index [m] and that of the static choice; row that a static model chose elsewhere."""
 
     angles: np.ndarray
     static: np.ndarray
@@ -70,13 +71,17 @@ class Findings:
     speed: float
     teeth: int
     change: tuple[float, float]
+    change_static: tuple[float, float]
     speeds: np.ndarray
     best_by_speed: np.ndarray
+    static_by_speed: np.ndarray
+    static_row: int | None = None
 
     @property
     def choices(self) -> tuple[int, int]:
-        """Rows of the least static and the least dynamic index, among angles where both are known."""
-        return choices(self.static, self.dynamic)
+        """Rows of the static choice (`static_row` where it is given) and of the least dynamic index."""
+        static, dynamic = choices(self.static, self.dynamic)
+        return static if self.static_row is None else self.static_row, dynamic
 
     @property
     def ratio(self) -> float:
@@ -107,28 +112,34 @@ def guideline(f: Findings) -> list[str]:
         model = (f"the static model will do: at {tooth:.4g} Hz its angle {a_s:.4g} deg deflects {x_s:.3g} mm, the best "
                  f"of the dynamic model, {a_d:.4g} deg, {x_d:.3g} mm")  # fmt: skip
     near_s, near_d = nearest_mode(f.at_static, tooth), nearest_mode(f.at_dynamic, tooth)
-    low, high = f.change
     said = [
         model,
         f"at the static choice {near_s.sentence}",
         f"at the dynamic choice {near_d.sentence}",
-        f"modes 1 Hz lower or higher than modelled change the dynamic choice's deflection by {100 * low:+.0f} % or "
-        f"{100 * high:+.0f} %",
+        f"modes 1 Hz lower or higher than modelled change the deflection by {_signed(f.change_static)} at the static "
+        f"choice, by {_signed(f.change)} at the dynamic one",
     ]
     if min(abs(near_s.distance), abs(near_d.distance)) < NEAR_HZ:
         said.append(f"a mode less than {NEAR_HZ:g} Hz from the teeth decides everything: measure it in the chosen pose")
     said.append(_speed(f, x_d))
+    if len(f.speeds) > 1:
+        best = int(np.argmin(f.static_by_speed))
+        said.append(f"the static choice deflects least, {1e3 * f.static_by_speed[best]:.3g} mm, at "
+                    f"{60 * f.speeds[best]:.4g} rpm")  # fmt: skip
     return said
+
+
+def _signed(change: tuple[float, float]) -> str:
+    return " or ".join(f"{100 * x:+.0f} %" for x in change)
 
 
 def _speed(f: Findings, now: float) -> str:
     """What another speed would gain."""
-    known = np.isfinite(f.best_by_speed)
-    if known.sum() < 2:
+    if len(f.speeds) < 2:
         return "no other speed was tried"
-    best = int(np.argmin(np.where(known, f.best_by_speed, np.inf)))
+    best = int(np.argmin(f.best_by_speed))
     there = 1e3 * f.best_by_speed[best]
     if np.isclose(f.speeds[best], f.speed) or there >= now:
-        return f"of {known.sum()} speeds none deflects less than the given {60 * f.speed:.4g} rpm"
+        return f"of {len(f.speeds)} speeds none deflects less than the given {60 * f.speed:.4g} rpm"
     return (f"at {60 * f.speeds[best]:.4g} rpm ({f.teeth * f.speeds[best]:.4g} Hz) the best angle deflects "
             f"{there:.3g} mm in place of {now:.3g} mm: the speed gains {100 * (1 - there / now):.0f} %")  # fmt: skip

@@ -11,7 +11,7 @@ from .cutter import Cutter
 from .directional import mean_directional_matrix, plane, receptance_in_plane
 from .oscillators import Oscillators
 
-LOBES = 60
+LOBES = 40
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,6 +31,7 @@ class Lobes:
         best = np.full(len(speeds), np.inf)
         joined = (np.diff(self.branch) == 0) & (np.diff(self.lobe) == 0) & (np.diff(self.speed) != 0)
         n, a = (np.stack([x[:-1][joined], x[1:][joined]]) for x in (self.speed, self.depth))
+        n, a = (x[:, (n.min(axis=0) <= speeds.max()) & (n.max(axis=0) >= speeds.min())] for x in (n, a))
         for i, at in enumerate(speeds):
             here = (n.min(axis=0) <= at) & (at <= n.max(axis=0))
             if here.any():
@@ -76,6 +77,6 @@ def stability_lobes(
 def _around(o: Oscillators) -> np.ndarray:
     """Chatter frequencies [Hz] from a fifth of the lowest mode to five times the highest, denser near each."""
     f, zeta = o.frequency[0], o.damping_ratio[0]
-    wide = np.geomspace(f.min() / 5, 5 * f.max(), 1500)
-    near = f[:, None] * (1 + zeta[:, None] * np.linspace(-12, 24, 721))
+    wide = np.geomspace(f.min() / 5, 5 * f.max(), 800)
+    near = f[:, None] * (1 + zeta[:, None] * np.linspace(-12, 24, 361))
     return np.unique(np.concatenate([wide, near[near > 0].ravel()]))

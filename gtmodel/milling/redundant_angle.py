@@ -41,32 +41,34 @@ class AngleSweep:
         return best, which
 
 
-def tool_rotations(angles: ArrayLike, axis: ArrayLike, spindle: ArrayLike) -> np.ndarray:
+def tool_rotations(angles: ArrayLike, axis: ArrayLike, spindle: ArrayLike, zero: float = 0.0) -> np.ndarray:
     """Flange orientations (n, 3, 3) that point the spindle along `axis` (3), world, turned about it by angles (n,).
 
     spindle (3): from spindle to tip, flange coordinates. The angle turns about -axis, as about the vertical for a
-    tool that points down. At angle 0 the part of the flange's z axis (of its x axis where the spindle lies along z)
-    across the spindle points towards world x (y where the tool lies along x). That zero is a choice of ours: the
-    thesis does not print its own. Raises ValueError for a direction without length.
+    tool that points down. At the turn 0 the part of the flange's z axis (of its x axis where the spindle lies along
+    z) across the spindle points towards world x (y where the tool lies along x); at angle 0 the turn is `zero` [rad].
+    The thesis does not print its own. Raises ValueError for a direction without length.
     """
     frame_world, frame_flange = _frame(axis, (1, 0, 0), (0, 1, 0)), _frame(spindle, (0, 0, 1), (1, 0, 0))
     start = frame_world @ frame_flange.T
-    turns = np.asarray(angles, float).reshape(-1, 1) * -frame_world[:, 0]
+    turns = (np.asarray(angles, float).reshape(-1, 1) + zero) * -frame_world[:, 0]
     return Rotation.from_rotvec(turns).as_matrix() @ start
 
 
 def angle_sweep(
     arm: WristPartition, limits: ArrayLike, place: ArrayLike, *, axis: ArrayLike = (0.0, 0.0, -1.0),
     tool: ArrayLike = (0.0, 0.0, 0.0), spindle: ArrayLike = (0.0, 0.0, 1.0), angles: ArrayLike = ANGLES,
+    zero: float = 0.0,
 ) -> AngleSweep:  # fmt: skip
     """Joint angles for the tool centre point at `place` (3) [m] over the angles (n,) [rad], all branches in limits.
 
-    limits (6, 2) [rad]; tool (3) [m]: tool centre point in flange coordinates; axis, spindle: see `tool_rotations`.
+    limits (6, 2) [rad]; tool (3) [m]: tool centre point in flange coordinates; axis, spindle, zero: see
+    `tool_rotations`.
     Of a branch's whole turns the one farthest from its limits is kept. Raises ValueError for wrong shapes.
     """
     angles = np.asarray(angles, float).ravel()
     low, high = np.asarray(limits, float).reshape(6, 2).T
-    R = tool_rotations(angles, axis, spindle)
+    R = tool_rotations(angles, axis, spindle, zero)
     found = arm.inverse(np.asarray(place, float) - R @ np.asarray(tool, float), R)
     q, row, branch = [], [], []
     for n in range(len(angles)):

@@ -27,7 +27,11 @@ def responses(oscillators: Oscillators, F: ArrayLike, step: float, *, hold: str 
         raise ValueError(f"the force has the shape {F.shape}; expected (t, 3) with two times or more")
     if not step > 0:
         raise ValueError(f"the step is {step:g} s; expected more than 0")
-    b, a, start = _recursion(oscillators, step, hold)
+    o = oscillators
+    A, B = np.zeros((len(o), 3, 2, 2)), np.zeros((len(o), 3, 2))
+    A[..., 0, 1] = 1
+    A[..., 1, 0], A[..., 1, 1], B[..., 1] = -o.k / o.m, -o.c / o.m, 1 / o.m
+    b, a, start = recursion(A, B, step, hold)
     rows = np.ascontiguousarray(F.T)
     for pose in range(len(oscillators)):
         x = np.empty_like(rows)
@@ -36,23 +40,22 @@ def responses(oscillators: Oscillators, F: ArrayLike, step: float, *, hold: str 
         yield x.T
 
 
-def _recursion(o: Oscillators, step: float, hold: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Coefficients b, a (n, 3, 3) of the position's recursion and its initial state (n, 3, 2) per first force."""
-    M = np.zeros((len(o), 3, 4, 4))  # state x, x'; input u and its slope over the step
-    M[..., 0, 1] = 1
-    M[..., 1, 0], M[..., 1, 1], M[..., 1, 2] = -o.k / o.m, -o.c / o.m, 1 / o.m
-    M[..., 2, 3] = 1 / step
+def recursion(A: np.ndarray, B: np.ndarray, step: float, hold: str = "linear") -> tuple[np.ndarray, ...]:
+    """Of s' = A s + B u, A (..., 2, 2), B (..., 2): coefficients b, a (..., 3) of the first state's recursion in u,
+    and the initial state (..., 2) of the filter per first input for which s starts at zero."""
+    M = np.zeros((*A.shape[:-2], 4, 4))  # state; input u and its slope over the step
+    M[..., :2, :2], M[..., :2, 2], M[..., 2, 3] = A, B, 1 / step
     E = expm(M * step)
-    A, now, later = E[..., :2, :2], E[..., :2, 2], np.zeros_like(E[..., :2, 3])
+    D, now, later = E[..., :2, :2], E[..., :2, 2], np.zeros_like(E[..., :2, 3])
     if hold == "linear":
         later = E[..., :2, 3]
         now = now - later
-    trace, det = A[..., 0, 0] + A[..., 1, 1], np.linalg.det(A)
-    # Cayley-Hamilton: x[+2] - trace x[+1] + det x = (A - trace) B u and so on
-    back = A[..., 0, :] - trace[..., None] * [1.0, 0.0]
+    trace, det = D[..., 0, 0] + D[..., 1, 1], np.linalg.det(D)
+    # Cayley-Hamilton: x[+2] - trace x[+1] + det x = (D - trace) B u and so on
+    back = D[..., 0, :] - trace[..., None] * [1.0, 0.0]
     b = np.stack([later[..., 0], now[..., 0] + (back * later).sum(-1), (back * now).sum(-1)], axis=-1)
     a = np.stack([np.ones_like(trace), -trace, det], axis=-1)
-    # rest at the first sample, whatever the force is there
+    # rest at the first sample, whatever the input is there
     start = np.stack([-b[..., 0], now[..., 0] - b[..., 1]], axis=-1)
     return b, a, start
 

@@ -73,13 +73,19 @@ def small() -> Functions:
 
 
 @pytest.fixture(scope="session")
-def newton_functions() -> Functions:
-    f1, six = gt.robots.f1_gantry_tau(), gt.robots.six_link_gantry_tau()
+def f1() -> Functions:
+    robot = gt.robots.f1_gantry_tau()
     return {
-        "six_link_fk": six.causal("q", ["T", "e"]),
-        "fk": f1.causal("q", ["T", "e"]),
-        "ik": f1.causal(["T", "e"], "q"),
+        "fk": robot.causal("q", ["T", "e"]),
+        "ik": robot.causal(["T", "e"], "q"),
+        "velocity": robot.causal(["T", "e"], ["q", "der(q)"]),
     }
+
+
+@pytest.fixture(scope="session")
+def newton_functions(f1: Functions) -> Functions:
+    six = gt.robots.six_link_gantry_tau()
+    return {"six_link_fk": six.causal("q", ["T", "e"]), "fk": f1["fk"], "ik": f1["ik"]}
 
 
 @pytest.fixture(scope="session")

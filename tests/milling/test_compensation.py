@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.signal import lsim
 
 from gtmodel.milling import Oscillators, compensate, cutting_force, path_offset, responses, tool_error
 from tests.milling.thesis import CUT, CUTTER, OSCILLATORS, X
@@ -23,6 +24,18 @@ def force(step=STEP):
 def test_without_an_offset_it_is_the_discretised_response() -> None:
     F = force()
     np.testing.assert_allclose(tool_error(O, F, STEP), next(iter(responses(O, F, STEP))), atol=1e-12)
+
+
+def test_against_the_simulation_of_scipy() -> None:
+    F, moved = force()[:600], 1e-4 * np.sin(30 * TIME[:600, None] + np.arange(3))
+    y = tool_error(O, F, STEP, moved)
+    for j in range(3):
+        m, c, k = O.m[0, j], O.c[0, j], O.k[0, j]
+        A, B = [[0, 1], [-k / m, -c / m]], [[0, c / m], [1 / m, k / m - (c / m) ** 2]]
+        start = [moved[0, j] + F[0, j] / k, -c / m * moved[0, j]]
+        both = np.column_stack([F[:, j], moved[:, j]])
+        expected = lsim((A, B, [[1, 0]], [[0, 0]]), both, TIME[:600], X0=start)[1]
+        np.testing.assert_allclose(y[:, j], expected, atol=1e-12)
 
 
 def test_the_dynamic_offset_leaves_nothing_and_the_static_one_something() -> None:
