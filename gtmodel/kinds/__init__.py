@@ -32,6 +32,7 @@ _KINDS = {
     "identification": "masses and friction of a robot from its measured motion and forces",
     "calibration_plan": "which poses to measure for a calibration, and what it will then be worth",
     "accuracy": "positioning errors of a robot from errors of its carts and links",
+    "dynamic_stiffness": "mass, damping and stiffness of an arm over its poses from frequency responses",
     "stiffness": "joint compliances of a serial arm from static load tests",
     "calibration": "geometric parameters of a robot from measured poses, with confidence and held-out accuracy",
     "friction": "friction of the actuators and the mass they hold, from constant-velocity runs",
