@@ -12,6 +12,8 @@ INSTALL := $(RUN) pip install -qq --disable-pip-version-check --constraint const
 export MPLBACKEND := Agg
 # One BLAS thread in each of the JOBS processes: they do not fight for cores, and sums keep their order.
 ONE_THREAD := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1
+# Neighbours share fixtures and stay in one process, until the other one has nothing left and takes half of the rest.
+PYTEST     := $(ONE_THREAD) $(RUN) pytest -n $(JOBS) --dist worksteal
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
@@ -36,11 +38,11 @@ test: $(VENV)/.dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/basedpyright --pythonpath $(BIN)/python
-	$(ONE_THREAD) $(RUN) pytest -n $(JOBS)
+	$(PYTEST)
 
 # pytest ends with 5 where no test carries the marker.
 proof: $(VENV)/.dev
-	@$(ONE_THREAD) $(RUN) pytest -n $(JOBS) -m proof || { status=$$?; \
+	@$(PYTEST) -m proof || { status=$$?; \
 	  test $$status -eq 5 && echo "No test is marked 'proof' yet: nothing was proved."; }
 
 # Every script runs, also after one that failed; a script says itself which tool it lacks.

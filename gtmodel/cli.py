@@ -170,6 +170,10 @@ def loop(
         Path | None, typer.Option(metavar="CSV", help="Motion to follow, as reference.csv of gtmodel solve --out.")
     ] = None,
     lockstep: Annotated[bool, typer.Option("--lockstep", help="Cycle by cycle as fast as it goes.")] = False,
+    elastic: Annotated[
+        float | None,
+        typer.Option("--elastic", metavar="HZ", help="Arm on springs behind the motors; rigid if left out."),
+    ] = None,
     out: Annotated[Path | None, typer.Option("--out", metavar="OUT", help="Results; DIR/loop by default.")] = None,
     as_json: Json = False,
 ) -> None:
@@ -182,8 +186,9 @@ def loop(
         job = Context(name=folder.name)
         with terminal.watching(job):
             answer.finished = loop_run.run(
-                folder, peer, seconds, law=law, reference=reference, in_lockstep=lockstep, out=out, context=job
-            )
+                folder, peer, seconds, law=law, reference=reference, in_lockstep=lockstep, elastic_Hz=elastic,
+                out=out, context=job,
+            )  # fmt: skip
 
 
 def _load(problem: str, settings: Sequence[str] | None, answer: Answer) -> Any:

@@ -4,6 +4,7 @@ import importlib.util
 import os
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -12,6 +13,7 @@ import nbformat
 import pytest
 from jupyter_client.kernelspec import KernelSpecManager
 from jupyter_client.manager import AsyncKernelManager
+from jupyter_core.utils import run_sync
 from nbclient import NotebookClient
 from nbclient.exceptions import CellExecutionError
 
@@ -38,8 +40,10 @@ def stored(script: Path) -> Any:
     return nbformat.read(script.with_suffix(".ipynb"), as_version=nbformat.NO_CONVERT)
 
 
-def execute(notebook: Any, home: Path) -> Any:
-    """The notebook with outputs, by a kernel of this interpreter that finds no settings of the user."""
+@pytest.fixture(scope="module")
+def kernel(tmp_path_factory: pytest.TempPathFactory) -> Iterator[AsyncKernelManager]:
+    """A kernel of this interpreter that finds no settings of the user; one for all, since it imports for seconds."""
+    home = tmp_path_factory.mktemp("kernel")
     environment = {
         **os.environ,
         "PYTHONPATH": os.pathsep.join(filter(None, (str(CLONE), os.environ.get("PYTHONPATH")))),
@@ -48,13 +52,23 @@ def execute(notebook: Any, home: Path) -> Any:
         "MPLBACKEND": "Agg",
     }
     # without folders only the kernel of ipykernel's own installation is left, which is that of sys.executable
-    kernel = AsyncKernelManager(
+    manager = AsyncKernelManager(
         kernel_name="python3",
         kernel_spec_manager=KernelSpecManager(kernel_dirs=[]),
         connection_file=str(home / "kernel.json"),
     )
-    client = NotebookClient(notebook, km=kernel, timeout=CELL_SECONDS, resources={"metadata": {"path": str(home)}})
-    return client.execute(env=environment)
+    run_sync(manager.start_kernel)(env=environment, cwd=str(home))
+    yield manager
+    run_sync(manager.shutdown_kernel)(now=True)
+
+
+def execute(notebook: Any, kernel: AsyncKernelManager, home: Path) -> Any:
+    """The notebook with outputs, run in `home` from an empty namespace."""
+    begin = nbformat.v4.new_code_cell(f"%reset -f\n%cd -q {home}")
+    notebook.cells.insert(0, begin)
+    ran = NotebookClient(notebook, km=kernel, timeout=CELL_SECONDS).execute()
+    assert outputs(nbformat.from_dict({"cells": [ran.cells.pop(0)]})) == []
+    return ran
 
 
 def outputs(notebook: Any) -> list[Any]:
@@ -104,9 +118,9 @@ def test_notebook_asks_a_question_and_asserts_an_answer(script: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("script", SCRIPTS, ids=by_name)
-def test_notebook_runs_from_top_to_bottom(script: Path, tmp_path: Path) -> None:
+def test_notebook_runs_from_top_to_bottom(script: Path, kernel: AsyncKernelManager, tmp_path: Path) -> None:
     source = stored(script)
-    ran = execute(source, tmp_path)  # raises at the first error, with the cell and its traceback
+    ran = execute(source, kernel, tmp_path)  # raises at the first error, with the cell and its traceback
     assert all(cell.execution_count for cell in ran.cells if cell.cell_type == "code")
     warned = [output.text for output in outputs(ran) if output.get("name") == "stderr"]
     assert "RuntimeWarning" not in "".join(warned)
@@ -115,9 +129,14 @@ def test_notebook_runs_from_top_to_bottom(script: Path, tmp_path: Path) -> None:
     assert pictures == sum(any(d in c.source for d in drawn) for c in ran.cells if c.cell_type == "code")
 
 
-def test_an_error_in_a_cell_is_found(tmp_path: Path) -> None:
+def test_an_error_in_a_cell_is_found(kernel: AsyncKernelManager, tmp_path: Path) -> None:
     # what executes the notebooks can fail: an assertion in a cell is not lost, and the interpreter is this one
     cell = nbformat.v4.new_code_cell("import sys\nassert False, sys.executable")
     with pytest.raises(CellExecutionError) as caught:
-        execute(nbformat.v4.new_notebook(cells=[cell]), tmp_path)
+        execute(nbformat.v4.new_notebook(cells=[cell]), kernel, tmp_path)
     assert "AssertionError" in str(caught.value) and sys.executable in str(caught.value)
+
+
+def test_a_notebook_sees_nothing_of_the_one_before(kernel: AsyncKernelManager, tmp_path: Path) -> None:
+    for source in ("left_behind = 1", "assert 'left_behind' not in globals()"):
+        execute(nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(source)]), kernel, tmp_path)

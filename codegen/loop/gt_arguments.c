@@ -11,6 +11,8 @@
 #define GT_HAS_HIGHEST 2
 #define GT_HAS_STEP 4
 #define GT_HAS_ALL 7
+#define GT_MOST_MS 1000U      /* of a cycle */
+#define GT_MOST_CYCLES 100000U /* to hold, to ramp */
 
 static void gt_arguments_default(gt_arguments *a)
 {
@@ -26,6 +28,7 @@ static void gt_arguments_default(gt_arguments *a)
     a->ramp_cycles = 50U;
     a->limits.step_m = 0.02;
     a->limits.path_m = 0.01;
+    a->fewest = GT_AXES;
     for (n = 0U; n < GT_AXES; n++) {
         a->limits.lowest_m[n] = -10.0;
         a->limits.highest_m[n] = 10.0;
@@ -34,8 +37,9 @@ static void gt_arguments_default(gt_arguments *a)
     }
 }
 
-/* Numbers separated by commas, GT_AXES at the most. strtod: the program never leaves the "C" locale it starts in. */
-static int gt_numbers(const char *text, double *values, uint32_t most)
+/* Numbers separated by commas, `most` at the most: how many, 0 for anything else. strtod: the program never leaves the
+ * "C" locale it starts in. */
+static uint32_t gt_numbers(const char *text, double *values, uint32_t most)
 {
     const char *at = text;
     char *end = NULL;
@@ -44,17 +48,17 @@ static int gt_numbers(const char *text, double *values, uint32_t most)
     for (n = 0U; n < most; n++) {
         values[n] = strtod(at, &end);
         if ((end == at) || !gt_all_finite(&values[n], 1)) {
-            return 0;
+            return 0U;
         }
         if (*end == '\0') {
-            return 1;
+            return n + 1U;
         }
         if (*end != ',') {
-            return 0;
+            return 0U;
         }
         at = end + 1;
     }
-    return 0;
+    return 0U;
 }
 
 static int gt_whole(const char *text, uint32_t *value)
@@ -129,33 +133,82 @@ static const char *gt_one(gt_arguments *a, const char *name, const char *value)
         return NULL;
     }
     if (whole != NULL) {
-        return gt_whole(value, whole) ? NULL : "an option takes a whole number that is not negative";
+        return gt_whole(value, whole) ? NULL : "expected a whole number that is not negative";
     }
     if (numbers != NULL) {
+        const uint32_t count = gt_numbers(value, numbers, most);
+
         a->has_limits |= gt_is(name, "--lowest") ? GT_HAS_LOWEST : 0;
         a->has_limits |= gt_is(name, "--highest") ? GT_HAS_HIGHEST : 0;
         a->has_limits |= gt_is(name, "--step") ? GT_HAS_STEP : 0;
-        return gt_numbers(value, numbers, most) ? NULL : "an option takes finite numbers separated by commas";
+        a->fewest = ((most > 1U) && (count < a->fewest)) ? count : a->fewest;
+        return (count > 0U) ? NULL : "expected finite numbers, six at the most, separated by commas";
     }
     if (gt_is(name, "--peer")) {
         a->peer = gt_is(value, "rsi") ? GT_PEER_RSI : GT_PEER_EGM;
-        return (gt_is(value, "rsi") || gt_is(value, "egm")) ? NULL : "--peer is egm or rsi";
+        return (gt_is(value, "rsi") || gt_is(value, "egm")) ? NULL : "expected egm or rsi";
     }
     if (gt_is(name, "--feedforward")) {
         a->feedforward = gt_is(value, "on");
-        return (gt_is(value, "on") || gt_is(value, "off")) ? NULL : "--feedforward is on or off";
+        return (gt_is(value, "on") || gt_is(value, "off")) ? NULL : "expected on or off";
     }
-    return "there is an option that does not exist";
+    return "there is no such option; --help shows all";
+}
+
+/* What must hold between numbers, whichever options gave them. */
+static const char *gt_ranges(const gt_arguments *a)
+{
+    uint32_t n;
+
+    for (n = 0U; n < GT_AXES; n++) {
+        if (a->limits.lowest_m[n] > a->limits.highest_m[n]) {
+            return "--lowest is above --highest";
+        }
+    }
+    if (!(a->limits.step_m > 0.0) || !(a->limits.path_m >= 0.0)) {
+        return "--step has to be above zero, --path-limit not below";
+    }
+    if ((a->port > UINT16_MAX) || (a->cycle_ms == 0U) || (a->cycle_ms > GT_MOST_MS)) {
+        return "--port is at most 65535, --cycle-ms from 1 to 1000";
+    }
+    if ((a->hold_cycles > GT_MOST_CYCLES) || (a->ramp_cycles > GT_MOST_CYCLES)) {
+        return "--hold and --ramp are at most 100000 cycles";
+    }
+    return NULL;
+}
+
+const char *gt_arguments_help(void)
+{
+    return "gt_loop --reference TABLE --log NEW_FILE [options]: answers a robot that speaks ABB EGM or KUKA RSI.\n"
+           "Dry unless --live: EGM gets no answer, RSI corrections of zero. Tested against simulators only.\n"
+           "  --peer egm|rsi              protocol; egm\n"
+           "  --law NAME                  trajectory, dynamics, replay, path; trajectory\n"
+           "  --feedforward on|off        off\n"
+           "  --live                      send commands\n"
+           "  --bind IP --port N          where to listen; 127.0.0.1, any free port\n"
+           "  --allow IP                  address of the robot; 127.0.0.1\n"
+           "  --beyond-loopback           allow other addresses; needs the limits below\n"
+           "  --lowest M,.. --highest M,..  of each cart [m]\n"
+           "  --step M --path-limit M     change of a cart in a cycle, path correction [m]; 0.02, 0.01\n"
+           "  --cycle-ms N                of the robot; 4\n"
+           "  --hold N --ramp N           cycles; 5, 50\n"
+           "  --idle-ms N                 end after so long without a newer datagram; 1000\n"
+           "  --cycles N                  end after so many, 0 for never; 0\n"
+           "  --a A,.. --b B,.. --delay-ms N  drives of law trajectory\n"
+           "  --kp K,.. --kd K,.. --lead-ms N  servo of law dynamics [N/m, N s/m]\n"
+           "  --corrections TABLE         of law replay\n"
+           "  --gain G                    of law path [1/s]\n"
+           "  --lockstep                  cycles end with an empty datagram: for tests\n";
 }
 
 const char *gt_arguments_read(gt_arguments *a, int argc, char **argv)
 {
+    const char *wrong = NULL;
     int n = 1;
 
     gt_arguments_default(a);
     while (n < argc) {
-        const char *wrong = NULL;
-
+        a->about = argv[n];
         if (gt_is(argv[n], "--live")) {
             a->live = 1;
         } else if (gt_is(argv[n], "--lockstep")) {
@@ -166,15 +219,20 @@ const char *gt_arguments_read(gt_arguments *a, int argc, char **argv)
             wrong = gt_one(a, argv[n], argv[n + 1]);
             n++;
         } else {
-            wrong = "the last option lacks its value";
+            wrong = "this option lacks its value, or does not exist; --help shows all";
         }
         if (wrong != NULL) {
             return wrong;
         }
         n++;
     }
-    if ((a->port > 65535U) || (a->cycle_ms == 0U) || (a->reference == NULL) || (a->log == NULL)) {
-        return "--reference and --log are needed, --port is at most 65535, --cycle-ms at least 1";
+    a->about = NULL;
+    if ((a->reference == NULL) || (a->log == NULL)) {
+        return "--reference and --log are needed; --help shows all options";
+    }
+    wrong = gt_ranges(a);
+    if (wrong != NULL) {
+        return wrong;
     }
     if ((!gt_is_loopback(a->bind) || !gt_is_loopback(a->allow)) &&
         (!a->beyond_loopback || (a->has_limits != GT_HAS_ALL))) {

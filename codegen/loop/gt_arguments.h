@@ -35,11 +35,16 @@ typedef struct gt_arguments {
     const char *reference;    /* files */
     const char *corrections;
     const char *log;
+    uint32_t fewest;          /* numbers that an option for all carts was given */
+    const char *about;        /* the option that a sentence is about, NULL for none */
 } gt_arguments;
 
 /* Reads `--name value` pairs; NULL, or a sentence on what is wrong. Refuses a peer beyond loopback without limits and
  * the explicit switch. */
 const char *gt_arguments_read(gt_arguments *arguments, int argc, char **argv);
+
+/* All options, for a person. */
+const char *gt_arguments_help(void);
 
 #ifdef __cplusplus
 }

@@ -5,9 +5,13 @@
 
 #include "gt_log_writer.h"
 
+#include "gt_clock.h"
 #include "gt_loop.h"
 
-#include <time.h>
+#include <errno.h>
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
 
 #define GT_PAUSE_NS 2000000
 
@@ -45,18 +49,27 @@ static void *gt_log_writer_run(void *given)
 
 int gt_log_writer_start(gt_log_writer *writer, gt_log *log, const char *path)
 {
+    int made;
+    int refused;
+
     writer->log = log;
     writer->end = 0;
     writer->failed = 0;
-    writer->file = fopen(path, "wb");
+    made = open(path, O_WRONLY | O_CREAT | O_EXCL, S_IRUSR | S_IWUSR | S_IRGRP | S_IROTH);
+    if (made < 0) {
+        return 0;
+    }
+    writer->file = fdopen(made, "wb");
     if (writer->file == NULL) {
+        (void)close(made);
         return 0;
     }
-    if (pthread_create(&writer->thread, NULL, gt_log_writer_run, writer) != 0) {
+    refused = pthread_create(&writer->thread, NULL, gt_log_writer_run, writer);
+    if (refused != 0) {
         (void)fclose(writer->file);
-        return 0;
+        errno = refused;
     }
-    return 1;
+    return (refused == 0) ? 1 : 0;
 }
 
 int gt_log_writer_stop(gt_log_writer *writer)

@@ -19,7 +19,7 @@ typedef struct gt_log_writer {
     pthread_t thread;
 } gt_log_writer;
 
-/* Starts writing `log` to `path`; 0 if the file or the thread cannot be made. */
+/* Starts writing `log` to the new file `path`; 0 and errno if there is one, or if file or thread cannot be made. */
 int gt_log_writer_start(gt_log_writer *writer, gt_log *log, const char *path);
 
 /* Writes what is left and closes the file; 0 if anything could not be written. */

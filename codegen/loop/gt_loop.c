@@ -18,6 +18,18 @@ void gt_loop_init(gt_loop *loop, const gt_loop_settings *settings, const gt_peer
     gt_sequence_init(&loop->sequence);
 }
 
+/* 1 if it is newer than all before; number and time of EGM, of 32 bits, go on where they run over. */
+static int gt_loop_is_newer(gt_loop *loop, gt_feedback *feedback)
+{
+    if (loop->peer.protocol != GT_PEER_EGM) {
+        return gt_sequence_take(&loop->sequence, feedback->sequence);
+    }
+    if (loop->sequence.started) {
+        (void)gt_sequence_near(loop->feedback.time_ms, (uint32_t)feedback->time_ms, &feedback->time_ms);
+    }
+    return gt_sequence_take_32(&loop->sequence, &feedback->sequence);
+}
+
 void gt_loop_datagram(gt_loop *loop, const uint8_t *data, uint32_t length)
 {
     gt_feedback feedback;
@@ -27,7 +39,7 @@ void gt_loop_datagram(gt_loop *loop, const uint8_t *data, uint32_t length)
         loop->garbage++;
         return;
     }
-    if (gt_sequence_take(&loop->sequence, feedback.sequence)) {
+    if (gt_loop_is_newer(loop, &feedback)) {
         loop->feedback = feedback;
         loop->fresh = 1;
     }
@@ -98,8 +110,14 @@ static void gt_loop_law(gt_loop *loop)
 {
     gt_command command = loop->command;
 
-    if (loop->feedback.time_ms < loop->first_ms) {
+    if (!loop->feedback.running) {
+        /* what it would do with commands when it runs again is not known: the ramp begins at once */
         loop->status = GT_STALE_INPUT;
+        loop->misses = loop->settings.hold_cycles;
+        return;
+    }
+    if (loop->feedback.time_ms < loop->command_ms) {
+        loop->status = GT_STALE_INPUT; /* the robot's clock went back */
         return;
     }
     loop->status = loop->law.step(loop->law.state, &loop->feedback, loop->feedback.time_ms - loop->first_ms, &command);
@@ -130,6 +148,13 @@ static void gt_loop_coast(gt_loop *loop, const double *speed, double share)
     }
 }
 
+static void gt_loop_begin_ramp(gt_loop *loop)
+{
+    loop->state = GT_LOOP_RAMPING;
+    loop->ramp_left = loop->settings.ramp_cycles;
+    gt_copy(loop->ramp_from, loop->command.speed_m_s, (int)GT_AXES);
+}
+
 /* Hold last, then ramp to stop. */
 static void gt_loop_miss(gt_loop *loop)
 {
@@ -138,9 +163,7 @@ static void gt_loop_miss(gt_loop *loop)
         loop->state = GT_LOOP_HOLDING;
         gt_loop_coast(loop, loop->command.speed_m_s, 1.0);
     } else {
-        loop->state = GT_LOOP_RAMPING;
-        loop->ramp_left = loop->settings.ramp_cycles;
-        gt_copy(loop->ramp_from, loop->command.speed_m_s, (int)GT_AXES);
+        gt_loop_begin_ramp(loop);
     }
 }
 
@@ -205,6 +228,16 @@ uint32_t gt_loop_cycle(gt_loop *loop, uint8_t *answer)
     loop->fresh = 0;
     loop->datagrams = 0U;
     return length;
+}
+
+void gt_loop_stop(gt_loop *loop)
+{
+    if (loop->state == GT_LOOP_WAITING) {
+        loop->state = GT_LOOP_STOPPED;
+    }
+    if ((loop->state == GT_LOOP_RUNNING) || (loop->state == GT_LOOP_HOLDING)) {
+        gt_loop_begin_ramp(loop);
+    }
 }
 
 void gt_loop_term(gt_loop *loop)

@@ -1,8 +1,9 @@
 /* The loop without its sockets: datagrams go in, an answer and a log record come out, once per cycle.
  *
  * The robot is the clock. Of the datagrams of a cycle the newest counts; without one the last speed is held for some
- * cycles, then it is ramped to zero, and the loop stays stopped. The same for a law that fails; for a command outside
- * the limits the ramp begins at once. Nothing is allocated, nothing waits.
+ * cycles, then it is ramped to zero, and the loop stays stopped. The same for a law that fails and for a clock that goes
+ * back; for a command outside the limits, and for a robot that runs no more, the ramp begins at once. Nothing is
+ * allocated, nothing waits.
  */
 #ifndef GT_LOOP_H
 #define GT_LOOP_H
@@ -71,6 +72,9 @@ void gt_loop_datagram(gt_loop *loop, const uint8_t *data, uint32_t length);
 /* Ends the cycle: writes the answer to the newest datagram, GT_DATAGRAM_MAX bytes at the most, and fills
  * loop->record. Returns the answer's length, 0 if there is nothing to send. */
 uint32_t gt_loop_cycle(gt_loop *loop, uint8_t *answer);
+
+/* No more commands of the law: the cycles that follow ramp to a stop. */
+void gt_loop_stop(gt_loop *loop);
 
 /* Ends the law. */
 void gt_loop_term(gt_loop *loop);

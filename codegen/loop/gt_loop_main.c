@@ -6,55 +6,33 @@
 #define _DEFAULT_SOURCE 1 /* MAP_ANONYMOUS */
 #endif
 
-#include "gt_arguments.h"
 #include "gt_clock.h"
-#include "gt_histogram.h"
-#include "gt_laws.h"
-#include "gt_log.h"
-#include "gt_log_writer.h"
-#include "gt_loop.h"
-#include "gt_realtime.h"
-#include "gt_socket.h"
-#include "gt_table.h"
+#include "gt_run.h"
 
 #include <errno.h>
-#include <inttypes.h>
 #include <signal.h>
-#include <stdio.h>
 #include <string.h>
 #include <sys/mman.h>
 
 #define GT_PRIORITY 80
 #define GT_RING 4096U
 #define GT_LONGEST_WAIT_MS 50U
+#define GT_MS_NS 1000000
+#define GT_DRAIN_MOST 512U /* datagrams of a cycle: a flood must not keep the answer back */
+#define GT_LOG_INCOMPLETE 1
 
-/* All that a run holds; one object in main, nothing static. */
-typedef struct gt_run {
-    gt_arguments arguments;
-    gt_socket socket;
-    gt_table reference;
-    gt_table corrections;
-    gt_laws laws;
-    gt_loop loop;
-    gt_log log;
-    gt_log_writer writer;
-    gt_realtime realtime;
-    gt_histogram reply;  /* from waking up to the answer sent */
-    gt_histogram period; /* between two cycles */
-    uint64_t missed;     /* answers later than a cycle after waking up */
-} gt_run;
-
-static int gt_fail(const char *sentence, const char *about)
+/* 1 if a signal asks for the end; each is taken once. */
+static int gt_asked_to_end(const sigset_t *ends)
 {
-    (void)fprintf(stderr, "gt_loop: %s%s\n", sentence, about);
-    return 2;
+    const struct timespec now = {0, 0};
+
+    return sigtimedwait(ends, NULL, &now) > 0;
 }
 
-static int gt_asked_to_end(void)
+static void gt_ends_by(gt_run *run, const char *what)
 {
-    sigset_t pending;
-
-    return (sigpending(&pending) == 0) && (sigismember(&pending, SIGINT) || sigismember(&pending, SIGTERM));
+    run->ended_by = what;
+    run->ended_in = run->loop.state;
 }
 
 static void gt_end_cycle(gt_run *run, uint8_t *answer)
@@ -73,92 +51,97 @@ static void gt_end_cycle(gt_run *run, uint8_t *answer)
     (void)gt_log_put(&run->log, run->loop.record);
 }
 
-/* All datagrams that are there; 1 if one of them was empty, the end of a cycle in lock step. */
+/* The datagrams that are there; 1 if one of them was empty, the end of a cycle in lock step. */
 static int gt_drain(gt_run *run, uint8_t *data)
 {
-    int32_t length = gt_socket_take(&run->socket, data, GT_DATAGRAM_MAX + 1U);
+    uint32_t n;
 
-    while (length >= 0) {
+    for (n = 0U; n < GT_DRAIN_MOST; n++) {
+        const int32_t length = gt_socket_take(&run->socket, data, GT_DATAGRAM_MAX + 1U);
+        const uint64_t before = run->loop.sequence.started ? run->loop.sequence.newest : UINT64_MAX;
+
+        if (length == GT_SOCKET_EMPTY) {
+            return 0;
+        }
         if ((length == 0) && run->arguments.lockstep) {
             return 1;
         }
-        gt_loop_datagram(&run->loop, data, (uint32_t)length);
-        length = gt_socket_take(&run->socket, data, GT_DATAGRAM_MAX + 1U);
+        if (length >= 0) {
+            gt_loop_datagram(&run->loop, data, (uint32_t)length);
+        }
+        if (run->loop.sequence.started && !run->socket.kept) {
+            gt_socket_keep(&run->socket); /* the first datagram that could be read: this is the robot */
+        }
+        if (run->loop.fresh && (run->loop.sequence.newest != before)) {
+            run->arrived_ns = gt_clock_ns() - gt_socket_age_ns(&run->socket);
+        }
     }
     return 0;
 }
 
-/* How long to wait [ms]: a cycle and a half once the robot sends; else as long as a person waits for an end. */
-static int gt_patience(const gt_run *run)
+/* How long to wait for a datagram [ms]; before the robot sends, as long as a person waits for an end. */
+static int gt_wait_ms(const gt_run *run, int64_t left_ns)
 {
     if (run->arguments.lockstep || !run->loop.sequence.started) {
         return (run->arguments.idle_ms < GT_LONGEST_WAIT_MS) ? (int)run->arguments.idle_ms : (int)GT_LONGEST_WAIT_MS;
     }
-    return (int)(run->arguments.cycle_ms + ((run->arguments.cycle_ms + 1U) / 2U));
+    return (left_ns > 0) ? (int)((left_ns + GT_MS_NS - 1) / GT_MS_NS) : 0;
 }
 
-static void gt_go_round(gt_run *run)
+/* 1 when the loop has come to its end: in real time it ramps to a stop before, unless it is asked a second time. */
+static int gt_is_over(gt_run *run, const sigset_t *ends)
+{
+    const int asked = gt_asked_to_end(ends);
+    const int full = (run->arguments.cycles > 0U) && (run->loop.cycles >= run->arguments.cycles);
+
+    if (run->ended_by != NULL) {
+        return asked || (run->loop.state == GT_LOOP_STOPPED);
+    }
+    if (asked || full) {
+        gt_ends_by(run, asked ? "signal" : "cycles");
+        gt_loop_stop(&run->loop);
+        return run->arguments.lockstep || (run->loop.state == GT_LOOP_STOPPED);
+    }
+    return 0;
+}
+
+static void gt_go_round(gt_run *run, const sigset_t *ends)
 {
     uint8_t data[GT_DATAGRAM_MAX + 1U];
     uint8_t answer[GT_DATAGRAM_MAX];
-    const int64_t cycle_ns = (int64_t)run->arguments.cycle_ms * 1000000;
+    const int64_t cycle_ns = (int64_t)run->arguments.cycle_ms * GT_MS_NS;
+    const int64_t patience_ns = (3 * cycle_ns) / 2; /* then a cycle is over also without a newer datagram */
     int64_t last = gt_clock_ns();
     int64_t heard = last;
 
     (void)memset(data, 0, sizeof(data));
-    while (!gt_asked_to_end() && ((run->arguments.cycles == 0U) || (run->loop.cycles < run->arguments.cycles))) {
-        const int there = gt_socket_wait(&run->socket, gt_patience(run));
+    while (!gt_is_over(run, ends)) {
+        const int there = gt_socket_wait(&run->socket, gt_wait_ms(run, (last + patience_ns) - gt_clock_ns()));
         const int64_t now = gt_clock_ns();
         const int ended = there ? gt_drain(run, data) : 0;
+        const int late = run->loop.sequence.started && ((now - last) >= patience_ns);
 
-        if (there) {
+        if (run->loop.fresh || (there && run->arguments.lockstep)) {
             heard = now;
-        } else if ((now - heard) >= ((int64_t)run->arguments.idle_ms * 1000000)) {
-            return; /* the watchdog: nobody is there */
-        } else {
-            /* a cycle without a datagram */
         }
-        if (run->arguments.lockstep ? ended : (run->loop.sequence.started || (run->loop.datagrams > 0U))) {
+        if (run->arguments.lockstep ? ended : (run->loop.fresh || late)) {
+            const int64_t from = run->loop.fresh ? run->arrived_ns : now;
             int64_t sent;
 
             gt_end_cycle(run, answer);
             sent = gt_clock_ns();
-            gt_histogram_add(&run->reply, sent - now);
+            gt_histogram_add(&run->reply, sent - from);
             gt_histogram_add(&run->period, now - last);
-            run->missed += ((sent - now) > cycle_ns) ? 1U : 0U;
+            run->missed += ((sent - from) > cycle_ns) ? 1U : 0U;
             last = now;
         }
+        if ((now - heard) >= ((int64_t)run->arguments.idle_ms * GT_MS_NS)) {
+            if (run->ended_by == NULL) {
+                gt_ends_by(run, "silence"); /* the watchdog: nobody is there */
+            }
+            return;
+        }
     }
-}
-
-static void gt_print_histogram(const char *name, const gt_histogram *histogram)
-{
-    uint32_t n;
-
-    (void)printf(", \"%s_worst_us\": %" PRId64 ", \"%s_below_us\": {", name, histogram->worst_ns / 1000, name);
-    for (n = 0U; n < GT_BUCKETS; n++) {
-        (void)printf("%s\"%" PRIu32 "\": %" PRIu64, (n > 0U) ? ", " : "", ((uint32_t)1U) << n, histogram->count[n]);
-    }
-    (void)printf("}");
-}
-
-static void gt_report(const gt_run *run, int log_complete)
-{
-    const gt_loop *loop = &run->loop;
-
-    (void)printf("{\"cycles\": %" PRIu64 ", \"state\": %d, \"status\": %d, \"late\": %" PRIu64 ", \"lost\": %" PRIu64
-                 ", \"repeated\": %" PRIu64 ", \"reordered\": %" PRIu64 ", \"stale\": %" PRIu64
-                 ", \"garbage\": %" PRIu64 ", \"foreign\": %" PRIu64,
-                 loop->cycles, (int)loop->state, (int)loop->status, loop->late, loop->sequence.lost,
-                 loop->sequence.repeated, loop->sequence.reordered, loop->sequence.stale, loop->garbage,
-                 run->socket.foreign);
-    (void)printf(", \"dry\": %d, \"memory_locked\": %d, \"fifo\": %d, \"missed_deadlines\": %" PRIu64
-                 ", \"log_dropped\": %" PRIu64 ", \"log_complete\": %d",
-                 run->arguments.live ? 0 : 1, run->realtime.locked, run->realtime.fifo, run->missed,
-                 run->log.dropped, log_complete);
-    gt_print_histogram("reply", &run->reply);
-    gt_print_histogram("period", &run->period);
-    (void)printf("}\n");
 }
 
 static int gt_prepare(gt_run *run)
@@ -168,14 +151,17 @@ static int gt_prepare(gt_run *run)
     gt_peer peer;
     gt_law law;
 
+    if (a->fewest < gt_loop_model.axes) {
+        return gt_fail("", "an option for all carts has fewer numbers than there are carts", "");
+    }
     if (!gt_table_open(&run->reference, a->reference)) {
-        return gt_fail("no reference table in ", a->reference);
+        return gt_fail("--reference", "there is no such table", a->reference);
     }
     if ((a->corrections != NULL) && !gt_table_open(&run->corrections, a->corrections)) {
-        return gt_fail("no table of corrections in ", a->corrections);
+        return gt_fail("--corrections", "there is no such table", a->corrections);
     }
     if (!gt_laws_choose(&run->laws, a, &run->reference.traj, &run->corrections.traj, &law)) {
-        return gt_fail("--law is trajectory, dynamics, replay (with --corrections) or path, not ", a->law);
+        return gt_fail("--law", "expected trajectory, dynamics, replay (with --corrections) or path; found", a->law);
     }
     (void)memset(&peer, 0, sizeof(peer));
     peer.protocol = a->peer;
@@ -187,12 +173,12 @@ static int gt_prepare(gt_run *run)
     settings.limits = a->limits;
     gt_loop_init(&run->loop, &settings, &peer, &law);
     if (!gt_socket_open(&run->socket, a->bind, (uint16_t)a->port, a->allow)) {
-        return gt_fail("cannot listen at ", a->bind);
+        return gt_fail(a->bind, "cannot listen there", strerror(errno));
     }
     return 0;
 }
 
-static int gt_whole_run(gt_run *run, double *records)
+static int gt_whole_run(gt_run *run, double *records, const sigset_t *ends)
 {
     int code = gt_prepare(run);
     int complete;
@@ -202,17 +188,20 @@ static int gt_whole_run(gt_run *run, double *records)
     }
     if (!gt_log_init(&run->log, records, GT_RING, GT_RECORD_COLUMNS) ||
         !gt_log_writer_start(&run->writer, &run->log, run->arguments.log)) {
-        return gt_fail("cannot write ", run->arguments.log);
+        return gt_fail(run->arguments.log, "cannot write this log", strerror(errno));
     }
     if (!run->arguments.lockstep) {
         run->realtime = gt_realtime_ask(GT_PRIORITY);
     }
-    (void)printf("port %d\n", (int)run->socket.port);
-    (void)fflush(stdout);
-    gt_go_round(run);
+    gt_report_port(run);
+    gt_go_round(run, ends);
     gt_loop_term(&run->loop);
     complete = gt_log_writer_stop(&run->writer) && (run->log.dropped == 0U);
     gt_report(run, complete);
+    if (!complete) {
+        (void)gt_fail(run->arguments.log, "the log is not complete: records were dropped or could not be written", "");
+        return GT_LOG_INCOMPLETE;
+    }
     return 0;
 }
 
@@ -226,19 +215,28 @@ int main(int argc, char **argv)
     int code;
 
     (void)memset(&run, 0, sizeof(run));
+    run.socket.file = -1;
+    if ((argc == 2) && (strcmp(argv[1], "--help") == 0)) {
+        gt_report_text(gt_arguments_help());
+        return 0;
+    }
     wrong = gt_arguments_read(&run.arguments, argc, argv);
     if (wrong != NULL) {
-        return gt_fail(wrong, "");
+        return gt_fail((run.arguments.about != NULL) ? run.arguments.about : "", wrong, "");
     }
+    /* a closed terminal asks for the end too; a closed pipe or a full file must not stop a moving robot */
     (void)sigemptyset(&ends);
     (void)sigaddset(&ends, SIGINT);
     (void)sigaddset(&ends, SIGTERM);
+    (void)sigaddset(&ends, SIGHUP);
     (void)sigprocmask(SIG_BLOCK, &ends, NULL);
+    (void)signal(SIGPIPE, SIG_IGN);
+    (void)signal(SIGXFSZ, SIG_IGN);
     records = mmap(NULL, size, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
     if (records == MAP_FAILED) {
-        return gt_fail("no memory for the log: ", strerror(errno));
+        return gt_fail("", "no memory for the log", strerror(errno));
     }
-    code = gt_whole_run(&run, (double *)records);
+    code = gt_whole_run(&run, (double *)records, &ends);
     gt_socket_close(&run.socket);
     gt_table_close(&run.reference);
     gt_table_close(&run.corrections);

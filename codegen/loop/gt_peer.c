@@ -8,6 +8,8 @@
 #include <string.h>
 
 #define GT_MM 1000.0
+#define GT_EIPOS 4U /* places in gt_rsi_robot.given */
+#define GT_ESPOS 5U
 
 static int gt_peer_read_egm(const gt_peer *peer, const uint8_t *data, uint32_t length, gt_feedback *feedback)
 {
@@ -33,17 +35,25 @@ static int gt_peer_read_egm(const gt_peer *peer, const uint8_t *data, uint32_t l
     return 1;
 }
 
+/* Of the external axes that were given, those that are carts are all there. */
+static int gt_peer_has_carts(const gt_peer *peer, uint32_t given)
+{
+    const uint32_t carts = (((uint32_t)1U) << peer->axes) - 1U;
+
+    return ((given & carts) == carts) ? 1 : 0;
+}
+
 static int gt_peer_read_rsi(const gt_peer *peer, const uint8_t *data, uint32_t length, gt_feedback *feedback)
 {
     gt_rsi_robot robot;
     uint32_t n;
 
-    if (!gt_rsi_read_robot(data, length, &robot) || ((robot.present & GT_RSI_EIPOS) == 0U)) {
+    if (!gt_rsi_read_robot(data, length, &robot) || !gt_peer_has_carts(peer, robot.given[GT_EIPOS])) {
         return 0;
     }
     feedback->sequence = robot.ipoc / peer->cycle_ms;
     feedback->time_ms = robot.ipoc;
-    feedback->has_planned = ((robot.present & GT_RSI_ESPOS) != 0U) ? 1 : 0;
+    feedback->has_planned = gt_peer_has_carts(peer, robot.given[GT_ESPOS]);
     feedback->running = 1; /* a controller that sends waits for answers */
     feedback->delay = robot.delay;
     for (n = 0U; n < peer->axes; n++) {

@@ -10,7 +10,7 @@ void gt_sequence_init(gt_sequence *sequence)
     (void)memset(sequence, 0, sizeof(*sequence));
 }
 
-int gt_sequence_take(gt_sequence *sequence, uint64_t number)
+static int gt_take(gt_sequence *sequence, uint64_t number)
 {
     uint64_t age;
     uint64_t bit;
@@ -44,4 +44,44 @@ int gt_sequence_take(gt_sequence *sequence, uint64_t number)
         sequence->lost--;
     }
     return 0;
+}
+
+static int gt_near(uint64_t last, uint32_t low, uint64_t *number)
+{
+    const uint32_t ahead = low - (uint32_t)(last & UINT32_MAX);
+    const uint32_t behind = (uint32_t)(last & UINT32_MAX) - low;
+    int good = 1;
+
+    if (ahead <= (UINT32_MAX / 2U)) {
+        *number = last + ahead;
+    } else if (behind <= last) {
+        *number = last - behind;
+    } else {
+        *number = 0U;
+        good = 0;
+    }
+    return good;
+}
+
+int gt_sequence_take(gt_sequence *sequence, uint64_t number)
+{
+    return gt_take(sequence, number);
+}
+
+int gt_sequence_near(uint64_t last, uint32_t low, uint64_t *number)
+{
+    return gt_near(last, low, number);
+}
+
+int gt_sequence_take_32(gt_sequence *sequence, uint64_t *number)
+{
+    const uint32_t low = (uint32_t)(*number & UINT32_MAX);
+    int newer = 0;
+
+    if (sequence->started && !gt_near(sequence->newest, low, number)) {
+        sequence->stale++;
+    } else {
+        newer = gt_take(sequence, *number);
+    }
+    return newer;
 }

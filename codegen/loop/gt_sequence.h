@@ -24,6 +24,13 @@ void gt_sequence_init(gt_sequence *sequence);
 /* Counts a datagram of this number; 1 if it is newer than all before. */
 int gt_sequence_take(gt_sequence *sequence, uint64_t number);
 
+/* Counters of 32 bits run over: 1 and the number nearest to `last` whose low 32 bits are `low`; 0 if it would lie below
+ * zero. */
+int gt_sequence_near(uint64_t last, uint32_t low, uint64_t *number);
+
+/* gt_sequence_take for a counter of 32 bits; `number` in and out, 32 bits in. */
+int gt_sequence_take_32(gt_sequence *sequence, uint64_t *number);
+
 #ifdef __cplusplus
 }
 #endif

@@ -1,4 +1,4 @@
-/* What the arithmetic must be: IEEE double, no fast-math, no contraction of a*b + c into one rounding.
+/* What the arithmetic must be: IEEE float and double, no fast-math, no contraction of a*b + c into one rounding.
  *
  * Guards such as !(D >= 0) and the self-test's == rest on it. Include this header before any function.
  */
@@ -15,6 +15,9 @@
 #endif
 #if (FLT_RADIX != 2) || (DBL_MANT_DIG != 53) || (DBL_MAX_EXP != 1024)
 #error "double must be the 64 bit number of IEEE 754"
+#endif
+#if (FLT_MANT_DIG != 24) || (FLT_MAX_EXP != 128)
+#error "float must be the 32 bit number of IEEE 754"
 #endif
 
 /* -ffp-contract=off on the command line is the sure way; these are for projects that forget it. */

@@ -2,86 +2,10 @@
 #include "gt_rsi.h"
 
 #include "gt_decimal.h"
+#include "gt_scan.h"
 #include "gt_wire.h"
 
 #include <string.h>
-
-typedef struct gt_scanner {
-    const uint8_t *data;
-    uint32_t at;
-    uint32_t end;
-} gt_scanner;
-
-/* A piece of the datagram, from `at` to before `end`. */
-typedef struct gt_piece {
-    uint32_t at;
-    uint32_t end;
-} gt_piece;
-
-static int gt_is_space(uint8_t byte)
-{
-    return (byte == (uint8_t)' ') || (byte == (uint8_t)'\t') || (byte == (uint8_t)'\r') || (byte == (uint8_t)'\n');
-}
-
-static int gt_is_letter(uint8_t byte)
-{
-    return ((byte >= (uint8_t)'A') && (byte <= (uint8_t)'Z')) || ((byte >= (uint8_t)'a') && (byte <= (uint8_t)'z')) ||
-           ((byte >= (uint8_t)'0') && (byte <= (uint8_t)'9')) || (byte == (uint8_t)'_');
-}
-
-/* The byte at the scanner, 0 behind the end. */
-static uint8_t gt_here(const gt_scanner *s)
-{
-    return gt_byte_at(s->data, s->at, s->end);
-}
-
-static int gt_step_over(gt_scanner *s, char byte)
-{
-    if (gt_here(s) != (uint8_t)byte) {
-        return 0;
-    }
-    s->at++;
-    return 1;
-}
-
-static void gt_step_to(gt_scanner *s, char byte)
-{
-    while ((s->at < s->end) && (gt_here(s) != (uint8_t)byte)) {
-        s->at++;
-    }
-}
-
-static void gt_skip_spaces(gt_scanner *s)
-{
-    while ((s->at < s->end) && gt_is_space(gt_here(s))) {
-        s->at++;
-    }
-}
-
-static gt_piece gt_word(gt_scanner *s)
-{
-    gt_piece word;
-
-    word.at = s->at;
-    while ((s->at < s->end) && gt_is_letter(gt_here(s))) {
-        s->at++;
-    }
-    word.end = s->at;
-    return word;
-}
-
-static int gt_equals(const gt_scanner *s, gt_piece piece, const char *text)
-{
-    uint32_t n = 0U;
-
-    while ((text[n] != '\0') && ((piece.at + n) < piece.end)) {
-        if (gt_byte_at(s->data, piece.at + n, s->end) != (uint8_t)text[n]) {
-            return 0;
-        }
-        n++;
-    }
-    return (text[n] == '\0') && ((piece.at + n) == piece.end);
-}
 
 /* Which of the six numbers an attribute means: X Y Z A B C, A1 to A6 or E1 to E6; 6 for none. */
 static uint32_t gt_rsi_place(const gt_scanner *s, gt_piece name, uint32_t element)
@@ -106,7 +30,8 @@ static uint32_t gt_rsi_place(const gt_scanner *s, gt_piece name, uint32_t elemen
     return 6U;
 }
 
-static uint32_t gt_rsi_element(const gt_scanner *s, gt_piece name, gt_rsi_robot *robot, double **numbers)
+static uint32_t gt_rsi_element(const gt_scanner *s, gt_piece name, gt_rsi_robot *robot, double **numbers,
+                               uint32_t **given)
 {
     static const char *const names[6] = {"RIst", "RSol", "AIPos", "ASPos", "EIPos", "ESPos"};
     double *places[6];
@@ -119,37 +44,32 @@ static uint32_t gt_rsi_element(const gt_scanner *s, gt_piece name, gt_rsi_robot 
     places[4] = robot->eipos_mm;
     places[5] = robot->espos_mm;
     for (n = 0U; n < 6U; n++) {
-        if (gt_equals(s, name, names[n])) {
+        if (gt_scan_equals(s, name, names[n])) {
             *numbers = places[n];
+            *given = &robot->given[n];
             return 1U << n;
         }
     }
-    return gt_equals(s, name, "Delay") ? GT_RSI_DELAY : 0U;
+    return gt_scan_equals(s, name, "Delay") ? GT_RSI_DELAY : 0U;
 }
 
 /* The attributes of one element, up to and including '>'. */
-static int gt_rsi_attributes(gt_scanner *s, uint32_t element, double *numbers, gt_rsi_robot *robot)
+static int gt_rsi_attributes(gt_scanner *s, uint32_t element, double *numbers, uint32_t *given, gt_rsi_robot *robot)
 {
     for (;;) {
         gt_piece name;
         gt_piece value;
 
-        gt_skip_spaces(s);
-        (void)gt_step_over(s, '/');
-        if (gt_step_over(s, '>')) {
+        gt_scan_spaces(s);
+        (void)gt_scan_over(s, '/');
+        if (gt_scan_over(s, '>')) {
             return 1;
         }
-        name = gt_word(s);
-        if ((name.at == name.end) || !gt_step_over(s, '=') || !gt_step_over(s, '"')) {
+        name = gt_scan_word(s);
+        if (!gt_scan_quoted(s, &value) || (name.at == name.end)) {
             return 0;
         }
-        value.at = s->at;
-        gt_step_to(s, '"');
-        value.end = s->at;
-        if (!gt_step_over(s, '"')) {
-            return 0;
-        }
-        if ((element == GT_RSI_DELAY) && gt_equals(s, name, "D")) {
+        if ((element == GT_RSI_DELAY) && gt_scan_equals(s, name, "D")) {
             uint64_t delay = 0U;
 
             if (!gt_read_digits(s->data, value.at, value.end, &delay)) {
@@ -159,8 +79,11 @@ static int gt_rsi_attributes(gt_scanner *s, uint32_t element, double *numbers, g
         } else if ((element != 0U) && (element != GT_RSI_DELAY)) {
             const uint32_t place = gt_rsi_place(s, name, element);
 
-            if ((place < 6U) && !gt_read_decimal(s->data, value.at, value.end, &numbers[place])) {
-                return 0;
+            if (place < 6U) {
+                if (!gt_read_decimal(s->data, value.at, value.end, &numbers[place])) {
+                    return 0;
+                }
+                *given |= ((uint32_t)1U) << place;
             }
         } else {
             /* not known: skipped */
@@ -168,19 +91,21 @@ static int gt_rsi_attributes(gt_scanner *s, uint32_t element, double *numbers, g
     }
 }
 
-/* <IPOC>digits</IPOC>, behind its '>' */
+/* <IPOC>digits</IPOC>, behind its '>'; spaces round the digits are not part of them */
 static int gt_rsi_ipoc(gt_scanner *s, gt_rsi_robot *robot)
 {
-    const uint32_t at = s->at;
+    gt_piece digits;
     uint32_t n;
 
-    gt_step_to(s, '<');
-    if (!gt_read_digits(s->data, at, s->at, &robot->ipoc)) {
+    gt_scan_spaces(s);
+    digits = gt_scan_word(s);
+    gt_scan_spaces(s);
+    if ((gt_scan_here(s) != (uint8_t)'<') || !gt_read_digits(s->data, digits.at, digits.end, &robot->ipoc)) {
         return 0;
     }
-    robot->ipoc_length = s->at - at;
+    robot->ipoc_length = digits.end - digits.at;
     for (n = 0U; (n < robot->ipoc_length) && (n < GT_RSI_DIGITS); n++) {
-        robot->ipoc_text[n] = gt_byte_at(s->data, at + n, s->end);
+        robot->ipoc_text[n] = gt_byte_at(s->data, digits.at + n, s->end);
     }
     robot->present |= GT_RSI_IPOC;
     return 1;
@@ -198,38 +123,40 @@ int gt_rsi_read_robot(const uint8_t *data, uint32_t length, gt_rsi_robot *robot)
     while (s.at < s.end) {
         gt_piece name;
 
-        gt_step_to(&s, '<');
-        if (!gt_step_over(&s, '<')) {
+        gt_scan_to(&s, '<');
+        if (!gt_scan_over(&s, '<')) {
             return 0;
         }
-        if (gt_step_over(&s, '/')) {
-            name = gt_word(&s);
-            if (!gt_step_over(&s, '>')) {
+        if (gt_scan_over(&s, '/')) {
+            name = gt_scan_word(&s);
+            gt_scan_spaces(&s);
+            if (!gt_scan_over(&s, '>')) {
                 return 0;
             }
-            if (gt_equals(&s, name, "Rob")) {
+            if (gt_scan_equals(&s, name, "Rob")) {
                 return open && ((robot->present & GT_RSI_IPOC) != 0U);
             }
-        } else if (gt_step_over(&s, '?')) {
-            gt_step_to(&s, '>');
-            if (!gt_step_over(&s, '>')) {
+        } else if (gt_scan_over(&s, '?')) {
+            gt_scan_to(&s, '>');
+            if (!gt_scan_over(&s, '>')) {
                 return 0;
             }
         } else {
             double *numbers = robot->rist;
+            uint32_t *given = &robot->given[0];
             uint32_t element;
 
-            name = gt_word(&s);
-            if ((name.at == name.end) || (!open && !gt_equals(&s, name, "Rob"))) {
+            name = gt_scan_word(&s);
+            if ((name.at == name.end) || (!open && !gt_scan_equals(&s, name, "Rob"))) {
                 return 0;
             }
             open = 1;
-            element = gt_rsi_element(&s, name, robot, &numbers);
-            if (!gt_rsi_attributes(&s, element, numbers, robot)) {
+            element = gt_rsi_element(&s, name, robot, &numbers, &given);
+            if (!gt_rsi_attributes(&s, element, numbers, given, robot)) {
                 return 0;
             }
             robot->present |= element;
-            if (gt_equals(&s, name, "IPOC") && !gt_rsi_ipoc(&s, robot)) {
+            if (gt_scan_equals(&s, name, "IPOC") && !gt_rsi_ipoc(&s, robot)) {
                 return 0;
             }
         }

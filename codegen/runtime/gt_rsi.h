@@ -27,6 +27,7 @@ extern "C" {
 
 typedef struct gt_rsi_robot {
     uint32_t present;      /* GT_RSI_..., added */
+    uint32_t given[6];     /* of rist to espos_mm: bit n for the number n */
     double rist[6];        /* X Y Z [mm] A B C [deg] */
     double rsol[6];
     double aipos_deg[6];   /* A1 to A6 */

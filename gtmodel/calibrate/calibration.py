@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-import casadi as ca
 import numpy as np
 
 from ..compiler.flat import FlatModel
@@ -23,6 +22,7 @@ from .blocks import Block
 from .confidence import Fitted, estimated
 from .implicit import Adjustment, require_noise_enough
 from .measurements import Measurements
+from .modifiers import modifiers
 from .problem import COSTS, Cost, Problem, joined_blocks, noise_covariance, prepare
 from .unknowns import Choice
 
@@ -64,18 +64,10 @@ class Calibration:
         own = [replace(q, value=self.values.get(q.name, q.value)) for q in flat.parameters]
         return replace(flat, parameters=own, cache={})
 
-    def parameters(self) -> dict[str, np.ndarray]:
-        """Whole top-level parameters as arrays, for model.with_(**parameters)."""
-        flat = self.problem.closure.flat
-        p = ca.vertcat(*[q.symbol for q in flat.parameters])
-        at = np.array([self.values.get(q.name, q.value) for q in flat.parameters])
-        found = {}
-        for name in dict.fromkeys(flat.parameters[k].name.partition("[")[0] for k in self.problem.closure.touched):
-            if name in flat.bindings:
-                array = np.asarray(ca.Function("p", [p], [flat.bindings[name]])(at)).reshape(-1)
-                declared = getattr(type(flat.root), name)
-                found[name] = array.reshape(declared.shape) if declared.shape else float(array[0])
-        return found
+    def parameters(self) -> dict[str, Any]:
+        """Whole parameters as arrays and numbers, those of parts in dictionaries: for type(model)(**parameters), and
+        model.with_(**parameters) where its parts had no modifiers."""
+        return modifiers(self.problem.closure.flat, self.values, self.problem.closure.touched)
 
     def on(self, measurements: Measurements) -> np.ndarray:
         """Length errors (N, m) [m] on other poses, such as those held out."""

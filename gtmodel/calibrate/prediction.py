@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
 
 # probability that a set of poses with normal errors has any residual called an outlier
 FALSE_ALARM = 0.01
@@ -74,6 +73,8 @@ def outliers(residuals: np.ndarray) -> list[Outlier]:
     Against the median of the link, in units of its median absolute deviation; the bound is the one that all N m normal
     residuals together pass with a probability of 1 %.
     """
+    from scipy import stats  # here: it alone takes as long to import as all of gtmodel
+
     r = residuals - np.median(residuals, axis=0)
     scale = MAD * np.median(np.abs(r), axis=0)
     bound = float(stats.norm.isf(FALSE_ALARM / 2 / r.size))

@@ -89,6 +89,32 @@ def exchanged_columns(
     )
 
 
+def reversed_columns(
+    names: Sequence[str], groups: Sequence[Sequence[int]], predict: Callable[[np.ndarray], np.ndarray | None],
+    misfit: Callable[[np.ndarray], float], size: float,
+) -> Reading | None:  # fmt: skip
+    """Actuators that count the other way: `predict(signs)` gives the model's positions (N, 3) with columns times +-1;
+    single columns, groups of one unit and all are tried. Otherwise as exchanged_columns()."""
+    n = len(names)
+    as_given = predict(np.ones(n))
+    before = np.inf if as_given is None else misfit(as_given)
+    if before <= CLOSE * size:
+        return None
+    best, reversed_ = before, []
+    for trial in [*([k] for k in range(n)), *(list(g) for g in groups), list(range(n))]:
+        found = predict(np.where(np.isin(np.arange(n), trial), -1.0, 1.0))
+        rms = np.inf if found is None else misfit(found)
+        if rms < best * (1 - 1e-9):
+            best, reversed_ = rms, trial
+    if not best * NEARER < before:
+        return None
+    return Reading(
+        f"the columns {', '.join(names[k] for k in reversed_)} look reversed: poses miss the model's by "
+        f"{_length(before)} rms as given, and by {_length(best)} with the other sign; is a scale -1?",
+        best,
+    )
+
+
 def swapped_axes(
     name: str, measured: np.ndarray, predicted: np.ndarray, size: float, free_frame: bool = False
 ) -> Reading | None:

@@ -35,6 +35,8 @@ _ABOUT_HEADER = (
     "Generated bodies without guards: call the functions of gt_{name}.h instead. "
     "No pointer may be NULL. SZ_*: how many pointers, integers and doubles of scratch a body takes."
 )
+# what a body returns, unlike a helper with its values
+_RETURNED = re.compile(r"^  return ([^;]*);$", re.M)
 SIZES = ("SZ_ARG", "SZ_RES", "SZ_IW", "SZ_W")
 
 
@@ -89,6 +91,10 @@ def trimmed(text: str, prefix: str, wanted: set[str]) -> str:
         text, found = definition.subn(inline, text)
         if found != (f" casadi_{name}(" in text):
             raise GenerationError(f"CasADi {ca.CasadiMeta.version()} writes {name} in a form that is not known")
+    if any(returned != "0" and not returned.startswith("casadi_f") for returned in _RETURNED.findall(text)):
+        raise GenerationError(
+            f"CasADi {ca.CasadiMeta.version()} writes a body that can fail, which gtmodel does not know"
+        )
     for asked, direct in _ASKED:
         text = asked.sub(direct, text)
     text = _HELPER.sub("static inline casadi_real ", text)

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from .costs_file import discard
 from .errors import GenerationError
 from .manifest import FILE, changed_files, read
 
@@ -23,6 +24,7 @@ def write(out: Path, files: Mapping[str, str], content: Mapping[str, Any], overw
         raise GenerationError(f"'{out / strangers[0]}' was not written by gtmodel; choose another folder")
     try:
         out.mkdir(parents=True, exist_ok=True)
+        discard(out)
         for file in sorted(ours - set(files)):
             (out / file).unlink(missing_ok=True)
         for file, text in files.items():

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,25 +18,33 @@ from .header import header
 from .interface import Interface, interfaces
 from .manifest import FILE, gtmodel_version, manifest, parameters_hash, sha256
 from .readme import makefile, readme
+from .real import FLOAT, real_of
+from .single import file_name, single
 from .status_header import status_header
 from .vectors import selftest
 from .wrapper import wrapper
 
-RUNTIME = ("gt_compare.h", "gt_float.h", "gt_guard.h")
+FLOATING = "gt_float.h"
+RUNTIME = ("gt_compare.h", FLOATING, "gt_guard.h")
 NEWTON = "gt_newton.h"
 TRAJECTORY = "gt_traj.h"
 STATUS = "gt_status.h"
 _MAIN = "gt_model_main.c"
+_IN_FLOAT = (
+    "Numbers are float: within 1e-5 of the range of their signal of what double gives. A pivot means singular and a "
+    "Newton residual is small at other limits than in double; manifest.json and the README name them."
+)
 
 
 @dataclass(frozen=True)
 class Generated:
-    """A generated folder: its files, and the C names of its functions by their names."""
+    """A generated folder: its files, the C names of its functions by their names, and operations by C name."""
 
     folder: Path
     name: str
     files: tuple[str, ...]
     functions: dict[str, str]
+    operations: dict[str, int]
 
     @property
     def header(self) -> Path:
@@ -53,6 +61,8 @@ def generate(
     provenance: Mapping[str, str] | None = None,
     problem: Mapping[str, Any] | None = None,
     along: Collection[str] = (),
+    real: str = "double",
+    box: Mapping[str, Sequence[Sequence[float]]] | None = None,
 ) -> Generated:
     """Write a folder of C99 that compiles as delivered: `cc *.c -lm`.
 
@@ -63,22 +73,28 @@ def generate(
         overwrite: replace also files of ours that were changed by hand.
         provenance: what header and manifest say about the origin, e.g. robot, problem file and its hash.
         along: names of functions that get a second face, `gt_<name>_<function>_at`, along a sampled reference.
+        real: "double" or "float", the numbers that C computes with.
+        box: intervals [least, greatest] by name of an input such as "der(T)", one for each of its numbers or one for
+            all; inside, every function whose inputs all have one must answer. It goes into the manifest.
         problem: the whole problem as JSON data, for the manifest: other tools rebuild the model from it.
 
     Raises GenerationError for a name that is no C identifier or is taken, and for a folder that is not ours;
     ModelError for a parameter without a value.
     """
-    faces = interfaces(functions, name, along)
+    faces = interfaces(functions, name, along, real_of(real), box)
     texts = contents(faces, name, dict(provenance or {}))
     hashes = _hashes(faces, texts[f"gt_{name}_body.c"])
-    write(Path(out), texts, manifest(name, faces, provenance or {}, texts, hashes, problem or {}), overwrite)
-    return Generated(Path(out), name, (*texts, FILE), {f.key: f.symbol for f in faces})
+    content = manifest(name, faces, provenance or {}, texts, hashes, problem or {})
+    write(Path(out), texts, content, overwrite)
+    operations = {entry["symbol"]: entry["operations"] for entry in content["functions"]}
+    return Generated(Path(out), name, (*texts, FILE), {f.key: f.symbol for f in faces}, operations)
 
 
 def contents(faces: list[Interface], name: str, provenance: Mapping[str, str]) -> dict[str, str]:
     """Text of every file but the manifest, by file name."""
     own = f"gt_{name}"
-    if f"{own}.h".lower() in (*RUNTIME, NEWTON, TRAJECTORY, STATUS):
+    shared = (*RUNTIME, NEWTON, TRAJECTORY, STATUS)
+    if f"{own}.h".lower() in (*shared, *map(file_name, shared)):
         raise GenerationError(f"'{name}' cannot name the generated code: {own}.h belongs to the runtime")
     source, declarations = body(name, faces)
     about = [f"gtmodel {gtmodel_version()}, CasADi {ca.CasadiMeta.version()}."]
@@ -87,7 +103,10 @@ def contents(faces: list[Interface], name: str, provenance: Mapping[str, str]) -
     newton = (NEWTON,) if any(face.newton for face in faces) else ()
     shared = (*RUNTIME, *newton, *((TRAJECTORY,) if any(face.along for face in faces) else ()))
     main = (runtime / _MAIN).read_text(encoding="utf-8").replace("gt_model", own)
-    return {
+    if faces[0].real is FLOAT:
+        about.append(_IN_FLOAT)
+        main = main.replace("About 1e-15", "About 1e-7")
+    made = {
         f"{own}.h": header(name, faces, about, _hashes(faces, source)),
         f"{own}.c": wrapper(name, faces),
         f"{own}_body.h": declarations,
@@ -95,6 +114,11 @@ def contents(faces: list[Interface], name: str, provenance: Mapping[str, str]) -
         f"{own}_selftest.c": selftest(name, faces),
         f"{own}_main.c": main,
         **{file: (runtime / file).read_text(encoding="utf-8") for file in shared},
+    }
+    if faces[0].real is FLOAT:  # gt_float.h says what both kinds of numbers must be
+        made = {file_name(file): text if file == FLOATING else single(text) for file, text in made.items()}
+    return {
+        **made,
         STATUS: status_header(),
         "Makefile": makefile(name),
         "README.md": readme(name, faces),

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from ..compiler.causal import CausalFunction, Signal, c_name
+from .box import Intervals, box_of, check_names
 from .errors import GenerationError
 from .newton_stages import NewtonStage, Stages, stages
+from .real import DOUBLE, Real
 
 _IDENTIFIER = re.compile(r"[A-Za-z][A-Za-z0-9]*(_[A-Za-z0-9]+)*")
 _UNITLESS = {"", "1", "?"}
@@ -50,7 +52,8 @@ class Member:
 class Interface:
     """A causal function under the C name `symbol`, with typed inputs and outputs.
 
-    `along`: it is also offered along a sampled reference. A function with Newton blocks has `stages`, and a `state` of
+    `along`: it is also offered along a sampled reference; `real`: the numbers it computes with;
+    `box`: where it must answer. A function with Newton blocks has `stages`, and a `state` of
     its last solution that the caller owns.
     """
 
@@ -62,6 +65,8 @@ class Interface:
     stages: Stages | None = None
     state: tuple[Member, ...] = ()
     along: bool = False
+    real: Real = DOUBLE
+    box: Intervals | None = None
 
     @property
     def body(self) -> str:
@@ -100,12 +105,20 @@ class Interface:
         return sum(m.size for m in self.outputs)
 
 
-def interfaces(functions: Mapping[str, CausalFunction], name: str, along: Collection[str] = ()) -> list[Interface]:
-    """C faces of the functions, in their order; those named in `along` also along a sampled reference.
+def interfaces(
+    functions: Mapping[str, CausalFunction],
+    name: str,
+    along: Collection[str] = (),
+    real: Real = DOUBLE,
+    box: Mapping[str, Sequence[Sequence[float]]] | None = None,
+) -> list[Interface]:
+    """C faces of the functions, in their order; those named in `along` also along a sampled reference. `box`: intervals
+    by name of a signal; a function all of whose inputs have one must answer everywhere inside.
 
     Raises GenerationError for a name that is no identifier, and for two names that meet in C.
     """
     check_identifier(name, "the name of the generated code")
+    check_names(functions, box or {})
     unknown = [key for key in along if key not in functions]
     if unknown:
         raise GenerationError(f"there is no function '{unknown[0]}' to offer along a reference")
@@ -119,10 +132,19 @@ def interfaces(functions: Mapping[str, CausalFunction], name: str, along: Collec
             inputs.append((Signal("time", (), "s", ()), "time", "", ""))
         outputs = [_record(function, s) for s in function.outputs]
         symbol = f"gt_{name}_{key}"
-        cut = stages(function, symbol) if function.plan.newton else None
+        cut = stages(function, symbol, real=real) if function.plan.newton else None
         unknowns = [_record(function, s) for block in cut.newton for s in block.unknowns] if cut else []
         face = Interface(
-            key, symbol, function, _members(inputs), _members(outputs), cut, _members(unknowns), key in along
+            key,
+            symbol,
+            function,
+            _members(inputs),
+            _members(outputs),
+            cut,
+            _members(unknowns),
+            key in along,
+            real,
+            box_of(function, box or {}),
         )
         if face.along and (face.newton or function.plan.uses_time or not inputs):
             raise GenerationError(

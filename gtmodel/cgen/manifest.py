@@ -10,14 +10,15 @@ from typing import Any
 
 import casadi as ca
 
-from ..compiler.causal import PIVOT_TOLERANCE, CausalFunction
+from ..compiler.causal import CausalFunction
 from ..results.status import Status
+from .body import casadi_functions
 from .interface import Interface, Member
 
-FORMAT = "gtmodel-c-1"
+FORMAT = "gtmodel-c-2"
 FILE = "manifest.json"
 _KEYS = """
-    format name gtmodel casadi parameters_sha256 body_sha256 provenance problem compile pivot_tolerance statuses
+    format name real gtmodel casadi parameters_sha256 body_sha256 provenance problem compile pivot_tolerance statuses
     functions models files
 """
 
@@ -78,22 +79,39 @@ def manifest(
             models.append({"title": flat.title, "parameters": parameters(face.function)})
         margins = [{"kind": m.kind, "label": m.label, "scale": m.scale} for m in face.function.margins]
         offered: dict[str, Any] = {"along": f"{face.symbol}_at"} if face.along else {}
+        offered["box"] = _box(face)
+        offered["operations"] = sum(operations(g) for g in casadi_functions(face))
         functions.append({**interface_entry(face), **offered, "model": of_flat[id(flat)], "margins": margins})
     return {
         "format": FORMAT,
         "name": name,
+        "real": faces[0].real.name,
         "gtmodel": gtmodel_version(),
         "casadi": ca.CasadiMeta.version(),
         **hashes,
         "provenance": dict(provenance),
         "problem": dict(problem),
         "compile": {"bit_equal_with": ["-ffp-contract=off"], "never": ["-ffast-math", "-Ofast"], "link": ["-lm"]},
-        "pivot_tolerance": PIVOT_TOLERANCE,
+        "pivot_tolerance": faces[0].real.pivot,
         "statuses": [{"code": int(s), "name": s.c_name, "sentence": s.sentence} for s in Status],
         "functions": functions,
         "models": models,
         "files": {file: sha256(text) for file, text in sorted(files.items())},
     }
+
+
+def operations(f: ca.Function) -> int:
+    """Arithmetic operations and calls of libm in one evaluation of an SX function."""
+    passing = (ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST, ca.OP_ASSIGN, ca.OP_PARAMETER)
+    return sum(f.instruction_id(k) not in passing for k in range(f.n_instructions()))
+
+
+def _box(face: Interface) -> dict[str, list[list[float]]] | None:
+    """Intervals by signal, or None where no box was given for all inputs."""
+    if face.box is None:
+        return None
+    rows = iter(face.box)
+    return {m.signal: [list(next(rows)) for _ in range(m.size)] for m in face.inputs}
 
 
 def read(folder: Path) -> dict[str, Any] | None:

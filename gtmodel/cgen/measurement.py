@@ -16,6 +16,8 @@ from ..results.status import Status
 from .interface import Interface, interfaces
 from .manifest import read
 from .points import draw, evaluate
+from .real import DOUBLE, real_of
+from .single import single
 from .text import hexadecimal
 from .toolchain import BODY_EXCEPTIONS, LINK, STANDARD, Toolchain, find
 from .wrapper import elements
@@ -23,6 +25,7 @@ from .wrapper import elements
 CALLS = 100  # counted; one more goes before them, so that nothing is loaded on the way
 DRAWS = 200  # points among which one with a solution is looked for
 
+_BEHIND = re.compile(r"^CASADI_SYMBOL_EXPORT int (\w+)\([^\n]*\{\n *return casadi_(f\d+)\(", re.M)
 _COUNTED = re.compile(r"Collected : (\d+)")
 
 
@@ -30,10 +33,12 @@ _COUNTED = re.compile(r"Collected : (\d+)")
 class Costs:
     """By C name: bytes of machine code, bytes of stack with all that is called, instructions of a call with guards.
 
-    `symbols`: what the folder defines for others. `missing`: one sentence on what could not be counted, or "".
+    `newton_bytes`: the part of the Newton blocks and their guards, without the closed form behind them. `symbols`:
+    what the folder defines for others. `missing`: one sentence on what could not be counted, or "".
     """
 
     text_bytes: dict[str, int] = field(default_factory=dict)
+    newton_bytes: dict[str, int] = field(default_factory=dict)
     stack_bytes: dict[str, int] = field(default_factory=dict)
     instructions: dict[str, int] = field(default_factory=dict)
     symbols: tuple[str, ...] = ()
@@ -49,12 +54,13 @@ def costs(folder: Path, functions: Mapping[str, CausalFunction]) -> Costs:
     if content is None or isinstance(tools, str):
         return Costs(missing="" if content is None else str(tools))
     name = content["name"]
-    faces = interfaces(functions, name)
+    faces = interfaces(functions, name, real=real_of(content["real"]))
     with tempfile.TemporaryDirectory() as scratch:
         place = Path(scratch)
         sizes, frames, symbols = _compiled(tools, folder, name, place)
         parts = {f.symbol: [f.symbol, *f.bodies, *[f"solve_{f.key}{k}" for k in range(len(f.newton))]] for f in faces}
         text = {symbol: sum(sizes.get(p, 0) for p in names) for symbol, names in parts.items()}
+        newton = {f.symbol: text[f.symbol] - sizes.get(f.body, 0) for f in faces if f.newton}
         stack = {
             f.symbol: frames.get(f.symbol, 0)
             + sum(frames.get(f"solve_{f.key}{k}", 0) for k in range(len(f.newton)))
@@ -64,9 +70,9 @@ def costs(folder: Path, functions: Mapping[str, CausalFunction]) -> Costs:
         valgrind = shutil.which("valgrind")
         if valgrind is None:
             why = "no instruction was counted: there is no valgrind on this machine"
-            return Costs(text, stack, {}, symbols, why)
+            return Costs(text, newton, stack, {}, symbols, why)
         counts = {f.symbol: _instructions(tools, valgrind, f, place, folder) for f in faces}
-    return Costs(text, stack, {key: n for key, n in counts.items() if n is not None}, symbols)
+    return Costs(text, newton, stack, {key: n for key, n in counts.items() if n is not None}, symbols)
 
 
 def _compiled(
@@ -86,11 +92,17 @@ def _compiled(
             case [_, size, "T" | "t" as kind, symbol]:
                 sizes[symbol.partition(".")[0]] = int(size, 16)
                 symbols += [symbol] if kind == "T" else []
-    frames = {}
+    frames: dict[str, int] = {}
     for usage in sorted(place.glob("*.su")):
         for line in usage.read_text().splitlines():
             where, size, _ = line.split("\t")
-            frames[where.rpartition(":")[2]] = int(size)
+            frames[where.rpartition(":")[2].partition(".")[0]] = int(size)
+    # what a body does stands in a static function behind it, unless the compiler drew the two together
+    for symbol, static in _BEHIND.findall((folder / f"gt_{name}_body.c").read_text()):
+        sizes[symbol] = sizes.get(symbol, 0) + sizes.get(f"gt_{name}_body_{static}", 0)
+        frames[symbol] = frames.get(symbol, 0) + frames.get(
+            f"gt_{name}_body_{static}", frames.get(f"casadi_{static}", 0)
+        )
     return sizes, frames, tuple(sorted(symbols))
 
 
@@ -101,7 +113,8 @@ def _instructions(tools: Toolchain, valgrind: str, face: Interface, place: Path,
     if not len(good):
         return None
     main, program = place / f"{face.key}_main.c", place / f"{face.key}_main"
-    main.write_text(_program(face, rows[good[0]]))
+    text = _program(face, rows[good[0]])
+    main.write_text(text if face.real is DOUBLE else single(text))
     own = face.symbol.removesuffix(f"_{face.key}")
     objects = [place / f"{own}.o", place / f"{own}_body.o"]
     built, _ = tools.run(tools.cc, *STANDARD, f"-I{folder}", main, *objects, "-o", program, *LINK, "-Wl,-z,now")

@@ -10,17 +10,15 @@ import casadi as ca
 import numpy as np
 
 from ..compiler.blocks import Margin
-from ..compiler.causal import PIVOT_TOLERANCE, CausalFunction, Signal
+from ..compiler.causal import CausalFunction, Signal
 from ..compiler.emit import express
 from ..compiler.plan import Plan
 from ..compiler.rows import map_columns, status_codes
 from ..lang.scope import derivative_name
 from ..results.status import Status
 from .newton_steps import eliminate, newton
-
-# residual of an answer over what one nominal of each unknown would make of it: far above round-off of equations on
-# squared lengths (1e-15), far below what any measurement of a robot sees
-RESIDUAL_TOLERANCE = 1e-11
+from .real import DOUBLE, Real
+from .virtual_machine import run
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,8 +56,9 @@ class Stages:
     margins: tuple[Margin, ...]
 
 
-def stages(f: CausalFunction, symbol: str, parametric: bool = False) -> Stages:
+def stages(f: CausalFunction, symbol: str, parametric: bool = False, real: Real = DOUBLE) -> Stages:
     """Cut `f` for the C name `symbol`; parametric: the parameter vector is one more input of `prepare` and `body`.
+    Limits are those of `real`.
 
     What a block needs of the inputs is computed once before its steps, and a margin as soon as it can be.
     """
@@ -91,7 +90,7 @@ def stages(f: CausalFunction, symbol: str, parametric: bool = False) -> Stages:
         given = [*args, *zs[:k]]
         prepare = ca.Function(f"{symbol}_prepare{k}", given, ca.cse([outer, expressions]))
         kernel = ca.Function(f"{symbol}_kernel{k}", [z, constants], ca.cse(inner))
-        blocks.append(_limits(f, k, prepare, kernel, here, z, block.scale))
+        blocks.append(_limits(f, k, prepare, kernel, here, z, block.scale, real))
     expressions, here = at(len(zs))
     body = ca.Function(f"{symbol}_body", [*args, *zs], ca.cse([*map(ca.densify, targets), expressions]))
     return Stages(tuple(blocks), body, here)
@@ -139,6 +138,7 @@ def _limits(
     margins: tuple[Margin, ...],
     z: ca.SX,
     nominal: np.ndarray,
+    real: Real,
 ) -> NewtonStage:
     """The stage with its home, and with limits of residual and pivot by what they are there."""
     plan = f.plan
@@ -155,8 +155,8 @@ def _limits(
         tuple(_signals(plan, pairs)),
         tuple(home.tolist()),
         tuple(1.0 / float(x) for x in nominal),
-        tuple(float(f"{1.0 / (RESIDUAL_TOLERANCE * x):.3g}") for x in rows),
-        float(f"{PIVOT_TOLERANCE * float(smallest[0]):.3g}"),
+        tuple(float(f"{1.0 / (real.residual * x):.3g}") for x in rows),
+        float(f"{real.pivot * float(smallest[0]):.3g}"),
     )
 
 
@@ -176,31 +176,35 @@ def _signals(plan: Plan, pairs: Sequence[tuple[int, int]]) -> list[Signal]:
     return result
 
 
-def evaluate_stages(cut: Stages, inputs: Sequence[np.ndarray], start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def evaluate_stages(
+    cut: Stages, inputs: Sequence[np.ndarray], start: np.ndarray, real: Real = DOUBLE
+) -> tuple[np.ndarray, np.ndarray]:
     """Targets and new states side by side (rows, m), NaN without a solution, and statuses (rows,), as C decides them.
 
-    inputs: rows of each input; start (rows, unknowns of all blocks).
+    inputs: rows of each input; start (rows, unknowns of all blocks); both of the numbers `real`.
     """
+    evaluated = map_columns if real is DOUBLE else run
     rows = len(start)
     status = np.where(np.all([np.isfinite(x).all(axis=1) for x in [*inputs, start]], axis=0), 0, Status.NOT_FINITE)
     given, first = [x.T for x in inputs], 0
     for stage in cut.newton:
-        constants, margins = map_columns(stage.prepare, given)
-        status = np.where(status == 0, status_codes(stage.margins, [], [margins], None), status)
+        constants, margins = evaluated(stage.prepare, given)
+        status = np.where(status == 0, status_codes(stage.margins, [], [margins], None, real.pivot), status)
         live = np.flatnonzero(status == 0)
-        z = np.full((rows, stage.size), np.nan)
+        z = np.full((rows, stage.size), np.nan, real.dtype)
         here = constants[:, live]
 
         def kernel(z: np.ndarray, chosen: np.ndarray, stage: NewtonStage = stage, here: np.ndarray = here):
-            r, jacobian = map_columns(stage.kernel, [z.T, here[:, chosen]])
+            r, jacobian = evaluated(stage.kernel, [z.T, here[:, chosen]])
             return r.T.copy(), jacobian.T.reshape(len(z), stage.size, stage.size).transpose(0, 2, 1).copy()
 
         begin = start[live, first : first + stage.size]
-        found, verdict = newton(kernel, begin, np.array(stage.nominal), np.array(stage.largest), stage.least)
+        nominal, largest = real.array(stage.nominal), real.array(stage.largest)
+        found, verdict = newton(kernel, begin, nominal, largest, real.dtype(stage.least), real.round_off)
         z[live], status[live] = found, verdict
         given, first = [*given, z.T], first + stage.size
-    results = map_columns(cut.body, given)
-    status = np.where(status == 0, status_codes(cut.margins, [], results, None), status)
+    results = evaluated(cut.body, given)
+    status = np.where(status == 0, status_codes(cut.margins, [], results, None, real.pivot), status)
     values = np.vstack([*results[:-1], *given[len(inputs) :]]).T.copy()
     values[status != Status.OK] = np.nan
     return values, status

@@ -12,21 +12,21 @@ from ..results.status import Status
 STEPS = 4
 REACH = 0.5
 CONTRACTION = 0.25
-ROUND_OFF = 1e-10
 
 Kernel = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 
 def newton(
-    kernel: Kernel, z: np.ndarray, nominal: np.ndarray, largest: np.ndarray, least: float
+    kernel: Kernel, z: np.ndarray, nominal: np.ndarray, largest: np.ndarray, least: float, round_off: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Solutions (rows, n) and statuses (rows,) from the starts z.
 
-    kernel: (z of some rows, their numbers) -> residuals (m, n), Jacobians (m, n, n); the rest as in gt_newton.h.
+    kernel: (z of some rows, their numbers) -> residuals (m, n), Jacobians (m, n, n); the rest as in gt_newton.h. All
+    is done in the precision of z.
     """
     z, rows = z.copy(), np.arange(len(z))
     status = np.full(len(z), Status.OK, dtype=int)
-    most = np.full(len(z), REACH)
+    most = np.full(len(z), REACH, z.dtype)
     with np.errstate(all="ignore"):
         for _ in range(STEPS):
             r, jacobian = kernel(z[rows], rows)
@@ -35,7 +35,7 @@ def newton(
             size = np.max(np.abs(step) * nominal, axis=1, initial=0.0)  # NaN where any part is
             rows, step, size = _keep(status, rows, size <= most[rows], Status.NOT_CONVERGED, step, size)
             z[rows] -= step
-            most[rows] = np.maximum(CONTRACTION * size, ROUND_OFF)
+            most[rows] = np.maximum(CONTRACTION * size, z.dtype.type(round_off))
         r, _ = kernel(z[rows], rows)
         small = np.all(np.abs(r) * largest <= 1.0, axis=1)
         _keep(status, rows, small, Status.NOT_CONVERGED)
@@ -49,7 +49,7 @@ def eliminate(
     (m,), and whether every pivot is above `least` (m,)."""
     m, n = r.shape
     every = np.arange(m)
-    smallest = np.full(m, np.finfo(float).max)
+    smallest = np.full(m, np.finfo(r.dtype).max)
     regular = np.ones(m, dtype=bool)
     with np.errstate(all="ignore"):
         for k in range(n):

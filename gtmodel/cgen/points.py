@@ -6,25 +6,29 @@ import casadi as ca
 import numpy as np
 
 from ..compiler.causal import CausalFunction
+from ..compiler.rows import map_columns, status_codes
+from ..results.status import Status
+from .body import casadi_functions
 from .interface import Interface
 from .newton_stages import evaluate_stages, samples_of
+from .real import DOUBLE
+from .virtual_machine import run
 
 # each row leaves a consistent point by its own fraction of the inputs' typical sizes, drawn evenly in the
 # logarithm: most rows stay where solutions exist, a fair share leaves the range
 NEAREST, FARTHEST = 0.01, 6.0
 LONGEST_TIME_S = 10.0
 STEPS_TO_CONDITIONS = 20
-# zero, a denormal, and numbers whose squares and products overflow
-AWKWARD = (0.0, 5e-324, -1e-310, 1e160, -1e300)
-# what stands in outputs before a call, and after one that fails
-HELD = -1.25e300
+# what stands in outputs of double before a call, and after one that fails
+HELD = DOUBLE.held
 
 
-def draw(face: Interface, rows: int, seed: int) -> np.ndarray:
+def draw(face: Interface, rows: int, seed: int, farthest: float = FARTHEST) -> np.ndarray:
     """Random inputs, (rows, inputs): all signals side by side, in the order of the function's arguments; behind them
     the state that a function with Newton blocks starts from, the solution at the consistent point a row is near.
 
-    Half of the rows satisfy the conditions on known values, such as that a quaternion has unit length.
+    A row lies up to `farthest` typical sizes from its consistent point; half of them satisfy the conditions on known
+    values, such as that a quaternion has unit length.
     """
     function, rng = face.function, np.random.default_rng(seed)
     plan = function.plan
@@ -36,19 +40,21 @@ def draw(face: Interface, rows: int, seed: int) -> np.ndarray:
         size = float(np.max(np.abs(centres[:, first : first + s.size]), initial=0.0))
         sizes[first : first + s.size] = max(size, function.flat.variables[s.pairs[0][0]].nominal)
         first += s.size
-    spread = NEAREST * (FARTHEST / NEAREST) ** rng.random((rows, 1))
+    spread = NEAREST * (farthest / NEAREST) ** rng.random((rows, 1))
     near = rng.integers(len(centres), size=rows)
     values = centres[near] + spread * sizes * rng.standard_normal((rows, len(pairs)))
     if plan.conditions:
-        values[::2] = _satisfying(function, pairs, values[::2])
+        values[::2] = satisfying(function, pairs, values[::2])
     if plan.uses_time:
         values = np.column_stack([values, LONGEST_TIME_S * rng.random(rows)])
     starts = [p for stage in face.newton for s in stage.unknowns for p in s.pairs]
-    return np.column_stack([values, samples_of(function, starts)[near]]) if starts else values
+    return face.real.array(np.column_stack([values, samples_of(function, starts)[near]]) if starts else values)
 
 
-def _satisfying(function: CausalFunction, pairs: list[tuple[int, int]], values: np.ndarray) -> np.ndarray:
-    """The rows moved onto the conditions on known values by Gauss-Newton, as little as it takes."""
+def satisfying(function: CausalFunction, pairs: list[tuple[int, int]], values: np.ndarray) -> np.ndarray:
+    """Rows of inputs moved onto the conditions on known values by Gauss-Newton, as little as it takes."""
+    if not function.plan.conditions:
+        return values
     flat = function.flat
     x = ca.vertcat(*[flat.scope.symbol(*p) for p in pairs])
     residual = ca.substitute(ca.vertcat(*[e.residual for e in function.plan.conditions]), flat.p, flat.p0)
@@ -56,10 +62,11 @@ def _satisfying(function: CausalFunction, pairs: list[tuple[int, int]], values: 
         return values
     f = ca.Function("condition", [x], [residual, ca.densify(ca.jacobian(residual, x))])
     result = values.copy()
-    for row in result:
-        for _ in range(STEPS_TO_CONDITIONS):
-            r, jacobian = (np.array(a.full()) for a in f(row))
-            row -= np.linalg.lstsq(jacobian, r[:, 0], rcond=None)[0]
+    for _ in range(STEPS_TO_CONDITIONS):
+        r, jacobian = map_columns(f, [result.T])
+        m, width = r.shape[0], len(pairs)
+        slopes = jacobian.reshape(m, len(result), width).transpose(1, 0, 2)
+        result -= (np.linalg.pinv(slopes) @ r.T[:, :, None])[:, :, 0]
     return result
 
 
@@ -67,9 +74,9 @@ def awkward(face: Interface) -> np.ndarray:
     """Inputs that are singular, overflow or are denormal, (rows, inputs): all at once, then one at a time. The state
     is one of them."""
     point = draw(face, 1, seed=0)[0]
-    rows = [np.full(point.shape, value) for value in AWKWARD]
+    rows = [np.full(point.shape, value, face.real.dtype) for value in face.real.awkward]
     for column in range(point.size):
-        for value in AWKWARD:
+        for value in face.real.awkward:
             row = point.copy()
             row[column] = value
             rows.append(row)
@@ -79,14 +86,15 @@ def awkward(face: Interface) -> np.ndarray:
 def evaluate(face: Interface, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Outputs (rows, outputs), NaN without a solution, and status codes (rows,) of the function in Python.
 
-    Behind the outputs stands the new state of a function with Newton blocks; these run step by step as in C.
+    Behind the outputs stands the new state of a function with Newton blocks; these run step by step as in C. A
+    function in float is evaluated in float, operation by operation.
     """
     function = face.function
     shapes = [s.shape for s in function.inputs] + ([()] if function.plan.uses_time else [])
     if face.stages is None and not shapes:
         *results, status = function()
         row = np.concatenate([np.ravel(r) for r in results])
-        return np.tile(row, (len(values), 1)), np.full(len(values), int(status))
+        return np.tile(face.real.array(row), (len(values), 1)), np.full(len(values), int(status))
     arguments = []
     first = 0
     for shape in shapes:
@@ -94,6 +102,13 @@ def evaluate(face: Interface, values: np.ndarray) -> tuple[np.ndarray, np.ndarra
         arguments.append(values[:, first : first + size])
         first += size
     if face.stages is not None:
-        return evaluate_stages(face.stages, arguments, values[:, first:])
+        return evaluate_stages(face.stages, arguments, values[:, first:], face.real)
+    if face.real is not DOUBLE:
+        columns = [a.T for a in arguments]
+        results = run(casadi_functions(face)[0], columns)
+        status = status_codes(face.function.margins, columns, results, None, face.real.pivot)
+        found = np.vstack(results[:-1]).T.copy()
+        found[status != Status.OK] = np.nan
+        return found, status
     *results, status = function(*[a.reshape(-1, *shape) for a, shape in zip(arguments, shapes, strict=True)])
     return np.concatenate([r.reshape(len(values), -1) for r in results], axis=1), np.asarray(status)

@@ -72,6 +72,8 @@ def prove(
     content, lacking = read(folder), available()
     if content is None or lacking:
         raise GenerationError(lacking or f"'{folder}' is no generated folder")
+    if content["real"] != "double":
+        raise GenerationError(f"'{folder}' holds code in {content['real']}; what is proved is code in double")
     (face,) = interfaces({name: function}, content["name"])
     if len(box) != face.input_size or face.newton:
         raise GenerationError(f"'{name}' takes a box of {face.input_size} intervals, and no Newton block")

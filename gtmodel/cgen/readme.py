@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 
+from .._files import codegen_dir
 from ..results.status import Status
 from .interface import Interface
 from .points import draw, evaluate
+from .real import DOUBLE
+from .single import single
 from .wrapper import elements
 
 _README = """\
@@ -62,11 +67,17 @@ with every other status they keep what they held.
 
 Compare the status with `GT_OK` before using a value. Functions may be called from several threads at once.
 {newton}
+{numbers}
+
+## Contract
+
+{contract}
 ## Files
 
 `gt_{name}.h` what you include · `gt_{name}.c` guards · `gt_{name}_body.c` equations · `gt_{name}_selftest.c` stored
 results · `gt_{name}_main.c` runs them · `gt_float.h`, `gt_guard.h`, `gt_compare.h`, `gt_status.h` shared by all
-generated folders · `manifest.json` functions, units, parameters and hashes.
+generated folders · `manifest.json` functions, units, box, operations, parameters and hashes · `costs.json` bytes, stack
+and instructions on the machine where `--check` last ran.
 
 Do not edit: change the model and generate again. `gtmodel codegen PROBLEM.toml -o DIR --check`
 compares with Python.
@@ -78,6 +89,17 @@ the robot from cycle to cycle; `_start` puts it to the home pose, and for a robo
 pose into it or lead the inputs there in small steps. `GT_NOT_CONVERGED` says that the inputs went too far in one call;
 the state then stays. One state per caller; two states never meet. `state.marks` tells how near the limits a call was.
 """
+
+_LIMITS = (
+    "A pivot means singular below {pivot:g} of its typical size, and a Newton solution is ok with residuals up to "
+    "{residual:g} of what one nominal of each unknown would make of them."
+)
+_NUMBERS = {
+    "double": f"Numbers are double. {_LIMITS}",
+    "float": "Numbers are float, within 1e-5 of the range of double inside the box of manifest.json, or without "
+    f"one near the home pose. {_LIMITS}",
+}
+_EXAMPLE = re.compile(r"(?<=```c\n).*?(?=```)", re.S)
 
 _MAKEFILE = """\
 # make: the library; make check: the self-test; make clean
@@ -114,7 +136,7 @@ def readme(name: str, faces: list[Interface]) -> str:
     """Text of the README: how to compile, how to call, what the statuses mean."""
     face = faces[0]
     first = face.outputs[0]
-    return _README.format(
+    text = _README.format(
         name=name,
         functions="\n".join(_line(f) for f in faces),
         symbol=face.symbol,
@@ -126,7 +148,10 @@ def readme(name: str, faces: list[Interface]) -> str:
         newton=_NEWTON if any(f.newton for f in faces) else "",
         output=f"{first.identifier}[0]" if first.is_array else first.identifier,
         statuses="\n".join(f"| `{s.c_name}` | {int(s)} | {s.sentence} |" for s in Status),
+        contract=(codegen_dir() / "runtime" / "contract.md").read_text(encoding="utf-8"),
+        numbers=_NUMBERS[face.real.name].format(pivot=face.real.pivot, residual=face.real.residual),
     )
+    return text if face.real is DOUBLE else _EXAMPLE.sub(lambda m: single(m[0]).replace("%.17g", "%.9g"), text)
 
 
 def _line(face: Interface) -> str:

@@ -8,6 +8,8 @@ import subprocess
 from dataclasses import dataclass
 from pathlib import Path
 
+from .single import LIBM
+
 STANDARD = ("-std=c99", "-O2", "-ffp-contract=off")
 WARNINGS = ("-Wall", "-Wextra", "-Wconversion", "-Wshadow", "-pedantic", "-Werror")
 # CasADi gives every body the same parameters and uses those it needs
@@ -17,11 +19,8 @@ PLAIN = ("-fPIC", "-fno-stack-protector", "-U_FORTIFY_SOURCE")
 LINK = ("-lm",)
 SECONDS = 300.0
 # what generated code may ask for: libm, and what a compiler makes of a struct copy
-_ALLOWED = """
-    acos acosh asin asinh atan atan2 atanh ceil copysign cos cosh erf exp expm1 fabs floor fmax fmin fmod hypot
-    log log10 log1p pow remainder sin sincos sinh sqrt tan tanh memcpy memset _GLOBAL_OFFSET_TABLE_
-"""
-ALLOWED_SYMBOLS = frozenset(_ALLOWED.split())
+_MATH = (*LIBM, "sincos")
+ALLOWED_SYMBOLS = frozenset([*_MATH, *[f"{n}f" for n in _MATH], "memcpy", "memset", "_GLOBAL_OFFSET_TABLE_"])
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ import numpy as np
 
 from ..results.status import Status
 from .interface import Interface, Member
-from .points import HELD, awkward, draw, evaluate
+from .points import awkward, draw, evaluate
 from .text import comment, hexadecimal
 from .wrapper import elements
 
@@ -37,7 +37,7 @@ def selftest(name: str, faces: list[Interface]) -> str:
         comment([f"gt_{name}: results of Python with all their bits, and the comparison with them."]),
         f'#include "gt_{name}.h"\n\n#include "gt_compare.h"\n#include "gt_guard.h"\n\n#include <math.h>\n\n',
         comment(["What stands in the outputs before a call, and after one that fails."]),
-        f"#define GT_HELD ({HELD!r})\n\n",
+        f"#define GT_HELD ({faces[0].real.held!r})\n\n",
         *[_tables(face) + _comparison(face) for face in faces],
         f"static int total(double *worst)\n{{\n    int failures = 0;\n\n{calls}    return failures;\n}}\n\n",
         f"int gt_{name}_selftest(void)\n{{\n    double worst = 0.0;\n\n    return total(&worst);\n}}\n\n",

@@ -12,6 +12,7 @@ from .comparison import compare
 from .errors import GenerationError
 from .interface import Interface, interfaces
 from .manifest import FILE, changed_files, interface_entry, parameters_hash, read
+from .real import real_of
 from .report import Check, CheckReport, at_least, at_most, conclude
 from .toolchain import Toolchain, find
 
@@ -19,8 +20,9 @@ from .toolchain import Toolchain, find
 def check(folder: Path, functions: Mapping[str, CausalFunction], *, points: int = 1000, seed: int = 0) -> CheckReport:
     """Compile a generated folder strictly and compare each function with Python at random points.
 
-    Values must be equal bit for bit where both say GT_OK, statuses everywhere. Nothing is written into the
-    folder. Without a compiler the report has not passed and says why.
+    Values must be equal bit for bit where both say GT_OK, statuses everywhere; in its box of validity every function
+    must answer; and in float the values must be near those of double. Nothing is written into the folder.
+    Without a compiler the report has not passed and says why.
 
     Args:
         functions: what the folder was generated from, under the same names.
@@ -33,7 +35,8 @@ def check(folder: Path, functions: Mapping[str, CausalFunction], *, points: int 
     content = read(folder)
     if content is None:
         raise GenerationError(f"'{folder}' holds no {FILE} of this gtmodel; generate it first")
-    faces = interfaces(functions, content["name"])
+    box = {signal: rows for entry in content["functions"] for signal, rows in (entry["box"] or {}).items()}
+    faces = interfaces(functions, content["name"], real=real_of(content["real"]), box=box)
     _check_same(folder, content, faces)
     changed = changed_files(folder, content)
     checks = [

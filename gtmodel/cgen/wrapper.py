@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from ..compiler.blocks import Margin
-from ..compiler.causal import PIVOT_TOLERANCE
 from ..compiler.emit import express
 from ..results.status import Status
 from .errors import GenerationError
@@ -11,12 +10,28 @@ from .interface import Interface, Member, macro
 from .newton_stages import NewtonStage
 from .text import comment, decimal
 
+_EACH_FINITE = """\
+/* 1 if all numbers at n places of so many numbers are finite. It is asked where a sum of them is not. */
+static int each_finite(const double *const *place, const int *size, int n)
+{
+    int good = 1;
+    int i;
+
+    for (i = 0; i < n; i++) {
+        good &= gt_all_finite(place[i], size[i]);
+    }
+    return good;
+}
+
+"""
+
 
 def wrapper(name: str, faces: list[Interface]) -> str:
     """Text of the guarded functions.
 
     The order of the decisions is that of CausalFunction.status: inputs finite, margins in their order,
-    outputs finite; the first cause wins. Before a Newton block come the margins that do not wait for it.
+    outputs finite; the first cause wins. Before a Newton block come the margins that do not wait for it. A closed form
+    is computed first and then judged: what it makes of NaN goes nowhere, and one sum asks for inputs and outputs.
     """
     newton = '#include "gt_newton.h"\n' if any(face.newton for face in faces) else ""
     parts = [
@@ -24,7 +39,8 @@ def wrapper(name: str, faces: list[Interface]) -> str:
         f'#include "gt_{name}.h"\n\n#include "gt_{name}_body.h"\n#include "gt_guard.h"\n{newton}\n',
         "#include <math.h>\n\n",
         comment(["A pivot below this fraction of its typical size means singular."]),
-        f"#define GT_PIVOT_TOLERANCE ({decimal(PIVOT_TOLERANCE)})\n\n",
+        f"#define GT_PIVOT_TOLERANCE ({decimal(faces[0].real.pivot)})\n\n",
+        _EACH_FINITE,
         *[_start(face) + _function(face) + _along(face) for face in faces],
     ]
     return "".join(parts).rstrip("\n") + "\n"
@@ -70,27 +86,30 @@ def _function(face: Interface) -> str:
         for k in range(len(blocks))
     ]
     gather = [f"    known[{n}] = {address};\n" for n, address in enumerate(known)] if blocks else []
+    terms = [x for m in face.inputs if not blocks for x in elements(m, "in->")]
+    terms += [x for m in face.outputs for x in elements(m, "y.")]
     lines = [
         *blocks,
         _size_check(face.body, face.symbol, len(known) + len(blocks), len(results)),
         f"{prototype(face)}\n{{\n",
         f"    {face.symbol}_out y;\n",
-        f"    double margins[{max(1, len(margins))}];\n",
+        f"    double margins[{max(1, len(margins))}];\n    double total;\n",
         *_scratch(face.body),
         *[f"    double {z}[{stage.size}];\n" for z, stage in zip(unknowns, face.newton, strict=True)],
         *([f"    const double *known[{max(1, len(known))}];\n    gt_status status;\n"] if blocks else []),
         "\n",
         "" if face.inputs else "    (void)in;\n",
-        _finite(face.inputs, "in->"),
-        _finite(face.state, "state->"),
+        *([_finite(face.inputs, "in->"), _finite(face.state, "state->")] if blocks else []),
         *gather,
         *_copies(face, into_state=False),
         *solve,
         *[f"    arg[{n}] = {address};\n" for n, address in enumerate([*known, *unknowns])],
         *[f"    res[{n}] = {address};\n" for n, address in enumerate(results)],
-        _guard(f"{face.body}(arg, res, iw, w, 0) == 0", Status.NOT_CONVERGED),
+        f"    (void){face.body}(arg, res, iw, w, 0); /* it returns 0 whatever happens */\n",
+        f"    total = {_sum(terms, 12)};\n",
+        "" if blocks else _each(face.inputs, "arg"),
         *[_margin(n, margins[n]) for n in _distinct(face)],
-        _finite(face.outputs, "y."),
+        _each(face.outputs, "res"),
         *_copies(face, into_state=True),
         f"    *out = y;\n    return {Status.OK.c_name};\n}}\n\n",
     ]
@@ -136,7 +155,7 @@ def _block(face: Interface, k: int, stage: NewtonStage) -> str:
         *[f"        prepare_arg[{i}] = known[{i}];\n" for i in range(len(face.inputs))],
         *[f"        prepare_arg[{len(face.inputs) + i}] = z{i};\n" for i in range(k)],
         "        prepare_res[0] = constants;\n        prepare_res[1] = margins;\n",
-        _indented(_guard(f"{prepare}(prepare_arg, prepare_res, prepare_iw, prepare_w, 0) == 0", Status.NOT_CONVERGED)),
+        f"        (void){prepare}(prepare_arg, prepare_res, prepare_iw, prepare_w, 0);\n",
         *[_indented(_margin(i, margin)) for i, margin in enumerate(stage.margins)],
         "    }\n",
         "    arg[0] = z;\n    arg[1] = constants;\n    res[0] = residual;\n    res[1] = jacobian;\n",
@@ -209,17 +228,37 @@ def _finite(members: tuple[Member, ...], struct: str) -> str:
     terms = [x for m in members for x in elements(m, struct)]
     if not terms:
         return ""
-    total = (" +\n" + " " * 15).join(" + ".join(terms[k : k + 5]) for k in range(0, len(terms), 5))
     each = " && ".join(f"gt_all_finite({m.address(struct)}, {m.size})" for m in members)
-    return _guard(f"(fabs({total}) <= DBL_MAX) ||\n          ({each})", Status.NOT_FINITE)
+    return _guard(f"(fabs({_sum(terms, 15)}) <= DBL_MAX) ||\n          ({each})", Status.NOT_FINITE)
+
+
+def _each(members: tuple[Member, ...], places: str) -> str:
+    """The guard that all numbers at the first `places` are finite where the sum of all is not."""
+    if not members:
+        return ""
+    sizes = ", ".join(str(m.size) for m in members)
+    return (
+        "    if (!(fabs(total) <= DBL_MAX)) {\n"
+        f"        static const int size[{len(members)}] = {{{sizes}}};\n"
+        f"        const double *place[{len(members)}];\n\n"
+        + "".join(f"        place[{n}] = {places}[{n}];\n" for n in range(len(members)))
+        + _indented(_guard(f"each_finite(place, size, {len(members)})", Status.NOT_FINITE))
+        + "    }\n"
+    )
+
+
+def _sum(terms: list[str], indent: int) -> str:
+    return (" +\n" + " " * indent).join(" + ".join(terms[k : k + 5]) for k in range(0, len(terms), 5))
 
 
 def _margin(n: int, margin: Margin) -> str:
+    """The guard of a margin. A pivot is positive at home: that side is asked first."""
     if margin.kind == "discriminant":
         return _guard(f"margins[{n}] >= 0.0", Status.OUT_OF_RANGE, f"discriminant of {margin.label}")
     if margin.kind == "condition":
         return _guard(f"margins[{n}] >= 0.0", Status.OUT_OF_RANGE, f"condition on the inputs: {margin.label}")
     if margin.kind != "pivot":
         raise GenerationError(f"the margin of {margin.label} is of the kind '{margin.kind}', which C does not know yet")
-    test = f"fabs(margins[{n}]) > (GT_PIVOT_TOLERANCE * {decimal(margin.scale)})"
+    least = f"GT_PIVOT_TOLERANCE * {decimal(margin.scale)}"
+    test = f"(margins[{n}] > ({least})) ||\n          (margins[{n}] < -({least}))"
     return _guard(test, Status.SINGULAR, f"pivot of {margin.label}")

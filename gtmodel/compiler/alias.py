@@ -11,6 +11,8 @@ from .flat import FlatEquation, FlatModel
 from .kinks import has_kinks, kinked_in
 from .sparse import triplets
 
+Terms = tuple[tuple[tuple[int, int], float], tuple[tuple[int, int], float]]  # (symbol, coefficient), twice
+
 
 @dataclass(frozen=True)
 class Alias:
@@ -60,44 +62,55 @@ def eliminate(flat: FlatModel, protected: frozenset[int]) -> AliasResult:
     because a constant is free. Raises ModelError when two different fixed starts meet in one class.
     """
     result = AliasResult(list(flat.equations), {})
-    inside = [flat.scope.symbols_in(e.residual) for e in result.equations]
-    while _sweep(flat, protected, result, inside):
+    if "sums" not in flat.cache:  # what the equations as written say is asked of every causality anew
+        flat.cache["sums"] = _sums(flat, result.equations)
+    sums = list(flat.cache["sums"])
+    while _sweep(flat, protected, result, sums):
         pass
     _check_starts(flat, result)
     return result
 
 
-def _sweep(
-    flat: FlatModel, protected: frozenset[int], result: AliasResult, inside: list[list[tuple[int, int]]]
-) -> bool:
-    """One sweep; `inside` holds the symbols of each equation and is kept in step with them."""
+def _sums(flat: FlatModel, equations: list[FlatEquation]) -> list[Terms | None]:
+    """The terms of each equation that is a sum of two symbols with constant coefficients, and None for any other."""
     scope = flat.scope
-    pairs = sorted({pair for symbols in inside for pair in symbols})
+    pairs = sorted({pair for e in equations for pair in scope.symbols_in(e.residual)})
     if not pairs:
-        return False
+        return [None] * len(equations)
     symbols = ca.vertcat(*[scope.symbol(*pair) for pair in pairs])
-    residuals = ca.vertcat(*[e.residual for e in result.equations])
-    jacobian = ca.jacobian(residuals, symbols)
+    residuals = ca.vertcat(*[e.residual for e in equations])
     remainder = ca.substitute([residuals], [symbols], [ca.DM.zeros(len(pairs), 1)])[0]
-    rows: dict[int, list[tuple[int, ca.SX]]] = {}
-    for row, col, value in triplets(jacobian):
-        rows.setdefault(row, []).append((col, value))
+    rows: list[list[tuple[tuple[int, int], ca.SX]]] = [[] for _ in equations]
+    for row, col, value in triplets(ca.jacobian(residuals, symbols)):
+        if not value.is_zero():
+            rows[row].append((pairs[col], value))
+    found: list[Terms | None] = [None] * len(equations)
+    for row, entries in enumerate(rows):
+        if len(entries) == 2 and all(v.is_constant() for _, v in entries) and remainder[row].is_zero():
+            (a, va), (b, vb) = entries
+            found[row] = (a, float(va)), (b, float(vb))
+    candidates = [row for row, terms in enumerate(found) if terms is not None]
     # sign() vanishes at zero and has no derivative: what holds one only looks like x == y
-    kinked = kinked_in([e.residual for e in result.equations], ca.vertsplit(symbols)) if has_kinks(flat) else None
+    if candidates and has_kinks(flat):
+        inside = kinked_in([equations[row].residual for row in candidates], ca.vertsplit(symbols))
+        for row, kinked in zip(candidates, inside, strict=True):
+            if kinked:
+                found[row] = None
+    return found
+
+
+def _sweep(flat: FlatModel, protected: frozenset[int], result: AliasResult, sums: list[Terms | None]) -> bool:
+    """One sweep; `sums` holds the terms of each equation and is kept in step with them."""
     removed: dict[int, Alias] = {}
     kept: set[int] = set()
     drop: set[int] = set()
-    for row in sorted(rows):
-        entries = [(pairs[c], v) for c, v in rows[row] if not v.is_zero()]
-        if len(entries) != 2 or not all(v.is_constant() for _, v in entries) or not remainder[row].is_zero():
+    for row, terms in enumerate(sums):
+        if terms is None:
             continue
-        if kinked is not None and kinked[row]:
+        (a, va), (b, vb) = terms
+        if a[0] == b[0] or abs(va) != abs(vb):
             continue
-        (a, va), (b, vb) = entries
-        ca_, cb_ = float(va), float(vb)
-        if a[0] == b[0] or abs(ca_) != abs(cb_):
-            continue
-        sign = -1 if ca_ == cb_ else 1
+        sign = -1 if va == vb else 1
         choice = _choose(flat, protected, a, b)
         for gone, stays in choice:
             if gone[0] in removed or gone[0] in kept or stays[0] in removed:
@@ -111,14 +124,15 @@ def _sweep(
     result.removed.update(removed)
     rows_left = [i for i in range(len(result.equations)) if i not in drop]
     equations = [result.equations[i] for i in rows_left]
-    inside[:] = [inside[i] for i in rows_left]
-    touched = [n for n, symbols in enumerate(inside) if any(j in removed for j, _ in symbols)]
+    sums[:] = [sums[i] for i in rows_left]
+    touched = [n for n, e in enumerate(equations) if any(j in removed for j, _ in flat.scope.symbols_in(e.residual))]
     residuals = result.rewrite_all(flat, [equations[n].residual for n in touched])
     for n, residual in zip(touched, residuals, strict=True):
         equations[n] = replace(equations[n], residual=residual)
-        inside[n] = scope.symbols_in(residual)
-        if not inside[n]:
+        if not flat.scope.symbols_in(residual):
             raise ModelError(_said_already(flat, equations[n]), equations[n].where)
+    for n, terms in zip(touched, _sums(flat, [equations[n] for n in touched]), strict=True):
+        sums[n] = terms
     result.equations = equations
     return True
 

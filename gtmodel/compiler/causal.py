@@ -17,10 +17,11 @@ from ..lang.source import ModelError
 from ..results.status import Status
 from .evaluate import Built, build
 from .explain import explain
-from .flat import FlatModel, flatten
+from .flat import FlatModel
 from .newton import NewtonKernel
 from .plan import Plan, make_plan
 from .rows import PIVOT_TOLERANCE, map_columns, status_codes
+from .sharing import flat_of
 
 Pair = tuple[int, int]
 Group = tuple[str, tuple[int, ...], list[int]]
@@ -243,7 +244,7 @@ class CausalFunction:
                 why = f"{m.label} has no real solution, the number under its square root is {value:.4g}"
                 return f"{status.sentence}: {why}"
             if m.kind == "pivot" and not abs(value) > PIVOT_TOLERANCE * m.scale:
-                return f"{status.sentence}: the pivot for {m.label} is {value:.4g}, typically {m.scale:.4g}"
+                return f"{status.sentence}: the pivot for {m.label} is {abs(value):.4g}, typically {m.scale:.4g}"
         return status.sentence
 
     def _columns(self, arguments: Sequence[Any]) -> tuple[list[np.ndarray], int | None]:
@@ -371,15 +372,6 @@ def _compile(
     plan = make_plan(flat, indices, pairs, preferred, branches, fold=numbers)
     signals = input_signals(plan, groups)
     return CausalFunction(plan, signals, outputs, name or _function_name(outputs, groups), groups, preferred, branches)
-
-
-def flat_of(model: Model | Builder) -> FlatModel:
-    """The flattened model; made once per configuration object."""
-    cached = model.__dict__.get("_flat")
-    if cached is None:
-        cached = flatten(model)
-        model.__dict__["_flat"] = cached
-    return cached
 
 
 def input_signals(plan: Plan, groups: list[Group]) -> list[Signal]:

@@ -116,12 +116,13 @@ def make_plan(
         samples, sampler.time = at[0][None, :], at[1]
     parameters = flat.p if fold is None else fold
     folded = derivatives if fold is None else _folded(flat, derivatives, fold)
+    system = _system(flat, structure, folded)
     stages = choose(
         flat,
         structure,
         _jacobians(flat, structure, derivatives, sampler, samples),
         _kept(alias, prefer),
-        _pattern(flat, structure, folded),
+        set(zip(*system.sparsity().get_triplet(), strict=True)),  # entries that are not identically zero
     )
     solver: dict[Pair, Pair] = {}
     states: list[Pair] = []
@@ -156,7 +157,7 @@ def make_plan(
     uses_time = any(s.element_hash() == time_key for c in components for i, m in c for s in ca.symvar(folded[i][m]))
     plan = Plan(
         flat, alias, structure, stages, list(known), states, sorted(read), blocks, pairs, samples, uses_time,
-        parameters, sampler, _system(flat, structure, folded), conditions, undetermined,
+        parameters, sampler, system, conditions, undetermined,
     )  # fmt: skip
     if at is None:
         settle(plan, sampler, branches or {})
@@ -259,12 +260,6 @@ def _users(
     }
 
 
-def _pattern(flat: FlatModel, structure: Structure, derivatives: list[list[ca.SX]]) -> set[tuple[int, int]]:
-    """Entries (equation, unknown) of the system Jacobian that are not identically zero."""
-    rows, cols = _system(flat, structure, derivatives).sparsity().get_triplet()
-    return set(zip(rows, cols, strict=True))
-
-
 def _system(flat: FlatModel, structure: Structure, derivatives: list[list[ca.SX]]) -> ca.SX:
     """d f_i^(c_i) / d x_j^(d_j)."""
     # SX also where nothing is left but aliases
@@ -338,14 +333,21 @@ def _solve(
 
 
 def _size_margins(plan: Plan, sampler: Sampler) -> None:
-    """Typical sizes of the margins, read off the consistent points."""
+    """Typical sizes of the margins, read off the consistent points; pivots that are negative there change their sign,
+    which means nothing and costs an operation."""
     flat = plan.flat
     margins = [m for b in plan.blocks for m in b.margins]
     if margins:
         sizes = ca.Function(
             "sizes", [sampler.w, flat.p, flat.scope.time], [ca.vertcat(*[m.expression for m in margins])]
         )
-        values = np.abs([np.asarray(sizes(w, flat.p0, sampler.time)).reshape(-1) for w in plan.samples])
-        scales = dict(zip(map(id, margins), np.median(values, axis=0), strict=True))
+        values = np.array([np.asarray(sizes(w, flat.p0, sampler.time)).reshape(-1) for w in plan.samples])
+        scales = dict(zip(map(id, margins), np.median(np.abs(values), axis=0), strict=True))
+        turned = {id(m) for m, row in zip(margins, values.T, strict=True) if m.kind == "pivot" and row[0] < 0}
         for b in plan.blocks:
-            b.margins = [type(m)(m.kind, m.expression, m.label, float(scales[id(m)]) or 1.0) for m in b.margins]
+            b.margins = [
+                type(m)(
+                    m.kind, -m.expression if id(m) in turned else m.expression, m.label, float(scales[id(m)]) or 1.0
+                )
+                for m in b.margins
+            ]

@@ -72,18 +72,24 @@ def _grouped(f: ca.Function, size: int) -> ca.Function:
 
 
 def status_codes(
-    margins: Iterable[Any], columns: Sequence[np.ndarray], results: Sequence[np.ndarray], found: np.ndarray | None
+    margins: Iterable[Any],
+    columns: Sequence[np.ndarray],
+    results: Sequence[np.ndarray],
+    found: np.ndarray | None,
+    tolerance: float = PIVOT_TOLERANCE,
 ) -> np.ndarray:
     """Status code of each column from inputs, iterations (`found`), margins (last of results) and outputs; the first
-    cause wins."""
+    cause wins. `tolerance`: below which part of its typical size a pivot means singular; limits have the precision
+    of the margins."""
     n = results[-1].shape[1]
+    number = results[-1].dtype.type
     code = np.zeros(n, dtype=int) if found is None else found.copy()
     for m, row in zip(margins, results[-1], strict=True):
         with np.errstate(invalid="ignore"):
             if m.kind in ("discriminant", "condition"):
                 bad, verdict = ~(row >= 0), Status.OUT_OF_RANGE
             else:
-                bad, verdict = ~(np.abs(row) > PIVOT_TOLERANCE * m.scale), Status.SINGULAR
+                bad, verdict = ~(np.abs(row) > number(tolerance) * number(m.scale)), Status.SINGULAR
         code = np.where((code == 0) & bad, verdict, code)
     finite = np.all([np.all(np.isfinite(r), axis=0) for r in results[:-1]], axis=0)
     code = np.where((code == 0) & ~finite, Status.NOT_FINITE, code)

@@ -107,6 +107,8 @@ def _best(
         worst = min(_conditioning(other[:, chosen]) for other in scaled)
         if worst > quality:
             best, quality = [cols[n] for n in chosen], worst
+        if len(cols) == len(rows):
+            break  # all of them: another point could only choose them in another order
     if quality > RANK_TOLERANCE:
         return best
     if any(np.linalg.matrix_rank(m, tol=RANK_TOLERANCE) == len(rows) for m in scaled) and best:

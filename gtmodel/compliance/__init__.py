@@ -8,18 +8,27 @@ cartesian_stiffness, softest_and_stiffest   what joint compliances mean at the t
 complementary_stiffness, Compensator        what a load and a spring on joint 2 add
 select               tests that tell the compliances best
 synthetic_tests      made-up tests, with or without bearings that tilt
+LinkGeometry, LinkPoses      where a parallel robot's links stand, and what its axes move, from its equations
+LinkSprings, tube    its springs in series: links, ball joints, drives, carts, frame
+LinkStructure        compliance at the tool, link forces, deflection, and what takes the work
+LinkMasses           weights and lowest natural frequencies on these springs
 """
 
 from .arm_poses import ArmPoses, arm_poses
 from .cartesian import cartesian_stiffness, softest_and_stiffest, translational_compliance
 from .complementary import Compensator, complementary_stiffness
 from .joint_stiffness import StiffnessFit, complete_pose, decoupled
+from .link_masses import LinkMasses
+from .link_poses import LinkGeometry, LinkPoses
+from .link_springs import GROUPS, LinkSprings, tube
+from .link_structure import LinkStructure
 from .selection import Selection, select
 from .static_tests import StaticTests, at_tool
 from .synthetic import synthetic_tests
 
 __all__ = [
-    "ArmPoses", "Compensator", "Selection", "StaticTests", "StiffnessFit", "arm_poses", "at_tool",
-    "cartesian_stiffness", "complementary_stiffness", "complete_pose", "decoupled", "select", "softest_and_stiffest",
-    "synthetic_tests", "translational_compliance",
+    "GROUPS", "ArmPoses", "Compensator", "LinkGeometry", "LinkMasses", "LinkPoses", "LinkSprings", "LinkStructure",
+    "Selection", "StaticTests", "StiffnessFit", "arm_poses", "at_tool", "cartesian_stiffness",
+    "complementary_stiffness", "complete_pose", "decoupled", "select", "softest_and_stiffest", "synthetic_tests",
+    "translational_compliance", "tube",
 ]  # fmt: skip

@@ -15,7 +15,7 @@ from .static_tests import StaticTests, at_tool
 @dataclass(frozen=True, eq=False)
 class ArmPoses:
     """n poses q (n, k) [rad]: tool centre point T (n, 3) [m], its Jacobian J (n, 6, k), wrist centre W (n, 3) with
-    J_wrist (n, 3, k), origins of the joints (n, k, 3); world coordinates."""
+    J_wrist (n, 3, k), origins of the joints (n, k, 3), rotation R (n, 3, 3) of the flange; world coordinates."""
 
     q: np.ndarray
     T: np.ndarray
@@ -23,6 +23,7 @@ class ArmPoses:
     W: np.ndarray
     J_wrist: np.ndarray
     origins: np.ndarray
+    R: np.ndarray
 
     def tests(
         self,
@@ -61,13 +62,16 @@ def arm_poses(model: Any, q: ArrayLike, tool: ArrayLike = (0.0, 0.0, 0.0)) -> Ar
     q = np.atleast_2d(np.asarray(q, float))
     n, k = q.shape
     names = [f"link[{i}].joint.a.r" for i in range(k)]
-    T, R, W, *origins, status = model.causal(known="q", targets=["T", "R", "W", *names])(q)
     unit = np.tile(np.eye(k), (n, 1))
-    v, w, v_W, moving = model.causal(known="q", targets=["v", "w", "v_W"])(np.repeat(q, k, axis=0), unit)
-    bad = (status != Status.OK) | np.any(moving.reshape(n, k) != Status.OK, axis=1)
-    if bad.any():
-        raise ValueError(f"pose {int(np.argmax(bad))} cannot be evaluated: {Status(int(status.max())).sentence}")
+    # one function: its rows are the unit rates at each pose
+    found = model.causal(known="q", targets=["T", "R", "W", *names, "v", "w", "v_W"])(np.repeat(q, k, axis=0), unit)
+    *placed, v, w, v_W, moving = found
+    T, R, W, *origins = (np.asarray(x)[::k] for x in placed)
+    status = moving.reshape(n, k).max(axis=1)
+    if np.any(status != Status.OK):
+        bad = int(np.argmax(status != Status.OK))
+        raise ValueError(f"pose {bad} cannot be evaluated: {Status(int(status[bad])).sentence}")
     columns = [np.swapaxes(x.reshape(n, k, 3), 1, 2) for x in (v, w, v_W)]
     arm = R @ np.asarray(tool, float)
     J = at_tool(np.concatenate(columns[:2], axis=1), arm)
-    return ArmPoses(q, T + arm, J, W, columns[2], np.stack(origins, axis=1))
+    return ArmPoses(q, T + arm, J, W, columns[2], np.stack(origins, axis=1), R)

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from scipy import stats
 
 from gtmodel.inference import (
     Identifiability,
@@ -274,6 +273,8 @@ def _groups(rows: Rows, rest: Sequence[int]) -> list[list[int]]:
 
 def _left_out(rows: Rows, group: Sequence[int], weighted: Array, residuals: Array, size: Array) -> LeftOut:
     """F test of the columns of a group after the fitted ones: the drop of the squares if they were free too."""
+    from scipy import stats  # here: it alone takes as long to import as all of gtmodel
+
     A = weighted.reshape(-1, weighted.shape[2])
     B = (rows.Y[:, :, list(group)] / size[None, :, None]).reshape(len(A), -1)
     Q = np.linalg.qr(A)[0]

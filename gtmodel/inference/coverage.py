@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
 
 from ..results.estimate import Estimate
 
@@ -17,6 +16,8 @@ POOLED = (0.94, 0.96)
 def binomial_band(runs: int, level: float = 0.95, band: float = BAND) -> tuple[int, int]:
     """Smallest and largest number of hits of `runs` that an interval of true coverage `level` has with probability
     `band`: no more than (1 - band) / 2 lies beyond either end. 179..198 of 200, 458..489 of 500."""
+    from scipy import stats  # here: it alone takes as long to import as all of gtmodel
+
     tail = (1 - band) / 2
     return int(stats.binom.ppf(tail, runs, level)), int(stats.binom.ppf(1 - tail, runs, level))
 
@@ -49,6 +50,8 @@ class Coverage:
     @property
     def biased(self) -> tuple[str, ...]:
         """Names whose mean error is beyond what `runs` runs would make of none, at the band's level for all names."""
+        from scipy import stats  # here: it alone takes as long to import as all of gtmodel
+
         limit = float(stats.norm.ppf(1 - (1 - BAND) / 2 / len(self.names)))
         return tuple(n for n, b in zip(self.names, self.bias, strict=True) if abs(b) > limit)
 

@@ -6,7 +6,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
 
 from ..results.estimate import Estimate
 
@@ -45,6 +44,8 @@ def whiteness(r: np.ndarray, *, lags: int | None = None, parameters: int = 0) ->
 
     Source: Ljung and Box 1978, Biometrika 65: Q = T (T + 2) sum c_k^2 / (T - k), chi-squared of lags - parameters.
     """
+    from scipy import stats  # here: it alone takes as long to import as all of gtmodel
+
     T = len(r)
     K = min(20, T // 5) if lags is None else int(lags)
     if K <= parameters:
@@ -65,6 +66,8 @@ def whiteness(r: np.ndarray, *, lags: int | None = None, parameters: int = 0) ->
 
 def normality(r: np.ndarray) -> Verdict:
     """Jarque-Bera test of skewness and kurtosis: a hint, since least squares needs no normal noise, intervals do."""
+    from scipy import stats  # here: it alone takes as long to import as all of gtmodel
+
     skew, tail = float(stats.skew(r)), float(stats.kurtosis(r))
     J = len(r) / 6 * (skew**2 + tail**2 / 4)
     p = float(stats.chi2.sf(J, 2))
@@ -79,6 +82,8 @@ def normality(r: np.ndarray) -> Verdict:
 
 def noise_size(estimate: Estimate) -> Verdict:
     """Chi-squared test of whitened residuals against a known noise, both sides. Raises ValueError if it is unknown."""
+    from scipy import stats  # here: it alone takes as long to import as all of gtmodel
+
     if not estimate.known_noise:
         raise ValueError("the noise was not given, so that the residuals cannot be compared with it; give sigma")
     chi2 = float(estimate.residuals @ estimate.residuals)

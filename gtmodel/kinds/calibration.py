@@ -54,7 +54,7 @@ def solve(problem: Schema, context: Context) -> Outcome:
     values = values_of(problem, found)
     figures = pictures(found, title)
     files: dict[str, Callable[[], str]] = {
-        "parameters.toml": lambda: calibration_parameters.text(found, model, title, problem.robot),
+        "parameters.toml": lambda: calibration_parameters.text(found, model, title, problem, context),
         "poses.csv": lambda: calibration_poses.text(found),
         "report.html": lambda: calibration_report.text(found, values, figures, title, problem, context),
     }

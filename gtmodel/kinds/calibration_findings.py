@@ -20,6 +20,7 @@ from .calibration_confidence import Confidence
 from .calibration_data import PoseData
 from .calibration_keys import COSTS, Schema
 from .calibration_movement import moved_too_far
+from .calibration_priors import contradicted_priors
 
 HUBER = 1.345  # standard deviations: 95 % as sharp as least squares where there are no outliers
 # held-out over fitted errors: two halves of one grid differ by some tenths, a fit of noise by much more
@@ -43,14 +44,20 @@ class Found:
     outliers: list[Outlier]
     sensitivity: Sensitivity | None
     repeatability: float | None
+    loss: str = "linear"
 
     @property
     def after(self) -> Identifiability | None:
         return self.calibration.identifiability
 
     @cached_property
+    def priors(self) -> list[str]:
+        """What contradicts the poses of what was thought to be known, in sentences."""
+        return contradicted_priors(self.calibration)
+
+    @cached_property
     def confidence(self) -> Confidence:
-        return Confidence(self.calibration)
+        return Confidence(self.calibration, self.position, self.loss)
 
     @property
     def position(self) -> str:
@@ -103,7 +110,7 @@ def found_of(
     return Found(
         prepared, data, c, before, _predicted(c, data.fitted), {} if data.kept is None else _predicted(c, data.kept),
         prior, outliers(c.residuals),
-        _sensitivity(problem, c), _repeatability(data),
+        _sensitivity(problem, c), _repeatability(data), problem.loss,
     )  # fmt: skip
 
 
@@ -120,7 +127,12 @@ def verdict(found: Found, accuracy: float | None) -> tuple[bool, bool | None, li
     if c.estimate.known_noise:
         size = noise_size(c.estimate)
         sentences.append(size.sentence)
+    if c.estimate.freedom > 0:
+        sentences.append(found.confidence.scope)
     lost = found.lost
+    if found.priors:
+        sentences.append(f"prediction not proven: {found.priors[0]}")
+        return True, False, sentences
     if lost:
         sentences.append(
             f"prediction not proven: {lost} of {len(found.lines_held_out)} held-out poses do not close with these "

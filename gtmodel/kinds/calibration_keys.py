@@ -38,6 +38,13 @@ class MeasuredSignal(Section):
     rate: str | list[str] | None = Field(default=None, description="columns of the rate, for a delay")
     rate_unit: str = Field(default="m/s", description="unit of the rate's columns")
 
+    @field_validator("scale")
+    @classmethod
+    def _keeps_readings(cls, scale: float | Free) -> float | Free:
+        if scale == 0:
+            raise ValueError('0 makes all readings the same; give the quantity per column in SI, or "estimate"')
+        return scale
+
 
 class FrameStart(Section):
     """Where an unknown frame is thought to be."""

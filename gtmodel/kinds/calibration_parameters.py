@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 import tomli_w
 
+from gtmodel.calibrate.modifiers import merged
 from gtmodel.lang import Model
 
+from . import python_models, robots
+from .base import Context
 from .calibration_choice import family_of
 from .calibration_findings import Found
+from .calibration_keys import Schema
 
 # printed name of the file's key -> parameter of the model, and what its numbers are multiplied by
 GEOMETRY = {
@@ -28,13 +33,16 @@ MASSES = {
 }  # fmt: skip
 
 
-def text(found: Found, model: Model, title: str, robot: str) -> str:
-    """A robot file of the family, masses and friction as they were; of another mechanism a table of its parameters."""
+def text(found: Found, model: Model, title: str, problem: Schema, context: Context) -> str:
+    """A robot file: of the family, masses and friction as they were; of a model in Python its reference and its
+    parameters, those given and in their place the calibrated."""
+    robot, before = robots.in_python(problem.robot, context)
+    given = merged(before, problem.parameters)
     calibrated = found.calibration.parameters()
     values = {name: calibrated.get(name, getattr(model, name, None)) for name in _names(model)}
     pieces = [name for name in found.calibration.values if ".guideway." in name]  # which no robot file holds
     family = "" if pieces else family_of(model)
-    table: dict[str, Any] = {"title": title, "source": f"calibration of {robot}", "note": _note(found)}
+    table: dict[str, Any] = {"title": title, "source": f"calibration of {problem.robot}", "note": _note(found)}
     if family:
         table["family"] = family
         for key, (name, factor) in GEOMETRY[family].items():
@@ -47,19 +55,32 @@ def text(found: Found, model: Model, title: str, robot: str) -> str:
         beside = {k: v for k, v in found.calibration.values.items() if k.partition("[")[0] not in values}
         body = tomli_w.dumps(table)
     else:
-        own = {n: np.array(v, float).tolist() for n, v in calibrated.items()}
-        beside = {k: v for k, v in found.calibration.values.items() if k.partition("[")[0] not in own}
-        body = tomli_w.dumps({**table, "parameters": own})
+        own = {q.name for q in found.problem.closure.flat.parameters}
+        beside = {k: v for k, v in found.calibration.values.items() if k not in own}
+        if python_models.is_reference(robot):
+            table["robot"] = robot
+        body = tomli_w.dumps({**table, "parameters": _plain(merged(given, calibrated))})
     comments = [f"# {line}" for line in _confidence(found)]
     comments += [
         f"# of the measurement: {name} = {value:.9g}"
         for name, value in beside.items()
         if ".guideway.at[" not in name and ".guideway.points[" not in name
     ]
-    use = "gtmodel reads this file as a robot" if family else "[parameters] goes into problems with this robot"
+    use = "gtmodel reads this file as a robot"
+    if not family:
+        use += f", with '{robot.rpartition(':')[0]}' beside it, beside the problem or here"
     if pieces:
         use = "no robot file, since guideways are measured: their A and v are those before"
     return "\n".join([f"# Calibrated parameters; {use}.", *comments, "", body])
+
+
+def _plain(value: Any) -> Any:
+    """Arrays as lists."""
+    if isinstance(value, Mapping):
+        return {n: _plain(v) for n, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(v) for v in value]
+    return value.tolist() if isinstance(value, np.ndarray | np.generic) else value
 
 
 def _names(model: Model) -> list[str]:
@@ -76,10 +97,10 @@ def _note(found: Found) -> str:
 
 
 def _confidence(found: Found) -> list[str]:
-    e = found.calibration.estimate
+    e = found.confidence.estimate
     if e is None:
         return ["not solved: these are the values at which the iteration ended"]
-    lines = list(found.confidence.reasons[-1:])
+    lines = [*found.confidence.reasons[-1:], *found.confidence.remarks]
     for name, std in zip(e.names, e.std, strict=True):
         lines.append(f"std of {name}: {std:.3g}" if np.isfinite(std) else f"{name} is not told apart by these poses")
     return lines

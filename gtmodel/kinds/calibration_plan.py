@@ -13,6 +13,7 @@ from .calibration_plan_device import measuring
 from .calibration_plan_files import in_order, poses_csv, rapid_program
 from .calibration_plan_keys import Schema
 from .calibration_plan_pictures import pictures
+from .calibration_plan_stages import stages_of
 from .calibration_plan_steps import (
     Plan,
     Stopped,
@@ -21,9 +22,8 @@ from .calibration_plan_steps import (
     prepare_information,
     select,
     simulate,
-    stages_of,
 )
-from .workspace_limits import limited_mechanism
+from .calibration_plan_turns import turns_of
 
 NAME = "calibration_plan"
 
@@ -64,8 +64,8 @@ def solve(problem: Schema, context: Context) -> Outcome:
     """The steps of Fig. 5.21, with more poses while the criteria are not met."""
     if context.start is not None:
         raise InputError("--start: a plan is made from the beginning; leave it out")
-    robot = limited_mechanism(problem.model(context), problem.home_m, problem.bodies)
-    plan = Plan(problem, robot, measuring(problem, robot.model))
+    turns = turns_of(problem, problem.model(context))
+    plan = Plan(problem, turns, measuring(problem, turns[0].robot.model))
 
     def stop(stage: str, fraction: float) -> bool:
         context.progress(stage, fraction)
@@ -88,9 +88,9 @@ def solve(problem: Schema, context: Context) -> Outcome:
 
 def explain(problem: Schema, context: Context) -> str:
     """The steps and what a point must pass."""
-    robot = limited_mechanism(problem.model(context), problem.home_m, problem.bodies)
-    device = measuring(problem, robot.model)
-    stages = stages_of(problem, robot, device)
+    turns = turns_of(problem, problem.model(context))
+    device = measuring(problem, turns[0].robot.model)
+    stages = stages_of(problem, turns[0], device)
     lines = [f"{problem.title or 'calibration plan'}: candidates every {problem.room.step_m:g} m, which must pass"]
     seen: list[str] = []
     for name, reach in stages.items():
@@ -125,7 +125,8 @@ def _checks(plan: Plan) -> dict[str, Check]:
     assert plan.told is not None and plan.chosen is not None
     keys, told = plan.problem.criteria, plan.told
     accuracy = 1e-3 * keys.accuracy_mm
-    untold = float(told.redundant)
+    # what moves no tool centre point is a choice of coordinates, such as a frame inside an F1's joint plate
+    untold = float(told.redundant) if plan.unpredicted else 0.0
     checks = {"parameters_not_told": Check(untold, 0.0, untold == 0.0)}
     if keys.condition is not None:
         checks["condition"] = Check(told.condition, keys.condition, told.condition <= keys.condition)
@@ -157,7 +158,7 @@ def _values(plan: Plan, checks: dict[str, Check], verdict: str) -> dict[str, Any
     told, info = plan.told, plan.chosen
     e = plan.target.errors(info) if plan.target and info and not plan.unpredicted else None
     runs = plan.each_simulated() if e is not None and len(plan.errors) else None
-    stages = stages_of(plan.problem, plan.robot, plan.measuring)
+    stages = stages_of(plan.problem, plan.turns[0], plan.measuring)
     return {
         "approved": bool(checks) and not _failed(checks),
         "verdict": verdict,
@@ -174,7 +175,7 @@ def _values(plan: Plan, checks: dict[str, Check], verdict: str) -> dict[str, Any
         "parameter_std": {} if info is None else {n: s if np.isfinite(s) else None for n, s in info.std().items()},
         "predicted_error_m": None if e is None else e.rms,
         "predicted_greatest_m": None if e is None else e.greatest,
-        "worst_place_m": None if e is None else plan.evaluation[int(np.argmax(e.each))].tolist(),
+        "worst_place_m": None if e is None else plan.evaluation[int(np.argmax(e.each)), :3].tolist(),
         "simulated_error_m": None if runs is None else float(np.sqrt(np.mean(runs**2))),
         "simulations_lost": plan.lost,
         "curve": _points(() if plan.curve is None else plan.curve.points),
@@ -211,7 +212,7 @@ def _outcome(plan: Plan) -> Outcome:
     verdict = _verdict(plan, _failed(checks))
     values = _values(plan, checks, verdict)
     T, purpose = in_order(plan.poses, plan.held_out, plan.problem.poses.seed)
-    q = plan.robot.inverse(T).q
+    q, *_ = plan.measuring.placed(T)
     title = plan.problem.title
     return Outcome(
         status=SolveStatus.SOLVED,

@@ -67,13 +67,22 @@ class Measuring:
     earlier: list[Problem] = field(default_factory=list)
 
     def readings(self, T: Array) -> dict[str, Array]:
-        """Noise-free measurements at commanded points (n, 3) [m]. Raises InputError for what cannot be reached."""
-        turns = self.turns
-        q, *e, status = compile_causal(self.robot, known=["T"], targets=["q", *turns])(T)
+        """Noise-free measurements at commanded poses. Raises InputError for what cannot be reached."""
+        q, e, status = self.placed(T)
         if np.any(status != 0):
             raise InputError("a pose of the plan cannot be reached by the robot's inverse kinematics", "room")
+        T = T[:, :3]
         found = {"q": q, self.signal: T if self.signal == "T" else self.device(T)}
-        return found | ({"e": e[0]} if turns and "e" not in self.latent else {})
+        return found | ({} if e is None or "e" in self.latent else {"e": e})
+
+    def placed(self, T: Array) -> tuple[Array, Array | None, Array]:
+        """Actuators, quaternions of a plate that turns, and status of commanded poses: rows of T [m], of an F1 with
+        its quaternion behind."""
+        if T.shape[1] == 7:
+            q, status = compile_causal(self.robot, known=["T", "e"], targets=["q"])(T[:, :3], T[:, 3:])
+            return q, T[:, 3:], status
+        q, *e, status = compile_causal(self.robot, known=["T"], targets=["q", *self.turns])(T)
+        return q, e[0] if e else None, status
 
     @property
     def turns(self) -> list[str]:
@@ -85,17 +94,19 @@ class Measuring:
         keys = self.problem.device
         found: dict[str, Any] = {}
         if isinstance(keys, (TrackerKeys, CameraKeys)):
-            found["T"] = self.device.covariance(T)
+            found["T"] = self.device.covariance(T[:, :3])
         else:
             found[self.signal] = 1e-6 * keys.noise_um
         if isinstance(keys, TrackerKeys) and keys.orientation_noise_urad is not None and self.turns:
             found["e"] = 1e-6 * keys.orientation_noise_urad
         if self.problem.actuator_noise_um > 0:
-            found["q"] = 1e-6 * self.problem.actuator_noise_um
+            rotary = 3 if T.shape[1] == 7 else 0
+            axes = [self.problem.axis_noise_urad] * rotary
+            found["q"] = 1e-6 * np.array([self.problem.actuator_noise_um] * 3 + axes)
         return found
 
     def measurements(self, T: Array) -> Measurements:
-        """Of commanded points (n, 3) [m], without noise but with its size."""
+        """Of commanded poses, without noise but with its size."""
         return Measurements(self.readings(T), self.noise(T))
 
     def prepared(self, T: Array) -> Problem:
@@ -104,7 +115,7 @@ class Measuring:
         if self.earlier:  # the same equations with other poses
             return self.earlier[0].on(self.measurements(T))
         known = {"device_at", "plane_normal", "plane_point"} & set(type(self.model)._declared)
-        choice = Choice(p.free, [*p.fixed, *sorted(known)], p.tied, sizes=p.sizes)
+        choice = Choice(p.free, [*p.fixed, *sorted(known)], p.tied, p.unit_quaternions, sizes=p.sizes)
         try:
             found = prepare(self.model, self.measurements(T), choice, latent=self.latent)
         except ModelError as error:
@@ -115,11 +126,12 @@ class Measuring:
     def whole(self, T: Array) -> Problem:
         """The robot's own closure equations at these points, all of its pose known: for positioning errors."""
         p = self.problem
-        turns = self.turns
-        q, *e, status = compile_causal(self.robot, known=["T"], targets=["q", *turns])(T)
+        q, e, status = self.placed(T)
         good = status == 0
-        values = {"q": q[good], "T": T[good]} | ({"e": e[0][good]} if turns else {})
-        return prepare(self.robot, Measurements(values), Choice(p.free, p.fixed, p.tied, sizes=p.sizes))
+        values = {"q": q[good], "T": T[good, :3]} | ({} if e is None else {"e": e[good]})
+        return prepare(
+            self.robot, Measurements(values), Choice(p.free, p.fixed, p.tied, p.unit_quaternions, sizes=p.sizes)
+        )
 
     def noisy(self, m: Measurements, rng: np.random.Generator) -> Measurements:
         """Synthetic: the measurements with normal noise of their size."""
@@ -145,6 +157,8 @@ def measuring(problem: Schema, robot: Model) -> Measuring:
             )  # fmt: skip
             latent = turns if keys.orientation_noise_urad is None else []
             limits: list[Limit] = [device]
+            if keys.target_axis is not None and not np.linalg.norm(keys.target_axis) > 0:
+                raise InputError("is zero and looks nowhere", "device.target_axis")
             return Measuring(problem, robot, robot, "T", tuple(latent), (*limits, *_sight(problem, at)), at, device)
         if isinstance(keys, CameraKeys):
             at = np.array(keys.at_m)

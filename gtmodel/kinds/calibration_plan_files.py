@@ -20,12 +20,14 @@ def in_order(poses: Array, held_out: Array, seed: int) -> tuple[Array, list[str]
 
 def poses_csv(T: Array, q: Array, purpose: list[str], title: str) -> str:
     """One row per pose, in the order in which they are measured."""
-    carts = [f"q[{k}] [mm]" for k in range(q.shape[1])]
+    axes = [f"q[{k}] [{'mm' if k < 3 else 'deg'}]" for k in range(q.shape[1])]
+    turned = [f"e[{k}]" for k in range(T.shape[1] - 3)]
     lines = ["# commanded poses of a calibration plan; nothing here is measured"]
     lines += [f"# title: {title}"] if title else []
-    lines.append(",".join(["pose", "purpose", *carts, *(f"T[{k}] [mm]" for k in range(3))]))
+    lines.append(",".join(["pose", "purpose", *axes, *(f"T[{k}] [mm]" for k in range(3)), *turned]))
     for k, (t, c, p) in enumerate(zip(T, q, purpose, strict=True), 1):
-        lines.append(",".join([str(k), p, *(f"{1e3 * x:.4f}" for x in (*c, *t))]))
+        numbers = [*(1e3 * c[:3]), *np.degrees(c[3:]), *(1e3 * t[:3])]
+        lines.append(",".join([str(k), p, *(f"{x:.4f}" for x in numbers), *(f"{x:.9f}" for x in t[3:])]))
     return "\n".join(lines) + "\n"
 
 
@@ -37,7 +39,8 @@ def rapid_program(T: Array, q: Array, title: str, settle: float) -> str:
         f"  ! {title or 'calibration poses'}",
         "  ! Written by gtmodel; tested against no controller. Check workspace, work object and tool first.",
         "  ! The robot is not calibrated yet: keep the speed low and a hand on the stop.",
-        "  ! Positions in mm; external axes a, b, c are the carts in mm.",
+        "  ! Positions in mm; external axes a, b, c are the carts in mm"
+        + (", d, e, f the rotary axes in degrees." if q.shape[1] == 6 else "."),
         f"  CONST num GtCount := {n};",
         f"  CONST num GtSettle := {settle:g};",
         "  PERS num GtPose := 0;",

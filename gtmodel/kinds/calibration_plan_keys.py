@@ -8,6 +8,7 @@ from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt
 
 from .base import Section
 from .robot_keys import RobotProblem
+from .section_keys import Pair
 from .workspace_limits import Beam, Bodies, Box, Limits, Point
 
 Count = Annotated[int, Field(ge=2, le=200)]
@@ -19,6 +20,11 @@ class RoomKeys(Section):
     low_m: Point = Field(description="its least corner")
     high_m: Point = Field(description="its greatest corner")
     step_m: PositiveFloat = Field(default=0.1, description="of the grid of candidates")
+    turns_deg: list[Point] = Field(
+        default=[[0.0, 0.0, 0.0]],
+        description="of an F1: turns of the plate from home at each point, rotation vectors in plate axes",
+        min_length=1,
+    )
 
 
 class SafetyKeys(Section):
@@ -28,6 +34,13 @@ class SafetyKeys(Section):
     obstacles_m: NonNegativeFloat = Field(default=0.05, description="around obstacles and beams")
     cone_deg: NonNegativeFloat = Field(default=0.0, description="taken off limits.cone_deg")
     stroke_m: NonNegativeFloat = Field(default=0.05, description="taken off both ends of limits.actuators_m")
+    axes_deg: NonNegativeFloat = Field(default=0.0, description="taken off both ends of limits.axes_deg")
+
+
+class PlanLimits(Limits):
+    """What poses must keep."""
+
+    axes_deg: list[Pair] | None = Field(default=None, description="least and greatest angle of every rotary axis")
 
 
 class TrackerKeys(Section):
@@ -40,6 +53,12 @@ class TrackerKeys(Section):
     angle_noise_urad: PositiveFloat = Field(default=7.0, description="standard deviation of each angle")
     orientation_noise_urad: PositiveFloat | None = Field(
         default=None, description="of a target with orientation, for robots whose plate turns; none if left out"
+    )
+    target_axis: Point | None = Field(
+        default=None, description="where a target with orientation looks, in plate coordinates; any way if left out"
+    )
+    acceptance_deg: Annotated[float, Field(gt=0, le=180)] = Field(
+        default=45.0, description="greatest angle between target_axis and the way to the tracker"
     )
     nearest_m: NonNegativeFloat = Field(default=0.5, description="least distance")
     farthest_m: PositiveFloat = Field(default=30.0, description="greatest distance")
@@ -142,7 +161,7 @@ class Schema(RobotProblem):
     """A calibration planned before anything is measured (Dressler 2012, Fig. 5.21)."""
 
     home_m: Point | None = Field(default=None, description="pose of the cone axes; the robot's own home if left out")
-    limits: Limits = Limits()
+    limits: PlanLimits = PlanLimits()
     bodies: Bodies = Bodies()
     obstacles: list[Box] = Field(default=[], description="boxes that links and plate must not touch, nor hide")
     beams: list[Beam] = Field(default=[], description="beams of the frame that links must not touch")
@@ -150,11 +169,13 @@ class Schema(RobotProblem):
     free: list[str] = Field(default=[], description="parameters to calibrate, scalars, rows or whole; all if left out")
     fixed: list[str] = Field(default=[], description="parameters to leave, stronger than free")
     tied: dict[str, str] = Field(default={}, description="parameter -> parameter that it follows")
+    unit_quaternions: list[str] = Field(default=[], description="quaternions that are turned at length one")
     sizes: dict[str, PositiveFloat] = Field(default={}, description="expected error of a parameter in SI; 0.001")
     room: RoomKeys = Field(description="where poses are looked for")
     safety: SafetyKeys = SafetyKeys()
     device: DeviceKeys = Field(description="what measures")
     actuator_noise_um: NonNegativeFloat = Field(default=13.0, description="repeatability of the carts")
+    axis_noise_urad: PositiveFloat = Field(default=20.0, description="of an F1's rotary axes")
     poses: PoseKeys = PoseKeys()
     curve: list[PositiveInt] = Field(
         default=[10, 15, 20, 30, 40, 60, 80, 100],

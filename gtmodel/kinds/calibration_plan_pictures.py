@@ -18,7 +18,7 @@ def pictures(plan: Plan) -> Figures:
     if plan.found is None:
         return found
     stages = plan.found.stages
-    T = plan.found.T
+    T = plan.found.T[:, :3]
     first = {"workspace": T[stages["workspace"]]}
     found["1_workspace"] = lambda: _space(plan, first, "workspace of the a-priori parameters", boxes=False)
     if "safety" in stages:
@@ -37,7 +37,10 @@ def pictures(plan: Plan) -> Figures:
         layers = {name: T[m] for name, m in third.items()}
         found["3_device"] = lambda: _space(plan, layers, "what the device measures", device=True)
     if len(plan.poses):
-        fourth = {"candidates": plan.pool, "calibrate": plan.poses, "held out": plan.held_out}
+        fourth = {
+            name: P[:, :3]
+            for name, P in (("candidates", plan.pool), ("calibrate", plan.poses), ("held out", plan.held_out))
+        }
         found["4_poses"] = lambda: _space(plan, fourth, "poses to measure", device=True)
     if plan.curve is not None and plan.curve.points:
         found["5_number_of_poses"] = lambda: _curve(plan)
@@ -57,6 +60,7 @@ def _space(plan: Plan, layers: dict[str, np.ndarray], step: str, *, boxes: bool 
         room=(np.array(problem.room.low_m), np.array(problem.room.high_m)),
         boxes=[(np.array(b.low_m), np.array(b.high_m)) for b in problem.obstacles] if boxes else [],
         device=plan.measuring.at if device else None,
+        again="points with several turns" if len(plan.turns) > 1 else "of them more than once",
         title=f"{problem.title or 'calibration plan'}: {step}",
     )
 
@@ -84,5 +88,5 @@ def _errors(plan: Plan) -> Any:
 
     simulated = plan.each_simulated() if len(plan.errors) else None
     return predicted_figure(
-        plan.evaluation, plan.each_predicted(), simulated, runs=len(plan.errors), title=plan.problem.title
+        plan.evaluation[:, :3], plan.each_predicted(), simulated, runs=len(plan.errors), title=plan.problem.title
     )

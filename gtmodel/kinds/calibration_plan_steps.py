@@ -26,14 +26,16 @@ from gtmodel.calibrate import (
     sufficient_number,
 )
 from gtmodel.inference import Identifiability
-from gtmodel.kinematics.workspace import Reach, box_grid
+from gtmodel.kinematics.workspace import box_grid
 from gtmodel.lang import ModelError
 
 from .base import InputError
 from .calibration_plan_device import Measuring
 from .calibration_plan_keys import Schema
+from .calibration_plan_stages import stages_of
+from .calibration_plan_turns import Turn
 from .mechanism import Mechanism
-from .workspace_limits import limits_of, refuse_disordered
+from .workspace_limits import refuse_disordered
 
 Array = np.ndarray
 MOST_POINTS = 200_000  # of the room's grid
@@ -48,10 +50,10 @@ class Stopped(Exception):
 
 @dataclass(eq=False)
 class Plan:
-    """What the steps have found so far."""
+    """What the steps have found so far. Poses are rows of T [m], of an F1 with the plate's quaternion behind."""
 
     problem: Schema
-    robot: Mechanism
+    turns: list[Turn]
     measuring: Measuring
     found: Candidates | None = None
     pool: Array = field(default_factory=lambda: np.zeros((0, 3)))
@@ -70,6 +72,16 @@ class Plan:
     lost: int = 0
     unpredicted: str = ""
 
+    @property
+    def robot(self) -> Mechanism:
+        """The robot, the plate in the first of its turns."""
+        return self.turns[0].robot
+
+    @property
+    def width(self) -> int:
+        """Columns of a pose."""
+        return self.turns[0].poses(np.zeros((1, 3))).shape[1]
+
     def each_predicted(self) -> Array:
         """Predicted rms error [m] at each evaluation pose."""
         assert self.target is not None and self.chosen is not None
@@ -82,40 +94,29 @@ class Plan:
         return np.sqrt(np.mean(np.sum(moved**2, axis=2), axis=0))
 
 
-def stages_of(problem: Schema, robot: Mechanism, measuring: Measuring) -> dict[str, Reach]:
-    """Tests of a point, each with those before: workspace, with obstacles and safety, seen by the device."""
-    limits, safety = problem.limits, problem.safety
-    cone, strokes = limits.cone_deg, limits.actuators_m
-    if cone is not None and safety.cone_deg >= cone:
-        raise InputError(f"takes {safety.cone_deg:g} deg off cones of {cone:g} deg; nothing is left", "safety.cone_deg")
-    if strokes is not None:
-        strokes = [[a + safety.stroke_m, b - safety.stroke_m] for a, b in strokes]
-    bodies, boxes, beams = problem.bodies, problem.obstacles, problem.beams
-    wider = {name: getattr(bodies, name) + safety.obstacles_m for name in ("link_radius_m", "plate_radius_m")}
-    narrower = {"cone_deg": None if cone is None else cone - safety.cone_deg, "actuators_m": strokes}
-    safe = limits.model_copy(update=narrower)
-    within = limits_of(safe, bodies.model_copy(update=wider), boxes, beams, robot)
-    return {
-        "workspace": Reach(robot.inverse, limits_of(limits, bodies, [], [], robot)),
-        "obstacles": Reach(robot.inverse, limits_of(limits, bodies, boxes, beams, robot)),
-        "safety": Reach(robot.inverse, within),
-        "device": Reach(robot.inverse, [*within, *measuring.limits]),
-    }
-
-
 def find_candidates(plan: Plan, stop: Stop) -> None:
     """Workspace, obstacles and safety, device, distance from the edge. Raises InputError where nothing is left."""
     problem, room = plan.problem, plan.problem.room
     low, high = np.array(room.low_m), np.array(room.high_m)
     refuse_disordered(low, high, "room.high_m")
-    size = float(np.prod((high - low) / room.step_m + 1))
+    size = len(plan.turns) * float(np.prod((high - low) / room.step_m + 1))
     if size > MOST_POINTS:
-        raise InputError(f"the grid would have {size:.1e} points; take at least a step of "
-                         f"{np.cbrt(np.prod(high - low) / MOST_POINTS):.2g} m", "room.step_m")  # fmt: skip
-    stages = stages_of(problem, plan.robot, plan.measuring)
-    plan.found = candidates(box_grid(low, high, room.step_m), stages, problem.safety.edge_m, stop=stop)
-    if not plan.found.complete:
-        raise Stopped
+        least = np.cbrt(len(plan.turns) * np.prod(high - low) / MOST_POINTS)
+        raise InputError(f"the grid would have {size:.1e} points; take at least a step of {least:.2g} m", "room.step_m")
+    parts = []
+    for turn in plan.turns:
+        stages = stages_of(problem, turn, plan.measuring)
+        found = candidates(box_grid(low, high, room.step_m), stages, problem.safety.edge_m, stop=stop)
+        parts.append(found)
+        names = [name for name in parts[0].stages if all(name in p.stages for p in parts)]
+        plan.found = Candidates(
+            np.vstack([t.poses(p.T) for t, p in zip(plan.turns, parts, strict=False)]),
+            {name: np.concatenate([p.stages[name] for p in parts]) for name in names},
+            found.complete,
+        )
+        if not found.complete:
+            raise Stopped
+    assert plan.found is not None
     for before, (name, count) in zip([None, *plan.found.counts], plan.found.counts.items(), strict=False):
         if not count:
             raise InputError(_empty(name, before, plan.found.counts), "room")
@@ -154,11 +155,11 @@ def _evaluation(plan: Plan) -> Array:
     refuse_disordered(low, high, "evaluation.high_m")
     lines = [np.linspace(a, b, n) for a, b, n in zip(low, high, keys.counts, strict=True)]
     T = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 3)
-    lost = plan.robot.inverse(T).status != 0
+    lost = np.any([turn.robot.inverse(T).status != 0 for turn in plan.turns], axis=0)
     if np.any(lost):
         where = ", ".join(f"{x:.4g}" for x in T[lost][0])
         raise InputError(f"the robot cannot reach ({where}) m of the box; take a smaller one", "evaluation")
-    return T
+    return np.vstack([turn.poses(T) for turn in plan.turns])
 
 
 def grid_poses(plan: Plan, number: int) -> Array:
@@ -168,9 +169,12 @@ def grid_poses(plan: Plan, number: int) -> Array:
     low, high = np.array(room.low_m), np.array(room.high_m)
     step = (high - low) / (np.ceil((high - low) / room.step_m - 1e-9))
     volume = float(np.prod(step)) * counts[next(reversed(counts))]
-    last = stages_of(plan.problem, plan.robot, plan.measuring)["device"]
     grid = regular_grid(low, high, volume, number)
-    return candidates(grid, {"device": last}, plan.problem.safety.edge_m).chosen
+    found = []
+    for turn in plan.turns:
+        last = stages_of(plan.problem, turn, plan.measuring)["device"]
+        found.append(turn.poses(candidates(grid, {"device": last}, plan.problem.safety.edge_m).chosen))
+    return np.vstack(found)
 
 
 def draw_curve(plan: Plan, stop: Stop) -> None:
@@ -228,6 +232,8 @@ def select(plan: Plan, number: int, stop: Stop) -> None:
             taken = s.indices
             plan.poses = plan.pool[taken]
         plan.chosen = pose_information(plan.measuring.prepared(plan.poses))
+        if not plan.unpredicted and plan.target is not None:
+            plan.target.moment(plan.chosen)  # few poses of a grid may tell too little
     except ModelError as error:
         raise InputError(str(error), "poses.number") from error
     rest = np.setdiff1d(np.arange(len(plan.pool)), taken)
@@ -244,7 +250,12 @@ def select(plan: Plan, number: int, stop: Stop) -> None:
 
 
 def simulate(plan: Plan, stop: Stop) -> None:
-    """Synthetic calibrations of the robot as it is thought to be: noise of the device, wrong start values."""
+    """Synthetic calibrations of the robot as it is thought to be: noise of the device, wrong start values.
+
+    Start errors are of what the poses tell: the rest is a choice of coordinates that no calibration moves.
+    """
+    assert plan.chosen is not None
+    told, sizes = plan.chosen.told, plan.chosen.sizes
     keys = plan.problem.simulation
     ready: Problem = plan.measuring.prepared(plan.poses)
     u = ready.unknowns
@@ -254,7 +265,8 @@ def simulate(plan: Plan, stop: Stop) -> None:
         if stop("simulated calibration", k / keys.runs):
             raise Stopped
         rng = np.random.default_rng(seed)
-        start = dict(zip(u.names, (u.start + scale * rng.standard_normal(len(scale))).tolist(), strict=True))
+        off = sizes * (told @ (told.T @ (scale * rng.standard_normal(len(scale)) / sizes)))
+        start = dict(zip(u.names, (u.start + off).tolist(), strict=True))
         noisy = plan.measuring.noisy(ready.measurements, rng)
         c = calibrate(ready.on(noisy), cost="orthogonal", start=start)
         if c.status.ok and np.all(np.isfinite(c.x)):

@@ -17,6 +17,7 @@ from gtmodel.calibrate.recognition import (
     angle_sentence,
     exchanged_columns,
     orders,
+    reversed_columns,
     scale_sentence,
     swapped_axes,
     unit_sentence,
@@ -82,7 +83,10 @@ def recognise(data: PoseData, witness: Witness) -> tuple[np.ndarray, np.ndarray]
     predicted, e, good = witness.positions(q)
 
     def predict(order: list[int]) -> np.ndarray | None:
-        found, _, at = witness.positions(q[:, order])
+        return reached(q[:, order])
+
+    def reached(q: np.ndarray) -> np.ndarray | None:
+        found, _, at = witness.positions(q)
         if len(at) < REACHED * len(q):
             return None
         everywhere = np.full(T.shape, np.nan)
@@ -100,6 +104,9 @@ def recognise(data: PoseData, witness: Witness) -> tuple[np.ndarray, np.ndarray]
         _refuse(scale_sentence(keys.position, T[good], predicted), keys.position)
         _refuse(_upright(data, rows[good], e), keys.orientation or "")
     columns = exchanged_columns(names, groups, predict, misfit, witness.size)
+    turned = reversed_columns(names, groups, lambda signs: reached(signs * q), misfit, witness.size)
+    if turned is not None and (columns is None or turned.left < columns.left):
+        columns = turned
     if len(good) < max(4, REACHED * len(q)):
         _refuse(None if columns is None else columns.sentence, keys.actuators)
         raise InputError(

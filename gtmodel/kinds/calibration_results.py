@@ -20,10 +20,12 @@ VALUES = {
     "parameters": "all geometric parameters of the closure equations by name, calibrated ones among them, in SI units",
     "unknowns": "for each unknown: name, unit, start, value, std and interval_95, null where the poses do not tell it; "
     "where residuals are no noise (intervals_hold false) interval_95 is null and std but what white noise would leave",
-    "intervals_hold": "whether residuals look like the noise that intervals rest on; the notes say why not",
+    "intervals_hold": "whether 95 % intervals are told; the notes say why not, or what they rest on beside noise",
+    "colour_tested": "whether the poses are enough to test residuals for colour (wandering carts, drift)",
     "measurement": "estimated frames, scales, offsets and delays of the measurement by name, in SI units",
     "poses": "number of poses fitted and held out, and of places that were measured more than once",
     "link_errors_mm": "mean length error of each link over the fitted poses (Dressler 2012, eq. (5.13))",
+    "held_out_link_rms_mm": "root mean square of each link's length errors on the held-out poses; null without any",
     "held_out_mm": "positioning error (5.5) of the held-out poses: mean, max, rms; null without any",
     "fitted_mm": "the same of the fitted poses",
     "a_priori_mm": "the same of the robot as it was before, on the held-out poses or the fitted ones",
@@ -45,6 +47,7 @@ VALUES = {
     "synthetic": "seed and noise of made-up poses; null for measured ones",
 }
 SHOWN_PAIRS = 20
+MANY = 0.1  # of the poses: so many outliers are seldom chance
 WORST_ROWS = 5
 WEAK = "told no better than"  # of a combination, in words
 
@@ -60,9 +63,11 @@ def values_of(problem: Schema, found: Found) -> dict[str, Any]:
         "parameters": {n: v for n, v in c.values.items() if n in own},
         "unknowns": _unknowns(found),
         "intervals_hold": c.estimate is not None and found.confidence.holds,
+        "colour_tested": c.estimate is not None and found.confidence.tested,
         "measurement": {n: v for n, v in c.values.items() if n not in own},
         "poses": {"fitted": len(found.lines), "held_out": len(found.lines_held_out), "repeated": len(data.repeated)},
         "link_errors_mm": {n: 1e3 * v for n, v in c.link_errors.items()},
+        "held_out_link_rms_mm": _link_rms(found),
         "held_out_mm": _sizes(found.held_out.get(found.position)),
         "fitted_mm": _sizes(found.fitted.get(found.position)),
         "a_priori_mm": _sizes(found.a_priori.get(found.position)),
@@ -81,7 +86,7 @@ def values_of(problem: Schema, found: Found) -> dict[str, Any]:
         "numerics_sound": sound,
         "prediction_proven": proven,
         "verdict": sentences,
-        "notes": [] if c.estimate is None else [*c.estimate.notes, *found.confidence.reasons, *moved_too_far(c)],
+        "notes": _notes(found),
         "truth": _truth(found),
         "synthetic": data.synthetic,
     }  # fmt: skip
@@ -154,17 +159,44 @@ def _accuracy(problem: Schema) -> float | None:
 
 
 def _unknowns(found: Found) -> list[dict[str, Any]]:
-    c, u = found.calibration, found.problem.unknowns
+    c, u, told = found.calibration, found.problem.unknowns, found.confidence.estimate
     listed = []
     for k, name in enumerate(u.names):
         entry = {"name": name, "unit": u.units[k] or "1", "start": float(u.start[k]), "value": float(c.x[k]),
                  "std": None, "interval_95": None}  # fmt: skip
-        if c.estimate is not None and np.isfinite(c.estimate.std[k]):
-            entry["std"] = float(c.estimate.std[k])
+        if told is not None and np.isfinite(told.std[k]):
+            entry["std"] = float(told.std[k])
             if found.confidence.holds:
-                entry["interval_95"] = list(c.estimate.interval(name))
+                entry["interval_95"] = list(told.interval(name))
         listed.append(entry)
     return listed
+
+
+def _notes(found: Found) -> list[str]:
+    c = found.calibration
+    if c.estimate is None:
+        return []
+    intervals = [*found.confidence.reasons, *found.confidence.remarks]
+    return [*found.priors, *c.estimate.notes, *intervals, *_crowded(found), *moved_too_far(c)]
+
+
+def _crowded(found: Found) -> list[str]:
+    """A sentence where so many poses hold outliers that they are hardly outliers."""
+    N, bad = len(found.lines), len({o.pose for o in found.outliers})
+    if bad <= MANY * N:
+        return []
+    return [
+        f"{bad} of {N} poses ({bad / N:.0%}) hold outliers, so many are seldom chance: look at what they share, "
+        "such as a place, a session or a lost target; a robust loss bears them only from start values near the robot"
+    ]
+
+
+def _link_rms(found: Found) -> dict[str, float] | None:
+    kept = found.data.kept
+    if kept is None or found.problem.reading.latent.numel():
+        return None
+    rms = np.sqrt(np.mean(found.calibration.on(kept) ** 2, axis=0))
+    return dict(zip(found.problem.labels, (1e3 * rms).tolist(), strict=True))
 
 
 def _sizes(p: Prediction | None, factor: float = 1e3) -> dict[str, float] | None:

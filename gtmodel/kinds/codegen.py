@@ -8,7 +8,7 @@ from typing import Literal
 
 from pydantic import Field, NonNegativeInt, PositiveInt
 
-from gtmodel.cgen import Costs, GenerationError, check, costs, generate
+from gtmodel.cgen import Costs, GenerationError, check, costs, generate, write_costs
 from gtmodel.compiler.causal import CausalFunction, c_name, compile_causal
 from gtmodel.results import SolveStatus
 
@@ -23,8 +23,10 @@ VALUES = {
     "files": "files written, sorted",
     "points": "with --check: number of random inputs compared per function",
     "text_bytes": "with --check: machine code of each function at -O2",
+    "newton_bytes": "with --check: of it the Newton blocks and their guards",
     "stack_bytes": "with --check: stack of a call",
     "instructions": "with --check: instructions of a call with its guards, counted by callgrind",
+    "operations": "operations and calls of libm in one evaluation of each body",
     "symbols": "with --check: what the folder defines for others",
 }
 
@@ -50,8 +52,12 @@ class Verification(Section):
 class Schema(RobotProblem):
     """C code of functions of one robot."""
 
+    real: Literal["double", "float"] = Field(default="double", description="the numbers that C computes with")
     name: str = Field(default="", description="prefix of the C names; the name of the problem file when empty")
     functions: list[Function] = Field(min_length=1, description="what to generate")
+    box: dict[str, list[list[float]]] = Field(
+        default={}, description='intervals by input, such as "der(T)" = [[-1.5, 1.5]]: inside every function answers'
+    )
     check: Verification = Verification()
 
 
@@ -77,13 +83,15 @@ def write(problem: Schema, context: Context, out: Path, *, verify: bool = False)
             provenance=provenance,
             problem=problem.model_dump(mode="json", exclude_unset=True),
             along=[f.name for f in problem.functions if f.trajectory],
+            real=problem.real,
+            box=problem.box,
         )
     except GenerationError as error:
         raise InputError(str(error)) from error
     files = sorted(str(f) for f in generated.files)
     signatures = {generated.functions[name]: _signature(f) for name, f in functions.items()}
-    values = {"folder": str(out), "functions": signatures, "files": files}
-    rows = [Row("folder", str(out)), Row("files", len(files))]
+    values = {"folder": str(out), "functions": signatures, "files": files, "operations": generated.operations}
+    rows = [Row("folder", str(out)), Row("files", len(files)), Row("numbers", problem.real)]
     rows += [Row(name, _in_words(signature)) for name, signature in signatures.items()]
     if not verify:
         return Outcome(status=SolveStatus.SOLVED, message=f"generated {len(files)} files", values=values, rows=rows)
@@ -94,7 +102,12 @@ def write(problem: Schema, context: Context, out: Path, *, verify: bool = False)
         return Outcome(status=SolveStatus.FAILED, message=str(error), values=values, rows=rows)
     context.progress("counting")
     cost = costs(out, functions)
+    try:
+        write_costs(out, cost)
+    except GenerationError as error:
+        raise InputError(str(error)) from error
     values |= {"points": problem.check.points, "text_bytes": cost.text_bytes, "stack_bytes": cost.stack_bytes}
+    values["newton_bytes"] = cost.newton_bytes
     values |= {"instructions": cost.instructions, "symbols": list(cost.symbols)}
     rows += [Row(f"{name} costs", _cost(cost, name)) for name in cost.text_bytes]
     rows += [Row("costs", cost.missing)] if cost.missing else []

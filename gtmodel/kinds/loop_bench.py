@@ -95,6 +95,8 @@ def prepare(
         program = build(folder, place, 3)
     except GenerationError as error:
         raise InputError(str(error)) from error
+    except OSError as error:
+        raise InputError(f"cannot write into --out {place}: {error.strerror}") from error
     cycles = max(1, round(1000 * seconds / CYCLE_MS))
     table = there_and_back(robot, _motion(problem, motion, place, job), cycles, SLOWER.get(law, 1.0))
     (place / "reference.table").write_bytes(table.to_bytes())

@@ -14,6 +14,7 @@ import numpy as np
 from gtmodel.compiler.causal import compile_causal
 from gtmodel.loop import (
     DrivePlant,
+    ElasticPlant,
     LoopError,
     LoopProcess,
     RigidBodyPlant,
@@ -30,7 +31,7 @@ from gtmodel.results import SolveStatus, Status, Trajectory
 from gtmodel.robots import actuator_closed_loop
 
 from . import report
-from .base import Check, Context, Outcome, Row
+from .base import Check, Context, InputError, Outcome, Row
 from .loop_bench import MARK, Bench, prepare
 from .loop_motion import CYCLE_MS
 from .run import Finished
@@ -46,10 +47,14 @@ LAWS = {
 HOLD_CYCLES = 50
 STEP_LIMIT_M = 0.1
 REACH_LIMIT_M = 1.0  # beyond the reference: the inverse of a slow drive asks for far more than it gets
+# of an arm on springs; no values of the prototype are published
+ELASTIC_HZ, ELASTIC_DAMPING = (0.5, 1000.0), 0.05
 # with its law a run has to track this much better; path correction is slow beside the motion and has only to help
 GAINS = {"trajectory": 0.5, "dynamics": 0.5, "replay": 0.5, "path": 1.0}
 LEARNING, LEARNING_RUNS = 0.9, 30  # gain of Dressler 2012, section 7.3; simulated repetitions
 PATH_GAIN_PER_S, PATH_LIMIT_M = 2.0, 0.03  # slow beside drives of 1.1 Hz with five samples of delay
+# edges of the histogram that is printed, among the loop's powers of two; loop.json holds all
+REPLIES_US, PERIODS_US = (64, 512, 4096), (2048, 4096, 8192)
 # the end of a real-time run finds the loop waiting for the next datagram
 GOING = (STATES.index("running"), STATES.index("holding"))
 
@@ -75,6 +80,7 @@ def run(
     law: str = "trajectory",
     reference: Path | None = None,
     in_lockstep: bool = False,
+    elastic_Hz: float | None = None,
     out: Path | None = None,
     context: Context | None = None,
 ) -> Finished:
@@ -85,33 +91,41 @@ def run(
         peer: egm or rsi.
         seconds: of each of the two runs; with `in_lockstep` they go as fast as the machine allows.
         law: one of LAWS; it chooses the plant: drives of eq. (6.11), or for `dynamics` the rigid-body robot.
+        elastic_Hz: the arm hangs on the carts by springs of this frequency, which no law knows; None: it is rigid.
         reference: CSV with T, der(T), der(T,2) every 4 ms; the time-optimal motion of l1_min_time if None.
         out: for the loop's sources, logs and the picture; `folder`/loop if None.
 
     Raises InputError, one sentence.
     """
     job = context or Context(name=folder.name)
+    if elastic_Hz is not None and not ELASTIC_HZ[0] <= elastic_Hz <= ELASTIC_HZ[1]:
+        raise InputError(
+            f"--elastic {elastic_Hz:g}: expected a frequency from {ELASTIC_HZ[0]:g} to {ELASTIC_HZ[1]:g} Hz"
+        )
     bench = prepare(folder, peer, seconds, law, LAWS, reference, in_lockstep, out, job)
     runs: list[OneRun] = []
     try:
         for n, label in enumerate(LAWS[law]):
             job.progress(f"{peer}: {label}", n / 2)
-            runs.append(_run(bench, label, active=n == 1))
+            runs.append(_run(bench, label, elastic_Hz, active=n == 1))
             if job.interrupted():
                 outcome = Outcome(status=SolveStatus.INTERRUPTED, message="stopped before both runs were compared")
                 return Finished(outcome, time.monotonic() - job.began)
     except LoopError as error:
         return Finished(Outcome(status=SolveStatus.FAILED, message=str(error)), time.monotonic() - job.began)
-    outcome = _outcome(bench, runs)
+    outcome = _outcome(bench, runs, elastic_Hz)
     return Finished(outcome, time.monotonic() - job.began, _write(bench, runs, outcome))
 
 
-def _run(bench: Bench, label: str, *, active: bool) -> OneRun:
+def _run(bench: Bench, label: str, elastic_Hz: float | None, *, active: bool) -> OneRun:
     plant, programme = _plant(bench), None
+    if elastic_Hz is not None:
+        plant = ElasticPlant(plant, elastic_Hz, ELASTIC_DAMPING, 1e-3 * CYCLE_MS)
     if bench.law == "path":
         programme = _programme(bench)
     robot = RobotSide(bench.peer, plant, cycle_ms=CYCLE_MS, programme=programme)
     log = bench.place / ("loop_on.log" if active else "loop_off.log")
+    log.unlink(missing_ok=True)  # of an earlier run in this folder, which gtmodel wrote
     options = [*_options(bench, active), "--log", str(log)]
     # in real time a late cycle is one more, and the loop ends when it is asked to
     options += ["--cycles", str(bench.cycles)] if bench.in_lockstep else []
@@ -122,12 +136,12 @@ def _run(bench: Bench, label: str, *, active: bool) -> OneRun:
     with LoopProcess(bench.program, options) as process:
         if bench.in_lockstep:
             done = lockstep(robot, process.exchange, bench.cycles, stopped=stopped)
+            process.end()
         else:
             done = real_time(robot, process, bench.cycles, stopped)
-        process.end()
         found = process.finish()
         said = process.said
-    tcp, status = bench.forward(done.measured_m)
+    tcp, status = bench.forward(done.arm_m)
     if np.any(status != Status.OK):
         raise LoopError(f"{label}: the simulated robot left its workspace")
     programme_tcp, _ = bench.forward(done.planned_m)
@@ -213,7 +227,7 @@ def _programme(bench: Bench) -> Callable[[int, Sequence[float]], Sequence[float]
     return carts
 
 
-def _outcome(bench: Bench, runs: list[OneRun]) -> Outcome:
+def _outcome(bench: Bench, runs: list[OneRun], elastic_Hz: float | None) -> Outcome:
     errors = [_errors(bench, one) for one in runs]
     plain, active = (e["tcp_rms_mm"] for e in errors)
     bound = GAINS[bench.law]
@@ -237,6 +251,7 @@ def _outcome(bench: Bench, runs: list[OneRun]) -> Outcome:
             "peer": bench.peer,
             "law": bench.law,
             "plant": "rigid body under a servo" if bench.law == "dynamics" else "drives of eq. (6.11)",
+            "elastic_Hz": elastic_Hz,
             "cycles": bench.cycles,
             "real_time": real_time_granted,
             "runs": [{"label": one.label, **e, **one.report} for one, e in zip(runs, errors, strict=True)],
@@ -268,9 +283,10 @@ def _rows(runs: list[OneRun], errors: list[dict[str, float]], in_lockstep: bool)
         ]
         if not in_lockstep:
             rows += [
+                Row(f"{one.label}: replies later than a cycle", str(one.report["missed_deadlines"])),
                 Row(f"{one.label}: worst reply, worst period", " ".join(_worst_ms(one.report)), "ms"),
-                Row(f"{one.label}: replies below", _histogram(one.report["reply_below_us"])),
-                Row(f"{one.label}: periods below", _histogram(one.report["period_below_us"])),
+                Row(f"{one.label}: replies", _histogram(one.report["reply_below_us"], REPLIES_US)),
+                Row(f"{one.label}: periods", _histogram(one.report["period_below_us"], PERIODS_US)),
             ]
     for line in dict.fromkeys(line for one in runs for line in one.said.splitlines()):
         rows.append(Row("the loop says", line))
@@ -281,8 +297,14 @@ def _worst_ms(found: dict[str, Any]) -> list[str]:
     return [f"{found[f'{what}_worst_us'] / 1000:.2f}" for what in ("reply", "period")]
 
 
-def _histogram(below_us: dict[str, int]) -> str:
-    return ", ".join(f"{int(us) / 1000:g} ms: {count}" for us, count in below_us.items() if count)
+def _histogram(below_us: dict[str, int], edges_us: Sequence[int]) -> str:
+    """The loop's fine classes added up: how many lie below each edge and not below the one before, and the rest."""
+    cells, before = [], 0
+    for edge in edges_us:
+        up_to = sum(count for us, count in below_us.items() if int(us) <= edge)
+        cells.append(f"<{edge / 1000:.2g} ms: {up_to - before}")
+        before = up_to
+    return ", ".join([*cells, f"more: {sum(below_us.values()) - before}"])
 
 
 def _figure(bench: Bench, runs: list[OneRun]) -> Any:

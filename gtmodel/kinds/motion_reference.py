@@ -107,10 +107,13 @@ def rapid_text(reference: Trajectory, title: str, name: str = "GtMotion") -> str
 
 
 def robtargets(T: np.ndarray, q: np.ndarray) -> list[str]:
-    """Lines of a RAPID array of robtargets: T (n, 3) in mm, carts q (n, 3) in mm as external axes."""
+    """Lines of a RAPID array of robtargets: T (n, 3) [m], with a quaternion behind where the plate turns (n, 7); as
+    external axes carts q (n, 3) [m] in mm, and rotary ones behind (n, 6) [rad] in degrees."""
     lines = []
-    for k, row in enumerate(zip(T, q, strict=True)):
-        x, axes = (", ".join(f"{1e3 * v:.4f}" for v in values) for values in row)
+    for k, (pose, actuators) in enumerate(zip(T, q, strict=True)):
+        x, carts = (", ".join(f"{1e3 * v:.4f}" for v in values[:3]) for values in (pose, actuators))
+        turn = ", ".join(f"{v:.9f}" for v in pose[3:]) or "1, 0, 0, 0"
+        rotary = ", ".join(f"{np.degrees(v):.4f}" for v in actuators[3:]) or "9E9, 9E9, 9E9"
         end = "," if k < len(T) - 1 else ""
-        lines.append(f"    [[{x}], [1, 0, 0, 0], [0, 0, 0, 0], [{axes}, 9E9, 9E9, 9E9]]{end}")
+        lines.append(f"    [[{x}], [{turn}], [0, 0, 0, 0], [{carts}, {rotary}]]{end}")
     return lines

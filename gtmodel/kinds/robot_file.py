@@ -15,6 +15,7 @@ from gtmodel.robots import clusters, f1_geometry
 from .base import InputError, Section
 from .load import validate
 from .plausible_lengths import refuse_other_units
+from .python_models import is_reference
 from .sentences import shown
 
 NotNegativeFloat = Annotated[float, Field(ge=0)]
@@ -29,6 +30,7 @@ LinkMasses = Annotated[list[NotNegativeFloat], Field(min_length=6, max_length=6)
 
 # links of a cluster this far from parallel at the best orientation [m]: a sign or a row is wrong, not a calibration
 MISFIT = 0.05
+PYTHON_KEYS = {"title", "source", "note", "robot", "parameters"}  # of a model in Python with parameters
 
 
 class _Robot(Section):
@@ -178,7 +180,12 @@ def checked(data: Mapping[str, Any]) -> tuple[str, _Robot]:
 
 def is_robot_file(data: Mapping[str, Any]) -> bool:
     """True for what is plainly a robot and no problem."""
-    return "kind" not in data and bool({"A_m", "A0_mm", "family"} & set(data))
+    return "kind" not in data and (bool({"A_m", "A0_mm", "family"} & set(data)) or is_python_robot(data))
+
+
+def is_python_robot(data: Mapping[str, Any]) -> bool:
+    """True for a model in Python with parameters, as a calibration writes it."""
+    return "kind" not in data and is_reference(str(data.get("robot", ""))) and set(data) <= PYTHON_KEYS
 
 
 def _refuse(misfit: float, key: str, more: str) -> None:

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from gtmodel.calibrate.modifiers import merged
 from gtmodel.lang import Model, ModelError
 from gtmodel.robots import catalogue
 
 from . import python_models
 from .base import Context, InputError
 from .load import parse, read
-from .robot_file import checked
+from .robot_file import checked, is_python_robot
 
 _WORDS = {
     "inertia": "inertia",
@@ -60,7 +62,10 @@ def resolve(
     modifiers = dict(parameters or {})
     name: str | None = None  # a robot file gives all of the geometry
     if reference.endswith(".toml"):
-        family, modifiers = _from_file(reference, context, key, given, modifiers)
+        data = _file(reference, context, key)
+        if is_python_robot(data):
+            return _calibrated(reference, data, context, key, given, modifiers)
+        family, modifiers = _from_file(reference, data, context, key, given, modifiers)
     elif reference in catalogue.names():
         name, family = reference, catalogue.entries()[reference].family
     else:
@@ -72,20 +77,54 @@ def resolve(
         raise InputError(str(error), at) from error
 
 
-def _from_file(
-    reference: str, context: Context, key: str, given: dict[str, Any], modifiers: dict[str, Any]
-) -> tuple[str, dict[str, Any]]:
+def _file(reference: str, context: Context, key: str) -> dict[str, Any]:
     path = file_of(reference, context)
     if path is None:
         raise InputError(f"there is no robot file '{reference}' in {context.folder} or here", key)
+    context.inputs["robot"] = path
     try:
-        family, robot = checked(parse(read(path)))
+        return parse(read(path))
+    except InputError as error:
+        inside = error.within(reference)
+        raise (InputError(str(inside), key) if key else inside) from error
+
+
+def _calibrated(
+    reference: str, data: Mapping[str, Any], context: Context, key: str, given: dict[str, Any],
+    modifiers: dict[str, Any],
+) -> Model:  # fmt: skip
+    """A model in Python with the parameters of a file, as a calibration writes it. Raises InputError."""
+    own = data.get("parameters", {})
+    if not isinstance(own, dict):
+        raise InputError(f"expected a table [parameters] in '{reference}'; found {type(own).__name__}", key)
+    if given:
+        raise InputError(f"applies to robots of the catalogue and their files only; '{reference}' is a model in Python",
+                         _WORDS[next(iter(given))])  # fmt: skip
+    path = file_of(reference, context)
+    beside = replace(context, folder=path.resolve().parent) if path is not None else context
+    place = data["robot"].rpartition(":")[0]
+    near = beside if (beside.folder / place).is_file() else context
+    return python_models.resolve(data["robot"], near, key, merged(own, modifiers))
+
+
+def _from_file(
+    reference: str, data: Mapping[str, Any], context: Context, key: str, given: dict[str, Any],
+    modifiers: dict[str, Any],
+) -> tuple[str, dict[str, Any]]:  # fmt: skip
+    try:
+        family, robot = checked(data)
         found = robot.modifiers(given.get("payload", 0.0))
     except InputError as error:
         inside = error.within(reference)
         raise (InputError(str(inside), key) if key else inside) from error
-    context.inputs["robot"] = path
     return family, {**found, **modifiers}
+
+
+def in_python(reference: str, context: Context) -> tuple[str, dict[str, Any]]:
+    """What class and parameters a robot file of a model in Python names; the reference itself without one."""
+    path = file_of(reference, context) if reference.endswith(".toml") else None
+    data = parse(read(path)) if path is not None else {}
+    return (data["robot"], data.get("parameters", {})) if is_python_robot(data) else (reference, {})
 
 
 def file_of(reference: str, context: Context) -> Path | None:

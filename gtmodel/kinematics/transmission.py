@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 from scipy.optimize import curve_fit
-from scipy.stats import t as student
 
 from .guideways import GuidewayFit, MeasurementError, checked, fit_guideway
 from .periodogram import strongest
@@ -75,6 +74,8 @@ def backlash(q_forward: Any, P_forward: Any, q_backward: Any, P_backward: Any) -
     along = difference @ fit.direction
     # interpolated places share measurements: no more of them count than there are points in the common range
     independent = min(len(along), max(2, int(np.sum((q_b >= fit.q[0]) & (q_b <= fit.q[-1])))))
+    from scipy.stats import t as student  # here: it alone takes as long to import as all of gtmodel
+
     error = float(np.std(along, ddof=1) / np.sqrt(independent))
     reach = float(student.ppf(0.5 + CONFIDENCE / 2, independent - 1)) * error
     width = float(np.mean(along))

@@ -34,6 +34,8 @@ class Scope:
         self.chains: list[list[ca.SX]] = []
         self.names: list[str] = []
         self._owner: dict[int, tuple[int, int]] = {}
+        # answers of symbols_in by element hash, beside the expression: a hash is only good while its expression lives
+        self._symbols: dict[int, tuple[ca.SX, tuple[tuple[int, int], ...]]] = {}
         self.parameters: list[ca.SX] = []
         self.parameter_names: list[str] = []
         self.time = ca.SX.sym("time")
@@ -68,11 +70,20 @@ class Scope:
         """(variable index, derivative order) of a chain symbol; None for parameters and time."""
         return self._owner.get(symbol.element_hash())
 
-    def symbols_in(self, expression: ca.SX) -> list[tuple[int, int]]:
+    def symbols_in(self, expression: ca.SX) -> tuple[tuple[int, int], ...]:
         """Chain symbols that occur in an expression as sorted (variable index, order) pairs."""
-        # vertcat() of nothing is no SX
-        found = (self._owner.get(s.element_hash()) for s in ca.symvar(ca.SX(expression)))
-        return sorted(pair for pair in found if pair is not None)
+        if not isinstance(expression, ca.SX):  # vertcat() of nothing is no SX
+            expression = ca.SX(expression)
+        if not expression.is_scalar(True):
+            return self._search(expression)
+        key = expression.element_hash()
+        if key not in self._symbols:
+            self._symbols[key] = (expression, self._search(expression))
+        return self._symbols[key][1]
+
+    def _search(self, expression: ca.SX) -> tuple[tuple[int, int], ...]:
+        found = (self._owner.get(s.element_hash()) for s in ca.symvar(expression))
+        return tuple(sorted(pair for pair in found if pair is not None))
 
     def derivative(self, expression: ca.SX) -> ca.SX:
         """Total time derivative of an expression, by the chain rule over all chain symbols in it."""

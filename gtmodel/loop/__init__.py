@@ -1,15 +1,15 @@
 """The 4 ms loop and its peers: EGM and RSI in Python, simulated controllers and plants, the loop's twin.
 
 Build and run: build -> program, LoopProcess, lockstep, real_time. Peers: RobotSide with a DrivePlant or a
-RigidBodyPlant, Channel with Faults. The loop in Python: Twin with one of the laws. All of it was tested against
-simulators only.
+RigidBodyPlant, either in an ElasticPlant; Channel with Faults. The loop in Python: Twin with one of the laws. All of it
+was tested against simulators only.
 """
 
 from .build import build
 from .exchange import Command, Exchange, Feedback
 from .faults import Channel, Faults, expected_counters
 from .laws import DynamicsLaw, PathLaw, ReplayLaw, TrajectoryLaw
-from .plant import DrivePlant, RigidBodyPlant, Servo
+from .plant import DrivePlant, ElasticPlant, RigidBodyPlant, Servo
 from .process import LoopError, LoopProcess
 from .robot_side import RobotSide
 from .rsi_configuration import rsi_configuration
@@ -22,6 +22,7 @@ __all__ = [
     "Command",
     "DrivePlant",
     "DynamicsLaw",
+    "ElasticPlant",
     "Exchange",
     "Faults",
     "Feedback",

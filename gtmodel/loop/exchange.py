@@ -86,14 +86,15 @@ class Exchange:
 
     def _read_rsi(self, data: bytes) -> Feedback | None:
         robot = rsi.decode_robot(data)
-        if "EIPos" not in robot.values:
+        carts = (1 << self.axes) - 1
+        if robot.given.get("EIPos", 0) & carts != carts:
             return None
         return Feedback(
             sequence=robot.ipoc // self.cycle_ms,
             time_ms=robot.ipoc,
             position_m=self._metres(robot.values["EIPos"]),
             planned_m=self._metres(robot.values.get("ESPos", [])),
-            has_planned="ESPos" in robot.values,
+            has_planned=robot.given.get("ESPos", 0) & carts == carts,
             running=True,
             delay=robot.delay,
             stamp=robot.stamp,

@@ -1,7 +1,9 @@
-"""What stands behind a simulated controller: the drives of eq. (6.11), or the rigid-body robot under a servo."""
+"""What stands behind a simulated controller: the drives of eq. (6.11), or the rigid-body robot under a servo; either
+may carry its arm on springs."""
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,14 +11,20 @@ from typing import Protocol
 
 import casadi as ca
 import numpy as np
+from scipy.linalg import expm
 
 from ..compiler.causal import CausalFunction
 
 
 class Plant(Protocol):
-    """Carts [m]; `step` moves them on by one cycle under a commanded position [m] and speed [m/s]."""
+    """Carts [m] as the motors measure them; `step` moves them on by one cycle under a commanded position [m] and speed
+    [m/s]. `arm_m` is where their other side stands, which the motors do not see."""
 
-    position_m: np.ndarray
+    @property
+    def position_m(self) -> np.ndarray: ...
+
+    @property
+    def arm_m(self) -> np.ndarray: ...
 
     def step(self, position_m: Sequence[float], speed_m_s: Sequence[float]) -> None: ...
 
@@ -33,6 +41,11 @@ class DrivePlant:
         self.a, self.b = np.array(a, dtype=float), np.array(b, dtype=float)
         # what is commanded in this cycle is measured `delay` cycles later, the step itself being one of them
         self._pipe: deque[np.ndarray] = deque([np.zeros_like(self.start_m)] * (delay - 1))
+
+    @property
+    def arm_m(self) -> np.ndarray:
+        """Where the carts are: these drives are rigid."""
+        return self.position_m
 
     def step(self, position_m: Sequence[float], speed_m_s: Sequence[float]) -> None:
         self._pipe.append(np.array(position_m, dtype=float) - self.start_m)
@@ -72,6 +85,11 @@ class RigidBodyPlant:
         self.position_m = np.array(self._carts(self._state)).ravel()
 
     @property
+    def arm_m(self) -> np.ndarray:
+        """Where the carts are: this robot is rigid."""
+        return self.position_m
+
+    @property
     def tcp_m(self) -> np.ndarray:
         """Tool centre point [m]."""
         return self._state[:3]
@@ -79,6 +97,45 @@ class RigidBodyPlant:
     def step(self, position_m: Sequence[float], speed_m_s: Sequence[float]) -> None:
         self._state = np.array(self._step(self._state, np.array(position_m), np.array(speed_m_s))).ravel()
         self.position_m = np.array(self._carts(self._state)).ravel()
+
+
+class ElasticPlant:
+    """The arm's side of each cart on a spring and a damper, e'' + 2 zeta w e' + w^2 e = -m'' with w = 2 pi f.
+
+    m is the motor's side, `plant`, which does not feel the arm: its loop is stiff or its gear high. e is the
+    deflection, exact for an m that is linear in each cycle.
+
+    Args:
+        frequency_Hz: f of the arm's side with the motor held, above zero.
+        damping: zeta, not negative.
+    """
+
+    def __init__(self, plant: Plant, frequency_Hz: float, damping: float = 0.05, cycle_s: float = 0.004) -> None:
+        if not (0 < frequency_Hz < math.inf and 0 <= damping < math.inf):
+            raise ValueError(f"expected a frequency above zero and a damping; found {frequency_Hz} Hz, {damping}")
+        w = 2 * np.pi * frequency_Hz
+        self.plant, self.cycle_s = plant, cycle_s
+        self._passes = expm(cycle_s * np.array([[0.0, 1.0], [-(w**2), -2 * damping * w]]))
+        self._deflection = np.zeros((2, len(plant.position_m)))  # e and e'
+        self._slope = np.zeros(len(plant.position_m))
+
+    @property
+    def position_m(self) -> np.ndarray:
+        """The motor's side, which the controller measures [m]."""
+        return self.plant.position_m
+
+    @property
+    def arm_m(self) -> np.ndarray:
+        """The arm's side, which moves the tool [m]."""
+        return self.plant.arm_m + self._deflection[0]
+
+    def step(self, position_m: Sequence[float], speed_m_s: Sequence[float]) -> None:
+        before = self.plant.arm_m.copy()
+        self.plant.step(position_m, speed_m_s)
+        slope = (self.plant.arm_m - before) / self.cycle_s
+        self._deflection[1] -= slope - self._slope  # m'' of a polygon is a step of its slope
+        self._deflection = self._passes @ self._deflection
+        self._slope = slope
 
 
 def _cycle(

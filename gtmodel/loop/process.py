@@ -7,6 +7,7 @@ import select
 import socket
 import subprocess
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -14,6 +15,7 @@ from typing import Any, Self
 from .wire import DATAGRAM_MAX
 
 SECONDS = 10.0
+LOG_INCOMPLETE = 1  # exit code of a run that is whole but for its log
 
 
 class LoopError(RuntimeError):
@@ -25,7 +27,11 @@ class LoopProcess:
 
     def __init__(self, program: Path, options: Sequence[str]) -> None:
         self._process = subprocess.Popen(
-            [str(program), *options], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+            [str(program), *options],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            start_new_session=True,  # Ctrl-C is for this process, which asks the loop to end
         )
         self.port = self._port()
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -43,8 +49,13 @@ class LoopProcess:
         self._process.communicate()
 
     def send(self, data: bytes) -> None:
-        """One datagram to the loop."""
-        self._socket.send(data)
+        """One datagram to the loop; lost if that has ended."""
+        with suppress(ConnectionRefusedError):
+            self._socket.send(data)
+
+    @property
+    def ended(self) -> bool:
+        return self._process.poll() is not None
 
     def received(self) -> list[bytes]:
         """Answers that are there, without waiting."""
@@ -74,7 +85,7 @@ class LoopProcess:
         return answers
 
     def end(self) -> None:
-        """Ask the loop to end, as a person does with Ctrl-C; `finish` waits for it."""
+        """Ask the loop to end, as a person does with Ctrl-C: it ramps to a stop; `finish` waits for it."""
         self._process.terminate()
 
     def finish(self) -> dict[str, Any]:
@@ -83,7 +94,7 @@ class LoopProcess:
             out, self.said = self._process.communicate(timeout=SECONDS)
         except subprocess.TimeoutExpired:
             raise LoopError(f"the loop did not end within {SECONDS:g} s") from None
-        if self._process.returncode != 0 or not out.strip():
+        if self._process.returncode not in (0, LOG_INCOMPLETE) or not out.strip():
             raise LoopError(f"the loop ended with {self._process.returncode}: {self.said.strip()}")
         return json.loads(out)
 

@@ -11,7 +11,7 @@ from .exchange import AXES, MM, Protocol
 from .plant import Plant
 from .wire import WireError
 
-FIRST_MS = 1000
+UINT32 = (1 << 32) - 1
 FIRST_IPOC = 4_208_000
 # an arm beside the carts, which stands still; its joints are sent back as they came
 JOINTS_DEG = [0.0, 10.0, -20.0, 0.0, 30.0, 0.0]
@@ -24,6 +24,8 @@ class RobotSide:
     Args:
         programme: carts [m] of the robot's own motion in a cycle under a path correction [m]; None: it stands.
         waits: cycles before the robot says that it is running (EGM).
+        ends: cycle from which on it says that it is not, None for never (EGM).
+        first_number, first_ms: of the first datagram (EGM); both run over at 32 bits.
     """
 
     def __init__(
@@ -34,9 +36,13 @@ class RobotSide:
         cycle_ms: int = 4,
         programme: Programme | None = None,
         waits: int = 0,
+        ends: int | None = None,
+        first_number: int = 0,
+        first_ms: int = 1000,
     ) -> None:
         self.protocol, self.plant, self.cycle_ms = protocol, plant, cycle_ms
-        self.programme, self.waits = programme, waits
+        self.programme, self.waits, self.ends = programme, waits, ends
+        self.first_number, self.first_ms = first_number, first_ms
         self.cycles = 0
         self.start_m = np.array(plant.position_m)
         self.planned_m = list(map(float, plant.position_m))
@@ -49,7 +55,7 @@ class RobotSide:
     @property
     def number(self) -> int:
         """Number of the datagram of this cycle, as the loop counts it."""
-        return self.cycles if self.protocol == "egm" else self._ipoc // self.cycle_ms
+        return self.first_number + self.cycles if self.protocol == "egm" else self._ipoc // self.cycle_ms
 
     @property
     def _ipoc(self) -> int:
@@ -65,10 +71,10 @@ class RobotSide:
             values = {"RIst": cartesian, "RSol": cartesian, "AIPos": JOINTS_DEG, "ASPos": JOINTS_DEG}
             values |= {"EIPos": measured + rest, "ESPos": planned + rest}
             return rsi.encode_robot(rsi.Robot(self._ipoc, delay=self.late, values=values))
-        running = self.cycles >= self.waits
+        running = self.waits <= self.cycles and (self.ends is None or self.cycles < self.ends)
         robot = egm.Robot(
-            sequence=self.cycles,
-            time_ms=FIRST_MS + self.cycle_ms * self.cycles,
+            sequence=self.number & UINT32,
+            time_ms=self.first_ms + self.cycle_ms * self.cycles & UINT32,
             type=egm.TYPE_DATA,
             feedback=egm.Pose(joints_deg=JOINTS_DEG, external_mm=measured),
             planned=egm.Pose(joints_deg=JOINTS_DEG, external_mm=planned),
@@ -111,4 +117,4 @@ class RobotSide:
         elif len(sensor.external_mm) >= n and self.programme is None:
             self.planned_m = [x / MM for x in sensor.external_mm[:n]]
             self.speed_m_s = [x / MM for x in sensor.external_speeds_mm_s[:n]]
-        return sensor.sequence == self.cycles
+        return sensor.sequence == self.number & UINT32

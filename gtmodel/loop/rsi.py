@@ -33,12 +33,16 @@ class TelegramError(ValueError):
 
 @dataclass
 class Robot:
-    """What a controller sends: six numbers by element name, late answers, time stamp [ms] and its digits."""
+    """What a controller sends: six numbers by element name, late answers, time stamp [ms] and its digits.
+
+    `given`: by element, bit n for the number n; a number that was not sent is zero.
+    """
 
     ipoc: int = 0
     stamp: bytes = b""
     delay: int = 0
     values: dict[str, list[float]] = field(default_factory=dict)
+    given: dict[str, int] = field(default_factory=dict)
 
 
 @dataclass
@@ -102,6 +106,7 @@ class _Scanner:
             self._need(b"<")
             if self._over(b"/"):
                 name = self._word()
+                self._spaces()
                 self._need(b">")
                 if name == b"Rob":
                     if opened and robot.stamp:
@@ -123,21 +128,17 @@ class _Scanner:
     def _attributes(self, element: str, robot: Robot) -> None:
         names = ELEMENTS.get(element)
         values = robot.values.setdefault(element, [0.0] * 6) if names else []
+        if names:
+            robot.given.setdefault(element, 0)
         while True:
-            while self.data[self.at : self.at + 1] and self.data[self.at] in _SPACE:
-                self.at += 1
+            self._spaces()
             self._over(b"/")
             if self._over(b">"):
                 return
             name = self._word()
             if not name:
                 raise TelegramError("an attribute has no name")
-            self._need(b"=")
-            self._need(b'"')
-            begin = self.at
-            self._to(b'"')
-            text = self.data[begin : self.at]
-            self._need(b'"')
+            text = self._quoted()
             if element == "Delay" and name == b"D":
                 delay = read_digits(text)
                 if delay is None:
@@ -148,14 +149,33 @@ class _Scanner:
                 if value is None:
                     raise TelegramError(f"{element} holds what is no number")
                 values[names.index(name)] = value
+                robot.given[element] |= 1 << names.index(name)
+
+    def _quoted(self) -> bytes:
+        """="value" or ='value', with spaces round the sign."""
+        self._spaces()
+        self._need(b"=")
+        self._spaces()
+        quote = b'"' if self._over(b'"') else b"'"
+        if quote == b"'":
+            self._need(quote)
+        begin = self.at
+        self._to(quote)
+        self._need(quote)
+        return self.data[begin : self.at - 1]
 
     def _ipoc(self, robot: Robot) -> None:
-        begin = self.at
-        self._to(b"<")
-        ipoc = read_digits(self.data[begin : self.at])
-        if ipoc is None:
+        self._spaces()
+        digits = self._word()
+        self._spaces()
+        ipoc = read_digits(digits)
+        if ipoc is None or self.data[self.at : self.at + 1] != b"<":
             raise TelegramError("IPOC is no number")
-        robot.ipoc, robot.stamp = ipoc, self.data[begin : self.at]
+        robot.ipoc, robot.stamp = ipoc, digits
+
+    def _spaces(self) -> None:
+        while self.at < len(self.data) and self.data[self.at] in _SPACE:
+            self.at += 1
 
     def _over(self, byte: bytes) -> bool:
         found = self.data[self.at : self.at + 1] == byte

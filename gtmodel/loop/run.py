@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from .faults import Channel
-from .process import LoopProcess
+from .process import SECONDS, LoopProcess
 from .robot_side import RobotSide
 
 Answering = Callable[[list[bytes]], list[bytes]]
@@ -22,9 +22,11 @@ def _never(share: float) -> bool:
 
 @dataclass
 class Run:
-    """Carts (cycles, n) [m] before each cycle's step, and the channels with what arrived."""
+    """Carts (cycles, n) [m] before each cycle's step, `arm_m` where they move the tool, and the channels with what
+    arrived."""
 
     measured_m: np.ndarray
+    arm_m: np.ndarray
     planned_m: np.ndarray
     to_loop: Channel = field(default_factory=Channel)
     to_robot: Channel = field(default_factory=Channel)
@@ -40,9 +42,10 @@ def lockstep(
 ) -> Run:
     """Cycle by cycle: the robot sends, the loop (`exchange` of a LoopProcess or of a Twin) answers, the robot moves."""
     out, back = to_loop or Channel(), to_robot or Channel()
-    measured, planned = [], []
+    measured, arm, planned = [], [], []
     for cycle in range(cycles):
         measured.append(np.array(robot.plant.position_m))
+        arm.append(np.array(robot.plant.arm_m))
         planned.append(list(robot.planned_m))
         out.put(cycle, robot.number, robot.datagram())
         for answer in answering(out.due(cycle)):
@@ -50,19 +53,29 @@ def lockstep(
         robot.step(back.due(cycle))
         if stopped(cycle / cycles):
             break
-    return Run(np.array(measured), np.array(planned), out, back)
+    return Run(np.array(measured), np.array(arm), np.array(planned), out, back)
 
 
 def real_time(robot: RobotSide, loop: LoopProcess, cycles: int, stopped: Stopped = _never) -> Run:
-    """The robot sends every cycle_ms by the clock; answers count that have come when the next cycle begins."""
-    measured, planned = [], []
+    """The robot sends every cycle_ms by the clock; answers count that have come when the next cycle begins.
+
+    Then the loop is asked to end, and the robot, no longer measured, follows it to its stop.
+    """
+    measured, arm, planned = [], [], []
     begin, step = time.monotonic(), robot.cycle_ms / 1000.0
     for cycle in range(cycles):
         measured.append(np.array(robot.plant.position_m))
+        arm.append(np.array(robot.plant.arm_m))
         planned.append(list(robot.planned_m))
         loop.send(robot.datagram())
         if stopped(cycle / cycles):
             break
         time.sleep(max(0.0, begin + (cycle + 1) * step - time.monotonic()))
         robot.step(loop.received())
-    return Run(np.array(measured), np.array(planned))
+    loop.end()
+    over = time.monotonic() + SECONDS
+    while not loop.ended and time.monotonic() < over:
+        loop.send(robot.datagram())
+        time.sleep(step)
+        robot.step(loop.received())
+    return Run(np.array(measured), np.array(arm), np.array(planned))

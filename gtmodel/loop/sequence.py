@@ -6,6 +6,13 @@ from dataclasses import dataclass
 
 WINDOW = 64
 _SEEN = (1 << WINDOW) - 1
+_UINT32 = (1 << 32) - 1
+
+
+def near(last: int, low: int) -> int:
+    """The number nearest to `last` whose low 32 bits are `low`; it may lie below zero."""
+    ahead = (low - last) & _UINT32
+    return last + ahead if ahead <= _UINT32 // 2 else last + ahead - (_UINT32 + 1)
 
 
 @dataclass
@@ -20,6 +27,14 @@ class Sequence:
     repeated: int = 0
     reordered: int = 0
     stale: int = 0
+
+    def take_32(self, low: int) -> int | None:
+        """`take` for a counter of 32 bits: the number that it goes on with if that is newer than all before."""
+        number = low if self.first is None else near(self.newest, low)
+        if number < 0:
+            self.stale += 1
+            return None
+        return number if self.take(number) else None
 
     def take(self, number: int) -> bool:
         """Count a datagram of this number; True if it is newer than all before."""

@@ -10,7 +10,7 @@ from ..results.status import Status
 from .exchange import AXES, Command, Exchange, Feedback
 from .laws import Law
 from .record import COLUMNS
-from .sequence import Sequence
+from .sequence import Sequence, near
 from .wire import DATAGRAM_MAX
 
 WAITING, RUNNING, HOLDING, RAMPING, STOPPED = range(5)
@@ -29,7 +29,8 @@ class Limits:
 @dataclass
 class Settings:
     """dry: commands are logged, not sent. Without a command the last speed is held for hold_cycles, then it is ramped
-    to zero over ramp_cycles, and the loop stays stopped; a command outside the limits starts the ramp at once."""
+    to zero over ramp_cycles, and the loop stays stopped; a command outside the limits, and a robot that runs no more,
+    start the ramp at once."""
 
     dry: bool = True
     hold_cycles: int = 5
@@ -66,8 +67,25 @@ class Twin:
         feedback = self.peer.read(data) if len(data) <= DATAGRAM_MAX else None
         if feedback is None:
             self.garbage += 1
-        elif self.sequence.take(feedback.sequence):
+        elif self._is_newer(feedback):
             self.feedback = self.fresh = feedback
+
+    def stop(self) -> None:
+        """No more commands of the law: the cycles that follow ramp to a stop."""
+        if self.state == WAITING:
+            self.state = STOPPED
+        if self.state in (RUNNING, HOLDING):
+            self._begin_ramp()
+
+    def _is_newer(self, feedback: Feedback) -> bool:
+        """True if it is newer than all before; number and time of EGM, of 32 bits, go on where they run over."""
+        if self.peer.protocol != "egm":
+            return self.sequence.take(feedback.sequence)
+        if self.feedback is not None:
+            feedback.time_ms = max(0, near(self.feedback.time_ms, feedback.time_ms))
+        number = self.sequence.take_32(feedback.sequence)
+        feedback.sequence = feedback.sequence if number is None else number
+        return number is not None
 
     def cycle(self) -> bytes:
         """End the cycle: the answer to the newest datagram, empty for none, and a record in the log."""
@@ -99,7 +117,10 @@ class Twin:
 
     def _law(self, feedback: Feedback) -> Status:
         command = self.command.copy()
-        if feedback.time_ms < self.first_ms:
+        if not feedback.running:
+            self.misses = self.settings.hold_cycles
+            return Status.STALE_INPUT
+        if feedback.time_ms < self.command_ms:
             return Status.STALE_INPUT
         status = self.law.step(feedback, feedback.time_ms - self.first_ms, command)
         if status is Status.OK and not self._allowed(command, self._passed(feedback)):
@@ -140,9 +161,12 @@ class Twin:
             self.state = HOLDING
             self._coast(self.command.speed_m_s, 1.0)
         else:
-            self.state = RAMPING
-            self.ramp_left = self.settings.ramp_cycles
-            self.ramp_from = list(self.command.speed_m_s)
+            self._begin_ramp()
+
+    def _begin_ramp(self) -> None:
+        self.state = RAMPING
+        self.ramp_left = self.settings.ramp_cycles
+        self.ramp_from = list(self.command.speed_m_s)
 
     def _ramp(self) -> None:
         if self.ramp_left > 0:

@@ -29,7 +29,7 @@ from .friction_rotational import (
     RotationalStribeckFriction,
     RotationalTanhFriction,
 )
-from .guideway import Guideway
+from .guideway import CompliantGuideway, Guideway
 from .guideway_curves import CurvedGuideway, PiecewiseLinearCyclicGuideway, PiecewiseLinearGuideway, SplineGuideway
 from .guideway_measured import MeasuredGuideway
 from .guideway_saddle import SaddleGuideway
@@ -38,8 +38,8 @@ from .load import FrameLoad, PointLoad
 from .motor import ForceMotor, GearedMotor, TorqueMotor
 from .plane import Plane
 from .plate import RigidPlate
-from .rod import MidpointRod, Rod, UniformRod
-from .spring_damper import FlangeSpringDamper, ShaftSpringDamper, SpringDamper
+from .rod import ElasticRod, MidpointRod, Rod, UniformRod
+from .spring_damper import FlangeSpringDamper, PointSpringDamper, ShaftSpringDamper, SpringDamper
 from .strut import Strut
 from .wrist import Wrist, WristAxis
 
@@ -48,10 +48,12 @@ __all__ = [
     "AnyQuaternion",
     "Attitude",
     "BallScrew",
+    "CompliantGuideway",
     "CurvedGuideway",
     "DirectionalPiecewiseLinearFriction",
     "DirectionalSignFriction",
     "DirectionalTanhFriction",
+    "ElasticRod",
     "Fixed",
     "FixedFlange",
     "FixedShaft",
@@ -80,6 +82,7 @@ __all__ = [
     "PointLoad",
     "PointMass",
     "PointOnFrame",
+    "PointSpringDamper",
     "Prismatic",
     "RackAndPinion",
     "Revolute",

@@ -1,4 +1,4 @@
-"""A massless slide along a straight guideway."""
+"""A massless slide along a straight guideway, rigid or giving way."""
 
 from __future__ import annotations
 
@@ -21,3 +21,21 @@ class Guideway(gt.Model):
     def equations(self):
         yield self.frame.r == self.A + self.flange.s * self.v
         yield self.flange.f + gt.dot(self.frame.f, self.v) == 0
+
+
+class CompliantGuideway(Guideway):
+    """A guideway that gives way: frame.r = A + q v + offset, where the force f [N] on the frame is K offset.
+
+    K (3, 3) [N/m], symmetric, world axes: drive, bearings and machine frame in series, along the guideway and across.
+    q stays where the drive holds it.
+    """
+
+    K = gt.parameter(shape=(3, 3), unit="N/m", description="stiffness of drive, bearings and frame, world axes")
+    offset = gt.variable(3, unit="m", nominal=1e-4, description="how far the frame has given way")
+
+    def equations(self):
+        force = self.frame.f
+        yield self.frame.r == self.A + self.flange.s * self.v + self.offset
+        yield force == self.K @ self.offset
+        yield self.flange.f + gt.dot(force, self.v) == 0
+        yield gt.energy(stored=gt.dot(self.offset, force) / 2)

@@ -1,7 +1,8 @@
-"""Rods between spherical joints; all are rigid and of length L."""
+"""Rods between spherical joints: rigid ones of length L, and one that gives way along itself."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 from .. import lang as gt
@@ -24,12 +25,16 @@ class Rod(gt.Model):
 
     def equations(self):
         d = self.b.r - self.a.r
-        yield gt.dot(d, d) == self.L**2
+        yield from self.closure(d)
         inertial_a, inertial_b = self.inertial_forces()
         yield self.a.f == inertial_a - self.tension * d
         yield self.b.f == inertial_b + self.tension * d
         weight = gt.dot(self.world.g, (self.a.r + self.b.r) / 2)
         yield gt.energy(stored=self.kinetic_energy() - self.m * weight)
+
+    def closure(self, d: Any) -> Iterator[Any]:
+        """Equations of the distance of the joints, d from a to b [m]."""
+        yield gt.dot(d, d) == self.L**2
 
     def inertial_forces(self) -> tuple[Any, Any]:
         """Mass times acceleration minus weight, as shared by the two ends [N]."""
@@ -50,6 +55,23 @@ class MidpointRod(Rod):
     def kinetic_energy(self):
         v = gt.der((self.a.r + self.b.r) / 2)
         return self.m / 2 * gt.dot(v, v)
+
+
+class ElasticRod(MidpointRod):
+    """A MidpointRod that gives way along itself: length = L + n/k under the pull n = tension * length [N].
+
+    k [N/m]: of the rod and the joints at its ends in series, 1/k = L/(E A) + 1/k_a + 1/k_b. It bends no more than a
+    rigid one: its joints pass no moment.
+    """
+
+    k = gt.parameter(unit="N/m", positive=True, description="stiffness along the rod, joints included")
+    stretch = gt.variable(unit="m", nominal=1e-4, description="distance of the joints less L")
+
+    def closure(self, d):
+        length = self.L + self.stretch
+        yield gt.dot(d, d) == length**2
+        yield self.tension * length == self.k * self.stretch
+        yield gt.energy(stored=self.k / 2 * self.stretch**2)
 
 
 class UniformRod(Rod):

@@ -1,6 +1,8 @@
-"""Springs with dampers in parallel: between two points, two flanges, two shafts."""
+"""Springs with dampers in parallel: between two points (along their line, in all directions), flanges, shafts."""
 
 from __future__ import annotations
+
+import numpy as np
 
 from .. import lang as gt
 from .frames import Flange, PointFrame, Shaft
@@ -28,6 +30,29 @@ class SpringDamper(gt.Model):
         yield self.a.f == -self.pull / self.length * ab
         yield self.b.f == self.pull / self.length * ab
         yield _energy(self.k, self.d, self.length - self.length0)
+
+
+class PointSpringDamper(gt.Model):
+    """Spring and damper that hold two points together in all three directions; they rest where the points meet.
+
+    K and D (3, 3), world axes, symmetric: force of a on b is -K (b.r - a.r) - D der(b.r - a.r). A mass on a compliant
+    mount: an elastic end-effector.
+    """
+
+    K = gt.parameter(shape=(3, 3), unit="N/m", description="stiffness, world axes")
+    D = gt.parameter(np.zeros((3, 3)), unit="N.s/m", description="damping, world axes")
+    a = gt.port(PointFrame)
+    b = gt.port(PointFrame)
+    offset = gt.variable(3, unit="m", nominal=1e-3, description="from a to b")
+
+    def equations(self):
+        rate = gt.der(self.offset)
+        pull = self.K @ self.offset + self.D @ rate
+        yield self.b.r == self.a.r + self.offset
+        yield self.b.f == pull
+        yield self.a.f == -pull
+        stored = gt.dot(self.offset, self.K @ self.offset) / 2
+        yield gt.energy(stored=stored, dissipated=gt.dot(rate, self.D @ rate))
 
 
 class FlangeSpringDamper(gt.Model):

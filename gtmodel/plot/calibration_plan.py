@@ -32,13 +32,15 @@ def room_figure(
     room: Box,
     boxes: Sequence[Box] = (),
     device: np.ndarray | None = None,
+    again: str = "of them more than once",
     title: str = "",
 ) -> Figure:
     """Layers of points (n, 3) [m] with their numbers in the legend, the robot at home, the room as a wire box.
 
     Args:
         robot: ends of its links at carts and plate (l, 3), tool centre point (3,), guideway directions (l, 3).
-        boxes: obstacles, corners low and high (3,) [m]. device: where it stands (3,) [m].
+        boxes: obstacles, corners low and high (3,) [m]. device: where it stands (3,) [m]. again: what points are that
+            a layer holds several times.
     """
     figure = Figure(figsize=(8.5, 6.8), layout="constrained")
     axes: Any = figure.add_subplot(projection="3d")
@@ -46,7 +48,7 @@ def room_figure(
     for name, T in layers.items():
         colour, size, strength = LAYERS.get(name, MAIN)
         at, times = np.unique(np.asarray(T).reshape(-1, 3), axis=0, return_counts=True)
-        twice = f", {np.count_nonzero(times > 1)} of them more than once" if np.any(times > 1) else ""
+        twice = f", {np.count_nonzero(times > 1)} {again}" if np.any(times > 1) else ""
         axes.scatter(*at.T, s=size * times, color=colour, alpha=strength, depthshade=False,
                      label=f"{name}: {len(T)}{twice}")  # fmt: skip
     wire = _corners(room)
@@ -91,14 +93,20 @@ def curve_figure(selected: Sequence[Any], grids: Sequence[Any], accuracy: float,
 def parameters_figure(
     names: Sequence[str], predicted: np.ndarray, simulated: np.ndarray | None, *, runs: int = 0, title: str = ""
 ) -> Figure:
-    """Standard deviation of each parameter, predicted and of simulated (synthetic) calibrations [1e-6]."""
-    figure = Figure(figsize=(max(6.0, 0.36 * len(names) + 2), 4.8), layout="constrained")
+    """Standard deviation of each parameter, predicted and of simulated (synthetic) calibrations [1e-6]; those that are
+    not told, infinite or NaN, have grey names and nothing else."""
+    figure = Figure(figsize=(min(max(6.0, 0.36 * len(names) + 2), 16.0), 4.8), layout="constrained")
     axes = figure.add_subplot()
-    x = np.arange(len(names))
-    axes.bar(x, 1e6 * predicted, color="#8db3d9", label="predicted")
+    told = np.flatnonzero(np.isfinite(predicted))
+    axes.bar(told, 1e6 * predicted[told], color="#8db3d9", label="predicted")
     if simulated is not None:
-        axes.plot(x, 1e6 * simulated, "D", color="#d55e00", markersize=5, label=f"{runs} simulated, synthetic")
-    axes.set_xticks(x, names, rotation=90, fontsize="small")
+        axes.plot(told, 1e6 * simulated[told], "D", color="#d55e00", markersize=5, label=f"{runs} simulated, synthetic")
+    axes.set_xticks(np.arange(len(names)), names, rotation=90, fontsize="small" if len(names) < 45 else "x-small")
+    for k, label in enumerate(axes.get_xticklabels()):
+        label.set_color("black" if k in told else "0.65")
+    if len(told) < len(names):
+        axes.plot([], [], " ", label="grey: not told by itself")
+    axes.set_xlim(-0.8, len(names) - 0.2)
     axes.set(ylabel="standard deviation [µm, or 1e-6]", title=title)
     axes.grid(axis="y", alpha=0.3)
     axes.legend(fontsize="small")

@@ -11,6 +11,7 @@ from ..results.trajectory import Trajectory
 from .signals import COLOURS
 
 _AXES = "xyz"
+SMALLEST_MM = 1e-3  # what no measurement would show; zero has no logarithm
 
 
 def tracking_figure(wanted: Trajectory, runs: Mapping[str, Trajectory], title: str = "") -> Figure:
@@ -31,12 +32,18 @@ def tracking_figure(wanted: Trajectory, runs: Mapping[str, Trajectory], title: s
         for (label, run), colour in zip(runs.items(), COLOURS[1:], strict=False):
             off = 1e3 * (run[name] - wanted[name][: len(run)])
             size = np.linalg.norm(off, axis=1) if name == "T" else np.abs(off).max(axis=1)
-            axes.plot(run.time, size, color=colour, label=label)
+            axes.plot(run.time, np.maximum(size, SMALLEST_MM), color=colour, label=label)
+        axes.set_yscale("log")
+        axes.set_ylim(bottom=SMALLEST_MM / 2)
         axes.set_ylabel("error of T [mm]" if name == "T" else "worst cart [mm]")
+    panels[0].set_xlim(wanted.time[0], wanted.time[-1])
     for axes in panels:
         axes.grid(alpha=0.3)
-    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=3, fontsize="small")
-    panels[-1].set_xlabel("time [s]")
+    figure.align_ylabels(panels)
+    figure.legend(
+        *panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=len(runs) + 1, fontsize="small"
+    )
+    panels[-1].set_xlabel(f"time [s]; errors below {1e3 * SMALLEST_MM:g} µm are drawn as {1e3 * SMALLEST_MM:g} µm")
     if title:
         panels[0].set_title(title)
     return figure

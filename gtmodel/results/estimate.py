@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy import stats
 
 # what a combination's terms sum to along a null direction, of the sum of their sizes: more is not told by the data
 INSIDE = 1e-6
@@ -94,6 +93,8 @@ class Estimate:
         return self.names.index(name)
 
     def _quantile(self, level: float) -> float:
+        from scipy import stats  # here: it alone takes as long to import as all of gtmodel
+
         if not 0 < level < 1:
             raise ValueError(f"a confidence level lies between 0 and 1; found {level:g}")
         return float(

@@ -44,7 +44,7 @@ def wall(
     for m, value in zip(margins, numbers.tolist(), strict=True):
         size = abs(value) if m.kind == "pivot" else value
         if not size > NEAR_ZERO * m.scale:
-            gone[m.kind].append(f"the {m.kind} of {m.label} is {value:.3g}, typically {m.scale:.3g}")
+            gone[m.kind].append(f"the {m.kind} of {m.label} is {size:.3g}, typically {m.scale:.3g}")
     found = gone["condition"] or gone["discriminant"] or gone["pivot"]
     if found:
         return Ended(SolveStatus.FAILED, f"{at}, where it leads out of the model's range: {'; '.join(found[:3])}")

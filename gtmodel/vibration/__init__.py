@@ -1,5 +1,20 @@
-"""How an arm vibrates: oscillators from frequency responses, and how they vary over the workspace. Knows no robot.
+"""How a robot vibrates: black boxes and M, D, K of recordings, oscillators of frequency responses. Knows no robot.
 
+Recordings
+    Record, VibrationError              one evenly sampled recording; what does not fit, in a sentence
+    structure_record, hammer_record, step_record   made-up recordings with seed and noise
+Black boxes (Dressler 2012, section 6.3)
+    identify_step        delayed first-order model, eq. (6.11) -> control.TransferFunction
+    identify_subspace    N4SID, MOESP, CVA with order and held-out prediction -> control.StateSpace
+    identify_impulse     resonances and damping from what follows a hit
+    bandwidth            of a first-order pole
+Physical form
+    physical_form        M^-1 K and M^-1 D of a model whose outputs are positions, eq. (6.14)
+    from_known           M, D, K where a force or masses are known
+    output_error         M, D, K nearest to the recording, symmetric positive definite or free, with covariance
+    continuous           matrix logarithm with its branch checked
+    modes, sign_question    frequencies, damping, shapes, definiteness in words, eq. (6.15)
+    definite_form        the nearest passive structure to printed matrices
 Frequency responses
     FrequencyResponse, frequency_response   receptance with its noise from records of an impact hammer
     command_force                           what a commanded step stands for
@@ -12,6 +27,8 @@ Over the pose
     SyntheticField, synthetic_field         a made-up truth through given poses
 """
 
+from .continuous import Continuous, continuous
+from .definite_form import DefiniteForm, definite_form
 from .frequency_fit import ModalFit, fit_modes
 from .frequency_modes import receptance
 from .frequency_response import FrequencyResponse, command_force, frequency_response
@@ -19,13 +36,26 @@ from .frequency_synthetic import synthetic_hits, synthetic_receptance
 from .gaussian_process import GaussianProcess
 from .gaussian_process_fit import fit_gaussian_processes, held_out
 from .gaussian_process_kernel import Inputs
+from .impulse import ImpulseModel, Resonance, identify_impulse
+from .known_force import SecondOrder, from_known
+from .modes import Modes, modes, sign_question
+from .order import OrderTrial
 from .oscillator_field import OscillatorField, fit_oscillator_field
 from .oscillator_field_file import load_oscillator_field, oscillator_text
 from .oscillator_field_synthetic import SyntheticField, synthetic_field
+from .output_error import OutputErrorFit, output_error
+from .physical_form import PhysicalForm, physical_form
+from .record import Record, VibrationError
+from .step_response import StepModel, bandwidth, identify_step
+from .subspace import SubspaceModel, identify_subspace
+from .synthetic import hammer_record, step_record, structure_record
 
 __all__ = [
-    "FrequencyResponse", "GaussianProcess", "Inputs", "ModalFit", "OscillatorField", "SyntheticField",
-    "command_force", "fit_gaussian_processes", "fit_modes", "fit_oscillator_field", "frequency_response", "held_out",
-    "load_oscillator_field", "oscillator_text", "receptance", "synthetic_field", "synthetic_hits",
-    "synthetic_receptance",
+    "Continuous", "DefiniteForm", "FrequencyResponse", "GaussianProcess", "ImpulseModel", "Inputs", "ModalFit", "Modes",
+    "OrderTrial", "OscillatorField", "OutputErrorFit", "PhysicalForm", "Record", "Resonance", "SecondOrder",
+    "StepModel", "SubspaceModel", "SyntheticField", "VibrationError", "bandwidth", "command_force", "continuous",
+    "definite_form", "fit_gaussian_processes", "fit_modes", "fit_oscillator_field", "frequency_response", "from_known",
+    "hammer_record", "held_out", "identify_impulse", "identify_step", "identify_subspace", "load_oscillator_field",
+    "modes", "oscillator_text", "output_error", "physical_form", "receptance", "sign_question", "step_record",
+    "structure_record", "synthetic_field", "synthetic_hits", "synthetic_receptance",
 ]  # fmt: skip

@@ -16,6 +16,7 @@ import numpy as np
 
 import gtmodel as gt
 from gtmodel.compiler.causal import CausalFunction, flat_of
+from gtmodel.compiler.sharing import shared
 from tests.bench.chains import angle_chain, cartesian_chain
 
 LENGTHS = (1, 2, 5, 10, 20, 50)
@@ -60,6 +61,7 @@ def measure(make: Callable[[], gt.Model], compile: Compile) -> Measured:
     """The best of some repetitions, or the only one where it takes long."""
     best: Measured | None = None
     for _ in range(REPETITIONS):
+        shared.cache_clear()
         model = make()
         start = time.process_time()
         flat_of(model)

@@ -73,6 +73,22 @@ def small() -> Functions:
 
 
 @pytest.fixture(scope="session")
+def f1() -> Functions:
+    robot = gt.robots.f1_gantry_tau()
+    return {
+        "fk": robot.causal("q", ["T", "e"]),
+        "ik": robot.causal(["T", "e"], "q"),
+        "velocity": robot.causal(["T", "e"], ["q", "der(q)"]),
+    }
+
+
+@pytest.fixture(scope="session")
+def newton_functions(f1: Functions) -> Functions:
+    six = gt.robots.six_link_gantry_tau()
+    return {"six_link_fk": six.causal("q", ["T", "e"]), "fk": f1["fk"], "ik": f1["ik"]}
+
+
+@pytest.fixture(scope="session")
 def l1_folder(l1: Functions, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The generated folder of the robot; tests must not change it."""
     return cgen.generate(l1, tmp_path_factory.mktemp("generated") / "l1", name="l1").folder

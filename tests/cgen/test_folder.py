@@ -1,12 +1,15 @@
 """A person's files are never touched; ours are replaced."""
 
 import json
+import re
 import shutil
 from pathlib import Path
 
 import pytest
 
-from gtmodel import cgen
+from gtmodel import Status, cgen
+from gtmodel._files import codegen_dir
+from gtmodel.cgen.real import DOUBLE, FLOAT, FLOAT_TOLERANCE
 from tests.cgen.conftest import Functions, copy
 
 
@@ -93,3 +96,46 @@ def test_edited_files_need_permission(small: Functions, small_folder: Path, tmp_
     cgen.generate(small, folder, name="small")
     assert bytes_of(folder) == bytes_of(small_folder)
     shutil.rmtree(folder)
+
+
+def test_the_contract_is_one_page_and_in_every_readme(small_folder: Path) -> None:
+    page = (codegen_dir() / "runtime" / "contract.md").read_text()
+    docs = Path(__file__).parents[2] / "docs" / "c_contract.md"
+    assert docs.read_text().endswith(page) and len(docs.read_text().splitlines()) < 66
+    assert page in (small_folder / "README.md").read_text()
+    for status in Status:
+        assert f"`{status.c_name}`" in page
+    for number in (DOUBLE.pivot, FLOAT.pivot, DOUBLE.residual, FLOAT.residual, FLOAT_TOLERANCE):
+        assert re.search(rf"\b{re.escape(f'{number:.0e}'.replace('e-0', 'e-'))}\b", page), number
+
+
+def test_measured_costs_stand_beside_the_manifest(small: Functions, tmp_path: Path) -> None:
+    folder = cgen.generate(small, tmp_path / "s", name="s").folder
+    manifest = (folder / "manifest.json").read_bytes()
+    costs = cgen.Costs({"gt_s_slider": 100}, {}, {"gt_s_slider": 64}, {"gt_s_slider": 50})
+    assert json.loads(cgen.write_costs(folder, costs).read_text())["instructions"] == {"gt_s_slider": 50}
+    cgen.generate(small, folder, name="s")
+    assert (folder / "manifest.json").read_bytes() == manifest and not (folder / "costs.json").exists()
+    (folder / "costs.json").write_text("[mine]")
+    with pytest.raises(cgen.GenerationError, match="was not written by gtmodel"):
+        cgen.write_costs(folder, costs)
+    cgen.generate(small, folder, name="s")
+    assert (folder / "costs.json").read_text() == "[mine]"
+
+
+def test_a_box_is_checked(small: Functions, tmp_path: Path) -> None:
+    pendulum = {"pendulum": small["pendulum"]}
+    good = {"x[1]": [[-0.9, 0.9]], "der(x[1])": [[-1.0, 1.0]]}
+    reach = good | {"x[1]": [[-0.9, 1.1]]}
+    for box, lost in ((good, False), (reach, True)):
+        folder = cgen.generate(pendulum, tmp_path / "p", name="p", box=box).folder
+        assert json.loads((folder / "manifest.json").read_text())["functions"][0]["box"] == box
+        failed = [c.name for c in cgen.check(folder, pendulum, points=20).checks if not c.passed]
+        assert failed == (["pendulum_box_without_answer"] if lost else [])
+    for box, message in (
+        ({"y": [[0.0, 1.0]]}, "the box speaks of 'y', which no function takes"),
+        (good | {"x[1]": [[0.0, 1.0]] * 2}, r"gives 2 intervals for 'x\[1\]'; give 1"),
+        (good | {"x[1]": [[1.0, 0.0]]}, r"gives \[1.0, 0.0\] for 'x\[1\]'; give \[least, greatest\]"),
+    ):
+        with pytest.raises(cgen.GenerationError, match=message):
+            cgen.generate(pendulum, tmp_path / "q", name="q", box=box)

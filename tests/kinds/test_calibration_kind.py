@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from gtmodel.cli import main
+from gtmodel.compiler.sharing import shared
 from gtmodel.kinds import Context, calibration, robots
 from gtmodel.results import SolveStatus
 from tests.calibrate.test_closure import Slider
@@ -86,6 +87,7 @@ class TestShippedProblems:
         assert "# std of L[0]: " in path.read_text() and "synthetic" in tomllib.loads(path.read_text())["note"]
 
     def test_the_report_stands_alone_and_is_the_same_twice(self, folder: Path, tmp_path: Path) -> None:
+        shared.cache_clear()  # compiled anew
         assert main(["solve", str(PROBLEMS / "calibrate_l1.toml"), "--out", str(tmp_path / "again")]) == 0
         for name in ("report.html", "result.json", "parameters.toml", "poses.csv"):
             assert (tmp_path / "again" / name).read_bytes() == (folder / name).read_bytes()

@@ -5,10 +5,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
-from gtmodel.kinds import Context, InputError, calibration_plan
+from gtmodel.kinds import Context, InputError, calibration_plan, calibration_plan_turns
+from gtmodel.kinds.calibration_plan_device import measuring
+from gtmodel.kinds.calibration_plan_steps import Plan, find_candidates
+from gtmodel.kinds.calibration_plan_turns import turns_of
 from gtmodel.kinds.load import load, validate
 from gtmodel.results import SolveStatus
+from gtmodel.robots import catalogue as robots
 from tests.support.commands import CLONE, Commands
 
 FILE = CLONE / "problems" / "plan_calibration_l1.toml"
@@ -29,7 +34,7 @@ MECHANISMS: dict[str, object] = {}
 @pytest.fixture(autouse=True)
 def one_compilation(monkeypatch: pytest.MonkeyPatch) -> None:
     """The same robot is compiled once for all tests here: most of a small plan's time."""
-    made = calibration_plan.limited_mechanism
+    made = calibration_plan_turns.limited_mechanism
 
     def once(model, home, bodies):
         key = repr((model, home, bodies.plate_joints_m))
@@ -37,7 +42,7 @@ def one_compilation(monkeypatch: pytest.MonkeyPatch) -> None:
             MECHANISMS[key] = made(model, home, bodies)
         return MECHANISMS[key]
 
-    monkeypatch.setattr(calibration_plan, "limited_mechanism", once)
+    monkeypatch.setattr(calibration_plan_turns, "limited_mechanism", once)
 
 
 def solve(context: Context | None = None, **changes: object):
@@ -143,6 +148,69 @@ def test_other_devices(device, more, worse):
     assert done.values["told"] == (3 if more else 21)
 
 
+F1 = {
+    **SMALL, "robot": "f1",
+    "room": {"low_m": [-0.4, 2.1, -0.2], "high_m": [0.0, 2.5, 0.2], "step_m": 0.2,
+             "turns_deg": [[0, 0, 0], [20, 0, 0], [0, 20, 0], [0, 0, 20], [-15, -15, 0]]},
+    "limits": {"actuators_m": [[-0.5, 2.0]] * 3, "axes_deg": [[-70, 70]] * 3},
+    "device": {"kind": "laser_tracker", "at_m": [-0.2, -2.5, 0.3], "orientation_noise_urad": 90.0},
+    "poses": {"held_out": 4, "starts": 1, "number": 40}, "criteria": {"accuracy_mm": 1.0},
+}  # fmt: skip
+
+
+@pytest.fixture
+def one_f1(monkeypatch: pytest.MonkeyPatch) -> None:
+    MECHANISMS.setdefault("f1", robots.f1_gantry_tau())
+    monkeypatch.setattr(calibration_plan.Schema, "model", lambda *_: MECHANISMS["f1"])
+
+
+def f1(**changes: object):
+    return calibration_plan.solve(validate(calibration_plan.Schema, {**F1, **changes}), Context())
+
+
+def test_an_f1_is_planned_with_turns_of_its_plate(one_f1: None):
+    """72 raw parameters, nine of them a choice of coordinates (Table 5.4: six, and three lengths of quaternions)."""
+    done = f1(simulation={"runs": 2})
+    v = done.values
+    assert v["approved"] and (v["told"], v["parameters"]) == (63, 72)
+    assert v["simulated_error_m"] == pytest.approx(v["predicted_error_m"], rel=0.4)  # two runs
+    rows = [line.split(",") for line in done.files["poses.csv"].splitlines() if not line.startswith("#")]
+    heads = [*(f"q[{k}] [mm]" for k in range(3)), *(f"q[{k}] [deg]" for k in range(3, 6))]
+    assert rows[0] == ["pose", "purpose", *heads, *(f"T[{k}] [mm]" for k in range(3)), *(f"e[{k}]" for k in range(4))]
+    table = np.array([row[2:] for row in rows[1:]], float)
+    assert len(table) == 44 and len(np.unique(np.round(table[:, 9:], 6), axis=0)) == 5
+    # the poses are those of the robot's forward kinematics, to the digits of the file
+    q = np.hstack([table[:, :3] / 1e3, np.radians(table[:, 3:6])])
+    T, e, status = robots.f1_gantry_tau().causal(known="q", targets=["T", "e"])(q)
+    assert np.all(status == 0)
+    np.testing.assert_allclose(1e3 * T, table[:, 6:9], atol=2e-3)  # 1e-4 deg and 1e-4 mm at some metres
+    np.testing.assert_allclose(np.abs(np.sum(e * table[:, 9:], axis=1)), 1.0, atol=1e-9)
+    assert "d, e, f the rotary axes in degrees" in done.files["poses.mod"]
+    assert list(done.figures)[-1] == "7_predicted_error" and done.figures["6_parameters"]() is not None
+
+
+def test_what_a_target_on_the_plate_shows_and_what_turned_poses_must_keep(one_f1: None):
+    robot = robots.f1_gantry_tau()
+    plate = Rotation.from_quat(np.array(robot.home_e), scalar_first=True)
+    towards = plate.inv().apply([0.0, -1.0, 0.0]).tolist()
+    seen = left(device={**F1["device"], "target_axis": towards, "acceptance_deg": 12.0})
+    assert 0 < seen["device"] < seen["safety"]  # poses turned by 20 deg about other axes do not face the tracker
+    assert 0 < left(limits={"axes_deg": [[-10, 10]] * 3})["workspace"] < seen["workspace"]
+    assert left(limits={"axes_deg": [[-10, 10]] * 3}, safety={"axes_deg": 9.9})["safety"] == 0
+
+
+def left(**changes: object) -> dict[str, int]:
+    problem = validate(calibration_plan.Schema, {**F1, **changes})
+    turns = turns_of(problem, problem.model(Context()))
+    plan = Plan(problem, turns, measuring(problem, turns[0].robot.model))
+    try:
+        find_candidates(plan, lambda *_: False)
+    except InputError as error:
+        assert "passes the stage" in str(error)
+    assert plan.found is not None
+    return plan.found.counts
+
+
 def test_a_stop_keeps_what_is_done():
     done = solve(Context(max_seconds=0.0))
     assert done.status is SolveStatus.INTERRUPTED and list(done.values["stages"]) == ["workspace"]
@@ -163,7 +231,11 @@ def test_a_stop_keeps_what_is_done():
         ({"poses": {"number": 5000, "held_out": 0}}, "poses.number", "5000 poses are asked for"),
         ({"safety": {"cone_deg": 40.0}, "limits": {"cone_deg": 40.0}}, "safety.cone_deg", "nothing is left"),
         ({"evaluation": {"low_m": [0, 0, 0], "high_m": [9, 9, 9]}}, "evaluation", "cannot reach"),
-        ({"robot": "f1"}, "robot", "must follow from T alone|links"),
+        ({"room": {**SMALL["room"], "turns_deg": [[5, 0, 0]]}}, "room.turns_deg", "is for an F1"),
+        ({"limits": {"axes_deg": [[-9, 9]]}}, "limits.axes_deg", "has 0 rotary axes; found 1"),
+        ({"robot": "f1", "limits": {"axes_deg": [[-9, 9]]}}, "limits.axes_deg", "has 3 rotary axes; found 1"),
+        ({"robot": "f1", "home_m": [9, 9, 9]}, "room.turns_deg", "cannot be reached with the plate at"),
+        ({"poses": {"number": 2, "method": "grid", "held_out": 0}}, "poses.number", "what no pose tells"),
         ({"free": ["B"]}, "", "hold no parameter 'B'"),
         ({"free": ["L"], "fixed": ["L"]}, "", "nothing is left free"),
     ],

@@ -81,11 +81,14 @@ def test_command_prints_one_object(folder: Path, motion: Path, place: Path, caps
         ({"peer": "abb"}, "--peer abb: expected egm or rsi"),
         ({"seconds": 0.0}, "--seconds 0: expected a time above 0"),
         ({"seconds": float("nan")}, "--seconds nan: expected a time above 0"),
+        ({"elastic_Hz": 0.0}, "--elastic 0: expected a frequency from 0.5 to 1000 Hz"),
+        ({"elastic_Hz": float("nan")}, "--elastic nan: expected a frequency"),
         ({"law": "guess"}, "--law guess: expected trajectory, dynamics, replay, path"),
         ({"reference": Path("none.csv")}, "--reference none.csv: there is no such file"),
         ({"folder": Path("nothing")}, "holds no manifest.json"),
         ({"out": Path(__file__).parent}, "holds files that gtmodel did not write"),
         ({"out": Path(__file__)}, "holds files that gtmodel did not write"),
+        ({"out": Path("/proc/loop")}, "cannot write into --out /proc/loop: No such file or directory"),
     ],
 )
 def test_wrong_input_is_one_sentence(folder: Path, motion: Path, place: Path, keys: dict, sentence: str) -> None:
@@ -102,6 +105,15 @@ def test_reference_of_another_step_is_refused(folder: Path, motion: Path, place:
     Trajectory(2 * slow.time, {n: slow[n] for n in names}, {n: slow.unit(n) for n in names}).to_csv(path)
     with pytest.raises(InputError, match=r"a row every 0\.004 s"):
         loop_run.run(folder, "egm", 1.0, reference=path, in_lockstep=True, out=place, context=Context())
+
+
+def test_an_arm_on_springs_is_off_where_its_motors_are_not(folder: Path, motion: Path, place: Path) -> None:
+    finished = loop_run.run(
+        folder, "egm", SECONDS, reference=motion, in_lockstep=True, elastic_Hz=12.0, out=place
+    )  # fmt: skip
+    off, on = finished.outcome.values["runs"]
+    assert finished.outcome.status.ok and finished.outcome.values["elastic_Hz"] == 12.0
+    assert on["cart_largest_mm"] < 1e-3 < 0.1 < on["tcp_largest_mm"] < off["tcp_largest_mm"]
 
 
 @pytest.mark.parametrize("in_lockstep", [True, False])

@@ -11,6 +11,7 @@ from scipy.optimize import brentq
 
 import gtmodel as gt
 from gtmodel import SolveStatus
+from gtmodel.compiler.sharing import shared
 from gtmodel.kinds import get, report
 from gtmodel.kinds.base import InputError
 from gtmodel.kinds.load import load
@@ -347,6 +348,7 @@ class TestShown:
         loaded = load("problems/l1_min_time.toml", ["cost.energy=1.0", "mesh.elements=6"])
         results = []
         for name in ("a", "b"):
+            shared.cache_clear()  # compiled anew
             solve(loaded, context_of(loaded), out=tmp_path / name)
             results.append((tmp_path / name / "result.json").read_bytes())
         assert results[0] == results[1]

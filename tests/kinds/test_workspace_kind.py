@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gtmodel.compiler.sharing import shared
 from gtmodel.kinds import Context, InputError, workspace
 from gtmodel.kinds.load import load, validate
 from gtmodel.kinds.mechanism import mechanism_of
@@ -55,6 +56,7 @@ class TestNumbers:
     def test_same_input_same_bytes(self, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
         (tmp_path / "w.toml").write_text('kind = "workspace"\nrobot = "l1_tape"\n[section]\nstep_m = 0.1\n')
         for name in ("one", "two"):
+            shared.cache_clear()  # compiled anew
             assert Commands(capsys)("solve", tmp_path / "w.toml", "--out", tmp_path / name).code == 0
         for file in ("result.json", "boundary.csv"):
             assert (tmp_path / "one" / file).read_bytes() == (tmp_path / "two" / file).read_bytes()

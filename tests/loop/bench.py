@@ -91,6 +91,7 @@ class Bench:
         return RobotSide(protocol, plant, **keys)  # type: ignore[arg-type]
 
     def options(self, protocol: str, law: str, *, live: bool = True) -> list[str]:
+        self.log.unlink(missing_ok=True)
         tables = self.place / "reference.table", self.place / "corrections.table"
         for path, table in zip(tables, (self.reference, self.corrections), strict=True):
             path.write_bytes(table.to_bytes())

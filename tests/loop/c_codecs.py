@@ -68,6 +68,7 @@ SIX = ("rist", "rsol", "aipos_deg", "aspos_deg", "eipos_mm", "espos_mm")
 class RsiRobot(Structure):
     _fields_ = (
         ("present", c_uint32),
+        ("given", c_uint32 * 6),
         *[(name, c_double * 6) for name in SIX],
         ("delay", c_uint32),
         ("ipoc", c_uint64),
@@ -138,7 +139,8 @@ def decode_rsi(library: ctypes.CDLL, data: bytes) -> rsi.Robot | None:
         return None
     names = [name for n, name in enumerate(rsi.ELEMENTS) if robot.present >> n & 1]
     values = {name: list(getattr(robot, SIX[list(rsi.ELEMENTS).index(name)])) for name in names}
-    return rsi.Robot(robot.ipoc, bytes(robot.ipoc_text[: robot.ipoc_length]), robot.delay, values)
+    given = {name: robot.given[list(rsi.ELEMENTS).index(name)] for name in names}
+    return rsi.Robot(robot.ipoc, bytes(robot.ipoc_text[: robot.ipoc_length]), robot.delay, values, given)
 
 
 def encode_rsi(library: ctypes.CDLL, sensor: rsi.Sensor) -> bytes:

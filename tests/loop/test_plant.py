@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
+from scipy.signal import cont2discrete, lfilter
 
 import gtmodel as gt
-from gtmodel.loop import DrivePlant, RigidBodyPlant, Servo
+from gtmodel.loop import DrivePlant, ElasticPlant, RigidBodyPlant, Servo
 from gtmodel.results import Status
 from tests.loop.bench import DRIVES
 
@@ -60,3 +60,39 @@ def test_substeps_converge_with_fourth_order() -> None:
         ends[substeps] = plant.position_m
     coarse, fine = (np.abs(ends[n] - ends[32]).max() for n in (4, 8))
     assert fine < coarse / 10
+
+
+def _drives() -> DrivePlant:
+    return DrivePlant(START, DRIVES["a"], DRIVES["b"], 5)
+
+
+def test_arm_on_springs_is_the_filter_of_its_motor() -> None:
+    """x / m = (2 zeta w s + w^2) / (s^2 + 2 zeta w s + w^2), discretised by scipy for an input that is a polygon."""
+    w, damping, h = 2 * np.pi * 12.0, 0.05, 0.004
+    plant = ElasticPlant(_drives(), 12.0, damping, h)
+    motor, arm = [], []
+    for u in np.cumsum(np.random.default_rng(2).normal(0, 1e-3, (300, 3)), axis=0):
+        motor.append(plant.position_m - START)
+        arm.append(plant.arm_m - START)
+        plant.step((u + START).tolist(), [0.0] * 3)
+    bottom = [1.0, 2 * damping * w, w**2]
+    numerator, denominator, _ = cont2discrete((bottom[1:], bottom), h, method="foh")
+    expected = lfilter(numerator.ravel(), denominator, np.array(motor), axis=0)
+    # scipy's recursion of three poles and zeros amplifies round-off near the unit circle
+    assert np.array(arm) == pytest.approx(expected, abs=1e-9)
+    assert np.abs(np.array(arm) - motor).max() > 1e-4, "there is something to see"
+
+
+def test_stiff_springs_are_rigid_and_soft_ones_come_to_rest() -> None:
+    goal = (np.array(START) + 0.05).tolist()
+    stiff, soft = ElasticPlant(_drives(), 900.0, 1.0), ElasticPlant(_drives(), 8.0, 0.3)
+    off = 0.0
+    for _ in range(1500):
+        for plant in (stiff, soft):
+            plant.step(goal, [0.0] * 3)
+        off = max(off, np.abs(stiff.arm_m - stiff.position_m).max())
+    assert off < 1e-9
+    assert soft.arm_m == pytest.approx(soft.position_m, abs=1e-9)
+    for wrong in (0.0, -1.0, float("nan"), float("inf")):
+        with pytest.raises(ValueError, match="expected a frequency above zero"):
+            ElasticPlant(_drives(), wrong)

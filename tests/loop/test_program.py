@@ -20,7 +20,7 @@ PLACES = (codegen_dir() / "runtime", codegen_dir() / "loop")
 SOURCES = [p for place in PLACES for p in sorted(place.glob("*.c")) if p.name != "gt_model_main.c"]
 # what the pure parts may ask for besides each other; the rest of the loop is POSIX
 PURE = {"floor", "memcpy", "memset", "memcmp", "strcmp"}
-POSIX = {"gt_arguments.c", "gt_log_writer.c", "gt_loop_main.c", "gt_realtime.c", "gt_socket.c", "gt_table.c"}
+POSIX = {f"gt_{name}.c" for name in ("arguments", "log_writer", "loop_main", "realtime", "report", "socket", "table")}
 INCLUDE = [f"-I{place}" for place in PLACES]
 
 
@@ -60,15 +60,20 @@ def test_files_are_small_and_begin_with_their_purpose() -> None:
         (["--bind", "0.0.0.0"], "a peer beyond loopback needs --lowest, --highest, --step and --beyond-loopback"),
         (["--allow", "192.168.125.1", "--beyond-loopback"], "a peer beyond loopback needs"),
         (["--bind", "127.0.0.1.", "--step", "1"], "a peer beyond loopback needs"),
-        (["--law", "guess"], "--law is trajectory, dynamics, replay"),
-        (["--reference", "/nowhere"], "no reference table in /nowhere"),
-        (["--peer", "abb"], "--peer is egm or rsi"),
-        (["--hold", "-1"], "a whole number that is not negative"),
-        (["--step", "nan"], "finite numbers separated by commas"),
-        (["--lowest", "1,2,3,4,5,6,7"], "finite numbers separated by commas"),
-        (["--kp", "1,,2"], "finite numbers separated by commas"),
-        (["--what", "1"], "an option that does not exist"),
-        (["--step"], "the last option lacks its value"),
+        (["--law", "guess"], "--law: expected trajectory, dynamics, replay"),
+        (["--reference", "/nowhere"], "--reference: there is no such table: /nowhere"),
+        (["--peer", "abb"], "--peer: expected egm or rsi"),
+        (["--hold", "-1"], "--hold: expected a whole number that is not negative"),
+        (["--hold", "4294967295"], "--hold and --ramp are at most 100000 cycles"),
+        (["--cycle-ms", "4294967295"], "--cycle-ms from 1 to 1000"),
+        (["--step", "nan"], "--step: expected finite numbers"),
+        (["--step", "-1"], "--step has to be above zero"),
+        (["--lowest", "1,1,1", "--highest", "0,2,2"], "--lowest is above --highest"),
+        (["--lowest", "1,2,3,4,5,6,7"], "--lowest: expected finite numbers, six at the most, separated by commas"),
+        (["--highest", "1"], "an option for all carts has fewer numbers than there are carts"),
+        (["--kp", "1,,2"], "--kp: expected finite numbers"),
+        (["--what", "1"], "--what: there is no such option; --help shows all"),
+        (["--step"], "--step: this option lacks its value, or does not exist"),
     ],
 )
 def test_program_refuses_in_one_sentence(bench: Bench, words: list[str], sentence: str) -> None:
@@ -96,7 +101,7 @@ def test_limits_and_the_switch_open_the_door(bench: Bench) -> None:
 
 
 def test_program_that_cannot_write_its_log_says_so(bench: Bench) -> None:
-    with pytest.raises(LoopError, match="cannot write /nowhere/log"):
+    with pytest.raises(LoopError, match="/nowhere/log: cannot write this log: No such file"):
         LoopProcess(bench.program, [*bench.options("egm", "trajectory"), "--log", "/nowhere/log"])
 
 

@@ -19,7 +19,7 @@ from tests.loop.bench import Bench
 pytestmark = pytest.mark.proof
 
 RUNTIME, LOOP, VERIFY = (codegen_dir() / name for name in ("runtime", "loop", "verify"))
-CODECS = {"egm": ("gt_egm.c",), "rsi": ("gt_rsi.c", "gt_decimal.c")}
+CODECS = {"egm": ("gt_egm.c",), "rsi": ("gt_rsi.c", "gt_scan.c", "gt_decimal.c")}
 EVA = ("-eva", "-eva-precision", "1", "-warn-special-float", "none")
 FUZZ_SECONDS = 20
 SANITIZERS = "-fsanitize=fuzzer,address,undefined"

@@ -146,6 +146,14 @@ def test_the_file_gives_the_same_bits(field, tmp_path) -> None:
     assert oscillator_text(loaded) == oscillator_text(field) and loaded.synthetic is None
 
 
+def test_milling_takes_its_oscillators(field) -> None:
+    from gtmodel.milling import Oscillators
+
+    poses = samples(7)
+    taken = Oscillators(*field.at(poses))
+    assert taken.m.shape == (7, 3) and np.array_equal(taken.k, field.value("k", poses))
+
+
 def test_a_synthetic_field_says_so_in_its_file(field, tmp_path) -> None:
     marked = OscillatorField(field.processes, "seed 3")
     path = tmp_path / "oscillators.toml"

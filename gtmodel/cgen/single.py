@@ -1,0 +1,69 @@
+"""C in double as C in float: types, constants, functions of libm, and names of the shared headers."""
+
+from __future__ import annotations
+
+import math
+import re
+
+import numpy as np
+
+from .errors import GenerationError
+from .real import FLOAT
+
+# shared names that speak of numbers get the f that libm gives to its functions in float: a project may hold both
+_NAMES = """
+    gt_all_finite gt_copy gt_all_equal gt_newton gt_newton_lu gt_newton_kernel gt_newton_marks gt_traj gt_traj_at
+    gt_traj_end_ms
+"""
+HEADERS = ("gt_guard.h", "gt_compare.h", "gt_newton.h", "gt_traj.h")
+_LIBM = """
+    acos acosh asin asinh atan atan2 atanh ceil copysign cos cosh erf exp expm1 fabs floor fmax fmin fmod hypot
+    log log10 log1p pow remainder sin sinh sqrt tan tanh
+"""
+LIBM = frozenset(_LIBM.split())
+_WORDS = {
+    "double": "float",
+    "DBL_MAX": "FLT_MAX",
+    "HUGE_VAL": "HUGE_VALF",
+    **{name: f"{name}f" for name in _NAMES.split()},
+    **{name: f"{name}f" for name in LIBM},
+    **{f"{h[:-2].upper()}_H": f"{h[:-2].upper()}F_H" for h in HEADERS},
+}
+_INCLUDE = re.compile(r'#include "(\w+)\.h"')
+_TOKEN = re.compile(
+    r"""
+    (?P<skip>/\*.*?\*/ | "(?:\\.|[^"\\\n])*" | \#\s*error[^\n]* | \#\s*include[^\n]*)
+  | (?P<hexadecimal>\b0[xX][0-9a-fA-F]+(?:\.[0-9a-fA-F]*)?[pP][+-]?\d+)
+  | (?P<decimal>(?<![\w.])(?:\d+\.\d*(?:[eE][+-]?\d+)?|\.\d+(?:[eE][+-]?\d+)?|\d+[eE][+-]?\d+))
+  | (?P<word>[A-Za-z_]\w*)
+    """,
+    re.X | re.S,
+)
+
+
+def file_name(name: str) -> str:
+    """Name of a shared header in float; other names stay."""
+    return f"{name[:-2]}f.h" if name in HEADERS else name
+
+
+def single(text: str) -> str:
+    """The text of a C file in float. Comments, strings and messages stay.
+
+    Raises GenerationError for a constant that float cannot hold.
+    """
+    text = _INCLUDE.sub(lambda m: f'#include "{file_name(m[1] + ".h")}"', text)
+    text = re.sub(r"(#define GT_NEWTON_ROUND_OFF) \S+", rf"\1 {FLOAT.round_off}", text)
+    return _TOKEN.sub(_in_float, text)
+
+
+def _in_float(token: re.Match[str]) -> str:
+    if token["word"]:
+        return _WORDS.get(token["word"], token["word"])
+    if token["skip"]:
+        return token["skip"]
+    exact = float.fromhex(token[0]) if token["hexadecimal"] else float(token[0])
+    value = float(FLOAT.array(exact))
+    if math.isinf(value) or (value == 0.0) != (exact == 0.0):
+        raise GenerationError(f"the constant {token[0]} is beyond the range of float; generate double")
+    # written as the float that it is: a compiler may round seventeen decimals the other way
+    return (value.hex() if token["hexadecimal"] else str(np.float32(value))) + "f"

@@ -1,0 +1,71 @@
+"""Springs of a parallel robot: links, their ball joints, drives, bearings of the carts, machine frame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+Array = np.ndarray
+GROUPS = ("links", "joints", "drives", "carts", "frame")
+
+
+@dataclass(frozen=True, eq=False)
+class LinkSprings:
+    """Compliances, zero where something is rigid; in series along and across the guideway.
+
+    link: rods, L/(E A), one or one each [m/N]; joint: a ball joint along its link [m/N], two to a link; `parallel`:
+    how many rods with joints of their own stand side by side in each link of the model, three for arm 3 of the
+    three-link model (Dressler 2012, section 4.3). drive: along the guideway, drive train and servo loop, one or one
+    each [m/N], carts first, then rotary axes [rad/(N.m)]. cart: bearings across the guideway [m/N]. frame_along,
+    frame_across: of the machine frame at each cart [m/N].
+    """
+
+    link: ArrayLike
+    joint: ArrayLike = 0.0
+    parallel: ArrayLike = 1
+    drive: ArrayLike = 0.0
+    axis: ArrayLike = 0.0
+    cart: ArrayLike = 0.0
+    frame_along: ArrayLike = 0.0
+    frame_across: ArrayLike = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ("link", "joint", "drive", "axis", "cart", "frame_along", "frame_across"):
+            value = np.asarray(getattr(self, name), float)
+            if not np.all(np.isfinite(value)) or np.any(value < 0):
+                raise ValueError(f"{name} must be a compliance of zero or more; found {getattr(self, name)}")
+        if np.any(np.asarray(self.parallel) < 1):
+            raise ValueError(f"parallel counts rods side by side, 1 or more; found {self.parallel}")
+
+    def by_group(self, links: int, carts: int, axes: int) -> dict[str, Array]:
+        """Compliances (links + 3 carts + axes,) by what gives way: links, then along, across and across each cart's
+        guideway, then rotary axes. Their sum is the compliance of each coordinate."""
+        sizes = (links, 3 * carts, axes)
+        found = {name: [np.zeros(size) for size in sizes] for name in GROUPS}
+        parallel = _each(self.parallel, links, "parallel")
+        found["links"][0] = _each(self.link, links, "link") / parallel
+        found["joints"][0] = 2 * _each(self.joint, links, "joint") / parallel
+        found["drives"][1][0::3] = _each(self.drive, carts, "drive")
+        found["drives"][2] = _each(self.axis, axes, "axis")
+        for start, frame in enumerate((self.frame_along, self.frame_across, self.frame_across)):
+            found["frame"][1][start::3] = _each(frame, carts, "frame")
+            found["carts"][1][start::3] = _each(self.cart, carts, "cart") if start else 0.0
+        return {name: np.concatenate(parts) for name, parts in found.items()}
+
+
+def tube(modulus: float, outer: float, inner: float, length: ArrayLike) -> Array:
+    """L/(E A) [m/N] of a tube: modulus [Pa], diameters [m], lengths [m]. Raises ValueError for a tube without wall."""
+    if not (modulus > 0 and 0 <= inner < outer):
+        raise ValueError(
+            f"a tube needs a modulus above 0 and an outer diameter above the inner; found {outer}, {inner}"
+        )
+    return np.asarray(length, float) / (modulus * np.pi / 4 * (outer**2 - inner**2))
+
+
+def _each(value: ArrayLike, count: int, name: str) -> Array:
+    array = np.asarray(value, float)
+    if array.ndim and array.size != count:
+        raise ValueError(f"{name} has {array.size} numbers; expected one, or {count}")
+    return np.broadcast_to(array, (count,)).astype(float)

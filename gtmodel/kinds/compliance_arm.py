@@ -1,0 +1,86 @@
+"""Kind "compliance" of a serial arm: joints that give way, over a vertical plane through axis 1."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gtmodel.compliance import ArmPoses, arm_poses
+from gtmodel.kinematics.section import Section
+from gtmodel.kinematics.wrist_partition import WristPartition
+from gtmodel.lang import Model
+from gtmodel.results import Status
+from gtmodel.robots.kr500 import kr500_limits
+
+from .base import InputError
+from .compliance_keys import Schema
+from .compliance_study import Found
+
+Array = np.ndarray
+OUTSIDE = "beyond the joints' limits"
+
+
+class ArmStudy:
+    """A serial arm with a wrist in one point. Raises InputError."""
+
+    def __init__(self, problem: Schema, model: Model) -> None:
+        self.problem, self.model = problem, model
+        keys = problem.arm
+        assert keys is not None
+        if len(keys.joint_Nm_rad) != 6:
+            raise InputError(f"has {len(keys.joint_Nm_rad)} numbers; expected 6, one per joint", "arm.joint_Nm_rad")
+        self.compliance = 1 / np.asarray(keys.joint_Nm_rad)
+        self.tool = np.asarray(keys.tool_m)
+        q = np.deg2rad([keys.pose_deg])
+        try:
+            self.partition = WristPartition.of(model.origins, model.axes)  # pyright: ignore[reportAttributeAccessIssue]
+            pose = arm_poses(model, q, keys.tool_m)
+        except (AttributeError, ValueError) as error:
+            raise InputError(f"expected a serial arm such as kr500; {error}", "robot") from error
+        self.R = pose.R[0]
+        self.limits = kr500_limits() if problem.robot == "kr500" else None
+        home = problem.pose_m
+        self.home = pose.T[0] if home is None else np.asarray(home, float)
+        branches = self.partition.inverse(pose.T - self.R @ self.tool, self.R[None]).q[0]
+        self.branch = int(np.nanargmin(np.abs(_wrapped(branches - q[0])).sum(axis=1)))
+        across = np.array([np.cos(-q[0, 0]), np.sin(-q[0, 0]), 0.0])
+        normal = np.cross(across, [0.0, 0.0, 1.0])
+        self.section = Section((self.home @ normal) * normal, across, np.array([0.0, 0.0, 1.0]), normal)
+        self.marks = np.zeros((0, 2))
+
+    @property
+    def window(self) -> tuple[Array, Array]:
+        far = sum(self.partition.reach[1:]) + abs(self.partition.base[0]) + self.partition.flange
+        far += float(np.linalg.norm(self.tool))
+        return np.array([0.0, self.partition.base[1] - far]), np.array([far, self.partition.base[1] + far])
+
+    @property
+    def assumptions(self) -> list[str]:
+        return [
+            "joints give way about their axes alone, motors hold still; links and bearings are rigid",
+            "the tool keeps the orientation of arm.pose_deg, the arm its branch",
+        ]
+
+    def __call__(self, T: Array) -> Found:
+        T = np.atleast_2d(np.asarray(T, float))
+        n = len(T)
+        found = self.partition.inverse(T - self.R @ self.tool, np.tile(self.R, (n, 1, 1)))
+        q, status = found.q[:, self.branch], found.status[:, self.branch]
+        reason = ["" if code == Status.OK else Status(int(code)).sentence for code in status]
+        if self.limits is not None:
+            low, high = self.limits.T
+            turned = q + 2 * np.pi * np.ceil((low - q - 1e-9) / (2 * np.pi))
+            out = np.any(turned > high + 1e-9, axis=1)
+            reason = [r or (OUTSIDE if o else "") for r, o in zip(reason, out, strict=True)]
+        good = np.array([not r for r in reason])
+        C, moved = np.full((n, 6, 6), np.nan), np.full((n, 6), np.nan)
+        if good.any():
+            poses: ArmPoses = arm_poses(self.model, q[good], self.tool)
+            C[good] = (poses.J * self.compliance) @ np.swapaxes(poses.J, 1, 2)
+            load = np.array([*self.problem.load.force_N, *self.problem.load.moment_Nm])
+            turned = self.compliance * np.einsum("nij,i->nj", poses.J, load)  # by the load's torques
+            moved[good] = np.einsum("nij,nj->ni", poses.J, turned)
+        return Found(C, moved, reason)
+
+
+def _wrapped(angle: Array) -> Array:
+    return (angle + np.pi) % (2 * np.pi) - np.pi

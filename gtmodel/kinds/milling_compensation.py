@@ -1,0 +1,57 @@
+"""The compensated path of a milling problem: offsets against the deflection, and what they leave."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from gtmodel.milling import Oscillators, compensate, cutting_force
+
+from .base import InputError, Row
+from .milling_keys import Schema
+from .milling_task import Task, title_of
+
+RATE = 4000.0  # samples per second of the simulation
+
+
+def add(
+    problem: Schema, task: Task, here: Oscillators, values: dict[str, Any], rows: list[Row], figures: dict[str, Any],
+    files: dict[str, str | bytes],
+) -> None:  # fmt: skip
+    """The tool enters the work; offsets against that force by both models, then what a robot can follow."""
+    c = problem.compensation
+    assert c is not None
+    F, step = cutting_force(task.cutter, task.cut, task.speed, task.feed, up=task.up, seconds=c.seconds, rate=RATE)
+    time = step * np.arange(len(F))
+    F = F * np.clip(time / c.entry_s, 0, 1)[:, None]
+    made = {}
+    try:
+        for name, model, bandwidth in (
+            ("static", "static", None), ("dynamic", "dynamic", None),
+            (f"dynamic, up to {c.bandwidth_Hz:g} Hz", "dynamic", c.bandwidth_Hz),
+        ):  # fmt: skip
+            made[name] = compensate(here, F, step, model=model, bandwidth=bandwidth)
+    except ValueError as error:
+        raise InputError(str(error), "compensation") from error
+    followed = list(made.values())[-1]
+    rms = [1e3 * followed.rms()[0], *(1e3 * x.rms()[1] for x in made.values())]
+    values["compensation_rms_mm"] = rms
+    rows.append(Row("path not compensated, error rms", rms[0], "mm"))
+    rows += [Row(f"path offset, {name}, error rms", x, "mm") for name, x in zip(made, rms[1:], strict=True)]
+    at = np.arange(0.0, time[-1], c.cycle_s)
+    offset = np.column_stack([np.interp(at, time, followed.offset[:, j]) for j in range(3)])
+    lines = [f"{t:.6g},{x:.9g},{y:.9g},{z:.9g}" for t, (x, y, z) in zip(at, offset, strict=True)]
+    files["compensation.csv"] = "\n".join(["time_s,offset_x_m,offset_y_m,offset_z_m", *lines, ""])
+
+    def figure() -> Any:
+        from gtmodel.plot.milling import compensation_figure
+
+        after = {name: np.linalg.norm(x.after, axis=1) for name, x in made.items()}
+        title = f"{title_of(problem, task)}: compensation, by simulation"
+        return compensation_figure(time, np.linalg.norm(followed.before, axis=1), after, title=title)
+
+    figures["compensation"] = figure
+
+
+__all__ = ["add"]

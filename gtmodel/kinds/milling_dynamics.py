@@ -1,0 +1,147 @@
+"""Where the dynamics of a pose come from: measured angles, joint stiffness, or a field over the poses."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from gtmodel.milling import AngleTable, Oscillators, missing_z
+
+from .base import Context, InputError
+from .milling_keys import OscillatorRow, Schema
+
+NEIGHBOURS = 3  # of a grid angle on either side through which a local table is laid
+
+
+class Dynamics:
+    """Oscillators by angle at one place. `rows` of the grid where they are known, `smooth` a CasADi function about a
+    row, between the angles `low` and `high` [rad]."""
+
+    def __init__(
+        self, rows: np.ndarray, oscillators: Oscillators, at: Callable[[float], Oscillators],
+        smooth: Callable[[int], tuple[Any, float, float]],
+    ) -> None:  # fmt: skip
+        self.rows, self.oscillators, self.at, self.smooth = rows, oscillators, at, smooth
+
+
+def source(problem: Schema, context: Context) -> tuple[Callable[..., Dynamics] | None, str | None]:
+    """(angles, reachable (n,), compliance (n, 3, 3), branch (n,), place) -> Dynamics, and in words where they come
+    from; None where none are given."""
+    keys = ("oscillator", "modal", "oscillator_field")
+    given = [k for k in keys if getattr(problem, k) is not None]
+    if len(given) > 1:
+        raise InputError(f"found {' and '.join(given)}; expected at most one source of dynamics", given[-1])
+    if problem.oscillator is not None:
+        said = "measured at the given angles, monotone cubics of the logarithms between them"
+        return _of_table(_table(problem.oscillator)), said
+    if problem.modal is not None:
+        said = "made from joint stiffness with declared masses: an example, not a measurement"
+        return _of_modal(problem.modal.mass_kg, problem.modal.damping_ratio), said
+    if problem.oscillator_field is not None:
+        return _of_field(problem.oscillator_field, context)
+    return None, None
+
+
+def _table(rows: list[OscillatorRow]) -> AngleTable:
+    if len(rows) < 2:
+        raise InputError(
+            f"holds {len(rows)} angles; expected two or more, between which dynamics are known", "oscillator"
+        )
+    found = []
+    for n, row in enumerate(rows):
+        try:
+            if len(row.c_kg_s) == 3:
+                found.append(Oscillators(*(np.array([x]) for x in (row.m_kg, row.c_kg_s, row.k_N_m))))
+            else:
+                if min(*row.m_kg, *row.c_kg_s, *row.k_N_m) <= 0:
+                    raise ValueError("m, c and k must be positive")
+                found.append(missing_z(row.m_kg, [*row.c_kg_s, 1.0], row.k_N_m))
+        except ValueError as error:
+            raise InputError(str(error), f"oscillator[{n}]") from error
+    try:
+        return AngleTable(np.deg2rad([row.angle_deg for row in rows]), Oscillators.joined(found))
+    except ValueError as error:
+        raise InputError(str(error), "oscillator") from error
+
+
+def _of_table(table: AngleTable) -> Callable[..., Dynamics]:
+    def dynamics(angles, reachable, compliance, branch, place) -> Dynamics:
+        rows = np.flatnonzero(reachable & table.covers(angles))
+        if not len(rows):
+            low, high = np.rad2deg(table.angles[[0, -1]])
+            raise InputError(f"tells nothing of a reachable angle; it holds {low:g} to {high:g} deg", "oscillator")
+        smooth = table.casadi_function()
+        return Dynamics(rows, table.at(angles[rows]), table.at, lambda row: (smooth, *table.angles[[0, -1]]))
+
+    return dynamics
+
+
+def _of_modal(mass: list[float], zeta: list[float]) -> Callable[..., Dynamics]:
+    def dynamics(angles, reachable, compliance, branch, place) -> Dynamics:
+        rows = np.flatnonzero(reachable)
+        k = 1 / np.einsum("nii->ni", compliance[rows])
+        try:
+            found = Oscillators.with_damping_ratio(np.tile(mass, (len(rows), 1)), k, zeta)
+        except ValueError as error:
+            raise InputError(str(error), "modal") from error
+
+        def near(row: int) -> AngleTable:
+            here = [row]
+            for way in (-1, 1):
+                for other in row + way * np.arange(1, NEIGHBOURS + 1):
+                    if not 0 <= other < len(angles) or not reachable[other] or branch[other] != branch[row]:
+                        break
+                    here.append(int(other))
+            if len(here) < 2:
+                raise ValueError("no neighbour of this angle is reachable on the same branch")
+            here.sort()
+            return AngleTable(angles[here], found[np.searchsorted(rows, here)])
+
+        def at(angle: float) -> Oscillators:
+            return near(rows[np.argmin(np.abs(angles[rows] - angle))]).at(angle)
+
+        def smooth(row: int) -> tuple[Any, float, float]:
+            table = near(row)
+            return table.casadi_function(), *table.angles[[0, -1]]
+
+        return Dynamics(rows, found, at, smooth)
+
+    return dynamics
+
+
+def _of_field(file: str, context: Context) -> tuple[Callable[..., Dynamics], str]:
+    import casadi as ca
+
+    from gtmodel.vibration import load_oscillator_field
+
+    path = context.folder / file
+    try:
+        field = load_oscillator_field(path)
+    except ValueError as error:
+        raise InputError(str(error), "oscillator_field") from error
+    context.inputs["oscillator_field"] = path
+
+    def dynamics(angles, reachable, compliance, branch, place) -> Dynamics:
+        def at(angle: Any) -> Oscillators:
+            a = np.atleast_1d(angle)
+            return Oscillators(*field.at(np.column_stack([np.tile(place, (len(a), 1)), a])))
+
+        rows = np.flatnonzero(reachable)
+        A = ca.SX.sym("A")
+        along = ca.Function("oscillators", [A], field.casadi_function()(ca.vertcat(*place, A)), ["A"], ["m", "c", "k"])
+        return Dynamics(rows, at(angles[rows]), at, lambda row: (along, *_run(angles, reachable, row)))
+
+    made_up = f"; synthetic: {field.synthetic}" if field.synthetic else ""
+    return dynamics, f"Gaussian processes over the pose, {file}{made_up}"
+
+
+def _run(angles: np.ndarray, reachable: np.ndarray, row: int) -> tuple[float, float]:
+    """Ends of the reachable angles around a row without a gap."""
+    low = high = row
+    while low > 0 and reachable[low - 1]:
+        low -= 1
+    while high < len(angles) - 1 and reachable[high + 1]:
+        high += 1
+    return float(angles[low]), float(angles[high])

@@ -1,0 +1,63 @@
+"""Oscillators over the redundant angle from a few known angles."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.interpolate import PchipInterpolator
+
+from .oscillators import Oscillators
+
+ROUNDING = 1e-9  # rad, of an angle given in degrees
+
+
+class AngleTable:
+    """Oscillators known at angles (n,) [rad], between them by monotone cubics through log m, log c, log k.
+
+    Beyond the first and last angle nothing is known. Raises ValueError for fewer than two angles or unequal numbers.
+    """
+
+    def __init__(self, angles: ArrayLike, oscillators: Oscillators) -> None:
+        angles = np.asarray(angles, float).ravel()
+        if len(angles) != len(oscillators) or len(angles) < 2:
+            raise ValueError(
+                f"found {len(angles)} angles for {len(oscillators)} oscillators; expected two or more each"
+            )
+        order = np.argsort(angles)
+        if np.any(np.diff(angles[order]) <= 0):
+            raise ValueError("the same angle stands twice; expected different angles")
+        self.angles = angles[order]
+        o = oscillators[order]
+        self._curve = PchipInterpolator(self.angles, np.log(np.hstack([o.m, o.c, o.k])), extrapolate=False)
+
+    def covers(self, angles: ArrayLike) -> np.ndarray:
+        """(n,) whether the table tells anything at these angles [rad]."""
+        a = np.asarray(angles, float).ravel()
+        return (a >= self.angles[0] - ROUNDING) & (a <= self.angles[-1] + ROUNDING)
+
+    def at(self, angles: ArrayLike) -> Oscillators:
+        """At angles (n,) [rad]. Raises ValueError beyond the table."""
+        a = np.asarray(angles, float).ravel()
+        if not np.all(self.covers(a)):
+            worst = a[~self.covers(a)][0]
+            low, high = np.rad2deg(self.angles[[0, -1]])
+            raise ValueError(f"the angle {np.rad2deg(worst):g} deg is outside the table, {low:g} to {high:g} deg")
+        values = np.exp(self._curve(np.clip(a, *self.angles[[0, -1]])))
+        return Oscillators(values[:, :3], values[:, 3:6], values[:, 6:])
+
+    def casadi_function(self) -> Any:
+        """CasADi function A [rad] -> m, c, k (3 each), the same curve; its ends go on as their last cubic."""
+        A = ca.SX.sym("A")
+        pieces = []
+        for i, knot in enumerate(self.angles[:-1]):
+            d = A - knot
+            c = self._curve.c[:, i, :]
+            pieces.append(((ca.DM(c[0]) * d + ca.DM(c[1])) * d + ca.DM(c[2])) * d + ca.DM(c[3]))
+        value = pieces[0]
+        for knot, piece in zip(self.angles[1:-1], pieces[1:], strict=True):
+            value = ca.if_else(A < knot, value, piece)
+        p = ca.exp(value)
+        return ca.Function("oscillators", [A], [p[:3], p[3:6], p[6:]], ["A"], ["m", "c", "k"])

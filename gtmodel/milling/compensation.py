@@ -1,0 +1,97 @@
+"""A path that is offset so that the tool, giving way, goes where it should."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.signal import butter, lfilter, sosfiltfilt
+
+from .oscillators import Oscillators
+from .response import recursion, responses
+
+MODELS = ("static", "dynamic")
+
+
+@dataclass(frozen=True, eq=False)
+class Compensation:
+    """offset (t, 3) [m] to add to the commanded path; error of the tool (t, 3) [m] without and with it."""
+
+    offset: np.ndarray
+    before: np.ndarray
+    after: np.ndarray
+
+    def rms(self, skip: int = 0) -> tuple[float, float]:
+        """Root mean square of the error's norm [m], without and with the offset, from sample `skip` on."""
+        a, b = (float(np.sqrt((x[skip:] ** 2).sum(axis=1).mean())) for x in (self.before, self.after))
+        return a, b
+
+
+def offset(
+    oscillators: Oscillators, F: ArrayLike, step: float, *, model: str = "dynamic", bandwidth: float | None = None
+) -> np.ndarray:
+    """Offset b (t, 3) [m] of the path for a known force F (t, 3) [N], world coordinates, every `step` [s].
+
+    "static": b = -F/k. "dynamic": c b' + k b = -F, which keeps the tool still: spring and damper alone must carry
+    the force then, and the mass does not enter. Before the first sample the force is taken as that sample's.
+    bandwidth [Hz]: what the robot can follow; the force is low-passed forwards and backwards (Butterworth, second
+    order each way) before the offset is made, for the process is known ahead. Raises ValueError for another model
+    or a bandwidth beyond half the sample rate.
+    """
+    force = _force(F, step)
+    if model not in MODELS:
+        raise ValueError(f"the model is '{model}'; expected one of {', '.join(MODELS)}")
+    if bandwidth is not None:
+        if not 0 < bandwidth < 0.5 / step:
+            raise ValueError(f"the bandwidth is {bandwidth:g} Hz; expected between 0 and {0.5 / step:g} Hz")
+        force = np.asarray(sosfiltfilt(butter(2, bandwidth, fs=1 / step, output="sos"), force, axis=0))
+    c, k = oscillators.c[0], oscillators.k[0]
+    b = -force / k
+    if model == "dynamic":
+        for j in range(3):
+            rate = k[j] / c[j] * step
+            keep = np.exp(-rate)
+            now = (1 - keep) / rate  # exact for a force that is straight between samples
+            b[:, j] = lfilter([1 - now, now - keep], [1, -keep], b[:, j], zi=[b[0, j] * now])[0]
+    return b
+
+
+def tool_error(oscillators: Oscillators, F: ArrayLike, step: float, b: ArrayLike | None = None) -> np.ndarray:
+    """Error of the tool (t, 3) [m] under F (t, 3) [N] with the path offset by b (t, 3) [m], zero if left out.
+
+    m y'' + c (y' - b') + k (y - b) = F, straight lines between samples, starting in balance with the first of them.
+    Raises ValueError for wrong shapes.
+    """
+    F = _force(F, step)
+    moved = np.zeros_like(F) if b is None else np.asarray(b, float)
+    if moved.shape != F.shape:
+        raise ValueError(f"the offset has the shape {moved.shape}; expected {F.shape} like the force")
+    robot = oscillators[:1]
+    y = moved[0] + F[0] / robot.k[0] + next(iter(responses(robot, F - F[0], step)))
+    for j in range(3):
+        m, c, k = robot.m[0, j], robot.c[0, j], robot.k[0, j]
+        # second state y' - (c/m) b: no derivative of the offset is needed
+        A, B = np.array([[0, 1], [-k / m, -c / m]]), np.array([c / m, k / m - (c / m) ** 2])
+        b1, a1, _ = recursion(A, B, step)
+        y[:, j] += lfilter(b1, a1, moved[:, j] - moved[0, j])
+    return y
+
+
+def compensate(
+    oscillators: Oscillators, F: ArrayLike, step: float, *, model: str = "dynamic", bandwidth: float | None = None,
+    true: Oscillators | None = None,
+) -> Compensation:  # fmt: skip
+    """The offset, and what it leaves on the robot `true` (the model itself if left out), by simulation."""
+    b = offset(oscillators, F, step, model=model, bandwidth=bandwidth)
+    robot = oscillators if true is None else true
+    return Compensation(b, tool_error(robot, F, step), tool_error(robot, F, step, b))
+
+
+def _force(F: ArrayLike, step: float) -> np.ndarray:
+    F = np.asarray(F, float)
+    if F.ndim != 2 or F.shape[1] != 3 or len(F) < 2 or not np.all(np.isfinite(F)):
+        raise ValueError(f"the force has the shape {F.shape}; expected (t, 3), finite, with two times or more")
+    if not step > 0:
+        raise ValueError(f"the step is {step:g} s; expected more than 0")
+    return F

@@ -1,0 +1,153 @@
+"""What cuts and how: cutter, cut, and what each tooth meets."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+MODES = ("climb", "up", "slot")
+
+
+class Coefficients(NamedTuple):
+    """Edge (e) [N/m] and cutting (c) [N/m2] coefficients, tangential, radial and axial (Cvitanic 2021, Table 3)."""
+
+    K_te: float
+    K_tc: float
+    K_re: float
+    K_rc: float
+    K_ae: float
+    K_ac: float
+
+    @property
+    def edge(self) -> np.ndarray:
+        """(3,) tangential, radial, axial [N/m]."""
+        return np.array([self.K_te, self.K_re, self.K_ae])
+
+    @property
+    def cutting(self) -> np.ndarray:
+        """(3,) tangential, radial, axial [N/m2]."""
+        return np.array([self.K_tc, self.K_rc, self.K_ac])
+
+
+@dataclass(frozen=True, eq=False)
+class Cutter:
+    """A helical end mill with `coefficients` for the material it cuts.
+
+    diameter [m]; teeth; helix [rad], right-handed, 0 for straight teeth. tooth_angles (teeth,) [rad]: of the teeth
+    at the tip, rising, within one turn; even pitch if left out. runout (teeth,) [m]: by how much each tooth stands
+    out radially. Raises ValueError for impossible values.
+    """
+
+    diameter: float
+    teeth: int
+    coefficients: Coefficients
+    helix: float = 0.0
+    tooth_angles: np.ndarray | None = None
+    runout: np.ndarray | None = None
+
+    def __post_init__(self) -> None:
+        if not self.diameter > 0 or not np.isfinite(self.diameter):
+            raise ValueError(f"the diameter is {self.diameter:g} m; expected more than 0")
+        if self.teeth < 1 or self.teeth != int(self.teeth):
+            raise ValueError(f"the cutter has {self.teeth} teeth; expected a whole number from 1 on")
+        if not 0 <= self.helix < np.pi / 2:
+            raise ValueError(f"the helix angle is {np.rad2deg(self.helix):g} deg; expected 0 to less than 90")
+        if not np.all(np.isfinite(self.coefficients)):
+            raise ValueError(f"the cutting coefficients are {tuple(self.coefficients)}; expected finite numbers")
+        for name in ("tooth_angles", "runout"):
+            given = getattr(self, name)
+            if given is not None and (np.shape(given) != (self.teeth,) or not np.all(np.isfinite(given))):
+                raise ValueError(f"{name} has the shape {np.shape(given)}; expected {self.teeth} finite numbers")
+        if np.any(self.pitch <= 0):
+            raise ValueError("tooth_angles must rise and lie within one turn")
+
+    @property
+    def radius(self) -> float:
+        """[m]"""
+        return self.diameter / 2
+
+    @property
+    def angles(self) -> np.ndarray:
+        """(teeth,) angle of each tooth at the tip [rad]."""
+        if self.tooth_angles is None:
+            return 2 * np.pi * np.arange(self.teeth) / self.teeth
+        return np.asarray(self.tooth_angles, float)
+
+    @property
+    def pitch(self) -> np.ndarray:
+        """(teeth,) angle from each tooth to the one that cuts before it [rad]."""
+        return np.diff(np.append(self.angles, self.angles[0] + 2 * np.pi))
+
+    def lag(self, depth: float) -> float:
+        """Angle by which the helix trails at an axial depth [m]: a_p tan(beta)/R [rad]."""
+        return depth * np.tan(self.helix) / self.radius
+
+
+@dataclass(frozen=True)
+class Cut:
+    """mode "climb" (down), "up" or "slot"; radial_depth a_e, axial_depth a_p and feed_per_tooth f_t, all [m].
+
+    A slot takes the whole diameter, its radial_depth is not read. Raises ValueError for impossible values.
+    """
+
+    mode: str
+    radial_depth: float
+    axial_depth: float
+    feed_per_tooth: float
+
+    def __post_init__(self) -> None:
+        if self.mode not in MODES:
+            raise ValueError(f"the mode is '{self.mode}'; expected one of {', '.join(MODES)}")
+        for name in ("radial_depth", "axial_depth", "feed_per_tooth"):
+            if not getattr(self, name) > 0 or not np.isfinite(getattr(self, name)):
+                said = "; the direction of feed is a vector of its own" if name == "feed_per_tooth" else ""
+                raise ValueError(f"{name} is {getattr(self, name):g} m; expected more than 0{said}")
+
+
+class Teeth(NamedTuple):
+    """What each tooth meets: cuts from `start` to `end` [rad] with force (K_e + K_c offset) + K_c feed sin(phi).
+
+    feed (N,) [m] and offset (N,) [m] make the chip thickness feed sin(phi) + offset.
+    """
+
+    start: np.ndarray
+    end: np.ndarray
+    feed: np.ndarray
+    offset: np.ndarray
+
+
+def immersion(mode: str, radial_depth: float, diameter: float) -> tuple[float, float]:
+    """Angles phi_st, phi_ex [rad] between which a tooth cuts, from the transverse axis in its sense of turning.
+
+    Climb: pi - acos(1 - a_e/R) to pi; up: 0 to acos(1 - a_e/R); slot: 0 to pi. Raises ValueError for a radial depth
+    beyond the diameter.
+    """
+    if mode == "slot":
+        return 0.0, np.pi
+    if radial_depth > diameter:
+        raise ValueError(f"the radial depth {radial_depth:g} m is more than the diameter {diameter:g} m; reduce it")
+    width = float(np.arccos(1 - 2 * radial_depth / diameter))
+    return (np.pi - width, np.pi) if mode == "climb" else (0.0, width)
+
+
+def teeth_in_cut(cutter: Cutter, cut: Cut) -> Teeth:
+    """Feed and engagement of each tooth, with its pitch and runout; chips are never thinner than zero.
+
+    A tooth's chip is what the tooth before it left: material that a short tooth leaves is not handed on to a third.
+    """
+    start, end = immersion(cut.mode, cut.radial_depth, cutter.diameter)
+    feed = cut.feed_per_tooth * cutter.teeth * cutter.pitch / (2 * np.pi)
+    out = np.zeros(cutter.teeth) if cutter.runout is None else np.asarray(cutter.runout, float)
+    offset = out - np.roll(out, -1)
+    thin = np.arcsin(np.clip(-offset / feed, 0, 1))  # from here to pi - here the chip is thicker than zero
+    low, high = np.maximum(start, thin), np.minimum(end, np.pi - thin)
+    return Teeth(low, np.maximum(low, high), feed, offset)
+
+
+def tooth_frequency(speed: float, teeth: int) -> float:
+    """Tooth passing frequency [Hz] of a spindle speed [1/s], eq. (20). Raises ValueError unless that is positive."""
+    if not speed > 0 or not np.isfinite(speed):
+        raise ValueError(f"the spindle speed is {60 * speed:g} rpm; expected more than 0")
+    return speed * teeth

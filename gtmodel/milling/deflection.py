@@ -1,0 +1,77 @@
+"""How far the tool gives way while it cuts: the static index (18) and the dynamic one (19)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .cutter import Cut, Cutter, tooth_frequency
+from .forces import integrated_forces, peak_force, to_world
+from .oscillators import Oscillators
+from .response import responses
+
+RATE = 20000.0  # samples per second at least
+SECONDS = 2.0  # of cutting, from rest
+SETTLE = 1.0  # the part of it that means leave out
+
+
+@dataclass(frozen=True, eq=False)
+class Deflection:
+    """Norm of the tool's displacement over time, by pose (n,) [m]: largest of all times, (19); mean and standard
+    deviation once transients are gone; largest then."""
+
+    peak: np.ndarray
+    mean: np.ndarray
+    std: np.ndarray
+    steady_peak: np.ndarray
+
+
+def cutting_force(
+    cutter: Cutter, cut: Cut, speed: float, feed: ArrayLike, *, up: ArrayLike = (0.0, 0.0, 1.0),
+    seconds: float = SECONDS, rate: float = RATE,
+) -> tuple[np.ndarray, float]:  # fmt: skip
+    """Force (t, 3) [N], world coordinates, and its step [s]: whole samples per turn, `rate` per second or more.
+
+    speed [1/s]; feed (3), up (3): see `to_world`. Raises ValueError for impossible values.
+    """
+    tooth_frequency(speed, cutter.teeth)
+    if not (seconds > 0 and rate > 0):
+        raise ValueError(f"found {seconds:g} s at {rate:g} samples per second; expected more than 0")
+    turn = int(np.ceil(rate / speed - 1e-9))
+    F = to_world(integrated_forces(cutter, cut, 2 * np.pi * np.arange(turn) / turn), feed, up)
+    step = 1 / (speed * turn)
+    return F[np.arange(int(np.ceil(seconds / step)) + 1) % turn], step
+
+
+def deflections(
+    oscillators: Oscillators, cutter: Cutter, cut: Cut, speed: float, feed: ArrayLike, *,
+    up: ArrayLike = (0.0, 0.0, 1.0), seconds: float = SECONDS, settle: float = SETTLE, rate: float = RATE,
+    hold: str = "linear",
+) -> Deflection:  # fmt: skip
+    """Of every pose of the oscillators, from rest; the dynamic index (19) is `peak`.
+
+    speed [1/s] of the spindle; settle [s] is left out of means. Raises ValueError for impossible values.
+    """
+    if not 0 <= settle < seconds:
+        raise ValueError(f"{settle:g} s of {seconds:g} s are left out; expected fewer")
+    F, step = cutting_force(cutter, cut, speed, feed, up=up, seconds=seconds, rate=rate)
+    after = int(np.ceil(settle / step))
+    found = np.empty((4, len(oscillators)))
+    for pose, x in enumerate(responses(oscillators, F, step, hold=hold)):
+        squared = np.einsum("ij,ij->i", x, x)
+        late = np.sqrt(squared[after:])
+        found[:, pose] = np.sqrt(squared.max()), late.mean(), late.std(), late.max()
+    return Deflection(*found)
+
+
+def static_index(
+    compliance: ArrayLike, cutter: Cutter, cut: Cut, feed: ArrayLike, *, up: ArrayLike = (0.0, 0.0, 1.0)
+) -> np.ndarray:
+    """|K^-1 F_peak| (n,) [m], eq. (18), of translational compliances (n, 3, 3) [m/N] under the largest force.
+
+    It knows no speed. Joint stiffness over-predicts measured deflections several times: for ranking poses.
+    """
+    F = to_world(peak_force(cutter, cut), feed, up)
+    return np.linalg.norm(np.asarray(compliance, float) @ F, axis=-1)

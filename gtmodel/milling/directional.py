@@ -1,0 +1,55 @@
+"""How a displaced tool changes the cutting force: directional coefficients, Altintas and Budak 1995."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .cutter import Cutter, immersion
+from .forces import to_world
+from .oscillators import Oscillators
+
+POINTS = 2000
+
+
+def directional_matrix(cutter: Cutter, phi: ArrayLike, start: float, end: float) -> np.ndarray:
+    """D (n, 2, 2) [N/m2] of one tooth at angles phi (n,) [rad]: force in feed and transverse direction per depth of
+    cut and displacement (x - x before), x the tool's displacement in the same directions."""
+    phi = np.asarray(phi, float).ravel() % (2 * np.pi)
+    s, c, k = np.sin(phi), np.cos(phi), cutter.coefficients
+    push = np.stack([-(k.K_tc * c + k.K_rc * s), k.K_tc * s - k.K_rc * c], axis=-1)
+    cuts = (phi >= start) & (phi <= end)
+    return np.where(cuts[:, None, None], push[:, :, None] * np.stack([s, c], axis=-1)[:, None, :], 0.0)
+
+
+def mean_directional_matrix(cutter: Cutter, mode: str, radial_depth: float) -> np.ndarray:
+    """D (2, 2) [N/m2] averaged over a turn, all teeth together, in closed form."""
+    start, end = immersion(mode, radial_depth, cutter.diameter)
+    k = cutter.coefficients
+    ss, cc, sc = (p(end) - p(start) for p in (_sin2, _cos2, _sincos))
+    D = [[-(k.K_tc * sc + k.K_rc * ss), -(k.K_tc * cc + k.K_rc * sc)],
+         [k.K_tc * ss - k.K_rc * sc, k.K_tc * sc - k.K_rc * cc]]  # fmt: skip
+    return cutter.teeth / (2 * np.pi) * np.array(D)
+
+
+def plane(feed: ArrayLike, up: ArrayLike = (0.0, 0.0, 1.0)) -> np.ndarray:
+    """(2, 3) feed and transverse direction, world coordinates."""
+    return to_world(np.eye(3)[:2], feed, up)
+
+
+def receptance_in_plane(oscillators: Oscillators, omega: ArrayLike, P: np.ndarray) -> np.ndarray:
+    """(w, 2, 2) [m/N] of one pose in feed and transverse direction."""
+    H = oscillators.receptance(omega)[0]
+    return np.einsum("ij,wj,kj->wik", P, H, P)
+
+
+def _sin2(a: float) -> float:
+    return a / 2 - np.sin(2 * a) / 4
+
+
+def _cos2(a: float) -> float:
+    return a / 2 + np.sin(2 * a) / 4
+
+
+def _sincos(a: float) -> float:
+    return np.sin(a) ** 2 / 2

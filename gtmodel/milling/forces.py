@@ -1,0 +1,106 @@
+"""Mechanistic milling forces, Cvitanic 2021, eqs. (12)-(17): summed over discs, and in closed form over the helix."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .cutter import Cut, Cutter, Teeth, teeth_in_cut
+
+DISCS = 100
+# below this lag [rad] differences of the antiderivative lose more digits than the midpoint of the helix costs
+STRAIGHT = 1e-7
+
+
+def forces(cutter: Cutter, cut: Cut, phi: ArrayLike, discs: int = DISCS) -> np.ndarray:
+    """(n, 3) forces on the cutter [N], feed, transverse, axial, at spindle angles phi (n,) [rad], by a sum over discs.
+
+    phi is measured from the transverse axis in the sense of turning; tooth i stands at phi + its angle, at height z
+    behind by z tan(helix)/R. Raises ValueError for a depth beyond the diameter or less than one disc.
+    """
+    if discs < 1:
+        raise ValueError(f"found {discs} discs; expected at least one")
+    phi = np.asarray(phi, float).ravel()
+    teeth, dz = teeth_in_cut(cutter, cut), cut.axial_depth / discs
+    lag = cutter.lag(1.0) * dz * (np.arange(discs) + 0.5)
+    found = np.zeros((len(phi), 3))
+    for i, angle in enumerate(cutter.angles):
+        turned = (phi[:, None] + angle - lag) % (2 * np.pi)
+        found += _at(turned, cutter, teeth, i).sum(axis=1) * dz
+    return found
+
+
+def integrated_forces(cutter: Cutter, cut: Cut, phi: ArrayLike) -> np.ndarray:
+    """The same (n, 3) [N] by closed-form integration over the helix, exact at any helix angle."""
+    phi = np.asarray(phi, float).ravel()
+    teeth, lag = teeth_in_cut(cutter, cut), cutter.lag(cut.axial_depth)
+    found = np.zeros((len(phi), 3))
+    for i, angle in enumerate(cutter.angles):
+        at = phi + angle
+        if lag < STRAIGHT:
+            found += cut.axial_depth * _at((at - lag / 2) % (2 * np.pi), cutter, teeth, i)
+            continue
+        behind = _antiderivative(at, cutter, teeth, i) - _antiderivative(at - lag, cutter, teeth, i)
+        found += behind * cut.axial_depth / lag
+    return found
+
+
+def peak_force(cutter: Cutter, cut: Cut, samples: int = 3600) -> np.ndarray:
+    """(3,) forces [N] at the angle where their norm is largest over a turn; input of the static index, eq. (18).
+
+    Tried at `samples` angles and wherever a tooth enters or leaves with its tip or its upper end.
+    """
+    teeth, lag = teeth_in_cut(cutter, cut), cutter.lag(cut.axial_depth)
+    kinks = [edge + late - cutter.angles for edge in (teeth.start, teeth.end) for late in (0.0, lag)]
+    phi = np.concatenate([2 * np.pi * np.arange(samples) / samples, *kinks])
+    F = integrated_forces(cutter, cut, phi)
+    return F[np.argmax(np.linalg.norm(F, axis=1))]
+
+
+def to_world(F: ArrayLike, feed: ArrayLike, up: ArrayLike = (0.0, 0.0, 1.0)) -> np.ndarray:
+    """Forces (..., 3) feed, transverse, axial in world coordinates.
+
+    feed (3): direction of the cutter over the workpiece; up (3): along the tool axis, from tip to spindle. The
+    transverse axis is up x feed. Raises ValueError where feed has a part along the tool axis or no length.
+    """
+    f, u = np.asarray(feed, float), np.asarray(up, float)
+    f_length, u_length = np.linalg.norm(f), np.linalg.norm(u)
+    if not (f_length > 0 and u_length > 0):
+        raise ValueError(f"feed direction {f.tolist()} and tool axis {u.tolist()} must not be zero")
+    f, u = f / f_length, u / u_length
+    if abs(f @ u) > 1e-6:
+        raise ValueError(f"the feed direction {f.tolist()} runs along the tool axis; expected one across it")
+    return np.asarray(F, float) @ np.stack([f, np.cross(u, f), u])
+
+
+def tooth_terms(cutter: Cutter, teeth: Teeth, i: int) -> np.ndarray:
+    """(5, 3) force of tooth i per depth [N/m] as weights of 1, sin, cos, sin^2, sin cos of its angle."""
+    (e_t, e_r, e_a) = cutter.coefficients.edge + cutter.coefficients.cutting * teeth.offset[i]
+    (q_t, q_r, q_a) = cutter.coefficients.cutting * teeth.feed[i]
+    return np.array([[0, 0, e_a], [-e_r, e_t, q_a], [-e_t, -e_r, 0], [-q_r, q_t, 0], [-q_t, -q_r, 0]])
+
+
+def _at(turned: np.ndarray, cutter: Cutter, teeth: Teeth, i: int) -> np.ndarray:
+    """(..., 3) [N/m] of tooth i at angles within one turn, eqs. (12)-(17) before the integral over z."""
+    s, c = np.sin(turned), np.cos(turned)
+    chip = teeth.feed[i] * s + teeth.offset[i]
+    edge, cutting = cutter.coefficients.edge, cutter.coefficients.cutting
+    tangential, radial, axial = (edge[j] + cutting[j] * chip for j in range(3))
+    cuts = (turned >= teeth.start[i]) & (turned <= teeth.end[i])
+    F = np.stack([-tangential * c - radial * s, tangential * s - radial * c, axial], axis=-1)
+    return np.where(cuts[..., None], F, 0.0)
+
+
+def _antiderivative(angle: np.ndarray, cutter: Cutter, teeth: Teeth, i: int) -> np.ndarray:
+    """(n, 3) integral of the force of tooth i per depth over its angle, whole turns included [N.rad/m]."""
+    turns = np.floor(angle / (2 * np.pi))
+    inside = np.clip(angle - 2 * np.pi * turns, teeth.start[i], teeth.end[i])
+    ends = _primitives(np.stack([teeth.start[i], teeth.end[i]]))
+    terms = tooth_terms(cutter, teeth, i)
+    return (_primitives(inside) - ends[0] + turns[:, None] * (ends[1] - ends[0])) @ terms
+
+
+def _primitives(a: np.ndarray) -> np.ndarray:
+    """(n, 5) of 1, sin, cos, sin^2, sin cos."""
+    s = np.sin(a)
+    return np.stack([a, -np.cos(a), s, a / 2 - np.sin(2 * a) / 4, s * s / 2], axis=-1)

@@ -1,0 +1,145 @@
+"""What to do, in words: which model to use, how far the teeth are from a mode, what another speed would gain."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .oscillators import Oscillators
+
+HARMONICS = 5  # of the tooth frequency that are compared with the modes
+MATTERS = 1.2  # from this ratio of deflections on the choice of model is worth a word
+NEAR_HZ = 5.0  # a mode nearer than this to a tooth harmonic decides the deflection
+
+
+@dataclass(frozen=True)
+class NearMode:
+    """The mode nearest to a harmonic of the tooth frequency, relative to the mode. distance [Hz]: of the harmonic,
+    positive above the mode."""
+
+    axis: int
+    mode: float
+    harmonic: int
+    tooth_frequency: float
+
+    @property
+    def distance(self) -> float:
+        """[Hz]"""
+        return self.harmonic * self.tooth_frequency - self.mode
+
+    @property
+    def sentence(self) -> str:
+        """In words."""
+        named = "the tooth frequency" if self.harmonic == 1 else f"{self.harmonic} times the tooth frequency"
+        side = "above" if self.distance >= 0 else "below"
+        return (f"{named}, {self.harmonic * self.tooth_frequency:.4g} Hz, is {abs(self.distance):.3g} Hz {side} the "
+                f"mode along {'xyz'[self.axis]} at {self.mode:.3g} Hz")  # fmt: skip
+
+
+def nearest_mode(oscillators: Oscillators, tooth_frequency: float, harmonics: int = HARMONICS) -> NearMode:
+    """Of the first pose; harmonics 1 to `harmonics` of the tooth frequency [Hz] are compared."""
+    f = oscillators.frequency[0]
+    order = np.arange(1, harmonics + 1)
+    gap = np.abs(order[:, None] * tooth_frequency - f) / f
+    h, axis = np.unravel_index(np.argmin(gap), gap.shape)
+    return NearMode(int(axis), float(f[axis]), int(order[h]), tooth_frequency)
+
+
+def frequency_sensitivity(
+    oscillators: Oscillators, index: Callable[[Oscillators], np.ndarray], hertz: float = 1.0
+) -> tuple[np.ndarray, np.ndarray]:
+    """Relative change (n,) of an index where all natural frequencies are `hertz` lower, and higher."""
+    now = index(oscillators)
+    return index(oscillators.shifted(-hertz)) / now - 1, index(oscillators.shifted(hertz)) / now - 1
+
+
+@dataclass(frozen=True, eq=False)
+class Findings:
+    """What a search found at the given speed: static and dynamic index (n,) [m] by angle (n,) [rad], NaN where there
+    is none; oscillators of the static and of the dynamic choice; relative change of the index of the dynamic and of
+    the static choice with all modes 1 Hz lower and higher; by speed [1/s] tried, the given one among them, the best
+    index [m] and that of the static choice; row that a static model chose elsewhere."""
+
+    angles: np.ndarray
+    static: np.ndarray
+    dynamic: np.ndarray
+    at_static: Oscillators
+    at_dynamic: Oscillators
+    speed: float
+    teeth: int
+    change: tuple[float, float]
+    change_static: tuple[float, float]
+    speeds: np.ndarray
+    best_by_speed: np.ndarray
+    static_by_speed: np.ndarray
+    static_row: int | None = None
+
+    @property
+    def choices(self) -> tuple[int, int]:
+        """Rows of the static choice (`static_row` where it is given) and of the least dynamic index."""
+        static, dynamic = choices(self.static, self.dynamic)
+        return static if self.static_row is None else self.static_row, dynamic
+
+    @property
+    def ratio(self) -> float:
+        """Dynamic index of the static choice over that of the dynamic choice."""
+        s, d = self.choices
+        return float(self.dynamic[s] / self.dynamic[d])
+
+
+def choices(static: ArrayLike, dynamic: ArrayLike) -> tuple[int, int]:
+    """Rows of the least static and of the least dynamic index where both are known. ValueError where none is."""
+    static, dynamic = np.asarray(static, float), np.asarray(dynamic, float)
+    both = np.isfinite(static) & np.isfinite(dynamic)
+    if not both.any():
+        raise ValueError("no angle is both reachable and covered by the dynamic model")
+    return int(np.argmin(np.where(both, static, np.inf))), int(np.argmin(np.where(both, dynamic, np.inf)))
+
+
+def guideline(f: Findings) -> list[str]:
+    """One sentence each: model, distance to a mode at both choices, sensitivity, speed."""
+    s, d = f.choices
+    tooth = f.speed * f.teeth
+    a_s, a_d = np.rad2deg(f.angles[[s, d]])
+    x_s, x_d = 1e3 * f.dynamic[[s, d]]
+    if f.ratio > MATTERS:
+        model = (f"use the dynamic model: at {tooth:.4g} Hz its angle {a_d:.4g} deg deflects {x_d:.3g} mm, that of the "
+                 f"static model, {a_s:.4g} deg, {x_s:.3g} mm, {f.ratio:.2f} times as much")  # fmt: skip
+    else:
+        model = (f"the static model will do: at {tooth:.4g} Hz its angle {a_s:.4g} deg deflects {x_s:.3g} mm, the best "
+                 f"of the dynamic model, {a_d:.4g} deg, {x_d:.3g} mm")  # fmt: skip
+    near_s, near_d = nearest_mode(f.at_static, tooth), nearest_mode(f.at_dynamic, tooth)
+    said = [
+        model,
+        f"at the static choice {near_s.sentence}",
+        f"at the dynamic choice {near_d.sentence}",
+        f"modes 1 Hz lower or higher than modelled change the deflection by {_signed(f.change_static)} at the static "
+        f"choice, by {_signed(f.change)} at the dynamic one",
+    ]
+    if min(abs(near_s.distance), abs(near_d.distance)) < NEAR_HZ:
+        said.append(f"a mode less than {NEAR_HZ:g} Hz from the teeth decides everything: measure it in the chosen pose")
+    said.append(_speed(f, x_d))
+    if len(f.speeds) > 1:
+        best = int(np.argmin(f.static_by_speed))
+        said.append(f"the static choice deflects least, {1e3 * f.static_by_speed[best]:.3g} mm, at "
+                    f"{60 * f.speeds[best]:.4g} rpm")  # fmt: skip
+    return said
+
+
+def _signed(change: tuple[float, float]) -> str:
+    return " or ".join(f"{100 * x:+.0f} %" for x in change)
+
+
+def _speed(f: Findings, now: float) -> str:
+    """What another speed would gain."""
+    if len(f.speeds) < 2:
+        return "no other speed was tried"
+    best = int(np.argmin(f.best_by_speed))
+    there = 1e3 * f.best_by_speed[best]
+    if np.isclose(f.speeds[best], f.speed) or there >= now:
+        return f"of {len(f.speeds)} speeds none deflects less than the given {60 * f.speed:.4g} rpm"
+    return (f"at {60 * f.speeds[best]:.4g} rpm ({f.teeth * f.speeds[best]:.4g} Hz) the best angle deflects "
+            f"{there:.3g} mm in place of {now:.3g} mm: the speed gains {100 * (1 - there / now):.0f} %")  # fmt: skip

@@ -1,0 +1,82 @@
+"""Tool dynamics as three decoupled oscillators m x'' + c x' + k x = F, Cvitanic 2021, eq. (8)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+
+@dataclass(frozen=True, eq=False)
+class Oscillators:
+    """n poses: m [kg], c [N.s/m], k [N/m], each (n, 3) along x, y, z of the world. All positive.
+
+    One pose may be given as (3,). Raises ValueError for what is not positive or has another shape.
+    """
+
+    m: np.ndarray
+    c: np.ndarray
+    k: np.ndarray
+
+    def __post_init__(self) -> None:
+        for name, unit in (("m", "kg"), ("c", "N.s/m"), ("k", "N/m")):
+            value = np.atleast_2d(np.asarray(getattr(self, name), float))
+            if value.ndim != 2 or value.shape[1] != 3 or len(value) != len(np.atleast_2d(self.m)):
+                raise ValueError(f"{name} has the shape {value.shape}; expected (n, 3), x, y and z of n poses")
+            if not np.all(value > 0) or not np.all(np.isfinite(value)):
+                pose, axis = np.argwhere(~((value > 0) & np.isfinite(value)))[0]
+                raise ValueError(
+                    f"{name} is {value[pose, axis]:g} {unit} along {'xyz'[axis]} in pose {pose}; "
+                    "expected a positive number"
+                )
+            object.__setattr__(self, name, value)
+
+    @classmethod
+    def with_damping_ratio(cls, m: ArrayLike, k: ArrayLike, zeta: ArrayLike) -> Oscillators:
+        """From damping ratios (n, 3) [1] in place of c."""
+        m, k = np.asarray(m, float), np.asarray(k, float)
+        return cls(m, 2 * np.asarray(zeta, float) * np.sqrt(m * k), k)
+
+    def __len__(self) -> int:
+        return len(self.m)
+
+    def __getitem__(self, rows: int | slice | np.ndarray) -> Oscillators:
+        return Oscillators(self.m[rows], self.c[rows], self.k[rows])
+
+    @property
+    def frequency(self) -> np.ndarray:
+        """(n, 3) undamped natural frequency sqrt(k/m)/2pi [Hz]."""
+        return np.sqrt(self.k / self.m) / (2 * np.pi)
+
+    @property
+    def damping_ratio(self) -> np.ndarray:
+        """(n, 3) c / (2 sqrt(k m)) [1]."""
+        return self.c / (2 * np.sqrt(self.k * self.m))
+
+    def shifted(self, hertz: float) -> Oscillators:
+        """The same stiffness and damping ratio with all natural frequencies changed by `hertz`."""
+        f = self.frequency + hertz
+        if np.any(f <= 0):
+            raise ValueError(f"a shift of {hertz:g} Hz leaves no positive natural frequency; the lowest is "
+                             f"{self.frequency.min():.3g} Hz")  # fmt: skip
+        return Oscillators.with_damping_ratio(self.k / (2 * np.pi * f) ** 2, self.k, self.damping_ratio)
+
+    def receptance(self, omega: ArrayLike) -> np.ndarray:
+        """H (n, w, 3) [m/N] at angular frequencies omega (w,) [rad/s]: 1/(k - m w^2 + j c w)."""
+        w = np.asarray(omega, float).reshape(1, -1, 1)
+        m, c, k = (x[:, None, :] for x in (self.m, self.c, self.k))
+        return 1 / (k - m * w**2 + 1j * c * w)
+
+    @classmethod
+    def joined(cls, parts: list[Oscillators]) -> Oscillators:
+        """The poses of all parts, one after the other."""
+        return cls(*(np.concatenate([getattr(p, name) for p in parts]) for name in ("m", "c", "k")))
+
+
+def missing_z(m: ArrayLike, c: ArrayLike, k: ArrayLike) -> Oscillators:
+    """Oscillators (n, 3) whose c_z is missing (Table 16): zeta_z becomes the mean of zeta_x and zeta_y."""
+    m, c, k = (np.atleast_2d(np.asarray(x, float)) for x in (m, c, k))
+    zeta = c / (2 * np.sqrt(m * k))
+    zeta = np.column_stack([zeta[:, :2], zeta[:, :2].mean(axis=1)])
+    return Oscillators.with_damping_ratio(m, k, zeta)

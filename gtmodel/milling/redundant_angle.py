@@ -1,0 +1,96 @@
+"""The angle about the spindle axis that a milling task leaves free, and where an arm can take it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.spatial.transform import Rotation
+
+from ..kinematics.wrist_partition import WristPartition
+
+ANGLES = np.deg2rad(np.arange(-180.0, 181.0))  # 361, one degree apart
+
+
+@dataclass(frozen=True, eq=False)
+class AngleSweep:
+    """All ways to hold the tool at one place: angles (n,) [rad]; solutions q (s, 6) [rad] of angle number `row` (s,)
+    on branch `branch` (s,), one for each branch; in_reach (n,): geometry allows the angle, joint limits may not."""
+
+    angles: np.ndarray
+    q: np.ndarray
+    row: np.ndarray
+    branch: np.ndarray
+    in_reach: np.ndarray
+
+    @property
+    def reachable(self) -> np.ndarray:
+        """(n,) whether some branch holds the angle within its joint limits."""
+        found = np.zeros(len(self.angles), bool)
+        found[self.row] = True
+        return found
+
+    def least(self, value: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
+        """By angle (n,): the least of values (s,) of its solutions and the number of that solution; NaN, -1: none."""
+        value = np.asarray(value, float)
+        best, which = np.full(len(self.angles), np.nan), np.full(len(self.angles), -1)
+        order = np.lexsort((value, self.row))
+        first = order[np.unique(self.row[order], return_index=True)[1]]
+        best[self.row[first]], which[self.row[first]] = value[first], first
+        return best, which
+
+
+def tool_rotations(angles: ArrayLike, axis: ArrayLike, spindle: ArrayLike, zero: float = 0.0) -> np.ndarray:
+    """Flange orientations (n, 3, 3) that point the spindle along `axis` (3), world, turned about it by angles (n,).
+
+    spindle (3): from spindle to tip, flange coordinates. The angle turns about -axis, as about the vertical for a
+    tool that points down. At the turn 0 the part of the flange's z axis (of its x axis where the spindle lies along
+    z) across the spindle points towards world x (y where the tool lies along x); at angle 0 the turn is `zero` [rad].
+    The thesis does not print its own. Raises ValueError for a direction without length.
+    """
+    frame_world, frame_flange = _frame(axis, (1, 0, 0), (0, 1, 0)), _frame(spindle, (0, 0, 1), (1, 0, 0))
+    start = frame_world @ frame_flange.T
+    turns = (np.asarray(angles, float).reshape(-1, 1) + zero) * -frame_world[:, 0]
+    return Rotation.from_rotvec(turns).as_matrix() @ start
+
+
+def angle_sweep(
+    arm: WristPartition, limits: ArrayLike, place: ArrayLike, *, axis: ArrayLike = (0.0, 0.0, -1.0),
+    tool: ArrayLike = (0.0, 0.0, 0.0), spindle: ArrayLike = (0.0, 0.0, 1.0), angles: ArrayLike = ANGLES,
+    zero: float = 0.0,
+) -> AngleSweep:  # fmt: skip
+    """Joint angles for the tool centre point at `place` (3) [m] over the angles (n,) [rad], all branches in limits.
+
+    limits (6, 2) [rad]; tool (3) [m]: tool centre point in flange coordinates; axis, spindle, zero: see
+    `tool_rotations`.
+    Of a branch's whole turns the one farthest from its limits is kept. Raises ValueError for wrong shapes.
+    """
+    angles = np.asarray(angles, float).ravel()
+    low, high = np.asarray(limits, float).reshape(6, 2).T
+    R = tool_rotations(angles, axis, spindle, zero)
+    found = arm.inverse(np.asarray(place, float) - R @ np.asarray(tool, float), R)
+    q, row, branch = [], [], []
+    for n in range(len(angles)):
+        turns, branches = found.within(limits, n)
+        margin = np.minimum(turns - low, high - turns).min(axis=1)
+        for b in np.unique(branches):
+            mine = np.flatnonzero(branches == b)
+            q.append(turns[mine[np.argmax(margin[mine])]])
+            row.append(n)
+            branch.append(b)
+    in_reach = np.any(np.isfinite(found.q).all(axis=2), axis=1)
+    return AngleSweep(angles, np.array(q).reshape(-1, 6), np.array(row, int), np.array(branch, int), in_reach)
+
+
+def _frame(first: ArrayLike, second: tuple[int, int, int], instead: tuple[int, int, int]) -> np.ndarray:
+    """Columns: `first`, then the part of `second` across it (`instead` where they are parallel), then the third."""
+    x = np.asarray(first, float)
+    length = np.linalg.norm(x)
+    if x.shape != (3,) or not length > 0:
+        raise ValueError(f"the direction {x.tolist()} has no length; expected three numbers, not all zero")
+    x = x / length
+    y = np.asarray(second if np.linalg.norm(np.cross(x, second)) > 1e-6 else instead, float)
+    y = y - (x @ y) * x
+    y /= np.linalg.norm(y)
+    return np.column_stack([x, y, np.cross(x, y)])

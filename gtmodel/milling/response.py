@@ -1,0 +1,75 @@
+"""Deflection under a given force by exact discretisation: matrix exponential once, then a recursion."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.linalg import expm
+from scipy.signal import lfilter
+
+from .oscillators import Oscillators
+
+HOLDS = ("zero", "linear")
+
+
+def responses(oscillators: Oscillators, F: ArrayLike, step: float, *, hold: str = "linear") -> Iterator[np.ndarray]:
+    """x (t, 3) [m] of each pose at the times of F (t, 3) [N], world coordinates, `step` [s] apart; from rest.
+
+    Exact for a force that is constant ("zero") or straight ("linear") between its samples: errors are of first and
+    of second order in the step for other forces. Raises ValueError for another hold, shape or step.
+    """
+    F = np.asarray(F, float)
+    if hold not in HOLDS:
+        raise ValueError(f"the hold is '{hold}'; expected one of {', '.join(HOLDS)}")
+    if F.ndim != 2 or F.shape[1] != 3 or len(F) < 2:
+        raise ValueError(f"the force has the shape {F.shape}; expected (t, 3) with two times or more")
+    if not step > 0:
+        raise ValueError(f"the step is {step:g} s; expected more than 0")
+    o = oscillators
+    A, B = np.zeros((len(o), 3, 2, 2)), np.zeros((len(o), 3, 2))
+    A[..., 0, 1] = 1
+    A[..., 1, 0], A[..., 1, 1], B[..., 1] = -o.k / o.m, -o.c / o.m, 1 / o.m
+    b, a, start = recursion(A, B, step, hold)
+    rows = np.ascontiguousarray(F.T)
+    for pose in range(len(oscillators)):
+        x = np.empty_like(rows)
+        for j in range(3):
+            x[j], _ = lfilter(b[pose, j], a[pose, j], rows[j], zi=start[pose, j] * rows[j, 0])
+        yield x.T
+
+
+def recursion(A: np.ndarray, B: np.ndarray, step: float, hold: str = "linear") -> tuple[np.ndarray, ...]:
+    """Of s' = A s + B u, A (..., 2, 2), B (..., 2): coefficients b, a (..., 3) of the first state's recursion in u,
+    and the initial state (..., 2) of the filter per first input for which s starts at zero."""
+    M = np.zeros((*A.shape[:-2], 4, 4))  # state; input u and its slope over the step
+    M[..., :2, :2], M[..., :2, 2], M[..., 2, 3] = A, B, 1 / step
+    E = expm(M * step)
+    D, now, later = E[..., :2, :2], E[..., :2, 2], np.zeros_like(E[..., :2, 3])
+    if hold == "linear":
+        later = E[..., :2, 3]
+        now = now - later
+    trace, det = D[..., 0, 0] + D[..., 1, 1], np.linalg.det(D)
+    # Cayley-Hamilton: x[+2] - trace x[+1] + det x = (D - trace) B u and so on
+    back = D[..., 0, :] - trace[..., None] * [1.0, 0.0]
+    b = np.stack([later[..., 0], now[..., 0] + (back * later).sum(-1), (back * now).sum(-1)], axis=-1)
+    a = np.stack([np.ones_like(trace), -trace, det], axis=-1)
+    # rest at the first sample, whatever the input is there
+    start = np.stack([-b[..., 0], now[..., 0] - b[..., 1]], axis=-1)
+    return b, a, start
+
+
+def steady_state(oscillators: Oscillators, spectrum: np.ndarray, speed: float, samples: int = 512) -> np.ndarray:
+    """(n, samples, 3) x [m] over one turn of the spindle at `speed` [1/s], all transients gone.
+
+    spectrum (h + 1, 3): Fourier coefficients of the force in world coordinates by harmonics of the spindle. Raises
+    ValueError for a speed that is not positive, or fewer samples than twice the harmonics.
+    """
+    if not speed > 0:
+        raise ValueError(f"the spindle speed is {60 * speed:g} rpm; expected more than 0")
+    n = np.arange(len(spectrum))
+    if samples <= 2 * n[-1]:
+        raise ValueError(f"{samples} samples cannot show {n[-1]} harmonics; expected more than {2 * n[-1]}")
+    x = oscillators.receptance(2 * np.pi * speed * n) * spectrum
+    return np.fft.irfft(x, samples, axis=1) * samples

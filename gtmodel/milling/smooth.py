@@ -1,0 +1,47 @@
+"""Milling forces as a smooth CasADi function: depths and feed may be variables of an optimisation."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from .cutter import MODES, Cutter
+
+WIDTH = 0.02  # of the gate, in cosines of the angle
+
+
+def smooth_force_function(cutter: Cutter, mode: str, *, width: float = WIDTH, discs: int = 40) -> Any:
+    """CasADi function (phi [rad], a_e [m], a_p [m], f_t [m]) -> F (3) [N] in feed, transverse and axial direction.
+
+    The gate of each tooth is a logistic function of cos(phi_i - middle) - cos(half the immersion), which is periodic
+    and has derivatives everywhere; as `width` goes to zero it becomes that of `forces`. a_e must stay between 0 and
+    the diameter (a slot reads no a_e). Runout is left out, chips are not clipped. Raises ValueError for an unknown
+    mode, a width that is not positive, or a cutter with runout.
+    """
+    if mode not in MODES:
+        raise ValueError(f"the mode is '{mode}'; expected one of {', '.join(MODES)}")
+    if not width > 0 or discs < 1:
+        raise ValueError(f"found a width of {width:g} and {discs} discs; expected more than 0 and at least 1")
+    if cutter.runout is not None and np.any(cutter.runout):
+        raise ValueError("the smooth forces know no runout; use forces() or a cutter without")
+    phi, a_e, a_p, f_t = (ca.SX.sym(name) for name in ("phi", "a_e", "a_p", "f_t"))
+    if mode == "slot":
+        start, end = 0.0, np.pi
+    else:
+        immersed = ca.acos(1 - a_e / cutter.radius)
+        start, end = (np.pi - immersed, np.pi) if mode == "climb" else (0.0, immersed)
+    middle, limit = (start + end) / 2, ca.cos((end - start) / 2)
+    k = cutter.coefficients
+    F, dz = ca.SX.zeros(3), a_p / discs
+    for angle, pitch in zip(cutter.angles, cutter.pitch, strict=True):
+        feed = f_t * cutter.teeth * pitch / (2 * np.pi)
+        for disc in range(discs):
+            turned = phi + angle - cutter.lag(1.0) * dz * (disc + 0.5)
+            gate = (1 + ca.tanh((ca.cos(turned - middle) - limit) / (2 * width))) / 2
+            s, c = ca.sin(turned), ca.cos(turned)
+            h = feed * s
+            t, r, a = k.K_te + k.K_tc * h, k.K_re + k.K_rc * h, k.K_ae + k.K_ac * h
+            F += gate * dz * ca.vertcat(-t * c - r * s, t * s - r * c, a)
+    return ca.Function("milling_force", [phi, a_e, a_p, f_t], [F], ["phi", "a_e", "a_p", "f_t"], ["F"])

@@ -1,0 +1,172 @@
+"""Pictures of vibration models: order, held-out prediction, frequency response, decay, step, poles."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from .colours import COLOURS
+
+BLUE, ORANGE, GREEN = COLOURS[:3]
+GREY = "#777777"
+POINTS = 1200  # of a frequency response
+WINDOW = 3.0  # s of a long recording that are shown
+Sampled = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+
+
+def order_figure(
+    singular_values: np.ndarray, trials: Sequence[tuple[int, float | None]], chosen: int, *, title: str = ""
+) -> Figure:
+    """Singular values, and the rms error [m] on held-out samples by order; an unstable order (None) is a cross."""
+    figure = Figure(figsize=(8.0, 3.8), layout="constrained")
+    left, right = figure.subplots(1, 2)
+    count = min(len(singular_values), 2 * max(n for n, _ in trials))
+    shown = np.maximum(singular_values[:count], 1e-16 * singular_values[0])
+    left.semilogy(np.arange(1, count + 1), shown, "o", color=BLUE, markersize=4)
+    left.axvline(chosen + 0.5, color=ORANGE, linestyle="--", linewidth=1)
+    left.set(xlabel="number", ylabel="singular value")
+    stable = [(n, 1e6 * e) for n, e in trials if e is not None]
+    right.semilogy([n for n, _ in stable], [e for _, e in stable], "o-", color=BLUE, markersize=4)
+    unstable = [n for n, e in trials if e is None]
+    if unstable:
+        top = max(e for _, e in stable) if stable else 1.0
+        right.plot(unstable, [top] * len(unstable), "x", color=ORANGE, label="unstable")
+    right.axvline(chosen, color=ORANGE, linestyle="--", linewidth=1, label=f"chosen: {chosen}")
+    right.set(xlabel="order", ylabel="held-out error, rms [um]")
+    right.xaxis.get_major_locator().set_params(integer=True)
+    right.legend()
+    for axes in (left, right):
+        axes.grid(alpha=0.3)
+    figure.suptitle(title)
+    return figure
+
+
+def prediction_figure(
+    time: np.ndarray, y: np.ndarray, predicted: np.ndarray, first: int, fit: np.ndarray, *, title: str = ""
+) -> Figure:
+    """Measured and predicted outputs (N, p) [m] at the beginning of the held-out samples; `fit` (p,) in percent."""
+    rows = slice(first, min(len(time), first + max(int(WINDOW / (time[1] - time[0])), 2)))
+    figure = Figure(figsize=(8.0, 1.2 + 2.0 * y.shape[1]), layout="constrained")
+    panels = figure.subplots(y.shape[1], 1, sharex=True, squeeze=False)[:, 0]
+    for k, axes in enumerate(panels):
+        axes.plot(time[rows], 1e3 * y[rows, k], ".", color=GREY, markersize=3, label="measured")
+        axes.plot(time[rows], 1e3 * predicted[rows, k], color=BLUE, linewidth=1, label=f"predicted, fit {fit[k]:.4g} %")
+        axes.set(ylabel=f"position {k + 1} [mm]")
+        axes.grid(alpha=0.3)
+        axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, frameon=False, borderaxespad=0.1)
+    panels[-1].set(xlabel="time [s]")
+    figure.suptitle(title)
+    return figure
+
+
+def response_figure(
+    system: Sampled, sample_time: float, modes_Hz: Sequence[float] | np.ndarray, *, title: str = "", unit: str = "m/N"
+) -> Figure:
+    """Magnitude and phase from each input to each output up to the Nyquist frequency, modes as lines."""
+    nyquist = 0.5 / sample_time
+    low = min(0.2 * min(modes_Hz), 0.1 * nyquist) if len(modes_Hz) else 1e-3 * nyquist
+    f = np.geomspace(low, 0.999 * nyquist, POINTS)
+    A, B, C, D = system
+    z = np.exp(2j * np.pi * f * sample_time)
+    G = C @ np.linalg.solve(z[:, None, None] * np.eye(len(A)) - A, B.astype(complex)) + D
+    figure = Figure(figsize=(8.0, 5.4), layout="constrained")
+    size, phase = figure.subplots(2, 1, sharex=True, height_ratios=[2, 1])
+    for i in range(G.shape[1]):
+        for j in range(G.shape[2]):
+            label = f"position {i + 1}" + (f", input {j + 1}" if G.shape[2] > 1 else "")
+            size.loglog(f, np.abs(G[:, i, j]), label=label)
+            phase.semilogx(f, np.rad2deg(np.unwrap(np.angle(G[:, i, j]))))
+    for k, mode in enumerate(modes_Hz):
+        for axes in (size, phase):
+            axes.axvline(mode, color=GREY, linestyle=":", linewidth=1)
+        size.annotate(
+            f"{mode:.4g} Hz", (mode, 0.02 + 0.07 * (k % 2)), xycoords=("data", "axes fraction"), xytext=(3, 0),
+            textcoords="offset points", fontsize=8,
+        )  # fmt: skip
+    size.set(ylabel=f"magnitude [{unit}]")
+    phase.set(xlabel="frequency [Hz]", ylabel="phase [deg]")
+    for axes in (size, phase):
+        axes.grid(alpha=0.3, which="both")
+    size.legend()
+    figure.suptitle(title)
+    return figure
+
+
+def step_figure(
+    runs: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]],
+    by_delay: Mapping[int, float],
+    delay: int,
+    *,
+    title: str = "",
+) -> Figure:
+    """Recordings (time, reference, measured, model; (N,) [s, m]) and the rms error [m] by delay tried."""
+    figure = Figure(figsize=(8.0, 4.0), layout="constrained")
+    left, right = figure.subplots(1, 2, width_ratios=[2, 1])
+    for n, (time, u, y, model) in enumerate(runs):
+        left.plot(time, 1e3 * u, color=GREY, linewidth=0.8, label="reference" if n == 0 else None)
+        left.plot(time, 1e3 * y, ".", color=BLUE, markersize=2, label="measured" if n == 0 else None)
+        left.plot(time, 1e3 * model, color=ORANGE, linewidth=1.2, label="model" if n == 0 else None)
+    left.set(xlabel="time [s]", ylabel="position [mm]")
+    left.legend()
+    right.plot(list(by_delay), [1e6 * e for e in by_delay.values()], "o-", color=BLUE, markersize=3)
+    right.axvline(delay, color=ORANGE, linestyle="--", linewidth=1, label=f"delay {delay}")
+    right.set(xlabel="delay [samples]", ylabel="error, rms [um]", yscale="log")
+    right.legend()
+    for axes in (left, right):
+        axes.grid(alpha=0.3)
+    figure.suptitle(title)
+    return figure
+
+
+def decay_figure(
+    time: np.ndarray, y: np.ndarray, fitted: np.ndarray, rest: np.ndarray, peaks_Hz: Sequence[float], *, title: str = ""
+) -> Figure:
+    """Decays (N, p) [m] with the fit, and their spectra with the peaks found."""
+    p = y.shape[1]
+    figure = Figure(figsize=(9.0, 1.4 + 1.9 * p), layout="constrained")
+    panels = figure.subplots(p, 2, squeeze=False, sharex="col")
+    f = np.fft.rfftfreq(len(time), time[1] - time[0])
+    top = min(f[-1], 4 * max(peaks_Hz))
+    for k, (left, right) in enumerate(panels):
+        left.plot(time, 1e3 * y[:, k], ".", color=GREY, markersize=2, label="measured")
+        left.plot(time, 1e3 * fitted[:, k], color=BLUE, linewidth=1, label="damped sines")
+        left.set(ylabel=f"position {k + 1} [mm]")
+        for values, colour in ((y, GREY), (fitted, BLUE)):
+            spectrum = np.abs(np.fft.rfft(values[:, k] - rest[k])) * (time[1] - time[0])
+            right.semilogy(f[1:], spectrum[1:], color=colour, linewidth=1)
+        for peak in peaks_Hz:
+            right.axvline(peak, color=ORANGE, linestyle="--", linewidth=1)
+        right.set(ylabel="spectrum [m s]", xlim=(0, top))
+        for axes in (left, right):
+            axes.grid(alpha=0.3)
+    for n, peak in enumerate(peaks_Hz):
+        panels[0, 1].annotate(
+            f"{peak:.4g} Hz", (peak, 0.03 + 0.08 * (n % 3)), xycoords=("data", "axes fraction"), xytext=(3, 0),
+            textcoords="offset points", fontsize=8,
+        )  # fmt: skip
+    panels[0, 0].legend()
+    panels[-1, 0].set(xlabel="time [s]")
+    panels[-1, 1].set(xlabel="frequency [Hz]")
+    figure.suptitle(title)
+    return figure
+
+
+def poles_figure(poles: Mapping[str, np.ndarray], circles_Hz: np.ndarray, *, title: str = "") -> Figure:
+    """Poles [1/s] by name in the complex plane, scaled by 2 pi; circles at undamped frequencies."""
+    figure = Figure(figsize=(6.6, 6.4), layout="constrained")
+    axes = figure.subplots()
+    angle = np.linspace(0, 2 * np.pi, 361)
+    for radius in circles_Hz:
+        axes.plot(radius * np.cos(angle), radius * np.sin(angle), color=GREY, linewidth=0.8, linestyle=":")
+        axes.annotate(f"{radius:.5g} Hz", (0, radius), xytext=(3, 3), textcoords="offset points", fontsize=8)
+    for (name, values), marker, colour in zip(poles.items(), "xo+", (ORANGE, BLUE, GREEN), strict=False):
+        fill = "none" if marker == "o" else colour
+        real, imaginary = np.real(values) / (2 * np.pi), np.imag(values) / (2 * np.pi)
+        axes.plot(real, imaginary, marker, color=colour, label=name, markersize=8, markerfacecolor=fill)
+    axes.axvline(0, color="black", linewidth=0.8)
+    axes.set(xlabel="real part / 2 pi [Hz]", ylabel="imaginary part / 2 pi [Hz]", title=title, aspect="equal")
+    axes.grid(alpha=0.3)
+    figure.legend(loc="outside lower center", ncols=3)
+    return figure

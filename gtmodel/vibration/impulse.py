@@ -1,0 +1,222 @@
+"""Resonances from what a structure does after a hit: realisation from a Hankel matrix, then damped sines."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gtmodel.inference import nonlinear_fit, whiteness
+from gtmodel.results import Estimate
+
+from .hankel import block_hankel
+from .output_error import central
+from .record import Record, VibrationError, columns
+
+if TYPE_CHECKING:
+    import control
+
+LARGEST = 4  # resonances tried when their number is not given
+ROWS = 3  # the Hankel matrix has one row of blocks to this many columns
+MOST_ROWS = 200  # more cost time and tell no more
+REST = 10  # the last share of samples, one in so many, gives the rest position from which the realisation starts
+OVERLAP = 1.0  # distance over half-power widths: nearer peaks are one to the eye
+
+
+@dataclass(frozen=True)
+class Resonance:
+    """One mode: undamped frequency [Hz] and damping ratio with 95 % intervals, amplitude (p,) by output at time 0, and
+    `damped_Hz`, where the peak of the decay stands."""
+
+    frequency_Hz: float
+    frequency_interval_Hz: tuple[float, float]
+    damping: float
+    damping_interval: tuple[float, float]
+    amplitude: tuple[float, ...]
+
+    @property
+    def damped_Hz(self) -> float:
+        return self.frequency_Hz * float(np.sqrt(1 - self.damping**2))
+
+
+@dataclass(frozen=True, eq=False)
+class ImpulseModel:
+    """Resonances, slowest first, fitted to all samples after the hit.
+
+    `distance` (modes - 1,): between neighbours in half the sum of their half-power widths, below 1 they overlap.
+    `system` control.StateSpace in discrete time whose impulse response is the decay; `rest` (p,) where the outputs come
+    to rest. `criterion` by number of modes tried: Bayesian information criterion, least is taken. `estimate` names
+    "f[0]", "zeta[0]", ...; `residual` (p,) rms; `words`: colour of residuals, overlaps.
+    """
+
+    resonances: tuple[Resonance, ...]
+    distance: np.ndarray
+    system: control.StateSpace
+    rest: np.ndarray
+    criterion: dict[int, float]
+    estimate: Estimate
+    residual: np.ndarray
+    fitted: np.ndarray
+    words: tuple[str, ...]
+    synthetic: str | None
+
+
+def identify_impulse(record: Record, *, modes: int | None = None, largest: int = LARGEST) -> ImpulseModel:
+    """Resonances of the outputs of a record that begins after the hit, when no force acts any more.
+
+    Args:
+        modes: how many; by the Bayesian information criterion if left out, at most `largest`.
+
+    The eigensystem realisation gives starts, least squares on damped sines about a rest position the values
+    (amplitudes eliminated, variable projection); intervals are for white noise of unknown size. Raises VibrationError:
+    too few samples, inputs that are not zero, nothing that vibrates.
+    """
+    if np.any(record.u):
+        k = int(np.flatnonzero(np.any(record.u != 0, axis=1))[0])
+        raise VibrationError(
+            f"the input at sample {k} is not zero; expected a record that begins after the hit: cut it"
+        )
+    wanted = range(1, largest + 1) if modes is None else [modes]
+    if min(wanted, default=0) < 1:
+        raise VibrationError(
+            f"{modes if modes is not None else largest} resonances were asked for; expected at least 1"
+        )
+    fits: dict[int, _Sines] = {}
+    for k in wanted:
+        poles = realise(record.y - record.y[-max(len(record) // REST, 1) :].mean(axis=0), 2 * k)[3]
+        s = np.log(poles[np.imag(poles) > 0].astype(complex)) / record.sample_time
+        s = s[(s.real < 0) & (s.imag > 2 * np.pi / (record.sample_time * len(record)))]
+        found = _Sines.fit(record, s) if len(s) else None
+        if found is not None and (len(s) not in fits or found.criterion < fits[len(s)].criterion):
+            fits[len(s)] = found
+    if not fits or (modes is not None and modes not in fits):
+        raise VibrationError(
+            f"{'nothing' if not fits else f'{min(fits)} of {modes} modes'} in the {len(record)} samples decays and "
+            "vibrates at least once; begin just after the hit, record longer, or ask for fewer modes"
+        )
+    best = min(fits, key=lambda k: fits[k].criterion) if modes is None else modes
+    return fits[best].model(record, {k: f.criterion for k, f in sorted(fits.items())})
+
+
+def realise(
+    y: np.ndarray, order: int, rows: int | None = None
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """A (n, n), C (p, n), x0 (n,) and the poles of y[k] = C A^k x0 by the eigensystem realisation.
+
+    y (N, p) or (N,). Source: Juang and Pappa 1985. Raises VibrationError: too few samples for the order.
+    """
+    y = columns(y, "outputs")
+    p = y.shape[1]
+    blocks = min(len(y) // ROWS, MOST_ROWS) if rows is None else rows
+    if blocks < 2 or (blocks - 1) * p < order or len(y) - blocks + 1 < order:
+        raise VibrationError(
+            f"{len(y)} samples are too few for the order {order}; expected at least {ROWS * (order // p + 2)}: record "
+            "longer, or lower the order"
+        )
+    U, s, Vt = np.linalg.svd(block_hankel(y, blocks), full_matrices=False)
+    G = U[:, :order] * np.sqrt(s[:order])
+    A = np.linalg.lstsq(G[:-p], G[p:], rcond=None)[0]
+    return A, G[:p], np.sqrt(s[:order]) * Vt[:order, 0], np.linalg.eigvals(A)
+
+
+@dataclass(frozen=True, eq=False)
+class _Sines:
+    """Damped sines about a rest position, fitted."""
+
+    x: np.ndarray
+    estimate: Estimate
+    amplitudes: np.ndarray  # (1 + 2 modes, p): rest, then cosine and sine by mode
+    fitted: np.ndarray
+    criterion: float
+
+    @classmethod
+    def fit(cls, record: Record, s: np.ndarray) -> _Sines | None:
+        """From starting poles [1/s]; None where the iteration does not arrive or leaves decaying sines."""
+        s = s[np.argsort(np.abs(s))]
+        start = np.column_stack([np.abs(s) / (2 * np.pi), -np.real(s) / np.abs(s)]).ravel()
+        t, y = record.time, record.y
+
+        def misfit(x: np.ndarray) -> np.ndarray:
+            Q, _ = np.linalg.qr(_columns(t, x))
+            return (Q @ (Q.T @ y) - y).T.ravel()
+
+        def residuals(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            if np.any(x[::2] <= 0) or np.any(np.abs(x[1::2]) >= 1):
+                return np.full(y.size, np.inf), np.full((y.size, len(x)), np.inf)
+            return misfit(x), central(misfit, x)
+
+        names = [f"{what}[{k}]" for k in range(len(s)) for what in ("f", "zeta")]
+        try:
+            with np.errstate(all="ignore"):
+                fit = nonlinear_fit(residuals, start, names, scale=np.tile([0.1, 0.01], len(s)), limit=50)
+        except (ValueError, np.linalg.LinAlgError):
+            return None
+        if fit.estimate is None or np.any(fit.x[1::2] <= 0):
+            return None
+        F = _columns(t, fit.x)
+        amplitudes = np.linalg.lstsq(F, y, rcond=None)[0]
+        fitted = F @ amplitudes
+        # amplitudes take freedom too
+        e = fit.estimate
+        freedom = max(y.size - len(fit.x) - amplitudes.size, 1)
+        factor = e.freedom / freedom
+        estimate = Estimate(
+            e.names, e.values, e.covariance * factor, freedom, e.noise * float(np.sqrt(factor)), e.known_noise,
+            e.residuals, (), units=("Hz", "") * len(s),
+        )  # fmt: skip
+        rss = float(np.sum((fitted - y) ** 2))
+        count = len(fit.x) + amplitudes.size
+        level = np.finfo(float).eps ** 2 * float(np.sum(y**2))
+        return cls(
+            fit.x, estimate, amplitudes, fitted, y.size * np.log((rss + level) / y.size) + count * np.log(y.size)
+        )
+
+    def model(self, record: Record, criterion: dict[int, float]) -> ImpulseModel:
+        """The result, slowest mode first."""
+        import control
+
+        e = self.estimate
+        order = np.argsort(self.x[::2])
+        found, blocks, B, C = [], [], [], []
+        for k in order:
+            f, zeta = self.x[2 * k], self.x[2 * k + 1]
+            cosine, sine = self.amplitudes[1 + 2 * k], self.amplitudes[2 + 2 * k]
+            size = tuple(np.hypot(cosine, sine).tolist())
+            found.append(
+                Resonance(float(f), e.interval(f"f[{k}]"), float(zeta), e.interval(f"zeta[{k}]"), size)
+            )  # fmt: skip
+            w = 2 * np.pi * f
+            decay, turn = np.exp(-zeta * w * record.sample_time), w * np.sqrt(1 - zeta**2) * record.sample_time
+            blocks.append(decay * np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]))
+            B += [1.0, 0.0]
+            C += [cosine, sine]
+        A = np.zeros((2 * len(blocks), 2 * len(blocks)))
+        for k, block in enumerate(blocks):
+            A[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = block
+        C = np.array(C).T
+        # h[k] = C A^(k-1) B: the decay begins one sample after the impulse
+        system = control.StateSpace(A, np.array(B)[:, None], C, np.zeros((len(C), 1)), record.sample_time)
+        half = np.array([r.frequency_Hz * r.damping for r in found])
+        distance = np.diff([r.frequency_Hz for r in found]) / (half[:-1] + half[1:]) if len(found) > 1 else np.zeros(0)
+        error = self.fitted - record.y
+        words = [f"output {k + 1}: {whiteness(error[:, k]).sentence}" for k in range(error.shape[1])]
+        words += [
+            f"the peaks at {a.frequency_Hz:.4g} and {b.frequency_Hz:.4g} Hz overlap ({d:.2g} half-power widths apart)"
+            for a, b, d in zip(found, found[1:], distance, strict=False)
+            if d < OVERLAP
+        ]
+        return ImpulseModel(
+            tuple(found), distance, system, self.amplitudes[0], criterion, e,
+            np.sqrt(np.mean(error**2, axis=0)), self.fitted, tuple(words), record.synthetic,
+        )  # fmt: skip
+
+
+def _columns(t: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """Rest, then cosine and sine of each mode (N, 1 + 2 modes)."""
+    found = [np.ones(len(t))]
+    for f, zeta in x.reshape(-1, 2):
+        w = 2 * np.pi * f
+        decay, turn = np.exp(-zeta * w * t), w * np.sqrt(1 - zeta**2) * t
+        found += [decay * np.cos(turn), decay * np.sin(turn)]
+    return np.stack(found, axis=1)

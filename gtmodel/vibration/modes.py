@@ -1,0 +1,158 @@
+"""Modes of M x'' + D x' + K x = f, and what the signs of its matrices mean (Dressler 2012, eq. (6.15))."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.linalg import eig
+
+from .record import VibrationError
+
+REAL = 1e-9  # relative: imaginary parts below are rounding
+SYMMETRIC = 1e-9  # relative asymmetry that is rounding
+
+
+@dataclass(frozen=True, eq=False)
+class Modes:
+    """Modes of a matrix triple of p coordinates, slowest first.
+
+    `eigenvalues` (p,) of M^-1 K [1/s2]; `frequency_Hz` (p,) = sqrt(abs) / 2 pi, those of det(M lambda + K) = 0 with
+    lambda = -eigenvalue; `shapes` (p, p) by column, largest entry 1, complex where eigenvalues are. `poles` (2p,) [1/s]
+    of M s^2 + D s + K, with `pole_Hz` = abs / 2 pi and `damping` = -Re / abs. `stable`: all poles left of the axis.
+    `words`: definiteness and signs in sentences.
+    """
+
+    eigenvalues: np.ndarray
+    frequency_Hz: np.ndarray
+    shapes: np.ndarray
+    poles: np.ndarray
+    words: tuple[str, ...]
+
+    @property
+    def pole_Hz(self) -> np.ndarray:
+        return np.abs(self.poles) / (2 * np.pi)
+
+    @property
+    def damping(self) -> np.ndarray:
+        size = np.abs(self.poles)
+        return -np.real(self.poles) / np.where(size > 0, size, 1.0)
+
+    @property
+    def stable(self) -> bool:
+        return bool(np.real(self.poles).max() < 0)
+
+
+def modes(M: ArrayLike, D: ArrayLike, K: ArrayLike) -> Modes:
+    """Modes of M x'' + D x' + K x = 0; M, D, K (p, p) [kg, N.s/m, N/m], any sign, symmetric or not.
+
+    Nothing is repaired: what is not symmetric, not positive definite or unstable is said in `words`. Raises
+    VibrationError: shapes that differ, numbers that are not finite, a singular M.
+    """
+    M, D, K = matrices(M, D, K)
+    found: Any = eig(K, M)
+    values, shapes = found
+    if np.abs(np.imag(values)).max() <= REAL * np.abs(values).max():
+        values, shapes = np.real(values), np.real(shapes)
+    order = np.argsort(np.abs(values), kind="stable")
+    shapes = shapes[:, order]
+    shapes = shapes / shapes[np.argmax(np.abs(shapes), axis=0), np.arange(len(M))]
+    poles = _sorted(pencil_poles(M, D, K))
+    words = [f"{name} is {definiteness(X)}" for name, X in (("M", M), ("D", D), ("K", K))]
+    words += _signs(values[order], poles)
+    return Modes(values[order], np.sqrt(np.abs(values[order])) / (2 * np.pi), shapes, poles, tuple(words))
+
+
+def pencil_poles(M: np.ndarray, D: np.ndarray, K: np.ndarray) -> np.ndarray:
+    """Roots (2p,) of det(M s^2 + D s + K) = 0 [1/s]."""
+    p = len(M)
+    X = np.linalg.solve(M, np.hstack([K, D]))
+    return np.linalg.eigvals(np.block([[np.zeros((p, p)), np.eye(p)], [-X]]))
+
+
+def definiteness(X: np.ndarray) -> str:
+    """In words: x'X x over all x by its symmetric part, its asymmetry, and the eigenvalues of X where they differ."""
+    ends = np.linalg.eigvalsh((X + X.T) / 2)
+    size = np.abs(ends).max()
+    if size == 0 and not np.any(X):
+        return "zero"
+    if ends[0] > REAL * size:
+        text = "positive definite"
+    elif ends[-1] < -REAL * size:
+        text = "negative definite"
+    elif ends[0] >= -REAL * size:
+        text = "positive semidefinite"
+    elif ends[-1] <= REAL * size:
+        text = "negative semidefinite"
+    else:
+        text = "indefinite"
+    if np.abs(X - X.T).max() <= SYMMETRIC * np.abs(X).max():
+        return f"symmetric and {text}"
+    found = ", ".join(_number(v) for v in sorted(np.linalg.eigvals(X), key=lambda v: (v.real, v.imag)))
+    return f"not symmetric; its symmetric part is {text}, its eigenvalues are {found}"
+
+
+def matrices(*given: ArrayLike) -> tuple[np.ndarray, ...]:
+    """Square matrices of one size, M first. Raises VibrationError."""
+    found = tuple(np.asarray(X, float) for X in given)
+    shape = found[0].shape
+    if len(shape) != 2 or shape[0] != shape[1] or shape[0] == 0 or any(X.shape != shape for X in found):
+        raise VibrationError(
+            f"the matrices have the shapes {', '.join(str(X.shape) for X in found)}; expected square ones of one size"
+        )
+    if not all(np.isfinite(X).all() for X in found):
+        raise VibrationError("a matrix holds a number that is not finite; expected finite numbers")
+    if np.linalg.cond(found[0]) > 1 / np.finfo(float).eps:
+        raise VibrationError("M is singular: a coordinate has no inertia; leave it out, or give its mass")
+    return found
+
+
+def _signs(values: np.ndarray, poles: np.ndarray) -> list[str]:
+    words = []
+    if np.iscomplexobj(values):
+        words.append("M^-1 K has complex eigenvalues: no undamped modes exist")
+    elif np.all(values > 0):
+        words.append("M^-1 K has positive eigenvalues only: every mode is a vibration")
+    else:
+        n = int(np.sum(values <= 0))
+        words.append(f"M^-1 K has {n} of {len(values)} eigenvalues that are not positive: without damping they diverge")
+    unstable = poles[np.real(poles) >= 0]
+    if not unstable.size:
+        words.append("M s^2 + D s + K is stable")
+    else:
+        growth = np.real(unstable).max()
+        words.append(
+            f"M s^2 + D s + K is unstable: {unstable.size} of {len(poles)} poles grow, by up to {growth:.4g} 1/s"
+        )
+    return words
+
+
+def sign_question(M: ArrayLike, D: ArrayLike, K: ArrayLike) -> tuple[str, ...]:
+    """Which of the changes of sign of D, K or both make M s^2 + D s + K stable, each in a sentence with its poles."""
+    M, D, K = matrices(M, D, K)
+    said = []
+    for name, d, k in (("as printed", 1, 1), ("K flipped", 1, -1), ("D flipped", -1, 1), ("D and K flipped", -1, -1)):
+        found = modes(M, d * D, k * K)
+        at = ", ".join(f"{f:.4g}" for f in _distinct(found.pole_Hz))
+        said.append(f"{name}: {'stable' if found.stable else 'unstable'}, poles at {at} Hz")
+    return tuple(said)
+
+
+def _distinct(numbers: np.ndarray) -> Sequence[float]:
+    kept: list[float] = []
+    for x in sorted(numbers):
+        if not kept or x - kept[-1] > 1e-9 * max(x, 1e-300):
+            kept.append(float(x))
+    return kept
+
+
+def _sorted(poles: np.ndarray) -> np.ndarray:
+    """By modulus, a pair together with the positive imaginary part first."""
+    return np.array(sorted(poles, key=lambda s: (round(abs(s), 9), round(s.real, 9), -s.imag)))
+
+
+def _number(v: complex) -> str:
+    return f"{v.real:.5g}" if abs(v.imag) <= REAL * abs(v) else f"{v.real:.5g}{v.imag:+.5g}i"

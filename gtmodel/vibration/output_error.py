@@ -1,0 +1,185 @@
+"""M, D, K by output error: the matrices whose simulated positions are nearest to the measured ones."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+
+from gtmodel.inference import nonlinear_fit, whiteness
+from gtmodel.results import Estimate
+
+from .known_force import SecondOrder
+from .record import Record, VibrationError
+from .response import free_responses, held, simulate
+
+Form = Literal["symmetric", "free"]
+
+SLOPE = 1e-6  # relative step of central differences: errors of 1e-12 from the step, 1e-10 from rounding
+
+
+@dataclass(frozen=True, eq=False)
+class OutputErrorFit:
+    """The matrices by output error with their covariance.
+
+    `estimate`: entries "M[0,0]", "D[0,1]" ... with intervals (upper triangles where symmetric); `model` the same as
+    matrices; `residual` (p,) rms [m]; `words` on positive definiteness and on the colour of residuals.
+    """
+
+    model: SecondOrder
+    form: Form
+    estimate: Estimate
+    residual: np.ndarray
+    fitted: np.ndarray
+    words: tuple[str, ...]
+
+
+def output_error(record: Record, start: SecondOrder, *, form: Form = "symmetric") -> OutputErrorFit:
+    """M, D, K of M x'' + D x' + K x = F u from positions x and inputs u held over each sample; F known.
+
+    Args:
+        start: from `from_known`; its F is kept.
+        form: "symmetric": M, D and K are L L' with their Cholesky factors as unknowns, so positive definite whatever
+            the data say; "free": D may be any matrix, M and K symmetric of any sign (without that one force does not
+            tell them).
+
+    The initial state is eliminated in each evaluation (variable projection). Gauss-Newton on central differences; the
+    covariance is for white noise of unknown size on the positions, and `words` says whether the residuals are white.
+    Raises VibrationError: an unknown form, a start that is not positive definite for "symmetric", no convergence.
+    """
+    if form not in get_args(Form):
+        raise VibrationError(f"there is no form '{form}'; expected {' or '.join(get_args(Form))}")
+    p = len(start.M)
+    if record.y.shape[1] != p or record.u.shape[1] != start.F.shape[1]:
+        raise VibrationError(
+            f"the record has {record.u.shape[1]} inputs and {record.y.shape[1]} outputs; the matrices are for "
+            f"{start.F.shape[1]} and {p}"
+        )
+    packing = _Symmetric(start) if form == "symmetric" else _Free(start)
+
+    def misfit(x: np.ndarray) -> np.ndarray:
+        return (_predict(record, *packing.unpack(x), start.F) - record.y).T.ravel()
+
+    def residuals(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        try:
+            return misfit(x), central(misfit, x)
+        except (np.linalg.LinAlgError, ValueError):
+            # a trial far off; the iteration takes a shorter step
+            return np.full(record.y.size, np.inf), np.full((record.y.size, len(x)), np.inf)
+
+    ones = np.ones(len(packing.scale))
+    raw = [f"x[{k}]" for k in range(len(ones))]
+    with np.errstate(all="ignore"):
+        fit = nonlinear_fit(residuals, ones, raw, scale=ones)
+    if fit.estimate is None:
+        raise VibrationError(
+            f"the output-error fit did not arrive: {fit.message}; take a longer record or a start nearer to the data"
+        )
+    names = [f"{X}[{i},{j}]" for X, i, j in packing.entries]
+
+    def flat(x: np.ndarray) -> np.ndarray:
+        found = dict(zip("MDK", packing.unpack(x), strict=True))
+        return np.array([found[X][i, j] for X, i, j in packing.entries])
+
+    slopes = central(flat, fit.x)
+    e = fit.estimate
+    estimate = Estimate(
+        tuple(names), flat(fit.x), slopes @ e.covariance @ slopes.T, e.freedom, e.noise, e.known_noise, e.residuals,
+        (), units=tuple({"M": "kg", "D": "N.s/m", "K": "N/m"}[X] for X, _, _ in packing.entries),
+    )  # fmt: skip
+    M, D, K = packing.unpack(fit.x)
+    fitted = _predict(record, M, D, K, start.F)
+    error = fitted - record.y
+    words = [f"coordinate {k + 1}: {whiteness(error[:, k]).sentence}" for k in range(p)]
+    return OutputErrorFit(
+        SecondOrder(M, D, K, start.F, 0.0), form, estimate, np.sqrt(np.mean(error**2, axis=0)), fitted, tuple(words)
+    )
+
+
+def central(function: Callable[[np.ndarray], np.ndarray], x: np.ndarray, step: float = SLOPE) -> np.ndarray:
+    """Slopes (rows, n) of a function of x (n,) by central differences of a relative step (of 1 where x is 0)."""
+    found = []
+    for k in range(len(x)):
+        e = np.zeros(len(x))
+        e[k] = step * max(abs(x[k]), 1.0)
+        found.append((function(x + e) - function(x - e)) / (2 * e[k]))
+    return np.stack(found, axis=1)
+
+
+def second_order_states(
+    M: np.ndarray, D: np.ndarray, K: np.ndarray, F: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A, B, C in continuous time with the states (x, x') and the outputs x."""
+    p, m = F.shape
+    X = np.linalg.solve(M, np.hstack([K, D, F]))
+    A = np.block([[np.zeros((p, p)), np.eye(p)], [-X[:, : 2 * p]]])
+    return A, np.vstack([np.zeros((p, m)), X[:, 2 * p :]]), np.eye(p, 2 * p)
+
+
+def _predict(record: Record, M: np.ndarray, D: np.ndarray, K: np.ndarray, F: np.ndarray) -> np.ndarray:
+    """Positions (N, p) from the input and the initial state that fits best."""
+    A, B, C = second_order_states(M, D, K, F)
+    if np.linalg.eigvals(A).real.max() * record.sample_time * len(record) > 100:
+        raise ValueError("diverges")
+    Ad, Bd = held(A, B, record.sample_time)
+    forced = simulate(Ad, Bd, C, np.zeros((len(C), Bd.shape[1])), record.u)
+    free = free_responses(Ad, C, len(record))
+    n = free.shape[2]
+    size = np.linalg.norm(free, axis=(0, 1))
+    x0 = np.linalg.lstsq((free / size).reshape(-1, n), (record.y - forced).ravel(), rcond=None)[0] / size
+    return forced + free @ x0
+
+
+class _Symmetric:
+    """Cholesky factors, each entry in units of its start."""
+
+    def __init__(self, start: SecondOrder) -> None:
+        self.p = len(start.M)
+        self.lower = np.tril_indices(self.p)
+        parts = []
+        for name, X in (("M", start.M), ("D", start.D), ("K", start.K)):
+            try:
+                parts.append(np.linalg.cholesky((X + X.T) / 2)[self.lower])
+            except np.linalg.LinAlgError:
+                ends = np.linalg.eigvalsh((X + X.T) / 2)
+                raise VibrationError(
+                    f"{name} of the start is not positive definite (eigenvalues {ends[0]:.4g} to {ends[-1]:.4g}); take "
+                    "the form 'free', record longer, or start from its nearest positive definite form"
+                ) from None
+        self.factors = np.concatenate(parts)
+        # an entry near zero moves in units of its matrix
+        sizes = np.repeat([np.abs(x).max() for x in parts], len(parts[0]))
+        self.scale = sizes
+        self.entries = [(X, i, j) for X in "MDK" for i in range(self.p) for j in range(i, self.p)]
+
+    def unpack(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """x is 1 at the start."""
+        found = []
+        for part in np.split(self.factors + self.scale * (x - 1), 3):
+            L = np.zeros((self.p, self.p))
+            L[self.lower] = part
+            found.append(L @ L.T)
+        return found[0], found[1], found[2]
+
+
+class _Free:
+    """Entries of the matrices, each matrix in units of its largest."""
+
+    def __init__(self, start: SecondOrder) -> None:
+        p = len(start.M)
+        self.start = start
+        half = [(i, j) for i in range(p) for j in range(i, p)]
+        every = [(i, j) for i in range(p) for j in range(p)]
+        self.entries = [(X, i, j) for X, at in (("M", half), ("D", every), ("K", half)) for i, j in at]
+        self.scale = np.array([np.abs(getattr(start, X)).max() for X, _, _ in self.entries])
+
+    def unpack(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        found = {"M": self.start.M.copy(), "D": self.start.D.copy(), "K": self.start.K.copy()}
+        found["M"], found["K"] = (found["M"] + found["M"].T) / 2, (found["K"] + found["K"].T) / 2
+        for (X, i, j), step in zip(self.entries, self.scale * (x - 1), strict=True):
+            found[X][i, j] += step
+            if X != "D" and i != j:
+                found[X][j, i] += step
+        return found["M"], found["D"], found["K"]

@@ -1,0 +1,70 @@
+"""One evenly sampled recording of inputs and outputs, checked once for every method of this package."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+
+class VibrationError(ValueError):
+    """Data or a model that does not fit. The message is one sentence: found, expected, what to do."""
+
+
+@dataclass(frozen=True, eq=False)
+class Record:
+    """Inputs u (N, m) and outputs y (N, p), one row per sample, every `sample_time` [s]; units are the caller's.
+
+    The input is held between samples (zero-order hold); y[k] is read before u[k] acts. `synthetic`: seed and noise of
+    made-up data, None for measured ones. One-dimensional arrays are one column. Raises VibrationError.
+    """
+
+    u: np.ndarray
+    y: np.ndarray
+    sample_time: float
+    synthetic: str | None = None
+
+    def __post_init__(self) -> None:
+        u, y = columns(self.u, "inputs"), columns(self.y, "outputs")
+        object.__setattr__(self, "u", u)
+        object.__setattr__(self, "y", y)
+        if len(u) != len(y):
+            raise VibrationError(
+                f"{len(u)} samples of the inputs and {len(y)} of the outputs; give one each per sample"
+            )
+        check_sample_time(self.sample_time)
+
+    def __len__(self) -> int:
+        return len(self.y)
+
+    @property
+    def time(self) -> np.ndarray:
+        """Times of the samples (N,) [s], from 0."""
+        return self.sample_time * np.arange(len(self.y))
+
+    def rows(self, start: int, stop: int) -> Record:
+        """The samples from `start` up to `stop`, as a record of their own."""
+        return Record(self.u[start:stop], self.y[start:stop], self.sample_time, self.synthetic)
+
+
+def columns(values: ArrayLike, name: str) -> np.ndarray:
+    """Values (N,) or (N, k) as finite floats (N, k). Raises VibrationError."""
+    array = np.asarray(values, float)
+    array = array[:, None] if array.ndim == 1 else array
+    if array.ndim != 2 or array.shape[1] == 0:
+        raise VibrationError(f"the {name} have the shape {array.shape}; expected one row per sample and some columns")
+    bad = np.argwhere(~np.isfinite(array))
+    if bad.size:
+        row, column = bad[0]
+        raise VibrationError(
+            f"sample {row} of column {column} of the {name} is {array[row, column]}; expected finite numbers, so cut "
+            "the recording there"
+        )
+    return array
+
+
+def check_sample_time(sample_time: float) -> None:
+    """Raises VibrationError unless it is a positive number of seconds."""
+    if not (np.isfinite(sample_time) and sample_time > 0):
+        raise VibrationError(f"the sample time is {sample_time}; expected a positive number of seconds")

@@ -1,0 +1,197 @@
+"""Delayed first-order model of a controlled actuator from step responses (Dressler 2012, eq. (6.11))."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy import stats
+from scipy.optimize import minimize_scalar
+from scipy.signal import lfilter
+
+from gtmodel.inference import nonlinear_fit, whiteness
+from gtmodel.results import Estimate
+
+from .output_error import central
+from .record import Record, VibrationError
+
+if TYPE_CHECKING:
+    import control
+
+LONGEST = 25  # samples of delay tried when none is given: 100 ms at 4 ms
+AFTER = 10  # samples that must follow a step and its delay
+SURE = 0.01  # of the likelihood-ratio test between the delay and its neighbours
+NEVER = 3 - 2 * np.sqrt(2)  # a pole below: the gain does not fall by 3 dB up to the Nyquist frequency
+
+
+@dataclass(frozen=True, eq=False)
+class StepModel:
+    """y = b q^-delay / (1 - a q^-1) u about the rest position of each recording.
+
+    `estimate` names "a", "b" and gives intervals; `gain` = b / (1 - a) and `bandwidth_Hz` (-3 dB, None: beyond the
+    Nyquist frequency) with 95 % intervals; `residual_by_delay` rms by delay tried; `delay_sure`: the neighbours are
+    rejected at 1 %. `fitted` per recording (N,); `words`: colour of the residuals, what the model leaves out.
+    """
+
+    a: float
+    b: float
+    delay: int
+    delay_sure: bool
+    estimate: Estimate
+    gain: float
+    gain_interval: tuple[float, float]
+    bandwidth_Hz: float | None
+    bandwidth_interval_Hz: tuple[float, float] | None
+    residual_by_delay: dict[int, float]
+    fitted: tuple[np.ndarray, ...]
+    sample_time: float
+    words: tuple[str, ...]
+    synthetic: str | None
+
+    @property
+    def system(self) -> control.TransferFunction:
+        """control.TransferFunction in z with the delay as poles at zero."""
+        import control
+
+        n = self.delay
+        # b z^-n / (1 - a z^-1) = b z / (z^n (z - a)); without a delay b z / (z - a)
+        if n == 0:
+            return control.TransferFunction([self.b, 0.0], [1.0, -self.a], self.sample_time)
+        return control.TransferFunction([self.b], [1.0, -self.a, *[0.0] * (n - 1)], self.sample_time)
+
+
+def identify_step(records: Record | Sequence[Record], *, delay: int | None = None, longest: int = LONGEST) -> StepModel:
+    """a, b and the delay by output error from one or several recordings of one input and one output.
+
+    Args:
+        delay: in samples; the one of least residual from 0 to `longest` if left out.
+
+    Every recording starts at rest, where its first input holds; its rest position is eliminated. The covariance is for
+    white noise and a known delay. Raises VibrationError: several inputs or outputs, other sample times, an input that
+    does not move, a delay longer than the data, no convergence.
+    """
+    given = [records] if isinstance(records, Record) else list(records)
+    _check(given, delay, longest)
+    tried = range(0, longest + 1) if delay is None else sorted({max(delay - 1, 0), delay, delay + 1})
+    scans = {d: _scan(given, d) for d in tried}
+    best = min(scans, key=lambda d: scans[d][1]) if delay is None else delay
+    count = sum(len(r) for r in given)
+    floor = np.finfo(float).eps ** 2 * sum(float(r.y.var()) for r in given) * len(given)
+    near = [scans[d][1] for d in (best - 1, best + 1) if d in scans]
+    ratio = count * np.log((min(near) + floor) / (scans[best][1] + floor)) if near else np.inf
+    sure = bool(ratio > stats.chi2.isf(SURE, 1))
+
+    def misfit(x: np.ndarray) -> np.ndarray:
+        return np.concatenate([_without_mean(x[1] * _unit(r, x[0], best) - r.y[:, 0]) for r in given])
+
+    def residuals(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        if abs(x[0]) >= 1:
+            return np.full(count, np.inf), np.full((count, 2), np.inf)
+        return misfit(x), central(misfit, x)
+
+    a0 = scans[best][0]
+    fit = nonlinear_fit(residuals, [a0, _gain(given, a0, best)], ("a", "b"))
+    if fit.estimate is None:
+        raise VibrationError(
+            f"the step-response fit did not arrive: {fit.message}; is it a step response of first order?"
+        )
+    e, (a, b) = fit.estimate, (float(x) for x in fit.x)
+    T = given[0].sample_time
+    gain, gain_ends = _through(e, lambda x: x[1] / (1 - x[0]))
+    band = bandwidth(a, T)
+    band_ends = None if band is None else _through(e, lambda x: bandwidth(float(x[0]), T) or np.nan)[1]
+    if band_ends is not None and not np.all(np.isfinite(band_ends)):
+        band_ends = None
+    white = [whiteness(x) for x in np.split(misfit(fit.x), np.cumsum([len(r) for r in given])[:-1])]
+    words = [next((w.sentence for w in white if not w.passed), white[0].sentence)]
+    above = "" if band is None else f" above {band:.3g} Hz"
+    words.append(
+        "a model of first order has no resonance and no coupling: the thesis itself found (6.11) too slow for other "
+        f"motions than its steps, so do not use it{above} or to bound an ILC error"
+    )
+    if not sure:
+        words.append(f"a delay of {best} samples is not told from its neighbours at {100 * SURE:g} %")
+    fitted = tuple(
+        b * _unit(r, a, best) + float(np.mean(r.y[:, 0] - b * _unit(r, a, best))) for r in given
+    )  # fmt: skip
+    rms = {d: float(np.sqrt(s[1] / count)) for d, s in scans.items()}
+    note = "; ".join(dict.fromkeys(r.synthetic for r in given if r.synthetic)) or None
+    return StepModel(
+        a, b, best, sure, e, gain, gain_ends, band, band_ends, rms, fitted, T, tuple(words), note
+    )  # fmt: skip
+
+
+def bandwidth(a: float, sample_time: float) -> float | None:
+    """Frequency [Hz] at which 1 / (1 - a q^-1) has fallen by 3 dB; None where it does not up to the Nyquist one."""
+    if not NEVER <= a < 1:
+        return None
+    return float(np.arccos((1 + a * a - 2 * (1 - a) ** 2) / (2 * a)) / (2 * np.pi * sample_time))
+
+
+def _check(given: Sequence[Record], delay: int | None, longest: int) -> None:
+    if not given:
+        raise VibrationError("there is no recording; expected at least one")
+    if len({r.sample_time for r in given}) > 1 and np.ptp([r.sample_time for r in given]) > 1e-6 * given[0].sample_time:
+        times = ", ".join(f"{1e3 * r.sample_time:.6g}" for r in given)
+        raise VibrationError(f"the recordings have the sample times {times} ms; expected one: resample them")
+    wanted = longest if delay is None else delay
+    if wanted < 0:
+        raise VibrationError(f"the delay is {wanted} samples; expected 0 or more")
+    for n, r in enumerate(given):
+        if r.u.shape[1] != 1 or r.y.shape[1] != 1:
+            raise VibrationError(
+                f"recording {n + 1} has {r.u.shape[1]} inputs and {r.y.shape[1]} outputs; expected one each"
+            )
+        moved = np.flatnonzero(r.u[:, 0] != r.u[0, 0])
+        if not moved.size:
+            raise VibrationError(f"the input of recording {n + 1} does not move; expected a step after some rest")
+        left = len(r) - int(moved[0])
+        if wanted + AFTER > left:
+            raise VibrationError(
+                f"a delay of {wanted} samples is longer than the data: {left} samples follow the step of recording "
+                f"{n + 1}, expected at least {wanted + AFTER}; record longer, or lower the delay"
+            )
+
+
+def _unit(r: Record, a: float, delay: int) -> np.ndarray:
+    """Response (N,) for b = 1, from rest."""
+    u = r.u[:, 0] - r.u[0, 0]
+    late = np.concatenate([np.zeros(delay), u[: len(u) - delay]])
+    return np.asarray(lfilter([1.0], [1.0, -a], late))
+
+
+def _without_mean(x: np.ndarray) -> np.ndarray:
+    return x - x.mean()
+
+
+def _gain(given: Sequence[Record], a: float, delay: int) -> float:
+    """The least-squares b at a given a."""
+    F = np.concatenate([_without_mean(_unit(r, a, delay)) for r in given])
+    y = np.concatenate([_without_mean(r.y[:, 0]) for r in given])
+    return float(F @ y / max(F @ F, 1e-300))
+
+
+def _scan(given: Sequence[Record], delay: int) -> tuple[float, float]:
+    """The best a of a delay and its sum of squares; a from 0 to a time constant of ten recordings."""
+
+    def loss(logarithm: float) -> float:
+        a = 1 - np.exp(logarithm)
+        b = _gain(given, a, delay)
+        return sum(float(np.sum(_without_mean(b * _unit(r, a, delay) - r.y[:, 0]) ** 2)) for r in given)
+
+    slow = np.log(0.1 / max(len(r) for r in given))
+    grid = np.linspace(slow, -1e-9, 15)
+    at = int(np.argmin([loss(x) for x in grid]))
+    ends = grid[max(at - 1, 0)], grid[min(at + 1, len(grid) - 1)]
+    found = minimize_scalar(loss, bounds=ends, method="bounded", options={"xatol": 1e-8})
+    return 1 - float(np.exp(found.x)), float(found.fun)
+
+
+def _through(e: Estimate, function) -> tuple[float, tuple[float, float]]:
+    """A function of (a, b) and its 95 % interval by its slope."""
+    value = float(function(e.values))
+    slope = central(lambda x: np.array([function(x)]), e.values)[0]
+    half = float(stats.t.ppf(0.975, e.freedom) * np.sqrt(slope @ e.covariance @ slope))
+    return value, (value - half, value + half)

@@ -1,0 +1,200 @@
+"""Subspace identification: N4SID, MOESP and CVA on one LQ factor, with order and held-out prediction."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal, get_args
+
+import numpy as np
+
+from .hankel import project
+from .input_matrices import input_matrices
+from .order import NOISE_FREE, OrderTrial, choose, gap, largest_order
+from .record import Record, VibrationError
+from .response import simulate
+
+if TYPE_CHECKING:
+    import control
+
+Method = Literal["n4sid", "moesp", "cva"]
+
+HELD_OUT = 1 / 3  # of the samples, at the end: judged, never fitted
+LARGEST = 12  # order tried when none is asked for: that of the largest model of Dressler 2012, section 6.3
+BLOCK_ROWS = 20  # past and future each: covers some periods of what a 4 ms loop can see, and costs little
+UNSTABLE = 1 + 1e-9  # modulus of a pole; rounding of a pole on the unit circle is let through
+
+
+@dataclass(frozen=True, eq=False)
+class SubspaceModel:
+    """x[k+1] = A x + B u, y = C x + D u from data, fitted to all samples.
+
+    `system` control.StateSpace in discrete time; `initial_state` (n,); `singular_values` of the weighted projection,
+    largest first; `order` n with `why`; `gap_order` where the singular values fall most; `trials` per order tried,
+    each with its error on held-out samples; `held_out_fit` (p,) in percent of those of this order (100: exact, 0: as
+    bad as the mean), predicted from the fitted ones' initial state; `residual` (p,) rms over all samples, in the
+    outputs' unit; `first_held_out` the sample at which the held-out ones begin. `prediction` (N, p) of the model fitted
+    without the held-out samples; `fitted` (N, p) of `system`. `synthetic` as in the record.
+    """
+
+    system: control.StateSpace
+    method: Method
+    order: int
+    why: str
+    initial_state: np.ndarray
+    singular_values: np.ndarray
+    gap_order: int
+    trials: tuple[OrderTrial, ...]
+    held_out_fit: np.ndarray
+    residual: np.ndarray
+    first_held_out: int
+    prediction: np.ndarray
+    fitted: np.ndarray
+    synthetic: str | None
+
+    @property
+    def poles(self) -> np.ndarray:
+        """Eigenvalues of A (n,)."""
+        return np.linalg.eigvals(self.system.A)
+
+
+def identify_subspace(
+    record: Record,
+    *,
+    order: int | None = None,
+    method: Method = "moesp",
+    block_rows: int | None = None,
+    largest: int = LARGEST,
+    feedthrough: bool = False,
+    held_out: float = HELD_OUT,
+) -> SubspaceModel:
+    """A state-space model of any number of inputs and outputs.
+
+    Args:
+        order: number of states; chosen by the error on held-out samples if left out.
+        method: "moesp" (past outputs and inputs as instruments), "n4sid" (states from oblique projections), "cva".
+        block_rows: of past and future each; more than order / outputs.
+        largest: order tried at most when none is asked for.
+        feedthrough: fit D; else it is zero, as from a force or a reference to a position.
+        held_out: share of the samples at the end that is judged and not fitted, 0 < share < 1.
+
+    A and C come from the subspace, B, D and the initial state from least squares on simulated outputs. Sources:
+    Verhaegen and Verdult 2007, chapter 9; Van Overschee and De Moor 1996, chapter 4. Raises VibrationError: too few
+    samples, inputs too poor, an order too high, an unstable model.
+    """
+    if method not in get_args(Method):
+        raise VibrationError(f"there is no method '{method}'; expected {', '.join(get_args(Method))}")
+    if not 0 < held_out < 1:
+        raise VibrationError(f"the held-out share is {held_out:g}; expected a number between 0 and 1, such as 0.33")
+    p = record.y.shape[1]
+    blocks = BLOCK_ROWS if block_rows is None else block_rows
+    most = largest_order(blocks, p)
+    if order is not None and not 1 <= order <= most:
+        raise VibrationError(
+            f"order {order} was asked for; {blocks} block rows of {p} outputs tell 1 to {most}: lower it, or take more "
+            "block rows"
+        )
+    split = round((1 - held_out) * len(record))
+    fitting = record.rows(0, split)
+    part = Subspace(fitting, blocks, method)
+    told = int(np.sum(part.singular_values > NOISE_FREE * part.singular_values[0]))
+    if order is not None and order > told:
+        raise VibrationError(
+            f"order {order} was asked for; only {told} singular values are more than rounding: lower it to {told}"
+        )
+    tried = range(1, min(largest, most, max(told, 1)) + 1) if order is None else [order]
+    trials, predictions = [], {}
+    for n in tried:
+        A, C = part.dynamics(n)
+        trial = OrderTrial(n, float(np.abs(np.linalg.eigvals(A)).max()), None)
+        if trial.radius <= UNSTABLE:
+            B, D, x0 = input_matrices(fitting, A, C, feedthrough=feedthrough)
+            predictions[n] = simulate(A, B, C, D, record.u, x0)
+            error = predictions[n][split:] - record.y[split:]
+            trial = trial._replace(held_out_rms=float(np.sqrt(np.mean(error**2))))
+        trials.append(trial)
+    gap_order = gap(part.singular_values, most)
+    n, why = (
+        choose(trials, gap_order, float(np.sqrt(np.mean(record.y**2)))) if order is None else (order, "as asked for")
+    )
+    whole = Subspace(record, blocks, method)
+    A, C = whole.dynamics(n)
+    radius = float(np.abs(np.linalg.eigvals(A)).max())
+    if radius > UNSTABLE or n not in predictions:
+        worst = max(radius, next(t.radius for t in trials if t.order == n))
+        raise VibrationError(
+            f"the model of order {n} is unstable: a pole has the modulus {worst:.6g}, expected at most 1; take another "
+            "order, more block rows or a longer recording"
+        )
+    B, D, x0 = input_matrices(record, A, C, feedthrough=feedthrough)
+    import control
+
+    fitted = simulate(A, B, C, D, record.u, x0)
+    return SubspaceModel(
+        control.StateSpace(A, B, C, D, record.sample_time),
+        method, n, why, x0, whole.singular_values, gap_order, tuple(trials),
+        fit_percent(record.y[split:], predictions[n][split:]),
+        np.sqrt(np.mean((fitted - record.y) ** 2, axis=0)),
+        split, predictions[n], fitted, record.synthetic,
+    )  # fmt: skip
+
+
+def fit_percent(measured: np.ndarray, predicted: np.ndarray) -> np.ndarray:
+    """100 (1 - |y - y_hat| / |y - mean|) by column (p,); 100 is exact, 0 no better than the mean."""
+    spread = np.linalg.norm(measured - measured.mean(axis=0), axis=0)
+    error = np.linalg.norm(measured - predicted, axis=0)
+    return 100 * (1 - error / np.where(spread > 0, spread, 1.0))
+
+
+class Subspace:
+    """The weighted projection of a record and the A, C of any order from it."""
+
+    def __init__(self, record: Record, blocks: int, method: Method) -> None:
+        self.method = method
+        self.P = project(record, blocks)
+        P, L = self.P, self.P.L
+        past, future = P.past, P.future
+        self._weight = np.eye(P.p * blocks)
+        # the others see the past beside the future inputs
+        weighted = _oblique(L, past, future) if method == "n4sid" else L[future, past]
+        if method == "cva":
+            S = L[future, past.start :]
+            w, V = np.linalg.eigh(S @ S.T)
+            floor = max(w[-1], 1e-300) * np.finfo(float).eps * len(w)
+            self._weight = V @ np.diag(1 / np.sqrt(np.maximum(w, floor))) @ V.T
+            weighted = self._weight @ weighted
+        self._U, self.singular_values, _ = np.linalg.svd(weighted, full_matrices=False)
+
+    def dynamics(self, n: int) -> tuple[np.ndarray, np.ndarray]:
+        """A (n, n) and C (p, n)."""
+        p = self.P.p
+        G = self._U[:, :n] * np.sqrt(np.maximum(self.singular_values[:n], np.finfo(float).tiny))
+        if self.method == "cva":
+            G = np.linalg.solve(self._weight, G)
+        if self.method == "n4sid":
+            return self._by_states(G)
+        return np.linalg.lstsq(G[:-p], G[p:], rcond=None)[0], G[:p]
+
+    def _by_states(self, G: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """A, C from the regression of projected states on each other (Van Overschee and De Moor, algorithm 1)."""
+        P, L = self.P, self.P.L
+        m, p, n = P.m, P.p, G.shape[1]
+        first = L[P.future, : P.past.stop]  # Z_i: outputs projected on all inputs and the past outputs
+        # one step later: the first future block has become past
+        known = np.vstack([L[P.inputs][:m], L[P.past], L[P.future][:p]])
+        later_inputs = L[P.inputs][m:]
+        basis = np.vstack([later_inputs, known])
+        rest = L[P.future][p:]
+        Z = rest @ np.linalg.pinv(basis, rcond=1e-12) @ basis
+        columns = L.shape[1]
+        X = np.linalg.lstsq(G, np.pad(first, ((0, 0), (0, columns - first.shape[1]))), rcond=None)[0]
+        X_next = np.linalg.lstsq(G[:-p], Z, rcond=None)[0]
+        left = np.vstack([X_next, L[P.future][:p]])
+        right = np.vstack([X, L[P.inputs]])
+        found = np.linalg.lstsq(right.T, left.T, rcond=None)[0].T
+        return found[:n, :n], found[n:, :n]
+
+
+def _oblique(L: np.ndarray, past: slice, future: slice) -> np.ndarray:
+    """The oblique projection of the future outputs along the future inputs onto the past, in LQ coordinates."""
+    along = L[future, past] @ np.linalg.pinv(L[past, past], rcond=1e-12)
+    return along @ L[past, : past.stop]

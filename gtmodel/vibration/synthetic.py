@@ -1,0 +1,104 @@
+"""Made-up recordings of known structures: pseudo-random force, steps, hammer hits. Every one carries seed and noise."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .modes import matrices
+from .output_error import second_order_states
+from .record import Record, VibrationError
+from .response import held, simulate
+
+
+def structure_record(
+    M: ArrayLike,
+    D: ArrayLike,
+    K: ArrayLike,
+    *,
+    force: float,
+    samples: int,
+    sample_time: float,
+    noise: float,
+    seed: int,
+    coordinate: int = 0,
+    hold: int = 1,
+) -> Record:
+    """Positions of M x'' + D x' + K x = e u under u = +-force [N], drawn anew every `hold` samples.
+
+    noise [m]: standard deviation, white, on every position. The structure starts at rest; the response is exact between
+    samples. Raises VibrationError.
+    """
+    M, D, K = matrices(M, D, K)
+    p = len(M)
+    if not 0 <= coordinate < p:
+        raise VibrationError(f"the force acts on coordinate {coordinate}; expected 0 to {p - 1}")
+    F = np.eye(p)[:, coordinate : coordinate + 1]
+    A, B, C = second_order_states(M, D, K, F)
+    if np.linalg.eigvals(A).real.max() >= 0:
+        raise VibrationError(
+            "the structure is unstable or undamped: its response would not stay bounded; change D or K"
+        )
+    Ad, Bd = held(A, B, sample_time)
+    random = np.random.default_rng(seed)
+    if hold < 1:
+        raise VibrationError(f"the force is held over {hold} samples; expected at least 1")
+    drawn = random.choice([-1.0, 1.0], size=-(-samples // hold))
+    u = force * np.repeat(drawn, hold)[:samples, None]
+    y = simulate(Ad, Bd, C, np.zeros((p, 1)), u) + noise * random.standard_normal((samples, p))
+    return Record(u, y, sample_time, f"seed {seed}, noise {noise:g} m")
+
+
+def hammer_record(
+    frequency_Hz: Sequence[float],
+    damping: Sequence[float],
+    amplitude: ArrayLike,
+    *,
+    samples: int,
+    sample_time: float,
+    noise: float,
+    seed: int,
+) -> Record:
+    """Positions after a hit at time 0: sines of the damped frequencies that begin at zero, decaying.
+
+    frequency_Hz: undamped, by mode; amplitude (modes, p) [m]. The input is a column of zeros: the force of a hit is not
+    recorded. Raises VibrationError.
+    """
+    f, zeta, a = np.array(frequency_Hz, float), np.array(damping, float), np.atleast_2d(np.asarray(amplitude, float))
+    if not len(f) == len(zeta) == len(a):
+        raise VibrationError(
+            f"{len(f)} frequencies, {len(zeta)} dampings and {len(a)} rows of amplitudes; give one each"
+        )
+    if np.any(f <= 0) or np.any(zeta < 0) or np.any(zeta >= 1):
+        raise VibrationError("expected frequencies above 0 and dampings from 0 up to 1")
+    t = sample_time * np.arange(samples)[:, None]
+    w = 2 * np.pi * f
+    y = (np.exp(-zeta * w * t) * np.sin(w * np.sqrt(1 - zeta**2) * t)) @ a
+    y = y + noise * np.random.default_rng(seed).standard_normal(y.shape)
+    return Record(np.zeros(samples), y, sample_time, f"seed {seed}, noise {noise:g} m")
+
+
+def step_record(
+    a: float,
+    b: float,
+    delay: int,
+    amplitude: float,
+    *,
+    samples: int,
+    before: int,
+    sample_time: float,
+    noise: float,
+    seed: int,
+) -> Record:
+    """A step of the reference [m] after `before` samples at rest, through b q^-delay / (1 - a q^-1).
+
+    noise [m]: standard deviation, white, on the position.
+    """
+    u = np.where(np.arange(samples) >= before, amplitude, 0.0)
+    late = np.concatenate([np.zeros(delay), u[: samples - delay]])
+    from scipy.signal import lfilter
+
+    y = lfilter([b], [1.0, -a], late) + noise * np.random.default_rng(seed).standard_normal(samples)
+    return Record(u, y, sample_time, f"seed {seed}, noise {noise:g} m")

@@ -1,0 +1,86 @@
+"""What contradicts the poses is named: a prior, a sign, a scale of zero, many outliers; legs on held-out poses."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gtmodel.kinds.base import InputError
+from tests.kinds.calibration_problems import keys, shipped, solved, with_signals, written
+
+WHOLE = {"file": "data/l1_synthetic.csv"}
+
+
+def _l1(**changes):
+    return keys("calibrate_l1", sensitivity_step=0.0, **changes)
+
+
+def test_a_prior_far_from_the_poses_is_named() -> None:
+    noisy = with_signals(_l1(), WHOLE["file"], q={"noise": 1e-4}, T={"noise": 5e-5})
+    outcome = solved({**noisy, "priors": {"L[0]": {"value": 5.0, "std": 1e-6}, "L[1]": {"std": 1.0}}})
+    v = outcome.values
+    told = [s for s in v["notes"] if "contradicts the poses" in s]
+    assert len(told) == 1 and told[0].startswith(
+        "the prior L[0] = 5 m +- 1e-06 contradicts the poses, which give 2.047"
+    )
+    assert v["verdict"][-1] == f"prediction not proven: {told[0]}" and v["prediction_proven"] is False
+    fine = solved({**noisy, "priors": {"L[0]": {"std": 0.01}}}).values
+    assert not any("contradicts" in s for s in fine["notes"])
+
+
+@pytest.mark.parametrize(
+    ("q", "sentence"),
+    [
+        ({"scale": 0.0}, "0 makes all readings the same"),
+        ({"scale": -1.0}, r"q\[0\], q\[1\], q\[2\] look reversed: .* 12\.\d mm with the other sign"),
+    ],
+)
+def test_scales_that_cannot_be(q, sentence) -> None:
+    with pytest.raises(InputError, match=sentence):
+        solved(with_signals(_l1(), WHOLE["file"], q=q))
+
+
+def test_one_cart_that_counts_the_other_way(tmp_path: Path) -> None:
+    written(tmp_path, "l1", lambda r: [r[0], str(-float(r[1])), *r[2:]])
+    with pytest.raises(InputError, match=r"the columns q\[1\] look reversed"):
+        solved(with_signals(_l1()), tmp_path)
+
+
+def test_many_outliers_are_said(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+
+    def spoilt(row: list[str]) -> list[str]:
+        return row if rng.uniform() > 0.3 else [*row[:5], str(float(row[5]) + 5.0 * rng.standard_normal())]
+
+    written(tmp_path, "l1", spoilt)
+    v = solved(with_signals(_l1(loss="cauchy")), tmp_path).values
+    assert any("poses" in s and "hold outliers, so many are seldom chance" in s for s in v["notes"])
+    assert not any("seldom chance" in s for s in shipped("l1").values["notes"])
+
+
+def test_legs_on_held_out_poses_are_a_value() -> None:
+    v = shipped("l1").values
+    assert list(v["held_out_link_rms_mm"]) == list(v["link_errors_mm"])
+    for link, rms in v["held_out_link_rms_mm"].items():
+        assert 0.8 * v["link_errors_mm"][link] < rms < 2.0 * v["link_errors_mm"][link]
+    assert solved(_l1(held_out={"every": 0})).values["held_out_link_rms_mm"] is None
+
+
+def test_wandering_carts_alone_keep_their_intervals() -> None:
+    """Synthetic L1, seed 1, without shifts by load: smooth errors explain the residuals, and the truth is inside."""
+    made = keys("simulate_l1", sensitivity_step=0.0)
+    made["synthetic"] |= {"load_um": 0.0, "point_error_mm": 1.0, "poses": 120}
+    v = solved(made).values
+    assert v["intervals_hold"] and v["colour_tested"]
+    assert any(s.startswith("residuals follow the carts' positions") for s in v["notes"])
+    assert any("noise and smooth errors of the carts" in s for s in v["verdict"])
+    inside = [u["interval_95"][0] <= v["truth"][u["name"]] <= u["interval_95"][1] for u in v["unknowns"]]
+    assert sum(inside) >= 18  # of 21 in three arms of some three independent intervals
+
+
+def test_few_poses_are_said_to_be_untested(tmp_path: Path) -> None:
+    written(tmp_path, "l1", rows=slice(None, None, 5))
+    v = solved(with_signals(_l1()), tmp_path).values
+    assert v["poses"]["fitted"] == 20 and not v["colour_tested"] and v["intervals_hold"]
+    assert any("20 fitted poses are too few to test whether residuals are coloured" in s for s in v["notes"])
+    assert "parameters: 95 % intervals cover noise; colour not tested, 20 poses" in v["verdict"]
