@@ -32,6 +32,7 @@ _KINDS = {
     "identification": "masses and friction of a robot from its measured motion and forces",
     "calibration_plan": "which poses to measure for a calibration, and what it will then be worth",
     "accuracy": "positioning errors of a robot from errors of its carts and links",
+    "dynamic_stiffness": "mass, damping and stiffness of an arm over its poses from frequency responses",
     "elastic_motion": "how an elastic tool swings after optimal motions: planned rigid, shaped, and planned elastic",
     "compliance": "stiffness, deflection and natural frequencies of a robot over its workspace, from its springs",
     "calibration": "geometric parameters of a robot from measured poses, or joint stiffness from loads, with errors",

@@ -23,7 +23,7 @@ from .calibration_data import CARTS, FILE, data_of, with_device
 from .calibration_findings import found_of, length_noise
 from .calibration_keys import Schema
 from .calibration_pictures import pictures
-from .calibration_recognition import a_priori, exchanged_after, recognise, witness_of
+from .calibration_recognition import a_priori, exchanged_after, recognise_sessions, witness_of
 from .calibration_results import VALUES as GEOMETRIC
 from .calibration_results import checks_of, rows_of, values_of
 
@@ -43,9 +43,9 @@ def solve(problem: Schema, context: Context) -> Outcome:
     data = data_of(problem, model, context)
     context.progress("looking at the poses", 0.3)
     witness = witness_of(model, data)
-    placed = recognise(data, witness)
-    if placed is not None and data.keys.device_start is None:
-        data = with_device(data, *placed)
+    placed = recognise_sessions(data, witness)
+    if placed and data.keys.device_start is None:
+        data = with_device(data, placed)
     if context.interrupted():
         return Outcome(status=SolveStatus.INTERRUPTED, message="stopped before the fit")
     context.progress("fitting", 0.5)
