@@ -9,6 +9,7 @@ from pydantic import Field, NonNegativeFloat, PositiveFloat, field_validator
 from gtmodel.calibrate import Cost
 
 from .base import Section
+from .calibration_stiffness_keys import JointStiffness
 from .calibration_synthetic_keys import Synthetic
 from .robot_keys import RobotProblem
 
@@ -165,3 +166,6 @@ class Schema(RobotProblem):
     synthetic: Synthetic | None = Field(default=None, description="made-up poses instead")
     cart_points: CartPoints | None = Field(default=None, description="guideways through measured points")
     held_out: HeldOut = HeldOut()
+    joint_stiffness: JointStiffness | None = Field(
+        default=None, description="joint stiffness of a serial arm from static load tests, in place of geometry"
+    )

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from scipy import stats
@@ -11,6 +10,7 @@ from scipy import stats
 from ..inference import Verdict, noise_size, nonlinear_fit, whiteness
 from ..inference.nonlinear import Residuals
 from ..results.estimate import Estimate
+from .frequency_modal import ModalFit
 from .frequency_modes import linear_start, log_slopes, receptance
 from .frequency_response import FrequencyResponse
 
@@ -18,75 +18,11 @@ BAND = (0.7, 1.3)  # of the peak's frequency: where one mode is fitted
 SEARCH = (3.0, 200.0)  # Hz, where the most compliant mode of an arm is looked for
 CLOSE = 1.0  # Hz: a second mode within biases a fit of one by tens of per cent
 MOST = 3
+LIMIT = 60  # iterations; fits that end take ten
 SMALL_P = 0.01
 SEEN = 5.0  # times its standard deviation: a smaller receptance is no peak
 ROUNDS = 3  # of weights by the model's own size, for noise in proportion to the receptance
 BETTER = 10.0  # of BIC: a further mode must earn it, "very strong" after Kass and Raftery 1995
-# shares of log m, log c, log k in the logs of what follows from them
-_OF = {
-    "m": (1.0, 0.0, 0.0), "c": (0.0, 1.0, 0.0), "k": (0.0, 0.0, 1.0),
-    "fn": (-0.5, 0.0, 0.5), "zeta": (-0.5, 1.0, -0.5),
-}  # fmt: skip
-_CONSTANT = {"fn": -np.log(2 * np.pi), "zeta": -np.log(2.0)}
-
-
-@dataclass(frozen=True, eq=False)
-class ModalFit:
-    """Modes in parallel, the most compliant at its resonance first.
-
-    m, c, k (modes,) in kg, N.s/m, N/m; `estimate` of their logarithms ("log m[0]", ...), whose covariance is that of
-    the noise alone, not of repeated experiments. `response`: the lines that were fitted. `bic`: smaller is better.
-    `whiteness` of the residuals along the frequency; `adequacy`: chi-squared of them against a known noise.
-    """
-
-    m: np.ndarray
-    c: np.ndarray
-    k: np.ndarray
-    estimate: Estimate
-    response: FrequencyResponse
-    bic: float
-    whiteness: Verdict
-    adequacy: Verdict | None
-    notes: tuple[str, ...] = ()
-
-    @property
-    def fn(self) -> np.ndarray:
-        """Undamped natural frequencies sqrt(k/m) / 2 pi (modes,) [Hz]."""
-        return np.sqrt(self.k / self.m) / (2 * np.pi)
-
-    @property
-    def zeta(self) -> np.ndarray:
-        """Damping ratios c / (2 sqrt(k m)) (modes,)."""
-        return self.c / (2 * np.sqrt(self.k * self.m))
-
-    @property
-    def next_mode(self) -> float | None:
-        """Distance from the first mode to the nearest other one [Hz]; None where there is one mode only."""
-        return float(np.abs(self.fn[1:] - self.fn[0]).min()) if len(self.m) > 1 else None
-
-    def interval(self, name: str, mode: int = 0, level: float = 0.95) -> tuple[float, float]:
-        """Confidence interval of "m", "c", "k", "fn" [Hz] or "zeta", always positive. Raises ValueError."""
-        value, low, high = self.estimate.combination(self._weights(name, mode), level)
-        del value
-        shift = _CONSTANT.get(name, 0.0)
-        return float(np.exp(low + shift)), float(np.exp(high + shift))
-
-    def log_std(self, name: str, mode: int = 0) -> float:
-        """Standard deviation of the logarithm of "m", "c", "k", "fn" or "zeta": the relative one."""
-        weights = self._weights(name, mode)
-        w = np.array([weights.get(n, 0.0) for n in self.estimate.names])
-        return float(np.sqrt(w @ self.estimate.covariance @ w))
-
-    def at(self, s: np.ndarray) -> np.ndarray:
-        """Receptance (n,) of all modes [m/N] at s (n,) [1/s]."""
-        return receptance(s, self.m, self.c, self.k)
-
-    def _weights(self, name: str, mode: int) -> dict[str, float]:
-        if name not in _OF or not 0 <= mode < len(self.m):
-            raise ValueError(
-                f"there is no '{name}' of mode {mode}; expected {', '.join(_OF)} of 0 to {len(self.m) - 1}"
-            )
-        return dict(zip((f"log {p}[{mode}]" for p in "mck"), _OF[name], strict=True))
 
 
 def peak(response: FrequencyResponse, search: tuple[float, float] = SEARCH) -> float:
@@ -139,12 +75,14 @@ def fit_modes(
     for n in range(1, most + 1):
         try:
             more = _fit(lines, n, noise)
-        except ValueError as error:  # one mode through two may have no optimum, three through one no third
+        except ValueError as error:  # one mode through two may have no optimum
             failed = failed or error
-            continue
+            more = None
         one = more if n == 1 else one
-        if best is None or (more.bic < best.bic - BETTER and _separate(more, band)):
+        if best is None or (more is not None and more.bic < best.bic - BETTER and _separate(more, band)):
             best = more
+        else:
+            break
     if best is None:
         raise failed or ValueError(f"found most = {most}; expected one mode or more")
     return _judged(best, one)
@@ -157,7 +95,16 @@ def _separate(fit: ModalFit, band: tuple[float, float]) -> bool:
 
 
 def _judged(fit: ModalFit, one: ModalFit | None) -> ModalFit:
-    """With its warnings: a mode close by, and residuals that the model does not explain."""
+    """With its warnings: a mode close by, and residuals that the model does not explain.
+
+    Raises ValueError for a mode that lies beside the lines, as noise on a slope without a peak makes it.
+    """
+    f = fit.response.frequency
+    if not f[0] <= fit.fn[0] <= f[-1]:
+        raise ValueError(
+            f"the mode found at {fit.fn[0]:.4g} Hz lies outside of the lines fitted, {f[0]:.4g} to {f[-1]:.4g} Hz; "
+            "give another band or other search limits"
+        )
     notes = []
     if (apart := fit.next_mode) is not None and apart < CLOSE:
         bias = (
@@ -185,7 +132,7 @@ def _fit(lines: FrequencyResponse, modes: int, noise: float | None) -> ModalFit:
         # level noise: the residuals tell its size, in units of the largest receptance
         residuals = _residuals(lines, 1.0 if sigma is not None else float(np.abs(H).max()))
         with np.errstate(all="ignore"):  # a step too far is not finite and is taken back
-            fitted = nonlinear_fit(residuals, theta, names, sigma=sigma)
+            fitted = nonlinear_fit(residuals, theta, names, sigma=sigma, limit=LIMIT)
         if fitted.estimate is None:
             raise ValueError(f"the fit of {modes} modes came to no end: {fitted.message}")
         theta = fitted.x
@@ -226,8 +173,9 @@ def _sigma(lines: FrequencyResponse, noise: float | None, H: np.ndarray) -> np.n
     return np.tile(each, 2)
 
 
-def _split(theta: np.ndarray) -> Sequence[np.ndarray]:
-    return np.exp(theta.reshape(-1, 3).T)
+def _split(theta: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    m, c, k = np.exp(theta.reshape(-1, 3).T)
+    return m, c, k
 
 
 def _ordered(e: Estimate, theta: np.ndarray, lines: FrequencyResponse, stated: bool) -> ModalFit:

@@ -44,7 +44,7 @@ def linear_start(s: np.ndarray, H: np.ndarray, modes: int, weights: np.ndarray) 
     z, h = s / scale, H / size
     numerator = z[:, None] ** np.arange(2 * modes - 1)
     denominator = z[:, None] ** np.arange(2 * modes)
-    D = np.ones(len(z))
+    D, ascending = np.ones(len(z)), np.ones(1)
     for _ in range(ROUNDS):
         row = weights / np.abs(D)
         # the highest power of D has the coefficient one

@@ -67,8 +67,8 @@ class FrequencyResponse:
             )
         own = [None if a is None else a[rows] for a in (self.variance, self.coherence)]
         return FrequencyResponse(
-            self.frequency[rows], self.receptance[rows], own[0], own[1], self.decay, self.wider, self.hits, self.freedom,
-            self.synthetic,
+            self.frequency[rows], self.receptance[rows], own[0], own[1],
+            self.decay, self.wider, self.hits, self.freedom, self.synthetic,
         )  # fmt: skip
 
 
@@ -107,11 +107,13 @@ def frequency_response(
         F = _windowed(F, force_window, sample_rate)
     F, x = F * window, x * window
     _check_end(x, decay)
-    spectra = dict(fs=sample_rate, window="boxcar", nperseg=T, noverlap=0, detrend=False)
-    f, GFF = signal.csd(F.ravel(), F.ravel(), **spectra)
-    _, GFx = signal.csd(F.ravel(), x.ravel(), **spectra)
-    _, Gxx = signal.csd(x.ravel(), x.ravel(), **spectra)
-    f, GFF, GFx, Gxx = f[1:], GFF[1:].real, GFx[1:], Gxx[1:].real
+
+    def spectrum(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+        # one segment per hit, without 0 Hz
+        return signal.csd(a.ravel(), b.ravel(), sample_rate, "boxcar", T, 0, detrend=False)[1][1:]  # pyright: ignore[reportArgumentType]
+
+    f = np.fft.rfftfreq(T, 1 / sample_rate)[1:]
+    GFF, GFx, Gxx = np.real(spectrum(F, F)), spectrum(F, x), np.real(spectrum(x, x))
     if GFF.min() <= 0 or Gxx.min() <= 0:
         raise ValueError("the force or the response is zero throughout; look at the column of the record")
     derived = (2j * np.pi * f + decay) ** ORDER[measures]
@@ -161,8 +163,8 @@ def _windowed(F: np.ndarray, length: float, rate: float) -> np.ndarray:
         lost = np.abs(row[end:]).max(initial=0.0) / np.abs(row[peak])
         if lost > CUT:
             raise ValueError(
-                f"hit {k + 1} has a second peak of {lost:.0%} of the first after the force window of {length:g} s: a double "
-                "hit; leave it out, or take a longer window"
+                f"hit {k + 1} has a second peak of {lost:.0%} of the first after the force window of {length:g} s: a "
+                "double hit; leave it out, or take a longer window"
             )  # fmt: skip
         row[peak:end] *= falling[: end - peak]
         row[end:] = 0.0

@@ -41,8 +41,9 @@ def synthetic_hits(
         rows = np.array([[1.0, 0.0], [0.0, 1.0], A[1]])
         B, D = np.array([[0.0], [1 / mass]]), np.array([[0.0], [0.0], [1 / mass]])
         order = ORDER[measures]
-        found = signal.cont2discrete((A, B, rows[order : order + 1], D[order : order + 1]), t[1], method="foh")
-        numerator, denominator = signal.ss2tf(*found[:4])
+        C, D = rows[order : order + 1], D[order : order + 1]
+        step = [np.asarray(a) for a in tuple(signal.cont2discrete((A, B, C, D), t[1], method="foh"))[:4]]  # pyright: ignore[reportArgumentType]
+        numerator, denominator = signal.ss2tf(*step)  # pyright: ignore[reportArgumentType]
         x += signal.lfilter(numerator[0], denominator, F, axis=1)
     F, x = F[:, ::FINER], x[:, ::FINER]
     return F, x + noise * rng.standard_normal(x.shape)

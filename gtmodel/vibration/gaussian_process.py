@@ -1,4 +1,4 @@
-"""Exact Gaussian process regression (Cvitanic 2021, eqs. (9)-(11)), its leave-one-out errors and calibrated intervals."""
+"""Exact Gaussian process regression (Cvitanic 2021, eqs. (9)-(11)), held-out errors and calibrated intervals."""
 
 from __future__ import annotations
 

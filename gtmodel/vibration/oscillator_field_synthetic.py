@@ -1,4 +1,4 @@
-"""A made-up oscillator field through given poses, smooth between them: a truth for fields identified from samples."""
+"""A made-up oscillator field near given values, smooth between them: a truth for fields identified from samples."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from scipy.linalg import cho_factor, cho_solve
 from .gaussian_process_kernel import Inputs, correlation, square_distances
 
 WAVES = 500  # cosines that make up a draw: its covariance is right within a few per cent
-JITTER = 1e-8  # of the variance, on the given poses
+NEAR = 0.01  # of the variance: how near given poses are met; exactly, poses that lie close would make it steep
 
 
 @dataclass(frozen=True, eq=False)
 class SyntheticField:
-    """Nine smooth functions over the pose: draws of a squared exponential process that pass through given logarithms.
+    """Nine smooth functions over the pose: draws of a squared exponential process that pass near given logarithms.
 
     Made by synthetic_field(). As `at` of OscillatorField, but a truth: no measurement is behind it.
     """
@@ -44,10 +44,10 @@ class SyntheticField:
 def synthetic_field(
     poses: np.ndarray, m: np.ndarray, c: np.ndarray, k: np.ndarray, inputs: Inputs, lengths: np.ndarray, *, seed: int
 ) -> SyntheticField:
-    """Through m, c, k (n, 3) at poses (n, 4), with `lengths` (4,) in units of the scales of `inputs`.
+    """Near m, c, k (n, 3) at poses (n, 4), with `lengths` (4,) in units of the scales of `inputs`.
 
     The spread between the given poses is that of the given values. Sampling by Matheron's rule: a draw of random
-    cosines, corrected to pass through what is given (Wilson et al. 2020, ICML).
+    cosines, corrected towards what is given (Wilson et al. 2020, ICML).
     """
     rng = np.random.default_rng(seed)
     logs = np.log(np.hstack([m, c, k]))
@@ -57,7 +57,7 @@ def synthetic_field(
     frequencies = rng.standard_normal((WAVES, given.shape[1]))
     phases = rng.uniform(0, 2 * np.pi, WAVES)
     shares = rng.standard_normal((WAVES, logs.shape[1])) * spread
-    K = _between(given, given) + JITTER * np.eye(len(given))
+    K = _between(given, given) + NEAR * np.eye(len(given))
     missing = logs - mean - _waves(given, frequencies, phases) @ shares
     return SyntheticField(inputs, frequencies, phases, shares, given, cho_solve(cho_factor(K), missing), mean, lengths)
 

@@ -1,0 +1,81 @@
+"""What the pictures of kind "dynamic_stiffness" show: chosen from its results, drawn by gtmodel.plot."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from gtmodel.plot.dynamic_stiffness import held_out_figure, lowest_frequency_figure, response_figure
+from gtmodel.vibration import ModalFit, OscillatorField
+
+from .base import InputError
+from .dynamic_stiffness_data import Experiment
+from .dynamic_stiffness_keys import Schema
+
+_ORDER = ("x", "y", "z", "A")
+
+
+def responses(experiments: Sequence[Experiment], fits: Sequence[ModalFit | None], title: str, note: str | None) -> Any:
+    """The first experiment in each direction that gave a mode."""
+    shown = {}
+    for e, fit in zip(experiments, fits, strict=True):
+        if fit is not None:
+            shown.setdefault(
+                e.direction,
+                (
+                    f"{e.source}" if "xyz"[e.direction] in e.source else f"{e.source} ({'xyz'[e.direction]})",
+                    e.response,
+                    fit,
+                ),
+            )
+    return response_figure([shown[d] for d in sorted(shown)], title=_marked(title, note))
+
+
+def lowest(problem: Schema, experiments: Sequence[Experiment], field: OscillatorField, title: str) -> Any:
+    """Lowest frequency over two coordinates within the poses, the others held."""
+    over = [_ORDER.index(c) for c in problem.map.over]
+    if over[0] == over[1]:
+        raise InputError("expected two different coordinates", "map.over")
+    poses = np.array([e.pose for e in experiments])
+    low, high = poses.min(axis=0), poses.max(axis=0)
+    low, high = np.where(high > low, low, low - 0.5), np.where(high > low, high, high + 0.5)
+    at = (poses.min(axis=0) + poses.max(axis=0)) / 2
+    if problem.map.at_m is not None:
+        at[:3] = problem.map.at_m
+    if problem.map.at_deg is not None:
+        at[3] = np.deg2rad(problem.map.at_deg)
+    u, v = (np.linspace(low[c], high[c], problem.map.points) for c in over)
+    grid = np.tile(at, (len(u) * len(v), 1))
+    grid[:, over[0]], grid[:, over[1]] = (a.ravel() for a in np.meshgrid(u, v))
+    fn = field.value("fn", grid)
+    limits = field.interval("fn", grid)
+    softest = fn.argmin(axis=1)
+    rows = np.arange(len(grid))
+    wide = np.log(limits[rows, softest, 1] / limits[rows, softest, 0]) / 2
+    shape = (len(v), len(u))
+    unit = [np.rad2deg(1.0) if c == 3 else 1.0 for c in over]
+    names = [f"{_ORDER[c]} [{'deg' if c == 3 else 'm'}]" for c in over]
+    held = ", ".join(
+        f"{_ORDER[c]} = {np.rad2deg(at[c]) if c == 3 else at[c]:.3g} {'deg' if c == 3 else 'm'}"
+        for c in range(4)
+        if c not in over
+    )
+    return lowest_frequency_figure(
+        u * unit[0], v * unit[1], fn.min(axis=1).reshape(shape), wide.reshape(shape), poses[:, over] * unit,
+        names=(names[0], names[1]), title=_marked(f"{title}\nat {held}", field.synthetic),
+    )  # fmt: skip
+
+
+def held_out(field: OscillatorField, errors: dict[Any, Any], title: str) -> Any:
+    """Values held out against their predictions."""
+    panels = {}
+    for key, (error, std) in errors.items():
+        g = field.processes[key]
+        panels[f"{key[1]} in {key[0]}"] = (np.exp(g.y - error), np.exp(g.y), std * g.inflation)
+    return held_out_figure(panels, title=_marked(title, field.synthetic))
+
+
+def _marked(title: str, note: str | None) -> str:
+    return f"{title}\n(synthetic: {note})" if note else title

@@ -1,0 +1,118 @@
+"""Frequency responses with their fitted modes, frequencies over the pose, and predictions of held-out values."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
+
+from .colours import COLOURS
+
+UNITS = {"m": ("kg", 1.0), "c": ("kN s/m", 1e-3), "k": ("MN/m", 1e-6)}
+Q95 = 1.96  # standard deviations of a 95 % interval
+
+
+def response_figure(shown: Sequence[tuple[str, Any, Any]], *, title: str = "") -> Figure:
+    """Size and phase of receptances, a column each (compare Cvitanic 2021, Fig. 6).
+
+    shown: name, gtmodel.vibration.FrequencyResponse and ModalFit of it. The fitted lines are dark, modes are marked.
+    """
+    figure = Figure(figsize=(4.4 * len(shown), 5.6), layout="constrained")
+    axes = figure.subplots(2, len(shown), squeeze=False, sharex="col", height_ratios=[2, 1])
+    for column, (name, response, fit) in zip(axes.T, shown, strict=True):
+        top = 3 * float(fit.response.frequency[-1])
+        rows = response.frequency <= top
+        f, H = response.frequency[rows], response.receptance[rows]
+        own, G = fit.response.frequency, fit.response.receptance
+        fine = np.linspace(own[0], own[-1], 400)
+        model = fit.at(2j * np.pi * fine + response.decay)
+        for axis, of in zip(column, (lambda z: 1e6 * np.abs(z), lambda z: np.rad2deg(np.angle(z))), strict=True):
+            axis.plot(f, of(H), ".", color="0.75", markersize=3, label="measured")
+            axis.plot(own, of(G), ".", color=COLOURS[0], markersize=4, label="fitted lines")
+            axis.plot(
+                fine, of(model), color=COLOURS[1], linewidth=1.4, label=f"{len(fit.m)} mode{'s' * (len(fit.m) > 1)}"
+            )
+            for k, mode in enumerate(fit.fn):
+                axis.axvline(mode, color="black", linestyle=":", linewidth=0.8, label="modes" if k == 0 else None)
+            axis.grid(alpha=0.3)
+        size = 1e6 * np.abs(H)
+        column[0].set(yscale="log", title=name, ylim=(size[size > 0].min() / 2, 3 * 1e6 * np.abs(model).max()))
+        low, high = fit.interval("fn")
+        said = f"fn {fit.fn[0]:.4g} Hz ({low:.4g}..{high:.4g})\nm {fit.m[0]:.3g} kg, zeta {fit.zeta[0]:.3g}"
+        column[0].text(0.97, 0.96, said, transform=column[0].transAxes, ha="right", va="top", fontsize="small")
+        column[1].set(xlabel="frequency [Hz]", ylim=(-190, 190), yticks=[-180, -90, 0, 90, 180], xlim=(0, top))
+    axes[0, 0].set_ylabel("receptance [um/N]")
+    axes[1, 0].set_ylabel("phase [deg]")
+    axes[0, 0].legend(fontsize="small", loc="lower left")
+    if title:
+        figure.suptitle(title, fontsize="medium")
+    return figure
+
+
+def lowest_frequency_figure(
+    u: np.ndarray, v: np.ndarray, frequency: np.ndarray, relative: np.ndarray, poses: np.ndarray, *,
+    names: tuple[str, str], title: str = "",
+) -> Figure:  # fmt: skip
+    """Natural frequency of the softest direction (len(v), len(u)) [Hz] over two coordinates of the pose.
+
+    Beside it its relative 95 % error; poses (n, 2): where was measured, whatever the other coordinates.
+    """
+    figure = Figure(figsize=(10.5, 4.6), layout="constrained")
+    left, right = figure.subplots(1, 2, sharey=True)
+    for axis, values, label, colours in (
+        (left, frequency, "lowest natural frequency [Hz]", "viridis"),
+        (right, 100 * relative, "its 95 % error [%]", "magma_r"),
+    ):
+        drawn = axis.contourf(u, v, values, levels=14, cmap=colours)
+        figure.colorbar(drawn, ax=axis, label=label)
+        axis.plot(
+            *poses.T,
+            "o",
+            color="white",
+            markeredgecolor="black",
+            markersize=4,
+            label="measured, other coordinates differ",
+        )
+        axis.set_xlabel(names[0])
+    left.set_ylabel(names[1])
+    figure.legend(*left.get_legend_handles_labels(), fontsize="small", loc="outside lower center", frameon=False)
+    if title:
+        figure.suptitle(title, fontsize="medium")
+    return figure
+
+
+def held_out_figure(panels: Mapping[str, tuple[np.ndarray, np.ndarray, np.ndarray]], *, title: str = "") -> Figure:
+    """Predicted against measured values that the fit had not seen, one panel each, with 95 % intervals.
+
+    panels: "m in x" -> predicted (n,), measured (n,), standard deviation of the logarithm (n,).
+    """
+    columns = 3
+    rows = -(-len(panels) // columns)
+    figure = Figure(figsize=(3.5 * columns, 3.1 * rows), layout="constrained")
+    axes = figure.subplots(rows, columns, squeeze=False).ravel()
+    for axis, (name, (predicted, measured, std)) in zip(axes, panels.items(), strict=False):
+        unit, scale = UNITS[name[0]]
+        predicted, measured = scale * predicted, scale * measured
+        half = np.exp(Q95 * std)
+        inside = (measured < predicted * half) & (measured > predicted / half)
+        for rows_, colour, label in ((inside, COLOURS[0], "inside"), (~inside, COLOURS[1], "outside")):
+            bars = np.stack([predicted - predicted / half, predicted * half - predicted])[:, rows_]
+            axis.errorbar(measured[rows_], predicted[rows_], yerr=bars, fmt="o", color=colour, markersize=3,
+                          elinewidth=0.6, label=f"{rows_.sum()} {label}")  # fmt: skip
+        ends = [measured.min() / 1.2, measured.max() * 1.2]
+        axis.plot(ends, ends, color="black", linewidth=0.8)
+        axis.set(xscale="log", yscale="log", title=f"{name} [{unit}]", xlim=ends)
+        for ticks in (axis.xaxis, axis.yaxis):
+            ticks.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+            ticks.set_major_formatter(StrMethodFormatter("{x:g}"))
+            ticks.set_minor_formatter(NullFormatter())
+        axis.legend(fontsize="x-small", loc="upper left")
+        axis.grid(alpha=0.3)
+    figure.supxlabel("measured, held out")
+    figure.supylabel("predicted, with its 95 % interval")
+    if title:
+        figure.suptitle(title, fontsize="medium")
+    return figure
