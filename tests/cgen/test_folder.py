@@ -99,7 +99,7 @@ def test_edited_files_need_permission(small: Functions, small_folder: Path, tmp_
 
 
 def test_the_contract_is_one_page_and_in_every_readme(small_folder: Path) -> None:
-    page = (codegen_dir() / "runtime" / "contract.md").read_text()
+    page = (codegen_dir() / "contract.md").read_text()
     docs = Path(__file__).parents[2] / "docs" / "c_contract.md"
     assert docs.read_text().endswith(page) and len(docs.read_text().splitlines()) < 66
     assert page in (small_folder / "README.md").read_text()
