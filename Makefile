@@ -7,7 +7,8 @@ JOBS   ?= 2
 
 BIN     := $(VENV)/bin
 RUN     := $(BIN)/python -m
-INSTALL := $(RUN) pip install -qq --disable-pip-version-check --constraint constraints.txt
+# --no-compile: Python compiles what is imported, a small part of what is installed.
+INSTALL := $(RUN) pip install -qq --disable-pip-version-check --no-compile --constraint constraints.txt
 
 export MPLBACKEND := Agg
 # One BLAS thread in each of the JOBS processes: they do not fight for cores, and sums keep their order.
@@ -17,7 +18,7 @@ PYTEST     := $(ONE_THREAD) $(RUN) pytest -n $(JOBS) --dist worksteal
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help demo test proof bench conformance format constraints clean
+.PHONY: help demo test types pytest proof bench conformance format constraints clean
 
 help:
 	@echo "make demo         solve the time-optimal motion of the L1 prototype, then generate and check its C code"
@@ -37,7 +38,13 @@ demo: $(VENV)/.core
 test: $(VENV)/.dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+	@$(MAKE) --no-print-directory --jobs=2 types pytest
+
+# The types at the same time as the tests: they take one core for most of a minute.
+types: $(VENV)/.dev
 	$(BIN)/basedpyright --pythonpath $(BIN)/python
+
+pytest: $(VENV)/.dev
 	$(PYTEST)
 
 # pytest ends with 5 where no test carries the marker.

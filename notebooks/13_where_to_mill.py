@@ -19,7 +19,7 @@
 #
 # A six-axis robot that mills leaves one angle free: it may turn about the spindle. Cvitanic (2021, chapter 3) chose
 # that angle twice for each cut, once by the stiffness of the joints and once by three oscillators at the tool, and
-# measured what came of it. His numbers are here: cutting coefficients, oscillators of twelve tests, measured deflections.
+# measured what came of it. His numbers are here: cutting coefficients, oscillators of twelve tests, deflections.
 
 # %%
 # %matplotlib inline
@@ -104,7 +104,7 @@ assert max(radius[:8]) < 1 < 1.2 < min(radius[8:])
 # the static index from joint stiffness, the dynamic index where oscillators are known.
 
 # %%
-bare = ["printed_tests=false", "search.refine=1", "search.speeds_rpm=[3225.0]", "search.feed_directions=[]"]
+bare = ["printed_tests=false", "search.refine=0", "search.speeds_rpm=[3225.0]", "search.feed_directions=[]"]
 loaded = load("milling_pose.toml", bare)
 outcome = run.solve(loaded, run.context_of(loaded)).outcome
 print(*outcome.values["guideline"], sep="\n")

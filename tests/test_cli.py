@@ -309,6 +309,12 @@ def test_version(here: Path) -> None:
     assert re.fullmatch(r"gtmodel \d+\.\d+\.\d+\S*\n", process("--version", cwd=here).out)
 
 
+def test_it_starts_without_what_few_commands_need(here: Path) -> None:
+    asked = [sys.executable, "-c", "import sys, gtmodel.cli; print(*sys.modules)"]
+    loaded = subprocess.run(asked, cwd=here, env=environment(), capture_output=True, text=True, check=True, timeout=120)
+    assert not {"scipy.stats", "scipy.signal", "matplotlib", "control"} & set(loaded.stdout.split())
+
+
 def test_unsolved_problem_is_exit_code_1_with_json(gtmodel: Commands) -> None:
     done = gtmodel("solve", "swing.toml", "--set", "solver.max_iterations=2", "--json")
     assert done.code == 1 and done.json["status"] == "iteration_limit"

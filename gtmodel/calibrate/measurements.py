@@ -20,6 +20,11 @@ class Pose:
     unknown, p_robot = t + R(u) p_device, parameters "T.device.t" and "T.device.u" where T is the position's name.
     `target`: the model's frame in that of the target, "T.target.t" and "T.target.u". Start values are the identity,
     or (t (3,), u (4,)) in `device_start` and `target_start`.
+
+    `device_per_session`, `target_per_session`: each session has such a frame of its own, "T.device.t in s[0]" where
+    there are several; `device_starts` by session, before `device_start`. `sag`: the end-effector gives way by k times
+    the load, a force [N] in the robot's frame, values "load(T)" (N, 3) or (N, 1) downwards; parameter "T.sag" = k
+    [m/N], from `sag_start`: what the model calls T is the measured position less k load.
     """
 
     position: str
@@ -28,6 +33,11 @@ class Pose:
     target: bool = False
     device_start: tuple[ArrayLike, ArrayLike] = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
     target_start: tuple[ArrayLike, ArrayLike] = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
+    device_per_session: bool = False
+    target_per_session: bool = False
+    device_starts: Mapping[str, tuple[ArrayLike, ArrayLike]] = field(default_factory=dict)
+    sag: bool = False
+    sag_start: float = 0.0
 
 
 @dataclass(frozen=True)

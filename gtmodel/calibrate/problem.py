@@ -94,7 +94,8 @@ class Problem:
 
         Raises ModelError where they differ.
         """
-        read = reading(self.closure, measurements, latent_starts(self.closure))
+        sessions = self.measurements.session_names
+        read = reading(self.closure, measurements, latent_starts(self.closure), sessions)
         if read.parameters.names != self.reading.parameters.names or len(read.data) != len(self.reading.data):
             raise ModelError(
                 f"the other poses have the signals {', '.join(measurements.values)} and other corrections or sessions "
@@ -118,10 +119,10 @@ def prepare(
     actuators: str = "q",
     latent: Sequence[str] = (),
 ) -> Problem:
-    """The problem of a model and measured poses. All values but rates count as known; `latent`: see
+    """The problem of a model and measured poses. All values but rates and loads count as known; `latent`: see
     closure_equations(). Raises ModelError for what does not fit."""
     flat = model if isinstance(model, FlatModel) else flat_of(model)
-    known = [n for n in measurements.values if not n.startswith("der(")]
+    known = [n for n in measurements.values if not n.startswith(("der(", "load("))]
     if actuators not in known:
         raise ModelError(f"the actuators '{actuators}' are not among the measured {', '.join(known)}")
     closure = closure_equations(flat, known, latent)

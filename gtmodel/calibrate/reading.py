@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import casadi as ca
 import numpy as np
@@ -34,10 +36,14 @@ class Reading:
     unit: tuple[str, ...]
 
 
-def reading(closure: Closure, m: Measurements, starts: dict[str, np.ndarray]) -> Reading:
-    """`starts`: of latent variables (k,) or (N, k). Raises ModelError for what is measured but not in the model's
+def reading(closure: Closure, m: Measurements, starts: dict[str, np.ndarray], sessions: Sequence[str] = ()) -> Reading:
+    """`starts`: of latent variables (k,) or (N, k); `sessions`: all that parameters are for, those of the measurements
+    if empty. Raises ModelError for what is measured but not in the model's
     closure equations, wrong sizes, and corrections that need more than was given."""
-    r = _Reader(closure.flat.title, m)
+    r = _Reader(closure.flat.title, m, tuple(sessions) or m.session_names)
+    strange = [s for s in m.session_names if s not in r.sessions]
+    if strange:
+        raise ModelError(f"there is no session '{strange[0]}' among those prepared: {', '.join(r.sessions)}")
     signals: dict[str, ca.SX] = {}
     for name in closure.known:
         if name not in m.values:
@@ -64,8 +70,9 @@ def reading(closure: Closure, m: Measurements, starts: dict[str, np.ndarray]) ->
 
 
 class _Reader:
-    def __init__(self, title: str, m: Measurements) -> None:
+    def __init__(self, title: str, m: Measurements, sessions: tuple[str, ...]) -> None:
         self.m = m
+        self.sessions = sessions
         self.d: list[ca.SX] = []
         self.columns: list[np.ndarray] = []
         self.noise: list[ca.SX] = []
@@ -113,11 +120,9 @@ class _Reader:
         if c.scale:
             value = self.parameter(f"{c.signal}.scale", np.ones(n), "1") * value
         if c.offset:
-            sessions = self.m.session_names
-            for session in sessions:
-                here = np.array([s == session for s in self.m.sessions or [""] * len(self.m)], float)
-                inside = self.symbol(f"in session {session}", here[None])
-                ending = f" in {session}" if len(sessions) > 1 else ""
+            for session in self.sessions:
+                inside = self.inside(session)
+                ending = f" in {session}" if len(self.sessions) > 1 else ""
                 offset = self.parameter(f"{c.signal}.offset{ending}", np.zeros(n), "")
                 value = value - inside * offset
         return value
@@ -131,19 +136,55 @@ class _Reader:
         if pose.target:
             if e is None:
                 raise ModelError(f"the target of '{pose.position}' needs a measured orientation; name it in the pose")
-            t, u = self.frame(f"{pose.position}.target", pose.target_start)
-            p, e = p + rotated(e, t), product(e, u)
+            parts = [
+                (inside, p + rotated(e, t), product(e, u))
+                for inside, t, u in self.frames(f"{pose.position}.target", pose.target_per_session, pose.target_start)
+            ]
+            p, e = (_sum(inside * part[k] for inside, *part in parts) for k in range(2))
         if pose.device:
-            t, u = self.frame(f"{pose.position}.device", pose.device_start)
-            p, e = t + rotated(u, p), None if e is None else product(u, e)
+            name, each, starts = f"{pose.position}.device", pose.device_per_session, pose.device_starts
+            parts = [
+                (inside, t + rotated(u, p), ca.SX(0) if e is None else product(u, e))
+                for inside, t, u in self.frames(name, each, pose.device_start, starts)
+            ]
+            p, turned_ = (_sum(inside * part[k] for inside, *part in parts) for k in range(2))
+            e = None if e is None else turned_
+        if pose.sag:
+            p = p - self.sagged(pose)
         signals[pose.position] = p
         if pose.orientation is not None and e is not None:
             signals[pose.orientation] = e
 
-    def frame(self, name: str, start: tuple[ArrayLike, ArrayLike]) -> tuple[ca.SX, ca.SX]:
-        t = self.parameter(f"{name}.t", np.asarray(start[0], float), "m")
-        u = self.parameter(f"{name}.u", np.asarray(start[1], float), "1")
-        self.unit.append(f"{name}.u")
+    def inside(self, session: str) -> ca.SX:
+        """1 at the poses of a session, 0 at others."""
+        here = np.array([s == session for s in self.m.sessions or [""] * len(self.m)], float)
+        return self.symbol(f"in session {session}", here[None])
+
+    def frames(
+        self, name: str, each: bool, start: tuple[ArrayLike, ArrayLike],
+        starts: Mapping[str, tuple[ArrayLike, ArrayLike]] = MappingProxyType({}),
+    ) -> list[tuple[ca.SX, ca.SX, ca.SX]]:  # fmt: skip
+        """Where it counts, t and u: one for all poses, or one for each session."""
+        if not each or len(self.sessions) == 1:
+            return [(ca.SX(1), *self.frame(name, start))]
+        return [(self.inside(s), *self.frame(name, starts.get(s, start), f" in {s}")) for s in self.sessions]
+
+    def sagged(self, pose: Pose) -> ca.SX:
+        name = f"load({pose.position})"
+        if name not in self.m.values:
+            raise ModelError(f"the sag of '{pose.position}' needs the load among the values, as '{name}' in N")
+        load = np.asarray(self.m.values[name])
+        if load.shape[1] not in (1, 3):
+            raise ModelError(f"'{name}' has {load.shape[1]} columns; expected a force of 3, or its size downwards")
+        if load.shape[1] == 1:
+            load = load * np.array([0.0, 0.0, -1.0])
+        k = self.parameter(f"{pose.position}.sag", np.array([pose.sag_start]), "m/N", scalar=True)
+        return k * self.symbol(name, load.T)
+
+    def frame(self, name: str, start: tuple[ArrayLike, ArrayLike], ending: str = "") -> tuple[ca.SX, ca.SX]:
+        t = self.parameter(f"{name}.t{ending}", np.asarray(start[0], float), "m")
+        u = self.parameter(f"{name}.u{ending}", np.asarray(start[1], float), "1")
+        self.unit.append(f"{name}.u{ending}")
         return t, u
 
     def hidden(self, name: str, start: np.ndarray, quaternion: bool) -> ca.SX:
@@ -153,3 +194,10 @@ class _Reader:
         move = ca.SX.sym(f"move of {name}", size)
         self.latent.append(move)
         return turned(value, move) if quaternion else value + move
+
+
+def _sum(parts: Iterable[ca.SX]) -> ca.SX:
+    first, *rest = parts
+    for part in rest:
+        first = first + part
+    return first

@@ -16,6 +16,7 @@ from .turning import turned
 
 # expected size of a parameter's error before calibration, by its unit: a millimetre, and as much at a metre's distance
 SIZE = 1e-3
+COMPLIANCE = 1e-6  # m/N: of a compliance as much, a millimetre at 1000 N
 TURN = " turned about "
 
 
@@ -28,7 +29,8 @@ class Choice:
     `tied`: name -> name of the same shape, which it follows. `unit`: quaternions (4), scalar first, that are turned and
     keep the length 1 (three unknowns each, "u1_2 turned about x" [rad], in the quaternion's own frame). `priors` by
     scalar name of an unknown. `sizes`: expected error of a parameter, the scale in which rank and observability are
-    told; default 1e-3.
+    told; default 1e-3, of
+    compliances 1e-6 m/N.
     """
 
     free: Sequence[str] = ()
@@ -147,7 +149,7 @@ def unknowns(parameters: Parameters, choice: Choice) -> Unknowns:
     everything = [(p.symbols[k], moved.get(k, ca.SX(p.values[k]))) for k in range(len(p.names))]
     if not names:
         raise ModelError(f"nothing is left free to calibrate in {p.title}: all parameters are fixed or tied")
-    sizes = {n: SIZE for n in names}
+    sizes = {n: COMPLIANCE if unit == "m/N" else SIZE for n, unit in zip(names, units, strict=True)}
     for name, size in choice.sizes.items():
         if not size > 0:
             raise ModelError(f"the expected error of '{name}' is {size:g}; it must be positive")

@@ -33,7 +33,8 @@ _COUNTED = re.compile(r"Collected : (\d+)")
 class Costs:
     """By C name: bytes of machine code, bytes of stack with all that is called, instructions of a call with guards.
 
-    `newton_bytes`: the part of the Newton blocks and their guards, without the closed form behind them. `symbols`:
+    `newton_bytes`: the part of the Newton blocks and their guards, without the closed form behind them. Code that the
+    compiler found twice counts in the function that keeps it. `symbols`:
     what the folder defines for others. `missing`: one sentence on what could not be counted, or "".
     """
 

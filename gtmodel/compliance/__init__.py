@@ -6,6 +6,7 @@ complete_pose        joint compliances from all six rows of the pose
 decoupled            arm from the wrist centre, then wrist from the tool centre point
 cartesian_stiffness, softest_and_stiffest   what joint compliances mean at the tool
 complementary_stiffness, Compensator        what a load and a spring on joint 2 add
+with_compensator     joint compliances and the rate of that spring
 select               tests that tell the compliances best
 synthetic_tests      made-up tests, with or without bearings that tilt
 LinkGeometry, LinkPoses      where a parallel robot's links stand, and what its axes move, from its equations
@@ -16,6 +17,7 @@ LinkMasses           weights and lowest natural frequencies on these springs
 
 from .arm_poses import ArmPoses, arm_poses
 from .cartesian import cartesian_stiffness, softest_and_stiffest, translational_compliance
+from .compensated import with_compensator
 from .complementary import Compensator, complementary_stiffness
 from .joint_stiffness import StiffnessFit, complete_pose, decoupled
 from .link_masses import LinkMasses
@@ -30,5 +32,5 @@ __all__ = [
     "GROUPS", "ArmPoses", "Compensator", "LinkGeometry", "LinkMasses", "LinkPoses", "LinkSprings", "LinkStructure",
     "Selection", "StaticTests", "StiffnessFit", "arm_poses", "at_tool", "cartesian_stiffness",
     "complementary_stiffness", "complete_pose", "decoupled", "select", "softest_and_stiffest", "synthetic_tests",
-    "translational_compliance", "tube",
+    "translational_compliance", "tube", "with_compensator",
 ]  # fmt: skip

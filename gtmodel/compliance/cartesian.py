@@ -24,8 +24,12 @@ def translational_compliance(J: ArrayLike, compliance: ArrayLike) -> np.ndarray:
 
 def softest_and_stiffest(C: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
     """Stiffness along the principal directions of C_tt (n, 3, 3): (n, 3) [N/m], softest first, and directions (n, 3, 3)
-    as rows. In place of singular values of K_x, which mix units and have no bound near singular poses."""
-    values, vectors = np.linalg.eigh(np.asarray(C, float))
+    as rows. In place of singular values of K_x, which mix units and have no bound near singular poses. NaN
+    where C is."""
+    C = np.asarray(C, float)
+    finite = np.asarray(np.isfinite(C).all(axis=(1, 2)))
+    values, vectors = np.linalg.eigh(np.where(finite[:, None, None], C, 0.0))
     with np.errstate(divide="ignore"):
         stiffness = np.where(values > 0, 1 / values, np.inf)
+    stiffness[~finite], vectors[~finite] = np.nan, np.nan
     return stiffness[:, ::-1], np.swapaxes(vectors, 1, 2)[:, ::-1]

@@ -34,12 +34,12 @@ class StiffnessFit:
 
     @property
     def compliance(self) -> np.ndarray:
-        return self.estimate.values
+        return self.estimate.values[[name.startswith("c[") for name in self.estimate.names]]
 
     @property
     def stiffness(self) -> np.ndarray:
         """K = 1/c [N.m/rad]; negative where noise made the compliance so."""
-        return 1 / self.estimate.values
+        return 1 / self.compliance
 
     def interval(self, joint: int, level: float = 0.95) -> tuple[float, float]:
         """Of K: the ends of the interval of c, inverted, which no linearisation touches; without an upper end where
@@ -83,7 +83,7 @@ def _complete(tests: StaticTests, covariance: np.ndarray) -> StiffnessFit:
         if tests.K_c is None or still:
             break
         before, torque = e.values, loaded_torque(tests, e.values)
-    return _fit("complete pose", e, A, covariance, n)  # pyright: ignore[reportPossiblyUnboundVariable]
+    return concluded("complete pose", e, A, covariance, n)  # pyright: ignore[reportPossiblyUnboundVariable]
 
 
 def decoupled(tests: StaticTests, *, moment: bool = True) -> StiffnessFit:
@@ -91,12 +91,24 @@ def decoupled(tests: StaticTests, *, moment: bool = True) -> StiffnessFit:
 
     The arm's torque is (J'F)_123, the moment of the force about the wrist centre included; with `moment=False` it is
     J_wrist' f, as the text of the thesis has it, which biases the arm and stiffens the wrist. Intervals of the wrist
-    hold the error of the arm. Raises ValueError for tests with K_c and for what the tests do not determine.
+    hold the error of the arm. Raises ValueError for tests with K_c without the moment, and for what the tests do not
+    determine.
     """
-    if tests.K_c is not None:
-        raise ValueError("the decoupled method takes no complementary stiffness; use complete_pose, or leave K_c out")
+    if tests.K_c is not None and not moment:
+        raise ValueError("without the moment about the wrist there is no complementary stiffness; leave K_c out")
+    torque, before = tests.torque, None
+    for _ in range(ROUNDS):
+        fit = _decoupled(tests, torque, moment)
+        c = fit.compliance
+        still = before is not None and np.abs(c - before).max() <= STILL * np.abs(c).max()
+        if tests.K_c is None or still:
+            break
+        before, torque = c, loaded_torque(tests, c)
+    return fit  # pyright: ignore[reportPossiblyUnboundVariable]
+
+
+def _decoupled(tests: StaticTests, torque: np.ndarray, moment: bool) -> StiffnessFit:
     n, _, k = tests.J.shape
-    torque = tests.torque
     arm_torque = torque[:, :ARM]
     if not moment:
         arm_torque = np.einsum("nik,ni->nk", tests.J_wrist[:, :, :ARM], tests.wrench[:, :3])
@@ -121,7 +133,7 @@ def decoupled(tests: StaticTests, *, moment: bool = True) -> StiffnessFit:
     whole = np.block([[A_w, np.zeros((3 * n, k - ARM))], [A_a, A_b]])
     zero = np.zeros((3 * n, 3 * n))
     noise = np.block([[_rows(S_w), zero], [zero, _rows(tests.covariance[:, :3, :3])]])
-    return _fit("decoupled", both, whole, noise, n)
+    return concluded("decoupled", both, whole, noise, n)
 
 
 def loaded_torque(tests: StaticTests, c: np.ndarray) -> np.ndarray:
@@ -148,7 +160,8 @@ def without_noise(tests: StaticTests, c: np.ndarray) -> StaticTests:
     )
 
 
-def _fit(method: str, e: Estimate, A: np.ndarray, covariance: np.ndarray, poses: int) -> StiffnessFit:
+def concluded(method: str, e: Estimate, A: np.ndarray, covariance: np.ndarray, poses: int) -> StiffnessFit:
+    """What the rows tell of each unknown, in units of itself, and whether residuals are noise."""
     # in whitened rows, each compliance in units of itself
     blocks = covariance if covariance.ndim == 3 else covariance[None]
     L = np.linalg.cholesky(blocks)

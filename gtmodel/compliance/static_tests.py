@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -44,6 +44,10 @@ class StaticTests:
                 raise ValueError(f"{name} is not finite in test {int(np.argwhere(~np.isfinite(value))[0, 0])}")
         if (self.wrist_displacement is None) != (self.wrist_covariance is None):
             raise ValueError("wrist_displacement and wrist_covariance belong together; give both or none")
+
+    def with_(self, **changes: np.ndarray | None) -> StaticTests:
+        """The tests with some arrays replaced. Raises ValueError as when they are made."""
+        return replace(self, **changes)  # pyright: ignore[reportArgumentType]
 
     @property
     def torque(self) -> np.ndarray:

@@ -5,9 +5,24 @@ ComputedTorque   inverse dynamics at the measured state for a commanded accelera
 Feedback         the PD feedback alone
 tracking_loop    a plant under one of them, as a model to simulate
 track            such a simulation, with its tracking error
+zero_vibration, zero_vibration_derivative, Shaper   motions shaped so that a flexible mode ends at rest
+residual_vibration    how far a mass on a spring swings after a motion
 """
 
 from .feedforward import ComputedTorque, Feedback, Feedforward, Law
+from .input_shaping import Shaper, residual_vibration, zero_vibration, zero_vibration_derivative
 from .tracking_loop import Tracked, track, tracking_loop
 
-__all__ = ["ComputedTorque", "Feedback", "Feedforward", "Law", "Tracked", "track", "tracking_loop"]
+__all__ = [
+    "ComputedTorque",
+    "Feedback",
+    "Feedforward",
+    "Law",
+    "Shaper",
+    "Tracked",
+    "residual_vibration",
+    "track",
+    "tracking_loop",
+    "zero_vibration",
+    "zero_vibration_derivative",
+]

@@ -33,11 +33,11 @@ _KINDS = {
     "calibration_plan": "which poses to measure for a calibration, and what it will then be worth",
     "accuracy": "positioning errors of a robot from errors of its carts and links",
     "dynamic_stiffness": "mass, damping and stiffness of an arm over its poses from frequency responses",
+    "elastic_motion": "how an elastic tool swings after optimal motions: planned rigid, shaped, and planned elastic",
     "compliance": "stiffness, deflection and natural frequencies of a robot over its workspace, from its springs",
-    "stiffness": "joint compliances of a serial arm from static load tests",
+    "calibration": "geometric parameters of a robot from measured poses, or joint stiffness from loads, with errors",
     "vibration": "step-response, subspace and impulse models of a log; M, D, K and modes",
     "milling": "where to mill: the angle about the spindle by static and dynamic deflection, chatter, compensation",
-    "calibration": "geometric parameters of a robot from measured poses, with confidence and held-out accuracy",
     "friction": "friction of the actuators and the mass they hold, from constant-velocity runs",
 }
 

@@ -1,4 +1,4 @@
-"""Kind "calibration": geometric parameters of a robot from measured poses."""
+"""Kind "calibration": geometric parameters of a robot from measured poses, or joint stiffness from load tests."""
 
 from __future__ import annotations
 
@@ -9,7 +9,13 @@ import numpy as np
 
 from gtmodel.results import SolveStatus
 
-from . import calibration_parameters, calibration_poses, calibration_report, calibration_sensitivity
+from . import (
+    calibration_parameters,
+    calibration_poses,
+    calibration_report,
+    calibration_sensitivity,
+    calibration_stiffness,
+)
 from .base import Context, InputError, Outcome
 from .calibration_carts import on_cart_points
 from .calibration_choice import prepared, require_poses
@@ -17,24 +23,29 @@ from .calibration_data import CARTS, FILE, data_of, with_device
 from .calibration_findings import found_of, length_noise
 from .calibration_keys import Schema
 from .calibration_pictures import pictures
-from .calibration_recognition import a_priori, exchanged_after, recognise, witness_of
-from .calibration_results import VALUES, checks_of, rows_of, values_of
+from .calibration_recognition import a_priori, exchanged_after, recognise_sessions, witness_of
+from .calibration_results import VALUES as GEOMETRIC
+from .calibration_results import checks_of, rows_of, values_of
 
 __all__ = ["NAME", "VALUES", "Schema", "explain", "solve"]
 
 NAME = "calibration"
 
+VALUES = {**GEOMETRIC, "joint_stiffness": calibration_stiffness.VALUES}
+
 
 def solve(problem: Schema, context: Context) -> Outcome:
     """Read or make the poses, see whether they were read right, fit, predict the held-out ones, judge."""
+    if problem.joint_stiffness is not None:
+        return calibration_stiffness.solve(problem, context)
     context.progress("reading", 0.1)
     model, on_points = on_cart_points(problem, context)
     data = data_of(problem, model, context)
     context.progress("looking at the poses", 0.3)
     witness = witness_of(model, data)
-    placed = recognise(data, witness)
-    if placed is not None and data.keys.device_start is None:
-        data = with_device(data, *placed)
+    placed = recognise_sessions(data, witness)
+    if placed and data.keys.device_start is None:
+        data = with_device(data, placed)
     if context.interrupted():
         return Outcome(status=SolveStatus.INTERRUPTED, message="stopped before the fit")
     context.progress("fitting", 0.5)
@@ -51,7 +62,7 @@ def solve(problem: Schema, context: Context) -> Outcome:
     title = problem.title or f"calibration of {problem.robot}"
     if data.synthetic and "synthetic" not in title.lower():
         title += " (synthetic)"
-    values = values_of(problem, found)
+    values = {**values_of(problem, found), "joint_stiffness": None}
     figures = pictures(found, title)
     files: dict[str, Callable[[], str]] = {
         "parameters.toml": lambda: calibration_parameters.text(found, model, title, problem, context),
@@ -83,6 +94,8 @@ def solve(problem: Schema, context: Context) -> Outcome:
 
 def explain(problem: Schema, context: Context) -> str:
     """What is free, what stays, and what the poses can tell before anything is fitted."""
+    if problem.joint_stiffness is not None:
+        return calibration_stiffness.explain(problem, context)
     model, on_points = on_cart_points(problem, context)
     data = data_of(problem, model, context)
     ready = prepared(problem, model, data.fitted, data.keys.actuators, on_points)

@@ -49,7 +49,11 @@ def choice_of(problem: Schema, model: Model, on_points: Sequence[str] = ()) -> C
         if problem.variant == "f1_unit":
             unit += [n for n in QUATERNIONS if n not in unit]
     unit += [f"{g}.u" for g in on_points]
-    fixed = [*problem.fixed, *(f"{g}.{n}" for g in on_points for n in ("at", "points"))]
+    sag = problem.measurements.sag if problem.measurements else None
+    known = [f"{problem.measurements.position}.sag"] if (
+        problem.measurements and sag is not None and sag.compliance_m_per_N != "estimate"
+    ) else []  # fmt: skip
+    fixed = [*problem.fixed, *known, *(f"{g}.{n}" for g in on_points for n in ("at", "points"))]
     return Choice(problem.free, fixed, tied, unit, (), problem.sizes)
 
 

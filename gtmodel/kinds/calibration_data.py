@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -16,13 +16,14 @@ from gtmodel.lang import Model, ModelError
 
 from . import calibration_synthetic, calibration_table
 from .base import Context, InputError
-from .calibration_keys import Measured, MeasuredSignal, Schema
+from .calibration_keys import Measured, MeasuredSignal, Sag, Schema
 from .calibration_synthetic_keys import Synthetic
 from .calibration_table import PoseTable
 from .robots import file_of
 
 UNIT_LENGTH = 1e-3  # of a measured quaternion: printed digits leave less
 KEY = "measurements"
+GRAVITY = 9.81  # m/s2
 FILE = "measurements.csv"
 CARTS = "carts.csv"
 
@@ -91,9 +92,14 @@ def data_of(problem: Schema, model: Model, context: Context) -> PoseData:
     return PoseData(keys, everything, lines, held, notes[0] if notes else None, text, truth, carts, repeated)
 
 
-def with_device(data: PoseData, t: np.ndarray, u: np.ndarray) -> PoseData:
-    """The same with another start for the frame of the device."""
-    poses = tuple(replace(p, device_start=(t, u)) if p.device else p for p in data.all.poses)
+def with_device(data: PoseData, placed: Mapping[str, tuple[np.ndarray, np.ndarray]]) -> PoseData:
+    """The same with other starts for the frame of the device, by session, or "" for all."""
+    first = next(iter(placed.values()))
+    starts = {s: frame for s, frame in placed.items() if s}
+    poses = tuple(
+        replace(p, device_start=first, device_starts=starts) if p.device else p  # type: ignore[arg-type]
+        for p in data.all.poses
+    )
     m = data.all
     return replace(data, all=Measurements(m.values, m.noise, m.sessions, poses, m.corrections))
 
@@ -131,6 +137,10 @@ def _table(path: Path, keys: Measured) -> PoseTable:
         name = getattr(keys, key)
         if name is not None and name not in keys.signals:
             raise InputError(f"names '{name}', which is no signal; these are {', '.join(keys.signals)}", f"{KEY}.{key}")
+    if keys.sag is not None and isinstance(keys.sag.payload_kg, str):
+        wanted[f"load({keys.position})"] = (keys.sag.payload_kg, "kg")
+    if keys.session is None and (keys.device_per_session or keys.target_per_session):
+        raise InputError("is missing; name the column that tells the recording of a row", f"{KEY}.session")
     try:
         return calibration_table.read(path, wanted, keys.session)
     except InputError as error:
@@ -156,7 +166,13 @@ def _measurements(tables: Sequence[PoseTable], keys: Measured) -> Measurements:
         keys.target,
         ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)) if device is None else (device.t_m, device.quaternion),
         (target.t_m, target.quaternion),
+        keys.device_per_session,
+        keys.target_per_session,
+        sag=keys.sag is not None,
+        sag_start=0.0 if keys.sag is None or keys.sag.compliance_m_per_N == "estimate" else keys.sag.compliance_m_per_N,
     )
+    if keys.sag is not None:
+        values[f"load({keys.position})"] = _load(keys.sag, values, keys.position)
     sessions = None
     if keys.session is not None:
         sessions = [s for t in tables for s in t.sessions or ()]
@@ -174,6 +190,8 @@ def _fit_the_model(table: PoseTable, model: Model) -> None:
     """Raises InputError for signals that are no variables of the model, and for another number of columns."""
     flat = flat_of(model)
     for name, rows in table.values.items():
+        if name.startswith("load("):
+            continue
         try:
             shape, _, _ = flat.lookup(name)
         except ModelError as error:
@@ -201,17 +219,31 @@ def _read_through(name: str, s: MeasuredSignal, values: dict[str, np.ndarray], c
         corrections.append(Correction(name, **free))
 
 
+def _load(sag: Sag, values: Mapping[str, np.ndarray], position: str) -> np.ndarray:
+    """Weights (N, 3) [N] of the payloads. Raises InputError."""
+    down = np.array(sag.down, float)
+    if not np.linalg.norm(down) > 0:
+        raise InputError("is zero and points nowhere", f"{KEY}.sag.down")
+    N = len(values[position])
+    mass = values[f"load({position})"] if isinstance(sag.payload_kg, str) else np.full((N, 1), sag.payload_kg)
+    if np.any(mass < 0):
+        raise InputError(f"holds {mass.min():g} kg; a payload is not negative", f"{KEY}.sag.payload_kg")
+    return GRAVITY * mass * down / np.linalg.norm(down)
+
+
 def _refuse_unknown_sessions(m: Measurements, held: np.ndarray) -> None:
     """Raises InputError for sessions that only held-out poses have, and whose offsets no fitted pose tells."""
     offsets = [c.signal for c in m.corrections if c.offset]
-    if m.sessions is None or not offsets:
+    frames = any(p.device_per_session or p.target_per_session for p in m.poses)
+    if m.sessions is None or not (offsets or frames):
         return
+    what = f"the offsets of {', '.join(offsets)}" if offsets else "the frame"
     known = {s for s, h in zip(m.sessions, held, strict=True) if not h}
     lost = [s for s in m.session_names if s not in known]
     if lost:
         raise InputError(
-            f"the offsets of {', '.join(offsets)} in session '{lost[0]}' cannot be known, all its poses are held out; "
-            "let some of them be fitted, or give the offset as a number",
+            f"{what} in session '{lost[0]}' cannot be known, all its poses are held out; "
+            f"let some of them be fitted{', or give the offset as a number' if offsets else ''}",
             "held_out",
         )
 

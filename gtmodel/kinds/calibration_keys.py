@@ -9,6 +9,7 @@ from pydantic import Field, NonNegativeFloat, PositiveFloat, field_validator
 from gtmodel.calibrate import Cost
 
 from .base import Section
+from .calibration_stiffness_keys import JointStiffness
 from .calibration_synthetic_keys import Synthetic
 from .robot_keys import RobotProblem
 
@@ -53,6 +54,16 @@ class FrameStart(Section):
     quaternion: Four = Field(default=[1.0, 0.0, 0.0, 0.0], description="its turn, scalar first")
 
 
+class Sag(Section):
+    """How far the tool gives way under a payload: k times its weight, along it."""
+
+    payload_kg: NonNegativeFloat | str = Field(description="mass at the tool, one, or the column of each pose's")
+    compliance_m_per_N: NonNegativeFloat | Free = Field(
+        default="estimate", description="k; estimated, T.sag, it takes poses with two payloads or more"
+    )
+    down: Three = Field(default=[0.0, 0.0, -1.0], description="where the weight pulls, in the robot's frame")
+
+
 class Measured(Section):
     """Measured poses in a CSV file."""
 
@@ -69,6 +80,12 @@ class Measured(Section):
     device_start: FrameStart | None = Field(
         default=None, description="of the device in the robot's frame; left out, by alignment with the robot's model"
     )
+    device_per_session: bool = Field(
+        default=False,
+        description="whether the device stood elsewhere in each session, found by alignment",
+    )
+    target_per_session: bool = Field(default=False, description="whether the target sat elsewhere in each session")
+    sag: Sag | None = Field(default=None, description="of the tool under a payload; none if left out")
     target_start: FrameStart = Field(default=FrameStart(), description="of the robot's tool frame in the target's")
 
 
@@ -149,3 +166,6 @@ class Schema(RobotProblem):
     synthetic: Synthetic | None = Field(default=None, description="made-up poses instead")
     cart_points: CartPoints | None = Field(default=None, description="guideways through measured points")
     held_out: HeldOut = HeldOut()
+    joint_stiffness: JointStiffness | None = Field(
+        default=None, description="joint stiffness of a serial arm from static load tests, in place of geometry"
+    )

@@ -29,7 +29,7 @@ def pictures(found: Found, title: str) -> Mapping[str, Callable[[], Figure]]:
     drawn["length_errors"] = lambda: plot.length_errors_figure(
         c.residuals, found.problem.labels, f"{title}: fitted poses"
     )
-    estimate, after = c.estimate, found.after
+    estimate, after = found.confidence.estimate, found.after
     if estimate is not None and after is not None:
         units = [u or "1" for u in estimate.units]
         drawn["deviations"] = lambda: plot.deviations_figure(estimate.names, estimate.std, units, title)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -125,14 +126,31 @@ def recognise(data: PoseData, witness: Witness) -> tuple[np.ndarray, np.ndarray]
     return None
 
 
-def a_priori(data: PoseData, witness: Witness, placed: tuple[np.ndarray, np.ndarray] | None) -> Prediction | None:
+def recognise_sessions(data: PoseData, witness: Witness) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """recognise(), session by session where the device stood elsewhere in each: its frames, of one for all under "";
+    empty without."""
+    m, found = data.all, {}
+    for s in m.session_names if data.keys.device_per_session else ("",):
+        rows = np.ones(len(m), bool) if m.sessions is None or not s else np.array([x == s for x in m.sessions])
+        placed = recognise(replace(data, all=m.part(rows), lines=data.lines[rows]), witness)
+        if placed is not None:
+            found[s] = placed
+    return found
+
+
+def a_priori(
+    data: PoseData, witness: Witness, placed: Mapping[str, tuple[np.ndarray, np.ndarray]]
+) -> Prediction | None:
     """Errors of the robot as it was at all poses, in its frame; NaN where it does not reach, None without a witness."""
     keys = data.keys
     if witness.forward is None:
         return None
     q, T = (np.asarray(data.all.values[n]) for n in (keys.actuators, keys.position))
-    if placed is not None:
-        T = placed[0] + Rotation.from_quat(placed[1], scalar_first=True).apply(T)
+    sessions = np.array(data.all.sessions if data.all.sessions is not None else [""] * len(T))
+    T = np.array(T)
+    for s, (t, u) in placed.items():
+        rows = sessions == s if s else np.ones(len(T), bool)
+        T[rows] = t + Rotation.from_quat(u, scalar_first=True).apply(T[rows])
     predicted, _, good = witness.positions(q)
     errors = np.full(T.shape, np.nan)
     errors[good] = predicted - T[good]

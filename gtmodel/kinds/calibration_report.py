@@ -47,13 +47,13 @@ def text(
         parts.append("<h2>Notes</h2><ul>" + "".join(f"<li>{escape(s)}</li>" for s in values["notes"]) + "</ul>")
     parts.append("<h2>Accuracy</h2>" + _accuracy(values))
     for name in ("pose_errors", "workspace_errors"):
-        parts.append(_picture(figures, name))
+        parts.append(picture(figures, name, CAPTIONS[name]))
     parts.append("<h2>Parameters</h2>" + _parameters(values))
     if values["measurement"]:
-        parts.append("<h3>Of the measurement</h3>" + _table(("name", "value"), list(values["measurement"].items())))
-    parts += [_picture(figures, name) for name in ("deviations", "correlation")]
-    parts.append("<h2>Links</h2>" + _table(("link", "mean length error [mm]"), list(values["link_errors_mm"].items())))
-    parts.append(_picture(figures, "length_errors"))
+        parts.append("<h3>Of the measurement</h3>" + table(("name", "value"), list(values["measurement"].items())))
+    parts += [picture(figures, name, CAPTIONS[name]) for name in ("deviations", "correlation")]
+    parts.append("<h2>Links</h2>" + table(("link", "mean length error [mm]"), list(values["link_errors_mm"].items())))
+    parts.append(picture(figures, "length_errors", CAPTIONS["length_errors"]))
     parts.append("<h2>What the poses tell</h2>" + _told(values))
     parts.append(_outliers(values))
     parts.append(_sensitivity(values, problem))
@@ -70,7 +70,7 @@ def _accuracy(values: Mapping[str, Any]) -> str:
     for key, said in (("a_priori_mm", "before"), ("fitted_mm", "fitted poses"), ("held_out_mm", "held-out poses")):
         if values[key]:
             rows.append((said, values[key]["mean"], values[key]["rms"], values[key]["max"]))
-    found = _table(("positioning error", "mean [mm]", "rms [mm]", "greatest [mm]"), rows)
+    found = table(("positioning error", "mean [mm]", "rms [mm]", "greatest [mm]"), rows)
     if values["orientation_deg"]:
         o = values["orientation_deg"]
         found += f"<p>Orientation error: mean {o['mean']:.3g}, greatest {o['max']:.3g} degrees.</p>"
@@ -81,7 +81,7 @@ def _accuracy(values: Mapping[str, Any]) -> str:
     if values["principal"]:
         p = values["principal"]
         rows = [(f"({', '.join(f'{x:.2f}' for x in d)})", s) for s, d in zip(p["rms_mm"], p["directions"], strict=True)]
-        found += _table(("principal direction of the error", "rms [mm]"), rows)
+        found += table(("principal direction of the error", "rms [mm]"), rows)
     if values["repeatability_mm"] is not None:
         found += f"<p>Repeatability of poses measured more than once: {values['repeatability_mm']:.3g} mm rms.</p>"
     return found
@@ -94,7 +94,7 @@ def _parameters(values: Mapping[str, Any]) -> str:
         interval = [x if isinstance(x, str) else f"{x:.7g}" for x in told]
         std = "" if u["std"] is None else f"{u['std']:.2g}"
         rows.append((u["name"], u["unit"], u["start"], u["value"], std, *interval))
-    return _table(("unknown", "unit", "before", "calibrated", "std", "95 % from", "to"), rows)
+    return table(("unknown", "unit", "before", "calibrated", "std", "95 % from", "to"), rows)
 
 
 def _told(values: Mapping[str, Any]) -> str:
@@ -110,7 +110,7 @@ def _told(values: Mapping[str, Any]) -> str:
         )
         found += f" Condition {told['condition']:.4g}.</p>"
     if values["correlated"]:
-        found += "<h3>Correlated</h3>" + _table(("unknown", "and", "correlation"), values["correlated"])
+        found += "<h3>Correlated</h3>" + table(("unknown", "and", "correlation"), values["correlated"])
     return found
 
 
@@ -118,19 +118,19 @@ def _outliers(values: Mapping[str, Any]) -> str:
     if not values["outliers"]:
         return "<h2>Outliers</h2><p>None.</p>"
     rows = [(o["line"], o["link"], o["residual_mm"], f"{o['times']:.1f}") for o in values["outliers"]]
-    return "<h2>Outliers</h2>" + _table(("line", "link", "length error [mm]", "robust deviations"), rows)
+    return "<h2>Outliers</h2>" + table(("line", "link", "length error [mm]", "robust deviations"), rows)
 
 
 def _sensitivity(values: Mapping[str, Any], problem: Schema) -> str:
-    table = values["sensitivity"]
-    if not table:
+    slopes = values["sensitivity"]
+    if not slopes:
         return ""
-    heads = list(next(iter(table.values())))
-    rows = [(name, *(entry[h] for h in heads)) for name, entry in table.items()]
+    heads = list(next(iter(slopes.values())))
+    rows = [(name, *(entry[h] for h in heads)) for name, entry in slopes.items()]
     said = (
         f"Sums over the fitted poses of the changes by {problem.sensitivity_step:g} up and down (Dressler 2012, (5.8))."
     )
-    return f"<h2>Sensitivity</h2><p>{said}</p>" + _table(("unknown", *heads), rows)
+    return f"<h2>Sensitivity</h2><p>{said}</p>" + table(("unknown", *heads), rows)
 
 
 def _provenance(found: Found, problem: Schema, context: Context) -> str:
@@ -141,10 +141,11 @@ def _provenance(found: Found, problem: Schema, context: Context) -> str:
     rows.append(("keys of the problem", "sha256 " + hashlib.sha256(problem.model_dump_json().encode()).hexdigest()))
     rows += [(n, v) for n, v in versions().items() if n != "platform"]
     poses = f"{len(found.lines)} fitted, {len(found.lines_held_out)} held out"
-    return _table(("what", ""), [*rows, ("poses", poses)])
+    return table(("what", ""), [*rows, ("poses", poses)])
 
 
-def _table(heads: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
+def table(heads: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
+    """A table with numbers to six digits."""
     top = "".join(f"<th>{escape(h)}</th>" for h in heads)
     lines = ["<tr>" + "".join(map(_cell, row)) + "</tr>" for row in rows]
     return f"<table><tr>{top}</tr>{''.join(lines)}</table>"
@@ -156,10 +157,11 @@ def _cell(value: Any) -> str:
     return f"<td>{escape(str(value))}</td>"
 
 
-def _picture(figures: Mapping[str, Callable[[], Figure]], name: str) -> str:
+def picture(figures: Mapping[str, Callable[[], Figure]], name: str, caption: str) -> str:
+    """A picture with its caption, in the page itself; nothing where it is not drawn."""
     if name not in figures:
         return ""
     data = base64.b64encode(png(figures[name])).decode()
-    caption = escape(CAPTIONS[name])
+    caption = escape(caption)
     image = f'<img alt="{caption}" src="data:image/png;base64,{data}">'
     return f"<figure>{image}<figcaption>{caption}</figcaption></figure>"

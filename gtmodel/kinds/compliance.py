@@ -96,13 +96,12 @@ def _grid(problem: Schema, study: Study) -> Any:
 def _columns(found: Found, problem: Schema) -> dict[str, np.ndarray]:
     """By point of the map; NaN where there is none."""
     left_out = np.array([bool(r) for r in found.reason])
-    n, C = len(left_out), np.where(left_out[:, None, None], np.nan, found.C[:, :3, :3])
-    stiffness, direction = np.full(n, np.nan), np.full((n, 3), np.nan)
-    good = np.isfinite(C).all(axis=(1, 2))
-    if good.any():
-        K, d = softest_and_stiffest(C[good])
-        stiffness[good], direction[good] = K[:, 0], d[:, 0]
-    columns = {"softest_N_m": stiffness, "direction": direction, "reason": np.array(found.reason, dtype=object)}
+    stiffness, direction = softest_and_stiffest(np.where(left_out[:, None, None], np.nan, found.C[:, :3, :3]))
+    columns = {
+        "softest_N_m": stiffness[:, 0],
+        "direction": direction[:, 0],
+        "reason": np.array(found.reason, dtype=object),
+    }
     if np.any(problem.load.force_N) or np.any(problem.load.moment_Nm):
         columns["deflection_m"] = np.where(left_out, np.nan, np.linalg.norm(found.moved[:, :3], axis=1))
     if found.frequencies is not None:

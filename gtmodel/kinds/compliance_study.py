@@ -125,12 +125,12 @@ class LinkStudy:
             except ValueError as error:
                 raise InputError(str(error), "robot") from error
         reason = ["" if code == Status.OK else Status(int(code)).sentence for code in poses.status]
-        singular = ~np.isfinite(s.U).all(axis=(1, 2))
-        beyond = np.zeros(len(T), bool)
-        if self.cones is not None:
-            beyond = np.asarray(self.cones.margins(_poses(poses)).min(axis=1) < 0)
-        reason = [r or (SINGULAR if bad else BEYOND if out else "") for r, bad, out in zip(
-            reason, singular, beyond, strict=True)]  # fmt: skip
+        singular = np.asarray(~np.isfinite(s.U).all(axis=(1, 2)))
+        margins = np.zeros(len(T)) if self.cones is None else self.cones.margins(_poses(poses)).min(axis=1)
+        reason = [
+            r or (SINGULAR if lost else BEYOND if not margin >= 0 else "")
+            for r, lost, margin in zip(reason, singular, margins.tolist(), strict=True)
+        ]
         shares = s.shares(load) if np.any(load) else None
         return Found(s.compliance(), s.deflection(load), reason, frequencies, sag, shares)
 

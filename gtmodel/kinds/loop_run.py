@@ -240,6 +240,10 @@ def _outcome(bench: Bench, runs: list[OneRun], elastic_Hz: float | None) -> Outc
         )
     good = all(check.passed for check in checks.values())
     failed = ", ".join(name for name, check in checks.items() if not check.passed)
+    for one in runs:
+        if one.report["state"] not in GOING:
+            state, why = STATES[one.report["state"]], Status(one.report["status"]).sentence
+            failed += f"; {one.label}: {state}, {why}"
     real_time_granted = all(one.report["fifo"] and one.report["memory_locked"] for one in runs)
     timing = "in lock step" if bench.in_lockstep else "in real time" if real_time_granted else "not real-time"
     message = f"{bench.peer} on loopback, {timing}; tested against simulators only"

@@ -2,29 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
-from gtmodel.milling import (
-    Deflection,
-    Findings,
-    Lobes,
-    Oscillators,
-    choices,
-    frequency_sensitivity,
-    guideline,
-    mode_coupling,
-    spectral_radius,
-    stability_lobes,
-)  # fmt: skip
+from gtmodel.milling import mode_coupling, spectral_radius, stability_lobes
 from gtmodel.results import SolveStatus
 
-from . import milling_compensation, milling_printed
+from . import milling_compensation, milling_pictures, milling_printed
 from .base import Check, Context, InputError, Outcome, Row
 from .milling_keys import Schema
-from .milling_task import Place, Task, deflections_of, place_of, refined, replace_oscillators, task_of, title_of
+from .milling_search import Found, search
+from .milling_task import deflections_of, place_of, replace_oscillators, task_of
 
 NAME = "milling"
 
@@ -39,6 +28,7 @@ VALUES = {
     "static_choice_index_mm": "dynamic index of the static choice",
     "ratio": "the latter over the least dynamic index on the grid",
     "refined": "after the NLP: angle [deg], dynamic index [mm], whether it converged; best grid angle first",
+    "free_speed": "angle [deg], speed [rpm] and dynamic index [mm] of an NLP over both; null without speed_range_rpm",
     "combinations": "least dynamic index by place, feed direction and speed, with its angle [deg]",
     "change_1_Hz_percent": "of the dynamic index where all modes are 1 Hz lower, and higher",
     "mode_coupling": "verdict in words",
@@ -50,23 +40,6 @@ VALUES = {
 }
 
 
-@dataclass
-class _Found:
-    """Everything that the report needs."""
-
-    task: Task
-    place: Place
-    deflection: Deflection | None = None
-    static: np.ndarray = field(default_factory=lambda: np.zeros(0))
-    peak: np.ndarray = field(default_factory=lambda: np.zeros(0))
-    angle: float = np.nan
-    index: float = np.nan
-    refined: list[tuple[float, float, bool]] = field(default_factory=list)
-    combinations: list[dict[str, Any]] = field(default_factory=list)
-    findings: Findings | None = None
-    said: list[str] = field(default_factory=list)
-
-
 def solve(problem: Schema, context: Context) -> Outcome:
     """Reachable angles, static index, dynamic index, the best after refinement, and what to do."""
     context.progress("kinematics", 0.1)
@@ -75,11 +48,11 @@ def solve(problem: Schema, context: Context) -> Outcome:
         place = place_of(problem, task, problem.place_m)
     except ValueError as error:
         raise error if isinstance(error, InputError) else InputError(str(error), "place_m") from error
-    found = _Found(task, place)
+    found = Found(task, place)
     if context.interrupted():
         return Outcome(status=SolveStatus.INTERRUPTED, message="stopped before the search")
     if place.dynamics is not None:
-        _search(problem, context, found)
+        search(problem, context, found)
     if context.interrupted():
         return Outcome(status=SolveStatus.INTERRUPTED, message="stopped in the search")
     return _outcome(problem, found)
@@ -103,79 +76,7 @@ def explain(problem: Schema, context: Context) -> str:
     )
 
 
-def _search(problem: Schema, context: Context, f: _Found) -> None:
-    """Dynamic index of all combinations, refinement and guideline."""
-    task, place = f.task, f.place
-    dynamics = place.dynamics
-    assert dynamics is not None
-    f.deflection = deflections_of(task, dynamics)
-    f.peak = place.spread(f.deflection.peak)
-    s_row, d_row = choices(place.static, f.peak)
-    angles = place.sweep.angles
-    given = problem.search.static_choice_deg
-    if given is not None:
-        s_row = int(dynamics.rows[np.argmin(np.abs(angles[dynamics.rows] - np.deg2rad(given)))])
-        if abs(angles[s_row] - np.deg2rad(given)) > angles[1] - angles[0]:
-            raise InputError(
-                f"is {given:g}; expected an angle that is reachable and has dynamics", "search.static_choice_deg"
-            )
-    context.progress("refinement", 0.4)
-    try:
-        f.refined = refined(problem, task, place, f.peak)
-    except ValueError as error:
-        raise InputError(str(error), "search") from error
-    f.angle, f.index = float(angles[d_row]), float(f.peak[d_row])
-    for angle, index, _ in f.refined:
-        if index < f.index:
-            f.angle, f.index = angle, index
-    context.progress("speeds", 0.6)
-    by_speed = _combinations(problem, context, f, int(np.flatnonzero(dynamics.rows == s_row)[0]))
-    at_static, at_dynamic = dynamics.at(float(angles[s_row])), dynamics.at(f.angle)
-
-    def peaks(oscillators: Oscillators) -> np.ndarray:
-        return deflections_of(task, replace_oscillators(dynamics, oscillators)).peak
-
-    lower, higher = frequency_sensitivity(Oscillators.joined([at_dynamic, at_static]), peaks)
-    speeds, best, static = np.array(by_speed).reshape(-1, 3).T
-    f.findings = Findings(
-        angles, place.static, f.peak, at_static, at_dynamic, task.speed, task.cutter.teeth,
-        (float(lower[0]), float(higher[0])), (float(lower[1]), float(higher[1])), speeds, best, static,
-        None if given is None else s_row,
-    )  # fmt: skip
-    f.said = guideline(f.findings)
-
-
-def _combinations(problem: Schema, context: Context, f: _Found, static: int) -> list[tuple[float, float, float]]:
-    """Fills `combinations`; gives speed, least index and that of row `static` at the declared place and feed."""
-    s, k, task = problem.search, problem.cut, f.task
-    by_speed = []
-    for p, where in enumerate([problem.place_m, *s.places_m]):
-        try:
-            place = f.place if p == 0 else place_of(problem, task, where)
-        except InputError:
-            raise
-        except ValueError as error:
-            f.combinations.append({"place_m": where, "reason": str(error)})
-            continue
-        dynamics = place.dynamics
-        assert dynamics is not None
-        for n, feed in enumerate([k.feed_direction, *s.feed_directions]):
-            for v, rpm in enumerate([k.speed_rpm, *s.speeds_rpm]):
-                if context.interrupted():
-                    return by_speed
-                first = p == n == v == 0
-                made = f.deflection if first else deflections_of(task, dynamics, speed=rpm / 60, feed=feed)
-                assert made is not None
-                best = int(np.argmin(made.peak))
-                angle = float(np.rad2deg(place.sweep.angles[dynamics.rows[best]]))
-                f.combinations.append({"place_m": where, "feed_direction": feed, "speed_rpm": rpm,
-                                       "index_mm": 1e3 * float(made.peak[best]), "angle_deg": angle})  # fmt: skip
-                if p == n == 0:
-                    by_speed.append((rpm / 60, float(made.peak[best]), float(made.peak[static])))
-    return by_speed
-
-
-def _outcome(problem: Schema, f: _Found) -> Outcome:
+def _outcome(problem: Schema, f: Found) -> Outcome:
     task, place = f.task, f.place
     angles = np.rad2deg(place.sweep.angles)
     best = int(np.nanargmin(place.static))
@@ -192,7 +93,7 @@ def _outcome(problem: Schema, f: _Found) -> Outcome:
         Row("least static index (18)", f"{1e3 * place.static[best]:.3g} at {angles[best]:.4g} deg", "mm"),
     ]
     checks: dict[str, Check] = {}
-    figures: dict[str, Any] = {"angle": lambda: _angle_figure(problem, f)}
+    figures: dict[str, Any] = {"angle": lambda: milling_pictures.angle(problem, f)}
     files: dict[str, str | bytes] = {}
     if place.dynamics is not None:
         _dynamic(problem, f, values, rows, checks, figures)
@@ -206,7 +107,7 @@ def _outcome(problem: Schema, f: _Found) -> Outcome:
         rows += milling_printed.rows(printed)
         checks |= milling_printed.checks(printed)
         values["printed_mean_mm"] = {name: mean.tolist() for name, mean in printed.mean_mm.items()}
-        figures["printed_tests"] = lambda: _tests_figure(printed)
+        figures["printed_tests"] = lambda: milling_pictures.printed_tests(printed)
     message = f"{int(place.sweep.reachable.sum())} of {len(angles)} angles reachable"
     objective = None if np.isnan(f.index) else 1e3 * f.index
     return Outcome(status=SolveStatus.SOLVED, message=message, objective=objective, checks=checks, values=values,
@@ -214,7 +115,7 @@ def _outcome(problem: Schema, f: _Found) -> Outcome:
 
 
 def _dynamic(
-    problem: Schema, f: _Found, values: dict[str, Any], rows: list[Row], checks: dict[str, Check],
+    problem: Schema, f: Found, values: dict[str, Any], rows: list[Row], checks: dict[str, Check],
     figures: dict[str, Any],
 ) -> None:  # fmt: skip
     """What the dynamics add to the report."""
@@ -233,7 +134,8 @@ def _dynamic(
         "dynamic_mean_mm": 1e3 * chosen.mean[0],
         "static_choice_index_mm": 1e3 * f.peak[s_row],
         "ratio": found.ratio,
-        "refined": [[np.rad2deg(a), 1e3 * x, ok] for a, x, ok in f.refined],
+        "refined": [[np.rad2deg(b.angle), 1e3 * b.peak, b.converged] for b in f.refined],
+        "free_speed": f.freed and [np.rad2deg(f.freed.angle), 60 * f.freed.speed, 1e3 * f.freed.peak],
         "combinations": f.combinations,
         "change_1_Hz_percent": [100 * x for x in found.change],
         "mode_coupling": coupling.sentence,
@@ -244,6 +146,17 @@ def _dynamic(
         Row("static choice", f"{angles[s_row]:.4g}, {_whence(problem, f)}", "deg"),
         Row("least dynamic index (19)", f"{1e3 * f.index:.3g} at {np.rad2deg(f.angle):.4g} deg", "mm"),
         Row("there, mean deflection", 1e3 * chosen.mean[0], "mm"),
+        *(
+            []
+            if f.freed is None
+            else [
+                Row(
+                    "with the speed free",
+                    f"{1e3 * f.freed.peak:.3g} at {np.rad2deg(f.freed.angle):.4g} deg and {60 * f.freed.speed:.4g} rpm",
+                    "mm",
+                )
+            ]
+        ),
         *(Row("guideline", sentence) for sentence in f.said),
         Row("mode coupling", coupling.sentence),
         Row("regenerative chatter", f"{'none' if radius < 1 else 'to be expected'}: spectral radius {radius:.3f}"),
@@ -260,10 +173,10 @@ def _dynamic(
         depth = float(lobes.depth_at([task.speed])[0])
         shown = f"{1e3 * depth:.3g}" if np.isfinite(depth) else "no limit"
         rows.append(Row("stable depth at this speed, zeroth order", shown, "mm"))
-        figures["lobes"] = lambda: _lobes_figure(problem, task, lobes)
+        figures["lobes"] = lambda: milling_pictures.lobes_of(problem, task, lobes)
 
 
-def _whence(problem: Schema, f: _Found) -> str:
+def _whence(problem: Schema, f: Found) -> str:
     if problem.search.static_choice_deg is not None:
         return "given"
     return "least static index" + (
@@ -284,38 +197,6 @@ def _runs(angles: np.ndarray, there: np.ndarray) -> list[list[float]]:
     edges = np.diff(np.concatenate([[0], there, [0]]).astype(int))
     ends = zip(np.flatnonzero(edges > 0), np.flatnonzero(edges < 0), strict=True)
     return [[float(angles[a]), float(angles[b - 1])] for a, b in ends]
-
-
-def _angle_figure(problem: Schema, f: _Found) -> Any:
-    from gtmodel.plot.milling import angle_figure
-
-    place, n = f.place, len(f.place.sweep.angles)
-    frequency, peak, marks = np.full((n, 3), np.nan), np.full(n, np.nan), {}
-    if place.dynamics is not None and f.findings is not None:
-        frequency[place.dynamics.rows] = place.dynamics.oscillators.frequency
-        peak = f.peak
-        marks = {"static choice": place.sweep.angles[f.findings.choices[0]], "dynamic choice": f.angle}
-    else:
-        marks = {"static choice": place.sweep.angles[int(np.nanargmin(place.static))]}
-    tooth = [f.task.speed * f.task.cutter.teeth * n for n in range(1, 6)]
-    return angle_figure(place.sweep.angles, place.static, peak, frequency, tooth, reachable=place.sweep.reachable,
-                        choices=marks, title=title_of(problem, f.task))  # fmt: skip
-
-
-def _tests_figure(p: milling_printed.Printed) -> Any:
-    from gtmodel.plot.milling import tests_figure
-
-    title = "Tests of Cvitanic 2021: predicted from Table 16, measured in Table 5"
-    return tests_figure(p.tooth_hz, p.mean_mm, p.measured_mean_mm, p.chosen_by, title=title)
-
-
-def _lobes_figure(problem: Schema, task: Task, lobes: Lobes) -> Any:
-    from gtmodel.plot.milling import lobes_figure
-
-    assert problem.lobes is not None
-    speed = np.linspace(problem.lobes.from_rpm, problem.lobes.to_rpm, 400) / 60
-    title = f"{title_of(problem, task)}: stability"
-    return lobes_figure(speed, lobes.depth_at(speed), (task.speed, task.cut.axial_depth), title=title)
 
 
 __all__ = ["NAME", "VALUES", "Schema", "explain", "solve"]

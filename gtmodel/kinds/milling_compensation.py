@@ -12,6 +12,7 @@ from .base import InputError, Row
 from .milling_keys import Schema
 from .milling_task import Task, title_of
 
+COLUMNS = "time_s,x_m,y_m,z_m,offset_x_m,offset_y_m,offset_z_m"  # compensated path, and what was added to it
 RATE = 4000.0  # samples per second of the simulation
 
 
@@ -41,8 +42,12 @@ def add(
     rows += [Row(f"path offset, {name}, error rms", x, "mm") for name, x in zip(made, rms[1:], strict=True)]
     at = np.arange(0.0, time[-1], c.cycle_s)
     offset = np.column_stack([np.interp(at, time, followed.offset[:, j]) for j in range(3)])
-    lines = [f"{t:.6g},{x:.9g},{y:.9g},{z:.9g}" for t, (x, y, z) in zip(at, offset, strict=True)]
-    files["compensation.csv"] = "\n".join(["time_s,offset_x_m,offset_y_m,offset_z_m", *lines, ""])
+    along = task.feed / np.linalg.norm(task.feed)
+    fast = task.cut.feed_per_tooth * task.cutter.teeth * task.speed
+    path = np.array(problem.place_m) + fast * at[:, None] * along + offset
+    table = np.column_stack([at, path, offset])
+    lines = [",".join(f"{value:.9g}" for value in line) for line in table]
+    files["compensation.csv"] = "\n".join([COLUMNS, *lines, ""])
 
     def figure() -> Any:
         from gtmodel.plot.milling import compensation_figure

@@ -79,6 +79,9 @@ class Search(Section):
         default=None, description="angle that a static model chose elsewhere, in print for one, to compare with"
     )
     refine: int = Field(default=3, ge=0, description="how many of the best angles are refined by an NLP")
+    speed_range_rpm: Annotated[list[PositiveFloat], Field(min_length=2, max_length=2)] | None = Field(
+        default=None, description="least and greatest speed of an NLP over angle and speed together; none if left out"
+    )
 
 
 class Lobes(Section):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -152,10 +152,22 @@ def replace_oscillators(dynamics: Dynamics, oscillators: Oscillators) -> Dynamic
     return Dynamics(np.arange(len(oscillators)), oscillators, dynamics.at, dynamics.smooth)
 
 
-def refined(problem: Schema, task: Task, place: Place, peak: np.ndarray) -> list[tuple[float, float, bool]]:
-    """(angle [rad], dynamic index [m], converged) of the best `search.refine` grid angles after the NLP.
+class Better(NamedTuple):
+    """What the NLP made of a grid angle: angle [rad], spindle speed [1/s], dynamic index [m], whether it converged."""
 
-    Only angles that some branch still reaches are given back. peak (n,): dynamic index on the grid.
+    angle: float
+    speed: float
+    peak: float
+    converged: bool
+
+
+def refined(
+    problem: Schema, task: Task, place: Place, peak: np.ndarray, speed: tuple[float, float] | None = None
+) -> list[Better]:
+    """The best `search.refine` grid angles after the NLP, which minimises the steady part of the dynamic index.
+
+    speed: least and greatest [1/s] where it is free; then the angle is too, as far as it is reachable without a gap
+    and known. Only angles that some branch reaches are given back. peak (n,): dynamic index on the grid.
     """
     dynamics = place.dynamics
     assert dynamics is not None
@@ -170,12 +182,14 @@ def refined(problem: Schema, task: Task, place: Place, peak: np.ndarray) -> list
         except ValueError:
             continue  # an angle that stands alone has nothing to be refined on
         at = float(np.clip(angles[row], low, high))
-        starts.setdefault(curve, []).append(Start(at, max(low, at - step), min(high, at + step), task.speed))
-    for best in [b for curve, begin in starts.items() for b in refine(curve, world, begin)]:
+        ends = (max(low, at - step), min(high, at + step)) if speed is None else (low, high)
+        begin = task.speed if speed is None else float(np.clip(task.speed, *speed))
+        starts.setdefault(curve, []).append(Start(at, *ends, begin))
+    for best in [b for curve, begin in starts.items() for b in refine(curve, world, begin, speed)]:
         held = sweep_of(problem, task, problem.place_m, [best.angle])
         if held.reachable[0]:
-            d = deflections(dynamics.at(best.angle), task.cutter, task.cut, task.speed, task.feed, up=task.up)
-            found.append((best.angle, float(d.peak[0]), best.converged))
+            d = deflections(dynamics.at(best.angle), task.cutter, task.cut, best.speed, task.feed, up=task.up)
+            found.append(Better(best.angle, best.speed, float(d.peak[0]), best.converged))
     return found
 
 

@@ -106,7 +106,9 @@ class Physical(Section):
     form: Literal["symmetric", "free"] = Field(
         default="symmetric", description="symmetric: M, D, K positive definite by Cholesky factors; free: any D"
     )
-    refine: bool = Field(default=True, description="fit M, D, K to the recording by output error, with intervals")
+    refine: bool = Field(
+        default=True, description="fit M, D, K to the recording by output error, with intervals; needs a force"
+    )
 
 
 class StepKeys(Section):

@@ -56,7 +56,7 @@ def solve_subspace(problem: Schema, records: list[Record]) -> Outcome:
     frequency = s.modes.frequency_Hz if s and s.modes else np.abs(upper) / (2 * np.pi)
     damping = -upper.real / np.abs(upper)
     found = values(
-        words=_words(model, c.said, s),
+        words=_words(problem.physical, model, c.said, s),
         frequency_Hz=frequency,
         damping=damping,
         order=model.order,
@@ -108,19 +108,26 @@ def _structure(problem: Schema, p: Physical, model: SubspaceModel, record: Recor
         return _Structure(form, None, None, None)
     try:
         known = from_known(form, force=force, masses={m.coordinate - 1: m.mass_kg for m in p.mass})
-        fit = output_error(record, known, form=p.form) if p.refine else None
+        # with masses alone the force is an estimate, and no force to fit by
+        fit = output_error(record, known, form=p.form) if p.refine and force is not None else None
     except VibrationError as error:
         raise InputError(str(error), "physical") from error
     best = fit.model if fit else known
     return _Structure(form, known, fit, modes(best.M, best.D, best.K))
 
 
-def _words(model: SubspaceModel, near: str, s: _Structure | None) -> list[str]:
+def _words(p: Physical | None, model: SubspaceModel, near: str, s: _Structure | None) -> list[str]:
     words = [f"order {model.order}: {model.why}"]
     if near:
         words.append(near)
-    if s is None:
+    if s is None or p is None:
         return words
+    if p.mass and s.known is not None and p.refine:
+        words.append(
+            "known masses start the output-error fit and do not bind it"
+            if s.fit
+            else "masses alone are known: M, D, K follow from M^-1 K and M^-1 D, without intervals"
+        )
     # with M known, that it needs a force or a mass is no news
     words += [w for w in s.form.words if w != near and (s.known is None or w != s.form.words[0])]
     words += [*(s.modes.words if s.modes else ()), *(s.fit.words if s.fit else ())]

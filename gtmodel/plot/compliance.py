@@ -69,7 +69,8 @@ def map_figure(
             seen = np.concatenate([np.asarray(c)[inside.any(axis=along)], others])
             limit(seen.min() - BORDER, seen.max() + BORDER)
     axes.set_aspect("equal")
-    figure.legend(loc="outside lower center", fontsize="small", frameon=False, ncols=2)
+    if directions is not None or point is not None:
+        figure.legend(loc="outside lower center", fontsize="small", frameon=False, ncols=2)
     return figure
 
 

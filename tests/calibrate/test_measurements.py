@@ -206,3 +206,55 @@ def test_sizes_and_geometry_of_a_choice_are_by_name():
         {"A[0,0]": 1e-3, "A[0,1]": 5e-3, "A[0,2]": 1e-3, "L[0]": 1e-4, "L[1]": 1e-4}
     )
     assert u.units == ("m",) * 5
+
+
+def two_set_ups(**more) -> tuple[Measurements, list[tuple[np.ndarray, Rotation]]]:
+    """Two recordings of one robot, between which the device was moved."""
+    data = poses("three_link", 40)
+    frames = [(np.array([0.3, -1.2, 0.5]), Rotation.from_rotvec([0.4, -0.3, 0.8])),
+              (np.array([-0.8, 0.4, 0.1]), Rotation.from_rotvec([0.1, 0.6, -0.5]))]  # fmt: skip
+    T = np.vstack([u.inv().apply(part - t) for (t, u), part in zip(frames, np.split(data["T"], 2), strict=True)])
+    pose = Pose("T", device=True, device_per_session=True, **more)
+    return Measurements({"q": data["q"], "T": T}, sessions=["first"] * 20 + ["second"] * 20, poses=[pose]), frames
+
+
+def test_each_session_has_the_frame_of_its_device():
+    m, frames = two_set_ups()
+    c = calibrate(true_robot("three_link"), m, Choice(fixed=("A", "v", "L")))
+    assert c.status.ok and len(c.x) == 12
+    for name, (t, u) in zip(("first", "second"), frames, strict=True):
+        np.testing.assert_allclose(found(c, f"T.device.t in {name}", 3), t, atol=RECOVERED)
+        np.testing.assert_allclose(found(c, f"T.device.u in {name}", 4), u.as_quat(scalar_first=True), atol=RECOVERED)
+    # geometry from both: one frame is a choice of coordinates, the other follows
+    t, u = frames[0]
+    starts = {s: (f[0], f[1].as_quat(scalar_first=True)) for s, f in zip(("first", "second"), frames, strict=True)}
+    known = two_set_ups(device_starts=starts)[0]
+    both = calibrate(disturbed(true_robot("three_link"), ("L",), 1e-3, 5), known, Choice(fixed=("A", "v")))
+    true = geometry(true_robot("three_link"), ("L",))
+    assert max(abs(both.values[n] - v) for n, v in true.items()) < RECOVERED
+    # poses of the second session alone are judged by the parameters of both
+    assert np.abs(c.on(m.part(np.arange(20, 40)))).max() < RECOVERED
+    with pytest.raises(gt.ModelError, match="there is no session 'third' among those prepared: first, second"):
+        c.on(Measurements(m.values, sessions=["third"] * 40, poses=m.poses))
+
+
+def test_a_load_that_varies_tells_the_sag_and_a_constant_one_is_told_to_be_none():
+    data, k = poses("three_link", 40), 2e-6
+    load = np.where(np.arange(40) % 2, 200.0, 0.0)
+    T = data["T"] - k * load[:, None] * np.array([0.0, 0.0, 1.0])  # downwards
+    m = Measurements({"q": data["q"], "T": T, "load(T)": load}, poses=[Pose("T", sag=True)])
+    c = calibrate(disturbed(true_robot("three_link"), ("L",), 1e-3, 5), m)
+    true = geometry(true_robot("three_link"), GEOMETRY["three_link"])
+    assert c.values["T.sag"] == pytest.approx(k, rel=1e-7)
+    assert max(abs(c.values[n] - v) for n, v in true.items()) < RECOVERED
+    force = load[:, None] * np.array([0.0, 0.0, -1.0])
+    same = calibrate(true_robot("three_link"), Measurements({**m.values, "load(T)": force}, poses=m.poses))
+    assert same.values["T.sag"] == pytest.approx(k, rel=1e-7)
+    constant = Measurements({**m.values, "load(T)": np.full(40, 200.0)}, poses=m.poses)
+    told = prepare(true_robot("three_link"), constant).identifiability()
+    assert told.redundant == 1 and any("T.sag" in s and "A[0,2]" in s for s in told.sentences())
+    given = Measurements({**m.values}, poses=[Pose("T", sag=True, sag_start=k)])
+    held = calibrate(true_robot("three_link"), given, Choice(fixed=("T.sag",)))
+    assert "T.sag" not in held.problem.unknowns.names and np.abs(held.residuals).max() < RECOVERED
+    with pytest.raises(gt.ModelError, match=r"the sag of 'T' needs the load among the values, as 'load\(T\)' in N"):
+        prepare(true_robot("three_link"), Measurements(data, poses=[Pose("T", sag=True)]))

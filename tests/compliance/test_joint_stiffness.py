@@ -19,6 +19,7 @@ from gtmodel.compliance import (
     softest_and_stiffest,
     synthetic_tests,
     translational_compliance,
+    with_compensator,
 )
 from gtmodel.inference import coverage, monte_carlo
 from tests.compliance.plants import ROBOT, SIGMA, TRUTH, one, planned, poses, tilting
@@ -115,8 +116,23 @@ def test_complementary_stiffness_in_identification():
     np.testing.assert_allclose(complete_pose(made).compliance, TRUTH, rtol=1e-9)
     error = complete_pose(replace(made, K_c=None)).compliance / TRUTH - 1
     assert 1e-3 < np.abs(error).max() < 0.1
-    with pytest.raises(ValueError, match="takes no complementary stiffness"):
-        decoupled(made)
+    np.testing.assert_allclose(decoupled(made).compliance, TRUTH, rtol=1e-9)
+    with pytest.raises(ValueError, match="without the moment about the wrist there is no complementary stiffness"):
+        decoupled(made, moment=False)
+
+
+def test_rate_of_the_compensator_is_found_beside_the_stiffness():
+    true, start = (Compensator(base=0.3, lever=0.25, rate=k, rest=0.2, angle=0.4) for k in (8e5, 3e5))
+    plain = planned()
+    K_c = complementary_stiffness(plain.J, plain.wrench)
+    exact = replace(synthetic_tests(replace(plain, K_c=true.added(K_c, poses().q)), TRUTH, None), K_c=K_c)
+    fit = with_compensator(exact, start, poses().q)
+    np.testing.assert_allclose([*fit.compliance, fit.estimate.values[6]], [*TRUTH, 8e5], rtol=1e-7)
+    assert fit.estimate.names[6] == "rate" and len(fit.stiffness) == 6
+    # the deviation that one noisy run states holds the truth
+    noisy = synthetic_tests(replace(plain, K_c=true.added(K_c, poses().q)), TRUTH, np.random.default_rng(SEED))
+    seen = with_compensator(replace(noisy, K_c=K_c), start, poses().q)
+    assert abs(seen.estimate.values[6] - 8e5) < 3 * seen.estimate.std[6] and seen.adequacy.passed
 
 
 def test_compensator_torque_and_slope_come_from_its_energy():

@@ -116,6 +116,14 @@ def test_an_arm_on_springs_is_off_where_its_motors_are_not(folder: Path, motion:
     assert on["cart_largest_mm"] < 1e-3 < 0.1 < on["tcp_largest_mm"] < off["tcp_largest_mm"]
 
 
+def test_a_loop_that_stopped_says_why(folder: Path, motion: Path, place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(loop_run, "STEP_LIMIT_M", 1e-6)
+    finished = loop_run.run(folder, "rsi", 0.8, reference=motion, in_lockstep=True, out=place)
+    message = finished.outcome.message
+    assert finished.outcome.status is SolveStatus.FAILED and "off_running_at_the_end" in message
+    assert "the reference alone: stopped, the input lies outside the range where a solution exists" in message
+
+
 @pytest.mark.parametrize("in_lockstep", [True, False])
 def test_interrupted_run_says_so(folder: Path, motion: Path, place: Path, in_lockstep: bool) -> None:
     job = Context()

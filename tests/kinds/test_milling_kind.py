@@ -24,7 +24,8 @@ def read(*changes: str) -> milling.Schema:
 
 def bare(*changes: str, **update):
     problem = read(*BARE, *changes)
-    return problem.model_copy(update={"lobes": None, "compensation": None, **update})
+    search = problem.search.model_copy(update={"speed_range_rpm": None})
+    return problem.model_copy(update={"lobes": None, "compensation": None, "search": search, **update})
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -57,11 +58,16 @@ def test_the_shipped_problem_answers_in_words(shipped) -> None:
     # the index of the refined angle is not above that of the grid, which holds the printed choice
     grid = v["combinations"][0]
     assert v["dynamic_index_mm"] <= grid["index_mm"] < v["static_choice_index_mm"]
+    angle, rpm, index = v["free_speed"]
+    assert 49 <= angle <= 110 and 1200 <= rpm <= 3600 and index < v["dynamic_index_mm"]
     assert len(v["combinations"]) == 10 and all(ok for *_, ok in v["refined"])
     assert v["spectral_radius"] < 1 and v["mode_coupling"].startswith("no sign")
     none, static, dynamic, slow = v["compensation_rms_mm"]
     assert dynamic < 1e-3 * none and static < slow < 0.2 * none
-    assert shipped.files["compensation.csv"].startswith("time_s,offset_x_m") and len(v["printed_mean_mm"]["+x"]) == 12
+    assert (
+        shipped.files["compensation.csv"].startswith("time_s,x_m,y_m,z_m,offset_x_m")
+        and len(v["printed_mean_mm"]["+x"]) == 12
+    )
     said = [row.value for row in shipped.rows if row.label == "printed tests"]
     assert any(s.startswith("test 9 is missed") for s in said) and any(s.startswith("test 10 is missed") for s in said)
     labels = [row.label for row in shipped.rows]
@@ -150,6 +156,7 @@ def test_places_that_cannot_be_reached_say_why() -> None:
         ("search.static_choice_deg=0.0", r"^search.static_choice_deg: is 0; expected an angle that is reachable and"),
         ("cutter.tooth_angles_deg=[0.0]", r"^cutter: tooth_angles has the shape \(1,\); expected 2 finite numbers"),
         ("modal={mass_kg=[1.0,1.0,1.0],damping_ratio=[0.1,0.1,0.1]}", r"^modal: found oscillator and modal; expected"),
+        ("search.speed_range_rpm=[3000.0, 1000.0]", r"^search.speed_range_rpm: is 3000 to 1000; expected the lower"),
         ("lobes.to_rpm=100.0", r"^lobes.to_rpm: is 100; expected more than from_rpm, 600"),
     ],
 )  # fmt: skip

@@ -51,9 +51,12 @@ def test_without_a_force_the_masses_stay_open() -> None:
 
 
 def test_a_known_mass_does_as_well() -> None:
-    changes = ["physical.force_coordinates=[]", "physical.mass=[{coordinate=1, mass_kg=30.0}]", "physical.refine=false"]
-    found = solved("two_mass", FEW, *changes)
+    mass = "physical.mass=[{coordinate=1, mass_kg=30.0}]"
+    found = solved("two_mass", FEW, "physical.force_coordinates=[]", mass)
     np.testing.assert_allclose(np.diag(found.values["M_kg"]), [30.0, 12.0], rtol=0.02)
+    assert found.values["intervals"] is None and any(w.startswith("masses alone are") for w in found.values["words"])
+    both = solved("two_mass", FEW, mass)
+    assert "known masses start the output-error fit and do not bind it" in both.values["words"]
 
 
 def test_printed_matrices() -> None:

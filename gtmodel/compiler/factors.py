@@ -1,0 +1,106 @@
+"""Signs and powers of two taken out of sums and products: fewer operations, the same numbers to the last bit.
+
+Second derivatives of |d|^2 and half coefficients of quadratics leave 2 (a - b) / 2 and -(a - b) behind. IEEE 754
+rounds x and +-2^k x alike, so that a factor may pass through sums, products, quotients and squares; only the sign of
+a zero may change, and where numbers overflow or turn denormal.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import casadi as ca
+
+Factored = tuple[float, ca.SX]  # +-2^k and what it multiplies
+
+LARGEST = 50_000  # operations; beyond, the time of this pass would be noticed
+
+
+def without_factors(expressions: Sequence[ca.SX]) -> list[ca.SX]:
+    """The expressions with fewer operations; each with the sparsity it had."""
+    numbers = [x for e in expressions for x in e.nonzeros()]
+    symbols = ca.symvar(ca.vertcat(*numbers)) if numbers else []
+    if not symbols:
+        return list(expressions)
+    f = ca.Function("f", [ca.vertcat(*symbols)], [ca.vertcat(*numbers)])
+    if f.n_instructions() > LARGEST:
+        return list(expressions)
+    results = iter(_rewritten(f, symbols))
+    return [
+        ca.SX(e.sparsity(), ca.vertcat(*[next(results) for _ in range(e.nnz())])) if e.nnz() else e for e in expressions
+    ]
+
+
+def _rewritten(f: ca.Function, symbols: list[ca.SX]) -> list[ca.SX]:
+    work: dict[int, Factored] = {}
+    results = [ca.SX(0)] * f.numel_out(0)
+    for k in range(f.n_instructions()):
+        op, given, put = f.instruction_id(k), f.instruction_input(k), f.instruction_output(k)
+        if op == ca.OP_OUTPUT:
+            results[put[1]] = _whole(work[given[0]])
+        elif op == ca.OP_INPUT:
+            work[put[0]] = (1.0, symbols[given[1]])
+        elif op == ca.OP_CONST:
+            work[put[0]] = (1.0, ca.SX(f.instruction_constant(k)))
+        else:
+            work[put[0]] = _operation(op, [work[i] for i in given])
+    return results
+
+
+def _operation(op: int, given: list[Factored]) -> Factored:
+    (c, x), (d, y) = given[0], given[-1]
+    if op == ca.OP_NEG:
+        return -c, x
+    if op == ca.OP_TWICE:
+        return 2.0 * c, x
+    if op == ca.OP_SQ:
+        return c * c, x * x
+    if op == ca.OP_FABS:
+        return abs(c), ca.fabs(x)
+    if op == ca.OP_SQRT and c > 0 and math.frexp(c)[1] % 2 == 1:  # 4^k
+        return math.sqrt(c), ca.sqrt(x)
+    if op == ca.OP_MUL:
+        (c, x), (d, y) = _constant(c, x), _constant(d, y)
+        return c * d, x * y
+    if op == ca.OP_DIV:
+        (c, x), (d, y) = _constant(c, x), _constant(d, y)
+        return c / d, x / y
+    if op in (ca.OP_ADD, ca.OP_SUB):
+        d = d if op == ca.OP_ADD else -d
+        if c == d:
+            return c, x + y
+        if c == -d:
+            return (c, x - y) if c > 0 or d != 1.0 else (d, y - x)
+        if c < 0 and d < 0:
+            return -1.0, _whole((-c, x)) + _whole((-d, y))
+        return 1.0, _sum(c, x, d, y)
+    if op == ca.OP_ASSIGN:
+        return c, x
+    parts = [_whole(g) for g in given]
+    return 1.0, ca.SX.unary(op, *parts) if len(parts) == 1 else ca.SX.binary(op, *parts)
+
+
+def _constant(c: float, x: ca.SX) -> Factored:
+    """A constant that is a power of two becomes a factor."""
+    if x.is_constant():
+        value = float(x)
+        if value != 0.0 and abs(math.frexp(value)[0]) == 0.5:
+            return c * value, ca.SX(1)
+    return c, x
+
+
+def _sum(c: float, x: ca.SX, d: float, y: ca.SX) -> ca.SX:
+    """c x + d y with a difference where one is negative."""
+    if d < 0:
+        return _whole((c, x)) - _whole((-d, y))
+    if c < 0:
+        return _whole((d, y)) - _whole((-c, x))
+    return _whole((c, x)) + _whole((d, y))
+
+
+def _whole(factored: Factored) -> ca.SX:
+    c, x = factored
+    if c == 1.0:
+        return x
+    return -x if c == -1.0 else c * x

@@ -1,0 +1,53 @@
+"""Joint stiffness and the rate of a gravity compensator on joint 2 from the same static tests."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ..inference import nonlinear_fit
+from .complementary import Compensator
+from .joint_stiffness import UNIT, StiffnessFit, complete_pose, concluded, names_of
+from .static_tests import StaticTests
+
+Array = np.ndarray
+RATE = "rate"
+JOINT = 1  # the spring is on joint 2
+
+
+def with_compensator(tests: StaticTests, spring: Compensator, q: Array) -> StiffnessFit:
+    """Complete poses with the spring's rate among the unknowns, in `estimate` as "rate" [N/m]; its other dimensions are
+    taken from `spring`, and its rate as the start. q (n, k) [rad]: joints of each test.
+
+    The spring's torque is there with and without the load; only how it changes as joint 2 moves is seen,
+    K_c = rate * slope(q2) beside K_q (Cvitanic 2021, eq. (2)): some per cent of it, so expect a wide interval. Raises
+    ValueError for what the tests do not determine.
+    """
+    n, _, k = tests.J.shape
+    y = tests.displacement.reshape(-1)
+    K_c = np.zeros((n, k, k)) if tests.K_c is None else tests.K_c
+    slope = spring.stiffness(np.asarray(q, float)[:, JOINT]) / spring.rate  # K_c of the spring per rate
+    tau = tests.torque
+
+    def residuals(x: Array) -> tuple[Array, Array]:
+        c, rate = x[:k], x[k]
+        K = K_c.copy()
+        K[:, JOINT, JOINT] += rate * slope
+        left = np.linalg.inv(np.eye(k) - c[:, None] * K)
+        dq = np.einsum("nij,nj->ni", left, c * tau)
+        loaded = tau + np.einsum("nij,nj->ni", K, dq)
+        by_c = left * loaded[:, None, :]
+        by_rate = left[:, :, JOINT] * (c[JOINT] * slope * dq[:, JOINT])[:, None]
+        J = np.concatenate([tests.J @ by_c, (tests.J @ by_rate[:, :, None])], axis=2)
+        return np.einsum("nik,nk->ni", tests.J, dq).reshape(-1) - y, J.reshape(6 * n, k + 1)
+
+    first = complete_pose(replace(tests, K_c=spring.added(K_c, np.asarray(q, float))))
+    start = np.concatenate([first.compliance, [spring.rate]])
+    fit = nonlinear_fit(
+        residuals, start, [*names_of(range(k)), RATE], scale=np.abs(start), covariance=tests.covariance,
+        units=[UNIT] * k + ["N/m"],
+    )  # fmt: skip
+    if fit.estimate is None:
+        raise ValueError(f"joint stiffness with the compensator's rate: {fit.message}")
+    return concluded("complete pose, compensator", fit.estimate, residuals(fit.x)[1], tests.covariance, n)

@@ -1,0 +1,127 @@
+"""Input shaping: a motion made of delayed parts of itself, so that a flexible mode is at rest when it ends."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..results import Trajectory
+
+Array = np.ndarray
+AT_REST = 1e-6  # of the greatest speed: a motion that begins or ends faster is not from rest to rest
+
+
+@dataclass(frozen=True, eq=False)
+class Shaper:
+    """Impulses of `amplitudes` (n,), which sum to 1, at `times` (n,) [s], the first at 0.
+
+    A shaped motion stays in the convex hull of the path, ends as much later as the last impulse, and is no faster than
+    the motion. Singer and Seering 1990, "Preshaping command inputs to reduce system vibration".
+    """
+
+    times: Array
+    amplitudes: Array
+
+    def __post_init__(self) -> None:
+        t, a = np.asarray(self.times, float), np.asarray(self.amplitudes, float)
+        if t.shape != a.shape or t.ndim != 1 or not len(t) or t[0] != 0 or np.any(np.diff(t) <= 0):
+            raise ValueError("times of a shaper begin at 0 and ascend, with one amplitude each")
+        if abs(a.sum() - 1) > 1e-12 or np.any(a < 0):
+            raise ValueError(f"amplitudes of a shaper are not negative and sum to 1; found {a.tolist()}")
+        object.__setattr__(self, "times", t)
+        object.__setattr__(self, "amplitudes", a)
+
+    def residual(self, frequency_Hz: ArrayLike, damping: ArrayLike = 0.0) -> Array:
+        """Vibration that is left of a mode, when the shaped motion ends, in parts of the unshaped one when that ends:
+        |sum a_i exp(-mu t_i)| exp(-zeta w t_n), mu = -zeta w + j w sqrt(1 - zeta^2)."""
+        _, mu = _mode(frequency_Hz, damping)
+        phasors = self.amplitudes * np.exp(-mu[..., None] * self.times)
+        return np.abs(phasors.sum(axis=-1)) * np.exp(np.real(mu) * self.times[-1])
+
+    def __call__(self, trajectory: Trajectory, signals: Sequence[str]) -> Trajectory:
+        """The shaped signals of a motion from rest to rest, on its own time step, longer by the last impulse.
+
+        signals: positions and their derivatives by name, such as "T", "der(T)"; forces are not linear in these and are
+        to be computed anew. Before and after the motion, positions stand and derivatives are zero. Raises KeyError for
+        a signal that is not there and ValueError for a derivative that does not begin and end at zero speed.
+        """
+        t = trajectory.time
+        values: dict[str, Array] = {}
+        step = float(np.min(np.diff(t)))
+        end = t[-1] + self.times[-1]
+        new = np.linspace(t[0], end, int(np.ceil((end - t[0]) / step)) + 1)
+        for name in signals:
+            rows = trajectory[name]
+            first_rate = name.startswith("der(") and not name.endswith(",2)")
+            if first_rate and np.abs(rows[[0, -1]]).max() > AT_REST * np.abs(rows).max():
+                raise ValueError(f"'{name}' does not begin and end at rest; shape a motion from rest to rest")
+            values[name] = sum(
+                (a * _held(new - d, t, rows, name) for a, d in zip(self.amplitudes, self.times, strict=True)),
+                np.zeros((len(new), *rows.shape[1:])),
+            )
+        units = {name: trajectory.unit(name) for name in signals}
+        return Trajectory(new, values, units, title=trajectory.title, synthetic=trajectory.synthetic)
+
+
+def zero_vibration(frequency_Hz: float, damping: float = 0.0) -> Shaper:
+    """ZV: two impulses half a damped period apart cancel the mode. Its slope in the frequency is not zero."""
+    return _shaper(frequency_Hz, damping, (1.0, 1.0))
+
+
+def zero_vibration_derivative(frequency_Hz: float, damping: float = 0.0) -> Shaper:
+    """ZVD: three impulses over a damped period; what is left is flat in the frequency, at the price of the time."""
+    return _shaper(frequency_Hz, damping, (1.0, 2.0, 1.0))
+
+
+def residual_vibration(
+    time: ArrayLike, velocity: ArrayLike, frequency_Hz: ArrayLike, damping: ArrayLike = 0.0
+) -> Array:
+    """Amplitude [m] at which a mass on a spring, carried along a motion from rest to rest, swings when this ends.
+
+    x'' + 2 zeta w x' + w^2 x = -dv/dt, at rest at first; velocity (n,) or (n, d) [m/s], linear between the times (n,)
+    [s]. Frequencies [Hz] and dampings (f,) or scalars: answer (f, d), without axes that were not given. The
+    envelope |mu integral v exp(-mu (t - t_end)) dt| / w_d at the end, exact for what is linear between times.
+    Raises ValueError for a motion that does not begin and end at rest.
+    """
+    t, v = np.asarray(time, float), np.asarray(velocity, float)
+    rows = v.reshape(len(t), -1)
+    if np.abs(rows[[0, -1]]).max() > AT_REST * max(np.abs(rows).max(), 1e-300):
+        raise ValueError("the motion does not begin and end at rest; residual vibration is told of motions that do")
+    w_d, mu = _mode(frequency_Hz, damping)
+    flat = mu.reshape(-1, 1)
+    h = np.diff(t)
+    at = np.exp(-flat * (t[:-1] - t[-1]))  # at the beginning of each interval
+    grown = np.exp(-flat * h)
+    constant = (1 - grown) / flat
+    linear = (constant - h * grown) / flat / h
+    integral = (at * (constant - linear)) @ rows[:-1] + (at * linear) @ rows[1:]
+    found = np.abs(flat * integral) / w_d.reshape(-1, 1)
+    return found.reshape(*mu.shape, *v.shape[1:])
+
+
+def _mode(frequency_Hz: ArrayLike, damping: ArrayLike) -> tuple[Array, Array]:
+    """Damped frequency w_d [rad/s] and mu = -zeta w + j w_d. Raises ValueError for what does not swing."""
+    w, zeta = np.broadcast_arrays(2 * np.pi * np.asarray(frequency_Hz, float), np.asarray(damping, float))
+    if np.any(~(w > 0)) or np.any(~((zeta >= 0) & (zeta < 1))):
+        raise ValueError("a mode that swings has a frequency above 0 and a damping ratio from 0 to below 1")
+    w_d = w * np.sqrt(1 - zeta**2)
+    return w_d, -zeta * w + 1j * w_d
+
+
+def _shaper(frequency_Hz: float, damping: float, binomial: tuple[float, ...]) -> Shaper:
+    w_d, mu = _mode(frequency_Hz, damping)
+    half = np.pi / float(w_d)
+    weights = np.array(binomial) * np.exp(float(np.real(mu)) * half) ** np.arange(len(binomial))
+    amplitudes = weights / weights.sum()
+    return Shaper(half * np.arange(len(binomial)), amplitudes)
+
+
+def _held(t: Array, time: Array, rows: Array, name: str) -> Array:
+    """Rows at t by linear interpolation; a position stands before and after, a derivative is zero."""
+    flat = rows.reshape(len(time), -1)
+    outside = dict(left=0.0, right=0.0) if name.startswith("der(") else {}
+    columns = [np.interp(t, time, flat[:, k], **outside) for k in range(flat.shape[1])]
+    return np.column_stack(columns).reshape(len(t), *rows.shape[1:])

@@ -1,0 +1,39 @@
+"""An elastic tool after motions: its swing in time, and what is left where the frequency is not as planned."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from .colours import COLOURS
+
+
+def swing_figure(
+    swings: Mapping[str, tuple[np.ndarray, np.ndarray]],
+    ratios: np.ndarray,
+    residuals: Mapping[str, np.ndarray],
+    *,
+    title: str = "",
+) -> Figure:
+    """Two panels.
+
+    Args:
+        swings: motion -> times (n,) [s], offsets of the tool from where it hangs (n, 3) [m]; its largest direction is
+            drawn.
+        ratios: (r,) true to planned frequency. residuals: motion -> amplitudes (r,) [m] after the motion.
+    """
+    figure = Figure(figsize=(8.0, 7.0), layout="constrained")
+    upper, lower = figure.subplots(2, 1)
+    largest = max(swings.values(), key=lambda s: np.abs(s[1]).max())[1]
+    k = int(np.argmax(np.abs(largest).max(axis=0)))
+    for (name, (t, x)), colour in zip(swings.items(), COLOURS, strict=False):
+        upper.plot(t, 1e3 * x[:, k], color=colour, label=name, linewidth=1.2)
+        lower.plot(ratios, 1e3 * residuals[name], color=colour, label=name)
+    upper.set(xlabel="time [s]", ylabel=f"tool against plate, {'xyz'[k]} [mm]", title=title)
+    lower.set(xlabel="true frequency / planned frequency", ylabel="swing after the motion [mm]", ylim=(0, None))
+    for axes in (upper, lower):
+        axes.grid(alpha=0.3)
+        axes.legend(fontsize="small")
+    return figure

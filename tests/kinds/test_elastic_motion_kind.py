@@ -1,0 +1,69 @@
+"""Kind "elastic_motion": the three roads to a tool at rest, and what is refused."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gtmodel.kinds import Context, InputError, elastic_motion
+from gtmodel.kinds.load import load
+from gtmodel.results import SolveStatus
+
+COARSE = "mesh.elements=24"
+
+
+def solved(*changes: str):
+    return elastic_motion.solve(load("problems/elastic_l1.toml", [COARSE, *changes]).problem, Context())  # type: ignore[arg-type]
+
+
+@pytest.fixture(scope="module")
+def shipped():
+    return solved()
+
+
+def test_shaped_and_elastic_motions_end_at_rest(shipped) -> None:
+    assert shipped.status is SolveStatus.SOLVED and list(shipped.values) == list(elastic_motion.VALUES)
+    m = shipped.values["motions"]
+    assert list(m) == ["rigid", "ZV", "ZVD", "elastic"]
+    assert m["rigid"]["residual_mm"] > 10.0
+    for name, share in (("ZV", 1e-4), ("ZVD", 1e-4), ("elastic", 0.05)):  # 24 elements leave 3 % to the plan
+        assert m[name]["residual_mm"] < share * m["rigid"]["residual_mm"], name
+    # the price: half a period, a period, and less than either
+    half = 0.5 / 6.0 / np.sqrt(1 - 0.02**2)
+    assert m["ZV"]["final_time_s"] == pytest.approx(m["rigid"]["final_time_s"] + half)
+    assert m["ZVD"]["final_time_s"] == pytest.approx(m["rigid"]["final_time_s"] + 2 * half)
+    assert m["rigid"]["final_time_s"] <= m["elastic"]["final_time_s"] < m["ZV"]["final_time_s"]
+    # robustness: three impulses before two, and a plan on the exact frequency has none
+    off = {name: x["residual_10_percent_mm"] for name, x in m.items()}
+    assert off["ZVD"] < off["ZV"] < off["elastic"]
+    assert shipped.values["static_mm"] == pytest.approx(1e3 * 9.81 / (2 * np.pi * 6.0) ** 2)
+    assert shipped.values["resimulated_end_mm"] < 5.0
+
+
+def test_the_picture_has_both_panels_and_shows_the_swing(shipped) -> None:
+    upper, lower = shipped.figures["swing"]().axes
+    assert len(upper.lines) == len(lower.lines) == 4
+    ends = shipped.values["motions"]
+    # after the rigid motion the drawn swing is within the envelope, after the shaped one nothing is left
+    for line, name in zip(upper.lines, ends, strict=True):
+        t, x = (np.asarray(a) for a in line.get_data())
+        after = np.abs(x[t > ends[name]["final_time_s"]])
+        assert after.max() <= ends[name]["residual_mm"] * 1.02 + 1e-3
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        ('robot="f1"', r"^inertia: |^robot: "),
+        ("goal.tcp_m=[0.9, -0.9, 9.0]", r"^goal.tcp_m: cannot be reached: "),
+        ("tool.damping=1.5", r"tool.damping: "),
+    ],
+)
+def test_what_cannot_be_planned_says_so(change, sentence) -> None:
+    with pytest.raises(InputError, match=sentence):
+        solved(change)
+
+
+def test_explain_says_what_is_assumed() -> None:
+    text = elastic_motion.explain(load("problems/elastic_l1.toml").problem, Context())  # type: ignore[arg-type]
+    assert "5 kg on a spring, 6 Hz" in text and "follows its motion exactly" in text

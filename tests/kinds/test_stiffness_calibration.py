@@ -1,0 +1,128 @@
+"""Kind "calibration" with [joint_stiffness]: made-up tests, planted tilt, measured files, and what is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gtmodel.kinds import Context, InputError, calibration
+from gtmodel.kinds.load import load
+from gtmodel.kinds.robot_keys import RobotProblem
+from gtmodel.results import SolveStatus
+
+TRUTH = [3.93, 3.46, 2.77, 1.57, 0.24, 0.17]
+COLUMNS = ('q={column="q", unit="deg"}, force={column="force", unit="N"}, moment={column="moment", unit="N.m"}, '
+           'displacement={column="displacement", unit="mm"}, rotation={column="rotation", unit="rad"}')  # fmt: skip
+SPRING = "joint_stiffness.compensator={base_m=0.3, lever_m=0.25, rate_N_m=8e5, rest_m=0.2"
+
+
+def solved(*changes: str, folder: Path = Path()):
+    problem = load("problems/stiffness_kr500.toml", list(changes)).problem
+    return calibration.solve(problem, Context(folder=folder))  # type: ignore[arg-type]
+
+
+@pytest.fixture(scope="module", autouse=True)
+def one_robot():
+    """The same robot in every test: compiled once."""
+    made, found = RobotProblem.model, {}
+
+    def model(self, context):
+        if self.robot not in found:
+            found[self.robot] = made(self, context)
+        return found[self.robot]
+
+    RobotProblem.model = model
+    yield
+    RobotProblem.model = made
+
+
+@pytest.fixture(scope="module")
+def shipped(one_robot):
+    return solved()
+
+
+def test_the_shipped_tests_are_recovered_and_say_that_they_are_synthetic(shipped) -> None:
+    v = shipped.values["joint_stiffness"]
+    assert shipped.status is SolveStatus.SOLVED and list(shipped.values) == list(calibration.VALUES)
+    # six intervals of 95 % for the seed of the file, and the printed values inside
+    assert all(low < k < high for k, (low, high) in zip(TRUTH, v["interval_MNm_rad"], strict=True))
+    assert all(v["agree"]) and v["adequate"] and all(check.passed for check in shipped.checks.values())
+    assert shipped.values["synthetic"] == "seed 9, noise 2e-05 m and 0.0001 rad"
+    assert shipped.files["parameters.toml"].startswith("# synthetic: seed 9")
+    assert "synthetic: seed 9" in shipped.figures["stiffness"]().axes[0].get_title()
+    assert np.all(np.array(v["softest_N_m"]) < v["stiffest_N_m"]) and len(v["best_tests"]) == 10
+    page = shipped.files["report.html"]
+    assert "Synthetic load tests: seed 9" in page and 'src="data:image/png' in page and "do not follow from it" in page
+
+
+@pytest.mark.parametrize("method", ["complete_pose", "decoupled"])
+def test_planted_tilt_fails_the_check_and_is_said(method) -> None:
+    found = solved("joint_stiffness.synthetic.tilt=3.0", f'joint_stiffness.method="{method}"')
+    v = found.values["joint_stiffness"]
+    assert not found.checks["chi_squared_p"].passed and not v["adequate"]
+    assert "the model lacks an effect" in v["adequacy"] and v["said"][0].startswith("the residuals are larger")
+    assert "bearings tilt" in found.values["synthetic"]
+
+
+@pytest.mark.parametrize("method", ["complete_pose", "decoupled"])
+def test_a_measured_file_gives_what_its_tests_gave(tmp_path, method) -> None:
+    changes = ["joint_stiffness.complementary=true", f'joint_stiffness.method="{method}"']
+    made = solved(*changes)
+    (tmp_path / "tests.csv").write_text(made.files["load_tests.csv"])
+    tool = "tool_m=[0.1, 0.05, 0.4], complementary=true"
+    wrist = 'wrist={column="wrist", unit="mm"}'
+    keys = f'joint_stiffness={{{tool}, method="{method}", measurements={{file="tests.csv", {COLUMNS}, {wrist}}}}}'
+    found = solved(keys, folder=tmp_path)
+    a, b = made.values["joint_stiffness"], found.values["joint_stiffness"]
+    np.testing.assert_allclose(b["stiffness_MNm_rad"], a["stiffness_MNm_rad"], rtol=1e-8)
+    assert b["best_tests"] == a["best_tests"] and found.values["synthetic"] == made.values["synthetic"]
+    # without a target at the wrist centre, that follows from the pose
+    plain = solved(keys.replace(f", {wrist}", ""), folder=tmp_path).values["joint_stiffness"]
+    np.testing.assert_allclose(plain["stiffness_MNm_rad"], a["stiffness_MNm_rad"], rtol=0.05)
+    with pytest.raises(
+        InputError, match=r"^joint_stiffness.measurements.\S+: tests.csv line 2: .* is in mm here and declared in m"
+    ):
+        solved(keys.replace('"displacement", unit="mm"', '"displacement", unit="m"'), folder=tmp_path)
+    with pytest.raises(InputError, match=r"^joint_stiffness.measurements.file: there is no file 'other.csv'"):
+        solved(keys.replace("tests.csv", "other.csv"), folder=tmp_path)
+
+
+def test_a_compensator_given_or_estimated() -> None:
+    given = solved(f"{SPRING}}}").values["joint_stiffness"]
+    assert given["compensator_rate_N_m"] is None
+    np.testing.assert_allclose(given["stiffness_MNm_rad"], TRUTH, rtol=0.1)
+    v = solved(f"{SPRING}, estimate_rate=true}}").values["joint_stiffness"]
+    rate, std = v["compensator_rate_N_m"]
+    assert abs(rate - 8e5) < 3 * std and std < 8e5 and v["other_method_MNm_rad"] is None and v["adequate"]
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        ('robot="l1_tape"', r"^robot: expected a serial arm such as kr500; "),
+        ("joint_stiffness.poses_deg=[[1.0, 2.0]]", r"^joint_stiffness.poses_deg\[0\]: has 2 numbers; expected 6 joint"),
+        ("joint_stiffness.load=[{force_N=[0.0,0.0,-4000.0]}]", r"^joint_stiffness.load: the data do not determine c\["),
+        ("joint_stiffness.synthetic.stiffness_MNm_rad=[1.0]", r"^joint_stiffness.synthetic.stiffness_MNm_rad: has 1 n"),
+        ("joint_stiffness={}", r"^joint_stiffness: expected one of \[measurements\] and \[synthetic\]; found none of"),
+        ('cost="inverse"', r"^cost: is of a geometric calibration; leave it out beside \[joint_stiffness\]"),
+        (
+            f'joint_stiffness.measurements={{file="a.csv", {COLUMNS}}}',
+            r"^joint_stiffness: expected one of .* found both",
+        ),
+    ],
+)
+def test_wrong_inputs_name_their_key(change, sentence) -> None:
+    with pytest.raises(InputError, match=sentence):
+        solved(change)
+
+
+def test_the_rate_of_a_compensator_is_for_complete_poses() -> None:
+    with pytest.raises(InputError, match=r"^joint_stiffness.method: estimates no compensator; use complete_pose"):
+        solved('joint_stiffness.method="decoupled"', f"{SPRING}, estimate_rate=true}}")
+
+
+def test_explain() -> None:
+    text = calibration.explain(load("problems/stiffness_kr500.toml").problem, Context())  # type: ignore[arg-type]
+    assert "30 static load tests" in text and "complete pose: 180 rows" in text
