@@ -103,7 +103,7 @@ def write(problem: Schema, context: Context, out: Path, *, verify: bool = False)
     context.progress("counting")
     cost = costs(out, functions)
     try:
-        write_costs(out, cost)
+        values["files"] = sorted([*files, write_costs(out, cost).name])
     except GenerationError as error:
         raise InputError(str(error)) from error
     values |= {"points": problem.check.points, "text_bytes": cost.text_bytes, "stack_bytes": cost.stack_bytes}
