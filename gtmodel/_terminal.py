@@ -102,14 +102,15 @@ def _flush_c() -> None:
 
 
 @contextmanager
-def watching(context: Context) -> Iterator[None]:
-    """Progress on stderr when it is a terminal; the first Ctrl-C asks for a stop, the second one breaks off."""
+def watching(context: Context, stopping: str = "stopping at the best iterate") -> Iterator[None]:
+    """Progress on stderr when it is a terminal; the first Ctrl-C asks for a stop, which is told as `stopping`, the
+    second one breaks off."""
 
     def interrupt(_signal: int, _frame: Any) -> None:
         if context.stop_requested:
             raise KeyboardInterrupt
         context.request_stop()
-        print("stopping at the best iterate; Ctrl-C again breaks off", file=sys.stderr)
+        print(f"{stopping}; Ctrl-C again breaks off", file=sys.stderr)
 
     try:
         before = signal.signal(signal.SIGINT, interrupt)
