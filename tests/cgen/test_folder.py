@@ -27,7 +27,8 @@ def test_a_users_folder_is_refused(pendulum: Functions, tmp_path: Path) -> None:
     with pytest.raises(cgen.GenerationError) as caught:
         cgen.generate(pendulum, tmp_path, name="p", overwrite=True)
     assert str(caught.value) == (
-        f"'{tmp_path}' is not empty and was not written by gtmodel, it holds no manifest.json; choose a new or an empty folder"
+        f"'{tmp_path}' is not empty and was not written by gtmodel, it holds no manifest.json; "
+        "choose a new or an empty folder"
     )
     assert bytes_of(tmp_path) == {"thesis.tex": b"ten years of work"}
 
