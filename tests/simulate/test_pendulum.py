@@ -80,7 +80,8 @@ def test_a_choice_made_before_costs_nothing(monkeypatch):
     plan = systems.make_plan
     monkeypatch.setattr(systems, "make_plan", lambda *a, **k: made.append(1) or plan(*a, **k))
     shared.cache_clear()  # plans of the tests before this one
-    run = simulate(Pendulum(), 5.0, start={"x": 0.0, "y": -1.0, "der(x)": 7.0}, tolerance=1e-8)
+    model = Pendulum()
+    run = simulate(model, 5.0, start={"x": 0.0, "y": -1.0, "der(x)": 7.0}, tolerance=1e-8)
     # two choices of states with two signs each, and the plan they share
     assert len(run.switches) > 12 and len(made) == 5
     # the model keeps them
