@@ -2,13 +2,14 @@
 
 x - (y + z) is (x - y) - z where x - y is there already and z was computed from it: |T - A - q v| = L solved for q
 leaves T - (A + q v) beside T - A. Elsewhere the two orders of summation would differ in accuracy: here z carries the
-rounding of x - y already, so that nothing is lost. And with q = (d.v - s) / v.v the slope (d - q v).v, by which the velocity is
-divided, is s.
+rounding of x - y already, so that nothing is lost. And with q = (d.v - s) / v.v the slope (d - q v).v, by which the
+velocity is divided, is s.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import casadi as ca
 
@@ -21,7 +22,7 @@ Instruction = tuple[int, list[int]]  # operation, and numbers of the instruction
 
 def with_differences(expressions: Sequence[ca.SX]) -> list[ca.SX]:
     """The expressions, each with the sparsity it had; common subexpressions must be shared before."""
-    numbers = [x for e in expressions for x in e.nonzeros()]
+    numbers: list[Any] = [x for e in expressions for x in e.nonzeros()]
     symbols = ca.symvar(ca.vertcat(*numbers)) if numbers else []
     if not symbols:
         return list(expressions)

@@ -106,7 +106,9 @@ def test_general_velocity_map_by_hand(pairs: list[Pair], tmp_path: Path) -> None
         r = d - (half - root) / square * v
         rates.append(ca.dot(r, Td) / root)
         margins += [discriminant, root]
-    by_hand = ca.Function("by_hand", [T, Td, parameters], ca.cse([ca.vertcat(*rates), ca.vertcat(*margins)]))
+    by_hand = ca.Function(
+        "by_hand", [T, Td, parameters], ca.cse([ca.SX(ca.vertcat(*rates)), ca.SX(ca.vertcat(*margins))])
+    )
     found = count({"it": parametric_call(p, by_hand)}, [sources([by_hand], tmp_path)])["it"]
     np.testing.assert_allclose(found.outputs[:, :3], p.expected, rtol=1e-9, atol=1e-9)
     assert found.instructions <= LEAST
