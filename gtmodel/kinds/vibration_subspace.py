@@ -28,6 +28,7 @@ from .base import Check, InputError, Outcome, Row
 from .vibration_keys import Physical, Schema
 from .vibration_values import interval, listed, pairs_of, rows_of, said, values
 
+POOR = 30.0  # percent of fit: below, a model explains less than half of the variance
 WITHIN = 1e-3  # of synthetic structures: largest relative error (2-norm) of M, D and K; the bound
 
 
@@ -120,6 +121,13 @@ def _words(p: Physical | None, model: SubspaceModel, near: str, s: _Structure | 
     words = [f"order {model.order}: {model.why}"]
     if near:
         words.append(near)
+    words += [
+        f"output {k + 1}: the model predicts held-out samples {'worse than' if fit < 0 else 'little better than'} their "
+        f"mean (fit {fit:.3g} %): it says little of this output; excite more, leave out noise and trends, look at the "
+        "columns"
+        for k, fit in enumerate(model.held_out_fit)
+        if fit < POOR
+    ]
     if s is None or p is None:
         return words
     if p.mass and s.known is not None and p.refine:
@@ -183,8 +191,15 @@ def _files(model: SubspaceModel, best: SecondOrder | None, record: Record) -> di
     box = {name: np.asarray(getattr(S, name)).tolist() for name in "ABCD"}
     files = {
         "model.toml": comment
-        + "# x[k+1] = A x + B u, y = C x + D u\n"
-        + tomli_w.dumps({"sample_time_s": record.sample_time, **box, "initial_state": model.initial_state.tolist()})
+        + "# x[k+1] = A x + B u, y = C x + D u + offset\n"
+        + tomli_w.dumps(
+            {
+                "sample_time_s": record.sample_time,
+                **box,
+                "initial_state": model.initial_state.tolist(),
+                "offset": model.offset.tolist(),
+            }
+        )
     }
     if best is not None:
         numbers = {"M_kg": best.M.tolist(), "D_kg_s": best.D.tolist(), "K_N_m": best.K.tolist()}
