@@ -122,9 +122,8 @@ def _words(p: Physical | None, model: SubspaceModel, near: str, s: _Structure | 
     if near:
         words.append(near)
     words += [
-        f"output {k + 1}: the model predicts held-out samples {'worse than' if fit < 0 else 'little better than'} their "
-        f"mean (fit {fit:.3g} %): it says little of this output; excite more, leave out noise and trends, look at the "
-        "columns"
+        f"output {k + 1}: held-out samples are predicted {'worse' if fit < 0 else 'little better'} than by their mean "
+        f"(fit {fit:.3g} %): the model says little of it; excite more, avoid noise and trends, look at the columns"
         for k, fit in enumerate(model.held_out_fit)
         if fit < POOR
     ]
@@ -136,6 +135,16 @@ def _words(p: Physical | None, model: SubspaceModel, near: str, s: _Structure | 
             if s.fit
             else "masses alone are known: M, D, K follow from M^-1 K and M^-1 D, without intervals"
         )
+    if s.fit is not None:
+        e = s.fit.estimate
+        for m in p.mass:
+            name = f"M[{m.coordinate - 1},{m.coordinate - 1}]"
+            low, high = e.interval(name)
+            if not low - 0.01 * m.mass_kg <= m.mass_kg <= high + 0.01 * m.mass_kg:
+                words.append(
+                    f"the mass of coordinate {m.coordinate} is given as {m.mass_kg:g} kg; force and recording say "
+                    f"{e.value(name):.5g} ({low:.5g} .. {high:.5g}) kg: one of mass, force and its coordinate is wrong"
+                )
     # with M known, that it needs a force or a mass is no news
     words += [w for w in s.form.words if w != near and (s.known is None or w != s.form.words[0])]
     words += [*(s.modes.words if s.modes else ()), *(s.fit.words if s.fit else ())]

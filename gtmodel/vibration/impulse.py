@@ -100,7 +100,7 @@ def identify_impulse(record: Record, *, modes: int | None = None, largest: int =
     still = _at_rest(record)
     if fits[best].criterion >= still:
         raise VibrationError(
-            f"the {len(record)} samples are as well explained by rest and noise as by {best} resonance{'s' * (best > 1)}: "
+            f"rest and noise explain the {len(record)} samples as well as {best} resonance{'s' * (best > 1)}: "
             "nothing stands out that decays and vibrates; begin just after the hit, or hit harder"
         )
     return fits[best].model(record, {k: f.criterion for k, f in sorted(fits.items())})
@@ -215,8 +215,8 @@ class _Sines:
         ]
         nyquist = 0.5 / record.sample_time
         words += [
-            f"a mode at {r.damped_Hz:.4g} Hz is near the Nyquist frequency of {nyquist:.4g} Hz: these samples cannot tell "
-            f"it from one at {2 * nyquist - r.damped_Hz:.4g} Hz"
+            f"a mode at {r.damped_Hz:.4g} Hz is near the Nyquist frequency of {nyquist:.4g} Hz: these samples cannot "
+            f"tell it from one at {2 * nyquist - r.damped_Hz:.4g} Hz"
             for r in found
             if r.damped_Hz > NEAR * nyquist
         ]

@@ -122,8 +122,8 @@ def identify_step(records: Record | Sequence[Record], *, delay: int | None = Non
     after = max(len(r) - best - int(np.flatnonzero(r.u[:, 0] != r.u[0, 0])[0]) for r in given)
     if a**after > SETTLED:
         words.append(
-            f"{100 * a**after:.0f} % of the way to rest was still to go at the end of the recordings: gain and bandwidth "
-            "are extrapolated; record longer"
+            f"{100 * a**after:.0f} % of the way to rest was still to go at the end of the recordings: gain and "
+            "bandwidth are extrapolated; record longer"
         )
     fitted = tuple(
         b * _unit(r, a, best) + float(np.mean(r.y[:, 0] - b * _unit(r, a, best))) for r in given

@@ -238,7 +238,7 @@ def test_repetitions_of_a_pose_are_held_out_together() -> None:
     poses[::3, 3] += 2 * np.pi  # the same pose
     inputs = Inputs((0.5, 0.5, 0.5, 1.0), (False, False, False, True))
     values = np.repeat(rng.standard_normal(12), 3) + 0.01 * rng.standard_normal(36)
-    error, std = held_out(fit_gaussian_processes(poses, values, inputs), folds=4)
+    error, _ = held_out(fit_gaussian_processes(poses, values, inputs), folds=4)
     assert np.sqrt(np.mean(error**2)) > 0.5
     with pytest.raises(ValueError, match="4 different poses"):
         fit_gaussian_processes(poses[:12], values[:12], inputs)

@@ -161,7 +161,7 @@ def test_records_are_checked() -> None:
 def test_where_the_robot_stands_does_not_matter(noisy) -> None:
     # positions about 1.5 m and a force with a bias: the same model, the offset told apart
     one = identify_subspace(noisy, order=4, block_rows=10)
-    moved = Record(noisy.u + 20.0, noisy.y + [1.5, -0.2], TS)
+    moved = Record(noisy.u + 20.0, np.add(noisy.y, [1.5, -0.2]), TS)
     for method in ("moesp", "n4sid", "cva"):
         other = identify_subspace(moved, method=method, block_rows=10, largest=6)
         assert other.order == 4 and other.held_out_fit.min() > 90
