@@ -11,6 +11,7 @@ from contextlib import contextmanager, redirect_stdout, suppress
 from typing import Any
 
 from rich.box import SIMPLE_HEAD
+from rich.cells import cell_len
 from rich.console import Console
 from rich.status import Status
 from rich.table import Table
@@ -19,21 +20,39 @@ from rich.text import Text
 from gtmodel.kinds import Context, Outcome
 from gtmodel.kinds.units import split
 
-_WIDE = 4096  # columns where nobody looks: a pipe must not break lines
+_SHORT = 32  # characters; a longer text that ends its row sets no column's width
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]], title: str = "") -> None:
     """Print one table. Texts are shown as they are: a bracket is no markup."""
-    console = Console() if sys.stdout.isatty() else Console(width=_WIDE, no_color=True)
+    if not sys.stdout.isatty():
+        print(_plain(head, [list(row) for row in rows], title))
+        return
     shown = Table(box=SIMPLE_HEAD, title=Text(title) if title else None, title_justify="left", pad_edge=False)
     for name in head:
         shown.add_column(name, overflow="fold")
     for row in rows:
         shown.add_row(*(Text(cell) for cell in row))
+    console = Console()
     with console.capture() as captured:
         console.print(shown)
     # rich pads every line to the width of the table
-    sys.stdout.write("\n".join(line.rstrip() for line in captured.get().splitlines()).strip("\n") + "\n")
+    print("\n".join(line.rstrip() for line in captured.get().splitlines()).strip("\n"))
+
+
+def _plain(head: Sequence[str], rows: Sequence[Sequence[str]], title: str) -> str:
+    """The table where nobody looks: a pipe must not break lines. A sentence that ends its row, as a note does, runs on
+    and does not push the columns behind it apart."""
+    widths = [cell_len(name) for name in head]
+    for row in rows:
+        for k, cell in enumerate(row):
+            if any(row[k + 1 :]) or cell_len(cell) <= _SHORT:
+                widths[k] = max(widths[k], cell_len(cell))
+    lines = [
+        "   ".join(cell + " " * (w - cell_len(cell)) for cell, w in zip(r, widths, strict=True)) for r in (head, *rows)
+    ]
+    lines.insert(1, "─" * max(sum(widths) + 3 * (len(widths) - 1), 1))
+    return "\n".join([*([title, ""] if title else []), *(f" {line}".rstrip() for line in lines)])
 
 
 def number(value: Any) -> str:
@@ -102,14 +121,15 @@ def _flush_c() -> None:
 
 
 @contextmanager
-def watching(context: Context) -> Iterator[None]:
-    """Progress on stderr when it is a terminal; the first Ctrl-C asks for a stop, the second one breaks off."""
+def watching(context: Context, stopping: str = "stopping at the best iterate") -> Iterator[None]:
+    """Progress on stderr when it is a terminal; the first Ctrl-C asks for a stop, which is told as `stopping`, the
+    second one breaks off."""
 
     def interrupt(_signal: int, _frame: Any) -> None:
         if context.stop_requested:
             raise KeyboardInterrupt
         context.request_stop()
-        print("stopping at the best iterate; Ctrl-C again breaks off", file=sys.stderr)
+        print(f"{stopping}; Ctrl-C again breaks off", file=sys.stderr)
 
     try:
         before = signal.signal(signal.SIGINT, interrupt)

@@ -155,7 +155,7 @@ def codegen(
     with answering(context, as_json, problem) as answer:
         loaded = _load(problem, settings, answer)
         job = run.context_of(loaded)
-        with terminal.watching(job):
+        with terminal.watching(job, "this finishes first"):
             answer.finished = run.generate(loaded, job, out, verify=check)
 
 
@@ -184,7 +184,7 @@ def loop(
     with answering(context, as_json, str(folder)) as answer:
         answer.kind, answer.title = "loop", f"{peer}: {law}"
         job = Context(name=folder.name)
-        with terminal.watching(job):
+        with terminal.watching(job, "stopping the loop, nothing will be compared"):
             answer.finished = loop_run.run(
                 folder, peer, seconds, law=law, reference=reference, in_lockstep=lockstep, elastic_Hz=elastic,
                 out=out, context=job,

@@ -139,7 +139,8 @@ for k, name in enumerate(regressor.names):
 ratio = models["best random"].estimate.std / models["optimised"].estimate.std
 masses = slice(0, 7)
 print("intervals of the random motion over those of the optimised one:", np.round(ratio, 1))
-assert np.all(ratio[masses] > 2) and np.all(ratio[4:7] > 2.5)
+# which of the local optima the search ends in depends on the last bits: from the five best draws 1.5 to 3.6
+assert np.all(ratio[masses] > 1.4) and np.exp(np.mean(np.log(ratio[masses]))) > 2
 
 # %% [markdown]
 # ## 3 Validation
@@ -187,7 +188,7 @@ signals_figure(gt.Trajectory(t, errors, dict.fromkeys(errors, "m"), title="track
 # ## Answer
 #
 # It should move, within its limits, so that the sum of the relative variances is least. Against the best of a hundred
-# random motions the condition number halves, the intervals of carts and plate shrink to less than a half, those of the
-# light links to a third; friction is told by either. The links stay the least known, and yet the forces are right to
+# random motions the condition number halves, and the intervals of the masses shrink to two fifths on average, to two
+# thirds at worst; friction is told by either. The links stay the least known, and yet the forces are right to
 # two per cent on a motion not seen before: feedforward of the identified model leaves a hundredth of the tracking error
 # that model 1 leaves, and less than a three-hundredth of that of feedback alone.

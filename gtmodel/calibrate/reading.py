@@ -41,7 +41,8 @@ def reading(closure: Closure, m: Measurements, starts: dict[str, np.ndarray], se
     if empty. Raises ModelError for what is measured but not in the model's
     closure equations, wrong sizes, and corrections that need more than was given."""
     r = _Reader(closure.flat.title, m, tuple(sessions) or m.session_names)
-    strange = [s for s in m.session_names if s not in r.sessions]
+    own = any(c.offset for c in m.corrections) or any(p.device_per_session or p.target_per_session for p in m.poses)
+    strange = [s for s in m.session_names if own and s not in r.sessions]
     if strange:
         raise ModelError(f"there is no session '{strange[0]}' among those prepared: {', '.join(r.sessions)}")
     signals: dict[str, ca.SX] = {}

@@ -9,7 +9,7 @@ from typing import Any
 
 from .costs_file import discard
 from .errors import GenerationError
-from .manifest import FILE, changed_files, read
+from .manifest import FILE, changed_files, lacks, read
 
 
 def write(out: Path, files: Mapping[str, str], content: Mapping[str, Any], overwrite: bool) -> None:
@@ -42,7 +42,7 @@ def _earlier(out: Path, overwrite: bool) -> set[str]:
         return set()
     content = read(out)
     if content is None:
-        raise GenerationError(f"'{out}' is not empty and was not written by gtmodel; choose a new or an empty folder")
+        raise GenerationError(f"'{out}' is not empty and {lacks(out)}; choose a new or an empty folder")
     changed = [file for file in changed_files(out, content) if (out / file).exists()]
     if changed and not overwrite:
         raise GenerationError(

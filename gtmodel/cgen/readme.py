@@ -148,7 +148,7 @@ def readme(name: str, faces: list[Interface]) -> str:
         newton=_NEWTON if any(f.newton for f in faces) else "",
         output=f"{first.identifier}[0]" if first.is_array else first.identifier,
         statuses="\n".join(f"| `{s.c_name}` | {int(s)} | {s.sentence} |" for s in Status),
-        contract=(codegen_dir() / "runtime" / "contract.md").read_text(encoding="utf-8"),
+        contract=(codegen_dir() / "contract.md").read_text(encoding="utf-8"),
         numbers=_NUMBERS[face.real.name].format(pivot=face.real.pivot, residual=face.real.residual),
     )
     return text if face.real is DOUBLE else _EXAMPLE.sub(lambda m: single(m[0]).replace("%.17g", "%.9g"), text)

@@ -6,6 +6,7 @@ import numpy as np
 
 from ..results.status import Status
 from .interface import Interface, Member
+from .part_vectors import ROWS, part_comparisons, table
 from .points import awkward, draw, evaluate
 from .text import comment, hexadecimal
 from .wrapper import elements
@@ -32,13 +33,15 @@ def vectors(face: Interface) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 def selftest(name: str, faces: list[Interface]) -> str:
     """Text of the self-test; a vector whose status is not ok proves that the outputs are held."""
-    calls = "".join(f"    failures += {face.key}_failures(worst);\n" for face in faces)
+    tests = [_tests(face) for face in faces]
+    calls = "".join(f"    failures += {test}(worst);\n" for _, names in tests for test in names)
     parts = [
         comment([f"gt_{name}: results of Python with all their bits, and the comparison with them."]),
-        f'#include "gt_{name}.h"\n\n#include "gt_compare.h"\n#include "gt_guard.h"\n\n#include <math.h>\n\n',
+        f'#include "gt_{name}.h"\n\n#include "gt_{name}_body.h"\n',
+        '#include "gt_compare.h"\n#include "gt_guard.h"\n\n#include <math.h>\n\n',
         comment(["What stands in the outputs before a call, and after one that fails."]),
         f"#define GT_HELD ({faces[0].real.held!r})\n\n",
-        *[_tables(face) + _comparison(face) for face in faces],
+        *[text for text, _ in tests],
         f"static int total(double *worst)\n{{\n    int failures = 0;\n\n{calls}    return failures;\n}}\n\n",
         f"int gt_{name}_selftest(void)\n{{\n    double worst = 0.0;\n\n    return total(&worst);\n}}\n\n",
         f"double gt_{name}_selftest_difference(void)\n{{\n    double worst = 0.0;\n\n"
@@ -47,8 +50,16 @@ def selftest(name: str, faces: list[Interface]) -> str:
     return "".join(parts)
 
 
-def _tables(face: Interface) -> str:
+def _tests(face: Interface) -> tuple[str, list[str]]:
+    """Text of the comparisons of a function and of its bodies, and the names of what returns their failures."""
     inputs, outputs, status = vectors(face)
+    good = np.flatnonzero(status == Status.OK)[:ROWS]
+    text, names = part_comparisons(face, inputs[good], outputs[good]) if len(good) else ("", [])
+    tables = _tables(face, inputs, outputs, status)
+    return f"{tables}{_comparison(face)}{text}", [f"{face.key}_failures", *names]
+
+
+def _tables(face: Interface, inputs: np.ndarray, outputs: np.ndarray, status: np.ndarray) -> str:
     held = [
         list(map(hexadecimal, row))
         if s == Status.OK
@@ -58,17 +69,14 @@ def _tables(face: Interface) -> str:
     given = [list(map(hexadecimal, row)) for row in inputs.tolist()]
     codes = ", ".join(Status(int(s)).c_name for s in status)
     n = len(status)
+    home = [[hexadecimal(x) for stage in face.newton for x in face.real.array(stage.home).tolist()]]
     tables = [
-        _table(f"{face.key}_inputs[{n}][{inputs.shape[1]}]", given) if inputs.shape[1] else "",
-        _table(f"{face.key}_outputs[{n}][{outputs.shape[1]}]", held),
+        table(f"{face.key}_home[1][{face.state_size}]", home) if face.newton else "",
+        table(f"{face.key}_inputs[{n}][{inputs.shape[1]}]", given) if inputs.shape[1] else "",
+        table(f"{face.key}_outputs[{n}][{outputs.shape[1]}]", held),
         f"static const gt_status {face.key}_status[{n}] = {{{codes}}};\n\n",
     ]
     return "".join(tables)
-
-
-def _table(declarator: str, rows: list[list[str]]) -> str:
-    lines = ",\n".join("    {" + ", ".join(row) + "}" for row in rows)
-    return f"static const double {declarator} = {{\n{lines}\n}};\n\n"
 
 
 def _comparison(face: Interface) -> str:
@@ -80,13 +88,14 @@ def _comparison(face: Interface) -> str:
         "    for (row = 0; row < rows; row++) {\n",
         f"        {symbol}_in in;\n        {symbol}_out out;\n",
         f"        {symbol}_state state;\n" if face.newton else "",
-        "        int good;\n\n",
+        "        int good = 1;\n\n",
         f"        {symbol}_start(&state);\n" if face.newton else "",
+        *_compare(face.state, "state.", f"{key}_home", row="0"),
         *([] if face.inputs else ["        in.unused = 0.0;\n"]),
         *_fill(face.inputs, "in.", f"{key}_inputs"),
         *_fill(face.state, "state.", f"{key}_inputs", face.input_size),
         *[f"        {number} = GT_HELD;\n" for m in face.outputs for number in elements(m, "out.")],
-        f"        good = ({symbol}({'&state, ' if face.newton else ''}&in, &out) == {key}_status[row]) ? 1 : 0;\n",
+        f"        good &= ({symbol}({'&state, ' if face.newton else ''}&in, &out) == {key}_status[row]) ? 1 : 0;\n",
         *_compare(face.outputs, "out.", f"{key}_outputs"),
         *_compare(face.state, "state.", f"{key}_outputs", face.output_size),
         "        failures += (good != 0) ? 0 : 1;\n    }\n    return failures;\n}\n\n",
@@ -100,9 +109,9 @@ def _fill(members: tuple[Member, ...], struct: str, table: str, first: int = 0) 
     ]
 
 
-def _compare(members: tuple[Member, ...], struct: str, table: str, first: int = 0) -> list[str]:
+def _compare(members: tuple[Member, ...], struct: str, table: str, first: int = 0, row: str = "row") -> list[str]:
     return [
-        f"        good &= gt_all_equal({m.address(struct)}, &{table}[row][{k}], {m.size}, worst);\n"
+        f"        good &= gt_all_equal({m.address(struct)}, &{table}[{row}][{k}], {m.size}, worst);\n"
         for k, m in _offsets(members, first)
     ]
 

@@ -11,7 +11,7 @@ from ..compiler.causal import CausalFunction
 from .comparison import compare
 from .errors import GenerationError
 from .interface import Interface, interfaces
-from .manifest import FILE, changed_files, interface_entry, parameters_hash, read
+from .manifest import changed_files, interface_entry, lacks, parameters_hash, read
 from .real import real_of
 from .report import Check, CheckReport, at_least, at_most, conclude
 from .toolchain import Toolchain, find
@@ -34,7 +34,7 @@ def check(folder: Path, functions: Mapping[str, CausalFunction], *, points: int 
     folder = Path(folder)
     content = read(folder)
     if content is None:
-        raise GenerationError(f"'{folder}' holds no {FILE} of this gtmodel; generate it first")
+        raise GenerationError(f"'{folder}' {lacks(folder)}; generate it first")
     box = {signal: rows for entry in content["functions"] for signal, rows in (entry["box"] or {}).items()}
     faces = interfaces(functions, content["name"], real=real_of(content["real"]), box=box)
     _check_same(folder, content, faces)

@@ -94,7 +94,7 @@ def _function(face: Interface) -> str:
         f"{prototype(face)}\n{{\n",
         f"    {face.symbol}_out y;\n",
         f"    double margins[{max(1, len(margins))}];\n    double total;\n",
-        *_scratch(face.body),
+        *scratch(face.body),
         *[f"    double {z}[{stage.size}];\n" for z, stage in zip(unknowns, face.newton, strict=True)],
         *([f"    const double *known[{max(1, len(known))}];\n    gt_status status;\n"] if blocks else []),
         "\n",
@@ -147,10 +147,10 @@ def _block(face: Interface, k: int, stage: NewtonStage) -> str:
         f"    static const double largest[{n}] = {{{', '.join(map(decimal, stage.largest))}}};\n",
         f"    double constants[{max(1, stage.constants)}];\n",
         f"    double residual[{n}];\n    double jacobian[{n * n}];\n",
-        *_scratch(kernel),
+        *scratch(kernel),
         "\n    {\n",
         f"        double margins[{max(1, len(stage.margins))}];\n",
-        *[f"    {line}" for line in _scratch(prepare, "prepare_")],
+        *[f"    {line}" for line in scratch(prepare, "prepare_")],
         "\n",
         *[f"        prepare_arg[{i}] = known[{i}];\n" for i in range(len(face.inputs))],
         *[f"        prepare_arg[{len(face.inputs) + i}] = z{i};\n" for i in range(k)],
@@ -177,7 +177,8 @@ def _indented(text: str) -> str:
     return "".join(f"    {line}\n" for line in text.splitlines())
 
 
-def _scratch(body: str, prefix: str = "") -> list[str]:
+def scratch(body: str, prefix: str = "") -> list[str]:
+    """Declarations of what a body is called with."""
     m = macro(body)
     return [
         f"    const double *{prefix}arg[{m}_SZ_ARG + 1]; /* + 1: C knows no empty array */\n",

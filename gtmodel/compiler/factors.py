@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import casadi as ca
 
@@ -19,7 +20,7 @@ LARGEST = 50_000  # operations; beyond, the time of this pass would be noticed
 
 def without_factors(expressions: Sequence[ca.SX]) -> list[ca.SX]:
     """The expressions with fewer operations; each with the sparsity it had."""
-    numbers = [x for e in expressions for x in e.nonzeros()]
+    numbers: list[Any] = [x for e in expressions for x in e.nonzeros()]
     symbols = ca.symvar(ca.vertcat(*numbers)) if numbers else []
     if not symbols:
         return list(expressions)

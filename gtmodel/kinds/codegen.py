@@ -21,12 +21,12 @@ VALUES = {
     "folder": "where the code was written",
     "functions": "C name of each function -> its inputs and outputs",
     "files": "files written, sorted",
+    "operations": "operations and calls of libm in one evaluation of each body",
     "points": "with --check: number of random inputs compared per function",
     "text_bytes": "with --check: machine code of each function at -O2",
     "newton_bytes": "with --check: of it the Newton blocks and their guards",
     "stack_bytes": "with --check: stack of a call",
     "instructions": "with --check: instructions of a call with its guards, counted by callgrind",
-    "operations": "operations and calls of libm in one evaluation of each body",
     "symbols": "with --check: what the folder defines for others",
 }
 
@@ -103,12 +103,11 @@ def write(problem: Schema, context: Context, out: Path, *, verify: bool = False)
     context.progress("counting")
     cost = costs(out, functions)
     try:
-        write_costs(out, cost)
+        values["files"] = sorted([*files, write_costs(out, cost).name])
     except GenerationError as error:
         raise InputError(str(error)) from error
-    values |= {"points": problem.check.points, "text_bytes": cost.text_bytes, "stack_bytes": cost.stack_bytes}
-    values["newton_bytes"] = cost.newton_bytes
-    values |= {"instructions": cost.instructions, "symbols": list(cost.symbols)}
+    values |= {"points": problem.check.points, "text_bytes": cost.text_bytes, "newton_bytes": cost.newton_bytes}
+    values |= {"stack_bytes": cost.stack_bytes, "instructions": cost.instructions, "symbols": list(cost.symbols)}
     rows += [Row(f"{name} costs", _cost(cost, name)) for name in cost.text_bytes]
     rows += [Row("costs", cost.missing)] if cost.missing else []
     return Outcome(

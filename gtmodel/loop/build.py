@@ -10,7 +10,7 @@ from typing import Any
 
 from .._files import codegen_dir
 from ..cgen import GenerationError
-from ..cgen.manifest import FILE, changed_files, read, sha256
+from ..cgen.manifest import changed_files, lacks, read, sha256
 from ..cgen.toolchain import STANDARD, WARNINGS, find
 
 ADAPTER = "gt_loop_model.c"
@@ -25,7 +25,7 @@ def manifest_of(folder: Path) -> dict[str, Any]:
     """The manifest of a generated folder that is as gtmodel wrote it. Raises GenerationError."""
     content = read(folder)
     if content is None:
-        raise GenerationError(f"'{folder}' holds no {FILE} of this gtmodel; make it with gtmodel codegen -o {folder}")
+        raise GenerationError(f"'{folder}' {lacks(folder)}; make it with gtmodel codegen PROBLEM.toml -o {folder}")
     changed = changed_files(folder, content)
     if changed:
         raise GenerationError(f"'{folder / changed[0]}' was changed since gtmodel wrote it; generate the folder again")
@@ -38,7 +38,7 @@ def adapter(content: Mapping[str, Any], axes: int) -> str:
     dynamics = _function(content, *_INVERSE_DYNAMICS)
     parts = [
         f"/* The functions of gt_{content['name']} that the laws of the loop call. Written by gtmodel. */\n",
-        f'#include "gt_{content["name"]}.h"\n#include "gt_guard.h"\n#include "gt_laws.h"\n\n#include <stddef.h>\n\n',
+        f'#include "gt_{content["name"]}.h"\n#include "gt_laws.h"\n\n#include <stddef.h>\n\n',
     ]
     names = {"forward": "NULL", "inverse_dynamics": "NULL"}
     for name, found, arguments in (
@@ -47,7 +47,7 @@ def adapter(content: Mapping[str, Any], axes: int) -> str:
     ):
         if found is not None:
             names[name] = f"gt_loop_model_{name}"
-            parts.append(_call(names[name], found, arguments))
+            parts.append(_call(names[name], found, arguments, content["real"]))
     parts.append(
         f"const gt_robot_model gt_loop_model = {{{axes}U, {names['forward']}, {names['inverse_dynamics']}}};\n"
     )
@@ -109,15 +109,21 @@ def _function(content: Mapping[str, Any], known: tuple[str, ...], targets: tuple
     return None
 
 
-def _call(name: str, function: Mapping[str, Any], arguments: tuple[str, ...]) -> str:
+def _call(name: str, function: Mapping[str, Any], arguments: tuple[str, ...], real: str) -> str:
+    """A function of the loop, which computes in double, round a generated one in double or float."""
     symbol, *given = function["symbol"], *arguments[:-1]
     lines = [
         f"static gt_status {name}({', '.join(f'const double *{a}' for a in given)}, double *{arguments[-1]})\n{{\n"
     ]
-    lines += [f"    {symbol}_in in;\n    {symbol}_out out;\n    gt_status status;\n\n"]
+    lines += [f"    {symbol}_in in;\n    {symbol}_out out;\n    gt_status status;\n    int k;\n\n"]
+    narrow, wide = ("(float)", "(double)") if real == "float" else ("", "")
     for argument, member in zip(given, function["inputs"], strict=True):
-        lines.append(f"    gt_copy(in.{member['member']}, {argument}, {member['shape'][0]});\n")
+        lines.append(_copied(f"in.{member['member']}[k] = {narrow}{argument}[k];", member["shape"][0], ""))
     (result,) = function["outputs"]
     lines.append(f"    status = {symbol}(&in, &out);\n    if (status == GT_OK) {{\n")
-    lines.append(f"        gt_copy({arguments[-1]}, out.{result['member']}, {result['shape'][0]});\n    }}\n")
-    return "".join([*lines, "    return status;\n}\n\n"])
+    lines.append(_copied(f"{arguments[-1]}[k] = {wide}out.{result['member']}[k];", result["shape"][0], "    "))
+    return "".join([*lines, "    }\n    return status;\n}\n\n"])
+
+
+def _copied(assignment: str, size: int, indent: str) -> str:
+    return f"    {indent}for (k = 0; k < {size}; k++) {{\n        {indent}{assignment}\n    {indent}}}\n"

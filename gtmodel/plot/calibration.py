@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Sequence
 
 import numpy as np
@@ -92,7 +93,7 @@ def deviations_figure(names: Sequence[str], std: np.ndarray, units: Sequence[str
     axes.set_ylim(len(names) - 0.4, -0.6)
     axes.set_xlabel("standard deviation; hatched: not told by these poses")
     axes.grid(alpha=0.3, axis="x", which="both")
-    axes.set_title(title)
+    figure.suptitle(textwrap.fill(title, 60), fontsize="medium")
     return figure
 
 
@@ -106,5 +107,5 @@ def correlation_figure(names: Sequence[str], correlation: np.ndarray, title: str
     axes.set_xticks(range(n), names, rotation=90, fontsize=size)
     axes.set_yticks(range(n), names, fontsize=size)
     figure.colorbar(drawn, ax=axes, label="correlation", shrink=0.8)
-    axes.set_title(title)
+    figure.suptitle(textwrap.fill(title, 60), fontsize="medium")
     return figure

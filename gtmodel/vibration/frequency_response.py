@@ -15,6 +15,7 @@ UNITS = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s2"}
 TAPER = 0.1  # of a force window: the share in which it falls to zero
 CUT = 0.1  # of a hit's peak: a force window that cuts off more has cut off a second hit
 STILL = 0.05  # of the response's peak: what may be left at the end of a record, or lines lie in each other's leakage
+SEEN = 5.0  # standard deviations of noise that a response beyond it must have
 POOL = 41  # lines over which the noise of the response is taken as level
 
 
@@ -174,8 +175,11 @@ def _windowed(F: np.ndarray, length: float, rate: float) -> np.ndarray:
 def _check_end(x: np.ndarray, decay: float) -> None:
     """The last twentieth of each response, by means of its quarters so that noise alone does not count."""
     last = x[:, -max(x.shape[1] // 20, 8) :]
-    size = np.array([np.abs(np.mean(part, axis=1)) for part in np.array_split(last, 4, axis=1)]).max(axis=0)
-    left = size / np.abs(x).max(axis=1)
+    parts = np.array_split(last, 4, axis=1)
+    size = np.array([np.abs(np.mean(part, axis=1)) for part in parts]).max(axis=0)
+    # what white noise may leave in such a mean, told by the differences of neighbours
+    noise = SEEN * np.sqrt(np.mean(np.diff(last, axis=1) ** 2, axis=1) / 2 / parts[0].shape[1])
+    left = np.where(size > noise, size, 0.0) / np.abs(x).max(axis=1)
     k = int(np.argmax(left))
     if left[k] > STILL:
         what = "give a decay, or record longer" if decay == 0 else "give a larger decay, or record longer"

@@ -86,7 +86,9 @@ class GaussianProcess:
     def calibrated(self, errors: np.ndarray, stds: np.ndarray) -> GaussianProcess:
         """With standard deviations so much larger that held-out errors (n,) are as large as their `stds` say.
 
-        The factor is the root mean square of errors / stds, never below one.
+        The factor is the root mean square of errors / stds, never below one. Intervals of a new measurement then hold
+        as often as they say; those of the field less often where it is rougher than the covariance (91.7 % instead of
+        95 % for a squared exponential of a Matern 5/2 field, 60 poses; `make proof` prints it).
         """
         size = float(np.sqrt(np.mean((errors / stds) ** 2)))
         return replace(self, inflation=max(1.0, self.inflation * size))

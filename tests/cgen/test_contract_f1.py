@@ -49,9 +49,10 @@ def library(faces: dict[str, Interface], tmp_path_factory: pytest.TempPathFactor
 @pytest.fixture(scope="module")
 def by_hand() -> F1ByHand:
     robot = gt.robots.f1_gantry_tau()
-    return F1ByHand(
-        **{k: np.array(getattr(robot, k)) for k in ("A0", "v", "L", "A", "B", "u1_2", "u1_3", "u2_3", "r3")}
+    A0, v, L, A, B, u1_2, u1_3, u2_3, r3 = (
+        np.array(getattr(robot, name)) for name in ("A0", "v", "L", "A", "B", "u1_2", "u1_3", "u2_3", "r3")
     )
+    return F1ByHand(A0, v, L, A, B, u1_2, u1_3, u2_3, r3)
 
 
 def closures(by_hand: F1ByHand, q: np.ndarray, T: np.ndarray, e: np.ndarray) -> np.ndarray:

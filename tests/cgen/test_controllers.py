@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 
 import gtmodel as gt
-from gtmodel import Status
 from gtmodel.cgen.comparison import call
 from gtmodel.cgen.interface import Interface, interfaces
 from gtmodel.cgen.points import draw
@@ -26,9 +25,7 @@ FILES = ("l1_controller", "l1_controller_float", "f1_controller", "d1_controller
 ROBOTS = {"l1_tape": lambda: gt.robots.gantry_tau("l1_tape"), "f1": gt.robots.f1_gantry_tau,
           "d1_six_link": gt.robots.six_link_gantry_tau}  # fmt: skip
 CHANGED = 4  # constants of each part of a function
-# Newton forgives: a Jacobian that is wrong in the ninth digit leads to the same last bit
-RELATIVE = 1e-2
-LIMIT_POINTS = 500
+RELATIVE = {"double": 1e-9, "float": 1e-6}  # a change that a person would not see
 MIXED = 40  # rows of each of two courses
 NEWTON_TEXT = 12_000  # bytes of machine code of the Newton blocks of a function, loop and guards included
 
@@ -54,36 +51,23 @@ def faces_of(problem: dict[str, Any]) -> list[Interface]:
 def test_every_part_of_every_function_is_under_self_test(made: tuple[dict[str, Any], Path], tmp_path: Path) -> None:
     problem, out = made
     folder = copy(out, tmp_path)
-    name = problem["name"]
+    name, relative = problem["name"], RELATIVE[problem.get("real", "double")]
     body = folder / f"gt_{name}_body.c"
     text = body.read_text()
     compiler = ("cc", "-O0", "-ffp-contract=off")
     succeed(*compiler, "-c", *[f for f in c_files(folder) if f != body.name], cwd=folder)
-    faces = faces_of(problem)
-    library = shared(out, tmp_path / "original.so")
     tried: dict[str, int] = {}
-    limits = []
     for part in re.finditer(r"^/\* (gt_\w+):\(.*?^}\n", text, re.M | re.S):
         constants = list(re.finditer(r"(?<==)(-?\d\.\d+(?:e[+-]\d+)?)(f?)(?=;)", part[0]))
         spread = np.linspace(0, len(constants) - 1, CHANGED).round().astype(int)
         for constant in [constants[k] for k in sorted(set(spread.tolist()))] if constants else []:
             first, last = part.start() + constant.start(), part.start() + constant.end()
-            other = f"{float(constant[1]) * (1 + RELATIVE)!r}{constant[2]}"
+            other = f"{float(constant[1]) * (1 + relative)!r}{constant[2]}"
             body.write_text(f"{text[:first]}{other}{text[last:]}")
             succeed("sh", "-c", f"{' '.join(compiler)} -c {body.name} && cc *.o -lm", cwd=folder)
             tried[part[1]] = tried.get(part[1], 0) + 1
-            if run("./a.out", cwd=folder).returncode == 1:
-                continue
-            # a constant of a margin alone moves the edge between two statuses: no value may depend on it
-            limits.append((part[1], constant[0]))
-            face = next(f for f in faces if part[1].startswith(f"{f.symbol}_"))
-            rows = draw(face, LIMIT_POINTS, seed=9)
-            other = shared(folder, tmp_path / f"other{len(limits)}.so")
-            (a, first), (b, second) = call(library, face, rows), call(other, face, rows)
-            both = (first == Status.OK) & (second == Status.OK)
-            assert both.sum() > 10 and np.array_equal(a[both], b[both]), limits[-1]
-    print(f"{sum(tried.values())} constants changed, {len(limits)} of margins alone: {limits}")
-    assert len(limits) < 0.25 * sum(tried.values())
+            assert run("./a.out", cwd=folder).returncode == 1, (part[1], constant[0])
+    print(f"{sum(tried.values())} constants changed")
     for f in problem["functions"]:
         assert sum(n for symbol, n in tried.items() if symbol.startswith(f"gt_{name}_{f['name']}_")) >= CHANGED
 

@@ -27,7 +27,8 @@ def test_a_users_folder_is_refused(pendulum: Functions, tmp_path: Path) -> None:
     with pytest.raises(cgen.GenerationError) as caught:
         cgen.generate(pendulum, tmp_path, name="p", overwrite=True)
     assert str(caught.value) == (
-        f"'{tmp_path}' is not empty and was not written by gtmodel; choose a new or an empty folder"
+        f"'{tmp_path}' is not empty and was not written by gtmodel, it holds no manifest.json; "
+        "choose a new or an empty folder"
     )
     assert bytes_of(tmp_path) == {"thesis.tex": b"ten years of work"}
 
@@ -99,7 +100,7 @@ def test_edited_files_need_permission(small: Functions, small_folder: Path, tmp_
 
 
 def test_the_contract_is_one_page_and_in_every_readme(small_folder: Path) -> None:
-    page = (codegen_dir() / "runtime" / "contract.md").read_text()
+    page = (codegen_dir() / "contract.md").read_text()
     docs = Path(__file__).parents[2] / "docs" / "c_contract.md"
     assert docs.read_text().endswith(page) and len(docs.read_text().splitlines()) < 66
     assert page in (small_folder / "README.md").read_text()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import re
 import subprocess
 from pathlib import Path
 
@@ -169,3 +170,32 @@ def test_steps_have_the_statuses_of_their_causes() -> None:
     z, status = newton(circle, start, np.ones(1), np.array([1e11]), 1e-9, 1e-10)
     assert status.tolist() == [Status.OK, Status.NOT_CONVERGED, Status.SINGULAR, Status.NOT_CONVERGED]
     assert abs(z[0, 0] - 1.0) < 1e-15
+
+
+def test_self_test_sees_constants_that_no_answer_shows(folder: Path, tmp_path: Path) -> None:
+    """Those of a margin, which only move the edge between two statuses, and of the state to begin with."""
+    place, unoptimised = copy(folder, tmp_path), ("-O0", "-ffp-contract=off")
+    succeed("cc", *unoptimised, "-c", *c_files(place), cwd=place)
+    body, guards = place / "gt_n_body.c", place / "gt_n.c"
+    parts = {
+        body: re.findall(r"(?<==)-?\d\.\d+(?:e[+-]\d+)?(?=;)", _of(r"/\* gt_n_ik_prepare0:\(", body))[-6::2],
+        guards: re.findall(r"(?<== )-?\d+\.\d+(?=;)", _of(r"void gt_n_ik_start\(", guards))[:1],
+    }
+    assert [len(found) for found in parts.values()] == [3, 1]
+    for file, constants in parts.items():
+        text = file.read_text()
+        for constant in constants:
+            at = text.rindex(f"={constant};") if file is body else text.index(f"= {constant};")
+            file.write_text(f"{text[:at]}{text[at:].replace(constant, repr(float(constant) * (1 + 1e-9)), 1)}")
+            succeed("sh", "-c", f"cc {' '.join(unoptimised)} -c {file.name} && cc *.o -lm", cwd=place)
+            assert run("./a.out", cwd=place).returncode == 1, constant
+        file.write_text(text)
+        succeed("cc", *unoptimised, "-c", file.name, cwd=place)
+    succeed("sh", "-c", "cc *.o -lm && ./a.out", cwd=place)
+
+
+def _of(beginning: str, file: Path) -> str:
+    """Text of a function in C."""
+    found = re.search(rf"^{beginning}.*?^}}\n", file.read_text(), re.M | re.S)
+    assert found, beginning
+    return found[0]

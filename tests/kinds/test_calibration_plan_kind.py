@@ -174,7 +174,7 @@ def test_an_f1_is_planned_with_turns_of_its_plate(one_f1: None):
     v = done.values
     assert v["approved"] and (v["told"], v["parameters"]) == (63, 72)
     assert v["simulated_error_m"] == pytest.approx(v["predicted_error_m"], rel=0.4)  # two runs
-    rows = [line.split(",") for line in done.files["poses.csv"].splitlines() if not line.startswith("#")]
+    rows = [line.split(",") for line in str(done.files["poses.csv"]).splitlines() if not line.startswith("#")]
     heads = [*(f"q[{k}] [mm]" for k in range(3)), *(f"q[{k}] [deg]" for k in range(3, 6))]
     assert rows[0] == ["pose", "purpose", *heads, *(f"T[{k}] [mm]" for k in range(3)), *(f"e[{k}]" for k in range(4))]
     table = np.array([row[2:] for row in rows[1:]], float)
@@ -185,7 +185,7 @@ def test_an_f1_is_planned_with_turns_of_its_plate(one_f1: None):
     assert np.all(status == 0)
     np.testing.assert_allclose(1e3 * T, table[:, 6:9], atol=2e-3)  # 1e-4 deg and 1e-4 mm at some metres
     np.testing.assert_allclose(np.abs(np.sum(e * table[:, 9:], axis=1)), 1.0, atol=1e-9)
-    assert "d, e, f the rotary axes in degrees" in done.files["poses.mod"]
+    assert "d, e, f the rotary axes in degrees" in str(done.files["poses.mod"])
     assert list(done.figures)[-1] == "7_predicted_error" and done.figures["6_parameters"]() is not None
 
 

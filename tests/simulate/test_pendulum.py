@@ -73,11 +73,13 @@ def test_rows_far_apart_hide_no_singular_pose(step):
 
 
 def test_a_choice_made_before_costs_nothing(monkeypatch):
+    from gtmodel.compiler.sharing import shared
     from gtmodel.simulate import systems
 
     made = []
     plan = systems.make_plan
     monkeypatch.setattr(systems, "make_plan", lambda *a, **k: made.append(1) or plan(*a, **k))
+    shared.cache_clear()  # plans of the tests before this one
     model = Pendulum()
     run = simulate(model, 5.0, start={"x": 0.0, "y": -1.0, "der(x)": 7.0}, tolerance=1e-8)
     # two choices of states with two signs each, and the plan they share
