@@ -124,11 +124,12 @@ def _field(
                 values[q][n, experiment.direction] = getattr(fit, q)[0]
     p = problem.process
     for d, name in enumerate("xyz"):
-        told = int(np.isfinite(values["m"][:, d]).sum())
-        if told < len(p.scale_m) + 3:
+        told = len(np.unique(poses[np.isfinite(values["m"][:, d])].round(9), axis=0))
+        least = len(p.scale_m) + 4  # one is held out
+        if told < least:
             key = "synthetic" if problem.measured is None else "measured.index"
             raise InputError(
-                f"{told} experiments in {name} gave a mode; a field takes {len(p.scale_m) + 3} or more",
+                f"experiments in {name} gave a mode at {told} different poses; a field takes {least} or more",
                 key,
             )
     note = None if made is None else made.note

@@ -161,6 +161,7 @@ def _dynamic(
         Row("mode coupling", coupling.sentence),
         Row("regenerative chatter", f"{'none' if radius < 1 else 'to be expected'}: spectral radius {radius:.3f}"),
         Row("dynamics", task.whence),
+        *_known(angles, f),
         *(Row(*_combined(c)) for c in f.combinations if len(f.combinations) > 1),
     ]
     checks["spectral_radius"] = Check(radius, 1.0, radius < 1)
@@ -174,6 +175,15 @@ def _dynamic(
         shown = f"{1e3 * depth:.3g}" if np.isfinite(depth) else "no limit"
         rows.append(Row("stable depth at this speed, zeroth order", shown, "mm"))
         figures["lobes"] = lambda: milling_pictures.lobes_of(problem, task, lobes)
+
+
+def _known(angles: np.ndarray, f: Found) -> list[Row]:
+    """Where dynamics are known, if not at every reachable angle."""
+    there = np.isfinite(f.peak)
+    if there.sum() == f.place.sweep.reachable.sum():
+        return []
+    said = ", ".join(f"{a:.4g} to {b:.4g}" for a, b in _runs(angles, there))
+    return [Row("angles with known dynamics", f"{said}; other reachable angles are judged by stiffness alone", "deg")]
 
 
 def _whence(problem: Schema, f: Found) -> str:

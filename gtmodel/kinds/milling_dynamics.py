@@ -128,10 +128,19 @@ def _of_field(file: str, context: Context) -> tuple[Callable[..., Dynamics], str
             a = np.atleast_1d(angle)
             return Oscillators(*field.at(np.column_stack([np.tile(place, (len(a), 1)), a])))
 
-        rows = np.flatnonzero(reachable)
+        poses = np.column_stack([np.tile(place, (len(angles), 1)), angles])
+        known = reachable & field.covers(poses)
+        rows = np.flatnonzero(known)
+        if not len(rows):
+            where = ", ".join(f"{x:.4g}" for x in place)
+            raise InputError(
+                f"tells nothing of a reachable angle at ({where}) m: too far from the poses that were measured, or too "
+                "few of them; measure nearer to the work",
+                "oscillator_field",
+            )
         A = ca.SX.sym("A")
         along = ca.Function("oscillators", [A], field.casadi_function()(ca.vertcat(*place, A)), ["A"], ["m", "c", "k"])
-        return Dynamics(rows, at(angles[rows]), at, lambda row: (along, *_run(angles, reachable, row)))
+        return Dynamics(rows, at(angles[rows]), at, lambda row: (along, *_run(angles, known, row)))
 
     made_up = f"; synthetic: {field.synthetic}" if field.synthetic else ""
     return dynamics, f"Gaussian processes over the pose, {file}{made_up}"

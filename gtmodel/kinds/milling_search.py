@@ -87,9 +87,9 @@ def _combinations(problem: Schema, context: Context, f: Found, static: int) -> l
     for p, where in enumerate([problem.place_m, *s.places_m]):
         try:
             place = f.place if p == 0 else place_of(problem, task, where)
-        except InputError:
-            raise
         except ValueError as error:
+            if isinstance(error, InputError) and error.key != "oscillator_field":
+                raise
             f.combinations.append({"place_m": where, "reason": str(error)})
             continue
         dynamics = place.dynamics

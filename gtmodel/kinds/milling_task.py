@@ -27,11 +27,15 @@ from gtmodel.milling import (
     to_world,
     tooth_frequency,
 )  # fmt: skip
+from gtmodel.milling.deflection import duration, samples_per_turn
 from gtmodel.robots.kr500 import kr500_limits
 
 from .base import Context, InputError
 from .milling_dynamics import Dynamics, source
 from .milling_keys import Schema
+
+SOFTEST_PA = 1e4  # of cutting coefficients
+LARGEST_M = 1.0  # of a cutter and its depths
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,6 +79,7 @@ def task_of(problem: Schema, context: Context) -> Task:
     coefficients = Coefficients(c.K_te_N_m, c.K_tc_Pa, c.K_re_N_m, c.K_rc_Pa, c.K_ae_N_m, c.K_ac_Pa)
     angles = None if c.tooth_angles_deg is None else np.deg2rad(c.tooth_angles_deg)
     runout = None if c.runout_m is None else np.array(c.runout_m)
+    _plausible(problem)
     cutter = _made(
         lambda: Cutter(c.diameter_m, c.teeth, coefficients, np.deg2rad(c.helix_deg), angles, runout), "cutter"
     )
@@ -83,6 +88,7 @@ def task_of(problem: Schema, context: Context) -> Task:
     for n, rpm in enumerate([k.speed_rpm, *problem.search.speeds_rpm]):
         key = "cut.speed_rpm" if n == 0 else f"search.speeds_rpm[{n - 1}]"
         _made(lambda rpm=rpm: tooth_frequency(rpm / 60, cutter.teeth), key)
+        _made(lambda rpm=rpm: samples_per_turn(rpm / 60, cutter.teeth, duration(rpm / 60)), key)
     up = -np.array(problem.tool.axis)
     for n, feed in enumerate([k.feed_direction, *problem.search.feed_directions]):
         key = "cut.feed_direction" if n == 0 else f"search.feed_directions[{n - 1}]"
@@ -97,6 +103,24 @@ def task_of(problem: Schema, context: Context) -> Task:
         raise InputError(f"expected a serial arm with a spherical wrist such as kr500; {error}", "robot") from error
     return Task(model, arm, limits, cutter, cut, k.speed_rpm / 60, np.array(k.feed_direction), up,
                 *source(problem, context))  # fmt: skip
+
+
+def _plausible(problem: Schema) -> None:
+    """Raises InputError for millimetres in place of metres and N/mm2 in place of pascals."""
+    c, k = problem.cutter, problem.cut
+    if 0 <= c.K_tc_Pa < SOFTEST_PA:
+        raise InputError(
+            f"is {c.K_tc_Pa:g} Pa; the softest foam takes more than {SOFTEST_PA:g} Pa: 1 N/mm2 is 1e6 pascals",
+            "cutter.K_tc_Pa",
+        )
+    lengths = {
+        "cutter.diameter_m": (c.diameter_m, LARGEST_M), "cut.radial_depth_m": (k.radial_depth_m, LARGEST_M),
+        "cut.axial_depth_m": (k.axial_depth_m, LARGEST_M),
+        "cut.feed_per_tooth_m": (k.feed_per_tooth_m, c.diameter_m / 2),
+    }  # fmt: skip
+    for key, (value, most) in lengths.items():
+        if value >= most:
+            raise InputError(f"is {value:g} m; expected less than {most:g} m, so give metres, not millimetres", key)
 
 
 def title_of(problem: Schema, task: Task) -> str:
@@ -181,7 +205,9 @@ def refined(
             curve, low, high = dynamics.smooth(row)
         except ValueError:
             continue  # an angle that stands alone has nothing to be refined on
-        at = float(np.clip(angles[row], low, high))
+        # the same angle, by whole turns, where the curve is known
+        turned = angles[row] if low <= angles[row] <= high else low + (angles[row] - low) % (2 * np.pi)
+        at = float(np.clip(turned, low, high))
         ends = (max(low, at - step), min(high, at + step)) if speed is None else (low, high)
         begin = task.speed if speed is None else float(np.clip(task.speed, *speed))
         starts.setdefault(curve, []).append(Start(at, *ends, begin))

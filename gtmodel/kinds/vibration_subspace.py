@@ -28,6 +28,7 @@ from .base import Check, InputError, Outcome, Row
 from .vibration_keys import Physical, Schema
 from .vibration_values import interval, listed, pairs_of, rows_of, said, values
 
+POOR = 30.0  # percent of fit: below, a model explains less than half of the variance
 WITHIN = 1e-3  # of synthetic structures: largest relative error (2-norm) of M, D and K; the bound
 
 
@@ -120,6 +121,12 @@ def _words(p: Physical | None, model: SubspaceModel, near: str, s: _Structure | 
     words = [f"order {model.order}: {model.why}"]
     if near:
         words.append(near)
+    words += [
+        f"output {k + 1}: held-out samples are predicted {'worse' if fit < 0 else 'little better'} than by their mean "
+        f"(fit {fit:.3g} %): the model says little of it; excite more, avoid noise and trends, look at the columns"
+        for k, fit in enumerate(model.held_out_fit)
+        if fit < POOR
+    ]
     if s is None or p is None:
         return words
     if p.mass and s.known is not None and p.refine:
@@ -128,6 +135,16 @@ def _words(p: Physical | None, model: SubspaceModel, near: str, s: _Structure | 
             if s.fit
             else "masses alone are known: M, D, K follow from M^-1 K and M^-1 D, without intervals"
         )
+    if s.fit is not None:
+        e = s.fit.estimate
+        for m in p.mass:
+            name = f"M[{m.coordinate - 1},{m.coordinate - 1}]"
+            low, high = e.interval(name)
+            if not low - 0.01 * m.mass_kg <= m.mass_kg <= high + 0.01 * m.mass_kg:
+                words.append(
+                    f"the mass of coordinate {m.coordinate} is given as {m.mass_kg:g} kg; force and recording say "
+                    f"{e.value(name):.5g} ({low:.5g} .. {high:.5g}) kg: one of mass, force and its coordinate is wrong"
+                )
     # with M known, that it needs a force or a mass is no news
     words += [w for w in s.form.words if w != near and (s.known is None or w != s.form.words[0])]
     words += [*(s.modes.words if s.modes else ()), *(s.fit.words if s.fit else ())]
@@ -183,8 +200,15 @@ def _files(model: SubspaceModel, best: SecondOrder | None, record: Record) -> di
     box = {name: np.asarray(getattr(S, name)).tolist() for name in "ABCD"}
     files = {
         "model.toml": comment
-        + "# x[k+1] = A x + B u, y = C x + D u\n"
-        + tomli_w.dumps({"sample_time_s": record.sample_time, **box, "initial_state": model.initial_state.tolist()})
+        + "# x[k+1] = A x + B u, y = C x + D u + offset\n"
+        + tomli_w.dumps(
+            {
+                "sample_time_s": record.sample_time,
+                **box,
+                "initial_state": model.initial_state.tolist(),
+                "offset": model.offset.tolist(),
+            }
+        )
     }
     if best is not None:
         numbers = {"M_kg": best.M.tolist(), "D_kg_s": best.D.tolist(), "K_N_m": best.K.tolist()}

@@ -17,6 +17,7 @@ ROUNDING = 1e-9  # rad, of an angle given in degrees
 class AngleTable:
     """Oscillators known at angles (n,) [rad], between them by monotone cubics through log m, log c, log k.
 
+    Angles are the same after whole turns.
     Beyond the first and last angle nothing is known. Raises ValueError for fewer than two angles or unequal numbers.
     """
 
@@ -29,13 +30,24 @@ class AngleTable:
         order = np.argsort(angles)
         if np.any(np.diff(angles[order]) <= 0):
             raise ValueError("the same angle stands twice; expected different angles")
+        if angles[order[-1]] - angles[order[0]] > 2 * np.pi + ROUNDING:
+            low, high = np.rad2deg(angles[order[[0, -1]]])
+            raise ValueError(f"the angles run from {low:g} to {high:g} deg; expected one turn of 360 deg at most")
         self.angles = angles[order]
         o = oscillators[order]
         self._curve = PchipInterpolator(self.angles, np.log(np.hstack([o.m, o.c, o.k])), extrapolate=False)
 
     def covers(self, angles: ArrayLike) -> np.ndarray:
         """(n,) whether the table tells anything at these angles [rad]."""
-        a = np.asarray(angles, float).ravel()
+        return self.turned(angles) <= self.angles[-1] + ROUNDING
+
+    def turned(self, angles: ArrayLike) -> np.ndarray:
+        """The same angles (n,) [rad], by whole turns, from the first of the table to one turn beyond it."""
+        a, first = np.asarray(angles, float).ravel(), self.angles[0] - ROUNDING
+        return np.where(self._within(a), a, first + (a - first) % (2 * np.pi))
+
+    def _within(self, a: np.ndarray) -> np.ndarray:
+        """(n,) whether angles [rad] lie within the table as they are."""
         return (a >= self.angles[0] - ROUNDING) & (a <= self.angles[-1] + ROUNDING)
 
     def at(self, angles: ArrayLike) -> Oscillators:
@@ -45,7 +57,7 @@ class AngleTable:
             worst = a[~self.covers(a)][0]
             low, high = np.rad2deg(self.angles[[0, -1]])
             raise ValueError(f"the angle {np.rad2deg(worst):g} deg is outside the table, {low:g} to {high:g} deg")
-        values = np.exp(self._curve(np.clip(a, *self.angles[[0, -1]])))
+        values = np.exp(self._curve(np.clip(self.turned(a), *self.angles[[0, -1]])))
         return Oscillators(values[:, :3], values[:, 3:6], values[:, 6:])
 
     def casadi_function(self) -> Any:

@@ -56,6 +56,12 @@ class Cutter:
             raise ValueError(f"the helix angle is {np.rad2deg(self.helix):g} deg; expected 0 to less than 90")
         if not np.all(np.isfinite(self.coefficients)):
             raise ValueError(f"the cutting coefficients are {tuple(self.coefficients)}; expected finite numbers")
+        k = self.coefficients
+        if k.K_tc < 0 or k.K_te < 0:
+            name, value = ("K_tc", k.K_tc) if k.K_tc < 0 else ("K_te", k.K_te)
+            raise ValueError(
+                f"{name} is {value:g}; expected 0 or more, for a chip brakes the tooth and does not drive it"
+            )
         for name in ("tooth_angles", "runout"):
             given = getattr(self, name)
             if given is not None and (np.shape(given) != (self.teeth,) or not np.all(np.isfinite(given))):

@@ -26,7 +26,10 @@ class Lobes:
     branch: np.ndarray
 
     def depth_at(self, speed: ArrayLike) -> np.ndarray:
-        """Greatest stable axial depth (n,) [m] at spindle speeds (n,) [1/s]; infinite where no lobe limits it."""
+        """Greatest stable axial depth (n,) [m] at spindle speeds (n,) [1/s]; infinite where no lobe limits it.
+
+        Where slow speeds need lobes beyond the last one, the least depth that these may reach counts.
+        """
         speeds = np.asarray(speed, float).ravel()
         best = np.full(len(speeds), np.inf)
         joined = (np.diff(self.branch) == 0) & (np.diff(self.lobe) == 0) & (np.diff(self.speed) != 0)
@@ -37,7 +40,11 @@ class Lobes:
             if here.any():
                 (n0, n1), (a0, a1) = n[:, here], a[:, here]
                 best[i] = (a0 + (at - n0) / (n1 - n0) * (a1 - a0)).min()
-        return best
+        # a point of the last lobe that is faster than a speed belongs to a further lobe there
+        last = np.flatnonzero(self.lobe == self.lobe.max(initial=0))
+        last = last[np.argsort(-self.speed[last], kind="stable")]
+        least = np.minimum.accumulate(np.append(np.inf, self.depth[last]))
+        return np.minimum(best, least[np.searchsorted(-self.speed[last], -speeds)])
 
 
 def stability_lobes(

@@ -16,6 +16,7 @@ LENGTHS = (0.05, 20.0)  # in units of the inputs' scales: beyond, an input is no
 AMPLITUDES, NOISES = (0.03, 30.0), (1e-3, 3.0)  # in units of the standard deviation of the data
 STARTS = 4
 FOLDS = 6
+SAME = 1e-6  # in units of the inputs' scales: poses nearer are one pose, measured again
 STILL = 1e-7  # change of the log likelihood, relative: converged
 
 
@@ -66,16 +67,17 @@ def fit_gaussian_processes(
 
     Lengths, amplitudes and noises maximise the sum of the log marginal likelihoods, from `starts` starts of which the
     first has lengths of one scale; `start`: log of a known optimum instead, as parameters_of() gives it.
-    Raises ValueError for wrong shapes, or fewer poses than inputs and two more.
+    Raises ValueError for wrong shapes, or fewer different poses than inputs and two more.
     """
     X, Y = np.asarray(X, float), np.atleast_2d(np.asarray(Y, float))
     d = len(inputs.scale)
     if X.ndim != 2 or X.shape[1] != d or Y.shape[1] != len(X):
         raise ValueError(f"poses {X.shape} and values {Y.shape} do not fit; expected (n, {d}) and (p, n)")
-    if len(X) < d + 2:
-        raise ValueError(f"{len(X)} poses for a process over {d} inputs; measure {d + 2} or more")
     if not (np.all(np.isfinite(X)) and np.all(np.isfinite(Y))):
         raise ValueError("a pose or a value is not finite; leave it out")
+    different = len(np.unique(_places(X, inputs)))
+    if different < d + 2:
+        raise ValueError(f"{different} different poses for a process over {d} inputs; measure {d + 2} or more")
     p = len(Y)
     levels = [level_of(y) for y in Y]
     spread = np.array(
@@ -112,21 +114,38 @@ def held_out(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Errors and standard deviations (p, n) of measurements from processes fitted without them.
 
-    Unlike leave_one_out() the hyperparameters have not seen them either: fitted anew from those of all data.
+    Unlike leave_one_out() the hyperparameters have not seen them either: fitted anew from those of all data. What was
+    measured at one pose is held out together: its repetitions would tell the answer. Raises ValueError where so few
+    different poses were measured that none can be spared.
     """
     first = processes[0]
     n = len(first.y)
     Y = np.stack([g.y for g in processes])
     errors, stds = np.zeros_like(Y), np.zeros_like(Y)
-    order = np.random.default_rng(seed).permutation(n)
+    places = _places(first.X, first.inputs)
+    count, least = int(places.max()) + 1, len(first.inputs.scale) + 2
+    if count <= least:
+        raise ValueError(f"{count} different poses, and none to hold out; measure {least + 1} or more")
+    order = np.random.default_rng(seed).permutation(count)
     start = parameters_of(processes)
-    for part in np.array_split(order, min(folds, n)):
+    folds = max(min(folds, count), -(-count // (count - least)))
+    for group in np.array_split(order, folds):
+        part = np.concatenate([np.flatnonzero(places == g) for g in group])
         kept = np.setdiff1d(np.arange(n), part)
         fitted = fit_gaussian_processes(first.X[kept], Y[:, kept], first.inputs, shape=first.shape, start=start)
         for j, g in enumerate(fitted):
             mean, std = g.predict(first.X[part], of="measurement")
             errors[j, part], stds[j, part] = Y[j, part] - mean, std
     return errors, stds
+
+
+def _places(X: np.ndarray, inputs: Inputs) -> np.ndarray:
+    """Number (n,) of the different pose that each pose is, in the order in which they first stand there."""
+    rounded = (inputs.coordinates(X) / SAME).round()
+    first, own = np.unique(rounded, axis=0, return_index=True, return_inverse=True)[1:]
+    rank = np.empty(len(first), int)
+    rank[np.argsort(first)] = np.arange(len(first))
+    return rank[own.ravel()]
 
 
 def _unit_level() -> float:

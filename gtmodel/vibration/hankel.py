@@ -42,7 +42,9 @@ def block_hankel(values: np.ndarray, blocks: int) -> np.ndarray:
 
 
 def project(record: Record, blocks: int) -> Projection:
-    """LQ factor of past and future with `blocks` block rows each.
+    """LQ factor of past and future with `blocks` block rows each, every row without its mean.
+
+    A constant that is added to an input or an output, such as where a robot stands, then does not count.
 
     Raises VibrationError: too few samples for so many rows, inputs that do not excite so many rows.
     """
@@ -54,7 +56,7 @@ def project(record: Record, blocks: int) -> Projection:
             f"{len(record)} samples are too few for {blocks} block rows of {m} inputs and {p} outputs; expected at "
             f"least {rows + 2 * blocks - 1}: record longer, or take fewer block rows (a lower order)"
         )
-    U, Y = block_hankel(record.u, 2 * blocks), block_hankel(record.y, 2 * blocks)
+    U, Y = (x - x.mean(axis=1, keepdims=True) for x in (block_hankel(v, 2 * blocks) for v in (record.u, record.y)))
     size = np.linalg.svd(np.linalg.qr(U.T, mode="r"), compute_uv=False)
     if size[0] == 0 or size[-1] < EXCITED * size[0]:
         rank = int(np.sum(size > EXCITED * max(size[0], 1e-300)))

@@ -10,6 +10,7 @@ import numpy as np
 from gtmodel.inference import nonlinear_fit, whiteness
 from gtmodel.results import Estimate
 
+from .continuous import NEAR
 from .hankel import block_hankel
 from .output_error import central
 from .record import Record, VibrationError, columns
@@ -96,6 +97,12 @@ def identify_impulse(record: Record, *, modes: int | None = None, largest: int =
             "vibrates at least once; begin just after the hit, record longer, or ask for fewer modes"
         )
     best = min(fits, key=lambda k: fits[k].criterion) if modes is None else modes
+    still = _at_rest(record)
+    if fits[best].criterion >= still:
+        raise VibrationError(
+            f"rest and noise explain the {len(record)} samples as well as {best} resonance{'s' * (best > 1)}: "
+            "nothing stands out that decays and vibrates; begin just after the hit, or hit harder"
+        )
     return fits[best].model(record, {k: f.criterion for k, f in sorted(fits.items())})
 
 
@@ -206,10 +213,25 @@ class _Sines:
             for a, b, d in zip(found, found[1:], distance, strict=False)
             if d < OVERLAP
         ]
+        nyquist = 0.5 / record.sample_time
+        words += [
+            f"a mode at {r.damped_Hz:.4g} Hz is near the Nyquist frequency of {nyquist:.4g} Hz: these samples cannot "
+            f"tell it from one at {2 * nyquist - r.damped_Hz:.4g} Hz"
+            for r in found
+            if r.damped_Hz > NEAR * nyquist
+        ]
         return ImpulseModel(
             tuple(found), distance, system, self.amplitudes[0], criterion, e,
             np.sqrt(np.mean(error**2, axis=0)), self.fitted, tuple(words), record.synthetic,
         )  # fmt: skip
+
+
+def _at_rest(record: Record) -> float:
+    """The criterion of a record in which nothing vibrates: rest positions and noise."""
+    y = record.y
+    level = np.finfo(float).eps ** 2 * float(np.sum(y**2))
+    rss = float(np.sum((y - y.mean(axis=0)) ** 2))
+    return y.size * np.log((rss + level) / y.size) + y.shape[1] * np.log(y.size)
 
 
 def _columns(t: np.ndarray, x: np.ndarray) -> np.ndarray:

@@ -10,18 +10,20 @@ from .response import free_responses, states
 
 def input_matrices(
     record: Record, A: np.ndarray, C: np.ndarray, *, feedthrough: bool
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """B (n, m), D (p, m) and x0 (n,) whose simulated outputs are nearest to the measured ones in the 2-norm.
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """B (n, m), D (p, m), x0 (n,) and the outputs' offset (p,) whose simulated outputs are nearest to the measured ones
+    in the 2-norm.
 
     Without `feedthrough` D is zero. A must be stable over the record: powers of an unstable one overflow.
     """
     N, p, m, n = len(record), len(C), record.u.shape[1], len(A)
-    F = np.zeros((p, N, m * n + n))
+    F = np.zeros((p, N, m * n + n + p))
     for i in range(p):
         # the transposed system gives C_i (qI - A)^-1 u_j for all states at once
         for j in range(m):
             F[i, :, j * n : (j + 1) * n] = states(A.T, np.outer(record.u[:, j], C[i]), np.zeros(n))
-    F[:, :, m * n :] = np.moveaxis(free_responses(A, C, N), 1, 0)
+    F[:, :, m * n : m * n + n] = np.moveaxis(free_responses(A, C, N), 1, 0)
+    F[range(p), :, range(m * n + n, m * n + n + p)] = 1.0
     right = record.y.T
     if feedthrough:
         # D touches one output each: eliminated output by output
@@ -32,7 +34,7 @@ def input_matrices(
     D = np.zeros((p, m))
     if feedthrough:
         D = np.stack([fit[i][0] - fit[i][1] @ x for i in range(p)])  # pyright: ignore[reportPossiblyUnboundVariable]
-    return x[: m * n].reshape(m, n).T, D, x[m * n :]
+    return x[: m * n].reshape(m, n).T, D, x[m * n : m * n + n], x[m * n + n :]
 
 
 def _without(

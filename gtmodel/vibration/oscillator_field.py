@@ -15,6 +15,7 @@ from .gaussian_process_kernel import Inputs, Shape
 
 DIRECTIONS, QUANTITIES = ("x", "y", "z"), ("m", "c", "k")
 SCALES = (0.5, 0.5, 0.5, 1.0)  # m, m, m, rad: over which an arm of three metres changes
+UNTOLD = 0.5  # share of the variance of measured values: where more is left, they tell too little
 # shares of log m, log c, log k
 _OF = {"m": (1, 0, 0), "c": (0, 1, 0), "k": (0, 0, 1), "fn": (-0.5, 0, 0.5), "zeta": (-0.5, 1, -0.5)}
 _CONSTANT = {"fn": -np.log(2 * np.pi), "zeta": -np.log(2.0)}
@@ -48,6 +49,18 @@ class OscillatorField:
         log, std = self._log(name, pose, of)
         q = float(stats.norm.ppf((1 + level) / 2))
         return np.exp(np.stack([log - q * std, log + q * std], axis=-1))
+
+    def covers(self, pose: Any) -> Any:
+        """Whether the measurements tell the oscillators at a pose (4,), or at each of poses (n, 4) -> (n,).
+
+        No where the variance that some process leaves, not widened, is more than half that of its measured logarithms:
+        far from them a prediction is little more than their mean. casadi_function() does not ask this.
+        """
+        poses = np.atleast_2d(np.asarray(pose, float))
+        told = np.ones(len(poses), bool)
+        for g in self.processes.values():
+            told &= (g.predict(poses)[1] / g.inflation) ** 2 <= UNTOLD * np.var(g.y)
+        return told if np.ndim(pose) > 1 else bool(told[0])
 
     def casadi_function(self, *, std: bool = False, name: str = "oscillators") -> Any:
         """CasADi function pose (4,) -> m, c, k (3,) each; with `std` their relative standard deviations follow.

@@ -119,13 +119,15 @@ def second_order_states(
 
 
 def _predict(record: Record, M: np.ndarray, D: np.ndarray, K: np.ndarray, F: np.ndarray) -> np.ndarray:
-    """Positions (N, p) from the input and the initial state that fits best."""
+    """Positions (N, p) from the input and the initial state and rest positions that fit best."""
     A, B, C = second_order_states(M, D, K, F)
     if np.linalg.eigvals(A).real.max() * record.sample_time * len(record) > 100:
         raise ValueError("diverges")
     Ad, Bd = held(A, B, record.sample_time)
     forced = simulate(Ad, Bd, C, np.zeros((len(C), Bd.shape[1])), record.u)
     free = free_responses(Ad, C, len(record))
+    # where each position rests without a force
+    free = np.concatenate([free, np.broadcast_to(np.eye(len(C)), (len(free), len(C), len(C)))], axis=2)
     n = free.shape[2]
     size = np.linalg.norm(free, axis=(0, 1))
     x0 = np.linalg.lstsq((free / size).reshape(-1, n), (record.y - forced).ravel(), rcond=None)[0] / size

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 LONGEST = 25  # samples of delay tried when none is given: 100 ms at 4 ms
 AFTER = 10  # samples that must follow a step and its delay
 SURE = 0.01  # of the likelihood-ratio test between the delay and its neighbours
+SETTLED = 0.05  # of a step: what may be left at the end of a recording
 NEVER = 3 - 2 * np.sqrt(2)  # a pole below: the gain does not fall by 3 dB up to the Nyquist frequency
 
 
@@ -81,7 +82,8 @@ def identify_step(records: Record | Sequence[Record], *, delay: int | None = Non
     floor = np.finfo(float).eps ** 2 * sum(float(r.y.var()) for r in given) * len(given)
     near = [scans[d][1] for d in (best - 1, best + 1) if d in scans]
     ratio = count * np.log((min(near) + floor) / (scans[best][1] + floor)) if near else np.inf
-    sure = bool(ratio > stats.chi2.isf(SURE, 1))
+    at_end = delay is None and best == longest
+    sure = bool(ratio > stats.chi2.isf(SURE, 1)) and not at_end
 
     def misfit(x: np.ndarray) -> np.ndarray:
         return np.concatenate([_without_mean(x[1] * _unit(r, x[0], best) - r.y[:, 0]) for r in given])
@@ -111,8 +113,18 @@ def identify_step(records: Record | Sequence[Record], *, delay: int | None = Non
         "a model of first order has no resonance and no coupling: the thesis itself found (6.11) too slow for other "
         f"motions than its steps, so do not use it{above} or to bound an ILC error"
     )
-    if not sure:
+    if at_end:
+        words.append(
+            f"the delay is the longest that was tried, {longest} samples: the true one may be longer; try more"
+        )
+    elif not sure:
         words.append(f"a delay of {best} samples is not told from its neighbours at {100 * SURE:g} %")
+    after = max(len(r) - best - int(np.flatnonzero(r.u[:, 0] != r.u[0, 0])[0]) for r in given)
+    if a**after > SETTLED:
+        words.append(
+            f"{100 * a**after:.0f} % of the way to rest was still to go at the end of the recordings: gain and "
+            "bandwidth are extrapolated; record longer"
+        )
     fitted = tuple(
         b * _unit(r, a, best) + float(np.mean(r.y[:, 0] - b * _unit(r, a, best))) for r in given
     )  # fmt: skip

@@ -26,9 +26,10 @@ UNSTABLE = 1 + 1e-9  # modulus of a pole; rounding of a pole on the unit circle 
 
 @dataclass(frozen=True, eq=False)
 class SubspaceModel:
-    """x[k+1] = A x + B u, y = C x + D u from data, fitted to all samples.
+    """x[k+1] = A x + B u, y = C x + D u + offset from data, fitted to all samples.
 
-    `system` control.StateSpace in discrete time; `initial_state` (n,); `singular_values` of the weighted projection,
+    `system` control.StateSpace in discrete time; `initial_state` (n,); `offset` (p,) of the outputs, which the system
+    leaves out; `singular_values` of the weighted projection,
     largest first; `order` n with `why`; `gap_order` where the singular values fall most; `trials` per order tried,
     each with its error on held-out samples; `held_out_fit` (p,) in percent of those of this order (100: exact, 0: as
     bad as the mean), predicted from the fitted ones' initial state; `residual` (p,) rms over all samples, in the
@@ -41,6 +42,7 @@ class SubspaceModel:
     order: int
     why: str
     initial_state: np.ndarray
+    offset: np.ndarray
     singular_values: np.ndarray
     gap_order: int
     trials: tuple[OrderTrial, ...]
@@ -77,7 +79,8 @@ def identify_subspace(
         feedthrough: fit D; else it is zero, as from a force or a reference to a position.
         held_out: share of the samples at the end that is judged and not fitted, 0 < share < 1.
 
-    A and C come from the subspace, B, D and the initial state from least squares on simulated outputs. Sources:
+    A and C come from the subspace, B, D, the initial state and the outputs' offset from least squares on simulated
+    outputs; offsets of inputs and outputs do not count. Sources:
     Verhaegen and Verdult 2007, chapter 9; Van Overschee and De Moor 1996, chapter 4. Raises VibrationError: too few
     samples, inputs too poor, an order too high, an unstable model.
     """
@@ -107,14 +110,16 @@ def identify_subspace(
         A, C = part.dynamics(n)
         trial = OrderTrial(n, float(np.abs(np.linalg.eigvals(A)).max()), None)
         if trial.radius <= UNSTABLE:
-            B, D, x0 = input_matrices(fitting, A, C, feedthrough=feedthrough)
-            predictions[n] = simulate(A, B, C, D, record.u, x0)
+            B, D, x0, offset = input_matrices(fitting, A, C, feedthrough=feedthrough)
+            predictions[n] = simulate(A, B, C, D, record.u, x0) + offset
             error = predictions[n][split:] - record.y[split:]
             trial = trial._replace(held_out_rms=float(np.sqrt(np.mean(error**2))))
         trials.append(trial)
     gap_order = gap(part.singular_values, most)
     n, why = (
-        choose(trials, gap_order, float(np.sqrt(np.mean(record.y**2)))) if order is None else (order, "as asked for")
+        choose(trials, gap_order, float(np.sqrt(record.y.var(axis=0).mean())))
+        if order is None
+        else (order, "as asked for")
     )
     whole = Subspace(record, blocks, method)
     A, C = whole.dynamics(n)
@@ -125,13 +130,13 @@ def identify_subspace(
             f"the model of order {n} is unstable: a pole has the modulus {worst:.6g}, expected at most 1; take another "
             "order, more block rows or a longer recording"
         )
-    B, D, x0 = input_matrices(record, A, C, feedthrough=feedthrough)
+    B, D, x0, offset = input_matrices(record, A, C, feedthrough=feedthrough)
     import control
 
-    fitted = simulate(A, B, C, D, record.u, x0)
+    fitted = simulate(A, B, C, D, record.u, x0) + offset
     return SubspaceModel(
         control.StateSpace(A, B, C, D, record.sample_time),
-        method, n, why, x0, whole.singular_values, gap_order, tuple(trials),
+        method, n, why, x0, offset, whole.singular_values, gap_order, tuple(trials),
         fit_percent(record.y[split:], predictions[n][split:]),
         np.sqrt(np.mean((fitted - record.y) ** 2, axis=0)),
         split, predictions[n], fitted, record.synthetic,

@@ -189,7 +189,10 @@ def test_measured_records_with_their_units(measured) -> None:
         ("0,0,0,0,x,uneven.csv,", r"uneven.csv: the samples are not evenly spaced"),
         ("0,0,0,0,x,index.csv,", r"index.csv: expected the columns time \[s\],force \[N\],acceleration"),
         ("0,0,0,0,x,words.csv,", r"words.csv line 2: expected 3 numbers; found 0, a, 1"),
-        ("0,0,0,0,x,z0.csv,", r"measured.index: 1 experiments in x gave a mode; a field takes 6 or more"),
+        (
+            "0,0,0,0,x,z0.csv,",
+            r"measured.index: experiments in x gave a mode at 1 different poses; a field takes 7 or more",
+        ),
     ],
 )
 def test_wrong_records_are_one_sentence(measured, tmp_path, lines, said) -> None:
@@ -213,7 +216,7 @@ def test_wrong_records_are_one_sentence(measured, tmp_path, lines, said) -> None
         (("synthetic.box_deg=[9.0, 3.0]",), r"^synthetic.box_m: expected a lower and a higher limit"),
         (
             ("fit.search_Hz=[150.0, 190.0]", *SMALL, "synthetic.poses=8", "fit.modes=1"),
-            r"^synthetic: 0 experiments in x gave a mode",
+            r"^synthetic: experiments in x gave a mode at 0 different poses",
         ),
     ],
 )

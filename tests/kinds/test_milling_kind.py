@@ -123,6 +123,14 @@ def test_a_field_over_the_poses_says_that_it_is_synthetic(tmp_path) -> None:
     assert "synthetic dynamics" in found.figures["angle"]().axes[0].get_title()
     assert context.inputs == {"oscillator_field": tmp_path / "field.toml"}
     assert v["dynamic_index_mm"] <= v["combinations"][0]["index_mm"] and v["refined"][0][2]
+    # nothing is answered where the field knows little more than the mean of its poses
+    away = problem.model_copy(update={"place_m": [1.8, 1.0, 0.5]})
+    with pytest.raises(InputError, match="tells nothing of a reachable angle") as error:
+        milling.solve(away, context)
+    assert error.value.key == "oscillator_field"
+    compared = search.model_copy(update={"step_deg": 4.0, "refine": 0, "places_m": [[1.8, 1.0, 0.5]]})
+    beside = milling.solve(problem.model_copy(update={"search": compared}), context).values["combinations"]
+    assert "too far from the poses" in beside[1]["reason"] and "index_mm" in beside[0]
     wrong = problem.model_copy(update={"oscillator_field": "none.toml"})
     with pytest.raises(InputError, match=r"^oscillator_field: none.toml cannot be read as an oscillator field"):
         milling.solve(wrong, context)
@@ -182,3 +190,19 @@ def test_explain_and_stop() -> None:
     stopped = Context(max_seconds=0.0)
     assert milling.solve(bare(), stopped).status is SolveStatus.INTERRUPTED
     assert np.isfinite(milling.solve(bare(), Context()).objective or np.nan)
+
+
+@pytest.mark.parametrize(
+    ("change", "key", "said"),
+    [
+        ("cutter.K_tc_Pa=903.77", "cutter.K_tc_Pa", "pascals"),
+        ("cutter.diameter_m=25.4", "cutter.diameter_m", "not millimetres"),
+        ("cut.feed_per_tooth_m=0.526", "cut.feed_per_tooth_m", "not millimetres"),
+        ("cut.axial_depth_m=5.08", "cut.axial_depth_m", "not millimetres"),
+        ("cut.speed_rpm=1e9", "cut.speed_rpm", "samples"),
+    ],
+)
+def test_other_units_are_refused(change, key, said) -> None:
+    with pytest.raises(InputError, match=said) as error:
+        milling.solve(bare(change), Context())
+    assert error.value.key == key

@@ -218,3 +218,18 @@ def test_explain() -> None:
     assert "3000 samples every 4 ms, 1 inputs, 2 outputs, SYNTHETIC (seed 63, noise 1e-05 m)" in text
     assert "A_c = logm(A) / T_s" in text
     assert "det(M lambda + K) = 0" in vibration.explain(load("problems/vibration_table_6_15.toml").problem, Context())  # type: ignore[arg-type]
+
+
+def test_a_mass_that_contradicts_the_force_is_said() -> None:
+    def words(mass: float) -> list[str]:
+        given = f"physical.mass=[{{coordinate=1, mass_kg={mass}}}]"
+        return [w for w in solved("two_mass", FEW, given).values["words"] if w.startswith("the mass of")]
+
+    assert words(30.0) == []
+    assert len(words(60.0)) == 1 and "given as 60 kg; force and recording say" in words(60.0)[0]
+
+
+def test_a_model_that_predicts_nothing_says_so() -> None:
+    found = solved("two_mass", FEW, "synthetic.noise_m=0.3", "subspace.order=4", "physical.refine=false",
+                   "physical.force_coordinates=[]")  # fmt: skip
+    assert sum("held-out samples are predicted" in w for w in found.values["words"]) == 2

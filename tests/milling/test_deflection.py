@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -207,3 +209,48 @@ def test_refinement_is_at_least_as_good_as_a_fine_grid() -> None:
 def test_wrong_inputs(make, sentence) -> None:
     with np.errstate(divide="ignore", invalid="ignore"), pytest.raises(ValueError, match=sentence):
         make()
+
+
+def test_a_slow_spindle_still_cuts_a_whole_turn() -> None:
+    # 6 rpm: two seconds hold a fifth of a turn, in which no tooth may cut; quasi-static, the peak is |F / k|
+    o = OSCILLATORS[:1]
+    d = deflections(o, CUTTER, CUT, 0.1, X)
+    F = to_world(integrated_forces(CUTTER, CUT, 2 * np.pi * np.arange(3600) / 3600), X)
+    still = np.linalg.norm(F / o.k[0], axis=1)
+    assert d.peak[0] == pytest.approx(still.max(), rel=0.05)
+    assert d.mean[0] == pytest.approx(still.mean(), rel=0.01)
+
+
+def test_means_are_of_whole_turns() -> None:
+    # 1.5 turns in the second that means are taken of: half a turn more would weigh some teeth twice
+    o = OSCILLATORS[:1]
+    d = deflections(o, CUTTER, CUT, 1.5, X)
+    x = steady_state(o, to_world_spectrum(), 1.5, 4096)[0]
+    assert d.mean[0] == pytest.approx(np.linalg.norm(x, axis=1).mean(), rel=0.02)
+
+
+def to_world_spectrum():
+    f = force_spectrum(CUTTER, CUT, 1000)
+    return to_world(f.real, X) + 1j * to_world(f.imag, X)
+
+
+def test_a_fast_spindle_does_not_alias_the_force() -> None:
+    # 20 kHz are two samples per tooth of 20 at 30000 rpm
+    many = replace(CUTTER, teeth=20)
+    F, _ = cutting_force(many, CUT, 500.0, X)
+    np.testing.assert_allclose(F[: 20 * 40].mean(axis=0), to_world(force_spectrum(many, CUT, 0)[0].real, X), rtol=1e-3)
+    with pytest.raises(ValueError, match="samples; expected"):
+        cutting_force(CUTTER, CUT, 1e7, X)
+
+
+def test_an_angle_is_the_same_after_a_turn() -> None:
+    o = OSCILLATORS[:2]
+    table = AngleTable(np.deg2rad([170.0, 190.0]), o)
+    for angle in (-180.0, -175.0, 180.0, 185.0, 545.0):
+        at = np.deg2rad(angle % 360)
+        np.testing.assert_allclose(table.at([np.deg2rad(angle)]).k, table.at([at]).k, rtol=1e-12)
+    assert not table.covers(np.deg2rad([0.0, 169.0, -169.0])).any()
+    whole = AngleTable(np.deg2rad([-180.0, 180.0]), o)
+    np.testing.assert_allclose(whole.at([np.pi]).k, o.k[1:2])
+    with pytest.raises(ValueError, match="one turn"):
+        AngleTable(np.deg2rad([0.0, 361.0]), o)

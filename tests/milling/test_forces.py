@@ -190,3 +190,9 @@ def test_wrong_inputs(make, sentence) -> None:
 
 def test_the_printed_lag() -> None:
     assert CUTTER.lag(C["axial_depth_m"]) == pytest.approx(0.4 * np.tan(np.pi / 6))
+
+
+@pytest.mark.parametrize("name", ["K_tc", "K_te"])
+def test_a_tooth_that_is_driven_by_its_chip_is_refused(name) -> None:
+    with pytest.raises(ValueError, match=f"{name} is -1"):
+        replace(CUTTER, coefficients=K._replace(**{name: -1.0}))

@@ -219,7 +219,10 @@ def test_coverage_over_fields_of_sixty_poses(shape, truth, capsys) -> None:
     [
         (lambda g: g.predict(np.zeros(4)), r"poses have the shape \(4,\); expected \(n, 4\)"),
         (lambda g: g.predict(g.X, of="mean"), "expected 'field' or 'measurement'"),
-        (lambda g: fit_gaussian_processes(g.X[:5], g.y[:5], INPUTS), "5 poses for a process over 4 inputs; measure 6"),
+        (
+            lambda g: fit_gaussian_processes(g.X[:5], g.y[:5], INPUTS),
+            "5 different poses for a process over 4 inputs; measure 6",
+        ),
         (lambda g: fit_gaussian_processes(g.X, g.y[:5], INPUTS), "do not fit"),
         (lambda g: fit_gaussian_processes(g.X * np.nan, g.y, INPUTS), "not finite"),
         (lambda g: Inputs((1.0,), (True, False)), "1 scales and 2 periods"),
@@ -229,3 +232,20 @@ def test_coverage_over_fields_of_sixty_poses(shape, truth, capsys) -> None:
 def test_refusals(call, said) -> None:
     with pytest.raises(ValueError, match=said):
         call(process("squared_exponential"))
+
+
+def test_repetitions_of_a_pose_are_held_out_together() -> None:
+    # values by chance but alike at one pose: what is held out must not be told by its own repetition
+    rng = np.random.default_rng(5)
+    poses = np.repeat(rng.uniform(-1, 1, (12, 4)), 3, axis=0)
+    poses[::3, 3] += 2 * np.pi  # the same pose
+    inputs = Inputs((0.5, 0.5, 0.5, 1.0), (False, False, False, True))
+    values = np.repeat(rng.standard_normal(12), 3) + 0.01 * rng.standard_normal(36)
+    error, _ = held_out(fit_gaussian_processes(poses, values, inputs), folds=4)
+    assert np.sqrt(np.mean(error**2)) > 0.5
+    with pytest.raises(ValueError, match="4 different poses"):
+        fit_gaussian_processes(poses[:12], values[:12], inputs)
+    six = fit_gaussian_processes(poses[:18], values[:18], inputs)
+    with pytest.raises(ValueError, match="6 different poses, and none to hold out"):
+        held_out(six)
+    assert np.all(held_out(fit_gaussian_processes(poses[:21], values[:21], inputs))[1] > 0)

@@ -106,3 +106,15 @@ def test_what_is_refused() -> None:
         identify_impulse(still, modes=1)
     with pytest.raises(VibrationError, match="2 frequencies, 1 dampings and 2 rows of amplitudes; give one each"):
         hit(damping=[0.1])
+
+
+def test_noise_alone_has_no_resonance() -> None:
+    for seed in range(5):
+        noise = 1e-5 * np.random.default_rng(seed).standard_normal((1000, 2))
+        with pytest.raises(VibrationError, match="nothing"):
+            identify_impulse(Record(np.zeros(1000), noise, TS))
+
+
+def test_near_nyquist_an_alias_is_said() -> None:
+    record = hammer_record([140.0], [0.01], [[1e-3]], samples=1000, sample_time=TS, noise=1e-5, seed=2)
+    assert any("from one at 140 Hz" in w for w in identify_impulse(record).words)

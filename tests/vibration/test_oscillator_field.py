@@ -207,3 +207,11 @@ def test_a_synthetic_field_passes_near_what_is_given_and_is_smooth() -> None:
     steps = np.log(np.stack(made.at(poses + h))) - np.log(np.stack(made.at(poses)))
     assert 0 < np.abs(steps).max() < 100 * h
     np.testing.assert_array_equal(np.stack(made.at(poses)), np.stack(truth()[0].at(poses)))
+
+
+def test_far_from_the_measured_poses_a_field_says_that_it_tells_nothing(field) -> None:
+    far = np.add(samples(4), [[2.0, 0, 0, 0], [0, 3.0, 0, 0], [0, 0, 0, 3.0], [9.0, 9.0, 9.0, 0]])
+    assert np.all(field.covers(samples(POSES))) and not np.any(field.covers(far))
+    assert field.covers(samples(1)[0]) is True and field.covers(far[0]) is False
+    # a turn of 360 degrees is the same pose
+    assert np.all(field.covers(np.add(samples(5), [0, 0, 0, 2 * np.pi])))

@@ -104,3 +104,16 @@ def test_what_is_refused() -> None:
         "recording 2 has 1 inputs and 2 outputs; expected one each", [one, Record(one.u, np.hstack([one.y] * 2), TS)]
     )
     refused("the recordings have the sample times 4, 5 ms; expected one", [one, Record(one.u, one.y, 0.005)])
+
+
+def test_a_delay_at_the_end_of_those_tried_is_not_sure() -> None:
+    record = step_record(0.9647, 0.0353, 30, 1e-3, samples=400, before=25, sample_time=TS, noise=5e-6, seed=1)
+    short, enough = identify_step(record), identify_step(record, longest=40)
+    assert not short.delay_sure and any("25 samples: the true one may be longer" in w for w in short.words)
+    assert enough.delay == 30 and enough.delay_sure
+
+
+def test_a_response_that_does_not_settle_is_said() -> None:
+    record = step_record(0.999, 0.001, 5, 1e-3, samples=400, before=25, sample_time=TS, noise=5e-6, seed=1)
+    assert any("of the way to rest was still to go" in w for w in identify_step(record).words)
+    assert not any("still to go" in w for w in identify_step(steps(0.9647, 0.0353)).words)

@@ -140,7 +140,7 @@ def test_what_is_refused(noisy) -> None:
         "67 samples are too few for 20 block rows of 1 inputs and 2 outputs; expected at least 159", noisy.rows(0, 100)
     )
     still = Record(np.full(500, 50.0), noisy.y[:500], TS)
-    refused("the inputs excite 1 of the 20 directions that 10 block rows need", still, block_rows=10)
+    refused("the inputs excite 0 of the 20 directions that 10 block rows need", still, block_rows=10)
     A, B, C, D_ = random_system(3, 2, 1, 1)
     u = np.random.default_rng(0).standard_normal((300, 1))
     clean = Record(u, simulate(A, B, C, D_, u), TS)
@@ -156,3 +156,17 @@ def test_records_are_checked() -> None:
         Record(np.zeros(2), np.array([0.0, np.nan]), TS)
     with pytest.raises(VibrationError, match=r"the sample time is 0\.0; expected a positive number of seconds"):
         Record(np.zeros(2), np.zeros(2), 0.0)
+
+
+def test_where_the_robot_stands_does_not_matter(noisy) -> None:
+    # positions about 1.5 m and a force with a bias: the same model, the offset told apart
+    one = identify_subspace(noisy, order=4, block_rows=10)
+    moved = Record(noisy.u + 20.0, np.add(noisy.y, [1.5, -0.2]), TS)
+    for method in ("moesp", "n4sid", "cva"):
+        other = identify_subspace(moved, method=method, block_rows=10, largest=6)
+        assert other.order == 4 and other.held_out_fit.min() > 90
+        steady = np.real(response(other.system, np.array([0.0]))[0]) @ [20.0]
+        np.testing.assert_allclose(other.offset + steady.ravel(), [1.5, -0.2], atol=2e-4)
+    again = identify_subspace(moved, order=4, block_rows=10)
+    assert matched(again.poles, one.poles) < 1e-6
+    np.testing.assert_allclose(again.residual, one.residual, rtol=1e-6)
