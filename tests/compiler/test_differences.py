@@ -29,7 +29,7 @@ def test_a_root_leaves_its_difference_once() -> None:
     rng = np.random.default_rng(0)
     for _ in range(50):
         numbers = [rng.standard_normal(3) for _ in range(4)]
-        numbers.append(1.5 * np.array([np.linalg.norm(numbers[0] - numbers[1])]))
+        numbers.append(np.full(1, 1.5 * float(np.linalg.norm(numbers[0] - numbers[1]))))
         for a, b in zip(old.call(numbers), new.call(numbers), strict=True):
             assert abs(float(a) - float(b)) < ROUND_OFF * max(1.0, abs(float(a))) * 100
 
