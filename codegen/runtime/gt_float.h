@@ -20,11 +20,12 @@
 #error "float must be the 32 bit number of IEEE 754"
 #endif
 
-/* -ffp-contract=off on the command line is the sure way; these are for projects that forget it. */
+/* -ffp-contract=off on the command line is the sure way; these are for projects that forget it. The vectoriser of gcc 12
+ * makes fmaddsub of a product beside a sum and a difference even so. */
 #if defined(__clang__)
 #pragma STDC FP_CONTRACT OFF
 #elif defined(__GNUC__) && defined(__FP_FAST_FMA)
-#pragma GCC optimize("fp-contract=off")
+#pragma GCC optimize("fp-contract=off", "no-tree-slp-vectorize")
 #elif defined(_MSC_VER)
 #pragma fp_contract(off)
 #endif

@@ -72,6 +72,16 @@ def test_every_part_of_every_function_is_under_self_test(made: tuple[dict[str, A
         assert sum(n for symbol, n in tried.items() if symbol.startswith(f"gt_{name}_{f['name']}_")) >= CHANGED
 
 
+@pytest.mark.parametrize("flags", ["-O3 -march=native -ffp-contract=off", "-O2 -mavx2 -mfma", "-O3 -march=native"])
+def test_fused_instructions_do_not_slip_in(flags: str, made: tuple[dict[str, Any], Path], tmp_path: Path) -> None:
+    """gcc 12 vectorises a sum and a difference beside a product to fmaddsub, whatever -ffp-contract says."""
+    folder = copy(made[1], tmp_path)
+    if "__FP_FAST_FMA 1" not in run("cc", *flags.split(), "-dM", "-E", "-x", "c", "/dev/null", cwd=folder).stdout:
+        pytest.skip("this processor or compiler has no fused multiply-add")
+    succeed("cc", *flags.split(), *c_files(folder), "-lm", cwd=folder)
+    succeed("./a.out", cwd=folder)
+
+
 def test_two_instances_mixed_equal_two_apart(made: tuple[dict[str, Any], Path], tmp_path: Path) -> None:
     problem, folder = made
     library = shared(folder, tmp_path / "library.so")
