@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from gtmodel.milling import mode_coupling, spectral_radius, stability_lobes
+from gtmodel.milling import Oscillators, mode_coupling, spectral_radius, stability_lobes
+from gtmodel.milling.deflection import SECONDS
 from gtmodel.results import SolveStatus
 
 from . import milling_compensation, milling_pictures, milling_printed
@@ -16,6 +17,7 @@ from .milling_search import Found, search
 from .milling_task import deflections_of, place_of, replace_oscillators, task_of
 
 NAME = "milling"
+DECAYED = 0.05  # of a transient: less is not worth a word
 
 VALUES = {
     "reachable_deg": "runs of the angle that some branch reaches within the joint limits: first and last of each",
@@ -32,7 +34,7 @@ VALUES = {
     "combinations": "least dynamic index by place, feed direction and speed, with its angle [deg]",
     "change_1_Hz_percent": "of the dynamic index where all modes are 1 Hz lower, and higher",
     "mode_coupling": "verdict in words",
-    "spectral_radius": "of the linear model with regeneration at the dynamic angle; below 1: no chatter",
+    "spectral_radius": "of the linear model with regeneration at the dynamic angle; below 1 stable; null: too slow",
     "guideline": "the answer in sentences",
     "compensation_rms_mm": "error of the tool by offset: none, static, dynamic, and dynamic within the bandwidth",
     "printed_mean_mm": "predicted means of the twelve printed tests, by feed direction",
@@ -126,7 +128,14 @@ def _dynamic(
     here = f.place.dynamics.at(f.angle)
     chosen = deflections_of(task, replace_oscillators(f.place.dynamics, here))
     coupling = mode_coupling(here, task.cutter, task.cut, task.feed, up=task.up)
-    radius = spectral_radius(here, task.cutter, task.cut, task.speed, task.feed, up=task.up)
+    try:
+        radius = spectral_radius(here, task.cutter, task.cut, task.speed, task.feed, up=task.up)
+        chatter = f"{'none' if radius < 1 else 'to be expected'}: spectral radius {radius:.3f}"
+        checks["spectral_radius"] = Check(radius, 1.0, radius < 1)
+    except ValueError as error:
+        radius, chatter = None, f"not told: {error}"
+    if task.cutter.tooth_angles is not None or task.cutter.runout is not None:
+        chatter += "; for even pitch without runout, other than declared"
     values |= {
         "static_choice_deg": angles[s_row],
         "dynamic_angle_deg": np.rad2deg(f.angle),
@@ -146,6 +155,7 @@ def _dynamic(
         Row("static choice", f"{angles[s_row]:.4g}, {_whence(problem, f)}", "deg"),
         Row("least dynamic index (19)", f"{1e3 * f.index:.3g} at {np.rad2deg(f.angle):.4g} deg", "mm"),
         Row("there, mean deflection", 1e3 * chosen.mean[0], "mm"),
+        *_transients(here),
         *(
             []
             if f.freed is None
@@ -159,12 +169,11 @@ def _dynamic(
         ),
         *(Row("guideline", sentence) for sentence in f.said),
         Row("mode coupling", coupling.sentence),
-        Row("regenerative chatter", f"{'none' if radius < 1 else 'to be expected'}: spectral radius {radius:.3f}"),
+        Row("regenerative chatter", chatter),
         Row("dynamics", task.whence),
         *_known(angles, f),
         *(Row(*_combined(c)) for c in f.combinations if len(f.combinations) > 1),
     ]
-    checks["spectral_radius"] = Check(radius, 1.0, radius < 1)
     if problem.lobes is not None:
         low, high = problem.lobes.from_rpm, problem.lobes.to_rpm
         if low >= high:
@@ -175,6 +184,17 @@ def _dynamic(
         shown = f"{1e3 * depth:.3g}" if np.isfinite(depth) else "no limit"
         rows.append(Row("stable depth at this speed, zeroth order", shown, "mm"))
         figures["lobes"] = lambda: milling_pictures.lobes_of(problem, task, lobes)
+
+
+def _transients(here: Oscillators) -> list[Row]:
+    """Whether two seconds from rest show the steady deflection."""
+    rate = (np.pi * 2 * here.frequency * here.damping_ratio)[0]
+    axis = int(np.argmin(rate))
+    left = float(np.exp(-rate[axis] * SECONDS))
+    if left < DECAYED:
+        return []
+    return [Row("not steady", f"after {SECONDS:g} s {100 * left:.0f} % of the transient along {'xyz'[axis]} is left: "
+                "near a mode deflections keep growing beyond the index and the mean")]  # fmt: skip
 
 
 def _known(angles: np.ndarray, f: Found) -> list[Row]:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from gtmodel.milling import Oscillators, compensate, cutting_force
+from gtmodel.milling.deflection import duration
 
 from .base import InputError, Row
 from .milling_keys import Schema
@@ -23,7 +24,11 @@ def add(
     """The tool enters the work; offsets against that force by both models, then what a robot can follow."""
     c = problem.compensation
     assert c is not None
-    F, step = cutting_force(task.cutter, task.cut, task.speed, task.feed, up=task.up, seconds=c.seconds, rate=RATE)
+    try:
+        seconds = duration(task.speed, c.seconds, c.entry_s)  # a whole turn after the entry at least
+        F, step = cutting_force(task.cutter, task.cut, task.speed, task.feed, up=task.up, seconds=seconds, rate=RATE)
+    except ValueError as error:
+        raise InputError(str(error), "compensation.seconds") from error
     time = step * np.arange(len(F))
     F = F * np.clip(time / c.entry_s, 0, 1)[:, None]
     made = {}

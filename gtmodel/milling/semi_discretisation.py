@@ -10,20 +10,25 @@ from .cutter import Cut, Cutter, immersion, tooth_frequency
 from .directional import directional_matrix, plane
 from .oscillators import Oscillators
 
-INTERVALS = 60
+INTERVALS = 60  # of a tooth period at least
+PER_CYCLE = 20  # intervals in a period of the fastest mode that matters
+MOST = 1200  # intervals: more are a matrix of 3600 rows and minutes
+RIGID = 100.0  # times the least stiffness in the plane of the cut: a mode so stiff does not matter
 DISCS = 12
 
 
 def spectral_radius(
     oscillators: Oscillators, cutter: Cutter, cut: Cut, speed: float, feed: ArrayLike, *,
-    up: ArrayLike = (0.0, 0.0, 1.0), intervals: int = INTERVALS,
+    up: ArrayLike = (0.0, 0.0, 1.0), intervals: int | None = None,
 ) -> float:  # fmt: skip
     """Largest modulus of the Floquet multipliers over one tooth period: below 1 the cut is stable.
 
     One pose, even pitch, helix included; speed [1/s]. The period is cut into `intervals` in which the force's
-    coefficient and the delayed displacement are constant. Raises ValueError for impossible values.
+    coefficient and the delayed displacement are constant; if left out, 20 in a period of the fastest mode, 60 at least.
+    Raises ValueError for impossible values, and for a spindle so slow that more than 1200 are needed.
     """
     period = 1 / tooth_frequency(speed, cutter.teeth)
+    intervals = enough_intervals(oscillators, period, feed, up) if intervals is None else intervals
     if intervals < 4:
         raise ValueError(f"found {intervals} intervals; expected four or more")
     step, P = period / intervals, plane(feed, up)
@@ -50,9 +55,23 @@ def spectral_radius(
     return float(np.abs(np.linalg.eigvals(monodromy)).max())
 
 
+def enough_intervals(oscillators: Oscillators, period: float, feed: ArrayLike, up: ArrayLike) -> int:
+    """For a tooth period [s] of the first pose. Raises ValueError for too many."""
+    moved = (plane(feed, up) ** 2).sum(axis=0) > 1e-9
+    k, f = oscillators.k[0][moved], oscillators.frequency[0][moved]
+    fastest = float(f[k <= RIGID * k.min()].max())
+    needed = max(INTERVALS, int(np.ceil(PER_CYCLE * fastest * period)))
+    if needed > MOST:
+        raise ValueError(
+            f"a mode at {fastest:.3g} Hz swings {fastest * period:.3g} times from tooth to tooth, which needs {needed} "
+            f"intervals; expected {MOST} at most: look at the least depth of the stability lobes"
+        )
+    return needed
+
+
 def stable_depth(
     oscillators: Oscillators, cutter: Cutter, cut: Cut, speed: float, feed: ArrayLike, *,
-    up: ArrayLike = (0.0, 0.0, 1.0), low: float, high: float, intervals: int = INTERVALS, tolerance: float = 1e-3,
+    up: ArrayLike = (0.0, 0.0, 1.0), low: float, high: float, intervals: int | None = None, tolerance: float = 1e-3,
 ) -> float:  # fmt: skip
     """Axial depth [m] between low and high where the cut turns unstable, by bisection to a relative tolerance.
 

@@ -206,3 +206,19 @@ def test_other_units_are_refused(change, key, said) -> None:
     with pytest.raises(InputError, match=said) as error:
         milling.solve(bare(change), Context())
     assert error.value.key == key
+
+
+def test_what_the_report_leaves_open_is_said() -> None:
+    def rows(*changes: str, **update) -> dict[str, str]:
+        problem = bare(*changes, **update)
+        search = problem.search.model_copy(update={"step_deg": 10.0})
+        problem = problem.model_copy(update={"search": search})
+        return {row.label: str(row.value) for row in milling.solve(problem, Context()).rows}
+
+    usual = rows()
+    assert "not steady" not in usual and "even pitch" not in usual["regenerative chatter"]
+    # a tenth of a per cent of damping: two seconds from rest are not enough
+    slack = [row.model_copy(update={"c_kg_s": [c / 100 for c in row.c_kg_s]}) for row in read().oscillator or []]
+    assert "of the transient along" in rows(oscillator=slack)["not steady"]
+    assert "other than declared" in rows("cutter.tooth_angles_deg=[0, 170]")["regenerative chatter"]
+    assert rows("cut.speed_rpm=6")["regenerative chatter"].startswith("not told")
