@@ -67,3 +67,12 @@ def test_what_cannot_be_planned_says_so(change, sentence) -> None:
 def test_explain_says_what_is_assumed() -> None:
     text = elastic_motion.explain(load("problems/elastic_l1.toml").problem, Context())  # type: ignore[arg-type]
     assert "5 kg on a spring, 6 Hz" in text and "follows its motion exactly" in text
+
+
+def test_a_mesh_too_coarse_for_the_swing_is_named(shipped) -> None:
+    # 24 elements in 1.06 s leave 3 % of the swing to the plan; the shipped 40 follow it
+    (said,) = [str(row.value) for row in shipped.rows if row.label == "look at this"]
+    assert said.startswith("mesh.elements = 24 are 3.8 to a period") and said.endswith("take at least 32")
+    stiff = load("problems/elastic_l1.toml", ["tool.frequency_Hz=1000.0"]).problem
+    assert "a tool so stiff hardly swings" in elastic_motion._too_coarse(stiff, 1.1)[0]  # type: ignore[arg-type]
+    assert elastic_motion._too_coarse(load("problems/elastic_l1.toml").problem, 1.1) == []  # type: ignore[arg-type]
