@@ -41,7 +41,8 @@ def solve(problem: Schema, context: Context) -> Outcome:
     study = _study(problem, context)
     pose = study(study.home[None])
     if pose.reason[0]:
-        raise InputError(f"cannot be reported: {pose.reason[0]}", "pose_m" if problem.arm is None else "arm.pose_deg")
+        own = problem.arm is not None and problem.pose_m is None
+        raise InputError(f"cannot be reported: {pose.reason[0]}", "arm.pose_deg" if own else "pose_m")
     grid = _grid(problem, study)
     parts, T = [], grid.points()
     for begin in range(0, len(T), CHUNK):
@@ -77,8 +78,18 @@ def _study(problem: Schema, context: Context) -> Study:
             "expected one of [links], for a parallel robot, and [arm], for a serial one",
             given[-1] if given else "links",
         )
+    if problem.arm is not None:
+        _refuse_link_keys(problem)
     model = problem.model(context)
     return ArmStudy(problem, model) if problem.arm is not None else LinkStudy(problem, model)
+
+
+def _refuse_link_keys(problem: Schema) -> None:
+    """A key that an arm has no use for would be left out in silence."""
+    given = [key for key in ("carts", "frame", "frequencies") if key in problem.model_fields_set]
+    given += [f"section.{key}" for key in ("along_m", "cone_deg") if getattr(problem.section, key) is not None]
+    if given:
+        raise InputError("is of a parallel robot with [links]; leave it out beside [arm]", given[0])
 
 
 def _grid(problem: Schema, study: Study) -> Any:

@@ -146,6 +146,8 @@ def _springs(problem: Schema, home: LinkPoses) -> LinkSprings:
         raise InputError("expected either stiffness_N_m, or modulus_Pa with outer_diameter_m", "links")
     if np.any(problem.load.moment_Nm) and home.R is None:
         raise InputError("the plate of this robot is a point, which takes no moment; leave it out", "load.moment_Nm")
+    if problem.carts.axis_Nm_rad is not None and home.q.shape[1] == home.carts:
+        raise InputError("this robot has no rotary axes on its carts; leave it out", "carts.axis_Nm_rad")
     try:
         if keys.stiffness_N_m is not None:
             link = 1 / np.asarray(keys.stiffness_N_m, float)

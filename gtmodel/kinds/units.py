@@ -7,6 +7,7 @@ from functools import cache
 from gtmodel.lang.units import UnitError, parse_unit
 
 _SPELLED = {"percent": "%", "Nm": "N.m"}
+_TORQUES = {"Nm": "N.m", "MNm": "MN.m"}  # before what divides: Nm_rad is N.m/rad, not rad
 _NO_UNIT = {"min"}  # the smallest, never minutes
 
 
@@ -29,7 +30,7 @@ def _unit(words: list[str]) -> str:
         return ""
     if len(words) == 1 and words[0] in _SPELLED:
         return _SPELLED[words[0]]
-    text = "/".join(words)
+    text = "/".join(_TORQUES.get(word, word) for word in words)
     try:
         parse_unit(text)
     except UnitError:

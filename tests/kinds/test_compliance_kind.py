@@ -96,6 +96,10 @@ def test_the_arm_is_as_soft_as_its_joints_say() -> None:
         ("l1", 'robot="kr500"', r"^payload_kg: |^robot: "),
         ("kr500", "links={stiffness_N_m=1e7}", r"^arm: expected one of \[links\], for a parallel robot, and \[arm\]"),
         ("kr500", "arm.joint_Nm_rad=[1e6]", r"^arm.joint_Nm_rad: has 1 numbers; expected 6, one per joint"),
+        ("kr500", "pose_m=[9.0, 0.0, 0.0]", r"^pose_m: cannot be reported: "),
+        ("kr500", "carts.drive_N_m=3e6", r"^carts: is of a parallel robot with \[links\]; leave it out beside \[arm\]"),
+        ("kr500", "section.cone_deg=20.0", r"^section.cone_deg: is of a parallel robot"),
+        ("l1", "carts.axis_Nm_rad=1e3", r"^carts.axis_Nm_rad: this robot has no rotary axes on its carts"),
         ("kr500", 'robot="l1_tape"', r"^robot: expected a serial arm such as kr500"),
     ],
 )
@@ -113,3 +117,10 @@ def test_a_section_out_of_reach_says_why() -> None:
 def test_explain_names_the_springs() -> None:
     text = compliance.explain(load("problems/compliance_l1.toml").problem, Context())  # type: ignore[arg-type]
     assert "C = U^-1 (diag(1/k) + G diag(1/k_s) G') U^-T" in text and "ball joints: 57.5 to 172.5 MN/m" in text
+
+
+def test_a_stiffness_about_an_axis_is_refused_in_its_own_unit() -> None:
+    with pytest.raises(InputError, match=r"must be greater than 0 N\.m/rad; found 0"):
+        load("problems/compliance_kr500.toml", ["arm.joint_Nm_rad=[0.0, 1e6, 1e6, 1e6, 1e6, 1e6]"])
+    with pytest.raises(InputError, match=r"must be greater than 0 MN\.m/rad; found 0"):
+        load("problems/stiffness_kr500.toml", ["joint_stiffness.synthetic.stiffness_MNm_rad=[0, 1, 1, 1, 1, 1]"])
