@@ -75,6 +75,8 @@ def complete_pose(tests: StaticTests, *, rotation_weight: float = 1.0) -> Stiffn
 
 def _complete(tests: StaticTests, covariance: np.ndarray) -> StiffnessFit:
     n, _, k = tests.J.shape
+    if not np.any(tests.displacement):
+        raise ValueError("every displacement is zero; expected what moved under the load, with it less without")
     y, torque, before = tests.displacement.reshape(-1), tests.torque, None
     for _ in range(ROUNDS):
         A = (tests.J * torque[:, None, :]).reshape(6 * n, k)
@@ -94,6 +96,9 @@ def decoupled(tests: StaticTests, *, moment: bool = True) -> StiffnessFit:
     hold the error of the arm. Raises ValueError for tests with K_c without the moment, and for what the tests do not
     determine.
     """
+    # three rows fit the arm with nothing over, and leave the wrist's rows no noise of their own
+    if len(tests.J) < 2:
+        raise ValueError(f"found {len(tests.J)} test; expected at least 2 for six joints, in different poses or loads")
     if tests.K_c is not None and not moment:
         raise ValueError("without the moment about the wrist there is no complementary stiffness; leave K_c out")
     torque, before = tests.torque, None

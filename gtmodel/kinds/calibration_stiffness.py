@@ -23,14 +23,16 @@ from . import calibration_stiffness_report
 from .base import Check, Context, InputError, Outcome, Row
 from .calibration_keys import Schema
 from .calibration_stiffness_data import FILE, KEY, LoadTestData, data_of
+from .calibration_stiffness_doubts import negative, repeated
 from .calibration_stiffness_keys import JointStiffness
 from .sentences import listed
 
 VALUES = (
     "with [joint_stiffness]: method, stiffness_MNm_rad with interval_MNm_rad (95 %; null: no upper end) and "
     "compliance_rad_Nm by joint, other_method_MNm_rad and agree (whether intervals overlap), compensator_rate_N_m and "
-    "its std, chi_squared_p, adequacy and adequate, observability_O1, told, best_tests, softest_N_m, stiffest_N_m by "
-    "test, said: what the print claims and the model does not support; all other values but synthetic are then null"
+    "its std, chi_squared_p, adequacy and adequate, observability_O1, told, best_tests (lines of the file), "
+    "softest_N_m and stiffest_N_m by test (null for a negative compliance), said: doubts about the tests, and what the "
+    "print claims and the model does not support; all other values but synthetic are then null"
 )
 WITHIN = 0.1  # of synthetic tests: largest relative error of a compliance
 ALIKE = ("kind", "title", "robot", "parameters", "joint_stiffness")
@@ -45,6 +47,7 @@ LACKS = (
     "then takes up some of what they do"
 )
 MOMENT = "the arm's torque holds the moment of the load about the wrist centre, which the print leaves out"
+SAID = (*PRINTED, MOMENT)
 
 
 def solve(problem: Schema, context: Context) -> Outcome:
@@ -114,6 +117,9 @@ def _outcome(
         title += " (synthetic)"
     values: dict[str, Any] = {**dict.fromkeys(GEOMETRIC), "synthetic": note, "joint_stiffness": v}
     checks = {"chi_squared_p": Check(fit.adequacy.p, None, fit.adequacy.passed)}
+    below = int(np.sum(fit.compliance <= 0))
+    if below:
+        checks["negative_compliances"] = Check(float(below), 0.0, False)
     if keys.synthetic is not None:
         error = float(np.abs(fit.compliance * 1e6 * np.array(keys.synthetic.stiffness_MNm_rad) - 1).max())
         checks["compliance_error"] = Check(error, WITHIN, error <= WITHIN)
@@ -144,7 +150,11 @@ def _values(
     other = next((f for name, f in fits.items() if name != keys.method), None)
     joints = range(len(fit.compliance))
     intervals = [np.array(fit.interval(j)) / 1e6 for j in joints]
+    # a negative compliance leaves no direction a stiffness: null, not infinite
+    sound = bool(np.all(fit.compliance > 0))
     stiffness, _ = softest_and_stiffest(translational_compliance(data.poses.J, fit.compliance))
+    doubts = [s for f in (fit, other) if f is not None for s in negative(f)]
+    doubts += repeated(data.tests, data.poses.q, data.lines)
     rate = None
     if RATE in fit.estimate.names:
         at = fit.estimate.names.index(RATE)
@@ -163,15 +173,15 @@ def _values(
         "observability_O1": fit.told.indices.o1,
         "told": fit.told.sentences(),
         "best_tests": [int(data.lines[i]) for i in best],
-        "softest_N_m": stiffness[:, 0].tolist(),
-        "stiffest_N_m": stiffness[:, -1].tolist(),
-        "said": [*([] if fit.adequacy.passed else [LACKS]), *PRINTED, MOMENT],
+        "softest_N_m": stiffness[:, 0].tolist() if sound else None,
+        "stiffest_N_m": stiffness[:, -1].tolist() if sound else None,
+        "said": [*doubts, *([] if fit.adequacy.passed else [LACKS]), *PRINTED, MOMENT],
     }
 
 
 def _rows(v: dict[str, Any], fit: StiffnessFit, note: str | None) -> list[Row]:
     rows = [
-        Row(f"joint {j + 1}", f"{K:.4g} ({_end(i[0])} .. {_end(i[1])})", "MN.m/rad")
+        Row(f"joint {j + 1}", f"{K:.4g} {_range(i)}", "MN.m/rad")
         for j, (K, i) in enumerate(zip(v["stiffness_MNm_rad"], v["interval_MNm_rad"], strict=True))
     ]
     if v["other_method_MNm_rad"] is not None:
@@ -182,17 +192,21 @@ def _rows(v: dict[str, Any], fit: StiffnessFit, note: str | None) -> list[Row]:
         rows.append(Row("rate of the gravity compensator", f"{rate:.4g} (std {std:.2g})", "N/m"))
     rows += [
         Row("residuals", fit.adequacy.sentence),
-        Row("softest direction of the tool, over the tests", f"{min(v['softest_N_m']) / 1e6:.4g} to "
-            f"{max(v['softest_N_m']) / 1e6:.4g}", "N/um"),
-        Row("tests that tell most", ", ".join(map(str, v["best_tests"]))),
+        *([] if v["softest_N_m"] is None else [
+            Row("softest direction of the tool, over the tests", f"{min(v['softest_N_m']) / 1e6:.4g} to "
+                f"{max(v['softest_N_m']) / 1e6:.4g}", "N/um")]),
+        Row("tests that tell most, lines of the file", ", ".join(map(str, v["best_tests"]))),
         *(Row("told", sentence) for sentence in v["told"]),
-        *(Row("beside the print", sentence) for sentence in v["said"]),
+        *(Row("beside the print" if sentence in SAID else "look at this", sentence) for sentence in v["said"]),
     ]  # fmt: skip
     return [*rows, Row("SYNTHETIC", note)] if note else rows
 
 
-def _end(x: float | None) -> str:
-    return "no end" if x is None else f"{x:.4g}"
+def _range(ends: list[float | None]) -> str:
+    low, high = ends
+    if low is None:
+        return "(negative, no interval)"
+    return f"({low:.4g} .. {'no end' if high is None else f'{high:.4g}'})"
 
 
 def _figure(keys: JointStiffness, fits: dict[str, StiffnessFit], title: str, note: str | None) -> Any:

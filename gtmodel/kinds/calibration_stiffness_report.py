@@ -24,11 +24,16 @@ def text(
     parts = [f"<h1>{escape(title)}</h1>"]
     if values["synthetic"]:
         parts.append(f'<p class="made">Synthetic load tests: {escape(values["synthetic"])}</p>')
-    sound = "good" if v["adequate"] else "bad"
+    sound = "good" if v["adequate"] and all(K > 0 for K in v["stiffness_MNm_rad"]) else "bad"
     sentences = "".join(f"<li>{escape(s)}</li>" for s in (v["adequacy"], *v["said"]))
     parts.append(f'<h2>Verdict</h2><ul class="box {sound}">{sentences}</ul>')
     rows = [
-        (f"joint {j + 1}", K, "" if i[0] is None else i[0], "no upper end" if i[1] is None else i[1])
+        (
+            f"joint {j + 1}",
+            K,
+            "none: negative" if i[0] is None else i[0],
+            "" if i[0] is None else "no upper end" if i[1] is None else i[1],
+        )
         for j, (K, i) in enumerate(zip(v["stiffness_MNm_rad"], v["interval_MNm_rad"], strict=True))
     ]
     heads = (f"by {v['method']}", "stiffness [MN m/rad]", "95 % from", "to")

@@ -126,3 +126,39 @@ def test_the_rate_of_a_compensator_is_for_complete_poses() -> None:
 def test_explain() -> None:
     text = calibration.explain(load("problems/stiffness_kr500.toml").problem, Context())  # type: ignore[arg-type]
     assert "30 static load tests" in text and "complete pose: 180 rows" in text
+
+
+def measured(folder: Path, shipped, change) -> object:
+    """The shipped tests as a measured file, its numbers changed."""
+    _, head, *lines = shipped.files["load_tests.csv"].splitlines()
+    rows = change([[float(x) for x in line.split(",")] for line in lines])
+    text = "\n".join([head, *(",".join(f"{x:.12g}" for x in row) for row in rows)])
+    (folder / "tests.csv").write_text(text + "\n")
+    problem = load("problems/stiffness_kr500.toml", ["joint_stiffness={tool_m=[0.1, 0.05, 0.4], "
+                   f'measurements={{file="tests.csv", {COLUMNS}}}}}']).problem  # fmt: skip
+    return calibration.solve(problem, Context(folder=folder))  # type: ignore[arg-type]
+
+
+def test_displacements_with_the_sign_turned_are_told_in_a_sentence(shipped, tmp_path) -> None:
+    found = measured(tmp_path, shipped, lambda rows: [[*r[:12], *(-x for x in r[12:])] for r in rows])
+    v = found.values["joint_stiffness"]
+    assert v["adequate"], "residuals alone do not show it"
+    assert "joints 1, 2, 3, 4, 5, 6 is negative beyond noise" in v["said"][0] and "sign turned" in v["said"][0]
+    assert v["softest_N_m"] is None and not found.checks["negative_compliances"].passed
+    shown = {row.label: str(row.value) for row in found.rows}
+    assert shown["joint 1"].endswith("(negative, no interval)")
+    assert 'class="box bad"' in found.files["report.html"] and "no upper end" not in found.files["report.html"]
+
+
+def test_copied_tests_and_too_few_are_told(shipped, tmp_path) -> None:
+    said = measured(tmp_path, shipped, lambda rows: rows + rows).values["joint_stiffness"]["said"]
+    assert said[0].startswith("30 of 60 tests repeat an earlier one to the last digit, as line 32 does line 2")
+    assert "negative_compliances" not in shipped.checks and "repeat" not in "".join(
+        shipped.values["joint_stiffness"]["said"])  # fmt: skip
+    with pytest.raises(InputError, match="found 1 test; expected at least 2"):
+        measured(tmp_path, shipped, lambda rows: rows[:1])
+
+
+def test_displacements_of_zero_are_named_not_the_poses(shipped, tmp_path) -> None:
+    with pytest.raises(InputError, match="every displacement is zero"):
+        measured(tmp_path, shipped, lambda rows: [[*r[:12], *[0.0] * 9] for r in rows])
