@@ -40,6 +40,13 @@ def test_shaped_and_elastic_motions_end_at_rest(shipped) -> None:
     assert shipped.values["resimulated_end_mm"] < 5.0
 
 
+def test_plans_keep_the_force_limit_at_every_instant_and_shaped_motions_that_pass_it_are_named(shipped) -> None:
+    m = shipped.values["motions"]
+    assert all(m[name]["peak_force_N"] <= 700.0 * (1 + 1e-6) for name in ("rigid", "elastic"))  # IPOPT's tolerance
+    named = {row.label.split()[0] for row in shipped.rows if "passes the force limit" in row.label}
+    assert named == {name for name, x in m.items() if x["peak_force_N"] > 700.7}
+
+
 def test_the_picture_has_both_panels_and_shows_the_swing(shipped) -> None:
     upper, lower = shipped.figures["swing"]().axes
     assert len(upper.lines) == len(lower.lines) == 4
@@ -56,6 +63,8 @@ def test_the_picture_has_both_panels_and_shows_the_swing(shipped) -> None:
     [
         ('robot="f1"', r"^inertia: |^robot: "),
         ("goal.tcp_m=[0.9, -0.9, 9.0]", r"^goal.tcp_m: cannot be reached: "),
+        ("goal.tcp_m=[0.0, -0.9, 0.1]", r"^goal.tcp_m: is where the motion starts"),
+        ("tool.frequency_Hz=1e6", r"^tool.frequency_Hz: is too fast to be followed"),
         ("tool.damping=1.5", r"tool.damping: "),
     ],
 )
