@@ -77,6 +77,12 @@ def _study(problem: Schema, context: Context) -> Study:
             "expected one of [links], for a parallel robot, and [arm], for a serial one",
             given[-1] if given else "links",
         )
+    if problem.arm is not None:
+        own = problem.model_fields_set, problem.section.model_fields_set
+        useless = [k for k in ("carts", "frame", "frequencies") if k in own[0]]
+        useless += [f"section.{k}" for k in ("along_m", "cone_deg") if k in own[1]]
+        if useless:
+            raise InputError("is for parallel robots; an [arm] gives way in its joints alone: leave it out", useless[0])
     model = problem.model(context)
     return ArmStudy(problem, model) if problem.arm is not None else LinkStudy(problem, model)
 

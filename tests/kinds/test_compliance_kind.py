@@ -88,6 +88,10 @@ def test_the_arm_is_as_soft_as_its_joints_say() -> None:
     ("name", "change", "sentence"),
     [
         ("l1", "links={joint_N_m=1e8}", r"^links: expected either stiffness_N_m, or modulus_Pa with outer_diameter_m"),
+        ("l1", "links={stiffness_N_m=1e7, modulus_Pa=7e10}", r"^links: expected either stiffness_N_m, or modulus_Pa"),
+        ("l1", "links={stiffness_N_m=1e7, inner_diameter_m=0.1}", r"^links: expected either stiffness_N_m, or modulus"),
+        ("kr500", "carts={drive_N_m=1e7}", r"^carts: is for parallel robots; an \[arm\] gives way in its joints alone"),
+        ("kr500", "section.cone_deg=30.0", r"^section.cone_deg: is for parallel robots"),
         ("l1", "links={stiffness_N_m=[1e7, 1e7]}", r"^links: link has 2 numbers; expected one, or 3"),
         ("l1", "load.moment_Nm=[1.0, 0.0, 0.0]", r"^load.moment_Nm: the plate of this robot is a point"),
         ("l1", "pose_m=[0.0, 0.0, 9.0]", r"^pose_m: cannot be reached: "),
