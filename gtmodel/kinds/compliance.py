@@ -79,17 +79,13 @@ def _study(problem: Schema, context: Context) -> Study:
             given[-1] if given else "links",
         )
     if problem.arm is not None:
-        _refuse_link_keys(problem)
+        own = problem.model_fields_set, problem.section.model_fields_set
+        useless = [k for k in ("carts", "frame", "frequencies") if k in own[0]]
+        useless += [f"section.{k}" for k in ("along_m", "cone_deg") if k in own[1]]
+        if useless:
+            raise InputError("is for parallel robots; an [arm] gives way in its joints alone: leave it out", useless[0])
     model = problem.model(context)
     return ArmStudy(problem, model) if problem.arm is not None else LinkStudy(problem, model)
-
-
-def _refuse_link_keys(problem: Schema) -> None:
-    """A key that an arm has no use for would be left out in silence."""
-    given = [key for key in ("carts", "frame", "frequencies") if key in problem.model_fields_set]
-    given += [f"section.{key}" for key in ("along_m", "cone_deg") if getattr(problem.section, key) is not None]
-    if given:
-        raise InputError("is of a parallel robot with [links]; leave it out beside [arm]", given[0])
 
 
 def _grid(problem: Schema, study: Study) -> Any:

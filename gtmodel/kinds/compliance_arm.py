@@ -1,4 +1,4 @@
-"""Kind "compliance" of a serial arm: joints that give way, over a vertical plane through axis 1."""
+"""Kind "compliance" of a serial arm: joints that give way, over the vertical plane in which the arm stands."""
 
 from __future__ import annotations
 

@@ -60,7 +60,7 @@ class Load(Section):
 
 
 class Map(Section):
-    """The cross-section that is mapped: across the guideways, or of an arm the vertical plane through axis 1."""
+    """The cross-section that is mapped: across the guideways, or the vertical plane in which an arm stands."""
 
     along_m: float | None = Field(
         default=None, description="position along the guideways; through the reported pose if left out"

@@ -142,7 +142,10 @@ def _poses(p: LinkPoses) -> Poses:
 def _springs(problem: Schema, home: LinkPoses) -> LinkSprings:
     keys = problem.links
     assert keys is not None
-    if (keys.stiffness_N_m is None) == (keys.modulus_Pa is None or keys.outer_diameter_m is None):
+    of_tube = {"modulus_Pa", "outer_diameter_m", "inner_diameter_m"} & keys.model_fields_set
+    if bool(of_tube) == (keys.stiffness_N_m is not None) or (
+        of_tube and not (keys.modulus_Pa and keys.outer_diameter_m)
+    ):
         raise InputError("expected either stiffness_N_m, or modulus_Pa with outer_diameter_m", "links")
     if np.any(problem.load.moment_Nm) and home.R is None:
         raise InputError("the plate of this robot is a point, which takes no moment; leave it out", "load.moment_Nm")

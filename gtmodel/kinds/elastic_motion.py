@@ -26,17 +26,21 @@ NAME = "elastic_motion"
 VALUES = {
     "motions": "for each of rigid, ZV, ZVD and elastic: final_time_s, residual_mm (amplitude of the tool against the "
     "plate once that stands, root of the sum of squares of three directions), residual_10_percent_mm (the worst of a "
-    "mode 10 % slower and faster than planned), peak_force_N of the rigid robot on that motion; of elastic its own",
+    "mode 10 % slower and faster than planned), peak_force_N: of the plans their own, of shaped "
+    "ones what the robot with a rigid tool needs",
     "frequency_Hz": "of the tool on its spring, the plate held",
     "static_mm": "by which the tool hangs",
     "resimulated_end_mm": "offset of the tool from where it hangs after an integrator ran the elastic plan's forces",
 }
 
-SAMPLES = 4001  # of a motion: 600 to a period of its swing
+SAMPLES = 4001  # of a motion, at least
+PER_PERIOD = 200  # samples of a swing's period, at least
+MOST_SAMPLES = 400_001
 OFF = 0.1  # error of the frequency that is reported
 RATIOS = np.linspace(0.6, 1.4, 81)
 SHARE = 0.01  # of the rigid plan's swing; 40 elements leave 0.4 %, shaping a part in a million
 RESIMULATED_MM = 0.5  # collocation's error, as an integrator shows it
+FORCE_SHARE = 1e-3  # of the limit: beyond, a motion passes it
 GRAVITY = 9.81
 TO_A_PERIOD = 5  # elements: six leave 0.4 % of the rigid plan's swing, 3.8 leave 3 %, 1.8 leave half
 MOST_ELEMENTS = 1000
@@ -110,9 +114,12 @@ def solve(problem: Schema, context: Context) -> Outcome:
     )  # fmt: skip
     robot = _three_link(heavy.model(context))
     _refuse_unreachable(robot, problem)
+    if np.linalg.norm(np.subtract(problem.goal.tcp_m, problem.start.tcp_m)) < 1e-6:
+        raise InputError("is where the motion starts; nothing moves, nothing swings: give another place", "goal.tcp_m")
     rigid = _planned(RigidMotion(**_values(robot, problem)), problem, context, "rigid plan", None)
     if not rigid.status.ok:
         return Outcome(status=rigid.status, message=f"rigid plan: {rigid.message}")
+    plate = _sampled(rigid, tool)
     k = tool.mass_kg * (2 * np.pi * tool.frequency_Hz) ** 2
     d = 2 * tool.damping * np.sqrt(k * tool.mass_kg)
     bare = _values(_three_link(problem.model(context)), problem)
@@ -122,12 +129,11 @@ def solve(problem: Schema, context: Context) -> Outcome:
         coarse = _too_coarse(problem, rigid.final_time)
         return Outcome(status=elastic.status, message="; ".join([f"elastic plan: {elastic.message}", *coarse]))
     context.progress("comparing", 0.9)
-    plate = _sampled(rigid)
-    motions = [_Motion("rigid", plate, _peak(robot, plate))]
+    motions = [_Motion("rigid", plate, float(np.abs(plate["tau"]).max()))]
     for name, make in (("ZV", zero_vibration), ("ZVD", zero_vibration_derivative)):
         shaped = make(tool.frequency_Hz, tool.damping)(plate, ["T", "der(T)", "der(T,2)"])
         motions.append(_Motion(name, shaped, _peak(robot, shaped)))
-    own = _sampled(elastic)
+    own = _sampled(elastic, tool)
     motions.append(_Motion("elastic", own, float(np.abs(own["tau"]).max())))
     return _outcome(problem, motions, elastic, GRAVITY * tool.mass_kg / k)
 
@@ -148,7 +154,7 @@ def explain(problem: Schema, context: Context) -> str:
 
 ASSUMED = (
     "the plate follows its motion exactly: the tool's swing does not push it back",
-    "plans keep the force limit at the collocation points, shaped motions only where the table says so",
+    "plans keep the force limit at every instant; shaped motions need what the table says",
     "shaped motions leave the planned path, within its convex hull",
 )
 
@@ -185,16 +191,26 @@ def _planned(model: Optimization, problem: Schema, context: Context, stage: str,
         context.progress(stage, None, numbers)
         return context.interrupted()
 
-    mesh = Mesh(elements=problem.mesh.elements)
+    mesh = Mesh(elements=problem.mesh.elements, control="bernstein")  # forces keep their limit at every instant
     return collocate(model, mesh=mesh, guess=guess, solver=SolverOptions(), progress=progress, throw=False)
 
 
-def _sampled(solution: Solution) -> Trajectory:
+def _sampled(solution: Solution, tool: Tool) -> Trajectory:
     """The plate along the collocated polynomials; its ends, at rest to the solver's tolerance, are put to rest."""
-    found = solution.sample(np.linspace(0.0, 1.0, SAMPLES)).select(["T", "der(T)", "der(T,2)", "tau"])
+    n = _samples(solution.trajectory.duration, tool)
+    found = solution.sample(np.linspace(0.0, 1.0, n)).select(["T", "der(T)", "der(T,2)", "tau"])
     v = found["der(T)"].copy()
     v[[0, -1]] = 0.0
     return found.with_values({"der(T)": v}, {"der(T)": "m/s"})
+
+
+def _samples(duration: float, tool: Tool) -> int:
+    """Instants of a motion that follow its swing; raises InputError for a frequency that they cannot follow."""
+    n = max(SAMPLES, int(np.ceil(PER_PERIOD * duration * tool.frequency_Hz)) + 1)
+    if n > MOST_SAMPLES:
+        most = MOST_SAMPLES / PER_PERIOD / duration
+        raise InputError(f"is too fast to be followed; at most {most:.3g} Hz in {duration:.3g} s", "tool.frequency_Hz")
+    return n
 
 
 def _peak(robot: GantryTau, plate: Trajectory) -> float:
@@ -227,6 +243,12 @@ def _outcome(problem: Schema, motions: list[_Motion], elastic: Solution, static:
         Row("elastic plan, re-simulated: tool off", 1e3 * left, "mm"),
     ]
     rows += [Row("look at this", sentence) for sentence in _too_coarse(problem, elastic.final_time)]
+    limit = problem.limits.force_N
+    for name, m in table.items():
+        over = m["peak_force_N"] / limit - 1
+        if over > FORCE_SHARE:
+            said = f"by {100 * over:.2g} %: plan with limits.force_N = {limit / (1 + over):.3g} to stay near it"
+            rows.append(Row(f"{name} passes the force limit", said))
     rows += [Row("assumed", sentence) for sentence in ASSUMED]
     title = problem.title or f"vibration of {problem.robot}"
     return Outcome(
@@ -273,9 +295,10 @@ def _swing(plate: Trajectory, tool: Tool) -> tuple[np.ndarray, np.ndarray]:
     from scipy.signal import StateSpace, lsim
 
     w = 2 * np.pi * tool.frequency_Hz
-    step = plate.duration / (SAMPLES - 1)
+    n = _samples(plate.duration, tool)
+    step = plate.duration / (n - 1)
     after = np.arange(1, int(6 / tool.frequency_Hz / step)) * step
-    t = np.linspace(0.0, plate.duration, SAMPLES)
+    t = np.linspace(0.0, plate.duration, n)
     v = np.vstack([plate(t + plate.time[0], "der(T)"), np.zeros((len(after), 3))])
     # z' = -w^2 x - 2 zeta w (z - v), x' = z - v: driven by the velocity, so that steps of the acceleration need no care
     c = 2 * tool.damping * w

@@ -40,6 +40,13 @@ def test_shaped_and_elastic_motions_end_at_rest(shipped) -> None:
     assert shipped.values["resimulated_end_mm"] < 5.0
 
 
+def test_plans_keep_the_force_limit_at_every_instant_and_shaped_motions_that_pass_it_are_named(shipped) -> None:
+    m = shipped.values["motions"]
+    assert all(m[name]["peak_force_N"] <= 700.0 * (1 + 1e-6) for name in ("rigid", "elastic"))  # IPOPT's tolerance
+    named = {row.label.split()[0] for row in shipped.rows if "passes the force limit" in row.label}
+    assert named == {name for name, x in m.items() if x["peak_force_N"] > 700.7}
+
+
 def test_the_picture_has_both_panels_and_shows_the_swing(shipped) -> None:
     upper, lower = shipped.figures["swing"]().axes
     assert len(upper.lines) == len(lower.lines) == 4
@@ -56,6 +63,8 @@ def test_the_picture_has_both_panels_and_shows_the_swing(shipped) -> None:
     [
         ('robot="f1"', r"^inertia: |^robot: "),
         ("goal.tcp_m=[0.9, -0.9, 9.0]", r"^goal.tcp_m: cannot be reached: "),
+        ("goal.tcp_m=[0.0, -0.9, 0.1]", r"^goal.tcp_m: is where the motion starts"),
+        ("tool.frequency_Hz=1e6", r"^tool.frequency_Hz: is too fast to be followed"),
         ("tool.damping=1.5", r"tool.damping: "),
     ],
 )
@@ -70,9 +79,9 @@ def test_explain_says_what_is_assumed() -> None:
 
 
 def test_a_mesh_too_coarse_for_the_swing_is_named(shipped) -> None:
-    # 24 elements in 1.06 s leave 3 % of the swing to the plan; the shipped 40 follow it
+    # 24 elements in 1.1 s leave 3 % of the swing to the plan; the shipped 40 follow it
     (said,) = [str(row.value) for row in shipped.rows if row.label == "look at this"]
-    assert said.startswith("mesh.elements = 24 are 3.8 to a period") and said.endswith("take at least 32")
+    assert said.startswith("mesh.elements = 24 are 3.6 to a period") and said.endswith("take at least 34")
     stiff = load("problems/elastic_l1.toml", ["tool.frequency_Hz=1000.0"]).problem
     assert "a tool so stiff hardly swings" in elastic_motion._too_coarse(stiff, 1.1)[0]  # type: ignore[arg-type]
     assert elastic_motion._too_coarse(load("problems/elastic_l1.toml").problem, 1.1) == []  # type: ignore[arg-type]
