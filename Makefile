@@ -14,7 +14,8 @@ export MPLBACKEND := Agg
 # One BLAS thread in each of the JOBS processes: they do not fight for cores, and sums keep their order.
 ONE_THREAD := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1
 # Neighbours share fixtures and stay in one process, until the other one has nothing left and takes half of the rest.
-PYTEST     := $(ONE_THREAD) $(RUN) pytest -n $(JOBS) --dist worksteal
+# Tests run make themselves, which is not to ask this one for jobs.
+PYTEST     := env -u MAKEFLAGS -u MFLAGS -u MAKELEVEL $(ONE_THREAD) $(RUN) pytest -n $(JOBS) --dist worksteal
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:

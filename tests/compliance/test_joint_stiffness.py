@@ -170,6 +170,8 @@ def test_refusals():
         replace(made, wrist_covariance=None)
     with pytest.raises(ValueError, match=r"do not determine c\[0\]"):
         complete_pose(_vertical())
+    with pytest.raises(ValueError, match="every displacement is zero"):
+        complete_pose(replace(made, displacement=np.zeros_like(made.displacement)))
     with pytest.raises(ValueError, match="tilt needs the origins"):
         synthetic_tests(made, TRUTH, None, tilt=TRUTH)
 
@@ -183,4 +185,5 @@ def _only(tests, rows):
 def _vertical():
     """Vertical loads alone never turn axis 1."""
     p = poses()
-    return p.tests(np.tile([0, 0, -4000.0, 0, 0, 0], (len(p.q), 1)), sigma=SIGMA)
+    tests = p.tests(np.tile([0, 0, -4000.0, 0, 0, 0], (len(p.q), 1)), sigma=SIGMA)
+    return replace(tests, displacement=np.full_like(tests.displacement, 1e-5))
