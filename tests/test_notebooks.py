@@ -138,5 +138,10 @@ def test_an_error_in_a_cell_is_found(kernel: AsyncKernelManager, tmp_path: Path)
 
 
 def test_a_notebook_sees_nothing_of_the_one_before(kernel: AsyncKernelManager, tmp_path: Path) -> None:
-    for source in ("left_behind = 1", "assert 'left_behind' not in globals()"):
-        execute(nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(source)]), kernel, tmp_path)
+    def printed(source: str) -> str:
+        ran = execute(nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(source)]), kernel, tmp_path)
+        return "".join(output.text for output in outputs(ran))
+
+    asked = "print('left_behind' in globals())"
+    assert printed(f"left_behind = 1; {asked}") == "True\n"
+    assert printed(asked) == "False\n"

@@ -9,11 +9,10 @@ velocity is divided, is s.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import casadi as ca
 
-LARGEST = 50_000  # operations; beyond, the time of this pass would be noticed
+from .rewriting import rewritten
 
 LONGEST = 16  # products in a sum
 
@@ -22,13 +21,10 @@ Instruction = tuple[int, list[int]]  # operation, and numbers of the instruction
 
 def with_differences(expressions: Sequence[ca.SX]) -> list[ca.SX]:
     """The expressions, each with the sparsity it had; common subexpressions must be shared before."""
-    numbers: list[Any] = [x for e in expressions for x in e.nonzeros()]
-    symbols = ca.symvar(ca.vertcat(*numbers)) if numbers else []
-    if not symbols:
-        return list(expressions)
-    f = ca.Function("f", [ca.vertcat(*symbols)], [ca.vertcat(*numbers)])
-    if f.n_instructions() > LARGEST:
-        return list(expressions)
+    return rewritten(expressions, _rewritten)
+
+
+def _rewritten(f: ca.Function, symbols: list[ca.SX]) -> list[ca.SX] | None:
     read = _read(f)
     better = _better(read)
     for k, instruction in better.items():
@@ -36,12 +32,7 @@ def with_differences(expressions: Sequence[ca.SX]) -> list[ca.SX]:
     slopes = _slopes(read)
     for k, instruction in slopes.items():
         read[k] = instruction
-    if not better and not slopes:
-        return list(expressions)
-    results = iter(_rebuilt(f, symbols, read))
-    return [
-        ca.SX(e.sparsity(), ca.vertcat(*[next(results) for _ in range(e.nnz())])) if e.nnz() else e for e in expressions
-    ]
+    return _rebuilt(f, symbols, read) if better or slopes else None
 
 
 def _read(f: ca.Function) -> list[Instruction]:

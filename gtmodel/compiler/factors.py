@@ -9,28 +9,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any
 
 import casadi as ca
 
-Factored = tuple[float, ca.SX]  # +-2^k and what it multiplies
+from .rewriting import rewritten
 
-LARGEST = 50_000  # operations; beyond, the time of this pass would be noticed
+Factored = tuple[float, ca.SX]  # +-2^k and what it multiplies
 
 
 def without_factors(expressions: Sequence[ca.SX]) -> list[ca.SX]:
     """The expressions with fewer operations; each with the sparsity it had."""
-    numbers: list[Any] = [x for e in expressions for x in e.nonzeros()]
-    symbols = ca.symvar(ca.vertcat(*numbers)) if numbers else []
-    if not symbols:
-        return list(expressions)
-    f = ca.Function("f", [ca.vertcat(*symbols)], [ca.vertcat(*numbers)])
-    if f.n_instructions() > LARGEST:
-        return list(expressions)
-    results = iter(_rewritten(f, symbols))
-    return [
-        ca.SX(e.sparsity(), ca.vertcat(*[next(results) for _ in range(e.nnz())])) if e.nnz() else e for e in expressions
-    ]
+    return rewritten(expressions, _rewritten)
 
 
 def _rewritten(f: ca.Function, symbols: list[ca.SX]) -> list[ca.SX]:

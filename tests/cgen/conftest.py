@@ -11,6 +11,7 @@ import pytest
 import gtmodel as gt
 from gtmodel import cgen
 from gtmodel.compiler.causal import CausalFunction
+from tests.bench.callgrind import missing
 
 Functions = dict[str, CausalFunction]
 
@@ -98,6 +99,14 @@ def l1_folder(l1: Functions, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def small_folder(small: Functions, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The generated folder of the small models; tests must not change it."""
     return cgen.generate(small, tmp_path_factory.mktemp("generated") / "small", name="small").folder
+
+
+@pytest.fixture(scope="session")
+def callgrind() -> None:
+    """For what counts instructions: skips where that cannot be done, and says why."""
+    reason = missing()
+    if reason:
+        pytest.skip(reason)
 
 
 def run(*command: str | Path, cwd: Path) -> subprocess.CompletedProcess[str]:

@@ -6,7 +6,6 @@ The closures are written here again from the parameters (Dressler 2012, sections
 from __future__ import annotations
 
 import ctypes
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,17 +14,13 @@ import gtmodel as gt
 from gtmodel import Status, cgen
 from gtmodel.cgen.comparison import call
 from gtmodel.cgen.interface import Interface, interfaces
-from gtmodel.cgen.newton_stages import samples_of
-from gtmodel.cgen.points import HELD, draw
-from tests.bench.callgrind import FLAGS
-from tests.cgen.conftest import c_files, succeed
+from gtmodel.cgen.points import HELD
+from tests.cgen.calls import denormals, shared_library, spoilt_draws
 
 # draws of each function, 100,000 in all
 DRAWS = {"fk": 20_000, "ik": 20_000, "velocity": 20_000, "inverse_dynamics": 20_000, "six_link_fk": 20_000}
-SPOILT = 0.3  # share of the draws with a NaN or an infinity
 # squared lengths of some metres, closed forms and Newton's residual limit alike
 RESIDUAL_M2 = 1e-9
-DENORMAL = 5e-324
 
 
 @pytest.fixture(scope="module")
@@ -49,10 +44,7 @@ def faces(robots: tuple[gt.Model, gt.Model]) -> dict[str, Interface]:
 @pytest.fixture(scope="module")
 def library(faces: dict[str, Interface], tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
     place = tmp_path_factory.mktemp("contract")
-    folder = cgen.generate({k: f.function for k, f in faces.items()}, place / "p", name="p").folder
-    sources = [folder / f for f in c_files(folder) if not f.endswith("_main.c")]
-    succeed("cc", *FLAGS, "-shared", "-fPIC", *sources, "-lm", "-o", "library.so", cwd=place)
-    return ctypes.CDLL(str(Path(place) / "library.so"))
+    return shared_library(cgen.generate({k: f.function for k, f in faces.items()}, place / "p", name="p").folder, place)
 
 
 def closures(key: str, robots: tuple[gt.Model, gt.Model], inputs: np.ndarray, outputs: np.ndarray) -> np.ndarray:
@@ -75,11 +67,8 @@ def closures(key: str, robots: tuple[gt.Model, gt.Model], inputs: np.ndarray, ou
 def test_a_status_for_every_call(
     key: str, faces: dict[str, Interface], library: ctypes.CDLL, robots: tuple[gt.Model, gt.Model]
 ) -> None:
-    face, rng = faces[key], np.random.default_rng(8)
-    inputs = draw(face, DRAWS[key], seed=8)
-    spoilt = rng.random(len(inputs)) < SPOILT
-    column = rng.integers(face.input_size + face.state_size, size=len(inputs))
-    inputs[spoilt, column[spoilt]] = rng.choice([np.nan, np.inf, -np.inf], size=int(spoilt.sum()))
+    face = faces[key]
+    inputs, spoilt = spoilt_draws(face, DRAWS[key])
     outputs, status = call(library, face, inputs)
     ok = status == Status.OK
     assert np.all(status[spoilt] == Status.NOT_FINITE)
@@ -99,14 +88,7 @@ def test_a_status_for_every_call(
 @pytest.mark.parametrize("key", list(DRAWS))
 def test_a_denormal_is_a_zero(key: str, faces: dict[str, Interface], library: ctypes.CDLL) -> None:
     face = faces[key]
-    pairs = [p for s in face.function.inputs for p in s.pairs]
-    home = [x for stage in face.newton for x in stage.home]
-    point = np.concatenate([samples_of(face.function, pairs)[0], home])
-    zero = np.tile(point, (len(point), 1))
-    np.fill_diagonal(zero, 0.0)
-    tiny = zero.copy()
-    for sign in (1.0, -1.0):
-        np.fill_diagonal(tiny, sign * DENORMAL)
+    for zero, tiny in denormals(face):
         (a, first), (b, second) = call(library, face, zero), call(library, face, tiny)
         np.testing.assert_array_equal(first, second)
         assert np.any(first == Status.OK) and np.max(np.abs(a - b)) < np.finfo(float).tiny

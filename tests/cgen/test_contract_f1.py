@@ -6,7 +6,6 @@ Closures are those of tests/oracle/f1_by_hand.py, which knows nothing of gtmodel
 from __future__ import annotations
 
 import ctypes
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,21 +14,18 @@ import gtmodel as gt
 from gtmodel import Status, cgen
 from gtmodel.cgen.comparison import call
 from gtmodel.cgen.interface import Interface, interfaces
-from gtmodel.cgen.newton_stages import samples_of
-from gtmodel.cgen.points import HELD, draw
-from tests.bench.callgrind import FLAGS
-from tests.cgen.conftest import Functions, c_files, succeed
+from gtmodel.cgen.points import HELD
+from tests.cgen.calls import denormals, shared_library, spoilt_draws
+from tests.cgen.conftest import Functions
 from tests.oracle.f1_by_hand import F1ByHand, from_quaternion
 
 KEYS = ("fk", "ik", "velocity")
 FEW, MANY = 1_200, 33_400  # draws of each function; three times MANY is 100,000
 FARTHEST = 1.5  # typical sizes: enough draws keep a solution, enough lose it
-SPOILT = 0.3  # share of the draws with a NaN or an infinity
 RESIDUAL_M2 = 1e-9  # squared lengths of some metres, Newton's residual limit
 STEP_S = 1e-4
 # central difference of a closure along the velocities, over their size: its own error is STEP_S^2, times the size cubed
 DRIFT = 1e-5
-DENORMAL = 5e-324
 
 
 @pytest.fixture(scope="module")
@@ -40,10 +36,7 @@ def faces(f1: Functions) -> dict[str, Interface]:
 @pytest.fixture(scope="module")
 def library(faces: dict[str, Interface], tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
     place = tmp_path_factory.mktemp("contract_f1")
-    folder = cgen.generate({k: f.function for k, f in faces.items()}, place / "f", name="f").folder
-    sources = [folder / f for f in c_files(folder) if not f.endswith("_main.c")]
-    succeed("cc", *FLAGS, "-shared", "-fPIC", *sources, "-lm", "-o", "library.so", cwd=place)
-    return ctypes.CDLL(str(Path(place) / "library.so"))
+    return shared_library(cgen.generate({k: f.function for k, f in faces.items()}, place / "f", name="f").folder, place)
 
 
 @pytest.fixture(scope="module")
@@ -61,12 +54,13 @@ def closures(by_hand: F1ByHand, q: np.ndarray, T: np.ndarray, e: np.ndarray) -> 
     return np.sum(links * links, axis=2) - by_hand.L**2
 
 
-def judge(key: str, face: Interface, library: ctypes.CDLL, by_hand: F1ByHand, rows: int) -> None:
-    rng = np.random.default_rng(8)
-    inputs = draw(face, rows, seed=8, farthest=FARTHEST)
-    spoilt = rng.random(rows) < SPOILT
-    column = rng.integers(face.input_size + face.state_size, size=rows)
-    inputs[spoilt, column[spoilt]] = rng.choice([np.nan, np.inf, -np.inf], size=int(spoilt.sum()))
+@pytest.mark.parametrize("rows", [FEW, pytest.param(MANY, marks=pytest.mark.proof)])
+@pytest.mark.parametrize("key", KEYS)
+def test_a_status_for_every_call(
+    key: str, rows: int, faces: dict[str, Interface], library: ctypes.CDLL, by_hand: F1ByHand
+) -> None:
+    face = faces[key]
+    inputs, spoilt = spoilt_draws(face, rows, farthest=FARTHEST)
     outputs, status = call(library, face, inputs)
     ok = status == Status.OK
     assert np.all(status[spoilt] == Status.NOT_FINITE)
@@ -98,30 +92,9 @@ def judge(key: str, face: Interface, library: ctypes.CDLL, by_hand: F1ByHand, ro
 
 
 @pytest.mark.parametrize("key", KEYS)
-def test_a_status_for_every_call(
-    key: str, faces: dict[str, Interface], library: ctypes.CDLL, by_hand: F1ByHand
-) -> None:
-    judge(key, faces[key], library, by_hand, FEW)
-
-
-@pytest.mark.proof
-@pytest.mark.parametrize("key", KEYS)
-def test_a_status_for_100_000_calls(
-    key: str, faces: dict[str, Interface], library: ctypes.CDLL, by_hand: F1ByHand
-) -> None:
-    judge(key, faces[key], library, by_hand, MANY)
-
-
-@pytest.mark.parametrize("key", KEYS)
 def test_a_denormal_is_a_zero(key: str, faces: dict[str, Interface], library: ctypes.CDLL) -> None:
     face = faces[key]
-    home = [x for stage in face.newton for x in stage.home]
-    point = np.concatenate([samples_of(face.function, [p for s in face.function.inputs for p in s.pairs])[0], home])
-    zero = np.tile(point, (len(point), 1))
-    np.fill_diagonal(zero, 0.0)
-    tiny = zero.copy()
-    for sign in (1.0, -1.0):
-        np.fill_diagonal(tiny, sign * DENORMAL)
+    for zero, tiny in denormals(face):
         (a, first), (b, second) = call(library, face, zero), call(library, face, tiny)
         np.testing.assert_array_equal(first, second)
         assert np.any(first == Status.OK) and np.max(np.abs(a - b)) < np.finfo(float).tiny

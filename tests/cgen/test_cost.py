@@ -34,11 +34,8 @@ def sources(pairs: Pairs, tmp_path_factory: pytest.TempPathFactory) -> list[Path
 
 
 @pytest.fixture(scope="module")
-def counts(pairs: Pairs, sources: list[Path]) -> dict[str, tuple[Count, Count]]:
+def counts(pairs: Pairs, sources: list[Path], callgrind: None) -> dict[str, tuple[Count, Count]]:
     """(generated, by hand) by key."""
-    lacking = missing()
-    if lacking:
-        pytest.skip(lacking)
     found = count(_calls(pairs.all), sources, pairs.parameters)
     return {p.key: (found[f"generated {p.key}"], found[f"by hand {p.key}"]) for p in pairs.all}
 
@@ -49,8 +46,6 @@ def _calls(pairs: list[Pair]) -> dict[str, Call]:
 
 
 def test_peer_and_generated_code_compute_the_same(pairs: Pairs, sources: list[Path]) -> None:
-    if shutil.which("gcc") is None:
-        pytest.skip(missing() or "")
     written = run(_calls(pairs.all), sources, pairs.parameters)
     for p in pairs.all:
         by_hand, generated = written[f"by hand {p.key}"], written[f"generated {p.key}"][:, :3]

@@ -10,13 +10,12 @@ from gtmodel import Status, cgen
 from gtmodel.cgen import measurement
 from gtmodel.cgen.interface import interfaces
 from gtmodel.cgen.points import draw, evaluate
-from tests.bench.callgrind import FLAGS, Call, count, missing
+from tests.bench.callgrind import FLAGS, Call, count
 from tests.cgen.conftest import Functions, succeed
 
 
+@pytest.mark.usefixtures("callgrind")
 def test_costs_are_those_of_nm_and_of_a_caller_of_its_own(small: Functions, small_folder: Path, tmp_path: Path) -> None:
-    if missing():
-        pytest.skip(missing() or "")
     found = cgen.costs(small_folder, small)
     assert found.missing == "" and set(found.instructions) == set(found.text_bytes) == set(found.stack_bytes)
     sources = [small_folder / "gt_small.c", small_folder / "gt_small_body.c"]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 import re
 import shutil
 from pathlib import Path
@@ -20,6 +19,7 @@ from gtmodel.cgen.real import DOUBLE, FLOAT
 from gtmodel.cgen.single import single
 from gtmodel.cgen.virtual_machine import run as run_in_float
 from tests.bench.callgrind import FLAGS
+from tests.cgen.calls import shared_library
 from tests.cgen.conftest import Functions, c_files, copy, run, succeed
 
 POINTS = 500
@@ -96,9 +96,7 @@ def test_one_changed_constant_fails_the_self_test(l1: Functions, tmp_path: Path)
 
 
 def test_singular_and_far_poses_have_their_status(l1: Functions, folder: Path, tmp_path: Path) -> None:
-    sources = [folder / f for f in c_files(folder) if not f.endswith("_main.c")]
-    succeed("cc", *FLAGS, "-shared", "-fPIC", *sources, "-lm", "-o", "library.so", cwd=tmp_path)
-    library = ctypes.CDLL(str(tmp_path / "library.so"))
+    library = shared_library(folder, tmp_path)
     (face,) = interfaces({"velocity": l1["velocity"]}, "s", real=FLOAT)
     good = draw(face, 50, seed=3, farthest=0.02)[0]
     rows = np.tile(good, (4, 1))

@@ -14,7 +14,7 @@ from gtmodel.cgen.body import trimmed
 from gtmodel.compiler.causal import CausalFunction
 from gtmodel.compiler.evaluate import build
 from gtmodel.compiler.plan import make_plan
-from tests.bench.callgrind import Call, body_call, count, generate, guarded_call, missing
+from tests.bench.callgrind import Call, body_call, count, generate, guarded_call
 from tests.bench.three_link_pairs import Pair, three_link_pairs
 
 # most instructions of a body with parameters as inputs, at -O2
@@ -27,9 +27,7 @@ GUARDS = dict.fromkeys(LIMITS, 80)
 
 
 @pytest.fixture(scope="module")
-def pairs() -> list[Pair]:
-    if missing():
-        pytest.skip(missing() or "")
+def pairs(callgrind: None) -> list[Pair]:
     return [p for p in three_link_pairs().all if p.key in LIMITS]
 
 

@@ -16,7 +16,8 @@ from gtmodel.cgen.interface import Interface, interfaces
 from gtmodel.cgen.newton_stages import samples_of
 from gtmodel.cgen.newton_steps import eliminate, newton
 from gtmodel.cgen.points import HELD, draw, evaluate
-from tests.bench.callgrind import FLAGS, Call, count, missing
+from tests.bench.callgrind import FLAGS, Call, count
+from tests.cgen.calls import shared_library
 from tests.cgen.conftest import Functions, c_files, copy, run, succeed
 
 POINTS = 1000
@@ -34,10 +35,7 @@ def folder(newton_functions: Functions, tmp_path_factory: pytest.TempPathFactory
 
 @pytest.fixture(scope="session")
 def library(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
-    place = tmp_path_factory.mktemp("newton_library")
-    sources = [folder / f for f in c_files(folder) if not f.endswith("_main.c")]
-    succeed("cc", *FLAGS, "-shared", "-fPIC", *sources, "-lm", "-o", "library.so", cwd=place)
-    return ctypes.CDLL(str(place / "library.so"))
+    return shared_library(folder, tmp_path_factory.mktemp("newton_library"))
 
 
 def faces_of(functions: Functions) -> dict[str, Interface]:
@@ -127,9 +125,8 @@ def test_one_changed_constant_fails_the_self_test(
 
 
 @pytest.mark.parametrize("key", list(INSTRUCTIONS))
+@pytest.mark.usefixtures("callgrind")
 def test_cost_and_size(key: str, newton_functions: Functions, folder: Path, tmp_path: Path) -> None:
-    if missing():
-        pytest.skip(missing() or "")
     face = faces_of(newton_functions)[key]
     rows = draw(face, 200, seed=5)
     rows = rows[evaluate(face, rows)[1] == Status.OK][:10]

@@ -25,8 +25,9 @@ BEYOND = ((-0.05, 0.95), (-2.5, -0.65), (0.05, 0.55))  # link 3 of 1.81 m does n
 
 @pytest.fixture(autouse=True)
 def tool() -> None:
-    if available():
-        pytest.skip(available())
+    lacking = available()
+    if lacking:
+        pytest.skip(lacking)
 
 
 def outside(proof: Proof, function: CausalFunction, box: Sequence[tuple[float, float]]) -> int:

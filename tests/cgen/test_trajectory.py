@@ -12,8 +12,8 @@ from gtmodel import Status, cgen
 from gtmodel.cgen.comparison import call
 from gtmodel.cgen.interface import interfaces
 from gtmodel.cgen.points import HELD, draw, evaluate
-from tests.bench.callgrind import FLAGS
-from tests.cgen.conftest import Functions, c_files, run, succeed
+from tests.cgen.calls import shared_library
+from tests.cgen.conftest import Functions, run
 
 
 class Reference(ctypes.Structure):
@@ -35,9 +35,7 @@ def folder(l1: Functions, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_along_a_reference(l1: Functions, folder: Path, tmp_path: Path) -> None:
-    sources = [folder / f for f in c_files(folder) if not f.endswith("_main.c")]
-    succeed("cc", *FLAGS, "-shared", "-fPIC", *sources, "-lm", "-o", "library.so", cwd=tmp_path)
-    library = ctypes.CDLL(str(tmp_path / "library.so"))
+    library = shared_library(folder, tmp_path)
     (face,) = interfaces({"inverse_dynamics": l1["inverse_dynamics"]}, "a")
     drawn = draw(face, 40, seed=3)
     rows = np.ascontiguousarray(drawn[evaluate(face, drawn)[1] == Status.OK][:9])

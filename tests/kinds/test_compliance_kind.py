@@ -8,26 +8,9 @@ import pytest
 from gtmodel.compliance import arm_poses, softest_and_stiffest, translational_compliance
 from gtmodel.kinds import Context, InputError, compliance
 from gtmodel.kinds.load import load
-from gtmodel.kinds.robot_keys import RobotProblem
 from gtmodel.results import SolveStatus
 
 COARSE = "section.step_m=0.2"
-
-
-@pytest.fixture(scope="module", autouse=True)
-def one_robot():
-    """The same robot in every test: compiled once."""
-    made, found = RobotProblem.model, {}
-
-    def model(self, context):
-        key = (self.robot, self.payload_kg)
-        if key not in found:
-            found[key] = made(self, context)
-        return found[key]
-
-    RobotProblem.model = model
-    yield
-    RobotProblem.model = made
 
 
 def solved(name: str, *changes: str):
@@ -35,7 +18,7 @@ def solved(name: str, *changes: str):
 
 
 @pytest.fixture(scope="module")
-def l1(one_robot):
+def l1():
     return solved("l1")
 
 

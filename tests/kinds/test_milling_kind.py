@@ -7,7 +7,6 @@ import pytest
 
 from gtmodel.kinds import Context, InputError, milling
 from gtmodel.kinds.load import load
-from gtmodel.kinds.robot_keys import RobotProblem
 from gtmodel.results import SolveStatus
 from gtmodel.vibration import fit_oscillator_field, oscillator_text
 from tests.milling.thesis import OSCILLATORS
@@ -28,23 +27,8 @@ def bare(*changes: str, **update):
     return problem.model_copy(update={"lobes": None, "compensation": None, "search": search, **update})
 
 
-@pytest.fixture(scope="module", autouse=True)
-def one_robot():
-    """The same robot in every test: compiled once."""
-    made, found = RobotProblem.model, {}
-
-    def model(self, context):
-        if self.robot not in found:
-            found[self.robot] = made(self, context)
-        return found[self.robot]
-
-    RobotProblem.model = model
-    yield
-    RobotProblem.model = made
-
-
 @pytest.fixture(scope="module")
-def shipped(one_robot):
+def shipped():
     return milling.solve(read(), Context())
 
 

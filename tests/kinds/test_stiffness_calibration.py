@@ -9,7 +9,6 @@ import pytest
 
 from gtmodel.kinds import Context, InputError, calibration
 from gtmodel.kinds.load import load
-from gtmodel.kinds.robot_keys import RobotProblem
 from gtmodel.results import SolveStatus
 
 TRUTH = [3.93, 3.46, 2.77, 1.57, 0.24, 0.17]
@@ -23,23 +22,8 @@ def solved(*changes: str, folder: Path = Path()):
     return calibration.solve(problem, Context(folder=folder))  # type: ignore[arg-type]
 
 
-@pytest.fixture(scope="module", autouse=True)
-def one_robot():
-    """The same robot in every test: compiled once."""
-    made, found = RobotProblem.model, {}
-
-    def model(self, context):
-        if self.robot not in found:
-            found[self.robot] = made(self, context)
-        return found[self.robot]
-
-    RobotProblem.model = model
-    yield
-    RobotProblem.model = made
-
-
 @pytest.fixture(scope="module")
-def shipped(one_robot):
+def shipped():
     return solved()
 
 

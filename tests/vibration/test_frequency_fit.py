@@ -73,20 +73,12 @@ def _hits(rng: np.random.Generator, k: int) -> list[bool]:
     return [fit.interval(n)[0] < true < fit.interval(n)[1] for n, true in TRUE.items()] + [len(fit.m) == 1]
 
 
-def _coverage(runs: int, processes: int | None) -> None:
-    found = np.array(monte_carlo(_hits, runs, 16, processes=processes).results).sum(axis=0)
+@pytest.mark.parametrize("runs", [25, pytest.param(1000, marks=pytest.mark.proof)])
+def test_intervals_hold_the_truth(runs: int) -> None:
+    found = np.array(monte_carlo(_hits, runs, 16, processes=0 if runs < 100 else None).results).sum(axis=0)
     low, high = binomial_band(runs)
     assert all(low <= hits <= high for hits in found[:5]), found
     assert found[5] >= runs - max(1, runs // 100)  # one mode is not taken for two
-
-
-def test_intervals_hold_the_truth_small_draw() -> None:
-    _coverage(25, 0)
-
-
-@pytest.mark.proof
-def test_intervals_hold_the_truth() -> None:
-    _coverage(1000, None)
 
 
 def _from_hits(rng: np.random.Generator, k: int, decay: float) -> list[bool]:

@@ -110,21 +110,13 @@ def pole_errors(samples: int, seeds: range) -> np.ndarray:
     return np.array(errors)
 
 
-def consistent(seeds: range) -> None:
+@pytest.mark.parametrize("seeds", [range(40), pytest.param(range(1000, 1600), marks=pytest.mark.proof)], ids=len)
+def test_errors_fall_with_the_root_of_the_samples(seeds: range) -> None:
     """Sixteen times the samples: a quarter of the error, within the 99.9 % band of the F distribution."""
     few, many = pole_errors(500, seeds), pole_errors(8000, seeds)
     ratio = np.mean(np.abs(few) ** 2) / np.mean(np.abs(many) ** 2)
     low, high = stats.f.ppf([5e-4, 1 - 5e-4], len(seeds), len(seeds))  # one freedom a seed: parts may be correlated
     assert 16 * low < ratio < 16 * high
-
-
-def test_errors_fall_with_the_root_of_the_samples() -> None:
-    consistent(range(40))
-
-
-@pytest.mark.proof
-def test_errors_fall_with_the_root_of_the_samples_many_seeds() -> None:
-    consistent(range(1000, 1600))
 
 
 def test_what_is_refused(noisy) -> None:
