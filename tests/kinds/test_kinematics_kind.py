@@ -13,7 +13,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import gtmodel as gt
-from gtmodel.kinds import Context, InputError, kinematics, robots
+from gtmodel.kinds import Context, InputError, kinematics
 from gtmodel.kinds.load import load, validate
 from gtmodel.results import SolveStatus
 from tests.support.commands import CLONE, Commands
@@ -24,21 +24,6 @@ GRID: dict[str, Any] = {k: v for k, v in L1.items() if k != "points"} | {"grid":
 # the printed range: 0.1 to 0.5 deg; over this grid (0.18, 0.55, 0.24), to be met within 10 per cent
 RANGE_DEG, PRINTED = np.array([0.18, 0.55, 0.24]), 0.1
 ROUND_OFF = 1e-12
-ROBOTS: dict[str, gt.Model] = {}
-RESOLVE = robots.resolve
-
-
-@pytest.fixture(autouse=True)
-def _one_robot_for_all(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Robots are immutable and remember what was compiled: each is made once."""
-    monkeypatch.setattr(robots, "resolve", _resolve)
-
-
-def _resolve(reference: str, context: Context, **options: Any) -> gt.Model:
-    key = json.dumps([reference, options])
-    if key not in ROBOTS:
-        ROBOTS[key] = RESOLVE(reference, context, **options)
-    return ROBOTS[key]
 
 
 @pytest.fixture
