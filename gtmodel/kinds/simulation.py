@@ -83,7 +83,7 @@ class Schema(RobotProblem):
         default=None, description="interval of the recorded rows; a 500th of the run if it is left out"
     )
     max_step_s: PositiveFloat | None = Field(
-        default=None, description="longest step of the integrator, for short pulses after rest; none if it is left out"
+        default=None, description="longest step of the integrator; none if it is left out"
     )
     tolerance: float = Field(default=1e-9, ge=1e-14, le=0.1, description="of the integrator, relative and absolute")
     method: Literal["bdf", "adams"] = Field(default="bdf", description="adams for smooth motion at tight tolerances")
