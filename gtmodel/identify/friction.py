@@ -48,8 +48,8 @@ class FrictionFit:
     residual_rms: Array
 
     def against_motion(self, runs: Runs, level: float) -> tuple[float, float]:
-        """Least friction force [N] against the motion, of any cart in any direction at any of its speeds, and the upper
-        limit of that force's confidence interval: negative, it drives beyond noise."""
+        """Friction force [N] against the motion, of the cart, direction and speed where it is least beyond its noise, and
+        the upper limit of its confidence interval: negative, it drives."""
         least = (np.inf, np.inf)
         for cart in range(len(self.lines)):
             for way, sign in (("plus", 1), ("minus", -1)):
@@ -57,7 +57,7 @@ class FrictionFit:
                 for v in (float(speeds.min()), float(speeds.max())):
                     weights = {f"coulomb_{way}[{cart}]": 1.0, f"viscous_{way}[{cart}]": v}
                     value, _, high = self.estimate.combination(weights, level)
-                    least = min(least, (value, high))
+                    least = min(least, (value, high), key=lambda pair: pair[1])
         return least
 
     def force(self, velocity: Array, cart: int, pose: int = 0) -> Array:

@@ -5,14 +5,17 @@ from __future__ import annotations
 import numpy as np
 
 from gtmodel.identify import Identification, Repeated, Validation, work_of
-from gtmodel.inference import FALSE_ALARM
+from gtmodel.identify.work import DEVIATIONS
+from gtmodel.inference import FALSE_ALARM, binomial_band
 
-from .base import Check
+from .base import Check, at_least, at_most
 from .identification_data import Recordings
 
+LOOK = "the notes say what to look at"
 UNEXPLAINED = 0.5  # rms of what is left over rms of the effort: beyond, the model is not that of the log
 FAR = 300.0  # times the nominal value: a factor 1000 of a unit, not a payload
 SATURATED = 0.02  # of the samples at the largest or smallest reading: noise alone does not stay there
+TINY = np.finfo(float).tiny
 PILED = 5.0  # times as many samples as at the reading next to it: a coarse reading of a smooth peak has up to 2.5
 
 
@@ -20,39 +23,42 @@ def checks_of(
     data: Recordings, found: Identification, validation: Validation | None, repeated: Repeated | None
 ) -> dict[str, Check]:
     """By name, as they stand in the result."""
-    checks = {"undetermined": Check(float(found.identifiability.redundant), 0.0, found.identifiability.redundant == 0)}
+    checks = {"undetermined": at_most(float(found.identifiability.redundant), 0.0, LOOK)}
     # what was left out shifts the others: then the truth is not what the fit is after
     whole = all(t.passed for t in found.left_out)
     if data.truth and whole:
         e = found.estimate
         off = [abs(e.value(n) - data.truth[n]) / s for n, s in zip(e.names, e.std, strict=True) if n in data.truth]
-        worst, most = max(off, default=0.0), _student(len(off), e.freedom)
-        checks["error_in_standard_deviations"] = Check(float(worst), most, bool(worst <= most))
+        checks["error_in_standard_deviations"] = at_most(float(max(off, default=0.0)), _student(len(off), e.freedom))
     if validation is not None:
         told = max(validation.judged, key=lambda h: h.ratio / h.bound)
-        finite = told.bound if np.isfinite(told.bound) else None
-        checks["held_out_over_fitted_noise"] = Check(told.ratio, finite, told.passed)
+        bound = told.bound if np.isfinite(told.bound) else None
+        checks["held_out_over_fitted_noise"] = Check(told.ratio, bound, told.passed, LOOK)
     share = float(np.max(_unexplained(found)))
-    checks["unexplained_share"] = Check(share, UNEXPLAINED, share <= UNEXPLAINED)
+    checks["unexplained_share"] = at_most(share, UNEXPLAINED, LOOK)
     work = work_of(found)
     if work is not None:
         if np.any(work.friction):  # some friction is free
-            checks["work_of_friction_J"] = Check(float(np.min(work.friction)), 0.0, not np.any(work.drives))
+            # of what the noise leaves: a drive without friction takes and gives nothing on average
+            worst = int(np.argmin(work.friction / np.maximum(work.friction_noise, TINY)))
+            least = -DEVIATIONS * float(work.friction_noise[worst])
+            checks["work_of_friction_J"] = at_least(float(work.friction[worst]), min(least, 0.0), LOOK)
         other = work if validation is None else work_of(found, validation.rows) or work
-        checks["energy_balance"] = Check(other.balance, other.bound, other.balanced)
+        checks["energy_balance"] = Check(other.balance, other.bound, other.balanced, LOOK)
     delay = found.delay
     if delay is not None:
-        checks["delay_moves_a_parameter"] = Check(delay.moves, delay.bound, delay.passed)
-    far = _far_off(found)
-    checks["parameters_far_off"] = Check(float(len(far)), 0.0, not far)
+        checks["delay_moves_a_parameter"] = Check(delay.moves, delay.bound, delay.passed, LOOK)
+    checks["parameters_far_off"] = at_most(float(len(_far_off(found))), 0.0, LOOK)
     piled = max((share for *_, share in _piled(data, found.rows.targets[0].partition("[")[0])), default=0.0)
-    checks["saturated_share"] = Check(piled, SATURATED, piled <= SATURATED)
+    checks["saturated_share"] = at_most(piled, SATURATED, LOOK)
     if found.left_out:
         p = min(t.p for t in found.left_out)
-        checks["nothing_left_out"] = Check(p, None, whole)
+        checks["nothing_left_out"] = Check(p, None, whole, "free the parameters that the residual test names")
     if repeated is not None and not repeated.runs.interrupted:
-        outside = len(repeated.coverage.outside) + len(repeated.coverage.biased)
-        checks["parameters_outside_the_binomial_band"] = Check(float(outside), 0.0, outside == 0)
+        seen = repeated.coverage
+        low, high = binomial_band(seen.runs, seen.level, 1 - FALSE_ALARM / len(seen.names))
+        outside = int(np.count_nonzero((seen.hits < low) | (seen.hits > high))) + len(seen.biased)
+        checks["parameters_outside_the_binomial_band"] = at_most(float(outside), 0.0)
     return checks
 
 
