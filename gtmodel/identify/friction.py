@@ -48,8 +48,8 @@ class FrictionFit:
     residual_rms: Array
 
     def against_motion(self, runs: Runs, level: float) -> tuple[float, float]:
-        """Friction force [N] against the motion, of the cart, direction and speed where it is least beyond its noise, and
-        the upper limit of its confidence interval: negative, it drives."""
+        """Friction force [N] against the motion, of the cart, direction and speed where it is least beyond its noise,
+        and the upper limit of its confidence interval: negative, it drives."""
         least = (np.inf, np.inf)
         for cart in range(len(self.lines)):
             for way, sign in (("plus", 1), ("minus", -1)):
