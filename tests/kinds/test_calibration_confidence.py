@@ -62,7 +62,9 @@ def test_holding_every_pose_out_is_refused() -> None:
 
 def test_one_arm_may_be_calibrated_alone() -> None:
     outcome = solved(keys("calibrate_l1", free=["L[0]", "A[0]"], sensitivity_step=0.0))
-    assert outcome.status.ok and [u["name"] for u in outcome.values["unknowns"]] == [
+    # solved, but a robot of which two arms stay as they were misses the accuracy that is asked for
+    assert [n for n, check in outcome.checks.items() if not check.passed] == ["mean_error_mm"]
+    assert [u["name"] for u in outcome.values["unknowns"]] == [
         "A[0,0]",
         "A[0,1]",
         "A[0,2]",
