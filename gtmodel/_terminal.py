@@ -125,6 +125,8 @@ def watching(context: Context, stopping: str = "stopping at the best iterate") -
     """Progress on stderr when it is a terminal; the first Ctrl-C asks for a stop, which is told as `stopping`, the
     second one breaks off."""
 
+    context.notice = lambda sentence: print(sentence, file=sys.stderr)
+
     def interrupt(_signal: int, _frame: Any) -> None:
         if context.stop_requested:
             raise KeyboardInterrupt

@@ -8,12 +8,15 @@ import os
 import platform
 import tempfile
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
 import tomli_w
+
+from gtmodel.results.folder import FolderError, Held, holding, others, unfinished
 
 from . import report
 from .base import Context, InputError, Outcome
@@ -31,7 +34,7 @@ def refuse_foreign(folder: Path) -> None:
         return
     if not folder.is_dir():
         raise InputError(f"--out {folder} is a file; name a folder")
-    if not any(folder.iterdir()):
+    if not others(folder):
         return
     written = _written(folder)
     if written is None:
@@ -40,6 +43,24 @@ def refuse_foreign(folder: Path) -> None:
         path = folder / name
         if path.is_file() and _sha256(path.read_bytes()) != digest:
             raise InputError(f"{path} was changed after gtmodel wrote it; move it away or name another folder")
+
+
+@contextmanager
+def held(folder: Path, context: Context) -> Iterator[Held]:
+    """The folder for this run alone, tried before the work; what an earlier run left undone is settled first.
+
+    Raises InputError as `refuse_foreign` does, where the folder cannot be written, and while another run has it.
+    """
+    if not unfinished(folder):
+        refuse_foreign(folder)
+    try:
+        with holding(folder) as mine:
+            refuse_foreign(folder)
+            if mine.told:
+                context.notice(mine.told)
+            yield mine
+    except FolderError as error:
+        raise InputError(f"--out {folder} {error}") from error
 
 
 def _written(folder: Path) -> dict[str, str] | None:
@@ -54,14 +75,19 @@ def _written(folder: Path) -> dict[str, str] | None:
     return {name: str(digest) for name, digest in files.items() if name == Path(name).name}
 
 
-def write(folder: Path, loaded: Loaded, context: Context, outcome: Outcome, *, wall_s: float, plot: bool) -> list[Path]:
-    """Write an outcome with its run.toml; returns the files written.
+def write(
+    folder: Path | Held, loaded: Loaded, context: Context, outcome: Outcome, *, wall_s: float, plot: bool
+) -> list[Path]:
+    """Write an outcome with its run.toml, all files or none; returns the files written.
 
     result.json, trajectory.csv where there is a trajectory, the kind's own files, pictures when `plot` is
     set, and run.toml. Files of an earlier result in the folder are replaced or removed.
 
     Raises InputError as `refuse_foreign` does, or where the folder cannot be written.
     """
+    if isinstance(folder, Path):
+        with held(folder, context) as mine:
+            return write(mine, loaded, context, outcome, wall_s=wall_s, plot=plot)
     files = {"result.json": report.result(loaded.name, loaded.problem.kind, outcome)}
     if outcome.trajectory is not None:
         files["trajectory.csv"] = _csv(outcome)
@@ -70,23 +96,18 @@ def write(folder: Path, loaded: Loaded, context: Context, outcome: Outcome, *, w
     if plot:
         for name, draw in outcome.figures.items():
             files[name if name.endswith(".png") else f"{name}.png"] = png(draw)
-    refuse_foreign(folder)
-    earlier = (_written(folder) or {}) if folder.is_dir() else {}
+    place = folder.path
+    refuse_foreign(place)
+    earlier = _written(place) or {}
     for name in files:
-        if name not in earlier and (folder / name).exists():
-            raise InputError(f"{folder / name} was not written by gtmodel; move it away or name another folder")
-    run = _run(loaded, context, wall_s, files)
+        if name not in earlier and (place / name).exists():
+            raise InputError(f"{place / name} was not written by gtmodel; move it away or name another folder")
+    files[RUN] = _run(loaded, context, wall_s, files)
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        for name in earlier:
-            (folder / name).unlink(missing_ok=True)
-        # first, so that after a crash the folder is known as ours
-        (folder / RUN).write_bytes(run)
-        for name, content in files.items():
-            (folder / name).write_bytes(content)
-    except OSError as error:
-        raise InputError(f"--out {folder} cannot be written: {error.strerror}") from error
-    return [folder / name for name in [*files, RUN]]
+        folder.write(files, remove=set(earlier) - set(files))
+    except FolderError as error:
+        raise InputError(f"--out {place} {error}") from error
+    return [place / name for name in files]
 
 
 def _run(loaded: Loaded, context: Context, wall_s: float, files: Mapping[str, bytes]) -> bytes:

@@ -38,11 +38,12 @@ def context_of(loaded: Loaded, *, max_seconds: float | None = None, start: Path 
 
 def solve(loaded: Loaded, context: Context, *, out: Path | None = None, plot: bool = False) -> Finished:
     """Solve a problem; write the result where `out` is given. Raises InputError, before the work where it can."""
-    if out is not None:
-        output.refuse_foreign(out)
-    outcome = loaded.kind.solve(loaded.problem, context)
-    wall_s = time.monotonic() - context.began
-    files = [] if out is None else output.write(out, loaded, context, outcome, wall_s=wall_s, plot=plot)
+    if out is None:
+        return Finished(loaded.kind.solve(loaded.problem, context), time.monotonic() - context.began)
+    with output.held(out, context) as folder:
+        outcome = loaded.kind.solve(loaded.problem, context)
+        wall_s = time.monotonic() - context.began
+        files = output.write(folder, loaded, context, outcome, wall_s=wall_s, plot=plot)
     return Finished(outcome, wall_s, files)
 
 
