@@ -45,6 +45,14 @@ class Problem(Section):
     kind: str = pydantic.Field(description="kind of the problem; gtmodel schema lists the kinds")
     title: str = pydantic.Field(default="", description="one line for tables and pictures")
 
+    @pydantic.field_validator("title")
+    @classmethod
+    def _one_line(cls, title: str) -> str:
+        # files and pictures refuse it too, but only once the work is done
+        if not title.strip().isprintable():
+            raise ValueError("expected one line of printable characters")
+        return title
+
 
 class Check(NamedTuple):
     """A number that was tested: its value, the bound it must not exceed (None: no bound), and the verdict."""

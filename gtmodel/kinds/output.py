@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import io
-import os
 import platform
 import tempfile
 import tomllib
@@ -17,6 +16,7 @@ from typing import Any
 import tomli_w
 
 from gtmodel.results.folder import FolderError, Held, holding, others, unfinished
+from gtmodel.results.trajectory_files import csv_bytes
 
 from . import report
 from .base import Context, InputError, Outcome
@@ -28,14 +28,25 @@ _PACKAGES = ("casadi", "numpy", "scipy", "pydantic")
 _DPI = 150
 
 
+class NotDrawn(InputError):
+    """A picture could not be drawn; `files` are those written all the same."""
+
+    def __init__(self, sentence: str, files: list[Path]) -> None:
+        super().__init__(sentence)
+        self.files = files
+
+
 def refuse_foreign(folder: Path) -> None:
     """Raises InputError unless the folder is new, empty, or holds an earlier result just as it was written."""
     if not folder.exists():
         return
     if not folder.is_dir():
         raise InputError(f"--out {folder} is a file; name a folder")
-    if not others(folder):
-        return
+    try:
+        if not others(folder):
+            return
+    except OSError as error:
+        raise InputError(f"--out {folder} cannot be read: {error.strerror}") from error
     written = _written(folder)
     if written is None:
         raise InputError(f"--out {folder} holds files that gtmodel did not write; name a new folder or empty this one")
@@ -83,19 +94,18 @@ def write(
     result.json, trajectory.csv where there is a trajectory, the kind's own files, pictures when `plot` is
     set, and run.toml. Files of an earlier result in the folder are replaced or removed.
 
-    Raises InputError as `refuse_foreign` does, or where the folder cannot be written.
+    Raises InputError as `refuse_foreign` does, or where the folder cannot be written; NotDrawn when all is written but
+    a picture.
     """
     if isinstance(folder, Path):
         with held(folder, context) as mine:
             return write(mine, loaded, context, outcome, wall_s=wall_s, plot=plot)
     files = {"result.json": report.result(loaded.name, loaded.problem.kind, outcome)}
     if outcome.trajectory is not None:
-        files["trajectory.csv"] = _csv(outcome)
+        files["trajectory.csv"] = csv_bytes(outcome.trajectory)
     for name, content in outcome.files.items():
         files[name] = content.encode() if isinstance(content, str) else content
-    if plot:
-        for name, draw in outcome.figures.items():
-            files[name if name.endswith(".png") else f"{name}.png"] = png(draw)
+    faults = _draw(outcome, files) if plot else []
     place = folder.path
     refuse_foreign(place)
     earlier = _written(place) or {}
@@ -107,7 +117,36 @@ def write(
         folder.write(files, remove=set(earlier) - set(files))
     except FolderError as error:
         raise InputError(f"--out {place} {error}") from error
-    return [place / name for name in files]
+    written = [place / name for name in files]
+    if faults:
+        raise NotDrawn(faults[0], written)
+    return written
+
+
+def elsewhere(loaded: Loaded, context: Context, outcome: Outcome, *, wall_s: float) -> list[Path]:
+    """Write an outcome, without pictures, into a new folder among the temporary ones; no files where that fails."""
+    try:
+        place = Path(tempfile.mkdtemp(prefix=f"{loaded.path.stem}-"))
+    except OSError:
+        return []
+    try:
+        return write(place, loaded, context, outcome, wall_s=wall_s, plot=False)
+    except InputError:
+        place.rmdir()
+        return []
+
+
+def _draw(outcome: Outcome, files: dict[str, bytes]) -> list[str]:
+    """Add the pictures to `files`; a sentence on each that cannot be drawn: it must not cost the numbers."""
+    faults = []
+    for name, draw in outcome.figures.items():
+        file = name if name.endswith(".png") else f"{name}.png"
+        try:
+            files[file] = png(draw)
+        except Exception as error:
+            said = " ".join(str(error).split())
+            faults.append(f"{file} could not be drawn ({type(error).__name__}: {said}); please report it")
+    return faults
 
 
 def _run(loaded: Loaded, context: Context, wall_s: float, files: Mapping[str, bytes]) -> bytes:
@@ -146,14 +185,6 @@ def versions() -> dict[str, str]:
 
 def _sha256(content: bytes) -> str:
     return hashlib.sha256(content).hexdigest()
-
-
-def _csv(outcome: Outcome) -> bytes:
-    assert outcome.trajectory is not None
-    with tempfile.TemporaryDirectory() as scratch:
-        path = os.path.join(scratch, "trajectory.csv")
-        outcome.trajectory.to_csv(path)
-        return Path(path).read_bytes()
 
 
 def png(draw: Any) -> bytes:

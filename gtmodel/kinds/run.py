@@ -15,11 +15,12 @@ from .load import Loaded
 
 @dataclass(frozen=True)
 class Finished:
-    """An outcome, the wall time [s] that it took, and the files written."""
+    """An outcome, the wall time [s] that it took, the files written, and what kept others from it, in a sentence."""
 
     outcome: Outcome
     wall_s: float
     files: list[Path] = field(default_factory=list)
+    unwritten: str = ""
 
 
 def context_of(loaded: Loaded, *, max_seconds: float | None = None, start: Path | None = None) -> Context:
@@ -43,7 +44,15 @@ def solve(loaded: Loaded, context: Context, *, out: Path | None = None, plot: bo
     with output.held(out, context) as folder:
         outcome = loaded.kind.solve(loaded.problem, context)
         wall_s = time.monotonic() - context.began
-        files = output.write(folder, loaded, context, outcome, wall_s=wall_s, plot=plot)
+        try:
+            files = output.write(folder, loaded, context, outcome, wall_s=wall_s, plot=plot)
+        except output.NotDrawn as error:
+            return Finished(outcome, wall_s, error.files, unwritten=str(error))
+        except InputError as error:
+            # the work is done: a full disk must not cost its result
+            files = output.elsewhere(loaded, context, outcome, wall_s=wall_s)
+            told = f"; the result was written into {files[0].parent} instead" if files else ""
+            return Finished(outcome, wall_s, files, unwritten=f"{error}{told}")
     return Finished(outcome, wall_s, files)
 
 

@@ -184,7 +184,7 @@ def _recovered(folder: Path) -> str:
     for name, (before, after) in plan.items():
         if (new / name).exists() and _hash(folder / name) not in (before, after, None):
             raise FolderError(
-                f"holds {name}, which was changed after a run of gtmodel broke off while it wrote there; move that file away"
+                f"holds {name}, changed after a run of gtmodel broke off while it wrote there; move that file away"
             )
     _complete(folder, plan)
     return f"an earlier run of gtmodel broke off while it wrote into {folder}; its files were completed"
