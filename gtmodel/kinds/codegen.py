@@ -84,6 +84,8 @@ def write(problem: Schema, context: Context, out: Path, *, verify: bool = False)
 
 def _write(problem: Schema, context: Context, out: Held, verify: bool) -> Outcome:
     functions = compiled(problem, context)
+    if context.interrupted():
+        return Outcome(status=SolveStatus.INTERRUPTED, message="stopped before the code was generated")
     context.progress("generating")
     provenance = {"problem": context.name, "title": problem.title, "robot": problem.robot}
     provenance["problem_sha256"] = sha256(problem.model_dump_json().encode()).hexdigest()
@@ -109,11 +111,15 @@ def _write(problem: Schema, context: Context, out: Held, verify: bool) -> Outcom
     rows += [Row(name, _in_words(signature)) for name, signature in signatures.items()]
     if not verify:
         return Outcome(status=SolveStatus.SOLVED, message=f"generated {len(files)} files", values=values, rows=rows)
+    if context.interrupted():
+        return _stopped(values, rows, f"generated {len(files)} files, which were not checked")
     context.progress("compiling and comparing")
     try:
         report = check(out.path, functions, points=problem.check.points, seed=problem.check.seed)
     except GenerationError as error:
         return Outcome(status=SolveStatus.FAILED, message=str(error), values=values, rows=rows)
+    if context.interrupted() and report.passed:
+        return _stopped(values, rows, "generated and compared with Python; costs were not counted")
     context.progress("counting")
     cost = costs(out.path, functions)
     values["files"] = sorted([*files, write_costs(out, cost).name])
@@ -130,18 +136,25 @@ def _write(problem: Schema, context: Context, out: Held, verify: bool) -> Outcom
     )
 
 
+def _stopped(values: dict[str, Any], rows: list[Row], done: str) -> Outcome:
+    return Outcome(status=SolveStatus.INTERRUPTED, message=f"stopped: {done}", values=values, rows=rows)
+
+
 def explain(problem: Schema, context: Context) -> str:
     """The certificate of every function."""
     return "\n\n".join(f"{name}\n{f.explain()}" for name, f in compiled(problem, context).items())
 
 
 def compiled(problem: Schema, context: Context) -> dict[str, CausalFunction]:
-    """The functions by name. Raises InputError for a name given twice, ModelError for a wrong causality."""
+    """The functions by name; when a stop is asked for, those done. Raises InputError for a name given twice, ModelError
+    for a wrong causality."""
     model = problem.model(context)
     functions: dict[str, CausalFunction] = {}
     for n, f in enumerate(problem.functions):
         if f.name in functions:
             raise InputError(f"'{f.name}' names two functions", f"functions[{n}].name")
+        if context.interrupted():
+            break
         context.progress(f"deriving {f.name}", n / len(problem.functions))
         functions[f.name] = compile_causal(model, f.known, f.targets, f.prefer, f.branches, f.name)
     return functions
