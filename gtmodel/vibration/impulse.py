@@ -144,12 +144,13 @@ class _Sines:
 
         Every output counts by its own noise, which the fit before told: maximum likelihood for noises of unknown sizes.
         """
-        weights = np.ones(record.y.shape[1])
+        weights, live = np.ones(record.y.shape[1]), _live(record.y)
         found = cls._fit(record, s, weights)
         for _ in range(REWEIGHTED):
             if found is None:
                 return None
-            before, weights = weights, weights_of(record.y, found.fitted)
+            before, weights = weights, weights.copy()
+            weights[live] = weights_of(record.y[:, live], found.fitted[:, live])
             if settled(weights, before):
                 return found
             w, zeta = 2 * np.pi * found.x[::2], found.x[1::2]
@@ -161,7 +162,8 @@ class _Sines:
         """As `fit`, with the residuals of each output times its weight."""
         s = s[np.argsort(np.abs(s))]
         start = np.column_stack([np.abs(s) / (2 * np.pi), -np.real(s) / np.abs(s)]).ravel()
-        t, y = record.time, record.y * weights
+        t, live = record.time, _live(record.y)
+        y = (record.y * weights)[:, live]
 
         def misfit(x: np.ndarray) -> np.ndarray:
             Q, _ = np.linalg.qr(_columns(t, x))
@@ -185,14 +187,15 @@ class _Sines:
         fitted = F @ amplitudes
         # amplitudes take freedom too
         e = fit.estimate
-        freedom = max(y.size - len(fit.x) - amplitudes.size, 1)
+        unknowns = len(fit.x) + amplitudes[:, live].size
+        freedom = max(y.size - unknowns, 1)
         factor = e.freedom / freedom
         estimate = Estimate(
             e.names, e.values, e.covariance * factor, freedom, e.noise * float(np.sqrt(factor)), e.known_noise,
             e.residuals, (), units=("Hz", "") * len(s),
         )  # fmt: skip
-        count = len(fit.x) + amplitudes.size
-        return cls(fit.x, estimate, amplitudes, fitted, _criterion(record.y, fitted, count))
+        criterion = _criterion(record.y[:, live], fitted[:, live], unknowns)
+        return cls(fit.x, estimate, amplitudes, fitted, criterion)
 
     def model(self, record: Record, criterion: dict[int, float]) -> ImpulseModel:
         """The result, slowest mode first."""
@@ -243,7 +246,13 @@ class _Sines:
 
 def _at_rest(record: Record) -> float:
     """The criterion of a record in which nothing vibrates: rest positions and noise."""
-    return _criterion(record.y, record.y.mean(axis=0), record.y.shape[1])
+    y = record.y[:, _live(record.y)]
+    return _criterion(y, y.mean(axis=0), y.shape[1])
+
+
+def _live(y: np.ndarray) -> np.ndarray:
+    """(p,) which outputs move at all: a dead one has no noise, and its samples are no freedom."""
+    return np.ptp(y, axis=0) > 0
 
 
 def _criterion(y: np.ndarray, fitted: np.ndarray, count: int) -> float:

@@ -136,8 +136,8 @@ def test_a_dead_output_changes_nothing() -> None:
     dead = Record(record.u, np.column_stack([record.y, np.zeros(len(record))]), TS)
     one, other = identify_impulse(record), identify_impulse(dead)
     assert len(one.resonances) == len(other.resonances) == 2
-    for a, b in zip(one.resonances, other.resonances, strict=True):
-        assert a.frequency_Hz == pytest.approx(b.frequency_Hz, rel=1e-6)
+    assert np.all(np.abs(one.estimate.values - other.estimate.values) < 0.02 * one.estimate.std)
+    np.testing.assert_allclose(one.estimate.std, other.estimate.std, rtol=0.02)
 
 
 def test_what_is_refused() -> None:
