@@ -23,6 +23,7 @@ from .sizes import Slopes, of_constants, scale_of, within
 
 # what a value that is fixed at the start may miss, in the size of the row: IPOPT's own measure of a solution
 START_SLACK = 1e-6
+STEPS = 3  # Newton's, from a polynomial's value: from a tenth off to round-off
 
 
 @dataclass(eq=False)
@@ -159,8 +160,10 @@ class Builder:
                 path.append(row)
         self._initial(position, start)
         values = self.express([i.expression for i in instants] + [r.expression for r in path])
-        for i, e in zip(instants, values[: len(instants)], strict=True):
-            i.expression = e
+        for i, e, off in zip(
+            instants, values, self.off_points([i.expression for i in instants], values[: len(instants)]), strict=False
+        ):
+            i.expression, i.off = e, off
         written = path
         path = [replace(r, expression=e) for r, e in zip(path, values[len(instants) :], strict=True)]
         tuned = {q.name: q.value for q in flat.parameters}
@@ -202,6 +205,28 @@ class Builder:
     def _tuned(self) -> ca.DM:
         values = {q.name: q.value for q in self.flat.parameters}
         return ca.DM([values[n] for n in self.tunable])
+
+    def off_points(self, written: list[ca.SX], values: list[ca.SX]) -> list[ca.SX | None]:
+        """What expressions of original names are between the collocation points, where slopes of states and algebraic
+        variables follow from the equations; None for those that hold neither. `values` are they at the points."""
+        loose = {s.element_hash() for s in ca.vertsplit(ca.vertcat(self.xd, self.u[self.given.numel() :]))}
+        needed = [n for n, e in enumerate(values) if loose & {s.element_hash() for s in ca.symvar(e)}]
+        result: list[ca.SX | None] = [None] * len(values)
+        if not needed:
+            return result
+        other, form = self._other(), self.explicit()
+        found = other.express([written[n] for n in needed])
+        if self.given.numel():
+            found = ca.substitute(found, [other.given], [self.given])
+        if form.unknowns:
+            # the unknowns' polynomials are near: Newton's steps square what they miss
+            z, r = ca.vertcat(*form.unknowns), ca.vertcat(*form.residuals)
+            step = z - ca.solve(ca.densify(ca.jacobian(r, z)), r)
+            for _ in range(STEPS):
+                found = ca.substitute(found, [z], [step])
+        for n, e in zip(needed, found, strict=True):
+            result[n] = e
+        return result
 
     def explicit(self) -> Explicit:
         """Rates of the states and all point variables as functions of x, the given inputs, P and t."""

@@ -87,6 +87,12 @@ class DynamicProblem:
     branches: dict[str, int] = field(default_factory=dict)
     misfits: list[Misfit] = field(default_factory=list)
     outputs: Any = None  # the function that evaluates every name, made when first asked for
+    system: Any = None  # the explicit equations, made when first asked for: see system.System
+
+    @property
+    def loose(self) -> bool:
+        """Do slopes of states or algebraic variables stand for themselves, held by equations at collocation points?"""
+        return any(r is None for r in self.rates) or bool(self.z_pairs)
 
     @property
     def state_names(self) -> list[str]:

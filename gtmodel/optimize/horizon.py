@@ -19,11 +19,16 @@ ROUND_OFF = 1e-12  # of times on a horizon of length 1
 
 @dataclass(eq=False)
 class PointValue:
-    """An expression needed at one instant, s in [0, 1] of the horizon, known there as `symbol`."""
+    """An expression needed at one instant, s in [0, 1] of the horizon, known there as `symbol`.
+
+    `off`: the same by the model's equations alone, where slopes of states and algebraic variables stand in it: off the
+    collocation points the polynomials do not keep the equations.
+    """
 
     symbol: ca.SX
     expression: ca.SX
     s: float
+    off: ca.SX | None = None
 
 
 @dataclass(frozen=True, eq=False)

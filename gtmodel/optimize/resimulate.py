@@ -18,10 +18,10 @@ from .mesh import Mesh
 from .nlp import Nlp, placed
 from .overshoot import control_range
 from .solution import Solution, constants, horizon, named, states_and_controls
+from .system import System
 
 # far below the collocation error that is to be measured, far above round-off
 INTEGRATOR_TOLERANCE = 1e-10
-NEWTON_DONE = 1e-12  # relative: corrections this small are round-off
 SUBSTEPS = 8  # reported points per element: overshoots of a cubic control are seen
 
 
@@ -146,72 +146,6 @@ def _first_unknowns(solution: Solution, x: np.ndarray, t0: float, P: np.ndarray)
     given = u[0, : layout.nu + len(problem.delayed)]
     z = system.solved(x[None], given[None], z[None], P, np.array([t0]))[0]
     return z
-
-
-@dataclass(eq=False)
-class System:
-    """The equations as an ordinary differential one, with `count` unknowns that have no closed form (`pairs`).
-
-    values: (x, given inputs, unknowns, P, t) -> rates, point variables; residual: the same -> r, dr/dunknowns.
-    """
-
-    values: ca.Function
-    residual: ca.Function
-    pairs: list[tuple[int, int]]
-
-    @property
-    def count(self) -> int:
-        return len(self.pairs)
-
-    @classmethod
-    def of(cls, problem: DynamicProblem) -> System:
-        """Raises ModelError where the model has no such form."""
-        found = problem.builder.explicit()
-        rates = list(found.rates)
-        extra = [r for r in problem.rates[len(rates) :] if r is not None]
-        # rates of cost states may hold what the formulation left unsolved
-        old = ca.vertcat(problem.xd[: len(rates)], *[problem.flat.scope.symbol(*p) for p in problem.z_pairs])
-        new = ca.vertcat(*rates, *found.point)
-        if extra and old.numel():
-            extra = ca.substitute(extra, [old], [new])
-        unknowns = ca.vertcat(*found.unknowns) if found.unknowns else ca.SX(0, 1)
-        residual = ca.vertcat(*found.residuals) if found.residuals else ca.SX(0, 1)
-        arguments = [problem.x, problem.builder.given, unknowns, problem.P, problem.t]
-        rates = ca.vertcat(*rates, *extra)
-        values = ca.Function("values", arguments, [rates, ca.vertcat(*found.point) if found.point else ca.SX(0, 1)])
-        slopes = ca.Function("residual", arguments, [residual, ca.densify(ca.jacobian(residual, unknowns))])
-        return cls(values, slopes, [p for p in map(problem.flat.scope.owner, found.unknowns) if p is not None])
-
-    def solved(
-        self, x: np.ndarray, given: np.ndarray, z: np.ndarray, P: np.ndarray, t: np.ndarray, steps: int = 20
-    ) -> np.ndarray:
-        """The unknowns without a closed form (n, count) by Newton from z; NaN where that does not converge."""
-        n = len(t)
-        f = self.residual.map(n)
-        rows = [ca.DM(a.T) for a in (x, given)]
-        rest = [ca.repmat(ca.DM(P), 1, n), ca.DM(t).T]
-        done = np.zeros(n, bool)
-        for _ in range(steps):
-            r, slope = (v.full() for v in f(*rows, ca.DM(z.T), *rest))
-            slopes = slope.reshape(self.count, n, self.count).transpose(1, 0, 2)
-            finite = np.all(np.isfinite(slopes), axis=(1, 2)) & np.all(np.isfinite(r), axis=0)
-            step = np.full(z.shape, np.nan)
-            for k in np.flatnonzero(finite):
-                step[k] = np.linalg.lstsq(slopes[k], -r[:, k], rcond=None)[0]
-            z = z + step
-            done = np.max(np.abs(step), axis=1) <= NEWTON_DONE * (1 + np.max(np.abs(z), axis=1))
-            if np.all(done | ~finite):
-                break
-        return np.where(done[:, None], z, np.nan)
-
-    def at(
-        self, x: np.ndarray, given: np.ndarray, z: np.ndarray, P: np.ndarray, t: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Rates and whole inputs (n, ...) for rows."""
-        n = len(t)
-        rows = [ca.DM(a.T) for a in (x, given, z)]
-        rates, point = self.values.map(n)(*rows, ca.repmat(ca.DM(P), 1, n), ca.DM(t).T)
-        return rates.full().T, np.hstack([given, point.full().T])
 
 
 def _mayer(solution: Solution, integrated: Callable[[float], tuple[np.ndarray, ...]], P: np.ndarray) -> float:

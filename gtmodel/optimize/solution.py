@@ -14,8 +14,9 @@ from ..results.status import SolveStatus
 from ..results.trajectory import Trajectory
 from .dynamic import DynamicProblem
 from .ipopt import Run
-from .mesh import Mesh
+from .mesh import ROUND_OFF, Mesh
 from .nlp import Nlp, placed
+from .system import System
 from .tables import basis, basis_slope
 
 
@@ -243,9 +244,27 @@ def states_and_controls(
 
 
 def evaluate(nlp: Nlp, x: np.ndarray, s: np.ndarray) -> Trajectory:
-    """All top-level names at fractions s."""
+    """All top-level names at fractions s: states and controls by their polynomials; off the collocation points slopes
+    of states and algebraic variables by the model's equations, where these give a number there."""
+    problem, P = nlp.problem, constants(nlp, x)
     xs, rates, us, times = states_and_controls(nlp, x, s)
-    return named(nlp.problem, xs, rates, us, times, constants(nlp, x))
+    off = np.flatnonzero(~at_points(placed(nlp, x), s))
+    if off.size and problem.loose:
+        known = nlp.element.layout.nu + len(problem.delayed)
+        system, rows, given = System.of(problem), xs[off], us[off, :known]
+        z = system.solved(rows, given, system.near(problem, us[off]), P, times[off])
+        own, inputs = system.at(rows, given, z, P, times[off])
+        good = np.all(np.isfinite(own), axis=1) & np.all(np.isfinite(inputs), axis=1)
+        rates[off[good]], us[off[good]] = own[good], inputs[good]
+    return named(problem, xs, rates, us, times, P)
+
+
+def at_points(mesh: Mesh, s: np.ndarray) -> np.ndarray:
+    """Which fractions s of the horizon are collocation points (bool, as s)."""
+    points = (mesh.edges[:-1, None] + mesh.h[:, None] * mesh.table.points).ravel()
+    right = np.clip(np.searchsorted(points, s), 0, len(points) - 1)
+    miss = np.minimum(np.abs(points[right] - s), np.abs(points[np.maximum(right - 1, 0)] - s))
+    return miss <= ROUND_OFF
 
 
 def named(
