@@ -17,7 +17,7 @@ from ..lang.scope import Misfit
 from ..lang.source import ModelError
 from .attributes import Pair, names_of, nominal_of
 from .dynamic import Bounds, DynamicProblem
-from .horizon import PointValue, horizon, point_values, require_length
+from .horizon import Horizon, PointValue, horizon, point_values, shortest_length
 from .relations import Row, as_bound
 from .sizes import Slopes, of_constants, scale_of, within
 
@@ -140,7 +140,6 @@ class Builder:
                 nominal = self._nominal((v.index, 0))
                 path.append(Row(symbol, v.min, v.max, f"bounds of {v.name}", v.where, nominal))
         ends = horizon(flat, self.P, self.parameters)
-        require_length(flat, ends, constraints, self.P[self.n_free :], self._tuned())
         instants = point_values(flat, ends, flat.scope.instants, self.parameters)
         points: list[Row] = []
         for row in constraints:
@@ -170,9 +169,12 @@ class Builder:
         held = [tuned[n] for n in self.tunable]
         free = [q for q in flat.parameters if q.free]
         P_bounds = Bounds(np.array([q.min for q in free] + held), np.array([q.max for q in free] + held))
+        P_guess, names = np.array([q.value for q in free] + held), [q.name for q in free]
+        shortest = shortest_length(flat, ends, constraints, P_guess, self.P[self.n_free :])
+        if shortest and not self._bounded_end(ends, shortest, P_bounds):
+            points.append(Row(ends.length, shortest, np.inf, "the horizon's shortest length", None))
         self._check_bounds(x_bounds, u_bounds, P_bounds, start, end)
         rates, algebraic, labels = self._dynamics()
-        P_guess, names = np.array([q.value for q in free] + held), [q.name for q in free]
         P_scale = of_constants(P_guess, P_bounds.low, P_bounds.high)
         P_scale = np.array([self.told.get(n, s) for n, s in zip([*names, *self.tunable], P_scale, strict=True)])
         inputs = [(i, 0) for i in (*self.controls, *self.delayed)] + self.z_pairs
@@ -197,14 +199,20 @@ class Builder:
             z_pairs=self.z_pairs, tunable=self.tunable, x_scale=x_scale, u_scale=u_scale,
             P_scale=P_scale,
             start_bounds=start, end_bounds=end, integrals=[], instants=[], mayer=ca.SX(0), points=[],
-            builder=self, base=self.base,
+            builder=self, base=self.base, shortest=shortest,
         )  # fmt: skip
         self._cost(problem, objective, points, instants, slopes)
         return problem
 
-    def _tuned(self) -> ca.DM:
-        values = {q.name: q.value for q in self.flat.parameters}
-        return ca.DM([values[n] for n in self.tunable])
+    def _bounded_end(self, ends: Horizon, shortest: float, P: Bounds) -> bool:
+        """A shortest length as a bound of the end that is a free constant, where the other end is a number."""
+        for end, other, sign in ((ends.tf, ends.t0, 1.0), (ends.t0, ends.tf, -1.0)):
+            if end.is_symbolic() and other.is_constant():
+                n = [s.element_hash() for s in ca.vertsplit(self.P)].index(end.element_hash())
+                limit = float(other) + sign * shortest
+                P.tighten(n, *((limit, np.inf) if sign > 0 else (-np.inf, limit)))
+                return True
+        return False
 
     def off_points(self, written: list[ca.SX], values: list[ca.SX]) -> list[ca.SX | None]:
         """What expressions of original names are between the collocation points, where slopes of states and algebraic
@@ -224,6 +232,7 @@ class Builder:
             step = z - ca.solve(ca.densify(ca.jacobian(r, z)), r)
             for _ in range(STEPS):
                 found = ca.substitute(found, [z], [step])
+            found = ca.substitute(found, [z], [ca.vertcat(*self.express(form.unknowns))])
         for n, e in zip(needed, found, strict=True):
             result[n] = e
         return result
@@ -277,10 +286,8 @@ class Builder:
     def _initial(self, position: dict[Pair, int], start: Bounds) -> None:
         """Fixed start attributes are initial conditions."""
         for v in self.flat.variables:
-            if not v.fixed:
+            if not v.fixed or v.start is None:
                 continue
-            if v.start is None:
-                raise ModelError(f"'{v.name}' is fixed at the start, but at no value; give it start=...", v.where)
             sign, kept, order = self.plan.alias.resolve(v.index, 0)
             if (kept, order) not in position:
                 raise ModelError(

@@ -10,7 +10,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-import casadi as ca
 import numpy as np
 
 from ..results.status import SolveStatus
@@ -20,10 +19,9 @@ from .nlp import Nlp, placed
 from .shooting import TOLERANCE
 from .solution import Check, Solution, constants, horizon
 from .system import System
-from .tables import Table, basis, table
+from .tables import Table, basis, basis_slope, table
 
 NAME = "discretisation_error"
-CONVERGED = (SolveStatus.SOLVED, SolveStatus.CHECK_FAILED)  # the solver's work is done; the mesh may be too coarse
 # of a state's range: what a picture shows. Below it the mesh is a question of digits, which refine() answers; above
 # it the trajectory is no longer one of the model
 BOUND = 1e-2
@@ -32,7 +30,7 @@ EXTRA = 2  # Radau points beyond those of the mesh: four orders more at the elem
 # from the start on, and the optimum is a boundary value problem's. Then the nearest motion from any start measures it:
 # at 20, 50 and 100 elements that is what the optimum is off by on the tank and the van der Pol oscillator
 UNSTABLE = 30.0
-NOTHING = 1e-9  # of its nominal: a state that moves less stands still
+NOTHING = 1e-8  # of its nominal, as the solver works: a state that moves less stands still
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,8 +41,8 @@ class Discretisation:
         error: the largest of all.
         state: the name of the state that has it, and `time` [s] where.
         elements: (elements,) the error that each element adds by itself.
-        shadow: is it the distance to the nearest motion of the model under the same input from any start, as an unstable
-            model wants it, and not that to the motion from the solution's own start?
+        shadow: is it the distance to the nearest motion of the model under the same input from any start, as an
+            unstable model wants it, and not that to the motion from the solution's own start?
     """
 
     error: float
@@ -150,7 +148,8 @@ def _along(nlp: Nlp, x: np.ndarray, mesh: Mesh, places: np.ndarray) -> tuple[np.
     N, n, nx, first = mesh.elements, len(places), layout.nx, mesh.points + 1
     t0, tf = horizon(nlp, x)
     y = x[: nlp.end].reshape(N, layout.size) * layout.scale
-    xs = np.einsum("pi,nix->npx", basis(mesh.table.nodes, places), y[:, np.vstack([layout.left[:nx], layout.x])])
+    nodes = np.vstack([layout.left[:nx], layout.x])
+    xs = np.einsum("pi,nix->npx", basis(mesh.table.nodes, places), y[:, nodes])
     inputs = np.stack([layout.inputs(row, places) for row in y]).reshape(N * n, -1)
     given, P = inputs[:, : layout.nu + len(problem.delayed)], constants(nlp, x)
     times = t0 + (mesh.edges[:-1, None] + mesh.h[:, None] * places).ravel() * (tf - t0)
@@ -158,7 +157,9 @@ def _along(nlp: Nlp, x: np.ndarray, mesh: Mesh, places: np.ndarray) -> tuple[np.
     # unknowns from the nearest collocation point: their polynomials overshoot
     nearest = np.abs(places[:, None] - mesh.table.points).argmin(axis=1)
     begin = inputs.reshape(N, n, -1)[:, nearest].reshape(N * n, -1)
-    z = system.solved(rows, given, system.near(problem, begin), P, times)
+    slope = np.einsum("pi,nix->npx", basis_slope(mesh.table.nodes, mesh.table.points), y[:, nodes])
+    slope /= (mesh.h * (tf - t0))[:, None, None]
+    z = system.solved(rows, given, system.near(problem, begin, slope[:, nearest].reshape(N * n, nx)), P, times)
     rates = system.at(rows, given, z, P, times)[0].reshape(N, n, nx)
     chosen = (np.arange(N)[:, None] * n + np.arange(first, n)).ravel()
     slopes = system.slopes(rows[chosen], given[chosen], z[chosen], P, times[chosen])

@@ -86,6 +86,7 @@ class DynamicProblem:
     tunable: tuple[str, ...] = ()
     branches: dict[str, int] = field(default_factory=dict)
     misfits: list[Misfit] = field(default_factory=list)
+    shortest: float = 0.0  # the horizon's length [s] that nobody wrote, where nothing else bounds it
     outputs: Any = None  # the function that evaluates every name, made when first asked for
     system: Any = None  # the explicit equations, made when first asked for: see system.System
 

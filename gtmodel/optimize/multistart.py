@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from ..results.trajectory import Trajectory
-from .discretisation import CONVERGED
 from .nlp import Nlp
 from .solution import Solution
 from .solve import NotSolved, SolverOptions, solve_nlp
@@ -88,7 +87,7 @@ def multi_start(
     for k in range(count):
         x0 = first if k == 0 else _perturbed(nlp, first, spread, np.random.default_rng([seed, k]))
         s = solve_nlp(nlp, x0, options, throw=False)
-        if s.status not in CONVERGED:
+        if not s.status.converged:
             failures.append(s)
             continue
         for n, (other, times) in enumerate(found):

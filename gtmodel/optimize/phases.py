@@ -12,7 +12,7 @@ from ..lang.optimization import Optimization
 from ..lang.source import ModelError
 from ..results.status import SolveStatus
 from ..results.trajectory import Trajectory
-from .assembly import wrong_branch
+from .assembly import astray
 from .diagnosis import failure, named_row, solved_word, violated
 from .discretisation import judged
 from .equalities import check_equalities
@@ -142,9 +142,8 @@ def _read(joined: Joined, run: Run, options: SolverOptions, throw: bool) -> Phas
     message = solved_word(run) if status.ok else failure(run, [*_infinite(joined, run), _worst(joined, run)])
     if status.ok:
         for k, (name, nlp) in enumerate(joined.nlps.items()):
-            astray = wrong_branch(nlp, run.x[joined.at[k] : joined.at[k + 1]])
-            if astray:
-                status, message = SolveStatus.FAILED, f"phase '{name}': {astray}"
+            if said := astray(nlp, run.x[joined.at[k] : joined.at[k + 1]]):
+                status, message = SolveStatus.FAILED, f"phase '{name}': {said}"
                 break
     run = run.at_best()
     solutions = {}
@@ -165,7 +164,7 @@ def _read(joined: Joined, run: Run, options: SolverOptions, throw: bool) -> Phas
         status, message, run.objective, run.iterations, solutions, links, run.seconds, joined, run.x,
         run.multipliers.rows, run.multipliers.bounds,
     )  # fmt: skip
-    if throw and not status.ok and status is not SolveStatus.CHECK_FAILED:
+    if throw and not status.converged:  # a failed check raises nothing
         raise NotSolved(solution)
     return solution
 

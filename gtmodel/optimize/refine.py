@@ -11,7 +11,7 @@ from numpy.polynomial import legendre
 
 from ..lang.optimization import Delayed, Optimization
 from ..lang.source import ModelError
-from .discretisation import CONVERGED, NAME, discretisation
+from .discretisation import NAME, discretisation
 from .element import of_states
 from .mesh import Mesh, given_mesh
 from .nlp import placed
@@ -87,7 +87,8 @@ def element_errors(solution: Solution) -> np.ndarray:
         # from the nearest collocation point: their polynomials overshoot
         nearest = np.abs(points[:, None] - mesh.table.points).argmin(axis=1)
         at = (mesh.edges[:-1, None] + mesh.h[:, None] * mesh.table.points[nearest]).ravel()
-        z = system.near(problem, states_and_controls(nlp, solution.x, at)[2])
+        _, slope, inputs, _ = states_and_controls(nlp, solution.x, at)
+        z = system.near(problem, inputs, slope)
         z = system.solved(xs, given, z, P, times)
     rates, _ = system.at(xs, given, z, P, times)
     miss = np.abs(xd - rates) / problem.x_scale
@@ -152,7 +153,7 @@ def refine(
     while True:
         errors, excess = element_errors(solution), element_excess(solution)
         last = Pass(len(errors), float(errors.max()), solution.objective, solution.iterations)
-        if solution.status not in CONVERGED:
+        if not solution.status.converged:
             return Refinement(solution, errors, (*history, last), tolerance, excess)
         worse = np.maximum(errors, tolerance * np.maximum(excess / BETWEEN, _unresolved(solution)))
         lengths, split, merged = _next_lengths(placed(solution.nlp, solution.x), worse, tolerance, merge)
@@ -163,7 +164,7 @@ def refine(
         options["guess"] = solution
         finer = replace(mesh, elements=len(lengths), lengths=tuple(lengths))
         solution = solve(model, finer, throw=False, **options)
-        if solution.status not in CONVERGED:
+        if not solution.status.converged:
             message = f"pass {len(history) + 1} of refine(): {solution.message}"
             solution = replace(solution, message=message)
             if throw:

@@ -139,13 +139,12 @@ def _first_unknowns(solution: Solution, x: np.ndarray, t0: float, P: np.ndarray)
     system = System.of(problem)
     if not system.count:
         return np.zeros(0)
-    layout = nlp.element.layout
-    u = layout.inputs(solution.x[: layout.size] * layout.scale, np.array([0.0, nlp.mesh.table.points[0]]))
-    known = {p: u[1, layout.nu + len(problem.delayed) + n] for n, p in enumerate(problem.z_pairs)}
-    z = np.array([known.get(p, 0.0) for p in system.pairs])
-    given = u[0, : layout.nu + len(problem.delayed)]
-    z = system.solved(x[None], given[None], z[None], P, np.array([t0]))[0]
-    return z
+    layout, first = nlp.element.layout, placed(nlp, solution.x).h[0] * nlp.mesh.table.points[0]
+    _, slope, inputs, _ = states_and_controls(nlp, solution.x, np.array([first]))
+    z = system.near(problem, inputs, slope)
+    given = layout.inputs(solution.x[: layout.size] * layout.scale, np.zeros(1))
+    given = given[:, : layout.nu + len(problem.delayed)]
+    return system.solved(x[None], given, z, P, np.array([t0]))[0]
 
 
 def _mayer(solution: Solution, integrated: Callable[[float], tuple[np.ndarray, ...]], P: np.ndarray) -> float:

@@ -252,7 +252,7 @@ def evaluate(nlp: Nlp, x: np.ndarray, s: np.ndarray) -> Trajectory:
     if off.size and problem.loose:
         known = nlp.element.layout.nu + len(problem.delayed)
         system, rows, given = System.of(problem), xs[off], us[off, :known]
-        z = system.solved(rows, given, system.near(problem, us[off]), P, times[off])
+        z = system.solved(rows, given, system.near(problem, us[off], rates[off]), P, times[off])
         own, inputs = system.at(rows, given, z, P, times[off])
         good = np.all(np.isfinite(own), axis=1) & np.all(np.isfinite(inputs), axis=1)
         rates[off[good]], us[off[good]] = own[good], inputs[good]

@@ -14,7 +14,7 @@ from ..lang.optimization import Optimization
 from ..lang.source import ModelError
 from ..results.status import SolveStatus
 from ..results.trajectory import Trajectory
-from .assembly import wrong_branch
+from .assembly import astray
 from .diagnosis import sentence
 from .discretisation import BOUND, judged
 from .equalities import check_equalities
@@ -46,9 +46,9 @@ class SolverOptions:
         hessian: "exact", or "lbfgs" from gradients alone.
         solver: "ipopt"; or "fatrop", where states alone link the elements (no free constants, a horizon that is given),
             without progress and time limit.
-        error_bound: of the check `discretisation_error` of each solution: the largest estimated error of a state at a mesh
-            edge or collocation point, as a part of the state's range. A solution above it has status check_failed.
-            None only reports.
+        error_bound: of the check `discretisation_error` of each solution: the largest estimated error of a state at a
+            mesh edge or collocation point, as a part of the state's range (entries of a vector share theirs). A
+            solution above it has status check_failed. None only reports.
         compile: evaluate the elements by machine code instead of CasADi's virtual machine: the same optimum, and a
             second or two of the C compiler at the first solve, which `seconds["compile"]` shows. The library is kept
             in $GTMODEL_CACHE, by default ~/.cache/gtmodel. For problems that are solved again and again.
@@ -112,6 +112,9 @@ def solve(
     throw: bool = True,
 ) -> Solution:
     """Solve an optimisation by direct collocation, or by multiple shooting as a cross-check.
+
+    Each solution estimates by how much its states miss the model's on this mesh. Above the options' `error_bound` its
+    status is check_failed, which does not raise: the solution is whole, but not the model's.
 
     Args:
         model: an Optimization with values for its parameters.
@@ -178,8 +181,8 @@ def solve_nlp(
 def _answer(nlp: Nlp, run: Run, options: SolverOptions, throw: bool, exact: bool = False) -> Solution:
     """The solution by name, with a sentence on how it ended. Raises NotSolved."""
     status, message = run.status, sentence(run, nlp)
-    if status.ok and (astray := wrong_branch(nlp, run.x)):
-        status, message = SolveStatus.FAILED, astray
+    if status.ok and (said := astray(nlp, run.x)):
+        status, message = SolveStatus.FAILED, said
     if nlp.compile_seconds is not None:
         run = replace(run, seconds={**run.seconds, "compile": nlp.compile_seconds})
     solution = read_solution(nlp, run.at_best(), status, message)

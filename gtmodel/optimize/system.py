@@ -56,13 +56,15 @@ class System:
         pairs = [p for p in map(problem.flat.scope.owner, found.unknowns) if p is not None]
         return cls(values, slopes, slope, pairs)
 
-    def near(self, problem: DynamicProblem, inputs: np.ndarray) -> np.ndarray:
-        """Start values (n, count) of the unknowns from rows of whole inputs; 0 for those that are no input."""
-        place = {p: n for n, p in enumerate(problem.input_pairs)}
+    def near(self, problem: DynamicProblem, inputs: np.ndarray, rates: np.ndarray) -> np.ndarray:
+        """Start values (n, count) of the unknowns from rows of whole inputs and state rates; 0 for what is neither."""
+        place = {p: (inputs, n) for n, p in enumerate(problem.input_pairs)}
+        place |= {(i, k + 1): (rates, n) for n, (i, k) in enumerate(problem.state_pairs)}
         z = np.zeros((len(inputs), self.count))
         for n, pair in enumerate(self.pairs):
             if pair in place:
-                z[:, n] = inputs[:, place[pair]]
+                rows, column = place[pair]
+                z[:, n] = rows[:, column]
         return z
 
     def slopes(self, x: np.ndarray, given: np.ndarray, z: np.ndarray, P: np.ndarray, t: np.ndarray) -> np.ndarray:

@@ -68,7 +68,6 @@ class SolveStatus(_Word):
     NOT_FINITE = "not_finite", "a function or a derivative was not a finite number"
     DIVERGED = "diverged", "the iterates or the state grew without bound"
     BAD_INPUT = "bad_input", "the input was refused before the run began"
-    CHECK_FAILED = "check_failed", "a solution was found, but a check of it failed: it is not to be relied on"
     FAILED = "failed", "the solver stopped for another reason, given in its message"
 
     @property
