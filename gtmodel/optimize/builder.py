@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import casadi as ca
@@ -16,7 +16,7 @@ from ..lang.optimization import Delayed, Optimization
 from ..lang.scope import Misfit
 from ..lang.source import ModelError
 from .attributes import Pair, names_of, nominal_of
-from .dynamic import Bounds, DynamicProblem
+from .dynamic import Bounds, DynamicProblem, Quadrature
 from .horizon import Horizon, PointValue, horizon, point_values, shortest_length
 from .relations import Row, as_bound
 from .sizes import Slopes, of_constants, scale_of, within
@@ -118,7 +118,9 @@ class Builder:
         symbol = self.flat.scope.symbol(*pair).element_hash()
         return symbol in {s.element_hash() for b in self.plan.blocks for s, _ in b.assignments}
 
-    def problem(self, objective: Expr, constraints: list[Row]) -> DynamicProblem:
+    def problem(
+        self, objective: Expr, constraints: list[Row], quadratures: Sequence[Quadrature] = ()
+    ) -> DynamicProblem:
         flat, states = self.flat, self.states
         position = {p: n for n, p in enumerate(states)}
         place = dict(self.control_symbols) | {p: (self.given.numel() + n, 1) for n, p in enumerate(self.z_pairs)}
@@ -157,7 +159,7 @@ class Builder:
                 u_bounds.tighten(n, *((low, high) if s > 0 else (-high, -low)))
             else:
                 path.append(row)
-        self._initial(position, start)
+        self._initial(position, start, {q.index for q in quadratures})
         values = self.express([i.expression for i in instants] + [r.expression for r in path])
         for i, e, off in zip(
             instants, values, self.off_points([i.expression for i in instants], values[: len(instants)]), strict=False
@@ -175,6 +177,8 @@ class Builder:
             points.append(Row(ends.length, shortest, np.inf, "the horizon's shortest length", None))
         self._check_bounds(x_bounds, u_bounds, P_bounds, start, end)
         rates, algebraic, labels = self._dynamics()
+        integrands = self.express([q.integrand for q in quadratures]) if quadratures else []
+        summed = [Quadrature(q.index, e, q.start) for q, e in zip(quadratures, integrands, strict=True)]
         P_scale = of_constants(P_guess, P_bounds.low, P_bounds.high)
         P_scale = np.array([self.told.get(n, s) for n, s in zip([*names, *self.tunable], P_scale, strict=True)])
         inputs = [(i, 0) for i in (*self.controls, *self.delayed)] + self.z_pairs
@@ -199,7 +203,7 @@ class Builder:
             z_pairs=self.z_pairs, tunable=self.tunable, x_scale=x_scale, u_scale=u_scale,
             P_scale=P_scale,
             start_bounds=start, end_bounds=end, integrals=[], instants=[], mayer=ca.SX(0), points=[],
-            builder=self, base=self.base, shortest=shortest,
+            builder=self, base=self.base, shortest=shortest, quadratures=summed,
         )  # fmt: skip
         self._cost(problem, objective, points, instants, slopes)
         return problem
@@ -283,10 +287,10 @@ class Builder:
         (start if value.s == 0.0 else end).tighten(position[bound[0]], bound[1], bound[2])
         return True
 
-    def _initial(self, position: dict[Pair, int], start: Bounds) -> None:
-        """Fixed start attributes are initial conditions."""
+    def _initial(self, position: dict[Pair, int], start: Bounds, apart: Collection[int]) -> None:
+        """Fixed start attributes are initial conditions, but for the variables `apart`."""
         for v in self.flat.variables:
-            if not v.fixed or v.start is None:
+            if not v.fixed or v.start is None or v.index in apart:
                 continue
             sign, kept, order = self.plan.alias.resolve(v.index, 0)
             if (kept, order) not in position:

@@ -49,7 +49,7 @@ class Horizon:
 
 def horizon(flat: FlatModel, P: ca.SX, parameters: ca.SX) -> Horizon:
     """Both ends of the model's horizon. Raises ModelError for an end that is no time or that comes too early."""
-    t0, tf = (_end(flat, name) for name in ("start_time", "final_time"))
+    t0, tf = (end_of(flat, name) for name in ("start_time", "final_time"))
     if flat.parameters:
         t0, tf = ca.substitute([t0, tf], [flat.p], [parameters])
     known = {s.element_hash() for s in ca.vertsplit(P)}
@@ -69,7 +69,8 @@ def require_order(title: str, t0: ca.SX, tf: ca.SX) -> None:
         raise ModelError(f"{title}: the horizon ends at {float(tf):g} s, not after {float(t0):g} s")
 
 
-def _end(flat: FlatModel, name: str) -> ca.SX:
+def end_of(flat: FlatModel, name: str) -> ca.SX:
+    """start_time or final_time as written. Raises ModelError for what is no time."""
     value = getattr(flat.root, name)
     if isinstance(value, Expr) and value.shape == ():
         return value.sx
@@ -83,7 +84,7 @@ def initial_rows(flat: FlatModel) -> list[Row]:
     rows = []
     for e in flat.initial:
         symbol = ca.SX.sym(f"initial{len(flat.scope.instants)}")
-        flat.scope.instants.append(Instant(symbol, e.residual, _end(flat, "start_time")))
+        flat.scope.instants.append(Instant(symbol, e.residual, end_of(flat, "start_time")))
         rows.append(Row(symbol, 0.0, 0.0, f"{e.label} ({e.where})", e.where))
     return rows
 
@@ -91,8 +92,8 @@ def initial_rows(flat: FlatModel) -> list[Row]:
 def shortest_length(
     flat: FlatModel, h: Horizon, constraints: Sequence[Row], guess: np.ndarray, tunable: ca.SX | None = None
 ) -> float:
-    """What a free horizon must not fall below [s]: 0 where bounds or a constraint keep its length away from zero, else a
-    small part of its length at the guess of the constants. Raises ModelError where that is no length.
+    """What a free horizon must not fall below [s]: 0 where bounds or a constraint keep its length away from zero, else
+    a small part of its length at the guess of the constants. Raises ModelError where that is no length.
 
     Tunable parameters stand for their values, which end `guess`.
     """
@@ -122,7 +123,7 @@ def shortest_length(
             low, high = low + reach[0], high + reach[1]
         return low, high
 
-    (low0, high0), (lowf, highf) = limits(h.t0), limits(h.tf)
+    high0, lowf = limits(h.t0)[1], limits(h.tf)[0]
     if lowf > high0 or h.length.is_constant() or any(_shortest(row, h) > 0 for row in constraints):
         return 0.0
     if length > 0:

@@ -124,7 +124,7 @@ def solve_phases(
                 raise ModelError(f"there is no phase '{name}' for a {what}; phases are {', '.join(model.phases)}")
     for name, phase in model.phases.items():
         own = given_mesh(mesh.get(name) if isinstance(mesh, Mapping) else mesh)
-        problem = build(phase, options.formulation, options.prefer, branches)
+        problem = build(phase, options.formulation, options.prefer, branches, linked=True)
         nlps[name] = make_nlp(problem, own, options.compile)
         check_equalities(problem, nlps[name].element)
     joined = join(model, nlps)

@@ -17,7 +17,7 @@ from .element import pointwise
 from .mesh import Mesh
 from .nlp import Nlp, placed
 from .overshoot import control_range
-from .solution import Solution, constants, horizon, named, states_and_controls
+from .solution import Solution, constants, horizon, named, states_and_controls, totals
 from .system import System
 
 # far below the collocation error that is to be measured, far above round-off
@@ -57,7 +57,7 @@ def resimulate(solution: Solution, tolerance: float = INTEGRATOR_TOLERANCE) -> R
     low, high = control_range(nlp, solution.x)
     ranges = dict(zip(problem.control_names, zip(low.tolist(), high.tolist(), strict=True), strict=True))
     fine = np.linspace(0.0, 1.0, SUBSTEPS + 1)
-    states, unknowns, cost = _integrate(solution, tolerance, mesh)
+    states, unknowns, cost, sums = _integrate(solution, tolerance, mesh)
     if len(states) < mesh.elements:
         time = t0 + edges[len(states)] * (tf - t0)
         return Resimulation(
@@ -91,7 +91,12 @@ def resimulate(solution: Solution, tolerance: float = INTEGRATOR_TOLERANCE) -> R
     xs_c = states_and_controls(nlp, solution.x, s[at_edges])[0]
     end = dict(zip(problem.state_names, (xs[-1] - xs_c[-1]).tolist(), strict=True))
     defect = float(np.max(np.abs(xs[at_edges] - xs_c) / problem.x_scale, initial=0.0))
-    trajectory = named(problem, xs, rates, us, times, P)
+    if problem.quadratures:
+        sums, sums_c = sums[kept], totals(nlp, solution.x, s[at_edges])
+        end |= dict(zip(problem.quadrature_names, (sums[-1] - sums_c[-1]).tolist(), strict=True))
+        size = [problem.flat.variables[q.index].nominal for q in problem.quadratures]
+        defect = max(defect, float(np.max(np.abs(sums[at_edges] - sums_c) / size)))
+    trajectory = named(problem, xs, rates, us, times, P, sums)
     cost_error = cost + _mayer(solution, integrated, P) + _steps(nlp, solution.x) - float(nlp.nlp(solution.x, [])[0])
     return Resimulation(
         SolveStatus.SOLVED, "re-simulated", trajectory, end, defect, violation, name, cost_error, ranges
@@ -105,14 +110,18 @@ def _given(nlp: Nlp, x: np.ndarray, element: int, local: np.ndarray) -> np.ndarr
     return layout.inputs(y, local)[:, : layout.nu + len(nlp.problem.delayed)]
 
 
-def _integrate(solution: Solution, tolerance: float, mesh: Mesh) -> tuple[list[np.ndarray], list[np.ndarray], float]:
+def _integrate(
+    solution: Solution, tolerance: float, mesh: Mesh
+) -> tuple[list[np.ndarray], list[np.ndarray], float, np.ndarray]:
     """States (SUBSTEPS + 1, nx) and unknowns without a closed form in each element, up to where the integrator
-    stops, and the integral cost."""
+    stops, the integral cost, and the costs that are written as states (elements (SUBSTEPS + 1), n)."""
     nlp = solution.nlp
     layout = nlp.element.layout
     t0, tf = horizon(nlp, solution.x)
     P = constants(nlp, solution.x)
-    integrator = make_integrator(nlp, tolerance)
+    integrator = make_integrator(nlp, tolerance, sums=True)
+    total = np.array([q.start for q in nlp.problem.quadratures])
+    sums: list[np.ndarray] = []
     x = states_and_controls(nlp, solution.x, np.array([0.0]))[0][0]
     z = _first_unknowns(solution, x, t0, P)
     states, unknowns, cost = [], [], 0.0
@@ -129,8 +138,11 @@ def _integrate(solution: Solution, tolerance: float, mesh: Mesh) -> tuple[list[n
         zf = np.asarray(result["zf"].full()).reshape(len(z), -1).T if len(z) else np.zeros((SUBSTEPS, 0))
         unknowns.append(np.vstack([zf[:1], zf]))  # at the left end as at the first step: the input may jump there
         x, z = states[-1][-1], zf[-1] if len(z) else z
-        cost += float(np.sum(np.asarray(result["qf"].full())[:, -1]))
-    return states, unknowns, cost
+        quad = np.asarray(result["qf"].full())
+        cost += float(quad[0, -1])
+        sums.append(np.vstack([total, total + quad[1:].T]))
+        total = sums[-1][-1]
+    return states, unknowns, cost, np.vstack(sums) if sums else np.zeros((0, len(total)))
 
 
 def _first_unknowns(solution: Solution, x: np.ndarray, t0: float, P: np.ndarray) -> np.ndarray:
@@ -169,8 +181,10 @@ def _steps(nlp: Nlp, x: np.ndarray) -> float:
     return float(sum(weight * each[name] for name, weight in blocks.step_penalty.items()))
 
 
-def make_integrator(nlp: Nlp, tolerance: float, outputs: Sequence[float] = ()) -> ca.Function:
+def make_integrator(nlp: Nlp, tolerance: float, outputs: Sequence[float] = (), sums: bool = False) -> ca.Function:
     """CVODES (IDAS where equations have no closed form) over one element, with values at fractions of it.
+
+    Its quadrature is the integral cost and, with `sums`, behind it the costs that are written as states.
 
     p = [left end of the element [s], its length [s], control coefficients, delayed inputs at the points, P].
     """
@@ -190,6 +204,9 @@ def make_integrator(nlp: Nlp, tolerance: float, outputs: Sequence[float] = ()) -
     point = pointwise(problem)(problem.x, rates, ca.vertcat(given, point_variables), P, t)
     weights = ca.DM([w for _, _, w in problem.integrals]) if problem.integrals else ca.DM(0, 1)
     quad = length * ca.dot(weights, point[3]) if problem.integrals else ca.SX(0)
+    if sums:
+        own = problem.integrands(problem.x, rates, ca.vertcat(given, point_variables), P, t)
+        quad = ca.vertcat(quad, length * own)
     dae = {"x": problem.x, "p": ca.vertcat(left, length, U, D, P), "t": s, "ode": length * rates, "quad": quad}
     if not problem.x.numel():  # CVODES wants a state
         dae |= {"x": ca.SX.sym("nothing"), "ode": ca.SX(0)}

@@ -70,7 +70,7 @@ def test_a_horizon_that_shrinks_to_nothing_is_told(make):
 def test_so_does_a_phase():
     class Wait(Fastest):
         def constraints(self):
-            return ()
+            yield self.u == 0.0
 
     class Go(Fastest):
         x = gt.variable()
