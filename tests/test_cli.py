@@ -157,7 +157,7 @@ def test_json_is_alone_on_stdout_whatever_a_model_prints(here: Path) -> None:
 def prototype(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder in which the shipped problem was solved on a coarse mesh, from outside the clone."""
     cwd = tmp_path_factory.mktemp("prototype")
-    done = process("solve", "problems/l1_min_time.toml", "--set", "mesh.elements=10", "--json", "--plot", cwd=cwd)
+    done = process("solve", "problems/l1_min_time.toml", "--set", "mesh.elements=50", "--json", "--plot", cwd=cwd)
     assert done.code == 0, done.err
     (cwd / "stdout.json").write_text(done.out)
     (cwd / "stderr.txt").write_text(done.err)
@@ -180,7 +180,7 @@ def test_plot_without_out_names_its_own_folder(prototype: Path) -> None:
     assert {p.name for p in folder.iterdir()} >= {"result.json", "trajectory.csv", "run.toml"}
     assert [p.read_bytes()[:8] for p in folder.glob("*.png")] == [b"\x89PNG\r\n\x1a\n"]
     run = tomllib.loads((folder / "run.toml").read_text())
-    assert run["input"]["set"] == ["mesh.elements=10"] and run["problem"]["mesh"]["elements"] == 10
+    assert run["input"]["set"] == ["mesh.elements=50"] and run["problem"]["mesh"]["elements"] == 50
     assert set(run["files"]) == {p.name for p in folder.iterdir()} - {"run.toml"}
     assert run["wall_s"] > 0 and run["versions"]["casadi"]
 
