@@ -44,7 +44,7 @@ def build(
         "dae": nothing but equal names is eliminated: all unknowns are free at each point, and all equations and the
             derivatives that they imply are constraints.
         "auto": inverse where it exists and does not bring the only divisions by something that may vanish, as in
-            u = (x' - f) / cos x; else explicit; else torn.
+            u = (x' - f) / cos x, and no rate is asked for at the start or within the horizon; else explicit; else torn.
     branches: sign +1 or -1 by the name of a declared branch; +1 by default.
     tunable: names of parameters that stay symbols, to be changed between solves.
     sizes: of variables and free constants by name, in place of their nominals: see sizes.of_trajectory.
@@ -123,8 +123,15 @@ def _build(
     elif formulation == "dae":
         kind = "dae"
     delayed = {i: (controls.index(source), item) for i, (source, item) in delays.items()}
-    builder = Builder(model, root, flat, plan, kind, states, controls, base, fold, tunable, delayed, dict(sizes))
-    problem = builder.problem(objective, constraints, quadratures)
+
+    def made(plan: Plan, kind: str) -> DynamicProblem:
+        b = Builder(model, root, flat, plan, kind, states, controls, base, fold, tunable, delayed, dict(sizes))
+        return b.problem(objective, constraints, quadratures)
+
+    problem = made(plan, kind)
+    if formulation == "auto" and kind == "inverse" and any(i.off is not None and i.s < 1.0 for i in problem.instants):
+        # a rate off the points ties the controls, not the motion: the explicit form finds it from any guess
+        problem = made(base, "explicit")
     problem.branches = branches
     return problem
 
