@@ -13,6 +13,8 @@ from scipy.linalg import eig
 from .record import VibrationError
 
 REAL = 1e-9  # relative: imaginary parts below are rounding
+# of the largest pole: real parts, and the two poles of a free motion, which are accurate to the root of rounding only
+AXIS, FREE = 1e-13, 1e-7
 SYMMETRIC = 1e-9  # relative asymmetry that is rounding
 
 
@@ -39,11 +41,11 @@ class Modes:
     @property
     def damping(self) -> np.ndarray:
         size = np.abs(self.poles)
-        return -np.real(self.poles) / np.where(size > 0, size, 1.0)
+        return np.where(on_axis(self.poles), 0.0, -np.real(self.poles) / np.where(size > 0, size, 1.0))
 
     @property
     def stable(self) -> bool:
-        return bool(np.real(self.poles).max() < 0)
+        return bool(np.all((np.real(self.poles) < 0) & ~on_axis(self.poles)))
 
 
 def modes(M: ArrayLike, D: ArrayLike, K: ArrayLike) -> Modes:
@@ -64,6 +66,12 @@ def modes(M: ArrayLike, D: ArrayLike, K: ArrayLike) -> Modes:
     words = [f"{name} is {definiteness(X)}" for name, X in (("M", M), ("D", D), ("K", K))]
     words += _signs(values[order], poles)
     return Modes(values[order], np.sqrt(np.abs(values[order])) / (2 * np.pi), shapes, poles, tuple(words))
+
+
+def on_axis(poles: np.ndarray) -> np.ndarray:
+    """Which poles neither grow nor decay but for rounding: undamped vibrations, and free motions of a rigid body."""
+    largest = np.abs(poles).max(initial=0.0)
+    return (np.abs(np.real(poles)) <= AXIS * largest) | (np.abs(poles) <= FREE * largest)
 
 
 def pencil_poles(M: np.ndarray, D: np.ndarray, K: np.ndarray) -> np.ndarray:
@@ -119,9 +127,14 @@ def _signs(values: np.ndarray, poles: np.ndarray) -> list[str]:
     else:
         n = int(np.sum(values <= 0))
         words.append(f"M^-1 K has {n} of {len(values)} eigenvalues that are not positive: without damping they diverge")
-    unstable = poles[np.real(poles) >= 0]
+    held = on_axis(poles)
+    unstable = poles[(np.real(poles) > 0) & ~held]
     if not unstable.size:
-        words.append("M s^2 + D s + K is stable")
+        words.append(
+            f"M s^2 + D s + K is not damped: {held.sum()} of {len(poles)} poles neither grow nor decay"
+            if held.any()
+            else "M s^2 + D s + K is stable"
+        )
     else:
         growth = np.real(unstable).max()
         words.append(

@@ -91,3 +91,22 @@ def test_matrices_are_checked() -> None:
         modes(np.diag([1.0, 0.0]), D, K)
     with pytest.raises(VibrationError, match="a matrix holds a number that is not finite"):
         modes(M, D * np.nan, K)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_what_is_not_damped_neither_grows_nor_decays(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    X, Y = rng.normal(size=(2, 3, 3))
+    M, K = X @ X.T + np.eye(3), 1e4 * (Y @ Y.T + np.eye(3))
+    found = modes(M, 0 * K, K)
+    assert not found.stable and np.all(found.damping == 0.0)
+    assert "M s^2 + D s + K is not damped: 6 of 6 poles neither grow nor decay" in found.words
+    damped = modes(M, 1e-6 * K, K)
+    assert damped.stable and np.all(damped.damping > 0)
+
+
+def test_a_free_body_has_no_damping() -> None:
+    K = np.array([[1.0, -1.0], [-1.0, 1.0]])
+    found = modes(np.eye(2), 0.1 * K, K)
+    assert found.damping[:2] == pytest.approx([0.0, 0.0]) and found.damping[2] == pytest.approx(0.1 / np.sqrt(2))
+    assert any("2 of 4 poles neither grow nor decay" in w for w in found.words)
