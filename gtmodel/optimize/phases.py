@@ -152,7 +152,9 @@ def _read(joined: Joined, run: Run, throw: bool) -> PhasesSolution:
         x = run.x[columns]
         multipliers = Multipliers(run.multipliers.rows[rows], run.multipliers.bounds[columns])
         cost = float(nlp.nlp(x, [])[0])
-        own = Run(x, run.g[rows], cost, multipliers, run.iterations, status, run.word, run.seconds, None, run.miss)
+        own = Run(
+            x, run.g[rows], cost, multipliers, run.iterations, status, run.word, run.seconds, None, run.miss, run.curved
+        )
         solutions[name] = replace(read_solution(nlp, own, status, message), linked=True)
     values = run.multipliers.rows[joined.rows[-1] :] / np.array([r.scale for r in joined.links])
     links = dict(zip((r.label for r in joined.links), values.tolist(), strict=True))
