@@ -87,7 +87,8 @@ def test_milling_takes_the_limits_from_the_model(tmp_path: Path, monkeypatch: py
     (tmp_path / "arm.py").write_text(ARM)
     monkeypatch.chdir(tmp_path)
     loaded = load("milling_pose", ["robot=gtmodel.robots:kr500"])
-    task = milling_task.task_of(loaded.problem, Context(folder=loaded.path.parent))
+    problem: Any = loaded.problem
+    task = milling_task.task_of(problem, Context(folder=loaded.path.parent))
     np.testing.assert_array_equal(task.limits, robots.kr500_limits())
     refused = Commands(capsys)("solve", "milling_pose", "--set", f"robot={tmp_path / 'arm.py'}:bare")
     assert refused.code == 2 and "limits_deg" in refused.err
