@@ -81,10 +81,11 @@ class CausalFunction:
 
     @property
     def casadi(self) -> ca.Function:
-        """ca.Function (inputs...) -> (targets..., margins), parameters folded in as numbers.
+        """ca.Function (inputs...) -> (targets..., status, margins), parameters folded in as numbers.
 
-        With Newton blocks it holds root finders started at the home pose; the call of this object is the
-        guarded road.
+        The values are an answer only where `status` is 0, a code of `Status`. With Newton blocks it holds root finders
+        that follow each block from the home pose in a fixed number of steps; the call of this object takes as many as
+        it needs, and says OK at points where this says NOT_CONVERGED.
         """
         return self._built.whole
 
@@ -107,7 +108,7 @@ class CausalFunction:
 
     @cached_property
     def casadi_parametric(self) -> ca.Function:
-        """ca.Function (inputs..., parameters) -> (targets..., margins), algebra done without their values.
+        """ca.Function (inputs..., parameters) -> (targets..., status, margins), algebra done without their values.
 
         Roots keep the signs that they have at the model's own parameters.
         """
