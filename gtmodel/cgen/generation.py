@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,6 +11,7 @@ import casadi as ca
 
 from .._files import codegen_dir
 from ..compiler.causal import CausalFunction
+from ..results.folder import Held
 from .body import body
 from .errors import GenerationError
 from .folder import write
@@ -54,7 +55,7 @@ class Generated:
 
 def generate(
     functions: Mapping[str, CausalFunction],
-    out: Path,
+    out: Path | Held,
     *,
     name: str,
     overwrite: bool = False,
@@ -63,12 +64,13 @@ def generate(
     along: Collection[str] = (),
     real: str = "double",
     box: Mapping[str, Sequence[Sequence[float]]] | None = None,
+    mark: Callable[[str, str], str] | None = None,
 ) -> Generated:
     """Write a folder of C99 that compiles as delivered: `cc *.c -lm`.
 
     Args:
         functions: causal functions by the name they get in C, `gt_<name>_<function>`. Parameters are folded in.
-        out: a new or empty folder, or one that gtmodel generated.
+        out: a new or empty folder, or one that gtmodel generated; or such a folder already held, see `held`.
         name: of the whole, part of every file name and symbol: several folders link into one program.
         overwrite: replace also files of ours that were changed by hand.
         provenance: what header and manifest say about the origin, e.g. robot, problem file and its hash.
@@ -77,6 +79,7 @@ def generate(
         box: intervals [least, greatest] by name of an input such as "der(T)", one for each of its numbers or one for
             all; inside, every function whose inputs all have one must answer. It goes into the manifest.
         problem: the whole problem as JSON data, for the manifest: other tools rebuild the model from it.
+        mark: (file name, text) -> the text to write, for code that failed a check and must say so.
 
     Raises GenerationError for a name that is no C identifier or is taken, and for a folder that is not ours;
     ModelError for a parameter without a value.
@@ -84,10 +87,13 @@ def generate(
     faces = interfaces(functions, name, along, real_of(real), box)
     texts = contents(faces, name, dict(provenance or {}))
     hashes = _hashes(faces, texts[f"gt_{name}_body.c"])
+    if mark is not None:
+        texts = {file: mark(file, text) for file, text in texts.items()}
     content = manifest(name, faces, provenance or {}, texts, hashes, problem or {})
-    write(Path(out), texts, content, overwrite)
+    place = out.path if isinstance(out, Held) else Path(out)
+    write(out if isinstance(out, Held) else place, texts, content, overwrite)
     operations = {entry["symbol"]: entry["operations"] for entry in content["functions"]}
-    return Generated(Path(out), name, (*texts, FILE), {f.key: f.symbol for f in faces}, operations)
+    return Generated(place, name, (*texts, FILE), {f.key: f.symbol for f in faces}, operations)
 
 
 def contents(faces: list[Interface], name: str, provenance: Mapping[str, str]) -> dict[str, str]:

@@ -18,9 +18,11 @@ from .arguments import by_name, longest_step, names, number, output_step, span
 from .impulses import refuse_impulses
 from .inputs import Inputs, read_inputs
 from .jumps import refuse_jumps
+from .pace import pace_of
 from .record import Recorder
 from .result import NotSimulated, Progress, Simulation
 from .systems import System, Systems
+from .turnover import balance, unbalanced
 
 OUTPUT_STEPS = 500
 ROUND_OFF = 1e-9  # a chosen start value below so many nominals is reported as zero
@@ -51,8 +53,9 @@ def simulate(
             prescribed too, other start attributes are guesses. States that are free after that start as near to
             zero as they can.
         step: interval [s] of the recorded rows; default a 500th of the run. The integrator chooses its own steps.
-        max_step: longest internal step [s], for what is short and comes after rest: pulses of an input function
-            longer than a 50000th of the run are found without it.
+        max_step: longest internal step [s]. Short pulses of functions of time, in inputs and in the model's equations,
+            are found without it, however short they are, where they leave a straight line by more than a
+            ten-thousandth of the function's range; it is for what comes out of nothing in another way.
         outputs: further names to record, e.g. "arm[0].rod.tension".
         prefer: names to keep as states as long as they are good for it.
         tolerance: relative and absolute tolerance of the integrator, in nominals.
@@ -60,7 +63,11 @@ def simulate(
             are integrated by BDF.
         progress: called with the time reached; returning True stops the run, keeping what there is.
 
-    Raises ModelError for a wrong model, input or start, and NotSimulated unless throw is False.
+    Where the model declares its energies, their balance is checked: a run that reaches its end with an error of more
+    than a ten-thousandth of the energy that moved has the status CHECK_FAILED, and holds everything.
+
+    Raises ModelError for a wrong model, input or start, and NotSimulated for a run that ends early, unless throw is
+    False.
     """
     start_time, final_time = span(final_time, start_time)
     step = output_step(step, final_time - start_time)
@@ -72,7 +79,8 @@ def simulate(
     # roots are watched from one time to the next: as often as rows are recorded by default
     watched = (final_time - start_time) / OUTPUT_STEPS if ready.system.roots else np.inf
     grid = _grid(rows, min(max_step, watched))
-    course = Course(ready.systems, ready.inputs, ready.recorder, ready.initial, ready.system, rows, grid)
+    pace = pace_of(ready.systems.driven(), ready.inputs.t, start_time, final_time)
+    course = Course(ready.systems, ready.inputs, ready.recorder, ready.initial, ready.system, rows, grid, pace)
     status, message = SolveStatus.SOLVED, "simulated"
     try:
         course.run(progress)
@@ -84,7 +92,10 @@ def simulate(
     if course.switches:
         n = len(course.switches)
         message += f"; states switched {n} time{'s' * (n > 1)}"
-    trajectory, energy_error = ready.recorder.trajectory()
+    trajectory, energy_error, moved = ready.recorder.trajectory()
+    checks = balance(energy_error, moved)
+    if status.ok and (sentence := unbalanced(checks, moved)):
+        status, message = SolveStatus.CHECK_FAILED, f"{message}; {sentence}"
     simulation = Simulation(
         status,
         message,
@@ -94,8 +105,9 @@ def simulate(
         course.system.states,
         course.switches,
         ready.chosen,
+        checks,
     )
-    if throw and not status.ok:
+    if throw and not status.converged:
         raise NotSimulated(simulation)
     return simulation
 

@@ -183,12 +183,11 @@ class TestPulses:
         run = simulate(Sum(), 100.0, inputs={"u": lambda t: gt.exp(-(((t - 53.13) / 1e-3) ** 2))})
         assert run.trajectory["x"][-1] == pytest.approx(np.sqrt(np.pi) * 1e-3, rel=1e-4)
 
-    def test_a_narrower_one_takes_a_longest_step(self):
+    def test_a_longest_step_between_far_rows(self):
         def pulse(t):
             return gt.exp(-(((t - 5.3137) / 2e-5) ** 2))
 
         area = np.sqrt(np.pi) * 2e-5
-        assert simulate(Sum(), 10.0, inputs={"u": pulse}).trajectory["x"][-1] < 0.01 * area
         run = simulate(Sum(), 10.0, step=5.0, inputs={"u": pulse}, max_step=8e-5, tolerance=1e-12)
         assert run.trajectory["x"][-1] == pytest.approx(area, rel=1e-4) and len(run.trajectory) == 3
 
@@ -221,13 +220,18 @@ class NearlyJumping(Sliding):
         yield self.tau * der(self.v) == self.tau * self.u - gt.tanh(self.v / 1e-12)
 
 
-@pytest.mark.parametrize("model", [Sliding, NearlyJumping])
-def test_a_jump_ends_the_run_after_a_bounded_number_of_calls(model):
+def test_a_jump_ends_the_run_after_a_bounded_number_of_calls():
     calls = []
-    run = simulate(model(), 3.0, inputs={"u": 0.3}, throw=False, progress=calls.append)
+    run = simulate(Sliding(), 3.0, inputs={"u": 0.3}, throw=False, progress=calls.append)
     assert run.status is SolveStatus.FAILED and len(calls) < 200
     assert run.message.startswith("the motion ends at 1.42857 s: the integrator's steps became too small there")
     assert "look for a term that jumps" in run.message
+
+
+def test_what_nearly_jumps_is_followed_to_where_it_rests():
+    calls = []
+    run = simulate(NearlyJumping(), 3.0, inputs={"u": 0.3}, progress=calls.append)
+    assert run.trajectory["v"][-1] == pytest.approx(1e-12 * np.arctanh(0.3), rel=1e-3) and len(calls) < 200
 
 
 def test_equations_that_do_not_hold_are_no_solved_run(monkeypatch):
