@@ -33,8 +33,8 @@ FOLLOWING_STEPS = 10
 # on the way from home to a guess far off no step is longer, in nominals: an angle goes no further round than it must
 LONGEST = 0.5
 FOLLOWED = 1e-7  # a shorter one ends it
-# a step that leaves the domain of a root or a logarithm is halved, at most so often
-HALVINGS = 40
+# a step that leaves the domain of a root or a logarithm is halved, down to this part
+SHORTEST_PART = 1e-12
 # what starts outside the domain is drawn again, at most so often
 DRAWS = 30
 # s; some models have no solution at time 0; no round numbers, where roots may meet
@@ -277,10 +277,10 @@ class Sampler:
         self, fun: _Stage, new: np.ndarray, step: np.ndarray, w: np.ndarray, p: np.ndarray
     ) -> tuple[np.ndarray, csc_matrix | None]:
         """Change w by the step, or by as much of it as leaves the equations numbers; what they give there."""
-        begin = w[new].copy()
-        for k in range(HALVINGS):
-            w[new] = begin + 0.5**k * step
+        begin, part = w[new].copy(), 1.0
+        while True:
+            w[new] = begin + part * step
             r, jacobian = fun(w, p, self.time)
-            if jacobian is not None:
-                break
-        return r, jacobian
+            if jacobian is not None or part <= SHORTEST_PART:
+                return r, jacobian
+            part /= 2
