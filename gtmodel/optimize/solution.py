@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 
 from ..lang.scope import derivative_name
+from ..results.check import Check
 from ..results.status import SolveStatus
 from ..results.trajectory import Trajectory
 from .dynamic import DynamicProblem
@@ -19,18 +20,6 @@ from .nlp import Nlp, placed
 from .quadratures import summed
 from .system import System
 from .tables import basis, basis_slope
-
-
-@dataclass(frozen=True)
-class Check:
-    """A number with its bound: passed when value <= bound; bound None only reports."""
-
-    value: float
-    bound: float | None = None
-
-    @property
-    def passed(self) -> bool:
-        return bool(np.isfinite(self.value)) and (self.bound is None or self.value <= self.bound)
 
 
 @dataclass(frozen=True, eq=False)
