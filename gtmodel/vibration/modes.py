@@ -12,9 +12,8 @@ from scipy.linalg import eig
 
 from .record import VibrationError
 
-REAL = 1e-9  # relative: imaginary parts below are rounding
-# of the largest pole: real parts, and the two poles of a free motion, which are accurate to the root of rounding only
-AXIS, FREE = 1e-13, 1e-7
+REAL = 1e-9  # relative: imaginary, or real, parts below are rounding
+FREE = 1e-7  # of the largest pole: the two poles of a free motion are accurate to the root of rounding only
 SYMMETRIC = 1e-9  # relative asymmetry that is rounding
 
 
@@ -24,8 +23,8 @@ class Modes:
 
     `eigenvalues` (p,) of M^-1 K [1/s2]; `frequency_Hz` (p,) = sqrt(abs) / 2 pi, those of det(M lambda + K) = 0 with
     lambda = -eigenvalue; `shapes` (p, p) by column, largest entry 1, complex where eigenvalues are. `poles` (2p,) [1/s]
-    of M s^2 + D s + K, with `pole_Hz` = abs / 2 pi and `damping` = -Re / abs. `stable`: all poles left of the axis.
-    `words`: definiteness and signs in sentences.
+    of M s^2 + D s + K, with `pole_Hz` = abs / 2 pi and `damping` = -Re / abs. `stable`: all poles left of the
+    axis by more than rounding. `words`: definiteness and signs in sentences.
     """
 
     eigenvalues: np.ndarray
@@ -69,9 +68,9 @@ def modes(M: ArrayLike, D: ArrayLike, K: ArrayLike) -> Modes:
 
 
 def on_axis(poles: np.ndarray) -> np.ndarray:
-    """Which poles neither grow nor decay but for rounding: undamped vibrations, and free motions of a rigid body."""
-    largest = np.abs(poles).max(initial=0.0)
-    return (np.abs(np.real(poles)) <= AXIS * largest) | (np.abs(poles) <= FREE * largest)
+    """Which poles neither grow nor decay but for rounding: undamped vibrations, and free motions of a body."""
+    size = np.abs(poles)
+    return (np.abs(np.real(poles)) <= REAL * size) | (size <= FREE * size.max(initial=0.0))
 
 
 def pencil_poles(M: np.ndarray, D: np.ndarray, K: np.ndarray) -> np.ndarray:
@@ -128,13 +127,11 @@ def _signs(values: np.ndarray, poles: np.ndarray) -> list[str]:
         n = int(np.sum(values <= 0))
         words.append(f"M^-1 K has {n} of {len(values)} eigenvalues that are not positive: without damping they diverge")
     held = on_axis(poles)
-    unstable = poles[(np.real(poles) > 0) & ~held]
-    if not unstable.size:
-        words.append(
-            f"M s^2 + D s + K is not damped: {held.sum()} of {len(poles)} poles neither grow nor decay"
-            if held.any()
-            else "M s^2 + D s + K is stable"
-        )
+    unstable, still = poles[(np.real(poles) > 0) & ~held], int(np.sum(held))
+    if not unstable.size and not still:
+        words.append("M s^2 + D s + K is stable")
+    elif not unstable.size:
+        words.append(f"M s^2 + D s + K is undamped: {still} of {len(poles)} poles neither grow nor decay")
     else:
         growth = np.real(unstable).max()
         words.append(
