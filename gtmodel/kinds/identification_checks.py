@@ -6,13 +6,14 @@ import numpy as np
 
 from gtmodel.identify import Identification, Repeated, Validation, work_of
 
-from .base import Check
+from .base import Check, at_least, at_most
 from .identification_data import Recordings
 
 # of estimate minus truth in standard deviations: a fair draw of thirteen is beyond once in a thousand
 WORST = 4.0
 # held-out over fitted noise: two motions of one plant differ by some hundredths, a lacking effect by much more
 HELD_OUT = 1.5
+LOOK = "the notes say what to look at"
 UNEXPLAINED = 0.5  # rms of what is left over rms of the effort: beyond, the model is not that of the log
 FAR = 300.0  # times the nominal value: a factor 1000 of a unit, not a payload
 SATURATED = 0.02  # of the samples at the largest or smallest reading: noise alone does not stay there
@@ -22,31 +23,31 @@ def checks_of(
     data: Recordings, found: Identification, validation: Validation | None, repeated: Repeated | None
 ) -> dict[str, Check]:
     """By name, as they stand in the result."""
-    checks = {"undetermined": Check(float(found.identifiability.redundant), 0.0, found.identifiability.redundant == 0)}
+    checks = {"undetermined": at_most(float(found.identifiability.redundant), 0.0, LOOK)}
     # what was left out shifts the others: then the truth is not what the fit is after
     whole = all(t.passed for t in found.left_out)
     if data.truth and whole:
         e = found.estimate
         worst = max((abs(e.value(n) - data.truth[n]) / s for n, s in zip(e.names, e.std, strict=True)), default=0.0)
-        checks["error_in_standard_deviations"] = Check(float(worst), WORST, bool(worst <= WORST))
+        checks["error_in_standard_deviations"] = at_most(float(worst), WORST)
     if validation is not None:
         ratio = float(np.max(validation.rms / found.noise))
-        checks["held_out_over_fitted_noise"] = Check(ratio, HELD_OUT, ratio <= HELD_OUT)
+        checks["held_out_over_fitted_noise"] = at_most(ratio, HELD_OUT, LOOK)
     share = float(np.max(_unexplained(found)))
-    checks["unexplained_share"] = Check(share, UNEXPLAINED, share <= UNEXPLAINED)
+    checks["unexplained_share"] = at_most(share, UNEXPLAINED, LOOK)
     work = work_of(found)
     if work is not None:
         least = float(np.min(work.friction))
         if np.any(work.friction):  # some friction is free
-            checks["work_of_friction_J"] = Check(least, 0.0, least >= 0)
+            checks["work_of_friction_J"] = at_least(least, 0.0, LOOK)
         other = work if validation is None else work_of(found, validation.rows) or work
-        checks["energy_balance"] = Check(other.balance, other.bound, other.balanced)
+        checks["energy_balance"] = Check(other.balance, other.bound, other.balanced, LOOK)
     if found.left_out:
         p = min(t.p for t in found.left_out)
-        checks["nothing_left_out"] = Check(p, None, whole)
+        checks["nothing_left_out"] = Check(p, None, whole, "free the parameters that the residual test names")
     if repeated is not None and not repeated.runs.interrupted:
         outside = len(repeated.coverage.outside) + len(repeated.coverage.biased)
-        checks["parameters_outside_the_binomial_band"] = Check(float(outside), 0.0, outside == 0)
+        checks["parameters_outside_the_binomial_band"] = at_most(float(outside), 0.0)
     return checks
 
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from . import output
 from . import start as earlier
 from .base import Context, InputError, Outcome
 from .load import Loaded
+from .verdict import marked
 
 
 @dataclass(frozen=True)
@@ -36,14 +37,39 @@ def context_of(loaded: Loaded, *, max_seconds: float | None = None, start: Path 
     return context
 
 
-def solve(loaded: Loaded, context: Context, *, out: Path | None = None, plot: bool = False) -> Finished:
-    """Solve a problem; write the result where `out` is given. Raises InputError, before the work where it can."""
+def solve(
+    loaded: Loaded, context: Context, *, out: Path | None = None, plot: bool = False, write_failed: bool = False
+) -> Finished:
+    """Solve a problem; write the result where `out` is given. Raises InputError, before the work where it can.
+
+    Files for a machine are written only of a result that may be used, or, marked in their first line, with
+    `write_failed`.
+    """
     if out is not None:
         output.refuse_foreign(out)
     outcome = loaded.kind.solve(loaded.problem, context)
     wall_s = time.monotonic() - context.began
+    if out is not None:
+        outcome = _for_machines(outcome, write_failed)
     files = [] if out is None else output.write(out, loaded, context, outcome, wall_s=wall_s, plot=plot)
     return Finished(outcome, wall_s, files)
+
+
+def _for_machines(outcome: Outcome, write_failed: bool) -> Outcome:
+    """The outcome with its files for machines left out, or marked, where it must not be relied on."""
+    kept = [name for name in outcome.machine_files if name in outcome.files]
+    if outcome.status.ok or not kept:
+        return outcome
+    message = outcome.message or outcome.status.sentence
+    files = {name: content for name, content in outcome.files.items() if name not in kept}
+    if not write_failed:
+        names = " and ".join(sorted(kept)) if len(kept) < 3 else f"{len(kept)} files for machines"
+        message += f"; {names} {'is' if len(kept) == 1 else 'are'} not written; --write-failed writes all, marked"
+        return replace(outcome, files=files, message=message)
+    for name in kept:
+        content = outcome.files[name]
+        files[name] = marked(name, content.encode() if isinstance(content, str) else content, message)
+    return replace(outcome, files=files)
 
 
 def generate(loaded: Loaded, context: Context, out: Path, *, verify: bool) -> Finished:
