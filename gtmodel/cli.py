@@ -135,7 +135,7 @@ def solve(
     ] = None,
     write_failed: WriteFailed = False,
 ) -> None:
-    """Solve a problem. Ctrl-C stops it and keeps the best iterate."""
+    """Solve a problem. Ctrl-C and SIGTERM stop it and keep the best iterate."""
     from gtmodel.kinds import run
 
     with answering(context, as_json, problem) as answer:
@@ -163,7 +163,7 @@ def codegen(
     with answering(context, as_json, problem) as answer:
         loaded = _load(problem, settings, answer)
         job = run.context_of(loaded)
-        with terminal.watching(job, "this finishes first"):
+        with terminal.watching(job, "stopping after this step"):
             answer.finished = run.generate(loaded, job, out, verify=check)
 
 

@@ -48,6 +48,14 @@ class Problem(Section):
     kind: str = pydantic.Field(description="kind of the problem; gtmodel schema lists the kinds")
     title: str = pydantic.Field(default="", description="one line for tables and pictures")
 
+    @pydantic.field_validator("title")
+    @classmethod
+    def _one_line(cls, title: str) -> str:
+        # files and pictures refuse it too, but only once the work is done
+        if not title.strip().isprintable():
+            raise ValueError("expected one line of printable characters")
+        return title
+
 
 class Check(NamedTuple):
     """A number that was tested, and the verdict on the whole result: where it fails, nobody is to rely on it.
@@ -128,12 +136,17 @@ def silent(stage: str | None = None, fraction: float | None = None, numbers: Map
     """Shows nothing."""
 
 
+def unheard(sentence: str) -> None:
+    """Tells nobody."""
+
+
 @dataclass(kw_only=True)
 class Context:
     """What a kind knows besides its problem.
 
     name: of the problem, its file name without ending.
     folder: of the problem file; relative paths in the file start there.
+    notice: tells a person one sentence beside the result, such as what an earlier run left undone.
     max_seconds: time limit [s] from the making of the context on; None for none.
     start: an earlier result.json to start from.
     inputs: files that were read besides the problem, name -> path; a kind enters them, run.toml keeps their hash.
@@ -142,6 +155,7 @@ class Context:
     name: str = "problem"
     folder: Path = field(default_factory=Path)
     progress: Progress = silent
+    notice: Callable[[str], object] = unheard
     max_seconds: float | None = None
     start: Mapping[str, Any] | None = None
     inputs: dict[str, Path] = field(default_factory=dict)

@@ -16,11 +16,12 @@ from .verdict import marked
 
 @dataclass(frozen=True)
 class Finished:
-    """An outcome, the wall time [s] that it took, and the files written."""
+    """An outcome, the wall time [s] that it took, the files written, and what kept others from it, in a sentence."""
 
     outcome: Outcome
     wall_s: float
     files: list[Path] = field(default_factory=list)
+    unwritten: str = ""
 
 
 def context_of(loaded: Loaded, *, max_seconds: float | None = None, start: Path | None = None) -> Context:
@@ -45,13 +46,21 @@ def solve(
     Files for a machine are written only of a result that may be used, or, marked in their first line, with
     `write_failed`.
     """
-    if out is not None:
-        output.refuse_foreign(out)
-    outcome = loaded.kind.solve(loaded.problem, context)
-    wall_s = time.monotonic() - context.began
-    if out is not None:
+    if out is None:
+        return Finished(loaded.kind.solve(loaded.problem, context), time.monotonic() - context.began)
+    with output.held(out, context) as folder:
+        outcome = loaded.kind.solve(loaded.problem, context)
+        wall_s = time.monotonic() - context.began
         outcome = _for_machines(outcome, write_failed)
-    files = [] if out is None else output.write(out, loaded, context, outcome, wall_s=wall_s, plot=plot)
+        try:
+            files = output.write(folder, loaded, context, outcome, wall_s=wall_s, plot=plot)
+        except output.NotDrawn as error:
+            return Finished(outcome, wall_s, error.files, unwritten=str(error))
+        except InputError as error:
+            # the work is done: a full disk must not cost its result
+            files = output.elsewhere(loaded, context, outcome, wall_s=wall_s)
+            told = f"; the result was written into {files[0].parent} instead" if files else ""
+            return Finished(outcome, wall_s, files, unwritten=f"{error}{told}")
     return Finished(outcome, wall_s, files)
 
 
