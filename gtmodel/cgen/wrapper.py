@@ -29,7 +29,7 @@ static GT_RARE int each_finite(const double *const *place, const int *size, int 
 def wrapper(name: str, faces: list[Interface]) -> str:
     """Text of the guarded functions.
 
-    The order of the decisions is that of CausalFunction.status: inputs finite and not too large, margins in their order,
+    The order of the decisions is that of CausalFunction.status: inputs finite, not too large, margins in their order,
     outputs finite; the first cause wins. Before a Newton block come the margins that do not wait for it. A closed form
     is computed first and its margins judged then; one sum asks for all outputs.
     """

@@ -1,7 +1,7 @@
 """Constants that are added one after the other are added up once: (x + c) + d becomes x + (c + d).
 
-Squares of offsets along other axes leave such sums behind. One that is far smaller than the rest would be lost in round-off
-each time anew, and no self-test would see it.
+Squares of offsets along other axes leave such sums behind. One that is far smaller than the rest would be lost in
+round-off each time anew, and no self-test would see it.
 """
 
 from __future__ import annotations
