@@ -57,7 +57,7 @@ def casadi_functions(face: Interface) -> list[ca.Function]:
     """
     if face.stages is None:
         f = face.function
-        built = [CausalFunction(f.plan, f.inputs, f.outputs, face.body).casadi]
+        built = [CausalFunction(f.plan, f.inputs, f.outputs, face.body).closed]
     else:
         built = [g for stage in face.newton for g in (stage.prepare, stage.kernel)] + [face.stages.body]
     for name, g in zip(face.bodies, built, strict=True):

@@ -8,6 +8,7 @@ from .sizes import DOUBLE
 
 if TYPE_CHECKING:
     from .causal import CausalFunction
+    from .plan import Plan
 
 
 def explain(f: CausalFunction) -> str:
@@ -49,6 +50,8 @@ def explain(f: CausalFunction) -> str:
             good = "must not be negative" if m.kind == "discriminant" else "must not vanish"
             lines.append(f"      {m.kind} of {m.label} {good} (typical size {m.scale:.3g})")
         lines += [f"      {e}" for e in b.equations]
+    lines += _home(plan) if plan.newton or any(not r.told_by for b in plan.blocks for r in b.roots) else []
+    lines += [f"  {note}" for note in f.notes]
     assumed = sorted(q.name for q in flat.parameters if q.nonzero)
     if assumed:
         lines.append(f"  assumes nonzero: {', '.join(assumed)}")
@@ -58,3 +61,16 @@ def explain(f: CausalFunction) -> str:
     if flat.branches:
         lines.append(f"  declared branches: {', '.join(b.name for b in flat.branches)}")
     return "\n".join(lines)
+
+
+def _home(plan: Plan) -> list[str]:
+    """The pose that roots and Newton continue: what is declared at the top, as far as the equations hold it."""
+    flat, place = plan.flat, {pair: n for n, pair in enumerate(plan.pairs)}
+    told = []
+    for name, (_, indices) in flat.groups.items():
+        resolved = [plan.alias.resolve(i, 0) for i in indices]
+        if "." in name or not all((kept, k) in place for _, kept, k in resolved):
+            continue
+        values = [f"{sign * plan.samples[0][place[kept, k]]:.6g}" for sign, kept, k in resolved]
+        told.append(f"{name} = {values[0] if len(values) == 1 else '[' + ', '.join(values) + ']'}")
+    return [f"  home pose: {'; '.join(told)}"] if told else []

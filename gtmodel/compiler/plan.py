@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import casadi as ca
 import numpy as np
 
+from ..lang.source import ModelError
 from .alias import AliasResult, eliminate
 from .blocks import SolvedBlock
 from .branch import check_branches, follow, settle
 from .flat import FlatEquation, FlatModel
 from .graph import strong_components
+from .home import Moved, home_of, moved, starts_of
 from .kinks import has_kinks, kinked_in
 from .linear import solve_linear
 from .newton import NewtonBlock
@@ -35,7 +37,8 @@ class Plan:
     `samples` are consistent points (rows) over the chain symbols `pairs`. `parameters` are the numbers or
     symbols that stand for the parameters in the blocks. `conditions` are equations among the elements of one known
     variable, which its values must satisfy, `on_known` these with those of their derivatives that concern what is
-    read; `undetermined` variables have too few equations, but no target needs them.
+    read; `undetermined` variables have too few equations, but no target needs them. `moved` are start values that gave
+    way to the equations.
     """
 
     flat: FlatModel
@@ -55,6 +58,7 @@ class Plan:
     conditions: list[FlatEquation] = field(default_factory=list)
     on_known: list[Condition] = field(default_factory=list)
     undetermined: list[int] = field(default_factory=list)
+    moved: list[Moved] = field(default_factory=list)
 
     @property
     def newton(self) -> list[NewtonBlock]:
@@ -77,6 +81,7 @@ def make_plan(
     rates: bool = False,
     fold: ca.SX | None = None,
     at: tuple[np.ndarray, float] | None = None,
+    apart: Collection[int] = (),
 ) -> Plan:
     """Work out one causality.
 
@@ -90,13 +95,19 @@ def make_plan(
             numbers become pivots. The structure and the inputs do not depend on it.
         at: one consistent point over the plan's `pairs`, and its time; states and branches are chosen there,
             whatever is declared. The simulation uses it to switch states on the way.
+        apart: variable indices that are left out, with the equations that hold them.
 
     Raises ModelError for a system that is not square, redundant, singular or without a consistent point.
     """
     check_branches(flat, branches or {})
-    alias = eliminate(flat, frozenset([*known, *prefer]))
+    inside = flat
+    if apart:
+        left = [e for e in flat.equations if not any(i in apart for i, _ in flat.scope.symbols_in(e.residual))]
+        inside = replace(flat, equations=left)
+    alias = eliminate(inside, frozenset([*known, *prefer]))
     known_set = set(known)
-    unknowns = [v.index for v in flat.variables if v.index not in alias.removed and v.index not in known_set]
+    given = known_set | set(apart)
+    unknowns = [v.index for v in flat.variables if v.index not in alias.removed and v.index not in given]
     wanted = [alias.resolve(*t)[1:] for t in targets]
     equations, conditions = set_apart(flat, alias.equations, known_set)
     equations, unknowns, undetermined = needed(flat, equations, unknowns, {i for i, _ in wanted})
@@ -111,9 +122,10 @@ def make_plan(
         for k in range(-int(structure.d.max(initial=0)), 1)
     ]
     stage_residuals = _with_conditions(flat, stage_residuals, conditions, pairs)
-    sampler = Sampler(flat, pairs, [r for r in stage_residuals if r.numel()], _starts(flat, alias), frozenset(known))
+    sampler = Sampler(flat, pairs, [r for r in stage_residuals if r.numel()], starts_of(flat, alias), frozenset(known))
+    changed: list[Moved] = []
     if at is None:
-        samples = sampler.points(SAMPLE_POINTS)
+        sampler, samples, changed = _points(sampler, alias)
     else:
         samples, sampler.time = at[0][None, :], at[1]
     parameters = flat.p if fold is None else fold
@@ -160,6 +172,7 @@ def make_plan(
     plan = Plan(
         flat, alias, structure, stages, list(known), states, sorted(read), blocks, pairs, samples, uses_time,
         parameters, sampler, system, conditions, on_known, undetermined,
+        changed,
     )  # fmt: skip
     if at is None:
         settle(plan, sampler, branches or {})
@@ -283,14 +296,20 @@ def _pairs(
     return sorted(pairs | set(wanted))
 
 
-def _starts(flat: FlatModel, alias: AliasResult) -> dict[Pair, float]:
-    """Start values by kept symbol: a variable's own before that of a removed name for the same quantity."""
-    starts: dict[Pair, float] = {}
-    for v in sorted(flat.variables, key=lambda v: v.index in alias.removed):
-        if v.start is not None:
-            sign, kept, order = alias.resolve(v.index, 0)
-            starts.setdefault((kept, order), sign * v.start)
-    return starts
+def _points(sampler: Sampler, alias: AliasResult) -> tuple[Sampler, np.ndarray, list[Moved]]:
+    """Consistent points of a causality, and which start values gave way. If some do the points are about the home pose
+    that all causalities of the model share."""
+    flat, declared = sampler.flat, dict(sampler.starts)
+    try:
+        samples = sampler.points(SAMPLE_POINTS)
+        if not moved(flat, sampler, samples[0], declared):
+            return sampler, samples, []
+    except ModelError:
+        if not home_of(flat):
+            raise
+    shared = replace(sampler, starts=starts_of(flat, alias, home_of(flat)))
+    samples = shared.points(SAMPLE_POINTS)
+    return shared, samples, moved(flat, shared, samples[0], declared)
 
 
 def _jacobians(

@@ -121,7 +121,7 @@ class RowFunction:
             raise ModelError(
                 f"{function.name} holds {len(newton)} Newton block(s) and cannot leave its model; call it as it is"
             )
-        self._function = function.casadi
+        self._function = function.closed
         self._margins = [Margin(m.kind, m.scale) for m in function.margins]
         self._sizes = function.sizes
         self._shapes = [s.shape for s in function.outputs]

@@ -187,6 +187,7 @@ class Search:
             Mesh(mesh.elements, mesh.points, control=control),
             guess=guess,
             solver=SolverOptions(
+                error_bound=None,  # the kind judges the motion by its re-simulation
                 tolerance=solver.tolerance,
                 formulation=solver.formulation,
                 max_iterations=max(0, min(most, solver.max_iterations - (self.iterations if shared else 0))),

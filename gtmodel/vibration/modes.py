@@ -22,8 +22,8 @@ class Modes:
 
     `eigenvalues` (p,) of M^-1 K [1/s2]; `frequency_Hz` (p,) = sqrt(abs) / 2 pi, those of det(M lambda + K) = 0 with
     lambda = -eigenvalue; `shapes` (p, p) by column, largest entry 1, complex where eigenvalues are. `poles` (2p,) [1/s]
-    of M s^2 + D s + K, with `pole_Hz` = abs / 2 pi and `damping` = -Re / abs. `stable`: all poles left of the axis.
-    `words`: definiteness and signs in sentences.
+    of M s^2 + D s + K, with `pole_Hz` = abs / 2 pi and `damping` = -Re / abs. `stable`: all poles left of the
+    axis by more than rounding. `words`: definiteness and signs in sentences.
     """
 
     eigenvalues: np.ndarray
@@ -43,7 +43,7 @@ class Modes:
 
     @property
     def stable(self) -> bool:
-        return bool(np.real(self.poles).max() < 0)
+        return bool(np.all(np.real(self.poles) < -REAL * np.abs(self.poles)) and np.all(np.abs(self.poles) > 0))
 
 
 def modes(M: ArrayLike, D: ArrayLike, K: ArrayLike) -> Modes:
@@ -119,9 +119,13 @@ def _signs(values: np.ndarray, poles: np.ndarray) -> list[str]:
     else:
         n = int(np.sum(values <= 0))
         words.append(f"M^-1 K has {n} of {len(values)} eigenvalues that are not positive: without damping they diverge")
-    unstable = poles[np.real(poles) >= 0]
-    if not unstable.size:
+    size = np.abs(poles)
+    unstable = poles[np.real(poles) > REAL * size]
+    still = int(np.sum(np.abs(np.real(poles)) <= REAL * size))
+    if not unstable.size and not still:
         words.append("M s^2 + D s + K is stable")
+    elif not unstable.size:
+        words.append(f"M s^2 + D s + K is undamped: {still} of {len(poles)} poles neither grow nor decay")
     else:
         growth = np.real(unstable).max()
         words.append(

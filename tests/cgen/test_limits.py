@@ -47,7 +47,7 @@ def parametric(p: Pair, folded: bool = True) -> ca.Function:
     pairs = [pair for s in f.outputs for pair in s.pairs]
     plan = make_plan(f.flat, known, pairs, f.preferred, f.branches, fold=fold)
     unfolded = CausalFunction(plan, f.inputs, f.outputs, p.key)
-    return build(plan, *unfolded._signals(), f"parametric_{p.key}", parametric=True).whole
+    return build(plan, *unfolded._signals(), f"parametric_{p.key}", parametric=True).closed
 
 
 def sources(functions: list[ca.Function], folder: Path) -> Path:

@@ -78,7 +78,7 @@ class TestNumbersOfTheIssue:
         loss = o.values["exported_final_time_s"] / o.values["final_time_s"] - 1
         assert 0 < loss < 0.005
         assert all(check.passed for check in o.checks.values())
-        assert o.message == "solved and re-simulated"
+        assert o.message.startswith("solved and re-simulated")
 
     def test_energy_buys_less_force_for_more_time(self):
         runs = [outcome(f"cost.energy={w}").values for w in OPTIMA]
@@ -154,7 +154,7 @@ class TestMotion:
     def test_piecewise_linear_friction(self):
         settings = ("cost.energy=0.03", "mesh.elements=12")  # its corners make lighter weights slow
         tanh, o = outcome(*settings), outcome(*settings, 'friction.smoothing="piecewise_linear"')
-        assert o.status is SolveStatus.SOLVED
+        assert o.status.converged
         # the same Coulomb force outside 0.1 m/s, and more of it within
         assert 0 < abs(o.objective / tanh.objective - 1) < 0.01
 

@@ -91,3 +91,11 @@ def test_matrices_are_checked() -> None:
         modes(np.diag([1.0, 0.0]), D, K)
     with pytest.raises(VibrationError, match="a matrix holds a number that is not finite"):
         modes(M, D * np.nan, K)
+
+
+def test_a_structure_without_damping_neither_grows_nor_is_stable() -> None:
+    M, K = np.diag([2.0, 2.0, 3.0]), np.array([[800.0, -100, 0], [-100, 800, -50], [0, -50, 900]])
+    found = modes(M, np.zeros((3, 3)), K)
+    assert not found.stable and any("undamped: 6 of 6 poles neither grow nor decay" in w for w in found.words)
+    assert modes(M, 1e-6 * K, K).stable and not modes(M, -1e-6 * K, K).stable
+    assert any("6 of 6 poles grow" in w for w in modes(M, -1e-6 * K, K).words)
