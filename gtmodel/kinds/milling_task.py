@@ -93,10 +93,11 @@ def task_of(problem: Schema, context: Context) -> Task:
         key = "cut.feed_direction" if n == 0 else f"search.feed_directions[{n - 1}]"
         _made(lambda feed=feed: to_world(np.zeros(3), feed, up), key)
     model: Any = problem.model(context)
-    own = getattr(model, "joint_limits", None)
-    if problem.limits_deg is None and own is None:
+    limits = getattr(model, "joint_limits", None)
+    if problem.limits_deg is not None:
+        limits = np.deg2rad(np.array(_six(problem.limits_deg)))
+    if limits is None:
         raise InputError("is missing; expected lower and upper limit of six joints, in deg", "limits_deg")
-    limits = own if problem.limits_deg is None else np.deg2rad(np.array(_six(problem.limits_deg)))
     try:
         arm = WristPartition.of(model.origins, model.axes)
     except (ValueError, AttributeError) as error:
