@@ -34,6 +34,8 @@ ROUND_OFF = 1e-8
 SHORTEST = 1.0 / 128
 # of a step each Newton correction must shrink to this part of the last, so that no other assembly mode is entered
 CONTRACTION = 0.3
+# a correction is halved until the residual falls, to this part; to this one where it leaves the domain of a root
+SHORTEST_STEP, EDGE = 1e-3, 1e-12
 # free symbols approach their target in at most so many steps, until one is this small
 APPROACHES, NEAR = 20, 1e-6
 
@@ -165,7 +167,8 @@ class _Equations:
             w += step
             old, (r, jacobian) = np.linalg.norm(r), self(w, count)
             part = 1.0
-            while not np.linalg.norm(r) <= old and part > 1e-3:  # too far: back half the way
+            # too far: back half the way, and farther where no number comes out of a root
+            while not np.linalg.norm(r) <= old and part > (SHORTEST_STEP if np.all(np.isfinite(r)) else EDGE):
                 part /= 2
                 w -= part * step
                 r, jacobian = self(w, count)

@@ -152,7 +152,9 @@ def _read(joined: Joined, run: Run, options: SolverOptions, throw: bool, scale: 
         x = run.x[columns]
         multipliers = Multipliers(run.multipliers.rows[rows], run.multipliers.bounds[columns])
         cost = float(nlp.nlp(x, [])[0])
-        own = Run(x, run.g[rows], cost, multipliers, run.iterations, status, run.word, run.seconds, None, run.miss)
+        own = Run(
+            x, run.g[rows], cost, multipliers, run.iterations, status, run.word, run.seconds, None, run.miss, run.curved
+        )
         solution = replace(read_solution(nlp, own, status, message), linked=True)
         solutions[name] = judged(solution, options.error_bound, scale=scale)
     failed = [f"phase '{n}': {s.message}" for n, s in solutions.items() if s.status is not status]
