@@ -24,6 +24,7 @@ from .newton import NewtonKernel
 from .plan import Plan, make_plan
 from .rows import PIVOT_TOLERANCE, map_columns, status_codes
 from .sharing import flat_of
+from .sizes import DOUBLE, Precision, Sizes, sizes_of
 
 Pair = tuple[int, int]
 Group = tuple[str, tuple[int, ...], list[int]]
@@ -69,6 +70,16 @@ class CausalFunction:
         self.outputs = outputs
         self.name = name
         self.margins = [m for b in plan.blocks for m in b.margins]
+
+    @cached_property
+    def sizes(self) -> Sizes:
+        """How large the numbers of each argument may be; beyond, the status is OUT_OF_RANGE."""
+        return self.sizes_in(DOUBLE)
+
+    def sizes_in(self, precision: Precision) -> Sizes:
+        """The same for other numbers than double."""
+        arguments = [*[s.pairs for s in self.inputs], *([()] if self.plan.uses_time else [])]
+        return sizes_of(self.plan, arguments, precision)
 
     @cached_property
     def _built(self) -> Built:
@@ -219,6 +230,8 @@ class CausalFunction:
         code = np.zeros(n, dtype=int)
         zs: list[np.ndarray] = []
         given = np.vstack(columns) if columns else np.zeros((0, n))
+        if self._built.kernels:  # nothing is looked for where the inputs are too large
+            given = np.where(self.sizes.within(columns), given, np.nan)
         for k, kernel in enumerate(self._built.kernels):
             z, converged, singular = kernel.solve(given, None if guesses is None else guesses[k])
             code = np.where((code == 0) & ~converged, Status.NOT_CONVERGED, code)
@@ -240,13 +253,15 @@ class CausalFunction:
     ) -> np.ndarray:
         """Status code of each evaluated column from inputs, iterations (`found`), margins and outputs; the first
         cause wins."""
-        return status_codes(self.margins, columns, results, found)
+        return status_codes(self.margins, columns, results, found, sizes=self.sizes)
 
     def diagnose(self, *arguments: Any) -> str:
         """One sentence on a single call: ok, or which root or pivot failed and by how much."""
         columns, _ = self._columns(arguments)
         results, codes = self._evaluate(columns)
         status = Status(int(codes[0]))
+        if status is Status.OUT_OF_RANGE and (large := self._too_large(columns)):
+            return f"{status.sentence}: {large}"
         if status is Status.NOT_CONVERGED:
             labels = "; ".join(k.label for k in self._built.kernels)
             why = f"no solution for {labels} was reached on the way from the home pose"
@@ -261,6 +276,17 @@ class CausalFunction:
             if m.kind == "pivot" and not abs(value) > PIVOT_TOLERANCE * m.scale:
                 return f"{status.sentence}: the pivot for {m.label} is {abs(value):.4g}, typically {m.scale:.4g}"
         return status.sentence
+
+    def _too_large(self, columns: list[np.ndarray]) -> str:
+        """Which argument of a single call is the one that is too large, or ""."""
+        if self.sizes.within(columns)[0]:
+            return ""
+        size = [float(np.max(np.abs(c[:, 0]), initial=0.0)) for c in columns]
+        n = int(np.argmax([s / limit for s, limit in zip(size, self.sizes.limits, strict=True)]))
+        return (
+            f"{[*[s.name for s in self.inputs], 'time'][n]} is as large as {size[n]:.4g}, and near "
+            f"{self.sizes.limits[n]:.4g} round-off reaches the lengths in the model; give numbers in its units"
+        )
 
     def _columns(self, arguments: Sequence[Any]) -> tuple[list[np.ndarray], int | None]:
         wanted = [(s.name, s.shape) for s in self.inputs]

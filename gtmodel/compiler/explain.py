@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from .sizes import DOUBLE
+
 if TYPE_CHECKING:
     from .causal import CausalFunction
     from .plan import Plan
@@ -20,6 +22,13 @@ def explain(f: CausalFunction) -> str:
     states = [flat.symbol_name(*p) for p in plan.states]
     if states:
         lines.append(f"  states: {', '.join(states)}")
+    limited = [
+        f"{s.name} {limit:.4g} {s.unit}"
+        for s, limit in zip(f.inputs, f.sizes.limits, strict=False)
+        if limit < DOUBLE.largest
+    ]
+    if limited:
+        lines.append(f"  norms of inputs go up to: {', '.join(limited)}")
     counts: dict[str, int] = {}
     for b in plan.blocks:
         counts[b.kind] = counts.get(b.kind, 0) + 1

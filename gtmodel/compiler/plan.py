@@ -354,8 +354,11 @@ def _solve(
         labels = [u.name() for u in unknown]
         how = f"Newton in {', '.join(labels)}" + (f", {len(explicit)} explicit" if explicit else "")
         newton = NewtonBlock(unknown, left, labels, scale)
-        return SolvedBlock("Newton", names, equations, list(reversed(explicit)), [], [], how, newton)
-    return SolvedBlock(how.split(" in ")[0], names, equations, assignments, margins, roots, how)
+        solved = SolvedBlock("Newton", names, equations, list(reversed(explicit)), [], [], how, newton)
+    else:
+        solved = SolvedBlock(how.split(" in ")[0], names, equations, assignments, margins, roots, how)
+    solved.closures = tuple(residuals)
+    return solved
 
 
 def _size_margins(plan: Plan, sampler: Sampler) -> None:

@@ -86,6 +86,7 @@ class Regressor:
         self._uses_time = plan.uses_time
         self._plan, self._p0 = plan, flat.p0
         self._margins = [Margin(m.kind, m.scale) for b in plan.blocks for m in b.margins]
+        self._sizes = causal.sizes
         self._built = self._build([(c_name(s.name), s.pairs) for s in self.outputs])
         self._kernels = self._built.kernels
         self._function = self._made()
@@ -108,7 +109,7 @@ class Regressor:
             zs.append(z)
             given = np.vstack([given, z])
         results = map_columns(self._function, [*columns, *zs])
-        status = status_codes(self._margins, columns, results, found)
+        status = status_codes(self._margins, columns, results, found, sizes=self._sizes)
         m, p = len(self.columns), self.size
         Y, y0 = results[0].T.reshape(n, m, p), results[1].T
         bad = status != Status.OK

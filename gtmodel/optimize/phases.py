@@ -152,7 +152,9 @@ def _read(joined: Joined, run: Run, options: SolverOptions, throw: bool) -> Phas
         x = run.x[columns]
         multipliers = Multipliers(run.multipliers.rows[rows], run.multipliers.bounds[columns])
         cost = float(nlp.nlp(x, [])[0])
-        own = Run(x, run.g[rows], cost, multipliers, run.iterations, status, run.word, run.seconds, None, run.miss)
+        own = Run(
+            x, run.g[rows], cost, multipliers, run.iterations, status, run.word, run.seconds, None, run.miss, run.curved
+        )
         solutions[name] = judged(replace(read_solution(nlp, own, status, message), linked=True), options.error_bound)
     failed = [f"phase '{n}': {s.message}" for n, s in solutions.items() if s.status is not status]
     if failed:
