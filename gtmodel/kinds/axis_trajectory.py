@@ -223,7 +223,7 @@ def _outcome(
     checks |= {n: at_most(x, bound, trouble) for n, (x, bound) in bounds.items()}
     return Outcome(
         status=SolveStatus.SOLVED,
-        message="solved, re-simulated, and tried on all six axes",
+        message="; ".join(filter(None, ["solved, re-simulated, and tried on all six axes", solution.reservation])),
         objective=solution.objective,
         iterations=solution.iterations,
         checks=checks,

@@ -283,7 +283,7 @@ def _outcome(
     )
     return Outcome(
         status=SolveStatus.SOLVED,
-        message="solved and re-simulated",
+        message="; ".join(filter(None, ["solved and re-simulated", solution.reservation])),
         objective=solution.objective,
         iterations=solution.iterations,
         checks=checks,

@@ -22,7 +22,8 @@ def sentence(run: Run, nlp: Nlp) -> str:
 
 
 def solved_word(run: Run) -> str:
-    return "solved" if run.word == "Solve_Succeeded" else "solved to the acceptable level only"
+    word = "solved" if run.word == "Solve_Succeeded" else "solved to the acceptable level only"
+    return f"{word}: {run.reservation}" if run.reservation else word
 
 
 def failure(run: Run, more: list[str]) -> str:

@@ -73,6 +73,8 @@ class Run:
 
     best: of a run that failed, an earlier iterate much nearer to its constraints, or one that keeps them for less.
     miss: of a run that solved its problem, the largest violation of a row beside the size of its terms (at least 1).
+    curved: whether the reduced Hessian was positive definite in the last step, so that the answer is a minimum and no
+        saddle; None where that was not asked: without a step, or without second derivatives.
     """
 
     x: np.ndarray
@@ -85,6 +87,16 @@ class Run:
     seconds: dict[str, float]
     best: Iterate | None = None
     miss: float | None = None
+    curved: bool | None = None
+
+    @property
+    def reservation(self) -> str:
+        """What is not known of an answer: a stationary point may be a saddle or a maximum. Empty where it is none."""
+        if self.curved or not self.status.ok:
+            return ""
+        if self.curved is None:
+            return "first-order conditions hold, whether it is a minimum was not tested"
+        return "first-order conditions hold, but it need be no minimum: the reduced Hessian is not positive definite"
 
     def at_best(self) -> Run:
         """The run with its best iterate in place of the last; what a failure says is about the last."""
@@ -171,7 +183,15 @@ def run_ipopt(
             "give what is small a nominal, or bounds on both sides"
         )  # fmt: skip
     best = None if status.ok else watch.better_than(g, f)
-    return Run(x, g, f, Multipliers(rows, bounds), int(stats["iter_count"]), status, word, seconds, best, miss)
+    curved = _curved(stats) if plugin == "ipopt" and options.hessian == "exact" else None
+    return Run(x, g, f, Multipliers(rows, bounds), int(stats["iter_count"]), status, word, seconds, best, miss, curved)
+
+
+def _curved(stats: dict[str, Any]) -> bool | None:
+    """IPOPT counts the negative eigenvalues of every step's equations and adds to the Hessian until they are as many as
+    there are rows: what it added in the last step is zero where the reduced Hessian is positive definite as it is."""
+    added = stats.get("iterations", {}).get("regularization_size", [])
+    return added[-1] == 0.0 if len(added) > 1 else None
 
 
 def _miss(program: Program, x: np.ndarray, g: np.ndarray) -> float:
