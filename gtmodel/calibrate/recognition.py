@@ -66,7 +66,7 @@ def stuck_columns(names: Sequence[str], rows: np.ndarray, misfit: float | None, 
     still = np.ptp(rows, axis=0) == 0
     if not still.any() or still.all() or (misfit is not None and misfit <= CLOSE * size):
         return None
-    dead = [names[k] for k in np.flatnonzero(still)]
+    dead = [names[k] for k in np.flatnonzero(still).tolist()]
     missed = "most poses are out of the model's reach"
     if misfit is not None:
         missed = f"the poses miss the model's by {_length(misfit)} rms"
