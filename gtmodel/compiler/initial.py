@@ -10,7 +10,7 @@ import numpy as np
 
 from ..lang.source import ModelError
 from .pivoted import pivoted_qr
-from .plan import Plan
+from .plan import Plan, condition_order
 from .sides import moved_to_branch, on_branch
 
 Pair = tuple[int, int]
@@ -294,10 +294,13 @@ class _Equations:
     def _labels(self) -> list[str]:
         structure, flat = self._plan.structure, self._plan.flat
         labels = []
-        for k in range(-int(structure.d.max(initial=0)), 1):
+        first = -int(structure.d.max(initial=0))
+        top = condition_order(flat, self._plan.conditions, self._plan.pairs)
+        for m in range(max(1 - first, top + 1)):
             for e, c in zip(structure.equations, structure.c, strict=True):
-                if c + k >= 0:
-                    labels.append(f"{e.label}{chr(39) * int(c + k)} ({e.where})")
+                if 0 <= c + first + m and first + m <= 0:
+                    labels.append(f"{e.label}{chr(39) * int(c + first + m)} ({e.where})")
+            labels += [f"{e.label}{chr(39) * m} ({e.where})" for e in self._plan.conditions if m <= top]
         return labels + [f"{e.label} ({e.where})" for e in flat.initial]
 
 

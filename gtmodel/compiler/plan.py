@@ -249,15 +249,20 @@ def _folded(flat: FlatModel, derivatives: list[list[ca.SX]], fold: ca.SX) -> lis
     return [[next(flatten) for _ in chain] for chain in derivatives]
 
 
+def condition_order(flat: FlatModel, conditions: Sequence[FlatEquation], pairs: Sequence[Pair]) -> int:
+    """How often conditions on known values are differentiated, as often as these occur; -1 without any."""
+    highest = dict(sorted(pairs))
+    return max((highest.get(i, 0) for e in conditions for i, _ in flat.scope.symbols_in(e.residual)), default=-1)
+
+
 def _with_conditions(
     flat: FlatModel, stages: list[ca.SX], conditions: list[FlatEquation], pairs: list[Pair]
 ) -> list[ca.SX]:
     """Stage residuals with the conditions on known values, differentiated as often as these occur."""
     if not conditions:
         return stages
-    order = dict(sorted(pairs))  # highest derivative of each variable
     residual = ca.vertcat(*[e.residual for e in conditions])
-    top = max(order.get(i, 0) for e in conditions for i, _ in flat.scope.symbols_in(e.residual))
+    top = condition_order(flat, conditions, pairs)
     stages = [*stages, *[ca.SX(0, 1)] * max(0, top + 1 - len(stages))]
     for m in range(top + 1):
         stages[m] = ca.vertcat(stages[m], residual)
