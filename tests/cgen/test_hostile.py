@@ -59,10 +59,7 @@ class Made:
         self.along = (along / np.sqrt(along @ along)).astype(float)
 
     def wrong(self, face: Interface, inputs: np.ndarray, outputs: np.ndarray) -> np.ndarray:
-        """Rows of answers that miss an equation; a denormal number acts as a zero, says the contract, and leaves that
-        much in sums."""
-        least = np.finfo(inputs.dtype).tiny / WRONG_RATE[self.real]
-        inputs, outputs = (np.where(np.abs(x) < least, 0, x) for x in (inputs, outputs))
+        """Rows of answers that miss an equation."""
         known = dict(zip([m.signal for m in face.inputs], parts(face.inputs, inputs), strict=True))
         known |= dict(zip([m.signal for m in face.outputs], parts(face.outputs, outputs), strict=True))
         state = parts(face.state, outputs[:, face.output_size :])

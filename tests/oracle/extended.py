@@ -14,7 +14,7 @@ Array = np.ndarray
 REAL = np.longdouble  # 64 bits of mantissa on x86: three more digits than what is judged
 GRAVITY = np.array([0, 0, -9.81], REAL)
 ARM = np.array([0, 1, 1, 2, 2, 2])
-TINY = REAL("1e-4000")  # keeps 0/0 from a row at rest
+TINY = REAL(np.finfo(np.float32).tiny)  # a speed like this is none; keeps 0/0 from a row at rest
 
 
 def extended(values: object) -> Array:
