@@ -73,7 +73,11 @@ class Solver(Section):
     """When the solver stops."""
 
     tolerance: PositiveFloat = Field(1e-8, description="on the scaled optimality conditions")
-    max_iterations: PositiveInt = Field(300, description="limit of iterations")
+    max_iterations: PositiveInt = Field(300, description="limit of iterations, of all attempts together")
+    barrier: Literal["auto", "adaptive", "monotone"] = Field(
+        "auto",
+        description="how IPOPT lowers its barrier; auto: adaptive, and monotone where that fails",
+    )
     formulation: Literal["torn", "dae"] = Field(
         "torn", description="which equations are collocated: those of the plate's pose alone, or all as they stand"
     )

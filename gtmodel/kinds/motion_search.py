@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, Literal
+from typing import Any, Literal, cast
 
 import numpy as np
 
@@ -20,9 +20,10 @@ from .motion_limits import Guard
 from .motion_paths import Path
 from .trajectory_keys import TrajectoryProblem
 
-# these problems take 20 to 120 iterations; one that needs more has lost its way, and another start is the better bet
-ATTEMPT_ITERATIONS = 200
-EXPORT_ITERATIONS = 100  # from the optimum it takes 10 to 70
+# iterations without progress after which an attempt has lost its way, and another one is the better bet: of 200 drawn
+# attempts that ended in an optimum two waited longer, most of those that ended in none never came back
+PATIENCE = 45
+RESERVE = 200  # iterations that further starts leave to the exported motion; it takes 10 to 70
 EXPORT_LOSS = 0.05  # a constant force per element costs less than this; more tells of another, worse optimum
 TIGHTENINGS = 3
 TIGHTENED = 1e-4  # relative, beyond what was seen
@@ -77,19 +78,22 @@ def motion_of(problem: TrajectoryProblem, robot: Model, *args: Any, **options: A
 class Search:
     """Attempts in turn, until one is solved and keeps its links off the edge of reach.
 
-    First without that bound, which an optimum seldom feels; then with it; then with it from the bare line, since
-    the forces of a profile may lie far outside the limits; then along a continuation from a heavier weight of
-    the energy. All attempts share `solver.max_iterations` and the time limit.
+    First without that bound, which an optimum seldom feels; then with it, and with it and the other barrier strategy;
+    then from the bare line, since the forces of a profile may lie far outside the limits; then along a continuation
+    from a heavier weight of the energy. An attempt that gets nowhere makes room for the next. All attempts, those from
+    further starts and at the exported motion too, share `solver.max_iterations`, which `iterations` counts, and the
+    time limit.
     """
 
     problem: TrajectoryProblem
     context: Context
     robot: Model
-    guess: Trajectory
+    guess: Trajectory | Solution
     bare: Trajectory
     guard: Guard = field(default_factory=lambda: Guard([], {}))
     path: Path | None = None
-    iterations: int = field(default=0, init=False)
+    iterations: int = 0
+    started: int = field(default=0, init=False)
 
     @cached_property
     def plain(self) -> Optimization:
@@ -106,8 +110,12 @@ class Search:
         """The optimum with the control that the problem asks for; where none is found, the best attempt."""
         problem, control = self.problem, self.problem.mesh.control
         tried: list[Solution] = []
-        for guarded, guess in ((False, self.guess), (True, self.guess), (True, self.bare)):
-            tried.append(self._attempt(self.guarded if guarded else self.plain, control, guess))
+        ways = [(False, self.guess, "adaptive"), (True, self.guess, "adaptive"), (True, self.guess, "monotone"),
+                (True, self.bare, "adaptive")]  # fmt: skip
+        if problem.solver.barrier != "auto":
+            ways.pop(2)
+        for guarded, guess, barrier in ways:
+            tried.append(self._attempt(self.guarded if guarded else self.plain, control, guess, barrier))
             if self._done(tried[-1]):
                 return self._best(tried)
         start: Trajectory | Solution = self.bare
@@ -121,15 +129,22 @@ class Search:
         return self._best([*tried, self._attempt(self.guarded, control, start)])
 
     def from_starts(self, guesses: list[Trajectory]) -> list[Solution]:
-        """Optima from further starts, links kept off the edge of reach; those that end in none are left out."""
+        """Optima from further starts, links kept off the edge of reach; those that end in none are left out, and those
+        for which there is no time or no iteration left."""
         found: list[Solution] = []
         for guess in guesses:
-            solution = self._attempt(self.guarded, self.problem.mesh.control, guess, ATTEMPT_ITERATIONS, shared=False)
+            if self.context.interrupted() or self.left <= RESERVE:
+                break
+            solution = self._attempt(self.guarded, self.problem.mesh.control, guess, "adaptive", self.left - RESERVE)
+            self.started += 1
             if solution.status.ok:
                 found.append(solution)
-            if self.context.interrupted():
-                break
         return found
+
+    @property
+    def left(self) -> int:
+        """Iterations left for all that is still to be tried."""
+        return max(0, self.problem.solver.max_iterations - self.iterations)
 
     def exportable_tried(self, optimum: Solution, tried: Resimulation) -> tuple[Solution, Resimulation]:
         """The exported motion and its re-simulation. Where forces are not the control they may pass their limit between
@@ -149,8 +164,11 @@ class Search:
             lower = search.problem.limits.force_N * (limit / peak) * (1 - TIGHTENED)
             limits = self.problem.limits.model_copy(update={"force_N": lower})
             problem = self.problem.model_copy(update={"limits": limits})
-            search = Search(problem, self.context, self.robot, self.guess, self.bare, self.guard, self.path)
+            search = Search(
+                problem, self.context, self.robot, self.guess, self.bare, self.guard, self.path, self.iterations
+            )
             solution = search.exportable(optimum)
+            self.iterations = search.iterations
             run = resimulate(solution) if solution.status.ok else run
         return solution, run
 
@@ -158,7 +176,7 @@ class Search:
         """The optimum among forces that are constant on each element: the best of some attempts."""
         best: Solution | None = None
         for guarded, guess in ((False, optimum), (True, optimum), (True, self.guess)):
-            solution = self._attempt(self.guarded if guarded else self.plain, "constant", guess, EXPORT_ITERATIONS)
+            solution = self._attempt(self.guarded if guarded else self.plain, "constant", guess)
             if best is None or _better(solution, best):
                 best = solution
             if self._over(solution) or (self._done(solution) and _loss(solution, optimum) <= EXPORT_LOSS):
@@ -171,9 +189,10 @@ class Search:
         model: Optimization,
         control: Control,
         guess: Trajectory | Solution,
-        most: int = ATTEMPT_ITERATIONS,
-        shared: bool = True,
+        barrier: str = "auto",
+        most: int | None = None,
     ) -> Solution:
+        """One attempt, with a barrier strategy where the problem leaves it open."""
         wanted = control == self.problem.mesh.control
         stage = "optimising" if wanted else "bounding the force between the nodes"
 
@@ -189,19 +208,21 @@ class Search:
             solver=SolverOptions(
                 tolerance=solver.tolerance,
                 formulation=solver.formulation,
-                max_iterations=max(0, min(most, solver.max_iterations - (self.iterations if shared else 0))),
+                barrier=solver.barrier if solver.barrier != "auto" else cast(Any, barrier),
+                patience=PATIENCE,
+                max_iterations=self.left if most is None else most,
                 max_seconds=self.context.seconds_left(),
             ),
             progress=progress,
             throw=False,
         )
-        self.iterations += solution.iterations if shared else 0
+        self.iterations += solution.iterations
         return solution
 
     def _over(self, solution: Solution) -> bool:
         """Nothing more can be tried."""
         stopped = solution.status is SolveStatus.INTERRUPTED
-        return stopped or self.context.interrupted() or self.iterations >= self.problem.solver.max_iterations
+        return stopped or self.context.interrupted() or self.left == 0
 
     def _done(self, solution: Solution) -> bool:
         """Solved within reach, or nothing more can be tried."""

@@ -122,7 +122,14 @@ class Solver(Section):
     """When the solver stops."""
 
     tolerance: PositiveFloat = Field(1e-8, description="on the scaled optimality conditions")
-    max_iterations: PositiveInt = Field(1000, description="limit of iterations")
+    max_iterations: PositiveInt = Field(
+        1000,
+        description="limit of iterations: of all attempts together, further starts and the exported motion included",
+    )
+    barrier: Literal["auto", "adaptive", "monotone"] = Field(
+        "auto",
+        description="how IPOPT lowers its barrier; auto: adaptive, and monotone where that fails",
+    )
     formulation: Literal["auto", "inverse", "explicit", "torn", "dae"] = Field(
         "auto", description="which equations are collocated; dae: all as they stand, for robots without closed forms"
     )

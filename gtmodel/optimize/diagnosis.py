@@ -22,14 +22,23 @@ def sentence(run: Run, nlp: Nlp) -> str:
 
 
 def solved_word(run: Run) -> str:
-    return "solved" if run.word == "Solve_Succeeded" else "solved to the acceptable level only"
+    said = "solved" if run.word == "Solve_Succeeded" else "solved to the acceptable level only"
+    if run.other is None:
+        return said
+    other, word = run.other
+    return f"{said} with the {run.barrier} barrier strategy, after the {other} one failed ({_word(word)})"
 
 
 def failure(run: Run, more: list[str]) -> str:
     """The status in words, IPOPT's word, and what else is known."""
-    said = f"{run.status.sentence} ({run.word if ' ' in run.word else f'IPOPT: {run.word}'})"
+    other = "" if run.other is None else f"; with the {run.other[0]} barrier strategy: {_word(run.other[1])}"
+    said = f"{run.status.sentence} ({_word(run.word)}{other})"
     kept = f"kept is iterate {run.best.number}, the nearest to its constraints" if run.best else ""
     return "; ".join([said, *[m for m in [kept, *more] if m]])
+
+
+def _word(word: str) -> str:
+    return word if " " in word else f"IPOPT: {word}"
 
 
 def surplus(nlp: Nlp) -> str:
