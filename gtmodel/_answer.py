@@ -65,7 +65,11 @@ def answering(context: typer.Context, as_json: bool, asked: str) -> Iterator[Ans
             print(f"wrote {path}")
     if not outcome.status.ok:
         print(f"{asked}: {outcome.message or outcome.status.sentence}", file=sys.stderr)
-    raise typer.Exit(_EXIT.get(outcome.status, 1))
+    code = _EXIT.get(outcome.status, 1)
+    if answer.finished.unwritten:
+        print(answer.finished.unwritten, file=sys.stderr)
+        code = code or 1
+    raise typer.Exit(code)
 
 
 def print_json(data: dict[str, Any]) -> None:

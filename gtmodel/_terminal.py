@@ -1,4 +1,4 @@
-"""What the command line shows to people: tables on stdout, progress on stderr, Ctrl-C as a request to stop."""
+"""What the command line shows to people: tables on stdout, progress on stderr; Ctrl-C and SIGTERM ask to stop."""
 
 from __future__ import annotations
 
@@ -19,7 +19,9 @@ from rich.text import Text
 
 from gtmodel.kinds import Context, Outcome
 from gtmodel.kinds.units import split
+from gtmodel.kinds.verdict import bound_in_words
 
+_STOPS = ("SIGINT", "SIGTERM", "SIGHUP")
 _SHORT = 32  # characters; a longer text that ends its row sets no column's width
 
 
@@ -81,7 +83,7 @@ def outcome_table(title: str, outcome: Outcome) -> None:
         rows.append((label, number(value), str(unit[0]) if unit else "", ""))
     for name, check in outcome.checks.items():
         stem, unit = split(name)
-        bound = "" if check.bound is None else f" (bound {number(check.bound)})"
+        bound = "" if check.bound is None else f" ({bound_in_words(check)})"
         verdict = "passed" if check.passed else "FAILED"
         rows.append((stem.replace("_", " "), number(check.value), unit, f"{verdict}{bound}"))
     table(("quantity", "value", "unit", ""), rows, title)
@@ -123,18 +125,27 @@ def _flush_c() -> None:
 @contextmanager
 def watching(context: Context, stopping: str = "stopping at the best iterate") -> Iterator[None]:
     """Progress on stderr when it is a terminal; the first Ctrl-C asks for a stop, which is told as `stopping`, the
-    second one breaks off."""
+    second one breaks off. SIGTERM, of a batch system or of `timeout`, and a terminal that is closed ask likewise."""
 
-    def interrupt(_signal: int, _frame: Any) -> None:
+    def interrupt(number: int, _frame: Any) -> None:
         if context.stop_requested:
             raise KeyboardInterrupt
         context.request_stop()
-        print(f"{stopping}; Ctrl-C again breaks off", file=sys.stderr)
+        with suppress(OSError):  # the terminal may be gone
+            again = "Ctrl-C" if number == signal.SIGINT else signal.Signals(number).name
+            print(f"{stopping}; {again} again breaks off", file=sys.stderr)
 
-    try:
-        before = signal.signal(signal.SIGINT, interrupt)
-    except ValueError:  # not the main thread: nobody presses Ctrl-C here
-        before = None
+    def notice(sentence: str) -> None:
+        print(sentence, file=sys.stderr)
+
+    context.notice = notice
+    before: dict[int, Any] = {}
+    with suppress(ValueError):  # not the main thread: nobody asks it to stop
+        for name in _STOPS:
+            number = getattr(signal, name, None)
+            if number is None or (name == "SIGHUP" and signal.getsignal(number) is signal.SIG_IGN):  # nohup
+                continue
+            before[number] = signal.signal(number, interrupt)
     try:
         if not sys.stderr.isatty():
             yield
@@ -143,8 +154,8 @@ def watching(context: Context, stopping: str = "stopping at the best iterate") -
             context.progress = _Shown(status)
             yield
     finally:
-        if before is not None:
-            signal.signal(signal.SIGINT, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 class _Shown:

@@ -1,4 +1,7 @@
-"""The command ``gtmodel``. Exit code 0: solved; 1: not solved; 2: bad input, one plain sentence on stderr."""
+"""The command ``gtmodel``.
+
+Exit code 0: solved and every check passed; 1: not; 2: bad input, one plain sentence on stderr.
+"""
 
 from __future__ import annotations
 
@@ -31,6 +34,10 @@ Problem = Annotated[str, typer.Argument(metavar="PROBLEM.toml", help="Problem fi
 Set = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="KEY=VALUE", help="Change a key of the file, as limits.force_N=500; repeatable."),
+]
+WriteFailed = Annotated[
+    bool,
+    typer.Option("--write-failed", help="Write files for machines though a check failed, marked in the first line."),
 ]
 
 
@@ -126,8 +133,9 @@ def solve(
     start: Annotated[
         Path | None, typer.Option(metavar="RESULT", help="Start from the result.json of an earlier --out.")
     ] = None,
+    write_failed: WriteFailed = False,
 ) -> None:
-    """Solve a problem. Ctrl-C stops it and keeps the best iterate."""
+    """Solve a problem. Ctrl-C and SIGTERM stop it and keep the best iterate."""
     from gtmodel.kinds import run
 
     with answering(context, as_json, problem) as answer:
@@ -135,7 +143,7 @@ def solve(
         job = run.context_of(loaded, max_seconds=max_seconds, start=start)
         folder = out or (Path(f"{job.name}-result") if plot else None)
         with terminal.watching(job):
-            answer.finished = run.solve(loaded, job, out=folder, plot=plot)
+            answer.finished = run.solve(loaded, job, out=folder, plot=plot, write_failed=write_failed)
         if plot and not answer.finished.outcome.figures:
             print(f"{problem}: there is no picture of this result", file=sys.stderr)
 
@@ -155,7 +163,7 @@ def codegen(
     with answering(context, as_json, problem) as answer:
         loaded = _load(problem, settings, answer)
         job = run.context_of(loaded)
-        with terminal.watching(job, "this finishes first"):
+        with terminal.watching(job, "stopping after this step"):
             answer.finished = run.generate(loaded, job, out, verify=check)
 
 

@@ -9,6 +9,7 @@ import sys
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -197,9 +198,9 @@ def test_time_limit_keeps_the_iterate_and_a_solve_starts_from_it(gtmodel: Comman
     assert again.json["values"]["final_time_s"] == pytest.approx(SWING_TIME_S, rel=TIME_TOLERANCE)
 
 
-@pytest.fixture
-def interrupted(here: Path) -> Iterator[subprocess.Popen[str]]:
-    """A solve that was sent Ctrl-C just before its first iteration."""
+@pytest.fixture(params=["SIGINT", "SIGTERM", "SIGHUP"])
+def interrupted(here: Path, request: pytest.FixtureRequest) -> Iterator[subprocess.Popen[str]]:
+    """A solve that was sent Ctrl-C, or another wish that it may end, just before its first iteration."""
     ready = "import sys\nprint('ready', file=sys.stderr, flush=True)\nsys.stdin.readline()\n"
     (here / "pendulum.py").write_text(ready + FILES["pendulum.py"], encoding="utf-8")
     words = command("solve", "swing.toml", "--json", "--out", "stopped")
@@ -207,17 +208,37 @@ def interrupted(here: Path) -> Iterator[subprocess.Popen[str]]:
     with subprocess.Popen(words, cwd=here, env=environment(), stdin=pipe, stdout=pipe, stderr=pipe, text=True) as run:
         assert run.stderr is not None
         assert run.stderr.readline() == "ready\n"
-        run.send_signal(signal.SIGINT)
+        run.send_signal(getattr(signal, request.param))
         yield run
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="no SIGINT to another process on Windows")
-def test_ctrl_c_keeps_the_best_iterate(interrupted: subprocess.Popen[str], here: Path) -> None:
+@pytest.mark.skipif(sys.platform == "win32", reason="no such signals to another process on Windows")
+def test_ctrl_c_and_sigterm_keep_the_best_iterate(interrupted: subprocess.Popen[str], here: Path) -> None:
     out, err = interrupted.communicate("go\n", timeout=60)
     assert interrupted.returncode == 1, err
     assert json.loads(out)["status"] == "interrupted"
     assert (here / "stopped" / "trajectory.csv").is_file()
     assert "Traceback" not in err
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no SIGTERM with a handler on Windows")
+@pytest.mark.parametrize(("step", "written"), [("compile_causal", False), ("check", True)])
+def test_codegen_stops_between_its_steps(
+    gtmodel: Commands, here: Path, monkeypatch: pytest.MonkeyPatch, step: str, written: bool
+) -> None:
+    """What was not done is not said to be: SIGTERM while a function is derived, and while the code is compared."""
+    from gtmodel.kinds import codegen
+
+    work = getattr(codegen, step)
+
+    def stopped(*words: Any, **more: Any) -> Any:
+        signal.raise_signal(signal.SIGTERM)
+        return work(*words, **more)
+
+    monkeypatch.setattr(codegen, step, stopped)
+    done = gtmodel("codegen", "pendulum_code.toml", "-o", "code", "--check", "--json", "--set", "check.points=5")
+    assert done.code == 1 and done.json["status"] == "interrupted"
+    assert (here / "code" / "manifest.json").is_file() == written
 
 
 # -- codegen ---------------------------------------------------------------------------------------

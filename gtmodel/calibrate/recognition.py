@@ -157,14 +157,6 @@ def aligned(measured: np.ndarray, predicted: np.ndarray) -> tuple[np.ndarray, np
     return _aligned(measured, predicted, 1)
 
 
-def copies(rows: np.ndarray) -> np.ndarray:
-    """Pairs (k, 2): a row that is the same in all digits as an earlier one, and that one."""
-    _, first, which = np.unique(rows, axis=0, return_index=True, return_inverse=True)
-    original = first[which.reshape(-1)]
-    again = np.flatnonzero(original != np.arange(len(rows)))
-    return np.column_stack([again, original[again]])
-
-
 def _aligned(measured: np.ndarray, predicted: np.ndarray, hand: int) -> tuple[np.ndarray, np.ndarray, float]:
     a, b = measured - measured.mean(axis=0), predicted - predicted.mean(axis=0)
     U, _, Vt = np.linalg.svd(a.T @ b)

@@ -35,6 +35,7 @@ _ABOUT_HEADER = (
     "Generated bodies without guards: call the functions of gt_{name}.h instead. "
     "No pointer may be NULL. SZ_*: how many pointers, integers and doubles of scratch a body takes."
 )
+_END = '} /* extern "C" */\n#endif\n'
 # what a body returns, unlike a helper with its values
 _RETURNED = re.compile(r"^  return ([^;]*);$", re.M)
 SIZES = ("SZ_ARG", "SZ_RES", "SZ_IW", "SZ_W")
@@ -69,6 +70,9 @@ def body(name: str, faces: list[Interface]) -> tuple[str, str]:
     with tempfile.TemporaryDirectory() as folder:
         source = Path(generator.generate(f"{folder}/"))
         text, declarations = source.read_text(), source.with_suffix(".h").read_text()
+        # CasADi does not tell of a disk that is full
+        if not all(part.endswith(_END) for part in (text, declarations)):
+            raise GenerationError(f"the temporary folder {folder} does not take the code; free space, or set TMPDIR")
     if "#error" in text:
         raise GenerationError("CasADi cannot write C for one of the functions: its text holds an #error line")
     return trimmed(text, prefix, {symbol for face in faces for symbol in face.bodies}), _header(

@@ -15,8 +15,8 @@ STEPS = 25  # from home to a point of the box, for a function that follows its l
 
 
 def box_points(face: Interface, rows: int, seed: int) -> np.ndarray:
-    """Inputs in the box (corners + rows, inputs), moved onto the conditions on known values; behind them the state
-    that a function with Newton blocks has when it was led there from home in small steps.
+    """Inputs in the box (corners + rows, inputs), moved onto the conditions on known values and on their
+    rates; behind them the state that a function with Newton blocks has when it was led there from home in small steps.
 
     Where it cannot be led, the state is the last one that was reached. Empty without a box.
     """
@@ -31,8 +31,9 @@ def box_points(face: Interface, rows: int, seed: int) -> np.ndarray:
         corners = rng.integers(2, size=(CORNERS, n)).astype(float)
     inputs = low + (high - low) * np.concatenate([corners.reshape(-1, n), rng.random((rows, n))])
     pairs = [p for s in face.function.inputs for p in s.pairs]
+    inputs = satisfying(face.function, pairs, inputs, low, high)
     if not face.newton:
-        return face.real.array(satisfying(face.function, pairs, inputs))
+        return face.real.array(inputs)
     home = samples_of(face.function, pairs)[0]
     state = np.tile([x for stage in face.newton for x in stage.home], (len(inputs), 1))
     here = np.zeros((len(inputs), n))

@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+from ..results.folder import FolderError, Held, holding
 from .errors import GenerationError
 from .manifest import read
 from .measurement import Costs
@@ -15,16 +16,23 @@ COSTS = "costs.json"
 _FORMAT = "gtmodel-c-costs-1"
 
 
-def write_costs(folder: Path, costs: Costs) -> Path:
-    """Write code size, stack and instructions by C name into the generated `folder`; the file.
+def write_costs(out: Path | Held, costs: Costs) -> Path:
+    """Write code size, stack and instructions by C name into the generated folder `out`; the file.
 
     They depend on compiler and machine, so that they stand beside the manifest, named by its hash of the bodies;
     generating again takes them away. Raises GenerationError for a folder that is not generated, and for a file of
     another origin.
     """
-    content, path = read(folder), folder / COSTS
-    if content is None or (path.exists() and not _ours(path)):
+    path = (out if isinstance(out, Path) else out.path) / COSTS
+    content = read(path.parent)
+    if content is None or (path.exists() and not ours(path)):
         raise GenerationError(f"'{path}' was not written by gtmodel; move it away")
+    if isinstance(out, Path):
+        try:
+            with holding(out) as mine:
+                return write_costs(mine, costs)
+        except FolderError as error:
+            raise GenerationError(f"'{out}' {error}") from error
     found: dict[str, Any] = {
         "format": _FORMAT,
         "body_sha256": content["body_sha256"],
@@ -35,20 +43,12 @@ def write_costs(folder: Path, costs: Costs) -> Path:
         "stack_bytes": costs.stack_bytes,
         "instructions": costs.instructions,
     }
-    try:
-        path.write_text(json.dumps(found, indent=2) + "\n", encoding="utf-8", newline="\n")
-    except OSError as error:
-        raise GenerationError(f"'{path}' cannot be written: {error.strerror}") from None
+    out.write({COSTS: (json.dumps(found, indent=2) + "\n").encode()})
     return path
 
 
-def discard(folder: Path) -> None:
-    """Take away costs of an earlier generation; another file of that name stays."""
-    if _ours(folder / COSTS):
-        (folder / COSTS).unlink()
-
-
-def _ours(path: Path) -> bool:
+def ours(path: Path) -> bool:
+    """True for costs that gtmodel wrote; another file of that name is somebody's."""
     try:
         return json.loads(path.read_text(encoding="utf-8")).get("format") == _FORMAT
     except (OSError, ValueError, AttributeError):

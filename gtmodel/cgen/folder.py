@@ -3,42 +3,61 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from .costs_file import discard
+from ..results.folder import FolderError, Held, holding, others, unfinished
+from .costs_file import COSTS, ours
 from .errors import GenerationError
 from .manifest import FILE, changed_files, lacks, read
 
 
-def write(out: Path, files: Mapping[str, str], content: Mapping[str, Any], overwrite: bool) -> None:
-    """Write `files` and the manifest `content` into `out`, and remove what only an earlier generation wrote.
+@contextmanager
+def held(out: Path, overwrite: bool = False) -> Iterator[Held]:
+    """The folder for this process alone, tried before the work; a write that broke off is settled first.
+
+    Raises GenerationError as `write` does for the folder, where it cannot be written, and while another run has it.
+    """
+    if not unfinished(out):
+        _earlier(out, overwrite)
+    try:
+        with holding(out) as mine:
+            _earlier(out, overwrite)
+            yield mine
+    except FolderError as error:
+        raise GenerationError(f"'{out}' {error}") from error
+
+
+def write(out: Path | Held, files: Mapping[str, str], content: Mapping[str, Any], overwrite: bool) -> None:
+    """Write `files` and the manifest `content` into `out`, and remove what only an earlier generation wrote: all or
+    nothing.
 
     Raises GenerationError if `out` is somebody else's folder or holds a file of another origin under one of our
     names, and, unless `overwrite`, if a file of ours was changed by hand.
     """
-    ours = _earlier(out, overwrite)
-    strangers = [file for file in sorted(files) if file not in ours and (out / file).exists()]
+    if isinstance(out, Path):
+        with held(out, overwrite) as mine:
+            return write(mine, files, content, overwrite)
+    place = out.path
+    earlier = _earlier(place, overwrite)
+    strangers = [file for file in sorted(files) if file not in earlier and (place / file).exists()]
     if strangers:
-        raise GenerationError(f"'{out / strangers[0]}' was not written by gtmodel; choose another folder")
+        raise GenerationError(f"'{place / strangers[0]}' was not written by gtmodel; choose another folder")
+    texts = {**files, FILE: json.dumps(content, indent=2) + "\n"}
+    gone = earlier | ({COSTS} if ours(place / COSTS) else set())
     try:
-        out.mkdir(parents=True, exist_ok=True)
-        discard(out)
-        for file in sorted(ours - set(files)):
-            (out / file).unlink(missing_ok=True)
-        for file, text in files.items():
-            (out / file).write_text(text, encoding="utf-8", newline="\n")
-        (out / FILE).write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8", newline="\n")
-    except OSError as error:
-        raise GenerationError(f"'{out}' cannot be written: {error.strerror}") from None
+        out.write({file: text.encode() for file, text in texts.items()}, remove=gone - set(texts))
+    except FolderError as error:
+        raise GenerationError(f"'{place}' {error}") from error
 
 
 def _earlier(out: Path, overwrite: bool) -> set[str]:
     """Names of the files that an earlier generation wrote; none for a new or empty folder."""
     if out.exists() and not out.is_dir():
         raise GenerationError(f"'{out}' is a file; give a folder for the generated code")
-    if not out.exists() or not any(out.iterdir()):
+    if not out.exists() or not others(out):
         return set()
     content = read(out)
     if content is None:

@@ -11,6 +11,7 @@ import casadi as ca
 
 from .._files import codegen_dir
 from ..compiler.causal import CausalFunction
+from ..results.folder import Held
 from .body import body
 from .errors import GenerationError
 from .folder import write
@@ -54,7 +55,7 @@ class Generated:
 
 def generate(
     functions: Mapping[str, CausalFunction],
-    out: Path,
+    out: Path | Held,
     *,
     name: str,
     overwrite: bool = False,
@@ -68,7 +69,7 @@ def generate(
 
     Args:
         functions: causal functions by the name they get in C, `gt_<name>_<function>`. Parameters are folded in.
-        out: a new or empty folder, or one that gtmodel generated.
+        out: a new or empty folder, or one that gtmodel generated; or such a folder already held, see `held`.
         name: of the whole, part of every file name and symbol: several folders link into one program.
         overwrite: replace also files of ours that were changed by hand.
         provenance: what header and manifest say about the origin, e.g. robot, problem file and its hash.
@@ -85,9 +86,10 @@ def generate(
     texts = contents(faces, name, dict(provenance or {}))
     hashes = _hashes(faces, texts[f"gt_{name}_body.c"])
     content = manifest(name, faces, provenance or {}, texts, hashes, problem or {})
-    write(Path(out), texts, content, overwrite)
+    place = out.path if isinstance(out, Held) else Path(out)
+    write(out if isinstance(out, Held) else place, texts, content, overwrite)
     operations = {entry["symbol"]: entry["operations"] for entry in content["functions"]}
-    return Generated(Path(out), name, (*texts, FILE), {f.key: f.symbol for f in faces}, operations)
+    return Generated(place, name, (*texts, FILE), {f.key: f.symbol for f in faces}, operations)
 
 
 def contents(faces: list[Interface], name: str, provenance: Mapping[str, str]) -> dict[str, str]:

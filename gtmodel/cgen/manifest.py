@@ -11,6 +11,7 @@ from typing import Any
 import casadi as ca
 
 from ..compiler.causal import CausalFunction
+from ..results.folder import unfinished
 from ..results.status import Status
 from .body import casadi_functions
 from .interface import Interface, Member
@@ -129,6 +130,8 @@ def read(folder: Path) -> dict[str, Any] | None:
 
 def lacks(folder: Path) -> str:
     """Why `read` found nothing, as the predicate of a sentence about the folder."""
+    if unfinished(folder):
+        return "is not whole: gtmodel is writing there, or broke off while it did"
     path = folder / FILE
     try:
         content = json.loads(path.read_text(encoding="utf-8"))

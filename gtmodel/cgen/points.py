@@ -43,7 +43,7 @@ def draw(face: Interface, rows: int, seed: int, farthest: float = FARTHEST) -> n
     spread = NEAREST * (farthest / NEAREST) ** rng.random((rows, 1))
     near = rng.integers(len(centres), size=rows)
     values = centres[near] + spread * sizes * rng.standard_normal((rows, len(pairs)))
-    if plan.conditions:
+    if plan.on_known:
         values[::2] = satisfying(function, pairs, values[::2])
     if plan.uses_time:
         values = np.column_stack([values, LONGEST_TIME_S * rng.random(rows)])
@@ -51,18 +51,28 @@ def draw(face: Interface, rows: int, seed: int, farthest: float = FARTHEST) -> n
     return face.real.array(np.column_stack([values, samples_of(function, starts)[near]]) if starts else values)
 
 
-def satisfying(function: CausalFunction, pairs: list[tuple[int, int]], values: np.ndarray) -> np.ndarray:
-    """Rows of inputs moved onto the conditions on known values by Gauss-Newton, as little as it takes."""
-    if not function.plan.conditions:
+def satisfying(
+    function: CausalFunction,
+    pairs: list[tuple[int, int]],
+    values: np.ndarray,
+    low: np.ndarray | float = -np.inf,
+    high: np.ndarray | float = np.inf,
+) -> np.ndarray:
+    """Rows of inputs moved onto the conditions on known values and on their rates by Gauss-Newton, as little as it
+    takes; within `low` and `high` where these meet the conditions."""
+    if not function.plan.on_known:
         return values
     flat = function.flat
     x = ca.vertcat(*[flat.scope.symbol(*p) for p in pairs])
-    residual = ca.substitute(ca.vertcat(*[e.residual for e in function.plan.conditions]), flat.p, flat.p0)
+    residual = ca.substitute(ca.vertcat(*[c.residual for c in function.plan.on_known]), flat.p, flat.p0)
     if not all(flat.scope.owner(s) in pairs for s in ca.symvar(residual)):
         return values
     f = ca.Function("condition", [x], [residual, ca.densify(ca.jacobian(residual, x))])
     result = values.copy()
-    for _ in range(STEPS_TO_CONDITIONS):
+    bounded = bool(np.any(np.isfinite(low)) or np.any(np.isfinite(high)))
+    for step in range(STEPS_TO_CONDITIONS * (1 + bounded)):
+        if step < STEPS_TO_CONDITIONS and bounded:
+            result = np.clip(result, low, high)
         r, jacobian = map_columns(f, [result.T])
         m, width = r.shape[0], len(pairs)
         slopes = jacobian.reshape(m, len(result), width).transpose(1, 0, 2)

@@ -19,7 +19,7 @@ from .newton import NewtonBlock
 from .pivots import SignAnalysis
 from .points import Sampler
 from .quadric import NoClosedForm, eliminate_explicit, solve_nonlinear
-from .relevance import condition_block, needed, set_apart
+from .relevance import Condition, condition_block, conditions_on, needed, set_apart
 from .states import Stage, choose
 from .structure import Structure, analyse
 
@@ -34,7 +34,8 @@ class Plan:
 
     `samples` are consistent points (rows) over the chain symbols `pairs`. `parameters` are the numbers or
     symbols that stand for the parameters in the blocks. `conditions` are equations among the elements of one known
-    variable, which its values must satisfy; `undetermined` variables have too few equations, but no target needs them.
+    variable, which its values must satisfy, `on_known` these with those of their derivatives that concern what is
+    read; `undetermined` variables have too few equations, but no target needs them.
     """
 
     flat: FlatModel
@@ -52,6 +53,7 @@ class Plan:
     sampler: Sampler
     system: ca.SX
     conditions: list[FlatEquation] = field(default_factory=list)
+    on_known: list[Condition] = field(default_factory=list)
     undetermined: list[int] = field(default_factory=list)
 
     @property
@@ -147,17 +149,17 @@ def make_plan(
     reached = strong_components(roots, lambda node: [solver[p] for p in written[node] if p in solver])
     read = {p for c in reached for node in c for p in written[node] if p not in solver}
     read |= {p for p in wanted if p not in solver}
-    residuals = [e.residual if fold is None else ca.substitute(e.residual, flat.p, fold) for e in conditions]
-    inside = [set(flat.scope.symbols_in(e.residual)) for e in conditions]
-    concerned = [n for n, symbols in enumerate(inside) if symbols & read]
-    if concerned:
-        read |= set().union(*[inside[n] for n in concerned])
-        blocks.insert(0, condition_block([conditions[n] for n in concerned], [residuals[n] for n in concerned]))
+    on_known = conditions_on(flat, conditions, read, sampler, samples)
+    if on_known:
+        read |= set().union(*[c.symbols for c in on_known])
+        on_known = on_known if fold is None else [c.folded(flat.p, fold) for c in on_known]
+        blocks.insert(0, condition_block(on_known))
     time_key = flat.scope.time.element_hash()
-    uses_time = any(s.element_hash() == time_key for c in components for i, m in c for s in ca.symvar(folded[i][m]))
+    computed = [folded[i][m] for c in components for i, m in c] + [c.residual for c in on_known]
+    uses_time = any(s.element_hash() == time_key for e in computed for s in ca.symvar(e))
     plan = Plan(
         flat, alias, structure, stages, list(known), states, sorted(read), blocks, pairs, samples, uses_time,
-        parameters, sampler, system, conditions, undetermined,
+        parameters, sampler, system, conditions, on_known, undetermined,
     )  # fmt: skip
     if at is None:
         settle(plan, sampler, branches or {})

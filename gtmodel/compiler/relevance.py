@@ -3,15 +3,40 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import casadi as ca
+import numpy as np
 
 from .blocks import Margin, SolvedBlock
 from .flat import FlatEquation, FlatModel
+from .points import Sampler
 from .structure import overdetermined_and_underdetermined
 
-# a unit quaternion printed with six digits is one, anything coarser is refused
+# a unit quaternion printed with six digits is one, anything coarser is refused; of rates the same
 CONDITION_TOLERANCE = 1e-6
+
+Pair = tuple[int, int]
+
+
+@dataclass(frozen=True, eq=False)
+class Condition:
+    """What known values must satisfy: `order` times differentiated, with `symbols` in it.
+
+    `square` is the square of the size that its residual is compared with: that of the equation's own constant (1 for
+    e'e == 1), and of a rate also of its terms.
+    """
+
+    label: str
+    residual: ca.SX
+    order: int
+    symbols: frozenset[Pair]
+    square: ca.SX
+
+    def folded(self, p: ca.SX, values: ca.SX) -> Condition:
+        """With values in place of the parameters."""
+        residual, square = ca.substitute([self.residual, self.square], [p], [values])
+        return replace(self, residual=residual, square=square)
 
 
 def set_apart(
@@ -55,10 +80,54 @@ def needed(
     return kept, [j for j in unknowns if j not in dropped], sorted(dropped)
 
 
-def condition_block(conditions: Sequence[FlatEquation], residuals: Sequence[ca.SX]) -> SolvedBlock:
+def conditions_on(
+    flat: FlatModel, equations: Sequence[FlatEquation], read: set[Pair], sampler: Sampler, samples: np.ndarray
+) -> list[Condition]:
+    """The conditions on what is read of known variables, each differentiated as often as these are.
+
+    e'e == 1 says e'der(e) == 0 where der(e) is read: a rate that stretches a quaternion is the rate of no rotation.
+    """
+    read = set(read)
+    found: dict[tuple[int, int], Condition] = {}
+    while True:
+        before = len(found)
+        for n, e in enumerate(equations):
+            variables = {i for i, _ in flat.scope.symbols_in(e.residual)}
+            top = max((order for i, order in read if i in variables), default=-1)
+            residual, size = e.residual, None
+            for m in range(top + 1):
+                if (n, m) not in found:
+                    size = _own_size(flat, e.residual, sampler, samples) if size is None else size
+                    symbols = flat.scope.symbols_in(residual)
+                    terms = [flat.scope.symbol(*p) for p in symbols if p[1] > 0]
+                    products = ca.gradient(residual, ca.vertcat(*terms)) * ca.vertcat(*terms) if terms else ca.SX(0)
+                    square = size**2 + ca.sumsqr(products)
+                    label = f"{e.label}{chr(39) * m} ({e.where})"
+                    found[n, m] = Condition(label, residual, m, frozenset(symbols), square)
+                    read |= set(symbols)
+                residual = flat.scope.derivative(residual) if m < top else residual
+        if len(found) == before:
+            return [found[key] for key in sorted(found)]
+
+
+def _own_size(flat: FlatModel, residual: ca.SX, sampler: Sampler, samples: np.ndarray) -> float:
+    """The size of an equation among values: its constant; without one, half of its slope times the typical values."""
+    x = ca.vertcat(*[flat.scope.symbol(*p) for p in flat.scope.symbols_in(residual)])
+    at = [sampler.position[p] for p in flat.scope.symbols_in(residual)]
+    f = ca.Function("size", [x, flat.p, flat.scope.time], [residual, ca.gradient(residual, x)])
+    p, time = flat.p0, sampler.time
+    constant = abs(float(f(ca.DM.zeros(x.numel()), p, time)[0]))
+    if np.isfinite(constant) and constant > 0:
+        return constant
+    nominal = max(flat.variables[i].nominal for i, _ in flat.scope.symbols_in(residual))
+    slopes = [np.linalg.norm(f(w[at], p, time)[1]) for w in samples]
+    values = [max(float(np.linalg.norm(w[at])), nominal) for w in samples]
+    size = 0.5 * float(np.median(np.multiply(slopes, values)))
+    return float(f"{size:.3g}") if np.isfinite(size) and size > 0 else 1.0
+
+
+def condition_block(conditions: Sequence[Condition]) -> SolvedBlock:
     """A block that computes nothing; its margins turn negative where the known values break a condition."""
-    labels = [f"{e.label} ({e.where})" for e in conditions]
-    margins = [
-        Margin("condition", CONDITION_TOLERANCE**2 - r**2, label) for r, label in zip(residuals, labels, strict=True)
-    ]
+    labels = [c.label for c in conditions]
+    margins = [Margin("condition", CONDITION_TOLERANCE**2 * c.square - c.residual**2, c.label) for c in conditions]
     return SolvedBlock("condition", [], labels, [], margins, detail="holds among the known values")

@@ -10,6 +10,7 @@ Motion
     Processing, rows_of    logs as filtered rows of a regressor
     corrected              delays, scales and offsets estimated beside the parameters
     identify               weighted least squares: values, intervals, residual tests; bias_of what is left out
+    delay_of               whether the efforts come later than the positions, and what that moves
     work_of                whether friction brakes, and whether the energy balances
 Excitation
     optimise_excitation    the motion that tells most of an ExcitationTask within its limits
@@ -22,6 +23,7 @@ Synthetic
 """
 
 from .corrected import corrected
+from .delay import Delay, delay_of
 from .excitation import Excitation, ExcitationTask, optimise_excitation
 from .excitation_basis import ClosedSpline, FourierSeries
 from .friction import FrictionError, FrictionFit, identify_friction
@@ -40,6 +42,7 @@ from .work import Work, work_of
 
 __all__ = [
     "ClosedSpline",
+    "Delay",
     "Excitation",
     "ExcitationTask",
     "FourierSeries",
@@ -63,6 +66,7 @@ __all__ = [
     "condition",
     "constant_velocity_log",
     "corrected",
+    "delay_of",
     "identify",
     "identify_friction",
     "joined",

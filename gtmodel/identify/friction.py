@@ -7,7 +7,8 @@ from typing import Literal
 
 import numpy as np
 
-from ..inference import linear_fit
+from ..inference import FALSE_ALARM, linear_fit
+from ..measurements.copies import SAME, copies
 from ..results.estimate import Estimate
 from ..results.trajectory_errors import Array
 from .gravity import MassByNorm, mass_by_norm
@@ -46,6 +47,19 @@ class FrictionFit:
     undetermined: tuple[str, ...]
     residual_rms: Array
 
+    def against_motion(self, runs: Runs, level: float) -> tuple[float, float]:
+        """Friction force [N] against the motion, of the cart, direction and speed where it is least beyond its noise,
+        and the upper limit of its confidence interval: negative, it drives."""
+        least = (np.inf, np.inf)
+        for cart in range(len(self.lines)):
+            for way, sign in (("plus", 1), ("minus", -1)):
+                speeds = np.abs(runs.velocity[np.sign(runs.velocity[:, cart]) == sign, cart])
+                for v in (float(speeds.min()), float(speeds.max())):
+                    weights = {f"coulomb_{way}[{cart}]": 1.0, f"viscous_{way}[{cart}]": v}
+                    value, _, high = self.estimate.combination(weights, level)
+                    least = min(least, (value, high), key=lambda pair: pair[1])
+        return least
+
     def force(self, velocity: Array, cart: int, pose: int = 0) -> Array:
         """Modelled force [N] of a cart at constant velocity [m/s], not zero."""
         v = np.asarray(velocity, dtype=float)
@@ -68,10 +82,12 @@ def identify_friction(
             levels between poses, friction being the same in all; it needs poses of different patterns.
 
     Every actuator's line is a least-squares fit of its own, its noise its own; the rest is a linear function of the
-    lines. Raises FrictionError where a direction has too few velocities, or where poses do not tell the mass.
+    lines. Raises FrictionError where a direction has too few velocities, where poses do not tell the mass, where runs
+    are copies of others, and where no drive can be so: friction that gives energy, or a negative mass, beyond noise.
     """
     pattern = np.atleast_2d(np.asarray(pattern, dtype=float))
     poses, carts = pattern.shape
+    _check(runs, pattern)
     lines = tuple(_line(runs, cart, poses, symmetric) for cart in range(carts))
     names = lines[0].names
     # all lines as one vector, actuator after actuator
@@ -109,6 +125,8 @@ def identify_friction(
         tuple(rows), T @ values, T @ covariance @ T.T, freedom, float(np.sqrt(np.mean(residuals**2))), False, residuals,
         (), units=tuple({"m": "kg", "c": "N", "v": "kg/s"}[name[0]] for name in rows),
     )  # fmt: skip
+
+    _refuse_impossible(runs, estimate, carts, symmetric, gravity)
 
     def each(name: str) -> Array:
         return np.array([found[f"{name}[{i}]"] for i in range(carts)])
@@ -152,7 +170,59 @@ def _line(runs: Runs, cart: int, poses: int, symmetric: bool) -> Estimate:
         columns |= {"coulomb": np.sign(v), "viscous": v}
     else:
         columns |= {"viscous plus": np.where(v > 0, v, 0.0), "viscous minus": np.where(v < 0, v, 0.0)}
-    return linear_fit(np.column_stack(list(columns.values())), tau, list(columns))
+    try:
+        return linear_fit(np.column_stack(list(columns.values())), tau, list(columns))
+    except ValueError as error:
+        raise FrictionError(f"cart {cart + 1}: {error}") from error
+
+
+def _check(runs: Runs, pattern: Array) -> None:
+    poses, carts = pattern.shape
+    for name, part in (("velocities", runs.velocity), ("forces", runs.force)):
+        if part.ndim != 2 or part.shape[1] != carts or len(part) != len(runs.pose):
+            raise FrictionError(
+                f"the {name} have the shape {part.shape}; expected one row for each of {len(runs.pose)} runs and one "
+                f"column for each of {carts} carts"
+            )
+        if not np.all(np.isfinite(part)):
+            run, cart = np.argwhere(~np.isfinite(part))[0]
+            raise FrictionError(f"run {run + 1} of cart {cart + 1} has no finite number among the {name}; leave it out")
+    if not np.any(pattern):
+        raise FrictionError("one kilogram loads no cart, so no force tells the mass; check the direction of gravity")
+    if np.any((runs.pose < 0) | (runs.pose >= poses)):
+        raise FrictionError(f"a run names pose {int(np.max(runs.pose)) + 1}; the pattern has {poses}")
+    pairs = copies(np.column_stack([runs.velocity, runs.force, runs.position]), SAME)
+    if len(pairs):
+        again, first = pairs[0] + 1
+        raise FrictionError(
+            f"{len(pairs)} of {len(runs.pose)} runs are copies of others, run {again} of run {first} to begin with; "
+            "noise does not repeat itself, and a copy counts twice and narrows the intervals: take copies out"
+        )
+
+
+def _refuse_impossible(runs: Runs, estimate: Estimate, carts: int, symmetric: bool, gravity: Gravity) -> None:
+    """Raises FrictionError for friction that drives and for a negative mass, both beyond noise."""
+    level = 1 - 2 * FALSE_ALARM / (2 * carts + 1)
+    for cart in range(carts):
+        speeds = np.abs(runs.velocity[:, cart])
+        for v in (float(speeds.min()), float(speeds.max())):
+            # forth and back: gravity, and with it the mass, falls out
+            weights = {f"coulomb_plus[{cart}]": 1.0, f"coulomb_minus[{cart}]": 1.0}
+            weights |= {f"viscous_plus[{cart}]": v, f"viscous_minus[{cart}]": v}
+            if symmetric:
+                weights = {f"coulomb_plus[{cart}]": 2.0, f"viscous_plus[{cart}]": 2 * v}
+            value, _, high = estimate.combination(weights, level)
+            if high < 0:
+                raise FrictionError(
+                    f"cart {cart + 1}: friction would drive it instead of braking it, by {-value / 2:.3g} N at "
+                    f"{v:.3g} m/s; check the sign of this force or of its position, and the order of the columns"
+                )
+    mass, high = estimate.value("m"), estimate.interval("m", level)[1]
+    if high < 0:
+        why = "check the direction of gravity and the sign of the guideways, the poses and the order of the columns"
+        if gravity == "most_symmetric" and not symmetric:
+            why += '; or friction differs by direction more than gravity does, then let poses tell the mass ("poses")'
+        raise FrictionError(f"the mass would be {mass:.4g} kg, which none can be; {why}")
 
 
 def _mass_weights(pattern: Array, gravity: Gravity, symmetric: bool) -> Array:

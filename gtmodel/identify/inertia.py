@@ -4,13 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
 
 from gtmodel.inference import (
+    FALSE_ALARM,
+    HeldOut,
     Identifiability,
     Verdict,
+    correlation_time,
+    freedom_of,
+    held_out_ratio,
     identifiability,
     linear_fit,
     newey_west,
@@ -19,6 +25,7 @@ from gtmodel.inference import (
 from gtmodel.lang import ModelError
 from gtmodel.results.estimate import Estimate
 
+from .delay import Delay, delay_of
 from .parameter_names import among
 from .rows import Rows
 
@@ -26,20 +33,22 @@ Array = np.ndarray
 Confidence = Literal["auto", "white", "newey_west"]
 
 WEIGHTINGS = 2  # rounds of noise per target and fit; a third one changes no digit that is shown
-SMALL_P = 0.01
 
 
 @dataclass(frozen=True, eq=False)
 class LeftOut:
-    """Whether the residuals hold what a parameter that was left out would explain: F statistic and p-value."""
+    """Whether the residuals hold what a parameter that was left out would explain: F statistic and p-value.
+
+    `tests`: how many groups are tried together, each with its part of the false alarms."""
 
     names: tuple[str, ...]
     F: float
     p: float
+    tests: int = 1
 
     @property
     def passed(self) -> bool:
-        return self.p >= SMALL_P
+        return self.p >= FALSE_ALARM / self.tests
 
     @property
     def sentence(self) -> str:
@@ -89,7 +98,43 @@ class Identification:
         """Errors on a motion that the fit has not seen."""
         if rows.names != self.rows.names:
             raise ModelError("the other motion was prepared with another regressor; use the same one")
-        return Validation(rows.time, rows.effort - self.modelled(rows), rows.effort, self.noise, rows.targets, rows)
+        return Validation(
+            rows.time,
+            rows.effort - self.modelled(rows),
+            rows.effort,
+            self.noise,
+            rows.targets,
+            rows,
+            self._judged(rows),
+        )
+
+    def _judged(self, rows: Rows) -> tuple[HeldOut, ...]:
+        """Held-out rms error over the noise of the fit, by target, against what a sound model has."""
+        e = self.estimate
+        at = [rows.names.index(n) for n in e.names]
+        errors, m = rows.effort - self.modelled(rows), len(rows.targets)
+        judged = []
+        for t, (noise, residuals) in enumerate(zip(self.noise, self.residuals.T, strict=True)):
+            Y = rows.Y[:, t, at] / noise
+            # what the errors of the parameters add to the noise of each row, in its units
+            CM = e.covariance @ (Y.T @ Y)
+            n, extra, squared = len(Y), float(np.trace(CM)), float(np.trace(CM @ CM))
+            together = correlation_time(residuals)
+            judged.append(
+                held_out_ratio(
+                    float(np.sqrt(np.mean(errors[:, t] ** 2)) / noise),
+                    1 + extra / n,
+                    max(len(residuals) - len(e.names) / m, 0.0) / together,
+                    freedom_of(n + extra, n * together + 2 * extra + squared),
+                    tests=m,
+                )
+            )
+        return tuple(judged)
+
+    @cached_property
+    def delay(self) -> Delay | None:
+        """Whether the efforts come later than the positions, see `delay_of`."""
+        return delay_of(self)
 
     @property
     def sentences(self) -> list[str]:
@@ -99,6 +144,8 @@ class Identification:
         lines += list(self.estimate.notes)
         lines += [f"{t}: {v.sentence}" for t, v in zip(self.rows.targets, self.whiteness, strict=True) if not v.passed]
         lines += [t.sentence for t in self.left_out if not t.passed]
+        if self.delay is not None and not self.delay.passed:
+            lines.append(self.delay.sentence)
         for name, low, high in self.insignificant():
             lines.append(f"{name} is not told from zero: {low:.3g} to {high:.3g}")
         return lines
@@ -111,7 +158,9 @@ class Identification:
 
 @dataclass(frozen=True, eq=False)
 class Validation:
-    """Errors (n, m) on another motion, `rows`, at times (n,) [s], beside the effort's own size and the fit's noise."""
+    """Errors (n, m) on another motion, `rows`, at times (n,) [s], beside the effort's own size and the fit's noise.
+
+    judged (m,): their size over the fit's noise, against what a sound model has."""
 
     time: Array
     errors: Array
@@ -119,6 +168,7 @@ class Validation:
     noise: Array
     targets: tuple[str, ...]
     rows: Rows
+    judged: tuple[HeldOut, ...] = ()
 
     @property
     def rms(self) -> Array:
@@ -205,8 +255,9 @@ def identify(
     if coloured:
         estimate = _sandwich(estimate, names, A, residuals, size, rows.starts)
         unbounded = _sandwich(unbounded, names, A, b - A @ unbounded.values, size, rows.starts)
-    weighted = A / size[None, :, None]
     groups = _groups(rows, rest) if test is None else [among(rows.names, group) for group in test]
+    groups = [group for group in groups if group]
+    weighted = A / size[None, :, None]
     return Identification(
         rows,
         {rows.names[k]: float(rows.nominal[k]) for k in rest},
@@ -223,7 +274,7 @@ def identify(
             scale=scale,
             poses=len(rows),
         ),
-        tuple(_left_out(rows, group, weighted, residuals / size, size) for group in groups if group),
+        tuple(_left_out(rows, group, weighted, residuals / size, size, coloured, len(groups)) for group in groups),
     )
 
 
@@ -271,8 +322,11 @@ def _groups(rows: Rows, rest: Sequence[int]) -> list[list[int]]:
     return list(groups.values())
 
 
-def _left_out(rows: Rows, group: Sequence[int], weighted: Array, residuals: Array, size: Array) -> LeftOut:
-    """F test of the columns of a group after the fitted ones: the drop of the squares if they were free too."""
+def _left_out(
+    rows: Rows, group: Sequence[int], weighted: Array, residuals: Array, size: Array, coloured: bool, tests: int
+) -> LeftOut:
+    """F test of the columns of a group after the fitted ones: the drop of the squares if they were free too; of
+    coloured residuals Wald's with the covariance that they have."""
     from scipy import stats  # here: it alone takes as long to import as all of gtmodel
 
     A = weighted.reshape(-1, weighted.shape[2])
@@ -280,8 +334,15 @@ def _left_out(rows: Rows, group: Sequence[int], weighted: Array, residuals: Arra
     Q = np.linalg.qr(A)[0]
     beyond = B - Q @ (Q.T @ B)
     r = residuals.reshape(-1)
-    W = np.linalg.qr(beyond)[0]
-    explained = float(np.sum((W.T @ r) ** 2))
+    W, R = np.linalg.qr(beyond)
     k, freedom = len(group), len(r) - A.shape[1] - len(group)
-    F = explained / k / max(float(r @ r - explained) / freedom, np.finfo(float).tiny)
-    return LeftOut(tuple(rows.names[i] for i in group), F, float(stats.f.sf(F, k, freedom)))
+    names = tuple(rows.names[i] for i in group)
+    along = W.T @ r
+    if coloured and np.linalg.matrix_rank(R) == k:
+        left = (r - W @ along).reshape(residuals.shape)
+        covariance = newey_west(W.reshape(*residuals.shape, k), left, starts=rows.starts)
+        F = float(along @ np.linalg.solve(covariance, along)) / k
+    else:
+        explained = float(np.sum(along**2))
+        F = explained / k / max(float(r @ r - explained) / freedom, np.finfo(float).tiny)
+    return LeftOut(names, F, float(stats.f.sf(F, k, freedom)), tests)

@@ -11,7 +11,15 @@ from scipy.ndimage import binary_dilation, binary_opening
 
 from gtmodel.lang import ModelError
 from gtmodel.lang.units import rate_unit
-from gtmodel.measurements import Session, ZeroPhase, cutoff_for, moving, offset_columns, position_noise
+from gtmodel.measurements import (
+    Session,
+    ZeroPhase,
+    copied_stretch,
+    cutoff_for,
+    moving,
+    offset_columns,
+    position_noise,
+)
 from gtmodel.measurements.filters import WIDEST
 from gtmodel.results import Status, TrajectoryError
 
@@ -51,9 +59,10 @@ class Rows:
     """Rows for a fit: efforts (n, m) beside Y p + y0 with Y (n, m, p) and y0 (n, m), filtered alike.
 
     names, nominal (p,), units of the parameters; targets (m,) and effort_unit; time (n,) [s]; position and velocity
-    (n, k); `starts`: where recordings begin; `cutoff_Hz`, `every`, `interval` [s] between rows; `dropped`: share of
-    samples left out as too slow, and the `threshold` of velocity; synthetic: the log's own note;
-    signed: names that may be negative although masses and friction may not.
+    (n, k); effort_rate (n, m): the efforts' rates, filtered alike, of which a delay adds a share; `starts`: where
+    recordings begin; `cutoff_Hz`, `every`, `interval` [s] between rows; `dropped`: share of samples left out as too
+    slow, and the `threshold` of velocity; synthetic: the log's own note; signed: names that may be negative although
+    masses and friction may not.
     """
 
     names: tuple[str, ...]
@@ -76,6 +85,7 @@ class Rows:
     synthetic: str | None
     signed: tuple[str, ...] = ()
     velocity_unit: str = "m/s"
+    effort_rate: Array | None = None
 
     def __len__(self) -> int:
         return len(self.time)
@@ -83,6 +93,8 @@ class Rows:
     def part(self, rows: Array) -> Rows:
         """Some of the rows, by index."""
         chosen = {k: getattr(self, k)[rows] for k in ("Y", "y0", "effort", "time", "position", "velocity")}
+        if self.effort_rate is not None:
+            chosen["effort_rate"] = self.effort_rate[rows]
         return replace(self, starts=(0,), **chosen)
 
     @property
@@ -111,9 +123,10 @@ def rows_of(
     standstill, where friction is not the law's.
 
     Raises ModelError where the regressor has no value (naming the time) or all rows are too slow; TrajectoryError where
-    a recording is too short for the filter.
+    a recording is too short for the filter, or holds a copy of what another or itself has held before.
     """
     sessions = [sessions] if isinstance(sessions, Session) else list(sessions)
+    refuse_copies(sessions, (known, targets))
     processing = processing or Processing()
     cutoff = processing.cutoff_Hz
     if cutoff is None:
@@ -147,6 +160,19 @@ def rows_of(
         velocity_unit=unit,
         **joined,
     )
+
+
+def refuse_copies(sessions: Sequence[Session], signals: Sequence[str]) -> None:
+    """Raises TrajectoryError where a stretch of these signals repeats an earlier one in every digit."""
+    wide = [np.column_stack([s.trajectory[n].reshape(len(s.trajectory), -1) for n in signals]) for s in sessions]
+    copy = copied_stretch(wide) if len({w.shape[1] for w in wide}) == 1 else None
+    if copy is not None:
+        again, first = sessions[copy.again], sessions[copy.first]
+        raise TrajectoryError(
+            f"'{again.name}' repeats from {again.trajectory.time[copy.at]:g} s on, in {copy.rows} samples and every "
+            f"digit, what '{first.name}' holds from {first.trajectory.time[copy.of]:g} s on; noise does not repeat "
+            "itself, and a copy counts twice and narrows the intervals: take it out"
+        )
 
 
 def with_offsets(rows: Rows, signal: str, *, per_session: bool = True) -> Rows:
@@ -208,7 +234,8 @@ def _rows(
         )
     rate, acceleration = velocity_and_acceleration(position, step)
     inside = slice(lead, len(raw) - lead)
-    time, position, effort = raw.time[inside], position[inside], effort[inside]
+    effort_rate, _ = velocity_and_acceleration(effort, step)
+    time, position, effort, effort_rate = raw.time[inside], position[inside], effort[inside], effort_rate[inside]
     given = {known: position, f"der({known})": rate[inside], f"der({known},2)": acceleration[inside]}
     found = regressor(*[given[s.name] for s in regressor.inputs])
     bad = np.flatnonzero(found.status != Status.OK)
@@ -226,8 +253,8 @@ def _rows(
     kept = (fast.rows & ~still)[rows]
     columns = found.Y.reshape(n, m * p)
     used = np.any(columns != 0, axis=0)  # a cart's friction enters one effort of three
-    together = np.concatenate([columns[:, used], found.y0, effort.reshape(n, m)], axis=1)
-    filtered, y0, efforts = np.split(low_pass.every(together, step, every)[kept], [-2 * m, -m], axis=1)
+    together = np.concatenate([columns[:, used], found.y0, effort.reshape(n, m), effort_rate.reshape(n, m)], axis=1)
+    filtered, y0, efforts, rates = np.split(low_pass.every(together, step, every)[kept], [-3 * m, -2 * m, -m], axis=1)
     Y = np.zeros((len(filtered), m * p))
     Y[:, used] = filtered
     chosen = rows[kept]
@@ -235,6 +262,7 @@ def _rows(
         "Y": Y.reshape(-1, m, p),
         "y0": y0,
         "effort": efforts,
+        "effort_rate": rates,
         "time": time[chosen],
         "position": position.reshape(n, -1)[chosen],
         "velocity": velocity[chosen],

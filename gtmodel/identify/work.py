@@ -14,7 +14,7 @@ from .rows import Rows
 Array = np.ndarray
 
 BALANCE = 1e-3  # of the work to and fro: what may be left of a log's energy
-DEVIATIONS = 4.0  # or as many standard deviations of the work that the noise does
+DEVIATIONS = 4.0  # or as many standard deviations of the work that noise and the parameters' errors do
 ONE_SIGN = 0.98  # of a column's work to and fro: then it is friction's, up to what the filter rounds off at reversals
 
 
@@ -22,13 +22,20 @@ ONE_SIGN = 0.98  # of a column's work to and fro: then it is friction's, up to w
 class Work:
     """Work over the rows [J]: friction (m,) by target, of the fit without bounds; left: of what the model leaves.
 
-    to_and_fro: integral of the sizes of the measured power; noise: standard deviation of `left` by the noise alone.
+    friction_noise (m,): standard deviations of `friction`. to_and_fro: integral of the sizes of the measured power;
+    noise: standard deviation of `left` by the noise of the rows and the errors of the parameters.
     """
 
     friction: Array
+    friction_noise: Array
     left: float
     to_and_fro: float
     noise: float
+
+    @property
+    def drives(self) -> Array:
+        """Where friction gives energy beyond its noise (m,)."""
+        return np.asarray(self.friction < -DEVIATIONS * self.friction_noise)
 
     @property
     def balance(self) -> float:
@@ -49,8 +56,8 @@ class Work:
         return [
             f"{t}: friction would drive instead of brake, its work is {w:.3g} J; check the sign of this effort or of "
             "its position, and the order of the columns"
-            for t, w in zip(targets, self.friction, strict=True)
-            if w < 0
+            for t, w, drives in zip(targets, self.friction, self.drives, strict=True)
+            if drives
         ]
 
     def unbalanced(self) -> list[str]:
@@ -72,14 +79,18 @@ def work_of(found: Identification, rows: Rows | None = None) -> Work | None:
     free = found.unbounded
     share = rows.interval * rows.Y * v[:, :, None]
     sums, sizes = share.sum(axis=0), np.abs(share).sum(axis=0)
-    friction = np.zeros(v.shape[1])
-    for k, name in enumerate(rows.names):
-        if name in free.names and name not in rows.signed:
-            friction += np.where(sums[:, k] >= ONE_SIGN * sizes[:, k], sums[:, k] * free.value(name), 0.0)
+    at = [rows.names.index(n) for n in free.names]
+    brakes = (sums >= ONE_SIGN * sizes) & ~np.isin(rows.names, rows.signed)
+    each = np.where(brakes, sums, 0.0)[:, at]
+    everything = sums[:, at].sum(axis=0)
     left = (rows.effort - found.modelled(rows)) * v
+    by_noise = correlation_time(found.residuals) * np.sum((found.noise * v) ** 2) * rows.interval**2
+    # the residuals of the fit's own rows hold less than their noise, those of others also the parameters' errors
+    by_parameters = 0.0 if rows is found.rows else float(everything @ free.covariance @ everything)
     return Work(
-        friction,
+        each @ free.values,
+        np.sqrt(np.einsum("mi,ij,mj->m", each, free.covariance, each)),
         float(left.sum() * rows.interval),
         float(np.abs(rows.effort * v).sum() * rows.interval),
-        float(np.sqrt(correlation_time(found.residuals) * np.sum((found.noise * v) ** 2)) * rows.interval),
+        float(np.sqrt(by_noise + by_parameters)),
     )

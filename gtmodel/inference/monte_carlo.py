@@ -5,6 +5,7 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
+import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
 from contextlib import contextmanager
@@ -48,7 +49,8 @@ def monte_carlo(
     be importable: a function of a module, or functools.partial of one. `executor`: another one to hand the runs to,
     with submit() as concurrent.futures.Executor has it, or a Dask client, whose get_executor() is asked.
     `progress(done, runs)` after each. Ctrl-C, or `interrupted()` telling True, ends the workers and returns what is
-    done. Raises RuntimeError naming the run in which the task failed.
+    done; workers leave Ctrl-C and SIGTERM to this process, and end with it. Raises RuntimeError naming the run in which
+    the task failed.
     """
     if runs < 1:
         raise ValueError(f"a Monte Carlo needs at least one run; found {runs}")
@@ -62,7 +64,7 @@ def monte_carlo(
     count = max(1, min(runs, processes if processes is not None else os.cpu_count() or 1))
     with _one_thread():
         # spawn: a forked process would inherit locks and BLAS threads
-        pool = ProcessPoolExecutor(count, multiprocessing.get_context("spawn"), _ignore_interrupt)
+        pool = ProcessPoolExecutor(count, multiprocessing.get_context("spawn"), _follow_the_parent)
         whole = False
         try:
             found = _handed_out(pool, count, task, seeds, seed, progress, interrupted)
@@ -71,7 +73,7 @@ def monte_carlo(
         finally:
             if not whole:  # a run at work has no other end; Python 3.14 has terminate_workers() for this
                 for process in list((pool._processes or {}).values()):
-                    process.terminate()
+                    process.kill()
             pool.shutdown(wait=True, cancel_futures=True)
 
 
@@ -141,8 +143,19 @@ def _named(k: int, run: Callable[[], Any]) -> Any:
         raise RuntimeError(f"run {k}: {type(error).__name__}: {error}") from error
 
 
-def _ignore_interrupt() -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent answers Ctrl-C for all
+def _follow_the_parent() -> None:
+    """A worker ends when its parent says so, or is gone: the parent answers Ctrl-C and SIGTERM for all."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)  # batch systems send it to the whole group
+    parent = multiprocessing.parent_process()
+
+    def watch() -> None:
+        assert parent is not None
+        parent.join()
+        os._exit(1)
+
+    if parent is not None:
+        threading.Thread(target=watch, daemon=True).start()
 
 
 @contextmanager

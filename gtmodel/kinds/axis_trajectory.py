@@ -16,7 +16,7 @@ from .axis_free_run import free_run
 from .axis_keys import AxisTrajectoryProblem as Schema
 from .axis_motion import CARTS, AxisPlan
 from .axis_planning import LINKS, plan_of
-from .base import Check, Context, Outcome, Row
+from .base import Context, Outcome, Row, at_most
 from .motion_limits import clearance
 from .trajectory import MARGIN_TOLERANCE
 
@@ -47,6 +47,7 @@ ROADS_AGREE = 0.02  # relative: of the final time along a path; accelerations li
 PEAK_SHARE = 1.01
 # the printed accuracy of the F1 is a quarter of a millimetre
 END_ERROR_M = 2.5e-4
+FINER = "use more mesh.elements or mesh.control = linear"
 END_ERROR_DEG = 0.05
 POSE_APART_M = 1e-6  # Newton and collocation solve the same equations
 PATH_M = 1e-6  # round-off of the same equations
@@ -217,10 +218,11 @@ def _outcome(
     if values["second_road_time_s"] is not None and problem.cost.energy == 0.0:
         bounds["roads_apart"] = (abs(values["second_road_time_s"] / solution.final_time - 1), ROADS_AGREE)
     checks: dict[str, Any] = {"constraint_violation": solution.checks["constraint_violation"]}
-    checks |= {n: Check(x if np.isfinite(x) else None, bound, x <= bound) for n, (x, bound) in bounds.items()}
+    trouble = f"the forces could not be tried on all six axes: {free.message}" if free.message else FINER
+    checks |= {n: at_most(x, bound, trouble) for n, (x, bound) in bounds.items()}
     return Outcome(
         status=SolveStatus.SOLVED,
-        message=_message(checks, free.message),
+        message="solved, re-simulated, and tried on all six axes",
         objective=solution.objective,
         iterations=solution.iterations,
         checks=checks,
@@ -257,16 +259,6 @@ def _clearances(plan: AxisPlan, run: Trajectory) -> list[float]:
         links = [clearance(a, b, *box) for a, b in zip(joints[::2], joints[1::2], strict=True)]
         found.append(min(clearance(run["T"], run["T"], *box, 1), *links))
     return found
-
-
-def _message(checks: dict[str, Any], trouble: str) -> str:
-    if trouble:
-        return f"solved, but the forces could not be tried on all six axes: {trouble}"
-    failed = [name for name, check in checks.items() if not check.passed]
-    if failed:
-        verb = "exceeds its bound" if len(failed) == 1 else "exceed their bounds"
-        return f"solved, but {' and '.join(failed)} {verb}; use more mesh.elements or mesh.control = linear"
-    return "solved, re-simulated, and tried on all six axes"
 
 
 def _rows(values: dict[str, Any], solution: Solution) -> list[Row]:

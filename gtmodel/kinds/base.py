@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
@@ -11,6 +12,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 import pydantic
 
 from gtmodel.results import SolveStatus, Trajectory
+
+from .verdict import failed_of, verdict
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -45,13 +48,37 @@ class Problem(Section):
     kind: str = pydantic.Field(description="kind of the problem; gtmodel schema lists the kinds")
     title: str = pydantic.Field(default="", description="one line for tables and pictures")
 
+    @pydantic.field_validator("title")
+    @classmethod
+    def _one_line(cls, title: str) -> str:
+        # files and pictures refuse it too, but only once the work is done
+        if not title.strip().isprintable():
+            raise ValueError("expected one line of printable characters")
+        return title
+
 
 class Check(NamedTuple):
-    """A number that was tested: its value, the bound it must not exceed (None: no bound), and the verdict."""
+    """A number that was tested, and the verdict on the whole result: where it fails, nobody is to rely on it.
+
+    What only informs is no check but a value. bound: what the value must not exceed, or must reach where `least`
+    is set; None without a bound. advice: what a person does when it fails, as "use more mesh.elements".
+    """
 
     value: float | None
     bound: float | None
     passed: bool
+    advice: str = ""
+    least: bool = False
+
+
+def at_most(value: float, bound: float, advice: str = "") -> Check:
+    """The check value <= bound; a value that is not finite fails and is told as none."""
+    return Check(value if math.isfinite(value) else None, bound, value <= bound, advice)
+
+
+def at_least(value: float, bound: float, advice: str = "") -> Check:
+    """The check value >= bound; a value that is not finite fails and is told as none."""
+    return Check(value if math.isfinite(value) else None, bound, value >= bound, advice, least=True)
 
 
 class Row(NamedTuple):
@@ -69,7 +96,12 @@ class Outcome:
     values: numbers, lists and texts by name, as the kind's VALUES announces them; NaN becomes null.
     rows: the table for people; made from `values` when empty. A plain tuple (label, value, unit) will do.
     figures: file name without ending -> function that draws it; called only with --plot.
-    files: file name -> content of what the kind writes besides, such as parameters.toml.
+    files: file name -> content of what the kind writes besides, such as report.html.
+    machine_files: names of those of them that a machine or another program takes over, such as a robot program;
+        they are not written unless the result may be used, or --write-failed is given.
+
+    Solved with a failed check is no state of an outcome: it becomes CHECK_FAILED, with a message that names the
+    checks.
     """
 
     status: SolveStatus
@@ -82,6 +114,11 @@ class Outcome:
     rows: list[Any] = field(default_factory=list)
     figures: Mapping[str, Callable[[], Figure]] = field(default_factory=dict)
     files: Mapping[str, str | bytes] = field(default_factory=dict)
+    machine_files: Collection[str] = ()
+
+    def __post_init__(self) -> None:
+        if self.status.ok and (failed := failed_of(self.checks)):
+            self.status, self.message = SolveStatus.CHECK_FAILED, verdict(failed, len(self.checks))
 
 
 class Progress(Protocol):
@@ -99,12 +136,17 @@ def silent(stage: str | None = None, fraction: float | None = None, numbers: Map
     """Shows nothing."""
 
 
+def unheard(sentence: str) -> None:
+    """Tells nobody."""
+
+
 @dataclass(kw_only=True)
 class Context:
     """What a kind knows besides its problem.
 
     name: of the problem, its file name without ending.
     folder: of the problem file; relative paths in the file start there.
+    notice: tells a person one sentence beside the result, such as what an earlier run left undone.
     max_seconds: time limit [s] from the making of the context on; None for none.
     start: an earlier result.json to start from.
     inputs: files that were read besides the problem, name -> path; a kind enters them, run.toml keeps their hash.
@@ -113,6 +155,7 @@ class Context:
     name: str = "problem"
     folder: Path = field(default_factory=Path)
     progress: Progress = silent
+    notice: Callable[[str], object] = unheard
     max_seconds: float | None = None
     start: Mapping[str, Any] | None = None
     inputs: dict[str, Path] = field(default_factory=dict)

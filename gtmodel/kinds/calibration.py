@@ -89,6 +89,7 @@ def solve(problem: Schema, context: Context) -> Outcome:
         rows=rows_of(values, found),
         figures=figures,
         files=_Files(files),
+        machine_files=("parameters.toml",),
     )
 
 

@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 
 from gtmodel.calibrate import Correction, Measurements, Pose
-from gtmodel.calibrate.recognition import copies
 from gtmodel.compiler.causal import flat_of
 from gtmodel.lang import Model, ModelError
+from gtmodel.measurements import copies
 
 from . import calibration_synthetic, calibration_table
 from .base import Context, InputError

@@ -16,7 +16,7 @@ from gtmodel.results import Trajectory, TrajectoryError
 from gtmodel.simulate import simulate
 
 from . import python_models
-from .base import Check, Context, InputError, Row, Section
+from .base import Check, Context, InputError, Row, Section, at_most
 from .log_keys import MeasuredSignal
 
 VALUES = {
@@ -173,7 +173,7 @@ def checks_of(section: ClosedLoop, runs: list[ClosedLoopRun]) -> dict[str, Check
     if section.bound is None:
         return {}
     worst = max(run.rms for run in runs)
-    return {"closed_loop_error": Check(worst, section.bound, worst <= section.bound)}
+    return {"closed_loop_error": at_most(worst, section.bound)}
 
 
 def _first_rate(position: np.ndarray, sample_time: float) -> np.ndarray | float:

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from hashlib import sha256
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from pydantic import Field, NonNegativeInt, PositiveInt
 
 from gtmodel.cgen import Costs, GenerationError, check, costs, generate, write_costs
+from gtmodel.cgen.folder import held
 from gtmodel.compiler.causal import CausalFunction, c_name, compile_causal
 from gtmodel.results import SolveStatus
+from gtmodel.results.folder import Held
 
 from .base import Check, Context, InputError, Outcome, Row, Section
 from .robot_keys import RobotProblem
@@ -71,52 +73,71 @@ def write(problem: Schema, context: Context, out: Path, *, verify: bool = False)
 
     Raises InputError for a wrong problem and for a folder that holds other people's files.
     """
+    try:
+        with held(out) as folder:
+            if folder.told:
+                context.notice(folder.told)
+            return _write(problem, context, folder, verify)
+    except GenerationError as error:
+        raise InputError(str(error)) from error
+
+
+def _write(problem: Schema, context: Context, out: Held, verify: bool) -> Outcome:
     functions = compiled(problem, context)
+    if context.interrupted():
+        return Outcome(status=SolveStatus.INTERRUPTED, message="stopped before the code was generated")
     context.progress("generating")
     provenance = {"problem": context.name, "title": problem.title, "robot": problem.robot}
     provenance["problem_sha256"] = sha256(problem.model_dump_json().encode()).hexdigest()
-    try:
-        generated = generate(
-            functions,
-            out,
-            name=problem.name or c_name(context.name),
-            provenance=provenance,
-            problem=problem.model_dump(mode="json", exclude_unset=True),
-            along=[f.name for f in problem.functions if f.trajectory],
-            real=problem.real,
-            box=problem.box,
-        )
-    except GenerationError as error:
-        raise InputError(str(error)) from error
+    generated = generate(
+        functions,
+        out,
+        name=problem.name or c_name(context.name),
+        provenance=provenance,
+        problem=problem.model_dump(mode="json", exclude_unset=True),
+        along=[f.name for f in problem.functions if f.trajectory],
+        real=problem.real,
+        box=problem.box,
+    )
     files = sorted(str(f) for f in generated.files)
     signatures = {generated.functions[name]: _signature(f) for name, f in functions.items()}
-    values = {"folder": str(out), "functions": signatures, "files": files, "operations": generated.operations}
-    rows = [Row("folder", str(out)), Row("files", len(files)), Row("numbers", problem.real)]
+    values: dict[str, Any] = {
+        "folder": str(out.path),
+        "functions": signatures,
+        "files": files,
+        "operations": generated.operations,
+    }
+    rows = [Row("folder", str(out.path)), Row("files", len(files)), Row("numbers", problem.real)]
     rows += [Row(name, _in_words(signature)) for name, signature in signatures.items()]
     if not verify:
         return Outcome(status=SolveStatus.SOLVED, message=f"generated {len(files)} files", values=values, rows=rows)
+    if context.interrupted():
+        return _stopped(values, rows, f"generated {len(files)} files, which were not checked")
     context.progress("compiling and comparing")
     try:
-        report = check(out, functions, points=problem.check.points, seed=problem.check.seed)
+        report = check(out.path, functions, points=problem.check.points, seed=problem.check.seed)
     except GenerationError as error:
         return Outcome(status=SolveStatus.FAILED, message=str(error), values=values, rows=rows)
+    if context.interrupted() and report.passed:
+        return _stopped(values, rows, "generated and compared with Python; costs were not counted")
     context.progress("counting")
-    cost = costs(out, functions)
-    try:
-        values["files"] = sorted([*files, write_costs(out, cost).name])
-    except GenerationError as error:
-        raise InputError(str(error)) from error
+    cost = costs(out.path, functions)
+    values["files"] = sorted([*files, write_costs(out, cost).name])
     values |= {"points": problem.check.points, "text_bytes": cost.text_bytes, "newton_bytes": cost.newton_bytes}
     values |= {"stack_bytes": cost.stack_bytes, "instructions": cost.instructions, "symbols": list(cost.symbols)}
     rows += [Row(f"{name} costs", _cost(cost, name)) for name in cost.text_bytes]
     rows += [Row("costs", cost.missing)] if cost.missing else []
     return Outcome(
-        status=SolveStatus.SOLVED if report.passed else SolveStatus.FAILED,
+        status=SolveStatus.SOLVED if report.passed or report.checks else SolveStatus.FAILED,
         message=report.message,
         checks={c.name: Check(c.value, c.bound, c.passed) for c in report.checks},
         values=values,
         rows=rows,
     )
+
+
+def _stopped(values: dict[str, Any], rows: list[Row], done: str) -> Outcome:
+    return Outcome(status=SolveStatus.INTERRUPTED, message=f"stopped: {done}", values=values, rows=rows)
 
 
 def explain(problem: Schema, context: Context) -> str:
@@ -125,12 +146,15 @@ def explain(problem: Schema, context: Context) -> str:
 
 
 def compiled(problem: Schema, context: Context) -> dict[str, CausalFunction]:
-    """The functions by name. Raises InputError for a name given twice, ModelError for a wrong causality."""
+    """The functions by name; when a stop is asked for, those done. Raises InputError for a name given twice, ModelError
+    for a wrong causality."""
     model = problem.model(context)
     functions: dict[str, CausalFunction] = {}
     for n, f in enumerate(problem.functions):
         if f.name in functions:
             raise InputError(f"'{f.name}' names two functions", f"functions[{n}].name")
+        if context.interrupted():
+            break
         context.progress(f"deriving {f.name}", n / len(problem.functions))
         functions[f.name] = compile_causal(model, f.known, f.targets, f.prefer, f.branches, f.name)
     return functions

@@ -12,7 +12,7 @@ from gtmodel.compliance import GROUPS, softest_and_stiffest
 from gtmodel.kinematics.workspace import section_grid
 from gtmodel.results import SolveStatus
 
-from .base import Check, Context, InputError, Outcome, Row
+from .base import Context, InputError, Outcome, Row, at_most
 from .compliance_arm import ArmStudy
 from .compliance_keys import VALUES, Schema
 from .compliance_study import Found, LinkStudy, Study
@@ -153,8 +153,8 @@ def _outcome(
     difference = abs(work - by_C) / by_C if by_C else 0.0
     symmetric = float(np.abs(pose.C[0] - pose.C[0].T).max() / np.abs(pose.C[0]).max())
     checks = {
-        "work_by_two_roads": Check(difference, WORK, difference <= WORK),
-        "asymmetry": Check(symmetric, WORK, symmetric <= WORK),
+        "work_by_two_roads": at_most(difference, WORK),
+        "asymmetry": at_most(symmetric, WORK),
     }
     title = problem.title or f"{NAME} of {problem.robot}"
     shape = (len(grid.coordinates[0]), len(grid.coordinates[1]))

@@ -12,7 +12,7 @@ from gtmodel.inference import binomial_band
 from gtmodel.results import SolveStatus
 from gtmodel.vibration import ModalFit, OscillatorField, oscillator_text
 
-from .base import Check, Outcome, Row
+from .base import Check, Outcome, Row, at_least
 from .dynamic_stiffness_data import Experiment
 from .dynamic_stiffness_keys import Schema
 from .dynamic_stiffness_printed import NOTE
@@ -106,6 +106,7 @@ def outcome(
             "oscillators.c": _c_text(field),
             "poses.csv": pose_table(experiments, fits, note),
         },
+        machine_files=("oscillators.toml", "oscillators.c"),
     )
 
 
@@ -121,7 +122,7 @@ def _checks(
     count = len(widened) // 9
     low, _ = binomial_band(count, LEVEL)
     share, least = float(np.mean(widened < quantile)), low / count
-    checks = {"coverage_held_out": Check(share, least, share >= least)}
+    checks = {"coverage_held_out": at_least(share, least, "the poses are too few for this field: measure more")}
     if made is not None:
         inside = [
             fit.interval("k")[0] < made.then[2, n // 3, e.direction] < fit.interval("k")[1]
@@ -129,7 +130,7 @@ def _checks(
             if fit is not None
         ]
         low, _ = binomial_band(len(inside), LEVEL)
-        checks["coverage_of_stiffness"] = Check(float(np.mean(inside)), low / len(inside), sum(inside) >= low)
+        checks["coverage_of_stiffness"] = at_least(float(np.mean(inside)), low / len(inside))
     return checks
 
 

@@ -16,7 +16,7 @@ from gtmodel.optimize import solve as collocate
 from gtmodel.results import SolveStatus, Status, Trajectory
 from gtmodel.robots import GantryTau
 
-from .base import Check, Context, InputError, Outcome, Row, Section
+from .base import Context, InputError, Outcome, Row, Section, at_most
 from .elastic_motion_models import ElasticMotion, RigidMotion
 from .robot_keys import RobotProblem
 from .trajectory_keys import Point
@@ -231,8 +231,8 @@ def _outcome(problem: Schema, motions: list[_Motion], elastic: Solution, static:
     hang = np.array([0.0, 0.0, -static])
     left = np.inf if again.trajectory is None else float(np.linalg.norm(again.trajectory["spring.offset"][-1] - hang))
     whole = table["rigid"]["residual_mm"]
-    checks = {f"{n}_share_of_rigid": _at_most(table[n]["residual_mm"] / whole, SHARE) for n in ("ZV", "ZVD", "elastic")}
-    checks["resimulated_end_mm"] = _at_most(1e3 * left, RESIMULATED_MM)
+    checks = {f"{n}_share_of_rigid": at_most(table[n]["residual_mm"] / whole, SHARE) for n in ("ZV", "ZVD", "elastic")}
+    checks["resimulated_end_mm"] = at_most(1e3 * left, RESIMULATED_MM)
     rows = [
         Row(name, f"{t['final_time_s']:.4f} s, swings {t['residual_mm']:.3g} mm; {100 * OFF:g} % off "
             f"{t['residual_10_percent_mm']:.3g} mm; largest force {t['peak_force_N']:.4g} N")
@@ -275,10 +275,6 @@ def _too_coarse(problem: Schema, duration: float) -> list[str]:
     if wanted <= MOST_ELEMENTS:
         return [f"{found}, which the elastic plan cannot follow: take at least {wanted}"]
     return [f"{found}; no mesh here follows it, a tool so stiff hardly swings: plan with it as payload"]
-
-
-def _at_most(value: float, bound: float) -> Check:
-    return Check(value if np.isfinite(value) else None, bound, value <= bound)
 
 
 def _figure(motions: list[_Motion], tool: Tool, title: str) -> Any:

@@ -44,6 +44,7 @@ VALUES = {
     "cutoff_Hz": "of the zero-phase low pass",
     "condition": "condition number of the weighted regressor, columns in nominal values (0: least of its unit)",
     "left_out": "p-value by watched group of fixed parameters: small where the residuals show their traces",
+    "delay_ms": "by how much efforts look later than positions, and its standard deviation; null where not told",
     "truth": "of a synthetic plant; null for measured logs",
     "coverage": "hits of the intervals by name over the repeated runs, pooled, and the band; null without runs",
     "sentences": "what limits the numbers, in words",
@@ -167,6 +168,7 @@ def _outcome(
         rows=_rows(values, found),
         figures=figures,
         files={"parameters.toml": _file(found, title)},
+        machine_files=("parameters.toml",),
     )
 
 
@@ -197,6 +199,7 @@ def _values(
         "cutoff_Hz": rows.cutoff_Hz,
         "condition": found.identifiability.condition,
         "left_out": {", ".join(t.names): t.p for t in found.left_out},
+        "delay_ms": None if found.delay is None else [1e3 * found.delay.seconds, 1e3 * found.delay.std],
         "truth": data.truth or None,
         "coverage": coverage,
         "sentences": [

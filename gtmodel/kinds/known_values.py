@@ -58,11 +58,11 @@ class Conditions:
     def _are_lengths(self, k: int) -> bool:
         """Whether input k has conditions, and unit vectors in any direction keep them."""
         pairs = set(self._inputs[k].pairs)
-        if self._inputs[k].shape != (4,) or not any(pairs.intersection(p) for p in self._places):
+        own = [n for n, p in enumerate(self._places) if pairs.issuperset(p)]  # not those that speak of rates too
+        if self._inputs[k].shape != (4,) or not own:
             return False
         any_way = [np.ones((len(DIRECTIONS), s.size)) for s in self._inputs]
         any_way[k] = DIRECTIONS
-        own = [n for n, p in enumerate(self._places) if pairs.intersection(p)]
         return bool(np.all(self._at(any_way)[own] >= 0))
 
     def _at(self, inputs: Sequence[np.ndarray]) -> np.ndarray:

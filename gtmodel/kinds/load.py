@@ -59,6 +59,8 @@ def load(path: str | Path, settings: Iterable[str] = ()) -> Loaded:
 def find(path: str | Path) -> tuple[Path, bool]:
     """The file, and True when it is one shipped with gtmodel: "problems/NAME.toml", "NAME.toml" or "NAME"."""
     asked = Path(path)
+    if not asked.stem.isprintable():  # it titles files and pictures
+        raise InputError("the name of a problem file has to be one line of printable characters", file=repr(str(path)))
     if asked.exists():
         return asked, False
     folder = problems_dir()

@@ -31,7 +31,7 @@ from gtmodel.results import SolveStatus, Status, Trajectory
 from gtmodel.robots import actuator_closed_loop
 
 from . import report
-from .base import Check, Context, InputError, Outcome, Row
+from .base import Check, Context, InputError, Outcome, Row, at_most
 from .loop_bench import MARK, Bench, prepare
 from .loop_motion import CYCLE_MS
 from .run import Finished
@@ -231,25 +231,20 @@ def _outcome(bench: Bench, runs: list[OneRun], elastic_Hz: float | None) -> Outc
     errors = [_errors(bench, one) for one in runs]
     plain, active = (e["tcp_rms_mm"] for e in errors)
     bound = GAINS[bench.law]
-    checks = {"rms_error_ratio": Check(active / plain, bound, active <= bound * plain)}
+    checks = {"rms_error_ratio": at_most(active / plain, bound)}
     for name, one in zip(("off", "on"), runs, strict=True):
         running = one.report["state"] in GOING
-        checks[f"{name}_running_at_the_end"] = Check(float(running), None, running)
+        state, why = STATES[one.report["state"]], Status(one.report["status"]).sentence
+        checks[f"{name}_running_at_the_end"] = Check(float(running), None, running, f"{one.label}: {state}, {why}")
         checks[f"{name}_log_complete"] = Check(
             float(one.report["log_complete"]), None, bool(one.report["log_complete"])
         )
-    good = all(check.passed for check in checks.values())
-    failed = ", ".join(name for name, check in checks.items() if not check.passed)
-    for one in runs:
-        if one.report["state"] not in GOING:
-            state, why = STATES[one.report["state"]], Status(one.report["status"]).sentence
-            failed += f"; {one.label}: {state}, {why}"
     real_time_granted = all(one.report["fifo"] and one.report["memory_locked"] for one in runs)
     timing = "in lock step" if bench.in_lockstep else "in real time" if real_time_granted else "not real-time"
     message = f"{bench.peer} on loopback, {timing}; tested against simulators only"
     return Outcome(
-        status=SolveStatus.SOLVED if good else SolveStatus.FAILED,
-        message=message if good else f"{message}; failed: {failed}",
+        status=SolveStatus.SOLVED,
+        message=message,
         checks=checks,
         values={
             "peer": bench.peer,

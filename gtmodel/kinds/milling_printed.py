@@ -9,7 +9,7 @@ import numpy as np
 from gtmodel.milling import Coefficients, Cut, Cutter, critical_depth, deflections, missing_z, spectral_radius
 from gtmodel.robots.kr500 import kr500_tables
 
-from .base import Check, Row
+from .base import Check, Row, at_least, at_most
 
 FEEDS = {"+x": (1.0, 0.0, 0.0), "+y": (0.0, 1.0, 0.0)}
 BEATS = 1.5  # ratio of mean deflections where the dynamic choice is called better
@@ -90,6 +90,6 @@ def checks(p: Printed) -> dict[str, Check]:
     ratios = [mean[i] / mean[i + 1] for mean in p.mean_mm.values() for i in (0, 4)]
     ties = [abs(mean[i] - mean[i + 1]) for mean in p.mean_mm.values() for i in (2, 6)]
     return {
-        "static_over_dynamic_near_a_mode": Check(float(min(ratios)), None, min(ratios) > BEATS),
-        "difference_far_from_a_mode_mm": Check(float(max(ties)), TIE_MM, max(ties) <= TIE_MM),
+        "static_over_dynamic_near_a_mode": at_least(float(min(ratios)), BEATS),
+        "difference_far_from_a_mode_mm": at_most(float(max(ties)), TIE_MM),
     }

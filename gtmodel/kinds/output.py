@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import hashlib
 import io
-import os
 import platform
 import tempfile
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
 import tomli_w
+
+from gtmodel.results.folder import FolderError, Held, holding, others, unfinished
+from gtmodel.results.trajectory_files import csv_bytes
 
 from . import report
 from .base import Context, InputError, Outcome
@@ -25,14 +28,25 @@ _PACKAGES = ("casadi", "numpy", "scipy", "pydantic")
 _DPI = 150
 
 
+class NotDrawn(InputError):
+    """A picture could not be drawn; `files` are those written all the same."""
+
+    def __init__(self, sentence: str, files: list[Path]) -> None:
+        super().__init__(sentence)
+        self.files = files
+
+
 def refuse_foreign(folder: Path) -> None:
     """Raises InputError unless the folder is new, empty, or holds an earlier result just as it was written."""
     if not folder.exists():
         return
     if not folder.is_dir():
         raise InputError(f"--out {folder} is a file; name a folder")
-    if not any(folder.iterdir()):
-        return
+    try:
+        if not others(folder):
+            return
+    except OSError as error:
+        raise InputError(f"--out {folder} cannot be read: {error.strerror}") from error
     written = _written(folder)
     if written is None:
         raise InputError(f"--out {folder} holds files that gtmodel did not write; name a new folder or empty this one")
@@ -40,6 +54,24 @@ def refuse_foreign(folder: Path) -> None:
         path = folder / name
         if path.is_file() and _sha256(path.read_bytes()) != digest:
             raise InputError(f"{path} was changed after gtmodel wrote it; move it away or name another folder")
+
+
+@contextmanager
+def held(folder: Path, context: Context) -> Iterator[Held]:
+    """The folder for this run alone, tried before the work; what an earlier run left undone is settled first.
+
+    Raises InputError as `refuse_foreign` does, where the folder cannot be written, and while another run has it.
+    """
+    if not unfinished(folder):
+        refuse_foreign(folder)
+    try:
+        with holding(folder) as mine:
+            refuse_foreign(folder)
+            if mine.told:
+                context.notice(mine.told)
+            yield mine
+    except FolderError as error:
+        raise InputError(f"--out {folder} {error}") from error
 
 
 def _written(folder: Path) -> dict[str, str] | None:
@@ -54,39 +86,67 @@ def _written(folder: Path) -> dict[str, str] | None:
     return {name: str(digest) for name, digest in files.items() if name == Path(name).name}
 
 
-def write(folder: Path, loaded: Loaded, context: Context, outcome: Outcome, *, wall_s: float, plot: bool) -> list[Path]:
-    """Write an outcome with its run.toml; returns the files written.
+def write(
+    folder: Path | Held, loaded: Loaded, context: Context, outcome: Outcome, *, wall_s: float, plot: bool
+) -> list[Path]:
+    """Write an outcome with its run.toml, all files or none; returns the files written.
 
     result.json, trajectory.csv where there is a trajectory, the kind's own files, pictures when `plot` is
     set, and run.toml. Files of an earlier result in the folder are replaced or removed.
 
-    Raises InputError as `refuse_foreign` does, or where the folder cannot be written.
+    Raises InputError as `refuse_foreign` does, or where the folder cannot be written; NotDrawn when all is written but
+    a picture.
     """
+    if isinstance(folder, Path):
+        with held(folder, context) as mine:
+            return write(mine, loaded, context, outcome, wall_s=wall_s, plot=plot)
     files = {"result.json": report.result(loaded.name, loaded.problem.kind, outcome)}
     if outcome.trajectory is not None:
-        files["trajectory.csv"] = _csv(outcome)
+        files["trajectory.csv"] = csv_bytes(outcome.trajectory)
     for name, content in outcome.files.items():
         files[name] = content.encode() if isinstance(content, str) else content
-    if plot:
-        for name, draw in outcome.figures.items():
-            files[name if name.endswith(".png") else f"{name}.png"] = png(draw)
-    refuse_foreign(folder)
-    earlier = (_written(folder) or {}) if folder.is_dir() else {}
+    faults = _draw(outcome, files) if plot else []
+    place = folder.path
+    refuse_foreign(place)
+    earlier = _written(place) or {}
     for name in files:
-        if name not in earlier and (folder / name).exists():
-            raise InputError(f"{folder / name} was not written by gtmodel; move it away or name another folder")
-    run = _run(loaded, context, wall_s, files)
+        if name not in earlier and (place / name).exists():
+            raise InputError(f"{place / name} was not written by gtmodel; move it away or name another folder")
+    files[RUN] = _run(loaded, context, wall_s, files)
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        for name in earlier:
-            (folder / name).unlink(missing_ok=True)
-        # first, so that after a crash the folder is known as ours
-        (folder / RUN).write_bytes(run)
-        for name, content in files.items():
-            (folder / name).write_bytes(content)
-    except OSError as error:
-        raise InputError(f"--out {folder} cannot be written: {error.strerror}") from error
-    return [folder / name for name in [*files, RUN]]
+        folder.write(files, remove=set(earlier) - set(files))
+    except FolderError as error:
+        raise InputError(f"--out {place} {error}") from error
+    written = [place / name for name in files]
+    if faults:
+        raise NotDrawn(faults[0], written)
+    return written
+
+
+def elsewhere(loaded: Loaded, context: Context, outcome: Outcome, *, wall_s: float) -> list[Path]:
+    """Write an outcome, without pictures, into a new folder among the temporary ones; no files where that fails."""
+    try:
+        place = Path(tempfile.mkdtemp(prefix=f"{loaded.path.stem}-"))
+    except OSError:
+        return []
+    try:
+        return write(place, loaded, context, outcome, wall_s=wall_s, plot=False)
+    except InputError:
+        place.rmdir()
+        return []
+
+
+def _draw(outcome: Outcome, files: dict[str, bytes]) -> list[str]:
+    """Add the pictures to `files`; a sentence on each that cannot be drawn: it must not cost the numbers."""
+    faults = []
+    for name, draw in outcome.figures.items():
+        file = name if name.endswith(".png") else f"{name}.png"
+        try:
+            files[file] = png(draw)
+        except Exception as error:
+            said = " ".join(str(error).split())
+            faults.append(f"{file} could not be drawn ({type(error).__name__}: {said}); please report it")
+    return faults
 
 
 def _run(loaded: Loaded, context: Context, wall_s: float, files: Mapping[str, bytes]) -> bytes:
@@ -125,14 +185,6 @@ def versions() -> dict[str, str]:
 
 def _sha256(content: bytes) -> str:
     return hashlib.sha256(content).hexdigest()
-
-
-def _csv(outcome: Outcome) -> bytes:
-    assert outcome.trajectory is not None
-    with tempfile.TemporaryDirectory() as scratch:
-        path = os.path.join(scratch, "trajectory.csv")
-        outcome.trajectory.to_csv(path)
-        return Path(path).read_bytes()
 
 
 def png(draw: Any) -> bytes:

@@ -4,22 +4,24 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from . import output
 from . import start as earlier
 from .base import Context, InputError, Outcome
 from .load import Loaded
+from .verdict import marked
 
 
 @dataclass(frozen=True)
 class Finished:
-    """An outcome, the wall time [s] that it took, and the files written."""
+    """An outcome, the wall time [s] that it took, the files written, and what kept others from it, in a sentence."""
 
     outcome: Outcome
     wall_s: float
     files: list[Path] = field(default_factory=list)
+    unwritten: str = ""
 
 
 def context_of(loaded: Loaded, *, max_seconds: float | None = None, start: Path | None = None) -> Context:
@@ -36,14 +38,47 @@ def context_of(loaded: Loaded, *, max_seconds: float | None = None, start: Path 
     return context
 
 
-def solve(loaded: Loaded, context: Context, *, out: Path | None = None, plot: bool = False) -> Finished:
-    """Solve a problem; write the result where `out` is given. Raises InputError, before the work where it can."""
-    if out is not None:
-        output.refuse_foreign(out)
-    outcome = loaded.kind.solve(loaded.problem, context)
-    wall_s = time.monotonic() - context.began
-    files = [] if out is None else output.write(out, loaded, context, outcome, wall_s=wall_s, plot=plot)
+def solve(
+    loaded: Loaded, context: Context, *, out: Path | None = None, plot: bool = False, write_failed: bool = False
+) -> Finished:
+    """Solve a problem; write the result where `out` is given. Raises InputError, before the work where it can.
+
+    Files for a machine are written only of a result that may be used, or, marked in their first line, with
+    `write_failed`.
+    """
+    if out is None:
+        return Finished(loaded.kind.solve(loaded.problem, context), time.monotonic() - context.began)
+    with output.held(out, context) as folder:
+        outcome = loaded.kind.solve(loaded.problem, context)
+        wall_s = time.monotonic() - context.began
+        outcome = _for_machines(outcome, write_failed)
+        try:
+            files = output.write(folder, loaded, context, outcome, wall_s=wall_s, plot=plot)
+        except output.NotDrawn as error:
+            return Finished(outcome, wall_s, error.files, unwritten=str(error))
+        except InputError as error:
+            # the work is done: a full disk must not cost its result
+            files = output.elsewhere(loaded, context, outcome, wall_s=wall_s)
+            told = f"; the result was written into {files[0].parent} instead" if files else ""
+            return Finished(outcome, wall_s, files, unwritten=f"{error}{told}")
     return Finished(outcome, wall_s, files)
+
+
+def _for_machines(outcome: Outcome, write_failed: bool) -> Outcome:
+    """The outcome with its files for machines left out, or marked, where it must not be relied on."""
+    kept = [name for name in outcome.machine_files if name in outcome.files]
+    if outcome.status.ok or not kept:
+        return outcome
+    message = outcome.message or outcome.status.sentence
+    files = {name: content for name, content in outcome.files.items() if name not in kept}
+    if not write_failed:
+        names = " and ".join(sorted(kept)) if len(kept) < 3 else f"{len(kept)} files for machines"
+        message += f"; {names} {'is' if len(kept) == 1 else 'are'} not written; --write-failed writes all, marked"
+        return replace(outcome, files=files, message=message)
+    for name in kept:
+        content = outcome.files[name]
+        files[name] = marked(name, content.encode() if isinstance(content, str) else content, message)
+    return replace(outcome, files=files)
 
 
 def generate(loaded: Loaded, context: Context, out: Path, *, verify: bool) -> Finished:

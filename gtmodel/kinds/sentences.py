@@ -187,7 +187,9 @@ def shown(value: Any) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, str):
-        return f"the text '{value}'" if len(value) <= 60 else f"a text of {len(value)} characters"
+        # a sentence stays one line, whatever the text holds
+        text = f"'{value}'" if value.isprintable() else repr(value)
+        return f"the text {text}" if len(value) <= 60 else f"a text of {len(value)} characters"
     if isinstance(value, dict):
         return "a table"
     if isinstance(value, list):

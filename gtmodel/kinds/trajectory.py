@@ -13,7 +13,7 @@ from gtmodel.optimize.overshoot import control_curves
 from gtmodel.optimize.resimulate import Resimulation, resimulate
 from gtmodel.results import SolveStatus, Trajectory
 
-from .base import Check, Context, Outcome, Row
+from .base import Context, Outcome, Row, at_most
 from .motion_follow import sampled
 from .motion_limits import clearance
 from .motion_planning import Plan, plan_of
@@ -44,6 +44,7 @@ VALUES = {
 
 # the printed accuracy of these robots is a fraction of a millimetre; an input that misses by more is no plan
 END_ERROR_BOUND_M = 5e-3
+FINER = "use more mesh.elements"
 FORCE_TOLERANCE = 1e-9  # relative: the exported force keeps its limit at every instant
 MARGIN_TOLERANCE = 0.01  # further limits hold at collocation points; between them a jump of the force shows
 SATURATED = 0.99
@@ -262,16 +263,16 @@ def _outcome(
     bound = limit * (1 + FORCE_TOLERANCE)
     checks: dict[str, Any] = {
         "constraint_violation": solution.checks["constraint_violation"],
-        "end_error_m": Check(end_error, END_ERROR_BOUND_M, end_error <= END_ERROR_BOUND_M),
-        "exported_end_error_m": Check(exported.end_error, END_ERROR_BOUND_M, exported.end_error <= END_ERROR_BOUND_M),
-        "exported_peak_force_N": Check(exported.peak, bound, exported.peak <= bound),
+        "end_error_m": at_most(end_error, END_ERROR_BOUND_M, FINER),
+        "exported_end_error_m": at_most(exported.end_error, END_ERROR_BOUND_M, FINER),
+        "exported_peak_force_N": at_most(exported.peak, bound, FINER),
     }
     if margins:
         worst = max(0.0, -min(margins.values()))
-        checks["exported_excess"] = Check(worst, MARGIN_TOLERANCE, worst <= MARGIN_TOLERANCE)
+        checks["exported_excess"] = at_most(worst, MARGIN_TOLERANCE, FINER)
     if second is not None and problem.cost.energy == 0.0:
         apart = abs(second / solution.final_time - 1)
-        checks["roads_apart"] = Check(apart, ROADS_AGREE, apart <= ROADS_AGREE)
+        checks["roads_apart"] = at_most(apart, ROADS_AGREE, FINER)
     trajectory = _renamed(run, problem.title or "optimal motion")
     curves = None
     if problem.mesh.control == "polynomial" and not plan.restricted:
@@ -282,7 +283,7 @@ def _outcome(
     )
     return Outcome(
         status=SolveStatus.SOLVED,
-        message=_message(problem, checks),
+        message="solved and re-simulated",
         objective=solution.objective,
         iterations=solution.iterations,
         checks=checks,
@@ -294,15 +295,8 @@ def _outcome(
             "reference.csv": csv_text(reference, problem.title),
             "motion.mod": rapid_text(targets, problem.title),
         },
+        machine_files=("reference.csv", "motion.mod"),
     )
-
-
-def _message(problem: Schema, checks: dict[str, Any]) -> str:
-    failed = [name for name, check in checks.items() if not check.passed]
-    if failed:
-        verb = "exceeds its bound" if len(failed) == 1 else "exceed their bounds"
-        return f"solved, but {' and '.join(failed)} {verb}; use more mesh.elements"
-    return "solved and re-simulated"
 
 
 def _rows(plan: Plan, values: dict[str, Any], solution: Solution) -> list[Row]:

@@ -9,7 +9,7 @@ from pydantic import Field
 from gtmodel.results import SolveStatus, Trajectory
 
 from . import trajectory
-from .base import Check, Context, InputError, Outcome, Row, Section
+from .base import Context, InputError, Outcome, Row, Section, at_most
 from .load import validate
 from .motion_planning import plan_of
 from .settings import apply
@@ -63,7 +63,7 @@ def solve(problem: Schema, context: Context) -> Outcome:
     for n, one in enumerate(problems):
         context.progress(f"row {n + 1} of {len(problems)}: {problem.row[n].name}", n / len(problems), None)
         done.append(trajectory.solve(one, context))
-        if not done[-1].status.ok:
+        if not done[-1].status.converged:
             break
     return _outcome(problem, done)
 
@@ -99,7 +99,7 @@ def _outcome(problem: Schema, done: list[Outcome]) -> Outcome:
     for row, o in zip(problem.row, done, strict=False):
         kept = {key: o.values.get(key) for key in MEASURED}
         entries.append({"name": row.name, "cost": o.objective, "iterations": o.iterations, **kept})
-    if not last.status.ok:
+    if not last.status.converged:
         return Outcome(
             status=last.status,
             message=f"row {len(done)}, {problem.row[len(done) - 1].name}: {last.message}",
@@ -112,8 +112,7 @@ def _outcome(problem: Schema, done: list[Outcome]) -> Outcome:
     for n, (row, o) in enumerate(zip(problem.row, done, strict=True), 1):
         checks |= {f"row_{n}_{name}": check for name, check in o.checks.items() if not check.passed}
         if row.most_iterations is not None and o.iterations is not None:
-            kept = o.iterations <= row.most_iterations
-            checks[f"row_{n}_iterations"] = Check(float(o.iterations), float(row.most_iterations), kept)
+            checks[f"row_{n}_iterations"] = at_most(float(o.iterations), float(row.most_iterations))
     runs = [(row.name, o.trajectory) for row, o in zip(problem.row, done, strict=True) if o.trajectory is not None]
     return Outcome(
         status=SolveStatus.SOLVED,
@@ -126,6 +125,7 @@ def _outcome(problem: Schema, done: list[Outcome]) -> Outcome:
         rows=_rows(problem, done, saving, first["energy"] / final["energy"]),
         figures={"paths": lambda: _figure(runs), "forces": lambda: _forces(problem, runs)},
         files={f"row_{n}_{name}": content for n, o in enumerate(done, 1) for name, content in o.files.items()},
+        machine_files=[f"row_{n}_{name}" for n, o in enumerate(done, 1) for name in o.machine_files],
     )
 
 

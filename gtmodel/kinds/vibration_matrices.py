@@ -9,7 +9,7 @@ import numpy as np
 from gtmodel.results import SolveStatus
 from gtmodel.vibration import DefiniteForm, Modes, VibrationError, definite_form, modes, sign_question
 
-from .base import Check, InputError, Outcome, Row
+from .base import Check, InputError, Outcome, Row, at_most
 from .vibration_keys import Schema
 from .vibration_values import listed, pairs_of, rows_of, values
 
@@ -91,7 +91,7 @@ def _checks(problem: Schema, printed: Modes) -> dict[str, Check]:
             f"has {len(X.published_Hz)} modes; the matrices have {len(printed.frequency_Hz)}", "matrices.published_Hz"
         )
     error = float(np.abs(np.sort(X.published_Hz) - printed.frequency_Hz).max())
-    return {"published_Hz": Check(error, X.published_digits_Hz, error <= X.published_digits_Hz)}
+    return {"published_Hz": at_most(error, X.published_digits_Hz)}
 
 
 def _figure(problem: Schema, found: dict[str, Modes], definite: DefiniteForm | None, chosen: str) -> Any:

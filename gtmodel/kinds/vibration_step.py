@@ -9,7 +9,7 @@ import tomli_w
 from gtmodel.results import SolveStatus
 from gtmodel.vibration import Record, StepModel, identify_step
 
-from .base import Check, Outcome, Row
+from .base import Check, Outcome, Row, at_most
 from .vibration_keys import Schema
 from .vibration_values import interval, said, values
 
@@ -56,6 +56,7 @@ def solve_step(problem: Schema, records: list[Record]) -> Outcome:
         rows=rows,
         figures={"step": lambda: _figure(problem, records, m)},
         files={"parameters.toml": comment + tomli_w.dumps(numbers)},
+        machine_files=("parameters.toml",),
     )
 
 
@@ -65,7 +66,7 @@ def _checks(problem: Schema, m: StepModel) -> dict[str, Check]:
         return {}
     error = max(abs((1 - m.a) / (1 - t.a) - 1), abs(m.b / t.b - 1) if t.b else 0.0)
     late = abs(m.delay - t.delay_samples)
-    return {"coefficient_error": Check(error, WITHIN, error <= WITHIN), "delay_error": Check(late, 0, late == 0)}
+    return {"coefficient_error": at_most(error, WITHIN), "delay_error": Check(late, 0, late == 0)}
 
 
 def _figure(problem: Schema, records: list[Record], m: StepModel) -> Any:

@@ -18,7 +18,7 @@ from gtmodel.kinematics.workspace import (
 )
 from gtmodel.results import SolveStatus
 
-from .base import Check, Context, InputError, Outcome, Row, Section
+from .base import Check, Context, InputError, Outcome, Row, Section, at_most
 from .mechanism import Mechanism, home_figure
 from .robot_keys import RobotProblem
 from .section_keys import SectionKeys
@@ -48,6 +48,7 @@ VALUES = {
 
 # relative change of the area when the step is doubled: boundary crossings are bisected, the rest is of second order
 CONVERGENCE = 0.01
+FINER = "use a smaller section.step_m"
 # relative: the same polygons by cells and by loops
 POLYGONS = 1e-9
 MOST_POINTS = 2.5e7  # of a section, some 500 MB
@@ -217,9 +218,6 @@ def _outcome(
     if volume is not None and volume.on_edge:
         cuts.append("the volume reaches its first or last section, or the edge of one, and is cut there")
     message = "; ".join(cuts) or SolveStatus.SOLVED.sentence
-    if failed := [name for name, check in checks.items() if not check.passed]:
-        verb = "exceeds its bound" if len(failed) == 1 else "exceed their bounds"
-        message += f", but {' and '.join(failed)} {verb}; use a smaller section.step_m"
     if empty:
         most = max(values["reasons"], key=values["reasons"].get)
         message = f"no point of the section is reached; most often: {most}"
@@ -230,7 +228,7 @@ def _outcome(
         message=message,
         checks=checks,
         values=values,
-        rows=_rows_of(values),
+        rows=[*_rows_of(values), *(Row("cut", sentence) for sentence in cuts)],
         figures={
             "section": lambda: _section_figure(problem, robot, main, bare, cones, len(reach.limits) > 1),
             "robot": lambda: home_figure(robot, [main.section.points(p) for p in main.region.loops], problem.title),
@@ -258,8 +256,8 @@ def _checks(main: SectionMap, coarse: SectionMap) -> dict[str, Check]:
     change = abs(area - coarse.region.area) / area
     polygons = abs(main.region.area_within_loops - area) / area
     return {
-        "area_change_at_double_step": Check(change, CONVERGENCE, change <= CONVERGENCE),
-        "area_within_boundary": Check(polygons, POLYGONS, polygons <= POLYGONS),
+        "area_change_at_double_step": at_most(change, CONVERGENCE, FINER),
+        "area_within_boundary": at_most(polygons, POLYGONS, FINER),
     }
 
 

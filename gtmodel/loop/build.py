@@ -12,6 +12,7 @@ from .._files import codegen_dir
 from ..cgen import GenerationError
 from ..cgen.manifest import changed_files, lacks, read, sha256
 from ..cgen.toolchain import STANDARD, WARNINGS, find
+from ..results.folder import unfinished
 
 ADAPTER = "gt_loop_model.c"
 PROGRAM = "gt_loop"
@@ -24,7 +25,7 @@ _INVERSE_DYNAMICS = (("T", "der(T)", "der(T,2)"), ("tau",))
 def manifest_of(folder: Path) -> dict[str, Any]:
     """The manifest of a generated folder that is as gtmodel wrote it. Raises GenerationError."""
     content = read(folder)
-    if content is None:
+    if content is None or unfinished(folder):
         raise GenerationError(f"'{folder}' {lacks(folder)}; make it with gtmodel codegen PROBLEM.toml -o {folder}")
     changed = changed_files(folder, content)
     if changed:

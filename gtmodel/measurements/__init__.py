@@ -13,6 +13,10 @@ Signals
     Corrections       the free ones of a set of signals, session by session
     offset_columns    the regressor of offsets that are free
 
+Copies
+    copies            rows that equal an earlier one
+    copied_stretch    samples in a row that repeat earlier ones
+
 Filters
     ZeroPhase         Butterworth low pass forth and back
     cutoff_for        its cut-off from the band that the motion excites
@@ -25,6 +29,7 @@ Filters
     moving            where a velocity is far from zero, and the share dropped
 """
 
+from .copies import Stretch, copied_stretch, copies
 from .filters import (
     Moving,
     ZeroPhase,
@@ -48,7 +53,10 @@ __all__ = [
     "Moving",
     "Session",
     "Signal",
+    "Stretch",
     "ZeroPhase",
+    "copied_stretch",
+    "copies",
     "cutoff_for",
     "decimate",
     "derivative",

@@ -55,11 +55,13 @@ class _Word(enum.StrEnum):
 class SolveStatus(_Word):
     """What a whole solve or simulation ended with. The value is the machine word, as in ``result.json``.
 
-    ``sentence`` is the plain English shown to people; ``ok`` is True only for a solved problem: an
-    interrupted run, or one at its iteration limit, holds its best iterate, but is not to be relied on.
+    ``sentence`` is the plain English shown to people; ``ok`` is True only for a solved problem whose checks
+    passed: an interrupted run, or one at its iteration limit, holds its best iterate, but is not to be relied on.
+    ``converged`` is True for a whole solution, whatever its checks say: what a search may go on from.
     """
 
     SOLVED = "solved", "a solution was found to the requested tolerance"
+    CHECK_FAILED = "check_failed", "a solution was found, but a check says that it must not be relied on"
     INFEASIBLE = "infeasible", "no point was found that satisfies all constraints"
     ITERATION_LIMIT = "iteration_limit", "the iteration limit was reached before the tolerance was"
     INTERRUPTED = "interrupted", "the run was stopped early, by the user or by its time limit"
@@ -70,8 +72,13 @@ class SolveStatus(_Word):
 
     @property
     def ok(self) -> bool:
-        """True when the problem was solved."""
+        """True when the problem was solved and every check passed."""
         return self is SolveStatus.SOLVED
+
+    @property
+    def converged(self) -> bool:
+        """True when there is a whole solution; a check of it may have failed."""
+        return self in (SolveStatus.SOLVED, SolveStatus.CHECK_FAILED)
 
 
 class ModesStatus(_Word):

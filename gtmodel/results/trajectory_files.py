@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import os
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,6 +21,11 @@ PathLike = str | os.PathLike[str]
 
 def write_csv(trajectory: Trajectory, path: PathLike, overwrite: bool) -> None:
     """Write a CSV file; see `Trajectory.to_csv`."""
+    _write(path, csv_bytes(trajectory), overwrite)
+
+
+def csv_bytes(trajectory: Trajectory) -> bytes:
+    """What `write_csv` writes."""
     values = {name: trajectory[name] for name in trajectory.names}
     origin = json_text(trajectory.provenance) if trajectory.provenance else ""
     notes = {"title": trajectory.title, "synthetic": trajectory.synthetic, "provenance": origin}
@@ -31,7 +37,7 @@ def write_csv(trajectory: Trajectory, path: PathLike, overwrite: bool) -> None:
     lines.append(",".join(cells))
     table = np.column_stack([trajectory.time, *values.values()])
     lines += [",".join(map(repr, row)) for row in table.tolist()]
-    _write(path, ("\n".join(lines) + "\n").encode(), overwrite)
+    return ("\n".join(lines) + "\n").encode()
 
 
 def write_npz(trajectory: Trajectory, path: PathLike, overwrite: bool) -> None:
@@ -74,10 +80,22 @@ def _quoted(cell: str) -> str:
 
 
 def _write(path: PathLike, data: bytes, overwrite: bool) -> None:
+    """What breaks off leaves the earlier file; only a process that is killed while it makes a new one leaves a part."""
+    place = Path(os.path.realpath(path))
+    beside = overwrite and (place.is_file() or not place.exists())  # a device is no file to be replaced
+    part = place.with_name(f".{place.name}.{os.getpid()}.part") if beside else place
     try:
-        with open(path, "wb" if overwrite else "xb") as file:
-            file.write(data)
+        file = open(part, "wb" if overwrite else "xb")  # noqa: SIM115
     except FileExistsError:
         raise FileExistsError(
             f"{path} is already there and was left alone; choose another path or pass overwrite=True"
         ) from None
+    try:
+        with file:
+            file.write(data)
+        if beside:
+            os.replace(part, place)
+    except BaseException:
+        if beside or not overwrite:
+            part.unlink(missing_ok=True)
+        raise

@@ -11,6 +11,7 @@ from .choice import LARGEST_CHANGE, SWITCH_BELOW, Reference
 from .ending import Ended, wall
 from .inputs import Inputs
 from .jumping import after_jump
+from .pace import Pace
 from .record import Recorder
 from .result import Progress, Switch
 from .step import CHUNKS
@@ -28,7 +29,7 @@ OTHER_TOLERANCES, OTHER = 100.0, 1e-4
 
 class Course:
     """Where a simulation is, and with which states. `rows` are the times to record, start and end included; `grid`
-    holds them and further times that intervals end at."""
+    holds them and further times that intervals end at; `pace` bounds the integrator's own steps."""
 
     def __init__(
         self,
@@ -39,8 +40,10 @@ class Course:
         system: System,
         rows: np.ndarray,
         grid: np.ndarray,
+        pace: Pace,
     ) -> None:
         self._systems, self._inputs, self._recorder, self._rows, self._grid = systems, inputs, recorder, rows, grid
+        self._pace = pace
         self.audit = Audit(systems.plan)
         self.system = system
         self.switches: list[Switch] = []
@@ -64,7 +67,7 @@ class Course:
         end = float(self._rows[-1])
         at = np.array([self._time])
         self._record(at, self._x[None, :], self._z[None, :], self._work[None, :], self._here()[None, :])
-        knots = self._inputs.knots(self._time, end).tolist()
+        knots = np.union1d(self._inputs.knots(self._time, end), self._pace.knots).tolist()
         for stop in [*knots, end]:
             while self._time < stop:
                 self._advance(stop, self._span(stop))
@@ -130,7 +133,9 @@ class Course:
             if self._creeps():
                 raise self._wall()
             times, length = self._intervals(stop, span, most)
-            result = self.system.stepper(self._x, self._z, self._time, length, self._p, len(times))
+            result = self.system.stepper(
+                self._x, self._z, self._time, length, self._p, len(times), self._pace.at(self._time)
+            )
             if result is not None and self._accept(times, *result):
                 self._last_span = last
                 return

@@ -18,6 +18,7 @@ from .arguments import by_name, longest_step, names, number, output_step, span
 from .impulses import refuse_impulses
 from .inputs import Inputs, read_inputs
 from .jumps import refuse_jumps
+from .pace import pace_of
 from .record import Recorder
 from .result import NotSimulated, Progress, Simulation
 from .systems import System, Systems
@@ -51,8 +52,9 @@ def simulate(
             prescribed too, other start attributes are guesses. States that are free after that start as near to
             zero as they can.
         step: interval [s] of the recorded rows; default a 500th of the run. The integrator chooses its own steps.
-        max_step: longest internal step [s], for what is short and comes after rest: pulses of an input function
-            longer than a 50000th of the run are found without it.
+        max_step: longest internal step [s]. Short pulses of functions of time, in inputs and in the model's equations,
+            are found without it, however short they are, where they leave a straight line by more than a
+            ten-thousandth of the function's range; it is for what comes out of nothing in another way.
         outputs: further names to record, e.g. "arm[0].rod.tension".
         prefer: names to keep as states as long as they are good for it.
         tolerance: relative and absolute tolerance of the integrator, in nominals.
@@ -72,7 +74,8 @@ def simulate(
     # roots are watched from one time to the next: as often as rows are recorded by default
     watched = (final_time - start_time) / OUTPUT_STEPS if ready.system.roots else np.inf
     grid = _grid(rows, min(max_step, watched))
-    course = Course(ready.systems, ready.inputs, ready.recorder, ready.initial, ready.system, rows, grid)
+    pace = pace_of(ready.systems.driven(), ready.inputs.t, start_time, final_time)
+    course = Course(ready.systems, ready.inputs, ready.recorder, ready.initial, ready.system, rows, grid, pace)
     status, message = SolveStatus.SOLVED, "simulated"
     try:
         course.run(progress)

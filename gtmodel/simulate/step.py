@@ -15,6 +15,8 @@ from .reduced import Reduced
 CHUNKS = (50, 10, 1)
 # internal steps in one interval: where that is not enough, the interval is halved
 MOST_STEPS = 1000
+# longest internal steps, in intervals, are powers of this
+STEP_RATIO = 4.0
 
 
 class Stepper:
@@ -48,28 +50,41 @@ class Stepper:
             "disable_internal_warnings": True,
             "show_eval_warnings": False,  # a step that leaves the model's range is tried again, shorter
         }
-        if bounded:
-            self._options["max_step_size"] = 1.0  # one interval
+        self._most = 1.0 if bounded else np.inf  # intervals in one internal step
         if z.numel():
             self._dae |= {"z": z, "alg": residuals}
             self._options["calc_ic"] = True
         else:
             self._options["linear_multistep_method"] = method
-        self._integrators: dict[int, ca.Function] = {}
+        self._integrators: dict[tuple[int, float], ca.Function] = {}
 
-    def _integrator(self, count: int) -> ca.Function:
-        if count not in self._integrators:
+    def _longest(self, intervals: float, count: int) -> float:
+        """Longest internal step in intervals, rounded down so that few integrators serve all lengths."""
+        longest = min(self._most, intervals)
+        return STEP_RATIO ** float(np.floor(np.log(longest) / np.log(STEP_RATIO))) if longest < count else np.inf
+
+    def _integrator(self, count: int, longest: float) -> ca.Function:
+        if (count, longest) not in self._integrators:
             grid = list(map(float, range(1, count + 1)))
             plugin = "idas" if "z" in self._dae else "cvodes"
-            self._integrators[count] = ca.integrator(f"step{count}", plugin, self._dae, 0.0, grid, self._options)
-        return self._integrators[count]
+            options = self._options | ({"max_step_size": longest} if longest < count else {})
+            self._integrators[count, longest] = ca.integrator(f"step{count}", plugin, self._dae, 0.0, grid, options)
+        return self._integrators[count, longest]
 
     def __call__(
-        self, x: np.ndarray, z: np.ndarray, time: float, length: float, p: np.ndarray, count: int = 1
+        self,
+        x: np.ndarray,
+        z: np.ndarray,
+        time: float,
+        length: float,
+        p: np.ndarray,
+        count: int = 1,
+        longest: float = np.inf,
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
         """After each of `count` (one of CHUNKS) intervals of `length` seconds: states (count, n), Newton unknowns
-        (count, m), and the energies supplied and dissipated since the start of the call (count, 2)."""
-        integrator = self._integrator(count)
+        (count, m), and the energies supplied and dissipated since the start of the call (count, 2). `longest`: of its
+        internal steps [s]."""
+        integrator = self._integrator(count, self._longest(longest / length, count))
         start = np.concatenate([x / self.x_scale, [0.0, 0.0]])
         try:
             # SUNDIALS says on the terminal what it returns as well

@@ -103,6 +103,16 @@ class Systems:
             self._made[id(branch)] = System(choice, branch.plan, reduced, stepper, self._tolerance)
         return self._made[id(branch)]
 
+    def driven(self) -> ca.SX:
+        """What functions of time act on: the inputs themselves, and the model's equations as a person wrote them."""
+        flat, inputs = self._flat, self._inputs
+        column = ca.vertcat(*[e.residual for e in flat.equations], *[e.expression for e in flat.energies])
+        given = [pair for pair in flat.scope.symbols_in(column) if pair[0] in inputs.functions]
+        old = [flat.scope.time, flat.p, *(flat.scope.symbol(*pair) for pair in given)]
+        new = [inputs.t, self._fold, *(inputs.expression(*pair) for pair in given)]
+        written = ca.substitute(column, ca.vertcat(*old), ca.vertcat(*new))
+        return ca.vertcat(*inputs.functions.values(), written)
+
     def _branch(self, states: list[int], w: np.ndarray, time: float) -> Branch:
         plan = self._plan(self.plan.pairs, states, rates=True, at=(w, time))
         assert plan.pairs == self.plan.pairs

@@ -164,4 +164,7 @@ def _generated(f: Any, name: str) -> str:
     generator.add(f)
     with tempfile.TemporaryDirectory() as folder:
         generator.generate(f"{folder}/")
-        return (Path(folder) / f"{name}.c").read_text(encoding="utf-8")
+        text = (Path(folder) / f"{name}.c").read_text(encoding="utf-8")
+    if not text.endswith("#endif\n"):  # CasADi does not tell of a disk that is full
+        raise OSError(f"the temporary folder {folder} does not take the code; free space, or set TMPDIR")
+    return text

@@ -12,6 +12,7 @@ from scipy.optimize import minimize_scalar
 from scipy.signal import lfilter
 
 from gtmodel.inference import nonlinear_fit, whiteness
+from gtmodel.measurements import copied_stretch
 from gtmodel.results import Estimate
 
 from .output_error import central
@@ -71,7 +72,7 @@ def identify_step(records: Record | Sequence[Record], *, delay: int | None = Non
 
     Every recording starts at rest, where its first input holds; its rest position is eliminated. The covariance is for
     white noise and a known delay. Raises VibrationError: several inputs or outputs, other sample times, an input that
-    does not move, a delay longer than the data, no convergence.
+    does not move, a delay longer than the data, data that are copies of others, no convergence.
     """
     given = [records] if isinstance(records, Record) else list(records)
     _check(given, delay, longest)
@@ -165,6 +166,14 @@ def _check(given: Sequence[Record], delay: int | None, longest: int) -> None:
                 f"a delay of {wanted} samples is longer than the data: {left} samples follow the step of recording "
                 f"{n + 1}, expected at least {wanted + AFTER}; record longer, or lower the delay"
             )
+
+    copy = copied_stretch([np.hstack([r.u, r.y]) for r in given])
+    if copy is not None:
+        raise VibrationError(
+            f"{copy.rows} samples of recording {copy.again + 1}, from sample {copy.at} on, are copies of recording "
+            f"{copy.first + 1} from sample {copy.of} on; noise does not repeat itself, and a copy counts twice and "
+            "narrows the intervals: take it out"
+        )
 
 
 def _unit(r: Record, a: float, delay: int) -> np.ndarray:

@@ -12,9 +12,10 @@ import pytest
 
 import gtmodel as gt
 from gtmodel import Status, cgen
+from gtmodel.cgen.box_points import box_points
 from gtmodel.cgen.comparison import call
 from gtmodel.cgen.interface import Interface, interfaces
-from gtmodel.cgen.points import HELD
+from gtmodel.cgen.points import HELD, evaluate
 from tests.cgen.calls import denormals, shared_library, spoilt_draws
 from tests.cgen.conftest import Functions
 from tests.oracle.f1_by_hand import F1ByHand, from_quaternion
@@ -82,6 +83,10 @@ def test_a_status_for_every_call(
     for impossible in (stretched, beyond):
         assert np.sum(impossible & ~spoilt) > 0.05 * rows and not np.any(ok & impossible)
     if key == "velocity":
+        rate = inputs[:, 10:14]
+        with np.errstate(invalid="ignore", over="ignore"):  # a quaternion's rate that no rotation has
+            radial = np.abs(np.sum(every * rate, axis=1)) > 1e-5 * (1 + np.linalg.norm(rate, axis=1))
+        assert np.sum(radial & ~spoilt) > 0.3 * rows and not np.any(ok & radial)
         rates = found[:, 6:12], given[:, 3:6], given[:, 10:14]
         ahead, behind = (
             closures(by_hand, found[:, :6] + s * rates[0], T + s * rates[1], e + s * rates[2])
@@ -89,6 +94,24 @@ def test_a_status_for_every_call(
         )
         size = np.maximum(1.0, np.max(np.abs(np.column_stack(rates)), axis=1))
         assert np.max(np.abs(ahead - behind)[:, :] / (2 * STEP_S) / size[:, None] ** 3) < DRIFT
+
+
+def test_points_of_a_box_keep_the_conditions_and_their_rates(f1: Functions) -> None:
+    box = {
+        "T": [[-0.39, 0.01], [2.1, 2.5], [-0.2, 0.2]],
+        "e": [[0.45, 0.55], [0.45, 0.55], [0.44, 0.54], [-0.55, -0.45]],
+        "der(T)": [[-1.5, 1.5]],
+        "der(e)": [[-0.5, 0.5]],
+    }
+    (face,) = interfaces({"velocity": f1["velocity"]}, "f", box=box)
+    inputs = box_points(face, 300, seed=3)[:, :14]
+    e, rate = inputs[:, 6:10], inputs[:, 10:14]
+    assert np.max(np.abs(np.sum(e * e, axis=1) - 1)) < 1e-12 and np.max(np.abs(np.sum(e * rate, axis=1))) < 1e-12
+    low, high = np.array(face.box).T
+    assert np.all(inputs > low - 1e-3) and np.all(inputs < high + 1e-3)
+    assert np.ptp(rate, axis=0).min() > 0.9  # and still fill it
+    outputs, status = evaluate(face, box_points(face, 300, seed=3))
+    assert np.all(status == Status.OK) and np.all(np.isfinite(outputs))
 
 
 @pytest.mark.parametrize("key", KEYS)

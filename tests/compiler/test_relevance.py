@@ -58,6 +58,76 @@ def test_known_values_that_break_a_condition_get_a_status_and_leave_the_other_ro
     assert "condition on the known values: Cart equation 3" in f.explain()
 
 
+class Needle(gt.Model):
+    """A needle of some length along h and what it says of its own motion, times two so that rates are not bare."""
+
+    length = gt.parameter(1.0, positive=True)
+    h = gt.variable(3, start=lambda self: [0.6 * self.length, 0.0, 0.8 * self.length])
+    c = gt.variable()
+
+    def equations(self):
+        yield gt.dot(self.h, self.h) == self.length**2
+        yield self.c == 2 * self.h[0] - self.h[1] * self.h[2] / self.length
+
+
+def _on_the_sphere(rng: np.random.Generator, length: float, size: float) -> list[np.ndarray]:
+    """A place, a velocity and an acceleration of a point that stays on a sphere."""
+    h = rng.standard_normal(3)
+    h *= length / np.linalg.norm(h)
+    v = size * np.cross(rng.standard_normal(3), h)
+    a = size**2 * np.cross(rng.standard_normal(3), h)
+    return [h, v, a - h * (v @ v + a @ h) / length**2]
+
+
+@pytest.mark.parametrize("length", [1e-4, 1.0, 3e3])
+@pytest.mark.parametrize("order", [1, 2])
+def test_rates_of_known_values_satisfy_their_condition_too(length: float, order: int):
+    f = Needle(length=length).causal(known="h", targets=f"der(c,{order})")
+    rng = np.random.default_rng(order)
+    for _ in range(20):
+        point = _on_the_sphere(rng, length, 10.0 ** rng.uniform(-3, 3))
+        h, v, a = point
+        *_, status = f(*point[: order + 1])
+        assert status is gt.Status.OK
+        expected = [
+            2 * v[0] - (v[1] * h[2] + h[1] * v[2]) / length,
+            2 * a[0] - (a[1] * h[2] + 2 * v[1] * v[2] + h[1] * a[2]) / length,
+        ][order - 1]
+        largest = np.abs(np.concatenate(point)).max()
+        assert f(*point[: order + 1])[0] == pytest.approx(expected, rel=1e-9, abs=1e-12 * largest)
+        for k in range(order + 1):  # along h a rate is no motion on the sphere; 1e-4 is coarser than six digits
+            wrong = [*point[:k], point[k] + 1e-4 * (np.linalg.norm(point[k]) + length) / length * h, *point[k + 1 :]]
+            value, status = f(*wrong[: order + 1])
+            assert status is gt.Status.OUT_OF_RANGE and np.isnan(value)
+
+
+def test_the_rate_of_a_condition_is_named():
+    f = Needle().causal(known="h", targets="der(c)")
+    h = np.array([0.6, 0.0, 0.8])
+    assert f(h, np.zeros(3))[1] is gt.Status.OK
+    assert "do not satisfy Needle equation 1' (" in f.diagnose(h, 0.5 * h)
+    assert "condition on the known values: Needle equation 1' (" in f.explain()
+    assert f.jacobian(h, 0.5 * h)[1] is gt.Status.OUT_OF_RANGE
+
+
+class Clock(gt.Model):
+    """A known pair whose radius grows with time."""
+
+    x = gt.variable(2, start=[1.0, 0.0])
+    y = gt.variable()
+
+    def equations(self):
+        yield gt.dot(self.x, self.x) == (1 + self.time) ** 2
+        yield self.y == self.x[0] + self.x[1]
+
+
+def test_a_condition_may_depend_on_time():
+    f = Clock().causal(known="x", targets="der(y)")
+    assert f([0.0, 3.0], [0.4, 1.0], 2.0) == (1.4, gt.Status.OK)
+    for x, v, time in (([0.0, 3.0], [0.4, 1.1], 2.0), ([0.0, 3.0], [0.4, 1.0], 1.9)):
+        assert f(x, v, time)[1] is gt.Status.OUT_OF_RANGE
+
+
 def test_a_function_that_does_not_read_them_asks_for_no_condition():
     f = Cart().causal(known=["x", "h"], targets="y")
     assert [s.name for s in f.inputs] == ["x"]

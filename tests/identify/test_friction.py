@@ -1,10 +1,20 @@
 """Friction from constant-velocity runs: exact lines come back, intervals hold, and what is open stays open."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from scipy.optimize import minimize_scalar
 
-from gtmodel.identify import FrictionError, Runs, constant_velocity_log, identify_friction, mass_by_norm, steady_runs
+from gtmodel.identify import (
+    FrictionError,
+    Runs,
+    constant_velocity_log,
+    identify_friction,
+    joined,
+    mass_by_norm,
+    steady_runs,
+)
 from gtmodel.results import TrajectoryError
 
 PATTERN = np.array([[-7.9, -0.65, 8.55], [-11.7, -0.96, 12.66], [-9.0, -1.5, 10.5]])
@@ -98,6 +108,59 @@ def test_runs_are_found_in_a_log() -> None:
     assert again.trajectory == log.trajectory
     with pytest.raises(TrajectoryError, match=r"holds no steady motion of 5 s"):
         steady_runs(log, shortest=5.0)
+
+
+@pytest.mark.parametrize("symmetric", [False, True])
+@pytest.mark.parametrize("gravity", ["most_symmetric", "poses"])
+@pytest.mark.parametrize("seed", range(3))
+def test_signs_that_no_drive_can_have_are_refused(seed: int, gravity: Any, symmetric: bool) -> None:
+    data = runs(3.0, seed)
+    how = dict(gravity=gravity, symmetric=symmetric)
+    for wrong in (data._replace(force=-data.force), data._replace(velocity=-data.velocity)):
+        with pytest.raises(FrictionError, match=r"cart 1: friction would drive it .* check the sign"):
+            identify_friction(wrong, PATTERN, **how)
+    one = data.force * [1, 1, -1]
+    with pytest.raises(FrictionError, match=r"cart 3: friction would drive it"):
+        identify_friction(data._replace(force=one), PATTERN, **how)
+    # both reversed: friction brakes again, but gravity pulls upwards
+    both = data._replace(force=-data.force, velocity=-data.velocity)
+    with pytest.raises(FrictionError, match=r"the mass would be -.* kg, which none can be"):
+        identify_friction(both, PATTERN, **how)
+
+
+def test_friction_and_masses_about_zero_are_not_refused() -> None:
+    v = runs().velocity
+    for seed in range(50):
+        noise = np.random.default_rng(seed).normal(0.0, 3.0, v.shape)
+        identify_friction(runs()._replace(force=noise), PATTERN, gravity="poses")
+
+
+@pytest.mark.parametrize("times", [2, 20])
+def test_copied_runs_are_refused(times: int) -> None:
+    data = runs(3.0, 1)
+    copied = Runs(*(np.concatenate([part] * times) for part in data))
+    with pytest.raises(FrictionError, match=rf"{24 * (times - 1)} of {24 * times} runs are copies of others"):
+        identify_friction(copied, PATTERN)
+    # a log joined to itself: times differ, and with them the last digits of the means
+    log = constant_velocity_log(SPEEDS.tolist(), law, np.full(3, 30.0), seed=3, noise=5.0)
+    found = steady_runs(log)
+    later = found._replace(velocity=found.velocity * (1 + 1e-15), pose=found.pose + 1)
+    with pytest.raises(FrictionError, match=r"runs are copies of others"):
+        identify_friction(joined([found, later]), PATTERN[:2])
+
+
+def test_what_no_fit_can_take_is_said() -> None:
+    data = runs(3.0, 1)
+    with pytest.raises(FrictionError, match=r"one kilogram loads no cart"):
+        identify_friction(data, 0 * PATTERN)
+    with pytest.raises(FrictionError, match=r"run 3 of cart 2 has no finite number among the forces"):
+        force = data.force.copy()
+        force[2, 1] = np.nan
+        identify_friction(data._replace(force=force), PATTERN)
+    with pytest.raises(FrictionError, match=r"names pose 3; the pattern has 2"):
+        identify_friction(data, PATTERN[:2])
+    with pytest.raises(FrictionError, match=r"have the shape"):
+        identify_friction(data, PATTERN[:, :2])
 
 
 def test_refusals() -> None:

@@ -26,3 +26,9 @@ def third_fails(rng: np.random.Generator, k: int) -> int:
 def slow(rng: np.random.Generator, k: int) -> int:
     time.sleep(60 if k else 0)
     return k
+
+
+def tells_its_number(rng: np.random.Generator, k: int) -> int:
+    print(os.getpid(), flush=True)
+    time.sleep(60)
+    return k

@@ -1,8 +1,13 @@
 """Runs by seed: the same for any number of processes, counted, interrupted; and the binomial band."""
 
+import multiprocessing
 import os
+import signal
+import subprocess
+import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,6 +16,7 @@ from scipy.special import comb
 
 from gtmodel.inference import binomial_band, coverage, monte_carlo
 from tests.inference.runs import mean_of_ten, own_seed, slow, third_fails
+from tests.support.commands import environment
 
 
 def test_the_band_is_exact():
@@ -67,3 +73,42 @@ def test_ctrl_c_keeps_what_is_done():
 
     found = monte_carlo(own_seed, 6, 1, processes=0, progress=stop)
     assert found.interrupted and found.indices == (0, 1, 2)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no such signals on Windows")
+def test_signals_to_the_whole_group_leave_the_workers_to_the_parent():
+    """A batch system, or Ctrl-C, reaches every process of the group: the runs at work are not lost for it."""
+
+    def signal_workers(done: int, of: int) -> None:
+        for worker in multiprocessing.active_children():
+            os.kill(worker.pid or 0, signal.SIGTERM)
+            os.kill(worker.pid or 0, signal.SIGINT)
+
+    found = monte_carlo(own_seed, 6, 42, processes=2, progress=signal_workers)
+    assert not found.interrupted and found.indices == tuple(range(6))
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no SIGKILL on Windows")
+def test_workers_end_with_their_parent(tmp_path):
+    """Killed without a word, it leaves nobody computing."""
+    script = tmp_path / "parent.py"
+    script.write_text(
+        "import os\nfrom gtmodel.inference import monte_carlo\nfrom tests.inference.runs import tells_its_number\n"
+        "if __name__ == '__main__':\n    monte_carlo(tells_its_number, 2, 1, processes=1)\n"
+    )
+    with subprocess.Popen([sys.executable, script], env=environment(), stdout=subprocess.PIPE, text=True) as parent:
+        assert parent.stdout is not None
+        worker = int(parent.stdout.readline())
+        parent.kill()
+    deadline = time.monotonic() + 30
+    while alive(worker) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert not alive(worker)
+
+
+def alive(process: int) -> bool:
+    try:
+        state = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0]
+    except FileNotFoundError:
+        return False
+    return state != "Z"

@@ -49,8 +49,17 @@ def test_a_sound_log_raises_no_suspicion(tmp_path: Path):
     [
         (lambda x: x * [1, -1, 1], {"unexplained_share", "work_of_friction_J"}, r"tau\[1\]: friction would drive"),
         (lambda x: x[:, [1, 0, 2]], {"unexplained_share"}, r"tau\[0\]: .* left unexplained; check sign, order"),
-        (lambda x: 1e-3 * x, set(), "m_p is 0.00102 times its nominal value; check the units"),
-        (lambda x: np.clip(x, -500, 500), set(), r"tau\[2\] of .* stands at its largest value, 500 N, in 17 % of the"),
+        (lambda x: 1e-3 * x, {"parameters_far_off"}, "m_p is 0.00102 times its nominal value; check the units"),
+        (
+            lambda x: np.roll(x, 1, axis=0),
+            {"delay_moves_a_parameter"},
+            r"the efforts look .* ms later than the positions",
+        ),
+        (
+            lambda x: np.clip(x, -500, 500),
+            {"saturated_share"},
+            r"tau\[2\] of .* stands at its largest value, 500 N, in 17 % of the",
+        ),
     ],
 )
 def test_wrong_efforts(tmp_path: Path, tau: Any, fails: set[str], said: str):

@@ -71,7 +71,7 @@ def test_command_prints_one_object(folder: Path, motion: Path, place: Path, caps
     code = main([*words, "--out", str(place), "--json"])
     printed = json.loads(capsys.readouterr().out)
     # 0.2 s are rest only: nothing to gain, so that the command says it was not better
-    assert (code, printed["status"], printed["kind"]) == (1, "failed", "loop")
+    assert (code, printed["status"], printed["kind"]) == (1, "check_failed", "loop")
     assert "rms_error_ratio" in printed["message"] and printed["values"]["cycles"] == 50
 
 
@@ -120,7 +120,7 @@ def test_a_loop_that_stopped_says_why(folder: Path, motion: Path, place: Path, m
     monkeypatch.setattr(loop_run, "STEP_LIMIT_M", 1e-6)
     finished = loop_run.run(folder, "rsi", 0.8, reference=motion, in_lockstep=True, out=place)
     message = finished.outcome.message
-    assert finished.outcome.status is SolveStatus.FAILED and "off_running_at_the_end" in message
+    assert finished.outcome.status is SolveStatus.CHECK_FAILED and "off_running_at_the_end" in message
     assert "the reference alone: stopped, the input lies outside the range where a solution exists" in message
 
 

@@ -130,7 +130,7 @@ class TestPlatforms:
         pose["tcp_m"][0] += 1e-6
         outcome = solve(platform=platform, pose=pose)
         assert outcome.values["commanded"] is None and not outcome.checks["commanded_error"].passed
-        assert outcome.message.endswith("but commanded_error exceeds its bound")
+        assert outcome.status is SolveStatus.CHECK_FAILED and "commanded_error" in outcome.message
 
     def test_architecturally_singular_platform_is_no_solution(self) -> None:
         angle = np.arange(6) * np.pi / 3

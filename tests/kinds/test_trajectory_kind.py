@@ -90,9 +90,8 @@ class TestNumbersOfTheIssue:
 
     def test_coarse_mesh_says_so(self):
         o = outcome("mesh.elements=10")
-        assert o.status is SolveStatus.SOLVED
-        bad = "end_error_m and exported_end_error_m"
-        assert o.message == f"solved, but {bad} exceed their bounds; use more mesh.elements"
+        assert o.status is SolveStatus.CHECK_FAILED and "exported_end_error_m" in o.message
+        assert o.message.endswith("; use more mesh.elements")
         assert not o.checks["exported_end_error_m"].passed and o.checks["exported_peak_force_N"].passed
 
 
@@ -145,7 +144,7 @@ class TestMotion:
 
     def test_payload_takes_time(self):
         light, heavy = outcome(*LIGHT), outcome(*LIGHT, "payload_kg=10")
-        assert heavy.status is SolveStatus.SOLVED
+        assert heavy.status.converged
         assert heavy.values["final_time_s"] > 1.02 * light.values["final_time_s"]
         assert heavy.objective > light.objective
 

@@ -42,6 +42,7 @@ def test_numbers_are_fixed() -> None:
 def test_words_are_fixed() -> None:
     words = [
         "solved",
+        "check_failed",
         "infeasible",
         "iteration_limit",
         "interrupted",

@@ -183,12 +183,11 @@ class TestPulses:
         run = simulate(Sum(), 100.0, inputs={"u": lambda t: gt.exp(-(((t - 53.13) / 1e-3) ** 2))})
         assert run.trajectory["x"][-1] == pytest.approx(np.sqrt(np.pi) * 1e-3, rel=1e-4)
 
-    def test_a_narrower_one_takes_a_longest_step(self):
+    def test_a_longest_step_between_far_rows(self):
         def pulse(t):
             return gt.exp(-(((t - 5.3137) / 2e-5) ** 2))
 
         area = np.sqrt(np.pi) * 2e-5
-        assert simulate(Sum(), 10.0, inputs={"u": pulse}).trajectory["x"][-1] < 0.01 * area
         run = simulate(Sum(), 10.0, step=5.0, inputs={"u": pulse}, max_step=8e-5, tolerance=1e-12)
         assert run.trajectory["x"][-1] == pytest.approx(area, rel=1e-4) and len(run.trajectory) == 3
 

@@ -44,6 +44,16 @@ def test_the_delay_is_found(delay) -> None:
     np.testing.assert_allclose(np.abs(found.system.poles()).max(), found.a)
 
 
+@pytest.mark.parametrize("times", [2, 20])
+def test_copied_recordings_are_refused(times) -> None:
+    given = steps(0.9647, 0.03527)
+    with pytest.raises(VibrationError, match=r"samples of recording 4, from sample 0 on, are copies of recording 1"):
+        identify_step(given * times)
+    joined = Record(np.vstack([r.u for r in given] * 2), np.vstack([r.y for r in given] * 2), TS)
+    with pytest.raises(VibrationError, match=r"are copies of recording 1"):
+        identify_step(joined)
+
+
 def test_an_offset_of_the_sensor_does_not_matter() -> None:
     plain = steps(0.9647, 0.03527)
     moved = [Record(r.u + 0.3, r.y + 0.1 * (n + 1), TS) for n, r in enumerate(plain)]

@@ -1,0 +1,103 @@
+"""Whether the efforts of a log come later than its positions: estimated from what is left over, and tested."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gtmodel.inference import FALSE_ALARM, newey_west
+from gtmodel.inference.covariance import white
+
+if TYPE_CHECKING:
+    from .inertia import Identification
+
+# of a parameter's standard deviation: a delay that moves none so far is within what the intervals allow for
+MATTERS = 1.0
+
+
+@dataclass(frozen=True)
+class Delay:
+    """How much later than the positions the efforts of a log come, with what it would do.
+
+    seconds: the estimate, negative where the positions come later; std [s]; p: of there being none; moved: the free
+    parameter that it moves farthest, by `moves` of its standard deviations, and `bound` on that: one, or what chance
+    moves it by.
+    """
+
+    seconds: float
+    std: float
+    p: float
+    moved: str
+    moves: float
+    bound: float
+
+    @property
+    def passed(self) -> bool:
+        """No delay that matters: chance explains it, or it moves no parameter by its standard deviation."""
+        return self.moves <= self.bound
+
+    @property
+    def sentence(self) -> str:
+        late, early = ("efforts", "positions") if self.seconds > 0 else ("positions", "efforts")
+        size = f"{1e3 * abs(self.seconds):.3g} ms +- {1e3 * self.std:.2g} ms"
+        if self.passed:
+            return f"no delay between efforts and positions is seen ({size}, p = {self.p:.2g})"
+        return (
+            f"the {late} look {size} later than the {early} (p = {self.p:.2g}); with that delay {self.moved} would "
+            f'move by {self.moves:.3g} standard deviations: estimate it, delay = "estimate", or find it in the logger'
+        )
+
+
+def delay_of(found: Identification) -> Delay | None:
+    """The delay that the rows of a fit show, to the first order: effort(t) = model(t - delay) - rate delay.
+
+    Its column, the measured efforts' rate, joins the free parameters; its variance is that of white or coloured
+    residuals as the fit has it. None where the rows hold no rates, or these are nothing but what the free parameters
+    explain, as at one frequency.
+    """
+    from scipy import stats  # here: it alone takes as long to import as all of gtmodel
+
+    rows, e = found.rows, found.unbounded
+    if rows.effort_rate is None:
+        return None
+    at = [rows.names.index(n) for n in e.names]
+    size = found.noise
+    base = rows.Y[:, :, at] / size[None, :, None]
+    J = np.concatenate([base, (-rows.effort_rate / size)[:, :, None]], axis=2)
+    n, m, k = J.shape
+    if n * m <= k:
+        return None
+    # of the fit without bounds: what it lacks is no matter of a parameter held at zero
+    values = found.parameters.copy()
+    values[at] = e.values
+    b = (rows.effort - rows.y0 - rows.Y @ values) / size
+    scale = np.linalg.norm(J.reshape(-1, k), axis=0)
+    x, _, rank, _ = np.linalg.lstsq(J.reshape(-1, k) / scale, b.reshape(-1), rcond=1e-10)
+    if rank < k:
+        return None
+    change = x / scale
+    left = b - J @ change
+    freedom = n * m - k
+    if found.confidence == "newey_west":
+        covariance = newey_west(J, left, starts=rows.starts)
+    else:
+        covariance = white(J.reshape(-1, k), float(np.sum(left**2)) / freedom, scale=1 / scale)
+    std = np.sqrt(np.diag(covariance))
+    if not std[-1] > 0:  # efforts without noise
+        return None
+    # against the intervals that are shown
+    own = {name: s for name, s in zip(found.estimate.names, found.estimate.std, strict=True)}
+    moves = [abs(c) / own[n] if n in own and own[n] > 0 else 0.0 for n, c in zip(e.names, change[:-1], strict=True)]
+    worst = int(np.argmax(moves))
+    deviations = abs(float(change[-1])) / float(std[-1])
+    by_chance = float(stats.t.isf(FALSE_ALARM / 2, freedom)) / max(deviations, np.finfo(float).tiny)
+    return Delay(
+        float(change[-1]),
+        float(std[-1]),
+        2 * float(stats.t.sf(deviations, freedom)),
+        e.names[worst],
+        float(moves[worst]),
+        max(MATTERS, float(moves[worst]) * by_chance),
+    )

@@ -1,0 +1,75 @@
+"""How much larger than fitted errors held-out ones may be before chance no longer explains it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+# probability that a sound model fails one verdict: seldom enough for an exit code that scripts rely on
+FALSE_ALARM = 1e-3
+# a ratio that matters: two halves of one recording or grid differ by some tenths where the model lacks a little
+MATTERS = 1.5
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """Held-out over fitted rms error: `ratio`, what a sound model has on average (`expected`), and the `bound`.
+
+    bound: the larger of `MATTERS` and of the ratio that a sound model passes with probability `false_alarm`.
+    """
+
+    ratio: float
+    expected: float
+    bound: float
+    false_alarm: float
+
+    @property
+    def passed(self) -> bool:
+        return self.ratio <= self.bound
+
+    @property
+    def sentence(self) -> str:
+        return (
+            f"held-out errors are {self.ratio:.3g} times the fitted ones; a sound model has {self.expected:.3g} on "
+            f"average, and more than {self.bound:.3g} in {100 * self.false_alarm:g} % of the cases at most"
+        )
+
+
+def held_out_ratio(
+    ratio: float,
+    growth: float,
+    fitted_freedom: float,
+    held_out_freedom: float,
+    *,
+    tests: int = 1,
+    false_alarm: float = FALSE_ALARM,
+    matters: float = MATTERS,
+) -> HeldOut:
+    """Judge a ratio of rms errors, held out over fitted.
+
+    Args:
+        ratio: of the rms errors as they are.
+        growth: of their expected mean squares, for a sound model: (1 + leverage held out) / (1 - leverage fitted). With
+            p parameters, N fitted and as many held-out equations alike about (N + p) / (N - p).
+        fitted_freedom, held_out_freedom: of the two mean squares: as many independent normal errors of one size have
+            their relative spread; fewer where errors are coloured or of different sizes, see `freedom_of`.
+        tests: how many such ratios are judged together, each getting its part of the false alarms.
+
+    The fit and the errors it has not seen are independent, so that ratio^2 / growth has the F distribution; exact for
+    linear models and white normal noise. With no freedom left the bound is infinite: nothing can be judged.
+    """
+    from scipy import stats  # here: it alone takes as long to import as all of gtmodel
+
+    if not (growth > 0 and np.isfinite(growth) and fitted_freedom > 0 and held_out_freedom > 0):
+        return HeldOut(ratio, np.inf, np.inf, false_alarm)
+    chance = float(np.sqrt(growth * stats.f.isf(false_alarm / tests, held_out_freedom, fitted_freedom)))
+    return HeldOut(ratio, float(np.sqrt(growth)), max(matters, chance), false_alarm)
+
+
+def freedom_of(trace: float, trace_of_square: float) -> float:
+    """Independent normal errors whose mean square spreads as that of errors with covariance S does: tr(S)^2 / tr(S^2).
+
+    Source: Satterthwaite 1946, Biometrics Bulletin 2.
+    """
+    return trace**2 / trace_of_square if trace_of_square > 0 else 0.0

@@ -1,0 +1,310 @@
+"""Bounds of an expression of time, and of its rate, over cells of time: by interval arithmetic, so that nothing between
+two samples is missed.
+
+Source: R. E. Moore, R. B. Kearfott, M. J. Cloud, Introduction to Interval Analysis (SIAM 2009), chapters 5 and 6.
+Bounds are not rounded outwards: what they are compared with is far above round-off.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+Bounds = tuple[Any, Any]
+# (value, rate), each with a lower and an upper bound over every cell
+Dual = tuple[Bounds, Bounds]
+
+ZERO: Bounds = (0.0, 0.0)
+ANYTHING: Bounds = (-np.inf, np.inf)
+
+
+def _add(a: Bounds, b: Bounds) -> Bounds:
+    return a[0] + b[0], a[1] + b[1]
+
+
+def _negative(a: Bounds) -> Bounds:
+    return -a[1], -a[0]
+
+
+def _product(a: Any, b: Any) -> Any:
+    """a b, where zero times infinity is zero: the bounds of a product of intervals."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        return np.where((a == 0) | (b == 0), 0.0, a * b)
+
+
+def _scaled(factor: float, a: Bounds) -> Bounds:
+    if factor == 0.0:
+        return ZERO
+    return (factor * a[0], factor * a[1]) if factor > 0 else (factor * a[1], factor * a[0])
+
+
+def _times(a: Bounds, b: Bounds) -> Bounds:
+    if a is ZERO or b is ZERO:
+        return ZERO
+    if isinstance(a[0], float) and a[0] == a[1]:
+        return _scaled(a[0], b)
+    if isinstance(b[0], float) and b[0] == b[1]:
+        return _scaled(b[0], a)
+    corners = [_product(x, y) for x in a for y in b]
+    return np.minimum.reduce(corners), np.maximum.reduce(corners)
+
+
+def _square(a: Bounds) -> Bounds:
+    low, high = _product(a[0], a[0]), _product(a[1], a[1])
+    inside = (a[0] < 0) & (a[1] > 0)
+    return np.where(inside, 0.0, np.minimum(low, high)), np.maximum(low, high)
+
+
+def _inverse(a: Bounds) -> Bounds:
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        through = (a[0] <= 0) & (a[1] >= 0)
+        return np.where(through, -np.inf, 1.0 / a[1]), np.where(through, np.inf, 1.0 / a[0])
+
+
+def _rising(f: Callable[[Any], Any], a: Bounds) -> Bounds:
+    with np.errstate(all="ignore"):
+        low, high = f(a[0]), f(a[1])
+    return np.where(np.isnan(low), -np.inf, low), np.where(np.isnan(high), np.inf, high)
+
+
+def _cosine(a: Bounds) -> Bounds:
+    """Of cos: its ends, and 1 or -1 where a multiple of pi of that parity lies between."""
+    with np.errstate(invalid="ignore"):
+        ends = np.cos(a[0]), np.cos(a[1])
+        low, high = np.minimum(*ends), np.maximum(*ends)
+        top = np.floor(a[1] / (2 * np.pi)) >= np.ceil(a[0] / (2 * np.pi))
+        bottom = np.floor((a[1] - np.pi) / (2 * np.pi)) >= np.ceil((a[0] - np.pi) / (2 * np.pi))
+    known = np.isfinite(a[0]) & np.isfinite(a[1])
+    return np.where(bottom | ~known, -1.0, low), np.where(top | ~known, 1.0, high)
+
+
+def _sine(a: Bounds) -> Bounds:
+    return _cosine((a[0] - np.pi / 2, a[1] - np.pi / 2))
+
+
+def _root(a: Bounds) -> Bounds:
+    return _rising(lambda x: np.sqrt(np.maximum(x, 0.0)), a)
+
+
+def _one_minus(a: Bounds) -> Bounds:
+    return 1.0 - a[1], 1.0 - a[0]
+
+
+def _erf(a: Bounds) -> Bounds:
+    from scipy.special import erf
+
+    return _rising(erf, a)
+
+
+def _size(a: Bounds) -> Bounds:
+    low, high = np.abs(a[0]), np.abs(a[1])
+    return np.where((a[0] < 0) & (a[1] > 0), 0.0, np.minimum(low, high)), np.maximum(low, high)
+
+
+def _tanh_slope(a: Bounds) -> Bounds:
+    """1/cosh^2, which 1 - tanh^2 loses to cancellation."""
+    size = _size(a)
+    with np.errstate(over="ignore"):
+        return np.cosh(size[1]) ** -2.0, np.cosh(size[0]) ** -2.0
+
+
+def _jumps(step: Callable[[Any], Any]) -> tuple[Callable[[Bounds], Bounds], Callable[[Bounds], Bounds]]:
+    """A function that is constant but for its jumps; its rate is unbounded where it jumps."""
+
+    def rate(a: Bounds) -> Bounds:
+        still = step(a[0]) == step(a[1])
+        return np.where(still, 0.0, -np.inf), np.where(still, 0.0, np.inf)
+
+    return lambda a: _rising(step, a), rate
+
+
+_SQRT_PI = float(np.sqrt(np.pi))
+# operation -> (bounds of the value, bounds of the slope) over bounds of its argument
+UNARY: dict[int, tuple[Callable[[Bounds], Bounds], Callable[[Bounds], Bounds]]] = {
+    ca.OP_ASSIGN: (lambda a: a, lambda a: (1.0, 1.0)),
+    ca.OP_NEG: (_negative, lambda a: (-1.0, -1.0)),
+    ca.OP_TWICE: (lambda a: (2 * a[0], 2 * a[1]), lambda a: (2.0, 2.0)),
+    ca.OP_SQ: (_square, lambda a: (2 * a[0], 2 * a[1])),
+    ca.OP_INV: (_inverse, lambda a: _negative(_square(_inverse(a)))),
+    ca.OP_EXP: (lambda a: _rising(np.exp, a), lambda a: _rising(np.exp, a)),
+    ca.OP_EXPM1: (lambda a: _rising(np.expm1, a), lambda a: _rising(np.exp, a)),
+    ca.OP_LOG: (lambda a: _rising(np.log, a), _inverse),
+    ca.OP_LOG1P: (lambda a: _rising(np.log1p, a), lambda a: _inverse((1 + a[0], 1 + a[1]))),
+    ca.OP_SQRT: (_root, lambda a: _times((0.5, 0.5), _inverse(_root(a)))),
+    ca.OP_SIN: (_sine, _cosine),
+    ca.OP_COS: (_cosine, lambda a: _negative(_sine(a))),
+    ca.OP_TAN: (
+        lambda a: _times(_sine(a), _inverse(_cosine(a))),
+        lambda a: _inverse(_square(_cosine(a))),
+    ),
+    ca.OP_ATAN: (lambda a: _rising(np.arctan, a), lambda a: _inverse(_add((1.0, 1.0), _square(a)))),
+    ca.OP_ASIN: (lambda a: _rising(np.arcsin, a), lambda a: _inverse(_root(_one_minus(_square(a))))),
+    ca.OP_SINH: (lambda a: _rising(np.sinh, a), lambda a: _rising(np.cosh, _size(a))),
+    ca.OP_COSH: (lambda a: _rising(np.cosh, _size(a)), lambda a: _rising(np.sinh, a)),
+    ca.OP_TANH: (lambda a: _rising(np.tanh, a), _tanh_slope),
+    ca.OP_ASINH: (lambda a: _rising(np.arcsinh, a), lambda a: _inverse(_root(_add((1.0, 1.0), _square(a))))),
+    ca.OP_ERF: (
+        _erf,
+        lambda a: _times((2 / _SQRT_PI, 2 / _SQRT_PI), _rising(np.exp, _negative(_square(a)))),
+    ),
+    ca.OP_FABS: (_size, lambda a: _rising(np.sign, a)),
+    ca.OP_SIGN: _jumps(np.sign),
+    ca.OP_FLOOR: _jumps(np.floor),
+    ca.OP_CEIL: _jumps(np.ceil),
+    ca.OP_NOT: (lambda a: (0.0, 1.0), lambda a: ANYTHING),
+}
+
+
+def _divide(a: Dual, b: Dual) -> Dual:
+    value = _times(a[0], _inverse(b[0]))
+    return value, _times(_add(a[1], _negative(_times(value, b[1]))), _inverse(b[0]))
+
+
+def _multiply(a: Dual, b: Dual) -> Dual:
+    return _times(a[0], b[0]), _add(_times(a[1], b[0]), _times(a[0], b[1]))
+
+
+def _least(a: Dual, b: Dual) -> Dual:
+    value = np.minimum(a[0][0], b[0][0]), np.minimum(a[0][1], b[0][1])
+    first, second = a[0][1] < b[0][0], b[0][1] < a[0][0]
+    low = np.where(first, a[1][0], np.where(second, b[1][0], np.minimum(a[1][0], b[1][0])))
+    high = np.where(first, a[1][1], np.where(second, b[1][1], np.maximum(a[1][1], b[1][1])))
+    return value, (low, high)
+
+
+def _negated(a: Dual) -> Dual:
+    return _negative(a[0]), _negative(a[1])
+
+
+def _comparison(a: Dual, b: Dual) -> Dual:
+    """a < b as 0 or 1; unbounded in its rate where it changes."""
+    true, false = a[0][1] < b[0][0], a[0][0] > b[0][1]
+    known = true | false
+    return (np.where(true, 1.0, 0.0), np.where(false, 0.0, 1.0)), (
+        np.where(known, 0.0, -np.inf),
+        np.where(known, 0.0, np.inf),
+    )
+
+
+def _power(a: Dual, b: Dual) -> Dual:
+    exponent = b[0][0]
+    if np.ndim(exponent) or b[0][1] != exponent:  # exp(b log a)
+        return _chain(ca.OP_EXP, _multiply(b, _chain(ca.OP_LOG, a)))
+
+    def power(n: float) -> Bounds:
+        if n == 0:
+            return (1.0, 1.0)
+        if n == int(n) and n % 2 == 0:
+            size = _size(a[0])
+            return _rising(lambda x: x**n, size) if n > 0 else _inverse(_rising(lambda x: x**-n, size))
+        if n == int(n):
+            return _rising(lambda x: x**n, a[0]) if n > 0 else _inverse(_rising(lambda x: x**-n, a[0]))
+        positive = np.maximum(a[0][0], 0.0), a[0][1]
+        return _rising(lambda x: x**n, positive) if n > 0 else _inverse(_rising(lambda x: x**-n, positive))
+
+    n = float(exponent)
+    return power(n), _times(_times((n, n), power(n - 1)), a[1])
+
+
+BINARY: dict[int, Callable[[Dual, Dual], Dual]] = {
+    ca.OP_ADD: lambda a, b: (_add(a[0], b[0]), _add(a[1], b[1])),
+    ca.OP_SUB: lambda a, b: (_add(a[0], _negative(b[0])), _add(a[1], _negative(b[1]))),
+    ca.OP_MUL: _multiply,
+    ca.OP_IF_ELSE_ZERO: _multiply,
+    ca.OP_AND: _multiply,
+    ca.OP_DIV: _divide,
+    ca.OP_POW: _power,
+    ca.OP_CONSTPOW: _power,
+    ca.OP_FMIN: _least,
+    ca.OP_FMAX: lambda a, b: _negated(_least(_negated(a), _negated(b))),
+    ca.OP_LT: _comparison,
+    ca.OP_LE: _comparison,
+}
+
+
+def _chain(operation: int, a: Dual) -> Dual:
+    value, slope = UNARY[operation]
+    return value(a[0]), _times(slope(a[0]), a[1])
+
+
+@dataclass(frozen=True)
+class Step:
+    """One operation: places of its arguments among the steps, or a constant."""
+
+    operation: int
+    arguments: tuple[int, ...] = ()
+    constant: float = 0.0
+
+
+def bounds(steps: Sequence[Step], low: np.ndarray, high: np.ndarray) -> Dual:
+    """Bounds of the last of `steps`, and of its rate, over cells of time from `low` to `high` (n,), as arrays (n,)."""
+    found: list[Dual] = []
+    with np.errstate(all="ignore"):
+        for step in steps:
+            arguments = [found[k] for k in step.arguments]
+            if step.operation == ca.OP_INPUT:
+                value: Dual = (low, high), (1.0, 1.0)
+            elif step.operation == ca.OP_CONST:
+                value = (step.constant, step.constant), ZERO
+            elif step.operation in UNARY:
+                value = _chain(step.operation, arguments[0])
+            elif step.operation in BINARY:
+                value = BINARY[step.operation](arguments[0], arguments[1])
+            else:
+                value = ANYTHING, ANYTHING
+            found.append(value)
+    (a, b), (da, db) = found[-1]
+    a, b, da, db = (np.broadcast_to(np.asarray(x, dtype=float), low.shape) for x in (a, b, da, db))
+    unknown = np.isnan(a) | np.isnan(b)
+    a, b = np.where(unknown, -np.inf, a), np.where(unknown, np.inf, b)
+    unknown = np.isnan(da) | np.isnan(db)
+    return (a, b), (np.where(unknown, -np.inf, da), np.where(unknown, np.inf, db))
+
+
+def functions_of_time(column: ca.SX, t: ca.SX) -> list[list[Step]]:
+    """The largest parts of expressions that depend on t and on nothing else, as steps; each part once."""
+    rest = [s for s in ca.symvar(column) if not ca.is_equal(s, t)]
+    f = ca.Function("parts", [t, ca.vertcat(*rest)], [column])
+    steps: list[Step] = []
+    alone: list[bool] = []  # a step depends on nothing but t
+    moves: list[bool] = []
+    place: dict[int, int] = {}  # of a register's value among the steps
+    parts: dict[int, None] = {}
+    for k in range(f.n_instructions()):
+        operation, into, out = f.instruction_id(k), f.instruction_output(k), f.instruction_input(k)
+        if operation == ca.OP_OUTPUT:
+            n = place[out[0]]
+            if alone[n] and moves[n]:
+                parts[n] = None
+            continue
+        if operation == ca.OP_INPUT:
+            step, is_alone, is_moving = Step(operation), out[0] == 0, out[0] == 0
+        elif operation == ca.OP_CONST:
+            step, is_alone, is_moving = Step(operation, (), float(f.instruction_constant(k))), True, False
+        else:
+            arguments = tuple(place[i] for i in out)
+            step = Step(operation, arguments)
+            is_alone, is_moving = all(alone[n] for n in arguments), any(moves[n] for n in arguments)
+            if not is_alone:
+                parts |= dict.fromkeys(n for n in arguments if alone[n] and moves[n])
+        place[into[0]] = len(steps)
+        steps.append(step)
+        alone.append(is_alone)
+        moves.append(is_moving)
+    return [_with_ancestors(steps, n) for n in parts]
+
+
+def _with_ancestors(steps: list[Step], last: int) -> list[Step]:
+    """The steps that one of them needs, it last."""
+    needed, todo = {last}, [last]
+    while todo:
+        fresh = [n for n in steps[todo.pop()].arguments if n not in needed]
+        needed.update(fresh)
+        todo += fresh
+    order = sorted(needed)
+    place = {n: k for k, n in enumerate(order)}
+    return [Step(steps[n].operation, tuple(place[a] for a in steps[n].arguments), steps[n].constant) for n in order]
