@@ -106,6 +106,10 @@ class Search:
     def _motion(self, guarded: bool, energy: float | None = None) -> Optimization:
         return motion_of(self.problem, self.robot, guarded, energy, self.guard, self.path)
 
+    def go_on(self, problem: TrajectoryProblem, guess: Solution) -> None:
+        """From here on with another mesh, from what was found; iterations are counted on."""
+        self.problem, self.guess = problem, guess
+
     def optimum(self) -> Solution:
         """The optimum with the control that the problem asks for; where none is found, the best attempt."""
         problem, control = self.problem, self.problem.mesh.control
@@ -125,7 +129,7 @@ class Search:
                 step = self._attempt(self._motion(True, energy), control, start)
                 if self._over(step):
                     return self._best(tried)  # a step is no optimum of the problem itself
-                start = step if step.status.ok else start
+                start = step if step.status.converged else start
         return self._best([*tried, self._attempt(self.guarded, control, start)])
 
     def from_starts(self, guesses: list[Trajectory]) -> list[Solution]:
@@ -137,7 +141,7 @@ class Search:
                 break
             solution = self._attempt(self.guarded, self.problem.mesh.control, guess, "adaptive", self.left - RESERVE)
             self.started += 1
-            if solution.status.ok:
+            if solution.status.converged:
                 found.append(solution)
         return found
 
@@ -153,10 +157,10 @@ class Search:
             solution, run = optimum, tried
         else:
             solution = self.exportable(optimum)
-            run = resimulate(solution) if solution.status.ok else tried
+            run = resimulate(solution) if solution.status.converged else tried
         limit, search = self.problem.limits.force_N, self
         for _ in range(TIGHTENINGS):
-            if not solution.status.ok or run.trajectory is None or order_of(self.problem) is None:
+            if not solution.status.converged or run.trajectory is None or order_of(self.problem) is None:
                 break
             peak = float(np.max(np.abs(run.trajectory["robot.tau"])))
             if peak <= limit:
@@ -169,7 +173,7 @@ class Search:
             )
             solution = search.exportable(optimum)
             self.iterations = search.iterations
-            run = resimulate(solution) if solution.status.ok else run
+            run = resimulate(solution) if solution.status.converged else run
         return solution, run
 
     def exportable(self, optimum: Solution) -> Solution:
@@ -226,14 +230,14 @@ class Search:
 
     def _done(self, solution: Solution) -> bool:
         """Solved within reach, or nothing more can be tried."""
-        return (solution.status.ok and self._within(solution)) or self._over(solution)
+        return (solution.status.converged and self._within(solution)) or self._over(solution)
 
     def _best(self, tried: list[Solution]) -> Solution:
         """The last one that is solved within reach; else that nearest to keeping its constraints."""
-        good = [s for s in tried if s.status.ok and self._within(s)]
+        good = [s for s in tried if s.status.converged and self._within(s)]
         if good or tried[-1].status is SolveStatus.INTERRUPTED:
             return good[-1] if good else tried[-1]
-        failed = [s for s in reversed(tried) if not s.status.ok]
+        failed = [s for s in reversed(tried) if not s.status.converged]
         if not failed:
             told = "an optimum was found, but it comes nearer to the edge of reach than limits.link_along_guideway_m"
             return replace(tried[-1], status=SolveStatus.FAILED, message=told)
@@ -250,4 +254,4 @@ def _loss(solution: Solution, optimum: Solution) -> float:
 
 
 def _better(a: Solution, b: Solution) -> bool:
-    return (a.status.ok, -a.objective) > (b.status.ok, -b.objective)
+    return (a.status.converged, -a.objective) > (b.status.converged, -b.objective)

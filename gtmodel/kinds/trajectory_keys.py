@@ -112,6 +112,9 @@ class Mesh(Section):
     """Where the equations are collocated (Radau)."""
 
     elements: PositiveInt = Field(50, le=10000, description="number of elements of the horizon")
+    most_elements: PositiveInt = Field(
+        400, le=10000, description="where a check fails the mesh is refined, to at most so many elements"
+    )
     points: int = Field(3, ge=1, le=9, description="collocation points per element")
     control: Literal["polynomial", "constant"] = Field(
         "polynomial", description="force polynomial per element, bounded at its points only, or one value"

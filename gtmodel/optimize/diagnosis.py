@@ -31,8 +31,11 @@ def solved_word(run: Run) -> str:
 
 def failure(run: Run, more: list[str]) -> str:
     """The status in words, IPOPT's word, and what else is known."""
-    other = "" if run.other is None else f"; with the {run.other[0]} barrier strategy: {_word(run.other[1])}"
-    said = f"{run.status.sentence} ({_word(run.word)}{other})"
+    tries = _word(run.word)
+    if run.other is not None:
+        other, word = run.other
+        tries = f"{tries} with the {run.barrier} barrier strategy, {_word(word)} with the {other} one"
+    said = f"{run.status.sentence} ({tries})"
     kept = f"kept is iterate {run.best.number}, the nearest to its constraints" if run.best else ""
     return "; ".join([said, *[m for m in [kept, *more] if m]])
 
