@@ -21,8 +21,8 @@ from .motion_paths import Path
 from .trajectory_keys import TrajectoryProblem
 
 # iterations without progress after which an attempt has lost its way, and another one is the better bet: of 200 drawn
-# attempts that ended in an optimum two waited longer, most of those that ended in none never came back
-PATIENCE = 45
+# attempts that ended in an optimum one waited longer, those that ended in none mostly never came back
+PATIENCE = 60
 RESERVE = 200  # iterations that further starts leave to the exported motion; it takes 10 to 70
 EXPORT_LOSS = 0.05  # a constant force per element costs less than this; more tells of another, worse optimum
 TIGHTENINGS = 3
@@ -241,7 +241,12 @@ class Search:
         if not failed:
             told = "an optimum was found, but it comes nearer to the edge of reach than limits.link_along_guideway_m"
             return replace(tried[-1], status=SolveStatus.FAILED, message=told)
-        return min(failed, key=lambda s: s.checks["constraint_violation"].value)
+        nearest = min(failed, key=lambda s: s.checks["constraint_violation"].value)
+        if self.left == 0 and nearest.status is not SolveStatus.ITERATION_LIMIT:
+            limit = SolveStatus.ITERATION_LIMIT
+            message = f"{limit.sentence}; the attempt that came nearest: {nearest.message}"
+            nearest = replace(nearest, status=limit, message=message)
+        return nearest
 
     def _within(self, solution: Solution) -> bool:
         run = solution.trajectory
