@@ -156,15 +156,16 @@ def codegen(
     check: Annotated[bool, typer.Option("--check", help="Compile it and compare it with Python.")] = False,
     settings: Set = None,
     as_json: Json = False,
+    write_failed: WriteFailed = False,
 ) -> None:
-    """Generate the C code of a robot's functions."""
+    """Generate the C code of a robot's functions. With --check, code that fails a check is not written."""
     from gtmodel.kinds import run
 
     with answering(context, as_json, problem) as answer:
         loaded = _load(problem, settings, answer)
         job = run.context_of(loaded)
         with terminal.watching(job, "stopping after this step"):
-            answer.finished = run.generate(loaded, job, out, verify=check)
+            answer.finished = run.generate(loaded, job, out, verify=check, write_failed=write_failed)
 
 
 @app.command()

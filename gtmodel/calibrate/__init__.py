@@ -4,6 +4,7 @@ Measurements, Pose, Correction   measured poses, their noise, and what lies betw
 Choice                           which parameters are free, fixed, tied, unit quaternions, with priors
 prepare, Problem                 equations, unknowns and slopes; identifiability before anything is measured
 calibrate, Calibration           parameters with confidence, residuals per link and pose, errors on other poses
+judge_held_out                   held-out errors against what a sound model has of them
 closure_equations                what closes, as symbols
 
 Before anything is measured
@@ -20,6 +21,7 @@ from .calibration import Calibration, calibrate
 from .candidates import Candidates, candidates, regular_grid
 from .closure import Closure, closure_equations
 from .devices import Camera, Device, LaserTracker, LineOfSight
+from .held_out import judge_held_out
 from .measurements import Correction, Measurements, Pose
 from .partial_devices import seen_by_distance, seen_by_plane
 from .pose_information import PoseInformation, pose_information
@@ -30,9 +32,9 @@ from .problem import COSTS, Cost, Problem, prepare
 from .unknowns import Choice
 
 __all__ = [
-    "COSTS", "Calibration", "Camera", "Candidates", "Choice", "Closure", "Correction", "Cost", "Device",
-    "ErrorCurve", "LaserTracker", "LineOfSight", "Measurements", "Point", "Pose", "PoseInformation", "Positioning",
+    "COSTS", "Calibration", "Camera", "Candidates", "Choice", "Closure", "Correction", "Cost", "Device", "ErrorCurve",
+    "LaserTracker", "LineOfSight", "Measurements", "Point", "Pose", "PoseInformation", "Positioning",
     "PredictedErrors", "Problem", "Selection", "calibrate", "candidates", "closure_equations", "condition_removal",
-    "error_curve", "exchange", "grid_point", "pose_information", "positioning", "prepare", "regular_grid",
-    "seen_by_distance", "seen_by_plane", "spread", "sufficient_number",
+    "error_curve", "exchange", "grid_point", "judge_held_out", "pose_information", "positioning", "prepare",
+    "regular_grid", "seen_by_distance", "seen_by_plane", "spread", "sufficient_number",
 ]  # fmt: skip

@@ -85,12 +85,31 @@ class Positioning:
         return inside
 
 
-def positioning(problem: Problem, signal: str = "T", names: Sequence[str] | None = None) -> Positioning:
+def positioning(
+    problem: Problem, signal: str = "T", names: Sequence[str] | None = None, *, x: ArrayLike | None = None
+) -> Positioning:
     """At the poses of a problem whose actuators and whole pose are measured values: by its closure equations.
 
     `signal`: the position. `names`: of these unknowns only, those of another problem of the same robot; default all.
+    `x`: values of the unknowns, their start by default.
     Raises ModelError for singular poses, and where the equations do not give the pose.
     """
+    J, B, pose = closure_slopes(problem, signal, x)
+    u, places = problem.unknowns, problem.reading.places
+    try:
+        moved = -np.linalg.solve(B, J)
+    except np.linalg.LinAlgError:
+        raise ModelError("an evaluation pose is singular: the closure equations do not hold the position") from None
+    at = [pose.index(k) for k in range(places[signal].start, places[signal].stop)]
+    chosen = list(u.names) if names is None else [n for n in u.names if n in set(names)]
+    return Positioning(tuple(chosen), moved[:, at][:, :, [u.names.index(n) for n in chosen]])
+
+
+def closure_slopes(
+    problem: Problem, signal: str = "T", x: ArrayLike | None = None
+) -> tuple[np.ndarray, np.ndarray, list[int]]:
+    """Slopes of the lengths' closures in the unknowns (N, m, n) and in the whole pose (N, m, m), of which `signal` is a
+    part, and where the components of the pose stand among the signals. Raises ModelError where they do not give it."""
     read, u = problem.reading, problem.unknowns
     if signal not in read.places or read.latent.numel():
         raise ModelError(f"positioning errors are predicted from poses whose '{signal}' and all else is known")
@@ -98,15 +117,10 @@ def positioning(problem: Problem, signal: str = "T", names: Sequence[str] | None
     m, N = len(problem.labels), len(problem.measurements)
     if m != len(pose):
         raise ModelError(f"{m} equations close, but the measured pose has {len(pose)} freedoms: no position follows")
+    at_x = u.start if x is None else np.asarray(x, float)
     J, B = np.zeros((N, m, len(u.names))), np.zeros((N, m, read.noise.numel()))
     for b in joined_blocks(problem.closure, read, u, problem.actuators, "forward"):
-        _, own, by, _ = b.evaluate_all(read.data, np.zeros(B[:, 0].shape), np.zeros((N, 0)), u.start[b.columns])
+        _, own, by, _ = b.evaluate_all(read.data, np.zeros(B[:, 0].shape), np.zeros((N, 0)), at_x[b.columns])
         J[np.ix_(np.arange(N), b.rows, b.columns)] = own
         B[:, b.rows] = by
-    try:
-        moved = -np.linalg.solve(B[:, :, pose], J)
-    except np.linalg.LinAlgError:
-        raise ModelError("an evaluation pose is singular: the closure equations do not hold the position") from None
-    at = [pose.index(k) for k in range(read.places[signal].start, read.places[signal].stop)]
-    chosen = list(u.names) if names is None else [n for n in u.names if n in set(names)]
-    return Positioning(tuple(chosen), moved[:, at][:, :, [u.names.index(n) for n in chosen]])
+    return J, B[:, :, pose], pose

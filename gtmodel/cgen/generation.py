@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -64,6 +64,7 @@ def generate(
     along: Collection[str] = (),
     real: str = "double",
     box: Mapping[str, Sequence[Sequence[float]]] | None = None,
+    mark: Callable[[str, str], str] | None = None,
 ) -> Generated:
     """Write a folder of C99 that compiles as delivered: `cc *.c -lm`.
 
@@ -78,6 +79,7 @@ def generate(
         box: intervals [least, greatest] by name of an input such as "der(T)", one for each of its numbers or one for
             all; inside, every function whose inputs all have one must answer. It goes into the manifest.
         problem: the whole problem as JSON data, for the manifest: other tools rebuild the model from it.
+        mark: (file name, text) -> the text to write, for code that failed a check and must say so.
 
     Raises GenerationError for a name that is no C identifier or is taken, and for a folder that is not ours;
     ModelError for a parameter without a value.
@@ -85,6 +87,8 @@ def generate(
     faces = interfaces(functions, name, along, real_of(real), box)
     texts = contents(faces, name, dict(provenance or {}))
     hashes = _hashes(faces, texts[f"gt_{name}_body.c"])
+    if mark is not None:
+        texts = {file: mark(file, text) for file, text in texts.items()}
     content = manifest(name, faces, provenance or {}, texts, hashes, problem or {})
     place = out.path if isinstance(out, Held) else Path(out)
     write(out if isinstance(out, Held) else place, texts, content, overwrite)

@@ -14,10 +14,14 @@ class Check:
     bound: float
     passed: bool
     detail: str = ""
+    least: bool = False  # the bound is one that the value must reach
 
     def __str__(self) -> str:
         verdict = "passed" if self.passed else "FAILED"
-        return f"{self.name}: {self.value:g} (bound {self.bound:g}) {verdict}{': ' if self.detail else ''}{self.detail}"
+        word = "at least" if self.least else "at most"
+        return (
+            f"{self.name}: {self.value:g} ({word} {self.bound:g}) {verdict}{': ' if self.detail else ''}{self.detail}"
+        )
 
 
 def at_most(name: str, value: float, bound: float = 0, detail: str = "") -> Check:
@@ -27,7 +31,7 @@ def at_most(name: str, value: float, bound: float = 0, detail: str = "") -> Chec
 
 def at_least(name: str, value: float, bound: float, detail: str = "") -> Check:
     """A check that holds when the value is not below the bound."""
-    return Check(name, value, bound, value >= bound, detail)
+    return Check(name, value, bound, value >= bound, detail, least=True)
 
 
 @dataclass(frozen=True)

@@ -279,7 +279,8 @@ def _variables(tree: Tree) -> list[FlatVariable]:
         nominal = _numbers(tree, a["nominal"], n, 1.0)
         low = _numbers(tree, a["min"], n, -np.inf)
         high = _numbers(tree, a["max"], n, np.inf)
-        start = None if a["start"] is None else _numbers(tree, a["start"], n, 0.0)
+        # what is fixed and given no value stands at 0, as in Modelica
+        start = None if a["start"] is None and not a["fixed"] else _numbers(tree, a["start"], n, 0.0)
         for k, (index, name) in enumerate(zip(r.indices, element_names(r.name, r.item.shape), strict=True)):
             if low[k] > high[k]:
                 raise ModelError(f"'{name}' has min {low[k]:g} above max {high[k]:g}", r.item.where)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import casadi as ca
 import numpy as np
@@ -77,6 +77,7 @@ def make_plan(
     rates: bool = False,
     fold: ca.SX | None = None,
     at: tuple[np.ndarray, float] | None = None,
+    apart: Collection[int] = (),
 ) -> Plan:
     """Work out one causality.
 
@@ -90,13 +91,19 @@ def make_plan(
             numbers become pivots. The structure and the inputs do not depend on it.
         at: one consistent point over the plan's `pairs`, and its time; states and branches are chosen there,
             whatever is declared. The simulation uses it to switch states on the way.
+        apart: variable indices that are left out, with the equations that hold them.
 
     Raises ModelError for a system that is not square, redundant, singular or without a consistent point.
     """
     check_branches(flat, branches or {})
-    alias = eliminate(flat, frozenset([*known, *prefer]))
+    inside = flat
+    if apart:
+        left = [e for e in flat.equations if not any(i in apart for i, _ in flat.scope.symbols_in(e.residual))]
+        inside = replace(flat, equations=left)
+    alias = eliminate(inside, frozenset([*known, *prefer]))
     known_set = set(known)
-    unknowns = [v.index for v in flat.variables if v.index not in alias.removed and v.index not in known_set]
+    given = known_set | set(apart)
+    unknowns = [v.index for v in flat.variables if v.index not in alias.removed and v.index not in given]
     wanted = [alias.resolve(*t)[1:] for t in targets]
     equations, conditions = set_apart(flat, alias.equations, known_set)
     equations, unknowns, undetermined = needed(flat, equations, unknowns, {i for i, _ in wanted})

@@ -12,6 +12,7 @@ from ..results import Trajectory
 
 Array = np.ndarray
 AT_REST = 1e-6  # of the greatest speed: a motion that begins or ends faster is not from rest to rest
+ON_SPHERE = 1e-6  # of the length: recorded directions are this exact
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +47,8 @@ class Shaper:
 
         signals: positions and their derivatives by name, such as "T", "der(T)"; forces are not linear in these and are
         to be computed anew. Before and after the motion, positions stand and derivatives are zero. Raises KeyError for
-        a signal that is not there and ValueError for a derivative that does not begin and end at zero speed.
+        a signal that is not there and ValueError for a derivative that does not begin and end at zero speed, and for
+        a unit quaternion, another direction of unit length or a rotation matrix: sums of them are none.
         """
         t = trajectory.time
         values: dict[str, Array] = {}
@@ -55,6 +57,7 @@ class Shaper:
         new = np.linspace(t[0], end, int(np.ceil((end - t[0]) / step)) + 1)
         for name in signals:
             rows = trajectory[name]
+            _refuse_rotation(trajectory, name)
             first_rate = name.startswith("der(") and not name.endswith(",2)")
             if first_rate and np.abs(rows[[0, -1]]).max() > AT_REST * np.abs(rows).max():
                 raise ValueError(f"'{name}' does not begin and end at rest; shape a motion from rest to rest")
@@ -84,9 +87,13 @@ def residual_vibration(
     x'' + 2 zeta w x' + w^2 x = -dv/dt, at rest at first; velocity (n,) or (n, d) [m/s], linear between the times (n,)
     [s]. Frequencies [Hz] and dampings (f,) or scalars: answer (f, d), without axes that were not given. The
     envelope |mu integral v exp(-mu (t - t_end)) dt| / w_d at the end, exact for what is linear between times.
-    Raises ValueError for a motion that does not begin and end at rest.
+    Raises ValueError for a motion that does not begin and end at rest, and for other shapes.
     """
     t, v = np.asarray(time, float), np.asarray(velocity, float)
+    if t.ndim != 1 or len(t) < 2 or v.ndim not in (1, 2) or len(v) != len(t) or not np.all(np.diff(t) > 0):
+        raise ValueError(
+            f"expected times (n,) that ascend and velocities (n,) or (n, d); found {t.shape} and {v.shape}"
+        )
     rows = v.reshape(len(t), -1)
     if np.abs(rows[[0, -1]]).max() > AT_REST * max(np.abs(rows).max(), 1e-300):
         raise ValueError("the motion does not begin and end at rest; residual vibration is told of motions that do")
@@ -99,7 +106,7 @@ def residual_vibration(
     linear = (constant - h * grown) / flat / h
     integral = (at * (constant - linear)) @ rows[:-1] + (at * linear) @ rows[1:]
     found = np.abs(flat * integral) / w_d.reshape(-1, 1)
-    return found.reshape(*mu.shape, *v.shape[1:])
+    return found.reshape((*mu.shape, *v.shape[1:]))
 
 
 def _mode(frequency_Hz: ArrayLike, damping: ArrayLike) -> tuple[Array, Array]:
@@ -117,6 +124,28 @@ def _shaper(frequency_Hz: float, damping: float, binomial: tuple[float, ...]) ->
     weights = np.array(binomial) * np.exp(float(np.real(mu)) * half) ** np.arange(len(binomial))
     amplitudes = weights / weights.sum()
     return Shaper(half * np.arange(len(binomial)), amplitudes)
+
+
+def _refuse_rotation(trajectory: Trajectory, name: str) -> None:
+    """Raises ValueError for rows, or derivatives or entries of rows, that lie on a sphere or are rotation matrices."""
+    base = name.partition("[")[0].removeprefix("der(").removesuffix(")").removesuffix(",2")
+    if base not in trajectory or trajectory.unit(base) != "1":
+        return
+    rows = trajectory[base]
+    if rows.ndim != 2 or rows.shape[1] < 2 or not np.any(np.ptp(rows, axis=0) > ON_SPHERE):
+        return
+    what = ""
+    if np.all(np.abs(np.linalg.norm(rows, axis=1) - 1) <= ON_SPHERE):
+        what = "of length 1 at every time, as a unit quaternion or a direction"
+    elif rows.shape[1] == 9:
+        matrices = rows.reshape(-1, 3, 3)
+        if np.all(np.abs(matrices @ matrices.transpose(0, 2, 1) - np.eye(3)) <= ON_SPHERE):
+            what = "a rotation matrix"
+    if what:
+        raise ValueError(
+            f"'{base}' is {what}, and the sum of delayed parts of it would be none; shape an angle or a rotation "
+            "vector from the pose at the start, and make the orientation of that"
+        )
 
 
 def _held(t: Array, time: Array, rows: Array, name: str) -> Array:

@@ -26,10 +26,13 @@ class HeldOut:
 
     @property
     def passed(self) -> bool:
-        return self.ratio <= self.bound
+        """Within the bound; not where nothing can be judged, whose bound is infinite."""
+        return bool(np.isfinite(self.bound)) and self.ratio <= self.bound
 
     @property
     def sentence(self) -> str:
+        if not np.isfinite(self.bound):
+            return "as many parameters as equations were fitted: held-out errors have nothing to be judged by"
         return (
             f"held-out errors are {self.ratio:.3g} times the fitted ones; a sound model has {self.expected:.3g} on "
             f"average, and more than {self.bound:.3g} in {100 * self.false_alarm:g} % of the cases at most"

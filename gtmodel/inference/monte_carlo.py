@@ -111,7 +111,8 @@ def _handed_out(
         while True:
             while len(waiting) < AHEAD * workers and (following := next(rest, None)) is not None:
                 k, s = following
-                waiting[pool.submit(_run, task, s, k)] = k
+                with _parents_signals():  # submitting starts workers
+                    waiting[pool.submit(_run, task, s, k)] = k
             if not waiting:
                 break
             done, _ = wait(waiting, timeout=LOOK, return_when=FIRST_COMPLETED)
@@ -143,10 +144,23 @@ def _named(k: int, run: Callable[[], Any]) -> Any:
         raise RuntimeError(f"run {k}: {type(error).__name__}: {error}") from error
 
 
+@contextmanager
+def _parents_signals() -> Iterator[None]:
+    """A process that is started meanwhile never gets what asks to stop: the parent answers for all. Batch systems send
+    it to the whole group, to workers too that are still starting."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM, signal.SIGHUP})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
 def _follow_the_parent() -> None:
-    """A worker ends when its parent says so, or is gone: the parent answers Ctrl-C and SIGTERM for all."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, signal.SIG_IGN)  # batch systems send it to the whole group
+    """A worker ends when its parent says so, or is gone."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Windows has no mask that it would inherit
     parent = multiprocessing.parent_process()
 
     def watch() -> None:

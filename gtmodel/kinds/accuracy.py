@@ -11,6 +11,7 @@ import numpy as np
 from pydantic import Field, PositiveFloat
 
 from gtmodel.compiler.causal import compile_causal
+from gtmodel.inference import FALSE_ALARM
 from gtmodel.kinematics.accuracy import (
     SIGNS,
     ErrorCase,
@@ -52,8 +53,9 @@ VALUES = {
 EXACT = 1e-3
 # closed form and Newton for the same corner [m]: rounding of lengths of metres
 TWO_ROADS = 1e-9
-# a draw may exceed the first-order corners by second-order terms only; and one of many comes within a tenth of them
-ABOVE, BELOW = 1.001, 0.9
+# a draw may exceed the first-order corners by second-order terms only
+ABOVE = 1.001
+NEAR = 0.1  # of the corner: how near the farthest draw of many comes at least, or what so few come, see _nearest()
 
 
 class SectionKeys(section_keys.SectionKeys):
@@ -249,11 +251,13 @@ def _judge(problem: Schema, study: _Study, case: Case, errors: ErrorCase, found:
             "longest_diagonal_um": 1e6 * float(shape.longest[0]),
         },
     }
-    checks = _checks(study, errors, found, good, drawn / float(at[0]))
+    checks = _checks(study, errors, found, good, drawn / float(at[0]), draws.samples)
     return _Found(case, errors, found, values, {f"{_word(case.name)}_{name}": check for name, check in checks.items()})
 
 
-def _checks(study: _Study, errors: ErrorCase, found: ErrorMap, good: np.ndarray, drawn: float) -> dict[str, Check]:
+def _checks(
+    study: _Study, errors: ErrorCase, found: ErrorMap, good: np.ndarray, drawn: float, samples: int
+) -> dict[str, Check]:
     robot = study.robot
     forward = ForwardWithLengths(compile_causal(robot.model, known="q", targets="T"), robot.length_names)
     poses = robot.inverse(study.T[good])
@@ -276,8 +280,18 @@ def _checks(study: _Study, errors: ErrorCase, found: ErrorMap, good: np.ndarray,
             EXACT,
             "the errors are too large for a first-order analysis, or the rectangle too near to a singular pose",
         )
-        checks["monte_carlo_to_corner"] = Check(drawn if np.isfinite(drawn) else None, ABOVE, BELOW <= drawn <= ABOVE)
+        least = 1 - max(NEAR, _nearest(samples))
+        checks["monte_carlo_to_corner"] = Check(drawn if np.isfinite(drawn) else None, ABOVE, least <= drawn <= ABOVE)
     return checks
+
+
+def _nearest(samples: int) -> float:
+    """Share of the corner's error that the farthest of so many draws lacks at most, but for a false alarm.
+
+    Each arm's error is drawn evenly from -r to r. With three that count alike, a draw is within the share d of one of
+    the two opposite corners with the probability 2 (3 d)^3 / 48.
+    """
+    return float(np.cbrt(24 * -np.log(FALSE_ALARM) / samples) / 3)
 
 
 def _outcome(problem: Schema, study: _Study, found: list[_Found]) -> Outcome:

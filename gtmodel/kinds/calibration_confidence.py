@@ -8,7 +8,7 @@ import numpy as np
 
 from gtmodel.calibrate import Calibration
 from gtmodel.calibrate.smooth_errors import SmoothErrors, with_smooth_errors
-from gtmodel.inference import noise_size, whiteness
+from gtmodel.inference import correlation_time, noise_size, whiteness
 from gtmodel.inference.residuals import SMALL_P
 from gtmodel.results import Estimate
 
@@ -107,6 +107,15 @@ class Confidence:
         return "parameters: 95 % intervals cover noise; colour was tested and not found"
 
     @cached_property
+    def correlated(self) -> int:
+        """How many poses in a row have about one error: 1 unless residuals are coloured."""
+        if not self._coloured:
+            return 1
+        residuals, labels = self.calibration.residuals, self.calibration.problem.labels
+        orders = self._orders(len(residuals))
+        return max(correlation_time(residuals[orders[name], labels.index(link)]) for link, name, _ in self._coloured)
+
+    @cached_property
     def _weak(self) -> str:
         e, sizes = self.calibration.estimate, self.calibration.problem.unknowns.sizes
         if e is None:
@@ -173,14 +182,17 @@ class Confidence:
         """Link, order and sentence of each link whose residuals are coloured."""
         if not residuals.shape[1]:
             return []
-        problem = self.calibration.problem
-        q = np.asarray(problem.measurements.values[problem.actuators])
-        orders = {MEASURED: np.arange(len(residuals))}
-        orders |= {f"by {problem.actuators}[{k}]": np.argsort(q[:, k], kind="stable") for k in range(q.shape[1])}
-        found = []
+        orders, found = self._orders(len(residuals)), []
         for label, r in zip(labels, residuals.T, strict=True):
             tests = {name: whiteness(r[order]) for name, order in orders.items()}
             name = min(tests, key=lambda n: tests[n].p)
             if tests[name].p < SMALL_P / (len(orders) * len(labels)):  # Bonferroni: a false alarm in 1 % of all fits
                 found.append((label, name, tests[name].sentence))
         return found
+
+    def _orders(self, poses: int) -> dict[str, np.ndarray]:
+        """Orders of the poses in which residuals are tested: as measured and by each actuator."""
+        problem = self.calibration.problem
+        q = np.asarray(problem.measurements.values[problem.actuators])
+        by = {f"by {problem.actuators}[{k}]": np.argsort(q[:, k], kind="stable") for k in range(q.shape[1])}
+        return {MEASURED: np.arange(poses), **by}

@@ -8,11 +8,11 @@ from functools import cached_property
 
 import numpy as np
 
-from gtmodel.calibrate import Calibration, Measurements, calibrate
+from gtmodel.calibrate import Calibration, Measurements, calibrate, judge_held_out
 from gtmodel.calibrate import Problem as Prepared
 from gtmodel.calibrate.prediction import MAD, Outlier, Prediction, outliers
 from gtmodel.calibrate.sensitivity import Sensitivity, sensitivity
-from gtmodel.inference import Identifiability, noise_size
+from gtmodel.inference import HeldOut, Identifiability, noise_size
 from gtmodel.lang import ModelError
 
 from .base import InputError
@@ -23,8 +23,6 @@ from .calibration_movement import moved_too_far
 from .calibration_priors import contradicted_priors
 
 HUBER = 1.345  # standard deviations: 95 % as sharp as least squares where there are no outliers
-# held-out over fitted errors: two halves of one grid differ by some tenths, a fit of noise by much more
-HELD_OUT = 1.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +69,17 @@ class Found:
     @property
     def lines_held_out(self) -> np.ndarray:
         return self.data.lines[self.data.held_out]
+
+    @cached_property
+    def judged(self) -> HeldOut | None:
+        """Held-out over fitted errors against what a sound model has; None without either."""
+        kept = self.data.kept
+        if kept is None or self.position not in self.held_out or self.position not in self.fitted:
+            return None
+        fitted, held_out = ({n: p.errors for n, p in each.items()} for each in (self.fitted, self.held_out))
+        return judge_held_out(
+            self.calibration, kept, fitted, held_out, self.position, correlated=self.confidence.correlated
+        )
 
     @property
     def lost(self) -> int:
@@ -150,9 +159,11 @@ def verdict(found: Found, accuracy: float | None) -> tuple[bool, bool | None, li
         )
         return True, False, sentences
     name, kept = found.position, len(found.lines_held_out)
-    outside, inside = found.held_out[name], found.fitted[name]
+    outside = found.held_out[name]
     sizes = f"mean {1e3 * outside.mean:.3g} mm, greatest {1e3 * outside.greatest:.3g} mm"
-    proven = outside.rms <= HELD_OUT * inside.rms and (accuracy is None or outside.mean <= accuracy)
+    judged = found.judged
+    assert judged is not None
+    proven = judged.passed and (accuracy is None or outside.mean <= accuracy)
     if proven:
         sentences.append(
             f"prediction proven on {kept} held-out poses: {sizes}; within their box, load and "
@@ -162,8 +173,8 @@ def verdict(found: Found, accuracy: float | None) -> tuple[bool, bool | None, li
         sentences.append(f"prediction misses the wanted {1e3 * accuracy:.3g} mm on {kept} held-out poses: {sizes}")
     else:
         sentences.append(
-            f"prediction not proven: {kept} held-out poses have {outside.rms / inside.rms:.2f} times the error of the "
-            f"fitted ones ({sizes}); measure more poses or free fewer parameters"
+            f"prediction not proven on {kept} held-out poses ({sizes}): {judged.sentence}; measure more poses or free "
+            "fewer parameters"
         )
     return True, proven, sentences
 

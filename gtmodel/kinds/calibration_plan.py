@@ -58,7 +58,6 @@ VALUES = {
 
 # standard deviations by which the simulated error may be off the predicted one: one in 16,000 plans by chance
 AGREEMENT = 4.0
-MORE = "choose more poses, or let them reach further"
 
 
 def solve(problem: Schema, context: Context) -> Outcome:
@@ -128,19 +127,19 @@ def _checks(plan: Plan) -> dict[str, Check]:
     accuracy = 1e-3 * keys.accuracy_mm
     # what moves no tool centre point is a choice of coordinates, such as a frame inside an F1's joint plate
     untold = float(told.redundant) if plan.unpredicted else 0.0
-    checks = {"parameters_not_told": at_most(untold, 0.0, MORE)}
+    checks = {"parameters_not_told": at_most(untold, 0.0)}
     if keys.condition is not None:
-        checks["condition"] = at_most(told.condition, keys.condition, MORE)
+        checks["condition"] = at_most(told.condition, keys.condition)
     if keys.noise_amplification is not None:
         amplified, bound = 1 / told.indices.o4, 1 / keys.noise_amplification
-        checks["inverse_of_o4"] = at_most(amplified, bound, MORE)
+        checks["inverse_of_o4"] = at_most(amplified, bound)
     if not plan.unpredicted:
         assert plan.target is not None
         rms = plan.target.errors(plan.chosen).rms
-        checks["predicted_error_m"] = at_most(rms, accuracy, MORE)
+        checks["predicted_error_m"] = at_most(rms, accuracy)
         if len(plan.errors):
             simulated = float(np.sqrt(np.mean(plan.each_simulated() ** 2)))
-            checks["simulated_error_m"] = at_most(simulated, accuracy, MORE)
+            checks["simulated_error_m"] = at_most(simulated, accuracy)
             off = abs(simulated / rms - 1)
             chance = AGREEMENT * plan.target.spread(plan.chosen, len(plan.errors))
             checks["simulated_off_predicted"] = at_most(off, chance)
@@ -212,6 +211,7 @@ def _outcome(plan: Plan) -> Outcome:
     checks = _checks(plan)
     verdict = _verdict(plan, _failed(checks))
     values = _values(plan, checks, verdict)
+    checks = {name: check if check.passed else check._replace(advice=verdict) for name, check in checks.items()}
     T, purpose = in_order(plan.poses, plan.held_out, plan.problem.poses.seed)
     q, *_ = plan.measuring.placed(T)
     title = plan.problem.title

@@ -10,9 +10,9 @@ from gtmodel.calibrate.prediction import Prediction
 from gtmodel.compiler.causal import flat_of
 from gtmodel.inference import Identifiability
 
-from .base import Check, Row, at_most
+from .base import Check, Row
 from .calibration_data import PoseData
-from .calibration_findings import HELD_OUT, Found, verdict
+from .calibration_findings import Found, verdict
 from .calibration_keys import Schema
 from .calibration_movement import moved_too_far
 
@@ -98,9 +98,10 @@ def checks_of(problem: Schema, found: Found) -> dict[str, Check]:
     """Prediction and, where it was asked for, the accuracy."""
     checks = {}
     name = found.position
-    if name in found.held_out and name in found.fitted:
-        ratio = found.held_out[name].rms / found.fitted[name].rms
-        checks["held_out_over_fitted"] = at_most(ratio, HELD_OUT, LOOK)
+    judged = found.judged
+    if judged is not None:
+        bound = judged.bound if np.isfinite(judged.bound) else None
+        checks["held_out_over_fitted"] = Check(judged.ratio, bound, judged.passed, LOOK)
     if found.lost:
         checks["held_out_poses_lost"] = Check(float(found.lost), 0.0, False, LOOK)
     far = moved_too_far(found.calibration)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gtmodel.compliance import StaticTests, StiffnessFit
+from gtmodel.measurements import copies
 
 
 def negative(fit: StiffnessFit) -> list[str]:
@@ -33,16 +34,10 @@ def negative(fit: StiffnessFit) -> list[str]:
 
 def repeated(tests: StaticTests, q: np.ndarray, lines: np.ndarray) -> list[str]:
     """On lines that repeat an earlier one in every number, noise included."""
-    seen: dict[bytes, int] = {}
-    again: list[tuple[int, int]] = []
-    for n, line in enumerate(lines.tolist()):
-        row = np.concatenate([q[n], tests.wrench[n], tests.displacement[n]]).tobytes()
-        if row in seen:
-            again.append((line, seen[row]))
-        seen.setdefault(row, line)
-    if not again:
+    again = copies(np.column_stack([q, tests.wrench, tests.displacement]))
+    if not len(again):
         return []
-    (line, first), count = again[0], len(again)
+    (line, first), count = lines[again[0]].tolist(), len(again)
     return [
         f"{count} of {len(lines)} tests repeat an earlier one to the last digit, as line {line} does line {first}: a "
         "measurement never does, and counted twice it makes intervals too narrow; take copies out"

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import tempfile
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
 from hashlib import sha256
 from pathlib import Path
 from typing import Any, Literal
@@ -9,6 +13,7 @@ from typing import Any, Literal
 from pydantic import Field, NonNegativeInt, PositiveInt
 
 from gtmodel.cgen import Costs, GenerationError, check, costs, generate, write_costs
+from gtmodel.cgen.costs_file import COSTS
 from gtmodel.cgen.folder import held
 from gtmodel.compiler.causal import CausalFunction, c_name, compile_causal
 from gtmodel.results import SolveStatus
@@ -16,6 +21,7 @@ from gtmodel.results.folder import Held
 
 from .base import Check, Context, InputError, Outcome, Row, Section
 from .robot_keys import RobotProblem
+from .verdict import marked
 
 NAME = "codegen"
 
@@ -68,8 +74,9 @@ def solve(problem: Schema, context: Context) -> Outcome:
     raise InputError("generates code and solves nothing; use gtmodel codegen PROBLEM.toml -o DIR", "kind")
 
 
-def write(problem: Schema, context: Context, out: Path, *, verify: bool = False) -> Outcome:
-    """Generate the code into `out`; with `verify` compile it and compare it with Python.
+def write(problem: Schema, context: Context, out: Path, *, verify: bool = False, write_failed: bool = False) -> Outcome:
+    """Generate the code into `out`. With `verify` it is first compiled and compared with Python elsewhere, and comes
+    into `out` only when all checks passed; with `write_failed` also otherwise, marked in the first lines.
 
     Raises InputError for a wrong problem and for a folder that holds other people's files.
     """
@@ -77,16 +84,39 @@ def write(problem: Schema, context: Context, out: Path, *, verify: bool = False)
         with held(out) as folder:
             if folder.told:
                 context.notice(folder.told)
-            return _write(problem, context, folder, verify)
+            functions = compiled(problem, context)
+            if context.interrupted():
+                return Outcome(status=SolveStatus.INTERRUPTED, message="stopped before the code was generated")
+            context.progress("generating")
+            if not verify:
+                return _generated(problem, context, functions, folder)
+            with tempfile.TemporaryDirectory(prefix="gtmodel-codegen-") as scratch:
+                outcome, cost = _verified(problem, context, functions, Path(scratch) / "code")
+            outcome = replace(
+                outcome,
+                values={**outcome.values, "folder": str(folder.path)},
+                rows=[Row("folder", str(folder.path)), *outcome.rows[1:]],
+            )
+            if not outcome.status.ok and not write_failed:
+                said = f"{outcome.message}; the code is not written; --write-failed writes it, marked"
+                return replace(outcome, message=said)
+            mark = None if outcome.status.ok else partial(_marked, outcome.message)
+            _generated(problem, context, functions, folder, mark)
+            if cost is not None:
+                write_costs(folder, cost)
+            return outcome
     except GenerationError as error:
         raise InputError(str(error)) from error
 
 
-def _write(problem: Schema, context: Context, out: Held, verify: bool) -> Outcome:
-    functions = compiled(problem, context)
-    if context.interrupted():
-        return Outcome(status=SolveStatus.INTERRUPTED, message="stopped before the code was generated")
-    context.progress("generating")
+def _generated(
+    problem: Schema,
+    context: Context,
+    functions: dict[str, CausalFunction],
+    out: Held | Path,
+    mark: Callable[[str, str], str] | None = None,
+) -> Outcome:
+    """The code in a folder, and what it is."""
     provenance = {"problem": context.name, "title": problem.title, "robot": problem.robot}
     provenance["problem_sha256"] = sha256(problem.model_dump_json().encode()).hexdigest()
     generated = generate(
@@ -98,46 +128,61 @@ def _write(problem: Schema, context: Context, out: Held, verify: bool) -> Outcom
         along=[f.name for f in problem.functions if f.trajectory],
         real=problem.real,
         box=problem.box,
+        mark=mark,
     )
     files = sorted(str(f) for f in generated.files)
     signatures = {generated.functions[name]: _signature(f) for name, f in functions.items()}
     values: dict[str, Any] = {
-        "folder": str(out.path),
+        "folder": str(generated.folder),
         "functions": signatures,
         "files": files,
         "operations": generated.operations,
     }
-    rows = [Row("folder", str(out.path)), Row("files", len(files)), Row("numbers", problem.real)]
+    rows = [Row("folder", str(generated.folder)), Row("files", len(files)), Row("numbers", problem.real)]
     rows += [Row(name, _in_words(signature)) for name, signature in signatures.items()]
-    if not verify:
-        return Outcome(status=SolveStatus.SOLVED, message=f"generated {len(files)} files", values=values, rows=rows)
+    return Outcome(status=SolveStatus.SOLVED, message=f"generated {len(files)} files", values=values, rows=rows)
+
+
+def _marked(message: str, file: str, text: str) -> str:
+    return marked(file, text.encode(), message).decode() if file.endswith((".c", ".h")) else text
+
+
+def _verified(
+    problem: Schema, context: Context, functions: dict[str, CausalFunction], scratch: Path
+) -> tuple[Outcome, Costs | None]:
+    """The code compiled in a folder of its own and compared with Python; what it costs where that was counted."""
+    made = _generated(problem, context, functions, scratch)
+    values, rows = dict(made.values), made.rows
     if context.interrupted():
-        return _stopped(values, rows, f"generated {len(files)} files, which were not checked")
+        return _stopped(made, "generated, but not checked"), None
     context.progress("compiling and comparing")
     try:
-        report = check(out.path, functions, points=problem.check.points, seed=problem.check.seed)
+        report = check(scratch, functions, points=problem.check.points, seed=problem.check.seed)
     except GenerationError as error:
-        return Outcome(status=SolveStatus.FAILED, message=str(error), values=values, rows=rows)
+        return replace(made, status=SolveStatus.FAILED, message=str(error)), None
     if context.interrupted() and report.passed:
-        return _stopped(values, rows, "generated and compared with Python; costs were not counted")
+        return _stopped(made, "generated and compared with Python, but costs were not counted"), None
     context.progress("counting")
-    cost = costs(out.path, functions)
-    values["files"] = sorted([*files, write_costs(out, cost).name])
+    cost = costs(scratch, functions)
+    values["files"] = sorted([*values["files"], COSTS])
     values |= {"points": problem.check.points, "text_bytes": cost.text_bytes, "newton_bytes": cost.newton_bytes}
     values |= {"stack_bytes": cost.stack_bytes, "instructions": cost.instructions, "symbols": list(cost.symbols)}
     rows += [Row(f"{name} costs", _cost(cost, name)) for name in cost.text_bytes]
     rows += [Row("costs", cost.missing)] if cost.missing else []
-    return Outcome(
+    outcome = Outcome(
         status=SolveStatus.SOLVED if report.passed or report.checks else SolveStatus.FAILED,
         message=report.message,
-        checks={c.name: Check(c.value, c.bound, c.passed) for c in report.checks},
+        checks={
+            c.name: Check(c.value, c.bound, c.passed, "" if c.passed else c.detail, c.least) for c in report.checks
+        },
         values=values,
         rows=rows,
     )
+    return outcome, cost
 
 
-def _stopped(values: dict[str, Any], rows: list[Row], done: str) -> Outcome:
-    return Outcome(status=SolveStatus.INTERRUPTED, message=f"stopped: {done}", values=values, rows=rows)
+def _stopped(made: Outcome, done: str) -> Outcome:
+    return replace(made, status=SolveStatus.INTERRUPTED, message=f"stopped: {done}")
 
 
 def explain(problem: Schema, context: Context) -> str:

@@ -192,7 +192,8 @@ def _planned(model: Optimization, problem: Schema, context: Context, stage: str,
         return context.interrupted()
 
     mesh = Mesh(elements=problem.mesh.elements, control="bernstein")  # forces keep their limit at every instant
-    return collocate(model, mesh=mesh, guess=guess, solver=SolverOptions(), progress=progress, throw=False)
+    options = SolverOptions(error_bound=None)  # the plan is judged by its re-simulation
+    return collocate(model, mesh=mesh, guess=guess, solver=options, progress=progress, throw=False)
 
 
 def _sampled(solution: Solution, tool: Tool) -> Trajectory:

@@ -12,10 +12,10 @@ from gtmodel.identify.excitation import FINER, Excitation, optimise_excitation
 from gtmodel.identify.excitation_basis import FourierSeries
 from gtmodel.identify.information import condition, predicted_deviations, singular_values
 from gtmodel.identify.random_excitation import random_excitations
-from gtmodel.inference import Coverage, coverage, linear_fit
+from gtmodel.inference import FALSE_ALARM, Coverage, binomial_band, coverage, linear_fit
 from gtmodel.results import SolveStatus, Trajectory
 
-from .base import Check, Context, InputError, Outcome, Row, at_most
+from .base import Context, InputError, Outcome, Row, at_most
 from .excitation_keys import ExcitationProblem
 from .excitation_task import Plan, plan_of
 from .motion import link_ends
@@ -159,7 +159,8 @@ def _outcome(problem: Schema, plan: Plan, found: _Found, runs: list[Excitation])
     }
     if found.runs:
         seen = found.runs[0][0]
-        checks["coverage_outside_band"] = Check(len(seen.outside), 0, not seen.outside)
+        low, high = binomial_band(seen.runs, seen.level, 1 - FALSE_ALARM / len(seen.names))
+        checks["coverage_outside_band"] = at_most(float(np.count_nonzero((seen.hits < low) | (seen.hits > high))), 0.0)
     status = SolveStatus.INTERRUPTED if SolveStatus.INTERRUPTED in [e.status for e in runs] else best.status
     return Outcome(
         status=status, message=best.message, objective=best.objective, iterations=sum(e.iterations for e in runs),

@@ -134,8 +134,8 @@ def _dynamic(
         checks["spectral_radius"] = Check(radius, 1.0, radius < 1)
     except ValueError as error:
         radius, chatter = None, f"not told: {error}"
-    if task.cutter.tooth_angles is not None or task.cutter.runout is not None:
-        chatter += "; for even pitch without runout, other than declared"
+    if task.cutter.runout is not None:
+        chatter += "; without the runout that is declared"
     values |= {
         "static_choice_deg": angles[s_row],
         "dynamic_angle_deg": np.rad2deg(f.angle),
@@ -181,8 +181,8 @@ def _dynamic(
         k = problem.cut
         lobes = stability_lobes(here, task.cutter, k.mode, k.radial_depth_m, task.feed, up=task.up)
         depth = float(lobes.depth_at([task.speed])[0])
-        shown = f"{1e3 * depth:.3g}" if np.isfinite(depth) else "no limit"
-        rows.append(Row("stable depth at this speed, zeroth order", shown, "mm"))
+        shown = f"{1e3 * depth:.3g}" if np.isfinite(depth) else "no limit below 1000"
+        rows.append(Row("proven stable depth at this speed", shown, "mm"))
         figures["lobes"] = lambda: milling_pictures.lobes_of(problem, task, lobes)
 
 

@@ -13,6 +13,7 @@ from .base import Context, InputError
 from .milling_keys import OscillatorRow, Schema
 
 NEIGHBOURS = 3  # of a grid angle on either side through which a local table is laid
+ROUNDING = 1e-9  # rad, of an angle of the grid
 
 
 class Dynamics:
@@ -100,7 +101,10 @@ def _of_modal(mass: list[float], zeta: list[float]) -> Callable[..., Dynamics]:
             return AngleTable(angles[here], found[np.searchsorted(rows, here)])
 
         def at(angle: float) -> Oscillators:
-            return near(rows[np.argmin(np.abs(angles[rows] - angle))]).at(angle)
+            nearest = int(np.argmin(np.abs(angles[rows] - angle)))
+            if abs(angles[rows[nearest]] - angle) < ROUNDING:  # no neighbour is needed
+                return found[[nearest]]
+            return near(rows[nearest]).at(angle)
 
         def smooth(row: int) -> tuple[Any, float, float]:
             table = near(row)

@@ -13,6 +13,8 @@ from .milling_printed import Printed
 from .milling_search import Found
 from .milling_task import Task, title_of
 
+SPEEDS = 121  # of the lobes, each proven
+
 
 def angle(problem: Schema, f: Found) -> Any:
     """Both indices over the angle."""
@@ -44,6 +46,6 @@ def lobes_of(problem: Schema, task: Task, lobes: Lobes) -> Any:
     from gtmodel.plot.milling import lobes_figure
 
     assert problem.lobes is not None
-    speed = np.linspace(problem.lobes.from_rpm, problem.lobes.to_rpm, 400) / 60
+    speed = np.linspace(problem.lobes.from_rpm, problem.lobes.to_rpm, SPEEDS) / 60
     title = f"{title_of(problem, task)}: stability"
     return lobes_figure(speed, lobes.depth_at(speed), (task.speed, task.cut.axial_depth), title=title)

@@ -210,6 +210,7 @@ class Search:
             Mesh(mesh.elements, mesh.points, control=control),
             guess=guess,
             solver=SolverOptions(
+                error_bound=None,  # the kind judges the motion by its re-simulation
                 tolerance=solver.tolerance,
                 formulation=solver.formulation,
                 barrier=solver.barrier if solver.barrier != "auto" else cast(Any, barrier),

@@ -15,7 +15,7 @@ from gtmodel.optimize.problem import Bounds
 from gtmodel.optimize.resimulate import resimulate
 
 from . import python_models
-from .base import Context, InputError, Outcome, Problem, Row, Section
+from .base import Check, Context, InputError, Outcome, Problem, Row, Section
 
 NAME = "optimization"
 
@@ -133,7 +133,7 @@ def _outcome(solution: Solution) -> Outcome:
     rows += [Row(name, value) for name, value in free.items() if name != "final_time"]
     values = {"final_time_s": final_time, "free": free}
     message = solution.message
-    if solution.status.ok:
+    if solution.status.converged:
         tried, word = _tried(solution)
         values |= tried
         rows += [Row(name.replace("_", " "), value) for name, value in tried.items()]
@@ -143,11 +143,17 @@ def _outcome(solution: Solution) -> Outcome:
         message=message,
         objective=solution.objective,
         iterations=solution.iterations,
-        checks=solution.checks,
+        checks={
+            n: Check(c.value if np.isfinite(c.value) else None, c.bound, c.passed) for n, c in solution.checks.items()
+        },
         values=values,
         trajectory=solution.trajectory,
         rows=rows,
     )
+
+
+def _told(check: Any) -> Check:
+    return Check(check.value if np.isfinite(check.value) else None, check.bound, check.passed)
 
 
 def _tried(solution: Solution) -> tuple[dict[str, float], str]:

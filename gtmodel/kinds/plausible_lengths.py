@@ -9,8 +9,9 @@ import numpy as np
 
 from .base import InputError
 
-# link lengths [m] of a robot that carts carry: shorter or longer ones are in another unit
-SHORTEST, LONGEST = 0.02, 100.0
+# link lengths [m] of a robot that carts carry: shorter or longer ones are in another unit, a thousand times as large or
+# small, so that no length is taken in both
+SHORTEST, LONGEST = 0.02, 20.0
 # points in link lengths: least and greatest size of the farthest one. Cart joints lie about the room, plate and cart
 # joints in their own frames within a fraction of a link; a slip of unit is a factor of 1000
 SIZES = {"A": (0.0, 300.0), "A0": (0.01, 300.0), "A_bj": (1e-3, 10.0), "B": (1e-3, 10.0), "B0": (1e-3, 10.0)}

@@ -81,14 +81,15 @@ def _for_machines(outcome: Outcome, write_failed: bool) -> Outcome:
     return replace(outcome, files=files)
 
 
-def generate(loaded: Loaded, context: Context, out: Path, *, verify: bool) -> Finished:
-    """Generate the code of a problem of kind codegen. Raises InputError for another kind."""
+def generate(loaded: Loaded, context: Context, out: Path, *, verify: bool, write_failed: bool = False) -> Finished:
+    """Generate the code of a problem of kind codegen; with `verify` and without `write_failed` only code that passed
+    all checks is written. Raises InputError for another kind."""
     if loaded.problem.kind != "codegen":
         raise InputError(f"is '{loaded.problem.kind}', which gives no code; use gtmodel solve", "kind")
     from . import codegen
 
     assert isinstance(loaded.problem, codegen.Schema)
-    outcome = codegen.write(loaded.problem, context, out, verify=verify)
+    outcome = codegen.write(loaded.problem, context, out, verify=verify, write_failed=write_failed)
     return Finished(outcome, time.monotonic() - context.began)
 
 

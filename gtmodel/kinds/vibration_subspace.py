@@ -148,7 +148,11 @@ def _words(p: Physical | None, model: SubspaceModel, near: str, s: _Structure | 
                 )
     # with M known, that it needs a force or a mass is no news
     words += [w for w in s.form.words if w != near and (s.known is None or w != s.form.words[0])]
-    words += [*(s.modes.words if s.modes else ()), *(s.fit.words if s.fit else ())]
+    words += [
+        *(s.known.words if s.known and not s.fit else ()),
+        *(s.modes.words if s.modes else ()),
+        *(s.fit.words if s.fit else ()),
+    ]
     return words
 
 

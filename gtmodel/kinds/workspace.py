@@ -16,6 +16,7 @@ from gtmodel.kinematics.workspace import (
     map_section,
     map_volume,
 )
+from gtmodel.kinematics.workspace.volume import MOST
 from gtmodel.results import SolveStatus
 
 from .base import Check, Context, InputError, Outcome, Row, Section, at_most
@@ -38,6 +39,8 @@ VALUES = {
     "guideway_rectangle_m2": "area of the upright rectangle that the guideways span in the section: the footprint",
     "area_ratio": "area_m2 to that footprint",
     "volume_m3": "volume of the workspace along the guideways; null without [volume]",
+    "volume_error_m3": "its error as the sections tell it; null without [volume], and where none is reached",
+    "volume_sections": "number of sections that were mapped for it",
     "volume_ratio": "volume_m3 to the footprint times the longest stroke of limits.actuators_m; null without them",
     "reasons": "number of grid points of the section by reason, the first limit that fails",
     "points": "for each of points_m: tcp_m, reachable, sentence",
@@ -49,6 +52,7 @@ VALUES = {
 # relative change of the area when the step is doubled: boundary crossings are bisected, the rest is of second order
 CONVERGENCE = 0.01
 FINER = "use a smaller section.step_m"
+VOLUME = 0.01  # of the volume: its error by the sections, and its change when the step is doubled
 # relative: the same polygons by cells and by loops
 POLYGONS = 1e-9
 MOST_POINTS = 2.5e7  # of a section, some 500 MB
@@ -60,7 +64,11 @@ class VolumeKeys(Section):
 
     low_m: float = Field(description="first position along the guideways")
     high_m: float = Field(description="last position along the guideways")
-    sections: int = Field(default=21, ge=2, le=10000, description="number of sections")
+    sections: int = Field(default=21, ge=2, le=10000, description="number of sections to begin with")
+    tolerance: float = Field(
+        default=VOLUME, gt=0, lt=1, description="of the volume; sections are added until their error is below"
+    )
+    most_sections: int = Field(default=MOST, ge=3, le=10000, description="number of sections at most")
 
 
 class Schema(RobotProblem):
@@ -166,16 +174,33 @@ def _volume(
     if keys.low_m >= keys.high_m:
         raise InputError("the first position must be less than the last", "volume.high_m")
     home = float(section.origin @ section.normal)
-    along = np.linspace(keys.low_m, keys.high_m, keys.sections) - home
+    if keys.sections > keys.most_sections:
+        raise InputError(f"is less than the {keys.sections} sections to begin with", "volume.most_sections")
+    along = np.linspace(keys.low_m, keys.high_m, _to_begin_with(problem, section)) - home
 
     def progress(fraction: float) -> bool:
         context.progress("sections", fraction)
         return context.interrupted()
 
-    volume = map_volume(reach, section, low, high, along, problem.section.step_m, progress=progress)
+    volume = map_volume(
+        reach, section, low, high, along, problem.section.step_m, tolerance=keys.tolerance / 2, most=keys.most_sections,
+        coarse=True, progress=progress,
+    )  # fmt: skip
     if not volume.complete:
         raise _Stopped
     return volume
+
+
+def _to_begin_with(problem: Schema, section: Any) -> int:
+    """Number of sections before any is added: as many as the file says, or so many that none of the obstacles fits
+    between two of them."""
+    keys = problem.volume
+    assert keys is not None
+    thin = [float(np.ptp(np.array([b.low_m, b.high_m]), axis=0) @ np.abs(section.normal)) for b in problem.obstacles]
+    thin += [2 * b.radius_m + abs(float((np.array(b.to_m) - b.from_m) @ section.normal)) for b in problem.beams]
+    thin = [t for t in thin if t > 0]
+    enough = int(np.ceil((keys.high_m - keys.low_m) / min(thin))) + 1 if thin else 0
+    return min(max(keys.sections, enough), keys.most_sections)
 
 
 def _outcome(
@@ -205,6 +230,8 @@ def _outcome(
         "guideway_rectangle_m2": rectangle,
         "area_ratio": None if no_footprint else region.area / rectangle,
         "volume_m3": None if volume is None else volume.volume,
+        "volume_error_m3": None if volume is None or not np.isfinite(volume.error) else volume.error,
+        "volume_sections": None if volume is None else len(volume.along),
         "volume_ratio": None if volume is None or no_footprint or not length else volume.volume / (rectangle * length),
         "reasons": reach.counts(main.codes),
         "points": points,
@@ -213,7 +240,7 @@ def _outcome(
         "assumptions": _assumptions(problem, robot, reach),
     }
     empty = region.area == 0.0
-    checks = {} if empty else _checks(main, coarse)
+    checks = {} if empty else _checks(problem, main, coarse, volume)
     cuts = ["the cross-section reaches the edge of the grid and is cut there"] if region.on_edge else []
     if volume is not None and volume.on_edge:
         cuts.append("the volume reaches its first or last section, or the edge of one, and is cut there")
@@ -251,13 +278,23 @@ def _assumptions(problem: Schema, robot: Mechanism, reach: Reach) -> list[str]:
     return list(dict.fromkeys([*reach.assumptions, *compared]))
 
 
-def _checks(main: SectionMap, coarse: SectionMap) -> dict[str, Check]:
+def _checks(problem: Schema, main: SectionMap, coarse: SectionMap, volume: Volume | None) -> dict[str, Check]:
     area = main.region.area
     change = abs(area - coarse.region.area) / area
     polygons = abs(main.region.area_within_loops - area) / area
-    return {
+    checks = {
         "area_change_at_double_step": at_most(change, CONVERGENCE, FINER),
         "area_within_boundary": at_most(polygons, POLYGONS, FINER),
+    }
+    if volume is None or problem.volume is None:
+        return checks
+    found, allowed = volume.volume, problem.volume.tolerance
+    none = f"none of {len(volume.along)} sections is reached, {volume.widest:.3g} m apart; move volume.low_m and high_m"
+    more = f"allow more than {problem.volume.most_sections} sections by volume.most_sections, or a narrower range"
+    rough = abs(found - volume.coarse) / found if found else np.inf
+    return checks | {
+        "volume_error": at_most(volume.error / found if found else np.inf, allowed, more if found else none),
+        "volume_change_at_double_step": at_most(rough, allowed, FINER if found else none),
     }
 
 
@@ -273,6 +310,8 @@ def _rows_of(values: dict[str, Any]) -> list[Row]:
     rows.append(Row("to the rectangle of the guideways", values["area_ratio"]))
     if values["volume_m3"] is not None:
         rows.append(Row("volume", values["volume_m3"], "m3"))
+        rows.append(Row("  its error by the sections", values["volume_error_m3"], "m3"))
+        rows.append(Row("  sections", values["volume_sections"]))
         rows.append(Row("to the box of guideways and strokes", values["volume_ratio"]))
     rows += [Row(f"grid points: {reason}", count) for reason, count in values["reasons"].items()]
     rows += [Row("point", point["sentence"]) for point in values["points"]]

@@ -11,7 +11,8 @@ import numpy as np
 MIN_POINTS = 3  # two points leave no residual
 # metres per metre: transmission scales are 0.96 to 1.003; a factor of two is another unit or another axis
 SCALE_RANGE = (0.5, 2.0)
-LONGEST = 100.0  # m; a longer guideway was given in millimetres
+# m: what spans more was given in millimetres, if no guideway is shorter than the thousandth part, 20 mm
+LONGEST = 20.0
 STANDSTILL = 1e-3  # m: nothing can be said about a guideway along which the cart moves less
 
 
@@ -85,17 +86,18 @@ class GuidewayFit:
         return {"at": at, "deviation": deviation if R is None else deviation @ np.asarray(R, float).T}
 
 
-def fit_guideway(q: Any, P: Any) -> GuidewayFit:
+def fit_guideway(q: Any, P: Any, *, longest: float = LONGEST) -> GuidewayFit:
     """Line through cart points measured along one guideway (Dressler 2012, eqs. (4.10)-(4.12)).
 
     Args:
         q: commanded cart coordinates (n,) [m], in any order, n >= 3.
         P: measured points (n, 3) [m], any frame.
+        longest: guideway that may be meant [m]; raise it for a robot that is larger.
 
     Raises MeasurementError: too few points, numbers that are not finite, a cart that does not move, lengths that
     look like millimetres.
     """
-    q, P = checked(q, P)
+    q, P = checked(q, P, longest)
     design = np.column_stack([np.ones(len(q)), q - np.mean(q)])
     (middle, v), *_ = np.linalg.lstsq(design, P, rcond=None)
     scale = float(np.linalg.norm(v))
@@ -114,7 +116,7 @@ def fit_guideway(q: Any, P: Any) -> GuidewayFit:
     return GuidewayFit(P0=middle - np.mean(q) * v, v=v, q=q, e=P - middle - np.outer(q - np.mean(q), v))
 
 
-def checked(q: Any, P: Any) -> tuple[np.ndarray, np.ndarray]:
+def checked(q: Any, P: Any, longest: float = LONGEST) -> tuple[np.ndarray, np.ndarray]:
     """q (n,) and P (n, 3) as arrays. Raises MeasurementError."""
     q, P = np.asarray(q, dtype=float), np.asarray(P, dtype=float)
     if q.ndim != 1 or P.shape != (len(q), 3):
@@ -128,8 +130,11 @@ def checked(q: Any, P: Any) -> tuple[np.ndarray, np.ndarray]:
     span = float(np.ptp(q))
     if span < STANDSTILL:
         raise MeasurementError(f"q runs over {span:.3g} m only; the cart has to move along its guideway")
-    if span > LONGEST:
-        raise MeasurementError(f"q runs over {span:.4g} m, more than {LONGEST:g}; give metres, not millimetres")
+    if span > longest:
+        raise MeasurementError(
+            f"q runs over {span:.4g} m, more than {longest:g}; give metres, not millimetres, or say by `longest` that "
+            "the guideway is longer"
+        )
     return q, P
 
 

@@ -8,8 +8,8 @@ import numpy as np
 
 # below this sine of the second angle ZYZ keeps fewer than ten digits of the other two: round-off over the sine
 SINGULAR_SINE = 1e-6
-# below this sine of a turn near pi its skew part is round-off and cannot tell the axis
-HALF_TURN_SINE = 1e-12
+# below this cosine of half the angle the sense of a turn is round-off
+HALF_TURN = 1e-15
 
 
 def matrices(orientation: Any) -> np.ndarray:
@@ -64,23 +64,30 @@ def rotation_vector(orientation: Any, reference: Any) -> np.ndarray:
     two axes: within round-off of it the one is taken whose first component that is not zero is positive. `reference` is
     one orientation. Raises ValueError for a shape that is no orientation.
     """
-    D = matrices(orientation) @ matrices(reference).T
-    twice = np.stack([D[..., 2, 1] - D[..., 1, 2], D[..., 0, 2] - D[..., 2, 0], D[..., 1, 0] - D[..., 0, 1]], axis=-1)
-    sine = np.linalg.norm(twice, axis=-1) / 2
-    angle = np.arctan2(sine, (np.trace(D, axis1=-2, axis2=-1) - 1) / 2)
+    scalar, vector = _quaternions(matrices(orientation) @ matrices(reference).T)
+    length = np.linalg.norm(vector, axis=-1)
     with np.errstate(invalid="ignore", divide="ignore"):
-        factor = np.where(sine > 0, angle / (2 * sine), 0.5)  # angle / sine -> 1 at no turn
-    half = (sine < HALF_TURN_SINE) & (angle > 1.0)
-    return np.where(half[..., None], angle[..., None] * _half_turn_axis(D), factor[..., None] * twice)
+        factor = np.where(length > 0, 2 * np.arctan2(length, scalar) / length, 2.0)  # -> 2 at no turn
+    return factor[..., None] * vector
 
 
-def _half_turn_axis(D: np.ndarray) -> np.ndarray:
-    """Unit axes (..., 3) of half turns D = 2 a a' - 1: the longest column of D + 1, first component positive."""
-    S = D + np.swapaxes(D, -1, -2) + 2.0 * np.eye(3)
-    longest = np.argmax(np.diagonal(S, axis1=-2, axis2=-1), axis=-1)
-    column = np.take_along_axis(S, longest[..., None, None], axis=-1)[..., 0]
+def _quaternions(D: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Scalar (...), not negative, and vector (..., 3) of unit quaternions, from the largest of their components: all
+    four to round-off at any angle. Of half turns the first component of the vector that is not zero is positive."""
+    diagonal = np.diagonal(D, axis1=-2, axis2=-1)
+    trace = diagonal.sum(axis=-1)
+    skew = np.stack([D[..., 2, 1] - D[..., 1, 2], D[..., 0, 2] - D[..., 2, 0], D[..., 1, 0] - D[..., 0, 1]], axis=-1)
+    # four times the quaternion by each of its components
+    Q = np.empty((*D.shape[:-2], 4, 4))
+    Q[..., 0, 0], Q[..., 0, 1:], Q[..., 1:, 0] = 1 + trace, skew, skew
+    Q[..., 1:, 1:] = D + np.swapaxes(D, -1, -2) + (1 - trace)[..., None, None] * np.eye(3)
+    largest = np.argmax(np.diagonal(Q, axis1=-2, axis2=-1), axis=-1)
+    q = np.take_along_axis(Q, largest[..., None, None], axis=-2)[..., 0, :]
     with np.errstate(invalid="ignore", divide="ignore"):
-        axis = column / np.linalg.norm(column, axis=-1, keepdims=True)
-    there = np.abs(axis) > HALF_TURN_SINE
-    first = np.take_along_axis(axis, np.argmax(there, axis=-1)[..., None], axis=-1)
-    return np.where(first < 0, -axis, axis)
+        q = q / np.linalg.norm(q, axis=-1, keepdims=True)
+    half = np.abs(q[..., 0]) < HALF_TURN
+    q[..., 0] = np.where(half, 0.0, q[..., 0])
+    there = np.abs(q[..., 1:]) > HALF_TURN
+    first = np.take_along_axis(q[..., 1:], np.argmax(there, axis=-1)[..., None], axis=-1)[..., 0]
+    q = np.where((np.where(half, first, q[..., 0]) < 0)[..., None], -q, q)
+    return q[..., 0], q[..., 1:]

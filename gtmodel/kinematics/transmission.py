@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import curve_fit
 
-from .guideways import GuidewayFit, MeasurementError, checked, fit_guideway
+from .guideways import LONGEST, GuidewayFit, MeasurementError, checked, fit_guideway
 from .periodogram import strongest
 
 CONFIDENCE = 0.95
@@ -17,6 +17,7 @@ OVERSAMPLING = 10  # frequencies tried per 1/length of the guideway
 MOST_FREQUENCIES = 200_000
 MIN_CYCLIC_POINTS = 8  # five numbers are fitted: offset, slope, sine, cosine, period
 ALIASES = 5
+APART_DEG = 1.0  # between the lines of two runs: a guideway bends by a thousandth of that
 
 
 @dataclass(frozen=True)
@@ -40,7 +41,7 @@ class Backlash:
         return self.low > 0.0 or self.high < 0.0
 
 
-def backlash(q_forward: Any, P_forward: Any, q_backward: Any, P_backward: Any) -> Backlash:
+def backlash(q_forward: Any, P_forward: Any, q_backward: Any, P_backward: Any, *, longest: float = LONGEST) -> Backlash:
     """Play of the drive from one run with rising and one with falling q (Dressler 2012, section 4.2 and Fig. 4.3).
 
     The residuals of both runs about the line of the forward run are compared place by place, so that the guideway's
@@ -50,11 +51,18 @@ def backlash(q_forward: Any, P_forward: Any, q_backward: Any, P_backward: Any) -
     Args:
         q_forward, q_backward: (n,) and (m,) [m], each in the order of the measurement.
         P_forward, P_backward: (n, 3) and (m, 3) [m].
+        longest: as for `fit_guideway`.
 
     Raises MeasurementError: as `fit_guideway`; a run that does not go its way; fewer than three common places.
     """
-    fit = fit_guideway(q_forward, P_forward)
-    q_b, P_b = checked(q_backward, P_backward)
+    fit, back_fit = (fit_guideway(*run, longest=longest) for run in ((q_forward, P_forward), (q_backward, P_backward)))
+    q_b, P_b = checked(q_backward, P_backward, longest)
+    turn = float(np.degrees(np.arccos(np.clip(fit.direction @ back_fit.direction, -1, 1))))
+    if turn > APART_DEG:
+        raise MeasurementError(
+            f"the two runs go along lines {turn:.3g} deg apart, at most {APART_DEG:g} expected; give points of one "
+            "guideway in one frame"
+        )
     for name, q, sign in (("forward", fit.q, 1), ("backward", q_b, -1)):
         wrong = int(np.sum(sign * np.diff(q) <= 0))
         if wrong:

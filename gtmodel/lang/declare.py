@@ -159,7 +159,7 @@ def variable(
         unit: SI unit, e.g. "N/m"; None switches the dimension check off for this variable.
         nominal: expected magnitude (> 0), used for scaling.
         min, max: bounds, used by optimisation.
-        start: start or home value; with fixed=True an initial condition.
+        start: start or home value; with fixed=True an initial condition, which is 0 where none is given.
         prefer: preference as a state; higher is kept longer, negative is avoided.
     """
     return Variable(shape, unit, description, "variable", _attributes(nominal, min, max, start, fixed, prefer))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import tempfile
 from collections.abc import Mapping
@@ -11,6 +12,7 @@ from typing import Any
 from .._files import codegen_dir
 from ..cgen import GenerationError
 from ..cgen.manifest import changed_files, lacks, read, sha256
+from ..cgen.private import exposed
 from ..cgen.toolchain import STANDARD, WARNINGS, find
 from ..results.folder import unfinished
 
@@ -68,7 +70,8 @@ def sources(content: Mapping[str, Any], axes: int) -> dict[str, str]:
 def build(folder: Path, place: Path, axes: int) -> Path:
     """Write the loop's files into `place`, compile them with the generated `folder`, and return the program.
 
-    A program that was built there from the same files is used again. Every warning is an error but for CasADi's
+    A program that was built there from the same files is used again, unless it was changed since or another user may
+    change it. Every warning is an error but for CasADi's
     unused parameters. Raises GenerationError for a folder that is not generated or was changed, without a compiler,
     and for code that does not compile.
     """
@@ -80,8 +83,11 @@ def build(folder: Path, place: Path, axes: int) -> Path:
     texts = sources(content, axes)
     made_of = sha256(json.dumps([texts, content["files"], tools.cc, STANDARD], sort_keys=True))
     stamp = place / STAMP
-    if (place / PROGRAM).is_file() and stamp.is_file() and stamp.read_text(encoding="utf-8") == made_of:
-        return place / PROGRAM
+    program = place / PROGRAM
+    if _stamped(program, stamp, made_of):
+        return program
+    stamp.unlink(missing_ok=True)
+    program.unlink(missing_ok=True)  # the compiler keeps the rights of a file that it finds
     for name, text in texts.items():
         (place / name).write_text(text, encoding="utf-8", newline="\n")
     own = [folder / f"gt_{content['name']}{part}.c" for part in ("", "_body")]
@@ -92,12 +98,24 @@ def build(folder: Path, place: Path, axes: int) -> Path:
         good, text = tools.compile(own[1], body, body=True)
         if good:
             command = (tools.cc, *STANDARD, *WARNINGS, *include, *hand, own[0], body)
-            good, text = tools.run(*command, "-o", place / PROGRAM, "-lm", "-pthread")
+            good, text = tools.run(*command, "-o", program, "-lm", "-pthread")
     if not good:
         first = next((line for line in text.splitlines() if "error" in line), text.strip())
         raise GenerationError(f"the loop does not compile: {first}")
-    stamp.write_text(made_of, encoding="utf-8")
-    return place / PROGRAM
+    stamp.write_text(f"{made_of} {_hash(program)}", encoding="utf-8")
+    return program
+
+
+def _stamped(program: Path, stamp: Path, made_of: str) -> bool:
+    """True for a program as it was built from these files, which nobody else can have put there."""
+    try:
+        return stamp.read_text(encoding="utf-8") == f"{made_of} {_hash(program)}" and not exposed(program)
+    except (OSError, UnicodeDecodeError):
+        return False
+
+
+def _hash(program: Path) -> str:
+    return hashlib.sha256(program.read_bytes()).hexdigest()
 
 
 def _function(content: Mapping[str, Any], known: tuple[str, ...], targets: tuple[str, ...]) -> dict[str, Any] | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 from collections.abc import Mapping, Sequence
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
 
@@ -77,9 +78,10 @@ def read_log(
     stops = np.flatnonzero(np.diff(values[:, -1])) + 1 if session else np.array([], dtype=int)
     _refuse_scattered(values, stops, table, path, session)
     sessions = []
-    for rows in np.split(np.arange(len(values)), stops):
-        part = Table(table.columns, table.units, table.values[rows], [table.lines[k] for k in rows], table.notes)
-        label = f"{Path(path).name} {session} {values[rows[0], -1]:g}" if session else Path(path).name
+    for begin, end in pairwise([0, *stops.tolist(), len(values)]):
+        rows = slice(begin, end)  # views: logs are large
+        part = Table(table.columns, table.units, table.values[rows], table.lines[rows], table.notes)
+        label = f"{Path(path).name} {session} {values[begin, -1]:g}" if session else Path(path).name
         step = _sample_time(values[rows, 0], part, path, sample_time, jitter)
         arrays = {name: values[rows][:, at] if len(at) > 1 else values[rows, at[0]] for name, at in names.items()}
         units = {name: parse_unit(column.unit).si_text for name, column in columns.items()}
@@ -189,7 +191,7 @@ def _from_mat(path: PathLike, wanted: Mapping[str, Column], session: str | None)
                 "number, so cut the log there or repair it"
             )
         arrays.append(value.astype(float))
-    return Table(columns, units, np.column_stack(arrays), list(range(1, rows + 1)), {}), names
+    return Table(columns, units, np.column_stack(arrays), np.arange(1, rows + 1), {}), names
 
 
 def _by_columns(data: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -113,11 +114,13 @@ class Cut:
 
 
 class Teeth(NamedTuple):
-    """What each tooth meets: cuts from `start` to `end` [rad] with force (K_e + K_c offset) + K_c feed sin(phi).
+    """What teeth meet, a row for each stretch of a tooth's way on which its chip is left by the same tooth before it.
 
-    feed (N,) [m] and offset (N,) [m] make the chip thickness feed sin(phi) + offset.
+    The tooth at angle [rad] of the cutter cuts from `start` to `end` [rad] with force (K_e + K_c offset) + K_c feed
+    sin(phi): chip thickness feed sin(phi) + offset, feed and offset [m]. All (rows,).
     """
 
+    angle: np.ndarray
     start: np.ndarray
     end: np.ndarray
     feed: np.ndarray
@@ -139,17 +142,48 @@ def immersion(mode: str, radial_depth: float, diameter: float) -> tuple[float, f
 
 
 def teeth_in_cut(cutter: Cutter, cut: Cut) -> Teeth:
-    """Feed and engagement of each tooth, with its pitch and runout; chips are never thinner than zero.
+    """Engagement of each tooth, with its pitch and runout.
 
-    A tooth's chip is what the tooth before it left: material that a short tooth leaves is not handed on to a third.
+    A tooth's chip ends at the outermost of the surfaces that the teeth before it left, its own last turn the farthest
+    back: what a short tooth leaves is there for the next. Where nothing is left a tooth does not cut.
     """
-    start, end = immersion(cut.mode, cut.radial_depth, cutter.diameter)
-    feed = cut.feed_per_tooth * cutter.teeth * cutter.pitch / (2 * np.pi)
+    ends = immersion(cut.mode, cut.radial_depth, cutter.diameter)
     out = np.zeros(cutter.teeth) if cutter.runout is None else np.asarray(cutter.runout, float)
-    offset = out - np.roll(out, -1)
-    thin = np.arcsin(np.clip(-offset / feed, 0, 1))  # from here to pi - here the chip is thicker than zero
-    low, high = np.maximum(start, thin), np.minimum(end, np.pi - thin)
-    return Teeth(low, np.maximum(low, high), feed, offset)
+    rows = []
+    for i, angle in enumerate(cutter.angles):
+        back = (i + 1 + np.arange(cutter.teeth)) % cutter.teeth
+        feeds = cut.feed_per_tooth * cutter.teeth * np.cumsum(np.roll(cutter.pitch, -i)) / (2 * np.pi)
+        rows += [(angle, *row) for row in _stretches(feeds, out[i] - out[back], *ends)]
+    return Teeth(*np.array(rows, float).reshape(-1, 5).T)
+
+
+def _stretches(
+    feeds: np.ndarray, offsets: np.ndarray, start: float, end: float
+) -> list[tuple[float, float, float, float]]:  # fmt: skip
+    """From, to, feed and offset where the least of feeds sin(phi) + offsets is positive."""
+    if not offsets.any():
+        return [(start, end, float(feeds[0]), 0.0)]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        equal = (offsets[None, :] - offsets[:, None]) / (feeds[:, None] - feeds[None, :])
+        sines = np.concatenate([equal.ravel(), -offsets / feeds])
+    angles = np.arcsin(sines[(sines > 0) & (sines < 1)])
+    inner = np.unique(np.concatenate([angles, np.pi - angles]))
+    edges = np.concatenate([[start], inner[(inner > start) & (inner < end)], [end]])
+    found: list[tuple[float, float, float, float]] = []
+    for a, b in pairwise(edges.tolist()):
+        chips = feeds * np.sin((a + b) / 2) + offsets
+        k = int(np.argmin(chips))
+        if chips[k] <= 0:
+            continue
+        line = (float(feeds[k]), float(offsets[k]))
+        if found and found[-1][1] == a:
+            # no angle belongs to two stretches
+            before = found.pop()
+            found.append((before[0], b if before[2:] == line else float(np.nextafter(a, 0)), *before[2:]))
+            if before[2:] == line:
+                continue
+        found.append((a, b, *line))
+    return found
 
 
 def tooth_frequency(speed: float, teeth: int) -> float:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .cutter import Cut, Cutter, tooth_frequency
-from .forces import integrated_forces, peak_force, to_world
+from .forces import mean_forces, peak_force, to_world
 from .oscillators import Oscillators
 from .response import responses
 
@@ -56,13 +56,14 @@ def cutting_force(
 ) -> tuple[np.ndarray, float]:  # fmt: skip
     """Force (t, 3) [N], world coordinates, and its step [s]: whole samples per turn, `rate` per second or more.
 
+    Each sample is the mean over one step about it: no impulse is lost between samples, nor counted twice.
     speed [1/s]; feed (3), up (3): see `to_world`. Raises ValueError for impossible values.
     """
     tooth_frequency(speed, cutter.teeth)
     if not (seconds > 0 and rate > 0):
         raise ValueError(f"found {seconds:g} s at {rate:g} samples per second; expected more than 0")
     turn = samples_per_turn(speed, cutter.teeth, seconds, rate)
-    F = to_world(integrated_forces(cutter, cut, 2 * np.pi * np.arange(turn) / turn), feed, up)
+    F = to_world(mean_forces(cutter, cut, 2 * np.pi * np.arange(turn) / turn, 2 * np.pi / turn), feed, up)
     step = 1 / (speed * turn)
     return F[np.arange(int(np.ceil(seconds / step)) + 1) % turn], step
 

@@ -22,14 +22,19 @@ def directional_matrix(cutter: Cutter, phi: ArrayLike, start: float, end: float)
     return np.where(cuts[:, None, None], push[:, :, None] * np.stack([s, c], axis=-1)[:, None, :], 0.0)
 
 
+def directional_antiderivative(cutter: Cutter, angle: np.ndarray, span: tuple[float, float]) -> np.ndarray:
+    """(n, 2, 2) integral of `directional_matrix` over a tooth's angles (n,) [rad], whole turns included [N.rad/m2]."""
+    turns = np.floor(angle / (2 * np.pi))
+    inside = np.clip(angle - 2 * np.pi * turns, *span)
+    ends = _integral(cutter, np.array(span))
+    return _integral(cutter, inside) - ends[0] + turns[:, None, None] * (ends[1] - ends[0])
+
+
 def mean_directional_matrix(cutter: Cutter, mode: str, radial_depth: float) -> np.ndarray:
     """D (2, 2) [N/m2] averaged over a turn, all teeth together, in closed form."""
     start, end = immersion(mode, radial_depth, cutter.diameter)
-    k = cutter.coefficients
-    ss, cc, sc = (p(end) - p(start) for p in (_sin2, _cos2, _sincos))
-    D = [[-(k.K_tc * sc + k.K_rc * ss), -(k.K_tc * cc + k.K_rc * sc)],
-         [k.K_tc * ss - k.K_rc * sc, k.K_tc * sc - k.K_rc * cc]]  # fmt: skip
-    return cutter.teeth / (2 * np.pi) * np.array(D)
+    at = _integral(cutter, np.array([start, end]))
+    return cutter.teeth / (2 * np.pi) * (at[1] - at[0])
 
 
 def plane(feed: ArrayLike, up: ArrayLike = (0.0, 0.0, 1.0)) -> np.ndarray:
@@ -43,13 +48,10 @@ def receptance_in_plane(oscillators: Oscillators, omega: ArrayLike, P: np.ndarra
     return np.einsum("ij,wj,kj->wik", P, H, P)
 
 
-def _sin2(a: float) -> float:
-    return a / 2 - np.sin(2 * a) / 4
-
-
-def _cos2(a: float) -> float:
-    return a / 2 + np.sin(2 * a) / 4
-
-
-def _sincos(a: float) -> float:
-    return np.sin(a) ** 2 / 2
+def _integral(cutter: Cutter, a: np.ndarray) -> np.ndarray:
+    """(n, 2, 2) antiderivative of the matrix at angles (n,) within the cut."""
+    k, double = cutter.coefficients, np.sin(2 * a) / 4
+    ss, cc, sc = a / 2 - double, a / 2 + double, np.sin(a) ** 2 / 2
+    D = [[-(k.K_tc * sc + k.K_rc * ss), -(k.K_tc * cc + k.K_rc * sc)],
+         [k.K_tc * ss - k.K_rc * sc, k.K_tc * sc - k.K_rc * cc]]  # fmt: skip
+    return np.moveaxis(np.array(D), -1, 0)

@@ -10,6 +10,8 @@ from .cutter import Cut, Cutter, Teeth, teeth_in_cut
 DISCS = 100
 # below this lag [rad] differences of the antiderivative lose more digits than the midpoint of the helix costs
 STRAIGHT = 1e-7
+THIN = 1e-3  # of a sample: a lag below it counts as its middle, likewise
+BESIDE = 1e-9  # rad, within an edge of the cut
 
 
 def forces(cutter: Cutter, cut: Cut, phi: ArrayLike, discs: int = DISCS) -> np.ndarray:
@@ -24,7 +26,7 @@ def forces(cutter: Cutter, cut: Cut, phi: ArrayLike, discs: int = DISCS) -> np.n
     teeth, dz = teeth_in_cut(cutter, cut), cut.axial_depth / discs
     lag = cutter.lag(1.0) * dz * (np.arange(discs) + 0.5)
     found = np.zeros((len(phi), 3))
-    for i, angle in enumerate(cutter.angles):
+    for i, angle in enumerate(teeth.angle):
         turned = (phi[:, None] + angle - lag) % (2 * np.pi)
         found += _at(turned, cutter, teeth, i).sum(axis=1) * dz
     return found
@@ -35,7 +37,7 @@ def integrated_forces(cutter: Cutter, cut: Cut, phi: ArrayLike) -> np.ndarray:
     phi = np.asarray(phi, float).ravel()
     teeth, lag = teeth_in_cut(cutter, cut), cutter.lag(cut.axial_depth)
     found = np.zeros((len(phi), 3))
-    for i, angle in enumerate(cutter.angles):
+    for i, angle in enumerate(teeth.angle):
         at = phi + angle
         if lag < STRAIGHT:
             found += cut.axial_depth * _at((at - lag / 2) % (2 * np.pi), cutter, teeth, i)
@@ -45,13 +47,40 @@ def integrated_forces(cutter: Cutter, cut: Cut, phi: ArrayLike) -> np.ndarray:
     return found
 
 
+def mean_forces(cutter: Cutter, cut: Cut, phi: ArrayLike, width: float) -> np.ndarray:
+    """`integrated_forces` (n, 3) [N] averaged from phi - width/2 to phi + width/2 [rad], in closed form.
+
+    Samples a width apart carry the whole impulse then, however short the cut of a tooth. Raises ValueError for a width
+    that is not positive.
+    """
+    if not width > 0:
+        raise ValueError(f"the width is {width:g} rad; expected more than 0")
+    phi = np.asarray(phi, float).ravel()
+    teeth, lag = teeth_in_cut(cutter, cut), cutter.lag(cut.axial_depth)
+    found = np.zeros((len(phi), 3))
+    for i, angle in enumerate(teeth.angle):
+        late, early = phi + angle + width / 2, phi + angle - width / 2
+        if lag < max(STRAIGHT, THIN * width):
+            behind = _antiderivative(late - lag / 2, cutter, teeth, i) - _antiderivative(
+                early - lag / 2, cutter, teeth, i
+            )
+            found += behind * cut.axial_depth / width
+            continue
+        behind = np.zeros((len(phi), 3))
+        for sign, at in ((1, late), (-1, early), (-1, late - lag), (1, early - lag)):
+            behind += sign * _second_antiderivative(at, cutter, teeth, i)
+        found += behind * cut.axial_depth / (lag * width)
+    return found
+
+
 def peak_force(cutter: Cutter, cut: Cut, samples: int = 3600) -> np.ndarray:
     """(3,) forces [N] at the angle where their norm is largest over a turn; input of the static index, eq. (18).
 
     Tried at `samples` angles and wherever a tooth enters or leaves with its tip or its upper end.
     """
     teeth, lag = teeth_in_cut(cutter, cut), cutter.lag(cut.axial_depth)
-    kinks = [edge + late - cutter.angles for edge in (teeth.start, teeth.end) for late in (0.0, lag)]
+    ends = (teeth.start + BESIDE, teeth.end - BESIDE)
+    kinks = [edge + late - teeth.angle for edge in ends for late in (0.0, lag)]
     phi = np.concatenate([2 * np.pi * np.arange(samples) / samples, *kinks])
     F = integrated_forces(cutter, cut, phi)
     return F[np.argmax(np.linalg.norm(F, axis=1))]
@@ -100,7 +129,29 @@ def _antiderivative(angle: np.ndarray, cutter: Cutter, teeth: Teeth, i: int) -> 
     return (_primitives(inside) - ends[0] + turns[:, None] * (ends[1] - ends[0])) @ terms
 
 
+def _second_antiderivative(angle: np.ndarray, cutter: Cutter, teeth: Teeth, i: int) -> np.ndarray:
+    """(n, 3) integral of `_antiderivative` from 0 [N.rad2/m]."""
+    start, end = teeth.start[i], teeth.end[i]
+    turns = np.floor(angle / (2 * np.pi))
+    at = angle - 2 * np.pi * turns
+    inside = np.clip(at, start, end)
+    first, whole = _primitives(np.array([start])), np.diff(_primitives(np.array([start, end])), axis=0)
+
+    def within(a: np.ndarray) -> np.ndarray:
+        return _second_primitives(a) - _second_primitives(np.array([start])) - (a - start)[:, None] * first
+
+    turn = within(np.array([end])) + (2 * np.pi - end) * whole
+    done = (np.pi * turns * (turns - 1) + turns * at + np.maximum(at - end, 0))[:, None] * whole
+    return (done + turns[:, None] * turn + within(inside)) @ tooth_terms(cutter, teeth, i)
+
+
 def _primitives(a: np.ndarray) -> np.ndarray:
     """(n, 5) of 1, sin, cos, sin^2, sin cos."""
     s = np.sin(a)
     return np.stack([a, -np.cos(a), s, a / 2 - np.sin(2 * a) / 4, s * s / 2], axis=-1)
+
+
+def _second_primitives(a: np.ndarray) -> np.ndarray:
+    """(n, 5) antiderivatives of `_primitives`."""
+    double = np.sin(2 * a) / 8
+    return np.stack([a * a / 2, -np.sin(a), -np.cos(a), a * a / 4 + np.cos(2 * a) / 8, a / 4 - double], axis=-1)

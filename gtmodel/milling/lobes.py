@@ -1,8 +1,9 @@
-"""Stability lobes of regenerative chatter: zeroth-order, in closed form (Altintas and Budak 1995)."""
+"""Stability lobes of regenerative chatter: zeroth-order, in closed form (Altintas and Budak 1995), and checked."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -10,23 +11,43 @@ from numpy.typing import ArrayLike
 from .cutter import Cutter
 from .directional import mean_directional_matrix, plane, receptance_in_plane
 from .oscillators import Oscillators
+from .stability import DEEPEST, proven_depth
 
 LOBES = 40
+TURN = 0.05  # relative change of an eigenvalue from one frequency to the next at most
+GAP = 0.02  # relative change of depth, likewise
+SHALLOW = 50.0  # times the least depth: what is deeper need not be drawn well
+ROUNDS = 12  # of halving
 
 
 @dataclass(frozen=True, eq=False)
 class Lobes:
     """Limits of stability: spindle speed [1/s], axial depth [m], chatter frequency [Hz], lobe number and branch, one
-    point each; neighbours of the same lobe and branch are joined. The least depth of a speed counts, `depth_at`."""
+    point each; neighbours of the same lobe and branch are joined. `proven` (speed [1/s], depth [m]): how far up to
+    that depth the spectral radius is found below 1."""
 
     speed: np.ndarray
     depth: np.ndarray
     frequency: np.ndarray
     lobe: np.ndarray
     branch: np.ndarray
+    proven: Callable[[float, float], float] = field(repr=False)
 
     def depth_at(self, speed: ArrayLike) -> np.ndarray:
-        """Greatest stable axial depth (n,) [m] at spindle speeds (n,) [1/s]; infinite where no lobe limits it.
+        """Greatest axial depth (n,) [m] at spindle speeds (n,) [1/s] below the lobes and proven stable: up to it the
+        spectral radius stays below 1 at all depths tried (`proven_depth`). Infinite: no limit below 1 m.
+
+        The zeroth order alone, `zeroth_order_at`, can be too deep: narrow cuts, few teeth, period doubling.
+        """
+        found = self.zeroth_order_at(speed)
+        for i, at in enumerate(np.asarray(speed, float).ravel()):
+            proven = self.proven(float(at), min(float(found[i]), DEEPEST))
+            if proven < min(found[i], DEEPEST):
+                found[i] = proven
+        return found
+
+    def zeroth_order_at(self, speed: ArrayLike) -> np.ndarray:
+        """Least axial depth (n,) [m] of all lobes at spindle speeds (n,) [1/s]; infinite where no lobe limits it.
 
         Where slow speeds need lobes beyond the last one, the least depth that these may reach counts.
         """
@@ -51,39 +72,91 @@ def stability_lobes(
     oscillators: Oscillators, cutter: Cutter, mode: str, radial_depth: float, feed: ArrayLike, *,
     up: ArrayLike = (0.0, 0.0, 1.0), lobes: int = LOBES, frequencies: ArrayLike | None = None,
 ) -> Lobes:  # fmt: skip
-    """Lobes 0 to `lobes` of one pose; the helix does not matter in this approximation, the pitch is taken as even.
+    """Lobes 0 to `lobes` of one pose. Curves: zeroth order, where helix and uneven pitch do not enter; the check at a
+    speed knows both.
 
     a (1 - exp(-j w T)) must be the inverse of an eigenvalue of the receptance times the mean directional matrix.
-    frequencies [Hz]: of chatter, tried in turn; near each mode if left out. Good where teeth overlap much; with few
-    teeth and narrow cuts period-doubling lobes are missing, see `semi_discretisation`. Raises ValueError for a
-    radial depth beyond the diameter.
+    frequencies [Hz]: of chatter, rising; if left out, halved around the modes until eigenvalues and depths change
+    little from one to the next. Raises ValueError for a radial depth beyond the diameter, or frequencies that do not
+    rise from above 0.
     """
     D, P = mean_directional_matrix(cutter, mode, radial_depth), plane(feed, up)
-    w = 2 * np.pi * (_around(oscillators) if frequencies is None else np.asarray(frequencies, float))
-    eigenvalues = np.linalg.eigvals(receptance_in_plane(oscillators, w, P) @ D)
-    eigenvalues = eigenvalues[np.arange(len(w))[:, None], np.argsort(eigenvalues.imag, axis=1)]
+
+    def inverses(hertz: np.ndarray) -> np.ndarray:
+        values = np.linalg.eigvals(receptance_in_plane(oscillators, 2 * np.pi * hertz, P) @ D)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return 1 / values
+
+    if frequencies is None:
+        hertz, needed = _resolved(_around(oscillators, P), inverses)
+    else:
+        hertz = np.asarray(frequencies, float).ravel()
+        if not np.all(np.diff(hertz, prepend=0.0) > 0):
+            raise ValueError("the chatter frequencies must rise, all above 0 Hz")
+        needed = _followed(inverses(hertz))
     rows = []
-    with np.errstate(divide="ignore", invalid="ignore"):
-        needed = 1 / eigenvalues
     for branch in range(2):
         value = needed[:, branch]
-        good = np.isfinite(value) & (value.real > 0)
-        kappa = value.imag[good] / value.real[good]
-        depth = value.real[good] * (1 + kappa**2) / 2
+        real, imaginary = np.real(value), np.imag(value)
+        good = np.isfinite(value) & (real > 0)
+        kappa, w = imaginary[good] / real[good], 2 * np.pi * hertz[good]
+        depth = real[good] * (1 + kappa**2) / 2
         phase = 2 * np.arctan2(1, kappa)
         # pieces of the curve that are apart must not be joined
         piece = np.cumsum(np.diff(np.flatnonzero(good), prepend=-1) > 1)
         for lobe in range(lobes + 1):
-            period = (phase + 2 * np.pi * lobe) / w[good]
-            label = branch + 2 * piece
-            rows.append(np.stack([1 / (cutter.teeth * period), depth, w[good] / (2 * np.pi),
-                                  np.full_like(depth, lobe), label]))  # fmt: skip
-    return Lobes(*np.concatenate(rows, axis=1))
+            period = (phase + 2 * np.pi * lobe) / w
+            rows.append(np.stack([1 / (cutter.teeth * period), depth, w / (2 * np.pi),
+                                  np.full_like(depth, lobe), branch + 2 * piece]))  # fmt: skip
+
+    def proven(speed: float, deepest: float) -> float:
+        return proven_depth(oscillators, cutter, mode, radial_depth, speed, feed, up=up, deepest=deepest)
+
+    speed, depth, frequency, lobe, label = np.concatenate(rows, axis=1)
+    return Lobes(speed, depth, frequency, lobe, label, proven)
 
 
-def _around(o: Oscillators) -> np.ndarray:
-    """Chatter frequencies [Hz] from a fifth of the lowest mode to five times the highest, denser near each."""
-    f, zeta = o.frequency[0], o.damping_ratio[0]
-    wide = np.geomspace(f.min() / 5, 5 * f.max(), 800)
-    near = f[:, None] * (1 + zeta[:, None] * np.linspace(-12, 24, 361))
-    return np.unique(np.concatenate([wide, near[near > 0].ravel()]))
+def _around(o: Oscillators, P: np.ndarray) -> np.ndarray:
+    """Chatter frequencies [Hz] from a fifth of the lowest mode in the plane of the cut to five times the highest,
+    and at each mode by equal turns of its receptance."""
+    moved = (P**2).sum(axis=0) > 1e-9
+    f, zeta = o.frequency[0][moved], o.damping_ratio[0][moved]
+    wide = np.geomspace(f.min() / 5, 5 * f.max(), 200)
+    turn = zeta[:, None] / np.tan(np.linspace(0, np.pi, 62)[1:-1])
+    return np.unique(np.concatenate([wide, (f[:, None] * (np.sqrt(1 + turn**2) + turn)).ravel()]))
+
+
+def _resolved(
+    hertz: np.ndarray, inverses: Callable[[np.ndarray], np.ndarray]
+) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+    """Frequencies [Hz] halved where something changes, and the inverse eigenvalues (n, 2) there, in two branches."""
+    values = inverses(hertz)
+    for _ in range(ROUNDS):
+        values = _followed(values)
+        coarse = np.flatnonzero(_changes(values))
+        if not len(coarse):
+            break
+        between = np.sqrt(hertz[coarse] * hertz[coarse + 1])
+        order = np.argsort(np.concatenate([hertz, between]), kind="stable")
+        hertz = np.concatenate([hertz, between])[order]
+        values = np.concatenate([values, inverses(between)])[order]
+    return hertz, _followed(values)
+
+
+def _changes(values: np.ndarray) -> np.ndarray:
+    """(n - 1,) whether too much happens from one frequency to the next."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        depth = np.where(np.real(values) > 0, np.abs(values) ** 2 / (2 * np.real(values)), np.inf)
+        least = np.minimum(depth[:-1], depth[1:])
+        turned = np.abs(np.diff(values, axis=0)) > TURN * np.minimum(np.abs(values[:-1]), np.abs(values[1:]))
+        left = ~(np.abs(np.diff(depth, axis=0)) <= GAP * least)
+    counts = least < SHALLOW * np.min(depth, initial=np.inf)
+    return ((turned | left) & counts).any(axis=1)
+
+
+def _followed(values: np.ndarray) -> np.ndarray:
+    """The pairs (n, 2) in the order that changes least from one to the next."""
+    stay = np.abs(np.diff(values, axis=0)).sum(axis=1)
+    cross = np.abs(values[1:] - values[:-1, ::-1]).sum(axis=1)
+    swapped = np.cumsum(np.append(False, cross < stay)) % 2 == 1
+    return np.where(swapped[:, None], values[:, ::-1], values)

@@ -27,7 +27,7 @@ def force_spectrum(cutter: Cutter, cut: Cut, harmonics: int = 200) -> np.ndarray
     # the mean of exp(-j n z tan(beta)/R) over the depth
     helix = cut.axial_depth * np.exp(-0.5j * n * lag) * np.sinc(n * lag / (2 * np.pi))
     found = np.zeros((harmonics + 1, 3), complex)
-    for i, angle in enumerate(cutter.angles):
+    for i, angle in enumerate(teeth.angle):
         order = np.arange(-2, 3)[None, :] - n[:, None]
         middle, width = (teeth.start[i] + teeth.end[i]) / 2, teeth.end[i] - teeth.start[i]
         integral = width * np.exp(1j * order * middle) * np.sinc(order * width / (2 * np.pi))

@@ -1,4 +1,7 @@
-"""Is a solution on the branches that were asked for? The sign of each declared branch at every point tells."""
+"""Is a solution one that was asked for: on the wanted branches, and with a horizon that somebody bounds?
+
+The sign of each declared branch at every point tells.
+"""
 
 from __future__ import annotations
 
@@ -6,10 +9,27 @@ import casadi as ca
 import numpy as np
 
 from .nlp import Nlp, placed
-from .solution import constants, mesh_fractions, states_and_controls
+from .solution import constants, horizon, mesh_fractions, states_and_controls
 
 # a branch expression this small beside its largest value is zero: the solution touches the border of the branch
 TOUCHES = 1e-6
+AT_LIMIT = 1e-3  # relative: a horizon so near its shortest length stands at it; IPOPT stops before its bounds
+
+
+def astray(nlp: Nlp, x: np.ndarray) -> str:
+    """A sentence on a branch that is not the wanted one, or a horizon that came down to nothing; or nothing."""
+    return wrong_branch(nlp, x) or shrunk(nlp, x)
+
+
+def shrunk(nlp: Nlp, x: np.ndarray) -> str:
+    """A sentence on a free horizon without bounds that ends as short as it may be, or nothing."""
+    shortest, (t0, tf) = nlp.problem.shortest, horizon(nlp, x)
+    if not shortest or tf - t0 > shortest * (1 + AT_LIMIT):
+        return ""
+    return (
+        f"the horizon has shrunk to {tf - t0:.4g} s, a thousandth of its guess, and would shrink on: nothing keeps it "
+        "longer; bound the free time, as gt.free(guess=..., min=0.1), or write what takes time as a constraint"
+    )
 
 
 def wrong_branch(nlp: Nlp, x: np.ndarray) -> str:

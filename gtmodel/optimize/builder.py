@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import casadi as ca
@@ -16,13 +16,14 @@ from ..lang.optimization import Delayed, Optimization
 from ..lang.scope import Misfit
 from ..lang.source import ModelError
 from .attributes import Pair, names_of, nominal_of
-from .dynamic import Bounds, DynamicProblem
-from .horizon import PointValue, horizon, point_values, require_length
+from .dynamic import Bounds, DynamicProblem, Quadrature
+from .horizon import Horizon, PointValue, horizon, point_values, shortest_length
 from .relations import Row, as_bound
 from .sizes import Slopes, of_constants, scale_of, within
 
 # what a value that is fixed at the start may miss, in the size of the row: IPOPT's own measure of a solution
 START_SLACK = 1e-6
+STEPS = 3  # Newton's, from a polynomial's value: from a tenth off to round-off
 
 
 @dataclass(eq=False)
@@ -117,7 +118,9 @@ class Builder:
         symbol = self.flat.scope.symbol(*pair).element_hash()
         return symbol in {s.element_hash() for b in self.plan.blocks for s, _ in b.assignments}
 
-    def problem(self, objective: Expr, constraints: list[Row]) -> DynamicProblem:
+    def problem(
+        self, objective: Expr, constraints: list[Row], quadratures: Sequence[Quadrature] = ()
+    ) -> DynamicProblem:
         flat, states = self.flat, self.states
         position = {p: n for n, p in enumerate(states)}
         place = dict(self.control_symbols) | {p: (self.given.numel() + n, 1) for n, p in enumerate(self.z_pairs)}
@@ -139,7 +142,6 @@ class Builder:
                 nominal = self._nominal((v.index, 0))
                 path.append(Row(symbol, v.min, v.max, f"bounds of {v.name}", v.where, nominal))
         ends = horizon(flat, self.P, self.parameters)
-        require_length(flat, ends, constraints, self.P[self.n_free :], self._tuned())
         instants = point_values(flat, ends, flat.scope.instants, self.parameters)
         points: list[Row] = []
         for row in constraints:
@@ -157,19 +159,26 @@ class Builder:
                 u_bounds.tighten(n, *((low, high) if s > 0 else (-high, -low)))
             else:
                 path.append(row)
-        self._initial(position, start)
+        self._initial(position, start, {q.index for q in quadratures})
         values = self.express([i.expression for i in instants] + [r.expression for r in path])
-        for i, e in zip(instants, values[: len(instants)], strict=True):
-            i.expression = e
+        for i, e, off in zip(
+            instants, values, self.off_points([i.expression for i in instants], values[: len(instants)]), strict=False
+        ):
+            i.expression, i.off = e, off
         written = path
         path = [replace(r, expression=e) for r, e in zip(path, values[len(instants) :], strict=True)]
         tuned = {q.name: q.value for q in flat.parameters}
         held = [tuned[n] for n in self.tunable]
         free = [q for q in flat.parameters if q.free]
         P_bounds = Bounds(np.array([q.min for q in free] + held), np.array([q.max for q in free] + held))
+        P_guess, names = np.array([q.value for q in free] + held), [q.name for q in free]
+        shortest = shortest_length(flat, ends, constraints, P_guess, self.P[self.n_free :])
+        if shortest and not self._bounded_end(ends, shortest, P_bounds):
+            points.append(Row(ends.length, shortest, np.inf, "the horizon's shortest length", None))
         self._check_bounds(x_bounds, u_bounds, P_bounds, start, end)
         rates, algebraic, labels = self._dynamics()
-        P_guess, names = np.array([q.value for q in free] + held), [q.name for q in free]
+        integrands = self.express([q.integrand for q in quadratures]) if quadratures else []
+        summed = [Quadrature(q.index, e, q.start) for q, e in zip(quadratures, integrands, strict=True)]
         P_scale = of_constants(P_guess, P_bounds.low, P_bounds.high)
         P_scale = np.array([self.told.get(n, s) for n, s in zip([*names, *self.tunable], P_scale, strict=True)])
         inputs = [(i, 0) for i in (*self.controls, *self.delayed)] + self.z_pairs
@@ -194,14 +203,43 @@ class Builder:
             z_pairs=self.z_pairs, tunable=self.tunable, x_scale=x_scale, u_scale=u_scale,
             P_scale=P_scale,
             start_bounds=start, end_bounds=end, integrals=[], instants=[], mayer=ca.SX(0), points=[],
-            builder=self, base=self.base,
+            builder=self, base=self.base, shortest=shortest, quadratures=summed,
         )  # fmt: skip
         self._cost(problem, objective, points, instants, slopes)
         return problem
 
-    def _tuned(self) -> ca.DM:
-        values = {q.name: q.value for q in self.flat.parameters}
-        return ca.DM([values[n] for n in self.tunable])
+    def _bounded_end(self, ends: Horizon, shortest: float, P: Bounds) -> bool:
+        """A shortest length as a bound of the end that is a free constant, where the other end is a number."""
+        for end, other, sign in ((ends.tf, ends.t0, 1.0), (ends.t0, ends.tf, -1.0)):
+            if end.is_symbolic() and other.is_constant():
+                n = [s.element_hash() for s in ca.vertsplit(self.P)].index(end.element_hash())
+                limit = float(other) + sign * shortest
+                P.tighten(n, *((limit, np.inf) if sign > 0 else (-np.inf, limit)))
+                return True
+        return False
+
+    def off_points(self, written: list[ca.SX], values: list[ca.SX]) -> list[ca.SX | None]:
+        """What expressions of original names are between the collocation points, where slopes of states and algebraic
+        variables follow from the equations; None for those that hold neither. `values` are they at the points."""
+        loose = {s.element_hash() for s in ca.vertsplit(ca.vertcat(self.xd, self.u[self.given.numel() :]))}
+        needed = [n for n, e in enumerate(values) if loose & {s.element_hash() for s in ca.symvar(e)}]
+        result: list[ca.SX | None] = [None] * len(values)
+        if not needed:
+            return result
+        other, form = self._other(), self.explicit()
+        found = other.express([written[n] for n in needed])
+        if self.given.numel():
+            found = ca.substitute(found, [other.given], [self.given])
+        if form.unknowns:
+            # the unknowns' polynomials are near: Newton's steps square what they miss
+            z, r = ca.vertcat(*form.unknowns), ca.vertcat(*form.residuals)
+            step = z - ca.solve(ca.densify(ca.jacobian(r, z)), r)
+            for _ in range(STEPS):
+                found = ca.substitute(found, [z], [step])
+            found = ca.substitute(found, [z], [ca.vertcat(*self.express(form.unknowns))])
+        for n, e in zip(needed, found, strict=True):
+            result[n] = e
+        return result
 
     def explicit(self) -> Explicit:
         """Rates of the states and all point variables as functions of x, the given inputs, P and t."""
@@ -249,13 +287,11 @@ class Builder:
         (start if value.s == 0.0 else end).tighten(position[bound[0]], bound[1], bound[2])
         return True
 
-    def _initial(self, position: dict[Pair, int], start: Bounds) -> None:
-        """Fixed start attributes are initial conditions."""
+    def _initial(self, position: dict[Pair, int], start: Bounds, apart: Collection[int]) -> None:
+        """Fixed start attributes are initial conditions, but for the variables `apart`."""
         for v in self.flat.variables:
-            if not v.fixed:
+            if not v.fixed or v.start is None or v.index in apart:
                 continue
-            if v.start is None:
-                raise ModelError(f"'{v.name}' is fixed at the start, but at no value; give it start=...", v.where)
             sign, kept, order = self.plan.alias.resolve(v.index, 0)
             if (kept, order) not in position:
                 raise ModelError(

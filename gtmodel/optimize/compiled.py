@@ -12,6 +12,7 @@ from pathlib import Path
 
 import casadi as ca
 
+from ..cgen.private import exposed
 from ..cgen.toolchain import LINK, PLAIN, STANDARD, Toolchain, find
 
 # no contraction, as in cgen: the same bits as CasADi's virtual machine, hence the same iterations
@@ -33,8 +34,9 @@ def cache_folder() -> Path:
 def compiled(functions: Sequence[ca.Function]) -> tuple[list[ca.Function], float]:
     """The same functions from one shared library, and the seconds that compiling took: 0.0 if it was there.
 
-    The library's name is a hash of the source, the flags, the compiler's path and the machine. Externals have no
-    derivatives. Raises CompilerMissing.
+    The library's name is a hash of the source, the flags, the compiler's path and the machine; beside it lies the hash
+    of its own bytes: one that is cut, or exchanged, or does not load, is built anew. Libraries are loaded from folders
+    that none but their owner can write. Externals have no derivatives. Raises CompilerMissing.
     """
     chain = find()
     if isinstance(chain, str):
@@ -44,28 +46,75 @@ def compiled(functions: Sequence[ca.Function]) -> tuple[list[ca.Function], float
         generator.add(f)
     source = generator.dump()
     key = "\0".join([source, *FLAGS, chain.cc, platform.machine(), platform.system()])
-    library = cache_folder() / f"{hashlib.sha256(key.encode()).hexdigest()[:32]}.so"
-    begin, made = time.perf_counter(), not library.exists()
-    if made:
-        _build(chain, source, library)
-    spent = time.perf_counter() - begin if made else 0.0
-    return [ca.external(f.name(), str(library)) for f in functions], spent
+    library = _folder() / f"{hashlib.sha256(key.encode()).hexdigest()[:32]}.so"
+    begin = time.perf_counter()
+    if _whole(library):
+        try:
+            return _loaded(functions, library), 0.0
+        except RuntimeError:
+            pass  # whole as it was written, but for another system or another CasADi
+    _build(chain, source, library)
+    try:
+        return _loaded(functions, library), time.perf_counter() - begin
+    except RuntimeError as error:
+        said = " ".join(str(error).split())[:SHOWN]
+        raise CompilerMissing(f"the element functions compiled by {chain.cc} do not load: {said}") from None
+
+
+def _folder() -> Path:
+    """The cache folder, made for this user alone. Raises CompilerMissing where it cannot be, or others may write it."""
+    folder = cache_folder()
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        folder.mkdir(mode=0o700, exist_ok=True)
+        reason = exposed(folder)
+    except OSError as error:
+        raise CompilerMissing(_unwritable(folder, error)) from None
+    if reason:
+        raise CompilerMissing(
+            f"compile=True would run machine code from {folder}, and {reason}; take that right away (chmod go-w), or "
+            "set GTMODEL_CACHE to a folder of your own"
+        )
+    return folder
+
+
+def _hash_of(library: Path) -> Path:
+    return library.with_suffix(".sha256")
+
+
+def _whole(library: Path) -> bool:
+    """True for a library that is there, byte for byte as it was built, and that nobody else can change."""
+    try:
+        wanted = _hash_of(library).read_text(encoding="ascii")
+        return not exposed(library) and hashlib.sha256(library.read_bytes()).hexdigest() == wanted
+    except (OSError, UnicodeDecodeError):
+        return False
+
+
+def _loaded(functions: Sequence[ca.Function], library: Path) -> list[ca.Function]:
+    return [ca.external(f.name(), str(library)) for f in functions]
 
 
 def _build(chain: Toolchain, source: str, library: Path) -> None:
     """Compile beside the target, then rename: another process sees a whole library or none."""
     try:
-        library.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=library.parent) as folder:
             text, made = Path(folder) / "element.c", Path(folder) / library.name
             text.write_text(source, encoding="utf-8")
             good, said = chain.run(chain.cc, *FLAGS[:-1], text, "-o", made, FLAGS[-1])
             if not good:
                 raise CompilerMissing(
-                    f"the C compiler {chain.cc} failed on the element functions: {said.strip()[:500]}"
+                    f"the C compiler {chain.cc} failed on the element functions: {said.strip()[:SHOWN]}"
                 )
+            made.chmod(0o700)
+            _hash_of(made).write_text(hashlib.sha256(made.read_bytes()).hexdigest(), encoding="ascii")
+            # the hash last: without it a library is built anew
+            _hash_of(library).unlink(missing_ok=True)
             made.replace(library)
+            _hash_of(made).replace(_hash_of(library))
     except OSError as error:
-        raise CompilerMissing(
-            f"compile=True cannot write to {library.parent} ({error.strerror}); set GTMODEL_CACHE to another folder"
-        ) from None
+        raise CompilerMissing(_unwritable(library.parent, error)) from None
+
+
+def _unwritable(folder: Path, error: OSError) -> str:
+    return f"compile=True cannot write to {folder} ({error.strerror}); set GTMODEL_CACHE to another folder"

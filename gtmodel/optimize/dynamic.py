@@ -37,6 +37,15 @@ class Bounds:
 
 
 @dataclass(eq=False)
+class Quadrature:
+    """A variable `index` that is its start plus the integral of `integrand` from the start of the horizon on."""
+
+    index: int
+    integrand: ca.SX
+    start: float
+
+
+@dataclass(eq=False)
 class DynamicProblem:
     """Everything a transcription needs, as expressions of x, xd (state rates), u, P (constants) and t.
 
@@ -86,12 +95,31 @@ class DynamicProblem:
     tunable: tuple[str, ...] = ()
     branches: dict[str, int] = field(default_factory=dict)
     misfits: list[Misfit] = field(default_factory=list)
+    quadratures: list[Quadrature] = field(default_factory=list)  # costs written as states: see quadratures.set_apart
+    shortest: float = 0.0  # the horizon's length [s] that nobody wrote, where nothing else bounds it
     outputs: Any = None  # the function that evaluates every name, made when first asked for
+    system: Any = None  # the explicit equations, made when first asked for: see system.System
+
+    @property
+    def loose(self) -> bool:
+        """Do slopes of states or algebraic variables stand for themselves, held by equations at collocation points?"""
+        return any(r is None for r in self.rates) or bool(self.z_pairs)
 
     @property
     def state_names(self) -> list[str]:
         own = [self.flat.symbol_name(*p) for p in self.state_pairs]
         return own + [f"integral {k}" for k in range(self.x.numel() - len(own))]
+
+    @property
+    def integrands(self) -> ca.Function:
+        """(x, xd, u, P, t) -> those of the quadratures."""
+        values = [q.integrand for q in self.quadratures]
+        arguments = [self.x, self.xd, self.u, self.P, self.t]
+        return ca.Function("integrands", arguments, [ca.vertcat(*values) if values else ca.SX(0, 1)])
+
+    @property
+    def quadrature_names(self) -> list[str]:
+        return [self.flat.variables[q.index].name for q in self.quadratures]
 
     @property
     def control_names(self) -> list[str]:

@@ -15,15 +15,23 @@ from ..lang.source import ModelError
 from .relations import Row
 
 ROUND_OFF = 1e-12  # of times on a horizon of length 1
+# of the guessed length: what a horizon that nobody bounds does not fall below, lest it divide by zero. A solution that
+# comes down to it has failed
+SHORTEST = 1e-3
 
 
 @dataclass(eq=False)
 class PointValue:
-    """An expression needed at one instant, s in [0, 1] of the horizon, known there as `symbol`."""
+    """An expression needed at one instant, s in [0, 1] of the horizon, known there as `symbol`.
+
+    `off`: the same by the model's equations alone, where slopes of states and algebraic variables stand in it: off the
+    collocation points the polynomials do not keep the equations.
+    """
 
     symbol: ca.SX
     expression: ca.SX
     s: float
+    off: ca.SX | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +49,7 @@ class Horizon:
 
 def horizon(flat: FlatModel, P: ca.SX, parameters: ca.SX) -> Horizon:
     """Both ends of the model's horizon. Raises ModelError for an end that is no time or that comes too early."""
-    t0, tf = (_end(flat, name) for name in ("start_time", "final_time"))
+    t0, tf = (end_of(flat, name) for name in ("start_time", "final_time"))
     if flat.parameters:
         t0, tf = ca.substitute([t0, tf], [flat.p], [parameters])
     known = {s.element_hash() for s in ca.vertsplit(P)}
@@ -61,7 +69,8 @@ def require_order(title: str, t0: ca.SX, tf: ca.SX) -> None:
         raise ModelError(f"{title}: the horizon ends at {float(tf):g} s, not after {float(t0):g} s")
 
 
-def _end(flat: FlatModel, name: str) -> ca.SX:
+def end_of(flat: FlatModel, name: str) -> ca.SX:
+    """start_time or final_time as written. Raises ModelError for what is no time."""
     value = getattr(flat.root, name)
     if isinstance(value, Expr) and value.shape == ():
         return value.sx
@@ -75,20 +84,23 @@ def initial_rows(flat: FlatModel) -> list[Row]:
     rows = []
     for e in flat.initial:
         symbol = ca.SX.sym(f"initial{len(flat.scope.instants)}")
-        flat.scope.instants.append(Instant(symbol, e.residual, _end(flat, "start_time")))
+        flat.scope.instants.append(Instant(symbol, e.residual, end_of(flat, "start_time")))
         rows.append(Row(symbol, 0.0, 0.0, f"{e.label} ({e.where})", e.where))
     return rows
 
 
-def require_length(
-    flat: FlatModel, h: Horizon, constraints: Sequence[Row], tunable: ca.SX | None = None, values: ca.DM | None = None
-) -> None:
-    """A free horizon must have a length bounded away from zero, by bounds or by a constraint. Raises ModelError.
+def shortest_length(
+    flat: FlatModel, h: Horizon, constraints: Sequence[Row], guess: np.ndarray, tunable: ca.SX | None = None
+) -> float:
+    """What a free horizon must not fall below [s]: 0 where bounds or a constraint keep its length away from zero, else
+    a small part of its length at the guess of the constants. Raises ModelError where that is no length.
 
-    Tunable parameters stand for their values.
+    Tunable parameters stand for their values, which end `guess`.
     """
-    if tunable is not None and values is not None and tunable.numel():
-        t0, tf, *rows = ca.substitute([h.t0, h.tf, *[r.expression for r in constraints]], [tunable], [ca.SX(values)])
+    length = float(ca.Function("length", [h.P], [h.length])(guess))
+    if tunable is not None and tunable.numel():
+        values = ca.SX(guess[len(guess) - tunable.numel() :])
+        t0, tf, *rows = ca.substitute([h.t0, h.tf, *[r.expression for r in constraints]], [tunable], [values])
         h = Horizon(t0, tf, h.P[: h.P.numel() - tunable.numel()])
         constraints = [Row(e, r.low, r.high, r.label, r.where) for e, r in zip(rows, constraints, strict=True)]
     free = {q.symbol.element_hash(): q for q in flat.parameters if q.free}
@@ -111,26 +123,17 @@ def require_length(
             low, high = low + reach[0], high + reach[1]
         return low, high
 
-    (low0, high0), (lowf, highf) = limits(h.t0), limits(h.tf)
+    high0, lowf = limits(h.t0)[1], limits(h.tf)[0]
     if lowf > high0 or h.length.is_constant() or any(_shortest(row, h) > 0 for row in constraints):
-        return
+        return 0.0
+    if length > 0:
+        return SHORTEST * length
     first, last = (next((free.get(s.element_hash()) for s in ca.symvar(end)), None) for end in (h.t0, h.tf))
-    if first is None and last is not None:
-        raise ModelError(
-            f"{flat.title}: a free final time needs a lower bound after the start at {low0:g} s; "
-            "write gt.free(guess=..., min=0.1)",
-            last.where,
-        )
-    if last is None and first is not None:
-        raise ModelError(
-            f"{flat.title}: a free start time needs an upper bound before the end at {highf:g} s; "
-            "write gt.free(guess=..., max=...)",
-            first.where,
-        )
+    where = (last or first).where if last or first else None
     raise ModelError(
-        f"{flat.title}: start and final time are both free and may meet; bound their difference: "
-        "yield self.final_time - self.start_time >= 0.1",
-        first.where if first else None,
+        f"{flat.title}: the horizon is free, and at the guess of its ends {length:g} s long; guess an end after its "
+        "start, or bound it: gt.free(guess=..., min=0.1)",
+        where,
     )
 
 

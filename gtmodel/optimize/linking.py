@@ -75,6 +75,9 @@ class Border:
         symbols = ca.vertcat(*[c for c, _ in self._taken])
         asked = [problem.flat.scope.symbol(*p) for _, pairs in self._taken for p in pairs]
         expressions = problem.builder.express(asked)
+        if not self._nlp.mesh.is_point(self._place):
+            off = problem.builder.off_points(asked, expressions)
+            expressions = [e if o is None else o for e, o in zip(expressions, off, strict=True)]
         f = ca.Function("end", [problem.x, problem.xd, problem.u, problem.P, problem.t], [ca.vertcat(*expressions)])
         return symbols, f(*self._point())
 

@@ -81,6 +81,10 @@ class Mesh:
         found = int(np.searchsorted(self.edges, s + ROUND_OFF, side="right"))
         return min(self.elements - 1, max(0, found - 1))
 
+    def is_point(self, local: float) -> bool:
+        """Is a fraction of an element one of its collocation points?"""
+        return bool(np.any(np.abs(self.table.points - local) <= ROUND_OFF))
+
     @property
     def edges(self) -> np.ndarray:
         """Element boundaries on [0, 1], (elements + 1,)."""

@@ -87,7 +87,7 @@ def multi_start(
     for k in range(count):
         x0 = first if k == 0 else _perturbed(nlp, first, spread, np.random.default_rng([seed, k]))
         s = solve_nlp(nlp, x0, options, throw=False)
-        if not s.status.ok:
+        if not s.status.converged:
             failures.append(s)
             continue
         for n, (other, times) in enumerate(found):

@@ -249,7 +249,8 @@ def instants(problem: DynamicProblem, mesh: Mesh, layout: Layout, p_scale: np.nd
             if i.s == 1.0:
                 x = xN[: layout.nx] * ca.DM(problem.x_scale)
             points[i.s] = (x, xd, u, P, t)
-        values.append(ca.Function("instant", arguments, [i.expression])(*points[i.s]))
+        e = i.expression if i.off is None or mesh.is_point((i.s - edges[k]) / h[k]) else i.off
+        values.append(ca.Function("instant", arguments, [e])(*points[i.s]))
     old = ca.vertcat(*[i.symbol for i in problem.instants], problem.P)
     new = ca.vertcat(*values, P)
     index = np.concatenate(

@@ -12,8 +12,9 @@ from ..lang.optimization import Optimization
 from ..lang.source import ModelError
 from ..results.status import SolveStatus
 from ..results.trajectory import Trajectory
-from .assembly import wrong_branch
+from .assembly import astray
 from .diagnosis import failure, named_row, solved_word, violated
+from .discretisation import judged
 from .equalities import check_equalities
 from .finite import not_finite
 from .guess import initial_guess
@@ -123,7 +124,7 @@ def solve_phases(
                 raise ModelError(f"there is no phase '{name}' for a {what}; phases are {', '.join(model.phases)}")
     for name, phase in model.phases.items():
         own = given_mesh(mesh.get(name) if isinstance(mesh, Mapping) else mesh)
-        problem = build(phase, options.formulation, options.prefer, branches)
+        problem = build(phase, options.formulation, options.prefer, branches, linked=True)
         nlps[name] = make_nlp(problem, own, options.compile)
         check_equalities(problem, nlps[name].element)
     joined = join(model, nlps)
@@ -133,17 +134,16 @@ def solve_phases(
     x0 = np.concatenate([initial_guess(nlp, earlier.get(name)) for name, nlp in nlps.items()])
     scale = objective_scale(joined, x0, [m for n in nlps.values() for m in n.problem.misfits])
     run = run_ipopt(joined, x0, options, progress, scale=scale)
-    return _read(joined, run, throw)
+    return _read(joined, run, options, throw)
 
 
-def _read(joined: Joined, run: Run, throw: bool) -> PhasesSolution:
+def _read(joined: Joined, run: Run, options: SolverOptions, throw: bool) -> PhasesSolution:
     status = run.status
     message = solved_word(run) if status.ok else failure(run, [*_infinite(joined, run), _worst(joined, run)])
     if status.ok:
         for k, (name, nlp) in enumerate(joined.nlps.items()):
-            astray = wrong_branch(nlp, run.x[joined.at[k] : joined.at[k + 1]])
-            if astray:
-                status, message = SolveStatus.FAILED, f"phase '{name}': {astray}"
+            if said := astray(nlp, run.x[joined.at[k] : joined.at[k + 1]]):
+                status, message = SolveStatus.FAILED, f"phase '{name}': {said}"
                 break
     run = run.at_best()
     solutions = {}
@@ -153,14 +153,18 @@ def _read(joined: Joined, run: Run, throw: bool) -> PhasesSolution:
         multipliers = Multipliers(run.multipliers.rows[rows], run.multipliers.bounds[columns])
         cost = float(nlp.nlp(x, [])[0])
         own = Run(x, run.g[rows], cost, multipliers, run.iterations, status, run.word, run.seconds, None, run.miss)
-        solutions[name] = replace(read_solution(nlp, own, status, message), linked=True)
+        solutions[name] = judged(replace(read_solution(nlp, own, status, message), linked=True), options.error_bound)
+    failed = [f"phase '{n}': {s.message}" for n, s in solutions.items() if s.status is not status]
+    if failed:
+        status, message = SolveStatus.CHECK_FAILED, "; ".join(failed)
+        solutions = {n: replace(s, status=status, message=message) for n, s in solutions.items()}
     values = run.multipliers.rows[joined.rows[-1] :] / np.array([r.scale for r in joined.links])
     links = dict(zip((r.label for r in joined.links), values.tolist(), strict=True))
     solution = PhasesSolution(
         status, message, run.objective, run.iterations, solutions, links, run.seconds, joined, run.x,
         run.multipliers.rows, run.multipliers.bounds,
     )  # fmt: skip
-    if throw and not status.ok:
+    if throw and not status.converged:  # a failed check raises nothing
         raise NotSolved(solution)
     return solution
 

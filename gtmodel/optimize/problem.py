@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import casadi as ca
 
@@ -15,8 +15,9 @@ from ..lang.source import ModelError
 from .attributes import Pair
 from .builder import Builder
 from .delays import delays_of
-from .dynamic import Bounds, DynamicProblem
-from .horizon import initial_rows
+from .dynamic import Bounds, DynamicProblem, Quadrature
+from .horizon import end_of, initial_rows
+from .quadratures import set_apart
 from .relations import Row, relations
 
 __all__ = ["FORMULATIONS", "Bounds", "DynamicProblem", "build"]
@@ -31,6 +32,7 @@ def build(
     branches: Mapping[str, int] | None = None,
     tunable: Sequence[str] = (),
     sizes: tuple[tuple[str, float], ...] = (),
+    linked: bool = False,
 ) -> DynamicProblem:
     """Flatten, choose states, and express cost and constraints in them; made once per configuration object.
 
@@ -42,10 +44,11 @@ def build(
         "dae": nothing but equal names is eliminated: all unknowns are free at each point, and all equations and the
             derivatives that they imply are constraints.
         "auto": inverse where it exists and does not bring the only divisions by something that may vanish, as in
-            u = (x' - f) / cos x; else explicit; else torn.
+            u = (x' - f) / cos x, and no rate is asked for at the start or within the horizon; else explicit; else torn.
     branches: sign +1 or -1 by the name of a declared branch; +1 by default.
     tunable: names of parameters that stay symbols, to be changed between solves.
     sizes: of variables and free constants by name, in place of their nominals: see sizes.of_trajectory.
+    linked: it is one of several phases, whose states continue: none of them is a mere integral.
 
     Raises ModelError with file and line.
     """
@@ -53,9 +56,9 @@ def build(
         raise ValueError(f"formulation is one of {', '.join(FORMULATIONS)}; found '{formulation}'")
     flat = flat_of(model)
     wanted = dict(branches or {})
-    key = ("problem", formulation, tuple(prefer), tuple(sorted(wanted.items())), tuple(tunable), sizes)
+    key = ("problem", formulation, tuple(prefer), tuple(sorted(wanted.items())), tuple(tunable), sizes, linked)
     if key not in flat.cache:
-        flat.cache[key] = _build(model, flat, formulation, prefer, wanted, tuple(tunable), sizes)
+        flat.cache[key] = _build(model, flat, formulation, prefer, wanted, tuple(tunable), sizes, linked)
     return flat.cache[key]
 
 
@@ -67,6 +70,7 @@ def _build(
     branches: dict[str, int],
     tunable: tuple[str, ...],
     sizes: tuple[tuple[str, float], ...],
+    linked: bool,
 ) -> DynamicProblem:
     root = flat.root
     if not isinstance(root, Optimization):
@@ -84,12 +88,16 @@ def _build(
     controls = [i for i in inputs if i not in delays]
     preferred = [i for name in prefer for i in flat.lookup(name)[1]]
     fold = _fold(flat, tunable)
-    base = make_plan(flat, inputs, _all_pairs(flat, constraints), preferred, branches, rates=True, fold=fold)
+    quadratures: list[Quadrature] = []
+    if not linked:
+        cost, quadratures = set_apart(flat, objective.sx, constraints, preferred, end_of(flat, "final_time"))
+        objective = Expr(cost, (), objective.dimension, objective.scope)
+    apart = {q.index for q in quadratures}
+    asked = _all_pairs(flat, constraints, apart)
+    base = make_plan(flat, inputs, asked, preferred, branches, rates=True, fold=fold, apart=apart)
     if formulation == "dae" and (idle := _idle(flat, base)):
         # all equations are rows here, also those that nothing asked for
-        base = make_plan(
-            flat, inputs, sorted({*_all_pairs(flat, constraints), *idle}), preferred, branches, rates=True, fold=fold
-        )
+        base = make_plan(flat, inputs, sorted({*asked, *idle}), preferred, branches, rates=True, fold=fold)
     states = base.states
     steep = [flat.symbol_name(i, k) for i, k in base.inputs if i in inputs and k > 0]
     if steep:
@@ -103,7 +111,7 @@ def _build(
     if formulation in ("auto", "inverse"):
         # without a closed form of the states' equations there is none of their inverse either
         hopeless = bool(delays) or (formulation == "auto" and bool(base.newton))
-        inverse = None if hopeless else _inverse_plan(flat, controls, states, constraints, branches, fold)
+        inverse = None if hopeless else _inverse_plan(flat, controls, states, asked, branches, fold, apart)
         divides = inverse is not None and _pivots(inverse) and not _pivots(base)
         if inverse is not None and (formulation == "inverse" or not divides):
             plan, kind = inverse, "inverse"
@@ -115,8 +123,15 @@ def _build(
     elif formulation == "dae":
         kind = "dae"
     delayed = {i: (controls.index(source), item) for i, (source, item) in delays.items()}
-    builder = Builder(model, root, flat, plan, kind, states, controls, base, fold, tunable, delayed, dict(sizes))
-    problem = builder.problem(objective, constraints)
+
+    def made(plan: Plan, kind: str) -> DynamicProblem:
+        b = Builder(model, root, flat, plan, kind, states, controls, base, fold, tunable, delayed, dict(sizes))
+        return b.problem(objective, constraints, quadratures)
+
+    problem = made(plan, kind)
+    if formulation == "auto" and kind == "inverse" and any(i.off is not None and i.s < 1.0 for i in problem.instants):
+        # a rate off the points ties the controls, not the motion: the explicit form finds it from any guess
+        problem = made(base, "explicit")
     problem.branches = branches
     return problem
 
@@ -146,20 +161,21 @@ def _fold(flat: FlatModel, tunable: Sequence[str]) -> ca.SX:
     )
 
 
-def _all_pairs(flat: FlatModel, constraints: list[Row]) -> list[Pair]:
-    """Every chain symbol that anything in the model, its cost or its constraints mentions."""
+def _all_pairs(flat: FlatModel, constraints: list[Row], apart: Collection[int]) -> list[Pair]:
+    """Every chain symbol that the model, its cost or its constraints mention, but for the variables `apart`."""
     expressions = [i.expression for i in flat.scope.instants] + [r.expression for r in constraints]
     named = [p for e in expressions for p in flat.scope.symbols_in(e)]
-    return sorted({(v.index, 0) for v in flat.variables} | set(named))
+    return sorted({(v.index, 0) for v in flat.variables if v.index not in apart} | set(named))
 
 
 def _inverse_plan(
     flat: FlatModel,
     controls: list[int],
     states: list[Pair],
-    constraints: list[Row],
+    asked: list[Pair],
     branches: Mapping[str, int],
     fold: ca.SX,
+    apart: Collection[int],
 ) -> Plan | None:
     coordinates = sorted({i for i, _ in states})
     if len(coordinates) != len(controls) or not controls:
@@ -167,7 +183,7 @@ def _inverse_plan(
     if any((i, k) not in states for i, top in states for k in range(top)):
         return None
     try:
-        plan = make_plan(flat, coordinates, _all_pairs(flat, constraints), branches=branches, fold=fold)
+        plan = make_plan(flat, coordinates, asked, branches=branches, fold=fold, apart=apart)
     except ModelError:
         return None  # not every motion of these coordinates is possible: the explicit form always is
     top = {i: max(k for j, k in states if j == i) + 1 for i in coordinates}

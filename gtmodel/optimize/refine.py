@@ -11,12 +11,13 @@ from numpy.polynomial import legendre
 
 from ..lang.optimization import Delayed, Optimization
 from ..lang.source import ModelError
+from .discretisation import NAME, discretisation
 from .element import of_states
 from .mesh import Mesh, given_mesh
 from .nlp import placed
-from .resimulate import System
 from .solution import Solution, constants, states_and_controls
 from .solve import NotSolved, solve
+from .system import System
 
 EXTRA = 2  # quadrature points per element beyond the collocation points: none of them is a collocation point
 MOST_PIECES = 4
@@ -86,10 +87,8 @@ def element_errors(solution: Solution) -> np.ndarray:
         # from the nearest collocation point: their polynomials overshoot
         nearest = np.abs(points[:, None] - mesh.table.points).argmin(axis=1)
         at = (mesh.edges[:-1, None] + mesh.h[:, None] * mesh.table.points[nearest]).ravel()
-        begin = states_and_controls(nlp, solution.x, at)[2]
-        place = {p: given.shape[1] + n for n, p in enumerate(problem.z_pairs)}
-        for n, pair in enumerate(system.pairs):
-            z[:, n] = begin[:, place[pair]] if pair in place else 0.0
+        _, slope, inputs, _ = states_and_controls(nlp, solution.x, at)
+        z = system.near(problem, inputs, slope)
         z = system.solved(xs, given, z, P, times)
     rates, _ = system.at(xs, given, z, P, times)
     miss = np.abs(xd - rates) / problem.x_scale
@@ -133,7 +132,8 @@ def refine(
     **options: Any,
 ) -> Refinement:
     """Solve on meshes that follow the error estimate until it is below the tolerance (in nominals) everywhere, and
-    limits on states alone are passed between the points by at most 1e-4 of their range.
+    limits on states alone are passed between the points by at most 1e-4 of their range, and the solution's own check of
+    its discretisation error holds.
 
     Each pass starts from the last solution; `options` are those of solve(). Elements are split into up to four,
     and neighbours far below the tolerance are merged. It ends after `passes` solves or at `most_elements` too; see
@@ -153,9 +153,9 @@ def refine(
     while True:
         errors, excess = element_errors(solution), element_excess(solution)
         last = Pass(len(errors), float(errors.max()), solution.objective, solution.iterations)
-        if not solution.status.ok:
+        if not solution.status.converged:
             return Refinement(solution, errors, (*history, last), tolerance, excess)
-        worse = np.maximum(errors, tolerance * excess / BETWEEN)
+        worse = np.maximum(errors, tolerance * np.maximum(excess / BETWEEN, _unresolved(solution)))
         lengths, split, merged = _next_lengths(placed(solution.nlp, solution.x), worse, tolerance, merge)
         done = worse.max() <= tolerance or len(history) + 1 >= passes or len(lengths) > most_elements
         history.append(last if done else replace(last, split=split, merged=merged))
@@ -164,11 +164,20 @@ def refine(
         options["guess"] = solution
         finer = replace(mesh, elements=len(lengths), lengths=tuple(lengths))
         solution = solve(model, finer, throw=False, **options)
-        if not solution.status.ok:
+        if not solution.status.converged:
             message = f"pass {len(history) + 1} of refine(): {solution.message}"
             solution = replace(solution, message=message)
             if throw:
                 raise NotSolved(solution)
+
+
+def _unresolved(solution: Solution) -> np.ndarray:
+    """What each element adds to a check that failed, beside its share of what the bound allows; else nothing."""
+    check = solution.checks[NAME]
+    added = discretisation(solution.nlp, solution.x).elements
+    if solution.status.ok or check.bound is None or not 0 < added.sum() < np.inf:
+        return np.zeros(len(added))
+    return added * len(added) / added.sum() * (check.value / check.bound)
 
 
 def _refuse_delays(model: Optimization) -> None:

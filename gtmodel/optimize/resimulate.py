@@ -17,11 +17,11 @@ from .element import pointwise
 from .mesh import Mesh
 from .nlp import Nlp, placed
 from .overshoot import control_range
-from .solution import Solution, constants, horizon, named, states_and_controls
+from .solution import Solution, constants, horizon, named, states_and_controls, totals
+from .system import System
 
 # far below the collocation error that is to be measured, far above round-off
 INTEGRATOR_TOLERANCE = 1e-10
-NEWTON_DONE = 1e-12  # relative: corrections this small are round-off
 SUBSTEPS = 8  # reported points per element: overshoots of a cubic control are seen
 
 
@@ -57,7 +57,7 @@ def resimulate(solution: Solution, tolerance: float = INTEGRATOR_TOLERANCE) -> R
     low, high = control_range(nlp, solution.x)
     ranges = dict(zip(problem.control_names, zip(low.tolist(), high.tolist(), strict=True), strict=True))
     fine = np.linspace(0.0, 1.0, SUBSTEPS + 1)
-    states, unknowns, cost = _integrate(solution, tolerance, mesh)
+    states, unknowns, cost, sums = _integrate(solution, tolerance, mesh)
     if len(states) < mesh.elements:
         time = t0 + edges[len(states)] * (tf - t0)
         return Resimulation(
@@ -91,7 +91,12 @@ def resimulate(solution: Solution, tolerance: float = INTEGRATOR_TOLERANCE) -> R
     xs_c = states_and_controls(nlp, solution.x, s[at_edges])[0]
     end = dict(zip(problem.state_names, (xs[-1] - xs_c[-1]).tolist(), strict=True))
     defect = float(np.max(np.abs(xs[at_edges] - xs_c) / problem.x_scale, initial=0.0))
-    trajectory = named(problem, xs, rates, us, times, P)
+    if problem.quadratures:
+        sums, sums_c = sums[kept], totals(nlp, solution.x, s[at_edges])
+        end |= dict(zip(problem.quadrature_names, (sums[-1] - sums_c[-1]).tolist(), strict=True))
+        size = [problem.flat.variables[q.index].nominal for q in problem.quadratures]
+        defect = max(defect, float(np.max(np.abs(sums[at_edges] - sums_c) / size)))
+    trajectory = named(problem, xs, rates, us, times, P, sums)
     cost_error = cost + _mayer(solution, integrated, P) + _steps(nlp, solution.x) - float(nlp.nlp(solution.x, [])[0])
     return Resimulation(
         SolveStatus.SOLVED, "re-simulated", trajectory, end, defect, violation, name, cost_error, ranges
@@ -105,14 +110,18 @@ def _given(nlp: Nlp, x: np.ndarray, element: int, local: np.ndarray) -> np.ndarr
     return layout.inputs(y, local)[:, : layout.nu + len(nlp.problem.delayed)]
 
 
-def _integrate(solution: Solution, tolerance: float, mesh: Mesh) -> tuple[list[np.ndarray], list[np.ndarray], float]:
+def _integrate(
+    solution: Solution, tolerance: float, mesh: Mesh
+) -> tuple[list[np.ndarray], list[np.ndarray], float, np.ndarray]:
     """States (SUBSTEPS + 1, nx) and unknowns without a closed form in each element, up to where the integrator
-    stops, and the integral cost."""
+    stops, the integral cost, and the costs that are written as states (elements (SUBSTEPS + 1), n)."""
     nlp = solution.nlp
     layout = nlp.element.layout
     t0, tf = horizon(nlp, solution.x)
     P = constants(nlp, solution.x)
-    integrator = make_integrator(nlp, tolerance)
+    integrator = make_integrator(nlp, tolerance, sums=True)
+    total = np.array([q.start for q in nlp.problem.quadratures])
+    sums: list[np.ndarray] = []
     x = states_and_controls(nlp, solution.x, np.array([0.0]))[0][0]
     z = _first_unknowns(solution, x, t0, P)
     states, unknowns, cost = [], [], 0.0
@@ -129,8 +138,11 @@ def _integrate(solution: Solution, tolerance: float, mesh: Mesh) -> tuple[list[n
         zf = np.asarray(result["zf"].full()).reshape(len(z), -1).T if len(z) else np.zeros((SUBSTEPS, 0))
         unknowns.append(np.vstack([zf[:1], zf]))  # at the left end as at the first step: the input may jump there
         x, z = states[-1][-1], zf[-1] if len(z) else z
-        cost += float(np.sum(np.asarray(result["qf"].full())[:, -1]))
-    return states, unknowns, cost
+        quad = np.asarray(result["qf"].full())
+        cost += float(quad[0, -1])
+        sums.append(np.vstack([total, total + quad[1:].T]))
+        total = sums[-1][-1]
+    return states, unknowns, cost, np.vstack(sums) if sums else np.zeros((0, len(total)))
 
 
 def _first_unknowns(solution: Solution, x: np.ndarray, t0: float, P: np.ndarray) -> np.ndarray:
@@ -139,79 +151,12 @@ def _first_unknowns(solution: Solution, x: np.ndarray, t0: float, P: np.ndarray)
     system = System.of(problem)
     if not system.count:
         return np.zeros(0)
-    layout = nlp.element.layout
-    u = layout.inputs(solution.x[: layout.size] * layout.scale, np.array([0.0, nlp.mesh.table.points[0]]))
-    known = {p: u[1, layout.nu + len(problem.delayed) + n] for n, p in enumerate(problem.z_pairs)}
-    z = np.array([known.get(p, 0.0) for p in system.pairs])
-    given = u[0, : layout.nu + len(problem.delayed)]
-    z = system.solved(x[None], given[None], z[None], P, np.array([t0]))[0]
-    return z
-
-
-@dataclass(eq=False)
-class System:
-    """The equations as an ordinary differential one, with `count` unknowns that have no closed form (`pairs`).
-
-    values: (x, given inputs, unknowns, P, t) -> rates, point variables; residual: the same -> r, dr/dunknowns.
-    """
-
-    values: ca.Function
-    residual: ca.Function
-    pairs: list[tuple[int, int]]
-
-    @property
-    def count(self) -> int:
-        return len(self.pairs)
-
-    @classmethod
-    def of(cls, problem: DynamicProblem) -> System:
-        """Raises ModelError where the model has no such form."""
-        found = problem.builder.explicit()
-        rates = list(found.rates)
-        extra = [r for r in problem.rates[len(rates) :] if r is not None]
-        # rates of cost states may hold what the formulation left unsolved
-        old = ca.vertcat(problem.xd[: len(rates)], *[problem.flat.scope.symbol(*p) for p in problem.z_pairs])
-        new = ca.vertcat(*rates, *found.point)
-        if extra and old.numel():
-            extra = ca.substitute(extra, [old], [new])
-        unknowns = ca.vertcat(*found.unknowns) if found.unknowns else ca.SX(0, 1)
-        residual = ca.vertcat(*found.residuals) if found.residuals else ca.SX(0, 1)
-        arguments = [problem.x, problem.builder.given, unknowns, problem.P, problem.t]
-        rates = ca.vertcat(*rates, *extra)
-        values = ca.Function("values", arguments, [rates, ca.vertcat(*found.point) if found.point else ca.SX(0, 1)])
-        slopes = ca.Function("residual", arguments, [residual, ca.densify(ca.jacobian(residual, unknowns))])
-        return cls(values, slopes, [p for p in map(problem.flat.scope.owner, found.unknowns) if p is not None])
-
-    def solved(
-        self, x: np.ndarray, given: np.ndarray, z: np.ndarray, P: np.ndarray, t: np.ndarray, steps: int = 20
-    ) -> np.ndarray:
-        """The unknowns without a closed form (n, count) by Newton from z; NaN where that does not converge."""
-        n = len(t)
-        f = self.residual.map(n)
-        rows = [ca.DM(a.T) for a in (x, given)]
-        rest = [ca.repmat(ca.DM(P), 1, n), ca.DM(t).T]
-        done = np.zeros(n, bool)
-        for _ in range(steps):
-            r, slope = (v.full() for v in f(*rows, ca.DM(z.T), *rest))
-            slopes = slope.reshape(self.count, n, self.count).transpose(1, 0, 2)
-            finite = np.all(np.isfinite(slopes), axis=(1, 2)) & np.all(np.isfinite(r), axis=0)
-            step = np.full(z.shape, np.nan)
-            for k in np.flatnonzero(finite):
-                step[k] = np.linalg.lstsq(slopes[k], -r[:, k], rcond=None)[0]
-            z = z + step
-            done = np.max(np.abs(step), axis=1) <= NEWTON_DONE * (1 + np.max(np.abs(z), axis=1))
-            if np.all(done | ~finite):
-                break
-        return np.where(done[:, None], z, np.nan)
-
-    def at(
-        self, x: np.ndarray, given: np.ndarray, z: np.ndarray, P: np.ndarray, t: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Rates and whole inputs (n, ...) for rows."""
-        n = len(t)
-        rows = [ca.DM(a.T) for a in (x, given, z)]
-        rates, point = self.values.map(n)(*rows, ca.repmat(ca.DM(P), 1, n), ca.DM(t).T)
-        return rates.full().T, np.hstack([given, point.full().T])
+    layout, first = nlp.element.layout, placed(nlp, solution.x).h[0] * nlp.mesh.table.points[0]
+    _, slope, inputs, _ = states_and_controls(nlp, solution.x, np.array([first]))
+    z = system.near(problem, inputs, slope)
+    given = layout.inputs(solution.x[: layout.size] * layout.scale, np.zeros(1))
+    given = given[:, : layout.nu + len(problem.delayed)]
+    return system.solved(x[None], given, z, P, np.array([t0]))[0]
 
 
 def _mayer(solution: Solution, integrated: Callable[[float], tuple[np.ndarray, ...]], P: np.ndarray) -> float:
@@ -236,8 +181,10 @@ def _steps(nlp: Nlp, x: np.ndarray) -> float:
     return float(sum(weight * each[name] for name, weight in blocks.step_penalty.items()))
 
 
-def make_integrator(nlp: Nlp, tolerance: float, outputs: Sequence[float] = ()) -> ca.Function:
+def make_integrator(nlp: Nlp, tolerance: float, outputs: Sequence[float] = (), sums: bool = False) -> ca.Function:
     """CVODES (IDAS where equations have no closed form) over one element, with values at fractions of it.
+
+    Its quadrature is the integral cost and, with `sums`, behind it the costs that are written as states.
 
     p = [left end of the element [s], its length [s], control coefficients, delayed inputs at the points, P].
     """
@@ -257,6 +204,9 @@ def make_integrator(nlp: Nlp, tolerance: float, outputs: Sequence[float] = ()) -
     point = pointwise(problem)(problem.x, rates, ca.vertcat(given, point_variables), P, t)
     weights = ca.DM([w for _, _, w in problem.integrals]) if problem.integrals else ca.DM(0, 1)
     quad = length * ca.dot(weights, point[3]) if problem.integrals else ca.SX(0)
+    if sums:
+        own = problem.integrands(problem.x, rates, ca.vertcat(given, point_variables), P, t)
+        quad = ca.vertcat(quad, length * own)
     dae = {"x": problem.x, "p": ca.vertcat(left, length, U, D, P), "t": s, "ode": length * rates, "quad": quad}
     if not problem.x.numel():  # CVODES wants a state
         dae |= {"x": ca.SX.sym("nothing"), "ode": ca.SX(0)}

@@ -10,25 +10,16 @@ import casadi as ca
 import numpy as np
 
 from ..lang.scope import derivative_name
+from ..results.check import Check
 from ..results.status import SolveStatus
 from ..results.trajectory import Trajectory
 from .dynamic import DynamicProblem
 from .ipopt import Run
-from .mesh import Mesh
+from .mesh import ROUND_OFF, Mesh
 from .nlp import Nlp, placed
+from .quadratures import summed
+from .system import System
 from .tables import basis, basis_slope
-
-
-@dataclass(frozen=True)
-class Check:
-    """A number with its bound: passed when value <= bound; bound None only reports."""
-
-    value: float
-    bound: float | None = None
-
-    @property
-    def passed(self) -> bool:
-        return bool(np.isfinite(self.value)) and (self.bound is None or self.value <= self.bound)
 
 
 @dataclass(frozen=True, eq=False)
@@ -243,19 +234,55 @@ def states_and_controls(
 
 
 def evaluate(nlp: Nlp, x: np.ndarray, s: np.ndarray) -> Trajectory:
-    """All top-level names at fractions s."""
+    """All top-level names at fractions s: states and controls by their polynomials; off the collocation points slopes
+    of states and algebraic variables by the model's equations, where these give a number there."""
+    problem, P = nlp.problem, constants(nlp, x)
     xs, rates, us, times = states_and_controls(nlp, x, s)
-    return named(nlp.problem, xs, rates, us, times, constants(nlp, x))
+    off = np.flatnonzero(~at_points(placed(nlp, x), s))
+    if off.size and problem.loose:
+        known = nlp.element.layout.nu + len(problem.delayed)
+        system, rows, given = System.of(problem), xs[off], us[off, :known]
+        z = system.solved(rows, given, system.near(problem, us[off], rates[off]), P, times[off])
+        own, inputs = system.at(rows, given, z, P, times[off])
+        good = np.all(np.isfinite(own), axis=1) & np.all(np.isfinite(inputs), axis=1)
+        rates[off[good]], us[off[good]] = own[good], inputs[good]
+    return named(problem, xs, rates, us, times, P, totals(nlp, x, s))
+
+
+def totals(nlp: Nlp, x: np.ndarray, s: np.ndarray) -> np.ndarray:
+    """Values (len(s), n) of the costs that are written as states at fractions s."""
+    problem, mesh = nlp.problem, placed(nlp, x)
+    if not problem.quadratures:
+        return np.zeros((len(s), 0))
+    points = (mesh.edges[:-1, None] + mesh.h[:, None] * mesh.table.points).ravel()
+    xs, rates, us, times = states_and_controls(nlp, x, points)
+    columns = [ca.DM(a.T) for a in (xs, rates, us)]
+    n = len(points)
+    values = problem.integrands.map(n)(*columns, ca.repmat(ca.DM(constants(nlp, x)), 1, n), ca.DM(times).T)
+    t0, tf = horizon(nlp, x)
+    return summed(problem, mesh, values.full().T.reshape(mesh.elements, mesh.points, -1), s, tf - t0)
+
+
+def at_points(mesh: Mesh, s: np.ndarray) -> np.ndarray:
+    """Which fractions s of the horizon are collocation points (bool, as s)."""
+    points = (mesh.edges[:-1, None] + mesh.h[:, None] * mesh.table.points).ravel()
+    right = np.clip(np.searchsorted(points, s), 0, len(points) - 1)
+    miss = np.minimum(np.abs(points[right] - s), np.abs(points[np.maximum(right - 1, 0)] - s))
+    return miss <= ROUND_OFF
 
 
 def named(
-    problem: DynamicProblem, xs: np.ndarray, rates: np.ndarray, us: np.ndarray, times: np.ndarray, P: np.ndarray
-) -> Trajectory:
-    """A trajectory of every quantity declared at the top or one level below, and of the states' derivatives."""
+    problem: DynamicProblem, xs: np.ndarray, rates: np.ndarray, us: np.ndarray, times: np.ndarray, P: np.ndarray,
+    summed_up: np.ndarray,
+) -> Trajectory:  # fmt: skip
+    """A trajectory of every quantity declared at the top or one level below, and of the states' derivatives.
+
+    summed_up: values of the costs that are written as states, see totals().
+    """
     names, f = _outputs(problem)
     n = len(times)
     columns = [ca.DM(a.T) for a in (xs, rates, us)]
-    values = f.map(n)(*columns, ca.repmat(ca.DM(P), 1, n), ca.DM(times).T)
+    values = f.map(n)(*columns, ca.repmat(ca.DM(P), 1, n), ca.DM(times).T, ca.DM(summed_up.T))
     values = np.asarray(values.full())
     result: dict[str, np.ndarray] = {}
     units: dict[str, str] = {}
@@ -290,14 +317,22 @@ def _outputs(problem: DynamicProblem) -> tuple[list[tuple[str, Any, int, str]], 
             if order == 0 or all(_known(problem, states, i, order) for i in indices):
                 entries.append((derivative_name(name, order), shape, [(i, order) for i in indices]))
     builder = problem.builder
-    expressions = builder.express([flat.scope.symbol(i, k) for _, _, pairs in entries for i, k in pairs])
-    f = ca.Function("outputs", [problem.x, problem.xd, problem.u, problem.P, problem.t], [ca.vertcat(*expressions)])
+    sums = ca.SX.sym("sums", len(problem.quadratures))
+    apart = {(q.index, 0): sums[n] for n, q in enumerate(problem.quadratures)}
+    apart |= {(q.index, 1): q.integrand for q in problem.quadratures}
+    asked = [p for _, _, pairs in entries for p in pairs]
+    expressed = iter(builder.express([flat.scope.symbol(*p) for p in asked if p not in apart]))
+    expressions = [apart[p] if p in apart else next(expressed) for p in asked]
+    arguments = [problem.x, problem.xd, problem.u, problem.P, problem.t, sums]
+    f = ca.Function("outputs", arguments, [ca.vertcat(*expressions)])
     table = [(n, shape, len(pairs), flat.unit_of(pairs[0][0], pairs[0][1])) for n, shape, pairs in entries]
     problem.outputs = (table, f)
     return problem.outputs
 
 
 def _known(problem: DynamicProblem, states: set[tuple[int, int]], index: int, order: int) -> bool:
-    """A derivative that is a state or a state's rate."""
+    """A derivative that is a state or a state's rate, or what a cost that is written as a state integrates."""
+    if any(q.index == index for q in problem.quadratures):
+        return order == 1
     _, kept, k = problem.plan.alias.resolve(index, order)
     return (kept, k) in states or ((kept, k - 1) in states and problem.builder.expressible((kept, k)))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Literal
@@ -13,8 +14,9 @@ from ..lang.optimization import Optimization
 from ..lang.source import ModelError
 from ..results.status import SolveStatus
 from ..results.trajectory import Trajectory
-from .assembly import wrong_branch
+from .assembly import astray
 from .diagnosis import sentence
+from .discretisation import BOUND, judged
 from .equalities import check_equalities
 from .fatrop import Staged
 from .guess import initial_guess
@@ -49,6 +51,9 @@ class SolverOptions:
             for the first of "auto", after 150.
         solver: "ipopt"; or "fatrop", where states alone link the elements (no free constants, a horizon that is given),
             without progress and time limit.
+        error_bound: of the check `discretisation_error` of each solution: the largest estimated error of a state at a
+            mesh edge or collocation point, as a part of the state's range (entries of a vector share theirs). A
+            solution above it has status check_failed. None only reports.
         compile: evaluate the elements by machine code instead of CasADi's virtual machine: the same optimum, and a
             second or two of the C compiler at the first solve, which `seconds["compile"]` shows. The library is kept
             in $GTMODEL_CACHE, by default ~/.cache/gtmodel. For problems that are solved again and again.
@@ -66,6 +71,7 @@ class SolverOptions:
     patience: int | None = None
     solver: Literal["ipopt", "fatrop"] = "ipopt"
     compile: bool = False
+    error_bound: float | None = BOUND
 
     def __post_init__(self) -> None:
         numbers = (self.tolerance, self.max_iterations, 0 if self.max_seconds is None else self.max_seconds)
@@ -80,6 +86,9 @@ class SolverOptions:
             raise ModelError(
                 f"max_iterations and max_seconds are not negative; found {self.max_iterations} and {self.max_seconds}"
             )
+        bound = self.error_bound
+        if bound is not None and (not isinstance(bound, (int, float, np.number)) or not bound > 0):
+            raise ModelError(f"error_bound is a positive number, or None; found {bound!r}")
         if isinstance(self.prefer, str):
             raise ModelError(f"prefer takes a list of names; found '{self.prefer}'")
         if self.patience is not None and not (isinstance(self.patience, (int, np.integer)) and self.patience > 0):
@@ -116,6 +125,9 @@ def solve(
 ) -> Solution:
     """Solve an optimisation by direct collocation, or by multiple shooting as a cross-check.
 
+    Each solution estimates by how much its states miss the model's on this mesh. Above the options' `error_bound` its
+    status is check_failed, which does not raise: the solution is whole, but not the model's.
+
     Args:
         model: an Optimization with values for its parameters.
         mesh: elements, points, scheme and control; default 50 x 3 Radau.
@@ -150,7 +162,7 @@ def solve(
     if shooting:
         if options.solver != "ipopt":
             raise ModelError(f"{problem.flat.title}: shooting takes solver 'ipopt' only; found '{options.solver}'")
-        return _answer(nlp, run_shooting(nlp, x0, options, progress), throw)
+        return _answer(nlp, run_shooting(nlp, x0, options, progress), options, throw, exact=True)
     return solve_nlp(nlp, x0, options, progress, throw)
 
 
@@ -174,18 +186,20 @@ def solve_nlp(
     if options.solver == "fatrop":
         staged = Staged(nlp, scale)
         run = run_ipopt(staged, x0, options)
-        return _answer(nlp, staged.turned(run), throw)
-    return _answer(nlp, run_ipopt(nlp, x0, options, progress, warm, scale), throw)
+        return _answer(nlp, staged.turned(run), options, throw)
+    return _answer(nlp, run_ipopt(nlp, x0, options, progress, warm, scale), options, throw)
 
 
-def _answer(nlp: Nlp, run: Run, throw: bool) -> Solution:
+def _answer(nlp: Nlp, run: Run, options: SolverOptions, throw: bool, exact: bool = False) -> Solution:
     """The solution by name, with a sentence on how it ended. Raises NotSolved."""
     status, message = run.status, sentence(run, nlp)
-    if status.ok and (astray := wrong_branch(nlp, run.x)):
-        status, message = SolveStatus.FAILED, astray
+    if status.ok and (said := astray(nlp, run.x)):
+        status, message = SolveStatus.FAILED, said
     if nlp.compile_seconds is not None:
         run = replace(run, seconds={**run.seconds, "compile": nlp.compile_seconds})
     solution = read_solution(nlp, run.at_best(), status, message)
-    if throw and not status.ok:
+    began = time.perf_counter()
+    solution = judged(solution, options.error_bound, exact)
+    if throw and not status.ok:  # a failed check raises nothing: the whole solution is there
         raise NotSolved(solution)
-    return solution
+    return replace(solution, seconds={**solution.seconds, "check": time.perf_counter() - began})

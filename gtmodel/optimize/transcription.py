@@ -120,8 +120,9 @@ class Transcription:
     ) -> Continuation:
         """Solve for one set of parameters after the other, each started from the last solution.
 
-        A step that fails is halved, up to four times, between the last good parameters and the wanted ones. Raises
-        NotSolved where that does not help (unless throw is False) and ModelError as solve() does.
+        A step that fails is halved, up to four times, between the last good parameters and the wanted ones; one that
+        the mesh does not resolve (status check_failed) is gone on from. Raises NotSolved where halving does not help
+        (unless throw is False) and ModelError as solve() does.
         """
         found: list[tuple[dict[str, Any], Solution]] = []
         todo = [(dict(s), HALVINGS) for s in reversed(steps)]
@@ -131,7 +132,7 @@ class Transcription:
             values, halvings = todo.pop()
             values = {**(found[-1][0] if found else {}), **values}
             s = self.solve(values, guess=guess, start=start, solver=solver, throw=False)
-            if s.status.ok:
+            if s.status.converged:
                 found.append((values, s))
                 guess, start = None, s
                 continue

@@ -97,7 +97,7 @@ def lobes_figure(speed: np.ndarray, depth: np.ndarray, cut: tuple[float, float],
     shown = np.where(np.isfinite(depth), 1e3 * depth, np.nan)
     top = 1.3 * max(1e3 * cut[1], float(np.nanpercentile(shown, 90)) if np.isfinite(shown).any() else 0.0)
     axes.fill_between(60 * speed, np.nan_to_num(shown, nan=top), top, color="#d55e00", alpha=0.18, linewidth=0,
-                      label="chatter (zeroth order)")  # fmt: skip
+                      label="not proven stable")  # fmt: skip
     axes.plot(60 * speed, shown, color="#d55e00", linewidth=1.2)
     axes.plot(60 * cut[0], 1e3 * cut[1], "o", color="#0072b2", label="declared cut")
     axes.set(xlabel="spindle speed [rpm]", ylabel="axial depth [mm]", ylim=(0, top), title=title)

@@ -7,6 +7,9 @@ Status of a run
     c_enum            `Status` as a C99 enumeration
     c_sentences       its sentences as a C99 table
 
+What was tested
+    Check             a number with its bound, and the verdict
+
 What data say
     Estimate          estimated quantities with their covariance, from whichever engine
 
@@ -16,11 +19,13 @@ Time series
     UnknownNameError  a signal name that is not there
 """
 
+from gtmodel.results.check import Check
 from gtmodel.results.estimate import Estimate
 from gtmodel.results.status import ModesStatus, SolveStatus, Status, c_enum, c_sentences
 from gtmodel.results.trajectory import Trajectory, TrajectoryError, UnknownNameError
 
 __all__ = [
+    "Check",
     "Estimate",
     "ModesStatus",
     "SolveStatus",

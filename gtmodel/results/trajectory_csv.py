@@ -6,11 +6,12 @@ import csv
 import json
 import math
 import re
-from collections.abc import Callable, Sequence
-from pathlib import Path
-from typing import Any, NamedTuple
+from array import array
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from gtmodel.lang.units import UnitError, convert, parse_unit
 
@@ -33,14 +34,18 @@ class Table(NamedTuple):
     columns: list[str]
     units: list[str]
     values: Array
-    lines: list[int]
+    lines: npt.NDArray[np.int64]
     notes: dict[str, list[str]]
 
     def in_si(self) -> Array:
         """(rows, columns) in SI units."""
-        return np.column_stack(
-            [convert(self.values[:, j], unit, parse_unit(unit).si_text) for j, unit in enumerate(self.units)]
-        )
+        wanted = [parse_unit(unit).si_text for unit in self.units]
+        if wanted == self.units:
+            return self.values
+        found = np.empty(self.values.shape)
+        for j, (unit, si) in enumerate(zip(self.units, wanted, strict=True)):
+            found[:, j] = convert(self.values[:, j], unit, si)
+        return found
 
 
 Header = tuple[list[str], list[str], list[int]]
@@ -55,34 +60,49 @@ def read_table(path: PathLike, header_of: Callable[[Sequence[str], str], Header]
     Raises TrajectoryError with file and line: no text, no header, no rows, a row of another length, a cell of a kept
     column that is no finite number.
     """
-    try:
-        text = Path(path).read_bytes().decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise TrajectoryError(f"{path} is not a UTF-8 text file ({error.reason}); save it as UTF-8") from error
-    lines = text.replace("\r\n", "\n").split("\n")
     notes: dict[str, list[str]] = {key: [] for key in _NOTES}
     header: Header | None = None
     width = 0
-    numbers: list[int] = []
-    rows: list[list[float]] = []
-    last = max((i for i, line in enumerate(lines, 1) if line.strip()), default=0)
-    for number, line in enumerate(lines[:last], 1):
-        where = f"{path} line {number}"
-        if line.startswith("#"):
-            key, colon, note = line[1:].partition(":")
-            if colon and key.strip().lower() in notes:
-                notes[key.strip().lower()].append(note.strip())
-        elif header is None:
-            cells = _header_cells(line, where)
-            header, width = header_of(cells, where), len(cells)
-        else:
-            rows.append(_read_row(line, header, width, where))
-            numbers.append(number)
+    # eight bytes for each number, whatever the file takes: a list of lists takes ten times that
+    numbers, places = array("d"), array("q")
+    blank = 0  # the first of the blank lines that only the end of the file may follow
+    with open(path, "rb") as file:
+        for number, line in enumerate(_decoded(file, path), 1):
+            where = f"{path} line {number}"
+            if not line.strip():
+                blank = blank or number
+                continue
+            if blank and header is not None:
+                _read_row("", header, width, f"{path} line {blank}")
+            blank = 0
+            if line.startswith("#"):
+                key, colon, note = line[1:].partition(":")
+                if colon and key.strip().lower() in notes:
+                    notes[key.strip().lower()].append(note.strip())
+            elif header is None:
+                cells = _header_cells(line, where)
+                header, width = header_of(cells, where), len(cells)
+            else:
+                numbers.extend(_read_row(line, header, width, where))
+                places.append(number)
     if header is None:
         raise TrajectoryError(f"{path} has no header; expected a line such as 'time [s],q[0] [m]'")
-    if not rows:
+    if not places:
         raise TrajectoryError(f"{path} has a header but no rows; expected a row of numbers for each time")
-    return Table(header[0], header[1], np.array(rows, dtype=np.float64), numbers, notes)
+    values = np.frombuffer(numbers, dtype=np.float64).reshape(len(places), len(header[0]))
+    return Table(header[0], header[1], values, np.frombuffer(places, dtype=np.int64), notes)
+
+
+def _decoded(file: BinaryIO, path: PathLike) -> Iterator[str]:
+    """Lines without their ends. Raises TrajectoryError for what is not UTF-8."""
+    for number, line in enumerate(file, 1):
+        try:
+            text = line.decode("utf-8-sig" if number == 1 else "utf-8")
+        except UnicodeDecodeError as error:
+            raise TrajectoryError(
+                f"{path} is not a UTF-8 text file (line {number}: {error.reason}); save it as UTF-8"
+            ) from error
+        yield text.rstrip("\n").removesuffix("\r")
 
 
 def read_csv(path: PathLike) -> Trajectory:

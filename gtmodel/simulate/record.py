@@ -11,6 +11,7 @@ import numpy as np
 from ..compiler.flat import FlatModel
 from ..lang.scope import derivative_name
 from ..results.trajectory import Trajectory
+from .turnover import stored_terms
 
 Pair = tuple[int, int]
 Shape = tuple[int, ...]
@@ -60,15 +61,19 @@ class Recorder:
     def __init__(self, flat: FlatModel, outputs: Sequence[str]) -> None:
         self.entries = entries_of(flat, outputs)
         self.expressions: list[ca.SX] = [flat.scope.symbol(*pair) for e in self.entries for pair in e.pairs]
+        terms = stored_terms(flat)
+        self._terms = len(terms)
+        self.expressions += terms
         self.has_energy = bool(flat.energies)
         self._blocks: list[np.ndarray] = []
 
     def add(self, times: np.ndarray, values: np.ndarray, works: np.ndarray) -> None:
-        """Rows: values of the entries, then of the stored energy; energy supplied and dissipated so far [J]."""
+        """Rows: values of the entries, of the stored energy's terms, and of this itself; energies supplied and
+        dissipated so far [J]."""
         self._blocks.append(np.column_stack([times, values, works]))
 
-    def trajectory(self) -> tuple[Trajectory, float | None]:
-        """What was recorded, and the largest error of the energy balance [J]."""
+    def trajectory(self) -> tuple[Trajectory, float | None, float]:
+        """What was recorded, the largest error of the energy balance [J], and the energy that moved [J]."""
         table = np.concatenate(self._blocks)
         times, rows = table[:, 0], table[:, 1:]
         values: dict[str, np.ndarray] = {}
@@ -80,10 +85,13 @@ class Recorder:
             values[e.name] = block if e.shape else block[:, 0]
             if e.unit != "?":
                 units[e.name] = e.unit
-        error = None
+        error, moved = None, 0.0
+        terms, column = rows[:, column : column + self._terms], column + self._terms
         if self.has_energy:
             stored, supplied, dissipated = rows[:, column:].T
             for name, data in (("stored", stored), ("supplied", supplied), ("dissipated", dissipated)):
                 values[f"energy.{name}"], units[f"energy.{name}"] = data, "J"
+            flows = np.column_stack([terms, stored, supplied, dissipated])
+            moved = float(np.max(np.ptp(flows, axis=0)))
             error = float(np.max(np.abs(stored - stored[0] - supplied + dissipated)))
-        return Trajectory(times, values, units), error
+        return Trajectory(times, values, units), error, moved

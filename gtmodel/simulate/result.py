@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
+from ..results.check import Check
 from ..results.status import SolveStatus
 from ..results.trajectory import Trajectory
 
@@ -27,6 +28,8 @@ class Simulation:
 
     trajectory: every quantity declared at the top or one level below, the first derivative of what moves, and
         with declared energies `energy.stored`, `energy.supplied`, `energy.dissipated` [J].
+    status: CHECK_FAILED where the run reached its end and a check failed; simulate() does not raise for it.
+    checks: "energy_balance" where energies are declared: energy_error in parts of the energy that moved.
     energy_error: largest |stored - start - supplied + dissipated| at a row [J]; None without declared energies.
     residual: largest |left - right| of any equation as written, at any row, in SI units.
     states: names of the states at the end. switches: their changes on the way.
@@ -41,6 +44,7 @@ class Simulation:
     states: tuple[str, ...] = ()
     switches: list[Switch] = field(default_factory=list)
     chosen: dict[str, float] = field(default_factory=dict)
+    checks: dict[str, Check] = field(default_factory=dict)
 
 
 class NotSimulated(RuntimeError):

@@ -15,6 +15,9 @@ from .reduced import Reduced
 CHUNKS = (50, 10, 1)
 # internal steps in one interval: where that is not enough, the interval is halved
 MOST_STEPS = 1000
+# a call over fewer intervals than this mostly builds up its order, in many short steps whose errors add up; each may
+# err by so much of the tolerance, down to what double precision leaves
+FEW, RESTARTED, FINEST = CHUNKS[1], 0.01, 1e-13
 # longest internal steps, in intervals, are powers of this
 STEP_RATIO = 4.0
 
@@ -50,6 +53,7 @@ class Stepper:
             "disable_internal_warnings": True,
             "show_eval_warnings": False,  # a step that leaves the model's range is tried again, shorter
         }
+        self._tolerance = tolerance
         self._most = 1.0 if bounded else np.inf  # intervals in one internal step
         if z.numel():
             self._dae |= {"z": z, "alg": residuals}
@@ -68,6 +72,8 @@ class Stepper:
             grid = list(map(float, range(1, count + 1)))
             plugin = "idas" if "z" in self._dae else "cvodes"
             options = self._options | ({"max_step_size": longest} if longest < count else {})
+            if count < FEW:
+                options["abstol"] = options["reltol"] = min(self._tolerance, max(FINEST, RESTARTED * self._tolerance))
             self._integrators[count, longest] = ca.integrator(f"step{count}", plugin, self._dae, 0.0, grid, options)
         return self._integrators[count, longest]
 

@@ -12,6 +12,8 @@ Response = Literal["acceleration", "velocity", "displacement"]
 ORDER = {"displacement": 0, "velocity": 1, "acceleration": 2}  # how often the displacement was derived
 UNITS = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s2"}
 
+# of the largest power: a line below it holds round-off only, 1e-13 of the amplitude
+SILENT = 1e-26
 TAPER = 0.1  # of a force window: the share in which it falls to zero
 CUT = 0.1  # of a hit's peak: a force window that cuts off more has cut off a second hit
 STILL = 0.05  # of the response's peak: what may be left at the end of a record, or lines lie in each other's leakage
@@ -87,9 +89,10 @@ def frequency_response(
     """Averaged over hits: force [N] and response (hits, T) or (T,), sampled together at `sample_rate` [Hz].
 
     `measures`: acceleration [m/s2], velocity [m/s] or displacement [m]. H1 = G_xF / G_FF is unbiased for noise on the
-    response, H2 = G_xx / G_Fx for noise on the force. `force_window` [s]: the force is set to zero that long after
-    each hit; `decay` [1/s]: exponential window on both, for records in which the response has not died away. With two
-    hits or more the coherence tells the noise, of the response (H1) or of the force (H2), as level over 41 lines.
+    response, H2 = G_xx / G_Fx for noise on the force; lines without force tell nothing and are left out.
+    `force_window` [s]: the force is set to zero that long after each hit; `decay` [1/s]: exponential window on both,
+    for records in which the response has not died away. With two hits or more the coherence tells the noise, of the
+    response (H1) or of the force (H2), as level over 41 lines.
 
     Raises ValueError: wrong shapes, a window that cuts off a second hit, a response that has not died away.
     """
@@ -115,11 +118,18 @@ def frequency_response(
 
     f = np.fft.rfftfreq(T, 1 / sample_rate)[1:]
     GFF, GFx, Gxx = np.real(spectrum(F, F)), spectrum(F, x), np.real(spectrum(x, x))
-    if GFF.min() <= 0 or Gxx.min() <= 0:
-        raise ValueError("the force or the response is zero throughout; look at the column of the record")
+    for what, power in (("force", GFF), ("response", Gxx)):
+        if power.max() <= 0:
+            raise ValueError(f"the {what} is zero throughout; look at the column of the record")
+    # a line without force tells nothing; H2 divides by the response's part of it
+    told = GFF > SILENT * GFF.max()
+    if estimator == "H2":
+        told &= np.abs(GFx) ** 2 > SILENT * GFF.max() * Gxx.max()
+    f, GFF, GFx, Gxx = f[told], GFF[told], GFx[told], Gxx[told]
     derived = (2j * np.pi * f + decay) ** ORDER[measures]
     H = (GFx / GFF if estimator == "H1" else Gxx / GFx.conj()) / derived
-    coherence = np.minimum(np.abs(GFx) ** 2 / (GFF * Gxx), 1.0)
+    # a response that is exactly zero is one of force and noise alike
+    coherence = np.minimum(np.abs(GFx) ** 2 / np.where(Gxx > 0, GFF * Gxx, 1.0), 1.0)
     hits = len(F)
     variance = None
     if hits > 1:

@@ -12,6 +12,7 @@ from gtmodel.results import Estimate
 
 from .continuous import NEAR
 from .hankel import block_hankel
+from .noise import REWEIGHTED, settled, weights_of
 from .output_error import central
 from .record import Record, VibrationError, columns
 
@@ -70,8 +71,8 @@ def identify_impulse(record: Record, *, modes: int | None = None, largest: int =
         modes: how many; by the Bayesian information criterion if left out, at most `largest`.
 
     The eigensystem realisation gives starts, least squares on damped sines about a rest position the values
-    (amplitudes eliminated, variable projection); intervals are for white noise of unknown size. Raises VibrationError:
-    too few samples, inputs that are not zero, nothing that vibrates.
+    (amplitudes eliminated, variable projection); intervals are for white noise, of an unknown size at each output.
+    Raises VibrationError: too few samples, inputs that are not zero, nothing that vibrates.
     """
     if np.any(record.u):
         k = int(np.flatnonzero(np.any(record.u != 0, axis=1))[0])
@@ -139,10 +140,30 @@ class _Sines:
 
     @classmethod
     def fit(cls, record: Record, s: np.ndarray) -> _Sines | None:
-        """From starting poles [1/s]; None where the iteration does not arrive or leaves decaying sines."""
+        """From starting poles [1/s]; None where the iteration does not arrive or leaves decaying sines.
+
+        Every output counts by its own noise, which the fit before told: maximum likelihood for noises of unknown sizes.
+        """
+        weights, live = np.ones(record.y.shape[1]), _live(record.y)
+        found = cls._fit(record, s, weights)
+        for _ in range(REWEIGHTED):
+            if found is None:
+                return None
+            before, weights = weights, weights.copy()
+            weights[live] = weights_of(record.y[:, live], found.fitted[:, live])
+            if settled(weights, before):
+                return found
+            w, zeta = 2 * np.pi * found.x[::2], found.x[1::2]
+            found = cls._fit(record, w * (-zeta + 1j * np.sqrt(1 - zeta**2)), weights)
+        return found
+
+    @classmethod
+    def _fit(cls, record: Record, s: np.ndarray, weights: np.ndarray) -> _Sines | None:
+        """As `fit`, with the residuals of each output times its weight."""
         s = s[np.argsort(np.abs(s))]
         start = np.column_stack([np.abs(s) / (2 * np.pi), -np.real(s) / np.abs(s)]).ravel()
-        t, y = record.time, record.y
+        t, live = record.time, _live(record.y)
+        y = (record.y * weights)[:, live]
 
         def misfit(x: np.ndarray) -> np.ndarray:
             Q, _ = np.linalg.qr(_columns(t, x))
@@ -162,22 +183,19 @@ class _Sines:
         if fit.estimate is None or np.any(fit.x[1::2] <= 0):
             return None
         F = _columns(t, fit.x)
-        amplitudes = np.linalg.lstsq(F, y, rcond=None)[0]
+        amplitudes = np.linalg.lstsq(F, record.y, rcond=None)[0]
         fitted = F @ amplitudes
         # amplitudes take freedom too
         e = fit.estimate
-        freedom = max(y.size - len(fit.x) - amplitudes.size, 1)
+        unknowns = len(fit.x) + amplitudes[:, live].size
+        freedom = max(y.size - unknowns, 1)
         factor = e.freedom / freedom
         estimate = Estimate(
             e.names, e.values, e.covariance * factor, freedom, e.noise * float(np.sqrt(factor)), e.known_noise,
             e.residuals, (), units=("Hz", "") * len(s),
         )  # fmt: skip
-        rss = float(np.sum((fitted - y) ** 2))
-        count = len(fit.x) + amplitudes.size
-        level = np.finfo(float).eps ** 2 * float(np.sum(y**2))
-        return cls(
-            fit.x, estimate, amplitudes, fitted, y.size * np.log((rss + level) / y.size) + count * np.log(y.size)
-        )
+        criterion = _criterion(record.y[:, live], fitted[:, live], unknowns)
+        return cls(fit.x, estimate, amplitudes, fitted, criterion)
 
     def model(self, record: Record, criterion: dict[int, float]) -> ImpulseModel:
         """The result, slowest mode first."""
@@ -228,10 +246,20 @@ class _Sines:
 
 def _at_rest(record: Record) -> float:
     """The criterion of a record in which nothing vibrates: rest positions and noise."""
-    y = record.y
+    y = record.y[:, _live(record.y)]
+    return _criterion(y, y.mean(axis=0), y.shape[1])
+
+
+def _live(y: np.ndarray) -> np.ndarray:
+    """(p,) which outputs move at all: a dead one has no noise, and its samples are no freedom."""
+    return np.ptp(y, axis=0) > 0
+
+
+def _criterion(y: np.ndarray, fitted: np.ndarray, count: int) -> float:
+    """Bayesian information criterion of `count` unknowns, each output with noise of its own size."""
     level = np.finfo(float).eps ** 2 * float(np.sum(y**2))
-    rss = float(np.sum((y - y.mean(axis=0)) ** 2))
-    return y.size * np.log((rss + level) / y.size) + y.shape[1] * np.log(y.size)
+    rss = np.sum((fitted - y) ** 2, axis=0)
+    return float(len(y) * np.sum(np.log((rss + level) / len(y)))) + count * float(np.log(y.size))
 
 
 def _columns(t: np.ndarray, x: np.ndarray) -> np.ndarray:

@@ -19,7 +19,7 @@ class SecondOrder:
     """M x'' + D x' + K x = F u: M [kg], D [N.s/m], K [N/m], all (p, p), F (p, m).
 
     `left`: relative 2-norm of what the equations for M leave, zero where data are exact. D is as the data have it, not
-    made symmetric.
+    made symmetric. `words`: what is said of it.
     """
 
     M: np.ndarray
@@ -27,6 +27,7 @@ class SecondOrder:
     K: np.ndarray
     F: np.ndarray
     left: float
+    words: tuple[str, ...] = ()
 
 
 def from_known(
@@ -42,8 +43,9 @@ def from_known(
             M_inv_F is F.
         masses: diagonal entries of M that are known [kg], by coordinate from 0; D is then taken to be symmetric too.
 
-    Equations are scaled by their sizes and solved by least squares. Raises VibrationError: neither is given, or they do
-    not determine M, with the number of entries that stay open.
+    Equations are scaled by their sizes and solved by least squares. Raises VibrationError: neither is given, they do
+    not determine M, with the number of entries that stay open, or M is not positive definite, which no masses are. A K
+    that is not positive definite is said in `words`.
     """
     p = len(form.M_inv_K)
     if force is None and not masses:
@@ -89,7 +91,22 @@ def from_known(
     m = np.linalg.lstsq(G, g, rcond=None)[0]
     M = sum((x * Q for x, Q in zip(m, basis, strict=True)), np.zeros((p, p)))
     left = float(np.linalg.norm(G @ m - g) / np.linalg.norm(g))
-    return SecondOrder(M, M @ form.M_inv_D, M @ form.M_inv_K, M @ form.M_inv_F if F is None else F, left)
+    least = float(np.linalg.eigvalsh(M)[0])
+    if least <= 0:
+        raise VibrationError(
+            f"M comes out with the eigenvalue {least:.4g} kg, and no structure has it: look at the sign and the "
+            "coordinate of the force, at the known masses and at the signs of the outputs; noise on a small mass does "
+            "it too"
+        )
+    K = M @ form.M_inv_K
+    soft = float(np.linalg.eigvalsh((K + K.T) / 2)[0])
+    words: tuple[str, ...] = ()
+    if soft <= 0:
+        words = (
+            f"K is not positive definite, its least eigenvalue is {soft:.4g} N/m: the structure is free to move, "
+            "unstable, or a sign is wrong",
+        )
+    return SecondOrder(M, M @ form.M_inv_D, K, M @ form.M_inv_F if F is None else F, left, words)
 
 
 def _symmetric(p: int, i: int, j: int) -> np.ndarray:

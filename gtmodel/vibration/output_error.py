@@ -12,6 +12,7 @@ from gtmodel.inference import nonlinear_fit, whiteness
 from gtmodel.results import Estimate
 
 from .known_force import SecondOrder
+from .noise import REWEIGHTED, settled, weights_of
 from .record import Record, VibrationError
 from .response import free_responses, held, simulate
 
@@ -59,8 +60,10 @@ def output_error(record: Record, start: SecondOrder, *, form: Form = "symmetric"
         )
     packing = _Symmetric(start) if form == "symmetric" else _Free(start)
 
+    weights = np.ones(p)  # of the outputs
+
     def misfit(x: np.ndarray) -> np.ndarray:
-        return (_predict(record, *packing.unpack(x), start.F) - record.y).T.ravel()
+        return (weights * (_predict(record, *packing.unpack(x), start.F, weights) - record.y)).T.ravel()
 
     def residuals(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         try:
@@ -73,6 +76,14 @@ def output_error(record: Record, start: SecondOrder, *, form: Form = "symmetric"
     raw = [f"x[{k}]" for k in range(len(ones))]
     with np.errstate(all="ignore"):
         fit = nonlinear_fit(residuals, ones, raw, scale=ones)
+        for _ in range(REWEIGHTED):
+            if fit.estimate is None:
+                break
+            before = weights
+            weights = weights_of(record.y, _predict(record, *packing.unpack(fit.x), start.F, before))
+            if settled(weights, before):
+                break
+            fit = nonlinear_fit(residuals, fit.x, raw, scale=ones)
     if fit.estimate is None:
         raise VibrationError(
             f"the output-error fit did not arrive: {fit.message}; take a longer record or a start nearer to the data"
@@ -90,7 +101,7 @@ def output_error(record: Record, start: SecondOrder, *, form: Form = "symmetric"
         (), units=tuple({"M": "kg", "D": "N.s/m", "K": "N/m"}[X] for X, _, _ in packing.entries),
     )  # fmt: skip
     M, D, K = packing.unpack(fit.x)
-    fitted = _predict(record, M, D, K, start.F)
+    fitted = _predict(record, M, D, K, start.F, weights)
     error = fitted - record.y
     words = [f"coordinate {k + 1}: {whiteness(error[:, k]).sentence}" for k in range(p)]
     return OutputErrorFit(
@@ -118,8 +129,10 @@ def second_order_states(
     return A, np.vstack([np.zeros((p, m)), X[:, 2 * p :]]), np.eye(p, 2 * p)
 
 
-def _predict(record: Record, M: np.ndarray, D: np.ndarray, K: np.ndarray, F: np.ndarray) -> np.ndarray:
-    """Positions (N, p) from the input and the initial state and rest positions that fit best."""
+def _predict(
+    record: Record, M: np.ndarray, D: np.ndarray, K: np.ndarray, F: np.ndarray, weights: np.ndarray
+) -> np.ndarray:
+    """Positions (N, p) from the input and the initial state and rest positions that fit best, by weights (p,)."""
     A, B, C = second_order_states(M, D, K, F)
     if np.linalg.eigvals(A).real.max() * record.sample_time * len(record) > 100:
         raise ValueError("diverges")
@@ -129,8 +142,10 @@ def _predict(record: Record, M: np.ndarray, D: np.ndarray, K: np.ndarray, F: np.
     # where each position rests without a force
     free = np.concatenate([free, np.broadcast_to(np.eye(len(C)), (len(free), len(C), len(C)))], axis=2)
     n = free.shape[2]
-    size = np.linalg.norm(free, axis=(0, 1))
-    x0 = np.linalg.lstsq((free / size).reshape(-1, n), (record.y - forced).ravel(), rcond=None)[0] / size
+    weighted = weights[:, None] * free
+    size = np.linalg.norm(weighted, axis=(0, 1))
+    wanted = (weights * (record.y - forced)).ravel()
+    x0 = np.linalg.lstsq((weighted / size).reshape(-1, n), wanted, rcond=None)[0] / size
     return forced + free @ x0
 
 

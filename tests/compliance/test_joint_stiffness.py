@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import partial
 
+import mpmath
 import numpy as np
 import pytest
 
@@ -50,6 +51,29 @@ def test_displacements_are_those_of_springs_in_the_joints():
     assert np.all(np.diff(stiffness, axis=1) >= 0)
     pulled = np.einsum("nij,nj->ni", C, directions[:, 0])
     np.testing.assert_allclose(pulled, directions[:, 0] / stiffness[:, :1], atol=1e-12)
+
+
+@pytest.mark.parametrize("small", [1e-5, 1e-7, 1e-8, 1e-10])
+def test_cartesian_stiffness_near_a_singular_pose_in_fifty_digits(small):
+    """J^-T K J^-1 keeps what the condition of J leaves; the inverse of the compliance at the tool loses twice that."""
+    rng = np.random.default_rng(3)
+    U, V = (np.linalg.qr(rng.normal(size=(6, 6)))[0] for _ in range(2))
+    J = np.stack([U @ np.diag([2.0, 1.5, 1.0, 0.8, 0.5, s]) @ V for s in (small, 0.0, 0.3)])
+    J[1] = J[0]
+    J[1, :, 4] = J[1, :, 3]  # two axes in one line
+    J = np.concatenate([J, np.full((1, 6, 6), np.nan)])
+    found = cartesian_stiffness(J, TRUTH)
+    assert np.all(np.isnan(found[[1, 3]])) and np.all(np.isfinite(found[[0, 2]]))
+    with mpmath.workdps(50):
+        for pose in (0, 2):
+            inverse = mpmath.inverse(mpmath.matrix(J[pose].tolist()))
+            exact = np.array((inverse.T * mpmath.diag([1 / mpmath.mpf(c) for c in TRUTH]) * inverse).tolist(), float)
+            assert np.abs(found[pose] - exact).max() < 1e-15 / small * np.abs(exact).max()
+    np.testing.assert_array_equal(cartesian_stiffness(J[2], TRUTH), found[2])
+    with pytest.raises(ValueError, match="expected positive numbers"):
+        cartesian_stiffness(J, -np.array(TRUTH))
+    with pytest.raises(ValueError, match="expected"):
+        cartesian_stiffness(J, TRUTH[:5])
 
 
 @pytest.mark.parametrize(("method", "wrist_target"), [("complete", True), ("decoupled", True), ("decoupled", False)])

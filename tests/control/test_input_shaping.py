@@ -65,6 +65,38 @@ def test_a_shaped_motion_leaves_what_the_shaper_says(make):
     np.testing.assert_allclose(off, expected, rtol=1e-3)
 
 
+def turning(axis=(0.0, 0.6, 0.8)) -> Trajectory:
+    """A turn by 2 rad about an axis, from rest to rest, as angle, quaternion, axis of the tool and matrix."""
+    t = np.linspace(0.0, 0.8, 161)
+    angle = 2.0 * (t / 0.8) ** 2 * (3 - 2 * t / 0.8)
+    q = np.column_stack([np.cos(angle / 2), np.sin(angle / 2)[:, None] * np.array(axis)])
+    w, v = q[:, :1], q[:, 1:]
+    R = np.stack([e + 2 * np.cross(v, np.cross(v, e) + w * e) for e in np.eye(3)], axis=2)
+    values = {"angle": angle, "Q": q, "der(Q)": np.gradient(q, t, axis=0), "R": R.reshape(-1, 9), "tool": R[:, :, 0]}
+    return Trajectory(t, values, {"angle": "rad", "der(Q)": "1/s"})
+
+
+@pytest.mark.parametrize("name", ["Q", "R", "tool", "der(Q)", "Q[1]"])
+def test_what_lies_on_a_sphere_is_not_added(name):
+    with pytest.raises(ValueError, match="shape an angle or a rotation vector"):
+        zero_vibration(F)(turning(), [name])
+    shaped = zero_vibration(F)(turning(), ["angle"])
+    assert shaped["angle"][-1] == pytest.approx(2.0)
+
+
+@pytest.mark.parametrize("shape", [(), (2,)])
+@pytest.mark.parametrize("frequencies", [F, [F, 1.2 * F]])
+def test_residual_vibration_of_any_shape(shape, frequencies):
+    m = motion()
+    velocity = m["der(T)"] if shape else m["der(T)"][:, 0]
+    found = residual_vibration(m.time, velocity, frequencies, ZETA)
+    assert found.shape == np.shape(frequencies) + shape
+    alone = residual_vibration(m.time, m["der(T)"][:, :1], F, ZETA)[0]
+    assert found.reshape(-1)[0] == pytest.approx(alone, rel=1e-12)
+    with pytest.raises(ValueError, match=r"expected times \(n,\) that ascend"):
+        residual_vibration(m.time[:-1], velocity, frequencies)
+
+
 def test_refusals():
     with pytest.raises(ValueError, match="begin at 0 and ascend"):
         Shaper(np.array([0.1]), np.array([1.0]))

@@ -28,6 +28,11 @@ def slow(rng: np.random.Generator, k: int) -> int:
     return k
 
 
+def nap(rng: np.random.Generator, k: int) -> int:
+    time.sleep(0.2)
+    return k
+
+
 def tells_its_number(rng: np.random.Generator, k: int) -> int:
     print(os.getpid(), flush=True)
     time.sleep(60)

@@ -15,7 +15,7 @@ import pytest
 from scipy.special import comb
 
 from gtmodel.inference import binomial_band, coverage, monte_carlo
-from tests.inference.runs import mean_of_ten, own_seed, slow, third_fails
+from tests.inference.runs import mean_of_ten, nap, own_seed, slow, third_fails
 from tests.support.commands import environment
 
 
@@ -84,7 +84,7 @@ def test_signals_to_the_whole_group_leave_the_workers_to_the_parent():
             os.kill(worker.pid or 0, signal.SIGTERM)
             os.kill(worker.pid or 0, signal.SIGINT)
 
-    found = monte_carlo(own_seed, 6, 42, processes=2, progress=signal_workers)
+    found = monte_carlo(nap, 6, 42, processes=2, progress=signal_workers)
     assert not found.interrupted and found.indices == tuple(range(6))
 
 

@@ -200,9 +200,11 @@ def test_what_the_report_leaves_open_is_said() -> None:
         return {row.label: str(row.value) for row in milling.solve(problem, Context()).rows}
 
     usual = rows()
-    assert "not steady" not in usual and "even pitch" not in usual["regenerative chatter"]
+    assert "not steady" not in usual and "runout" not in usual["regenerative chatter"]
     # a tenth of a per cent of damping: two seconds from rest are not enough
     slack = [row.model_copy(update={"c_kg_s": [c / 100 for c in row.c_kg_s]}) for row in read().oscillator or []]
     assert "of the transient along" in rows(oscillator=slack)["not steady"]
-    assert "other than declared" in rows("cutter.tooth_angles_deg=[0, 170]")["regenerative chatter"]
+    assert "without the runout" in rows("cutter.runout_m=[0, 2e-5]")["regenerative chatter"]
+    uneven = rows("cutter.tooth_angles_deg=[0, 150]")["regenerative chatter"]
+    assert uneven != usual["regenerative chatter"] and "without" not in uneven
     assert rows("cut.speed_rpm=6")["regenerative chatter"].startswith("not told")

@@ -112,6 +112,7 @@ def test_faults_are_sentences(tmp_path: Path, name: str, changes: dict[str, obje
         ("d1_six_link", "A_m", 1e3, "A_m: coordinates up to 4968.29 m look like millimetres; give metres"),
         ("d1_six_link", "B_m", 1e3, "B_m: coordinates up to 189.26 m look like millimetres; give metres"),
         ("d1_six_link", "L_m", 1e-3, "L_m: link lengths from 0.00204291 to 0.00204422 m are too short for a robot"),
+        ("l1_tape", "L_m", 30.0, "L_m: link lengths from 54.3 to 61.5 m look like millimetres; give metres"),
         ("l1_tape", "L_m", 1e3, "L_m: link lengths from 1810 to 2050 m look like millimetres; give metres"),
     ],
 )

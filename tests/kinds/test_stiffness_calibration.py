@@ -136,7 +136,9 @@ def test_displacements_with_the_sign_turned_are_told_in_a_sentence(shipped, tmp_
 
 
 def test_copied_tests_and_too_few_are_told(shipped, tmp_path) -> None:
-    said = measured(tmp_path, shipped, lambda rows: rows + rows).values["joint_stiffness"]["said"]
+    copied = measured(tmp_path, shipped, lambda rows: rows + rows)
+    said = copied.values["joint_stiffness"]["said"]
+    assert not copied.checks["copied_tests"].passed and "copied_tests" not in shipped.checks
     assert said[0].startswith("30 of 60 tests repeat an earlier one to the last digit, as line 32 does line 2")
     assert "negative_compliances" not in shipped.checks and "repeat" not in "".join(
         shipped.values["joint_stiffness"]["said"])  # fmt: skip

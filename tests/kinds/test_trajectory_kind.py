@@ -164,7 +164,7 @@ class TestMotion:
     def test_piecewise_linear_friction(self):
         settings = ("cost.energy=0.03", "mesh.elements=12")  # its corners make lighter weights slow
         tanh, o = outcome(*settings), outcome(*settings, 'friction.smoothing="piecewise_linear"')
-        assert o.status is SolveStatus.SOLVED
+        assert o.status.converged
         # the same Coulomb force outside 0.1 m/s, and more of it within
         assert 0 < abs(o.objective / tanh.objective - 1) < 0.01
 

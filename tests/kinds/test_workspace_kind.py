@@ -27,7 +27,8 @@ class TestNumbers:
     def test_the_declared_problem(self, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
         commands = Commands(capsys)
         done = commands("solve", CLONE / "problems" / "l1_workspace.toml", "--set", "volume.sections=5", "--set",
-                        "section.step_m=0.04", "--json", "--plot", "--out", tmp_path / "out")  # fmt: skip
+                        "volume.tolerance=0.1", "--set", "section.step_m=0.04", "--json", "--plot", "--out",
+                        tmp_path / "out")  # fmt: skip
         assert done.code == 0 and done.json["status"] == "solved"
         values = done.json["values"]
         assert list(values) == list(workspace.VALUES)
@@ -102,6 +103,32 @@ class TestNumbers:
         )
         assert outcome.values["area_m2"] == pytest.approx(0.25) and outcome.values["volume_on_edge"] is None
 
+    @pytest.mark.parametrize("sections", [3, 6])
+    def test_the_volume_does_not_depend_on_the_sections_to_begin_with(self, sections: int) -> None:
+        """Without added ones 26.7 m3 and 0.0 m3."""
+        limits = {"cone_deg": 40.0, "actuators_m": [[-1.5, 1.5]] * 3}
+        volume = {"low_m": -10.0, "high_m": 12.0, "sections": sections, "tolerance": 0.05}
+        outcome = solve(volume=volume, limits=limits)
+        assert outcome.status.ok and outcome.values["volume_m3"] == pytest.approx(5.53, rel=0.02)
+        assert outcome.values["volume_error_m3"] < 0.05 * outcome.values["volume_m3"]
+
+    def test_a_volume_with_too_few_sections_fails_its_check(self) -> None:
+        few = {"low_m": -10.0, "high_m": 12.0, "sections": 4, "most_sections": 8}
+        outcome = solve(volume=few, limits={"actuators_m": [[-1.5, 1.5]] * 3})
+        assert outcome.status is SolveStatus.CHECK_FAILED and not outcome.checks["volume_error"].passed
+        away = solve(volume={"low_m": 30.0, "high_m": 40.0, "sections": 3, "most_sections": 5},
+                     limits={"actuators_m": [[-1.5, 1.5]] * 3})  # fmt: skip
+        assert not away.checks["volume_error"].passed and "none of 5 sections is reached" in away.message
+
+    def test_sections_are_as_near_as_an_obstacle_is_thin(self) -> None:
+        box = {"name": "post", "low_m": [0.4, -1.0, -0.3], "high_m": [0.5, -0.4, 0.2]}
+        problem = validate(
+            workspace.Schema,
+            {**SMALL, "obstacles": [box], "volume": {"low_m": -1.0, "high_m": 1.0, "sections": 3}},
+        )
+        robot = mechanism_of(problem.model(Context()))
+        assert workspace._to_begin_with(problem, robot.section(None, "")) >= 21
+
     def test_a_volume_may_be_cut_where_the_section_is_not(self) -> None:
         outcome = solve(section={"step_m": 0.2}, volume={"low_m": 0.5, "high_m": 0.7, "sections": 2})
         assert outcome.values["volume_on_edge"] and not outcome.values["on_edge"]
@@ -159,6 +186,7 @@ class TestNumbers:
         ({"obstacles": [{"low_m": [0, 0, 0.0], "high_m": [1, 1, 0.0]}]}, "obstacles.high_m", "less than its upper"),
         ({"beams": [{"from_m": [0, 0, 0.0], "to_m": [1, 1, 0.0], "skip_links": [4]}]}, "beams.skip_links", "no link 4"),
         ({"volume": {"low_m": 1.0, "high_m": 0.0}}, "volume.high_m", "less than the last"),
+        ({"volume": {"low_m": 0.0, "high_m": 1.0, "sections": 9, "most_sections": 5}}, "volume.most_sections", "than"),
         ({"section": {"step_m": 1e-6}}, "section.step_m", "larger step"),
         ({"section": {"low_m": [0.0, 0.0], "high_m": [0.0, 1.0]}}, "section.high_m", "less than its upper"),
     ],

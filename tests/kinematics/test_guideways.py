@@ -82,7 +82,9 @@ class TestFit:
             (np.where(Q == 0.4, np.nan, Q), P, "row 2 .* is not finite; leave such rows out"),
             (Q, np.where(Q[:, None] > 0.5, np.inf, P), "row 3 and 2 more"),
             (Q, 1e3 * P, "997.7|999.7.* m per metre of q.*one of them is in millimetres"),
-            (1e3 * Q, P, "1000 m, more than 100; give metres, not millimetres"),
+            (1e3 * Q, P, "1000 m, more than 20; give metres, not millimetres"),
+            (90 * Q, 90 * P, "90 m, more than 20; give metres, not millimetres"),
+            (20.5 * Q, 20.5 * P, "20.5 m, more than 20; give metres"),
             (0.01e3 * Q, 1e-3 * P, "do not move|move .* in millimetres|move by less"),
             (0 * Q, P, "runs over 0 m only; the cart has to move"),
             (Q, 0 * P, "move by less than 1 mm while q runs over 1 m"),
@@ -93,8 +95,30 @@ class TestFit:
         with pytest.raises(MeasurementError, match=sentence):
             fit_guideway(q, P)
 
+    @pytest.mark.parametrize("span", np.geomspace(0.0201, 19.9, 7))
+    def test_every_length_is_taken_in_one_unit_only(self, span: float) -> None:
+        fit_guideway(span * self.Q, span * self.P)
+        with pytest.raises(MeasurementError, match="give metres, not millimetres"):
+            fit_guideway(1e3 * span * self.Q, 1e3 * span * self.P)
+        # a gantry of 60 m may be said to be one
+        assert fit_guideway(60 * self.Q, 60 * self.P, longest=80.0).v == pytest.approx(V, rel=1e-12)
+
 
 class TestBacklash:
+    @pytest.mark.parametrize(
+        ("q", "P", "sentence"),
+        [
+            (1.0, 1e3, "one of them is in millimetres"),
+            (30.0, 30.0, "more than 20; give metres"),
+            (1.0, np.diag([1.0, -1.0, 1.0]), "lines .* deg apart"),
+        ],
+    )
+    def test_a_backward_run_in_other_units_or_of_another_guideway_is_refused(self, q, P, sentence) -> None:
+        forward = np.linspace(0, 1, 20)
+        points = np.outer(forward, [0.6, 0.7, 0.3871])
+        with pytest.raises(MeasurementError, match=sentence):
+            backlash(forward, points, q * forward[::-1], points[::-1] @ (P * np.eye(3)))
+
     def runs(self, width: float, seed: int, noise: float = 3e-6, shift: float = 0.0):
         data = cart(1, seed, points=60, noise=0.0)
         rng = np.random.default_rng(seed + 1)

@@ -69,6 +69,15 @@ class TestAngles:
         assert np.max(np.abs(found - turn.as_rotvec())) < 1e-11  # some digits go near half a turn
         assert np.array_equal(rotation_vector(np.eye(3), np.eye(3)), np.zeros(3))
 
+    def test_rotation_vectors_keep_their_digits_up_to_half_a_turn(self):
+        # 7e-5 rad were lost where the skew part of the matrix is round-off
+        axes = np.array([[1, 2, 3], [1, -1, 1], [0, 1e-3, 1], [-3, 1, 0.1]]) / 1.0
+        axes /= np.linalg.norm(axes, axis=1, keepdims=True)
+        for left in np.geomspace(1e-14, 1e-1, 27):
+            vectors = (np.pi - left) * axes
+            found = rotation_vector(Rotation.from_rotvec(vectors).as_matrix(), np.eye(3))
+            assert np.max(np.abs(found - vectors)) < 1e-14
+
     def test_what_is_not_finite_stays_so_and_shapes_are_checked(self):
         angles, singular = zyz(np.array([[np.nan, 0, 0, 1], [1.0, 0, 0, 0], [0, 0, 0, 0]]))
         assert (

@@ -240,6 +240,37 @@ class TestNumbers:
         assert found.volume == pytest.approx(4 / 3 * np.pi, rel=5e-3) and not found.on_edge
         assert found.counts["reachable"] > 0 and len(found.areas) == 85
 
+    @pytest.mark.parametrize("sections", [2, 3, 6, 30])
+    @pytest.mark.parametrize("range_m", [(-1.05, 1.05), (-40.0, 3.0), (-0.2, 17.0)])
+    def test_added_sections_find_the_volume_from_any_start(self, sections: int, range_m: tuple[float, float]) -> None:
+        # an ellipsoid, 1.6 m long, and a cylinder beside it of 0.3 m, whose area jumps
+        def solid(T):
+            ball = (T[:, 0] / 0.8) ** 2 + T[:, 1] ** 2 + T[:, 2] ** 2 <= 1
+            can = (np.abs(T[:, 0] - 0.9) <= 0.15) & (T[:, 1] ** 2 + T[:, 2] ** 2 <= 0.25)
+            return T[:, :1], T, T, np.where(ball | can, 0, 1)
+
+        section = across_guideways(np.zeros((1, 3)), np.array([[1.0, 0, 0]]), [0, 0, 0])
+        low, high = range_m
+        found = map_volume(
+            Reach(InverseKinematics(solid)), section, (-1.1, -1.1), (1.1, 1.1), np.linspace(low, high, sections), 0.1,
+            tolerance=0.01, coarse=True,
+        )  # fmt: skip
+        x = np.linspace(low, high, 400_001)
+        area = np.pi * np.maximum(np.maximum(1 - (x / 0.8) ** 2, 0), np.where(np.abs(x - 0.9) <= 0.15, 0.25, 0))
+        true = float(np.trapezoid(area, x))
+        # beside the sections' own areas on a grid of 0.1 m
+        assert abs(found.volume - true) <= found.error + 5e-3 * true and found.error <= 0.01 * found.volume
+        assert len(found.along) <= 120 and found.coarse == pytest.approx(true, rel=3e-2)
+
+    def test_where_nothing_is_reached_the_error_has_no_bound(self) -> None:
+        nothing = lambda T: (T[:, :1], T, T, np.ones(len(T)))  # noqa: E731
+        section = across_guideways(np.zeros((1, 3)), np.array([[1.0, 0, 0]]), [0, 0, 0])
+        found = map_volume(
+            Reach(InverseKinematics(nothing)), section, (-1, -1), (1, 1), np.array([0.0, 8.0]), 0.5, tolerance=0.01,
+            most=33,
+        )  # fmt: skip
+        assert found.volume == 0.0 and found.error == np.inf and found.widest == 0.25 and len(found.along) == 33
+
     def test_stopped_volume(self) -> None:
         found = map_volume(
             Reach(INVERSE), SECTION, *WINDOW, np.linspace(0, 1, 5), 0.1, progress=lambda fraction: fraction > 0.3

@@ -173,6 +173,18 @@ def test_build_refuses_a_changed_folder(generated: Path, tmp_path: Path) -> None
     assert not (tmp_path / "loop" / PROGRAM).exists()
 
 
+@pytest.mark.parametrize("spoilt", ["planted", "of others"])
+def test_a_program_that_others_could_have_planted_is_built_anew(generated: Path, tmp_path: Path, spoilt: str) -> None:
+    program = build(generated, tmp_path / "loop", 3)
+    whole = program.read_bytes()
+    if spoilt == "of others":
+        program.chmod(0o777)
+    else:
+        program.write_bytes(b"#!/bin/sh\necho planted\n")
+    again = build(generated, tmp_path / "loop", 3)
+    assert again.read_bytes() == whole and again.stat().st_mode & 0o022 == 0
+
+
 def test_a_folder_of_another_gtmodel_is_named_as_such(generated: Path, tmp_path: Path) -> None:
     copy = Path(shutil.copytree(generated, tmp_path / "copy"))
     content = json.loads((copy / "manifest.json").read_text())

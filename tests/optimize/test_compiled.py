@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import hashlib
+import os
+import stat
+
 import numpy as np
 import pytest
 
@@ -19,6 +23,13 @@ def folder(tmp_path, monkeypatch):
     return tmp_path / "kept"
 
 
+def exchange(library, content: bytes) -> None:
+    """Another file of that name: this process has mapped the first one."""
+    library.unlink()
+    library.write_bytes(content)
+    library.chmod(0o700)
+
+
 @needs_compiler
 class TestMachineCode:
     def test_same_bits_and_a_library_that_is_kept(self, folder):
@@ -29,15 +40,16 @@ class TestMachineCode:
             assert np.array_equal(run.x, plain.x) and run.iterations == plain.iterations
             assert run.objective == plain.objective
         assert first.seconds["compile"] > 0.0 and again.seconds["compile"] == 0.0 and "compile" not in plain.seconds
-        assert len(list(folder.iterdir())) == 1  # the library, nothing that was on the way to it
+        # the library and its hash, nothing that was on the way to it
+        assert sorted(p.suffix for p in folder.iterdir()) == [".sha256", ".so"]
 
     def test_one_library_for_all_meshes_of_equal_elements(self, folder):
         """The mesh's size is no part of the element; what else differs has its own library."""
         solve(features.Tank(), Mesh(4, 2), solver=MACHINE)
         assert solve(features.Tank(), Mesh(7, 2), solver=MACHINE).seconds["compile"] == 0.0
-        assert solve(features.Tank(rate=2.0), Mesh(4, 2), solver=MACHINE).status.ok
+        assert solve(features.Tank(rate=2.0), Mesh(4, 2), solver=MACHINE).status.converged
         solve(features.Tank(), Mesh(4, 3), solver=MACHINE)
-        assert len(list(folder.iterdir())) == 2
+        assert len(list(folder.glob("*.so"))) == 2
 
     def test_parametric_and_linked_problems(self):
         road = transcribe(features.Tank(), Mesh(4, 2), solver=MACHINE)
@@ -45,6 +57,71 @@ class TestMachineCode:
         assert road.solve({"rate": 2.0}).objective == plain.solve({"rate": 2.0}).objective
         linked = [solve_phases(problems.two_phases(), Mesh(6, 2), solver=SolverOptions(compile=c)) for c in (0, 1)]
         assert linked[0].objective == linked[1].objective
+
+    @pytest.mark.parametrize(
+        "spoil",
+        [
+            lambda whole: b"",
+            lambda whole: whole[: len(whole) // 2],
+            lambda whole: whole[:-1] + bytes([whole[-1] ^ 1]),
+            lambda whole: b"\x7fELF" + bytes(200),
+            lambda whole: b"no library",
+        ],
+    )
+    def test_a_spoilt_library_is_built_anew(self, folder, spoil):
+        plain = solve(features.Tank(), Mesh(3, 2), solver=MACHINE)
+        (library,) = folder.glob("*.so")
+        exchange(library, spoil(library.read_bytes()))
+        for compiled in (True, False):
+            again = solve(features.Tank(), Mesh(3, 2), solver=MACHINE)
+            assert again.objective == plain.objective and (again.seconds["compile"] > 0.0) == compiled
+
+    def test_a_library_that_does_not_load_is_built_anew(self, folder):
+        """Whole, by its own hash, but for another machine."""
+        objective = solve(features.Tank(), Mesh(3, 2), solver=MACHINE).objective
+        (library,) = folder.glob("*.so")
+        exchange(library, b"of another machine")
+        library.with_suffix(".sha256").write_text(hashlib.sha256(b"of another machine").hexdigest())
+        again = solve(features.Tank(), Mesh(3, 2), solver=MACHINE)
+        assert again.objective == objective and again.seconds["compile"] > 0.0
+
+    @pytest.mark.skipif(not hasattr(os, "getuid"), reason="no such rights on Windows")
+    @pytest.mark.parametrize("mode", [0o770, 0o707, 0o720, 0o702, 0o1777])
+    def test_what_others_may_write_is_not_executed(self, folder, mode):
+        """Neither from a folder of theirs, nor from one below it."""
+        solve(features.Tank(), Mesh(3, 2), solver=MACHINE)
+        folder.chmod(mode)
+        with pytest.raises(CompilerMissing, match="can be written by other users"):
+            solve(features.Tank(), Mesh(3, 2), solver=MACHINE)
+        folder.chmod(0o700)
+        if not mode & stat.S_ISVTX:
+            folder.parent.chmod(mode)
+            with pytest.raises(CompilerMissing, match="can be written by other users"):
+                solve(features.Tank(), Mesh(3, 2), solver=MACHINE)
+            folder.parent.chmod(0o700)
+        (library,) = folder.glob("*.so")
+        library.chmod(mode & 0o777)
+        assert solve(features.Tank(), Mesh(3, 2), solver=MACHINE).seconds["compile"] > 0.0
+        assert library.stat().st_mode & 0o777 == 0o700
+
+    @pytest.mark.skipif(not hasattr(os, "getuid") or os.getuid() != 0, reason="only root gives files away")
+    def test_what_belongs_to_others_is_not_executed(self, folder):
+        solve(features.Tank(), Mesh(3, 2), solver=MACHINE)
+        (library,) = folder.glob("*.so")
+        os.chown(library, 12345, 12345)
+        assert solve(features.Tank(), Mesh(3, 2), solver=MACHINE).seconds["compile"] > 0.0
+        assert library.stat().st_uid == 0
+        os.chown(folder, 12345, 12345)
+        with pytest.raises(CompilerMissing, match="belongs to another user"):
+            solve(features.Tank(), Mesh(3, 2), solver=MACHINE)
+
+    def test_a_folder_is_made_for_its_owner_alone(self, folder):
+        before = os.umask(0o002)
+        try:
+            solve(features.Tank(), Mesh(3, 2), solver=MACHINE)
+        finally:
+            os.umask(before)
+        assert folder.stat().st_mode & 0o022 == 0
 
     def test_a_folder_that_cannot_be_written(self, tmp_path, monkeypatch):
         (tmp_path / "file").write_text("")
@@ -62,4 +139,4 @@ def test_no_compiler(monkeypatch):
     monkeypatch.setenv("CC", "no-such-compiler")
     with pytest.raises(CompilerMissing, match=r"no C compiler 'no-such-compiler' .* compile=False gives the same"):
         solve(features.Tank(), Mesh(2, 1), solver=MACHINE)
-    assert solve(features.Tank(), Mesh(2, 1)).status.ok
+    assert solve(features.Tank(), Mesh(2, 1)).status.converged

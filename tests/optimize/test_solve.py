@@ -101,29 +101,13 @@ WRONG = {
         lambda: case(k=gt.free(1.0, min=2.0, max=1.5)),
         "the bounds of 'k' cross: at least 2 and at most 1.5",
     ),
-    "free final time without a lower bound": (
-        lambda: case(final_time=gt.free(1.0)),
-        r"a free final time needs a lower bound after the start at 0 s; write gt.free\(guess=..., min=0.1\) "
-        r"\(optimize/test_solve.py:\d+\)",
+    "free final time that begins with none": (
+        lambda: case(final_time=gt.free(0.0)),
+        "the horizon is free, and at the guess of its ends 0 s long; guess an end after its start, or bound it",
     ),
-    "free final time that may be zero": (
-        lambda: case(final_time=gt.free(1.0, min=0.0)),
-        "a free final time needs a lower bound after the start at 0 s",
-    ),
-    "free start time without an upper bound": (
-        lambda: case(start_time=gt.free(0.0)),
-        "a free start time needs an upper bound before the end at 2 s",
-    ),
-    "both ends free": (
-        lambda: case(start_time=gt.free(0.0), final_time=gt.free(1.0, min=0.1)),
-        "bound their difference: yield self.final_time - self.start_time >= 0.1",
-    ),
-    "both ends free, and bounded from above only": (
-        lambda: case(
-            start_time=gt.free(0.0), final_time=gt.free(1.0, min=0.1),
-            constraints=lambda self: [self.start_time - self.final_time >= -3, self.final_time + self.start_time >= 1],
-        ),
-        "bound their difference: yield self.final_time - self.start_time >= 0.1",
+    "both ends free and turned round": (
+        lambda: case(start_time=gt.free(1.0), final_time=gt.free(0.5)),
+        r"at the guess of its ends -0.5 s long; .*gt.free\(guess=..., min=0.1\) \(optimize/test_solve.py:\d+\)",
     ),
     "horizon reversed": (lambda: case(start_time=3.0), "the horizon ends at 2 s, not after 3 s"),
     "horizon empty": (lambda: case(start_time=2.0), "the horizon ends at 2 s, not after 2 s"),
@@ -142,10 +126,6 @@ WRONG = {
     "fixed start of no state": (
         lambda: case(Doubled, y=gt.variable(start=2.0, fixed=True)),
         "the fixed start of 'y' cannot be held: it is no state; states are x .optimize/test_solve.py",
-    ),
-    "fixed start without a value": (
-        lambda: case(x=gt.variable(fixed=True)),
-        r"'x' is fixed at the start, but at no value; give it start=",
     ),
     "derivative of a control": (
         lambda: case(constraints=lambda self: [der(self.u) <= 1]),
@@ -268,7 +248,7 @@ class TestStops:
         assert f"kept is iterate {number}, the nearest to its constraints" in solution.message
         assert "stopped early, by the user or by its time limit" in solution.message
         again = solve(StirredTank(), Mesh(20, 3), guess=solution)
-        assert again.status.ok
+        assert again.status.converged
 
     def test_progress_numbers(self):
         seen = []

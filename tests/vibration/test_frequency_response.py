@@ -143,3 +143,32 @@ def test_a_commanded_step_tells_frequency_and_damping_of_the_arm() -> None:
     assert found.fn[0] == pytest.approx(17.0, rel=2e-3) and found.zeta[0] == pytest.approx(
         c / 2 / np.sqrt(k * m), rel=0.02
     )
+
+
+@pytest.mark.parametrize("estimator", ["H1", "H2"])
+@pytest.mark.parametrize("width", [2, 4, 8])
+def test_lines_without_force_are_left_out(estimator, width) -> None:
+    # so many equal samples have no force at all at the multiples of rate / width
+    n = 1024
+    F = np.zeros((2, n))
+    F[:, 5 : 5 + width] = [[1000.0], [1500.0]]
+    f = np.fft.rfftfreq(n, 1 / RATE)
+    true = receptance(2j * np.pi * f, *np.array([[10.0], [800.0], [1e6]]))
+    x = np.fft.irfft(np.fft.rfft(F) * true, n)
+    found = frequency_response(F, x, RATE, measures="displacement", estimator=estimator)
+    silent = np.arange(1, width // 2 + 1) * RATE / width
+    assert not np.isin(found.frequency, silent).any()
+    # the record is one period, but for the Nyquist line it is exact
+    kept = np.isin(f, found.frequency) & (f < RATE / 2)
+    assert np.sum(kept) >= n // 2 - 1 - len(silent)
+    np.testing.assert_allclose(found.receptance[found.frequency < RATE / 2], true[kept], rtol=1e-9)
+    assert np.all(np.isfinite(found.coherence)) and np.all(np.isfinite(found.variance))
+
+
+def test_a_response_that_is_zero_at_one_line_is_zero_there() -> None:
+    F = np.zeros((1, 1024))
+    F[0, 3] = 1000.0
+    x = np.zeros((1, 1024))
+    x[0, 5:7] = 1e-4  # nothing at half the rate
+    found = frequency_response(F, x, RATE, measures="displacement")
+    assert found.receptance[-1] == 0.0 and found.coherence[-1] == 0.0 and len(found.frequency) == 512

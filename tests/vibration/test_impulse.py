@@ -93,6 +93,53 @@ def test_intervals_hold_as_often_as_they_say_many_seeds() -> None:
     assert low <= inside <= high
 
 
+SIZES = np.array([1e-4, 1e-6, 1e-6, 3e-6, 1e-6, 2e-6])
+
+
+def unequal(seed: int) -> Record:
+    """One noisy output and five quiet ones; the noisy one moves most."""
+    shapes = [[2e-3, 1e-4, 2e-4, 1e-4, 3e-4, 1e-4], [1e-3, 3e-4, 1e-4, 2e-4, 1e-4, 2e-4]]
+    clean = hit(samples=400, noise=0.0, amplitude=shapes)
+    noise = np.random.default_rng(seed).standard_normal(clean.y.shape)
+    return Record(clean.u, clean.y + SIZES * noise, TS)
+
+
+def covered_unequal(seeds: range) -> tuple[int, int]:
+    inside = 0
+    truth = dict(zip(NAMES, (7.4, 0.03, 11.45, 0.025), strict=True))
+    for seed in seeds:
+        estimate = identify_impulse(unequal(seed), modes=2).estimate
+        inside += sum(estimate.interval(n)[0] < truth[n] < estimate.interval(n)[1] for n in NAMES)
+    return inside, len(NAMES) * len(seeds)
+
+
+def test_outputs_with_noise_of_unequal_size() -> None:
+    inside, runs = covered_unequal(range(12))
+    low, high = binomial_band(runs, 0.95)
+    assert low <= inside <= high
+    # the quiet outputs alone tell no less: a noisy one spoils nothing
+    every, quiet = (
+        identify_impulse(r, modes=2).estimate for r in (unequal(1), Record(unequal(1).u, unequal(1).y[:, 1:], TS))
+    )
+    assert np.all(every.std <= 1.05 * quiet.std)
+
+
+@pytest.mark.proof
+def test_outputs_with_noise_of_unequal_size_many_seeds() -> None:
+    inside, runs = covered_unequal(range(1000, 1250))
+    low, high = binomial_band(runs, 0.95)
+    assert low <= inside <= high
+
+
+def test_a_dead_output_changes_nothing() -> None:
+    record = hit()
+    dead = Record(record.u, np.column_stack([record.y, np.zeros(len(record))]), TS)
+    one, other = identify_impulse(record), identify_impulse(dead)
+    assert len(one.resonances) == len(other.resonances) == 2
+    assert np.all(np.abs(one.estimate.values - other.estimate.values) < 0.02 * one.estimate.std)
+    np.testing.assert_allclose(one.estimate.std, other.estimate.std, rtol=0.02)
+
+
 def test_what_is_refused() -> None:
     record = hit()
     with pytest.raises(VibrationError, match="the input at sample 0 is not zero; expected a record that begins after"):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import control
 import numpy as np
 import pytest
@@ -81,6 +83,16 @@ def test_known_force_and_known_masses_lead_to_the_same_matrices() -> None:
         assert max(relative(found.M, M), relative(found.D, D), relative(found.K, K)) < EXACT
         assert found.left < EXACT
     assert relative(by_mass.F, FORCE) < EXACT  # the force follows
+
+
+def test_a_mass_matrix_that_no_structure_has_is_refused() -> None:
+    form = physical_form(exact())
+    with pytest.raises(VibrationError, match="M comes out with the eigenvalue -30"):
+        from_known(form, force=[-1.0, 0.0])
+    # a spring that pushes: M follows all the same, and the rest is said
+    found = from_known(replace(form, M_inv_K=-form.M_inv_K), force=[1.0, 0.0])
+    assert relative(found.M, M) < EXACT and "K is not positive definite" in found.words[0]
+    assert from_known(form, force=[1.0, 0.0]).words == ()
 
 
 def test_without_force_or_mass_m_is_open() -> None:

@@ -14,6 +14,8 @@ from .grid import section_grid
 from .reach import CHUNK, Reach, ReachMap, map_grid
 
 Array = np.ndarray
+# sections of one volume: each maps a whole grid
+MOST = 200
 Progress = Callable[[float], bool]
 
 
@@ -36,6 +38,9 @@ class Volume:
     Attributes:
         along: positions of the sections along the guideways [m]. areas: of the sections [m2].
         volume: [m3], by the trapezoidal rule.
+        error: of the volume [m3], as far as sections tell: by how much it changed when the sections between were added;
+            infinite with fewer than three sections, and where none of them is reached.
+        coarse: the volume of the same sections on a grid of the double step [m3]; NaN where it was not asked for.
         on_edge: the workspace reaches the first or last section, or the edge of one: the volume is that of a part.
         counts: number of points by reason.
     """
@@ -43,9 +48,16 @@ class Volume:
     along: Array
     areas: Array
     volume: float
+    error: float
+    coarse: float
     on_edge: bool
     counts: dict[str, int]
     complete: bool
+
+    @property
+    def widest(self) -> float:
+        """Greatest distance of two neighbouring sections [m]: a workspace narrower than that may lie between them."""
+        return float(np.max(np.diff(self.along), initial=0.0))
 
 
 def map_section(
@@ -75,23 +87,89 @@ def map_volume(
     along: Array,
     step: float,
     *,
+    tolerance: float | None = None,
+    most: int = MOST,
+    coarse: bool = False,
     chunk: int = CHUNK,
     client: Any = None,
     progress: Progress | None = None,
 ) -> Volume:
-    """The workspace between the first and the last of the sections at `along` [m], moved along the normal."""
-    areas, counts, edge, complete = [], {}, False, True
-    for k, position in enumerate(along):
+    """The workspace between the first and the last of the sections at `along` [m], moved along the normal.
+
+    With a `tolerance` [share of the volume] sections are added where the area changes most, and, while none is reached,
+    in the middle of the widest gaps, until the estimated error is below it or there are `most`; the section itself, at
+    0, is one of them if it lies between. Else there are those at `along` alone. `coarse`: each is mapped on the double
+    step too.
+    """
+    areas: dict[float, tuple[float, float]] = {}
+    counts: dict[str, int] = {}
+    edges: list[bool] = []
+    wanted = sorted({float(x) for x in along})
+    if tolerance is not None and wanted[0] < 0 < wanted[-1]:
+        wanted = sorted({*wanted, 0.0})
+    stopped = False
+
+    def add(position: float) -> None:
+        nonlocal stopped
         here = Section(section.origin + position * section.normal, section.across, section.up, section.normal)
         found = map_section(reach, here, low, high, step, chunk=chunk, client=client)
-        areas.append(found.region.area)
-        edge = edge or found.region.on_edge
+        rough = np.nan
+        if coarse:
+            rough = map_section(reach, here, low, high, 2 * step, chunk=chunk, client=client).region.area
+        areas[position] = found.region.area, rough
+        edges.append(found.region.on_edge)
         for reason, n in reach.counts(found.codes).items():
             counts[reason] = counts.get(reason, 0) + n
-        if progress is not None and progress((k + 1) / len(along)) and k + 1 < len(along):
-            along, complete = along[: k + 1], False
+        stopped = progress is not None and progress(min(len(areas) / max(len(wanted), 1), 1.0))
+
+    for k, position in enumerate(wanted):
+        add(position)
+        if stopped and k + 1 < len(wanted):
             break
-    areas = np.array(areas)
-    edge = edge or bool(areas[0] > 0 or areas[-1] > 0)
-    total = float(np.trapezoid(areas, along)) if len(areas) > 1 else 0.0
-    return Volume(np.asarray(along), areas, total, edge, counts, complete)
+    else:
+        stopped = False
+    complete = not stopped
+    while tolerance is not None and complete and len(areas) < most:
+        places = np.array(sorted(areas))
+        sizes = np.array([areas[x][0] for x in places])
+        total = float(np.trapezoid(sizes, places))
+        gaps = np.diff(places)
+        if total > 0:
+            if _error(places, sizes) <= tolerance * total:
+                break
+            # half of a gap's share of what the sections beside it change
+            beside = np.abs(_bends(places, sizes))
+            local = np.maximum(np.append(0.0, beside), np.append(beside, 0.0)) * gaps
+        else:
+            local = gaps
+        k = int(np.argmax(local))
+        add(float((places[k] + places[k + 1]) / 2))
+        complete = not stopped
+    places = np.array(sorted(areas))
+    sizes, rough = (np.array([areas[x][n] for x in places]) for n in (0, 1))
+    edge = any(edges) or bool(sizes[0] > 0 or sizes[-1] > 0)
+    several = len(places) > 1
+    return Volume(
+        places,
+        sizes,
+        float(np.trapezoid(sizes, places)) if several else 0.0,
+        _error(places, sizes),
+        float(np.trapezoid(rough, places)) if several else np.nan,
+        edge,
+        counts,
+        complete,
+    )
+
+
+def _error(along: Array, areas: Array) -> float:
+    """Estimated error of the trapezoidal rule: the sum of the triangles that each section adds to its neighbours, which
+    would be counted twice if every second one were left out, without regard to sign."""
+    if len(along) < 3 or not np.any(areas > 0):
+        return np.inf
+    return float(np.sum(np.abs(_bends(along, areas)) * (along[2:] - along[:-2]) / 2) / 2)
+
+
+def _bends(along: Array, areas: Array) -> Array:
+    """How far each inner section's area is from the straight line between its neighbours' [m2]."""
+    share = (along[1:-1] - along[:-2]) / (along[2:] - along[:-2])
+    return areas[1:-1] - (1 - share) * areas[:-2] - share * areas[2:]

@@ -39,6 +39,6 @@ def solve_blocks(motion: Motion, model: gt.Optimization, elements: int, control:
     solution = solve_nlp(nlp, x0, options, throw=False)
     total, solver = clock.lap(), solution.seconds["setup"]
     return Result(
-        solution.objective, solution.iterations, setup + solver, total - solver, solution.status.ok,
+        solution.objective, solution.iterations, setup + solver, total - solver, solution.status.converged,
         nlp.compile_seconds or 0.0,
     )  # fmt: skip

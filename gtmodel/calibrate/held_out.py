@@ -1,0 +1,98 @@
+"""Whether held-out poses are predicted as well as a sound model would predict them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from ..inference import FALSE_ALARM, HeldOut, freedom_of, held_out_ratio
+from ..inference.concluding import spectrum
+from ..inference.held_out import MATTERS
+from ..inference.weighting import prior_rows
+from ..lang.source import ModelError
+from .calibration import Calibration
+from .measurements import Measurements
+from .positioning import closure_slopes
+
+UNWEIGHTED = ("length", "squared")  # costs that count all residuals alike, whatever the noise of the pose is
+
+
+def judge_held_out(
+    c: Calibration,
+    kept: Measurements,
+    fitted: Mapping[str, np.ndarray],
+    held_out: Mapping[str, np.ndarray],
+    signal: str = "T",
+    *,
+    correlated: int = 1,
+    false_alarm: float = FALSE_ALARM,
+    matters: float = MATTERS,
+) -> HeldOut:
+    """Rms positioning error of the poses `kept`, held out, over that of the fitted ones, against chance.
+
+    fitted, held_out: errors as of Calibration.positioning_errors(), rows of NaN left out. At a held-out pose the errors
+    of the parameters come on top of the noise of the pose; from a fitted one the fit has taken as much away: to the
+    first order, for noise of one covariance at all poses, whose shape the fitted errors tell and whose size falls out
+    of the ratio. `correlated`: so many poses have about one error, where residuals are coloured. Where a pose does not
+    follow from the equations alone, parameters are counted instead.
+    """
+    inside, outside = (e[signal][np.all(np.isfinite(e[signal]), axis=1)] for e in (fitted, held_out))
+    N, M = len(inside), len(outside)
+    mean = float(np.mean(np.sum(inside**2, axis=1))) if N else 0.0
+    ratio = float(np.sqrt(np.mean(np.sum(outside**2, axis=1)) / mean)) if mean > 0 and M else np.inf
+    try:
+        fit, held = _covariances(c, kept, fitted, signal)
+    except (ModelError, np.linalg.LinAlgError):
+        equations = N * max(len(c.problem.labels), 1)
+        told = len(c.x) if c.estimate is None else len(c.x) - c.estimate.null_space.shape[1]
+        growth = (equations + told) / (equations - told) if equations > told else np.inf
+        freedoms = float(equations - told), 3.0 * M
+    else:
+        growth = np.trace(held) / len(held) / (np.trace(fit) / len(fit)) if np.trace(fit) > 0 else np.inf
+        freedoms = tuple(freedom_of(float(np.trace(S)), float(np.sum(S * S))) for S in (fit, held))
+    return held_out_ratio(
+        ratio, float(growth), freedoms[0] / correlated, freedoms[1] / correlated, false_alarm=false_alarm,
+        matters=matters,
+    )  # fmt: skip
+
+
+def _covariances(
+    c: Calibration, kept: Measurements, fitted: Mapping[str, np.ndarray], signal: str
+) -> tuple[np.ndarray, np.ndarray]:
+    """Of all position errors at fitted poses (3 N, 3 N) and at held-out ones (3 M, 3 M), for pose noise of size one."""
+    J, B, pose = closure_slopes(c.problem, signal, c.x)
+    K, Bk, _ = closure_slopes(c.problem.on(kept), signal, c.x)
+    own = [n for n in c.problem.reading.places if n != c.problem.actuators]
+    if any(n not in fitted for n in own):
+        raise ModelError(f"the errors of {', '.join(n for n in own if n not in fitted)} are not known")
+    errors = np.hstack([fitted[n] for n in own])
+    errors = errors[np.all(np.isfinite(errors), axis=1)]
+    S = errors.T @ errors
+    S /= np.trace(S)
+    BS = B @ S
+    # the fit's own weights, and how far its unknowns move by the noise of each pose
+    W = np.broadcast_to(np.eye(B.shape[1]), B.shape)
+    if c.cost not in UNWEIGHTED:
+        W = np.linalg.inv(BS @ B.transpose(0, 2, 1))
+    u = c.problem.unknowns
+    scaled = J * u.sizes
+    prior, _ = prior_rows(u.priors, u.names)
+    # priors weigh against the noise of a residual
+    level = np.sqrt(np.mean(c.residuals**2) * c.residuals.size / max(c.residuals.size - len(c.x), 1))
+    level /= np.sqrt(np.sum(errors**2) / len(errors))
+    roots = np.linalg.cholesky(W).transpose(0, 2, 1)
+    rows = np.vstack([(roots @ scaled).reshape(-1, len(u.names)), prior * u.sizes * level])
+    inverse = spectrum(rows).inverse
+    gain = -inverse @ (scaled.transpose(0, 2, 1) @ W @ B)
+    C = np.einsum("kip,pq,kjq->ij", gain, S, gain)
+    first = c.problem.reading.places[signal]
+    at = [pose.index(k) for k in range(first.start, first.stop)]
+    moves, others = (-np.linalg.solve(b, j * u.sizes)[:, at] for b, j in ((B, J), (Bk, K)))
+    P, H = moves.reshape(-1, len(u.names)), others.reshape(-1, len(u.names))
+    noise = S[np.ix_(at, at)]
+    by_noise = np.concatenate([g @ S[:, at] for g in gain], axis=1)
+    # model less measured: what the parameters move it by, less the noise
+    cross = P @ by_noise
+    fit = np.kron(np.eye(len(J)), noise) - cross - cross.T + P @ C @ P.T
+    return fit, np.kron(np.eye(len(K)), noise) + H @ C @ H.T

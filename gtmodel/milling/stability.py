@@ -1,0 +1,155 @@
+"""Whether a cut chatters, and to which depth it is known not to."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.optimize import minimize_scalar
+
+from .cutter import Cut, Cutter, immersion
+from .directional import directional_matrix, plane
+from .floquet import multipliers, teeth_by_delay
+from .oscillators import Oscillators
+from .semi_discretisation import semi_discretised_radius
+
+DEEPEST = 1.0  # m; beyond it no limit is looked for
+STEP = 1.2  # ratio of one depth that is tried to the next
+PROBES = 6  # of such a peak
+TOLERANCE = 1e-3  # relative, of a limit
+EDGE = 1e-9  # rad, beside an angle where a tooth enters or leaves
+
+
+def spectral_radius(
+    oscillators: Oscillators, cutter: Cutter, cut: Cut, speed: float, feed: ArrayLike, *,
+    up: ArrayLike = (0.0, 0.0, 1.0), intervals: int | None = None,
+) -> float:  # fmt: skip
+    """Largest modulus of the Floquet multipliers over one tooth period: below 1 the cut is stable.
+
+    One pose, helix and pitch included (uneven pitch: the growth over a turn, per tooth), runout not; speed [1/s].
+    By Gauss collocation, good to some 1e-6; with `intervals` by semi-discretisation instead, even pitch only. Raises
+    ValueError for impossible values, and for a spindle so slow that more than 300 nodes are needed.
+    """
+    if intervals is not None:
+        return semi_discretised_radius(oscillators, cutter, cut, speed, feed, up=up, intervals=intervals)
+    P = plane(feed, up)
+    found = multipliers(oscillators, cutter, cut.mode, cut.radial_depth, cut.axial_depth, speed, P)
+    period, _ = teeth_by_delay(cutter)
+    return float(np.abs(found).max() ** (2 * np.pi / (cutter.teeth * period)))
+
+
+def stable_depth(
+    oscillators: Oscillators, cutter: Cutter, cut: Cut, speed: float, feed: ArrayLike, *,
+    up: ArrayLike = (0.0, 0.0, 1.0), low: float, high: float, intervals: int | None = None, tolerance: float = 1e-3,
+) -> float:  # fmt: skip
+    """Greatest axial depth [m] between low and high found stable, by bisection to a relative tolerance.
+
+    Raises ValueError unless `low` is stable and `high` is not.
+    """
+
+    def radius(depth: float) -> float:
+        deeper = Cut(cut.mode, cut.radial_depth, depth, cut.feed_per_tooth)
+        return spectral_radius(oscillators, cutter, deeper, speed, feed, up=up, intervals=intervals)
+
+    if radius(low) >= 1 or radius(high) < 1:
+        raise ValueError(f"expected a stable depth and an unstable one; found {radius(low):.3g} at {low:g} m and "
+                         f"{radius(high):.3g} at {high:g} m")  # fmt: skip
+    while high - low > tolerance * high:
+        middle = (low + high) / 2
+        low, high = (middle, high) if radius(middle) < 1 else (low, middle)
+    return low
+
+
+def certain_depth(
+    oscillators: Oscillators, cutter: Cutter, mode: str, radial_depth: float, feed: ArrayLike, *,
+    up: ArrayLike = (0.0, 0.0, 1.0),
+) -> float:  # fmt: skip
+    """Axial depth [m] below which the first pose is stable at every speed: 1 / (2 sup |D| sup |H|).
+
+    By the small-gain theorem: |x - x before| is at most twice |x| over all time, so what goes round the loop of tool
+    and cut shrinks. It holds for any helix and any pitch, and lies below the true limit by a factor of some 3 to 30.
+    Raises ValueError for a radial depth beyond the diameter.
+    """
+    start, end = immersion(mode, radial_depth, cutter.diameter)
+    angles = cutter.angles
+    phi = np.concatenate([np.linspace(0, 2 * np.pi, 1441), start - angles, end - angles])
+    largest = 0.0
+    for beside in (-EDGE, EDGE):
+        D = sum(np.linalg.norm(directional_matrix(cutter, phi + beside + a, start, end), 2, axis=(1, 2))
+                for a in angles)  # fmt: skip
+        largest = max(largest, float(np.max(D)))
+    P = plane(feed, up)
+    zeta = np.minimum(oscillators.damping_ratio[0], np.sqrt(0.5))
+    # no axis passes its own peak
+    peak = 1 / (oscillators.k[0] * 2 * zeta * np.sqrt(1 - zeta**2))
+    return 1 / (2 * largest * float(peak[(P**2).sum(axis=0) > EDGE].max()))
+
+
+def proven_depth(
+    oscillators: Oscillators, cutter: Cutter, mode: str, radial_depth: float, speed: float, feed: ArrayLike, *,
+    up: ArrayLike = (0.0, 0.0, 1.0), deepest: float = DEEPEST,
+) -> float:  # fmt: skip
+    """Axial depth [m], `deepest` at most, up to which the first pose is found stable at a speed [1/s].
+
+    Depths are tried by their spectral radius from `certain_depth` on, each a fifth deeper than the one before, and
+    between them where the radius peaks near 1; the first that is unstable is bisected. A spindle too slow for that has
+    `certain_depth`. Raises ValueError for impossible values.
+    """
+    low = certain_depth(oscillators, cutter, mode, radial_depth, feed, up=up)
+    P = plane(feed, up)
+
+    def radius(depth: float) -> float:
+        return float(np.abs(multipliers(oscillators, cutter, mode, radial_depth, depth, speed, P)).max())
+
+    if deepest <= low:
+        return deepest
+    depths = np.geomspace(low, deepest, 2 + int(np.log(deepest / low) / np.log(STEP)))
+    tried: list[tuple[float, float]] = []
+    for depth in depths.tolist():
+        try:
+            tried.append((depth, radius(depth)))
+            high = _unstable(tried, radius)
+        except ValueError:  # too many nodes: nothing is proven from here on
+            return tried[-1][0] if tried else low
+        if high is not None:
+            below = [x for x in tried if x[0] < high[0]]
+            return _between(below[-1], high, radius) if below else low
+    return deepest
+
+
+def _between(
+    low: tuple[float, float], high: tuple[float, float], radius: Callable[[float], float]
+) -> float:  # fmt: skip
+    """The greatest depth found stable between two with their radii, by secants that fall to both sides of the limit."""
+    (a, r), (b, s) = low, high
+    side = -1
+    for i in range(100):
+        if b - a <= TOLERANCE * b:
+            break
+        x = (a + b) / 2
+        if i % 3 < 2:
+            x = a + (b - a) * np.log(r) / np.log(r / s) + side * TOLERANCE / 3 * b
+            x, side = float(np.clip(x, a + TOLERANCE / 4 * b, b - TOLERANCE / 4 * b)), -side
+        found = radius(x)
+        if found < 1:
+            a, r = x, found
+        else:
+            b, s = x, found
+    return a
+
+
+def _unstable(tried: list[tuple[float, float]], radius: Callable[[float], float]) -> tuple[float, float] | None:
+    """A depth found unstable and its radius: the last tried, or a peak of the radius about the one before it."""
+    if not tried[-1][1] < 1:
+        return tried[-1]
+    if len(tried) < 3:
+        return None
+    (a, r0), (_, r1), (b, r2) = tried[-3:]
+    # a peak rises above its middle by less than the steeper side does
+    if not (r1 > r0 and r1 > r2 and 2 * r1 - min(r0, r2) >= 1):
+        return None
+    peak: Any = minimize_scalar(lambda x: -radius(float(x)), bounds=(a, b), method="bounded",
+                                options={"xatol": TOLERANCE * a, "maxiter": PROBES})  # fmt: skip
+    return (float(peak.x), float(-peak.fun)) if -peak.fun >= 1 else None
