@@ -61,6 +61,9 @@ class Mesh(Section):
     """Where the equations are collocated (Radau)."""
 
     elements: PositiveInt = Field(20, le=10000, description="number of elements of the horizon")
+    most_elements: PositiveInt = Field(
+        80, le=10000, description="where a check fails the mesh is refined, to at most so many elements"
+    )
     points: int = Field(3, ge=1, le=9, description="collocation points per element")
     control: Literal["linear", "constant", "polynomial"] = Field(
         "linear",

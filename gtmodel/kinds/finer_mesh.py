@@ -1,4 +1,4 @@
-"""When a motion fails a check that a finer mesh can mend: how fine, and how it is told."""
+"""When a motion fails a check that a finer mesh can mend: how fine, for how long, and how it is told."""
 
 from __future__ import annotations
 
@@ -10,16 +10,28 @@ ORDER = 2
 SPARE = 1.2  # beyond what that order asks for
 LEAST, MOST = 1.5, 4.0  # times as many elements at once
 PASSES = 4
+BETTER = 0.9  # of the worst excess over a bound before: a mesh that leaves more is not what the check lacks
+
+
+def missed(checks: Mapping[str, Any], mended: Iterable[str]) -> float:
+    """The worst of the failed checks named in `mended`, as a multiple of its bound; 0 where none failed."""
+    failed = [checks[name] for name in mended if name in checks and not checks[name].passed]
+    return max((MOST**ORDER if c.value is None or not c.bound else c.value / c.bound for c in failed), default=0.0)
 
 
 def elements_after(elements: int, most: int, checks: Mapping[str, Any], mended: Iterable[str]) -> int | None:
     """So many elements instead, at most `most`, where one of the checks named in `mended` failed; else None."""
-    failed = [checks[name] for name in mended if name in checks and not checks[name].passed]
-    if not failed or elements >= most:
+    times = missed(checks, mended)
+    if not times or elements >= most:
         return None
-    missed = max(MOST**ORDER if c.value is None or not c.bound else c.value / c.bound for c in failed)
-    factor = min(max(SPARE * max(missed, 1.0) ** (1 / ORDER), LEAST), MOST)
+    factor = min(max(SPARE * times ** (1 / ORDER), LEAST), MOST)
     return min(int(elements * factor) + 1, most)
+
+
+def helped(before: Mapping[str, Any], after: Mapping[str, Any]) -> bool:
+    """Whether what failed on the coarser mesh is clearly nearer to its bounds on the finer one."""
+    names = [name for name, check in before.items() if not check.passed]
+    return missed(after, names) - 1 <= BETTER * (missed(before, names) - 1)
 
 
 def told(given: int, used: int, failed: Iterable[str]) -> str:

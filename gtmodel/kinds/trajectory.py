@@ -14,7 +14,7 @@ from gtmodel.optimize.resimulate import Resimulation, resimulate
 from gtmodel.results import SolveStatus, Trajectory
 
 from .base import Context, Outcome, at_most
-from .finer_mesh import PASSES, elements_after, told
+from .finer_mesh import PASSES, elements_after, helped, told
 from .motion_follow import sampled
 from .motion_limits import clearance
 from .motion_planning import Plan, plan_of
@@ -129,7 +129,9 @@ def _refined(found: Found, search: Search) -> tuple[Found, str]:
         after = _on_this_mesh(plan, search, solution, found.optima)
         if isinstance(after, Outcome):
             return found, f"{on}: {after.message}"
-        found = after
+        before, found = found, after
+        if not helped(before.checks, found.checks):
+            break
     return found, ""
 
 
