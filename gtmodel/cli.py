@@ -183,6 +183,10 @@ def loop(
         float | None,
         typer.Option("--elastic", metavar="HZ", help="Arm on springs behind the motors; rigid if left out."),
     ] = None,
+    deceleration: Annotated[
+        float | None,
+        typer.Option(metavar="M_S2", help="Braking of a lost robot; the largest that the reference asks if left out."),
+    ] = None,
     out: Annotated[Path | None, typer.Option("--out", metavar="OUT", help="Results; DIR/loop by default.")] = None,
     as_json: Json = False,
 ) -> None:
@@ -196,7 +200,7 @@ def loop(
         with terminal.watching(job, "stopping the loop, nothing will be compared"):
             answer.finished = loop_run.run(
                 folder, peer, seconds, law=law, reference=reference, in_lockstep=lockstep, elastic_Hz=elastic,
-                out=out, context=job,
+                deceleration_m_s2=deceleration, out=out, context=job,
             )  # fmt: skip
 
 

@@ -108,7 +108,8 @@ static uint32_t *gt_whole_option(gt_arguments *a, const char *name)
 static double *gt_number_option(gt_arguments *a, const char *name, uint32_t *most)
 {
     *most = GT_AXES;
-    if (gt_is(name, "--step") || gt_is(name, "--path-limit") || gt_is(name, "--gain")) {
+    if (gt_is(name, "--step") || gt_is(name, "--path-limit") || gt_is(name, "--gain") ||
+        gt_is(name, "--deceleration")) {
         *most = 1U;
     }
     return gt_is(name, "--lowest")       ? a->limits.lowest_m
@@ -120,6 +121,7 @@ static double *gt_number_option(gt_arguments *a, const char *name, uint32_t *mos
            : gt_is(name, "--kp")         ? a->kp_N_m
            : gt_is(name, "--kd")         ? a->kd_N_s_m
            : gt_is(name, "--gain")       ? &a->gain_per_s
+           : gt_is(name, "--deceleration") ? &a->deceleration_m_s2
                                          : NULL;
 }
 
@@ -168,6 +170,9 @@ static const char *gt_ranges(const gt_arguments *a)
     if (!(a->limits.step_m > 0.0) || !(a->limits.path_m >= 0.0)) {
         return "--step has to be above zero, --path-limit not below";
     }
+    if (!(a->deceleration_m_s2 >= 0.0)) {
+        return "--deceleration has to be above zero, or 0 for --ramp";
+    }
     if ((a->port > UINT16_MAX) || (a->cycle_ms == 0U) || (a->cycle_ms > GT_MOST_MS)) {
         return "--port is at most 65535, --cycle-ms from 1 to 1000";
     }
@@ -192,6 +197,7 @@ const char *gt_arguments_help(void)
            "  --step M --path-limit M     change of a cart in a cycle, path correction [m]; 0.02, 0.01\n"
            "  --cycle-ms N                of the robot; 4\n"
            "  --hold N --ramp N           cycles; 5, 50\n"
+           "  --deceleration A            of the fastest cart [m/s2], in place of --ramp\n"
            "  --idle-ms N                 end after so long without a newer datagram; 1000\n"
            "  --cycles N                  end after so many, 0 for never; 0\n"
            "  --a A,.. --b B,.. --delay-ms N  drives of law trajectory\n"

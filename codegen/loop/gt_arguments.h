@@ -26,6 +26,7 @@ typedef struct gt_arguments {
     uint32_t ramp_cycles;
     uint32_t delay_ms;
     uint32_t lead_ms;
+    double deceleration_m_s2; /* 0: ramp_cycles */
     gt_limits limits;
     double a[GT_AXES];
     double b[GT_AXES];

@@ -7,6 +7,8 @@
 #include <math.h>
 #include <string.h>
 
+#define GT_RAMP_MOST 100000U /* cycles */
+
 void gt_loop_init(gt_loop *loop, const gt_loop_settings *settings, const gt_peer *peer, const gt_law *law)
 {
     (void)memset(loop, 0, sizeof(*loop));
@@ -129,6 +131,7 @@ static void gt_loop_law(gt_loop *loop)
     if (loop->status == GT_OK) {
         loop->command = command;
         loop->command_ms = loop->feedback.time_ms;
+        (void)memset(loop->coasting_m, 0, sizeof(loop->coasting_m));
     }
 }
 
@@ -145,13 +148,38 @@ static void gt_loop_coast(gt_loop *loop, const double *speed, double share)
         loop->command.position_m[n] = gt_clamped(loop->command.position_m[n] + (now * seconds), limits->lowest_m[n],
                                                  limits->highest_m[n]);
         loop->command.speed_m_s[n] = now;
+        loop->coasting_m[n] += fabs(now * seconds);
+        if (loop->coasting_m[n] > loop->coasted_m) {
+            loop->coasted_m = loop->coasting_m[n];
+        }
     }
+}
+
+/* Cycles of a ramp to zero: the fastest cart at the declared deceleration, and never fewer than that takes. */
+static uint32_t gt_loop_ramp_cycles(const gt_loop *loop)
+{
+    const double lost_m_s = loop->settings.deceleration_m_s2 * ((double)loop->peer.cycle_ms / 1000.0);
+    double fastest = 0.0;
+    double cycles;
+    uint32_t n;
+
+    if (!(lost_m_s > 0.0)) {
+        return loop->settings.ramp_cycles;
+    }
+    for (n = 0U; n < loop->peer.axes; n++) {
+        const double speed = fabs(loop->command.speed_m_s[n]);
+
+        fastest = (speed > fastest) ? speed : fastest;
+    }
+    cycles = ceil(fastest / lost_m_s);
+    return (cycles < (double)GT_RAMP_MOST) ? (uint32_t)cycles : GT_RAMP_MOST;
 }
 
 static void gt_loop_begin_ramp(gt_loop *loop)
 {
     loop->state = GT_LOOP_RAMPING;
-    loop->ramp_left = loop->settings.ramp_cycles;
+    loop->ramp_cycles = gt_loop_ramp_cycles(loop);
+    loop->ramp_left = loop->ramp_cycles;
     gt_copy(loop->ramp_from, loop->command.speed_m_s, (int)GT_AXES);
 }
 
@@ -171,7 +199,7 @@ static void gt_loop_ramp(gt_loop *loop)
 {
     if (loop->ramp_left > 0U) {
         loop->ramp_left--;
-        gt_loop_coast(loop, loop->ramp_from, (double)loop->ramp_left / (double)loop->settings.ramp_cycles);
+        gt_loop_coast(loop, loop->ramp_from, (double)loop->ramp_left / (double)loop->ramp_cycles);
     }
     if (loop->ramp_left == 0U) {
         gt_loop_coast(loop, loop->ramp_from, 0.0);

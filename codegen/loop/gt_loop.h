@@ -35,7 +35,8 @@ typedef struct gt_limits {
 typedef struct gt_loop_settings {
     int dry; /* commands are logged, not sent */
     uint32_t hold_cycles;
-    uint32_t ramp_cycles;
+    uint32_t ramp_cycles;    /* of a ramp to zero without a declared deceleration */
+    double deceleration_m_s2; /* of the fastest cart, the others in proportion; 0: none is declared */
     gt_limits limits;
 } gt_loop_settings;
 
@@ -59,8 +60,11 @@ typedef struct gt_loop {
     uint32_t datagrams;      /* since the last cycle */
     uint32_t misses;         /* cycles without a command, in a row */
     uint32_t ramp_left;
+    uint32_t ramp_cycles;    /* of the ramp that goes on */
     double ramp_from[GT_AXES];
     gt_command command;      /* the last one */
+    double coasting_m[GT_AXES]; /* way since the last command of the law */
+    double coasted_m;        /* the longest one of a cart so far */
     double record[GT_RECORD_COLUMNS];
 } gt_loop;
 

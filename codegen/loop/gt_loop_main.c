@@ -37,8 +37,10 @@ static void gt_ends_by(gt_run *run, const char *what)
 
 static void gt_end_cycle(gt_run *run, uint8_t *answer)
 {
+    const int64_t begun = gt_clock_ns();
     const uint32_t length = gt_loop_cycle(&run->loop, answer);
 
+    gt_histogram_add(&run->compute, gt_clock_ns() - begun);
     if (length > 0U) {
         gt_socket_send(&run->socket, answer, length);
     }
@@ -170,6 +172,7 @@ static int gt_prepare(gt_run *run)
     settings.dry = !a->live;
     settings.hold_cycles = a->hold_cycles;
     settings.ramp_cycles = a->ramp_cycles;
+    settings.deceleration_m_s2 = a->deceleration_m_s2;
     settings.limits = a->limits;
     gt_loop_init(&run->loop, &settings, &peer, &law);
     if (!gt_socket_open(&run->socket, a->bind, (uint16_t)a->port, a->allow)) {

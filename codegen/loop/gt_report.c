@@ -51,8 +51,10 @@ void gt_report(const gt_run *run, int log_complete)
                  ", \"log_dropped\": %" PRIu64 ", \"log_complete\": %d",
                  run->arguments.live ? 0 : 1, run->realtime.locked, run->realtime.fifo, run->missed,
                  run->log.dropped, log_complete);
+    (void)printf(", \"coasted_m\": %.17g", loop->coasted_m);
     gt_report_histogram("reply", &run->reply);
     gt_report_histogram("period", &run->period);
+    gt_report_histogram("compute", &run->compute);
     (void)printf("}\n");
     (void)fflush(stdout);
 }

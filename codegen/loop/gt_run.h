@@ -29,6 +29,7 @@ typedef struct gt_run {
     int64_t arrived_ns;    /* when the system got the newest datagram */
     gt_histogram reply;    /* from there to the answer sent; from waking up where no datagram is newer */
     gt_histogram period;   /* between two cycles */
+    gt_histogram compute;  /* law, checks and answer of a cycle, without sockets */
     uint64_t missed;       /* answers later than a cycle */
     const char *ended_by;  /* NULL while it runs: cycles, signal, silence */
     gt_loop_state ended_in; /* state when it was asked to end */

@@ -6,6 +6,13 @@
 
 #include <math.h>
 
+/* For what is asked of few calls only: out of line, so that all others do not wait for it. */
+#if defined(__GNUC__)
+#define GT_RARE __attribute__((noinline, cold))
+#else
+#define GT_RARE
+#endif
+
 /* 1 if none of the n numbers at x is NaN or infinite, else 0; denormal numbers are finite. */
 static inline int gt_all_finite(const double *x, int n)
 {

@@ -36,6 +36,14 @@ _ABOUT_HEADER = (
     "No pointer may be NULL. SZ_*: how many pointers, integers and doubles of scratch a body takes."
 )
 _END = '} /* extern "C" */\n#endif\n'
+# a body, up to its first statement behind the declarations, and what it is called with
+_BODY = re.compile(
+    r"^(static int casadi_f\d+\(const casadi_real\*\* arg, casadi_real\*\* res, casadi_int\* iw, casadi_real\* w, "
+    r"int mem\) \{\n"
+    r"(?:  casadi_(?:real|int) [^;=]*;\n)*)(.*?^\}\n)",
+    re.M | re.S,
+)
+_PARAMETERS = ("arg", "res", "iw", "w", "mem")
 # what a body returns, unlike a helper with its values
 _RETURNED = re.compile(r"^  return ([^;]*);$", re.M)
 SIZES = ("SZ_ARG", "SZ_RES", "SZ_IW", "SZ_W")
@@ -49,7 +57,7 @@ def casadi_functions(face: Interface) -> list[ca.Function]:
     """
     if face.stages is None:
         f = face.function
-        built = [CausalFunction(f.plan, f.inputs, f.outputs, face.body).casadi]
+        built = [CausalFunction(f.plan, f.inputs, f.outputs, face.body).closed]
     else:
         built = [g for stage in face.newton for g in (stage.prepare, stage.kernel)] + [face.stages.body]
     for name, g in zip(face.bodies, built, strict=True):
@@ -99,11 +107,18 @@ def trimmed(text: str, prefix: str, wanted: set[str]) -> str:
         raise GenerationError(
             f"CasADi {ca.CasadiMeta.version()} writes a body that can fail, which gtmodel does not know"
         )
+    text = _BODY.sub(_with_unused, text)
     for asked, direct in _ASKED:
         text = asked.sub(direct, text)
     text = _HELPER.sub("static inline casadi_real ", text)
     lines = [line.rstrip() for line in text.splitlines()]
     return re.sub(r"\n{3,}", "\n\n", "\n".join(lines)).strip("\n") + "\n"
+
+
+def _with_unused(function: re.Match[str]) -> str:
+    """A body that says which of its parameters it does not need: CasADi gives all bodies the same."""
+    unused = [name for name in _PARAMETERS if not re.search(rf"\b{name}\b", function[2])]
+    return function[1] + "".join(f"  (void){name};\n" for name in unused) + function[2]
 
 
 def _header(declarations: str, name: str, faces: list[Interface]) -> str:

@@ -49,6 +49,11 @@ def _declarations(face: Interface) -> str:
     inputs = ", ".join(m.signal for m in face.inputs) or "nothing"
     title = f"{face.key}: {', '.join(m.signal for m in face.outputs)} from {inputs}."
     about = [title, *conditions(face.function)]
+    if face.inputs:
+        sizes = [f"{m.signal} {limit:.4g}" for m, limit in zip(face.inputs, face.sizes.limits, strict=True)]
+        about.append(
+            f"- GT_OUT_OF_RANGE where the norm of the inputs, each over this, is above one: {', '.join(sizes)}"
+        )
     state = []
     if face.newton:
         about += [

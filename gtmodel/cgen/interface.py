@@ -5,8 +5,10 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 from ..compiler.causal import CausalFunction, Signal, c_name
+from ..compiler.sizes import Sizes
 from .box import Intervals, box_of, check_names
 from .errors import GenerationError
 from .newton_stages import NewtonStage, Stages, stages
@@ -67,6 +69,11 @@ class Interface:
     along: bool = False
     real: Real = DOUBLE
     box: Intervals | None = None
+
+    @cached_property
+    def sizes(self) -> Sizes:
+        """How large the numbers of each input may be; beyond, the status is OUT_OF_RANGE."""
+        return self.function.sizes if self.real is DOUBLE else self.function.sizes_in(self.real.precision)
 
     @property
     def body(self) -> str:

@@ -82,6 +82,7 @@ def manifest(
         margins = [{"kind": m.kind, "label": m.label, "scale": m.scale} for m in face.function.margins]
         offered: dict[str, Any] = {"along": f"{face.symbol}_at"} if face.along else {}
         offered["box"] = _box(face)
+        offered["limits"] = {m.signal: limit for m, limit in zip(face.inputs, face.sizes.limits, strict=True)}
         offered["operations"] = sum(operations(g) for g in casadi_functions(face))
         functions.append({**interface_entry(face), **offered, "model": of_flat[id(flat)], "margins": margins})
     return {

@@ -19,7 +19,7 @@ from .points import draw, evaluate
 from .real import DOUBLE, real_of
 from .single import single
 from .text import hexadecimal
-from .toolchain import BODY_EXCEPTIONS, LINK, STANDARD, Toolchain, find
+from .toolchain import LINK, STANDARD, Toolchain, find
 from .wrapper import elements
 
 CALLS = 100  # counted; one more goes before them, so that nothing is loaded on the way
@@ -83,7 +83,7 @@ def _compiled(
     objects = []
     for file in (f"gt_{name}", f"gt_{name}_body"):
         objects.append(place / f"{file}.o")
-        command = (tools.cc, *STANDARD, *BODY_EXCEPTIONS, "-fstack-usage", "-c", folder / f"{file}.c")
+        command = (tools.cc, *STANDARD, "-fstack-usage", "-c", folder / f"{file}.c")
         tools.run(*command, "-o", objects[-1])
     _, listing = tools.run(tools.nm, "-S", *objects)
     sizes: dict[str, int] = {}

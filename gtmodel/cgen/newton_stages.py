@@ -14,6 +14,7 @@ from ..compiler.causal import CausalFunction, Signal
 from ..compiler.emit import express
 from ..compiler.plan import Plan
 from ..compiler.rows import map_columns, status_codes
+from ..compiler.sizes import Sizes
 from ..lang.scope import derivative_name
 from ..results.status import Status
 from .newton_steps import eliminate, newton
@@ -177,15 +178,18 @@ def _signals(plan: Plan, pairs: Sequence[tuple[int, int]]) -> list[Signal]:
 
 
 def evaluate_stages(
-    cut: Stages, inputs: Sequence[np.ndarray], start: np.ndarray, real: Real = DOUBLE
+    cut: Stages, inputs: Sequence[np.ndarray], start: np.ndarray, sizes: Sizes, real: Real = DOUBLE
 ) -> tuple[np.ndarray, np.ndarray]:
     """Targets and new states side by side (rows, m), NaN without a solution, and statuses (rows,), as C decides them.
 
-    inputs: rows of each input; start (rows, unknowns of all blocks); both of the numbers `real`.
+    inputs: rows of each input; start (rows, unknowns of all blocks); both of the numbers `real`. sizes: how large the
+    inputs may be.
     """
     evaluated = map_columns if real is DOUBLE else run
     rows = len(start)
-    status = np.where(np.all([np.isfinite(x).all(axis=1) for x in [*inputs, start]], axis=0), 0, Status.NOT_FINITE)
+    finite = np.all([np.isfinite(x).all(axis=1) for x in [*inputs, start]], axis=0)
+    small = sizes.within([x.T for x in inputs]) if inputs else True
+    status = np.where(finite, np.where(small, 0, Status.OUT_OF_RANGE), Status.NOT_FINITE)
     given, first = [x.T for x in inputs], 0
     for stage in cut.newton:
         constants, margins = evaluated(stage.prepare, given)

@@ -112,11 +112,11 @@ def evaluate(face: Interface, values: np.ndarray) -> tuple[np.ndarray, np.ndarra
         arguments.append(values[:, first : first + size])
         first += size
     if face.stages is not None:
-        return evaluate_stages(face.stages, arguments, values[:, first:], face.real)
+        return evaluate_stages(face.stages, arguments, values[:, first:], face.sizes, face.real)
     if face.real is not DOUBLE:
         columns = [a.T for a in arguments]
         results = run(casadi_functions(face)[0], columns)
-        status = status_codes(face.function.margins, columns, results, None, face.real.pivot)
+        status = status_codes(face.function.margins, columns, results, None, face.real.pivot, face.sizes)
         found = np.vstack(results[:-1]).T.copy()
         found[status != Status.OK] = np.nan
         return found, status

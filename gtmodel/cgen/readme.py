@@ -104,7 +104,7 @@ _EXAMPLE = re.compile(r"(?<=```c\n).*?(?=```)", re.S)
 _MAKEFILE = """\
 # make: the library; make check: the self-test; make clean
 CC ?= cc
-CFLAGS ?= -std=c99 -O2 -Wall -Wextra -Wno-unused-parameter
+CFLAGS ?= -std=c99 -O2 -Wall -Wextra -Wconversion
 GT_FLAGS = -ffp-contract=off
 OBJECTS = gt_{name}.o gt_{name}_body.o gt_{name}_selftest.o
 

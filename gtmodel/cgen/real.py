@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 
 from ..compiler.causal import PIVOT_TOLERANCE
+from ..compiler.sizes import DOUBLE as DOUBLE_PRECISION
+from ..compiler.sizes import Precision
 from .errors import GenerationError
 
 
@@ -16,7 +18,8 @@ class Real:
     """One kind of number. `name` in C; `dtype` and `bits` in NumPy; `pivot` below which part of its typical size a
     pivot means singular; `residual`: largest one of an answer of Newton's method, over what one nominal of each
     unknown would make of it; `round_off`: Newton steps below it, in nominals, need not shrink; `held`: what stands in
-    outputs before a test; `awkward`: inputs that are singular, denormal or overflow when squared."""
+    outputs before a test; `awkward`: inputs that are singular, denormal or overflow when squared; `precision`: by which
+    inputs are too large."""
 
     name: str
     dtype: Any
@@ -26,6 +29,7 @@ class Real:
     round_off: float
     held: float
     awkward: tuple[float, ...]
+    precision: Precision
 
     def array(self, values: Any) -> np.ndarray:
         """The values rounded to these numbers; beyond their range they are infinite."""
@@ -35,10 +39,15 @@ class Real:
 
 # residual: far above round-off of equations on squared lengths (1e-15), far below what a measurement of a robot sees
 DOUBLE = Real(
-    "double", np.float64, np.int64, PIVOT_TOLERANCE, 1e-11, 1e-10, -1.25e300, (0.0, 5e-324, -1e-310, 1e160, -1e300)
-)
-# float has 6e-8 of round-off: a pivot of a hundredth leaves 6e-6, and some tens of round-offs are a residual
-FLOAT = Real("float", np.float32, np.int32, 1e-2, 1e-6, 1e-5, -1.25e30, (0.0, 1e-45, -1e-40, 1e25, -1e38))
+    "double", np.float64, np.int64, PIVOT_TOLERANCE, 1e-11, 1e-10, -1.25e300, (0.0, 5e-324, -1e-310, 1e160, -1e300),
+    DOUBLE_PRECISION,
+)  # fmt: skip
+# float has 6e-8 of round-off: a pivot of a hundredth leaves 6e-6, some tens of round-offs are a residual, and a
+# thousandth is a millimetre of a metre
+FLOAT = Real(
+    "float", np.float32, np.int32, 1e-2, 1e-6, 1e-5, -1.25e30, (0.0, 1e-45, -1e-40, 1e25, -1e38),
+    Precision(2.0**-24, 1e-3, 2.0**40),
+)  # fmt: skip
 
 # how far a float may be from the double of the same function, over the range of its signal
 FLOAT_TOLERANCE = 1e-5

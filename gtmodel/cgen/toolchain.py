@@ -12,8 +12,6 @@ from .single import LIBM
 
 STANDARD = ("-std=c99", "-O2", "-ffp-contract=off")
 WARNINGS = ("-Wall", "-Wextra", "-Wconversion", "-Wshadow", "-pedantic", "-Werror")
-# CasADi gives every body the same parameters and uses those it needs
-BODY_EXCEPTIONS = ("-Wno-unused-parameter",)
 # objects show what the code itself calls: a distribution's hardening would add calls of its own
 PLAIN = ("-fPIC", "-fno-stack-protector", "-U_FORTIFY_SOURCE")
 LINK = ("-lm",)
@@ -40,10 +38,9 @@ class Toolchain:
             return False, str(error)
         return done.returncode == 0, done.stdout + done.stderr
 
-    def compile(self, source: Path, target: Path, *, body: bool) -> tuple[bool, str]:
-        """Compile one file with all warnings as errors; a CasADi body may have unused parameters."""
-        exceptions = BODY_EXCEPTIONS if body else ()
-        return self.run(self.cc, *STANDARD, *WARNINGS, *exceptions, *PLAIN, "-c", source, "-o", target)
+    def compile(self, source: Path, target: Path) -> tuple[bool, str]:
+        """Compile one file with all warnings as errors."""
+        return self.run(self.cc, *STANDARD, *WARNINGS, *PLAIN, "-c", source, "-o", target)
 
     def link_shared(self, objects: list[Path], target: Path) -> tuple[bool, str]:
         """Link objects into a shared library."""

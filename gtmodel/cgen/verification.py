@@ -84,7 +84,7 @@ def _build(tools: Toolchain, folder: Path, content: dict, place: Path) -> tuple[
     failed: dict[str, str] = {}
     for file in sorted(f for f in content["files"] if f.endswith(".c")):
         objects[file] = place / f"{file}.o"
-        good, text = tools.compile(folder / file, objects[file], body=file == f"{own}_body.c")
+        good, text = tools.compile(folder / file, objects[file])
         if not good:
             failed[file] = next((line for line in text.splitlines() if "error" in line), text.strip())
     checks = [at_most("files_not_compiled", len(failed), detail="; ".join(failed.values()) or "no warnings")]

@@ -12,7 +12,7 @@ from .text import comment, decimal
 
 _EACH_FINITE = """\
 /* 1 if all numbers at n places of so many numbers are finite. It is asked where a sum of them is not. */
-static int each_finite(const double *const *place, const int *size, int n)
+static GT_RARE int each_finite(const double *const *place, const int *size, int n)
 {
     int good = 1;
     int i;
@@ -29,9 +29,9 @@ static int each_finite(const double *const *place, const int *size, int n)
 def wrapper(name: str, faces: list[Interface]) -> str:
     """Text of the guarded functions.
 
-    The order of the decisions is that of CausalFunction.status: inputs finite, margins in their order,
+    The order of the decisions is that of CausalFunction.status: inputs finite, not too large, margins in their order,
     outputs finite; the first cause wins. Before a Newton block come the margins that do not wait for it. A closed form
-    is computed first and then judged: what it makes of NaN goes nowhere, and one sum asks for inputs and outputs.
+    is computed first and its margins judged then; one sum asks for all outputs.
     """
     newton = '#include "gt_newton.h"\n' if any(face.newton for face in faces) else ""
     parts = [
@@ -86,30 +86,28 @@ def _function(face: Interface) -> str:
         for k in range(len(blocks))
     ]
     gather = [f"    known[{n}] = {address};\n" for n, address in enumerate(known)] if blocks else []
-    terms = [x for m in face.inputs if not blocks for x in elements(m, "in->")]
-    terms += [x for m in face.outputs for x in elements(m, "y.")]
     lines = [
         *blocks,
         _size_check(face.body, face.symbol, len(known) + len(blocks), len(results)),
         f"{prototype(face)}\n{{\n",
         f"    {face.symbol}_out y;\n",
-        f"    double margins[{max(1, len(margins))}];\n    double total;\n",
+        f"    double margins[{max(1, len(margins))}];\n",
+        "    double total;\n" if face.inputs else "",
         *scratch(face.body),
         *[f"    double {z}[{stage.size}];\n" for z, stage in zip(unknowns, face.newton, strict=True)],
         *([f"    const double *known[{max(1, len(known))}];\n    gt_status status;\n"] if blocks else []),
         "\n",
         "" if face.inputs else "    (void)in;\n",
-        *([_finite(face.inputs, "in->"), _finite(face.state, "state->")] if blocks else []),
+        _sizes(face),
+        *([_finite(face.state, "state->")] if blocks else []),
         *gather,
         *_copies(face, into_state=False),
         *solve,
         *[f"    arg[{n}] = {address};\n" for n, address in enumerate([*known, *unknowns])],
         *[f"    res[{n}] = {address};\n" for n, address in enumerate(results)],
         f"    (void){face.body}(arg, res, iw, w, 0); /* it returns 0 whatever happens */\n",
-        f"    total = {_sum(terms, 12)};\n",
-        "" if blocks else _each(face.inputs, "arg"),
         *[_margin(n, margins[n]) for n in _distinct(face)],
-        _each(face.outputs, "res"),
+        _finite(face.outputs, "y."),
         *_copies(face, into_state=True),
         f"    *out = y;\n    return {Status.OK.c_name};\n}}\n\n",
     ]
@@ -224,32 +222,49 @@ def _guard(good: str, otherwise: Status, why: str = "") -> str:
     return f"{note}    if (!({good})) {{\n        return {otherwise.c_name};\n    }}\n"
 
 
+def _sizes(face: Interface) -> str:
+    """The guard that inputs are not too large, which NaN and infinity are not either; it asks which only then."""
+    if not face.inputs:
+        return ""
+    parts = []
+    for weight, places in face.sizes.groups:
+        squares = _sum([f"({x} * {x})" for n in places for x in elements(face.inputs[n], "in->")], 12, 2)
+        parts.append(squares if weight == 1.0 else f"({decimal(weight)} * ({squares}))")
+    given = [m.address("in->") for m in face.inputs] + [m.address("state->") for m in face.state]
+    sizes = [m.size for m in (*face.inputs, *face.state)]
+    total = " +\n            ".join(parts)
+    return (
+        comment(["The norm of the inputs, each in units of what it may be."], "    ")
+        + f"    total = {total};\n    if (!(total <= {decimal(face.sizes.most)})) {{\n{_places(given, sizes)}"
+        f"        return (each_finite(place, size, {len(given)}) != 0) ? {Status.OUT_OF_RANGE.c_name} : "
+        f"{Status.NOT_FINITE.c_name};\n    }}\n"
+    )
+
+
+def _places(addresses: list[str], sizes: list[int]) -> str:
+    """Declarations of what each_finite is asked about."""
+    return (
+        f"        static const int size[{len(sizes)}] = {{{', '.join(map(str, sizes))}}};\n"
+        f"        const double *place[{len(sizes)}];\n\n"
+        + "".join(f"        place[{n}] = {address};\n" for n, address in enumerate(addresses))
+    )
+
+
 def _finite(members: tuple[Member, ...], struct: str) -> str:
     """The guard that all numbers are finite: if their sum is, they are; only a sum that is not asks each of them."""
     terms = [x for m in members for x in elements(m, struct)]
     if not terms:
         return ""
-    each = " && ".join(f"gt_all_finite({m.address(struct)}, {m.size})" for m in members)
-    return _guard(f"(fabs({_sum(terms, 15)}) <= DBL_MAX) ||\n          ({each})", Status.NOT_FINITE)
-
-
-def _each(members: tuple[Member, ...], places: str) -> str:
-    """The guard that all numbers at the first `places` are finite where the sum of all is not."""
-    if not members:
-        return ""
-    sizes = ", ".join(str(m.size) for m in members)
     return (
-        "    if (!(fabs(total) <= DBL_MAX)) {\n"
-        f"        static const int size[{len(members)}] = {{{sizes}}};\n"
-        f"        const double *place[{len(members)}];\n\n"
-        + "".join(f"        place[{n}] = {places}[{n}];\n" for n in range(len(members)))
+        f"    if (!(fabs({_sum(terms, 15)}) <= DBL_MAX)) {{\n"
+        + _places([m.address(struct) for m in members], [m.size for m in members])
         + _indented(_guard(f"each_finite(place, size, {len(members)})", Status.NOT_FINITE))
         + "    }\n"
     )
 
 
-def _sum(terms: list[str], indent: int) -> str:
-    return (" +\n" + " " * indent).join(" + ".join(terms[k : k + 5]) for k in range(0, len(terms), 5))
+def _sum(terms: list[str], indent: int, width: int = 5) -> str:
+    return (" +\n" + " " * indent).join(" + ".join(terms[k : k + width]) for k in range(0, len(terms), width))
 
 
 def _margin(n: int, margin: Margin) -> str:

@@ -41,7 +41,8 @@ class Root:
 class SolvedBlock:
     """One block: unknown symbols in order with their expressions of earlier symbols.
 
-    `uses`: per equation the names of all symbols in it, for the picture of the block-triangular form.
+    `uses`: per equation the names of all symbols in it, for the picture of the block-triangular form. `closures`: the
+    residuals of a block that is not linear in its unknowns.
     """
 
     kind: str
@@ -53,3 +54,4 @@ class SolvedBlock:
     detail: str = ""
     newton: NewtonBlock | None = None
     uses: tuple[tuple[str, ...], ...] = ()
+    closures: tuple[ca.SX, ...] = ()

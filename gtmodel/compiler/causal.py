@@ -18,10 +18,13 @@ from ..results.status import Status
 from .evaluate import Built, build
 from .explain import explain
 from .flat import FlatModel
+from .guess import Completion
+from .home import said
 from .newton import NewtonKernel
 from .plan import Plan, make_plan
 from .rows import PIVOT_TOLERANCE, map_columns, status_codes
 from .sharing import flat_of
+from .sizes import DOUBLE, Precision, Sizes, sizes_of
 
 Pair = tuple[int, int]
 Group = tuple[str, tuple[int, ...], list[int]]
@@ -69,6 +72,16 @@ class CausalFunction:
         self.margins = [m for b in plan.blocks for m in b.margins]
 
     @cached_property
+    def sizes(self) -> Sizes:
+        """How large the numbers of each argument may be; beyond, the status is OUT_OF_RANGE."""
+        return self.sizes_in(DOUBLE)
+
+    def sizes_in(self, precision: Precision) -> Sizes:
+        """The same for other numbers than double."""
+        arguments = [*[s.pairs for s in self.inputs], *([()] if self.plan.uses_time else [])]
+        return sizes_of(self.plan, arguments, precision)
+
+    @cached_property
     def _built(self) -> Built:
         return build(self.plan, *self._signals(), c_name(self.name))
 
@@ -79,10 +92,11 @@ class CausalFunction:
 
     @property
     def casadi(self) -> ca.Function:
-        """ca.Function (inputs...) -> (targets..., margins), parameters folded in as numbers.
+        """ca.Function (inputs...) -> (targets..., status, margins), parameters folded in as numbers.
 
-        With Newton blocks it holds root finders started at the home pose; the call of this object is the
-        guarded road.
+        The values are an answer only where `status` is 0, a code of `Status`. With Newton blocks it holds root finders
+        that follow each block from the home pose in a fixed number of steps; the call of this object takes as many as
+        it needs, and says OK at points where this says NOT_CONVERGED.
         """
         return self._built.whole
 
@@ -105,7 +119,7 @@ class CausalFunction:
 
     @cached_property
     def casadi_parametric(self) -> ca.Function:
-        """ca.Function (inputs..., parameters) -> (targets..., margins), algebra done without their values.
+        """ca.Function (inputs..., parameters) -> (targets..., status, margins), algebra done without their values.
 
         Roots keep the signs that they have at the model's own parameters.
         """
@@ -113,6 +127,11 @@ class CausalFunction:
         pairs = [p for s in self.outputs for p in s.pairs]
         plan = make_plan(self.flat, known, pairs, self.preferred, self.branches)
         return build(plan, *self._signals(), c_name(self.name), parametric=True).whole
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What a user should know: that start values do not satisfy the equations, and where the home pose is."""
+        return tuple(filter(None, [said(self.flat, self.plan.moved)]))
 
     @property
     def parameter_names(self) -> list[str]:
@@ -133,8 +152,9 @@ class CausalFunction:
     def __call__(self, *arguments: Any, guess: Mapping[str, Any] | None = None) -> Any:
         """Values of the targets, then the status. Raises TypeError for a wrong number or shape of arguments.
 
-        guess: where Newton blocks start, by name, each of its variable's shape or with rows: the last sample of a
-        controller, or a simpler model's answer. A row whose guess is not near a solution goes the ordinary way, from
+        guess: where Newton blocks start, by name of any variable, each of its variable's shape or with rows: the last
+        sample of a controller, or a simpler model's answer. What it leaves open of the blocks' unknowns follows from
+        the equations, from the home pose. A row whose guess is not near a solution goes the ordinary way, from
         the home pose; from a near one the solution is that of the guess, whatever branch it is on.
         """
         columns, rows = self._columns(arguments)
@@ -188,14 +208,19 @@ class CausalFunction:
             for k, i in enumerate(indices):
                 sign, kept, m = self.plan.alias.resolve(i, order)
                 given[kept, m] = sign * flat[:, k]
-        starts: list[np.ndarray | None] = []
-        for block in self.plan.newton:
-            pairs = [self.flat.scope.owner(s) for s in block.unknowns]
-            lacking = [name for pair, name in zip(pairs, block.labels, strict=True) if pair not in given]
-            if lacking and len(lacking) < len(pairs):
-                raise TypeError(f"{self.name}: the guess says nothing on {', '.join(lacking)}; give these too")
-            starts.append(None if lacking else np.array([given[p] for p in pairs if p is not None]))
-        return starts
+        unknowns = [[p for p in map(self.flat.scope.owner, b.unknowns) if p is not None] for b in self.plan.newton]
+        lacking = [p for pairs in unknowns for p in pairs if p not in given]
+        told = {p: g for p, g in given.items() if self._completion.knows(p)}
+        if lacking and not told:
+            return [None] * len(unknowns)
+        if lacking:
+            rows = np.vstack(columns) if columns else np.zeros((0, n))
+            given |= dict(zip(lacking, self._completion(rows, told, lacking), strict=True))
+        return [np.array([given[p] for p in pairs]) for pairs in unknowns]
+
+    @cached_property
+    def _completion(self) -> Completion:
+        return Completion(self.plan, [p for s in self.inputs for p in s.pairs])
 
     def _unknowns(
         self, columns: list[np.ndarray], guesses: Sequence[np.ndarray | None] | None = None
@@ -205,6 +230,8 @@ class CausalFunction:
         code = np.zeros(n, dtype=int)
         zs: list[np.ndarray] = []
         given = np.vstack(columns) if columns else np.zeros((0, n))
+        if self._built.kernels:  # nothing is looked for where the inputs are too large
+            given = np.where(self.sizes.within(columns), given, np.nan)
         for k, kernel in enumerate(self._built.kernels):
             z, converged, singular = kernel.solve(given, None if guesses is None else guesses[k])
             code = np.where((code == 0) & ~converged, Status.NOT_CONVERGED, code)
@@ -226,16 +253,19 @@ class CausalFunction:
     ) -> np.ndarray:
         """Status code of each evaluated column from inputs, iterations (`found`), margins and outputs; the first
         cause wins."""
-        return status_codes(self.margins, columns, results, found)
+        return status_codes(self.margins, columns, results, found, sizes=self.sizes)
 
     def diagnose(self, *arguments: Any) -> str:
         """One sentence on a single call: ok, or which root or pivot failed and by how much."""
         columns, _ = self._columns(arguments)
         results, codes = self._evaluate(columns)
         status = Status(int(codes[0]))
+        if status is Status.OUT_OF_RANGE and (large := self._too_large(columns)):
+            return f"{status.sentence}: {large}"
         if status is Status.NOT_CONVERGED:
             labels = "; ".join(k.label for k in self._built.kernels)
-            return f"{status.sentence}: no solution for {labels} was reached on the way from the home pose"
+            why = f"no solution for {labels} was reached on the way from the home pose"
+            return "; ".join([f"{status.sentence}: {why}", *self.notes])
         for m, row in zip(self.margins, results[-1], strict=True):
             value = float(row[0])
             if m.kind == "condition" and not value >= 0:
@@ -246,6 +276,17 @@ class CausalFunction:
             if m.kind == "pivot" and not abs(value) > PIVOT_TOLERANCE * m.scale:
                 return f"{status.sentence}: the pivot for {m.label} is {abs(value):.4g}, typically {m.scale:.4g}"
         return status.sentence
+
+    def _too_large(self, columns: list[np.ndarray]) -> str:
+        """Which argument of a single call is the one that is too large, or ""."""
+        if self.sizes.within(columns)[0]:
+            return ""
+        size = [float(np.max(np.abs(c[:, 0]), initial=0.0)) for c in columns]
+        n = int(np.argmax([s / limit for s, limit in zip(size, self.sizes.limits, strict=True)]))
+        return (
+            f"{[*[s.name for s in self.inputs], 'time'][n]} is as large as {size[n]:.4g}, and near "
+            f"{self.sizes.limits[n]:.4g} round-off reaches the lengths in the model; give numbers in its units"
+        )
 
     def _columns(self, arguments: Sequence[Any]) -> tuple[list[np.ndarray], int | None]:
         wanted = [(s.name, s.shape) for s in self.inputs]

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import casadi as ca
 
+from .constants import with_gathered_constants
 from .differences import with_differences
 from .factors import without_factors
 from .plan import Plan
@@ -29,4 +30,7 @@ def express(plan: Plan, expressions: Sequence[ca.SX], extra: Sequence[tuple[ca.S
     results = list(expressions)
     if pairs:
         _, results = ca.substitute_inplace([s for s, _ in pairs], [v for _, v in pairs], results)
-    return ca.cse(with_differences(ca.cse(without_factors(ca.cse(results))))) if results else []
+    if not results:
+        return []
+    shared = ca.cse(with_differences(ca.cse(without_factors(ca.cse(results)))))
+    return ca.cse(with_gathered_constants(shared))

@@ -11,13 +11,16 @@ import numpy as np
 from .emit import express
 from .newton import NewtonKernel
 from .plan import Plan
+from .whole import judged
+from .whole import whole as followed
 
 Pair = tuple[int, int]
 
 
 @dataclass(frozen=True, eq=False)
 class Built:
-    """closed: (inputs..., z of each Newton block...) -> (targets..., margins); `whole` has no z."""
+    """closed: (inputs..., z of each Newton block...) -> (targets..., margins); `whole` has no z, and its outputs are
+    (targets..., status, margins)."""
 
     closed: ca.Function
     kernels: list[NewtonKernel]
@@ -47,13 +50,16 @@ def build(
     out = [ca.vertcat(*[plan.symbol(*p) for p in pairs]) for _, pairs in outputs]
     names_in = _distinct(names_in)
     z_names = _distinct([f"z{k}" for k in range(len(plan.newton))], names_in)
-    names_out = [f"out_{n}" if n in names_in else n for n in [*(n for n, _ in outputs), "margins"]]
-    names_out = _distinct(names_out, [*names_in, *z_names])
-    margins = [m.expression for b in plan.blocks for m in b.margins]
+    names_out = [f"out_{n}" if n in names_in else n for n in [*(n for n, _ in outputs), "margins", "status"]]
+    *names_out, status_name = _distinct(names_out, [*names_in, *z_names])
+    with_status = [*names_out[:-1], status_name, names_out[-1]]
+    facts = [m for b in plan.blocks for m in b.margins]
+    margins = [m.expression for m in facts]
     results = express(plan, [*out, ca.vertcat(*margins) if margins else ca.SX(0, 1)])
     if not plan.newton:
-        whole = ca.Function(name, args, results, names_in, names_out)
-        return Built(whole, [], whole)
+        status = judged(args, results[:-1], results[-1], facts)
+        whole = ca.Function(name, args, [*results[:-1], status, results[-1]], names_in, with_status)
+        return Built(ca.Function(name, args, results, names_in, names_out), [], whole)
     unknowns = [ca.vertcat(*b.unknowns) for b in plan.newton]
     closed = ca.Function(f"{name}_closed", [*args, *unknowns], results, [*names_in, *z_names], names_out)
     residuals = express(plan, [ca.vertcat(*b.residuals) for b in plan.newton])
@@ -71,7 +77,7 @@ def build(
                 label=", ".join(block.labels),
             )
         )
-    return Built(closed, kernels, _whole(closed, kernels, residuals, unknowns, args, names_in, names_out, name))
+    return Built(closed, kernels, followed(closed, kernels, facts, name, names_in, with_status))
 
 
 def _distinct(names: Sequence[str], taken: Sequence[str] = ()) -> list[str]:
@@ -84,28 +90,6 @@ def _distinct(names: Sequence[str], taken: Sequence[str] = ()) -> list[str]:
             new = f"{name}_{k}"
         found.append(new)
     return found
-
-
-def _whole(
-    closed: ca.Function,
-    kernels: list[NewtonKernel],
-    residuals: list[ca.SX],
-    unknowns: list[ca.SX],
-    args: list[ca.SX],
-    names_in: list[str],
-    names_out: list[str],
-    name: str,
-) -> ca.Function:
-    """MX function with a root finder for each Newton block, started at the sample point."""
-    inputs = [ca.MX.sym(n, *a.shape) for n, a in zip(names_in, args, strict=True)]
-    zs: list[ca.MX] = []
-    for k, kernel in enumerate(kernels):
-        a = ca.vertcat(*args, *unknowns[:k])
-        problem = {"x": unknowns[k], "p": a, "g": residuals[k]}
-        options = {"error_on_fail": False, "abstol": 1e-13, "max_iter": 50}
-        finder = ca.rootfinder(f"{name}_find{k}", "newton", problem, options)
-        zs.append(finder(x0=kernel.z0, p=ca.vertcat(*inputs, *zs))["x"])
-    return ca.Function(name, inputs, closed.call([*inputs, *zs]), names_in, names_out)
 
 
 def _sample(plan: Plan, column: ca.SX, parametric: bool = False) -> np.ndarray:

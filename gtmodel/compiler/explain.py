@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from .sizes import DOUBLE
+
 if TYPE_CHECKING:
     from .causal import CausalFunction
+    from .plan import Plan
 
 
 def explain(f: CausalFunction) -> str:
@@ -19,6 +22,13 @@ def explain(f: CausalFunction) -> str:
     states = [flat.symbol_name(*p) for p in plan.states]
     if states:
         lines.append(f"  states: {', '.join(states)}")
+    limited = [
+        f"{s.name} {limit:.4g} {s.unit}"
+        for s, limit in zip(f.inputs, f.sizes.limits, strict=False)
+        if limit < DOUBLE.largest
+    ]
+    if limited:
+        lines.append(f"  norms of inputs go up to: {', '.join(limited)}")
     counts: dict[str, int] = {}
     for b in plan.blocks:
         counts[b.kind] = counts.get(b.kind, 0) + 1
@@ -40,6 +50,8 @@ def explain(f: CausalFunction) -> str:
             good = "must not be negative" if m.kind == "discriminant" else "must not vanish"
             lines.append(f"      {m.kind} of {m.label} {good} (typical size {m.scale:.3g})")
         lines += [f"      {e}" for e in b.equations]
+    lines += _home(plan) if plan.newton or any(not r.told_by for b in plan.blocks for r in b.roots) else []
+    lines += [f"  {note}" for note in f.notes]
     assumed = sorted(q.name for q in flat.parameters if q.nonzero)
     if assumed:
         lines.append(f"  assumes nonzero: {', '.join(assumed)}")
@@ -49,3 +61,16 @@ def explain(f: CausalFunction) -> str:
     if flat.branches:
         lines.append(f"  declared branches: {', '.join(b.name for b in flat.branches)}")
     return "\n".join(lines)
+
+
+def _home(plan: Plan) -> list[str]:
+    """The pose that roots and Newton continue: what is declared at the top, as far as the equations hold it."""
+    flat, place = plan.flat, {pair: n for n, pair in enumerate(plan.pairs)}
+    told = []
+    for name, (_, indices) in flat.groups.items():
+        resolved = [plan.alias.resolve(i, 0) for i in indices]
+        if "." in name or not all((kept, k) in place for _, kept, k in resolved):
+            continue
+        values = [f"{sign * plan.samples[0][place[kept, k]]:.6g}" for sign, kept, k in resolved]
+        told.append(f"{name} = {values[0] if len(values) == 1 else '[' + ', '.join(values) + ']'}")
+    return [f"  home pose: {'; '.join(told)}"] if told else []

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..lang.source import ModelError
 from .pivoted import pivoted_qr
-from .plan import Plan
+from .plan import Plan, condition_order
 from .sides import moved_to_branch, on_branch
 
 Pair = tuple[int, int]
@@ -34,6 +34,8 @@ ROUND_OFF = 1e-8
 SHORTEST = 1.0 / 128
 # of a step each Newton correction must shrink to this part of the last, so that no other assembly mode is entered
 CONTRACTION = 0.3
+# a correction is halved until the residual falls, to this part; to this one where it leaves the domain of a root
+SHORTEST_STEP, EDGE = 1e-3, 1e-12
 # free symbols approach their target in at most so many steps, until one is this small
 APPROACHES, NEAR = 20, 1e-6
 
@@ -165,7 +167,8 @@ class _Equations:
             w += step
             old, (r, jacobian) = np.linalg.norm(r), self(w, count)
             part = 1.0
-            while not np.linalg.norm(r) <= old and part > 1e-3:  # too far: back half the way
+            # too far: back half the way, and farther where no number comes out of a root
+            while not np.linalg.norm(r) <= old and part > (SHORTEST_STEP if np.all(np.isfinite(r)) else EDGE):
                 part /= 2
                 w -= part * step
                 r, jacobian = self(w, count)
@@ -291,10 +294,13 @@ class _Equations:
     def _labels(self) -> list[str]:
         structure, flat = self._plan.structure, self._plan.flat
         labels = []
-        for k in range(-int(structure.d.max(initial=0)), 1):
+        first = -int(structure.d.max(initial=0))
+        top = condition_order(flat, self._plan.conditions, self._plan.pairs)
+        for m in range(max(1 - first, top + 1)):
             for e, c in zip(structure.equations, structure.c, strict=True):
-                if c + k >= 0:
-                    labels.append(f"{e.label}{chr(39) * int(c + k)} ({e.where})")
+                if 0 <= c + first + m and first + m <= 0:
+                    labels.append(f"{e.label}{chr(39) * int(c + first + m)} ({e.where})")
+            labels += [f"{e.label}{chr(39) * m} ({e.where})" for e in self._plan.conditions if m <= top]
         return labels + [f"{e.label} ({e.where})" for e in flat.initial]
 
 

@@ -8,11 +8,13 @@ from dataclasses import dataclass, field, replace
 import casadi as ca
 import numpy as np
 
+from ..lang.source import ModelError
 from .alias import AliasResult, eliminate
 from .blocks import SolvedBlock
 from .branch import check_branches, follow, settle
 from .flat import FlatEquation, FlatModel
 from .graph import strong_components
+from .home import Moved, home_of, moved, starts_of
 from .kinks import has_kinks, kinked_in
 from .linear import solve_linear
 from .newton import NewtonBlock
@@ -35,7 +37,8 @@ class Plan:
     `samples` are consistent points (rows) over the chain symbols `pairs`. `parameters` are the numbers or
     symbols that stand for the parameters in the blocks. `conditions` are equations among the elements of one known
     variable, which its values must satisfy, `on_known` these with those of their derivatives that concern what is
-    read; `undetermined` variables have too few equations, but no target needs them.
+    read; `undetermined` variables have too few equations, but no target needs them. `moved` are start values that gave
+    way to the equations.
     """
 
     flat: FlatModel
@@ -55,6 +58,7 @@ class Plan:
     conditions: list[FlatEquation] = field(default_factory=list)
     on_known: list[Condition] = field(default_factory=list)
     undetermined: list[int] = field(default_factory=list)
+    moved: list[Moved] = field(default_factory=list)
 
     @property
     def newton(self) -> list[NewtonBlock]:
@@ -118,9 +122,10 @@ def make_plan(
         for k in range(-int(structure.d.max(initial=0)), 1)
     ]
     stage_residuals = _with_conditions(flat, stage_residuals, conditions, pairs)
-    sampler = Sampler(flat, pairs, [r for r in stage_residuals if r.numel()], _starts(flat, alias), frozenset(known))
+    sampler = Sampler(flat, pairs, [r for r in stage_residuals if r.numel()], starts_of(flat, alias), frozenset(known))
+    changed: list[Moved] = []
     if at is None:
-        samples = sampler.points(SAMPLE_POINTS)
+        sampler, samples, changed = _points(sampler, alias)
     else:
         samples, sampler.time = at[0][None, :], at[1]
     parameters = flat.p if fold is None else fold
@@ -167,6 +172,7 @@ def make_plan(
     plan = Plan(
         flat, alias, structure, stages, list(known), states, sorted(read), blocks, pairs, samples, uses_time,
         parameters, sampler, system, conditions, on_known, undetermined,
+        changed,
     )  # fmt: skip
     if at is None:
         settle(plan, sampler, branches or {})
@@ -243,15 +249,20 @@ def _folded(flat: FlatModel, derivatives: list[list[ca.SX]], fold: ca.SX) -> lis
     return [[next(flatten) for _ in chain] for chain in derivatives]
 
 
+def condition_order(flat: FlatModel, conditions: Sequence[FlatEquation], pairs: Sequence[Pair]) -> int:
+    """How often conditions on known values are differentiated, as often as these occur; -1 without any."""
+    highest = dict(sorted(pairs))
+    return max((highest.get(i, 0) for e in conditions for i, _ in flat.scope.symbols_in(e.residual)), default=-1)
+
+
 def _with_conditions(
     flat: FlatModel, stages: list[ca.SX], conditions: list[FlatEquation], pairs: list[Pair]
 ) -> list[ca.SX]:
     """Stage residuals with the conditions on known values, differentiated as often as these occur."""
     if not conditions:
         return stages
-    order = dict(sorted(pairs))  # highest derivative of each variable
     residual = ca.vertcat(*[e.residual for e in conditions])
-    top = max(order.get(i, 0) for e in conditions for i, _ in flat.scope.symbols_in(e.residual))
+    top = condition_order(flat, conditions, pairs)
     stages = [*stages, *[ca.SX(0, 1)] * max(0, top + 1 - len(stages))]
     for m in range(top + 1):
         stages[m] = ca.vertcat(stages[m], residual)
@@ -290,14 +301,20 @@ def _pairs(
     return sorted(pairs | set(wanted))
 
 
-def _starts(flat: FlatModel, alias: AliasResult) -> dict[Pair, float]:
-    """Start values by kept symbol: a variable's own before that of a removed name for the same quantity."""
-    starts: dict[Pair, float] = {}
-    for v in sorted(flat.variables, key=lambda v: v.index in alias.removed):
-        if v.start is not None:
-            sign, kept, order = alias.resolve(v.index, 0)
-            starts.setdefault((kept, order), sign * v.start)
-    return starts
+def _points(sampler: Sampler, alias: AliasResult) -> tuple[Sampler, np.ndarray, list[Moved]]:
+    """Consistent points of a causality, and which start values gave way. If some do the points are about the home pose
+    that all causalities of the model share."""
+    flat, declared = sampler.flat, dict(sampler.starts)
+    try:
+        samples = sampler.points(SAMPLE_POINTS)
+        if not moved(flat, sampler, samples[0], declared):
+            return sampler, samples, []
+    except ModelError:
+        if not home_of(flat):
+            raise
+    shared = replace(sampler, starts=starts_of(flat, alias, home_of(flat)))
+    samples = shared.points(SAMPLE_POINTS)
+    return shared, samples, moved(flat, shared, samples[0], declared)
 
 
 def _jacobians(
@@ -337,8 +354,11 @@ def _solve(
         labels = [u.name() for u in unknown]
         how = f"Newton in {', '.join(labels)}" + (f", {len(explicit)} explicit" if explicit else "")
         newton = NewtonBlock(unknown, left, labels, scale)
-        return SolvedBlock("Newton", names, equations, list(reversed(explicit)), [], [], how, newton)
-    return SolvedBlock(how.split(" in ")[0], names, equations, assignments, margins, roots, how)
+        solved = SolvedBlock("Newton", names, equations, list(reversed(explicit)), [], [], how, newton)
+    else:
+        solved = SolvedBlock(how.split(" in ")[0], names, equations, assignments, margins, roots, how)
+    solved.closures = tuple(residuals)
+    return solved
 
 
 def _size_margins(plan: Plan, sampler: Sampler) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -17,6 +18,7 @@ from .flat import FlatModel
 MAX_TRIES = 60
 HOPELESS = 20  # tries without any point after which none is expected
 NEWTON_STEPS = 60
+POINTS = 5  # of which the nearest is taken
 PATIENCE = 10  # steps that must at least halve the residual; Newton that has not found its way by then seldom does
 # residuals are in SI units of equations of order one; Gauss-Newton converges quadratically past this
 RESIDUAL_TOLERANCE = 1e-11
@@ -28,6 +30,13 @@ NARROW = 0.005
 HELD = 0.1
 # steps in which what has none follows what has one or is known, which waits
 FOLLOWING_STEPS = 10
+# on the way from home to a guess far off no step is longer, in nominals: an angle goes no further round than it must
+LONGEST = 0.5
+FOLLOWED = 1e-7  # a shorter one ends it
+# a step that leaves the domain of a root or a logarithm is halved, down to this part
+SHORTEST_PART = 1e-12
+# what starts outside the domain is drawn again, at most so often
+DRAWS = 30
 # s; some models have no solution at time 0; no round numbers, where roots may meet
 OTHER_TIMES = (1.1, 11.3, 0.13, 97.0)
 
@@ -41,12 +50,25 @@ class _Stage:
     def __call__(self, w: np.ndarray, p: np.ndarray, time: float) -> tuple[np.ndarray, csc_matrix | None]:
         r, values = (np.array(x.nonzeros()) for x in self._fun.call([ca.DM(w), ca.DM(p), ca.DM(time)]))
         if not np.all(np.isfinite(r)) or not np.all(np.isfinite(values)):
-            return r, None
+            return r, None  # outside the domain of a root, or at its edge
         return r, csc_matrix((values, self._indices, self._pointers), shape=self._shape)
+
+    def outside(self, w: np.ndarray, p: np.ndarray, time: float) -> np.ndarray:
+        """Which columns stand in a row that is not finite, or whose derivatives are not."""
+        r, values = (np.array(x.nonzeros()) for x in self._fun.call([ca.DM(w), ca.DM(p), ca.DM(time)]))
+        columns = np.repeat(np.arange(self._shape[1]), np.diff(self._pointers))
+        rows = ~np.isfinite(r)
+        rows[self._indices[~np.isfinite(values)]] = True
+        found = np.zeros(self._shape[1], dtype=bool)
+        found[columns[rows[self._indices]]] = True
+        return found
 
 
 def _least_norm(jacobian: csc_matrix, reach: np.ndarray, r: np.ndarray) -> np.ndarray:
     scaled: Any = jacobian @ diags(reach)
+    rows = np.flatnonzero(abs(scaled).sum(axis=1))
+    if len(rows) < len(r):  # equations among what stays where it is
+        scaled, r = scaled.tocsr()[rows], r[rows]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:
@@ -126,7 +148,9 @@ class Sampler:
         found: list[np.ndarray] = []
         closest = np.inf
         for seed in range(MAX_TRIES):
-            w = self._start(np.random.default_rng(seed), SPREAD if seed % 2 else NARROW)
+            rng = np.random.default_rng(seed)
+            w = self.near(rng, SPREAD if seed % 2 else NARROW)
+            self._into_domain(w, rng)
             residual = self.correct(w)
             if residual > RESIDUAL_TOLERANCE:
                 closest = min(closest, residual)
@@ -138,18 +162,50 @@ class Sampler:
                 break
         return found, closest
 
+    def nearest(self) -> np.ndarray | None:
+        """The consistent point nearest to the start values of a few, None if there is none."""
+        found, _ = self._points(POINTS)
+        return min(found, key=self._distance) if found else None
+
+    def residual(self, w: np.ndarray) -> float:
+        """Largest residual at a point, over the largest number in it, but at least over 1; infinite outside the
+        domain."""
+        p, scale = self.flat.require_values(), max(1.0, float(np.max(np.abs(w), initial=0.0)))
+        found = [fun(w, p, self.time) for fun, _ in self._functions]
+        return (
+            max((float(np.max(np.abs(r), initial=0.0)) if j is not None else np.inf for r, j in found), default=0.0)
+            / scale
+        )
+
     def _distance(self, w: np.ndarray) -> float:
         """How far a point is from the start values, in nominals."""
         off = [(w[self.position[pair]] - value) / self.flat.variables[pair[0]].nominal
                for pair, value in self.starts.items() if pair in self.position]  # fmt: skip
         return float(np.linalg.norm(off))
 
-    def _start(self, rng: np.random.Generator, spread: float) -> np.ndarray:
+    def near(self, rng: np.random.Generator, spread: float) -> np.ndarray:
+        """Start values with noise of `spread` nominals, and noise alone where there is none; the equations may not
+        hold there."""
         w = np.empty(len(self.pairs))
         for n, pair in enumerate(self.pairs):
             noise = self.flat.variables[pair[0]].nominal * rng.standard_normal()
             w[n] = self.starts[pair] + spread * noise if pair in self.starts else noise
         return w
+
+    def _into_domain(self, w: np.ndarray, rng: np.random.Generator) -> None:
+        """Draw again what stands in equations without a number: half as far from a start value, or anywhere."""
+        p = self.flat.require_values()
+        for fun, new in self._functions:
+            spread = np.full(new.size, SPREAD)
+            for _ in range(DRAWS):
+                outside = fun.outside(w, p, self.time)
+                if not outside.any():
+                    break
+                spread[outside] /= 2
+                for n in np.flatnonzero(outside):
+                    pair = self.pairs[new[n]]
+                    noise = self.flat.variables[pair[0]].nominal * rng.standard_normal()
+                    w[new[n]] = self.starts[pair] + spread[n] * noise if pair in self.starts else noise
 
     def correct(self, w: np.ndarray) -> float:
         """Gauss-Newton with least-norm steps in each stage; changes w; returns the worst residual."""
@@ -158,12 +214,12 @@ class Sampler:
         for fun, new in self._functions:
             norm = np.inf
             first, second = (reach[new] for reach in self._followers)
-            self._follow(fun, new, first, w, p)
-            if not np.array_equal(first, second):
-                self._follow(fun, new, second, w, p)
+            for reach in (first,) if np.array_equal(first, second) else (first, second):
+                if not np.all(reach):
+                    self._follow(fun, new, reach, w, p)
             norms: list[float] = []
+            r, jacobian = fun(w, p, self.time)
             for _ in range(NEWTON_STEPS):
-                r, jacobian = fun(w, p, self.time)
                 if jacobian is None:
                     return np.inf
                 norm = float(np.max(np.abs(r), initial=0.0))
@@ -175,24 +231,56 @@ class Sampler:
                 step = _least_norm(jacobian, self._reach[new], r)
                 if np.max(np.abs(step)) <= 1e-15 * (1 + np.max(np.abs(w[new]))):
                     break
-                w[new] += step
+                r, jacobian = self._step(fun, new, step, w, p)
             scale = max(1.0, float(np.max(np.abs(w[new]), initial=0.0)))
             worst = max(worst, norm / scale)
             if worst > RESIDUAL_TOLERANCE:
                 return worst
         return worst
 
+    def follow(self, w: np.ndarray, free: np.ndarray, wanted: Collection[int]) -> None:
+        """Let the symbols whose `free` (one each) is not 0 follow the others in w, as far as that goes: `wanted` ones,
+        by position, and those that come up in the same stages of the equations or before."""
+        p, nominal = self.flat.require_values(), np.array([self.flat.variables[i].nominal for i, _ in self.pairs])
+        stages = [n for n, (_, new) in enumerate(self._functions) if not set(wanted).isdisjoint(new.tolist())]
+        for fun, new in self._functions[: max(stages, default=-1) + 1]:
+            if not np.any(free[new]):
+                continue
+            r, jacobian = fun(w, p, self.time)
+            for _ in range(NEWTON_STEPS):
+                if jacobian is None:
+                    return
+                step = _least_norm(jacobian, nominal[new] * free[new], r)
+                size = float(np.max(np.abs(step) / np.maximum(nominal[new], np.abs(w[new]))))
+                if not np.isfinite(size):
+                    return
+                r, jacobian = self._step(fun, new, min(1.0, LONGEST / max(size, LONGEST)) * step, w, p)
+                if size <= FOLLOWED:
+                    break
+
     def _follow(self, fun: _Stage, new: np.ndarray, reach: np.ndarray, w: np.ndarray, p: np.ndarray) -> None:
         """Let what has a reach follow what has none, as far as it goes: else a wrong solution may be the nearest."""
-        if not np.any(reach) or np.all(reach):
+        if not np.any(reach):
             return
         best = np.inf
+        r, jacobian = fun(w, p, self.time)
         for _ in range(FOLLOWING_STEPS):
-            r, jacobian = fun(w, p, self.time)
             if jacobian is None:
                 return
             size = float(np.linalg.norm(r))
             if size > 0.9 * best or size <= RESIDUAL_TOLERANCE * 1e-2:
                 return
             best = size
-            w[new] += _least_norm(jacobian, reach, r)
+            r, jacobian = self._step(fun, new, _least_norm(jacobian, reach, r), w, p)
+
+    def _step(
+        self, fun: _Stage, new: np.ndarray, step: np.ndarray, w: np.ndarray, p: np.ndarray
+    ) -> tuple[np.ndarray, csc_matrix | None]:
+        """Change w by the step, or by as much of it as leaves the equations numbers; what they give there."""
+        begin, part = w[new].copy(), 1.0
+        while True:
+            w[new] = begin + part * step
+            r, jacobian = fun(w, p, self.time)
+            if jacobian is not None or part <= SHORTEST_PART:
+                return r, jacobian
+            part /= 2

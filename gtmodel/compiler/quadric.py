@@ -138,7 +138,6 @@ def _pencil(
     """
     n = len(unknowns)
     v = ca.vertcat(*unknowns)
-    zero = ca.SX.zeros(n, 1)
     hessians = []
     for r in residuals:
         h = ca.hessian(r, v)[0]
@@ -148,9 +147,11 @@ def _pencil(
     reference = _reference(hessians)
     mu = [_ratio(h, hessians[reference]) for h in hessians]
     others = [i for i in range(n) if i != reference]
-    planes = [residuals[i] - mu[i] * residuals[reference] for i in others]
-    gradients = [ca.substitute([ca.gradient(p, v)], [v], [zero])[0] for p in planes]
-    offsets = [-ca.substitute([p], [v], [zero])[0] for p in planes]
+    row, hessian = residuals[reference], hessians[reference]
+    centre, central = _centre(row, v, hessian, signs)
+    planes = [residuals[i] - mu[i] * row for i in others]
+    gradients = [ca.substitute([ca.gradient(p, v)], [v], [centre])[0] for p in planes]
+    offsets = [-ca.substitute([p], [v], [centre])[0] for p in planes]
     if n == 2:
         b = gradients[0]
         normal = ca.vertcat(-b[1], b[0])
@@ -160,18 +161,31 @@ def _pencil(
         b1, b2 = gradients
         normal = ca.cross(b1, b2)
         square = ca.dot(normal, normal)
-        # the point of both planes nearest to the origin
+        # the point of both planes nearest to the centre
         start = (offsets[0] * ca.cross(b2, normal) + offsets[1] * ca.cross(normal, b1)) / square
-    row = residuals[reference]
-    slope = ca.gradient(row, v)
-    slope_at_start = ca.substitute([slope], [v], [start])[0]
-    qc = ca.substitute([row], [v], [start])[0]
-    qb = ca.dot(slope_at_start, normal)
-    qa = ca.dot(normal, hessians[reference] @ normal) / 2
-    line = ca.dot(v - start, normal) / square
+    value, slope = ca.substitute([row, ca.gradient(row, v)], [v], [centre])
+    slope = ca.vertcat(*[ca.SX(0) if central[k] else slope[k] for k in range(n)])
+    qc = value + ca.dot(slope, start) + ca.dot(start, hessian @ start) / 2
+    # a sphere's slope at the foot of a perpendicular is perpendicular to the line
+    round_one = all(central) and all((hessian[k, k] - hessian[0, 0]).is_zero() for k in range(n))
+    qb = ca.SX(0) if round_one else ca.dot(slope + hessian @ start, normal)
+    qa = ca.dot(normal, hessian @ normal) / 2
+    line = ca.dot(v - centre - start, normal) / square
     t, margins, root = _root(qa, qb, qc, line, signs, label)
     margins = [m for m in margins if m.kind != "pivot"] + [Margin("pivot", square, label)]
-    return [(u, start[k] + t * normal[k]) for k, u in enumerate(unknowns)], margins, root
+    return [(u, centre[k] + (start[k] + t * normal[k])) for k, u in enumerate(unknowns)], margins, root
+
+
+def _centre(row: ca.SX, v: ca.SX, hessian: ca.SX, signs: SignAnalysis) -> tuple[ca.SX, list[bool]]:
+    """The centre of a quadric along the axes where it has one that needs no pivot, else 0; and where that is.
+
+    Seen from there, squares of coordinates far from the origin need not cancel.
+    """
+    n = v.numel()
+    slope = ca.substitute([ca.gradient(row, v)], [v], [ca.SX.zeros(n, 1)])[0]
+    diagonal = all(hessian[i, j].is_zero() for i in range(n) for j in range(n) if i != j)
+    central = [diagonal and not hessian[k, k].is_zero() and signs.kind(hessian[k, k]) is not None for k in range(n)]
+    return ca.vertcat(*[-slope[k] / hessian[k, k] if central[k] else ca.SX(0) for k in range(n)]), central
 
 
 def _reference(hessians: list[ca.SX]) -> int:

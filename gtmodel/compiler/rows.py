@@ -14,6 +14,7 @@ from ..results.status import Status
 
 if TYPE_CHECKING:
     from .causal import CausalFunction
+    from .sizes import Sizes
 
 # a pivot below this fraction of its typical size means singular. A pivot that is a root, as of a link at right angles
 # to its guideway, is known to the root of round-off only, 1e-8: below that no double can tell it from zero
@@ -77,10 +78,11 @@ def status_codes(
     results: Sequence[np.ndarray],
     found: np.ndarray | None,
     tolerance: float = PIVOT_TOLERANCE,
+    sizes: Sizes | None = None,
 ) -> np.ndarray:
     """Status code of each column from inputs, iterations (`found`), margins (last of results) and outputs; the first
     cause wins. `tolerance`: below which part of its typical size a pivot means singular; limits have the precision
-    of the margins."""
+    of the margins. `sizes`: how large the inputs may be."""
     n = results[-1].shape[1]
     number = results[-1].dtype.type
     code = np.zeros(n, dtype=int) if found is None else found.copy()
@@ -93,6 +95,8 @@ def status_codes(
         code = np.where((code == 0) & bad, verdict, code)
     finite = np.all([np.all(np.isfinite(r), axis=0) for r in results[:-1]], axis=0)
     code = np.where((code == 0) & ~finite, Status.NOT_FINITE, code)
+    if sizes is not None:
+        code = np.where(sizes.within(columns), code, Status.OUT_OF_RANGE)
     inputs = np.all([np.all(np.isfinite(c), axis=0) for c in columns], axis=0) if columns else True
     return np.where(inputs, code, Status.NOT_FINITE)
 
@@ -117,8 +121,9 @@ class RowFunction:
             raise ModelError(
                 f"{function.name} holds {len(newton)} Newton block(s) and cannot leave its model; call it as it is"
             )
-        self._function = function.casadi
+        self._function = function.closed
         self._margins = [Margin(m.kind, m.scale) for m in function.margins]
+        self._sizes = function.sizes
         self._shapes = [s.shape for s in function.outputs]
 
     def __call__(self, *arguments: Any) -> tuple[Any, ...]:
@@ -126,7 +131,7 @@ class RowFunction:
         arrays = [np.asarray(a, dtype=float) for a in arguments]
         columns = [a.reshape(a.shape[0], -1).T for a in arrays]
         results = map_columns(self._function, columns)
-        status = status_codes(self._margins, columns, results, None)
+        status = status_codes(self._margins, columns, results, None, sizes=self._sizes)
         values = [r.T for r in results[:-1]]
         bad = np.flatnonzero(status != Status.OK)
         for v in values:

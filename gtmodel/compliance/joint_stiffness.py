@@ -151,7 +151,18 @@ def loaded_torque(tests: StaticTests, c: np.ndarray) -> np.ndarray:
 
 
 def predicted(tests: StaticTests, c: np.ndarray) -> np.ndarray:
-    """Displacement of the tool (n, 6) [m, rad] by joint compliances c (k,), eqs. (2), (3)."""
+    """Displacement of the tool (n, 6) [m, rad] by joint compliances c (k,), eqs. (2), (3).
+
+    Raises ValueError where K_q - K_c holds no equilibrium: the load is beyond what the joints carry.
+    """
+    if tests.K_c is not None:
+        c = np.asarray(c, float)
+        root = np.sqrt(np.maximum(c, 0.0))
+        scaled = root[:, None] * (tests.K_c + np.swapaxes(tests.K_c, 1, 2)) / 2 * root
+        over = np.flatnonzero(np.linalg.eigvalsh(scaled)[:, -1] >= 1)
+        if len(over):
+            raise ValueError(f"test {over[0] + 1}: load and gravity soften the joints to nothing, K_q - K_c is not "
+                             "positive definite; look at the units of wrench and stiffness")  # fmt: skip
     return np.einsum("nik,nk->ni", tests.J, c * loaded_torque(tests, np.asarray(c, float)))
 
 

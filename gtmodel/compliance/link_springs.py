@@ -36,7 +36,7 @@ class LinkSprings:
             value = np.asarray(getattr(self, name), float)
             if not np.all(np.isfinite(value)) or np.any(value < 0):
                 raise ValueError(f"{name} must be a compliance of zero or more; found {getattr(self, name)}")
-        if np.any(np.asarray(self.parallel) < 1):
+        if not np.all(np.asarray(self.parallel, float) >= 1) or not np.all(np.isfinite(self.parallel)):
             raise ValueError(f"parallel counts rods side by side, 1 or more; found {self.parallel}")
 
     def by_group(self, links: int, carts: int, axes: int) -> dict[str, Array]:

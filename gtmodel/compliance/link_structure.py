@@ -103,8 +103,11 @@ class LinkStructure:
 
     def spring_forces(self, wrench: ArrayLike, on_supports: ArrayLike = 0.0) -> Array:
         """(n, d + s): pull of each link [N] and force on each support [N, N.m] under a load (d,) or (n, d) on the
-        plate at T and forces on supports (n, s)."""
-        f = np.einsum("nds,nd->ns", self.carried, np.broadcast_to(np.asarray(wrench, float), self.U.shape[:2]))
+        plate at T and forces on supports (n, s). Raises ValueError for a load that is not finite."""
+        load = np.asarray(wrench, float)
+        if not np.all(np.isfinite(load)):
+            raise ValueError(f"the load is {load.tolist()}; expected finite numbers")
+        f = np.einsum("nds,nd->ns", self.carried, np.broadcast_to(load, self.U.shape[:2]))
         f[:, self.freedoms :] += on_supports
         return f
 
@@ -113,7 +116,8 @@ class LinkStructure:
         return np.einsum("nds,ns->nd", self.carried, self.total * self.spring_forces(wrench, on_supports))
 
     def shares(self, wrench: ArrayLike) -> dict[str, Array]:
-        """Which part of the work of that load (n,) each group of springs takes; they sum to 1."""
+        """Which part of the work of that load (n,) each group of springs takes; they sum to 1, and are NaN where
+        nothing gives way."""
         f = self.spring_forces(wrench) ** 2
         whole = f @ self.total
         return {name: f @ self.by_group[name] / whole for name in GROUPS}

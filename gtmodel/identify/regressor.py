@@ -86,6 +86,7 @@ class Regressor:
         self._uses_time = plan.uses_time
         self._plan, self._p0 = plan, flat.p0
         self._margins = [Margin(m.kind, m.scale) for b in plan.blocks for m in b.margins]
+        self._sizes = causal.sizes
         self._built = self._build([(c_name(s.name), s.pairs) for s in self.outputs])
         self._kernels = self._built.kernels
         self._function = self._made()
@@ -108,7 +109,7 @@ class Regressor:
             zs.append(z)
             given = np.vstack([given, z])
         results = map_columns(self._function, [*columns, *zs])
-        status = status_codes(self._margins, columns, results, found)
+        status = status_codes(self._margins, columns, results, found, sizes=self._sizes)
         m, p = len(self.columns), self.size
         Y, y0 = results[0].T.reshape(n, m, p), results[1].T
         bad = status != Status.OK
@@ -122,26 +123,27 @@ class Regressor:
 
     @cached_property
     def casadi(self) -> ca.Function:
-        """ca.Function (inputs of one row, as columns) -> Y (targets, p), y0 (targets,), for use in an optimisation.
+        """ca.Function (inputs of one row, as columns) -> Y (targets, p), y0 (targets,), status, for an optimisation.
 
-        `.map(n)` takes the rows side by side. With Newton blocks it holds root finders started at the home pose; the
-        call of this object is the guarded road.
+        The numbers are an answer only where `status` is 0, a code of `Status`. `.map(n)` takes the rows side by side.
+        Newton blocks are followed from the home pose as in `CausalFunction.casadi`.
         """
         f, m, p = self._function, len(self.columns), self.size
         names = [c_name(s.name) for s in self.inputs] + ["time"] * self._uses_time
         kind: Any = ca.MX if self._kernels else ca.SX
         inputs: list[Any] = [kind.sym(n, s.size) for n, s in zip(names, self.inputs, strict=False)]
         inputs += [kind.sym("time")] * self._uses_time
-        zs = self._unknowns().call([*inputs, ca.DM(self._p0)])[:-1] if self._kernels else []
+        # of the targets, which are linear in the parameters, the status is that at the model's own parameters
+        *zs, status, _ = self._status().call([*inputs, ca.DM(self._p0)])
         Y, y0, _ = f.call([*inputs, *zs])
-        return ca.Function("regressor", inputs, [ca.reshape(Y, p, m).T, y0], names, ["Y", "y0"])
+        return ca.Function("regressor", inputs, [ca.reshape(Y, p, m).T, y0, status], names, ["Y", "y0", "status"])
 
     def _build(self, outputs: list[tuple[str, Any]]) -> Built:
         inputs = [(c_name(s.name), s.pairs) for s in self.inputs]
         return build(self._plan, inputs, outputs, "efforts", parametric=True)
 
-    def _unknowns(self) -> ca.Function:
-        """(inputs..., parameters) -> unknowns of each Newton block, margins."""
+    def _status(self) -> ca.Function:
+        """(inputs..., parameters) -> unknowns of each Newton block, status, margins."""
         flat = self._plan.flat
         pairs = [tuple(flat.scope.owner(s) for s in b.unknowns) for b in self._plan.newton]
         return self._build([(f"z{k}", p) for k, p in enumerate(pairs)]).whole

@@ -64,6 +64,22 @@ class Identifiability:
         return len(self.names) - self.rank
 
     @property
+    def told(self) -> int:
+        """How many parameters, or combinations of them, are told better than they were known: those within the rank
+        that are not `near`."""
+        return self.rank - len(self.near)
+
+    @property
+    def counts(self) -> str:
+        """All of them in words, each counted once: told, no better than known, not at all."""
+        n, said = len(self.names), []
+        if self.near:
+            said.append(f"{len(self.near)} no better than they were known")
+        if self.redundant:
+            said.append(f"{self.redundant} not at all")
+        return ", ".join([f"{self.told} of {n} parameters or combinations are told", *said])
+
+    @property
     def condition(self) -> float:
         """Largest over smallest singular value within the rank."""
         return float(self.singular[0] / self.singular[self.rank - 1])
@@ -85,9 +101,8 @@ class Identifiability:
 
     def sentences(self) -> list[str]:
         """In words: the rank, what moves with what, what is told badly."""
-        n = len(self.names)
         by_tolerance = ", ".join(f"{r} at {t:.0e}" for t, r in self.ranks.items())
-        lines = [f"{self.rank} of {n} parameters or combinations are told (rank {by_tolerance})"]
+        lines = [f"{self.counts} (rank {by_tolerance})"]
         lines += self.dependencies.sentences()
         for d in self.near:
             lines.append(

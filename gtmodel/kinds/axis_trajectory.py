@@ -18,7 +18,7 @@ from .axis_keys import AxisTrajectoryProblem as Schema
 from .axis_motion import CARTS, AxisPlan
 from .axis_planning import LINKS, plan_of
 from .base import Context, Outcome, Row, at_most
-from .finer_mesh import PASSES, elements_after, helped, told
+from .finer_mesh import PASSES, elements_after, helped, how, told
 from .motion_limits import clearance
 from .trajectory import MARGIN_TOLERANCE
 from .verdict import failed_of
@@ -258,7 +258,9 @@ def _outcome(
     checks |= {n: at_most(x, bound, trouble) for n, (x, bound) in bounds.items()}
     return Outcome(
         status=SolveStatus.SOLVED,
-        message=f"{solution.message}, re-simulated, and tried on all six axes",
+        message="; ".join(
+            filter(None, [f"{how(solution)}, re-simulated, and tried on all six axes", solution.reservation])
+        ),
         objective=solution.objective,
         iterations=solution.iterations,
         checks=checks,

@@ -19,7 +19,7 @@ from .base import InputError
 from .calibration_confidence import Confidence
 from .calibration_data import PoseData
 from .calibration_keys import COSTS, Schema
-from .calibration_movement import moved_too_far
+from .calibration_movement import moved_too_far, untold
 from .calibration_priors import contradicted_priors
 
 HUBER = 1.345  # standard deviations: 95 % as sharp as least squares where there are no outliers
@@ -130,9 +130,9 @@ def verdict(found: Found, accuracy: float | None) -> tuple[bool, bool | None, li
     if not sound:
         return False, None, [f"not solved: {c.message}"]
     assert c.estimate is not None and found.after is not None
-    n, redundant = len(c.x), found.after.redundant
-    free = f"{redundant} of {n} are not told by these poses and stay near their start" if redundant else "all are told"
-    sentences.append(f"numerics sound: {c.message}, {n} unknowns, {free}")
+    sentences.append(f"numerics sound: {c.message}, {found.after.counts}")
+    if found.after.redundant:
+        sentences.append(untold(c, found.after))
     if c.estimate.known_noise:
         size = noise_size(c.estimate)
         sentences.append(size.sentence)

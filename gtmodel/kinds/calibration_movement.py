@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from gtmodel.calibrate import Calibration
+from gtmodel.inference import Identifiability
 
+OPEN = 1e-6  # share of a parameter's direction in what is not told; below is round-off
 FAR = 0.1  # of the largest length: a tape measure does not err by that
 
 
@@ -35,3 +37,19 @@ def moved_too_far(c: Calibration) -> list[str]:
                 f"{name} became {norms[1] / norms[0]:.3g} times as long as it was; are the units right? {asked}"
             )
     return said
+
+
+def untold(c: Calibration, found: Identifiability) -> str:
+    """What the poses leave open, and the parameter among it that moved farthest beside its expected size."""
+    u = c.problem.unknowns
+    names = [n for n, told in zip(found.names, found.told_by, strict=True) if told < 1 - OPEN]
+    size = dict(zip(found.names, found.scale, strict=True))
+    moved = {n: float(x - x0) for n, x, x0 in zip(u.names, c.x, u.start, strict=True) if n in names}
+    sentence = "what is not told has a value that is one of many that fit alike"
+    if not moved:
+        return sentence
+    name = max(moved, key=lambda n: (abs(moved[n]) / size[n], n))
+    unit = u.units[u.names.index(name)]
+    return (
+        f"{sentence}: of {len(names)} parameters concerned, {name} moved farthest, by {moved[name]:.3g} {unit}".rstrip()
+    )

@@ -37,6 +37,7 @@ VALUES = {
     "rounds": "numbers of poses that were tried",
     "parameters": "number of parameters to calibrate",
     "told": "how many combinations of them the poses tell",
+    "told_no_better": "how many of these they tell no better than they were known",
     "condition": "condition number of the slopes, in expected errors per noise",
     "o1": "observability index O1, geometric mean of singular values by the root of the number of poses",
     "o2": "O2, least by greatest singular value",
@@ -169,6 +170,7 @@ def _values(plan: Plan, checks: dict[str, Check], verdict: str) -> dict[str, Any
         "rounds": plan.rounds,
         "parameters": None if info is None else len(info.names),
         "told": None if told is None else told.rank,
+        "told_no_better": None if told is None else len(told.near),
         "condition": None if told is None else told.condition,
         **{f"o{k}": None if told is None else getattr(told.indices, f"o{k}") for k in range(1, 6)},
         "identifiability": [] if told is None else told.sentences(),
@@ -236,7 +238,7 @@ def _rows(plan: Plan, values: dict[str, Any]) -> list[Row]:
         Row("share of the workspace left", values["workspace_left"]),
         Row("poses to calibrate with", values["poses"]),
         Row("poses held out", values["held_out"]),
-        Row("parameters told", f"{values['told']} of {values['parameters']}"),
+        Row("parameters told", _told(values)),
         Row("condition number", values["condition"]),
         *(Row(f"observability O{k}", values[f"o{k}"]) for k in range(1, 6)),
     ]
@@ -252,6 +254,12 @@ def _rows(plan: Plan, values: dict[str, Any]) -> list[Row]:
         rows.append(Row("poses that suffice", "more than looked at" if enough is None else enough))
     for curve, kind in (("curve", "selected"), ("grid_curve", "of a grid")):
         rows += [Row(f"error with {p['poses']} {kind}", 1e3 * p["predicted_error_m"], "mm") for p in values[curve]]
-    if values["told"] != values["parameters"]:
+    if values["told"] != values["parameters"] or values["told_no_better"]:
         rows += [Row("not told", sentence) for sentence in values["identifiability"][1:]]
     return rows + [Row("assumed", sentence) for sentence in values["assumptions"]]
+
+
+def _told(values: dict[str, Any]) -> str:
+    weak = values["told_no_better"]
+    said = f"{values['told'] - weak} of {values['parameters']}"
+    return f"{said}, {weak} more no better than they were known" if weak else said

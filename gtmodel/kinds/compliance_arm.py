@@ -9,7 +9,6 @@ from gtmodel.kinematics.section import Section
 from gtmodel.kinematics.wrist_partition import WristPartition
 from gtmodel.lang import Model
 from gtmodel.results import Status
-from gtmodel.robots.kr500 import kr500_limits
 
 from .base import InputError
 from .compliance_keys import Schema
@@ -37,7 +36,7 @@ class ArmStudy:
         except (AttributeError, ValueError) as error:
             raise InputError(f"expected a serial arm such as kr500; {error}", "robot") from error
         self.R = pose.R[0]
-        self.limits = kr500_limits() if problem.robot == "kr500" else None
+        self.limits = getattr(model, "joint_limits", None)
         home = problem.pose_m
         self.home = pose.T[0] if home is None else np.asarray(home, float)
         branches = self.partition.inverse(pose.T - self.R @ self.tool, self.R[None]).q[0]
@@ -55,9 +54,11 @@ class ArmStudy:
 
     @property
     def assumptions(self) -> list[str]:
+        endless = ["no joint limits are known of this robot: poses beyond them count as reachable"]
         return [
             "joints give way about their axes alone, motors hold still; links and bearings are rigid",
             "the tool keeps the orientation of arm.pose_deg, the arm its branch",
+            *(endless if self.limits is None else []),
         ]
 
     def __call__(self, T: Array) -> Found:

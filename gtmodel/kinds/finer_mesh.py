@@ -39,3 +39,8 @@ def told(given: int, used: int, failed: Iterable[str]) -> str:
     if used == given:
         return ""
     return f" on {used} elements: on the given {given} {' and '.join(failed)} failed"
+
+
+def how(solution: Any) -> str:
+    """How it was solved, without what is not known of the answer."""
+    return str(solution.message).removesuffix(f": {solution.reservation}" if solution.reservation else "")

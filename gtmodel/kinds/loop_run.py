@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -43,8 +44,11 @@ LAWS = {
     "replay": ("the reference alone", "with a learned table"),
     "path": ("the programme alone", "with path correction"),
 }
-# Python and other work share the machine with the simulated controller: 0.2 s without a datagram is still no fault
-HOLD_CYCLES = 50
+# as long as the C program holds by itself
+HOLD_CYCLES = 5
+# Python and other work share the machine with the simulated controller: where that was silent for longer than the loop
+# may hold, the run says nothing about the loop and is made again
+ATTEMPTS = 5
 STEP_LIMIT_M = 0.1
 REACH_LIMIT_M = 1.0  # beyond the reference: the inverse of a slow drive asks for far more than it gets
 # of an arm on springs; no values of the prototype are published
@@ -54,7 +58,7 @@ GAINS = {"trajectory": 0.5, "dynamics": 0.5, "replay": 0.5, "path": 1.0}
 LEARNING, LEARNING_RUNS = 0.9, 30  # gain of Dressler 2012, section 7.3; simulated repetitions
 PATH_GAIN_PER_S, PATH_LIMIT_M = 2.0, 0.03  # slow beside drives of 1.1 Hz with five samples of delay
 # edges of the histogram that is printed, among the loop's powers of two; loop.json holds all
-REPLIES_US, PERIODS_US = (64, 512, 4096), (2048, 4096, 8192)
+REPLIES_US, PERIODS_US, COMPUTING_US = (64, 512, 4096), (2048, 4096, 8192), (4, 16, 64)
 # the end of a real-time run finds the loop waiting for the next datagram
 GOING = (STATES.index("running"), STATES.index("holding"))
 
@@ -81,6 +85,7 @@ def run(
     reference: Path | None = None,
     in_lockstep: bool = False,
     elastic_Hz: float | None = None,
+    deceleration_m_s2: float | None = None,
     out: Path | None = None,
     context: Context | None = None,
 ) -> Finished:
@@ -92,6 +97,8 @@ def run(
         seconds: of each of the two runs; with `in_lockstep` they go as fast as the machine allows.
         law: one of LAWS; it chooses the plant: drives of eq. (6.11), or for `dynamics` the rigid-body robot.
         elastic_Hz: the arm hangs on the carts by springs of this frequency, which no law knows; None: it is rigid.
+        deceleration_m_s2: of the fastest cart when the robot is lost, behind the cycles that are held; the largest that
+            the reference asks of a cart if None.
         reference: CSV with T, der(T), der(T,2) every 4 ms; the time-optimal motion of l1_min_time if None.
         out: for the loop's sources, logs and the picture; `folder`/loop if None.
 
@@ -102,22 +109,57 @@ def run(
         raise InputError(
             f"--elastic {elastic_Hz:g}: expected a frequency from {ELASTIC_HZ[0]:g} to {ELASTIC_HZ[1]:g} Hz"
         )
+    if deceleration_m_s2 is not None and not 0 < deceleration_m_s2 < math.inf:
+        raise InputError(f"--deceleration {deceleration_m_s2:g}: expected an acceleration above 0 m/s2")
     bench = prepare(folder, peer, seconds, law, LAWS, reference, in_lockstep, out, job)
+    stop = Stop.of(bench, deceleration_m_s2)
     runs: list[OneRun] = []
     try:
         for n, label in enumerate(LAWS[law]):
             job.progress(f"{peer}: {label}", n / 2)
-            runs.append(_run(bench, label, elastic_Hz, active=n == 1))
+            runs.append(_run(bench, label, elastic_Hz, stop, active=n == 1))
             if job.interrupted():
                 outcome = Outcome(status=SolveStatus.INTERRUPTED, message="stopped before both runs were compared")
                 return Finished(outcome, time.monotonic() - job.began)
     except LoopError as error:
         return Finished(Outcome(status=SolveStatus.FAILED, message=str(error)), time.monotonic() - job.began)
-    outcome = _outcome(bench, runs, elastic_Hz)
+    outcome = _outcome(bench, runs, elastic_Hz, stop)
     return Finished(outcome, time.monotonic() - job.began, _write(bench, runs, outcome))
 
 
-def _run(bench: Bench, label: str, elastic_Hz: float | None, *, active: bool) -> OneRun:
+@dataclass(frozen=True)
+class Stop:
+    """What a cart does when the robot is lost at the reference's greatest speed: it holds, then brakes."""
+
+    speed_m_s: float
+    deceleration_m_s2: float
+
+    @classmethod
+    def of(cls, bench: Bench, deceleration_m_s2: float | None) -> Stop:
+        """Of the reference's carts; where they rest any deceleration will do."""
+        rates = np.abs(bench.reference.rows[: bench.cycles, 3:9])
+        return cls(float(np.max(rates[:, :3])), deceleration_m_s2 or float(np.max(rates[:, 3:])) or 1.0)
+
+    @property
+    def distance_m(self) -> float:
+        """Held cycles at full speed, then a ramp in whole cycles."""
+        step = 1e-3 * CYCLE_MS
+        ramp = math.ceil(self.speed_m_s / (self.deceleration_m_s2 * step))
+        return self.speed_m_s * step * (HOLD_CYCLES + max(0, ramp - 1) / 2)
+
+
+def _run(bench: Bench, label: str, elastic_Hz: float | None, stop: Stop, *, active: bool) -> OneRun:
+    """One run; made again where the simulated controller was silent for longer than the loop may hold."""
+    for attempt in range(ATTEMPTS):
+        one, gap_s = _once(bench, label, elastic_Hz, stop, active=active)
+        held = one.report["state"] in GOING or gap_s < 1e-3 * CYCLE_MS * HOLD_CYCLES
+        if held or bench.in_lockstep or bench.context.interrupted() or attempt == ATTEMPTS - 1:
+            return one
+        bench.context.progress(f"{bench.peer}: {label}: the simulated controller was {1e3 * gap_s:.0f} ms late, again")
+    raise LoopError(label)
+
+
+def _once(bench: Bench, label: str, elastic_Hz: float | None, stop: Stop, *, active: bool) -> tuple[OneRun, float]:
     plant, programme = _plant(bench), None
     if elastic_Hz is not None:
         plant = ElasticPlant(plant, elastic_Hz, ELASTIC_DAMPING, 1e-3 * CYCLE_MS)
@@ -126,7 +168,7 @@ def _run(bench: Bench, label: str, elastic_Hz: float | None, *, active: bool) ->
     robot = RobotSide(bench.peer, plant, cycle_ms=CYCLE_MS, programme=programme)
     log = bench.place / ("loop_on.log" if active else "loop_off.log")
     log.unlink(missing_ok=True)  # of an earlier run in this folder, which gtmodel wrote
-    options = [*_options(bench, active), "--log", str(log)]
+    options = [*_options(bench, active), "--deceleration", repr(stop.deceleration_m_s2), "--log", str(log)]
     # in real time a late cycle is one more, and the loop ends when it is asked to
     options += ["--cycles", str(bench.cycles)] if bench.in_lockstep else []
 
@@ -145,7 +187,8 @@ def _run(bench: Bench, label: str, elastic_Hz: float | None, *, active: bool) ->
     if np.any(status != Status.OK):
         raise LoopError(f"{label}: the simulated robot left its workspace")
     programme_tcp, _ = bench.forward(done.planned_m)
-    return OneRun(label, log.read_bytes(), found, said, done.measured_m, tcp, programme_tcp)
+    one = OneRun(label, log.read_bytes(), found, said, done.measured_m, tcp, programme_tcp)
+    return one, done.longest_gap_s
 
 
 def _plant(bench: Bench) -> Plant:
@@ -227,7 +270,7 @@ def _programme(bench: Bench) -> Callable[[int, Sequence[float]], Sequence[float]
     return carts
 
 
-def _outcome(bench: Bench, runs: list[OneRun], elastic_Hz: float | None) -> Outcome:
+def _outcome(bench: Bench, runs: list[OneRun], elastic_Hz: float | None, stop: Stop) -> Outcome:
     errors = [_errors(bench, one) for one in runs]
     plain, active = (e["tcp_rms_mm"] for e in errors)
     bound = GAINS[bench.law]
@@ -253,9 +296,13 @@ def _outcome(bench: Bench, runs: list[OneRun], elastic_Hz: float | None) -> Outc
             "elastic_Hz": elastic_Hz,
             "cycles": bench.cycles,
             "real_time": real_time_granted,
+            "hold_cycles": HOLD_CYCLES,
+            "deceleration_m_s2": stop.deceleration_m_s2,
+            "greatest_speed_m_s": stop.speed_m_s,
+            "stopping_distance_m": stop.distance_m,
             "runs": [{"label": one.label, **e, **one.report} for one, e in zip(runs, errors, strict=True)],
         },
-        rows=_rows(runs, errors, bench.in_lockstep),
+        rows=[*_rows(runs, errors, bench.in_lockstep), *_stopping(stop)],
         figures={"tracking": lambda: _figure(bench, runs)},
     )
 
@@ -284,12 +331,22 @@ def _rows(runs: list[OneRun], errors: list[dict[str, float]], in_lockstep: bool)
             rows += [
                 Row(f"{one.label}: replies later than a cycle", str(one.report["missed_deadlines"])),
                 Row(f"{one.label}: worst reply, worst period", " ".join(_worst_ms(one.report)), "ms"),
+                Row(f"{one.label}: longest computing of a cycle", f"{one.report['compute_worst_us']}", "us"),
+                Row(f"{one.label}: computing", _histogram(one.report["compute_below_us"], COMPUTING_US)),
                 Row(f"{one.label}: replies", _histogram(one.report["reply_below_us"], REPLIES_US)),
                 Row(f"{one.label}: periods", _histogram(one.report["period_below_us"], PERIODS_US)),
             ]
     for line in dict.fromkeys(line for one in runs for line in one.said.splitlines()):
         rows.append(Row("the loop says", line))
     return rows
+
+
+def _stopping(stop: Stop) -> list[Row]:
+    return [
+        Row("greatest speed of a cart", stop.speed_m_s, "m/s"),
+        Row(f"a lost robot: held for {HOLD_CYCLES} cycles, then braked at", stop.deceleration_m_s2, "m/s2"),
+        Row("a lost robot: way to the stop from that speed", stop.distance_m, "m"),
+    ]
 
 
 def _worst_ms(found: dict[str, Any]) -> list[str]:

@@ -28,7 +28,6 @@ from gtmodel.milling import (
     tooth_frequency,
 )  # fmt: skip
 from gtmodel.milling.deflection import duration, samples_per_turn
-from gtmodel.robots.kr500 import kr500_limits
 
 from .base import Context, InputError
 from .milling_dynamics import Dynamics, source
@@ -93,10 +92,12 @@ def task_of(problem: Schema, context: Context) -> Task:
     for n, feed in enumerate([k.feed_direction, *problem.search.feed_directions]):
         key = "cut.feed_direction" if n == 0 else f"search.feed_directions[{n - 1}]"
         _made(lambda feed=feed: to_world(np.zeros(3), feed, up), key)
-    if problem.limits_deg is None and problem.robot != "kr500":
-        raise InputError("is missing; expected lower and upper limit of six joints, in deg", "limits_deg")
-    limits = kr500_limits() if problem.limits_deg is None else np.deg2rad(np.array(_six(problem.limits_deg)))
     model: Any = problem.model(context)
+    limits = getattr(model, "joint_limits", None)
+    if problem.limits_deg is not None:
+        limits = np.deg2rad(np.array(_six(problem.limits_deg)))
+    if limits is None:
+        raise InputError("is missing; expected lower and upper limit of six joints, in deg", "limits_deg")
     try:
         arm = WristPartition.of(model.origins, model.axes)
     except (ValueError, AttributeError) as error:

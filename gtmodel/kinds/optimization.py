@@ -137,7 +137,7 @@ def _outcome(solution: Solution) -> Outcome:
         tried, word = _tried(solution)
         values |= tried
         rows += [Row(name.replace("_", " "), value) for name, value in tried.items()]
-        message = f"{message} and {word}" if tried else f"{message}, but {word}"
+        message = f"{message}{' and' if tried and not solution.reservation else ';'} {word}"
     return Outcome(
         status=solution.status,
         message=message,

@@ -14,7 +14,7 @@ from gtmodel.optimize.resimulate import Resimulation, resimulate
 from gtmodel.results import SolveStatus, Trajectory
 
 from .base import Context, Outcome, at_most
-from .finer_mesh import PASSES, elements_after, helped, told
+from .finer_mesh import PASSES, elements_after, helped, how, told
 from .motion_follow import sampled
 from .motion_limits import clearance
 from .motion_planning import Plan, plan_of
@@ -367,7 +367,7 @@ def _outcome(found: Found, search: Search, finer: str, notes: list[str]) -> Outc
     )
     return Outcome(
         status=SolveStatus.SOLVED,
-        message="; ".join([f"{solution.message} and re-simulated{finer}", *notes]),
+        message="; ".join(filter(None, [f"{how(solution)} and re-simulated{finer}", *notes, solution.reservation])),
         objective=solution.objective,
         iterations=search.iterations,
         checks=found.checks,

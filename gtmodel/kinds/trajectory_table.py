@@ -116,9 +116,11 @@ def _outcome(problem: Schema, done: list[Outcome]) -> Outcome:
         if row.most_iterations is not None:
             checks[f"row_{n}_iterations"] = at_most(o.values["attempt_iterations"], float(row.most_iterations))
     runs = [(row.name, o.trajectory) for row, o in zip(problem.row, done, strict=True) if o.trajectory is not None]
+    reserved = [f"row {n}: {o.message}" for n, o in enumerate(done, 1) if o.message != done[0].message]
+    common = done[0].message
     return Outcome(
         status=SolveStatus.SOLVED,
-        message=f"{len(done)} rows solved and re-simulated",
+        message="; ".join([f"{len(done)} rows {common}", *reserved]),
         objective=done[0].objective,
         iterations=sum(o.iterations or 0 for o in done),
         checks=checks,

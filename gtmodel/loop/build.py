@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -71,9 +70,8 @@ def build(folder: Path, place: Path, axes: int) -> Path:
     """Write the loop's files into `place`, compile them with the generated `folder`, and return the program.
 
     A program that was built there from the same files is used again, unless it was changed since or another user may
-    change it. Every warning is an error but for CasADi's
-    unused parameters. Raises GenerationError for a folder that is not generated or was changed, without a compiler,
-    and for code that does not compile.
+    change it. Every warning is an error. Raises GenerationError for a folder that is not generated or was changed,
+    without a compiler, and for code that does not compile.
     """
     content = manifest_of(folder)
     tools = find()
@@ -93,12 +91,8 @@ def build(folder: Path, place: Path, axes: int) -> Path:
     own = [folder / f"gt_{content['name']}{part}.c" for part in ("", "_body")]
     hand = [place / name for name in texts if name.endswith(".c")]
     include = ("-I", folder, "-I", place)
-    with tempfile.TemporaryDirectory() as scratch:
-        body = Path(scratch) / "body.o"
-        good, text = tools.compile(own[1], body, body=True)
-        if good:
-            command = (tools.cc, *STANDARD, *WARNINGS, *include, *hand, own[0], body)
-            good, text = tools.run(*command, "-o", program, "-lm", "-pthread")
+    command = (tools.cc, *STANDARD, *WARNINGS, *include, *hand, *own)
+    good, text = tools.run(*command, "-o", program, "-lm", "-pthread")
     if not good:
         first = next((line for line in text.splitlines() if "error" in line), text.strip())
         raise GenerationError(f"the loop does not compile: {first}")

@@ -22,14 +22,15 @@ def _never(share: float) -> bool:
 
 @dataclass
 class Run:
-    """Carts (cycles, n) [m] before each cycle's step, `arm_m` where they move the tool, and the channels with what
-    arrived."""
+    """Carts (cycles, n) [m] before each cycle's step, `arm_m` where they move the tool, the channels with what arrived,
+    and the longest time between two datagrams of the robot, in real time [s]."""
 
     measured_m: np.ndarray
     arm_m: np.ndarray
     planned_m: np.ndarray
     to_loop: Channel = field(default_factory=Channel)
     to_robot: Channel = field(default_factory=Channel)
+    longest_gap_s: float = 0.0
 
 
 def lockstep(
@@ -63,11 +64,14 @@ def real_time(robot: RobotSide, loop: LoopProcess, cycles: int, stopped: Stopped
     """
     measured, arm, planned = [], [], []
     begin, step = time.monotonic(), robot.cycle_ms / 1000.0
+    sent, gap = begin, 0.0
     for cycle in range(cycles):
         measured.append(np.array(robot.plant.position_m))
         arm.append(np.array(robot.plant.arm_m))
         planned.append(list(robot.planned_m))
         loop.send(robot.datagram())
+        now = time.monotonic()
+        sent, gap = now, max(gap, now - sent)
         if stopped(cycle / cycles):
             break
         time.sleep(max(0.0, begin + (cycle + 1) * step - time.monotonic()))
@@ -78,4 +82,4 @@ def real_time(robot: RobotSide, loop: LoopProcess, cycles: int, stopped: Stopped
         loop.send(robot.datagram())
         time.sleep(step)
         robot.step(loop.received())
-    return Run(np.array(measured), np.array(arm), np.array(planned))
+    return Run(np.array(measured), np.array(arm), np.array(planned), longest_gap_s=gap)

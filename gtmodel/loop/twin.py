@@ -14,6 +14,7 @@ from .sequence import Sequence, near
 from .wire import DATAGRAM_MAX
 
 WAITING, RUNNING, HOLDING, RAMPING, STOPPED = range(5)
+RAMP_MOST = 100_000  # cycles
 
 
 @dataclass
@@ -29,12 +30,13 @@ class Limits:
 @dataclass
 class Settings:
     """dry: commands are logged, not sent. Without a command the last speed is held for hold_cycles, then it is ramped
-    to zero over ramp_cycles, and the loop stays stopped; a command outside the limits, and a robot that runs no more,
-    start the ramp at once."""
+    to zero, the fastest cart at deceleration_m_s2 or, where that is 0, over ramp_cycles, and the loop stays stopped; a
+    command outside the limits, and a robot that runs no more, start the ramp at once."""
 
     dry: bool = True
     hold_cycles: int = 5
     ramp_cycles: int = 50
+    deceleration_m_s2: float = 0.0
     limits: Limits = field(default_factory=Limits)
 
 
@@ -49,8 +51,9 @@ class Twin:
         self.feedback: Feedback | None = None
         self.first_ms = self.command_ms = self.cycles = self.late = self.garbage = self.datagrams = self.misses = (
             self.ramp_left
-        ) = 0
+        ) = self.ramp_cycles = 0
         self.ramp_from = [0.0] * AXES
+        self.coasting_m, self.coasted_m = [0.0] * AXES, 0.0
         self.command = Command()
         self.log = bytearray()
 
@@ -128,6 +131,7 @@ class Twin:
             return Status.OUT_OF_RANGE
         if status is Status.OK:
             self.command, self.command_ms = command, feedback.time_ms
+            self.coasting_m = [0.0] * AXES
         return status
 
     def _passed(self, feedback: Feedback) -> int:
@@ -154,6 +158,8 @@ class Twin:
             lowest, highest = limits.lowest_m[n], limits.highest_m[n]
             self.command.position_m[n] = lowest if moved < lowest else min(moved, highest)
             self.command.speed_m_s[n] = now
+            self.coasting_m[n] += abs(now * seconds)
+            self.coasted_m = max(self.coasted_m, self.coasting_m[n])
 
     def _miss(self) -> None:
         self.misses += 1
@@ -165,13 +171,21 @@ class Twin:
 
     def _begin_ramp(self) -> None:
         self.state = RAMPING
-        self.ramp_left = self.settings.ramp_cycles
+        self.ramp_cycles = self.ramp_left = self._ramp_length()
         self.ramp_from = list(self.command.speed_m_s)
+
+    def _ramp_length(self) -> int:
+        """Cycles of a ramp to zero: the fastest cart at the declared deceleration, and never fewer than that takes."""
+        lost = self.settings.deceleration_m_s2 * (self.peer.cycle_ms / 1000.0)
+        if not lost > 0.0:
+            return self.settings.ramp_cycles
+        cycles = max(abs(x) for x in self.command.speed_m_s[: self.peer.axes]) / lost
+        return math.ceil(cycles) if cycles < RAMP_MOST else RAMP_MOST
 
     def _ramp(self) -> None:
         if self.ramp_left > 0:
             self.ramp_left -= 1
-            self._coast(self.ramp_from, self.ramp_left / self.settings.ramp_cycles)
+            self._coast(self.ramp_from, self.ramp_left / self.ramp_cycles)
         if self.ramp_left == 0:
             self._coast(self.ramp_from, 0.0)
             self.state = STOPPED

@@ -29,6 +29,10 @@ TINY = 1e-9  # rad: shorter pieces of a period are none
 EVEN = 1e-12  # relative: pitches that differ by less are even
 
 
+class TooSlowError(ValueError):
+    """A period needs more nodes than are taken."""
+
+
 class Teeth(NamedTuple):
     """Teeth that meet what was left at the same `delay` [rad] of the spindle before: their angles [rad]."""
 
@@ -167,7 +171,7 @@ def _elements(
             continue
         number = int(np.ceil((end - start) / longest))
         if first + number * NODES > MOST:
-            raise ValueError(
+            raise TooSlowError(
                 f"at {60 * turning / (2 * np.pi):.4g} rpm a mode at {hertz:.3g} Hz swings "
                 f"{hertz * period / turning:.3g} times in a period of the cut, which needs more than {MOST} nodes: "
                 "look at the least depth of the stability lobes"

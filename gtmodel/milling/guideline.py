@@ -119,7 +119,7 @@ def guideline(f: Findings) -> list[str]:
         f"modes 1 Hz lower or higher than modelled change the deflection by {_signed(f.change_static)} at the static "
         f"choice, by {_signed(f.change)} at the dynamic one",
     ]
-    if min(abs(near_s.distance), abs(near_d.distance)) < NEAR_HZ:
+    if min(_hertz_apart(f.at_static, tooth), _hertz_apart(f.at_dynamic, tooth)) < NEAR_HZ:
         said.append(f"a mode less than {NEAR_HZ:g} Hz from the teeth decides everything: measure it in the chosen pose")
     said.append(_speed(f, x_d))
     if len(f.speeds) > 1:
@@ -127,6 +127,12 @@ def guideline(f: Findings) -> list[str]:
         said.append(f"the static choice deflects least, {1e3 * f.static_by_speed[best]:.3g} mm, at "
                     f"{60 * f.speeds[best]:.4g} rpm")  # fmt: skip
     return said
+
+
+def _hertz_apart(oscillators: Oscillators, tooth_frequency: float) -> float:
+    """Least distance [Hz] of a mode of the first pose from a harmonic: not that of the relatively nearest one."""
+    order = np.arange(1, HARMONICS + 1)
+    return float(np.abs(order[:, None] * tooth_frequency - oscillators.frequency[0]).min())
 
 
 def _signed(change: tuple[float, float]) -> str:

@@ -37,7 +37,8 @@ class Lobes:
         """Greatest axial depth (n,) [m] at spindle speeds (n,) [1/s] below the lobes and proven stable: up to it the
         spectral radius stays below 1 at all depths tried (`proven_depth`). Infinite: no limit below 1 m.
 
-        The zeroth order alone, `zeroth_order_at`, can be too deep: narrow cuts, few teeth, period doubling.
+        The zeroth order alone, `zeroth_order_at`, can be too deep: narrow cuts, few teeth, period doubling. Raises
+        ValueError for a speed that is not positive.
         """
         found = self.zeroth_order_at(speed)
         for i, at in enumerate(np.asarray(speed, float).ravel()):

@@ -18,13 +18,16 @@ def responses(oscillators: Oscillators, F: ArrayLike, step: float, *, hold: str 
     """x (t, 3) [m] of each pose at the times of F (t, 3) [N], world coordinates, `step` [s] apart; from rest.
 
     Exact for a force that is constant ("zero") or straight ("linear") between its samples: errors are of first and
-    of second order in the step for other forces. Raises ValueError for another hold, shape or step.
+    of second order in the step for other forces. Raises ValueError for another hold, shape or step, and for a force
+    that is not finite.
     """
     F = np.asarray(F, float)
     if hold not in HOLDS:
         raise ValueError(f"the hold is '{hold}'; expected one of {', '.join(HOLDS)}")
     if F.ndim != 2 or F.shape[1] != 3 or len(F) < 2:
         raise ValueError(f"the force has the shape {F.shape}; expected (t, 3) with two times or more")
+    if not np.all(np.isfinite(F)):
+        raise ValueError("the force holds a number that is not finite; expected finite numbers")
     if not step > 0:
         raise ValueError(f"the step is {step:g} s; expected more than 0")
     o = oscillators
@@ -64,10 +67,13 @@ def steady_state(oscillators: Oscillators, spectrum: np.ndarray, speed: float, s
     """(n, samples, 3) x [m] over one turn of the spindle at `speed` [1/s], all transients gone.
 
     spectrum (h + 1, 3): Fourier coefficients of the force in world coordinates by harmonics of the spindle. Raises
-    ValueError for a speed that is not positive, or fewer samples than twice the harmonics.
+    ValueError for a speed that is not positive, a spectrum that is not finite, or fewer samples than twice the
+    harmonics.
     """
     if not speed > 0:
         raise ValueError(f"the spindle speed is {60 * speed:g} rpm; expected more than 0")
+    if not np.all(np.isfinite(spectrum)):
+        raise ValueError("the spectrum holds a number that is not finite; expected finite numbers")
     n = np.arange(len(spectrum))
     if samples <= 2 * n[-1]:
         raise ValueError(f"{samples} samples cannot show {n[-1]} harmonics; expected more than {2 * n[-1]}")

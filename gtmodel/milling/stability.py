@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import minimize_scalar
 
-from .cutter import Cut, Cutter, immersion
+from .cutter import Cut, Cutter, immersion, tooth_frequency
 from .directional import directional_matrix, plane
-from .floquet import multipliers, teeth_by_delay
+from .floquet import TooSlowError, multipliers, teeth_by_delay
 from .oscillators import Oscillators
 from .semi_discretisation import semi_discretised_radius
 
@@ -97,6 +97,7 @@ def proven_depth(
     between them where the radius peaks near 1; the first that is unstable is bisected. A spindle too slow for that has
     `certain_depth`. Raises ValueError for impossible values.
     """
+    tooth_frequency(speed, cutter.teeth)
     low = certain_depth(oscillators, cutter, mode, radial_depth, feed, up=up)
     P = plane(feed, up)
 
@@ -111,7 +112,7 @@ def proven_depth(
         try:
             tried.append((depth, radius(depth)))
             high = _unstable(tried, radius)
-        except ValueError:  # too many nodes: nothing is proven from here on
+        except TooSlowError:  # too many nodes: nothing is proven from here on
             return tried[-1][0] if tried else low
         if high is not None:
             below = [x for x in tried if x[0] < high[0]]

@@ -22,11 +22,11 @@ def sentence(run: Run, nlp: Nlp) -> str:
 
 
 def solved_word(run: Run) -> str:
-    said = "solved" if run.word == "Solve_Succeeded" else "solved to the acceptable level only"
-    if run.other is None:
-        return said
-    other, word = run.other
-    return f"{said} with the {run.barrier} barrier strategy, after the {other} one failed ({_word(word)})"
+    word = "solved" if run.word == "Solve_Succeeded" else "solved to the acceptable level only"
+    if run.other is not None:
+        other, reason = run.other
+        word += f" with the {run.barrier} barrier strategy, after the {other} one failed ({_word(reason)})"
+    return f"{word}: {run.reservation}" if run.reservation else word
 
 
 def failure(run: Run, more: list[str]) -> str:

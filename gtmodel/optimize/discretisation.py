@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
+import casadi as ca
 import numpy as np
 
 from ..results.status import SolveStatus
@@ -21,7 +22,7 @@ from .solution import Check, Solution, constants, horizon
 from .system import System
 from .tables import Table, basis, basis_slope, table
 
-NAME = "discretisation_error"
+NAME, COST = "discretisation_error", "integral_error"
 # of a state's range: what a picture shows. Below it the mesh is a question of digits, which refine() answers; above
 # it the trajectory is no longer one of the model
 BOUND = 1e-2
@@ -30,6 +31,7 @@ EXTRA = 2  # Radau points beyond those of the mesh: four orders more at the elem
 # from the start on, and the optimum is a boundary value problem's. Then the nearest motion from any start measures it:
 # at 20, 50 and 100 elements that is what the optimum is off by on the tank and the van der Pol oscillator
 UNSTABLE = 30.0
+ZERO_COST = 1e-6  # over the objective's scale: BOUND of it is the solver's tolerance
 NOTHING = 1e-8  # of its nominal, as the solver works: a state that moves less stands still
 
 
@@ -41,6 +43,8 @@ class Discretisation:
         error: the largest of all.
         state: the name of the state that has it, and `time` [s] where.
         elements: (elements,) the error that each element adds by itself.
+        missed: (elements,) what the quadrature on each element misses of the integrals in the objective; `integral` is
+            the sum as a part of the integral of their absolute values.
         shadow: is it the distance to the nearest motion of the model under the same input from any start, as an
             unstable model wants it, and not that to the motion from the solution's own start?
     """
@@ -49,19 +53,22 @@ class Discretisation:
     state: str
     time: float
     elements: np.ndarray
+    missed: np.ndarray
+    integral: float
     shadow: bool = False
 
 
-def judged(solution: Solution, bound: float | None, exact: bool = False) -> Solution:
-    """The solution with its estimate among the checks; a solved one above the bound has status check_failed.
+def judged(solution: Solution, bound: float | None, exact: bool = False, scale: float = 1.0) -> Solution:
+    """The solution with its estimates among the checks; a solved one above the bound has status check_failed.
 
-    exact: the states at the points are those of an error-controlled integrator, so that there is nothing to estimate.
+    exact: the states at the points and the cost are those of an error-controlled integrator, so that there is nothing
+    to estimate. scale: what the solver multiplied the objective by.
     """
     if exact:
-        return solution.with_checks(**{NAME: Check(TOLERANCE, bound)})
-    found = discretisation(solution.nlp, solution.x)
-    solution = solution.with_checks(**{NAME: Check(found.error, bound)})
-    if not solution.status.ok or solution.checks[NAME].passed:
+        return solution.with_checks(**{NAME: Check(TOLERANCE, bound), COST: Check(TOLERANCE, bound)})
+    found = discretisation(solution.nlp, solution.x, scale)
+    solution = solution.with_checks(**{NAME: Check(found.error, bound), COST: Check(found.integral, bound)})
+    if not solution.status.ok or (solution.checks[NAME].passed and solution.checks[COST].passed):
         return solution
     return replace(solution, status=SolveStatus.CHECK_FAILED, message=f"{solution.message}, but {told(found, bound)}")
 
@@ -69,8 +76,13 @@ def judged(solution: Solution, bound: float | None, exact: bool = False) -> Solu
 def told(found: Discretisation, bound: float | None) -> str:
     """What a mesh that is too coarse says."""
     more = "take more elements, or gt.optimize.refine"
-    if not np.isfinite(found.error):
+    if not np.isfinite(found.error + found.integral):
         return f"between its points the equations of the model give no number, so that nothing tells its error; {more}"
+    if bound is not None and found.error <= bound:
+        return (
+            f"the mesh does not resolve the integral in the objective: it misses {found.missed.sum():.4g} of it, "
+            f"{found.integral:.2g} of the integral of its absolute value (bound {bound:g}); {more}"
+        )
     than = "the nearest motion of the model" if found.shadow else "what the model makes of its input"
     return (
         f"the mesh does not resolve the model: '{found.state}' is {found.error:.2g} of its range off {than} at "
@@ -86,26 +98,27 @@ class _Grid(NamedTuple):
     carried: np.ndarray
 
 
-def discretisation(nlp: Nlp, x: np.ndarray) -> Discretisation:
-    """Estimate for the scaled unknowns x of a collocation NLP; infinite where the equations give no number."""
+def discretisation(nlp: Nlp, x: np.ndarray, scale: float = 1.0) -> Discretisation:
+    """Estimate for the scaled unknowns x of a collocation NLP, whose objective the solver multiplied by `scale`;
+    infinite where the equations give no number."""
     mesh = placed(nlp, x)
-    if not nlp.problem.state_names:
-        return Discretisation(0.0, "", np.nan, np.zeros(mesh.elements))
-    unknown = Discretisation(np.inf, "", np.nan, np.full(mesh.elements, np.inf))
-    t0, tf = horizon(nlp, x)
+    none, (t0, tf) = np.full(mesh.elements, np.inf), horizon(nlp, x)
     if not np.all(np.isfinite(x)) or not tf > t0:
-        return unknown
+        return Discretisation(np.inf, "", np.nan, none, none, np.inf)
     with np.errstate(all="ignore"):
-        return _estimate(nlp, x, mesh, t0, tf - t0) or unknown
+        along = _along(nlp, x, mesh, t0, tf - t0)
+        missed, part = _integrals(along, mesh, nlp.problem, scale)
+        if not nlp.problem.state_names:
+            return Discretisation(0.0, "", np.nan, 0.0 * mesh.h, missed, part)
+        found = _estimate(along, nlp.problem, mesh, t0, tf - t0)
+        found = found or Discretisation(np.inf, "", np.nan, none, missed, part)
+        return replace(found, missed=missed, integral=part)
 
 
-def _estimate(nlp: Nlp, x: np.ndarray, mesh: Mesh, t0: float, duration: float) -> Discretisation | None:
-    problem, rule = nlp.problem, mesh.table
-    fine = table("radau", mesh.points + EXTRA)
-    scale, length = problem.x_scale, mesh.h * duration
-    K, nx = mesh.points, len(scale)
-    xs, rates, slopes = _along(nlp, x, mesh, np.concatenate([rule.points, fine.nodes]))
-    size = np.maximum(ranges(problem, xs.reshape(-1, nx)), NOTHING * scale)
+def _estimate(along: _Along, problem: DynamicProblem, mesh: Mesh, t0: float, duration: float) -> Discretisation | None:
+    fine, length, rule, K = along.fine, along.length, mesh.table, mesh.points
+    scale, (xs, rates, slopes) = problem.x_scale, (along.states, along.rates, along.slopes)
+    size = np.maximum(ranges(problem, xs.reshape(-1, len(scale))), NOTHING * scale)
     # what the solver left in the rows of the collocation points is no error of the mesh
     at_points = np.einsum("nix,ij->njx", xs[:, [K, *range(K)]], rule.derivative)
     noise = np.einsum("c,ncx->x", rule.weights, np.abs(at_points - length[:, None, None] * rates[:, :K])) / size
@@ -121,13 +134,27 @@ def _estimate(nlp: Nlp, x: np.ndarray, mesh: Mesh, t0: float, duration: float) -
     places = np.append(rule.points, 1.0)
     kept = basis(fine.nodes, places)
     own = np.einsum("pm,nmx->npx", kept[:, 1:], grid.own)
-    carried = np.einsum("pm,nmxy->npxy", kept[:, 1:], grid.carried) + kept[:, 0, None, None] * np.eye(nx)
+    carried = np.einsum("pm,nmxy->npxy", kept[:, 1:], grid.carried) + kept[:, 0, None, None] * np.eye(len(scale))
     each = np.maximum(np.abs(own) * parts - noise, 0.0).max(axis=(1, 2))
     errors = np.maximum(np.abs(own + np.einsum("npxy,ny->npx", carried, e[:-1])) * parts - noise, 0.0)
     errors = np.where(np.isfinite(errors), errors, np.inf)
     k, p, n = (int(i) for i in np.unravel_index(int(np.argmax(errors)), errors.shape))
-    time = t0 + (mesh.edges[k] + mesh.h[k] * places[p]) * duration
-    return Discretisation(float(errors[k, p, n]), problem.state_names[n], float(time), each, shadow)
+    time = float(t0 + (mesh.edges[k] + mesh.h[k] * places[p]) * duration)
+    return Discretisation(float(errors[k, p, n]), problem.state_names[n], time, each, 0.0 * each, np.inf, shadow)
+
+
+def _integrals(along: _Along, mesh: Mesh, problem: DynamicProblem, scale: float) -> tuple[np.ndarray, float]:
+    """What the mesh's rule misses of the integrals in the objective on each element, and of all as a part of the finer
+    rule's of their absolute values."""
+    if not problem.integrals:
+        return 0.0 * mesh.h, 0.0
+    values, K = along.integrands * np.array([w for _, _, w in problem.integrals]), mesh.points
+    fine = np.einsum("c,ncq->n", along.fine.weights, values[:, K + 1 :])
+    missed = along.length * (fine - np.einsum("c,ncq->n", mesh.table.weights, values[:, :K]))
+    size = np.einsum("c,n,ncq->", along.fine.weights, along.length, np.abs(values[:, K + 1 :]))
+    if not np.all(np.isfinite(missed)):
+        return missed, np.inf
+    return missed, float(abs(missed.sum()) / max(float(size), ZERO_COST / scale))
 
 
 def ranges(problem: DynamicProblem, xs: np.ndarray) -> np.ndarray:
@@ -142,28 +169,53 @@ def ranges(problem: DynamicProblem, xs: np.ndarray) -> np.ndarray:
     return found
 
 
-def _along(nlp: Nlp, x: np.ndarray, mesh: Mesh, places: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """States, the model's rates (N, places, nx), and their slopes by the states at all but the first K + 1 places."""
+@dataclass(frozen=True, eq=False)
+class _Along:
+    """What the model gives along a solution, at the mesh's points, the elements' left ends and the nodes of the finer
+    rule (P = K + 1 + M places): states and the model's rates (N, P, nx), integrands (N, P, integrals), and at the nodes
+    the slopes of the rates by the states (N, M, nx, nx). length: of the elements [s]."""
+
+    fine: Table
+    length: np.ndarray
+    states: np.ndarray
+    rates: np.ndarray
+    integrands: np.ndarray
+    slopes: np.ndarray
+
+
+def _along(nlp: Nlp, x: np.ndarray, mesh: Mesh, t0: float, duration: float) -> _Along:
     problem, layout = nlp.problem, nlp.element.layout
+    fine = table("radau", mesh.points + EXTRA)
+    places = np.concatenate([mesh.table.points, fine.nodes])
     N, n, nx, first = mesh.elements, len(places), layout.nx, mesh.points + 1
-    t0, tf = horizon(nlp, x)
     y = x[: nlp.end].reshape(N, layout.size) * layout.scale
     nodes = np.vstack([layout.left[:nx], layout.x])
     xs = np.einsum("pi,nix->npx", basis(mesh.table.nodes, places), y[:, nodes])
     inputs = np.stack([layout.inputs(row, places) for row in y]).reshape(N * n, -1)
     given, P = inputs[:, : layout.nu + len(problem.delayed)], constants(nlp, x)
-    times = t0 + (mesh.edges[:-1, None] + mesh.h[:, None] * places).ravel() * (tf - t0)
+    times = t0 + (mesh.edges[:-1, None] + mesh.h[:, None] * places).ravel() * duration
     system, rows = System.of(problem), xs.reshape(N * n, nx)
     # unknowns from the nearest collocation point: their polynomials overshoot
     nearest = np.abs(places[:, None] - mesh.table.points).argmin(axis=1)
     begin = inputs.reshape(N, n, -1)[:, nearest].reshape(N * n, -1)
     slope = np.einsum("pi,nix->npx", basis_slope(mesh.table.nodes, mesh.table.points), y[:, nodes])
-    slope /= (mesh.h * (tf - t0))[:, None, None]
+    slope /= (mesh.h * duration)[:, None, None]
     z = system.solved(rows, given, system.near(problem, begin, slope[:, nearest].reshape(N * n, nx)), P, times)
-    rates = system.at(rows, given, z, P, times)[0].reshape(N, n, nx)
+    rates, whole = system.at(rows, given, z, P, times)
+    integrands = np.zeros((N * n, 0))
+    if problem.integrals:
+        columns = [ca.DM(a.T) for a in (rows, rates, whole)]
+        arguments = [problem.x, problem.xd, problem.u, problem.P, problem.t]
+        f = ca.Function("integrals", arguments, [ca.vertcat(*[e for _, e, _ in problem.integrals])]).map(N * n)
+        integrands = f(*columns, ca.repmat(ca.DM(P), 1, N * n), ca.DM(times).T).full().T
     chosen = (np.arange(N)[:, None] * n + np.arange(first, n)).ravel()
-    slopes = system.slopes(rows[chosen], given[chosen], z[chosen], P, times[chosen])
-    return xs, rates, slopes.reshape(N, n - first, nx, nx)
+    slopes = np.zeros((0, nx, nx))
+    if nx:
+        slopes = system.slopes(rows[chosen], given[chosen], z[chosen], P, times[chosen])
+    return _Along(
+        fine, mesh.h * duration, xs, rates.reshape(N, n, nx), integrands.reshape(N, n, -1),
+        slopes.reshape(N, n - first, nx, nx),
+    )  # fmt: skip
 
 
 def _errors(fine: Table, missed: np.ndarray, slopes: np.ndarray) -> _Grid | None:

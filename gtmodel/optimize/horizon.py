@@ -129,7 +129,8 @@ def shortest_length(
     if length > 0:
         return SHORTEST * length
     first, last = (next((free.get(s.element_hash()) for s in ca.symvar(end)), None) for end in (h.t0, h.tf))
-    where = (last or first).where if last or first else None
+    end = last or first
+    where = end.where if end is not None else None
     raise ModelError(
         f"{flat.title}: the horizon is free, and at the guess of its ends {length:g} s long; guess an end after its "
         "start, or bound it: gt.free(guess=..., min=0.1)",

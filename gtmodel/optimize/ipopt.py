@@ -53,6 +53,8 @@ class Run:
     miss: of a run that solved its problem, the largest violation of a row beside the size of its terms (at least 1).
     barrier: the strategy that it was run with; "" with another solver. iterations: of both tries, where there were two.
     other: how the try with the other strategy ended, as (strategy, word); None where there was none.
+    curved: whether the reduced Hessian was positive definite in the last step, so that the answer is a minimum and no
+        saddle; None where that was not asked: without a step, or without second derivatives.
     """
 
     x: np.ndarray
@@ -67,6 +69,16 @@ class Run:
     miss: float | None = None
     barrier: str = ""
     other: tuple[str, str] | None = None
+    curved: bool | None = None
+
+    @property
+    def reservation(self) -> str:
+        """What is not known of an answer: a stationary point may be a saddle or a maximum. Empty where it is none."""
+        if self.curved or not self.status.ok:
+            return ""
+        if self.curved is None:
+            return "first-order conditions hold, whether it is a minimum was not tested"
+        return "first-order conditions hold, but it need be no minimum: the reduced Hessian is not positive definite"
 
     def at_best(self) -> Run:
         """The run with its best iterate in place of the last; what a failure says is about the last."""
@@ -199,8 +211,16 @@ def _once(
         )  # fmt: skip
     best = None if status.ok else watch.better_than(g, f)
     used = strategy if plugin == "ipopt" else ""
+    curved = _curved(stats) if used and options.hessian == "exact" else None
     count = int(stats["iter_count"])
-    return Run(x, g, f, Multipliers(rows, bounds), count, status, word, seconds, best, miss, used)
+    return Run(x, g, f, Multipliers(rows, bounds), count, status, word, seconds, best, miss, used, curved=curved)
+
+
+def _curved(stats: dict[str, Any]) -> bool | None:
+    """IPOPT counts the negative eigenvalues of every step's equations and adds to the Hessian until they are as many as
+    there are rows: what it added in the last step is zero where the reduced Hessian is positive definite as it is."""
+    added = stats.get("iterations", {}).get("regularization_size", [])
+    return added[-1] == 0.0 if len(added) > 1 else None
 
 
 def _miss(program: Program, x: np.ndarray, g: np.ndarray) -> float:

@@ -134,10 +134,10 @@ def solve_phases(
     x0 = np.concatenate([initial_guess(nlp, earlier.get(name)) for name, nlp in nlps.items()])
     scale = objective_scale(joined, x0, [m for n in nlps.values() for m in n.problem.misfits])
     run = run_ipopt(joined, x0, options, progress, scale=scale)
-    return _read(joined, run, options, throw)
+    return _read(joined, run, options, throw, scale)
 
 
-def _read(joined: Joined, run: Run, options: SolverOptions, throw: bool) -> PhasesSolution:
+def _read(joined: Joined, run: Run, options: SolverOptions, throw: bool, scale: float) -> PhasesSolution:
     status = run.status
     message = solved_word(run) if status.ok else failure(run, [*_infinite(joined, run), _worst(joined, run)])
     if status.ok:
@@ -152,8 +152,21 @@ def _read(joined: Joined, run: Run, options: SolverOptions, throw: bool) -> Phas
         x = run.x[columns]
         multipliers = Multipliers(run.multipliers.rows[rows], run.multipliers.bounds[columns])
         cost = float(nlp.nlp(x, [])[0])
-        own = Run(x, run.g[rows], cost, multipliers, run.iterations, status, run.word, run.seconds, None, run.miss)
-        solutions[name] = judged(replace(read_solution(nlp, own, status, message), linked=True), options.error_bound)
+        own = Run(
+            x,
+            run.g[rows],
+            cost,
+            multipliers,
+            run.iterations,
+            status,
+            run.word,
+            run.seconds,
+            None,
+            run.miss,
+            curved=run.curved,
+        )
+        solution = replace(read_solution(nlp, own, status, message), linked=True)
+        solutions[name] = judged(solution, options.error_bound, scale=scale)
     failed = [f"phase '{n}': {s.message}" for n, s in solutions.items() if s.status is not status]
     if failed:
         status, message = SolveStatus.CHECK_FAILED, "; ".join(failed)

@@ -30,18 +30,21 @@ def set_apart(
     A state is one if it stands in no equation but der(state) == ..., has a fixed start, no bounds and no constraint,
     and the objective holds nothing of it but its value at the final time, times a number or parameters.
     """
-    found: list[Quadrature] = []
     uses = _Uses(flat, constraints)
+    chosen: list[tuple[FlatVariable, list[Instant], ca.SX]] = []
     for v in flat.variables:
-        instants = uses.instants_of(v.index)
-        if v.index in preferred or not instants or not _plain(flat, v):
-            continue
-        integrand = uses.integrand(v.index)
+        instants, integrand = uses.instants_of(v.index), None
+        if v.index not in preferred and instants and _plain(flat, v):
+            integrand = uses.integrand(v.index)
         weights = [ca.gradient(objective, i.symbol) for i in instants]
-        if integrand is None or not all(
+        if integrand is not None and all(
             uses.at_end(i, v.index, final_time) and uses.steady(w) for i, w in zip(instants, weights, strict=True)
         ):
-            continue
+            chosen.append((v, instants, integrand))
+    if not uses.moves(but={v.index for v, _, _ in chosen}):
+        return objective, []  # a problem keeps a state
+    found: list[Quadrature] = []
+    for v, instants, integrand in chosen:
         assert v.start is not None
         total = ca.SX.sym(f"total of {v.name}")
         flat.scope.instants.append(Instant(total, integrand, None))
@@ -70,6 +73,11 @@ class _Uses:
         self.elsewhere = {i for e in others for i, _ in scope.symbols_in(e)}
         held = [r.expression for r in constraints] + [m.residual for m in scope.misfits]
         self.held = {s.element_hash() for e in held for s in ca.symvar(e)}
+
+    def moves(self, but: set[int]) -> bool:
+        """Does any other variable have a derivative in the equations?"""
+        pairs = [p for e in self.equations for p in self.flat.scope.symbols_in(e)]
+        return any(order > 0 and index not in but for index, order in pairs)
 
     def instants_of(self, index: int) -> list[Instant]:
         return [

@@ -11,7 +11,7 @@ from numpy.polynomial import legendre
 
 from ..lang.optimization import Delayed, Optimization
 from ..lang.source import ModelError
-from .discretisation import NAME, discretisation
+from .discretisation import COST, NAME, discretisation
 from .element import of_states
 from .mesh import Mesh, given_mesh
 from .nlp import placed
@@ -132,8 +132,8 @@ def refine(
     **options: Any,
 ) -> Refinement:
     """Solve on meshes that follow the error estimate until it is below the tolerance (in nominals) everywhere, and
-    limits on states alone are passed between the points by at most 1e-4 of their range, and the solution's own check of
-    its discretisation error holds.
+    limits on states alone are passed between the points by at most 1e-4 of their range, and the solution's own checks
+    of its mesh hold.
 
     Each pass starts from the last solution; `options` are those of solve(). Elements are split into up to four,
     and neighbours far below the tolerance are merged. It ends after `passes` solves or at `most_elements` too; see
@@ -172,12 +172,14 @@ def refine(
 
 
 def _unresolved(solution: Solution) -> np.ndarray:
-    """What each element adds to a check that failed, beside its share of what the bound allows; else nothing."""
-    check = solution.checks[NAME]
-    added = discretisation(solution.nlp, solution.x).elements
-    if solution.status.ok or check.bound is None or not 0 < added.sum() < np.inf:
-        return np.zeros(len(added))
-    return added * len(added) / added.sum() * (check.value / check.bound)
+    """What each element adds to the checks that failed, beside its share of what their bounds allow; else nothing."""
+    found = discretisation(solution.nlp, solution.x)
+    worse = np.zeros(len(found.elements))
+    for name, added in ((NAME, found.elements), (COST, np.abs(found.missed))):
+        check = solution.checks[name]
+        if not check.passed and check.bound is not None and 0 < added.sum() < np.inf:
+            worse = np.maximum(worse, added * len(added) / added.sum() * (check.value / check.bound))
+    return worse
 
 
 def _refuse_delays(model: Optimization) -> None:

@@ -28,6 +28,7 @@ class Solution:
 
     `trajectory` holds every top-level quantity at the mesh edges and collocation points; a control polynomial
     is extrapolated to the start. `free` are the constants the optimisation chose; `seconds` is wall time.
+    `reservation`: what a solved problem leaves open, such as whether a stationary point is a minimum; empty for none.
     """
 
     status: SolveStatus
@@ -42,6 +43,7 @@ class Solution:
     seconds: dict[str, float]
     checks: dict[str, Check] = field(default_factory=dict)
     bound_multipliers: np.ndarray = field(default_factory=lambda: np.zeros(0), repr=False)
+    reservation: str = ""
     linked: bool = False  # one of several phases: its rows are not all that hold it
 
     def with_checks(self, **checks: Check) -> Solution:
@@ -179,7 +181,7 @@ def read_solution(nlp: Nlp, run: Run, status: SolveStatus, message: str) -> Solu
     trajectory = evaluate(nlp, x, mesh_fractions(placed(nlp, x)))
     solution = Solution(
         status, message, run.objective, run.iterations, trajectory, free, nlp, x, run.multipliers.rows, run.seconds,
-        bound_multipliers=run.multipliers.bounds,
+        bound_multipliers=run.multipliers.bounds, reservation=run.reservation if status.ok else "",
     )  # fmt: skip
     return solution.with_checks(constraint_violation=Check(max(0.0, violation), 1e-6))
 

@@ -53,7 +53,8 @@ class SolverOptions:
             without progress and time limit.
         error_bound: of the check `discretisation_error` of each solution: the largest estimated error of a state at a
             mesh edge or collocation point, as a part of the state's range (entries of a vector share theirs). A
-            solution above it has status check_failed. None only reports.
+            solution above it has status check_failed. The same bound holds for `integral_error`: what the mesh misses
+            of the integrals in the objective, as a part of the integral of their absolute value. None only reports.
         compile: evaluate the elements by machine code instead of CasADi's virtual machine: the same optimum, and a
             second or two of the C compiler at the first solve, which `seconds["compile"]` shows. The library is kept
             in $GTMODEL_CACHE, by default ~/.cache/gtmodel. For problems that are solved again and again.
@@ -186,11 +187,13 @@ def solve_nlp(
     if options.solver == "fatrop":
         staged = Staged(nlp, scale)
         run = run_ipopt(staged, x0, options)
-        return _answer(nlp, staged.turned(run), options, throw)
-    return _answer(nlp, run_ipopt(nlp, x0, options, progress, warm, scale), options, throw)
+        return _answer(nlp, staged.turned(run), options, throw, scale)
+    return _answer(nlp, run_ipopt(nlp, x0, options, progress, warm, scale), options, throw, scale)
 
 
-def _answer(nlp: Nlp, run: Run, options: SolverOptions, throw: bool, exact: bool = False) -> Solution:
+def _answer(
+    nlp: Nlp, run: Run, options: SolverOptions, throw: bool, scale: float = 1.0, exact: bool = False
+) -> Solution:
     """The solution by name, with a sentence on how it ended. Raises NotSolved."""
     status, message = run.status, sentence(run, nlp)
     if status.ok and (said := astray(nlp, run.x)):
@@ -199,7 +202,7 @@ def _answer(nlp: Nlp, run: Run, options: SolverOptions, throw: bool, exact: bool
         run = replace(run, seconds={**run.seconds, "compile": nlp.compile_seconds})
     solution = read_solution(nlp, run.at_best(), status, message)
     began = time.perf_counter()
-    solution = judged(solution, options.error_bound, exact)
+    solution = judged(solution, options.error_bound, exact, scale)
     if throw and not status.ok:  # a failed check raises nothing: the whole solution is there
         raise NotSolved(solution)
     return replace(solution, seconds={**solution.seconds, "check": time.perf_counter() - began})

@@ -102,7 +102,12 @@ def _decoded(file: BinaryIO, path: PathLike) -> Iterator[str]:
             raise TrajectoryError(
                 f"{path} is not a UTF-8 text file (line {number}: {error.reason}); save it as UTF-8"
             ) from error
-        yield text.rstrip("\n").removesuffix("\r")
+        text = text.rstrip("\n").removesuffix("\r")
+        if "\r" in text:
+            raise TrajectoryError(
+                f"{path} line {number} holds a carriage return that ends no line; save the file with line feeds"
+            )
+        yield text
 
 
 def read_csv(path: PathLike) -> Trajectory:

@@ -62,6 +62,11 @@ class SphericalWristArm(gt.Model):
     flange = gt.part(Fixed, R=R_flange)
     load = gt.part(FrameLoad)
 
+    @property
+    def joint_limits(self) -> np.ndarray | None:
+        """Joint limits (6, 2), lower and upper [rad]; None for an arm of which none are known."""
+        return None
+
     def equations(self):
         before = self.ground.frame
         for i, link in enumerate(self.link):
@@ -80,14 +85,22 @@ class SphericalWristArm(gt.Model):
         yield self.v_W == gt.der(wrist.r)
 
 
-def kr500(**modifiers: Any) -> SphericalWristArm:
+class KR500(SphericalWristArm):
+    """The KR 500-3, whatever its geometry was calibrated to: with its own joint limits."""
+
+    @property
+    def joint_limits(self) -> np.ndarray:
+        return kr500_limits()
+
+
+def kr500(**modifiers: Any) -> KR500:
     """The KR 500-3 of the printed geometry. modifiers: any parameter of SphericalWristArm.
 
     Raises ModelError for an unknown parameter.
     """
     geometry = kr500_tables()["geometry"]
     values = {"origins": np.array(geometry["joint_origins_m"], float), "axes": np.array(geometry["joint_axes"], float)}
-    return SphericalWristArm(**{**values, **modifiers})
+    return KR500(**{**values, **modifiers})
 
 
 def kr500_limits() -> np.ndarray:

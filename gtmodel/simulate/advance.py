@@ -49,6 +49,8 @@ class Course:
         self.switches: list[Switch] = []
         self._x, self._z = system.reduced.from_point(start.w)
         self._work = np.zeros(2)
+        # of any state so far, in nominals: absolute tolerances mean nothing for a motion that is smaller
+        self.largest = float(np.max(np.abs(self._x) / system.stepper.x_scale, initial=0.0))
         self._time = float(rows[0])
         self._shortest = SHORTEST * float(rows[-1] - rows[0])
         self._stuck = float(rows[-1] - rows[0]) * min(STUCK, STUCK_ROWS / len(grid))
@@ -228,6 +230,7 @@ class Course:
 
     def _take(self, time: float, x: np.ndarray, z: np.ndarray, work: np.ndarray) -> None:
         self._time, self._x, self._z, self._work = float(time), x, z, work
+        self.largest = max(self.largest, float(np.max(np.abs(x) / self.system.stepper.x_scale, initial=0.0)))
 
     def _points(self, xs: np.ndarray, zs: np.ndarray, times: np.ndarray) -> np.ndarray:
         """Points over the plan's pairs, one row for each time."""

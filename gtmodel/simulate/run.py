@@ -20,6 +20,7 @@ from .inputs import Inputs, read_inputs
 from .jumps import refuse_jumps
 from .pace import pace_of
 from .record import Recorder
+from .resolution import resolution, unresolved
 from .result import NotSimulated, Progress, Simulation
 from .systems import System, Systems
 from .turnover import balance, unbalanced
@@ -64,7 +65,8 @@ def simulate(
         progress: called with the time reached; returning True stops the run, keeping what there is.
 
     Where the model declares its energies, their balance is checked: a run that reaches its end with an error of more
-    than a ten-thousandth of the energy that moved has the status CHECK_FAILED, and holds everything.
+    than a ten-thousandth of the energy that moved has the status CHECK_FAILED, and holds everything. So has one whose
+    states all stay below a thousand times the tolerance, in nominals: that motion is smaller than its own error.
 
     Raises ModelError for a wrong model, input or start, and NotSimulated for a run that ends early, unless throw is
     False.
@@ -93,9 +95,9 @@ def simulate(
         n = len(course.switches)
         message += f"; states switched {n} time{'s' * (n > 1)}"
     trajectory, energy_error, moved = ready.recorder.trajectory()
-    checks = balance(energy_error, moved)
-    if status.ok and (sentence := unbalanced(checks, moved)):
-        status, message = SolveStatus.CHECK_FAILED, f"{message}; {sentence}"
+    checks = balance(energy_error, moved) | resolution(course.largest, tolerance)
+    if status.ok and (sentences := [s for s in (unbalanced(checks, moved), unresolved(checks)) if s]):
+        status, message = SolveStatus.CHECK_FAILED, "; ".join([message, *sentences])
     simulation = Simulation(
         status,
         message,

@@ -70,9 +70,9 @@ class GaussianProcess:
         return self.mean + k.T @ self.weights, self.inflation * np.sqrt(variance)
 
     def interval(self, poses: np.ndarray, level: float = 0.95, *, of: str = "field") -> np.ndarray:
-        """Limits (n, 2) that hold the field, or a measurement of it, with probability `level`."""
+        """Limits (n, 2) that hold the field, or a measurement of it, with probability `level` in 0 .. 1."""
         mean, std = self.predict(poses, of=of)
-        q = float(stats.norm.ppf((1 + level) / 2))
+        q = quantile(level)
         return np.stack([mean - q * std, mean + q * std], axis=1)
 
     def leave_one_out(self) -> tuple[np.ndarray, np.ndarray]:
@@ -103,6 +103,13 @@ class GaussianProcess:
         """Between the training poses and others (n, m)."""
         r2 = square_distances(self.coordinates, self._scaled(poses), (0,) * self.coordinates.shape[1])[0]
         return self.level**2 + self.amplitude**2 * correlation(r2, self.shape)
+
+
+def quantile(level: float) -> float:
+    """Standard deviations on either side of the mean that hold it with probability `level`. Raises ValueError."""
+    if not 0 < level < 1:
+        raise ValueError(f"the level is {level:g}; expected a probability between 0 and 1, such as 0.95")
+    return float(stats.norm.ppf((1 + level) / 2))
 
 
 def level_of(y: np.ndarray) -> tuple[float, float]:

@@ -12,7 +12,8 @@ from scipy.linalg import eig
 
 from .record import VibrationError
 
-REAL = 1e-9  # relative: imaginary parts below are rounding
+REAL = 1e-9  # relative: imaginary, or real, parts below are rounding
+FREE = 1e-7  # of the largest pole: the two poles of a free motion are accurate to the root of rounding only
 SYMMETRIC = 1e-9  # relative asymmetry that is rounding
 
 
@@ -22,8 +23,8 @@ class Modes:
 
     `eigenvalues` (p,) of M^-1 K [1/s2]; `frequency_Hz` (p,) = sqrt(abs) / 2 pi, those of det(M lambda + K) = 0 with
     lambda = -eigenvalue; `shapes` (p, p) by column, largest entry 1, complex where eigenvalues are. `poles` (2p,) [1/s]
-    of M s^2 + D s + K, with `pole_Hz` = abs / 2 pi and `damping` = -Re / abs. `stable`: all poles left of the axis.
-    `words`: definiteness and signs in sentences.
+    of M s^2 + D s + K, with `pole_Hz` = abs / 2 pi and `damping` = -Re / abs. `stable`: all poles left of the
+    axis by more than rounding. `words`: definiteness and signs in sentences.
     """
 
     eigenvalues: np.ndarray
@@ -39,11 +40,11 @@ class Modes:
     @property
     def damping(self) -> np.ndarray:
         size = np.abs(self.poles)
-        return -np.real(self.poles) / np.where(size > 0, size, 1.0)
+        return np.where(on_axis(self.poles), 0.0, -np.real(self.poles) / np.where(size > 0, size, 1.0))
 
     @property
     def stable(self) -> bool:
-        return bool(np.real(self.poles).max() < 0)
+        return bool(np.all((np.real(self.poles) < 0) & ~on_axis(self.poles)))
 
 
 def modes(M: ArrayLike, D: ArrayLike, K: ArrayLike) -> Modes:
@@ -64,6 +65,12 @@ def modes(M: ArrayLike, D: ArrayLike, K: ArrayLike) -> Modes:
     words = [f"{name} is {definiteness(X)}" for name, X in (("M", M), ("D", D), ("K", K))]
     words += _signs(values[order], poles)
     return Modes(values[order], np.sqrt(np.abs(values[order])) / (2 * np.pi), shapes, poles, tuple(words))
+
+
+def on_axis(poles: np.ndarray) -> np.ndarray:
+    """Which poles neither grow nor decay but for rounding: undamped vibrations, and free motions of a body."""
+    size = np.abs(poles)
+    return (np.abs(np.real(poles)) <= REAL * size) | (size <= FREE * size.max(initial=0.0))
 
 
 def pencil_poles(M: np.ndarray, D: np.ndarray, K: np.ndarray) -> np.ndarray:
@@ -119,9 +126,12 @@ def _signs(values: np.ndarray, poles: np.ndarray) -> list[str]:
     else:
         n = int(np.sum(values <= 0))
         words.append(f"M^-1 K has {n} of {len(values)} eigenvalues that are not positive: without damping they diverge")
-    unstable = poles[np.real(poles) >= 0]
-    if not unstable.size:
+    held = on_axis(poles)
+    unstable, still = poles[(np.real(poles) > 0) & ~held], int(np.sum(held))
+    if not unstable.size and not still:
         words.append("M s^2 + D s + K is stable")
+    elif not unstable.size:
+        words.append(f"M s^2 + D s + K is undamped: {still} of {len(poles)} poles neither grow nor decay")
     else:
         growth = np.real(unstable).max()
         words.append(

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy import stats
 
-from .gaussian_process import GaussianProcess
+from .gaussian_process import GaussianProcess, quantile
 from .gaussian_process_fit import STARTS, fit_gaussian_processes, held_out
 from .gaussian_process_kernel import Inputs, Shape
 
@@ -47,7 +46,7 @@ class OscillatorField:
         err together.
         """
         log, std = self._log(name, pose, of)
-        q = float(stats.norm.ppf((1 + level) / 2))
+        q = quantile(level)
         return np.exp(np.stack([log - q * std, log + q * std], axis=-1))
 
     def covers(self, pose: Any) -> Any:
@@ -127,16 +126,18 @@ def fit_oscillator_field(
     `periodic`: whether A has period 2 pi, `shared`: whether m, c and k of a direction share their lengths, which makes
     intervals more honest and the C code three times shorter. `calibrate`: widen intervals by held-out errors, see
     held_out(); the errors (2, n) returned are in logarithms, with the standard deviations before widening.
-    Raises ValueError for wrong shapes and for values that are not positive.
+    Raises ValueError for wrong shapes and for values that are not positive or infinite.
     """
     poses = np.asarray(poses, float)
     values = {q: np.asarray(v, float) for q, v in zip(QUANTITIES, (m, c, k), strict=True)}
     for q, v in values.items():
         if poses.ndim != 2 or poses.shape[1] != 4 or v.shape != (len(poses), 3):
             raise ValueError(f"poses {poses.shape} and {q} {v.shape} do not fit; expected (n, 4) and (n, 3)")
-        if np.any(v <= 0):
-            row = int(np.argwhere(v <= 0)[0, 0])
-            raise ValueError(f"{q} is not positive at pose {row}; leave that measurement out as NaN")
+        wrong = (v <= 0) | np.isinf(v)
+        if np.any(wrong):
+            row = int(np.argwhere(wrong)[0, 0])
+            what = "not positive" if np.any(v[row] <= 0) else "infinite"
+            raise ValueError(f"{q} is {what} at pose {row}; leave that measurement out as NaN")
     inputs = Inputs(tuple(scale), (False, False, False, periodic))
     processes, errors = {}, {}
     for d, direction in enumerate(DIRECTIONS):

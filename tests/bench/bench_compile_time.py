@@ -147,7 +147,7 @@ def _configured(make: Callable[[int], type[gt.Model]], n: int) -> gt.Model:
 
 def _size(f: CausalFunction) -> str:
     """Operations of a closed form, the common ones counted once."""
-    return "Newton" if f.plan.newton else str(f.casadi.n_instructions())
+    return "Newton" if f.plan.newton else str(f.closed.n_instructions())
 
 
 def growth(times: list[float]) -> float:

@@ -1,11 +1,13 @@
 """A generated folder compiles as delivered, in C and C++, alone and beside others, and refuses what breaks it."""
 
 import re
+import shutil
 from pathlib import Path
 
 import pytest
 
 from gtmodel import cgen
+from gtmodel._files import codegen_dir
 from tests.cgen.conftest import Functions, c_files, copy, run, succeed
 
 STRICT = ("-Wall", "-Wextra", "-Wconversion", "-Wshadow", "-pedantic", "-Werror")
@@ -27,17 +29,35 @@ def test_makefile_builds_a_library_and_checks(small_folder: Path, tmp_path: Path
     assert sorted(p.name for p in folder.iterdir()) == sorted(p.name for p in small_folder.iterdir())
 
 
-def test_all_is_clean_c99_and_cpp17(small_folder: Path, tmp_path: Path) -> None:
-    folder = copy(small_folder, tmp_path)
-    own = [f for f in c_files(folder) if "_body" not in f]
-    cpp = ("g++", "-x", "c++", "-std=c++17")
-    for command in (
-        ("cc", "-std=c99", *STRICT, "-c", *own),
-        (*cpp, *STRICT, "-c", *own),
-        (*cpp, *STRICT, "-Wno-unused-parameter", "-c", "gt_small_body.c"),
-    ):
-        done = run(*command, cwd=folder)
-        assert (done.returncode, done.stderr) == (0, "")
+COMPILERS = ("cc -std=c99", "g++ -x c++ -std=c++17", "clang -std=c99", "clang++ -x c++ -std=c++17")
+
+
+@pytest.mark.parametrize("compiler", COMPILERS)
+@pytest.mark.parametrize("which", ["small", "newton"])
+def test_all_is_clean_without_an_exception(
+    compiler: str, which: str, small_folder: Path, newton_functions: Functions, tmp_path: Path
+) -> None:
+    words = compiler.split()
+    if shutil.which(words[0]) is None:
+        pytest.skip(f"there is no {words[0]} on this machine: install the package {words[0].replace('++', '')}")
+    if which == "small":
+        folder = copy(small_folder, tmp_path)
+    else:
+        folder = cgen.generate({"fk": newton_functions["six_link_fk"]}, tmp_path / "six", name="six").folder
+    done = run(*words, *STRICT, "-c", *c_files(folder), cwd=folder)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_the_hand_written_c_is_clean_too(small_folder: Path, tmp_path: Path) -> None:
+    """Runtime and loop, by clang where there is one: gcc compiles them in every test of the loop."""
+    if shutil.which("clang") is None:
+        pytest.skip("there is no clang on this machine: install the package clang")
+    place = codegen_dir()
+    files = [p for name in ("runtime", "loop") for p in sorted((place / name).glob("*.c"))]
+    files = [p for p in files if p.name != "gt_model_main.c"]
+    include = [f"-I{place / name}" for name in ("runtime", "loop")]
+    done = run("clang", "-std=c99", *STRICT, *include, "-c", *files, cwd=tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
 
 
 def test_cpp_program_calls_c(small_folder: Path, tmp_path: Path) -> None:

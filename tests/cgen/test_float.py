@@ -56,7 +56,7 @@ def test_compiles_in_c99_and_cpp17_and_tests_itself(folder: Path, tmp_path: Path
     own = [f for f in c_files(here) if "_body" not in f]
     for command in (("cc", "-std=c99"), ("g++", "-x", "c++", "-std=c++17")):
         succeed(*command, *STRICT, "-c", *own, cwd=here)
-        succeed(*command, *STRICT, "-Wno-unused-parameter", "-c", "gt_s_body.c", cwd=here)
+        succeed(*command, *STRICT, "-c", "gt_s_body.c", cwd=here)
     succeed("sh", "-c", "cc -ffp-contract=off *.c -lm", cwd=here)
     assert "every vector is reproduced bit for bit" in succeed("./a.out", cwd=here)
     (example,) = re.findall(r"```c\n(.*?)```", (here / "README.md").read_text(), re.S)
@@ -102,7 +102,7 @@ def test_singular_and_far_poses_have_their_status(l1: Functions, folder: Path, t
     rows = np.tile(good, (4, 1))
     rows[1, 1], rows[2, 0], rows[3, 3:] = 9.0, np.nan, 3e38
     outputs, status = call(library, face, rows)
-    assert status.tolist() == [Status.OK, Status.OUT_OF_RANGE, Status.NOT_FINITE, Status.NOT_FINITE]
+    assert status.tolist() == [Status.OK, Status.OUT_OF_RANGE, Status.NOT_FINITE, Status.OUT_OF_RANGE]
     assert np.all(outputs[1:] == FLOAT.array(FLOAT.held)) and outputs.dtype == np.float32
 
 

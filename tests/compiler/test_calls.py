@@ -203,7 +203,7 @@ class TestNames:
 
         f = Whole().causal(["parameters", "parameters_"], ["a.b", "a_b", "margins"])
         assert f(1.0, 2.0) == (3.0, 3.0, 6.0, Status.OK)
-        assert len({f.casadi.name_out(k) for k in range(f.casadi.n_out())}) == 4
+        assert len({f.casadi.name_out(k) for k in range(f.casadi.n_out())}) == 5
         assert f.casadi_parametric.n_in() == 3
 
     def test_functions_are_made_once(self):

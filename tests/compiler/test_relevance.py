@@ -128,6 +128,31 @@ def test_a_condition_may_depend_on_time():
         assert f(x, v, time)[1] is gt.Status.OUT_OF_RANGE
 
 
+class Hand(gt.Model):
+    """What the hand of a clock sweeps: its direction is given, and is to be of length 1."""
+
+    h = gt.variable(2, start=[1.0, 0.0])
+    swept = gt.variable(start=0.0, fixed=True)
+
+    def equations(self):
+        yield gt.dot(self.h, self.h) == 1
+        yield der(self.swept) == self.h[0] * der(self.h[1]) - self.h[1] * der(self.h[0])
+
+
+@pytest.mark.parametrize(
+    ("length", "named"), [(lambda t: 1.001 + 0 * t, "Hand equation 1 ("), (lambda t: 1 + t, "Hand equation 1' (")]
+)
+def test_a_simulation_names_the_condition_that_its_inputs_break(length, named):
+    def hand(t):
+        return np.array([np.cos(t), np.sin(t)]) * length(t)
+
+    with pytest.raises(gt.ModelError) as caught:
+        gt.simulate(Hand(), 1.0, inputs={"h": hand})
+    assert named in str(caught.value)
+    right = gt.simulate(Hand(), 1.0, inputs={"h": lambda t: np.array([np.cos(t), np.sin(t)])})
+    assert right.trajectory["swept"][-1] == pytest.approx(1.0, abs=1e-8)
+
+
 def test_a_function_that_does_not_read_them_asks_for_no_condition():
     f = Cart().causal(known=["x", "h"], targets="y")
     assert [s.name for s in f.inputs] == ["x"]

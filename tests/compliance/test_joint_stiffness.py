@@ -22,6 +22,7 @@ from gtmodel.compliance import (
     translational_compliance,
     with_compensator,
 )
+from gtmodel.compliance.joint_stiffness import predicted
 from gtmodel.inference import coverage, monte_carlo
 from tests.compliance.plants import ROBOT, SIGMA, TRUTH, one, planned, poses, tilting
 
@@ -211,3 +212,11 @@ def _vertical():
     p = poses()
     tests = p.tests(np.tile([0, 0, -4000.0, 0, 0, 0], (len(p.q), 1)), sigma=SIGMA)
     return replace(tests, displacement=np.full_like(tests.displacement, 1e-5))
+
+
+def test_a_load_that_the_joints_do_not_carry_is_refused():
+    made = synthetic_tests(planned(), TRUTH, None)
+    heavy = np.tile(np.diag(1 / np.array(TRUTH)), (len(made.J), 1, 1))
+    predicted(replace(made, K_c=0.5 * heavy), TRUTH)
+    with pytest.raises(ValueError, match="not positive definite"):
+        predicted(replace(made, K_c=1.5 * heavy), TRUTH)

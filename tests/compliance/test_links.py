@@ -251,3 +251,14 @@ def test_a_tube():
     outer = np.sqrt(4e-4 / np.pi)
     assert tube(1e11, outer, 0.0, 1.0) == pytest.approx(1e-7)
     assert tube(1e11, outer, outer / np.sqrt(2), [1.0, 2.0]) == pytest.approx([2e-7, 4e-7])
+
+
+@pytest.mark.parametrize("parallel", [0, np.nan, [1, 1, np.inf]])
+def test_rods_side_by_side_are_counted(parallel):
+    with pytest.raises(ValueError, match="parallel counts rods"):
+        LinkSprings(link=1e-7, parallel=parallel)
+
+
+def test_a_load_that_is_no_number_is_refused(structure):
+    with pytest.raises(ValueError, match="expected finite numbers"):
+        structure.deflection([np.nan, 0.0, 0.0])

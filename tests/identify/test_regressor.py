@@ -68,7 +68,8 @@ def test_cut_loose_and_pickled_it_stays_the_same():
 def test_symbols_for_an_optimisation():
     regressor = Regressor(robot(), THIRTEEN)
     rows = [np.array(x) for x in ([[0.1, 0.0, -0.1]], [[0.5, 0.4, 0.3]], [[1.0, -2.0, 3.0]])]
-    Y, y0 = regressor.casadi(*[r[0] for r in rows])
+    Y, y0, status = regressor.casadi(*[r[0] for r in rows])
+    assert float(status) == 0
     found = regressor(*rows)
     assert np.array_equal(Y.full(), found.Y[0])
     assert np.array_equal(y0.full().ravel(), found.y0[0])
@@ -116,7 +117,8 @@ def test_newton_blocks_read_geometry_alone():
     tau, _ = d1.causal("T", "tau")(T, Td, Tdd)
     p = np.array([d1.m_p, *d1.m_c, *d1.m_a, *d1.viscous], dtype=float)
     assert np.max(np.abs(regressor.effort(p, T, Td, Tdd) - tau)) < 1e-9 * np.max(np.abs(tau))  # Newton's tolerance
-    Y, y0 = regressor.casadi(T[0], Td[0], Tdd[0])
+    Y, y0, status = regressor.casadi(T[0], Td[0], Tdd[0])
+    assert float(status) == 0
     assert (Y.full() @ p + y0.full().ravel()) == pytest.approx(tau[0], rel=1e-9)
 
 

@@ -105,3 +105,21 @@ def test_wrong_slopes_get_a_sentence():
         identifiability(np.zeros((3, 2)), "ab")
     with pytest.raises(ValueError, match="the slopes of 'b' are not finite"):
         identifiability([[1.0, np.nan]], "ab")
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.lists(st.sampled_from([0.0, 1e-3, 0.1, 0.5, 2.0, 30.0, 1e4]), min_size=2, max_size=8), st.integers(0, 9999))
+def test_every_combination_is_counted_once_by_the_number_that_decides(sizes, seed):
+    """Slopes of chosen singular values: 0 is not told, below 1 no better than known, above 1 told."""
+    if not any(sizes):
+        sizes = [*sizes, 2.0]
+    n, rng = len(sizes), np.random.default_rng(seed)
+    U, V = (np.linalg.qr(rng.standard_normal((k, n)))[0] for k in (n + 4, n))
+    found = identifiability(U @ np.diag(sizes) @ V.T, [f"p{k}" for k in range(n)], scale=np.ones(n))
+    wanted = [sum(s > 1 for s in sizes), sum(0 < s < 1 for s in sizes), sum(s == 0 for s in sizes)]
+    assert [found.told, len(found.near), found.redundant] == wanted
+    first, *others = found.sentences()
+    assert first.startswith(f"{wanted[0]} of {n} parameters or combinations are told")
+    assert ("no better than they were known" in first) == (wanted[1] > 0) == any("no better" in s for s in others)
+    numbers = [int(w) for w in first.partition(" (rank")[0].replace(",", "").split() if w.isdigit()]
+    assert numbers == [wanted[0], n, *[w for w in wanted[1:] if w]]

@@ -1,10 +1,13 @@
 """What contradicts the poses is named: a prior, a sign, a scale of zero, many outliers; legs on held-out poses."""
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from gtmodel.inference import identifiability
+from gtmodel.kinds import calibration_movement
 from gtmodel.kinds.base import InputError
 from tests.kinds.calibration_problems import keys, shipped, solved, with_signals, written
 
@@ -84,3 +87,22 @@ def test_few_poses_are_said_to_be_untested(tmp_path: Path) -> None:
     assert v["poses"]["fitted"] == 20 and not v["colour_tested"] and v["intervals_hold"]
     assert any("20 fitted poses are too few to test whether residuals are coloured" in s for s in v["notes"])
     assert "parameters: 95 % intervals cover noise; colour not tested, 20 poses" in v["verdict"]
+
+
+def test_what_is_not_told_is_said_with_the_movement_that_was_found() -> None:
+    """A parameter of a free gauge that moved by 9 m stays near nothing; one that was told is not named."""
+    rng = np.random.default_rng(4)
+    for _ in range(20):
+        names = ("a", "b", "c")
+        J = np.column_stack([np.ones(6), np.ones(6), rng.standard_normal(6)])  # a + b alone is told, and c
+        start, moved = rng.standard_normal(3), 10.0 ** rng.uniform(-3, 1, 3)
+        unknowns = SimpleNamespace(names=names, start=start, units=("m", "m", "rad"))
+        c = SimpleNamespace(x=start + moved, problem=SimpleNamespace(unknowns=unknowns))
+        found = identifiability(1e3 * J, names, scale=np.ones(3))
+        sentence = calibration_movement.untold(c, found)  # type: ignore[arg-type]
+        farthest = int(np.argmax(moved[:2]))
+        assert (
+            f"{names[farthest]} moved farthest, by {moved[farthest]:.3g} m" in sentence
+            and "of 2 parameters" in sentence
+        )
+        assert "near" not in sentence

@@ -161,7 +161,7 @@ class TestSquaredSpeeds:
 class TestLine:
     def test_reference(self):
         o = outcome()
-        assert o.status is SolveStatus.SOLVED and o.message == "solved and re-simulated"
+        assert o.status is SolveStatus.SOLVED and o.message.startswith("solved and re-simulated")
         assert o.objective == pytest.approx(LINE, rel=PRINTED)
         assert o.iterations <= 20
         assert o.values["second_road_time_s"] == pytest.approx(LINE_BY_SPEEDS, rel=2 * PRINTED)

@@ -34,7 +34,7 @@ def refused(*settings: str) -> InputError:
 class TestTable:
     def test_costs_and_iterations(self):
         o = outcome()
-        assert o.status is SolveStatus.SOLVED and o.message == "4 rows solved and re-simulated"
+        assert o.status is SolveStatus.SOLVED and o.message.startswith("4 rows solved and re-simulated")
         assert set(o.values) == set(get("trajectory_table").VALUES)
         rows = o.values["rows"]
         for n, costs in FREE.items():

@@ -28,6 +28,36 @@ def _through_silence(bench: Bench, protocol: str) -> tuple[np.ndarray, bytes]:
     return rows_of(bench.log.read_bytes()), bytes(twin.log)
 
 
+@pytest.mark.parametrize("deceleration", [3.0, 40.0, 1e-300])
+def test_a_declared_deceleration_is_kept_and_the_way_is_told(bench: Bench, deceleration: float) -> None:
+    robots = bench.robot("egm"), bench.robot("egm")
+    twin = bench.twin("egm", "trajectory")
+    twin.settings.deceleration_m_s2 = deceleration
+    options = [*bench.options("egm", "trajectory"), "--cycles", "600", "--deceleration", repr(deceleration)]
+    with LoopProcess(bench.program, options) as process:
+        for robot, answering in zip(robots, (process.exchange, twin.exchange), strict=True):
+            for cycle in range(600):
+                silent = cycle >= BEFORE
+                answers = answering([] if silent else [robot.datagram()])
+                robot.step([] if silent else answers)
+        report = process.finish()
+    rows = rows_of(bench.log.read_bytes())
+    assert rows.tobytes() == bytes(twin.log)
+    speed, command = rows[:, 27:30], rows[:, 21:24]
+    fastest = np.abs(speed).max(axis=1)
+    assert fastest[BEFORE - 1] > 0.1 and np.all(fastest[BEFORE : BEFORE + HOLD] == fastest[BEFORE - 1])
+    lost = -np.diff(fastest[BEFORE + HOLD - 1 :]) / 0.004
+    assert np.all(lost >= 0)
+    if deceleration > 1.0:  # of a smaller one the ramp has as many cycles as there can be
+        assert lost.max() <= deceleration * (1 + 1e-9)
+        cycles = int(np.ceil(fastest[BEFORE - 1] / (0.004 * deceleration)))
+        assert rows[BEFORE + HOLD + cycles - 1, 3] == STOPPED and np.count_nonzero(lost) == cycles
+        way = 0.004 * fastest[BEFORE - 1] * (HOLD + (cycles - 1) / 2)
+        assert np.isclose(np.abs(command[-1] - command[BEFORE - 1]).max(), way, rtol=1e-9)
+        assert np.isclose(report["coasted_m"], way, rtol=1e-9) and twin.coasted_m == report["coasted_m"]
+    assert sum(report["compute_below_us"].values()) == report["cycles"]
+
+
 @pytest.mark.parametrize("protocol", ["egm", "rsi"])
 def test_silence_holds_the_speed_then_ramps_to_a_stop(bench: Bench, protocol: str) -> None:
     rows, twin_log = _through_silence(bench, protocol)

@@ -8,7 +8,7 @@ import pytest
 import gtmodel as gt
 from gtmodel import der
 from gtmodel.optimize import Mesh, SolverOptions, multi_start, refine, resimulate, solve, solve_phases, transcribe
-from gtmodel.optimize.discretisation import NAME, discretisation
+from gtmodel.optimize.discretisation import COST, NAME, discretisation
 from gtmodel.results import SolveStatus
 from tests.optimize import problems
 
@@ -238,3 +238,66 @@ def test_the_bound_is_the_callers():
     for wrong in (0.0, -1.0, "1"):
         with pytest.raises(gt.ModelError, match="error_bound"):
             SolverOptions(error_bound=wrong)
+
+
+class Hum(gt.Optimization):
+    """A cost that swings: the optimum is u = sign(sin 100 t), and the cost the mean of |sin|."""
+
+    w = gt.parameter(100.0, unit="1/s")
+    x = gt.variable(start=0.0, fixed=True)
+    u = gt.input(min=-1.0, max=1.0)
+    final_time = 1.0
+
+    def equations(self):
+        yield der(self.x) == self.u
+
+    def objective(self):
+        return -gt.integral(gt.sin(self.w * self.time) * self.u)
+
+    def constraints(self):
+        return ()
+
+
+class TestIntegrals:
+    """The states are right on any mesh here; the cost is not."""
+
+    EXACT = -float(np.trapezoid(np.abs(np.sin(100 * np.linspace(0, 1, 200001))), dx=5e-6))
+
+    @pytest.mark.parametrize(("mesh", "ok"), [((5, 3), False), ((50, 1), False), ((60, 3), True)])
+    def test_a_cost_that_the_mesh_does_not_resolve_is_told(self, mesh, ok):
+        s = solve(Hum(), Mesh(*mesh))
+        assert s.status.ok == ok == s.checks[COST].passed and s.checks[NAME].passed
+        assert ok or "integral in the objective" in s.message
+        assert not ok or s.objective == pytest.approx(self.EXACT, rel=1e-2)
+
+    def test_refinement_goes_on_until_it_is_resolved(self):
+        r = refine(Hum(), Mesh(5), tolerance=1.0)
+        assert r.reached and len(r.passes) > 1 and r.solution.objective == pytest.approx(self.EXACT, rel=1e-2)
+
+    def test_a_cost_of_nothing_is_resolved(self):
+        """Perfect tracking: what is left is the solver's tolerance."""
+
+        class Track(Hum):
+            w = gt.parameter(1.0, unit="1/s")
+
+            def objective(self):
+                return gt.integral((self.x - gt.sin(self.w * self.time)) ** 2)
+
+        assert all(solve(Track(), Mesh(n)).status.ok for n in (5, 20, 80))
+
+    def test_without_a_state(self):
+        class Wave(gt.Optimization):
+            w = gt.parameter(60.0, unit="1/s")
+            u = gt.input()
+            final_time = 1.0
+
+            def objective(self):
+                return gt.integral((self.u - gt.sin(self.w * self.time)) ** 2 + 0.1 * self.u**2)
+
+            def equations(self):
+                return []
+
+            def constraints(self):
+                return ()
+
+        assert [solve(Wave(), Mesh(n)).status.ok for n in (4, 60)] == [False, True]

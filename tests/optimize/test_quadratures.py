@@ -153,3 +153,21 @@ def test_a_cost_that_equals_another_variable():
 
 def test_in_phases_it_continues():
     assert solve_phases(problems.two_phases(), Mesh(10)).status.ok
+
+
+def test_an_only_state_stays_one():
+    class Gain(gt.Optimization):
+        x = gt.variable(start=0.0, fixed=True)
+        u = gt.input(min=-1.0, max=1.0)
+        final_time = 1.0
+
+        def equations(self):
+            yield der(self.x) == self.u
+
+        def objective(self):
+            return -self.x.at(self.final_time)
+
+        def constraints(self):
+            return ()
+
+    assert build(Gain()).state_names == ["x"]

@@ -225,6 +225,13 @@ def test_what_from_csv_refuses(tmp_path: Path, text: str, sentence: str) -> None
     assert str(caught.value) == sentence.replace("FILE", str(path))
 
 
+def test_lines_that_end_in_carriage_returns_alone(tmp_path: Path) -> None:
+    path = tmp_path / "old.csv"
+    path.write_bytes(b"time [s],x [m]\r0,1\r1,2\r")
+    with pytest.raises(TrajectoryError, match="line 1 holds a carriage return"):
+        Trajectory.from_csv(path)
+
+
 def test_a_file_that_is_no_text(tmp_path: Path) -> None:
     path = tmp_path / "bad.csv"
     path.write_bytes(b"time [s],x [m]\n0,\xff\n")

@@ -106,3 +106,37 @@ def test_tables_of_many_rows_cost_no_accuracy():
         run = simulate(Integral(), 5.0, inputs={"u": given})
         errors.append(np.max(np.abs(run.trajectory["x"] - np.cos(10 * run.trajectory.time))))
     assert errors[1] <= 1.5 * errors[0]
+
+
+class TestResolution:
+    @pytest.mark.parametrize("size", [1.0, 1e-3, 1e-5, 1e-7, 1e-9])
+    def test_a_motion_below_its_own_tolerance_is_not_solved(self, size):
+        given = {"u": lambda t: size * gt.sin(3 * t)}
+        run = simulate(Resonator(), 5.0, inputs=given)
+        true = solve_ivp(
+            lambda t, y: [y[1], np.sin(3 * t) - 100 * y[0] - y[1]], (0.0, 5.0), [0.0, 0.0], "DOP853",
+            run.trajectory.time, rtol=1e-12, atol=1e-14,
+        )  # fmt: skip
+        error = np.max(np.abs(run.trajectory["x"] - size * true.y[0])) / (size * np.max(np.abs(true.y[0])))
+        # either the numbers are right to two percent, or the status says that they are not
+        assert error < 0.02 or run.status is SolveStatus.CHECK_FAILED
+        assert (run.status is SolveStatus.SOLVED) is (size > 1e-5)
+        # what the sentence asks for helps
+        nominal = {name: dict(nominal=size / 100) for name in ("x", "v")}
+        again = simulate(Resonator(**nominal), 5.0, inputs=given)
+        assert again.status is SolveStatus.SOLVED
+        assert again.trajectory["x"] == pytest.approx(size * true.y[0], abs=1e-6 * size)
+
+    def test_rest_is_rest(self):
+        run = simulate(Resonator(), 1.0, inputs={"u": 0.0})
+        assert run.status is SolveStatus.SOLVED and run.checks == {}
+
+
+class Resonator(gt.Model):
+    x = gt.variable(start=0.0, fixed=True)
+    v = gt.variable(start=0.0, fixed=True)
+    u = gt.input()
+
+    def equations(self):
+        yield der(self.x) == self.v
+        yield der(self.v) == self.u - 100 * self.x - self.v

@@ -91,3 +91,18 @@ def test_matrices_are_checked() -> None:
         modes(np.diag([1.0, 0.0]), D, K)
     with pytest.raises(VibrationError, match="a matrix holds a number that is not finite"):
         modes(M, D * np.nan, K)
+
+
+def test_a_structure_without_damping_neither_grows_nor_is_stable() -> None:
+    M, K = np.diag([2.0, 2.0, 3.0]), np.array([[800.0, -100, 0], [-100, 800, -50], [0, -50, 900]])
+    found = modes(M, np.zeros((3, 3)), K)
+    assert not found.stable and any("undamped: 6 of 6 poles neither grow nor decay" in w for w in found.words)
+    assert modes(M, 1e-6 * K, K).stable and not modes(M, -1e-6 * K, K).stable
+    assert any("6 of 6 poles grow" in w for w in modes(M, -1e-6 * K, K).words)
+
+
+def test_a_free_body_has_no_damping() -> None:
+    K = np.array([[1.0, -1.0], [-1.0, 1.0]])
+    found = modes(np.eye(2), 0.1 * K, K)
+    assert found.damping[:2] == pytest.approx([0.0, 0.0]) and found.damping[2] == pytest.approx(0.1 / np.sqrt(2))
+    assert any("2 of 4 poles neither grow nor decay" in w for w in found.words)

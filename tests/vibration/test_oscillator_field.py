@@ -215,3 +215,22 @@ def test_far_from_the_measured_poses_a_field_says_that_it_tells_nothing(field) -
     assert field.covers(samples(1)[0]) is True and field.covers(far[0]) is False
     # a turn of 360 degrees is the same pose
     assert np.all(field.covers(np.add(samples(5), [0, 0, 0, 2 * np.pi])))
+
+
+POSE_OF_LEVEL = np.array([0.1, 0.2, 0.3, 0.4])
+
+
+@pytest.mark.parametrize("level", [95, 0.0, 1.0, -0.95, np.nan])
+def test_a_level_is_a_probability(field, level) -> None:
+    with pytest.raises(ValueError, match="expected a probability between 0 and 1"):
+        field.interval("m", POSE_OF_LEVEL, level)
+    with pytest.raises(ValueError, match="expected a probability between 0 and 1"):
+        field.processes["x", "m"].interval(np.atleast_2d(POSE_OF_LEVEL), level)
+
+
+def test_an_infinite_measurement_is_refused_and_not_left_out() -> None:
+    poses = np.random.default_rng(1).uniform(-0.5, 0.5, (12, 4))
+    whole = np.ones((12, 3))
+    wrong = np.where(np.arange(12)[:, None] == 4, np.inf, whole)
+    with pytest.raises(ValueError, match="c is infinite at pose 4"):
+        fit_oscillator_field(poses, whole, wrong, whole, calibrate=False)

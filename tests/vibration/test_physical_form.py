@@ -183,3 +183,24 @@ def test_intervals_hold_as_often_as_they_say_many_seeds() -> None:
     inside, runs = covered(range(1000, 1200))
     low, high = binomial_band(runs, 0.95)
     assert low <= inside <= high
+
+
+@pytest.mark.proof
+@pytest.mark.parametrize("noisy", [0, 1])
+def test_a_noisy_coordinate_does_not_spoil_a_quiet_one(noisy: int) -> None:
+    names = {"M": M, "D": D, "K": K}
+    start = SecondOrder(np.array(M), np.array(D), np.array(K), np.array([[1.0], [0.0]]), 0.0)
+    clean = structure_record(M, D, K, force=50.0, samples=600, sample_time=TS, noise=0.0, seed=5, hold=3)
+    force = Record(clean.u[:, :1], clean.y, TS)
+    sizes = np.where(np.arange(2) == noisy, 3e-4, 3e-6)
+    inside = rows = 0
+    for seed in range(6):
+        noise = sizes * np.random.default_rng(seed).standard_normal(force.y.shape)
+        e = output_error(Record(force.u, force.y + noise, TS), start).estimate
+        for name in e.names:
+            low, high = e.interval(name)
+            i, j = int(name[2]), int(name[4])
+            inside += low < np.array(names[name[0]])[i, j] < high
+            rows += 1
+    low, high = binomial_band(rows, 0.95)
+    assert low <= inside <= high
