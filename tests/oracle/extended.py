@@ -234,4 +234,5 @@ def motor_forces(
         add(follow[:, i, None, :], (masses.m_c[i] * along + rub)[:, None])
         add(follow[:, i, None, :], -tau[:, i, None])
     terms = np.concatenate(work, axis=1)
-    return np.max(np.abs(np.sum(terms, axis=1)) / (np.sum(np.abs(terms), axis=1) + TINY), axis=1)
+    missed = np.max(np.abs(np.sum(terms, axis=1)), axis=1)
+    return missed / (np.max(np.sum(np.abs(terms), axis=1), axis=1) + TINY)
