@@ -7,11 +7,14 @@ import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 
+import casadi as ca
+
 from ..compiler.causal import CausalFunction
 from .comparison import compare
 from .errors import GenerationError
+from .generation import contents
 from .interface import Interface, interfaces
-from .manifest import changed_files, interface_entry, lacks, parameters_hash, read
+from .manifest import changed_files, gtmodel_version, interface_entry, lacks, parameters_hash, read, sha256
 from .real import real_of
 from .report import Check, CheckReport, at_least, at_most, conclude
 from .toolchain import Toolchain, find
@@ -36,13 +39,18 @@ def check(folder: Path, functions: Mapping[str, CausalFunction], *, points: int 
     if content is None:
         raise GenerationError(f"'{folder}' {lacks(folder)}; generate it first")
     box = {signal: rows for entry in content["functions"] for signal, rows in (entry["box"] or {}).items()}
-    faces = interfaces(functions, content["name"], real=real_of(content["real"]), box=box)
+    along = [entry["name"] for entry in content["functions"] if "along" in entry]
+    faces = interfaces(functions, content["name"], along, real_of(content["real"]), box)
     _check_same(folder, content, faces)
     changed = changed_files(folder, content)
     checks = [
         at_most("files_changed", len(changed), detail=", ".join(changed)),
         _same_parameters(content, faces),
     ]
+    otherwise = _not_as_generated(content, faces)
+    checks.append(at_most("files_not_as_generated", len(otherwise), detail=", ".join(otherwise)))
+    if any(file not in content["files"] for file in otherwise):  # other numbers: its functions would write elsewhere
+        return conclude(checks, {}, {})
     tools = find()
     if isinstance(tools, str):
         return CheckReport((*checks, at_least("compiler_found", 0, 1)), tools, {}, {})
@@ -70,6 +78,15 @@ def _check_same(folder: Path, content: dict, faces: list[Interface]) -> None:
             raise GenerationError(f"'{folder}' was generated from another '{face.key}'; generate it again")
     if known:
         raise GenerationError(f"'{folder}' also holds '{next(iter(known))}'; give all functions it was made from")
+
+
+def _not_as_generated(content: dict, faces: list[Interface]) -> list[str]:
+    """Files whose text this gtmodel would write otherwise: a guard's constant shows at no random point. Of another
+    version of gtmodel or of CasADi nothing is known."""
+    if (content["gtmodel"], content["casadi"]) != (gtmodel_version(), ca.CasadiMeta.version()):
+        return []
+    texts = contents(faces, content["name"], content["provenance"])
+    return sorted(file for file, text in texts.items() if content["files"].get(file) != sha256(text))
 
 
 def _same_parameters(content: dict, faces: list[Interface]) -> Check:

@@ -1,5 +1,6 @@
 """A person's files are never touched; ours are replaced."""
 
+import hashlib
 import json
 import re
 import shutil
@@ -140,3 +141,30 @@ def test_a_box_is_checked(small: Functions, tmp_path: Path) -> None:
     ):
         with pytest.raises(cgen.GenerationError, match=message):
             cgen.generate(pendulum, tmp_path / "q", name="q", box=box)
+
+
+@pytest.mark.parametrize("tampered", ["GT_PIVOT_TOLERANCE (1e-07)", "total <= "])
+def test_a_changed_guard_is_seen_even_where_its_hash_was_mended(
+    tampered: str, small: Functions, small_folder: Path, tmp_path: Path
+) -> None:
+    """No random point lies between a limit and a limit that was moved."""
+    folder = copy(small_folder, tmp_path)
+    wrapper, manifest = folder / "gt_small.c", folder / "manifest.json"
+    changed = {"GT_PIVOT_TOLERANCE (1e-07)": "GT_PIVOT_TOLERANCE (2e-07)", "total <= ": "total <= 1e3 * "}[tampered]
+    text = wrapper.read_text()
+    assert tampered in text
+    wrapper.write_text(text.replace(tampered, changed, 1))
+    content = json.loads(manifest.read_text())
+    content["files"]["gt_small.c"] = hashlib.sha256(wrapper.read_bytes()).hexdigest()
+    manifest.write_text(json.dumps(content))
+    report = cgen.check(folder, small, points=20)
+    assert [c.name for c in report.checks if not c.passed] == ["files_not_as_generated"]
+
+
+def test_a_manifest_of_other_numbers_loads_nothing(small: Functions, small_folder: Path, tmp_path: Path) -> None:
+    """Code in double that is called as float would write beyond its places."""
+    folder = copy(small_folder, tmp_path)
+    manifest = folder / "manifest.json"
+    manifest.write_text(manifest.read_text().replace('"real": "double"', '"real": "float"'))
+    report = cgen.check(folder, small, points=20)
+    assert not report.passed and report.rows == {}
