@@ -16,7 +16,7 @@ from gtmodel.optimize import solve as collocate
 from gtmodel.results import SolveStatus, Status, Trajectory
 from gtmodel.robots import GantryTau
 
-from .base import Context, InputError, Outcome, Row, Section, at_most
+from .base import TRAJECTORY, Context, InputError, Outcome, Row, Section, at_most
 from .elastic_motion_models import ElasticMotion, RigidMotion
 from .robot_keys import RobotProblem
 from .trajectory_keys import Point
@@ -261,6 +261,7 @@ def _outcome(problem: Schema, motions: list[_Motion], elastic: Solution, static:
         values={"motions": table, "frequency_Hz": tool.frequency_Hz, "static_mm": 1e3 * static,
                 "resimulated_end_mm": 1e3 * left},
         trajectory=elastic.trajectory,
+        machine_files=(TRAJECTORY,),
         rows=rows,
         figures={"swing": lambda: _figure(motions, tool, title)},
     )  # fmt: skip

@@ -66,7 +66,7 @@ def _checks(problem: Schema, m: StepModel) -> dict[str, Check]:
         return {}
     error = max(abs((1 - m.a) / (1 - t.a) - 1), abs(m.b / t.b - 1) if t.b else 0.0)
     late = abs(m.delay - t.delay_samples)
-    return {"coefficient_error": at_most(error, WITHIN), "delay_error": Check(late, 0, late == 0)}
+    return {"coefficient_error": at_most(error, WITHIN), "delay_error": at_most(float(late), 0.0)}
 
 
 def _figure(problem: Schema, records: list[Record], m: StepModel) -> Any:
