@@ -233,3 +233,21 @@ def test_a_model_that_predicts_nothing_says_so() -> None:
     found = solved("two_mass", FEW, "synthetic.noise_m=0.3", "subspace.order=4", "physical.refine=false",
                    "physical.force_coordinates=[]")  # fmt: skip
     assert sum("held-out samples are predicted" in w for w in found.values["words"]) == 2
+
+
+@pytest.mark.parametrize("name", ["two_mass", "step", "hammer"])
+def test_a_stop_is_heard_between_the_steps_of_a_fit(name) -> None:
+    """Asked once before the fit and at every order, delay, number of resonances and iteration of it."""
+    changes = [FEW] if name == "two_mass" else []
+    problem = load(f"problems/vibration_{name}.toml", changes).problem
+    for after in (1, 2, 4):
+        context, asked = Context(), []
+
+        def interrupted(asked=asked, after=after) -> bool:
+            asked.append(None)
+            return len(asked) > after
+
+        context.interrupted = interrupted  # type: ignore[method-assign]
+        outcome = vibration.solve(problem, context)  # type: ignore[arg-type]
+        assert outcome.status is SolveStatus.INTERRUPTED and len(asked) == after + 1
+        assert not outcome.values and not outcome.files
