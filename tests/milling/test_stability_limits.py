@@ -143,3 +143,19 @@ def test_multipliers_of_nothing_cut_are_those_of_the_free_modes() -> None:
     free = np.exp((-zeta + 1j * np.sqrt(1 - zeta**2)) * w / (speed * cutter.teeth))
     for value in free:
         assert np.abs(found - value).min() < 1e-6
+
+
+@pytest.mark.parametrize("number", [0, 5, 7])
+def test_the_tooth_that_is_counted_first_does_not_matter(number: int) -> None:
+    """Uneven pitch, a narrow cut: while one tooth cuts, others may have been far from any cut a pitch before."""
+    rng = np.random.default_rng(number)
+    o, _, _, _, speed, feed = drawn(rng, number)
+    pitch = np.deg2rad([75.0, 110.0, 82.0, 93.0]) if number % 2 else np.deg2rad([100.0, 140.0, 120.0])
+    at = [np.append(0.0, np.cumsum(np.roll(pitch, -i)))[:-1] for i in range(len(pitch))]
+    mode, radial = ("up", "climb")[number // 2 % 2], 0.02 * 10 ** rng.uniform(-3, -1.5)
+    first, *others = (Cutter(0.02, len(pitch), K, np.deg2rad(15 * (number // 4)), tooth_angles=a) for a in at)
+    cut = Cut(mode, radial, 5 * certain_depth(o, first, mode, radial, feed), 1e-4)
+    radius = spectral_radius(o, first, cut, speed + 30, feed)
+    assert 0 < radius < 1.5
+    for other in others:
+        assert spectral_radius(o, other, cut, speed + 30, feed) == pytest.approx(radius, rel=1e-6)
