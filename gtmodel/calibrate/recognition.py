@@ -60,6 +60,22 @@ def scale_sentence(name: str, measured: np.ndarray, predicted: np.ndarray) -> st
     )
 
 
+def stuck_columns(names: Sequence[str], rows: np.ndarray, misfit: float | None, size: float) -> str | None:
+    """Columns (N, k) of which some never change while others do: a dead channel, unless the robot's model says that
+    they stood, with `misfit` [m] rms from what was measured (None: most poses are out of its reach)."""
+    still = np.ptp(rows, axis=0) == 0
+    if not still.any() or still.all() or (misfit is not None and misfit <= CLOSE * size):
+        return None
+    dead = [names[k] for k in np.flatnonzero(still).tolist()]
+    missed = "most poses are out of the model's reach"
+    if misfit is not None:
+        missed = f"the poses miss the model's by {_length(misfit)} rms"
+    return (
+        f"{' and '.join(dead)} is {rows[0, np.flatnonzero(still)[0]]:.4g} at all {len(rows)} poses while the others "
+        f"change, and {missed}: is its channel recorded?"
+    )
+
+
 def exchanged_columns(
     names: Sequence[str], groups: Sequence[Sequence[int]], predict: Callable[[list[int]], np.ndarray | None],
     misfit: Callable[[np.ndarray], float], size: float,

@@ -89,7 +89,10 @@ def smooth_errors(
     """
     N, n = J.shape
     x = 2 * (q - q.min()) / max(float(np.ptp(q)), 1e-300) - 1
-    Q, R = np.linalg.qr(J / np.linalg.norm(J, axis=0))
+    norms = np.linalg.norm(J, axis=0)
+    if not np.all(norms > 0):
+        return None
+    Q, R = np.linalg.qr(J / norms)
     if N <= n or np.abs(np.diag(R)).min() < 1e-9:
         return None
     shifts = np.hstack([normals, x[:, None] * normals])

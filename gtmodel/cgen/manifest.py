@@ -40,6 +40,35 @@ def changed_files(folder: Path, content: dict[str, Any]) -> list[str]:
     return changed
 
 
+def changed_entries(content: dict[str, Any], faces: list[Interface], same: bool = True) -> list[str]:
+    """Entries of a manifest that this gtmodel would write otherwise, as paths such as `functions[0].limits.T`.
+
+    Not of provenance and problem, which functions do not tell, and not of hashes. Unless a folder is of the `same`
+    version of gtmodel and CasADi only the models are compared: parameters are as the functions' whatever the version.
+    """
+    here = manifest(content["name"], faces, content["provenance"], {}, {}, {})
+    compared = [key for key in here if key not in ("provenance", "problem", "files")] if same else ["models"]
+    # as JSON gives them back: lists for tuples, keys as text
+    here = json.loads(json.dumps({key: here[key] for key in compared}))
+    return [path for key in compared for path in _differences(key, here[key], content[key])]
+
+
+def _differences(path: str, here: Any, there: Any) -> list[str]:
+    """Paths at which two JSON values differ, in the order of the first one."""
+    if isinstance(here, dict) and isinstance(there, dict):
+        keys = [*here, *(key for key in there if key not in here)]
+        return [p for key in keys for p in _differences(f"{path}.{key}", here.get(key), there.get(key))]
+    if isinstance(here, list) and isinstance(there, list) and len(here) == len(there):
+        return [p for n, pair in enumerate(zip(here, there, strict=True)) for p in _differences(f"{path}[{n}]", *pair)]
+    same = type(here) is type(there) and here == there
+    return [] if same or (_number(here) and _number(there) and here == there) else [path]
+
+
+def _number(value: Any) -> bool:
+    """An int is the same number as a float, a truth value is not."""
+    return isinstance(value, (int, float)) and not isinstance(value, bool)
+
+
 def parameters(function: CausalFunction) -> list[dict[str, Any]]:
     """Names, values and units of the parameters that were folded into a function."""
     return [{"name": q.name, "value": q.value, "unit": q.unit or "?"} for q in function.flat.parameters]
@@ -125,8 +154,30 @@ def read(folder: Path) -> dict[str, Any] | None:
         return None
     if not isinstance(content, dict) or content.get("format") != FORMAT or set(content) != _KEYS:
         return None
+    if not _readable(content):
+        return None
     # a manifest speaks of files of its own folder only, whatever somebody wrote into it
     return content if all(Path(file).name == file for file in content["files"]) else None
+
+
+def _readable(content: dict[str, Any]) -> bool:
+    """True where what readers go through has the form that `manifest` gives it; its values are compared later."""
+    texts = [content["name"], content["gtmodel"], content["casadi"], *_texts(content["provenance"])]
+    texts += _texts(content["files"])
+    if not isinstance(content["functions"], list):
+        return False
+    for entry in content["functions"]:
+        if not isinstance(entry, dict) or not {"name", "symbol", "inputs", "outputs", "box"} <= set(entry):
+            return False
+        texts.append(entry["name"])
+        if not isinstance(entry["box"], dict | None):
+            return False
+    return all(isinstance(text, str) for text in texts)
+
+
+def _texts(value: Any) -> list[Any]:
+    """The values of a dictionary, [None] of anything else."""
+    return list(value.values()) if isinstance(value, dict) else [None]
 
 
 def lacks(folder: Path) -> str:

@@ -7,11 +7,23 @@ import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 
+import casadi as ca
+
 from ..compiler.causal import CausalFunction
 from .comparison import compare
 from .errors import GenerationError
+from .generation import contents
 from .interface import Interface, interfaces
-from .manifest import changed_files, interface_entry, lacks, parameters_hash, read
+from .manifest import (
+    changed_entries,
+    changed_files,
+    gtmodel_version,
+    interface_entry,
+    lacks,
+    parameters_hash,
+    read,
+    sha256,
+)
 from .real import real_of
 from .report import Check, CheckReport, at_least, at_most, conclude
 from .toolchain import Toolchain, find
@@ -20,7 +32,8 @@ from .toolchain import Toolchain, find
 def check(folder: Path, functions: Mapping[str, CausalFunction], *, points: int = 1000, seed: int = 0) -> CheckReport:
     """Compile a generated folder strictly and compare each function with Python at random points.
 
-    Values must be equal bit for bit where both say GT_OK, statuses everywhere; in its box of validity every function
+    Texts and manifest must be what this gtmodel writes: a guard's constant shows at no random point. Values must be
+    equal bit for bit where both say GT_OK, statuses everywhere; in its box of validity every function
     must answer; and in float the values must be near those of double. Nothing is written into the folder.
     Without a compiler the report has not passed and says why.
 
@@ -36,13 +49,25 @@ def check(folder: Path, functions: Mapping[str, CausalFunction], *, points: int 
     if content is None:
         raise GenerationError(f"'{folder}' {lacks(folder)}; generate it first")
     box = {signal: rows for entry in content["functions"] for signal, rows in (entry["box"] or {}).items()}
-    faces = interfaces(functions, content["name"], real=real_of(content["real"]), box=box)
+    along = [entry["name"] for entry in content["functions"] if "along" in entry]
+    faces = interfaces(functions, content["name"], along, real_of(content["real"]), box)
     _check_same(folder, content, faces)
     changed = changed_files(folder, content)
     checks = [
         at_most("files_changed", len(changed), detail=", ".join(changed)),
         _same_parameters(content, faces),
     ]
+    # of another version of gtmodel or of CasADi nothing is known but the parameters
+    same = (content["gtmodel"], content["casadi"]) == (gtmodel_version(), ca.CasadiMeta.version())
+    texts = contents(faces, content["name"], content["provenance"]) if same else {}
+    otherwise = sorted(file for file, text in texts.items() if content["files"].get(file) != sha256(text))
+    checks.append(at_most("files_not_as_generated", len(otherwise), detail=", ".join(otherwise)))
+    entries = changed_entries(content, faces, same)
+    source = texts.get(f"gt_{content['name']}_body.c")
+    entries += ["body_sha256"] * (source is not None and content["body_sha256"] != sha256(source))
+    checks.append(at_most("manifest_not_as_generated", len(entries), detail=", ".join(entries)))
+    if any(file not in content["files"] for file in otherwise):  # other numbers: its functions would write elsewhere
+        return conclude(checks, {}, {})
     tools = find()
     if isinstance(tools, str):
         return CheckReport((*checks, at_least("compiler_found", 0, 1)), tools, {}, {})

@@ -11,6 +11,7 @@ import numpy as np
 from .emit import express
 from .newton import NewtonKernel
 from .plan import Plan
+from .sizes import sizes_of
 from .whole import judged
 from .whole import whole as followed
 
@@ -54,10 +55,12 @@ def build(
     *names_out, status_name = _distinct(names_out, [*names_in, *z_names])
     with_status = [*names_out[:-1], status_name, names_out[-1]]
     facts = [m for b in plan.blocks for m in b.margins]
+    # other parameters are other lengths
+    sizes = None if parametric else sizes_of(plan, [*[pairs for _, pairs in inputs], *([()] if plan.uses_time else [])])
     margins = [m.expression for m in facts]
     results = express(plan, [*out, ca.vertcat(*margins) if margins else ca.SX(0, 1)])
     if not plan.newton:
-        status = judged(args, results[:-1], results[-1], facts)
+        status = judged(args, results[:-1], results[-1], facts, sizes)
         whole = ca.Function(name, args, [*results[:-1], status, results[-1]], names_in, with_status)
         return Built(ca.Function(name, args, results, names_in, names_out), [], whole)
     unknowns = [ca.vertcat(*b.unknowns) for b in plan.newton]
@@ -77,7 +80,7 @@ def build(
                 label=", ".join(block.labels),
             )
         )
-    return Built(closed, kernels, followed(closed, kernels, facts, name, names_in, with_status))
+    return Built(closed, kernels, followed(closed, kernels, facts, sizes, name, names_in, with_status))
 
 
 def _distinct(names: Sequence[str], taken: Sequence[str] = ()) -> list[str]:

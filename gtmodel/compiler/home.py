@@ -91,7 +91,7 @@ def _home_of(flat: FlatModel) -> dict[int, float]:
         return {}
     sampler = Sampler(flat, pairs, [ca.vertcat(*[residuals[n] for n in chosen])], starts)
     best: tuple[float, np.ndarray] | None = None
-    for group in _groups(flat, starts):
+    for group in [set[Pair](), *_groups(flat, starts)]:  # first what has no start alone
         free = np.array([p in group or p not in starts for p in pairs], dtype=float)
         for seed, spread in enumerate(SPREADS):
             rng = np.random.default_rng(seed)
@@ -103,6 +103,8 @@ def _home_of(flat: FlatModel) -> dict[int, float]:
                 off = [(w[sampler.position[p]] - starts[p]) / flat.variables[p[0]].nominal for p in sorted(group)]
                 if best is None or np.linalg.norm(off) < best[0] - RESIDUAL_TOLERANCE:
                     best = (float(np.linalg.norm(off)), w)
+            if best is not None and not group:
+                return {index: float(w[n]) for n, (index, _) in enumerate(pairs)}
     if best is None:
         found = sampler.nearest()
         if found is None:

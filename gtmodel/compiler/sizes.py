@@ -61,6 +61,10 @@ class Sizes:
             found.setdefault(self.most / limit**2, []).append(n)
         return list(found.items())
 
+    def norm(self, columns: Sequence[ca.SX]) -> ca.SX:
+        """The weighted sum of squares that is compared with `most`, in symbols."""
+        return sum([weight * ca.sumsqr(columns[n]) for weight, places in self.groups for n in places], ca.SX(0))
+
     def within(self, columns: Sequence[np.ndarray]) -> np.ndarray:
         """Which columns of the arguments (size, n) are small enough, in the precision of the numbers; NaN is not."""
         total = np.zeros(columns[0].shape[1] if columns else 1, columns[0].dtype if columns else float)
@@ -157,7 +161,8 @@ def _limit(plan: Plan, reach: _Reach, k: int, keys: frozenset[int], precision: P
     concerned = [s for s in known if reach.of(s)[0] & keys]
     if not concerned:
         return np.inf
-    moved = {s.element_hash() for s in concerned if reach.of(s)[1] & keys}
+    straight = _outside(closures, symbols)
+    moved = {s.element_hash() for s in concerned if reach.of(s)[1] & keys} & straight
     if moved:  # the unknowns go with them
         own_symbols = [s for s in symbols if s.element_hash() in own]
         moved |= {s.element_hash() for s in own_symbols if _unit(plan, s) not in NUMBERS | ANGLES}

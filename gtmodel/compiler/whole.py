@@ -12,6 +12,7 @@ from ..results.status import Status
 from .blocks import Margin
 from .newton import CORRECTIONS, KINK, REACH, SINGULAR, TRUST, NewtonKernel
 from .rows import PIVOT_TOLERANCE
+from .sizes import Sizes
 
 # steps of equal length from the home pose: the call of a CausalFunction takes as many as it needs
 STRIDES = 16
@@ -20,9 +21,15 @@ LEFT = 1e-9
 
 
 def judged(
-    inputs: Sequence[ca.SX], targets: Sequence[ca.SX], margins: ca.SX, facts: Sequence[Margin], found: ca.SX | int = 0
+    inputs: Sequence[ca.SX],
+    targets: Sequence[ca.SX],
+    margins: ca.SX,
+    facts: Sequence[Margin],
+    sizes: Sizes | None = None,
+    found: ca.SX | int = 0,
 ) -> ca.SX:
-    """Code of `Status`, decided as `rows.status_codes` does: inputs, iterations (`found`), margins, targets."""
+    """Code of `Status`, decided as `rows.status_codes` does: inputs and their sizes, iterations (`found`), margins,
+    targets."""
     code = ca.if_else(_finite(targets), ca.SX(Status.OK), ca.SX(Status.NOT_FINITE))
     for k, m in reversed(list(enumerate(facts))):
         if m.kind == "pivot":
@@ -31,6 +38,8 @@ def judged(
             good, verdict = margins[k] >= 0, Status.OUT_OF_RANGE
         code = ca.if_else(good, code, ca.SX(verdict))
     code = ca.if_else(ca.SX(found) == 0, code, ca.SX(found))
+    if sizes is not None and inputs:
+        code = ca.if_else(sizes.norm(inputs) <= sizes.most, code, ca.SX(Status.OUT_OF_RANGE))
     return ca.if_else(_finite(inputs), code, ca.SX(Status.NOT_FINITE))
 
 
@@ -45,6 +54,7 @@ def whole(
     closed: ca.Function,
     kernels: Sequence[NewtonKernel],
     facts: Sequence[Margin],
+    sizes: Sizes | None,
     name: str,
     names_in: Sequence[str],
     names_out: Sequence[str],
@@ -66,7 +76,7 @@ def whole(
     args = [ca.SX.sym(n, closed.sparsity_in(k)) for k, n in enumerate(names_in)]
     outs = [ca.SX.sym(f"y{k}", closed.sparsity_out(k)) for k in range(closed.n_out())]
     code = ca.SX.sym("found")
-    status = judged(args[:count], outs[:-1], outs[-1], facts, code)
+    status = judged(args[:count], outs[:-1], outs[-1], facts, sizes, code)
     judge = ca.Function(f"{name}_judge", [*args, *outs, code], [status])
     said = judge.call([*inputs, *results, found])[0]
     return ca.Function(name, inputs, [*results[:-1], said, results[-1]], list(names_in), list(names_out))

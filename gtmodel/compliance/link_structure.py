@@ -104,10 +104,12 @@ class LinkStructure:
     def spring_forces(self, wrench: ArrayLike, on_supports: ArrayLike = 0.0) -> Array:
         """(n, d + s): pull of each link [N] and force on each support [N, N.m] under a load (d,) or (n, d) on the
         plate at T and forces on supports (n, s). Raises ValueError for a load that is not finite."""
-        load = np.asarray(wrench, float)
-        if not np.all(np.isfinite(load)):
-            raise ValueError(f"the load is {load.tolist()}; expected finite numbers")
-        f = np.einsum("nds,nd->ns", self.carried, np.broadcast_to(load, self.U.shape[:2]))
+        load = np.broadcast_to(np.asarray(wrench, float), self.U.shape[:2])
+        # a pose without a solution has no load either: its row is NaN, as all that follows from it
+        bad = np.flatnonzero(~np.isfinite(load).all(axis=1) & np.isfinite(self.U).all(axis=(1, 2)))
+        if len(bad):
+            raise ValueError(f"the load of pose {bad[0]} is {load[bad[0]].tolist()}; expected finite numbers")
+        f = np.einsum("nds,nd->ns", self.carried, load)
         f[:, self.freedoms :] += on_supports
         return f
 

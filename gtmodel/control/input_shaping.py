@@ -28,9 +28,9 @@ class Shaper:
 
     def __post_init__(self) -> None:
         t, a = np.asarray(self.times, float), np.asarray(self.amplitudes, float)
-        if t.shape != a.shape or t.ndim != 1 or not len(t) or t[0] != 0 or np.any(np.diff(t) <= 0):
+        if t.shape != a.shape or t.ndim != 1 or not len(t) or t[0] != 0 or not _ascending(t):
             raise ValueError("times of a shaper begin at 0 and ascend, with one amplitude each")
-        if abs(a.sum() - 1) > 1e-12 or np.any(a < 0):
+        if not abs(a.sum() - 1) <= 1e-12 or np.any(a < 0):
             raise ValueError(f"amplitudes of a shaper are not negative and sum to 1; found {a.tolist()}")
         object.__setattr__(self, "times", t)
         object.__setattr__(self, "amplitudes", a)
@@ -90,7 +90,9 @@ def residual_vibration(
     Raises ValueError for a motion that does not begin and end at rest, and for other shapes.
     """
     t, v = np.asarray(time, float), np.asarray(velocity, float)
-    if t.ndim != 1 or len(t) < 2 or v.ndim not in (1, 2) or len(v) != len(t) or not np.all(np.diff(t) > 0):
+    if not (np.all(np.isfinite(t)) and np.all(np.isfinite(v))):
+        raise ValueError("times and velocities hold numbers that are not finite; cut the motion there or repair it")
+    if t.ndim != 1 or len(t) < 2 or v.ndim not in (1, 2) or len(v) != len(t) or not _ascending(t):
         raise ValueError(
             f"expected times (n,) that ascend and velocities (n,) or (n, d); found {t.shape} and {v.shape}"
         )
@@ -109,10 +111,14 @@ def residual_vibration(
     return found.reshape((*mu.shape, *v.shape[1:]))
 
 
+def _ascending(t: Array) -> bool:
+    return bool(np.all(np.isfinite(t)) and np.all(np.diff(t) > 0))
+
+
 def _mode(frequency_Hz: ArrayLike, damping: ArrayLike) -> tuple[Array, Array]:
     """Damped frequency w_d [rad/s] and mu = -zeta w + j w_d. Raises ValueError for what does not swing."""
     w, zeta = np.broadcast_arrays(2 * np.pi * np.asarray(frequency_Hz, float), np.asarray(damping, float))
-    if np.any(~(w > 0)) or np.any(~((zeta >= 0) & (zeta < 1))):
+    if np.any(~((w > 0) & np.isfinite(w))) or np.any(~((zeta >= 0) & (zeta < 1))):
         raise ValueError("a mode that swings has a frequency above 0 and a damping ratio from 0 to below 1")
     w_d = w * np.sqrt(1 - zeta**2)
     return w_d, -zeta * w + 1j * w_d

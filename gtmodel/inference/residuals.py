@@ -53,6 +53,8 @@ def whiteness(r: np.ndarray, *, lags: int | None = None, parameters: int = 0) ->
             f"{T} residuals and {K} lags are too few to test whiteness; take at least {parameters + 1} lags"
         )
     c = autocorrelation(r, K)[1:]
+    if np.ptp(r) == 0 and np.any(np.asarray(r) != 0):
+        return Verdict(np.inf, 0.0, False, f"all residuals are {float(np.asarray(r)[0]):.3g}: an offset is left out")
     Q = T * (T + 2) * float(np.sum(c**2 / (T - np.arange(1, K + 1))))
     p = float(stats.chi2.sf(Q, K - parameters))
     k = int(np.argmax(np.abs(c)))

@@ -61,6 +61,9 @@ class Mesh(Section):
     """Where the equations are collocated (Radau)."""
 
     elements: PositiveInt = Field(20, le=10000, description="number of elements of the horizon")
+    most_elements: PositiveInt = Field(
+        80, le=10000, description="where a check fails the mesh is refined, to at most so many elements"
+    )
     points: int = Field(3, ge=1, le=9, description="collocation points per element")
     control: Literal["linear", "constant", "polynomial"] = Field(
         "linear",
@@ -73,7 +76,11 @@ class Solver(Section):
     """When the solver stops."""
 
     tolerance: PositiveFloat = Field(1e-8, description="on the scaled optimality conditions")
-    max_iterations: PositiveInt = Field(300, description="limit of iterations")
+    max_iterations: PositiveInt = Field(300, description="limit of iterations, of all attempts together")
+    barrier: Literal["auto", "adaptive", "monotone"] = Field(
+        "auto",
+        description="how IPOPT lowers its barrier; auto: adaptive, and monotone where that fails",
+    )
     formulation: Literal["torn", "dae"] = Field(
         "torn", description="which equations are collocated: those of the plate's pose alone, or all as they stand"
     )

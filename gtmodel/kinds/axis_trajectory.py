@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -17,13 +18,16 @@ from .axis_keys import AxisTrajectoryProblem as Schema
 from .axis_motion import CARTS, AxisPlan
 from .axis_planning import LINKS, plan_of
 from .base import Context, Outcome, Row, at_most
+from .finer_mesh import PASSES, elements_after, helped, how, told
 from .motion_limits import clearance
 from .trajectory import MARGIN_TOLERANCE
+from .verdict import failed_of
 
 NAME = "axis_trajectory"
 
 VALUES = {
     "final_time_s": "final time of the optimum",
+    "elements": "elements of the mesh: those of the file, or more where a check failed on them",
     "energy": "sum over motors of int (tau / limit)^2 dt [s]",
     "saturation": "share of the time in which each motor is within 1 % of its limit",
     "peak_share": "largest force over its limit at any instant of the re-simulated motion, of each motor",
@@ -42,6 +46,7 @@ VALUES = {
 }
 
 SATURATED = 0.99
+MENDED = ("peak_share", "end_error_m", "end_error_deg", "excess", "roads_apart")  # by a finer mesh
 ROADS_AGREE = 0.02  # relative: of the final time along a path; accelerations linear on 20 elements cannot jump
 # forces are bounded at collocation points and are no polynomials: between the points they pass by less than that
 PEAK_SHARE = 1.01
@@ -56,16 +61,45 @@ PATH_M = 1e-6  # round-off of the same equations
 def solve(problem: Schema, context: Context) -> Outcome:
     """Optimise, re-simulate, and let the forces move the robot with all six axes free."""
     plan = plan_of(problem, context)
-    solution = _optimum(plan, context)
-    if not solution.status.ok:
-        return _failed(problem, solution, "")
+    outcome, solution = _on_this_mesh(plan, None, context)
+    given, failed = outcome, failed_of(outcome.checks)
+    for _ in range(PASSES):
+        mesh = plan.problem.mesh
+        elements = elements_after(mesh.elements, mesh.most_elements, outcome.checks, MENDED)
+        if not outcome.status.converged or elements is None or context.interrupted():
+            break
+        finer = plan.problem.model_copy(update={"mesh": mesh.model_copy(update={"elements": elements})})
+        plan = replace(plan, problem=finer)
+        after, solution = _on_this_mesh(plan, solution, context)
+        iterations = (outcome.iterations or 0) + (after.iterations or 0)
+        if not after.status.converged:
+            message = f"{outcome.message}; on {elements} elements: {after.message}"
+            return replace(outcome, iterations=iterations, message=message)
+        before, outcome = outcome, replace(after, iterations=iterations)
+        if not helped(before.checks, outcome.checks):
+            break
+    if outcome is given:
+        return outcome
+    used = plan.problem.mesh.elements
+    rows = [*outcome.rows, Row("elements of the mesh, refined", used)]
+    end = "" if outcome.status.ok else ";"
+    return replace(outcome, message=outcome.message + end + told(problem.mesh.elements, used, failed), rows=rows)
+
+
+def _on_this_mesh(plan: AxisPlan, guess: Solution | None, context: Context) -> tuple[Outcome, Solution]:
+    """The outcome on the plan's mesh, and the optimum that it is of."""
+    problem = plan.problem
+    solution = _optimum(plan, guess, context)
+    if not solution.status.converged:
+        return _failed(problem, solution, ""), solution
     tried = resimulate(solution)
     if tried.trajectory is None:
-        return _failed(problem, solution, f"the optimum cannot be re-simulated: {tried.message}; ")
+        return _failed(problem, solution, f"the optimum cannot be re-simulated: {tried.message}; "), solution
     trajectory, apart = _placed(plan, tried.trajectory)
     if trajectory is None:
-        return _failed(problem, solution, "forward kinematics from the home pose does not follow the optimum's axes; ")
-    return _outcome(plan, solution, trajectory, apart, tried.defect, context)
+        lead = "forward kinematics from the home pose does not follow the optimum's axes; "
+        return _failed(problem, solution, lead), solution
+    return _outcome(plan, solution, trajectory, apart, tried.defect, context), solution
 
 
 def explain(problem: Schema, context: Context) -> str:
@@ -102,7 +136,7 @@ def _shown(k: int, x: float) -> str:
     return f"{x:g} m" if k < CARTS else f"{np.degrees(x):g} deg"
 
 
-def _optimum(plan: AxisPlan, context: Context) -> Solution:
+def _optimum(plan: AxisPlan, guess: Solution | None, context: Context) -> Solution:
     def progress(iteration: int, objective: float, violation: float) -> bool:
         numbers = {"iteration": iteration, "objective": objective, "violation": violation}
         context.progress("optimising", None, numbers)
@@ -112,7 +146,7 @@ def _optimum(plan: AxisPlan, context: Context) -> Solution:
     return collocate(
         plan.optimization(),
         Mesh(mesh.elements, mesh.points, control=mesh.control),
-        guess=plan.guess(),
+        guess=guess or plan.guess(),
         # the kind judges the motion by its re-simulation
         solver=SolverOptions(**solver.model_dump(), max_seconds=context.seconds_left(), error_bound=None),
         progress=progress,
@@ -122,7 +156,7 @@ def _optimum(plan: AxisPlan, context: Context) -> Solution:
 
 def _failed(problem: Schema, solution: Solution, lead: str) -> Outcome:
     title = f"{problem.title} (not solved: {solution.status.value})".strip()
-    status = SolveStatus.FAILED if solution.status.ok else solution.status
+    status = SolveStatus.FAILED if solution.status.converged else solution.status
     return Outcome(
         status=status,
         message=lead + solution.message,
@@ -190,6 +224,7 @@ def _outcome(
     five = problem.degrees_of_freedom == 5
     values = {
         "final_time_s": solution.final_time,
+        "elements": problem.mesh.elements,
         "energy": _energy(plan, solution),
         "saturation": np.mean(share[1:] >= SATURATED, axis=0).tolist(),  # rows are equally spaced
         "peak_share": np.max(share, axis=0).tolist(),
@@ -223,7 +258,9 @@ def _outcome(
     checks |= {n: at_most(x, bound, trouble) for n, (x, bound) in bounds.items()}
     return Outcome(
         status=SolveStatus.SOLVED,
-        message="; ".join(filter(None, ["solved, re-simulated, and tried on all six axes", solution.reservation])),
+        message="; ".join(
+            filter(None, [f"{how(solution)}, re-simulated, and tried on all six axes", solution.reservation])
+        ),
         objective=solution.objective,
         iterations=solution.iterations,
         checks=checks,

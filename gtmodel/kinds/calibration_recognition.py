@@ -20,6 +20,7 @@ from gtmodel.calibrate.recognition import (
     orders,
     reversed_columns,
     scale_sentence,
+    stuck_columns,
     swapped_axes,
     unit_sentence,
 )
@@ -101,6 +102,9 @@ def recognise(data: PoseData, witness: Witness) -> tuple[np.ndarray, np.ndarray]
         return float(np.sqrt(np.mean(np.sum((T[at] - found[at]) ** 2, axis=1))))
 
     names, groups = _columns(data)
+    as_read = reached(q) if len(q) > 1 else None
+    every = np.asarray(data.all.values[keys.actuators])
+    _refuse(stuck_columns(names, every, None if as_read is None else misfit(as_read), witness.size), keys.actuators)
     if len(good) >= REACHED * len(q) and len(good) > 3:
         _refuse(scale_sentence(keys.position, T[good], predicted), keys.position)
         _refuse(_upright(data, rows[good], e), keys.orientation or "")

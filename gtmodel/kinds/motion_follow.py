@@ -118,9 +118,10 @@ class Follower:
         power = np.linalg.inv(np.vander(nodes, increasing=True))
         c = np.einsum("pn,knm->kpm", power, tau)
         forward = compile_causal(self.robot, known="tau", targets="der(T,2)", prefer="T")
-        state, r = ca.SX.sym("state", 6), ca.SX.sym("r")
-        p = ca.SX.sym("p", 1 + 3 * (DEGREE + 1))
-        force = sum((p[1 + 3 * n : 4 + 3 * n] * r**n for n in range(DEGREE + 1)), ca.SX.zeros(3))
+        X = ca.SX if forward.casadi.is_a("SXFunction") else ca.MX  # root finders are no SX
+        state, r = X.sym("state", 6), X.sym("r")
+        p = X.sym("p", 1 + 3 * (DEGREE + 1))
+        force = sum((p[1 + 3 * n : 4 + 3 * n] * r**n for n in range(DEGREE + 1)), X.zeros(3))
         given = {("T", 0): state[:3], ("T", 1): state[3:], ("tau", 0): force}
         arguments = [given[_base(signal.name), order] for signal in forward.inputs for order in [signal.pairs[0][1]]]
         rate = ca.vertcat(state[3:], forward.casadi.call(arguments)[0])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, Literal
+from typing import Any, Literal, cast
 
 import numpy as np
 
@@ -20,9 +20,10 @@ from .motion_limits import Guard
 from .motion_paths import Path
 from .trajectory_keys import TrajectoryProblem
 
-# these problems take 20 to 120 iterations; one that needs more has lost its way, and another start is the better bet
-ATTEMPT_ITERATIONS = 200
-EXPORT_ITERATIONS = 100  # from the optimum it takes 10 to 70
+# iterations without progress after which an attempt has lost its way, and another one is the better bet: of 200 drawn
+# attempts that ended in an optimum one waited longer, those that ended in none mostly never came back
+PATIENCE = 60
+RESERVE = 200  # iterations that further starts leave to the exported motion; it takes 10 to 70
 EXPORT_LOSS = 0.05  # a constant force per element costs less than this; more tells of another, worse optimum
 TIGHTENINGS = 3
 TIGHTENED = 1e-4  # relative, beyond what was seen
@@ -77,19 +78,22 @@ def motion_of(problem: TrajectoryProblem, robot: Model, *args: Any, **options: A
 class Search:
     """Attempts in turn, until one is solved and keeps its links off the edge of reach.
 
-    First without that bound, which an optimum seldom feels; then with it; then with it from the bare line, since
-    the forces of a profile may lie far outside the limits; then along a continuation from a heavier weight of
-    the energy. All attempts share `solver.max_iterations` and the time limit.
+    First without that bound, which an optimum seldom feels; then with it, and with it and the other barrier strategy;
+    then from the bare line, since the forces of a profile may lie far outside the limits; then along a continuation
+    from a heavier weight of the energy. An attempt that gets nowhere makes room for the next. All attempts, those from
+    further starts and at the exported motion too, share `solver.max_iterations`, which `iterations` counts, and the
+    time limit.
     """
 
     problem: TrajectoryProblem
     context: Context
     robot: Model
-    guess: Trajectory
+    guess: Trajectory | Solution
     bare: Trajectory
     guard: Guard = field(default_factory=lambda: Guard([], {}))
     path: Path | None = None
-    iterations: int = field(default=0, init=False)
+    iterations: int = 0
+    started: int = field(default=0, init=False)
 
     @cached_property
     def plain(self) -> Optimization:
@@ -102,12 +106,20 @@ class Search:
     def _motion(self, guarded: bool, energy: float | None = None) -> Optimization:
         return motion_of(self.problem, self.robot, guarded, energy, self.guard, self.path)
 
+    def go_on(self, problem: TrajectoryProblem, guess: Solution) -> None:
+        """From here on with another mesh, from what was found; iterations are counted on."""
+        self.problem, self.guess = problem, guess
+
     def optimum(self) -> Solution:
         """The optimum with the control that the problem asks for; where none is found, the best attempt."""
         problem, control = self.problem, self.problem.mesh.control
         tried: list[Solution] = []
-        for guarded, guess in ((False, self.guess), (True, self.guess), (True, self.bare)):
-            tried.append(self._attempt(self.guarded if guarded else self.plain, control, guess))
+        ways = [(False, self.guess, "adaptive"), (True, self.guess, "adaptive"), (True, self.guess, "monotone"),
+                (True, self.bare, "adaptive")]  # fmt: skip
+        if problem.solver.barrier != "auto":
+            ways.pop(2)
+        for guarded, guess, barrier in ways:
+            tried.append(self._attempt(self.guarded if guarded else self.plain, control, guess, barrier))
             if self._done(tried[-1]):
                 return self._best(tried)
         start: Trajectory | Solution = self.bare
@@ -117,19 +129,26 @@ class Search:
                 step = self._attempt(self._motion(True, energy), control, start)
                 if self._over(step):
                     return self._best(tried)  # a step is no optimum of the problem itself
-                start = step if step.status.ok else start
+                start = step if step.status.converged else start
         return self._best([*tried, self._attempt(self.guarded, control, start)])
 
     def from_starts(self, guesses: list[Trajectory]) -> list[Solution]:
-        """Optima from further starts, links kept off the edge of reach; those that end in none are left out."""
+        """Optima from further starts, links kept off the edge of reach; those that end in none are left out, and those
+        for which there is no time or no iteration left."""
         found: list[Solution] = []
         for guess in guesses:
-            solution = self._attempt(self.guarded, self.problem.mesh.control, guess, ATTEMPT_ITERATIONS, shared=False)
-            if solution.status.ok:
-                found.append(solution)
-            if self.context.interrupted():
+            if self.context.interrupted() or self.left <= RESERVE:
                 break
+            solution = self._attempt(self.guarded, self.problem.mesh.control, guess, "adaptive", self.left - RESERVE)
+            self.started += 1
+            if solution.status.converged:
+                found.append(solution)
         return found
+
+    @property
+    def left(self) -> int:
+        """Iterations left for all that is still to be tried."""
+        return max(0, self.problem.solver.max_iterations - self.iterations)
 
     def exportable_tried(self, optimum: Solution, tried: Resimulation) -> tuple[Solution, Resimulation]:
         """The exported motion and its re-simulation. Where forces are not the control they may pass their limit between
@@ -138,10 +157,10 @@ class Search:
             solution, run = optimum, tried
         else:
             solution = self.exportable(optimum)
-            run = resimulate(solution) if solution.status.ok else tried
+            run = resimulate(solution) if solution.status.converged else tried
         limit, search = self.problem.limits.force_N, self
         for _ in range(TIGHTENINGS):
-            if not solution.status.ok or run.trajectory is None or order_of(self.problem) is None:
+            if not solution.status.converged or run.trajectory is None or order_of(self.problem) is None:
                 break
             peak = float(np.max(np.abs(run.trajectory["robot.tau"])))
             if peak <= limit:
@@ -149,16 +168,19 @@ class Search:
             lower = search.problem.limits.force_N * (limit / peak) * (1 - TIGHTENED)
             limits = self.problem.limits.model_copy(update={"force_N": lower})
             problem = self.problem.model_copy(update={"limits": limits})
-            search = Search(problem, self.context, self.robot, self.guess, self.bare, self.guard, self.path)
+            search = Search(
+                problem, self.context, self.robot, self.guess, self.bare, self.guard, self.path, self.iterations
+            )
             solution = search.exportable(optimum)
-            run = resimulate(solution) if solution.status.ok else run
+            self.iterations = search.iterations
+            run = resimulate(solution) if solution.status.converged else run
         return solution, run
 
     def exportable(self, optimum: Solution) -> Solution:
         """The optimum among forces that are constant on each element: the best of some attempts."""
         best: Solution | None = None
         for guarded, guess in ((False, optimum), (True, optimum), (True, self.guess)):
-            solution = self._attempt(self.guarded if guarded else self.plain, "constant", guess, EXPORT_ITERATIONS)
+            solution = self._attempt(self.guarded if guarded else self.plain, "constant", guess)
             if best is None or _better(solution, best):
                 best = solution
             if self._over(solution) or (self._done(solution) and _loss(solution, optimum) <= EXPORT_LOSS):
@@ -171,9 +193,10 @@ class Search:
         model: Optimization,
         control: Control,
         guess: Trajectory | Solution,
-        most: int = ATTEMPT_ITERATIONS,
-        shared: bool = True,
+        barrier: str = "auto",
+        most: int | None = None,
     ) -> Solution:
+        """One attempt, with a barrier strategy where the problem leaves it open."""
         wanted = control == self.problem.mesh.control
         stage = "optimising" if wanted else "bounding the force between the nodes"
 
@@ -190,34 +213,41 @@ class Search:
                 error_bound=None,  # the kind judges the motion by its re-simulation
                 tolerance=solver.tolerance,
                 formulation=solver.formulation,
-                max_iterations=max(0, min(most, solver.max_iterations - (self.iterations if shared else 0))),
+                barrier=solver.barrier if solver.barrier != "auto" else cast(Any, barrier),
+                patience=PATIENCE,
+                max_iterations=self.left if most is None else most,
                 max_seconds=self.context.seconds_left(),
             ),
             progress=progress,
             throw=False,
         )
-        self.iterations += solution.iterations if shared else 0
+        self.iterations += solution.iterations
         return solution
 
     def _over(self, solution: Solution) -> bool:
         """Nothing more can be tried."""
         stopped = solution.status is SolveStatus.INTERRUPTED
-        return stopped or self.context.interrupted() or self.iterations >= self.problem.solver.max_iterations
+        return stopped or self.context.interrupted() or self.left == 0
 
     def _done(self, solution: Solution) -> bool:
         """Solved within reach, or nothing more can be tried."""
-        return (solution.status.ok and self._within(solution)) or self._over(solution)
+        return (solution.status.converged and self._within(solution)) or self._over(solution)
 
     def _best(self, tried: list[Solution]) -> Solution:
         """The last one that is solved within reach; else that nearest to keeping its constraints."""
-        good = [s for s in tried if s.status.ok and self._within(s)]
+        good = [s for s in tried if s.status.converged and self._within(s)]
         if good or tried[-1].status is SolveStatus.INTERRUPTED:
             return good[-1] if good else tried[-1]
-        failed = [s for s in reversed(tried) if not s.status.ok]
+        failed = [s for s in reversed(tried) if not s.status.converged]
         if not failed:
             told = "an optimum was found, but it comes nearer to the edge of reach than limits.link_along_guideway_m"
             return replace(tried[-1], status=SolveStatus.FAILED, message=told)
-        return min(failed, key=lambda s: s.checks["constraint_violation"].value)
+        nearest = min(failed, key=lambda s: s.checks["constraint_violation"].value)
+        if self.left == 0 and nearest.status is not SolveStatus.ITERATION_LIMIT:
+            limit = SolveStatus.ITERATION_LIMIT
+            message = f"{limit.sentence}; the attempt that came nearest: {nearest.message}"
+            nearest = replace(nearest, status=limit, message=message)
+        return nearest
 
     def _within(self, solution: Solution) -> bool:
         run = solution.trajectory
@@ -230,4 +260,4 @@ def _loss(solution: Solution, optimum: Solution) -> float:
 
 
 def _better(a: Solution, b: Solution) -> bool:
-    return (a.status.ok, -a.objective) > (b.status.ok, -b.objective)
+    return (a.status.converged, -a.objective) > (b.status.converged, -b.objective)

@@ -51,7 +51,13 @@ class Solver(Section):
     )
 
     tolerance: PositiveFloat = Field(default=1e-8, description="on the scaled optimality conditions")
-    max_iterations: PositiveInt = Field(default=1000, description="limit of iterations")
+    max_iterations: PositiveInt = Field(
+        default=1000, description="limit of iterations, of both tries where there are two"
+    )
+    barrier: Literal["auto", "adaptive", "monotone"] = Field(
+        default="auto",
+        description="how IPOPT lowers its barrier; auto: adaptive, and monotone where that fails",
+    )
     compile: bool = Field(
         default=False, description="the elements as machine code: the same optimum, sooner where it is solved again"
     )

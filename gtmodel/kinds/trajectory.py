@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -13,23 +13,28 @@ from gtmodel.optimize.overshoot import control_curves
 from gtmodel.optimize.resimulate import Resimulation, resimulate
 from gtmodel.results import SolveStatus, Trajectory
 
-from .base import Context, Outcome, Row, at_most
+from .base import Context, Outcome, at_most
+from .finer_mesh import PASSES, elements_after, helped, how, told
 from .motion_follow import sampled
 from .motion_limits import clearance
 from .motion_planning import Plan, plan_of
 from .motion_reference import at_rest, between_rows, csv_text, rapid_text
-from .motion_search import motion_of
+from .motion_search import Search, motion_of
 from .trajectory_keys import TrajectoryProblem as Schema
+from .trajectory_rows import rows_of
+from .verdict import failed_of
 
 NAME = "trajectory"
 
 VALUES = {
-    "final_time_s": "final time of the collocation optimum, control as [mesh] says",
+    "final_time_s": "final time of the collocation optimum, control as [mesh] says; the motion's is the exported one",
     "energy": "sum over motors of int (F / force_unit_N)^2 dt of that optimum [s]",
     "saturation": "share of the time in which each motor is within 1 % of its limit",
     "optima": "costs of the different optima that the starts ended in, best first",
     "end_error_m": "distance to the goal after re-simulating that optimum's force",
     "peak_force_between_nodes_N": "largest force of that optimum between its collocation points",
+    "elements": "elements of the mesh: those of the file, or more where a check failed on them",
+    "attempt_iterations": "iterations of the attempt that ended in that optimum; those of all are `iterations`",
     "path_length_m": "length of the path to follow; null for a free motion",
     "second_road_time_s": "final time along the path with squared speeds as unknowns; null without a path",
     "exported_final_time_s": "final time of the exported motion, which keeps its force limit at every instant",
@@ -50,6 +55,7 @@ MARGIN_TOLERANCE = 0.01  # further limits hold at collocation points; between th
 SATURATED = 0.99
 SAME_OPTIMUM = 1e-5  # relative: costs nearer than that are one optimum
 ROADS_AGREE = 1e-3  # relative: of the final time along a path, by collocation and by squared speeds
+MOST_INTERVALS = 3200
 SECOND_ROAD_INTERVALS = 400  # 5e-7 of the time on a line
 
 
@@ -66,38 +72,110 @@ class Exported:
     defect: float
 
 
+@dataclass(frozen=True, kw_only=True)
+class Found:
+    """What was found on one mesh: the collocation optimum, the exported motion, and the checks of both."""
+
+    plan: Plan
+    solution: Solution
+    tried: Resimulation
+    exported: Exported
+    second: float | None
+    optima: list[float]
+    checks: dict[str, Any]
+
+
 def solve(problem: Schema, context: Context) -> Outcome:
-    """Optimise, re-simulate, and make the exported motion whose force is bounded at every instant."""
+    """Optimise, re-simulate, and make the exported motion whose force is bounded at every instant; on a finer mesh
+    where a check fails that it can mend."""
     plan = plan_of(problem, context)
     search = plan.search(context)
     solution = search.optimum()
-    if not solution.status.ok:
+    if not solution.status.converged:
         stopped = solution.status is SolveStatus.INTERRUPTED
-        return _failed(problem, solution, hint="" if stopped else plan.hint())
-    others = search.from_starts(plan.further_guesses())
+        return _failed(search, solution, hint="" if stopped else plan.hint())
+    guesses = plan.further_guesses()
+    others = search.from_starts(guesses)
     optima = _different([solution, *others])
     best = min([solution, *others], key=lambda s: s.objective)
     if best.objective < solution.objective * (1 - SAME_OPTIMUM):
         solution = best
+    found = _on_this_mesh(plan, search, solution, optima)
+    if isinstance(found, Outcome):
+        return found
+    notes = []
+    if search.started < len(guesses) and not context.interrupted():
+        notes.append(f"{len(guesses) - search.started} of {len(guesses)} further starts left out, for "
+                     "solver.max_iterations")  # fmt: skip
+    failed = failed_of(found.checks)
+    found, trouble = _refined(found, search)
+    if trouble:
+        notes.append(trouble)
+    return _outcome(found, search, told(problem.mesh.elements, found.plan.problem.mesh.elements, failed), notes)
+
+
+def _refined(found: Found, search: Search) -> tuple[Found, str]:
+    """What is found on finer meshes as long as a check fails that they can mend, and what ended that too early."""
+    for _ in range(PASSES):
+        problem = _finer(found)
+        if problem is None or search.context.interrupted():
+            break
+        plan = replace(found.plan, problem=problem)
+        search.go_on(problem, found.solution)
+        solution = search.optimum()
+        on = f"on {problem.mesh.elements} elements"
+        if not solution.status.converged:
+            return found, f"{on}: {solution.message}"
+        after = _on_this_mesh(plan, search, solution, found.optima)
+        if isinstance(after, Outcome):
+            return found, f"{on}: {after.message}"
+        before, found = found, after
+        if not helped(before.checks, found.checks):
+            break
+    return found, ""
+
+
+def _finer(found: Found) -> Schema | None:
+    """The problem on a finer mesh, or on more intervals of its path, where a check failed; None where none can help."""
+    problem, checks = found.plan.problem, found.checks
+    followed = found.second is not None
+    mended = [name for name in checks if name != "constraint_violation" and not (followed and "exported" in name)]
+    elements = elements_after(problem.mesh.elements, problem.mesh.most_elements, checks, mended)
+    changed: dict[str, Any] = {}
+    if elements is not None:
+        changed["mesh"] = problem.mesh.model_copy(update={"elements": elements})
+    if followed and problem.path is not None and any("exported" in name for name in failed_of(checks)):
+        intervals = min(2 * problem.path.intervals, MOST_INTERVALS)
+        if intervals > problem.path.intervals:
+            changed["path"] = problem.path.model_copy(update={"intervals": intervals})
+    return problem.model_copy(update=changed) if changed else None
+
+
+def _on_this_mesh(plan: Plan, search: Search, solution: Solution, optima: list[float]) -> Found | Outcome:
+    """The optimum re-simulated, and the exported motion; an outcome where there is none."""
     tried = resimulate(solution)
     if tried.trajectory is None:
-        return _failed(problem, solution, f"the optimum cannot be re-simulated: {tried.message}; ")
+        return _failed(search, solution, f"the optimum cannot be re-simulated: {tried.message}; ")
     second = None
     if plan.path is not None and not plan.smooth:
-        motion, second = plan.followed(context), plan.second_road(SECOND_ROAD_INTERVALS)
-        if not motion.status.ok:
+        motion, second = plan.followed(search.context), plan.second_road(SECOND_ROAD_INTERVALS)
+        search.iterations += motion.iterations
+        if not motion.status.converged:
             return _failed(
-                problem, solution, f"the optimum was found, but not the exportable motion: {motion.message}; "
+                search, solution, f"the optimum was found, but not the exportable motion: {motion.message}; "
             )
         exported = _followed(plan, motion)
     else:
         constant, run = search.exportable_tried(solution, tried)
-        if not constant.status.ok:
-            return _failed(problem, constant, "the optimum was found, but not the exportable motion: ")
+        if not constant.status.converged:
+            return _failed(search, constant, "the optimum was found, but not the exportable motion: ")
         if run.trajectory is None:
-            return _failed(problem, constant, f"the exported motion cannot be re-simulated: {run.message}; ")
+            return _failed(search, constant, f"the exported motion cannot be re-simulated: {run.message}; ")
         exported = _resimulated(plan, constant, run)
-    return _outcome(plan, solution, tried, exported, optima, second)
+    checks = _checks(plan, solution, tried, exported, second)
+    return Found(
+        plan=plan, solution=solution, tried=tried, exported=exported, second=second, optima=optima, checks=checks
+    )
 
 
 def explain(problem: Schema, context: Context) -> str:
@@ -139,13 +217,14 @@ def _renamed(trajectory: Trajectory, title: str) -> Trajectory:
     return Trajectory(trajectory.time, values, units, title=title)
 
 
-def _failed(problem: Schema, solution: Solution, lead: str = "", hint: str = "") -> Outcome:
+def _failed(search: Search, solution: Solution, lead: str = "", hint: str = "") -> Outcome:
+    problem = search.problem
     return Outcome(
-        status=solution.status,
+        status=SolveStatus.FAILED if solution.status.converged else solution.status,
         message=lead + solution.message + hint,
         objective=solution.objective if np.isfinite(solution.objective) else None,
-        iterations=solution.iterations,
-        checks=solution.checks,
+        iterations=search.iterations,
+        checks={name: solution.checks[name] for name in ("constraint_violation",)},
         values={"final_time_s": solution.free.get("final_time")},
         trajectory=_renamed(solution.trajectory, f"{problem.title} (not solved: {solution.status.value})".strip()),
     )
@@ -227,52 +306,57 @@ def _clearances(plan: Plan, run: Trajectory) -> list[float]:
     return found
 
 
-def _outcome(
-    plan: Plan,
-    solution: Solution,
-    tried: Resimulation,
-    exported: Exported,
-    optima: list[float],
-    second: float | None,
-) -> Outcome:
+def _checks(
+    plan: Plan, solution: Solution, tried: Resimulation, exported: Exported, second: float | None
+) -> dict[str, Any]:
+    assert tried.trajectory is not None
+    problem = plan.problem
+    end_error = _distance(tried.trajectory["robot.T"][-1], plan.goal)
+    checks: dict[str, Any] = {
+        "constraint_violation": solution.checks["constraint_violation"],
+        "end_error_m": at_most(end_error, END_ERROR_BOUND_M, FINER),
+        "exported_end_error_m": at_most(exported.end_error, END_ERROR_BOUND_M, FINER),
+        "exported_peak_force_N": at_most(exported.peak, problem.limits.force_N * (1 + FORCE_TOLERANCE), FINER),
+    }
+    if margins := _margins(plan, exported):
+        checks["exported_excess"] = at_most(max(0.0, -min(margins.values())), MARGIN_TOLERANCE, FINER)
+    if second is not None and problem.cost.energy == 0.0:
+        checks["roads_apart"] = at_most(abs(second / solution.final_time - 1), ROADS_AGREE, FINER)
+    return checks
+
+
+def _margins(plan: Plan, exported: Exported) -> dict[str, float]:
+    return plan.guard.least(exported.trajectory["margin"]) if plan.guard.margins else {}
+
+
+def _outcome(found: Found, search: Search, finer: str, notes: list[str]) -> Outcome:
+    """finer: what is to be said of a refined mesh. notes: further sentences of the message."""
+    plan, solution, tried, exported = found.plan, found.solution, found.tried, found.exported
     problem = plan.problem
     limit, unit = problem.limits.force_N, problem.cost.force_unit_N
     assert tried.trajectory is not None
     run = exported.trajectory
-    end_error = _distance(tried.trajectory["robot.T"][-1], plan.goal)
     peak = float(np.max(np.abs(tried.trajectory["robot.tau"]))) if plan.restricted else _peak(tried)
-    margins = plan.guard.least(run["margin"]) if plan.guard.margins else {}
     values = {
         "final_time_s": solution.final_time,
         "energy": _energy(solution, unit),
         "saturation": _saturation(solution, limit),
-        "optima": optima,
-        "end_error_m": end_error,
+        "optima": found.optima,
+        "end_error_m": found.checks["end_error_m"].value,
         "peak_force_between_nodes_N": peak,
+        "elements": problem.mesh.elements,
+        "attempt_iterations": solution.iterations,
         "path_length_m": plan.path.length if plan.path is not None else None,
-        "second_road_time_s": second,
+        "second_road_time_s": found.second,
         "exported_final_time_s": exported.final_time,
         "exported_energy": exported.energy,
         "exported_end_error_m": exported.end_error,
         "exported_peak_force_N": exported.peak,
         "exported_defect": exported.defect,
         "exported_link_along_guideway_m": float(np.min(run["along_guideway"])) if "along_guideway" in run else None,
-        "exported_margins": margins,
+        "exported_margins": _margins(plan, exported),
         "exported_clearance_m": _clearances(plan, run),
     }
-    bound = limit * (1 + FORCE_TOLERANCE)
-    checks: dict[str, Any] = {
-        "constraint_violation": solution.checks["constraint_violation"],
-        "end_error_m": at_most(end_error, END_ERROR_BOUND_M, FINER),
-        "exported_end_error_m": at_most(exported.end_error, END_ERROR_BOUND_M, FINER),
-        "exported_peak_force_N": at_most(exported.peak, bound, FINER),
-    }
-    if margins:
-        worst = max(0.0, -min(margins.values()))
-        checks["exported_excess"] = at_most(worst, MARGIN_TOLERANCE, FINER)
-    if second is not None and problem.cost.energy == 0.0:
-        apart = abs(second / solution.final_time - 1)
-        checks["roads_apart"] = at_most(apart, ROADS_AGREE, FINER)
     trajectory = _renamed(run, problem.title or "optimal motion")
     curves = None
     if problem.mesh.control == "polynomial" and not plan.restricted:
@@ -283,13 +367,13 @@ def _outcome(
     )
     return Outcome(
         status=SolveStatus.SOLVED,
-        message="; ".join(filter(None, ["solved and re-simulated", solution.reservation])),
+        message="; ".join(filter(None, [f"{how(solution)} and re-simulated{finer}", *notes, solution.reservation])),
         objective=solution.objective,
-        iterations=solution.iterations,
-        checks=checks,
+        iterations=search.iterations,
+        checks=found.checks,
         values=values,
         trajectory=trajectory,
-        rows=_rows(plan, values, solution),
+        rows=rows_of(plan, values, solution.objective, finer),
         figures={"motion": lambda: _figure(plan, trajectory, curves)},
         files={
             "reference.csv": csv_text(reference, problem.title),
@@ -297,32 +381,6 @@ def _outcome(
         },
         machine_files=("reference.csv", "motion.mod"),
     )
-
-
-def _rows(plan: Plan, values: dict[str, Any], solution: Solution) -> list[Row]:
-    problem = plan.problem
-    rows = [
-        Row("final time", values["final_time_s"], "s"),
-        Row("cost", solution.objective, ""),
-        Row("energy", values["energy"], "s"),
-        *(Row(f"motor {i + 1} at its limit", 100 * x, "% of the time") for i, x in enumerate(values["saturation"])),
-        Row("end error, re-simulated", 1e3 * values["end_error_m"], "mm"),
-    ]
-    if problem.starts.count:
-        rows += [Row(f"optimum {n}: cost", cost, "") for n, cost in enumerate(values["optima"], 1)]
-    if values["second_road_time_s"] is not None:
-        rows.append(Row("final time by squared speeds", values["second_road_time_s"], "s"))
-    if problem.mesh.control != "constant":
-        rows.append(Row("largest force between the nodes", values["peak_force_between_nodes_N"], "N"))
-    rows += [
-        Row("exported: final time", values["exported_final_time_s"], "s"),
-        Row("exported: end error, re-simulated", 1e3 * values["exported_end_error_m"], "mm"),
-        Row("exported: largest force at any instant", values["exported_peak_force_N"], "N"),
-    ]
-    rows += [Row(f"exported: margin to {key}", x, "") for key, x in values["exported_margins"].items()]
-    rows += [Row(f"exported: distance from obstacle {n}", 1e3 * x, "mm")
-             for n, x in enumerate(values["exported_clearance_m"])]  # fmt: skip
-    return rows
 
 
 def _figure(plan: Plan, trajectory: Trajectory, curves: tuple[np.ndarray, np.ndarray] | None) -> Any:

@@ -112,6 +112,9 @@ class Mesh(Section):
     """Where the equations are collocated (Radau)."""
 
     elements: PositiveInt = Field(50, le=10000, description="number of elements of the horizon")
+    most_elements: PositiveInt = Field(
+        400, le=10000, description="where a check fails the mesh is refined, to at most so many elements"
+    )
     points: int = Field(3, ge=1, le=9, description="collocation points per element")
     control: Literal["polynomial", "constant"] = Field(
         "polynomial", description="force polynomial per element, bounded at its points only, or one value"
@@ -122,7 +125,14 @@ class Solver(Section):
     """When the solver stops."""
 
     tolerance: PositiveFloat = Field(1e-8, description="on the scaled optimality conditions")
-    max_iterations: PositiveInt = Field(1000, description="limit of iterations")
+    max_iterations: PositiveInt = Field(
+        1000,
+        description="limit of iterations: of all attempts together, further starts and the exported motion included",
+    )
+    barrier: Literal["auto", "adaptive", "monotone"] = Field(
+        "auto",
+        description="how IPOPT lowers its barrier; auto: adaptive, and monotone where that fails",
+    )
     formulation: Literal["auto", "inverse", "explicit", "torn", "dae"] = Field(
         "auto", description="which equations are collocated; dae: all as they stand, for robots without closed forms"
     )

@@ -39,7 +39,7 @@ class TableRow(Section):
 
     name: str = Field(description="what the row is called")
     set: dict[str, Any] = Field({}, description='keys that this row changes, such as {"cost.energy" = 0.01}')
-    most_iterations: int | None = Field(None, description="bound on the iterations of its first successful attempt")
+    most_iterations: int | None = Field(None, description="bound on the iterations of the attempt that found it")
     published: Published | None = Field(None, description="what the source prints")
 
 
@@ -98,7 +98,9 @@ def _outcome(problem: Schema, done: list[Outcome]) -> Outcome:
     entries = []
     for row, o in zip(problem.row, done, strict=False):
         kept = {key: o.values.get(key) for key in MEASURED}
-        entries.append({"name": row.name, "cost": o.objective, "iterations": o.iterations, **kept})
+        entries.append(
+            {"name": row.name, "cost": o.objective, "iterations": o.values.get("attempt_iterations"), **kept}
+        )
     if not last.status.converged:
         return Outcome(
             status=last.status,
@@ -111,8 +113,8 @@ def _outcome(problem: Schema, done: list[Outcome]) -> Outcome:
     checks: dict[str, Any] = {}
     for n, (row, o) in enumerate(zip(problem.row, done, strict=True), 1):
         checks |= {f"row_{n}_{name}": check for name, check in o.checks.items() if not check.passed}
-        if row.most_iterations is not None and o.iterations is not None:
-            checks[f"row_{n}_iterations"] = at_most(float(o.iterations), float(row.most_iterations))
+        if row.most_iterations is not None:
+            checks[f"row_{n}_iterations"] = at_most(o.values["attempt_iterations"], float(row.most_iterations))
     runs = [(row.name, o.trajectory) for row, o in zip(problem.row, done, strict=True) if o.trajectory is not None]
     reserved = [f"row {n}: {o.message}" for n, o in enumerate(done, 1) if o.message != done[0].message]
     common = done[0].message
@@ -142,7 +144,7 @@ def _rows(problem: Schema, done: list[Outcome], saving: float, ratio: float) -> 
         rows += [
             Row(f"{row.name}: final time [s]", o.values["final_time_s"], beside(told and told.final_time_s)),
             Row(f"{row.name}: energy [s]", o.values["energy"], beside(told and told.energy)),
-            Row(f"{row.name}: iterations", o.iterations, beside(told and told.iterations)),
+            Row(f"{row.name}: iterations", o.values["attempt_iterations"], beside(told and told.iterations)),
             Row(f"{row.name}: motors at their limit [%]", " ".join(f"{100 * x:.0f}" for x in o.values["saturation"])),
         ]
         if len(o.values["optima"]) > 1:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from gtmodel.results import SolveStatus
-from gtmodel.vibration import VibrationError
+from gtmodel.vibration import Stopped, VibrationError
 
 from .base import Context, InputError, Outcome
 from .vibration_data import records
@@ -38,7 +38,9 @@ def solve(problem: Schema, context: Context) -> Outcome:
         return Outcome(status=SolveStatus.INTERRUPTED, message="stopped before the fit")
     context.progress("fitting", 0.3)
     try:
-        return _SOLVE[problem.model](problem, found)
+        return _SOLVE[problem.model](problem, found, context)
+    except Stopped as stopped:
+        return Outcome(status=SolveStatus.INTERRUPTED, message=str(stopped))
     except VibrationError as error:
         raise InputError(str(error), problem.model) from error
 

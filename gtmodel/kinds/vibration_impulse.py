@@ -10,16 +10,18 @@ import tomli_w
 from gtmodel.results import SolveStatus
 from gtmodel.vibration import ImpulseModel, Record, identify_impulse
 
-from .base import Check, Outcome, Row, at_least, at_most
+from .base import Check, Context, Outcome, Row, at_least, at_most
 from .vibration_keys import Schema
 from .vibration_values import by_chance, interval, listed, said, values
 
 WITHIN = 0.01  # of synthetic hits: largest relative error of a frequency, or what their noise explains
 
 
-def solve_impulse(problem: Schema, records: list[Record]) -> Outcome:
-    """Fit the decay. Raises VibrationError."""
-    m = identify_impulse(records[0], modes=problem.impulse.modes, largest=problem.impulse.largest)
+def solve_impulse(problem: Schema, records: list[Record], context: Context) -> Outcome:
+    """Fit the decay. Raises VibrationError, Stopped."""
+    m = identify_impulse(
+        records[0], modes=problem.impulse.modes, largest=problem.impulse.largest, interrupted=context.interrupted
+    )
     found = values(
         words=list(m.words),
         frequency_Hz=[r.frequency_Hz for r in m.resonances],

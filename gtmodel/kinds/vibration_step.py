@@ -9,17 +9,17 @@ import tomli_w
 from gtmodel.results import SolveStatus
 from gtmodel.vibration import Record, StepModel, identify_step
 
-from .base import Check, Outcome, Row, at_most
+from .base import Check, Context, Outcome, Row, at_most
 from .vibration_keys import Schema
 from .vibration_values import by_chance, interval, said, values
 
 WITHIN = 0.01  # of synthetic steps: relative error of the bandwidth's 1 - a and of b, or what their noise explains
 
 
-def solve_step(problem: Schema, records: list[Record]) -> Outcome:
-    """Fit all recordings together. Raises VibrationError."""
+def solve_step(problem: Schema, records: list[Record], context: Context) -> Outcome:
+    """Fit all recordings together. Raises VibrationError, Stopped."""
     k = problem.step_response
-    m = identify_step(records, delay=k.delay_samples, longest=k.longest_samples)
+    m = identify_step(records, delay=k.delay_samples, longest=k.longest_samples, interrupted=context.interrupted)
     e = m.estimate
     found = values(
         words=list(m.words),

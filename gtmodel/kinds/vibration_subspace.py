@@ -24,7 +24,7 @@ from gtmodel.vibration import (
     physical_form,
 )
 
-from .base import Check, InputError, Outcome, Row, at_most
+from .base import Check, Context, InputError, Outcome, Row, at_most
 from .vibration_keys import Physical, Schema
 from .vibration_values import interval, listed, pairs_of, rows_of, said, values
 
@@ -41,18 +41,18 @@ class _Structure(NamedTuple):
     modes: Modes | None
 
 
-def solve_subspace(problem: Schema, records: list[Record]) -> Outcome:
-    """Identify, transform, judge. Raises VibrationError, InputError."""
+def solve_subspace(problem: Schema, records: list[Record], context: Context) -> Outcome:
+    """Identify, transform, judge. Raises VibrationError, InputError, Stopped."""
     record, k = records[0], problem.subspace
     model = identify_subspace(
         record, order=k.order, method=k.method, block_rows=k.block_rows, largest=k.largest_order,
-        feedthrough=k.feedthrough, held_out=k.held_out,
+        feedthrough=k.feedthrough, held_out=k.held_out, interrupted=context.interrupted,
     )  # fmt: skip
     A, B = np.asarray(model.system.A), np.asarray(model.system.B)
     c = continuous(A, B, record.sample_time)
     poles = np.linalg.eigvals(c.A)
     poles = poles[np.lexsort((-poles.imag, np.abs(poles).round(9)))]
-    s = None if problem.physical is None else _structure(problem, problem.physical, model, record)
+    s = None if problem.physical is None else _structure(problem, problem.physical, model, record, context)
     upper = poles[poles.imag >= 0]
     frequency = s.modes.frequency_Hz if s and s.modes else np.abs(upper) / (2 * np.pi)
     damping = -upper.real / np.abs(upper)
@@ -89,7 +89,7 @@ def solve_subspace(problem: Schema, records: list[Record]) -> Outcome:
     )
 
 
-def _structure(problem: Schema, p: Physical, model: SubspaceModel, record: Record) -> _Structure:
+def _structure(problem: Schema, p: Physical, model: SubspaceModel, record: Record, context: Context) -> _Structure:
     form = physical_form(model.system)
     coordinates = len(form.M_inv_K)
     force = None
@@ -111,7 +111,8 @@ def _structure(problem: Schema, p: Physical, model: SubspaceModel, record: Recor
     try:
         known = from_known(form, force=force, masses={m.coordinate - 1: m.mass_kg for m in p.mass})
         # with masses alone the force is an estimate, and no force to fit by
-        fit = output_error(record, known, form=p.form) if p.refine and force is not None else None
+        refine = p.refine and force is not None
+        fit = output_error(record, known, form=p.form, interrupted=context.interrupted) if refine else None
     except VibrationError as error:
         raise InputError(str(error), "physical") from error
     best = fit.model if fit else known

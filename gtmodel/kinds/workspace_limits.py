@@ -123,6 +123,10 @@ def limits_of(keys: Limits, bodies: Bodies, boxes: list[Box], beams: list[Beam],
         wrong = [i for beam in beams for i in beam.skip_links if not 1 <= i <= count]
         if wrong:
             raise InputError(f"there is no link {wrong[0]}; there are 1 to {count}", "beams.skip_links")
+        idle = [k for k, beam in enumerate(beams) if len(set(beam.skip_links)) == count]
+        if idle:
+            key = f"beams[{idle[0]}].skip_links"
+            raise InputError("names all links, so that nothing is tested; leave the beam out", key)
         skip = [(i - 1, k) for k, beam in enumerate(beams) for i in beam.skip_links]
         ends = np.array([[beam.from_m, beam.to_m] for beam in beams])
         limits.append(FrameClearance(ends, np.array([beam.radius_m for beam in beams]), radius, skip))

@@ -116,6 +116,8 @@ def _columns_of(
     for place, cell in enumerate(cells):
         match = HEADER_CELL.fullmatch(cell)
         name, unit = (match["name"], match["unit"].strip()) if match else (cell, "")
+        if not name:  # a spreadsheet's empty columns; nobody can declare them
+            continue
         if name in there:
             first = there[name][0] + 1
             raise LogError(

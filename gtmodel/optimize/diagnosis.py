@@ -23,14 +23,25 @@ def sentence(run: Run, nlp: Nlp) -> str:
 
 def solved_word(run: Run) -> str:
     word = "solved" if run.word == "Solve_Succeeded" else "solved to the acceptable level only"
+    if run.other is not None:
+        other, reason = run.other
+        word += f" with the {run.barrier} barrier strategy, after the {other} one failed ({_word(reason)})"
     return f"{word}: {run.reservation}" if run.reservation else word
 
 
 def failure(run: Run, more: list[str]) -> str:
     """The status in words, IPOPT's word, and what else is known."""
-    said = f"{run.status.sentence} ({run.word if ' ' in run.word else f'IPOPT: {run.word}'})"
+    tries = _word(run.word)
+    if run.other is not None:
+        other, word = run.other
+        tries = f"{tries} with the {run.barrier} barrier strategy, {_word(word)} with the {other} one"
+    said = f"{run.status.sentence} ({tries})"
     kept = f"kept is iterate {run.best.number}, the nearest to its constraints" if run.best else ""
     return "; ".join([said, *[m for m in [kept, *more] if m]])
+
+
+def _word(word: str) -> str:
+    return word if " " in word else f"IPOPT: {word}"
 
 
 def surplus(nlp: Nlp) -> str:

@@ -1,9 +1,8 @@
-"""Handing an NLP over to IPOPT: options, iteration callback, limits, and how it ended."""
+"""Handing an NLP over to IPOPT: options, a second try with the other barrier strategy, and how it ended."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
@@ -12,26 +11,21 @@ import numpy as np
 
 from ..results.status import SolveStatus
 from .quiet import without_warnings
+from .watch import FEASIBLE, NEARER, Iterate, Multipliers, Program, Progress, Watch
 
-Progress = Callable[[int, float, float], bool]
+__all__ = ["BARRIERS", "HESSIANS", "Iterate", "Limits", "Multipliers", "Program", "Progress", "Run", "run_ipopt"]
+
 HESSIANS = {"exact": "exact", "lbfgs": "limited-memory"}
+STRATEGIES = ("adaptive", "monotone")  # IPOPT's mu_strategy; where one fails the other may need a tenth of iterations
+BARRIERS = ("auto", *STRATEGIES)
+FATROP = {True: "Solve_Succeeded", False: "fatrop did not converge"}
 # a warm start trusts its point: the barrier begins near where it ended. The best of some tried on four problems; a
 # larger change of parameters may take more iterations than a cold start
-FATROP = {True: "Solve_Succeeded", False: "fatrop did not converge"}
 WARM_PUSH, WARM_BARRIER = 1e-3, 1e-6
-FEASIBLE = 1e-6  # violations of scaled rows below this are none
-NEARER = 0.5  # of the violation: an earlier iterate of a failed run is kept if it is so much nearer to its constraints
-
-
-class Program(Protocol):
-    """What IPOPT needs of an NLP: functions by nlpsol's names and bounds."""
-
-    functions: dict[str, ca.Function]
-    nlp: Any  # a function, or the expressions of one by their names
-    lbx: np.ndarray
-    ubx: np.ndarray
-    lbg: np.ndarray
-    ubg: np.ndarray
+# iterations without progress after which a first try makes room for the second; converging runs stay below a third
+LOST = 150
+# ends after which the other strategy is tried: what stopped the run was neither the caller nor a limit of his
+TRIED_AGAIN = (SolveStatus.FAILED, SolveStatus.INFEASIBLE, SolveStatus.DIVERGED, SolveStatus.NOT_FINITE)
 
 
 class Limits(Protocol):
@@ -45,26 +39,10 @@ class Limits(Protocol):
     def max_seconds(self) -> float | None: ...
     @property
     def hessian(self) -> str: ...
-
-
-@dataclass(frozen=True, eq=False)
-class Multipliers:
-    """Of constraint rows and of bounds, in IPOPT's signs: for a warm start."""
-
-    rows: np.ndarray
-    bounds: np.ndarray
-
-
-@dataclass(frozen=True, eq=False)
-class Iterate:
-    """A point on the way, by its number, with the largest violation of its rows."""
-
-    number: int
-    x: np.ndarray
-    g: np.ndarray
-    objective: float
-    multipliers: Multipliers
-    violation: float
+    @property
+    def barrier(self) -> str: ...
+    @property
+    def patience(self) -> int | None: ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,6 +51,8 @@ class Run:
 
     best: of a run that failed, an earlier iterate much nearer to its constraints, or one that keeps them for less.
     miss: of a run that solved its problem, the largest violation of a row beside the size of its terms (at least 1).
+    barrier: the strategy that it was run with; "" with another solver. iterations: of both tries, where there were two.
+    other: how the try with the other strategy ended, as (strategy, word); None where there was none.
     curved: whether the reduced Hessian was positive definite in the last step, so that the answer is a minimum and no
         saddle; None where that was not asked: without a step, or without second derivatives.
     """
@@ -87,6 +67,8 @@ class Run:
     seconds: dict[str, float]
     best: Iterate | None = None
     miss: float | None = None
+    barrier: str = ""
+    other: tuple[str, str] | None = None
     curved: bool | None = None
 
     @property
@@ -114,13 +96,58 @@ def run_ipopt(
 ) -> Run:
     """Run IPOPT from x0, and from multipliers too where they are given; or fatrop.
 
+    With barrier "auto" a failure is followed by a try with the other strategy, both within one limit of iterations and
+    time; a warm start begins with the monotone one, from its multipliers, and the second try is cold. Where neither
+    solves the problem the answer is the one that came clearly nearer to its constraints, else the first.
+
     scale: what IPOPT multiplies the objective by; the answer is without it.
     """
-    watch = _Watch(program, progress, options.max_seconds)
+    stop_at = None if options.max_seconds is None else time.monotonic() + options.max_seconds
+    order = STRATEGIES[::-1] if warm is not None else STRATEGIES
+    strategy = order[0] if options.barrier == "auto" else options.barrier
+    patience = options.patience if options.patience is not None or options.barrier != "auto" else LOST
+    first = _once(program, x0, options, strategy, Watch(program, progress, stop_at, patience), warm, scale)
+    left = options.max_iterations - first.iterations
+    # at iteration 0 it is the start that is no number, for both alike; fatrop has no such strategies
+    again = options.barrier == "auto" and first.barrier and first.status in TRIED_AGAIN
+    if not again or first.iterations == 0 or left <= 0:
+        return first
+    watch = Watch(program, progress, stop_at, options.patience, first.iterations)
+    second = _once(program, x0, options, order[1], watch, None, scale)
+    return _either(program, first, second)
+
+
+def _either(program: Program, first: Run, second: Run) -> Run:
+    """The solved one of two tries, or the nearer, with the iterations of both."""
+    seconds = {name: first.seconds[name] + second.seconds[name] for name in first.seconds}
+
+    def violation(run: Run) -> float:
+        g = run.at_best().g
+        worst = float(np.max(np.maximum(program.lbg - g, g - program.ubg), initial=0.0))
+        return np.inf if np.isnan(worst) else max(worst, FEASIBLE)
+
+    nearer = second.status.ok or violation(second) < NEARER * violation(first)
+    kept, other = (second, first) if nearer else (first, second)
+    if second.status is SolveStatus.INTERRUPTED:
+        kept = replace(kept, status=second.status, word=second.word)
+    told = other.barrier, other.word
+    return replace(kept, iterations=first.iterations + second.iterations, seconds=seconds, other=told)
+
+
+def _once(
+    program: Program,
+    x0: np.ndarray,
+    options: Limits,
+    strategy: str,
+    watch: Watch,
+    warm: Multipliers | None,
+    scale: float,
+) -> Run:
+    """One run, with one barrier strategy."""
     ipopt: dict[str, Any] = {
         "tol": options.tolerance,
-        "max_iter": options.max_iterations,
-        "mu_strategy": "adaptive",
+        "max_iter": options.max_iterations - watch.done,
+        "mu_strategy": strategy,
         "print_level": 0,
         "sb": "yes",
         "hessian_approximation": HESSIANS[options.hessian],
@@ -130,7 +157,7 @@ def run_ipopt(
     if scale != 1.0:
         ipopt["obj_scaling_factor"] = scale
     if warm is not None:
-        ipopt |= {"warm_start_init_point": "yes", "mu_strategy": "monotone", "mu_init": WARM_BARRIER}
+        ipopt |= {"warm_start_init_point": "yes", "mu_init": WARM_BARRIER}
         ipopt |= {f"warm_start_{n}": WARM_PUSH for n in (
             "bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac", "mult_bound_push")}  # fmt: skip
     settings = {
@@ -183,8 +210,10 @@ def run_ipopt(
             "give what is small a nominal, or bounds on both sides"
         )  # fmt: skip
     best = None if status.ok else watch.better_than(g, f)
-    curved = _curved(stats) if plugin == "ipopt" and options.hessian == "exact" else None
-    return Run(x, g, f, Multipliers(rows, bounds), int(stats["iter_count"]), status, word, seconds, best, miss, curved)
+    used = strategy if plugin == "ipopt" else ""
+    curved = _curved(stats) if used and options.hessian == "exact" else None
+    count = int(stats["iter_count"])
+    return Run(x, g, f, Multipliers(rows, bounds), count, status, word, seconds, best, miss, used, curved=curved)
 
 
 def _curved(stats: dict[str, Any]) -> bool | None:
@@ -205,81 +234,11 @@ def _miss(program: Program, x: np.ndarray, g: np.ndarray) -> float:
     return float(np.max(excess / np.maximum(1.0, size), initial=0.0))
 
 
-class _Watch(ca.Callback):
-    """IPOPT's iteration callback: progress, time limit, a stop that keeps the best iterate."""
-
-    def __init__(self, nlp: Program, progress: Progress | None, max_seconds: float | None) -> None:
-        ca.Callback.__init__(self)
-        self.progress = progress
-        self.stop_at = None if max_seconds is None else time.monotonic() + max_seconds
-        self.count = 0
-        self.stopped = ""
-        self.raised: BaseException | None = None
-        self.best: Iterate | None = None
-        self.nx, self.ng = len(nlp.lbx), len(nlp.lbg)
-        self.lbx, self.ubx, self.lbg, self.ubg = nlp.lbx, nlp.ubx, nlp.lbg, nlp.ubg
-        self.construct("watch", {})
-
-    def get_n_in(self) -> int:
-        return ca.nlpsol_n_out()
-
-    def get_n_out(self) -> int:
-        return 1
-
-    def get_name_in(self, i: int) -> str:
-        return ca.nlpsol_out(i)
-
-    def get_name_out(self, i: int) -> str:
-        return "ret"
-
-    def get_sparsity_in(self, i: int) -> ca.Sparsity:
-        size = {"f": 1, "x": self.nx, "lam_x": self.nx, "g": self.ng, "lam_g": self.ng}.get(ca.nlpsol_out(i), 0)
-        return ca.Sparsity.dense(size, 1)
-
-    def eval(self, arg: Sequence[ca.DM]) -> list[float]:
-        count, self.count = self.count, self.count + 1
-        late = self.stop_at is not None and time.monotonic() > self.stop_at
-        asked = False
-        outputs = dict(zip(ca.nlpsol_out(), arg, strict=True))
-        g, f = np.asarray(outputs["g"]).reshape(-1), float(outputs["f"])
-        violation = self.violation(g)
-        better = self.best is None or _rank(violation, f) < _rank(self.best.violation, self.best.objective)
-        if count > 0 and better and np.isfinite([violation, f]).all():  # the guess itself is no answer
-            x, rows, bounds = (np.array(outputs[n]).reshape(-1) for n in ("x", "lam_g", "lam_x"))
-            x = np.clip(x, self.lbx, self.ubx)  # IPOPT brings only its last iterate back to the bounds that it relaxed
-            self.best = Iterate(count, x, g.copy(), f, Multipliers(rows, bounds), violation)
-        if self.progress is not None:
-            try:
-                asked = bool(self.progress(count, f, violation))
-            except BaseException as error:  # CasADi would print it and go on: it is raised when IPOPT has returned
-                self.raised = error
-                return [1]
-        if late or asked:
-            self.stopped = "its time was over" if late else "it was asked to stop"
-            return [1]
-        return [0]
-
-    def violation(self, g: np.ndarray) -> float:
-        """Largest excess of a row over its bounds; infinite where a row is no number."""
-        worst = float(np.max(np.maximum(self.lbg - g, g - self.ubg), initial=0.0))
-        return np.inf if np.isnan(worst) else worst
-
-    def better_than(self, g: np.ndarray, f: float) -> Iterate | None:
-        """The best iterate where it is clearly better than the last one, given by its rows and objective."""
-        last, best = self.violation(g), self.best
-        if best is None or _rank(best.violation, best.objective) >= _rank(last, f):
-            return None
-        return best if last <= FEASIBLE or best.violation <= NEARER * last else None
-
-
-def _rank(violation: float, objective: float) -> tuple[float, float]:
-    """By violation, and among those that keep their rows by the objective."""
-    return max(violation, FEASIBLE), objective
-
-
-def _status(word: str, watch: _Watch) -> tuple[SolveStatus, str]:
+def _status(word: str, watch: Watch) -> tuple[SolveStatus, str]:
     if watch.stopped:
         return SolveStatus.INTERRUPTED, watch.stopped
+    if watch.stalled:
+        return SolveStatus.FAILED, watch.stalled
     table = {
         "Solve_Succeeded": SolveStatus.SOLVED,
         "Solved_To_Acceptable_Level": SolveStatus.SOLVED,

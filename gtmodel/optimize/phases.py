@@ -153,7 +153,17 @@ def _read(joined: Joined, run: Run, options: SolverOptions, throw: bool, scale: 
         multipliers = Multipliers(run.multipliers.rows[rows], run.multipliers.bounds[columns])
         cost = float(nlp.nlp(x, [])[0])
         own = Run(
-            x, run.g[rows], cost, multipliers, run.iterations, status, run.word, run.seconds, None, run.miss, run.curved
+            x,
+            run.g[rows],
+            cost,
+            multipliers,
+            run.iterations,
+            status,
+            run.word,
+            run.seconds,
+            None,
+            run.miss,
+            curved=run.curved,
         )
         solution = replace(read_solution(nlp, own, status, message), linked=True)
         solutions[name] = judged(solution, options.error_bound, scale=scale)

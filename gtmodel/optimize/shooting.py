@@ -26,6 +26,8 @@ class _Limits:
     tolerance: float
     max_iterations: int
     max_seconds: float | None
+    barrier: str
+    patience: int | None
     hessian: str = "lbfgs"  # second derivatives of an integrator are dear
 
 
@@ -59,7 +61,7 @@ def run_shooting(nlp: Nlp, x0: np.ndarray, options: Limits, progress: Progress |
             f"'{problem.formulation}'"
         )
     shooting = _transcribe(nlp)
-    limits = _Limits(options.tolerance, options.max_iterations, options.max_seconds)
+    limits = _Limits(options.tolerance, options.max_iterations, options.max_seconds, options.barrier, options.patience)
     scale = objective_scale(nlp, x0, problem.misfits)
     run = run_ipopt(shooting, x0[shooting.kept], limits, progress, scale=scale)
 

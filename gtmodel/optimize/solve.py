@@ -20,7 +20,7 @@ from .discretisation import BOUND, judged
 from .equalities import check_equalities
 from .fatrop import Staged
 from .guess import initial_guess
-from .ipopt import HESSIANS, Multipliers, Progress, Run, run_ipopt
+from .ipopt import BARRIERS, HESSIANS, Multipliers, Progress, Run, run_ipopt
 from .magnitude import objective_scale
 from .mesh import Mesh, given_mesh
 from .nlp import Nlp, make_nlp
@@ -44,6 +44,11 @@ class SolverOptions:
         formulation: "auto", "inverse", "explicit", "torn" or "dae" (see optimize.problem.build).
         prefer: names to keep as states.
         hessian: "exact", or "lbfgs" from gradients alone.
+        barrier: how IPOPT lowers its barrier, "adaptive" or "monotone": where one fails, the other may solve in a tenth
+            of the iterations. "auto" tries the adaptive one and, where it fails or gets nowhere, the monotone one from
+            the same guess; the message says so, and `max_iterations` and `max_seconds` hold for both together.
+        patience: iterations without progress, in violation or objective, after which a try fails; None: none does, but
+            for the first of "auto", after 150.
         solver: "ipopt"; or "fatrop", where states alone link the elements (no free constants, a horizon that is given),
             without progress and time limit.
         error_bound: of the check `discretisation_error` of each solution: the largest estimated error of a state at a
@@ -63,6 +68,8 @@ class SolverOptions:
     formulation: Literal["auto", "inverse", "explicit", "torn", "dae"] = "auto"
     prefer: tuple[str, ...] = ()
     hessian: Literal["exact", "lbfgs"] = "exact"
+    barrier: Literal["auto", "adaptive", "monotone"] = "auto"
+    patience: int | None = None
     solver: Literal["ipopt", "fatrop"] = "ipopt"
     compile: bool = False
     error_bound: float | None = BOUND
@@ -85,11 +92,16 @@ class SolverOptions:
             raise ModelError(f"error_bound is a positive number, or None; found {bound!r}")
         if isinstance(self.prefer, str):
             raise ModelError(f"prefer takes a list of names; found '{self.prefer}'")
-        for name, words in (("formulation", FORMULATIONS), ("hessian", HESSIANS), ("solver", SOLVERS)):
+        if self.patience is not None and not (isinstance(self.patience, (int, np.integer)) and self.patience > 0):
+            raise ModelError(f"patience is a positive number of iterations, or None; found {self.patience!r}")
+        known = (("formulation", FORMULATIONS), ("hessian", HESSIANS), ("barrier", BARRIERS), ("solver", SOLVERS))
+        for name, words in known:
             if getattr(self, name) not in words:
                 raise ModelError(f"{name} is one of {', '.join(words)}; found '{getattr(self, name)}'")
         if self.solver == "fatrop" and (self.hessian != "exact" or self.max_seconds is not None or self.compile):
             raise ModelError("fatrop takes the exact hessian, no max_seconds and no compile; use solver 'ipopt'")
+        if self.solver == "fatrop" and (self.barrier != "auto" or self.patience is not None):
+            raise ModelError("fatrop has neither barrier strategies nor patience; use solver 'ipopt'")
 
 
 class NotSolved(RuntimeError):

@@ -21,6 +21,7 @@ from .trajectory_errors import COLUMN, Array, TrajectoryError
 from .trajectory_files import PathLike
 
 HEADER_CELL = re.compile(r"(?P<name>\S+)\s+\[(?P<unit>[^\[\]]+)\]")
+MOST_SHOWN = 40  # characters of a cell in a message
 _NOTES = ("title", "synthetic", "provenance", "scalar")
 
 
@@ -181,8 +182,21 @@ def _read_header(cells: Sequence[str], where: str) -> Header:
     return names, units, list(range(len(names)))
 
 
+def shortened(cell: str) -> str:
+    """A cell as a message shows it."""
+    return cell if len(cell) <= MOST_SHOWN else f"{cell[:MOST_SHOWN]}..."
+
+
+def _quoted(line: str, where: str) -> list[str]:
+    """Cells of a line that quotes some of them. Raises TrajectoryError for a quote that nothing closes."""
+    try:
+        return next(csv.reader([line], strict=True))
+    except csv.Error as error:
+        raise TrajectoryError(f"{where}: quotes that do not fit ({error}); write numbers without quotes") from error
+
+
 def _read_row(line: str, header: Header, width: int, where: str) -> list[float]:
-    cells = line.split(",")
+    cells = line.split(",") if '"' not in line else _quoted(line, where)
     if len(cells) != width:
         raise TrajectoryError(f"{where}: found {len(cells)} cells; expected {width}, one for each column of the header")
     try:
@@ -201,7 +215,7 @@ def _read_row(line: str, header: Header, width: int, where: str) -> list[float]:
             number = None
         if number is None or not math.isfinite(number):
             raise TrajectoryError(
-                f"{where}, column {name!r}: found {cell.strip()!r}; expected a finite number such as 1.5e-3"
+                f"{where}, column {name!r}: found {shortened(cell.strip())!r}; expected a finite number such as 1.5e-3"
             )
         row.append(number)
     return row

@@ -14,6 +14,7 @@ from .jumping import after_jump
 from .pace import Pace
 from .record import Recorder
 from .result import Progress, Switch
+from .small import History
 from .step import CHUNKS
 from .systems import System, Systems
 
@@ -47,6 +48,7 @@ class Course:
         self.audit = Audit(systems.plan)
         self.system = system
         self.switches: list[Switch] = []
+        self.history = History()
         self._x, self._z = system.reduced.from_point(start.w)
         self._work = np.zeros(2)
         # of any state so far, in nominals: absolute tolerances mean nothing for a motion that is smaller
@@ -241,6 +243,7 @@ class Course:
         finite = np.all(np.isfinite(rows), axis=1)
         count = len(times) if finite.all() else int(np.argmin(finite))
         self._recorder.add(times[:count], rows[:count], works[:count])
+        self.history.add(tuple(self.system.plan.states), times[:count], xs[:count] / self.system.stepper.x_scale)
         self.audit(points[:count], times[:count])
         if count < len(times):
             self._take(times[count], xs[count], zs[count], works[count])

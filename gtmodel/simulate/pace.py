@@ -97,27 +97,27 @@ def _cells(
     and rate over them, and the distance from the line that counts."""
     edges = np.linspace(start, end, CELLS + 1)
     table = _evaluated(steps, edges[:-1], edges[1:])
-    work, shortest, seen = CELLS * len(steps), SHORTEST * (end - start), 0.0
+    work, shortest, seen = 2 * CELLS * len(steps), SHORTEST * (end - start), 0.0
     while True:
-        low, high, a, b, da, db = table
+        low, high, a, b, da, db, middles = table
         with np.errstate(invalid="ignore", over="ignore"):
             off = np.fmin(b - a, (db - da) * (high - low))
-        known = np.isfinite(a) & np.isfinite(b)
-        if known.any():
-            size = max(abs(float(np.min(a[known]))), abs(float(np.max(b[known]))))
-            seen = SEEN * max(float(np.max(b[known]) - np.min(a[known])), FLOOR * size)
+        # by values that it takes: bounds of what is written as a difference may be far wider than its range
+        if (taken := middles[np.isfinite(middles)]).size:
+            seen = SEEN * max(float(np.ptp(taken)), FLOOR * float(np.max(np.abs(taken))))
         split = ~(off <= seen) & (high - low > shortest)
         if not split.any() or work > MOST_WORK or low.size > MOST_CELLS:
             order = np.argsort(low)
-            low, high, a, b, da, db = table[:, order]
+            low, high, a, b, da, db, _ = table[:, order]
             return low, high, (a, b), (da, db), seen
         middle = 0.5 * (low[split] + high[split])
         fresh = _evaluated(steps, np.append(low[split], middle), np.append(middle, high[split]))
-        work += fresh.shape[1] * len(steps)
+        work += 2 * fresh.shape[1] * len(steps)
         table = np.concatenate([table[:, ~split], fresh], axis=1)
 
 
 def _evaluated(steps: Sequence[Step], low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """Rows: cells, bounds of the value, bounds of the rate."""
+    """Rows: cells, bounds of the value, bounds of the rate, value in the middle."""
     (a, b), (da, db) = bounds(steps, low, high)
-    return np.array([low, high, a, b, da, db])
+    middle = 0.5 * (low + high)
+    return np.array([low, high, a, b, da, db, bounds(steps, middle, middle)[0][0]])

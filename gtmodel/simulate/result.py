@@ -30,7 +30,8 @@ class Simulation:
         with declared energies `energy.stored`, `energy.supplied`, `energy.dissipated` [J].
     status: CHECK_FAILED where the run reached its end and a check failed; simulate() does not raise for it.
     checks: "energy_balance" where energies are declared: energy_error in parts of the energy that moved; "resolution"
-        where states stay that small: the tolerance in parts of the largest state, both in nominals.
+        where states stay that small: the tolerance in parts of the largest state, both in nominals; "small_states"
+        where some stay small beside others: the largest error of one in parts of its largest value.
     energy_error: largest |stored - start - supplied + dissipated| at a row [J]; None without declared energies.
     residual: largest |left - right| of any equation as written, at any row, in SI units.
     states: names of the states at the end. switches: their changes on the way.

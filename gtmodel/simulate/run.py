@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -18,10 +19,11 @@ from .arguments import by_name, longest_step, names, number, output_step, span
 from .impulses import refuse_impulses
 from .inputs import Inputs, read_inputs
 from .jumps import refuse_jumps
-from .pace import pace_of
+from .pace import Pace, pace_of
 from .record import Recorder
 from .resolution import resolution, unresolved
 from .result import NotSimulated, Progress, Simulation
+from .small import FINER, FINEST, small, small_states
 from .systems import System, Systems
 from .turnover import balance, unbalanced
 
@@ -66,7 +68,9 @@ def simulate(
 
     Where the model declares its energies, their balance is checked: a run that reaches its end with an error of more
     than a ten-thousandth of the energy that moved has the status CHECK_FAILED, and holds everything. So has one whose
-    states all stay below a thousand times the tolerance, in nominals: that motion is smaller than its own error.
+    states all stay below a thousand times the tolerance, in nominals: that motion is smaller than its own error. Where
+    only some of them do, a second run at a hundredth of the tolerance tells their errors; above a hundredth of the
+    largest value of one the status is CHECK_FAILED too.
 
     Raises ModelError for a wrong model, input or start, and NotSimulated for a run that ends early, unless throw is
     False.
@@ -75,14 +79,18 @@ def simulate(
     step = output_step(step, final_time - start_time)
     max_step = longest_step(max_step, final_time - start_time)
     bounded = np.isfinite(max_step)
-    ready = prepare(model, inputs, start, start_time, outputs, prefer, tolerance, method, bounded)
+
+    def prepared(tolerance: float) -> Ready:
+        return prepare(model, inputs, start, start_time, outputs, prefer, tolerance, method, bounded)
+
+    ready = prepared(tolerance)
     refuse_impulses(ready.inputs, ready.system.plan.inputs, start_time, final_time)
     rows = _rows(start_time, final_time, step)
     # roots are watched from one time to the next: as often as rows are recorded by default
     watched = (final_time - start_time) / OUTPUT_STEPS if ready.system.roots else np.inf
     grid = _grid(rows, min(max_step, watched))
     pace = pace_of(ready.systems.driven(), ready.inputs.t, start_time, final_time)
-    course = Course(ready.systems, ready.inputs, ready.recorder, ready.initial, ready.system, rows, grid, pace)
+    course = ready.course(rows, grid, pace)
     status, message = SolveStatus.SOLVED, "simulated"
     try:
         course.run(progress)
@@ -96,7 +104,15 @@ def simulate(
         message += f"; states switched {n} time{'s' * (n > 1)}"
     trajectory, energy_error, moved = ready.recorder.trajectory()
     checks = balance(energy_error, moved) | resolution(course.largest, tolerance)
-    if status.ok and (sentences := [s for s in (unbalanced(checks, moved), unresolved(checks)) if s]):
+    said = ""
+    if status.ok and FINER * tolerance >= FINEST and (pairs := small(course.history, tolerance)):
+        finer = prepared(FINER * tolerance).course(rows, grid, pace)
+        # a run that ends early tells nothing
+        with suppress(Ended):
+            finer.run(None if progress is None else lambda _: progress(final_time))
+            of_small, said = small_states(pairs, course.history, finer.history, ready.symbol_name)
+            checks |= of_small
+    if status.ok and (sentences := [s for s in (unbalanced(checks, moved), unresolved(checks), said) if s]):
         status, message = SolveStatus.CHECK_FAILED, "; ".join([message, *sentences])
     simulation = Simulation(
         status,
@@ -124,6 +140,14 @@ class Ready:
     initial: Initial
     system: System
     chosen: dict[str, float]
+
+    def course(self, rows: np.ndarray, grid: np.ndarray, pace: Pace) -> Course:
+        """The way from here; arguments as of `Course`."""
+        return Course(self.systems, self.inputs, self.recorder, self.initial, self.system, rows, grid, pace)
+
+    def symbol_name(self, pair: tuple[int, int]) -> str:
+        """Of a state."""
+        return self.system.plan.flat.symbol_name(*pair)
 
 
 def prepare(

@@ -1,7 +1,7 @@
 """How a robot vibrates: black boxes and M, D, K of recordings, oscillators of frequency responses. Knows no robot.
 
 Recordings
-    Record, VibrationError              one evenly sampled recording; what does not fit, in a sentence
+    Record, VibrationError, Stopped     one evenly sampled recording; what does not fit, or was stopped, in a sentence
     structure_record, hammer_record, step_record   made-up recordings with seed and noise
 Black boxes (Dressler 2012, section 6.3)
     identify_step        delayed first-order model, eq. (6.11) -> control.TransferFunction
@@ -45,7 +45,7 @@ from .oscillator_field_file import load_oscillator_field, oscillator_text
 from .oscillator_field_synthetic import SyntheticField, synthetic_field
 from .output_error import OutputErrorFit, output_error
 from .physical_form import PhysicalForm, physical_form
-from .record import Record, VibrationError
+from .record import Record, Stopped, VibrationError
 from .step_response import StepModel, bandwidth, identify_step
 from .subspace import SubspaceModel, identify_subspace
 from .synthetic import hammer_record, step_record, structure_record
@@ -53,9 +53,9 @@ from .synthetic import hammer_record, step_record, structure_record
 __all__ = [
     "Continuous", "DefiniteForm", "FrequencyResponse", "GaussianProcess", "ImpulseModel", "Inputs", "ModalFit", "Modes",
     "OrderTrial", "OscillatorField", "OutputErrorFit", "PhysicalForm", "Record", "Resonance", "SecondOrder",
-    "StepModel", "SubspaceModel", "SyntheticField", "VibrationError", "bandwidth", "command_force", "continuous",
-    "definite_form", "fit_gaussian_processes", "fit_modes", "fit_oscillator_field", "frequency_response", "from_known",
-    "hammer_record", "held_out", "identify_impulse", "identify_step", "identify_subspace", "load_oscillator_field",
-    "modes", "oscillator_text", "output_error", "physical_form", "receptance", "sign_question", "step_record",
-    "structure_record", "synthetic_field", "synthetic_hits", "synthetic_receptance",
+    "StepModel", "Stopped", "SubspaceModel", "SyntheticField", "VibrationError", "bandwidth", "command_force",
+    "continuous", "definite_form", "fit_gaussian_processes", "fit_modes", "fit_oscillator_field", "frequency_response",
+    "from_known", "hammer_record", "held_out", "identify_impulse", "identify_step", "identify_subspace",
+    "load_oscillator_field", "modes", "oscillator_text", "output_error", "physical_form", "receptance", "sign_question",
+    "step_record", "structure_record", "synthetic_field", "synthetic_hits", "synthetic_receptance",
 ]  # fmt: skip

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -14,7 +15,7 @@ from .continuous import NEAR
 from .hankel import block_hankel
 from .noise import REWEIGHTED, settled, weights_of
 from .output_error import central
-from .record import Record, VibrationError, columns
+from .record import Record, VibrationError, columns, go_on
 
 if TYPE_CHECKING:
     import control
@@ -64,11 +65,18 @@ class ImpulseModel:
     synthetic: str | None
 
 
-def identify_impulse(record: Record, *, modes: int | None = None, largest: int = LARGEST) -> ImpulseModel:
+def identify_impulse(
+    record: Record,
+    *,
+    modes: int | None = None,
+    largest: int = LARGEST,
+    interrupted: Callable[[], bool] = lambda: False,
+) -> ImpulseModel:
     """Resonances of the outputs of a record that begins after the hit, when no force acts any more.
 
     Args:
         modes: how many; by the Bayesian information criterion if left out, at most `largest`.
+        interrupted: asked before each number of resonances; True ends the fit with Stopped.
 
     The eigensystem realisation gives starts, least squares on damped sines about a rest position the values
     (amplitudes eliminated, variable projection); intervals are for white noise, of an unknown size at each output.
@@ -86,6 +94,7 @@ def identify_impulse(record: Record, *, modes: int | None = None, largest: int =
         )
     fits: dict[int, _Sines] = {}
     for k in wanted:
+        go_on(interrupted)
         poles = realise(record.y - record.y[-max(len(record) // REST, 1) :].mean(axis=0), 2 * k)[3]
         s = np.log(poles[np.imag(poles) > 0].astype(complex)) / record.sample_time
         s = s[(s.real < 0) & (s.imag > 2 * np.pi / (record.sample_time * len(record)))]

@@ -13,7 +13,7 @@ from gtmodel.results import Estimate
 
 from .known_force import SecondOrder
 from .noise import REWEIGHTED, settled, weights_of
-from .record import Record, VibrationError
+from .record import Record, VibrationError, go_on
 from .response import free_responses, held, simulate
 
 Form = Literal["symmetric", "free"]
@@ -37,7 +37,13 @@ class OutputErrorFit:
     words: tuple[str, ...]
 
 
-def output_error(record: Record, start: SecondOrder, *, form: Form = "symmetric") -> OutputErrorFit:
+def output_error(
+    record: Record,
+    start: SecondOrder,
+    *,
+    form: Form = "symmetric",
+    interrupted: Callable[[], bool] = lambda: False,
+) -> OutputErrorFit:
     """M, D, K of M x'' + D x' + K x = F u from positions x and inputs u held over each sample; F known.
 
     Args:
@@ -45,6 +51,7 @@ def output_error(record: Record, start: SecondOrder, *, form: Form = "symmetric"
         form: "symmetric": M, D and K are L L' with their Cholesky factors as unknowns, so positive definite whatever
             the data say; "free": D may be any matrix, M and K symmetric of any sign (without that one force does not
             tell them).
+        interrupted: asked at each iteration; True ends the fit with Stopped.
 
     The initial state is eliminated in each evaluation (variable projection). Gauss-Newton on central differences; the
     covariance is for white noise of unknown size on the positions, and `words` says whether the residuals are white.
@@ -66,6 +73,7 @@ def output_error(record: Record, start: SecondOrder, *, form: Form = "symmetric"
         return (weights * (_predict(record, *packing.unpack(x), start.F, weights) - record.y)).T.ravel()
 
     def residuals(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        go_on(interrupted)
         try:
             return misfit(x), central(misfit, x)
         except (np.linalg.LinAlgError, ValueError):

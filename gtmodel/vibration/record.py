@@ -2,10 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
+
+
+class Stopped(Exception):
+    """A fit that was asked to end before it arrived; there is no model."""
+
+
+def go_on(interrupted: Callable[[], bool]) -> None:
+    """Raises Stopped where a stop was asked for."""
+    if interrupted():
+        raise Stopped("stopped before the fit arrived")
 
 
 class VibrationError(ValueError):

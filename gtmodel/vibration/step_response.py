@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -16,7 +16,7 @@ from gtmodel.measurements import copied_stretch
 from gtmodel.results import Estimate
 
 from .output_error import central
-from .record import Record, VibrationError
+from .record import Record, VibrationError, go_on
 
 if TYPE_CHECKING:
     import control
@@ -64,11 +64,18 @@ class StepModel:
         return control.TransferFunction([self.b], [1.0, -self.a, *[0.0] * (n - 1)], self.sample_time)
 
 
-def identify_step(records: Record | Sequence[Record], *, delay: int | None = None, longest: int = LONGEST) -> StepModel:
+def identify_step(
+    records: Record | Sequence[Record],
+    *,
+    delay: int | None = None,
+    longest: int = LONGEST,
+    interrupted: Callable[[], bool] = lambda: False,
+) -> StepModel:
     """a, b and the delay by output error from one or several recordings of one input and one output.
 
     Args:
         delay: in samples; the one of least residual from 0 to `longest` if left out.
+        interrupted: asked before each delay; True ends the fit with Stopped.
 
     Every recording starts at rest, where its first input holds; its rest position is eliminated. The covariance is for
     white noise and a known delay. Raises VibrationError: several inputs or outputs, other sample times, an input that
@@ -77,7 +84,10 @@ def identify_step(records: Record | Sequence[Record], *, delay: int | None = Non
     given = [records] if isinstance(records, Record) else list(records)
     _check(given, delay, longest)
     tried = range(0, longest + 1) if delay is None else sorted({max(delay - 1, 0), delay, delay + 1})
-    scans = {d: _scan(given, d) for d in tried}
+    scans = {}
+    for d in tried:
+        go_on(interrupted)
+        scans[d] = _scan(given, d)
     best = min(scans, key=lambda d: scans[d][1]) if delay is None else delay
     count = sum(len(r) for r in given)
     floor = np.finfo(float).eps ** 2 * sum(float(r.y.var()) for r in given) * len(given)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, get_args
 
@@ -10,7 +11,7 @@ import numpy as np
 from .hankel import project
 from .input_matrices import input_matrices
 from .order import NOISE_FREE, OrderTrial, choose, gap, largest_order
-from .record import Record, VibrationError
+from .record import Record, VibrationError, go_on
 from .response import simulate
 
 if TYPE_CHECKING:
@@ -68,6 +69,7 @@ def identify_subspace(
     largest: int = LARGEST,
     feedthrough: bool = False,
     held_out: float = HELD_OUT,
+    interrupted: Callable[[], bool] = lambda: False,
 ) -> SubspaceModel:
     """A state-space model of any number of inputs and outputs.
 
@@ -78,6 +80,7 @@ def identify_subspace(
         largest: order tried at most when none is asked for.
         feedthrough: fit D; else it is zero, as from a force or a reference to a position.
         held_out: share of the samples at the end that is judged and not fitted, 0 < share < 1.
+        interrupted: asked before each order; True ends the fit with Stopped.
 
     A and C come from the subspace, B, D, the initial state and the outputs' offset from least squares on simulated
     outputs; offsets of inputs and outputs do not count. Sources:
@@ -107,6 +110,7 @@ def identify_subspace(
     tried = range(1, min(largest, most, max(told, 1)) + 1) if order is None else [order]
     trials, predictions = [], {}
     for n in tried:
+        go_on(interrupted)
         A, C = part.dynamics(n)
         trial = OrderTrial(n, float(np.abs(np.linalg.eigvals(A)).max()), None)
         if trial.radius <= UNSTABLE:
@@ -121,6 +125,7 @@ def identify_subspace(
         if order is None
         else (order, "as asked for")
     )
+    go_on(interrupted)
     whole = Subspace(record, blocks, method)
     A, C = whole.dynamics(n)
     radius = float(np.abs(np.linalg.eigvals(A)).max())

@@ -1,5 +1,6 @@
 """A person's files are never touched; ours are replaced."""
 
+import hashlib
 import json
 import re
 import shutil
@@ -9,6 +10,8 @@ import pytest
 
 from gtmodel import Status, cgen
 from gtmodel._files import codegen_dir
+from gtmodel.cgen.interface import interfaces
+from gtmodel.cgen.manifest import changed_entries
 from gtmodel.cgen.real import DOUBLE, FLOAT, FLOAT_TOLERANCE
 from tests.cgen.conftest import Functions, copy
 
@@ -140,3 +143,100 @@ def test_a_box_is_checked(small: Functions, tmp_path: Path) -> None:
     ):
         with pytest.raises(cgen.GenerationError, match=message):
             cgen.generate(pendulum, tmp_path / "q", name="q", box=box)
+
+
+@pytest.mark.parametrize("tampered", ["GT_PIVOT_TOLERANCE (1e-07)", "total <= "])
+def test_a_changed_guard_is_seen_even_where_its_hash_was_mended(
+    tampered: str, small: Functions, small_folder: Path, tmp_path: Path
+) -> None:
+    """No random point lies between a limit and a limit that was moved."""
+    folder = copy(small_folder, tmp_path)
+    wrapper, manifest = folder / "gt_small.c", folder / "manifest.json"
+    changed = {"GT_PIVOT_TOLERANCE (1e-07)": "GT_PIVOT_TOLERANCE (2e-07)", "total <= ": "total <= 1e3 * "}[tampered]
+    text = wrapper.read_text()
+    assert tampered in text
+    wrapper.write_text(text.replace(tampered, changed, 1))
+    content = json.loads(manifest.read_text())
+    content["files"]["gt_small.c"] = hashlib.sha256(wrapper.read_bytes()).hexdigest()
+    manifest.write_text(json.dumps(content))
+    report = cgen.check(folder, small, points=20)
+    assert [c.name for c in report.checks if not c.passed] == ["files_not_as_generated"]
+
+
+def test_a_manifest_of_other_numbers_loads_nothing(small: Functions, small_folder: Path, tmp_path: Path) -> None:
+    """Code in double that is called as float would write beyond its places."""
+    folder = copy(small_folder, tmp_path)
+    manifest = folder / "manifest.json"
+    manifest.write_text(manifest.read_text().replace('"real": "double"', '"real": "float"'))
+    report = cgen.check(folder, small, points=20)
+    assert not report.passed and report.rows == {}
+
+
+def leaves(value: object, path: tuple[str | int, ...] = ()) -> list[tuple[str | int, ...]]:
+    """Paths to all that is neither list nor dictionary."""
+    if isinstance(value, dict):
+        return [p for key, inner in value.items() for p in leaves(inner, (*path, key))]
+    if isinstance(value, list):
+        return [p for n, inner in enumerate(value) for p in leaves(inner, (*path, n))]
+    return [path]
+
+
+def test_every_changed_entry_of_a_manifest_is_seen(small: Functions, small_folder: Path, tmp_path: Path) -> None:
+    """Limits, pivot tolerance and parameter values stand there for other tools; no C code reads them. All numbers and
+    texts but the name, by which files are called, and what a folder can only say of itself."""
+    faces = interfaces(small, "small", (), DOUBLE, None)
+    content = json.loads((small_folder / "manifest.json").read_text())
+    assert changed_entries(content, faces) == []
+    ours = {
+        key: content[key] for key in ("format", "real", "compile", "pivot_tolerance", "statuses", "functions", "models")
+    }
+    paths = leaves(ours)
+    assert {path[-1] for path in paths} >= {"pivot_tolerance", "value", "scale", "sentence"}
+    assert any("limits" in path for path in paths)
+    for path in paths:
+        changed = json.loads(json.dumps(content))
+        place = changed
+        for key in path[:-1]:
+            place = place[key]  # type: ignore[index]
+        old = place[path[-1]]  # type: ignore[index]
+        number = isinstance(old, int | float) and not isinstance(old, bool)
+        place[path[-1]] = old * (1 + 1e-12) + 1e-300 if number else f"{old}?"  # type: ignore[index]
+        named = "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in path)[1:]
+        assert changed_entries(changed, faces) == [named]
+
+
+@pytest.mark.parametrize("key", ["limits", "pivot_tolerance", "parameters", "body_sha256"])
+def test_a_check_names_the_changed_entry(key: str, small: Functions, small_folder: Path, tmp_path: Path) -> None:
+    folder = copy(small_folder, tmp_path)
+    manifest = folder / "manifest.json"
+    content = json.loads(manifest.read_text())
+    if key == "limits":
+        limits = content["functions"][0]["limits"]
+        limits[next(iter(limits))] *= 2
+    elif key == "parameters":
+        next(m for m in content["models"] if m["parameters"])["parameters"][0]["value"] *= 2
+    elif key == "body_sha256":
+        content[key] = "0" * 64
+    else:
+        content[key] *= 2
+    manifest.write_text(json.dumps(content))
+    failed = [c for c in cgen.check(folder, small, points=20).checks if not c.passed]
+    assert [c.name for c in failed] == ["manifest_not_as_generated"] and key in failed[0].detail
+
+
+@pytest.mark.parametrize(
+    "path", [("name",), ("provenance",), ("files",), ("functions",), ("functions", 0), ("functions", 0, "box"),
+             ("functions", 0, "name"), ("functions", 0, "symbol"), ("functions", 0, "inputs")]
+)  # fmt: skip
+@pytest.mark.parametrize("spoilt", [5, "x", [1]])
+def test_a_manifest_of_another_form_is_refused(
+    path: tuple[str | int, ...], spoilt: object, small: Functions, small_folder: Path, tmp_path: Path
+) -> None:
+    folder = copy(small_folder, tmp_path)
+    content = place = json.loads((folder / "manifest.json").read_text())
+    for key in path[:-1]:
+        place = place[key]
+    place[path[-1]] = spoilt
+    (folder / "manifest.json").write_text(json.dumps(content))
+    with pytest.raises(cgen.GenerationError):
+        cgen.check(folder, small, points=20)

@@ -39,7 +39,8 @@ FEW, MANY = 1_800, 100_000
 # wrong: metres of a link's length, and rates or forces over the size of their terms
 WRONG_M = {"double": 1e-6, "float": 1e-3}
 WRONG_RATE = {"double": 1e-9, "float": 1e-3}
-UNITS_IN_THE_LAST_PLACE = 4  # of T, by which an answer may be meant for a pose beside the one that was given
+CONTRADICTED = 1e-5  # of a rate, ten times what a condition among known values allows
+UNITS_IN_THE_LAST_PLACE = 4  # of T and L, by which an answer may be meant for a pose beside the one that was given
 
 
 class Made:
@@ -84,6 +85,9 @@ def judge_of(robot: Any, round_off: float) -> Judge:
         def of_f1(key: str, x: dict[str, np.ndarray], most_m: float, most: float) -> np.ndarray:
             bad = ~(f1.closure_m(x["q"], x["T"], x["e"]) <= most_m)
             if key == "velocity":
+                # a unit quaternion keeps its length: a rate along itself contradicts it
+                size = np.sqrt(np.sum(x["der(e)"] ** 2, axis=1))
+                bad |= ~(np.abs(np.sum(x["e"] * x["der(e)"], axis=1)) <= CONTRADICTED * (1 + size))
                 bad |= ~(f1.rate(x["q"], x["T"], x["der(q)"], x["der(T)"], x["e"], x["der(e)"]) <= most)
             return bad
 
@@ -105,7 +109,7 @@ def judge_of(robot: Any, round_off: float) -> Judge:
             # a link nearly at right angles to its guideway: what a few units in the last place of T change is not known
             unknown = np.zeros_like(missed)
             for way in np.concatenate([np.eye(3), -np.eye(3)]):
-                near = T + round_off * np.max(np.abs(T), axis=1)[:, None] * way
+                near = T + round_off * np.maximum(np.max(np.abs(T), axis=1), links.L.max())[:, None] * way
                 moved = motor_forces(links, masses, links.carts(near, e), near, *rates, tau, e)
                 unknown = np.fmax(unknown, np.abs(moved - missed))
             bad |= ~(missed <= most + unknown)

@@ -111,3 +111,10 @@ def test_functions_share_the_home_whatever_had_to_move(seed: int):
     found_x, found_phi, status = forward(q_home)
     assert status is gt.Status.OK
     np.testing.assert_allclose([*found_x, found_phi], [*x_home, phi_home], atol=1e-9)
+
+
+@pytest.mark.parametrize("name", ["d1_nominal", "l1_tracker_2008"])
+def test_a_start_that_fits_is_not_said_to_move(name: str):
+    model = gt.robots.gantry_tau(name)
+    for f in (model.causal("q", "T"), model.causal("T", "q")):
+        assert f.notes == ()

@@ -262,3 +262,14 @@ def test_rods_side_by_side_are_counted(parallel):
 def test_a_load_that_is_no_number_is_refused(structure):
     with pytest.raises(ValueError, match="expected finite numbers"):
         structure.deflection([np.nan, 0.0, 0.0])
+
+
+def test_a_pose_without_a_solution_does_not_take_the_loads_of_the_others(l1):
+    out_of_reach = T0 + np.array([0.0, 50.0, 0.0])
+    both = LinkStructure(LinkGeometry(l1)(np.vstack([T0, out_of_reach])), SPRINGS)
+    load = np.array([[0.0, 0.0, -10.0], [np.nan] * 3])
+    found = both.deflection(load)
+    alone = LinkStructure(LinkGeometry(l1)(T0), SPRINGS).deflection(load[:1])
+    assert np.array_equal(found[:1], alone) and np.isfinite(alone).all() and np.isnan(found[1]).all()
+    with pytest.raises(ValueError, match="expected finite numbers"):
+        both.deflection(load[::-1])

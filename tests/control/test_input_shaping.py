@@ -109,3 +109,18 @@ def test_refusals():
         zero_vibration(F)(moving, ["der(T)"])
     with pytest.raises(ValueError, match="the motion does not begin and end at rest"):
         residual_vibration([0.0, 1.0], [1.0, 0.0], F)
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_numbers_that_are_not_finite_are_refused(bad):
+    m = motion()
+    for times, amplitudes in (([0.0, bad], [0.5, 0.5]), ([0.0, 0.1], [0.5, bad])):
+        with pytest.raises(ValueError, match="of a shaper"):
+            Shaper(np.array(times), np.array(amplitudes))
+    with pytest.raises(ValueError, match="a mode that swings"):
+        zero_vibration(bad)
+    time, velocity = np.array(m.time), np.array(m["der(T)"])
+    spoilt = np.arange(len(time)) == 5
+    for t, v in ((time, np.where(spoilt[:, None], bad, velocity)), (np.where(spoilt, bad, time), velocity)):
+        with pytest.raises(ValueError, match="not finite"):
+            residual_vibration(t, v, F)

@@ -76,3 +76,9 @@ def test_parts_hold_every_row_once():
     for parts in (contiguous(11, 3), alternate(11)):
         assert sorted(np.concatenate(parts)) == list(range(11))
     assert list(alternate(5)[1]) == [1, 3]
+
+
+def test_an_offset_is_not_white() -> None:
+    assert whiteness(np.zeros(50)).passed
+    verdict = whiteness(np.full(50, 0.3))
+    assert not verdict.passed and "an offset is left out" in verdict.sentence

@@ -129,3 +129,13 @@ def test_strokes_and_six_degrees_of_freedom():
         most.append(np.degrees(np.max(o.trajectory["q"][:, 5])))
     assert most[0] > 2 and most[1] < 1.01
     assert costs[2] < costs[0] < costs[1]
+
+
+def test_a_coarse_mesh_is_refined_until_the_checks_hold():
+    loaded = load(PROBLEM, ["mesh.elements=6"])
+    o = solve(loaded, context_of(loaded)).outcome
+    assert o.status is SolveStatus.SOLVED and o.values["elements"] > 6, o.message
+    assert f"on {o.values['elements']} elements: on the given 6 peak_share" in o.message
+    left = load(PROBLEM, ["mesh.elements=6", "mesh.most_elements=6"])
+    kept = solve(left, context_of(left)).outcome
+    assert kept.status is SolveStatus.CHECK_FAILED and kept.values["elements"] == 6

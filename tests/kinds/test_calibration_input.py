@@ -78,6 +78,12 @@ class TestAxes:
 
 
 class TestColumns:
+    @pytest.mark.parametrize("value", ["0", "-976.4645"])
+    @pytest.mark.parametrize("column", [0, 1, 2])
+    def test_a_dead_channel(self, tmp_path: Path, column: int, value: str) -> None:
+        said = refused(tmp_path, change=lambda r: [*r[:column], value, *r[column + 1 :]])
+        assert f"q[{column}] is " in said and "at all 200 poses while the others change" in said
+
     @pytest.mark.parametrize("columns", [(1, 0, 2), (2, 1, 0), (1, 2, 0)])
     def test_of_arms_exchanged(self, tmp_path: Path, columns: tuple[int, ...]) -> None:
         said = refused(tmp_path, change=order(*columns))

@@ -241,3 +241,21 @@ def test_errors_that_noise_explains_fail_no_check(name: str, noise: float, seed:
     modes = ["impulse.modes=2"] if name == "hammer" else []
     noisy = solved(name, f"synthetic.noise_m={noise}", f"synthetic.seed={seed + 1}", *modes)
     assert noisy.checks and all(check.passed for check in noisy.checks.values()), noisy.checks
+
+
+@pytest.mark.parametrize("name", ["two_mass", "step", "hammer"])
+def test_a_stop_is_heard_between_the_steps_of_a_fit(name) -> None:
+    """Asked once before the fit and at every order, delay, number of resonances and iteration of it."""
+    changes = [FEW] if name == "two_mass" else []
+    problem = load(f"problems/vibration_{name}.toml", changes).problem
+    for after in (1, 2, 4):
+        context, asked = Context(), []
+
+        def interrupted(asked=asked, after=after) -> bool:
+            asked.append(None)
+            return len(asked) > after
+
+        context.interrupted = interrupted  # type: ignore[method-assign]
+        outcome = vibration.solve(problem, context)  # type: ignore[arg-type]
+        assert outcome.status is SolveStatus.INTERRUPTED and len(asked) == after + 1
+        assert not outcome.values and not outcome.files

@@ -185,6 +185,11 @@ class TestNumbers:
         ({"bodies": {"plate_joints_m": [[0.0, 0.0, 0.0]]}}, "bodies.plate_joints_m", "has 3 links; found 1 joints"),
         ({"obstacles": [{"low_m": [0, 0, 0.0], "high_m": [1, 1, 0.0]}]}, "obstacles.high_m", "less than its upper"),
         ({"beams": [{"from_m": [0, 0, 0.0], "to_m": [1, 1, 0.0], "skip_links": [4]}]}, "beams.skip_links", "no link 4"),
+        (
+            {"beams": [{"from_m": [1.2, -0.6, 0.5], "to_m": [1.6, -0.6, 0.5], "skip_links": [1, 2, 3]}]},
+            "beams[0].skip_links",
+            "names all links",
+        ),
         ({"volume": {"low_m": 1.0, "high_m": 0.0}}, "volume.high_m", "less than the last"),
         ({"volume": {"low_m": 0.0, "high_m": 1.0, "sections": 9, "most_sections": 5}}, "volume.most_sections", "than"),
         ({"section": {"step_m": 1e-6}}, "section.step_m", "larger step"),

@@ -109,3 +109,22 @@ def test_a_declaration_that_cannot_be(tmp_path: Path) -> None:
         read_log(write(tmp_path, GOOD), {"q": Column("pos", "furlong")}, time=Column("t", "ms"))
     with pytest.raises(LogError, match=r"the time is declared in m; expected a unit of time"):
         read_log(write(tmp_path, GOOD), COLUMNS, time=Column("t", "m"))
+
+
+def test_quoted_cells_and_empty_columns_of_a_spreadsheet(tmp_path: Path) -> None:
+    plain = write(tmp_path, ["0,1.5,2,3", "1,1.6,2,3", "2,1.7,2,3"])
+    expected = read(plain)[0].trajectory
+    quoted = ['"0","1.5","2","3",,', '1,"1.6",2,3,,', '2,1.7,2,"3",,']
+    found = read(write(tmp_path, quoted, header='"t [ms]","pos [mm]",cur,temp,,'))[0].trajectory
+    for name in expected.names:
+        np.testing.assert_array_equal(found[name], expected[name])
+    for cell in ('"1.6', '"1.6"2"', '"1,6"', '""'):
+        rows = ["0,1.5,2,3", f"1,{cell},2,3", "2,1.7,2,3"]
+        with pytest.raises(TrajectoryError, match="line 4"):
+            read(write(tmp_path, rows))
+
+
+def test_a_long_cell_is_not_repeated_whole(tmp_path: Path) -> None:
+    with pytest.raises(TrajectoryError, match="line 3") as error:
+        read(write(tmp_path, ["0," + "9" * 5000 + ",2,3", "1,1.6,2,3", "2,1.7,2,3"]))
+    assert len(str(error.value)) < 500

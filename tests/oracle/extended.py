@@ -14,7 +14,7 @@ Array = np.ndarray
 REAL = np.longdouble  # 64 bits of mantissa on x86: three more digits than what is judged
 GRAVITY = np.array([0, 0, -9.81], REAL)
 ARM = np.array([0, 1, 1, 2, 2, 2])
-TINY = REAL("1e-4000")  # keeps 0/0 from a row at rest
+TINY = REAL(np.finfo(np.float32).tiny)  # a speed like this is none; keeps 0/0 from a row at rest
 
 
 def extended(values: object) -> Array:
@@ -234,4 +234,5 @@ def motor_forces(
         add(follow[:, i, None, :], (masses.m_c[i] * along + rub)[:, None])
         add(follow[:, i, None, :], -tau[:, i, None])
     terms = np.concatenate(work, axis=1)
-    return np.max(np.abs(np.sum(terms, axis=1)) / (np.sum(np.abs(terms), axis=1) + TINY), axis=1)
+    missed = np.max(np.abs(np.sum(terms, axis=1)), axis=1)
+    return missed / (np.max(np.sum(np.abs(terms), axis=1), axis=1) + TINY)

@@ -140,3 +140,49 @@ class Resonator(gt.Model):
     def equations(self):
         yield der(self.x) == self.v
         yield der(self.v) == self.u - 100 * self.x - self.v
+
+
+class Beside(Resonator):
+    """The resonator beside a state of size one that has nothing to do with it."""
+
+    X = gt.variable(start=1.0, fixed=True)
+
+    def equations(self):
+        yield from super().equations()
+        yield der(self.X) == -0.1 * self.X
+
+
+@pytest.mark.parametrize("size", [1.0, 1e-3, 1e-5, 1e-7, 1e-9])
+def test_a_small_state_beside_a_large_one(size):
+    given = {"u": lambda t: size * gt.sin(3 * t)}
+    run = simulate(Beside(), 5.0, inputs=given)
+    true = solve_ivp(
+        lambda t, y: [y[1], np.sin(3 * t) - 100 * y[0] - y[1]], (0.0, 5.0), [0.0, 0.0], "DOP853",
+        run.trajectory.time, rtol=1e-12, atol=1e-14,
+    )  # fmt: skip
+    error = np.max(np.abs(run.trajectory["x"] - size * true.y[0])) / (size * np.max(np.abs(true.y[0])))
+    assert error < 0.01 or run.status is SolveStatus.CHECK_FAILED
+    if size != 1e-5:  # where its error is a hundredth
+        assert run.status is (SolveStatus.SOLVED if size > 1e-5 else SolveStatus.CHECK_FAILED)
+    nominal = {name: dict(nominal=size / 100) for name in ("x", "v")}
+    assert simulate(Beside(**nominal), 5.0, inputs=given).status is SolveStatus.SOLVED
+
+
+def test_a_state_that_rests_but_for_the_integrator_is_no_motion():
+    class Difference(gt.Model):
+        """Of one pendulum, written in two ways: what differs is the integrator's error."""
+
+        a = gt.variable(start=1.0, fixed=True)
+        b = gt.variable(start=2.0, fixed=True)
+        da = gt.variable(start=0.0, fixed=True)
+        db = gt.variable(start=0.0, fixed=True)
+        d = gt.variable(start=0.0, fixed=True)
+
+        def equations(self):
+            yield der(self.a) == self.da
+            yield der(self.b) == self.db
+            yield der(self.da) == -9 * gt.sin(self.a)
+            yield der(self.db) == -18 * gt.sin(self.b / 2)
+            yield der(self.d) == self.a - self.b / 2
+
+    assert simulate(Difference(), 20.0).status is SolveStatus.SOLVED

@@ -131,3 +131,21 @@ def test_bounds_hold_what_lies_between(function):
     known = np.isfinite(rate)
     slack = 1e-9 * (1 + np.abs(rate))
     assert np.all((rate >= da - slack)[known]) and np.all((rate <= db + slack)[known])
+
+
+@pytest.mark.parametrize("width", [1e-2, 1e-4, 1e-7])
+def test_pulses_written_as_differences_of_large_terms(width):
+    """Bounds of such differences are far wider than the range of what they bound."""
+    at = np.random.default_rng(7).uniform(1.0, 18.0, 9)
+
+    def triangle(s):
+        return (width - abs(s) + abs(width - abs(s))) / (2 * width**2)
+
+    run = simulate(Oscillator(), 20.0, inputs={"F": lambda t: sum(triangle(t - a) for a in at.tolist())})
+    t = run.trajectory.time
+    away = np.all(np.abs(t[:, None] - at) > width, axis=1)
+    # after a pulse, the impulse that it is, by the mean of e^(z s) over the triangle
+    z = -DECAY + 1j * OMEGA
+    gain = 2 * (np.cosh(z * width) - 1) / (z * width) ** 2 if width > 1e-3 else 1.0
+    expected = sum(np.where(t > a, np.imag(gain * np.exp(z * np.maximum(t - a, 0.0))), 0.0) / OMEGA for a in at)
+    assert np.max(np.abs(run.trajectory["x"] - expected)[away]) <= ACCURACY * np.max(np.abs(expected))

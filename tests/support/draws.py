@@ -16,10 +16,10 @@ def suite() -> dict:
     return tomllib.loads(SUITE.read_text(encoding="utf-8"))
 
 
-def draws(count: int | None = None) -> list[list[str]]:
-    """The first `count` draws, each as settings for problems/l1_min_time.toml."""
+def draws(count: int | None = None, seed: int | None = None) -> list[list[str]]:
+    """The first `count` draws, each as settings for problems/l1_min_time.toml; with another seed others."""
     s = suite()
-    rng = np.random.default_rng(s["seed"])
+    rng = np.random.default_rng(s["seed"] if seed is None else seed)
     low, high = np.array([s[k] for k in ("x_m", "y_m", "z_m")]).T
     found: list[list[str]] = []
     while len(found) < (s["count"] if count is None else count):

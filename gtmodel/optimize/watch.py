@@ -1,0 +1,153 @@
+"""What is seen of IPOPT while it runs: progress, limits, the best iterate, and whether it still gets anywhere."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import casadi as ca
+import numpy as np
+
+Progress = Callable[[int, float, float], bool]
+FEASIBLE = 1e-6  # violations of scaled rows below this are none
+NEARER = 0.5  # of the violation: an earlier iterate of a failed run is kept if it is so much nearer to its constraints
+# an iterate is progress where no earlier one is within this of both its violation and its objective, or better
+CLOSER, CHEAPER = 0.9, 1e-4
+
+
+class Program(Protocol):
+    """What IPOPT needs of an NLP: functions by nlpsol's names and bounds."""
+
+    functions: dict[str, ca.Function]
+    nlp: Any  # a function, or the expressions of one by their names
+    lbx: np.ndarray
+    ubx: np.ndarray
+    lbg: np.ndarray
+    ubg: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Multipliers:
+    """Of constraint rows and of bounds, in IPOPT's signs: for a warm start."""
+
+    rows: np.ndarray
+    bounds: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Iterate:
+    """A point on the way, by its number, with the largest violation of its rows."""
+
+    number: int
+    x: np.ndarray
+    g: np.ndarray
+    objective: float
+    multipliers: Multipliers
+    violation: float
+
+
+class Patience:
+    """Whether a run still gets anywhere: an iterate counts that no earlier one beats in violation and objective.
+
+    Both at once, since iterates of an interior-point method trade one for the other on their way. `since` is the number
+    of iterations without one that counts; those that keep their rows are not lost, what they lack is optimality alone.
+    """
+
+    def __init__(self) -> None:
+        self.filter: list[tuple[float, float]] = []  # of iterates that none beats
+        self.since = 0
+
+    def __call__(self, objective: float, violation: float) -> int:
+        """Take in an iterate; returns `since`."""
+        v = max(violation, FEASIBLE) if np.isfinite(violation) else np.inf
+        f = objective if np.isfinite(objective) else np.inf
+        beaten = not np.isfinite(v + f) or any(
+            v > (CLOSER * a if a > FEASIBLE else 0.0) and f > b - CHEAPER * abs(b) for a, b in self.filter
+        )
+        self.since = (self.since + (v > FEASIBLE)) if beaten else 0
+        if not beaten:
+            self.filter = [(a, b) for a, b in self.filter if a < v or b < f] + [(v, f)]
+        return self.since
+
+
+class Watch(ca.Callback):
+    """IPOPT's iteration callback: progress, time limit, a stop that keeps the best iterate."""
+
+    def __init__(
+        self, nlp: Program, progress: Progress | None, stop_at: float | None, patience: int | None = None, done: int = 0
+    ) -> None:
+        """stop_at: by time.monotonic(). patience: iterations without progress before it stops. done: by runs before."""
+        ca.Callback.__init__(self)
+        self.progress = progress
+        self.stop_at = stop_at
+        self.patience = patience
+        self.gains = Patience()
+        self.done = self.count = done
+        self.stopped = ""
+        self.stalled = ""
+        self.raised: BaseException | None = None
+        self.best: Iterate | None = None
+        self.nx, self.ng = len(nlp.lbx), len(nlp.lbg)
+        self.lbx, self.ubx, self.lbg, self.ubg = nlp.lbx, nlp.ubx, nlp.lbg, nlp.ubg
+        self.construct("watch", {})
+
+    def get_n_in(self) -> int:
+        return ca.nlpsol_n_out()
+
+    def get_n_out(self) -> int:
+        return 1
+
+    def get_name_in(self, i: int) -> str:
+        return ca.nlpsol_out(i)
+
+    def get_name_out(self, i: int) -> str:
+        return "ret"
+
+    def get_sparsity_in(self, i: int) -> ca.Sparsity:
+        size = {"f": 1, "x": self.nx, "lam_x": self.nx, "g": self.ng, "lam_g": self.ng}.get(ca.nlpsol_out(i), 0)
+        return ca.Sparsity.dense(size, 1)
+
+    def eval(self, arg: Sequence[ca.DM]) -> list[float]:
+        count, self.count = self.count, self.count + 1
+        late = self.stop_at is not None and time.monotonic() > self.stop_at
+        asked = False
+        outputs = dict(zip(ca.nlpsol_out(), arg, strict=True))
+        g, f = np.asarray(outputs["g"]).reshape(-1), float(outputs["f"])
+        violation = self.violation(g)
+        better = self.best is None or rank(violation, f) < rank(self.best.violation, self.best.objective)
+        if count > self.done and better and np.isfinite([violation, f]).all():  # the guess itself is no answer
+            x, rows, bounds = (np.array(outputs[n]).reshape(-1) for n in ("x", "lam_g", "lam_x"))
+            x = np.clip(x, self.lbx, self.ubx)  # IPOPT brings only its last iterate back to the bounds that it relaxed
+            self.best = Iterate(count, x, g.copy(), f, Multipliers(rows, bounds), violation)
+        if self.progress is not None:
+            try:
+                asked = bool(self.progress(count, f, violation))
+            except BaseException as error:  # CasADi would print it and go on: it is raised when IPOPT has returned
+                self.raised = error
+                return [1]
+        if late or asked:
+            self.stopped = "its time was over" if late else "it was asked to stop"
+            return [1]
+        if self.patience is not None and self.gains(f, violation) >= self.patience:
+            self.stalled = f"no progress in {self.patience} iterations"
+            return [1]
+        return [0]
+
+    def violation(self, g: np.ndarray) -> float:
+        """Largest excess of a row over its bounds; infinite where a row is no number."""
+        worst = float(np.max(np.maximum(self.lbg - g, g - self.ubg), initial=0.0))
+        return np.inf if np.isnan(worst) else worst
+
+    def better_than(self, g: np.ndarray, f: float) -> Iterate | None:
+        """The best iterate where it is clearly better than the last one, given by its rows and objective."""
+        last, best = self.violation(g), self.best
+        if best is None or rank(best.violation, best.objective) >= rank(last, f):
+            return None
+        return best if last <= FEASIBLE or best.violation <= NEARER * last else None
+
+
+def rank(violation: float, objective: float) -> tuple[float, float]:
+    """By violation, and among those that keep their rows by the objective."""
+    return max(violation, FEASIBLE), objective
