@@ -16,6 +16,7 @@ from gtmodel.optimize.resimulate import resimulate
 
 from . import python_models
 from .base import Check, Context, InputError, Outcome, Problem, Row, Section
+from .solver_keys import Barrier
 
 NAME = "optimization"
 
@@ -54,10 +55,7 @@ class Solver(Section):
     max_iterations: PositiveInt = Field(
         default=1000, description="limit of iterations, of both tries where there are two"
     )
-    barrier: Literal["auto", "adaptive", "monotone"] = Field(
-        default="auto",
-        description="how IPOPT lowers its barrier; auto: adaptive, and monotone where that fails",
-    )
+    barrier: Barrier = "auto"
     compile: bool = Field(
         default=False, description="the elements as machine code: the same optimum, sooner where it is solved again"
     )
