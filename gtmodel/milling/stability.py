@@ -96,8 +96,8 @@ def proven_depth(
 ) -> float:  # fmt: skip
     """Axial depth [m], `deepest` at most, up to which the first pose is found stable at a speed [1/s].
 
-    Depths are tried by their spectral radius from `certain_depth` on, each a fifth or, with a helix, a 16th of the teeth's
-    axial pitch deeper than the one before, and between them where the radius peaks near 1; the first that is
+    Depths are tried by their spectral radius from `certain_depth` on, each a fifth or, with a helix, a 16th of the
+    teeth's axial pitch deeper than the one before, and between them where the radius peaks near 1; the first that is
     unstable is bisected. A spindle too slow for that has `certain_depth`. Raises ValueError for impossible values.
     """
     tooth_frequency(speed, cutter.teeth)
