@@ -136,8 +136,9 @@ def _outcome(
         # a compensator's constant may stand behind the joints
         std = np.sqrt(np.diag(fit.estimate.covariance))[: len(true)]
         chance = norm.isf(FALSE_ALARM / 2 / len(true)) * std / true
-        worst = int(np.argmax(errors))
-        checks["compliance_error"] = at_most(float(errors[worst]), max(WITHIN, float(chance[worst])))
+        bounds = np.maximum(WITHIN, chance)
+        worst = int(np.argmax(errors / bounds))
+        checks["compliance_error"] = at_most(float(errors[worst]), float(bounds[worst]))
     comment = f"# synthetic: {note}\n" if note else ""
     figures = {"stiffness": lambda: _figure(keys, fits, title, note)}
     files = {
