@@ -21,6 +21,7 @@ import numpy as np
 from gtmodel.compiler.causal import CausalFunction, compile_causal
 from gtmodel.identify.tracking import smooth_motion
 from gtmodel.lang import Model, ModelError
+from gtmodel.lang.units import si_unit
 from gtmodel.results import Status, Trajectory, TrajectoryError
 
 Array = np.ndarray
@@ -81,9 +82,13 @@ class _InverseDynamics:
 
         motion holds the known variable; of derivatives that it does not hold, "der(q)" and "der(q,2)", the smooth curve
         through the positions is asked, so these should be a reference or filtered. A synthetic motion's note is kept.
-        Raises TrajectoryError for a row that the model cannot follow, with the time.
+        Raises TrajectoryError for another unit, and for a row that the model cannot follow, with the time.
         """
         position = motion[self.known]
+        for s in self.inverse.inputs:
+            given = motion.unit(s.name) if s.name in motion else "1"  # also of what was given without a unit
+            if given != "1" and si_unit(given).dimension != si_unit(s.unit).dimension:
+                raise TrajectoryError(f"the model has '{s.name}' in {s.unit}; the motion gives it in {given}")
         rows = [position, *smooth_motion(motion.time, position)[1:]]
         for order, name in ((1, f"der({self.known})"), (2, f"der({self.known},2)")):
             if name in motion:
@@ -136,7 +141,11 @@ class ComputedTorque(_InverseDynamics):
 
 
 def _feedback(law: Any, reference: list[ca.SX], position: ca.SX, velocity: ca.SX) -> ca.SX:
-    K, D = (ca.DM(np.broadcast_to(np.asarray(g, float), position.shape[:1])) for g in (law.stiffness, law.damping))
+    count = position.numel()
+    for name, gain in (("stiffness", law.stiffness), ("damping", law.damping)):
+        if np.shape(gain) not in ((), (count,)):
+            raise ModelError(f"{name} has the shape {np.shape(gain)}; expected one number, or {count} of them")
+    K, D = (ca.DM(np.broadcast_to(np.asarray(g, float), (count,))) for g in (law.stiffness, law.damping))
     return K * (reference[0] - position) + D * (reference[1] - velocity)
 
 

@@ -8,6 +8,7 @@ from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt
 
 from .base import Section
 from .robot_keys import RobotProblem
+from .solver_keys import Barrier, MostElements
 from .trajectory_keys import MotionLimits, PathSection, Point
 
 
@@ -61,9 +62,7 @@ class Mesh(Section):
     """Where the equations are collocated (Radau)."""
 
     elements: PositiveInt = Field(20, le=10000, description="number of elements of the horizon")
-    most_elements: PositiveInt = Field(
-        80, le=10000, description="where a check fails the mesh is refined, to at most so many elements"
-    )
+    most_elements: MostElements = 80
     points: int = Field(3, ge=1, le=9, description="collocation points per element")
     control: Literal["linear", "constant", "polynomial"] = Field(
         "linear",
@@ -77,10 +76,7 @@ class Solver(Section):
 
     tolerance: PositiveFloat = Field(1e-8, description="on the scaled optimality conditions")
     max_iterations: PositiveInt = Field(300, description="limit of iterations, of all attempts together")
-    barrier: Literal["auto", "adaptive", "monotone"] = Field(
-        "auto",
-        description="how IPOPT lowers its barrier; auto: adaptive, and monotone where that fails",
-    )
+    barrier: Barrier = "auto"
     formulation: Literal["torn", "dae"] = Field(
         "torn", description="which equations are collocated: those of the plate's pose alone, or all as they stand"
     )

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -17,8 +18,8 @@ from .axis_free_run import free_run
 from .axis_keys import AxisTrajectoryProblem as Schema
 from .axis_motion import CARTS, AxisPlan
 from .axis_planning import LINKS, plan_of
-from .base import Context, Outcome, Row, at_most
-from .finer_mesh import PASSES, elements_after, helped, how, told
+from .base import TRAJECTORY, Context, Outcome, Row, at_most
+from .finer_mesh import finer_problem, how, refined, told
 from .motion_limits import clearance
 from .trajectory import MARGIN_TOLERANCE
 from .verdict import failed_of
@@ -58,48 +59,70 @@ POSE_APART_M = 1e-6  # Newton and collocation solve the same equations
 PATH_M = 1e-6  # round-off of the same equations
 
 
+@dataclass(frozen=True)
+class _Found:
+    """What was found on one mesh; iterations: of all meshes up to this one."""
+
+    plan: AxisPlan
+    solution: Solution
+    outcome: Outcome
+
+    @property
+    def checks(self) -> Mapping[str, Any]:
+        return self.outcome.checks
+
+
 def solve(problem: Schema, context: Context) -> Outcome:
-    """Optimise, re-simulate, and let the forces move the robot with all six axes free."""
+    """Optimise, re-simulate, and let the forces move the robot with all six axes free; on a finer mesh where a check
+    fails that it can mend."""
     plan = plan_of(problem, context)
-    outcome, solution = _on_this_mesh(plan, None, context)
-    given, failed = outcome, failed_of(outcome.checks)
-    for _ in range(PASSES):
-        mesh = plan.problem.mesh
-        elements = elements_after(mesh.elements, mesh.most_elements, outcome.checks, MENDED)
-        if not outcome.status.converged or elements is None or context.interrupted():
-            break
-        finer = plan.problem.model_copy(update={"mesh": mesh.model_copy(update={"elements": elements})})
-        plan = replace(plan, problem=finer)
-        after, solution = _on_this_mesh(plan, solution, context)
-        iterations = (outcome.iterations or 0) + (after.iterations or 0)
-        if not after.status.converged:
-            message = f"{outcome.message}; on {elements} elements: {after.message}"
-            return replace(outcome, iterations=iterations, message=message)
-        before, outcome = outcome, replace(after, iterations=iterations)
-        if not helped(before.checks, outcome.checks):
-            break
-    if outcome is given:
-        return outcome
-    used = plan.problem.mesh.elements
-    rows = [*outcome.rows, Row("elements of the mesh, refined", used)]
-    end = "" if outcome.status.ok else ";"
-    return replace(outcome, message=outcome.message + end + told(problem.mesh.elements, used, failed), rows=rows)
+    given = _on_this_mesh(plan, None, context)
+    iterations = given.outcome.iterations or 0
+
+    def again(before: _Found, finer: Schema) -> _Found | str:
+        nonlocal iterations
+        after = _on_this_mesh(replace(plan, problem=finer), before.solution, context)
+        iterations += after.outcome.iterations or 0
+        if after.outcome.status.converged:
+            return after
+        return f"on {finer.mesh.elements} elements: {after.outcome.message}"
+
+    found, trouble = refined(given, _finer, again, context.interrupted)
+    outcome, used = found.outcome, found.plan.problem.mesh.elements
+    message, rows = outcome.message, outcome.rows
+    if found is not given:
+        end = "" if outcome.status.ok else ";"
+        message += end + told(problem.mesh.elements, used, failed_of(given.checks))
+        rows = [*rows, Row("elements of the mesh, refined", used)]
+    message = "; ".join(filter(None, [message, trouble]))
+    return replace(outcome, iterations=iterations, message=message, rows=rows)
 
 
-def _on_this_mesh(plan: AxisPlan, guess: Solution | None, context: Context) -> tuple[Outcome, Solution]:
-    """The outcome on the plan's mesh, and the optimum that it is of."""
-    problem = plan.problem
+def _finer(found: _Found) -> Schema | None:
+    """The problem on a finer mesh where a check failed that it can mend."""
+    if not found.outcome.status.converged:
+        return None
+    return finer_problem(found.plan.problem, found.checks, MENDED)
+
+
+def _on_this_mesh(plan: AxisPlan, guess: Solution | None, context: Context) -> _Found:
+    """The optimum on the plan's mesh and the outcome of it."""
     solution = _optimum(plan, guess, context)
+    return _Found(plan, solution, _judged(plan, solution, context))
+
+
+def _judged(plan: AxisPlan, solution: Solution, context: Context) -> Outcome:
+    problem = plan.problem
     if not solution.status.converged:
-        return _failed(problem, solution, ""), solution
+        return _failed(problem, solution, "")
     tried = resimulate(solution)
     if tried.trajectory is None:
-        return _failed(problem, solution, f"the optimum cannot be re-simulated: {tried.message}; "), solution
+        return _failed(problem, solution, f"the optimum cannot be re-simulated: {tried.message}; ")
     trajectory, apart = _placed(plan, tried.trajectory)
     if trajectory is None:
         lead = "forward kinematics from the home pose does not follow the optimum's axes; "
-        return _failed(problem, solution, lead), solution
-    return _outcome(plan, solution, trajectory, apart, tried.defect, context), solution
+        return _failed(problem, solution, lead)
+    return _outcome(plan, solution, trajectory, apart, tried.defect, context)
 
 
 def explain(problem: Schema, context: Context) -> str:
@@ -165,6 +188,7 @@ def _failed(problem: Schema, solution: Solution, lead: str) -> Outcome:
         checks=solution.checks,
         values={"final_time_s": solution.free.get("final_time")},
         trajectory=_renamed(solution.trajectory, title),
+        machine_files=(TRAJECTORY,),
     )
 
 
@@ -268,6 +292,7 @@ def _outcome(
         trajectory=trajectory,
         rows=_rows(values, solution),
         figures={"motion": lambda: _figure(plan, trajectory)},
+        machine_files=(TRAJECTORY,),
     )
 
 

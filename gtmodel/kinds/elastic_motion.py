@@ -16,10 +16,13 @@ from gtmodel.optimize import solve as collocate
 from gtmodel.results import SolveStatus, Status, Trajectory
 from gtmodel.robots import GantryTau
 
-from .base import Context, InputError, Outcome, Row, Section, at_most
+from .base import TRAJECTORY, Context, InputError, Outcome, Row, Section, at_most
 from .elastic_motion_models import ElasticMotion, RigidMotion
+from .finer_mesh import finer_problem, refined, told
 from .robot_keys import RobotProblem
+from .solver_keys import Barrier, MostElements
 from .trajectory_keys import Point
+from .verdict import failed_of
 
 NAME = "elastic_motion"
 
@@ -30,6 +33,7 @@ VALUES = {
     "ones what the robot with a rigid tool needs",
     "frequency_Hz": "of the tool on its spring, the plate held",
     "static_mm": "by which the tool hangs",
+    "elements": "elements of the mesh: those of the file, or more where a check failed on them",
     "resimulated_end_mm": "offset of the tool from where it hangs after an integrator ran the elastic plan's forces",
 }
 
@@ -39,6 +43,7 @@ MOST_SAMPLES = 400_001
 OFF = 0.1  # error of the frequency that is reported
 RATIOS = np.linspace(0.6, 1.4, 81)
 SHARE = 0.01  # of the rigid plan's swing; 40 elements leave 0.4 %, shaping a part in a million
+MENDED = ("elastic_share_of_rigid", "resimulated_end_mm")  # by a finer mesh
 RESIMULATED_MM = 0.5  # collocation's error, as an integrator shows it
 FORCE_SHARE = 1e-3  # of the limit: beyond, a motion passes it
 GRAVITY = 9.81
@@ -77,6 +82,13 @@ class MeshKeys(Section):
     """Where the equations are collocated."""
 
     elements: PositiveInt = Field(default=40, le=MOST_ELEMENTS, description="of the horizon, three points each")
+    most_elements: MostElements = 160
+
+
+class Solver(Section):
+    """How the plans are found."""
+
+    barrier: Barrier = "auto"
 
 
 class Schema(RobotProblem):
@@ -88,6 +100,7 @@ class Schema(RobotProblem):
     tool: Tool
     cost: Cost = Cost()
     mesh: MeshKeys = MeshKeys()
+    solver: Solver = Solver()
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +119,8 @@ class _Motion:
 
 
 def solve(problem: Schema, context: Context) -> Outcome:
-    """The rigid optimum, its shaped versions, the elastic optimum, and what each leaves."""
+    """The rigid optimum, its shaped versions, the elastic optimum, and what each leaves; on a finer mesh where a check
+    fails that it can mend."""
     if context.start is not None:
         raise InputError("--start: the elastic plan starts from the rigid one; leave it out")
     tool, heavy = problem.tool, problem.model_copy(
@@ -116,18 +130,71 @@ def solve(problem: Schema, context: Context) -> Outcome:
     _refuse_unreachable(robot, problem)
     if np.linalg.norm(np.subtract(problem.goal.tcp_m, problem.start.tcp_m)) < 1e-6:
         raise InputError("is where the motion starts; nothing moves, nothing swings: give another place", "goal.tcp_m")
-    rigid = _planned(RigidMotion(**_values(robot, problem)), problem, context, "rigid plan", None)
-    if not rigid.status.ok:
-        return Outcome(status=rigid.status, message=f"rigid plan: {rigid.message}")
-    plate = _sampled(rigid, tool)
-    k = tool.mass_kg * (2 * np.pi * tool.frequency_Hz) ** 2
+    k = _stiffness(tool)
     d = 2 * tool.damping * np.sqrt(k * tool.mass_kg)
     bare = _values(_three_link(problem.model(context)), problem)
-    model = ElasticMotion(**bare, mass=tool.mass_kg, K=k * np.eye(3), D=d * np.eye(3))
-    elastic = _planned(model, problem, context, "elastic plan", rigid.trajectory)
+    elastic = ElasticMotion(**bare, mass=tool.mass_kg, K=k * np.eye(3), D=d * np.eye(3))
+    models = RigidMotion(**_values(robot, problem)), elastic
+    given = _on_this_mesh(problem, robot, models, None, context)
+    if isinstance(given, Outcome):
+        return given
+    iterations = given.iterations
+
+    def again(before: _Found, finer: Schema) -> _Found | str:
+        nonlocal iterations
+        after = _on_this_mesh(finer, robot, models, before, context)
+        iterations += after.iterations or 0
+        return f"on {finer.mesh.elements} elements: {after.message}" if isinstance(after, Outcome) else after
+
+    found, trouble = refined(given, _finer, again, context.interrupted)
+    failed = failed_of(given.checks)
+    finer = told(problem.mesh.elements, found.problem.mesh.elements, failed)
+    return _outcome(found, iterations, finer, trouble)
+
+
+@dataclass(frozen=True, eq=False)
+class _Found:
+    """The plans on one mesh, their iterations, the motions compared by name, and the checks.
+
+    left: offset of the tool [m] from where it hangs after an integrator ran the elastic plan's forces.
+    """
+
+    problem: Schema
+    rigid: Solution
+    elastic: Solution
+    motions: list[_Motion]
+    table: dict[str, dict[str, float]]
+    left: float
+    checks: dict[str, Any]
+
+    @property
+    def iterations(self) -> int:
+        return self.rigid.iterations + self.elastic.iterations
+
+
+def _finer(found: _Found) -> Schema | None:
+    """The problem on a finer mesh where a check failed that it can mend."""
+    return finer_problem(found.problem, found.checks, MENDED)
+
+
+def _on_this_mesh(
+    problem: Schema,
+    robot: GantryTau,
+    models: tuple[RigidMotion, ElasticMotion],
+    before: _Found | None,
+    context: Context,
+) -> _Found | Outcome:
+    """The plans on the problem's mesh, from those before, and what they leave; an outcome where one is not found."""
+    tool = problem.tool
+    rigid = _planned(models[0], problem, context, "rigid plan", before.rigid if before else None)
+    if not rigid.status.ok:
+        return Outcome(status=rigid.status, message=f"rigid plan: {rigid.message}", iterations=rigid.iterations)
+    plate = _sampled(rigid, tool)
+    elastic = _planned(models[1], problem, context, "elastic plan", before.elastic if before else rigid.trajectory)
     if not elastic.status.ok:
         coarse = _too_coarse(problem, rigid.final_time)
-        return Outcome(status=elastic.status, message="; ".join([f"elastic plan: {elastic.message}", *coarse]))
+        message = "; ".join([f"elastic plan: {elastic.message}", *coarse])
+        return Outcome(status=elastic.status, message=message, iterations=rigid.iterations + elastic.iterations)
     context.progress("comparing", 0.9)
     motions = [_Motion("rigid", plate, float(np.abs(plate["tau"]).max()))]
     for name, make in (("ZV", zero_vibration), ("ZVD", zero_vibration_derivative)):
@@ -135,7 +202,33 @@ def solve(problem: Schema, context: Context) -> Outcome:
         motions.append(_Motion(name, shaped, _peak(robot, shaped)))
     own = _sampled(elastic, tool)
     motions.append(_Motion("elastic", own, float(np.abs(own["tau"]).max())))
-    return _outcome(problem, motions, elastic, GRAVITY * tool.mass_kg / k)
+    return _judged(problem, motions, rigid, elastic)
+
+
+def _judged(problem: Schema, motions: list[_Motion], rigid: Solution, elastic: Solution) -> _Found:
+    tool, table = problem.tool, {}
+    for m in motions:
+        off = m.residual([1 - OFF, 1 + OFF], tool)
+        table[m.name] = {
+            "final_time_s": m.plate.duration, "residual_mm": 1e3 * float(m.residual([1.0], tool)[0]),
+            "residual_10_percent_mm": 1e3 * float(off.max()), "peak_force_N": m.peak,
+        }  # fmt: skip
+    again = resimulate(elastic)
+    hang = np.array([0.0, 0.0, -_static(tool)])
+    left = np.inf if again.trajectory is None else float(np.linalg.norm(again.trajectory["spring.offset"][-1] - hang))
+    whole = table["rigid"]["residual_mm"]
+    checks = {f"{n}_share_of_rigid": at_most(table[n]["residual_mm"] / whole, SHARE) for n in ("ZV", "ZVD", "elastic")}
+    checks["resimulated_end_mm"] = at_most(1e3 * left, RESIMULATED_MM)
+    return _Found(problem, rigid, elastic, motions, table, left, checks)
+
+
+def _stiffness(tool: Tool) -> float:
+    return tool.mass_kg * (2 * np.pi * tool.frequency_Hz) ** 2
+
+
+def _static(tool: Tool) -> float:
+    """By which the tool hangs [m]."""
+    return GRAVITY * tool.mass_kg / _stiffness(tool)
 
 
 def explain(problem: Schema, context: Context) -> str:
@@ -185,14 +278,14 @@ def _values(robot: GantryTau, problem: Schema) -> dict[str, Any]:
     }
 
 
-def _planned(model: Optimization, problem: Schema, context: Context, stage: str, guess: Trajectory | None) -> Solution:
+def _planned(model: Optimization, problem: Schema, context: Context, stage: str, guess: Any) -> Solution:
     def progress(iteration: int, objective: float, violation: float) -> bool:
         numbers = {"iteration": iteration, "objective": objective, "violation": violation}
         context.progress(stage, None, numbers)
         return context.interrupted()
 
     mesh = Mesh(elements=problem.mesh.elements, control="bernstein")  # forces keep their limit at every instant
-    options = SolverOptions(error_bound=None)  # the plan is judged by its re-simulation
+    options = SolverOptions(barrier=problem.solver.barrier, error_bound=None)  # the plan is judged by its re-simulation
     return collocate(model, mesh=mesh, guess=guess, solver=options, progress=progress, throw=False)
 
 
@@ -220,20 +313,10 @@ def _peak(robot: GantryTau, plate: Trajectory) -> float:
     return float(np.abs(tau).max()) if np.all(status == Status.OK) else np.inf
 
 
-def _outcome(problem: Schema, motions: list[_Motion], elastic: Solution, static: float) -> Outcome:
-    tool, table = problem.tool, {}
-    for m in motions:
-        off = m.residual([1 - OFF, 1 + OFF], tool)
-        table[m.name] = {
-            "final_time_s": m.plate.duration, "residual_mm": 1e3 * float(m.residual([1.0], tool)[0]),
-            "residual_10_percent_mm": 1e3 * float(off.max()), "peak_force_N": m.peak,
-        }  # fmt: skip
-    again = resimulate(elastic)
-    hang = np.array([0.0, 0.0, -static])
-    left = np.inf if again.trajectory is None else float(np.linalg.norm(again.trajectory["spring.offset"][-1] - hang))
-    whole = table["rigid"]["residual_mm"]
-    checks = {f"{n}_share_of_rigid": at_most(table[n]["residual_mm"] / whole, SHARE) for n in ("ZV", "ZVD", "elastic")}
-    checks["resimulated_end_mm"] = at_most(1e3 * left, RESIMULATED_MM)
+def _outcome(found: _Found, iterations: int, finer: str, trouble: str) -> Outcome:
+    """finer: what is to be said of a refined mesh. trouble: what ended its refinement."""
+    problem, elastic, table = found.problem, found.elastic, found.table
+    tool, static, left = problem.tool, _static(problem.tool), found.left
     rows = [
         Row(name, f"{t['final_time_s']:.4f} s, swings {t['residual_mm']:.3g} mm; {100 * OFF:g} % off "
             f"{t['residual_10_percent_mm']:.3g} mm; largest force {t['peak_force_N']:.4g} N")
@@ -244,6 +327,8 @@ def _outcome(problem: Schema, motions: list[_Motion], elastic: Solution, static:
         Row("elastic plan, re-simulated: tool off", 1e3 * left, "mm"),
     ]
     rows += [Row("look at this", sentence) for sentence in _too_coarse(problem, elastic.final_time)]
+    if finer:
+        rows.append(Row("elements of the mesh, refined", problem.mesh.elements))
     limit = problem.limits.force_N
     for name, m in table.items():
         over = m["peak_force_N"] / limit - 1
@@ -252,18 +337,24 @@ def _outcome(problem: Schema, motions: list[_Motion], elastic: Solution, static:
             rows.append(Row(f"{name} passes the force limit", said))
     rows += [Row("assumed", sentence) for sentence in ASSUMED]
     title = problem.title or f"vibration of {problem.robot}"
-    return Outcome(
+    ends = "; ".join(f"{n} {t['final_time_s']:.4g} s, {t['residual_mm']:.3g} mm" for n, t in table.items())
+    outcome = Outcome(
         status=SolveStatus.SOLVED,
-        message="; ".join(f"{n} {t['final_time_s']:.4g} s, {t['residual_mm']:.3g} mm" for n, t in table.items()),
+        message=ends,
         objective=elastic.objective,
-        iterations=elastic.iterations,
-        checks=checks,
+        iterations=iterations,
+        checks=found.checks,
         values={"motions": table, "frequency_Hz": tool.frequency_Hz, "static_mm": 1e3 * static,
-                "resimulated_end_mm": 1e3 * left},
+                "elements": problem.mesh.elements, "resimulated_end_mm": 1e3 * left},
         trajectory=elastic.trajectory,
+        machine_files=(TRAJECTORY,),
         rows=rows,
-        figures={"swing": lambda: _figure(motions, tool, title)},
+        figures={"swing": lambda: _figure(found.motions, tool, title)},
     )  # fmt: skip
+    plans = (("rigid", found.rigid), ("elastic", elastic))
+    open_ends = [f"{name} plan: {plan.reservation}" for name, plan in plans if plan.reservation]
+    outcome.message = "; ".join(filter(None, [outcome.message, finer.strip(), trouble, *open_ends]))
+    return outcome
 
 
 def _too_coarse(problem: Schema, duration: float) -> list[str]:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from typing import Any
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any, Protocol, TypeVar
 
 # forces that jump leave errors that fall as the square of the elements' length, smooth ones faster
 ORDER = 2
@@ -28,10 +28,53 @@ def elements_after(elements: int, most: int, checks: Mapping[str, Any], mended: 
     return min(int(elements * factor) + 1, most)
 
 
+def finer_problem(problem: Any, checks: Mapping[str, Any], mended: Iterable[str]) -> Any | None:
+    """The problem on a finer mesh, at most `mesh.most_elements`, where one of the checks named failed; else None."""
+    elements = elements_after(problem.mesh.elements, problem.mesh.most_elements, checks, mended)
+    if elements is None:
+        return None
+    return problem.model_copy(update={"mesh": problem.mesh.model_copy(update={"elements": elements})})
+
+
 def helped(before: Mapping[str, Any], after: Mapping[str, Any]) -> bool:
     """Whether what failed on the coarser mesh is clearly nearer to its bounds on the finer one."""
     names = [name for name, check in before.items() if not check.passed]
     return missed(after, names) - 1 <= BETTER * (missed(before, names) - 1)
+
+
+class Checked(Protocol):
+    """What was found on one mesh."""
+
+    @property
+    def checks(self) -> Mapping[str, Any]: ...
+
+
+F = TypeVar("F", bound=Checked)
+P = TypeVar("P")
+
+
+def refined(
+    found: F,
+    finer: Callable[[F], P | None],
+    again: Callable[[F, P], F | str],
+    interrupted: Callable[[], bool],
+) -> tuple[F, str]:
+    """What is found on finer meshes as long as a check fails that they can mend, and what ended that too early.
+
+    finer: the problem on a finer mesh, None where none can help. again: what is found there, beginning from what was
+    found before, or a sentence that says why nothing was.
+    """
+    for _ in range(PASSES):
+        problem = finer(found)
+        if problem is None or interrupted():
+            break
+        after = again(found, problem)
+        if isinstance(after, str):
+            return found, after
+        before, found = found, after
+        if not helped(before.checks, found.checks):
+            break
+    return found, ""
 
 
 def told(given: int, used: int, failed: Iterable[str]) -> str:

@@ -16,6 +16,7 @@ from gtmodel.optimize.resimulate import resimulate
 
 from . import python_models
 from .base import Check, Context, InputError, Outcome, Problem, Row, Section
+from .solver_keys import Barrier
 
 NAME = "optimization"
 
@@ -54,10 +55,7 @@ class Solver(Section):
     max_iterations: PositiveInt = Field(
         default=1000, description="limit of iterations, of both tries where there are two"
     )
-    barrier: Literal["auto", "adaptive", "monotone"] = Field(
-        default="auto",
-        description="how IPOPT lowers its barrier; auto: adaptive, and monotone where that fails",
-    )
+    barrier: Barrier = "auto"
     compile: bool = Field(
         default=False, description="the elements as machine code: the same optimum, sooner where it is solved again"
     )
@@ -143,9 +141,7 @@ def _outcome(solution: Solution) -> Outcome:
         message=message,
         objective=solution.objective,
         iterations=solution.iterations,
-        checks={
-            n: Check(c.value if np.isfinite(c.value) else None, c.bound, c.passed) for n, c in solution.checks.items()
-        },
+        checks={n: _told(c) for n, c in solution.checks.items()},
         values=values,
         trajectory=solution.trajectory,
         rows=rows,
@@ -153,7 +149,7 @@ def _outcome(solution: Solution) -> Outcome:
 
 
 def _told(check: Any) -> Check:
-    return Check(check.value if np.isfinite(check.value) else None, check.bound, check.passed)
+    return Check(check.value if np.isfinite(check.value) else None, check.bound, check.passed, check.advice)
 
 
 def _tried(solution: Solution) -> tuple[dict[str, float], str]:

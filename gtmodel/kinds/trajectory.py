@@ -14,7 +14,7 @@ from gtmodel.optimize.resimulate import Resimulation, resimulate
 from gtmodel.results import SolveStatus, Trajectory
 
 from .base import Context, Outcome, at_most
-from .finer_mesh import PASSES, elements_after, helped, how, told
+from .finer_mesh import finer_problem, how, refined, told
 from .motion_follow import sampled
 from .motion_limits import clearance
 from .motion_planning import Plan, plan_of
@@ -115,24 +115,18 @@ def solve(problem: Schema, context: Context) -> Outcome:
 
 
 def _refined(found: Found, search: Search) -> tuple[Found, str]:
-    """What is found on finer meshes as long as a check fails that they can mend, and what ended that too early."""
-    for _ in range(PASSES):
-        problem = _finer(found)
-        if problem is None or search.context.interrupted():
-            break
-        plan = replace(found.plan, problem=problem)
-        search.go_on(problem, found.solution)
+    """What is found on finer meshes, with the iterations of the search counted on."""
+
+    def again(before: Found, problem: Schema) -> Found | str:
+        search.go_on(problem, before.solution)
         solution = search.optimum()
         on = f"on {problem.mesh.elements} elements"
         if not solution.status.converged:
-            return found, f"{on}: {solution.message}"
-        after = _on_this_mesh(plan, search, solution, found.optima)
-        if isinstance(after, Outcome):
-            return found, f"{on}: {after.message}"
-        before, found = found, after
-        if not helped(before.checks, found.checks):
-            break
-    return found, ""
+            return f"{on}: {solution.message}"
+        after = _on_this_mesh(replace(before.plan, problem=problem), search, solution, before.optima)
+        return f"{on}: {after.message}" if isinstance(after, Outcome) else after
+
+    return refined(found, _finer, again, search.context.interrupted)
 
 
 def _finer(found: Found) -> Schema | None:
@@ -140,15 +134,13 @@ def _finer(found: Found) -> Schema | None:
     problem, checks = found.plan.problem, found.checks
     followed = found.second is not None
     mended = [name for name in checks if name != "constraint_violation" and not (followed and "exported" in name)]
-    elements = elements_after(problem.mesh.elements, problem.mesh.most_elements, checks, mended)
-    changed: dict[str, Any] = {}
-    if elements is not None:
-        changed["mesh"] = problem.mesh.model_copy(update={"elements": elements})
+    finer = finer_problem(problem, checks, mended)
     if followed and problem.path is not None and any("exported" in name for name in failed_of(checks)):
         intervals = min(2 * problem.path.intervals, MOST_INTERVALS)
         if intervals > problem.path.intervals:
-            changed["path"] = problem.path.model_copy(update={"intervals": intervals})
-    return problem.model_copy(update=changed) if changed else None
+            path = problem.path.model_copy(update={"intervals": intervals})
+            return (finer or problem).model_copy(update={"path": path})
+    return finer
 
 
 def _on_this_mesh(plan: Plan, search: Search, solution: Solution, optima: list[float]) -> Found | Outcome:

@@ -8,6 +8,7 @@ from pydantic import Field, NonNegativeFloat, NonNegativeInt, PositiveFloat, Pos
 
 from .base import Section
 from .robot_keys import RobotProblem
+from .solver_keys import Barrier, MostElements
 
 Point = Annotated[list[float], Field(min_length=3, max_length=3)]
 Rest = list[Literal["velocity", "acceleration"]]
@@ -112,9 +113,7 @@ class Mesh(Section):
     """Where the equations are collocated (Radau)."""
 
     elements: PositiveInt = Field(50, le=10000, description="number of elements of the horizon")
-    most_elements: PositiveInt = Field(
-        400, le=10000, description="where a check fails the mesh is refined, to at most so many elements"
-    )
+    most_elements: MostElements = 400
     points: int = Field(3, ge=1, le=9, description="collocation points per element")
     control: Literal["polynomial", "constant"] = Field(
         "polynomial", description="force polynomial per element, bounded at its points only, or one value"
@@ -129,10 +128,7 @@ class Solver(Section):
         1000,
         description="limit of iterations: of all attempts together, further starts and the exported motion included",
     )
-    barrier: Literal["auto", "adaptive", "monotone"] = Field(
-        "auto",
-        description="how IPOPT lowers its barrier; auto: adaptive, and monotone where that fails",
-    )
+    barrier: Barrier = "auto"
     formulation: Literal["auto", "inverse", "explicit", "torn", "dae"] = Field(
         "auto", description="which equations are collocated; dae: all as they stand, for robots without closed forms"
     )

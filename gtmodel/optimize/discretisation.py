@@ -16,6 +16,7 @@ import numpy as np
 from ..results.status import SolveStatus
 from .dynamic import DynamicProblem
 from .mesh import Mesh
+from .narrow import bends, passed_over
 from .nlp import Nlp, placed
 from .shooting import TOLERANCE
 from .solution import Check, Solution, constants, horizon
@@ -123,8 +124,15 @@ def _estimate(along: _Along, problem: DynamicProblem, mesh: Mesh, t0: float, dur
     at_points = np.einsum("nix,ij->njx", xs[:, [K, *range(K)]], rule.derivative)
     noise = np.einsum("c,ncx->x", rule.weights, np.abs(at_points - length[:, None, None] * rates[:, :K])) / size
     missed = np.einsum("nix,ij->njx", xs[:, K:], fine.derivative) - length[:, None, None] * rates[:, K + 1 :]
-    grid = _errors(fine, missed / scale, slopes * (scale / scale[:, None]) * length[:, None, None, None])
-    if grid is None or not np.all(np.isfinite(grid.own)):
+    missed, slopes = missed / scale, slopes * (scale / scale[:, None]) * length[:, None, None, None]
+    for k, (more, _) in along.unseen.items():  # what it brings about on the same element
+        missed[k] -= np.einsum("jxy,jy->jx", slopes[k], more / scale)
+    grid = _errors(fine, missed, slopes)
+    if grid is None:
+        return None
+    for k, (more, _) in along.unseen.items():
+        grid.own[k] += more / scale
+    if not np.all(np.isfinite(grid.own)):
         return None
     parts, e = scale / size, _from_start(grid)
     added = np.max(np.abs(grid.own[:, -1]) * parts, axis=1).sum()
@@ -148,9 +156,13 @@ def _integrals(along: _Along, mesh: Mesh, problem: DynamicProblem, scale: float)
     rule's of their absolute values."""
     if not problem.integrals:
         return 0.0 * mesh.h, 0.0
-    values, K = along.integrands * np.array([w for _, _, w in problem.integrals]), mesh.points
+    coefficients, K = np.array([w for _, _, w in problem.integrals]), mesh.points
+    values = along.integrands * coefficients
     fine = np.einsum("c,ncq->n", along.fine.weights, values[:, K + 1 :])
     missed = along.length * (fine - np.einsum("c,ncq->n", mesh.table.weights, values[:, :K]))
+    for k, (_, whole) in along.unseen.items():
+        # the larger of both: what the two rules differ by may tell more of a control that is too coarse as well
+        missed[k] = max(missed[k], missed[k] + whole @ coefficients - along.length[k] * fine[k], key=abs)
     size = np.einsum("c,n,ncq->", along.fine.weights, along.length, np.abs(values[:, K + 1 :]))
     if not np.all(np.isfinite(missed)):
         return missed, np.inf
@@ -173,7 +185,8 @@ def ranges(problem: DynamicProblem, xs: np.ndarray) -> np.ndarray:
 class _Along:
     """What the model gives along a solution, at the mesh's points, the elements' left ends and the nodes of the finer
     rule (P = K + 1 + M places): states and the model's rates (N, P, nx), integrands (N, P, integrals), and at the nodes
-    the slopes of the rates by the states (N, M, nx, nx). length: of the elements [s]."""
+    the slopes of the rates by the states (N, M, nx, nx). length: of the elements [s]. unseen: by element, what the
+    finer rule passes over of functions of time in the states at its nodes (M, nx), and the whole integrals (q,)."""
 
     fine: Table
     length: np.ndarray
@@ -181,6 +194,7 @@ class _Along:
     rates: np.ndarray
     integrands: np.ndarray
     slopes: np.ndarray
+    unseen: dict[int, tuple[np.ndarray, np.ndarray]]
 
 
 def _along(nlp: Nlp, x: np.ndarray, mesh: Mesh, t0: float, duration: float) -> _Along:
@@ -202,20 +216,41 @@ def _along(nlp: Nlp, x: np.ndarray, mesh: Mesh, t0: float, duration: float) -> _
     slope /= (mesh.h * duration)[:, None, None]
     z = system.solved(rows, given, system.near(problem, begin, slope[:, nearest].reshape(N * n, nx)), P, times)
     rates, whole = system.at(rows, given, z, P, times)
-    integrands = np.zeros((N * n, 0))
-    if problem.integrals:
-        columns = [ca.DM(a.T) for a in (rows, rates, whole)]
-        arguments = [problem.x, problem.xd, problem.u, problem.P, problem.t]
-        f = ca.Function("integrals", arguments, [ca.vertcat(*[e for _, e, _ in problem.integrals])]).map(N * n)
-        integrands = f(*columns, ca.repmat(ca.DM(P), 1, N * n), ca.DM(times).T).full().T
+    f = _integrands(problem)
+
+    def integrated(*rows: np.ndarray, times: np.ndarray) -> np.ndarray:
+        """Integrands (rows, q) for rows of states, rates and inputs."""
+        count = len(times)
+        columns = [ca.DM(a.T) for a in rows]
+        return f.map(count)(*columns, ca.repmat(ca.DM(P), 1, count), ca.DM(times).T).full().T
+
+    integrands = integrated(rows, rates, whole, times=times) if problem.integrals else np.zeros((N * n, 0))
     chosen = (np.arange(N)[:, None] * n + np.arange(first, n)).ravel()
     slopes = np.zeros((0, nx, nx))
     if nx:
         slopes = system.slopes(rows[chosen], given[chosen], z[chosen], P, times[chosen])
-    return _Along(
-        fine, mesh.h * duration, xs, rates.reshape(N, n, nx), integrands.reshape(N, n, -1),
-        slopes.reshape(N, n - first, nx, nx),
-    )  # fmt: skip
+    rates, length = rates.reshape(N, n, nx), mesh.h * duration
+
+    def at(element: int, where: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Rates and integrands at places of one element."""
+        states = basis(mesh.table.nodes, where) @ y[element, nodes]
+        inputs = layout.inputs(y[element], where)[:, : given.shape[1]]
+        near = np.abs(where[:, None] - places).argmin(axis=1)
+        instants = t0 + (mesh.edges[element] + mesh.h[element] * where) * duration
+        unknowns = system.solved(states, inputs, z.reshape(N, n, -1)[element, near], P, instants)
+        r, everything = system.at(states, inputs, unknowns, P, instants)
+        return r, integrated(states, r, everything, times=instants) if problem.integrals else np.zeros((len(where), 0))
+
+    unseen = {
+        k: passed_over(bent, fine, float(length[k]), rates[k, first:], k, at)
+        for k, bent in bends(system, f, P, mesh.edges, t0, duration).items()
+    }
+    return _Along(fine, length, xs, rates, integrands.reshape(N, n, -1), slopes.reshape(N, n - first, nx, nx), unseen)
+
+
+def _integrands(problem: DynamicProblem) -> ca.Function:
+    arguments = [problem.x, problem.xd, problem.u, problem.P, problem.t]
+    return ca.Function("integrals", arguments, [ca.vertcat(ca.SX(0, 1), *[e for _, e, _ in problem.integrals])])
 
 
 def _errors(fine: Table, missed: np.ndarray, slopes: np.ndarray) -> _Grid | None:

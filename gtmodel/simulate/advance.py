@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from ..compiler.initial import Initial
+from ..compiler.pace import Pace
 from ..results.status import SolveStatus
 from .audit import Audit
 from .choice import LARGEST_CHANGE, SWITCH_BELOW, Reference
 from .ending import Ended, wall
 from .inputs import Inputs
 from .jumping import after_jump
-from .pace import Pace
 from .record import Recorder
 from .result import Progress, Switch
 from .small import History

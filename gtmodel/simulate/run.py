@@ -11,6 +11,7 @@ import numpy as np
 
 from ..compiler.causal import flat_of
 from ..compiler.initial import Initial, initial_point, start_values
+from ..compiler.pace import Pace, pace_of
 from ..lang.model import Model
 from ..lang.source import ModelError
 from ..results.status import SolveStatus
@@ -19,7 +20,6 @@ from .arguments import by_name, longest_step, names, number, output_step, span
 from .impulses import refuse_impulses
 from .inputs import Inputs, read_inputs
 from .jumps import refuse_jumps
-from .pace import Pace, pace_of
 from .record import Recorder
 from .resolution import resolution, unresolved
 from .result import NotSimulated, Progress, Simulation

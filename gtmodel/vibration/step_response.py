@@ -150,7 +150,8 @@ def bandwidth(a: float, sample_time: float) -> float | None:
     """Frequency [Hz] at which 1 / (1 - a q^-1) has fallen by 3 dB; None where it does not up to the Nyquist one."""
     if not NEVER <= a < 1:
         return None
-    return float(np.arccos((1 + a * a - 2 * (1 - a) ** 2) / (2 * a)) / (2 * np.pi * sample_time))
+    # (1 - a)^2 + 4 a sin^2(w T / 2) = 2 (1 - a)^2; a cosine of w T would lose a slow pole to round-off
+    return float(np.arcsin(min((1 - a) / (2 * np.sqrt(a)), 1.0)) / (np.pi * sample_time))
 
 
 def _check(given: Sequence[Record], delay: int | None, longest: int) -> None:

@@ -127,3 +127,9 @@ def test_a_response_that_does_not_settle_is_said() -> None:
     record = step_record(0.999, 0.001, 5, 1e-3, samples=400, before=25, sample_time=TS, noise=5e-6, seed=1)
     assert any("of the way to rest was still to go" in w for w in identify_step(record).words)
     assert not any("still to go" in w for w in identify_step(steps(0.9647, 0.0353)).words)
+
+
+@pytest.mark.parametrize("slow", [0.1, 1e-3, 1e-6, 1e-9])
+def test_the_bandwidth_of_a_slow_pole(slow) -> None:
+    """Towards the continuous pole, whose bandwidth is -log(a) / T."""
+    assert bandwidth(1 - slow, TS) == pytest.approx(slow / (2 * np.pi * TS), rel=slow + 1e-7)

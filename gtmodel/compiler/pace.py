@@ -50,6 +50,12 @@ def pace_of(column: ca.SX, t: ca.SX, start: float, end: float) -> Pace:
     return Pace(knots, np.array([min([np.inf, *(p.at(time) for p in paces)]) for time in middles.tolist()]))
 
 
+def edges_of(column: ca.SX, t: ca.SX, start: float, end: float) -> np.ndarray:
+    """Times [s] between which every part of expressions that is a function of t alone is a straight line to SEEN."""
+    ends = [_stretches(steps, start, end)[1][:-1] for steps in functions_of_time(column, t)]
+    return np.unique(np.concatenate([np.zeros(0), *map(np.array, ends)]))
+
+
 def _pace(steps: Sequence[Step], start: float, end: float) -> Pace:
     """Pieces of time in which the straight stretches of a function are of one length, up to RATIO."""
     lengths, ends = _stretches(steps, start, end)
