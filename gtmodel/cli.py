@@ -89,8 +89,10 @@ def explain(
 ) -> None:
     """Show how a robot's variables follow from the known ones, or what a problem asks for."""
     from gtmodel.kinds import explaining
+    from gtmodel.kinds.settings import refuse_twice
 
     with answering(context, False, what):
+        refuse_twice(settings or ())
         print(explaining.of(what, known or (), targets or (), prefer or (), settings or ()))
 
 
@@ -206,7 +208,9 @@ def loop(
 
 def _load(problem: str, settings: Sequence[str] | None, answer: Answer) -> Any:
     from gtmodel.kinds.load import load
+    from gtmodel.kinds.settings import refuse_twice
 
+    refuse_twice(settings or ())
     loaded = load(problem, settings or ())
     answer.problem, answer.kind = loaded.name, loaded.problem.kind
     answer.title = loaded.problem.title or loaded.path.stem

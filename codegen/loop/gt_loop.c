@@ -1,13 +1,12 @@
 /* gt_loop: see gt_loop.h. */
 #include "gt_loop.h"
 
+#include "gt_coast.h"
 #include "gt_guard.h"
 #include "gt_record.h"
 
 #include <math.h>
 #include <string.h>
-
-#define GT_RAMP_MOST 100000U /* cycles */
 
 void gt_loop_init(gt_loop *loop, const gt_loop_settings *settings, const gt_peer *peer, const gt_law *law)
 {
@@ -45,14 +44,6 @@ void gt_loop_datagram(gt_loop *loop, const uint8_t *data, uint32_t length)
         loop->feedback = feedback;
         loop->fresh = 1;
     }
-}
-
-static double gt_clamped(double value, double lowest, double highest)
-{
-    if (value < lowest) {
-        return lowest;
-    }
-    return (value > highest) ? highest : value;
 }
 
 /* Cycles of the robot's clock since the last command; no more than may be held, whatever the clock says. */
@@ -135,75 +126,15 @@ static void gt_loop_law(gt_loop *loop)
     }
 }
 
-/* The carts go on at their last speed times `share`, within the limits. */
-static void gt_loop_coast(gt_loop *loop, const double *speed, double share)
-{
-    const gt_limits *limits = &loop->settings.limits;
-    const double seconds = (double)loop->peer.cycle_ms / 1000.0;
-    uint32_t n;
-
-    for (n = 0U; n < loop->peer.axes; n++) {
-        const double now = speed[n] * share;
-
-        loop->command.position_m[n] = gt_clamped(loop->command.position_m[n] + (now * seconds), limits->lowest_m[n],
-                                                 limits->highest_m[n]);
-        loop->command.speed_m_s[n] = now;
-        loop->coasting_m[n] += fabs(now * seconds);
-        if (loop->coasting_m[n] > loop->coasted_m) {
-            loop->coasted_m = loop->coasting_m[n];
-        }
-    }
-}
-
-/* Cycles of a ramp to zero: the fastest cart at the declared deceleration, and never fewer than that takes. */
-static uint32_t gt_loop_ramp_cycles(const gt_loop *loop)
-{
-    const double lost_m_s = loop->settings.deceleration_m_s2 * ((double)loop->peer.cycle_ms / 1000.0);
-    double fastest = 0.0;
-    double cycles;
-    uint32_t n;
-
-    if (!(lost_m_s > 0.0)) {
-        return loop->settings.ramp_cycles;
-    }
-    for (n = 0U; n < loop->peer.axes; n++) {
-        const double speed = fabs(loop->command.speed_m_s[n]);
-
-        fastest = (speed > fastest) ? speed : fastest;
-    }
-    cycles = ceil(fastest / lost_m_s);
-    return (cycles < (double)GT_RAMP_MOST) ? (uint32_t)cycles : GT_RAMP_MOST;
-}
-
-static void gt_loop_begin_ramp(gt_loop *loop)
-{
-    loop->state = GT_LOOP_RAMPING;
-    loop->ramp_cycles = gt_loop_ramp_cycles(loop);
-    loop->ramp_left = loop->ramp_cycles;
-    gt_copy(loop->ramp_from, loop->command.speed_m_s, (int)GT_AXES);
-}
-
 /* Hold last, then ramp to stop. */
 static void gt_loop_miss(gt_loop *loop)
 {
     loop->misses++;
     if (loop->misses <= loop->settings.hold_cycles) {
         loop->state = GT_LOOP_HOLDING;
-        gt_loop_coast(loop, loop->command.speed_m_s, 1.0);
+        gt_coast(loop, loop->command.speed_m_s, 1.0);
     } else {
-        gt_loop_begin_ramp(loop);
-    }
-}
-
-static void gt_loop_ramp(gt_loop *loop)
-{
-    if (loop->ramp_left > 0U) {
-        loop->ramp_left--;
-        gt_loop_coast(loop, loop->ramp_from, (double)loop->ramp_left / (double)loop->ramp_cycles);
-    }
-    if (loop->ramp_left == 0U) {
-        gt_loop_coast(loop, loop->ramp_from, 0.0);
-        loop->state = GT_LOOP_STOPPED;
+        gt_coast_begin_ramp(loop);
     }
 }
 
@@ -248,7 +179,7 @@ uint32_t gt_loop_cycle(gt_loop *loop, uint8_t *answer)
         }
     }
     if (loop->state == GT_LOOP_RAMPING) {
-        gt_loop_ramp(loop);
+        gt_coast_ramp(loop);
     }
     loop->late += (!fresh && loop->sequence.started) ? 1U : 0U;
     length = gt_loop_answer(loop, fresh, answer);
@@ -264,7 +195,7 @@ void gt_loop_stop(gt_loop *loop)
         loop->state = GT_LOOP_STOPPED;
     }
     if ((loop->state == GT_LOOP_RUNNING) || (loop->state == GT_LOOP_HOLDING)) {
-        gt_loop_begin_ramp(loop);
+        gt_coast_begin_ramp(loop);
     }
 }
 

@@ -20,7 +20,8 @@ typedef struct gt_traj {
 } gt_traj;
 
 /* The row at a time, linear between two rows, the last one behind the end. GT_OUT_OF_RANGE for an empty reference,
- * GT_NOT_FINITE for a number that is not finite; `row` is written only with GT_OK. */
+ * GT_NOT_FINITE for a number that is not finite, or for two whose difference is not; `row` is written only with
+ * GT_OK. */
 static inline gt_status gt_traj_at(const gt_traj *traj, uint64_t time_ms, double *row)
 {
     const double *below;
@@ -43,6 +44,11 @@ static inline gt_status gt_traj_at(const gt_traj *traj, uint64_t time_ms, double
     above = (weight > 0.0) ? &below[traj->columns] : below;
     if (!gt_all_finite(below, (int)traj->columns) || !gt_all_finite(above, (int)traj->columns)) {
         return GT_NOT_FINITE;
+    }
+    for (k = 0U; k < traj->columns; k++) {
+        if (!(fabs(above[k] - below[k]) <= DBL_MAX)) {
+            return GT_NOT_FINITE;
+        }
     }
     for (k = 0U; k < traj->columns; k++) {
         row[k] = (weight > 0.0) ? (below[k] + (weight * (above[k] - below[k]))) : below[k];

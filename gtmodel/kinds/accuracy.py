@@ -30,7 +30,7 @@ from gtmodel.results import SolveStatus, Status
 
 from . import section_keys
 from .accuracy_cases import Case, describe, errors_of, method_of
-from .base import Check, Context, InputError, Outcome, Row, Section, at_most
+from .base import Check, Context, InputError, Outcome, Row, Section, at_least, at_most
 from .mechanism import Mechanism, home_figure, mechanism_of
 from .robot_keys import RobotProblem
 from .section_keys import Pair
@@ -281,7 +281,8 @@ def _checks(
             "the errors are too large for a first-order analysis, or the rectangle too near to a singular pose",
         )
         least = 1 - max(NEAR, _nearest(samples))
-        checks["monte_carlo_to_corner"] = Check(drawn if np.isfinite(drawn) else None, ABOVE, least <= drawn <= ABOVE)
+        within = at_most(drawn, ABOVE)
+        checks["monte_carlo_to_corner"] = at_least(drawn, least, "raise samples") if drawn < least else within
     return checks
 
 

@@ -274,9 +274,11 @@ def _earlier(problem: AxisTrajectoryProblem, course: Course | None, context: Con
             raise InputError("--start is a free motion; this problem follows a path")
         s = np.maximum.accumulate(run["s"])
         values = {"s": s, "der(s)": np.gradient(s, run.time)}
-        return Trajectory(run.time, {**values, "robot.T": run["T"], "robot.e": run["e"]}, {})
+        units = {"s": run.unit("s"), "robot.T": run.unit("T"), "robot.e": run.unit("e")}
+        return Trajectory(run.time, {**values, "robot.T": run["T"], "robot.e": run["e"]}, units)
     names = {"der(q)": "der(s)", "der(q,2)": "drive", "q": "s"}
     if any(name not in run for name in (*names, "T", "e")):
         raise InputError("--start: its trajectory lacks one of q, der(q), der(q,2), T and e; start from another result")
     values = {new: coordinates(run[old], problem.degrees_of_freedom) for old, new in names.items()}
-    return Trajectory(run.time, {**values, "robot.T": run["T"], "robot.e": run["e"]}, {})
+    units = {"robot.T": run.unit("T"), "robot.e": run.unit("e")}
+    return Trajectory(run.time, {**values, "robot.T": run["T"], "robot.e": run["e"]}, units)

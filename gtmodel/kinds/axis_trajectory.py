@@ -18,7 +18,7 @@ from .axis_free_run import free_run
 from .axis_keys import AxisTrajectoryProblem as Schema
 from .axis_motion import CARTS, AxisPlan
 from .axis_planning import LINKS, plan_of
-from .base import Context, Outcome, Row, at_most
+from .base import TRAJECTORY, Context, Outcome, Row, at_most
 from .finer_mesh import finer_problem, how, refined, told
 from .motion_limits import clearance
 from .trajectory import MARGIN_TOLERANCE
@@ -188,6 +188,7 @@ def _failed(problem: Schema, solution: Solution, lead: str) -> Outcome:
         checks=solution.checks,
         values={"final_time_s": solution.free.get("final_time")},
         trajectory=_renamed(solution.trajectory, title),
+        machine_files=(TRAJECTORY,),
     )
 
 
@@ -291,6 +292,7 @@ def _outcome(
         trajectory=trajectory,
         rows=_rows(values, solution),
         figures={"motion": lambda: _figure(plan, trajectory)},
+        machine_files=(TRAJECTORY,),
     )
 
 

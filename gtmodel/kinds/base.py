@@ -19,6 +19,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
+TRAJECTORY = "trajectory.csv"  # of every outcome with a trajectory
+
+
 class InputError(ValueError):
     """What a person gave is wrong: one plain sentence, with the file and its key where they are known."""
 
@@ -98,7 +101,8 @@ class Outcome:
     figures: file name without ending -> function that draws it; called only with --plot.
     files: file name -> content of what the kind writes besides, such as report.html.
     machine_files: names of those of them that a machine or another program takes over, such as a robot program;
-        they are not written unless the result may be used, or --write-failed is given.
+        they are not written unless the result may be used, or --write-failed is given. TRAJECTORY is one of them where
+        it is what the machine follows; of the other kinds it is written, and marked.
 
     Solved with a failed check is no state of an outcome: it becomes CHECK_FAILED, with a message that names the
     checks.

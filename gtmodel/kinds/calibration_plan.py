@@ -127,7 +127,7 @@ def _checks(plan: Plan) -> dict[str, Check]:
     keys, told = plan.problem.criteria, plan.told
     accuracy = 1e-3 * keys.accuracy_mm
     # what moves no tool centre point is a choice of coordinates, such as a frame inside an F1's joint plate
-    untold = float(told.redundant) if plan.unpredicted else 0.0
+    untold = float(max(1, told.redundant)) if plan.unpredicted else 0.0
     checks = {"parameters_not_told": at_most(untold, 0.0)}
     if keys.condition is not None:
         checks["condition"] = at_most(told.condition, keys.condition)
@@ -228,7 +228,7 @@ def _outcome(plan: Plan) -> Outcome:
             "poses.csv": poses_csv(T, q, purpose, title),
             "poses.mod": rapid_program(T, q, title, plan.problem.poses.settle_s),
         },
-        machine_files=("poses.mod",),
+        machine_files=("poses.csv", "poses.mod"),
     )
 
 

@@ -22,7 +22,7 @@ from gtmodel.measurements import copies
 from gtmodel.results import SolveStatus
 
 from . import calibration_stiffness_report
-from .base import Check, Context, InputError, Outcome, Row, at_most
+from .base import Context, InputError, Outcome, Row, at_least, at_most
 from .calibration_keys import Schema
 from .calibration_stiffness_data import FILE, KEY, LoadTestData, data_of
 from .calibration_stiffness_doubts import negative, repeated
@@ -119,14 +119,15 @@ def _outcome(
         title += " (synthetic)"
     values: dict[str, Any] = {**dict.fromkeys(GEOMETRIC), "synthetic": note, "joint_stiffness": v}
     # noise that was stated too large makes intervals wide, not wrong
-    small = fit.adequacy.p >= FALSE_ALARM or fit.adequacy.statistic <= fit.estimate.freedom
-    checks = {"chi_squared_p": Check(fit.adequacy.p, None, small, "the notes say what the residuals may hold")}
+    small = fit.adequacy.statistic <= fit.estimate.freedom
+    least = min(FALSE_ALARM, fit.adequacy.p) if small else FALSE_ALARM
+    checks = {"chi_squared_p": at_least(fit.adequacy.p, least, "the notes say what the residuals may hold")}
     again = copies(np.column_stack([data.poses.q, data.tests.wrench, data.tests.displacement]))
     if len(again):
         checks["copied_tests"] = at_most(float(len(again)), 0.0, "take copies out")
     below = int(np.sum(fit.compliance <= 0))
     if below:
-        checks["negative_compliances"] = Check(float(below), 0.0, False)
+        checks["negative_compliances"] = at_most(float(below), 0.0, "the notes name the joints")
     if keys.synthetic is not None:
         true = 1e-6 / np.array(keys.synthetic.stiffness_MNm_rad)
         errors = np.abs(fit.compliance / true - 1)
@@ -135,8 +136,9 @@ def _outcome(
         # a compensator's constant may stand behind the joints
         std = np.sqrt(np.diag(fit.estimate.covariance))[: len(true)]
         chance = norm.isf(FALSE_ALARM / 2 / len(true)) * std / true
-        worst = int(np.argmax(errors))
-        checks["compliance_error"] = at_most(float(errors[worst]), max(WITHIN, float(chance[worst])))
+        bounds = np.maximum(WITHIN, chance)
+        worst = int(np.argmax(errors / bounds))
+        checks["compliance_error"] = at_most(float(errors[worst]), float(bounds[worst]))
     comment = f"# synthetic: {note}\n" if note else ""
     figures = {"stiffness": lambda: _figure(keys, fits, title, note)}
     files = {
@@ -154,6 +156,7 @@ def _outcome(
         rows=_rows(v, fit, note),
         figures=figures,
         files=files,
+        machine_files=("parameters.toml",),
     )
 
 

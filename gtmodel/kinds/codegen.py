@@ -17,7 +17,7 @@ from gtmodel.cgen.costs_file import COSTS
 from gtmodel.cgen.folder import held
 from gtmodel.compiler.causal import CausalFunction, c_name, compile_causal
 from gtmodel.results import SolveStatus
-from gtmodel.results.folder import Held
+from gtmodel.results.folder import Held, others
 
 from .base import Check, Context, InputError, Outcome, Row, Section
 from .robot_keys import RobotProblem
@@ -98,7 +98,8 @@ def write(problem: Schema, context: Context, out: Path, *, verify: bool = False,
                 rows=[Row("folder", str(folder.path)), *outcome.rows[1:]],
             )
             if not outcome.status.ok and not write_failed:
-                said = f"{outcome.message}; the code is not written; --write-failed writes it, marked"
+                kept = "; what an earlier run wrote there stays" if others(folder.path) else ""
+                said = f"{outcome.message}; the code is not written; --write-failed writes it, marked{kept}"
                 return replace(outcome, message=said)
             mark = None if outcome.status.ok else partial(_marked, outcome.message)
             _generated(problem, context, functions, folder, mark)

@@ -16,7 +16,7 @@ from gtmodel.optimize import solve as collocate
 from gtmodel.results import SolveStatus, Status, Trajectory
 from gtmodel.robots import GantryTau
 
-from .base import Context, InputError, Outcome, Row, Section, at_most
+from .base import TRAJECTORY, Context, InputError, Outcome, Row, Section, at_most
 from .elastic_motion_models import ElasticMotion, RigidMotion
 from .finer_mesh import finer_problem, refined, told
 from .robot_keys import RobotProblem
@@ -347,6 +347,7 @@ def _outcome(found: _Found, iterations: int, finer: str, trouble: str) -> Outcom
         values={"motions": table, "frequency_Hz": tool.frequency_Hz, "static_mm": 1e3 * static,
                 "elements": problem.mesh.elements, "resimulated_end_mm": 1e3 * left},
         trajectory=elastic.trajectory,
+        machine_files=(TRAJECTORY,),
         rows=rows,
         figures={"swing": lambda: _figure(found.motions, tool, title)},
     )  # fmt: skip

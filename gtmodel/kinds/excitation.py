@@ -15,7 +15,7 @@ from gtmodel.identify.random_excitation import random_excitations
 from gtmodel.inference import FALSE_ALARM, Coverage, binomial_band, coverage, linear_fit
 from gtmodel.results import SolveStatus, Trajectory
 
-from .base import Context, InputError, Outcome, Row, at_most
+from .base import TRAJECTORY, Context, InputError, Outcome, Row, at_most
 from .excitation_keys import ExcitationProblem
 from .excitation_task import Plan, plan_of
 from .motion import link_ends
@@ -164,7 +164,7 @@ def _outcome(problem: Schema, plan: Plan, found: _Found, runs: list[Excitation])
     status = SolveStatus.INTERRUPTED if SolveStatus.INTERRUPTED in [e.status for e in runs] else best.status
     return Outcome(
         status=status, message=best.message, objective=best.objective, iterations=sum(e.iterations for e in runs),
-        checks=checks, values=values, trajectory=trajectory, rows=_rows(values),
+        checks=checks, values=values, trajectory=trajectory, rows=_rows(values), machine_files=(TRAJECTORY,),
         figures={
             "motion": partial(_motion_figure, trajectory),
             "information": partial(_information_figure, problem, plan, values),

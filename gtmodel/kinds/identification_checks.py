@@ -52,8 +52,9 @@ def checks_of(
     piled = max((share for *_, share in _piled(data, found.rows.targets[0].partition("[")[0])), default=0.0)
     checks["saturated_share"] = at_most(piled, SATURATED, LOOK)
     if found.left_out:
-        p = min(t.p for t in found.left_out)
-        checks["nothing_left_out"] = Check(p, None, whole, "free the parameters that the residual test names")
+        told = min(found.left_out, key=lambda t: t.p * t.tests)
+        least = FALSE_ALARM / told.tests
+        checks["nothing_left_out"] = at_least(told.p, least, "free the parameters that the residual test names")
     if repeated is not None and not repeated.runs.interrupted:
         seen = repeated.coverage
         low, high = binomial_band(seen.runs, seen.level, 1 - FALSE_ALARM / len(seen.names))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, cast
@@ -15,13 +15,15 @@ from gtmodel.cgen import GenerationError
 from gtmodel.compiler.causal import CausalFunction, compile_causal
 from gtmodel.lang import Model
 from gtmodel.loop import Table
-from gtmodel.loop.build import build, manifest_of
+from gtmodel.loop.build import build, built_before, manifest_of
 from gtmodel.results import Trajectory
+from gtmodel.results.folder import Held
 
 from . import codegen, trajectory
 from .base import Context, InputError
 from .load import parse, read, validate
 from .loop_motion import CYCLE_MS, there_and_back
+from .verdict import is_marked
 
 Peer = Literal["egm", "rsi"]
 MARK = "loop.json"
@@ -33,13 +35,17 @@ _ROBOT_KEYS = {"robot", "inertia", "payload_kg", "parameters", "friction"}
 
 @dataclass
 class Bench:
-    """What all runs of a command share; the reference has a row per cycle, see `there_and_back`."""
+    """What all runs of a command share; the reference has a row per cycle, see `there_and_back`.
+
+    place: the folder of the work, this user's alone; held: where all of it is written to at the end.
+    """
 
     peer: Peer
     law: str
     robot: Model
     program: Path
     place: Path
+    held: Held
     reference: Table
     cycles: int
     in_lockstep: bool
@@ -65,7 +71,8 @@ def prepare(
     laws: Mapping[str, Any],
     motion: Path | None,
     in_lockstep: bool,
-    out: Path | None,
+    place: Path,
+    held: Held,
     job: Context,
 ) -> Bench:
     """Check what was asked for, build the program, make the reference. Raises InputError, one sentence."""
@@ -77,11 +84,9 @@ def prepare(
         raise InputError(f"--seconds {seconds:g}: expected a time above 0 and up to {LONGEST_S:g} s")
     if motion is not None and not motion.is_file():
         raise InputError(f"--reference {motion}: there is no such file")
-    place = out or folder / "loop"
-    if place.exists() and not (place / MARK).is_file() and (not place.is_dir() or any(place.iterdir())):
-        raise InputError(f"--out {place} holds files that gtmodel did not write; name a new folder")
     try:
         content = manifest_of(folder)
+        _warn([folder / name for name in content["files"] if name.endswith((".c", ".h"))], job)
         if not content["problem"]:
             raise InputError(f"'{folder}' does not say which problem it was made from; make it with gtmodel codegen")
         problem = validate(codegen.Schema, content["problem"])
@@ -89,23 +94,28 @@ def prepare(
         forward = compile_causal(robot, known="q", targets="T")
         if [s.shape for s in (*forward.inputs, *forward.outputs)] != [(3,), (3,)]:
             raise InputError("the loop's simulated robots have three carts and a position T; this folder's has not")
-        place.mkdir(parents=True, exist_ok=True)
-        (place / MARK).write_text("{}\n", encoding="utf-8")
         job.progress("building the loop")
+        built_before(held.path, place)
         program = build(folder, place, 3)
     except GenerationError as error:
         raise InputError(str(error)) from error
-    except OSError as error:
-        raise InputError(f"cannot write into --out {place}: {error.strerror}") from error
     cycles = max(1, round(1000 * seconds / CYCLE_MS))
     table = there_and_back(robot, _motion(problem, motion, place, job), cycles, SLOWER.get(law, 1.0))
     (place / "reference.table").write_bytes(table.to_bytes())
-    return Bench(cast("Peer", peer), law, robot, program, place, table, cycles, in_lockstep, job, forward)
+    return Bench(cast("Peer", peer), law, robot, program, place, held, table, cycles, in_lockstep, job, forward)
+
+
+def _warn(paths: Iterable[Path], job: Context) -> None:
+    """What --write-failed wrote may be tried against a simulated controller, but not without a word."""
+    bad = next((path for path in paths if is_marked(path)), None)
+    if bad is not None:
+        job.notice(f"{bad} says in its first line that it is not to be used; the simulated run takes it all the same")
 
 
 def _motion(problem: codegen.Schema, path: Path | None, place: Path, job: Context) -> Trajectory:
     """The reference motion from a file, or the time-optimal one of the shipped problem for this robot."""
     if path is not None:
+        _warn([path], job)
         return Trajectory.from_csv(path)
     job.progress("solving for the time-optimal motion")
     data = parse(read(problems_dir() / "l1_min_time.toml"))

@@ -6,8 +6,9 @@ import json
 import math
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -26,15 +27,18 @@ from gtmodel.loop import (
     real_time,
     rsi_configuration,
 )
+from gtmodel.loop.build import PROGRAM
 from gtmodel.loop.plant import Plant
 from gtmodel.loop.record import STATES, trajectory_of
 from gtmodel.results import SolveStatus, Status, Trajectory
+from gtmodel.results.folder import unfinished
 from gtmodel.robots import actuator_closed_loop
 
-from . import report
-from .base import Check, Context, InputError, Outcome, Row, at_most
+from . import output, report
+from .base import Context, InputError, Outcome, at_least, at_most
 from .loop_bench import MARK, Bench, prepare
 from .loop_motion import CYCLE_MS
+from .loop_rows import HOLD_CYCLES, OneRun, Stop, rows_of, stopping
 from .run import Finished
 
 # what the first and the second run of a law are
@@ -44,11 +48,10 @@ LAWS = {
     "replay": ("the reference alone", "with a learned table"),
     "path": ("the programme alone", "with path correction"),
 }
-# as long as the C program holds by itself
-HOLD_CYCLES = 5
 # Python and other work share the machine with the simulated controller: where that was silent for longer than the loop
 # may hold, the run says nothing about the loop and is made again
 ATTEMPTS = 5
+FULL = "the log could not be written whole: make room on the disk"
 STEP_LIMIT_M = 0.1
 REACH_LIMIT_M = 1.0  # beyond the reference: the inverse of a slow drive asks for far more than it gets
 # of an arm on springs; no values of the prototype are published
@@ -57,23 +60,8 @@ ELASTIC_HZ, ELASTIC_DAMPING = (0.5, 1000.0), 0.05
 GAINS = {"trajectory": 0.5, "dynamics": 0.5, "replay": 0.5, "path": 1.0}
 LEARNING, LEARNING_RUNS = 0.9, 30  # gain of Dressler 2012, section 7.3; simulated repetitions
 PATH_GAIN_PER_S, PATH_LIMIT_M = 2.0, 0.03  # slow beside drives of 1.1 Hz with five samples of delay
-# edges of the histogram that is printed, among the loop's powers of two; loop.json holds all
-REPLIES_US, PERIODS_US, COMPUTING_US = (64, 512, 4096), (2048, 4096, 8192), (4, 16, 64)
 # the end of a real-time run finds the loop waiting for the next datagram
 GOING = (STATES.index("running"), STATES.index("holding"))
-
-
-@dataclass
-class OneRun:
-    """One run: its log, the loop's report, what it said; carts and tool centre point measured (cycles, 3) [m]."""
-
-    label: str
-    log: bytes
-    report: dict[str, Any]
-    said: str
-    carts_m: np.ndarray
-    tcp_m: np.ndarray
-    programme_tcp_m: np.ndarray
 
 
 def run(
@@ -100,7 +88,8 @@ def run(
         deceleration_m_s2: of the fastest cart when the robot is lost, behind the cycles that are held; the largest that
             the reference asks of a cart if None.
         reference: CSV with T, der(T), der(T,2) every 4 ms; the time-optimal motion of l1_min_time if None.
-        out: for the loop's sources, logs and the picture; `folder`/loop if None.
+        out: for the loop's sources, logs and the picture; `folder`/loop if None. Nothing changes in it before the end,
+            when all files are written or none; no other run may write there meanwhile.
 
     Raises InputError, one sentence.
     """
@@ -111,7 +100,22 @@ def run(
         )
     if deceleration_m_s2 is not None and not 0 < deceleration_m_s2 < math.inf:
         raise InputError(f"--deceleration {deceleration_m_s2:g}: expected an acceleration above 0 m/s2")
-    bench = prepare(folder, peer, seconds, law, LAWS, reference, in_lockstep, out, job)
+    place = out or folder / "loop"
+    if (place / MARK).exists() and not (place / output.RUN).exists() and not unfinished(place):
+        raise InputError(
+            f"--out {place} was written by an earlier gtmodel, which kept no list of its files; move it away"
+        )
+    with output.held(place, job) as mine, TemporaryDirectory(prefix="gtmodel-loop-") as work:
+        bench = prepare(folder, peer, seconds, law, LAWS, reference, in_lockstep, Path(work), mine, job)
+        finished = _runs(bench, elastic_Hz, deceleration_m_s2)
+        if finished.outcome.status is SolveStatus.INTERRUPTED:
+            return finished
+        return _written(bench, finished, {"folder": str(folder), "seconds": seconds})
+
+
+def _runs(bench: Bench, elastic_Hz: float | None, deceleration_m_s2: float | None) -> Finished:
+    """Both runs, and what they say; their logs are in the folder of the work."""
+    job, law, peer = bench.context, bench.law, bench.peer
     stop = Stop.of(bench, deceleration_m_s2)
     runs: list[OneRun] = []
     try:
@@ -124,28 +128,10 @@ def run(
     except LoopError as error:
         return Finished(Outcome(status=SolveStatus.FAILED, message=str(error)), time.monotonic() - job.began)
     outcome = _outcome(bench, runs, elastic_Hz, stop)
-    return Finished(outcome, time.monotonic() - job.began, _write(bench, runs, outcome))
-
-
-@dataclass(frozen=True)
-class Stop:
-    """What a cart does when the robot is lost at the reference's greatest speed: it holds, then brakes."""
-
-    speed_m_s: float
-    deceleration_m_s2: float
-
-    @classmethod
-    def of(cls, bench: Bench, deceleration_m_s2: float | None) -> Stop:
-        """Of the reference's carts; where they rest any deceleration will do."""
-        rates = np.abs(bench.reference.rows[: bench.cycles, 3:9])
-        return cls(float(np.max(rates[:, :3])), deceleration_m_s2 or float(np.max(rates[:, 3:])) or 1.0)
-
-    @property
-    def distance_m(self) -> float:
-        """Held cycles at full speed, then a ramp in whole cycles."""
-        step = 1e-3 * CYCLE_MS
-        ramp = math.ceil(self.speed_m_s / (self.deceleration_m_s2 * step))
-        return self.speed_m_s * step * (HOLD_CYCLES + max(0, ramp - 1) / 2)
+    for name, one in zip(("off", "on"), runs, strict=True):
+        log = trajectory_of(one.log, 3, 1e-3 * CYCLE_MS, title=f"{bench.peer}, {one.label}: log of the loop")
+        log.to_csv(bench.place / f"loop_{name}.csv")
+    return Finished(outcome, time.monotonic() - job.began)
 
 
 def _run(bench: Bench, label: str, elastic_Hz: float | None, stop: Stop, *, active: bool) -> OneRun:
@@ -167,7 +153,7 @@ def _once(bench: Bench, label: str, elastic_Hz: float | None, stop: Stop, *, act
         programme = _programme(bench)
     robot = RobotSide(bench.peer, plant, cycle_ms=CYCLE_MS, programme=programme)
     log = bench.place / ("loop_on.log" if active else "loop_off.log")
-    log.unlink(missing_ok=True)  # of an earlier run in this folder, which gtmodel wrote
+    log.unlink(missing_ok=True)  # of an attempt that is made again
     options = [*_options(bench, active), "--deceleration", repr(stop.deceleration_m_s2), "--log", str(log)]
     # in real time a late cycle is one more, and the loop ends when it is asked to
     options += ["--cycles", str(bench.cycles)] if bench.in_lockstep else []
@@ -278,10 +264,8 @@ def _outcome(bench: Bench, runs: list[OneRun], elastic_Hz: float | None, stop: S
     for name, one in zip(("off", "on"), runs, strict=True):
         running = one.report["state"] in GOING
         state, why = STATES[one.report["state"]], Status(one.report["status"]).sentence
-        checks[f"{name}_running_at_the_end"] = Check(float(running), None, running, f"{one.label}: {state}, {why}")
-        checks[f"{name}_log_complete"] = Check(
-            float(one.report["log_complete"]), None, bool(one.report["log_complete"])
-        )
+        checks[f"{name}_running_at_the_end"] = at_least(float(running), 1.0, f"{one.label}: {state}, {why}")
+        checks[f"{name}_log_complete"] = at_least(float(bool(one.report["log_complete"])), 1.0, FULL)
     real_time_granted = all(one.report["fifo"] and one.report["memory_locked"] for one in runs)
     timing = "in lock step" if bench.in_lockstep else "in real time" if real_time_granted else "not real-time"
     message = f"{bench.peer} on loopback, {timing}; tested against simulators only"
@@ -302,7 +286,7 @@ def _outcome(bench: Bench, runs: list[OneRun], elastic_Hz: float | None, stop: S
             "stopping_distance_m": stop.distance_m,
             "runs": [{"label": one.label, **e, **one.report} for one, e in zip(runs, errors, strict=True)],
         },
-        rows=[*_rows(runs, errors, bench.in_lockstep), *_stopping(stop)],
+        rows=[*rows_of(runs, errors, bench.in_lockstep), *stopping(stop)],
         figures={"tracking": lambda: _figure(bench, runs)},
     )
 
@@ -317,52 +301,6 @@ def _errors(bench: Bench, one: OneRun) -> dict[str, float]:
     }
 
 
-def _rows(runs: list[OneRun], errors: list[dict[str, float]], in_lockstep: bool) -> list[Row]:
-    rows: list[Row] = []
-    for one, error in zip(runs, errors, strict=True):
-        rows += [
-            Row(f"{one.label}: rms error of T", error["tcp_rms_mm"], "mm"),
-            Row(f"{one.label}: largest error of T", error["tcp_largest_mm"], "mm"),
-            Row(
-                f"{one.label}: late, lost, repeated", " ".join(str(one.report[k]) for k in ("late", "lost", "repeated"))
-            ),
-        ]
-        if not in_lockstep:
-            rows += [
-                Row(f"{one.label}: replies later than a cycle", str(one.report["missed_deadlines"])),
-                Row(f"{one.label}: worst reply, worst period", " ".join(_worst_ms(one.report)), "ms"),
-                Row(f"{one.label}: longest computing of a cycle", f"{one.report['compute_worst_us']}", "us"),
-                Row(f"{one.label}: computing", _histogram(one.report["compute_below_us"], COMPUTING_US)),
-                Row(f"{one.label}: replies", _histogram(one.report["reply_below_us"], REPLIES_US)),
-                Row(f"{one.label}: periods", _histogram(one.report["period_below_us"], PERIODS_US)),
-            ]
-    for line in dict.fromkeys(line for one in runs for line in one.said.splitlines()):
-        rows.append(Row("the loop says", line))
-    return rows
-
-
-def _stopping(stop: Stop) -> list[Row]:
-    return [
-        Row("greatest speed of a cart", stop.speed_m_s, "m/s"),
-        Row(f"a lost robot: held for {HOLD_CYCLES} cycles, then braked at", stop.deceleration_m_s2, "m/s2"),
-        Row("a lost robot: way to the stop from that speed", stop.distance_m, "m"),
-    ]
-
-
-def _worst_ms(found: dict[str, Any]) -> list[str]:
-    return [f"{found[f'{what}_worst_us'] / 1000:.2f}" for what in ("reply", "period")]
-
-
-def _histogram(below_us: dict[str, int], edges_us: Sequence[int]) -> str:
-    """The loop's fine classes added up: how many lie below each edge and not below the one before, and the rest."""
-    cells, before = [], 0
-    for edge in edges_us:
-        up_to = sum(count for us, count in below_us.items() if int(us) <= edge)
-        cells.append(f"<{edge / 1000:.2g} ms: {up_to - before}")
-        before = up_to
-    return ", ".join([*cells, f"more: {sum(below_us.values()) - before}"])
-
-
 def _figure(bench: Bench, runs: list[OneRun]) -> Any:
     from gtmodel.plot.tracking import tracking_figure
 
@@ -375,15 +313,20 @@ def _figure(bench: Bench, runs: list[OneRun]) -> Any:
     return tracking_figure(wanted, measured, f"{bench.peer.upper()} on loopback, {bench.law}: simulated controller")
 
 
-def _write(bench: Bench, runs: list[OneRun], outcome: Outcome) -> list[Path]:
-    place = bench.place
-    for name, one in zip(("off", "on"), runs, strict=True):
-        log = trajectory_of(one.log, 3, 1e-3 * CYCLE_MS, title=f"{bench.peer}, {one.label}: log of the loop")
-        log.to_csv(place / f"loop_{name}.csv", overwrite=True)
+def _written(bench: Bench, finished: Finished, inputs: dict[str, Any]) -> Finished:
+    """All files of the work, the picture and the summary in the folder, or why they are not."""
+    outcome, wall_s = finished.outcome, finished.wall_s
+    files: dict[str, bytes] = {}
+    faults = output.pictured(outcome, files)
     if bench.peer == "rsi":
-        (place / "rsi_configuration.xml").write_text(rsi_configuration("127.0.0.1", 49152), encoding="utf-8")
-    figure = outcome.figures["tracking"]()
-    figure.savefig(place / "tracking.png", dpi=150, metadata={"Software": None})
+        files["rsi_configuration.xml"] = rsi_configuration("127.0.0.1", 49152).encode()
     summary = report.summary(bench.context.name, "loop", outcome, 0.0)
-    (place / MARK).write_text(json.dumps(summary, indent=1) + "\n", encoding="utf-8")
-    return [place / name for name in ("tracking.png", "loop_off.csv", "loop_on.csv", MARK)]
+    files[MARK] = (json.dumps(summary, indent=1) + "\n").encode()
+    files |= {path.name: path.read_bytes() for path in sorted(bench.place.iterdir())}
+    inputs |= {"peer": bench.peer, "law": bench.law, "lockstep": bench.in_lockstep}
+    try:
+        output.put(bench.held, files, lambda files: output.record(inputs, wall_s, files), programs=(PROGRAM,))
+    except InputError as error:
+        return replace(finished, unwritten=str(error))
+    shown = ("tracking.png", "loop_off.csv", "loop_on.csv", MARK)
+    return replace(finished, files=[bench.held.path / n for n in shown if n in files], unwritten="; ".join(faults))

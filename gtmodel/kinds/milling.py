@@ -11,12 +11,13 @@ from gtmodel.milling.deflection import SECONDS
 from gtmodel.results import SolveStatus
 
 from . import milling_compensation, milling_pictures, milling_printed
-from .base import Check, Context, InputError, Outcome, Row
+from .base import Check, Context, InputError, Outcome, Row, at_most
 from .milling_keys import Schema
 from .milling_search import Found, search
 from .milling_task import deflections_of, place_of, replace_oscillators, task_of
 
 NAME = "milling"
+SHALLOWER = "the cut chatters: take less depth or another speed"
 DECAYED = 0.05  # of a transient: less is not worth a word
 
 VALUES = {
@@ -100,7 +101,7 @@ def _outcome(problem: Schema, f: Found) -> Outcome:
     if place.dynamics is not None:
         _dynamic(problem, f, values, rows, checks, figures)
         if problem.compensation is not None:
-            milling_compensation.add(problem, task, place.dynamics.at(f.angle), values, rows, figures, files)
+            milling_compensation.add(problem, task, place.dynamics.at(f.angle), values, rows, checks, figures, files)
     elif problem.lobes is not None or problem.compensation is not None:
         key = "lobes" if problem.lobes is not None else "compensation"
         raise InputError("needs dynamics; give [[oscillator]], [modal] or oscillator_field", key)
@@ -113,7 +114,7 @@ def _outcome(problem: Schema, f: Found) -> Outcome:
     message = f"{int(place.sweep.reachable.sum())} of {len(angles)} angles reachable"
     objective = None if np.isnan(f.index) else 1e3 * f.index
     return Outcome(status=SolveStatus.SOLVED, message=message, objective=objective, checks=checks, values=values,
-                   rows=rows, figures=figures, files=files)  # fmt: skip
+                   rows=rows, figures=figures, files=files, machine_files=(milling_compensation.FILE,))  # fmt: skip
 
 
 def _dynamic(
@@ -131,7 +132,8 @@ def _dynamic(
     try:
         radius = spectral_radius(here, task.cutter, task.cut, task.speed, task.feed, up=task.up)
         chatter = f"{'none' if radius < 1 else 'to be expected'}: spectral radius {radius:.3f}"
-        checks["spectral_radius"] = Check(radius, 1.0, radius < 1)
+        # at 1 the tool swings on for ever
+        checks["spectral_radius"] = at_most(radius, float(np.nextafter(1.0, 0.0)), SHALLOWER)
     except ValueError as error:
         radius, chatter = None, f"not told: {error}"
     if task.cutter.runout is not None:

@@ -9,19 +9,24 @@ import numpy as np
 from gtmodel.milling import Oscillators, compensate, cutting_force
 from gtmodel.milling.deflection import duration
 
-from .base import InputError, Row
+from .base import Check, InputError, Row, at_most
 from .milling_keys import Schema
 from .milling_task import Task, title_of
 
 COLUMNS = "time_s,x_m,y_m,z_m,offset_x_m,offset_y_m,offset_z_m"  # compensated path, and what was added to it
+FILE = "compensation.csv"
+WORSE = "the compensation leaves more than it takes away: change compensation.bandwidth_Hz"
 RATE = 4000.0  # samples per second of the simulation
 
 
 def add(
-    problem: Schema, task: Task, here: Oscillators, values: dict[str, Any], rows: list[Row], figures: dict[str, Any],
-    files: dict[str, str | bytes],
+    problem: Schema, task: Task, here: Oscillators, values: dict[str, Any], rows: list[Row], checks: dict[str, Check],
+    figures: dict[str, Any], files: dict[str, str | bytes],
 ) -> None:  # fmt: skip
-    """The tool enters the work; offsets against that force by both models, then what a robot can follow."""
+    """The tool enters the work; offsets against that force by both models, then what a robot can follow.
+
+    What is written must leave less than the path without it.
+    """
     c = problem.compensation
     assert c is not None
     try:
@@ -43,6 +48,7 @@ def add(
     followed = list(made.values())[-1]
     rms = [1e3 * followed.rms()[0], *(1e3 * x.rms()[1] for x in made.values())]
     values["compensation_rms_mm"] = rms
+    checks["compensated_rms_mm"] = at_most(rms[-1], rms[0], WORSE)
     rows.append(Row("path not compensated, error rms", rms[0], "mm"))
     rows += [Row(f"path offset, {name}, error rms", x, "mm") for name, x in zip(made, rms[1:], strict=True)]
     at = np.arange(0.0, time[-1], c.cycle_s)
@@ -52,7 +58,7 @@ def add(
     path = np.array(problem.place_m) + fast * at[:, None] * along + offset
     table = np.column_stack([at, path, offset])
     lines = [",".join(f"{value:.9g}" for value in line) for line in table]
-    files["compensation.csv"] = "\n".join([COLUMNS, *lines, ""])
+    files[FILE] = "\n".join([COLUMNS, *lines, ""])
 
     def figure() -> Any:
         from gtmodel.plot.milling import compensation_figure

@@ -212,6 +212,7 @@ def _guess(context: Context, path: Path | None) -> Trajectory | None:
         if "s" not in earlier:
             raise InputError("--start is a free motion; this problem follows a path")
         s = np.maximum.accumulate(earlier["s"])
-        return Trajectory(earlier.time, {"s": s, "der(s)": np.gradient(s, earlier.time)})
+        values = {"s": s, "der(s)": np.gradient(s, earlier.time)}
+        return Trajectory(earlier.time, values, {"s": earlier.unit("s")})
     values = {new: earlier[old] for old, new in names.items() if old in earlier}
     return Trajectory(earlier.time, values, {new: earlier.unit(old) for old, new in names.items() if old in earlier})

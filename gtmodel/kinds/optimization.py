@@ -141,9 +141,7 @@ def _outcome(solution: Solution) -> Outcome:
         message=message,
         objective=solution.objective,
         iterations=solution.iterations,
-        checks={
-            n: Check(c.value if np.isfinite(c.value) else None, c.bound, c.passed) for n, c in solution.checks.items()
-        },
+        checks={n: _told(c) for n, c in solution.checks.items()},
         values=values,
         trajectory=solution.trajectory,
         rows=rows,
@@ -151,7 +149,7 @@ def _outcome(solution: Solution) -> Outcome:
 
 
 def _told(check: Any) -> Check:
-    return Check(check.value if np.isfinite(check.value) else None, check.bound, check.passed)
+    return Check(check.value if np.isfinite(check.value) else None, check.bound, check.passed, check.advice)
 
 
 def _tried(solution: Solution) -> tuple[dict[str, float], str]:

@@ -7,7 +7,7 @@ import io
 import platform
 import tempfile
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -19,8 +19,9 @@ from gtmodel.results.folder import FolderError, Held, holding, others, unfinishe
 from gtmodel.results.trajectory_files import csv_bytes
 
 from . import report
-from .base import Context, InputError, Outcome
+from .base import TRAJECTORY, Context, InputError, Outcome
 from .load import Loaded
+from .verdict import marked, told
 
 RUN = "run.toml"
 _OURS = "gtmodel"
@@ -91,8 +92,8 @@ def write(
 ) -> list[Path]:
     """Write an outcome with its run.toml, all files or none; returns the files written.
 
-    result.json, trajectory.csv where there is a trajectory, the kind's own files, pictures when `plot` is
-    set, and run.toml. Files of an earlier result in the folder are replaced or removed.
+    result.json, trajectory.csv where there is a trajectory (marked where it must not be relied on), the kind's own
+    files, pictures when `plot` is set, and run.toml. Files of an earlier result in the folder are replaced or removed.
 
     Raises InputError as `refuse_foreign` does, or where the folder cannot be written; NotDrawn when all is written but
     a picture.
@@ -101,26 +102,39 @@ def write(
         with held(folder, context) as mine:
             return write(mine, loaded, context, outcome, wall_s=wall_s, plot=plot)
     files = {"result.json": report.result(loaded.name, loaded.problem.kind, outcome)}
-    if outcome.trajectory is not None:
-        files["trajectory.csv"] = csv_bytes(outcome.trajectory)
+    if outcome.trajectory is not None and outcome.status.ok:
+        files[TRAJECTORY] = csv_bytes(outcome.trajectory)
+    elif outcome.trajectory is not None and TRAJECTORY not in outcome.machine_files:
+        files[TRAJECTORY] = marked(TRAJECTORY, csv_bytes(outcome.trajectory), told(outcome), by="")
     for name, content in outcome.files.items():
         files[name] = content.encode() if isinstance(content, str) else content
-    faults = _draw(outcome, files) if plot else []
+    faults = pictured(outcome, files) if plot else []
+    written = put(folder, files, lambda files: _run(loaded, context, wall_s, files))
+    if faults:
+        raise NotDrawn(faults[0], written)
+    return written
+
+
+def put(
+    folder: Held, files: dict[str, bytes], run: Callable[[Mapping[str, bytes]], bytes], programs: Collection[str] = ()
+) -> list[Path]:
+    """Write `files` and their run.toml into a folder, and take away those of an earlier run; returns what was written.
+
+    Raises InputError as `refuse_foreign` does, where a name is taken by a file of another origin, and where the folder
+    cannot be written.
+    """
     place = folder.path
     refuse_foreign(place)
     earlier = _written(place) or {}
     for name in files:
         if name not in earlier and (place / name).exists():
             raise InputError(f"{place / name} was not written by gtmodel; move it away or name another folder")
-    files[RUN] = _run(loaded, context, wall_s, files)
+    whole = {**files, RUN: run(files)}
     try:
-        folder.write(files, remove=set(earlier) - set(files))
+        folder.write(whole, remove=set(earlier) - set(whole), programs=programs)
     except FolderError as error:
         raise InputError(f"--out {place} {error}") from error
-    written = [place / name for name in files]
-    if faults:
-        raise NotDrawn(faults[0], written)
-    return written
+    return [place / name for name in whole]
 
 
 def elsewhere(loaded: Loaded, context: Context, outcome: Outcome, *, wall_s: float) -> list[Path]:
@@ -136,7 +150,7 @@ def elsewhere(loaded: Loaded, context: Context, outcome: Outcome, *, wall_s: flo
         return []
 
 
-def _draw(outcome: Outcome, files: dict[str, bytes]) -> list[str]:
+def pictured(outcome: Outcome, files: dict[str, bytes]) -> list[str]:
     """Add the pictures to `files`; a sentence on each that cannot be drawn: it must not cost the numbers."""
     faults = []
     for name, draw in outcome.figures.items():
@@ -158,13 +172,20 @@ def _run(loaded: Loaded, context: Context, wall_s: float, files: Mapping[str, by
     for name, path in context.inputs.items():
         inputs[name] = str(path)
         inputs[f"{name}_sha256"] = _sha256(path.read_bytes()) if path.is_file() else ""
+    return record(inputs, wall_s, files, {"problem": loaded.problem.model_dump(mode="json", exclude_none=True)})
+
+
+def record(
+    inputs: Mapping[str, Any], wall_s: float, files: Mapping[str, bytes], more: Mapping[str, Any] | None = None
+) -> bytes:
+    """run.toml: what a folder was made of, and the hashes of its `files`, which tell what a person changed."""
     run = {
         "program": _OURS,
         "wall_s": wall_s,
-        "input": inputs,
+        "input": dict(inputs),
         "versions": versions(),
         "files": {name: _sha256(content) for name, content in files.items()},
-        "problem": loaded.problem.model_dump(mode="json", exclude_none=True),
+        **(more or {}),
     }
     note = "# How this folder was made. gtmodel replaces the files listed here, as long as nobody changed them.\n"
     return (note + tomli_w.dumps(run)).encode()
@@ -190,6 +211,17 @@ def _sha256(content: bytes) -> str:
 def png(draw: Any) -> bytes:
     """A picture as a file, the same bytes for the same picture."""
     buffer = io.BytesIO()
+    figure = draw()
+    _as_written(figure)
     # matplotlib's own version stays out of the file: same input, same bytes
-    draw().savefig(buffer, format="png", dpi=_DPI, metadata={"Software": None})
+    figure.savefig(buffer, format="png", dpi=_DPI, metadata={"Software": None})
     return buffer.getvalue()
+
+
+def _as_written(figure: Any) -> None:
+    """Titles and names are a person's own words: a "$" in them begins no formula. Matplotlib's own ticks stay."""
+    from matplotlib.text import Text
+
+    for text in figure.findobj(Text):
+        if "$" in text.get_text() and "\\mathdefault" not in text.get_text():
+            text.set_parse_math(False)

@@ -7,11 +7,13 @@ import time
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from gtmodel.results.trajectory_files import csv_bytes
+
 from . import output
 from . import start as earlier
-from .base import Context, InputError, Outcome
+from .base import TRAJECTORY, Context, InputError, Outcome
 from .load import Loaded
-from .verdict import marked
+from .verdict import marked, told
 
 
 @dataclass(frozen=True)
@@ -66,17 +68,22 @@ def solve(
 
 def _for_machines(outcome: Outcome, write_failed: bool) -> Outcome:
     """The outcome with its files for machines left out, or marked, where it must not be relied on."""
-    kept = [name for name in outcome.machine_files if name in outcome.files]
-    if outcome.status.ok or not kept:
+    if outcome.status.ok:
         return outcome
-    message = outcome.message or outcome.status.sentence
+    whole = dict(outcome.files)
+    if outcome.trajectory is not None and TRAJECTORY in outcome.machine_files:
+        whole[TRAJECTORY] = csv_bytes(outcome.trajectory)
+    kept = [name for name in outcome.machine_files if name in whole]
+    if not kept:
+        return outcome
+    message = told(outcome)
     files = {name: content for name, content in outcome.files.items() if name not in kept}
     if not write_failed:
         names = " and ".join(sorted(kept)) if len(kept) < 3 else f"{len(kept)} files for machines"
         message += f"; {names} {'is' if len(kept) == 1 else 'are'} not written; --write-failed writes all, marked"
         return replace(outcome, files=files, message=message)
     for name in kept:
-        content = outcome.files[name]
+        content = whole[name]
         files[name] = marked(name, content.encode() if isinstance(content, str) else content, message)
     return replace(outcome, files=files)
 

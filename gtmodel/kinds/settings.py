@@ -27,6 +27,20 @@ def apply(data: dict[str, Any], settings: Iterable[str]) -> dict[str, Any]:
     return changed
 
 
+def refuse_twice(settings: Iterable[str]) -> None:
+    """Raises InputError for a setting that takes back an earlier one: which of them a person meant cannot be known."""
+    earlier: list[list[str]] = []
+    for setting in settings:
+        path = [part.strip() for part in setting.partition("=")[0].split(".")]
+        alike = [str(int(part)) if part.isdecimal() else part for part in path]  # 0 and 00 count the same entry
+        for other in earlier:
+            if other[: len(alike)] == alike:
+                first, again = ".".join(other), ".".join(path)
+                said = "is set twice" if other == alike else f"takes back the value that is set for {first}"
+                raise InputError(f"--set {again} {said}; leave one of them out")
+        earlier.append(alike)
+
+
 def _value(text: str) -> Any:
     try:
         read = tomllib.loads(f"value = {text}")
@@ -39,7 +53,7 @@ def _put(data: Any, path: list[str], value: Any, key: str) -> None:
     for n, part in enumerate(path):
         last = n == len(path) - 1
         if isinstance(data, list):
-            if not part.isdigit() or int(part) >= len(data):
+            if not part.isdecimal() or int(part) >= len(data):
                 raise InputError(f"has {len(data)} entries; '{part}' is none of 0 to {len(data) - 1}", key)
             index: Any = int(part)
         elif isinstance(data, dict):

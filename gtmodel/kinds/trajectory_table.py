@@ -112,7 +112,7 @@ def _outcome(problem: Schema, done: list[Outcome]) -> Outcome:
     saving = 1 - first["final_time_s"] / final["final_time_s"]
     checks: dict[str, Any] = {}
     for n, (row, o) in enumerate(zip(problem.row, done, strict=True), 1):
-        checks |= {f"row_{n}_{name}": check for name, check in o.checks.items() if not check.passed}
+        checks |= {f"row_{n}_{name}": check for name, check in o.checks.items()}
         if row.most_iterations is not None:
             checks[f"row_{n}_iterations"] = at_most(o.values["attempt_iterations"], float(row.most_iterations))
     runs = [(row.name, o.trajectory) for row, o in zip(problem.row, done, strict=True) if o.trajectory is not None]

@@ -11,9 +11,9 @@ from gtmodel.vibration import Record, StepModel, identify_step
 
 from .base import Check, Context, Outcome, Row, at_most
 from .vibration_keys import Schema
-from .vibration_values import interval, said, values
+from .vibration_values import by_chance, interval, said, values
 
-WITHIN = 0.01  # of synthetic steps: relative error of the bandwidth's 1 - a
+WITHIN = 0.01  # of synthetic steps: relative error of the bandwidth's 1 - a and of b, or what their noise explains
 
 
 def solve_step(problem: Schema, records: list[Record], context: Context) -> Outcome:
@@ -64,9 +64,14 @@ def _checks(problem: Schema, m: StepModel) -> dict[str, Check]:
     t = problem.synthetic and problem.synthetic.steps
     if not t:
         return {}
-    error = max(abs((1 - m.a) / (1 - t.a) - 1), abs(m.b / t.b - 1) if t.b else 0.0)
+    chance = by_chance(m.estimate, ["a", "b"])
+    errors = [(abs((1 - m.a) / (1 - t.a) - 1), max(WITHIN, float(chance[0]) / abs(1 - t.a)))]
+    if t.b:
+        errors.append((abs(m.b / t.b - 1), max(WITHIN, float(chance[1]) / abs(t.b))))
+    error, bound = max(errors, key=lambda pair: pair[0] / pair[1])
     late = abs(m.delay - t.delay_samples)
-    return {"coefficient_error": at_most(error, WITHIN), "delay_error": Check(late, 0, late == 0)}
+    # a delay whose neighbours explain the steps as well may be one of them
+    return {"coefficient_error": at_most(error, bound), "delay_error": at_most(late, 0 if m.delay_sure else 1)}
 
 
 def _figure(problem: Schema, records: list[Record], m: StepModel) -> Any:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
+
+from gtmodel.inference import FALSE_ALARM
+from gtmodel.results.estimate import Estimate
 
 VALUES = {
     "words": "what limits the result: identifiability, residuals, signs, in sentences",
@@ -68,3 +71,9 @@ def interval(ends: tuple[float, float] | None, form: str = ".5g") -> str:
 def said(title: str, synthetic: str | None) -> str:
     """A picture's title, with the word where the data are made up."""
     return f"{title}\n(synthetic: {synthetic})" if synthetic else title
+
+
+def by_chance(estimate: Estimate, names: Sequence[str]) -> np.ndarray:
+    """By how much noise may move each of these estimates (n,), all of them together but for false alarms."""
+    ends = [estimate.interval(name, 1 - FALSE_ALARM / len(names)) for name in names]
+    return np.array([(high - low) / 2 for low, high in ends])

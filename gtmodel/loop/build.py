@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import json
+import shutil
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -82,12 +84,12 @@ def build(folder: Path, place: Path, axes: int) -> Path:
     made_of = sha256(json.dumps([texts, content["files"], tools.cc, STANDARD], sort_keys=True))
     stamp = place / STAMP
     program = place / PROGRAM
+    for name, text in texts.items():
+        (place / name).write_text(text, encoding="utf-8", newline="\n")
     if _stamped(program, stamp, made_of):
         return program
     stamp.unlink(missing_ok=True)
     program.unlink(missing_ok=True)  # the compiler keeps the rights of a file that it finds
-    for name, text in texts.items():
-        (place / name).write_text(text, encoding="utf-8", newline="\n")
     own = [folder / f"gt_{content['name']}{part}.c" for part in ("", "_body")]
     hand = [place / name for name in texts if name.endswith(".c")]
     include = ("-I", folder, "-I", place)
@@ -98,6 +100,18 @@ def build(folder: Path, place: Path, axes: int) -> Path:
         raise GenerationError(f"the loop does not compile: {first}")
     stamp.write_text(f"{made_of} {_hash(program)}", encoding="utf-8")
     return program
+
+
+def built_before(earlier: Path, place: Path) -> None:
+    """Take the program of an earlier run, with its stamp, into the folder where it would be built: it may still do.
+
+    One that another user may have put there is left. What was taken is judged by `build`, where nobody can change it.
+    """
+    with suppress(OSError):
+        if not exposed(earlier / PROGRAM):
+            for name in (PROGRAM, STAMP):
+                shutil.copyfile(earlier / name, place / name)
+            (place / PROGRAM).chmod(0o700)
 
 
 def _stamped(program: Path, stamp: Path, made_of: str) -> bool:

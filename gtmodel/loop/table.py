@@ -36,5 +36,9 @@ class Table:
         above = self.rows[n + 1] if weight > 0.0 else below
         if not (np.all(np.isfinite(below)) and np.all(np.isfinite(above))):
             return Status.NOT_FINITE, []
-        row = below + weight * (above - below) if weight > 0.0 else below
+        with np.errstate(over="ignore"):
+            between = above - below
+        if not np.all(np.isfinite(between)):
+            return Status.NOT_FINITE, []
+        row = below + weight * between if weight > 0.0 else below
         return Status.OK, row.tolist()

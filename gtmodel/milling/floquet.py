@@ -68,6 +68,7 @@ def multipliers(
     before = np.eye(2 * nodes, size, 6).reshape(nodes, 2, size)  # displacements at the nodes one period ago, and now
     now = np.empty_like(before)
     steps: dict[int, _Step] = {}
+    stiffness = _stiffness(cutter)
     at_all = np.concatenate([e.start + _C * (e.end - e.start) for e in elements if e.first >= 0] or [np.zeros(0)])
     W_all = [depth * mean_over_helix(cutter, at_all[:, None] + teeth.angles, lag, span).sum(axis=1) for teeth in groups]
     for e in elements:
@@ -84,8 +85,11 @@ def multipliers(
         for teeth, W_teeth in zip(groups, W_all, strict=True):
             W = W_teeth[rows]
             push += W
-            pull += W @ (before[rows] if teeth.delay == period
-                         else _delayed(at_all[rows] - teeth.delay, elements, period, before, now))  # fmt: skip
+            if teeth.delay == period:
+                pull += W @ before[rows]
+            elif np.abs(W).max() > TINY * depth * stiffness:
+                # only teeth in cut: where others stood before, nothing need have cut and no displacement is held
+                pull += W @ _delayed(at_all[rows] - teeth.delay, elements, period, before, now)
         # y = rest - K (push y - pull): rows by direction, then node
         W = np.zeros((2, NODES, 2, NODES))
         W[:, np.arange(NODES), :, np.arange(NODES)] = push
@@ -160,8 +164,7 @@ def _elements(
     edges[-1] = period
     middles = (edges[1:] + edges[:-1]) / 2
     size = np.abs(mean_over_helix(cutter, middles[:, None] + angles, lag, span)).max(axis=(2, 3)).sum(axis=1)
-    stiffness = cutter.teeth * float(np.abs(cutter.coefficients.cutting[:2]).sum())
-    cuts = size > TINY * stiffness
+    cuts = size > TINY * _stiffness(cutter)
     hertz = _fastest(o, P, depth * float(np.max(size)))
     longest = min(ANGLE, CYCLES * turning / hertz, min(teeth.delay for teeth in groups))
     found, first = [], 0
@@ -181,6 +184,11 @@ def _elements(
             found.append(Element(a, b, first))
             first += NODES
     return found
+
+
+def _stiffness(cutter: Cutter) -> float:
+    """Of the cut per depth [N/m2] if all teeth cut, as a scale."""
+    return cutter.teeth * float(np.abs(cutter.coefficients.cutting[:2]).sum())
 
 
 def _fastest(o: Oscillators, P: np.ndarray, added: float) -> float:

@@ -17,6 +17,9 @@ from .semi_discretisation import semi_discretised_radius
 
 DEEPEST = 1.0  # m; beyond it no limit is looked for
 STEP = 1.2  # ratio of one depth that is tried to the next
+# with a helix, islands of period doubling lie between multiples of the teeth's axial pitch, parts of it deep: finer
+# steps, up to some multiples, beyond which the force hardly changes with the angle any more
+HELIX_STEPS, HELIX_PITCHES = 16, 4
 PROBES = 6  # of such a peak
 TOLERANCE = 1e-3  # relative, of a limit
 EDGE = 1e-9  # rad, beside an angle where a tooth enters or leaves
@@ -93,9 +96,9 @@ def proven_depth(
 ) -> float:  # fmt: skip
     """Axial depth [m], `deepest` at most, up to which the first pose is found stable at a speed [1/s].
 
-    Depths are tried by their spectral radius from `certain_depth` on, each a fifth deeper than the one before, and
-    between them where the radius peaks near 1; the first that is unstable is bisected. A spindle too slow for that has
-    `certain_depth`. Raises ValueError for impossible values.
+    Depths are tried by their spectral radius from `certain_depth` on, each a fifth or, with a helix, a 16th of the
+    teeth's axial pitch deeper than the one before, and between them where the radius peaks near 1; the first that is
+    unstable is bisected. A spindle too slow for that has `certain_depth`. Raises ValueError for impossible values.
     """
     tooth_frequency(speed, cutter.teeth)
     low = certain_depth(oscillators, cutter, mode, radial_depth, feed, up=up)
@@ -106,9 +109,8 @@ def proven_depth(
 
     if deepest <= low:
         return deepest
-    depths = np.geomspace(low, deepest, 2 + int(np.log(deepest / low) / np.log(STEP)))
     tried: list[tuple[float, float]] = []
-    for depth in depths.tolist():
+    for depth in _depths(cutter, low, deepest):
         try:
             tried.append((depth, radius(depth)))
             high = _unstable(tried, radius)
@@ -118,6 +120,21 @@ def proven_depth(
             below = [x for x in tried if x[0] < high[0]]
             return _between(below[-1], high, radius) if below else low
     return deepest
+
+
+def _depths(cutter: Cutter, low: float, deepest: float) -> list[float]:
+    """From one depth to the other [m], both included."""
+    depths = np.geomspace(low, deepest, 2 + int(np.log(deepest / low) / np.log(STEP)))
+    lag = cutter.lag(1.0)
+    if lag == 0:
+        return depths.tolist()
+    pitch = 2 * np.pi / cutter.teeth / lag
+    fine = pitch / HELIX_STEPS * np.arange(1, HELIX_STEPS * HELIX_PITCHES + 1)
+    steps = np.diff(depths)
+    # only where a fifth is more than a step of the helix
+    wide = fine[(fine > low) & (fine < deepest) & (steps[np.searchsorted(depths, fine).clip(1, len(steps)) - 1]
+                                                   > pitch / HELIX_STEPS)]  # fmt: skip
+    return np.union1d(depths, wide).tolist()
 
 
 def _between(

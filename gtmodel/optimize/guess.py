@@ -9,6 +9,7 @@ import numpy as np
 
 from ..compiler.evaluate import build as functions_of
 from ..lang.source import ModelError
+from ..lang.units import parse_unit
 from ..results.trajectory import Trajectory
 from .attributes import names_of, start_of
 from .control import control_basis
@@ -24,7 +25,7 @@ def initial_guess(nlp: Nlp, guess: Trajectory | Solution | None) -> np.ndarray:
 
     States and controls are found under any of their names. Algebraic variables that the guess does not hold are
     solved from its states and inputs where that is possible. Raises ModelError if a trajectory holds none of the
-    states.
+    states, or a signal in another unit than the model's; "1" counts as not said.
     """
     problem, mesh, layout = nlp.problem, nlp.mesh, nlp.element.layout
     if guess is not None and not isinstance(guess, (Trajectory, Solution)):
@@ -43,6 +44,9 @@ def initial_guess(nlp: Nlp, guess: Trajectory | Solution | None) -> np.ndarray:
                 free[problem.free_names.index(end.name())] = time
     free = np.clip(free, problem.P_bounds.low, problem.P_bounds.high)
     flat, alias = problem.flat, problem.base.alias
+    if guess is not None:
+        for pair in (*problem.state_pairs, *problem.input_pairs):
+            _same_unit(guess, names_of(flat, alias, pair), flat.unit_of(*pair))
     states = [_series(guess, names_of(flat, alias, p), start_of(flat, alias, p)) for p in problem.state_pairs]
     if guess is not None and states and not any(found for _, found in states):
         raise ModelError(f"the guess holds none of the states {', '.join(problem.state_names)}")
@@ -141,6 +145,17 @@ def _series(guess: Trajectory | None, names: list[tuple[str, int]], default: flo
             t = (guess.time - guess.time[0]) / (guess.duration or 1.0)
             return (lambda s: sign * np.interp(s, t, values)), True  # noqa: B023
     return (lambda s: np.full(len(s), default)), False
+
+
+def _same_unit(guess: Trajectory, names: list[tuple[str, int]], unit: str) -> None:
+    """Raises ModelError where the signal that `_series` takes is no such quantity."""
+    name = next((name for name, _ in names if _column(guess, name) is not None), None)
+    if name is None or unit == "?":
+        return
+    head, _, tail = name.rpartition("[")
+    found = guess.unit(name if name in guess else head + tail.partition("]")[2])
+    if found != "1" and parse_unit(found).dimension != parse_unit(unit).dimension:
+        raise ModelError(f"the guess has {name} in {found}; the model has it in {unit}: take another guess")
 
 
 def _column(guess: Trajectory, name: str) -> np.ndarray | None:

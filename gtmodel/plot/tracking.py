@@ -27,7 +27,7 @@ def tracking_figure(wanted: Trajectory, runs: Mapping[str, Trajectory], title: s
         axes.plot(wanted.time, wanted["T"][:, k], color="black", linewidth=1.0, label="reference")
         for (label, run), colour in zip(runs.items(), COLOURS[1:], strict=False):
             axes.plot(run.time, run["T"][:, k], "--", color=colour, linewidth=1.2, label=label)
-        axes.set_ylabel(f"$T_{_AXES[k]}$ [m]")
+        axes.set_ylabel(f"T_{_AXES[k]} [m]")
     for name, axes in zip(("T", "q"), panels[3:], strict=True):
         for (label, run), colour in zip(runs.items(), COLOURS[1:], strict=False):
             off = 1e3 * (run[name] - wanted[name][: len(run)])

@@ -11,7 +11,7 @@ import hashlib
 import json
 import os
 import shutil
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -57,8 +57,10 @@ class Held:
         self.told = told
         self.written = False
 
-    def write(self, files: Mapping[str, bytes], remove: Iterable[str] = ()) -> None:
+    def write(self, files: Mapping[str, bytes], remove: Iterable[str] = (), programs: Collection[str] = ()) -> None:
         """Write `files` by name and take away those of `remove` that exist: all of it, or nothing.
+
+        programs: names of files that can be executed; by nobody be written but the owner.
 
         Raises FolderError; then the folder is as it was, unless the system failed while names were changed, which
         the next holder completes.
@@ -74,7 +76,7 @@ class Held:
             raise FolderError(_because(error)) from error
         try:
             for name, content in files.items():
-                _put(new / name, content)
+                _put(new / name, content, program=name in programs)
             _put(new / f"{_PLAN}.part", json.dumps(plan, indent=1).encode())
         except OSError as error:
             shutil.rmtree(new, ignore_errors=True)
@@ -206,8 +208,9 @@ def _complete(folder: Path, plan: Mapping[str, list[str | None]]) -> None:
     os.rmdir(new)
 
 
-def _put(path: Path, content: bytes) -> None:
-    with open(path, "xb") as file:
+def _put(path: Path, content: bytes, program: bool = False) -> None:
+    mode = 0o755 if program else 0o666
+    with open(path, "xb", opener=lambda name, flags: os.open(name, flags, mode)) as file:
         file.write(content)
         file.flush()
         os.fsync(file.fileno())

@@ -102,7 +102,8 @@ class Hostile:
         if not columns.any():
             return self.edge(rows)
         spread = self.rng.uniform(0, 12, size=(len(rows), 1))
-        return np.where(columns, rows * self._powers(rows.shape, -1, 1) ** (spread / 2), rows)
+        factors = self._powers(rows.shape, -1, 1)
+        return np.where(columns, rows * np.sign(factors) * np.abs(factors) ** (spread / 2), rows)
 
     def edge(self, rows: Rows) -> Rows:
         """Where answers end: between a point that has one and a far one by bisection, then off by little or nothing."""

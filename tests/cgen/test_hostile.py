@@ -53,6 +53,7 @@ class Made:
         options: dict[str, Any] = dict(name=problem.name, real=problem.real, box=problem.box)
         self.faces = {f.key: f for f in interfaces(functions, problem.name, (), real_of(problem.real), problem.box)}
         self.library = shared_library(generate(functions, place / "out", **options).folder, place)
+        self.links = links_of(robot)
         self.judge = judge_of(robot, UNITS_IN_THE_LAST_PLACE * float(np.finfo(real_of(problem.real).dtype).eps))
         self.real = problem.real
         along = extended(robot.v)[0]
@@ -60,11 +61,21 @@ class Made:
 
     def wrong(self, face: Interface, inputs: np.ndarray, outputs: np.ndarray) -> np.ndarray:
         """Rows of answers that miss an equation."""
+        return self.judge(face.key, self._known(face, inputs, outputs), WRONG_M[self.real], WRONG_RATE[self.real])
+
+    def as_declared(self, face: Interface, inputs: np.ndarray, outputs: np.ndarray) -> np.ndarray:
+        """Rows of answers with every link on its declared branch; of the F1, whose carts turn, all."""
+        if self.links is None:
+            return np.ones(len(inputs), bool)
+        known = self._known(face, inputs, outputs)
+        return self.links.all_ahead(carts_of(self.links, known), known["T"], known.get("e"))
+
+    def _known(self, face: Interface, inputs: np.ndarray, outputs: np.ndarray) -> dict[str, np.ndarray]:
+        """Numbers by signal: inputs, outputs, and of the state what is neither."""
         known = dict(zip([m.signal for m in face.inputs], parts(face.inputs, inputs), strict=True))
         known |= dict(zip([m.signal for m in face.outputs], parts(face.outputs, outputs), strict=True))
         state = parts(face.state, outputs[:, face.output_size :])
-        known |= {m.signal: s for m, s in zip(face.state, state, strict=True) if m.signal not in known}
-        return self.judge(face.key, known, WRONG_M[self.real], WRONG_RATE[self.real])
+        return {m.signal: s for m, s in zip(face.state, state, strict=True)} | known
 
 
 def parts(members: tuple[Any, ...], rows: np.ndarray) -> list[np.ndarray]:
@@ -75,31 +86,30 @@ def parts(members: tuple[Any, ...], rows: np.ndarray) -> list[np.ndarray]:
 Judge = Callable[[str, dict[str, np.ndarray], float, float], np.ndarray]
 
 
-def judge_of(robot: Any, round_off: float) -> Judge:
-    def numbers(*names: str) -> list[np.ndarray]:
-        return [extended(np.array(getattr(robot, n), dtype=float)) for n in names]
+def numbers_of(robot: Any, *names: str) -> list[np.ndarray]:
+    return [extended(np.array(getattr(robot, n), dtype=float)) for n in names]
 
+
+def links_of(robot: Any) -> StraightGuideways | None:
+    """Links of an L1 or a D1, None for an F1."""
     if hasattr(robot, "u1_2"):
-        f1 = TurningCarts(*numbers("A0", "v", "L", "A", "B", "u1_2", "u1_3", "u2_3", "r3"))
-
-        def of_f1(key: str, x: dict[str, np.ndarray], most_m: float, most: float) -> np.ndarray:
-            bad = ~(f1.closure_m(x["q"], x["T"], x["e"]) <= most_m)
-            if key == "velocity":
-                # a unit quaternion keeps its length: a rate along itself contradicts it
-                size = np.sqrt(np.sum(x["der(e)"] ** 2, axis=1))
-                bad |= ~(np.abs(np.sum(x["e"] * x["der(e)"], axis=1)) <= CONTRADICTED * (1 + size))
-                bad |= ~(f1.rate(x["q"], x["T"], x["der(q)"], x["der(T)"], x["e"], x["der(e)"]) <= most)
-            return bad
-
-        return of_f1
+        return None
     six = hasattr(robot, "B")
-    A, v, L = numbers("A", "v", "L")
-    links = StraightGuideways(A, v, L, ARM if six else np.arange(3), *numbers("B") if six else ())
-    masses = Masses(*numbers("m_p", "m_c", "m_a", "coulomb", "viscous", "velocity_scale", *(["c_p", "I_p"] * six)))
+    A, v, L = numbers_of(robot, "A", "v", "L")
+    return StraightGuideways(A, v, L, ARM if six else np.arange(3), *numbers_of(robot, "B") if six else ())
+
+
+def judge_of(robot: Any, round_off: float) -> Judge:
+    links = links_of(robot)
+    if links is None:
+        return judge_of_f1(robot)
+    six = links.B is not None
+    names = ("m_p", "m_c", "m_a", "coulomb", "viscous", "velocity_scale", *(["c_p", "I_p"] * six))
+    masses = Masses(*numbers_of(robot, *names))
 
     def of_carts(key: str, x: dict[str, np.ndarray], most_m: float, most: float) -> np.ndarray:
         T, e = x["T"], x.get("e")
-        q = x["q"] if "q" in x else links.carts(T, e)
+        q = carts_of(links, x)
         bad = ~(links.closure_m(q, T, e) <= most_m)
         if key == "velocity":
             bad |= ~(links.rate(q, T, x["der(q)"], x["der(T)"], e) <= most)
@@ -110,12 +120,38 @@ def judge_of(robot: Any, round_off: float) -> Judge:
             unknown = np.zeros_like(missed)
             for way in np.concatenate([np.eye(3), -np.eye(3)]):
                 near = T + round_off * np.maximum(np.max(np.abs(T), axis=1), links.L.max())[:, None] * way
-                moved = motor_forces(links, masses, links.carts(near, e), near, *rates, tau, e)
+                moved = motor_forces(links, masses, links.carts(near, e, q), near, *rates, tau, e)
                 unknown = np.fmax(unknown, np.abs(moved - missed))
             bad |= ~(missed <= most + unknown)
         return bad
 
     return of_carts
+
+
+def judge_of_f1(robot: Any) -> Judge:
+    f1 = TurningCarts(*numbers_of(robot, "A0", "v", "L", "A", "B", "u1_2", "u1_3", "u2_3", "r3"))
+
+    def of_f1(key: str, x: dict[str, np.ndarray], most_m: float, most: float) -> np.ndarray:
+        bad = ~(f1.closure_m(x["q"], x["T"], x["e"]) <= most_m)
+        if key == "velocity":
+            # a unit quaternion keeps its length: a rate along itself contradicts it
+            size = np.sqrt(np.sum(x["der(e)"] ** 2, axis=1))
+            bad |= ~(np.abs(np.sum(x["e"] * x["der(e)"], axis=1)) <= CONTRADICTED * (1 + size))
+            bad |= ~(f1.rate(x["q"], x["T"], x["der(q)"], x["der(T)"], x["e"], x["der(e)"]) <= most)
+        return bad
+
+    return of_f1
+
+
+def carts_of(links: StraightGuideways, x: dict[str, np.ndarray]) -> np.ndarray:
+    """All carts of an answer (rows, 3). Those of a state are part of it, whatever the assembly they continue: a pose
+    that a caller writes into a state, or a jump to the mirror image of T, leads to one where links point backwards.
+    Of the others the branch `ahead` tells the root."""
+    q = x["q"] if "q" in x else links.carts(x["T"], x.get("e"))
+    for i in range(3):
+        if f"q[{i}]" in x:
+            q[:, i] = x[f"q[{i}]"][:, 0]
+    return q
 
 
 @pytest.fixture(scope="module")
@@ -144,6 +180,7 @@ def test_what_lies_inside_the_box_is_ok(problem: str, key: str, made: Callable[[
     inputs = inside(face, 500)
     outputs, status = call(it.library, face, inputs)
     assert np.all(status == Status.OK) and not it.wrong(face, inputs, outputs).any()
+    assert it.as_declared(face, inputs, outputs).all()
 
 
 @pytest.mark.parametrize(("problem", "key"), CASES)

@@ -155,3 +155,14 @@ def test_a_plant_without_viscous_friction_has_no_relative_error_of_it() -> None:
 def test_a_robot_that_its_tool_point_does_not_place() -> None:
     with pytest.raises(InputError, match="robot: a tool centre point alone does not place it"):
         friction.solve(load("problems/friction_l1.toml", ["robot=f1"]).problem, Context())  # type: ignore[arg-type]
+
+
+def test_each_slope_is_held_against_its_own_noise_and_advice_asks_for_what_is_not_done_yet() -> None:
+    flat = {**TRUTH, "viscous_minus_kg_s": [158.01, 1e-3, 197.52]}
+    outcome = friction.solve(problem(synthetic={**flat, "velocities_m_s": [0.2, 0.5, 1.0], "seed": 5}), Context())
+    # the largest relative error is that of the flat line, and all of it is noise
+    assert outcome.checks["slope_error"].passed
+    assert outcome.checks["slope_error"].value < outcome.checks["slope_error"].bound
+    choice = outcome.checks["least_friction_N"].advice
+    symmetric = friction.solve(problem(directions="symmetric"), Context()).checks["least_friction_N"].advice
+    assert "poses" in choice and symmetric != choice and "gravity =" not in symmetric

@@ -13,7 +13,9 @@ from gtmodel.kinds import loop_run
 from gtmodel.kinds.base import Context, InputError
 from gtmodel.kinds.load import load
 from gtmodel.kinds.run import context_of, generate
-from gtmodel.results import SolveStatus, Trajectory
+from gtmodel.kinds.verdict import marked
+from gtmodel.results import SolveStatus, Trajectory, TrajectoryError
+from gtmodel.results.folder import holding
 
 SECONDS = 2.0
 
@@ -87,8 +89,8 @@ def test_command_prints_one_object(folder: Path, motion: Path, place: Path, caps
         ({"reference": Path("none.csv")}, "--reference none.csv: there is no such file"),
         ({"folder": Path("nothing")}, "holds no manifest.json"),
         ({"out": Path(__file__).parent}, "holds files that gtmodel did not write"),
-        ({"out": Path(__file__)}, "holds files that gtmodel did not write"),
-        ({"out": Path("/proc/loop")}, "cannot write into --out /proc/loop: No such file or directory"),
+        ({"out": Path(__file__)}, "is a file; name a folder"),
+        ({"out": Path("/proc/loop")}, "--out /proc/loop cannot be written: No such file or directory"),
     ],
 )
 def test_wrong_input_is_one_sentence(folder: Path, motion: Path, place: Path, keys: dict, sentence: str) -> None:
@@ -130,3 +132,46 @@ def test_interrupted_run_says_so(folder: Path, motion: Path, place: Path, in_loc
     job.request_stop()
     finished = loop_run.run(folder, "egm", 60.0, reference=motion, in_lockstep=in_lockstep, out=place, context=job)
     assert finished.outcome.status is SolveStatus.INTERRUPTED and not finished.files
+
+
+def _content(place: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in place.iterdir()}
+
+
+def test_the_folder_is_held_and_written_whole_or_not_at_all(folder: Path, motion: Path, place: Path) -> None:
+    """Two runs do not mix, a run that breaks off or stops leaves what was there, and nobody's files are taken."""
+    keys = {"reference": motion, "in_lockstep": True, "out": place}
+    loop_run.run(folder, "egm", 0.2, **keys)
+    before = _content(place)
+    assert (place / "gt_loop").stat().st_mode & 0o122 == 0o100
+    with holding(place), pytest.raises(InputError, match="is in use by another run"):
+        loop_run.run(folder, "rsi", 0.2, **keys)
+    job = Context()
+    job.request_stop()
+    loop_run.run(folder, "rsi", 0.2, **keys, context=job)
+    with pytest.raises(TrajectoryError):
+        loop_run.run(folder, "rsi", 0.2, **(keys | {"reference": folder / "manifest.json"}))
+    assert _content(place) == before
+    (place / "rsi_configuration.xml").write_text("a person's own")
+    finished = loop_run.run(folder, "rsi", 0.2, **keys)
+    assert "rsi_configuration.xml was not written by gtmodel" in finished.unwritten
+    (place / "rsi_configuration.xml").unlink()
+    assert _content(place) == before
+    (place / "reference.table").write_bytes(b"changed")
+    with pytest.raises(InputError, match=r"reference\.table was changed"):
+        loop_run.run(folder, "rsi", 0.2, **keys)
+    (place / "reference.table").write_bytes(before["reference.table"])
+
+
+def test_what_is_marked_is_not_taken_without_a_word(folder: Path, motion: Path, place: Path, tmp_path: Path) -> None:
+    said: list[str] = []
+    path = tmp_path / "reference.csv"
+    path.write_bytes(marked("reference.csv", motion.read_bytes(), "a check failed"))
+    loop_run.run(folder, "egm", 0.2, reference=path, in_lockstep=True, out=place, context=Context(notice=said.append))
+    assert len(said) == 1 and "reference.csv" in said[0]
+
+
+def test_a_folder_made_for_nothing_goes_again(folder: Path, tmp_path: Path) -> None:
+    with pytest.raises(TrajectoryError):
+        loop_run.run(folder, "egm", 1.0, reference=folder / "manifest.json", in_lockstep=True, out=tmp_path / "a" / "b")
+    assert not list(tmp_path.iterdir())

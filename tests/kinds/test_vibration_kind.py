@@ -235,6 +235,14 @@ def test_a_model_that_predicts_nothing_says_so() -> None:
     assert sum("held-out samples are predicted" in w for w in found.values["words"]) == 2
 
 
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("name, noise", [("step", 2e-4), ("hammer", 1.5e-4)])
+def test_errors_that_noise_explains_fail_no_check(name: str, noise: float, seed: int) -> None:
+    modes = ["impulse.modes=2"] if name == "hammer" else []
+    noisy = solved(name, f"synthetic.noise_m={noise}", f"synthetic.seed={seed + 1}", *modes)
+    assert noisy.checks and all(check.passed for check in noisy.checks.values()), noisy.checks
+
+
 @pytest.mark.parametrize("name", ["two_mass", "step", "hammer"])
 def test_a_stop_is_heard_between_the_steps_of_a_fit(name) -> None:
     """Asked once before the fit and at every order, delay, number of resonances and iteration of it."""

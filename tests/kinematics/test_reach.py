@@ -262,6 +262,33 @@ class TestNumbers:
         assert abs(found.volume - true) <= found.error + 5e-3 * true and found.error <= 0.01 * found.volume
         assert len(found.along) <= 120 and found.coarse == pytest.approx(true, rel=3e-2)
 
+    @pytest.mark.parametrize("number", range(5))
+    def test_a_part_that_stands_apart_is_not_passed_over(self, number: int) -> None:
+        rng = np.random.default_rng(number)
+        apart, half, start = rng.uniform(1.4, 8), rng.uniform(0.45, 0.6), int(rng.choice([3, 5, 9, 14]))
+        low, high = -rng.uniform(2, 20), rng.uniform(9, 14)
+
+        def solid(T):
+            square = T[:, 1] ** 2 + T[:, 2] ** 2
+            parts = (T[:, 0] / 0.8) ** 2 + square <= 1, ((T[:, 0] - apart) / half) ** 2 + square / 0.81 <= 1
+            return T[:, :1], T, T, np.where(parts[0] | parts[1], 0, 1)
+
+        section = across_guideways(np.zeros((1, 3)), np.array([[1.0, 0, 0]]), [0, 0, 0])
+        found = map_volume(
+            Reach(InverseKinematics(solid)), section, (-1.1, -1.1), (1.1, 1.1), np.linspace(low, high, start), 0.1,
+            tolerance=0.02,
+        )  # fmt: skip
+        true = 4 / 3 * np.pi * (0.8 + 0.81 * half)
+        assert abs(found.volume - true) <= found.error + 5e-3 * true and found.error <= 0.02 * true
+
+    def test_too_few_sections_for_the_range_have_no_error_estimate(self) -> None:
+        ball = lambda T: (T[:, :1], T, T, np.where((T**2).sum(axis=1) <= 1, 0, 1))  # noqa: E731
+        section = across_guideways(np.zeros((1, 3)), np.array([[1.0, 0, 0]]), [0, 0, 0])
+        reach, window = Reach(InverseKinematics(ball)), ((-1.1, -1.1), (1.1, 1.1))
+        assert (
+            map_volume(reach, section, *window, np.linspace(-90, 90, 3), 0.2, tolerance=0.05, most=40).error == np.inf
+        )
+
     def test_where_nothing_is_reached_the_error_has_no_bound(self) -> None:
         nothing = lambda T: (T[:, :1], T, T, np.ones(len(T)))  # noqa: E731
         section = across_guideways(np.zeros((1, 3)), np.array([[1.0, 0, 0]]), [0, 0, 0])

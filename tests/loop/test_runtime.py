@@ -71,6 +71,9 @@ def test_references_that_cannot_be_used(runtime: ctypes.CDLL) -> None:
         (Table(spoilt), 8, Status.NOT_FINITE),
         (Table(spoilt), 5, Status.NOT_FINITE),
         (Table(spoilt), 4, Status.OK),
+        # finite rows whose difference overflows: halfway is 0, not infinity
+        (Table(np.array([[1.7e308], [-1.7e308]])), 2, Status.NOT_FINITE),
+        (Table(np.array([[1.7e308], [-1.7e308]])), 4, Status.OK),
     ):
         assert _at(runtime, table, time_ms)[0] is expected
         assert table.at(time_ms)[0] is expected

@@ -10,6 +10,7 @@ import pytest
 from gtmodel.milling import Coefficients, Cut, Cutter, Oscillators, certain_depth, spectral_radius, stability_lobes
 from gtmodel.milling.directional import directional_matrix, plane
 from gtmodel.milling.floquet import multipliers
+from gtmodel.milling.stability import proven_depth
 
 K = Coefficients(20e3, 600e6, 15e3, 200e6, 2e3, 100e6)
 OVER = 1.01  # of a depth, the issue's bound
@@ -143,3 +144,32 @@ def test_multipliers_of_nothing_cut_are_those_of_the_free_modes() -> None:
     free = np.exp((-zeta + 1j * np.sqrt(1 - zeta**2)) * w / (speed * cutter.teeth))
     for value in free:
         assert np.abs(found - value).min() < 1e-6
+
+
+@pytest.mark.parametrize("number", [0, 5, 7])
+def test_the_tooth_that_is_counted_first_does_not_matter(number: int) -> None:
+    """Uneven pitch, a narrow cut: while one tooth cuts, others may have been far from any cut a pitch before."""
+    rng = np.random.default_rng(number)
+    o, _, _, _, speed, feed = drawn(rng, number)
+    pitch = np.deg2rad([75.0, 110.0, 82.0, 93.0]) if number % 2 else np.deg2rad([100.0, 140.0, 120.0])
+    at = [np.append(0.0, np.cumsum(np.roll(pitch, -i)))[:-1] for i in range(len(pitch))]
+    mode, radial = ("up", "climb")[number // 2 % 2], 0.02 * 10 ** rng.uniform(-3, -1.5)
+    first, *others = (Cutter(0.02, len(pitch), K, np.deg2rad(15 * (number // 4)), tooth_angles=a) for a in at)
+    cut = Cut(mode, radial, 5 * certain_depth(o, first, mode, radial, feed), 1e-4)
+    radius = spectral_radius(o, first, cut, speed + 30, feed)
+    assert 0 < radius < 1.5
+    for other in others:
+        assert spectral_radius(o, other, cut, speed + 30, feed) == pytest.approx(radius, rel=1e-6)
+
+
+@pytest.mark.parametrize("damping", [1e-5, 0.05])
+def test_an_island_between_multiples_of_the_axial_pitch_is_seen(damping: float) -> None:
+    """Period doubling at 22.5 to 23.5 mm, below the Hopf limit at 28.3 mm: no peak at depths a fifth apart."""
+    m, f = np.array([[50.0, 0.5, 50.0]]), np.array([[1500.0, 300.0, 400.0]])
+    o = Oscillators.with_damping_ratio(m, m * (2 * np.pi * f) ** 2, np.array([[0.05, 0.004, damping]]))
+    cutter = Cutter(0.012, 2, Coefficients(0, 600e6, 0, 180e6, 0, 0), np.pi / 4)
+    at = cutter, "up", 0.0006, 108.0, [1.0, 0.0, 0.0]
+    deepest = proven_depth(o, *at, deepest=0.04)
+    assert 0.0220 < deepest < 0.0225
+    inside = Cut("up", 0.0006, 0.023, 1e-4)
+    assert spectral_radius(o, cutter, inside, 108.0, [1.0, 0.0, 0.0]) > 1.004

@@ -83,16 +83,24 @@ class StraightGuideways:
             d = self.links(q, T, e)
             return np.max(np.abs(np.sqrt(dot(d, d)) - self.L), axis=1)
 
-    def carts(self, T: Array, e: Array | None = None) -> Array:
-        """Carts behind the plate (rows, 3) by the first link of each; NaN out of reach."""
+    def carts(self, T: Array, e: Array | None = None, beside: Array | None = None) -> Array:
+        """Carts (rows, 3) by the first link of each, behind the plate or on the side where `beside` has them; NaN out
+        of reach."""
         zero = np.zeros((len(T), 3), REAL)
         found = []
-        for k in [int(np.argmax(self.arm == i)) for i in range(3)]:
+        for i in range(3):
+            k = int(np.argmax(self.arm == i))
             d, v = self.links(zero, T, e)[:, k], self.v[k]
             with np.errstate(invalid="ignore"):
                 root = np.sqrt((d @ v) ** 2 - (v @ v) * (dot(d, d) - self.L[k] ** 2))
-            found.append((d @ v - root) / (v @ v))
+            side = -1 if beside is None else np.where(beside[:, i] * (v @ v) > d @ v, 1, -1)
+            found.append((d @ v + side * root) / (v @ v))
         return np.stack(found, axis=1)
+
+    def all_ahead(self, q: Array, T: Array, e: Array | None = None) -> Array:
+        """Whether the plate joint of every link lies ahead of its cart, as the models declare (rows,)."""
+        d = self.links(q, T, e)
+        return np.all(np.stack([d[:, k] @ v for k, v in enumerate(self.v)]) > 0, axis=0)
 
     def rate(self, q: Array, T: Array, qd: Array, Td: Array, e: Array | None = None) -> Array:
         """Largest rate of a link's length over the speeds of its ends (rows,); the plate turns as suits it best."""

@@ -16,6 +16,9 @@ from .reach import CHUNK, Reach, ReachMap, map_grid
 Array = np.ndarray
 # sections of one volume: each maps a whole grid
 MOST = 200
+# widest gaps with a tolerance, as shares of the length reached so far: beside a section that is reached, and where none
+# is; a part narrower than that and apart from the others may stay unseen
+BESIDE, APART = 1 / 16, 1 / 2
 Progress = Callable[[float], bool]
 
 
@@ -39,7 +42,7 @@ class Volume:
         along: positions of the sections along the guideways [m]. areas: of the sections [m2].
         volume: [m3], by the trapezoidal rule.
         error: of the volume [m3], as far as sections tell: by how much it changed when the sections between were added;
-            infinite with fewer than three sections, and where none of them is reached.
+            infinite with fewer than three sections, where none of them is reached, and where `most` leave wide gaps.
         coarse: the volume of the same sections on a grid of the double step [m3]; NaN where it was not asked for.
         on_edge: the workspace reaches the first or last section, or the edge of one: the volume is that of a part.
         counts: number of points by reason.
@@ -96,10 +99,10 @@ def map_volume(
 ) -> Volume:
     """The workspace between the first and the last of the sections at `along` [m], moved along the normal.
 
-    With a `tolerance` [share of the volume] sections are added where the area changes most, and, while none is reached,
-    in the middle of the widest gaps, until the estimated error is below it or there are `most`; the section itself, at
-    0, is one of them if it lies between. Else there are those at `along` alone. `coarse`: each is mapped on the double
-    step too.
+    With a `tolerance` [share of the volume] sections are added in the middle of the widest gaps until these are a 16th
+    of the length reached, half of it where nothing is reached, then where the area changes most, until the estimated
+    error is below it or there are `most`; the section itself, at 0, is one of them if it lies between. Else there are
+    those at `along` alone. `coarse`: each is mapped on the double step too.
     """
     areas: dict[float, tuple[float, float]] = {}
     counts: dict[str, int] = {}
@@ -134,7 +137,10 @@ def map_volume(
         sizes = np.array([areas[x][0] for x in places])
         total = float(np.trapezoid(sizes, places))
         gaps = np.diff(places)
-        if total > 0:
+        wide = _wide(places, sizes)
+        if wide.any():
+            local = np.where(wide, gaps, 0.0)
+        elif total > 0:
             if _error(places, sizes) <= tolerance * total:
                 break
             # half of a gap's share of what the sections beside it change
@@ -147,13 +153,16 @@ def map_volume(
         complete = not stopped
     places = np.array(sorted(areas))
     sizes, rough = (np.array([areas[x][n] for x in places]) for n in (0, 1))
+    error = _error(places, sizes)
+    if tolerance is not None and _wide(places, sizes).any():
+        error = np.inf
     edge = any(edges) or bool(sizes[0] > 0 or sizes[-1] > 0)
     several = len(places) > 1
     return Volume(
         places,
         sizes,
         float(np.trapezoid(sizes, places)) if several else 0.0,
-        _error(places, sizes),
+        error,
         float(np.trapezoid(rough, places)) if several else np.nan,
         edge,
         counts,
@@ -167,6 +176,15 @@ def _error(along: Array, areas: Array) -> float:
     if len(along) < 3 or not np.any(areas > 0):
         return np.inf
     return float(np.sum(np.abs(_bends(along, areas)) * (along[2:] - along[:-2]) / 2) / 2)
+
+
+def _wide(along: Array, areas: Array) -> Array:
+    """Gaps in which a part as long as a share of what is reached could lie unseen; none while nothing is reached."""
+    gaps, reached = np.diff(along), areas > 0
+    # each section stands for half of the gaps beside it
+    length = float(np.sum(reached[1:] * gaps + reached[:-1] * gaps) / 2)
+    beside = reached[1:] | reached[:-1]
+    return (gaps > np.where(beside, BESIDE, APART) * length * (1 + 1e-9)) & (length > 0)
 
 
 def _bends(along: Array, areas: Array) -> Array:

@@ -1,0 +1,75 @@
+/* gt_coast: see gt_coast.h. */
+#include "gt_coast.h"
+
+#include "gt_guard.h"
+
+#include <math.h>
+
+#define GT_RAMP_MOST 100000U /* cycles */
+
+static double gt_clamped(double value, double lowest, double highest)
+{
+    if (value < lowest) {
+        return lowest;
+    }
+    return (value > highest) ? highest : value;
+}
+
+void gt_coast(gt_loop *loop, const double *speed, double share)
+{
+    const gt_limits *limits = &loop->settings.limits;
+    const double seconds = (double)loop->peer.cycle_ms / 1000.0;
+    uint32_t n;
+
+    for (n = 0U; n < loop->peer.axes; n++) {
+        const double now = speed[n] * share;
+
+        loop->command.position_m[n] = gt_clamped(loop->command.position_m[n] + (now * seconds), limits->lowest_m[n],
+                                                 limits->highest_m[n]);
+        loop->command.speed_m_s[n] = now;
+        loop->coasting_m[n] += fabs(now * seconds);
+        if (loop->coasting_m[n] > loop->coasted_m) {
+            loop->coasted_m = loop->coasting_m[n];
+        }
+    }
+}
+
+/* Cycles of a ramp to zero: the fastest cart at the declared deceleration, and never fewer than that takes. */
+static uint32_t gt_coast_cycles(const gt_loop *loop)
+{
+    const double lost_m_s = loop->settings.deceleration_m_s2 * ((double)loop->peer.cycle_ms / 1000.0);
+    double fastest = 0.0;
+    double cycles;
+    uint32_t n;
+
+    if (!(lost_m_s > 0.0)) {
+        return loop->settings.ramp_cycles;
+    }
+    for (n = 0U; n < loop->peer.axes; n++) {
+        const double speed = fabs(loop->command.speed_m_s[n]);
+
+        fastest = (speed > fastest) ? speed : fastest;
+    }
+    cycles = ceil(fastest / lost_m_s);
+    return (cycles < (double)GT_RAMP_MOST) ? (uint32_t)cycles : GT_RAMP_MOST;
+}
+
+void gt_coast_begin_ramp(gt_loop *loop)
+{
+    loop->state = GT_LOOP_RAMPING;
+    loop->ramp_cycles = gt_coast_cycles(loop);
+    loop->ramp_left = loop->ramp_cycles;
+    gt_copy(loop->ramp_from, loop->command.speed_m_s, (int)GT_AXES);
+}
+
+void gt_coast_ramp(gt_loop *loop)
+{
+    if (loop->ramp_left > 0U) {
+        loop->ramp_left--;
+        gt_coast(loop, loop->ramp_from, (double)loop->ramp_left / (double)loop->ramp_cycles);
+    }
+    if (loop->ramp_left == 0U) {
+        gt_coast(loop, loop->ramp_from, 0.0);
+        loop->state = GT_LOOP_STOPPED;
+    }
+}
