@@ -30,12 +30,14 @@ def set_apart(
     A state is one if it stands in no equation but der(state) == ..., has a fixed start, no bounds and no constraint,
     and the objective holds nothing of it but its value at the final time, times a number or parameters.
     """
+    candidates = [v for v in flat.variables if v.index not in preferred and _plain(flat, v)]
+    if not candidates:
+        return objective, []  # where all variables stand takes long to see in a large model
     uses = _Uses(flat, constraints)
     chosen: list[tuple[FlatVariable, list[Instant], ca.SX]] = []
-    for v in flat.variables:
-        instants, integrand = uses.instants_of(v.index), None
-        if v.index not in preferred and instants and _plain(flat, v):
-            integrand = uses.integrand(v.index)
+    for v in candidates:
+        instants = uses.instants_of(v.index)
+        integrand = uses.integrand(v.index) if instants else None
         weights = [ca.gradient(objective, i.symbol) for i in instants]
         if integrand is not None and all(
             uses.at_end(i, v.index, final_time) and uses.steady(w) for i, w in zip(instants, weights, strict=True)
