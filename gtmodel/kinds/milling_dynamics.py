@@ -103,7 +103,7 @@ def _of_modal(mass: list[float], zeta: list[float]) -> Callable[..., Dynamics]:
         def at(angle: float) -> Oscillators:
             nearest = int(np.argmin(np.abs(angles[rows] - angle)))
             if abs(angles[rows[nearest]] - angle) < ROUNDING:  # no neighbour is needed
-                return found[[nearest]]
+                return found[np.array([nearest])]
             return near(rows[nearest]).at(angle)
 
         def smooth(row: int) -> tuple[Any, float, float]:

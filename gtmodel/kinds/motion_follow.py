@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import casadi as ca
 import numpy as np
@@ -118,7 +118,7 @@ class Follower:
         power = np.linalg.inv(np.vander(nodes, increasing=True))
         c = np.einsum("pn,knm->kpm", power, tau)
         forward = compile_causal(self.robot, known="tau", targets="der(T,2)", prefer="T")
-        X = ca.SX if forward.casadi.is_a("SXFunction") else ca.MX  # root finders are no SX
+        X: Any = ca.SX if forward.casadi.is_a("SXFunction") else ca.MX  # root finders are no SX
         state, r = X.sym("state", 6), X.sym("r")
         p = X.sym("p", 1 + 3 * (DEGREE + 1))
         force = sum((p[1 + 3 * n : 4 + 3 * n] * r**n for n in range(DEGREE + 1)), X.zeros(3))

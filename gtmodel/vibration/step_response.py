@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy import stats
@@ -217,7 +217,7 @@ def _scan(given: Sequence[Record], delay: int) -> tuple[float, float]:
     grid = np.linspace(slow, -1e-9, 15)
     at = int(np.argmin([loss(x) for x in grid]))
     ends = grid[max(at - 1, 0)], grid[min(at + 1, len(grid) - 1)]
-    found = minimize_scalar(loss, bounds=ends, method="bounded", options={"xatol": 1e-8})
+    found: Any = minimize_scalar(loss, bounds=ends, method="bounded", options={"xatol": 1e-8})
     return 1 - float(np.exp(found.x)), float(found.fun)
 
 
