@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -66,13 +67,16 @@ class Expr:
         if isinstance(index, slice):
             part = self.sx[index, :]
             return Expr(part, (part.shape[0], *self.shape[1:]), self.dimension, self.scope)
-        row, rest = (index[0], index[1:]) if isinstance(index, tuple) else (index, ())
+        try:  # 1.9 is no index: truncated, it would be another entry than meant
+            row, *rest = map(operator.index, index if isinstance(index, tuple) else (index,))
+        except TypeError:
+            raise ModelError(f"an expression is indexed by whole numbers, not by {index!r}", here()) from None
         n = self.shape[0]
-        if not -n <= int(row) < n:
+        if not -n <= row < n:
             raise IndexError(f"index {row} is out of range for an expression of shape {self.shape}")
         if rest:
-            return Expr(self.sx[int(row), int(rest[0])], (), self.dimension, self.scope)
-        return Expr(self.sx[int(row), :].T, self.shape[1:], self.dimension, self.scope)
+            return Expr(self.sx[row, rest[0]], (), self.dimension, self.scope)
+        return Expr(self.sx[row, :].T, self.shape[1:], self.dimension, self.scope)
 
     def __repr__(self) -> str:
         return f"Expr({self.sx}, shape={self.shape}, unit={self.dimension})"

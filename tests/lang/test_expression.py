@@ -300,6 +300,7 @@ class TestRelations:
             (lambda a: bool(a.s == a.t), "no truth value"),
             (lambda a: -1 <= a.s <= 1, r"use gt\.between\(a, x, b\)"),
             (lambda a: a.s[0], "a scalar cannot be indexed"),
+            (lambda a: a.u[1.9], "whole numbers"),
             (lambda a: a.s + Symbols().s, "expressions of two different models"),
             (lambda a: gt.der(1.0), "der\\(\\) takes an expression of the model"),
             (lambda a: gt.der(a.s, -1), "an order of 0 or more"),
