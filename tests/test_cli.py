@@ -205,7 +205,11 @@ def interrupted(here: Path, request: pytest.FixtureRequest) -> Iterator[subproce
     (here / "pendulum.py").write_text(ready + FILES["pendulum.py"], encoding="utf-8")
     words = command("solve", "swing.toml", "--json", "--out", "stopped")
     pipe = subprocess.PIPE
-    with subprocess.Popen(words, cwd=here, env=environment(), stdin=pipe, stdout=pipe, stderr=pipe, text=True) as run:
+    with subprocess.Popen(
+        words, cwd=here, env=environment(), stdin=pipe, stdout=pipe, stderr=pipe, text=True,
+        # tests under nohup ignore SIGHUP, which a command would inherit and rightly go on ignoring
+        preexec_fn=lambda: signal.signal(getattr(signal, request.param), signal.SIG_DFL),
+    ) as run:  # fmt: skip
         assert run.stderr is not None
         assert run.stderr.readline() == "ready\n"
         run.send_signal(getattr(signal, request.param))

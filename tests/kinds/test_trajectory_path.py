@@ -163,7 +163,7 @@ class TestLine:
         o = outcome()
         assert o.status is SolveStatus.SOLVED and o.message.startswith("solved and re-simulated")
         assert o.objective == pytest.approx(LINE, rel=PRINTED)
-        assert o.iterations <= 20
+        assert o.iterations <= 40  # the optimum and the motion exported, at most 20 each
         assert o.values["second_road_time_s"] == pytest.approx(LINE_BY_SPEEDS, rel=2 * PRINTED)
 
     def test_exported_motion_stays_on_the_line_and_within_the_force(self):
