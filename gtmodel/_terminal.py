@@ -11,24 +11,22 @@ from contextlib import contextmanager, redirect_stdout, suppress
 from typing import Any
 
 from rich.box import SIMPLE_HEAD
-from rich.cells import cell_len
 from rich.console import Console
 from rich.status import Status
 from rich.table import Table
 from rich.text import Text
 
-from gtmodel.kinds import Context, Outcome
-from gtmodel.kinds.units import split
-from gtmodel.kinds.verdict import bound_in_words
+from gtmodel.kinds import Context
+from gtmodel.results import Study
+from gtmodel.results.table import HEAD, cells, number, plain
 
 _STOPS = ("SIGINT", "SIGTERM", "SIGHUP")
-_SHORT = 32  # characters; a longer text that ends its row sets no column's width
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]], title: str = "") -> None:
     """Print one table. Texts are shown as they are: a bracket is no markup."""
     if not sys.stdout.isatty():
-        print(_plain(head, [list(row) for row in rows], title))
+        print(plain(head, [list(row) for row in rows], title))
         return
     shown = Table(box=SIMPLE_HEAD, title=Text(title) if title else None, title_justify="left", pad_edge=False)
     for name in head:
@@ -42,59 +40,11 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]], title: str = "") -
     print("\n".join(line.rstrip() for line in captured.get().splitlines()).strip("\n"))
 
 
-def _plain(head: Sequence[str], rows: Sequence[Sequence[str]], title: str) -> str:
-    """The table where nobody looks: a pipe must not break lines. A sentence that ends its row, as a note does, runs on
-    and does not push the columns behind it apart."""
-    widths = [cell_len(name) for name in head]
-    for row in rows:
-        for k, cell in enumerate(row):
-            if any(row[k + 1 :]) or cell_len(cell) <= _SHORT:
-                widths[k] = max(widths[k], cell_len(cell))
-    lines = [
-        "   ".join(cell + " " * (w - cell_len(cell)) for cell, w in zip(r, widths, strict=True)) for r in (head, *rows)
-    ]
-    lines.insert(1, "─" * max(sum(widths) + 3 * (len(widths) - 1), 1))
-    return "\n".join([*([title, ""] if title else []), *(f" {line}".rstrip() for line in lines)])
-
-
-def number(value: Any) -> str:
-    """A value for people: six digits, lists separated by commas."""
-    if value is None:
-        return "none"
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    if isinstance(value, (str, int)):
-        return str(value)
-    if isinstance(value, Mapping):
-        return ", ".join(f"{k} = {number(v)}" for k, v in value.items())
-    if hasattr(value, "tolist"):
-        return number(value.tolist())
-    if isinstance(value, (list, tuple)):
-        return ", ".join(number(v) for v in value)
-    return f"{value:.6g}" if isinstance(value, float) else str(value)
-
-
-def outcome_table(title: str, outcome: Outcome) -> None:
-    """Print one outcome: its status, its rows, its checks; the message below. A failure's goes to stderr."""
-    rows = [("status", outcome.status.value, "", "")]
-    if outcome.iterations is not None:
-        rows.append(("iterations", str(outcome.iterations), "", ""))
-    for label, value, *unit in outcome.rows or _rows(outcome.values):
-        rows.append((label, number(value), str(unit[0]) if unit else "", ""))
-    for name, check in outcome.checks.items():
-        stem, unit = split(name)
-        bound = "" if check.bound is None else f" ({bound_in_words(check)})"
-        verdict = "passed" if check.passed else "FAILED"
-        rows.append((stem.replace("_", " "), number(check.value), unit, f"{verdict}{bound}"))
-    table(("quantity", "value", "unit", ""), rows, title)
+def outcome_table(title: str, outcome: Study) -> None:
+    """Print one study: its status, its rows, its checks; the message below. A failure's goes to stderr."""
+    table(HEAD, cells(outcome), title)
     if outcome.status.ok and outcome.message not in ("", outcome.status.value):
         print(f"\n{outcome.message}")
-
-
-def _rows(values: Mapping[str, Any]) -> Iterator[tuple[str, Any, str]]:
-    for name, value in values.items():
-        stem, unit = split(name)
-        yield stem.replace("_", " "), value, unit
 
 
 @contextmanager

@@ -1,4 +1,7 @@
-"""How a robot gives way under load. Numbers in, an Estimate out; knows no robot.
+"""How a robot gives way under load. Knows no robot.
+
+study                stiffness, deflection and frequencies over a section: `ComplianceStudy`
+Springs, Links, Carts, Frame, Arm, Load, Map   what it is asked for
 
 arm_poses            places and Jacobians of an arm, from its equations
 StaticTests          poses, loads and what the tool moved by
@@ -19,18 +22,48 @@ from .arm_poses import ArmPoses, arm_poses
 from .cartesian import cartesian_stiffness, softest_and_stiffest, translational_compliance
 from .compensated import with_compensator
 from .complementary import Compensator, complementary_stiffness
+from .compliance_study import ComplianceStudy, study
 from .joint_stiffness import StiffnessFit, complete_pose, decoupled
 from .link_masses import LinkMasses
 from .link_poses import LinkGeometry, LinkPoses
 from .link_springs import GROUPS, LinkSprings, tube
 from .link_structure import LinkStructure
+from .options import Arm, Carts, Frame, Links, Load, Map, Springs
 from .selection import Selection, select
 from .static_tests import StaticTests, at_tool
 from .synthetic import synthetic_tests
 
 __all__ = [
-    "GROUPS", "ArmPoses", "Compensator", "LinkGeometry", "LinkMasses", "LinkPoses", "LinkSprings", "LinkStructure",
-    "Selection", "StaticTests", "StiffnessFit", "arm_poses", "at_tool", "cartesian_stiffness",
-    "complementary_stiffness", "complete_pose", "decoupled", "select", "softest_and_stiffest", "synthetic_tests",
-    "translational_compliance", "tube", "with_compensator",
+    "GROUPS",
+    "Arm",
+    "ArmPoses",
+    "Carts",
+    "Compensator",
+    "ComplianceStudy",
+    "Frame",
+    "LinkGeometry",
+    "LinkMasses",
+    "LinkPoses",
+    "LinkSprings",
+    "LinkStructure",
+    "Links",
+    "Load",
+    "Map",
+    "Selection",
+    "Springs",
+    "StaticTests",
+    "StiffnessFit",
+    "arm_poses",
+    "at_tool",
+    "cartesian_stiffness",
+    "complementary_stiffness",
+    "complete_pose",
+    "decoupled",
+    "select",
+    "softest_and_stiffest",
+    "study",
+    "synthetic_tests",
+    "translational_compliance",
+    "tube",
+    "with_compensator",
 ]  # fmt: skip

@@ -1,11 +1,14 @@
-"""Problem kinds: the only place where robots and engines meet. One module per kind.
+"""Problem kinds: the only place where robots and engines meet. One module per kind, or a package with
+keys.py (keys of the file -> options of the study) and kind.py (keys -> study).
 
 A kind is a module with
 
     NAME      its name in a problem file, ``kind = "..."``
     Schema    a `Problem` subclass: every key of the file, described, its unit in its name
-    VALUES    what ``values`` will hold: name -> description, unit in the name
-    solve     (problem, context) -> Outcome
+    RESULT    the class of its study, whose quantities ``values`` will hold; VALUES, name -> description, where there is
+              none yet
+    ARGUMENTS where the study's arguments stand in the file, if not under their own names: "map" -> "section"
+    solve     (problem, context) -> Study
     explain   optional: (problem, context) -> str
 
 `names` lists the kinds with one line each, `get` imports one; nothing else is imported before it is needed.
@@ -53,7 +56,10 @@ def get(name: str) -> Kind:
         close = difflib.get_close_matches(name, _KINDS, n=1)
         hint = f"did you mean '{close[0]}'?" if close else f"there are {', '.join(_KINDS)}"
         raise InputError(f"there is no kind '{name}'; {hint}")
-    return import_module(f"{__name__}.{name}")  # type: ignore[return-value]  # a module that is a Kind
+    found = import_module(f"{__name__}.{name}")
+    if hasattr(found, "__path__"):
+        found = import_module(f"{__name__}.{name}.kind")
+    return found  # type: ignore[return-value]  # a module that is a Kind
 
 
 __all__ = ["Check", "Context", "InputError", "Kind", "Outcome", "Problem", "Section", "get", "names"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import dataclass
 from functools import partial
@@ -310,7 +311,7 @@ def _outcome(problem: Schema, study: _Study, found: list[_Found]) -> Outcome:
         rows += _rows(f.values)
     message = SolveStatus.SOLVED.sentence
     status = SolveStatus.SOLVED
-    lost = [f.case.name for f in found if any(check.value is None for check in f.checks.values())]
+    lost = [f.case.name for f in found if any(not math.isfinite(check.value) for check in f.checks.values())]
     if lost:
         # the numbers of the first order stand, but no other road leads to them
         status = SolveStatus.FAILED

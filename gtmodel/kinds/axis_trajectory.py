@@ -13,6 +13,7 @@ from gtmodel.optimize import Mesh, Solution, SolverOptions
 from gtmodel.optimize import solve as collocate
 from gtmodel.optimize.resimulate import SUBSTEPS, resimulate
 from gtmodel.results import SolveStatus, Status, Trajectory
+from gtmodel.results.check import failed_of
 
 from .axis_free_run import free_run
 from .axis_keys import AxisTrajectoryProblem as Schema
@@ -22,7 +23,6 @@ from .base import TRAJECTORY, Context, Outcome, Row, at_most
 from .finer_mesh import finer_problem, how, refined, told
 from .motion_limits import clearance
 from .trajectory import MARGIN_TOLERANCE
-from .verdict import failed_of
 
 NAME = "axis_trajectory"
 
@@ -95,7 +95,7 @@ def solve(problem: Schema, context: Context) -> Outcome:
         message += end + told(problem.mesh.elements, used, failed_of(given.checks))
         rows = [*rows, Row("elements of the mesh, refined", used)]
     message = "; ".join(filter(None, [message, trouble]))
-    return replace(outcome, iterations=iterations, message=message, rows=rows)
+    return outcome.with_(iterations=iterations, message=message, rows=rows)
 
 
 def _finer(found: _Found) -> Schema | None:

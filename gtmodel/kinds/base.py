@@ -1,25 +1,25 @@
-"""What all kinds share: the base of their schemas, what solving gets (`Context`) and gives (`Outcome`)."""
+"""What all kinds share: the base of their schemas, and what solving gets, `Context`; it gives a `Study`."""
 
 from __future__ import annotations
 
-import math
 import time
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import pydantic
 
-from gtmodel.results import SolveStatus, Trajectory
+from gtmodel.results import Check, Row, Study, Trajectory, at_least, at_most
+from gtmodel.results.study import TRAJECTORY
+from gtmodel.results.work import Progress, silent
 
-from .verdict import failed_of, verdict
+from .call import Call
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-
-TRAJECTORY = "trajectory.csv"  # of every outcome with a trajectory
+__all__ = [
+    "TRAJECTORY", "Calling", "Check", "Context", "InputError", "Kind", "Outcome", "Problem", "Progress", "Row",
+    "Section", "at_least", "at_most", "silent", "unheard",
+]  # fmt: skip
 
 
 class InputError(ValueError):
@@ -60,84 +60,30 @@ class Problem(Section):
         return title
 
 
-class Check(NamedTuple):
-    """A number that was tested, and the verdict on the whole result: where it fails, nobody is to rely on it.
-
-    What only informs is no check but a value. bound: what the value must not exceed, or must reach where `least`
-    is set; None without a bound. advice: what a person does when it fails, as "use more mesh.elements".
-    """
-
-    value: float | None
-    bound: float | None
-    passed: bool
-    advice: str = ""
-    least: bool = False
-
-
-def at_most(value: float, bound: float, advice: str = "") -> Check:
-    """The check value <= bound; a value that is not finite fails and is told as none."""
-    return Check(value if math.isfinite(value) else None, bound, value <= bound, advice)
-
-
-def at_least(value: float, bound: float, advice: str = "") -> Check:
-    """The check value >= bound; a value that is not finite fails and is told as none."""
-    return Check(value if math.isfinite(value) else None, bound, value >= bound, advice, least=True)
-
-
-class Row(NamedTuple):
-    """One row of the table that people see."""
-
-    label: str
-    value: Any
-    unit: str = ""
-
-
-@dataclass(kw_only=True)
-class Outcome:
-    """What solving a problem of any kind gives back.
+class Outcome(Study):
+    """What solving a problem of a kind gives back whose study is no library call yet: a `Study` with
 
     values: numbers, lists and texts by name, as the kind's VALUES announces them; NaN becomes null.
     rows: the table for people; made from `values` when empty. A plain tuple (label, value, unit) will do.
-    figures: file name without ending -> function that draws it; called only with --plot.
-    files: file name -> content of what the kind writes besides, such as report.html.
-    machine_files: names of those of them that a machine or another program takes over, such as a robot program;
-        they are not written unless the result may be used, or --write-failed is given. TRAJECTORY is one of them where
-        it is what the machine follows; of the other kinds it is written, and marked.
-
-    Solved with a failed check is no state of an outcome: it becomes CHECK_FAILED, with a message that names the
-    checks.
     """
 
-    status: SolveStatus
-    message: str = ""
-    objective: float | None = None
-    iterations: int | None = None
-    checks: Mapping[str, Any] = field(default_factory=dict)
-    values: Mapping[str, Any] = field(default_factory=dict)
-    trajectory: Trajectory | None = None
-    rows: list[Any] = field(default_factory=list)
-    figures: Mapping[str, Callable[[], Figure]] = field(default_factory=dict)
-    files: Mapping[str, str | bytes] = field(default_factory=dict)
-    machine_files: Collection[str] = ()
+    def __init__(self, *, values: Mapping[str, Any] | None = None, rows: Sequence[Any] = (), **known: Any) -> None:
+        super().__init__(**known)
+        object.__setattr__(self, "_values", {} if values is None else values)
+        object.__setattr__(self, "_rows", list(rows))
 
-    def __post_init__(self) -> None:
-        if self.status.ok and (failed := failed_of(self.checks)):
-            self.status, self.message = SolveStatus.CHECK_FAILED, verdict(failed, len(self.checks))
+    def with_(self, **changes: Any) -> Outcome:
+        """The same outcome with other attributes."""
+        own = {"values": "_values", "rows": "_rows"}
+        return super().with_(**{own.get(name, name): value for name, value in changes.items()})
 
+    @property
+    def values(self) -> Mapping[str, Any]:
+        return self._values  # pyright: ignore[reportAttributeAccessIssue]
 
-class Progress(Protocol):
-    """Shows how far the work is: what is being done, the fraction done from 0 to 1 if known, and numbers."""
-
-    def __call__(
-        self,
-        stage: str | None = None,
-        fraction: float | None = None,
-        numbers: Mapping[str, float] | None = None,
-    ) -> object: ...
-
-
-def silent(stage: str | None = None, fraction: float | None = None, numbers: Mapping[str, float] | None = None) -> None:
-    """Shows nothing."""
+    @property
+    def rows(self) -> list[Any]:
+        return self._rows  # pyright: ignore[reportAttributeAccessIssue]
 
 
 def unheard(sentence: str) -> None:
@@ -170,6 +116,14 @@ class Context:
         """Ask the running solve to end with its best iterate, as Ctrl-C does."""
         self.stop_requested = True
 
+    def work(self) -> dict[str, Any]:
+        """What every study takes of it: progress, max_seconds, stop."""
+        return {
+            "progress": self.progress,
+            "max_seconds": self.seconds_left(),
+            "stop": lambda: self.stop_requested,
+        }
+
     def interrupted(self) -> bool:
         """True once a stop was requested or the time is over; engines ask once per iteration."""
         return self.stop_requested or self.seconds_left() == 0.0
@@ -191,6 +145,16 @@ class Kind(Protocol):
 
     NAME: str
     Schema: type[Problem]
-    VALUES: dict[str, str]
 
-    def solve(self, problem: Any, context: Context) -> Outcome: ...
+    def solve(self, problem: Any, context: Context) -> Study: ...
+
+
+@runtime_checkable
+class Calling(Protocol):
+    """What a kind offers whose study is a library call."""
+
+    NAME: str
+    RESULT: type[Study]
+    Schema: type[Problem]
+
+    def call(self, problem: Any, context: Context) -> Call: ...

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -213,7 +214,7 @@ def _outcome(plan: Plan) -> Outcome:
     checks = _checks(plan)
     verdict = _verdict(plan, _failed(checks))
     values = _values(plan, checks, verdict)
-    checks = {name: check if check.passed else check._replace(advice=verdict) for name, check in checks.items()}
+    checks = {name: check if check.passed else replace(check, advice=verdict) for name, check in checks.items()}
     T, purpose = in_order(plan.poses, plan.held_out, plan.problem.poses.seed)
     q, *_ = plan.measuring.placed(T)
     title = plan.problem.title

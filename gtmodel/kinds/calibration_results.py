@@ -101,7 +101,7 @@ def checks_of(problem: Schema, found: Found) -> dict[str, Check]:
     judged = found.judged
     if judged is not None:
         bound = judged.bound if np.isfinite(judged.bound) else None
-        checks["held_out_over_fitted"] = Check(judged.ratio, bound, judged.passed, LOOK)
+        checks["held_out_over_fitted"] = Check(judged.ratio, bound, LOOK, judged=judged.passed)
     if found.lost:
         checks["held_out_poses_lost"] = at_most(float(found.lost), 0.0, LOOK)
     far = moved_too_far(found.calibration)

@@ -100,7 +100,7 @@ def write(problem: Schema, context: Context, out: Path, *, verify: bool = False,
             if not outcome.status.ok and not write_failed:
                 kept = "; what an earlier run wrote there stays" if others(folder.path) else ""
                 said = f"{outcome.message}; the code is not written; --write-failed writes it, marked{kept}"
-                return replace(outcome, message=said)
+                return outcome.with_(message=said)
             mark = None if outcome.status.ok else partial(_marked, outcome.message)
             _generated(problem, context, functions, folder, mark)
             if cost is not None:
@@ -174,7 +174,8 @@ def _verified(
         status=SolveStatus.SOLVED if report.passed or report.checks else SolveStatus.FAILED,
         message=report.message,
         checks={
-            c.name: Check(c.value, c.bound, c.passed, "" if c.passed else c.detail, c.least) for c in report.checks
+            c.name: Check(c.value, c.bound, "" if c.passed else c.detail, c.least, judged=c.passed)
+            for c in report.checks
         },
         values=values,
         rows=rows,

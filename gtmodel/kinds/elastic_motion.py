@@ -14,6 +14,7 @@ from gtmodel.lang import Model, Optimization
 from gtmodel.optimize import Mesh, Solution, SolverOptions, resimulate
 from gtmodel.optimize import solve as collocate
 from gtmodel.results import SolveStatus, Status, Trajectory
+from gtmodel.results.check import failed_of
 from gtmodel.robots import GantryTau
 
 from .base import TRAJECTORY, Context, InputError, Outcome, Row, Section, at_most
@@ -22,7 +23,6 @@ from .finer_mesh import finer_problem, refined, told
 from .robot_keys import RobotProblem
 from .solver_keys import Barrier, MostElements
 from .trajectory_keys import Point
-from .verdict import failed_of
 
 NAME = "elastic_motion"
 
@@ -353,8 +353,7 @@ def _outcome(found: _Found, iterations: int, finer: str, trouble: str) -> Outcom
     )  # fmt: skip
     plans = (("rigid", found.rigid), ("elastic", elastic))
     open_ends = [f"{name} plan: {plan.reservation}" for name, plan in plans if plan.reservation]
-    outcome.message = "; ".join(filter(None, [outcome.message, finer.strip(), trouble, *open_ends]))
-    return outcome
+    return outcome.with_(message="; ".join(filter(None, [outcome.message, finer.strip(), trouble, *open_ends])))
 
 
 def _too_coarse(problem: Schema, duration: float) -> list[str]:

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import pydantic
 
-from .units import unit_of
+from gtmodel.results.unit_names import unit_of
 
 _TYPES = {
     "number": "number",

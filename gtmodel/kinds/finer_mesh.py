@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, Protocol, TypeVar
 
@@ -16,7 +17,9 @@ BETTER = 0.9  # of the worst excess over a bound before: a mesh that leaves more
 def missed(checks: Mapping[str, Any], mended: Iterable[str]) -> float:
     """The worst of the failed checks named in `mended`, as a multiple of its bound; 0 where none failed."""
     failed = [checks[name] for name in mended if name in checks and not checks[name].passed]
-    return max((MOST**ORDER if c.value is None or not c.bound else c.value / c.bound for c in failed), default=0.0)
+    return max(
+        (MOST**ORDER if not math.isfinite(c.value) or not c.bound else c.value / c.bound for c in failed), default=0.0
+    )
 
 
 def elements_after(elements: int, most: int, checks: Mapping[str, Any], mended: Iterable[str]) -> int | None:

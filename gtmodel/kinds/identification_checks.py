@@ -33,7 +33,7 @@ def checks_of(
     if validation is not None:
         told = max(validation.judged, key=lambda h: h.ratio / h.bound)
         bound = told.bound if np.isfinite(told.bound) else None
-        checks["held_out_over_fitted_noise"] = Check(told.ratio, bound, told.passed, LOOK)
+        checks["held_out_over_fitted_noise"] = Check(told.ratio, bound, LOOK, judged=told.passed)
     share = float(np.max(_unexplained(found)))
     checks["unexplained_share"] = at_most(share, UNEXPLAINED, LOOK)
     work = work_of(found)
@@ -44,10 +44,10 @@ def checks_of(
             least = -DEVIATIONS * float(work.friction_noise[worst])
             checks["work_of_friction_J"] = at_least(float(work.friction[worst]), min(least, 0.0), LOOK)
         other = work if validation is None else work_of(found, validation.rows) or work
-        checks["energy_balance"] = Check(other.balance, other.bound, other.balanced, LOOK)
+        checks["energy_balance"] = Check(other.balance, other.bound, LOOK, judged=other.balanced)
     delay = found.delay
     if delay is not None:
-        checks["delay_moves_a_parameter"] = Check(delay.moves, delay.bound, delay.passed, LOOK)
+        checks["delay_moves_a_parameter"] = Check(delay.moves, delay.bound, LOOK, judged=delay.passed)
     checks["parameters_far_off"] = at_most(float(len(_far_off(found))), 0.0, LOOK)
     piled = max((share for *_, share in _piled(data, found.rows.targets[0].partition("[")[0])), default=0.0)
     checks["saturated_share"] = at_most(piled, SATURATED, LOOK)

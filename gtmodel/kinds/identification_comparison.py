@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from typing import Any
 
 from gtmodel.compiler.causal import flat_of
@@ -59,4 +58,4 @@ def beside(problem: Schema, outcome: Outcome, data: Recordings, context: Context
             return closed_loop_figure([(run.name, run.trajectory) for run in runs], title=title)
 
         figures["closed_loop"] = figure
-    return dataclasses.replace(outcome, values=values, rows=rows, checks=checks, figures=figures)
+    return outcome.with_(values=values, rows=rows, checks=checks, figures=figures)

@@ -13,10 +13,10 @@ from gtmodel.measurements import Column, Session, Signal
 from gtmodel.measurements.log import JITTER
 from gtmodel.measurements.signals import read_signals
 from gtmodel.results import TrajectoryError
+from gtmodel.results.unit_names import unit_of
 
 from .base import Context, InputError, Section
 from .robots import file_of
-from .units import unit_of
 
 Free = Literal["estimate"]
 

@@ -109,9 +109,7 @@ def solve(problem: Schema, context: Context) -> Outcome:
         raise InputError(
             refused[0], next(key for key in ("platform", "poses", "pose", "robot") if getattr(problem, key))
         )
-    made = outcome(judged)
-    made.figures = _figures(problem, judged)
-    return made
+    return outcome(judged).with_(figures=_figures(problem, judged))
 
 
 def explain(problem: Schema, context: Context) -> str:

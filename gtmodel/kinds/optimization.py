@@ -15,7 +15,7 @@ from gtmodel.optimize.problem import Bounds
 from gtmodel.optimize.resimulate import resimulate
 
 from . import python_models
-from .base import Check, Context, InputError, Outcome, Problem, Row, Section
+from .base import Context, InputError, Outcome, Problem, Row, Section
 from .solver_keys import Barrier
 
 NAME = "optimization"
@@ -141,15 +141,11 @@ def _outcome(solution: Solution) -> Outcome:
         message=message,
         objective=solution.objective,
         iterations=solution.iterations,
-        checks={n: _told(c) for n, c in solution.checks.items()},
+        checks=dict(solution.checks),
         values=values,
         trajectory=solution.trajectory,
         rows=rows,
     )
-
-
-def _told(check: Any) -> Check:
-    return Check(check.value if np.isfinite(check.value) else None, check.bound, check.passed, check.advice)
 
 
 def _tried(solution: Solution) -> tuple[dict[str, float], str]:

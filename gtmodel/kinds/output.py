@@ -15,11 +15,12 @@ from typing import Any
 
 import tomli_w
 
+from gtmodel.results import Study
 from gtmodel.results.folder import FolderError, Held, holding, others, unfinished
 from gtmodel.results.trajectory_files import csv_bytes
 
 from . import report
-from .base import TRAJECTORY, Context, InputError, Outcome
+from .base import TRAJECTORY, Context, InputError
 from .load import Loaded
 from .verdict import marked, told
 
@@ -88,7 +89,7 @@ def _written(folder: Path) -> dict[str, str] | None:
 
 
 def write(
-    folder: Path | Held, loaded: Loaded, context: Context, outcome: Outcome, *, wall_s: float, plot: bool
+    folder: Path | Held, loaded: Loaded, context: Context, outcome: Study, *, wall_s: float, plot: bool
 ) -> list[Path]:
     """Write an outcome with its run.toml, all files or none; returns the files written.
 
@@ -137,7 +138,7 @@ def put(
     return [place / name for name in whole]
 
 
-def elsewhere(loaded: Loaded, context: Context, outcome: Outcome, *, wall_s: float) -> list[Path]:
+def elsewhere(loaded: Loaded, context: Context, outcome: Study, *, wall_s: float) -> list[Path]:
     """Write an outcome, without pictures, into a new folder among the temporary ones; no files where that fails."""
     try:
         place = Path(tempfile.mkdtemp(prefix=f"{loaded.path.stem}-"))
@@ -150,7 +151,7 @@ def elsewhere(loaded: Loaded, context: Context, outcome: Outcome, *, wall_s: flo
         return []
 
 
-def pictured(outcome: Outcome, files: dict[str, bytes]) -> list[str]:
+def pictured(outcome: Study, files: dict[str, bytes]) -> list[str]:
     """Add the pictures to `files`; a sentence on each that cannot be drawn: it must not cost the numbers."""
     faults = []
     for name, draw in outcome.figures.items():

@@ -9,17 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from gtmodel.results import SolveStatus, Trajectory
-
-from .base import Outcome
+from gtmodel.results import SolveStatus, Study, Trajectory
 
 
-def summary(problem: str, kind: str | None, outcome: Outcome, wall_s: float) -> dict[str, Any]:
+def summary(problem: str, kind: str | None, outcome: Study, wall_s: float) -> dict[str, Any]:
     """The object that ``--json`` prints: the keys of the contract, in its order."""
     return {**_facts(problem, kind, outcome), "wall_s": round(wall_s, 3), **_numbers(outcome)}
 
 
-def result(problem: str, kind: str, outcome: Outcome) -> bytes:
+def result(problem: str, kind: str, outcome: Study) -> bytes:
     """``result.json``: the same bytes for the same input, and all that a later solve needs to start from it."""
     trajectory = outcome.trajectory
     stored = {"trajectory": _series(trajectory)} if trajectory is not None else {}
@@ -29,7 +27,7 @@ def result(problem: str, kind: str, outcome: Outcome) -> bytes:
 
 def refused(problem: str, kind: str | None, sentence: str, status: SolveStatus, wall_s: float) -> dict[str, Any]:
     """What ``--json`` prints for a run that never came to an outcome."""
-    return summary(problem, kind, Outcome(status=status, message=sentence), wall_s)
+    return summary(problem, kind, Study(status=status, message=sentence), wall_s)
 
 
 def line(data: Mapping[str, Any]) -> str:
@@ -37,7 +35,7 @@ def line(data: Mapping[str, Any]) -> str:
     return json.dumps(plain(data), ensure_ascii=False, allow_nan=False)
 
 
-def _facts(problem: str, kind: str | None, outcome: Outcome) -> dict[str, Any]:
+def _facts(problem: str, kind: str | None, outcome: Study) -> dict[str, Any]:
     return {
         "problem": problem,
         "kind": kind,
@@ -48,7 +46,7 @@ def _facts(problem: str, kind: str | None, outcome: Outcome) -> dict[str, Any]:
     }
 
 
-def _numbers(outcome: Outcome) -> dict[str, Any]:
+def _numbers(outcome: Study) -> dict[str, Any]:
     checks = {
         name: {"value": plain(c.value), "bound": plain(c.bound), "passed": bool(c.passed)}
         for name, c in outcome.checks.items()

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
 from pathlib import Path
 
+from gtmodel.results import ArgumentError, Study
 from gtmodel.results.trajectory_files import csv_bytes
 
 from . import output
 from . import start as earlier
-from .base import TRAJECTORY, Context, InputError, Outcome
+from .arguments import key_of
+from .base import TRAJECTORY, Calling, Context, InputError
 from .load import Loaded
 from .verdict import marked, told
 
@@ -20,7 +24,7 @@ from .verdict import marked, told
 class Finished:
     """An outcome, the wall time [s] that it took, the files written, and what kept others from it, in a sentence."""
 
-    outcome: Outcome
+    outcome: Study
     wall_s: float
     files: list[Path] = field(default_factory=list)
     unwritten: str = ""
@@ -40,6 +44,24 @@ def context_of(loaded: Loaded, *, max_seconds: float | None = None, start: Path 
     return context
 
 
+def answer(loaded: Loaded, context: Context) -> Study:
+    """What the kind gives back. Raises InputError, for an argument that a library refuses at its key."""
+    with keyed(loaded):
+        if isinstance(loaded.kind, Calling):
+            return loaded.kind.call(loaded.problem, context)(**context.work())
+        return loaded.kind.solve(loaded.problem, context)
+
+
+@contextmanager
+def keyed(loaded: Loaded) -> Iterator[None]:
+    """What a library refuses, as an InputError at the key of the file."""
+    try:
+        yield
+    except ArgumentError as error:
+        renamed = getattr(loaded.kind, "ARGUMENTS", {})
+        raise InputError(error.sentence, key_of(loaded.kind.Schema, error.argument, renamed)) from error
+
+
 def solve(
     loaded: Loaded, context: Context, *, out: Path | None = None, plot: bool = False, write_failed: bool = False
 ) -> Finished:
@@ -49,9 +71,9 @@ def solve(
     `write_failed`.
     """
     if out is None:
-        return Finished(loaded.kind.solve(loaded.problem, context), time.monotonic() - context.began)
+        return Finished(answer(loaded, context), time.monotonic() - context.began)
     with output.held(out, context) as folder:
-        outcome = loaded.kind.solve(loaded.problem, context)
+        outcome = answer(loaded, context)
         wall_s = time.monotonic() - context.began
         outcome = _for_machines(outcome, write_failed)
         try:
@@ -66,7 +88,7 @@ def solve(
     return Finished(outcome, wall_s, files)
 
 
-def _for_machines(outcome: Outcome, write_failed: bool) -> Outcome:
+def _for_machines(outcome: Study, write_failed: bool) -> Study:
     """The outcome with its files for machines left out, or marked, where it must not be relied on."""
     if outcome.status.ok:
         return outcome
@@ -81,11 +103,11 @@ def _for_machines(outcome: Outcome, write_failed: bool) -> Outcome:
     if not write_failed:
         names = " and ".join(sorted(kept)) if len(kept) < 3 else f"{len(kept)} files for machines"
         message += f"; {names} {'is' if len(kept) == 1 else 'are'} not written; --write-failed writes all, marked"
-        return replace(outcome, files=files, message=message)
+        return outcome.with_(files=files, message=message)
     for name in kept:
         content = whole[name]
         files[name] = marked(name, content.encode() if isinstance(content, str) else content, message)
-    return replace(outcome, files=files)
+    return outcome.with_(files=files)
 
 
 def generate(loaded: Loaded, context: Context, out: Path, *, verify: bool, write_failed: bool = False) -> Finished:
@@ -104,7 +126,8 @@ def explain(loaded: Loaded, context: Context) -> str:
     """What the kind says about a problem; its checked keys where it says nothing."""
     told = getattr(loaded.kind, "explain", None)
     if told is not None:
-        return str(told(loaded.problem, context))
+        with keyed(loaded):
+            return str(told(loaded.problem, context))
     import tomli_w
 
     return tomli_w.dumps(loaded.problem.model_dump(mode="json", exclude_none=True)).rstrip()

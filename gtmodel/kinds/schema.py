@@ -5,9 +5,11 @@ from __future__ import annotations
 import inspect
 from typing import Any
 
+from gtmodel.results.quantity import described
+from gtmodel.results.unit_names import unit_of
+
 from . import get, names
 from .fields import keys_of
-from .units import unit_of
 
 
 def document(kind: str) -> dict[str, Any]:
@@ -24,6 +26,7 @@ def document(kind: str) -> dict[str, Any]:
 
 def values(kind: str) -> dict[str, dict[str, str]]:
     """Name -> unit and description of what `values` will hold."""
-    return {
-        name: {"unit": unit_of(name), "description": inspect.cleandoc(text)} for name, text in get(kind).VALUES.items()
-    }
+    found = get(kind)
+    result = getattr(found, "RESULT", None)
+    texts = described(result) if result is not None else found.VALUES  # pyright: ignore[reportAttributeAccessIssue]
+    return {name: {"unit": unit_of(name), "description": inspect.cleandoc(text)} for name, text in texts.items()}

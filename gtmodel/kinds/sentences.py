@@ -9,9 +9,10 @@ from typing import Any
 
 import pydantic
 
+from gtmodel.results.unit_names import split
+
 from .base import InputError
 from .fields import Key, keys_of, tables_of
-from .units import split
 
 _EXPECTED = {
     "float_type": "a number",

@@ -12,6 +12,7 @@ from gtmodel.optimize import Solution
 from gtmodel.optimize.overshoot import control_curves
 from gtmodel.optimize.resimulate import Resimulation, resimulate
 from gtmodel.results import SolveStatus, Trajectory
+from gtmodel.results.check import failed_of
 
 from .base import Context, Outcome, at_most
 from .finer_mesh import finer_problem, how, refined, told
@@ -22,7 +23,6 @@ from .motion_reference import at_rest, between_rows, csv_text, rapid_text
 from .motion_search import Search, motion_of
 from .trajectory_keys import TrajectoryProblem as Schema
 from .trajectory_rows import rows_of
-from .verdict import failed_of
 
 NAME = "trajectory"
 

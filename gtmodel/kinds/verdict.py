@@ -2,13 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path, PurePath
 from typing import Any
-
-from .units import split
-
-_DIGITS, _ALL = 6, 17  # of a number in a sentence; that tell any two numbers apart
 
 _MARK = "NOT TO BE USED"
 # how a file of this ending says something in its first line; all readers of these formats pass over it
@@ -19,42 +14,6 @@ _COMMENT = {
     ".c": ("/* ", " */"),
     ".h": ("/* ", " */"),
 }
-
-
-def failed_of(checks: Mapping[str, Any]) -> dict[str, Any]:
-    """The checks that failed, by name."""
-    return {name: check for name, check in checks.items() if not check.passed}
-
-
-def verdict(failed: Mapping[str, Any], count: int) -> str:
-    """One sentence: which of `count` checks failed with value and bound, and what to do."""
-    told = ", ".join(f"{name} ({_numbers(name, check)})" for name, check in failed.items())
-    text = f"{len(failed)} of {count} checks failed: {told}"
-    advice = list(dict.fromkeys(a for check in failed.values() if (a := getattr(check, "advice", ""))))
-    return "; ".join([text, *advice])
-
-
-def _numbers(name: str, check: Any) -> str:
-    _, unit = split(name)
-    unit = f" {unit}" if unit else ""
-    value = "no value" if check.value is None else f"{check.value:.{_digits(check)}g}{unit}"
-    if check.bound is None:
-        return value
-    return f"{value}, {bound_in_words(check)}{unit}"
-
-
-def bound_in_words(check: Any) -> str:
-    """ "at most 0.005", with as many digits as tell the value from the bound."""
-    word = "at least" if getattr(check, "least", False) else "at most"
-    return f"{word} {check.bound:.{_digits(check)}g}"
-
-
-def _digits(check: Any) -> int:
-    """Six, or as many as tell a value from a bound that it just misses."""
-    if check.value is None or check.bound is None or check.value == check.bound:
-        return _DIGITS
-    alike = (n for n in range(_DIGITS, _ALL) if f"{check.value:.{n}g}" != f"{check.bound:.{n}g}")
-    return next(alike, _ALL)
 
 
 def told(outcome: Any) -> str:

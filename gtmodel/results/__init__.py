@@ -7,8 +7,16 @@ Status of a run
     c_enum            `Status` as a C99 enumeration
     c_sentences       its sentences as a C99 table
 
+Studies
+    Study             what a study of any library returns: status, quantities, checks, notes, pictures, files
+    Quantity          an attribute of a study, declared once: unit, description, label
+    Row               a row of its table
+    Options, Unit, Within, Long   options of a study, checked when made
+    Work              progress and end of one run
+    ArgumentError     what a caller gave cannot be used: the one refusal of all libraries
+
 What was tested
-    Check             a number with its bound, and the verdict
+    Check, at_most, at_least   a number with its bound, and the verdict
 
 What data say
     Estimate          estimated quantities with their covariance, from whichever engine
@@ -19,20 +27,18 @@ Time series
     UnknownNameError  a signal name that is not there
 """
 
-from gtmodel.results.check import Check
+from gtmodel.results.check import Check, at_least, at_most
 from gtmodel.results.estimate import Estimate
+from gtmodel.results.options import Long, Options, Unit, Within
+from gtmodel.results.quantity import Quantity, Row, listed
+from gtmodel.results.refusal import ArgumentError
 from gtmodel.results.status import ModesStatus, SolveStatus, Status, c_enum, c_sentences
+from gtmodel.results.study import Study
 from gtmodel.results.trajectory import Trajectory, TrajectoryError, UnknownNameError
+from gtmodel.results.work import Work
 
 __all__ = [
-    "Check",
-    "Estimate",
-    "ModesStatus",
-    "SolveStatus",
-    "Status",
-    "Trajectory",
-    "TrajectoryError",
-    "UnknownNameError",
-    "c_enum",
-    "c_sentences",
-]
+    "ArgumentError", "Check", "Estimate", "Long", "ModesStatus", "Options", "Quantity", "Row", "SolveStatus", "Status",
+    "Study", "Trajectory", "TrajectoryError", "Unit", "UnknownNameError", "Within", "Work", "at_least", "at_most",
+    "c_enum", "c_sentences", "listed",
+]  # fmt: skip

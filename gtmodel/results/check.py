@@ -1,23 +1,82 @@
-"""A number that was tested, and the verdict."""
+"""A number that was tested, and the verdict; what is said of those that failed."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+
+from .unit_names import split
+
+_DIGITS, _ALL = 6, 17  # of a number in a sentence; that tell any two numbers apart
 
 
 @dataclass(frozen=True)
 class Check:
-    """A number with its bound: passed when value <= bound; bound None only reports.
+    """A number that was tested, and the verdict on the whole result: where it fails, nobody is to rely on it.
 
-    advice: what a person does when it fails, such as "use a smaller tolerance".
+    What only informs is no check but a value. bound: what the value must not exceed, or must reach where `least` is
+    set; None without a bound. advice: what a person does when it fails, such as "use a smaller tolerance". judged: the
+    verdict where it is no comparison with the bound.
     """
 
     value: float
     bound: float | None = None
     advice: str = ""
+    least: bool = False
+    judged: bool | None = None
 
     @property
     def passed(self) -> bool:
-        """True when the value is finite and not above its bound."""
-        return math.isfinite(self.value) and (self.bound is None or self.value <= self.bound)
+        """The verdict; what is no number fails."""
+        if self.judged is not None:
+            return self.judged
+        if self.bound is None:
+            return math.isfinite(self.value)
+        return self.value >= self.bound if self.least else self.value <= self.bound
+
+
+def at_most(value: float, bound: float, advice: str = "") -> Check:
+    """The check value <= bound."""
+    return Check(value, bound, advice)
+
+
+def at_least(value: float, bound: float, advice: str = "") -> Check:
+    """The check value >= bound."""
+    return Check(value, bound, advice, least=True)
+
+
+def failed_of(checks: Mapping[str, Check]) -> dict[str, Check]:
+    """The checks that failed, by name."""
+    return {name: check for name, check in checks.items() if not check.passed}
+
+
+def verdict(failed: Mapping[str, Check], count: int) -> str:
+    """One sentence: which of `count` checks failed with value and bound, and what to do."""
+    told = ", ".join(f"{name} ({_numbers(name, check)})" for name, check in failed.items())
+    text = f"{len(failed)} of {count} checks failed: {told}"
+    advice = list(dict.fromkeys(check.advice for check in failed.values() if check.advice))
+    return "; ".join([text, *advice])
+
+
+def _numbers(name: str, check: Check) -> str:
+    _, unit = split(name)
+    unit = f" {unit}" if unit else ""
+    value = f"{check.value:.{_digits(check)}g}{unit}" if math.isfinite(check.value) else "no value"
+    if check.bound is None:
+        return value
+    return f"{value}, {bound_in_words(check)}{unit}"
+
+
+def bound_in_words(check: Check) -> str:
+    """ "at most 0.005", with as many digits as tell the value from the bound."""
+    word = "at least" if check.least else "at most"
+    return f"{word} {check.bound:.{_digits(check)}g}"
+
+
+def _digits(check: Check) -> int:
+    """Six, or as many as tell a value from a bound that it just misses."""
+    if check.bound is None or not math.isfinite(check.value) or check.value == check.bound:
+        return _DIGITS
+    alike = (n for n in range(_DIGITS, _ALL) if f"{check.value:.{n}g}" != f"{check.bound:.{n}g}")
+    return next(alike, _ALL)

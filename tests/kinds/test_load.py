@@ -10,7 +10,7 @@ from gtmodel.kinds import InputError, Problem, Section, load, names
 from gtmodel.kinds.fields import keys_of
 from gtmodel.kinds.load import check, parse, validate
 from gtmodel.kinds.settings import apply
-from gtmodel.kinds.units import split
+from gtmodel.results.unit_names import split
 
 LOAD = load.load
 

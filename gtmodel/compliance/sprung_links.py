@@ -1,20 +1,22 @@
-"""What kind "compliance" asks of a robot, parallel or serial: how it gives way at rows of tool centre points."""
+"""A parallel robot on its springs: how it gives way at rows of tool centre points."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 
-from gtmodel.compliance import LinkGeometry, LinkMasses, LinkPoses, LinkSprings, LinkStructure, tube
-from gtmodel.kinematics.section import Section, across_guideways
-from gtmodel.kinematics.workspace import BallJointCones, Poses
-from gtmodel.lang import Model, ModelError
-from gtmodel.results import Status
-
-from .base import InputError
-from .compliance_keys import Schema
+from ..kinematics.section import Section, across_guideways
+from ..kinematics.workspace import BallJointCones, Poses
+from ..lang import Model, ModelError
+from ..results import ArgumentError, Status
+from .link_masses import LinkMasses
+from .link_poses import LinkGeometry, LinkPoses
+from .link_springs import LinkSprings, tube
+from .link_structure import LinkStructure
+from .options import Load, Map, Springs
 
 Array = np.ndarray
 VERTICAL = 0.9  # a guideway this near to the vertical: sections are drawn with y upwards
@@ -37,8 +39,9 @@ class Found:
     shares: dict[str, Array] | None = None
 
 
-class Study(Protocol):
-    """A robot with its springs."""
+class Sprung(Protocol):
+    """A robot on its springs: home (3,) [m], the section that is mapped, where guideways pierce it (marks), its window
+    of (u, v) [m], what is assumed, and what it does at tool centre points (n, 3)."""
 
     @property
     def home(self) -> Array: ...
@@ -53,27 +56,29 @@ class Study(Protocol):
     def __call__(self, T: Array) -> Found: ...
 
 
-class LinkStudy:
-    """A parallel robot. Raises InputError."""
+class SprungLinks:
+    """A parallel robot with springs in its links, joints, drives and frame. Raises ArgumentError."""
 
-    def __init__(self, problem: Schema, model: Model) -> None:
-        self.problem = problem
+    def __init__(
+        self, model: Model, springs: Springs, load: Load, pose: Sequence[float] | None, chosen: Map, frequencies: int
+    ) -> None:
+        self.load, self.count = load, frequencies
         try:
             self.geometry = LinkGeometry(model)
         except ModelError as error:
-            raise InputError(f"{error}; a serial arm takes [arm]", "robot") from error
-        home = getattr(model, "home", None) if problem.pose_m is None else problem.pose_m
+            raise ArgumentError(f"{error}; a serial arm takes joint springs", "robot") from error
+        home = getattr(model, "home", None) if pose is None else pose
         if home is None:
-            raise InputError("is missing, and the robot declares no home; name a tool centre point", "pose_m")
+            raise ArgumentError("is missing, and the robot declares no home; name a tool centre point", "pose")
         self.home = np.asarray(home, float)
         self.at_home = self.geometry(self.home)
         if self.at_home.status[0] != Status.OK:
-            raise InputError(f"cannot be reached: {Status(int(self.at_home.status[0])).sentence}", "pose_m")
-        self.springs = _springs(problem, self.at_home)
+            raise ArgumentError(f"cannot be reached: {Status(int(self.at_home.status[0])).sentence}", "pose")
+        self.springs = _springs(springs, load, self.at_home)
         self.structure(self.at_home)
         self.masses = LinkMasses.of(model) if hasattr(model, "m_p") else None
-        cone = problem.section.cone_deg
-        self.cones = None if cone is None else BallJointCones.about_home(_poses(self.at_home), np.radians(cone))
+        cone = chosen.cone
+        self.cones = None if cone is None else BallJointCones.about_home(_poses(self.at_home), cone)
         axes = self.at_home.cart_motion[0]
         first = [self.at_home.stands_on.index(i) for i in range(len(axes))]
         anchors = self.at_home.a[0, first]
@@ -83,8 +88,8 @@ class LinkStudy:
                 anchors, axes, self.home.tolist(), (0.0, 1.0, 0.0) if vertical else (0.0, 0.0, 1.0)
             )
         except ValueError as error:
-            raise InputError(str(error), "robot") from error
-        along = problem.section.along_m
+            raise ArgumentError(str(error), "robot") from error
+        along = chosen.along
         self.section = plane if along is None else Section(
             along * plane.normal, plane.across, plane.up, plane.normal)  # fmt: skip
         self.marks = self.section.pierced(anchors, axes)
@@ -111,19 +116,19 @@ class LinkStudy:
         try:
             return LinkStructure(poses, self.springs)
         except ValueError as error:
-            raise InputError(str(error), "robot") from error
+            raise ArgumentError(str(error), "robot") from error
 
     def __call__(self, T: Array) -> Found:
         poses = self.geometry(T)
         s = self.structure(poses)
         d = s.freedoms
-        load = np.array([*self.problem.load.force_N, *self.problem.load.moment_Nm])[:d]
+        load = np.array([*self.load.force, *self.load.moment])[:d]
         frequencies = sag = None
         if self.masses is not None:
             try:
-                frequencies, sag = self.masses.frequencies(s, self.problem.frequencies), self.masses.sag(s)
+                frequencies, sag = self.masses.frequencies(s, self.count), self.masses.sag(s)
             except ValueError as error:
-                raise InputError(str(error), "robot") from error
+                raise ArgumentError(str(error), "robot") from error
         reason = ["" if code == Status.OK else Status(int(code)).sentence for code in poses.status]
         singular = np.asarray(~np.isfinite(s.U).all(axis=(1, 2)))
         margins = np.zeros(len(T)) if self.cones is None else self.cones.margins(_poses(poses)).min(axis=1)
@@ -139,37 +144,35 @@ def _poses(p: LinkPoses) -> Poses:
     return Poses(p.T, p.q, p.a, p.b, p.status)
 
 
-def _springs(problem: Schema, home: LinkPoses) -> LinkSprings:
-    keys = problem.links
-    assert keys is not None
-    of_tube = {"modulus_Pa", "outer_diameter_m", "inner_diameter_m"} & keys.model_fields_set
-    if bool(of_tube) == (keys.stiffness_N_m is not None) or (
-        of_tube and not (keys.modulus_Pa and keys.outer_diameter_m)
-    ):
-        raise InputError("expected either stiffness_N_m, or modulus_Pa with outer_diameter_m", "links")
-    if np.any(problem.load.moment_Nm) and home.R is None:
-        raise InputError("the plate of this robot is a point, which takes no moment; leave it out", "load.moment_Nm")
-    if problem.carts.axis_Nm_rad is not None and home.q.shape[1] == home.carts:
-        raise InputError("this robot has no rotary axes on its carts; leave it out", "carts.axis_Nm_rad")
+def _springs(given: Springs, load: Load, home: LinkPoses) -> LinkSprings:
+    links, carts, frame = given.links, given.carts, given.frame
+    of_tube = links.modulus is not None or links.outer_diameter is not None or links.inner_diameter != 0
+    whole = links.modulus is not None and links.outer_diameter is not None
+    if of_tube == (links.stiffness is not None) or (of_tube and not whole):
+        raise ArgumentError("expected either a stiffness, or modulus with outer diameter", "springs.links")
+    if np.any(load.moment) and home.R is None:
+        raise ArgumentError("the plate of this robot is a point, which takes no moment; leave it out", "load.moment")
+    if carts.axis is not None and home.q.shape[1] == home.carts:
+        raise ArgumentError("this robot has no rotary axes on its carts; leave it out", "springs.carts.axis")
     try:
-        if keys.stiffness_N_m is not None:
-            link = 1 / np.asarray(keys.stiffness_N_m, float)
+        if links.stiffness is not None:
+            link = 1 / np.asarray(links.stiffness, float)
         else:
-            link = tube(keys.modulus_Pa or 0.0, keys.outer_diameter_m or 0.0, keys.inner_diameter_m, home.lengths[0])
+            link = tube(links.modulus or 0.0, links.outer_diameter or 0.0, links.inner_diameter, home.lengths[0])
         three = home.R is None and home.a.shape[1] == 3
         springs = LinkSprings(
             link=link,
-            joint=_compliance(keys.joint_N_m),
-            parallel=keys.parallel or ((1, 2, 3) if three else 1),
-            drive=_compliance(problem.carts.drive_N_m),
-            axis=_compliance(problem.carts.axis_Nm_rad),
-            cart=_compliance(problem.carts.across_N_m),
-            frame_along=_compliance(problem.frame.along_N_m),
-            frame_across=_compliance(problem.frame.across_N_m),
+            joint=_compliance(links.joint),
+            parallel=links.parallel or ((1, 2, 3) if three else 1),
+            drive=_compliance(carts.drive),
+            axis=_compliance(carts.axis),
+            cart=_compliance(carts.across),
+            frame_along=_compliance(frame.along),
+            frame_across=_compliance(frame.across),
         )
         springs.by_group(home.a.shape[1], home.carts, home.q.shape[1] - home.carts)
     except ValueError as error:
-        raise InputError(str(error), "links") from error
+        raise ArgumentError(str(error), "springs.links") from error
     return springs
 
 

@@ -1,10 +1,10 @@
-"""The unit that a key carries in its name: ``force_N`` is in N, ``velocity_scale_m_s`` in m/s."""
+"""The unit that a name carries: ``force_N`` is in N, ``velocity_scale_m_s`` in m/s."""
 
 from __future__ import annotations
 
 from functools import cache
 
-from gtmodel.lang.units import UnitError, parse_unit
+from ..lang.units import UnitError, parse_unit
 
 _SPELLED = {"percent": "%", "Nm": "N.m"}
 _TORQUES = {"Nm": "N.m", "MNm": "MN.m"}  # before what divides: Nm_rad is N.m/rad, not rad
@@ -41,3 +41,15 @@ def _unit(words: list[str]) -> str:
 def unit_of(name: str) -> str:
     """Unit text of a key; "" when its name carries none."""
     return split(name)[1]
+
+
+@cache
+def named(stem: str, unit: str) -> str:
+    """The name that carries a unit: ("force", "N") is ``force_N``. Raises ValueError for a unit no name can carry."""
+    if not unit or unit == "1":
+        return stem
+    text = {spelled: word for word, spelled in _SPELLED.items()}.get(unit, unit)
+    name = f"{stem}_{text.replace('.', '').replace('/', '_')}"
+    if split(name) != (stem, unit):
+        raise ValueError(f"no name carries the unit {unit}: '{name}' reads as {split(name)[1] or 'none'}")
+    return name

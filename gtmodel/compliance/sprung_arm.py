@@ -1,45 +1,42 @@
-"""Kind "compliance" of a serial arm: joints that give way, over the vertical plane in which the arm stands."""
+"""A serial arm on springs in its joints, over the vertical plane in which it stands."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from gtmodel.compliance import ArmPoses, arm_poses
-from gtmodel.kinematics.section import Section
-from gtmodel.kinematics.wrist_partition import WristPartition
-from gtmodel.lang import Model
-from gtmodel.results import Status
-
-from .base import InputError
-from .compliance_keys import Schema
-from .compliance_study import Found
+from ..kinematics.section import Section
+from ..kinematics.wrist_partition import WristPartition
+from ..lang import Model
+from ..results import ArgumentError, Status
+from .arm_poses import ArmPoses, arm_poses
+from .options import Arm, Load
+from .sprung_links import Found
 
 Array = np.ndarray
 OUTSIDE = "beyond the joints' limits"
 
 
-class ArmStudy:
-    """A serial arm with a wrist in one point. Raises InputError."""
+class SprungArm:
+    """A serial arm with a wrist in one point. Raises ArgumentError."""
 
-    def __init__(self, problem: Schema, model: Model) -> None:
-        self.problem, self.model = problem, model
-        keys = problem.arm
-        assert keys is not None
-        if len(keys.joint_Nm_rad) != 6:
-            raise InputError(f"has {len(keys.joint_Nm_rad)} numbers; expected 6, one per joint", "arm.joint_Nm_rad")
-        self.compliance = 1 / np.asarray(keys.joint_Nm_rad)
-        self.tool = np.asarray(keys.tool_m)
-        q = np.deg2rad([keys.pose_deg])
+    def __init__(self, model: Model, arm: Arm, load: Load, pose: Sequence[float] | None) -> None:
+        self.model, self.load = model, load
+        if len(arm.joint) != 6:
+            raise ArgumentError(f"has {len(arm.joint)} numbers; expected 6, one per joint", "springs.joint")
+        self.compliance = 1 / np.asarray(arm.joint)
+        self.tool = np.asarray(arm.tool)
+        q = np.array([arm.pose])
         try:
             self.partition = WristPartition.of(model.origins, model.axes)  # pyright: ignore[reportAttributeAccessIssue]
-            pose = arm_poses(model, q, keys.tool_m)
+            held = arm_poses(model, q, arm.tool)
         except (AttributeError, ValueError) as error:
-            raise InputError(f"expected a serial arm such as kr500; {error}", "robot") from error
-        self.R = pose.R[0]
+            raise ArgumentError(f"expected a serial arm such as kr500; {error}", "robot") from error
+        self.R = held.R[0]
         self.limits = getattr(model, "joint_limits", None)
-        home = problem.pose_m
-        self.home = pose.T[0] if home is None else np.asarray(home, float)
-        branches = self.partition.inverse(pose.T - self.R @ self.tool, self.R[None]).q[0]
+        self.home = held.T[0] if pose is None else np.asarray(pose, float)
+        branches = self.partition.inverse(held.T - self.R @ self.tool, self.R[None]).q[0]
         self.branch = int(np.nanargmin(np.abs(_wrapped(branches - q[0])).sum(axis=1)))
         across = np.array([np.cos(-q[0, 0]), np.sin(-q[0, 0]), 0.0])
         normal = np.cross(across, [0.0, 0.0, 1.0])
@@ -77,7 +74,7 @@ class ArmStudy:
         if good.any():
             poses: ArmPoses = arm_poses(self.model, q[good], self.tool)
             C[good] = (poses.J * self.compliance) @ np.swapaxes(poses.J, 1, 2)
-            load = np.array([*self.problem.load.force_N, *self.problem.load.moment_Nm])
+            load = np.array([*self.load.force, *self.load.moment])
             turned = self.compliance * np.einsum("nij,i->nj", poses.J, load)  # by the load's torques
             moved[good] = np.einsum("nij,nj->ni", poses.J, turned)
         return Found(C, moved, reason)

@@ -1,0 +1,279 @@
+"""The compliance study: how a robot gives way under load and weight, and its lowest frequencies, over its workspace."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Annotated, Any
+
+import numpy as np
+
+from ..kinematics.workspace import section_grid
+from ..lang import Model
+from ..results import ArgumentError, Quantity, Row, SolveStatus, Study, Work, at_most, listed
+from ..results.tables import csv_text
+from ..results.work import Progress, never, silent
+from .cartesian import softest_and_stiffest
+from .link_springs import GROUPS
+from .options import Arm, Load, Map, Springs
+from .sprung_arm import SprungArm
+from .sprung_links import Found, Sprung, SprungLinks
+
+Array = np.ndarray
+
+CHUNK = 2000  # poses between two looks at the clock
+MOST_POINTS = 1e6
+# relative: work of the load by C and by the springs; both are sums of a dozen products
+WORK = 1e-9
+WORDS = {"links": "rods", "joints": "ball joints", "drives": "drives", "carts": "bearings of the carts",
+         "frame": "machine frame"}  # fmt: skip
+MAPPED = {"softest_N_m": ("stiffness along the softest direction", 1e-6, "N/µm"),
+          "deflection_m": ("deflection under the load", 1e6, "µm"),
+          "frequency_Hz": ("lowest natural frequency", 1.0, "Hz")}  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class ComplianceStudy(Study):
+    """How a robot gives way: at one pose, and over a section of its workspace."""
+
+    pose: Annotated[Array, Quantity("m", "tool centre point that the next numbers are about")]
+    compliance: Annotated[
+        Array, Quantity("", "at the tool, displacement by load: m/N, and rad/N, rad/(N.m) where the plate turns")
+    ]
+    stiffness: Annotated[
+        Array, Quantity("N/m", "along the principal directions of its translational part, softest first")
+    ]
+    directions: Annotated[Array, Quantity("", "these directions")]
+    deflection: Annotated[Array, Quantity("m", "of the tool centre point under the load")]
+    rotation: Annotated[Array | None, Quantity("rad", "of the plate under the load; null where it has none")]
+    work: Annotated[float | None, Quantity("J", "that the load does")] = None
+    shares: Annotated[
+        Mapping[str, float] | None, Quantity("", "parts of this work by what gives way; null without a load")
+    ]
+    sag: Annotated[
+        Array | None, Quantity("m", "of the tool centre point by all weights; null for robots without masses")
+    ]
+    frequencies: Annotated[Array | None, Quantity("Hz", "lowest natural frequencies; null for robots without masses")]
+    map: Annotated[
+        Mapping[str, Any],
+        Quantity(
+            "",
+            "over the section: points, and for softest_N_m, deflection_m and frequency_Hz least and greatest with "
+            "their places in (u, v)",
+        ),
+    ]
+    reasons: Annotated[Mapping[str, int], Quantity("", "number of grid points left out, by reason")]
+    assumptions: Annotated[Sequence[str], Quantity("", "what was assumed, in sentences")]
+
+    @property
+    def rows(self) -> list[Row]:
+        """The table for people."""
+        rows = [
+            Row("at the tool centre point", listed(self.pose), "m"),
+            Row("stiffness, softest direction", self.stiffness[0] / 1e6, "N/um"),
+            Row("along", listed(self.directions[0])),
+            Row("stiffness, stiffest direction", self.stiffness[-1] / 1e6, "N/um"),
+        ]
+        if np.any(self.deflection):
+            rows.append(Row("deflection under the load", listed(1e6 * self.deflection), "um"))
+            if self.rotation is not None:
+                rows.append(Row("rotation under it", listed(1e6 * self.rotation), "urad"))
+        if self.shares is not None:
+            shares = ", ".join(f"{WORDS[k]} {100 * x:.0f} %" for k, x in self.shares.items() if x > 0)
+            rows.append(Row("what takes the work", shares))
+        if self.sag is not None and self.frequencies is not None:
+            rows.append(Row("deflection by all weights", listed(1e6 * self.sag), "um"))
+            rows.append(Row("natural frequencies", listed(self.frequencies), "Hz"))
+        for name, (words, scale, unit) in MAPPED.items():
+            if name in self.map:
+                e = self.map[name]
+                ends = (f"{scale * e[x]:.4g} at ({listed(e[f'{x}_at_m'])}) m" for x in ("least", "greatest"))
+                rows.append(Row(f"over the section: {words}", " to ".join(ends), unit.replace("µ", "u")))
+        rows += [Row(f"grid points left out: {reason}", count) for reason, count in self.reasons.items()]
+        return rows + [Row("assumed", sentence) for sentence in self.assumptions]
+
+
+def study(
+    robot: Model,
+    springs: Springs | Arm,
+    load: Load | None = None,
+    *,
+    pose: Sequence[float] | None = None,
+    map: Map | None = None,
+    frequencies: int = 3,
+    title: str = "",
+    progress: Progress = silent,
+    max_seconds: float | None = None,
+    stop: Callable[[], bool] = never,
+) -> ComplianceStudy:
+    """Stiffness, deflection and natural frequencies of a robot at one pose and over a section of its workspace.
+
+    Args:
+        robot: a parallel robot with links on carts, or a serial arm with a wrist in one point.
+        springs: `Springs` of the parallel robot, or `Arm` of the serial one.
+        load: force [N] and moment [N.m] at the tool centre point, world coordinates; none if left out.
+        pose: (3,) tool centre point whose numbers are reported [m]; the robot's home if left out.
+        map: the section across the guideways, or the vertical plane in which an arm stands.
+        frequencies: how many natural frequencies are reported, of a robot with masses.
+        progress, max_seconds, stop: see `gtmodel.results.Work`.
+
+    Interrupted, it holds the reported pose and no map. Raises ArgumentError.
+
+    >>> import gtmodel as gt
+    >>> from gtmodel.compliance import Links, Load, Springs, study
+    >>> robot = gt.robots.gantry_tau("l1_tape")
+    >>> s = study(robot, Springs(Links(stiffness=2e7)), Load(force=[0, 0, 100.0]))
+    >>> round(float(s.stiffness[0]) / 1e6, 1) > 0
+    True
+    """
+    work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
+    work.progress("equations", 0.05)
+    load, map = load or Load(), map or Map()
+    sprung = on_springs(robot, springs, load, pose, map, frequencies)
+    found = sprung(sprung.home[None])
+    if found.reason[0]:
+        own = isinstance(springs, Arm) and pose is None
+        raise ArgumentError(f"cannot be reported: {found.reason[0]}", "springs.pose" if own else "pose")
+    grid = grid_of(sprung, map)
+    parts, T = [], grid.points()
+    for begin in range(0, len(T), CHUNK):
+        work.progress("map", begin / len(T))
+        if work.interrupted():
+            return ComplianceStudy(
+                status=SolveStatus.INTERRUPTED, title=title, **_pose_values(sprung, found), map={}, reasons={}
+            )
+        parts.append(_columns(sprung(T[begin : begin + CHUNK]), load))
+    columns = {name: np.concatenate([p[name] for p in parts]) for name in parts[0]}
+    return _concluded(title, sprung, found, load, grid, T, columns)
+
+
+def on_springs(
+    robot: Model, springs: Springs | Arm, load: Load, pose: Sequence[float] | None, map: Map, frequencies: int
+) -> Sprung:
+    """The robot on its springs. Raises ArgumentError."""
+    if isinstance(springs, Arm):
+        return SprungArm(robot, springs, load, pose)
+    return SprungLinks(robot, springs, load, pose, map, frequencies)
+
+
+def grid_of(sprung: Sprung, map: Map) -> Any:
+    """The points of the section. Raises ArgumentError."""
+    low, high = sprung.window
+    low = low if map.low is None else np.array(map.low)
+    high = high if map.high is None else np.array(map.high)
+    if np.any(low >= high):
+        raise ArgumentError("every lower limit must be less than its upper one", "map.high")
+    if np.prod((high - low) / map.step + 1) > MOST_POINTS:
+        raise ArgumentError("the grid would have more than a million points; take a larger step", "map.step")
+    return section_grid(sprung.section, low, high, map.step)
+
+
+def _columns(found: Found, load: Load) -> dict[str, Array]:
+    """By point of the map; NaN where there is none."""
+    left_out = np.array([bool(r) for r in found.reason])
+    stiffness, direction = softest_and_stiffest(np.where(left_out[:, None, None], np.nan, found.C[:, :3, :3]))
+    columns = {
+        "softest_N_m": stiffness[:, 0],
+        "direction": direction[:, 0],
+        "reason": np.array(found.reason, dtype=object),
+    }
+    if np.any(load.force) or np.any(load.moment):
+        columns["deflection_m"] = np.where(left_out, np.nan, np.linalg.norm(found.moved[:, :3], axis=1))
+    if found.frequencies is not None:
+        columns["frequency_Hz"] = np.where(left_out, np.nan, found.frequencies[:, 0])
+    return columns
+
+
+def _pose_values(sprung: Sprung, pose: Found) -> dict[str, Any]:
+    stiffness, directions = softest_and_stiffest(pose.C[:, :3, :3])
+    return {
+        "pose": sprung.home,
+        "compliance": pose.C[0],
+        "stiffness": stiffness[0],
+        "directions": directions[0],
+        "deflection": pose.moved[0, :3],
+        "rotation": pose.moved[0, 3:] if pose.C.shape[1] > 3 else None,
+        "sag": None if pose.sag is None else pose.sag[0, :3],
+        "frequencies": None if pose.frequencies is None else pose.frequencies[0],
+        "shares": None if pose.shares is None else {name: float(x[0]) for name, x in pose.shares.items()},
+        "assumptions": sprung.assumptions,
+    }
+
+
+def _concluded(
+    title: str, sprung: Sprung, pose: Found, given: Load, grid: Any, T: Array, columns: dict[str, Array]
+) -> ComplianceStudy:
+    load = np.array([*given.force, *given.moment])[: pose.C.shape[1]]
+    work = float(load @ pose.moved[0]) / 2
+    uv = sprung.section.coordinates(T)
+    mapped = {name: columns[name] for name in MAPPED if name in columns}
+    there = np.isfinite(mapped["softest_N_m"])
+    extremes = {name: _extremes(values, uv) for name, values in mapped.items()} if there.any() else {}
+    reasons = dict(sorted(Counter(r for r in columns["reason"] if r).items()))
+    by_C = float(load @ pose.C[0] @ load) / 2
+    own = _pose_values(sprung, pose)
+    places = {"u_m": uv[:, 0], "v_m": uv[:, 1], "x_m": T[:, 0], "y_m": T[:, 1], "z_m": T[:, 2]}
+    return ComplianceStudy(
+        status=SolveStatus.SOLVED if there.any() else SolveStatus.INFEASIBLE,
+        message=SolveStatus.SOLVED.sentence if there.any() else _empty(reasons),
+        title=title,
+        checks={
+            "work_by_two_roads": at_most(abs(work - by_C) / by_C if by_C else 0.0, WORK),
+            "asymmetry": at_most(float(np.abs(pose.C[0] - pose.C[0].T).max() / np.abs(pose.C[0]).max()), WORK),
+        },
+        **own,
+        work=work,
+        map={"points": int(there.sum()), **extremes},
+        reasons=reasons,
+        figures=_figures(sprung, grid, columns, mapped, own["shares"], work, title or "compliance"),
+        files={"map.csv": csv_text({n: c[there] for n, c in (places | mapped).items()})} if there.any() else {},
+    )
+
+
+def _figures(
+    sprung: Sprung, grid: Any, columns: dict[str, Array], mapped: dict[str, Array], shares: Any, work: float, title: str
+) -> dict[str, Any]:
+    figures: dict[str, Any] = {}
+    shape = (len(grid.coordinates[0]), len(grid.coordinates[1]))
+    if np.isfinite(mapped["softest_N_m"]).any():
+        arrows = columns["direction"] @ np.stack([sprung.section.across, sprung.section.up], axis=1)
+        for name in mapped:
+            figures[name.rpartition("_")[0].removesuffix("_N")] = partial(
+                _map_figure, sprung, grid, name, mapped[name].reshape(shape), title,
+                arrows.reshape(*shape, 2) if name == "softest_N_m" else None,
+            )  # fmt: skip
+    if shares is not None:
+        figures["shares"] = partial(_shares_figure, shares, work, title)
+    return figures
+
+
+def _extremes(values: Array, uv: Array) -> dict[str, Any]:
+    low, high = int(np.nanargmin(values)), int(np.nanargmax(values))
+    return {"least": float(values[low]), "least_at_m": uv[low].tolist(), "greatest": float(values[high]),
+            "greatest_at_m": uv[high].tolist()}  # fmt: skip
+
+
+def _empty(reasons: dict[str, int]) -> str:
+    most = max(reasons, key=lambda r: reasons[r])
+    return f"no point of the section is reached; most often: {most}"
+
+
+def _map_figure(sprung: Sprung, grid: Any, name: str, values: Array, title: str, arrows: Any) -> Any:
+    from ..plot.compliance import map_figure
+
+    words, scale, unit = MAPPED[name]
+    u, v = grid.coordinates
+    return map_figure(
+        u, v, scale * values, label=f"{words} [{unit}]", marks=sprung.marks, directions=arrows,
+        point=sprung.section.coordinates(sprung.home[None])[0], title=title, names=sprung.section.names,
+    )  # fmt: skip
+
+
+def _shares_figure(shares: dict[str, float], work: float, title: str) -> Any:
+    from ..plot.compliance import shares_figure
+
+    return shares_figure(
+        {WORDS[k]: shares[k] for k in GROUPS}, title=f"{title}:\nwhat takes the {work:.3g} J of the load"
+    )

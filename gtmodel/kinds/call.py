@@ -1,0 +1,34 @@
+"""The call of a study that a problem file means, as Python objects."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from gtmodel.results import Study
+
+
+class Call:
+    """A study with its arguments; calling it runs it, with progress=, max_seconds= and stop= as the study takes them.
+
+    study: the function of the library. arguments, options: its positional and named arguments, which may be looked at
+    and changed before the call.
+    """
+
+    def __init__(self, study: Callable[..., Study], *arguments: Any, **options: Any) -> None:
+        self.study = study
+        self.arguments = list(arguments)
+        self.options = options
+
+    def __call__(self, **work: Any) -> Any:
+        return self.study(*self.arguments, **self.options, **work)
+
+    def __repr__(self) -> str:
+        name = f"{self.study.__module__}.{self.study.__qualname__}"
+        given = [*map(_short, self.arguments), *(f"{k}={_short(v)}" for k, v in self.options.items())]
+        return f"{name}({', '.join(given)})"
+
+
+def _short(value: Any) -> str:
+    text = " ".join(repr(value).split())
+    return text if len(text) <= 200 else f"<{type(value).__name__}>"

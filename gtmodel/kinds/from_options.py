@@ -1,0 +1,137 @@
+"""Tables of a problem file made from the options of a study: keys, units, bounds and texts are declared there once."""
+
+from __future__ import annotations
+
+import dataclasses
+import inspect
+import types
+from collections.abc import Callable
+from typing import Annotated, Any, ClassVar, TypeVar, Union, get_args, get_origin, get_type_hints
+
+import numpy as np
+import pydantic
+
+from gtmodel.lang.units import convert
+from gtmodel.results.options import Long, Options, Unit, Within, declared
+from gtmodel.results.unit_names import named
+
+from .base import Section
+
+S = TypeVar("S", bound="Made")
+
+
+class Made(Section):
+    """A table whose keys are the fields of an options class; `options` gives the object back."""
+
+    of: ClassVar[type]
+    attributes: ClassVar[dict[str, str]]  # key -> field
+
+    def options(self) -> Any:
+        """The options that the table says, in SI. Raises ArgumentError where they contradict each other."""
+        given = {self.attributes[key]: _given(self, key) for key in self.attributes}
+        return self.of(**given)
+
+
+def _given(table: Made, key: str) -> Any:
+    value = getattr(table, key)
+    if isinstance(value, Made):
+        return value.options()
+    unit = next((m for m in declared(table.of)[table.attributes[key]] if isinstance(m, Unit)), None)
+    if value is None or unit is None or not unit.written:
+        return value
+    found = convert(np.asarray(value, float), unit.written, unit.text)
+    return found.tolist() if found.ndim else float(found)
+
+
+def made_from(options: type[Options], *left_out: str) -> Callable[[type[S]], type[S]]:
+    """Give a table the keys of an options class, except the fields that are left out; its own keys come behind."""
+
+    def made(cls: type[S]) -> type[S]:
+        hints = get_type_hints(options, include_extras=True)
+        fields: dict[str, Any] = {}
+        attributes: dict[str, str] = {}
+        for f in dataclasses.fields(options):  # pyright: ignore[reportArgumentType]
+            if f.name in left_out:
+                continue
+            marks = declared(options)[f.name]
+            key = _key(f.name, marks)
+            attributes[key] = f.name
+            fields[key] = (_hint(hints[f.name], marks), _field(f, marks))
+        found = pydantic.create_model(
+            cls.__name__, __base__=cls, __module__=cls.__module__,
+            __doc__=inspect.cleandoc(cls.__doc__ or options.__doc__ or ""), **fields,
+        )  # fmt: skip
+        found.of, found.attributes = options, attributes
+        return found
+
+    return made
+
+
+def _key(name: str, marks: tuple[Any, ...]) -> str:
+    unit = next((m for m in marks if isinstance(m, Unit)), None)
+    return name if unit is None else named(name, unit.written or unit.text)
+
+
+def _field(f: dataclasses.Field[Any], marks: tuple[Any, ...]) -> Any:
+    more: dict[str, Any] = {"description": next((m for m in marks if isinstance(m, str)), None)}
+    if f.default is not dataclasses.MISSING:
+        more["default"] = _plain(f.default, marks)
+    elif f.default_factory is not dataclasses.MISSING:
+        more["default"] = _plain(f.default_factory(), marks)
+    return pydantic.Field(**more)
+
+
+def _plain(value: Any, marks: tuple[Any, ...]) -> Any:
+    """A default as the file writes it."""
+    if dataclasses.is_dataclass(value):
+        inside = declared(type(value))
+        plain = {_key(name, found): _plain(getattr(value, name), found) for name, found in inside.items()}
+        return section_of(type(value)).model_construct(**plain)
+    unit = next((m for m in marks if isinstance(m, Unit)), None)
+    if value is not None and unit is not None and unit.written:
+        value = convert(np.asarray(value, float), unit.text, unit.written).tolist()
+    return list(value) if isinstance(value, tuple) else value
+
+
+_SECTIONS: dict[type, type[Made]] = {}
+
+
+def section_of(options: type) -> type[Made]:
+    """The table of an options class, with all its fields."""
+    if options not in _SECTIONS:
+        empty = types.new_class(
+            options.__name__, (Made,), {}, lambda space: space.update(__module__=options.__module__)
+        )
+        _SECTIONS[options] = made_from(options)(empty)
+    return _SECTIONS[options]
+
+
+def _hint(hint: Any, marks: tuple[Any, ...]) -> Any:
+    """The type of a key: bounds on each number of it, a count on each list."""
+    origin, inside = get_origin(hint), get_args(hint)
+    if origin is Annotated:
+        return _hint(inside[0], marks)
+    if origin in (Union, types.UnionType):
+        return Union[tuple(_hint(one, marks) for one in inside)]  # noqa: UP007
+    if origin in (list, tuple):
+        long = next((m for m in marks if isinstance(m, Long)), None)
+        listed = list[_hint(inside[0], tuple(m for m in marks if not isinstance(m, Long)))]
+        if long is None:
+            return listed
+        return Annotated[listed, pydantic.Field(min_length=long.count, max_length=long.count)]
+    if hint in (float, int):
+        within = [m for m in marks if isinstance(m, Within)]
+        if not within:
+            return hint
+        (w,) = within
+        unit = next((m for m in marks if isinstance(m, Unit) and m.written), None)
+        bounds = {"gt": w.above, "ge": w.least, "le": w.most, "lt": w.below}
+        kept: dict[str, Any] = {k: _written(x, unit) for k, x in bounds.items() if x is not None}
+        return Annotated[hint, pydantic.Field(**kept)]
+    if isinstance(hint, type) and issubclass(hint, Options):
+        return section_of(hint)
+    return hint
+
+
+def _written(x: float, unit: Unit | None) -> float:
+    return x if unit is None else float(f"{float(convert(x, unit.text, unit.written)):.12g}")

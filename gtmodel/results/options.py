@@ -1,0 +1,97 @@
+"""Options of a study: dataclasses whose fields say unit, bounds and meaning, from which the keys of files are made.
+
+    @dataclass(frozen=True)
+    class Limits(Options):
+        force: Annotated[float | None, Unit("N"), Within(above=0.0), "largest motor force"] = None
+
+In a problem file that is the key ``force_N``.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import Any, get_type_hints
+
+import numpy as np
+
+from .quantity import marks_of
+from .refusal import ArgumentError
+
+
+@dataclass(frozen=True)
+class Unit:
+    """Unit of a field, SI; `written`: that of the key in a file where people write another, as "deg" for rad."""
+
+    text: str
+    written: str = ""
+
+
+@dataclass(frozen=True)
+class Within:
+    """Bounds of a number, or of each number of a list: > above, >= least, <= most, < below."""
+
+    above: float | None = None
+    least: float | None = None
+    most: float | None = None
+    below: float | None = None
+
+    def holds(self, x: float) -> bool:
+        """Whether a number keeps all bounds."""
+        return (
+            (self.above is None or x > self.above)
+            and (self.least is None or x >= self.least)
+            and (self.most is None or x <= self.most)
+            and (self.below is None or x < self.below)
+        )
+
+    def __str__(self) -> str:
+        words = (("more than", self.above), ("at least", self.least), ("at most", self.most), ("less than", self.below))
+        return " and ".join(f"{word} {x:g}" for word, x in words if x is not None)
+
+
+@dataclass(frozen=True)
+class Long:
+    """How many entries a list has."""
+
+    count: int
+
+
+class Options:
+    """Base of the options of studies: checked when made, whoever makes them. Raises ArgumentError."""
+
+    def __post_init__(self) -> None:
+        for name, marks in declared(type(self)).items():
+            value = getattr(self, name)
+            if value is None:
+                continue
+            bounds = [m for m in marks if isinstance(m, Within)]
+            for x in _numbers(value):
+                if not math.isfinite(x):
+                    raise ArgumentError(f"expected finite numbers; found {x:g}", name)
+                for bound in bounds:
+                    if not bound.holds(x):
+                        raise ArgumentError(f"must be {bound}; found {x:g}", name)
+            for mark in marks:
+                if isinstance(mark, Long) and np.size(value) != mark.count:
+                    raise ArgumentError(f"expected {mark.count} numbers; found {np.size(value)}", name)
+
+
+@cache
+def declared(cls: type) -> dict[str, tuple[Any, ...]]:
+    """What the fields of an options class carry besides their types: Unit, Within, Long and a description."""
+    hints = get_type_hints(cls, include_extras=True)
+    return {f.name: marks_of(hints[f.name]) for f in dataclasses.fields(cls)}
+
+
+def _numbers(value: Any) -> Iterator[float]:
+    if isinstance(value, np.ndarray):
+        yield from np.ravel(value).tolist() if value.dtype.kind in "fiu" else ()
+    elif isinstance(value, (list, tuple)) or (isinstance(value, Sequence) and not isinstance(value, str)):
+        for one in value:
+            yield from _numbers(one)
+    elif isinstance(value, (int, float)) and not isinstance(value, bool):
+        yield float(value)

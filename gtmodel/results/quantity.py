@@ -1,0 +1,75 @@
+"""Quantities of options and results, each declared once: unit, description, name in a table, name in a file."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Annotated, Any, NamedTuple, get_args, get_origin, get_type_hints
+
+import numpy as np
+
+from ..lang.units import convert
+from .unit_names import named
+
+
+class Row(NamedTuple):
+    """One row of the table that people see."""
+
+    label: str
+    value: Any
+    unit: str = ""
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """What an attribute of a study is: `stiffness: Annotated[Array, Quantity("N/m", "along the axes", "stiffness")]`.
+
+    unit: of the attribute, SI; "" for none.
+    description: for `gtmodel schema`, in a few words.
+    label: its row in the table; no row of its own if empty.
+    shown: the unit of that row, if not `unit`.
+    key: its name in result.json, if not the attribute's name with the unit: ``stiffness_N_m``.
+    """
+
+    unit: str = ""
+    description: str = ""
+    label: str = ""
+    shown: str = ""
+    key: str = ""
+
+    def name(self, attribute: str) -> str:
+        """The name in result.json."""
+        return self.key or named(attribute, self.unit)
+
+    def row(self, value: Any) -> Row:
+        """The row of the table: numbers in the unit that is shown, vectors as text."""
+        unit = self.shown or self.unit
+        if self.shown and self.shown != self.unit:
+            value = convert(np.asarray(value, float), self.unit, self.shown)
+        if isinstance(value, (np.ndarray, list, tuple)) and np.ndim(value):
+            value = listed(np.ravel(value))
+        return Row(self.label, value.item() if isinstance(value, np.ndarray) else value, unit)
+
+
+def quantities(cls: type) -> dict[str, Quantity]:
+    """The declared quantities of a study's class by attribute, in the order of their declaration."""
+    hints = get_type_hints(cls, include_extras=True)
+    order = [f.name for f in dataclasses.fields(cls)]
+    found = {name: marks_of(hints[name]) for name in order}
+    return {name: q for name, marks in found.items() for q in marks if isinstance(q, Quantity)}
+
+
+def marks_of(hint: Any) -> tuple[Any, ...]:
+    """What an annotation carries besides its type."""
+    return tuple(get_args(hint)[1:]) if get_origin(hint) is Annotated else ()
+
+
+def listed(numbers: Iterable[float]) -> str:
+    """The numbers of a vector, such as "1, 0.25, 0"."""
+    return ", ".join(f"{x + 0.0:.4g}" for x in numbers)  # -0 is 0
+
+
+def described(cls: type) -> Mapping[str, str]:
+    """Name in result.json -> description."""
+    return {q.name(attribute): q.description for attribute, q in quantities(cls).items()}

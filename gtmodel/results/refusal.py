@@ -1,0 +1,19 @@
+"""The one refusal of all libraries."""
+
+from __future__ import annotations
+
+
+class ArgumentError(ValueError):
+    """What a caller gave cannot be used: one plain sentence, and which argument it is.
+
+    sentence: what was found, what was expected, what to do; without the argument's name.
+    argument: its name, dotted where it is an entry of an options object ("limits.force"); "" where it is none alone.
+    """
+
+    def __init__(self, sentence: str, argument: str = "") -> None:
+        super().__init__(sentence, argument)
+        self.sentence = sentence
+        self.argument = argument
+
+    def __str__(self) -> str:
+        return f"{self.argument}: {self.sentence}" if self.argument else self.sentence

@@ -1,0 +1,113 @@
+"""What a study returns: status, numbers, checks, notes, pictures and files, from one declaration."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Self
+
+from .check import Check, failed_of, verdict
+from .quantity import Quantity, Row, quantities
+from .refusal import ArgumentError
+from .status import SolveStatus
+from .trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+TRAJECTORY = "trajectory.csv"  # of every study with a trajectory
+
+
+@dataclass(frozen=True, kw_only=True)
+class Study:
+    """What a study of any library returns; a subclass declares its quantities as annotated attributes.
+
+    status, message: how it ended; objective, iterations: where a solver ran.
+    checks: numbers that were tested, by name. notes: what a person is to know besides.
+    trajectory: the motion, where there is one.
+    figures: name -> function that draws it, a matplotlib figure; `figure` calls one.
+    files: file name -> content of what is written besides result.json, such as map.csv.
+    machine_files: names of those that a machine or another program takes over, such as a robot program; they are not
+        written unless the result may be used. TRAJECTORY is one of them where it is what the machine follows; of the
+        other studies it is written, and marked.
+
+    Solved with a failed check is no state of a study: it becomes CHECK_FAILED, with a message that names the checks.
+    """
+
+    status: SolveStatus
+    message: str = ""
+    title: str = ""
+    notes: Sequence[str] = ()
+    objective: float | None = None
+    iterations: int | None = None
+    checks: Mapping[str, Check] = field(default_factory=dict)
+    trajectory: Trajectory | None = None
+    figures: Mapping[str, Callable[[], Any]] = field(default_factory=dict)
+    files: Mapping[str, str | bytes] = field(default_factory=dict)
+    machine_files: Collection[str] = ()
+
+    def __post_init__(self) -> None:
+        if self.status.ok and (failed := failed_of(self.checks)):
+            object.__setattr__(self, "status", SolveStatus.CHECK_FAILED)
+            object.__setattr__(self, "message", verdict(failed, len(self.checks)))
+
+    @classmethod
+    def quantities(cls) -> dict[str, Quantity]:
+        """The declared quantities by attribute."""
+        return quantities(cls)
+
+    @property
+    def values(self) -> Mapping[str, Any]:
+        """The declared quantities by their names in result.json, which carry the units."""
+        return {q.name(attribute): getattr(self, attribute) for attribute, q in self.quantities().items()}
+
+    @property
+    def rows(self) -> list[Row]:
+        """The table for people: every quantity with a label that has a value."""
+        found = ((q, getattr(self, attribute)) for attribute, q in self.quantities().items() if q.label)
+        return [q.row(value) for q, value in found if value is not None]
+
+    @property
+    def told(self) -> str:
+        """What it says of itself in a sentence."""
+        return str(self.message or self.status.sentence)
+
+    def with_(self, **changes: Any) -> Self:
+        """The same study with other attributes."""
+        changed = copy.copy(self)
+        for name, value in changes.items():
+            object.__setattr__(changed, name, value)
+        changed.__post_init__()
+        return changed
+
+    def figure(self, name: str = "") -> Figure:
+        """A picture by name, the first if left out. Raises ArgumentError for a name that is not there."""
+        there = ", ".join(self.figures) or "none"
+        if not self.figures or (name and name not in self.figures):
+            raise ArgumentError(f"there is no picture '{name}'; there are {there}", "name")
+        return self.figures[name or next(iter(self.figures))]()
+
+    def write(self, folder: str | Path, *, plot: bool = False, write_failed: bool = False) -> list[Path]:
+        """Write result.json, the files and with `plot` the pictures into a folder of its own; returns the paths.
+
+        What goes to a machine is written only of a result that may be used, or marked with `write_failed`. Raises
+        ArgumentError for a folder with files that gtmodel did not write.
+        """
+        from .written import write
+
+        return write(self, Path(folder), plot=plot, write_failed=write_failed)
+
+    def __str__(self) -> str:
+        from .table import text
+
+        return text(self)
+
+    def _repr_html_(self) -> str:
+        from .table import html
+
+        return html(self)
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__}: {self.status.value}>"

@@ -1,0 +1,113 @@
+"""The table of a study for people: in a terminal, in a text, in a notebook."""
+
+from __future__ import annotations
+
+import base64
+import html as markup
+import math
+import unicodedata
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from .check import Check, bound_in_words
+from .unit_names import split
+
+if TYPE_CHECKING:
+    from .study import Study
+
+HEAD = ("quantity", "value", "unit", "")
+_SHORT = 32  # characters; a longer text that ends its row sets no column's width
+
+
+def cells(study: Study) -> list[tuple[str, str, str, str]]:
+    """Rows of quantity, value, unit and verdict: status, iterations, quantities, checks."""
+    rows = [("status", study.status.value, "", "")]
+    if study.iterations is not None:
+        rows.append(("iterations", str(study.iterations), "", ""))
+    for label, value, *unit in study.rows or _of_values(study.values):
+        rows.append((label, number(value), str(unit[0]) if unit else "", ""))
+    for name, check in study.checks.items():
+        stem, unit = split(name)
+        rows.append((stem.replace("_", " "), number(_value(check)), unit, _verdict(check)))
+    return rows
+
+
+def _value(check: Check) -> float | None:
+    return check.value if math.isfinite(check.value) else None
+
+
+def _verdict(check: Check) -> str:
+    bound = "" if check.bound is None else f" ({bound_in_words(check)})"
+    return f"{'passed' if check.passed else 'FAILED'}{bound}"
+
+
+def _of_values(values: Mapping[str, Any]) -> Iterator[tuple[str, Any, str]]:
+    for name, value in values.items():
+        stem, unit = split(name)
+        yield stem.replace("_", " "), value, unit
+
+
+def text(study: Study) -> str:
+    """The whole study as text."""
+    told = [] if study.message in ("", study.status.value) else ["", study.message]
+    return "\n".join([plain(HEAD, cells(study), study.title), *told, *(f"note: {note}" for note in study.notes)])
+
+
+def plain(head: Sequence[str], rows: Sequence[Sequence[str]], title: str = "") -> str:
+    """A table as text: no line is broken. A sentence that ends its row, as a note does, runs on and does not push the
+    columns behind it apart."""
+    widths = [width(name) for name in head]
+    for row in rows:
+        for k, cell in enumerate(row):
+            if any(row[k + 1 :]) or width(cell) <= _SHORT:
+                widths[k] = max(widths[k], width(cell))
+    lines = [
+        "   ".join(cell + " " * (w - width(cell)) for cell, w in zip(r, widths, strict=True)) for r in (head, *rows)
+    ]
+    lines.insert(1, "─" * max(sum(widths) + 3 * (len(widths) - 1), 1))
+    return "\n".join([*([title, ""] if title else []), *(f" {line}".rstrip() for line in lines)])
+
+
+def width(cell: str) -> int:
+    """How many places a text takes on a terminal."""
+    return sum(0 if unicodedata.combining(c) else 2 if unicodedata.east_asian_width(c) in "WF" else 1 for c in cell)
+
+
+def html(study: Study) -> str:
+    """The table, and the first picture where matplotlib is installed, for a notebook."""
+    lines = [f"<b>{markup.escape(study.title)}</b>"] if study.title else []
+    lines.append("<table><tr>" + "".join(f"<th>{h}</th>" for h in HEAD) + "</tr>")
+    for row in cells(study):
+        lines.append("<tr>" + "".join(f"<td>{markup.escape(cell)}</td>" for cell in row) + "</tr>")
+    lines.append("</table>")
+    lines += [f"<p>{markup.escape(told)}</p>" for told in (study.message, *study.notes) if told]
+    return "\n".join([*lines, *_picture(study)])
+
+
+def _picture(study: Study) -> list[str]:
+    if not study.figures:
+        return []
+    try:
+        from .written import png
+
+        content = png(study.figures[next(iter(study.figures))])
+    except ImportError:
+        return []
+    return [f'<img src="data:image/png;base64,{base64.b64encode(content).decode()}"/>']
+
+
+def number(value: Any) -> str:
+    """A value for people: six digits, lists separated by commas."""
+    if value is None:
+        return "none"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, (str, int)):
+        return str(value)
+    if isinstance(value, Mapping):
+        return ", ".join(f"{k} = {number(v)}" for k, v in value.items())
+    if hasattr(value, "tolist"):
+        return number(value.tolist())
+    if isinstance(value, (list, tuple)):
+        return ", ".join(number(v) for v in value)
+    return f"{value:.6g}" if isinstance(value, float) else str(value)

@@ -1,0 +1,52 @@
+"""What a long computation tells meanwhile, and when it is to stop."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Protocol
+
+
+class Progress(Protocol):
+    """Shows how far the work is: what is being done, the fraction done from 0 to 1 if known, and numbers."""
+
+    def __call__(
+        self,
+        stage: str | None = None,
+        fraction: float | None = None,
+        numbers: Mapping[str, float] | None = None,
+    ) -> object: ...
+
+
+def silent(stage: str | None = None, fraction: float | None = None, numbers: Mapping[str, float] | None = None) -> None:
+    """Shows nothing."""
+
+
+def never() -> bool:
+    """No stop is asked for."""
+    return False
+
+
+@dataclass(frozen=True, kw_only=True)
+class Work:
+    """Progress and end of one run; made of the arguments `progress`, `max_seconds` and `stop` that every study takes.
+
+    max_seconds: time limit [s] from the making of this object on; None for none.
+    stop: asked once per step of the work; True ends it with what there is.
+    """
+
+    progress: Progress = silent
+    max_seconds: float | None = None
+    stop: Callable[[], bool] = never
+    began: float = field(default_factory=time.monotonic)
+
+    def interrupted(self) -> bool:
+        """True once a stop was asked for or the time is over; engines ask once per iteration."""
+        return self.stop() or self.seconds_left() == 0.0
+
+    def seconds_left(self) -> float | None:
+        """Time left [s], never negative; None without a limit."""
+        if self.max_seconds is None:
+            return None
+        return max(0.0, self.max_seconds - (time.monotonic() - self.began))

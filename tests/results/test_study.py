@@ -1,0 +1,170 @@
+"""Studies: quantities declared once, verdicts, options, and the sections of problem files made from them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Annotated
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gtmodel.kinds import InputError
+from gtmodel.kinds.arguments import key_of
+from gtmodel.kinds.base import Problem
+from gtmodel.kinds.from_options import Made, made_from, section_of
+from gtmodel.kinds.load import validate
+from gtmodel.results import (
+    ArgumentError,
+    Check,
+    Long,
+    Options,
+    Quantity,
+    SolveStatus,
+    Study,
+    Unit,
+    Within,
+    Work,
+    at_least,
+    at_most,
+)  # fmt: skip
+from gtmodel.results.quantity import described
+from gtmodel.results.unit_names import named, split
+
+UNITS = ["", "1", "m", "N", "N/m", "N.m", "N.m/rad", "m/s2", "Hz", "kg.m2", "%", "rad", "deg", "MN.m/rad", "kg/s"]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Beam(Study):
+    stiffness: Annotated[np.ndarray, Quantity("N/m", "along the axes", "stiffness", "kN/m")]
+    mass: Annotated[float | None, Quantity("kg", "of all", "mass")] = None
+    reasons: Annotated[dict, Quantity("", "why")] = field(default_factory=dict)
+
+
+def beam(**more) -> Beam:
+    return Beam(status=SolveStatus.SOLVED, stiffness=np.array([2e3, 4e3]), **more)
+
+
+def test_one_declaration_gives_attribute_value_row_and_description():
+    b = beam()
+    assert list(b.values) == ["stiffness_N_m", "mass_kg", "reasons"] == list(described(Beam))
+    assert b.values["stiffness_N_m"] is b.stiffness
+    (row,) = b.rows  # what has no value has no row
+    assert tuple(row) == ("stiffness", "2, 4", "kN/m")
+    assert beam(mass=3.0).rows[1].unit == "kg"
+
+
+@pytest.mark.parametrize("unit", UNITS)
+def test_names_carry_units_both_ways(unit):
+    if unit == "kg.m2":  # no name can: it would read as another unit
+        with pytest.raises(ValueError):
+            named("inertia", unit)
+    else:
+        assert split(named("inertia", unit)) == ("inertia", "" if unit == "1" else unit)
+
+
+def test_solved_with_a_failed_check_does_not_exist():
+    failed = beam(checks={"end_m": at_most(2.0, 1.0, "go on")})
+    assert failed.status is SolveStatus.CHECK_FAILED and "go on" in failed.message
+    assert beam().with_(checks={"end_m": at_most(2.0, 1.0)}).status is SolveStatus.CHECK_FAILED
+    assert beam(checks={"end_m": at_most(1.0, 1.0)}).status is SolveStatus.SOLVED
+
+
+@given(st.floats(), st.floats(allow_nan=False))
+def test_checks_compare_and_what_is_not_finite_fails(value, bound):
+    finite = math.isfinite(value)
+    assert at_most(value, bound).passed == (finite and value <= bound)
+    assert at_least(value, bound).passed == (finite and value >= bound)
+    assert not Check(value, bound, judged=False).passed
+
+
+def test_texts_show_every_row_and_check():
+    b = beam(mass=1.5, checks={"end_error_m": at_most(1e-3, 2e-3)}, notes=["a <b>"], title="T")
+    for told in (str(b), b._repr_html_()):
+        assert all(word in told for word in ("solved", "stiffness", "2, 4", "kN/m", "1.5", "end error", "passed"))
+    assert "&lt;b&gt;" in b._repr_html_() and repr(b) == "<Beam: solved>"
+
+
+def test_a_picture_that_is_not_there_is_refused():
+    with pytest.raises(ArgumentError) as caught:
+        beam(figures={"motion": object}).figure("force")
+    assert caught.value.argument == "name"
+
+
+@dataclass(frozen=True)
+class Inner(Options):
+    angle: Annotated[float, Unit("rad", written="deg"), Within(above=0.0, most=math.pi), "of it"] = math.pi / 2
+
+
+@dataclass(frozen=True)
+class Limits(Options):
+    """How much."""
+
+    force: Annotated[float | list[float], Unit("N"), Within(above=0.0), "largest motor force"]
+    place: Annotated[list[float] | None, Unit("m"), Long(3), "where"] = None
+    inner: Inner = Inner()
+
+
+@pytest.mark.parametrize(
+    ("made", "argument"),
+    [
+        (lambda: Limits(0.0), "force"),
+        (lambda: Limits([1.0, -1.0]), "force"),
+        (lambda: Limits(math.nan), "force"),
+        (lambda: Limits(1.0, [1.0]), "place"),
+        (lambda: Inner(4.0), "angle"),
+    ],
+)
+def test_options_are_checked_whoever_makes_them(made, argument):
+    with pytest.raises(ArgumentError) as caught:
+        made()
+    assert caught.value.argument == argument
+
+
+def test_a_section_is_made_of_options_and_gives_them_back():
+    given = {"force_N": [1.0, 2.0], "place_m": [0.0, 1.0, 2.0], "inner": {"angle_deg": 30.0}}
+    found = validate(section_of(Limits), given).options()
+    assert found == Limits([1.0, 2.0], [0.0, 1.0, 2.0], Inner(math.radians(30.0)))
+    assert validate(section_of(Limits), {"force_N": 1.0}).options() == Limits(1.0)
+
+
+@pytest.mark.parametrize(
+    ("given", "key"),
+    [
+        ({"force_N": 0.0}, "force_N"),
+        ({}, "force_N"),
+        ({"force_N": 1.0, "place_m": [1.0]}, "place_m"),
+        ({"force_N": 1.0, "inner": {"angle_deg": 200.0}}, "inner.angle_deg"),
+        ({"force_N": 1.0, "angle": 1.0}, "angle"),
+    ],
+)
+def test_a_section_refuses_at_its_key(given, key):
+    with pytest.raises(InputError) as caught:
+        validate(section_of(Limits), given)
+    assert caught.value.key == key
+
+
+@made_from(Limits, "inner")
+class _Table(Made):
+    """With a key of its own."""
+
+    more: int = 0
+
+
+class _Schema(Problem):
+    limits: _Table
+
+
+@pytest.mark.parametrize(
+    ("argument", "key"),
+    [("limits.force", "limits.force_N"), ("bounds.force", "limits.force_N"), ("bounds", "limits"), ("other", "other")],
+)
+def test_arguments_are_found_among_the_keys(argument, key):
+    assert key_of(_Schema, argument, {"bounds": "limits"}) == key
+
+
+def test_work_ends_by_time_and_by_request():
+    assert Work(max_seconds=0.0).interrupted() and Work(stop=lambda: True).interrupted()
+    assert not Work().interrupted() and Work().seconds_left() is None
