@@ -14,7 +14,8 @@ from typing import Any
 import pytest
 
 from gtmodel import kinds
-from gtmodel.kinds import fields, units
+from gtmodel.kinds import fields
+from gtmodel.results.unit_names import unit_of
 from tests.support.commands import CLONE, Commands, command, environment, process
 from tests.support.own_models import FILES
 
@@ -65,7 +66,7 @@ def test_schema_describes_every_key_and_value(gtmodel: Commands, kind: str) -> N
     for key in document["keys"]:
         assert key["description"], key["key"]
         assert key["key"] in printed.out
-        assert key["unit"] == units.unit_of(fields.Key(**key).name) or not key["unit"], key["key"]
+        assert key["unit"] == unit_of(fields.Key(**key).name) or not key["unit"], key["key"]
     assert document["values"]
     for name, about in document["values"].items():
         assert about["description"] and name in printed.out

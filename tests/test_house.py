@@ -1,0 +1,81 @@
+"""The house of ARCHITECTURE.md: who imports whom, and what stands where."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+HOUSE = Path(__file__).resolve().parents[1] / "gtmodel"
+# a line imports only lines above it; names of one line do not import each other, but for those that ALLOWED says
+LINES = [
+    {"lang"}, {"results"}, {"compiler"}, {"measurements", "inference"}, {"simulate", "optimize", "cgen", "control"},
+    {"mechanics"}, {"robots"},
+    {"kinematics", "motion", "calibrate", "identify", "compliance", "vibration", "milling", "loop"},
+    {"plot"}, {"problem_files"}, {"kinds"},
+]  # fmt: skip
+LEVEL = {name: n for n, line in enumerate(LINES) for name in line}
+FILES_ONLY = {"pydantic", "typer", "rich", "tomli_w"}
+LIBRARIES = [name for name in LEVEL if LEVEL[name] < LEVEL["problem_files"]]
+
+
+def imports(path: Path, nested: bool = True) -> Iterator[tuple[str, int]]:
+    """Modules that a file imports, absolute, with the line; `nested` also inside functions."""
+    tree = ast.parse(path.read_text())
+    skipped = {id(n) for b in ast.walk(tree) if _for_types(b) for n in ast.walk(b)}
+    inside = {id(n) for f in ast.walk(tree) if isinstance(f, ast.FunctionDef) for n in ast.walk(f)}
+    package = ["gtmodel", *path.relative_to(HOUSE).with_suffix("").parts[:-1]]
+    for node in ast.walk(tree):
+        if id(node) in skipped or (not nested and id(node) in inside):
+            continue
+        if isinstance(node, ast.Import):
+            yield from ((a.name, node.lineno) for a in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            base = package[: len(package) + 1 - node.level] if node.level else []
+            module = ".".join([*base, *([node.module] if node.module else [])])
+            yield module, node.lineno
+            yield from ((f"{module}.{a.name}", node.lineno) for a in node.names)
+
+
+def _for_types(node: ast.AST) -> bool:
+    return isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING"
+
+
+def part_of(module: str) -> str:
+    words = module.split(".")
+    return words[1] if words[0] == "gtmodel" and len(words) > 1 else ""
+
+
+@pytest.mark.parametrize("name", LIBRARIES)
+def test_no_library_knows_files_of_problems(name):
+    for path in sorted((HOUSE / name).rglob("*.py")):
+        for module, line in imports(path):
+            assert module.split(".")[0] not in FILES_ONLY, f"{path}:{line} imports {module}"
+            assert part_of(module) not in ("kinds", "problem_files", "cli"), f"{path}:{line} imports {module}"
+
+
+@pytest.mark.parametrize("name", [n for n in LIBRARIES if n != "plot"])
+def test_no_library_needs_matplotlib_before_a_picture(name):
+    for path in sorted((HOUSE / name).rglob("*.py")):
+        for module, line in imports(path, nested=False):
+            assert module.split(".")[0] != "matplotlib", f"{path}:{line}"
+            assert part_of(module) != "plot", f"{path}:{line}: import the picture where it is drawn"
+
+
+def test_robots_are_not_compared_by_name_outside_robots():
+    for path in sorted(HOUSE.rglob("*.py")):
+        if "robots" in path.relative_to(HOUSE).parts:
+            continue
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.Compare):
+                sides = [node.left, *node.comparators]
+                named = any(getattr(s, "id", getattr(s, "attr", "")) == "robot" for s in sides)
+                texts = any(isinstance(s, ast.Constant) and isinstance(s.value, str) and s.value for s in sides)
+                assert not (named and texts), f"{path}:{node.lineno} compares a robot with a name"
+
+
+def test_notebooks_need_no_kinds():
+    for path in sorted((HOUSE.parent / "notebooks").glob("*.py")):
+        assert "gtmodel.kinds" not in path.read_text(), f"{path.name} imports gtmodel.kinds"
