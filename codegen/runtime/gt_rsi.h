@@ -50,7 +50,9 @@ typedef struct gt_rsi_sensor {
 } gt_rsi_sensor;
 
 /* Reads `length` bytes as a telegram of a controller. 1 and `robot`, or 0 for one that is cut, malformed, without
- * IPOC, or holds a number that is not decimal. Elements and attributes that are not known are skipped. */
+ * IPOC, or holds a number that is not decimal. What is read stands once and in <Rob> itself; nothing but spaces stands
+ * before <Rob> and its prologue, and behind </Rob>. Elements and attributes that are not known are skipped; of closing
+ * tags only those of Rob and IPOC are compared. */
 int gt_rsi_read_robot(const uint8_t *data, uint32_t length, gt_rsi_robot *robot);
 
 /* Writes the answer, numbers rounded to 1e-6; returns its length, 0 if it does not fit or a number is not finite or

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import casadi as ca
 
-from .rewriting import rewritten
+from .rewriting import applied, rewritten, walked
 
 _SUMS = (ca.OP_ADD, ca.OP_SUB)
 Shifted = tuple[ca.SX, float]  # an expression that nothing else reads, and what is to be added to it
@@ -21,22 +21,23 @@ def with_gathered_constants(expressions: Sequence[ca.SX]) -> list[ca.SX]:
     return rewritten(expressions, _rewritten)
 
 
+class _Gathered:
+    def __init__(self, f: ca.Function) -> None:
+        self._uses = _uses(f)
+
+    def leaf(self, x: ca.SX) -> Shifted:
+        return x, 0.0
+
+    def operation(self, k: int, op: int, given: list[Shifted]) -> Shifted:
+        found = _operation(op, given)
+        return found if self._uses[k] == 1 else (_whole(found), 0.0)
+
+    def whole(self, form: Shifted) -> ca.SX:
+        return _whole(form)
+
+
 def _rewritten(f: ca.Function, symbols: list[ca.SX]) -> list[ca.SX]:
-    uses = _uses(f)
-    work: dict[int, Shifted] = {}
-    results = [ca.SX(0)] * f.numel_out(0)
-    for k in range(f.n_instructions()):
-        op, given, put = f.instruction_id(k), f.instruction_input(k), f.instruction_output(k)
-        if op == ca.OP_OUTPUT:
-            results[put[1]] = _whole(work[given[0]])
-        elif op == ca.OP_INPUT:
-            work[put[0]] = (symbols[given[1]], 0.0)
-        elif op == ca.OP_CONST:
-            work[put[0]] = (ca.SX(f.instruction_constant(k)), 0.0)
-        else:
-            found = _operation(op, [work[i] for i in given])
-            work[put[0]] = found if uses[k] == 1 else (_whole(found), 0.0)
-    return results
+    return walked(f, symbols, _Gathered(f))
 
 
 def _operation(op: int, given: list[Shifted]) -> Shifted:
@@ -49,8 +50,7 @@ def _operation(op: int, given: list[Shifted]) -> Shifted:
             return y, d + (float(x) + c)
     if op == ca.OP_ASSIGN:
         return given[0]
-    parts = [_whole(g) for g in given]
-    return (ca.SX.unary(op, *parts) if len(parts) == 1 else ca.SX.binary(op, *parts)), 0.0
+    return applied(op, [_whole(g) for g in given]), 0.0
 
 
 def _whole(shifted: Shifted) -> ca.SX:

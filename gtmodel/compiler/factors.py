@@ -12,7 +12,7 @@ from collections.abc import Sequence
 
 import casadi as ca
 
-from .rewriting import rewritten
+from .rewriting import applied, rewritten, walked
 
 Factored = tuple[float, ca.SX]  # +-2^k and what it multiplies
 
@@ -22,20 +22,19 @@ def without_factors(expressions: Sequence[ca.SX]) -> list[ca.SX]:
     return rewritten(expressions, _rewritten)
 
 
+class _Factors:
+    def leaf(self, x: ca.SX) -> Factored:
+        return 1.0, x
+
+    def operation(self, k: int, op: int, given: list[Factored]) -> Factored:
+        return _operation(op, given)
+
+    def whole(self, form: Factored) -> ca.SX:
+        return _whole(form)
+
+
 def _rewritten(f: ca.Function, symbols: list[ca.SX]) -> list[ca.SX]:
-    work: dict[int, Factored] = {}
-    results = [ca.SX(0)] * f.numel_out(0)
-    for k in range(f.n_instructions()):
-        op, given, put = f.instruction_id(k), f.instruction_input(k), f.instruction_output(k)
-        if op == ca.OP_OUTPUT:
-            results[put[1]] = _whole(work[given[0]])
-        elif op == ca.OP_INPUT:
-            work[put[0]] = (1.0, symbols[given[1]])
-        elif op == ca.OP_CONST:
-            work[put[0]] = (1.0, ca.SX(f.instruction_constant(k)))
-        else:
-            work[put[0]] = _operation(op, [work[i] for i in given])
-    return results
+    return walked(f, symbols, _Factors())
 
 
 def _operation(op: int, given: list[Factored]) -> Factored:
@@ -67,8 +66,7 @@ def _operation(op: int, given: list[Factored]) -> Factored:
         return 1.0, _sum(c, x, d, y)
     if op == ca.OP_ASSIGN:
         return c, x
-    parts = [_whole(g) for g in given]
-    return 1.0, ca.SX.unary(op, *parts) if len(parts) == 1 else ca.SX.binary(op, *parts)
+    return 1.0, applied(op, [_whole(g) for g in given])
 
 
 def _constant(c: float, x: ca.SX) -> Factored:

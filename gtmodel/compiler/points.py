@@ -39,6 +39,10 @@ SHORTEST_PART = 1e-12
 DRAWS = 30
 # s; some models have no solution at time 0; no round numbers, where roots may meet
 OTHER_TIMES = (1.1, 11.3, 0.13, 97.0)
+# rows or columns up to which a dense matrix costs less than the sparse one's bookkeeping
+DENSE = 200
+
+Jacobian = np.ndarray | csc_matrix
 
 
 class _Stage:
@@ -46,39 +50,52 @@ class _Stage:
         self._fun = fun
         self._shape = sparsity.shape
         self._indices, self._pointers = np.array(sparsity.row()), np.array(sparsity.colind())
+        self._columns = np.repeat(np.arange(self._shape[1]), np.diff(self._pointers))
+        self._dense = max(self._shape) <= DENSE
 
-    def __call__(self, w: np.ndarray, p: np.ndarray, time: float) -> tuple[np.ndarray, csc_matrix | None]:
+    def __call__(self, w: np.ndarray, p: np.ndarray, time: float) -> tuple[np.ndarray, Jacobian | None]:
         r, values = (np.array(x.nonzeros()) for x in self._fun.call([ca.DM(w), ca.DM(p), ca.DM(time)]))
         if not np.all(np.isfinite(r)) or not np.all(np.isfinite(values)):
             return r, None  # outside the domain of a root, or at its edge
+        if self._dense:
+            jacobian = np.zeros(self._shape)
+            jacobian[self._indices, self._columns] = values
+            return r, jacobian
         return r, csc_matrix((values, self._indices, self._pointers), shape=self._shape)
 
     def outside(self, w: np.ndarray, p: np.ndarray, time: float) -> np.ndarray:
         """Which columns stand in a row that is not finite, or whose derivatives are not."""
         r, values = (np.array(x.nonzeros()) for x in self._fun.call([ca.DM(w), ca.DM(p), ca.DM(time)]))
-        columns = np.repeat(np.arange(self._shape[1]), np.diff(self._pointers))
         rows = ~np.isfinite(r)
         rows[self._indices[~np.isfinite(values)]] = True
         found = np.zeros(self._shape[1], dtype=bool)
-        found[columns[rows[self._indices]]] = True
+        found[self._columns[rows[self._indices]]] = True
         return found
 
 
-def _least_norm(jacobian: csc_matrix, reach: np.ndarray, r: np.ndarray) -> np.ndarray:
-    scaled: Any = jacobian @ diags(reach)
+def _least_norm(jacobian: Jacobian, reach: np.ndarray, r: np.ndarray) -> np.ndarray:
+    scaled: Any = jacobian * reach if isinstance(jacobian, np.ndarray) else jacobian @ diags(reach)
     rows = np.flatnonzero(abs(scaled).sum(axis=1))
     if len(rows) < len(r):  # equations among what stays where it is
-        scaled, r = scaled.tocsr()[rows], r[rows]
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        try:
-            step = scaled.T @ splu((scaled @ scaled.T).tocsc()).solve(-r)
-        except RuntimeError:
-            step = np.full(len(reach), np.nan)
+        scaled, r = (scaled if isinstance(scaled, np.ndarray) else scaled.tocsr())[rows], r[rows]
+    step = _through_normal_equations(scaled, r)
     left = np.linalg.norm(scaled @ step + r)
     if not left <= 1e-6 * np.linalg.norm(r):
-        step = np.linalg.lstsq(scaled.toarray(), -r, rcond=1e-10)[0]
+        whole = scaled if isinstance(scaled, np.ndarray) else scaled.toarray()
+        step = np.linalg.lstsq(whole, -r, rcond=1e-10)[0]
     return reach * step
+
+
+def _through_normal_equations(scaled: Any, r: np.ndarray) -> np.ndarray:
+    """Least-norm step; NaN where the normal equations are singular."""
+    try:
+        if isinstance(scaled, np.ndarray):
+            return scaled.T @ np.linalg.solve(scaled @ scaled.T, -r)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return scaled.T @ splu((scaled @ scaled.T).tocsc()).solve(-r)
+    except (RuntimeError, np.linalg.LinAlgError):
+        return np.full(scaled.shape[1], np.nan)
 
 
 @dataclass
@@ -275,7 +292,7 @@ class Sampler:
 
     def _step(
         self, fun: _Stage, new: np.ndarray, step: np.ndarray, w: np.ndarray, p: np.ndarray
-    ) -> tuple[np.ndarray, csc_matrix | None]:
+    ) -> tuple[np.ndarray, Jacobian | None]:
         """Change w by the step, or by as much of it as leaves the equations numbers; what they give there."""
         begin, part = w[new].copy(), 1.0
         while True:

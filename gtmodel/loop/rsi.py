@@ -98,45 +98,65 @@ class _Scanner:
     def __init__(self, data: bytes) -> None:
         self.data = data
         self.at = 0
+        self.read: set[str] = set()
 
     def robot(self) -> Robot:
-        robot, opened = Robot(), False
+        robot, depth = Robot(), 0  # open elements, <Rob> is the first
         while self.at < len(self.data):
-            self._to(b"<")
+            self._spaces() if depth == 0 else self._to(b"<")
             self._need(b"<")
             if self._over(b"/"):
                 name = self._word()
                 self._spaces()
                 self._need(b">")
-                if name == b"Rob":
-                    if opened and robot.stamp:
-                        return robot
-                    break
+                depth -= 1
+                if depth < 0 or (name == b"Rob") != (depth == 0):
+                    raise TelegramError("an element ends that was not open")
+                if depth == 0:
+                    self._spaces()
+                    if self.at < len(self.data):
+                        raise TelegramError("there is more behind </Rob>")
+                    if not robot.stamp:
+                        break
+                    return robot
             elif self._over(b"?"):
                 self._to(b">")
                 self._need(b">")
             else:
-                name = self._word()
-                if not name or (not opened and name != b"Rob"):
-                    break
-                opened = True
-                self._attributes(name.decode(), robot)
-                if name == b"IPOC":
-                    self._ipoc(robot)
+                depth += self._open(robot, depth)
         raise TelegramError("the telegram is not complete")
 
-    def _attributes(self, element: str, robot: Robot) -> None:
+    def _open(self, robot: Robot, depth: int) -> int:
+        """Read one element in `depth` others; 1 unless it ends at once."""
+        name = self._word()
+        if not name or (name == b"Rob") != (depth == 0):
+            raise TelegramError("an element has no name, or <Rob> is not the first and only one of its name")
+        element = name.decode()
+        if element in (*ELEMENTS, "Delay", "IPOC"):
+            if depth != 1 or element in self.read:
+                raise TelegramError(f"{element} stands twice or within another element")
+            self.read.add(element)
+        ended = self._attributes(element, robot)
+        if element != "IPOC":
+            return 0 if ended else 1
+        if ended:
+            raise TelegramError("IPOC is no number")
+        self._ipoc(robot)
+        return 0
+
+    def _attributes(self, element: str, robot: Robot) -> bool:
+        """True where the element ends at once, by "/>"."""
         names = ELEMENTS.get(element)
         values = robot.values.setdefault(element, [0.0] * 6) if names else []
         if names:
             robot.given.setdefault(element, 0)
         while True:
             self._spaces()
-            self._over(b"/")
+            ended = self._over(b"/")
             if self._over(b">"):
-                return
+                return ended
             name = self._word()
-            if not name:
+            if ended or not name:
                 raise TelegramError("an attribute has no name")
             text = self._quoted()
             if element == "Delay" and name == b"D":
@@ -145,11 +165,11 @@ class _Scanner:
                     raise TelegramError("the delay is no number")
                 robot.delay = min(delay, _UINT32)
             elif names and name in names:
-                value = read_decimal(text)
-                if value is None:
-                    raise TelegramError(f"{element} holds what is no number")
+                value, bit = read_decimal(text), 1 << names.index(name)
+                if value is None or robot.given[element] & bit:
+                    raise TelegramError(f"{element} holds what is no number, or one of its numbers twice")
                 values[names.index(name)] = value
-                robot.given[element] |= 1 << names.index(name)
+                robot.given[element] |= bit
 
     def _quoted(self) -> bytes:
         """="value" or ='value', with spaces round the sign."""
@@ -168,8 +188,13 @@ class _Scanner:
         self._spaces()
         digits = self._word()
         self._spaces()
+        self._need(b"<")
+        self._need(b"/")
+        name = self._word()
+        self._spaces()
+        self._need(b">")
         ipoc = read_digits(digits)
-        if ipoc is None or self.data[self.at : self.at + 1] != b"<":
+        if ipoc is None or name != b"IPOC":
             raise TelegramError("IPOC is no number")
         robot.ipoc, robot.stamp = ipoc, digits
 

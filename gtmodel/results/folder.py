@@ -3,6 +3,10 @@
 A process holds a folder by a locked file in it, which the system unlocks when the process ends, however it ends. New
 files grow in a folder of their own, then one file says what will replace what, then the names are changed. Before that
 file is there the folder is as it was; from then on everything is there to complete it.
+
+On Windows, and on file systems without locks, no process sees that another one holds a folder: a second run takes the
+first for one that broke off, and takes back or completes what it is writing, so that the first may end with a
+FolderError or leave files of both. Run one at a time there; what a write that broke off left is settled all the same.
 """
 
 from __future__ import annotations
@@ -17,9 +21,7 @@ from pathlib import Path
 
 try:
     import fcntl
-except (
-    ImportError
-):  # no such locks on Windows; two runs that write one folder at the same time are not told apart there
+except ImportError:  # Windows
     fcntl = None
 
 MARK = ".gtmodel-writing"
@@ -121,10 +123,7 @@ def holding(folder: Path) -> Iterator[Held]:
 def _release(folder: Path, lock: int | None, made: Iterable[Path]) -> None:
     """Leave the folder; the mark stays where something is left to complete, what was made for nothing goes."""
     if lock is not None:
-        if not _undone(folder):
-            with suppress(OSError):
-                os.unlink(folder / MARK)
-        os.close(lock)
+        _let_go(lock, None if _undone(folder) else folder / MARK)
     for path in made:
         with suppress(OSError):
             path.rmdir()
@@ -147,17 +146,27 @@ def _lock(mark: Path) -> tuple[int, bool]:
             if os.path.samestat(os.fstat(lock), os.stat(mark)):
                 alone = True
                 os.ftruncate(lock, 0)
-                os.pwrite(lock, _HEAD + f"{os.getpid()}\n".encode(), 0)
+                os.lseek(lock, 0, os.SEEK_SET)
+                os.write(lock, _HEAD + f"{os.getpid()}\n".encode())
                 return lock, bool(content)
         except FileNotFoundError:
             pass  # its holder has just gone
         except BaseException:
-            if alone:
-                os.unlink(mark)
-            os.close(lock)
+            _let_go(lock, mark if alone else None)
             raise
         os.close(lock)
     raise FolderError("is in use by other runs of gtmodel; name another folder")
+
+
+def _let_go(lock: int, mark: Path | None) -> None:
+    """Unlock, and take the mark away before, where there is one: no other process may have it by then."""
+    if fcntl is None:  # Windows, where a file that is open cannot be taken away
+        os.close(lock)
+    if mark is not None:
+        with suppress(OSError):
+            os.unlink(mark)
+    if fcntl is not None:
+        os.close(lock)
 
 
 def _locked(lock: int) -> bool:

@@ -83,6 +83,56 @@ def test_bad_telegrams_are_refused(runtime: ctypes.CDLL, what: str, old: bytes, 
     assert decode_rsi(runtime, data) is None
 
 
+IPOC = b"<IPOC>00004208163634</IPOC>"
+
+
+@pytest.mark.parametrize(
+    ("what", "old", "new"),
+    [
+        ("IPOC within another element", IPOC, b"<Tech>" + IPOC + b"</Tech>"),
+        ("IPOC within an element of numbers", IPOC, b'<Tech><Deep A="1">' + IPOC + b"</Deep></Tech>"),
+        ("a second IPOC", IPOC, IPOC + b"<IPOC>17</IPOC>"),
+        ("a second IPOC within another element", IPOC, IPOC + b"<Tech><IPOC>17</IPOC></Tech>"),
+        ("an element within IPOC", IPOC, b"<IPOC>00004208163634<A/></IPOC>"),
+        ("an IPOC that ends at once", IPOC, b"<IPOC/>00004208163634<A/>"),
+        ("an IPOC that another element ends", IPOC, b"<IPOC>00004208163634</IPO>"),
+        ("axes within another element", b"<EIPos", b'<Tech><EIPos E1="9"/></Tech><EIPos'),
+        ("axes twice", b"<EIPos", b'<EIPos E3="9"/><EIPos'),
+        ("a number twice", b'E3="0.0"', b'E3="0.0" E3="9"'),
+        ("text behind the end", b"</Rob>", b"</Rob>and more"),
+        ("a second telegram behind the end", b"</Rob>", b"</Rob><Rob>" + IPOC + b"</Rob>"),
+        ("an end behind the end", b"</Rob>", b"</Rob></Rob>"),
+        ("a zero byte behind the end", b"</Rob>", b"</Rob>\x00"),
+        ("text before the beginning", b"<Rob ", b"x<Rob "),
+        ("Rob within Rob", b"<Delay", b"<Rob></Rob><Delay"),
+        ("an element that is not closed", b"</ProgStatus>", b""),
+        ("an end too many", b"</ProgStatus>", b"</ProgStatus></ProgStatus>"),
+        ("a stroke before an attribute", b"<Delay D", b"<Delay /D"),
+    ],
+)
+def test_telegrams_of_another_shape_are_refused(runtime: ctypes.CDLL, what: str, old: bytes, new: bytes) -> None:
+    data = TELEGRAM.replace(old, new)
+    assert data != TELEGRAM, what
+    assert decode_rsi(runtime, data) is None
+    assert _python(data) is None
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        (b"</Rob>", b"</Rob>\r\n \t"),
+        (b"</Rob>", b"</Rob >"),
+        (IPOC, b"<IPOC> 00004208163634 </IPOC >"),
+        (IPOC, b'<Tech C11="1"><A><B/></A>text</Tech>' + IPOC),
+        (b"<?xml", b" <?xml"),
+    ],
+)
+def test_telegrams_of_the_same_meaning_are_read(runtime: ctypes.CDLL, old: bytes, new: bytes) -> None:
+    data = TELEGRAM.replace(old, new)
+    assert data != TELEGRAM
+    assert decode_rsi(runtime, data) == _python(data) == rsi.decode_robot(TELEGRAM)
+
+
 def test_c_and_python_agree_on_spoilt_telegrams(runtime: ctypes.CDLL) -> None:
     accepted = 0
     for data in spoilt(TELEGRAM, 4000, 2, b"<>/=\"'?. -+0123456789eERobIPOCAEX"):
