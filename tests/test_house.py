@@ -17,7 +17,7 @@ LINES = [
     {"plot"}, {"problem_files"}, {"kinds"},
 ]  # fmt: skip
 LEVEL = {name: n for n, line in enumerate(LINES) for name in line}
-FILES_ONLY = {"pydantic", "typer", "rich", "tomli_w"}
+FILES_ONLY = {"pydantic", "typer", "rich"}
 LIBRARIES = [name for name in LEVEL if LEVEL[name] < LEVEL["problem_files"]]
 
 
@@ -74,8 +74,3 @@ def test_robots_are_not_compared_by_name_outside_robots():
                 named = any(getattr(s, "id", getattr(s, "attr", "")) == "robot" for s in sides)
                 texts = any(isinstance(s, ast.Constant) and isinstance(s.value, str) and s.value for s in sides)
                 assert not (named and texts), f"{path}:{node.lineno} compares a robot with a name"
-
-
-def test_notebooks_need_no_kinds():
-    for path in sorted((HOUSE.parent / "notebooks").glob("*.py")):
-        assert "gtmodel.kinds" not in path.read_text(), f"{path.name} imports gtmodel.kinds"

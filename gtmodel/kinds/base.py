@@ -15,6 +15,7 @@ from gtmodel.results.study import TRAJECTORY
 from gtmodel.results.work import Progress, silent
 
 from .call import Call
+from .verdict import is_marked
 
 __all__ = [
     "TRAJECTORY", "Calling", "Check", "Context", "InputError", "Kind", "Outcome", "Problem", "Progress", "Row",
@@ -99,7 +100,11 @@ class Context:
     notice: tells a person one sentence beside the result, such as what an earlier run left undone.
     max_seconds: time limit [s] from the making of the context on; None for none.
     start: an earlier result.json to start from.
-    inputs: files that were read besides the problem, name -> path; a kind enters them, run.toml keeps their hash.
+    inputs: files that were read besides the problem, name -> path; a kind enters them by `take`, run.toml keeps their
+        hash.
+    notes: sentences that stay in the result, said by `note`.
+    distrusted: names of files among `inputs` that say of themselves that they are not to be used.
+    models: those that the problem names; what is to be said of them is told with the result.
     """
 
     name: str = "problem"
@@ -109,6 +114,9 @@ class Context:
     max_seconds: float | None = None
     start: Mapping[str, Any] | None = None
     inputs: dict[str, Path] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
+    distrusted: list[str] = field(default_factory=list)
+    models: list[Any] = field(default_factory=list)
     stop_requested: bool = False
     began: float = field(default_factory=time.monotonic)
 
@@ -123,6 +131,24 @@ class Context:
             "max_seconds": self.seconds_left(),
             "stop": lambda: self.stop_requested,
         }
+
+    def note(self, sentence: str) -> None:
+        """Tell a person one sentence that stays in the result; said again it is not heard."""
+        if sentence not in self.notes:
+            self.notes.append(sentence)
+            self.notice(sentence)
+
+    def take(self, key: str, path: Path) -> None:
+        """Enter a file that is read for `key`; one marked as not to be used is taken, but not without a word."""
+        self.inputs[key] = path
+        if is_marked(path):
+            self.distrust(path)
+
+    def distrust(self, path: Path) -> None:
+        """Say that a file is taken which says of itself that it is not to be used."""
+        if path.name not in self.distrusted:
+            self.distrusted.append(path.name)
+            self.note(f"{path.name} says in its first line that it is not to be used; it is taken all the same")
 
     def interrupted(self) -> bool:
         """True once a stop was requested or the time is over; engines ask once per iteration."""

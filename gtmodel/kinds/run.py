@@ -17,6 +17,7 @@ from . import start as earlier
 from .arguments import key_of
 from .base import TRAJECTORY, Calling, Context, InputError
 from .load import Loaded
+from .noted import noted
 from .verdict import marked, told
 
 
@@ -71,9 +72,9 @@ def solve(
     `write_failed`.
     """
     if out is None:
-        return Finished(answer(loaded, context), time.monotonic() - context.began)
+        return Finished(noted(answer(loaded, context), context), time.monotonic() - context.began)
     with output.held(out, context) as folder:
-        outcome = answer(loaded, context)
+        outcome = noted(answer(loaded, context), context)
         wall_s = time.monotonic() - context.began
         outcome = _for_machines(outcome, write_failed)
         try:
@@ -119,7 +120,7 @@ def generate(loaded: Loaded, context: Context, out: Path, *, verify: bool, write
 
     assert isinstance(loaded.problem, codegen.Schema)
     outcome = codegen.write(loaded.problem, context, out, verify=verify, write_failed=write_failed)
-    return Finished(outcome, time.monotonic() - context.began)
+    return Finished(noted(outcome, context), time.monotonic() - context.began)
 
 
 def explain(loaded: Loaded, context: Context) -> str:

@@ -10,6 +10,7 @@ from gtmodel.results.unit_names import unit_of
 
 from . import get, names
 from .fields import keys_of
+from .noted import DESCRIPTION, NOTES
 
 
 def document(kind: str) -> dict[str, Any]:
@@ -28,5 +29,6 @@ def values(kind: str) -> dict[str, dict[str, str]]:
     """Name -> unit and description of what `values` will hold."""
     found = get(kind)
     result = getattr(found, "RESULT", None)
-    texts = described(result) if result is not None else found.VALUES  # pyright: ignore[reportAttributeAccessIssue]
+    texts = dict(described(result) if result is not None else found.VALUES)  # pyright: ignore[reportAttributeAccessIssue]
+    texts.setdefault(NOTES, DESCRIPTION)
     return {name: {"unit": unit_of(name), "description": inspect.cleandoc(text)} for name, text in texts.items()}

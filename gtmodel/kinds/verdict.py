@@ -6,6 +6,7 @@ from pathlib import Path, PurePath
 from typing import Any
 
 _MARK = "NOT TO BE USED"
+_LONGEST = 4096  # bytes of a first line that are looked at: a measured file may be one line of many megabytes
 # how a file of this ending says something in its first line; all readers of these formats pass over it
 _COMMENT = {
     ".csv": ("# ", ""),
@@ -36,6 +37,9 @@ def marked(name: str, content: bytes, message: str, by: str = ", written by --wr
 
 
 def is_marked(path: Path) -> bool:
-    """True for a file that says of itself that it must not be relied on."""
-    with open(path, "rb") as file:
-        return _MARK.encode() in file.readline()
+    """True for a file that says of itself that it must not be relied on; False for what cannot be read."""
+    try:
+        with open(path, "rb") as file:
+            return _MARK.encode() in file.readline(_LONGEST)
+    except OSError:
+        return False

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import dataclasses
+import inspect
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from functools import cache
 from typing import Annotated, Any, NamedTuple, get_args, get_origin, get_type_hints
 
 import numpy as np
@@ -52,11 +53,13 @@ class Quantity:
         return Row(self.label, value.item() if isinstance(value, np.ndarray) else value, unit)
 
 
+@cache
 def quantities(cls: type) -> dict[str, Quantity]:
-    """The declared quantities of a study's class by attribute, in the order of their declaration."""
+    """The declared quantities of a study's class by attribute, in the order of their last declaration."""
     hints = get_type_hints(cls, include_extras=True)
-    order = [f.name for f in dataclasses.fields(cls)]
-    found = {name: marks_of(hints[name]) for name in order}
+    order = list(dict.fromkeys(name for c in cls.__mro__ for name in reversed(inspect.get_annotations(c))))
+    order.reverse()
+    found = {name: marks_of(hints[name]) for name in order if name in hints}
     return {name: q for name, marks in found.items() for q in marks if isinstance(q, Quantity)}
 
 

@@ -26,6 +26,7 @@ def cells(study: Study) -> list[tuple[str, str, str, str]]:
         rows.append(("iterations", str(study.iterations), "", ""))
     for label, value, *unit in study.rows or _of_values(study.values):
         rows.append((label, number(value), str(unit[0]) if unit else "", ""))
+    rows += [("note", note, "", "") for note in study.notes]
     for name, check in study.checks.items():
         stem, unit = split(name)
         rows.append((stem.replace("_", " "), number(_value(check)), unit, _verdict(check)))
@@ -50,7 +51,7 @@ def _of_values(values: Mapping[str, Any]) -> Iterator[tuple[str, Any, str]]:
 def text(study: Study) -> str:
     """The whole study as text."""
     told = [] if study.message in ("", study.status.value) else ["", study.message]
-    return "\n".join([plain(HEAD, cells(study), study.title), *told, *(f"note: {note}" for note in study.notes)])
+    return "\n".join([plain(HEAD, cells(study), study.title), *told])
 
 
 def plain(head: Sequence[str], rows: Sequence[Sequence[str]], title: str = "") -> str:
@@ -80,7 +81,7 @@ def html(study: Study) -> str:
     for row in cells(study):
         lines.append("<tr>" + "".join(f"<td>{markup.escape(cell)}</td>" for cell in row) + "</tr>")
     lines.append("</table>")
-    lines += [f"<p>{markup.escape(told)}</p>" for told in (study.message, *study.notes) if told]
+    lines += [f"<p>{markup.escape(told)}</p>" for told in (study.message,) if told]
     return "\n".join([*lines, *_picture(study)])
 
 
