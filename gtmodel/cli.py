@@ -233,9 +233,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         asked = " ".join(["gtmodel", *words[:1]])
         print(f"{asked}: {sentence}; '{asked} --help' shows the options.", file=sys.stderr)
         if "--json" in words:
-            from gtmodel.kinds import report
+            from gtmodel.results import as_json
 
-            print_json(report.refused("", None, sentence, SolveStatus.BAD_INPUT, 0.0))
+            print_json(as_json.refused("", None, sentence, SolveStatus.BAD_INPUT, 0.0))
         return 2
     except BrokenPipeError:  # `gtmodel list | head`: the reader has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -11,11 +11,11 @@ from typing import Any, Protocol, runtime_checkable
 import pydantic
 
 from gtmodel.results import Check, Row, Study, Trajectory, at_least, at_most
+from gtmodel.results.marks import is_marked
 from gtmodel.results.study import TRAJECTORY
 from gtmodel.results.work import Progress, silent
 
 from .call import Call
-from .verdict import is_marked
 
 __all__ = [
     "TRAJECTORY", "Calling", "Check", "Context", "InputError", "Kind", "Outcome", "Problem", "Progress", "Row",

@@ -18,11 +18,11 @@ from gtmodel.cgen.folder import held
 from gtmodel.compiler.causal import CausalFunction, c_name, compile_causal
 from gtmodel.results import SolveStatus
 from gtmodel.results.folder import Held, others
+from gtmodel.results.marks import marked
 
 from .base import Check, Context, InputError, Outcome, Row, Section
 from .noted import checked, refuse_distrusted
 from .robot_keys import RobotProblem
-from .verdict import marked
 
 NAME = "codegen"
 

@@ -18,12 +18,12 @@ from gtmodel.loop import Table
 from gtmodel.loop.build import build, built_before, manifest_of
 from gtmodel.results import Trajectory
 from gtmodel.results.folder import Held
+from gtmodel.results.marks import is_marked
 
 from . import codegen, trajectory
 from .base import Context, InputError
 from .load import parse, read, validate
 from .loop_motion import CYCLE_MS, there_and_back
-from .verdict import is_marked
 
 Peer = Literal["egm", "rsi"]
 MARK = "loop.json"

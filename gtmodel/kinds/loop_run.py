@@ -30,11 +30,11 @@ from gtmodel.loop import (
 from gtmodel.loop.build import PROGRAM
 from gtmodel.loop.plant import Plant
 from gtmodel.loop.record import STATES, trajectory_of
-from gtmodel.results import SolveStatus, Status, Trajectory
+from gtmodel.results import SolveStatus, Status, Trajectory, as_json, written
 from gtmodel.results.folder import unfinished
 from gtmodel.robots import actuator_closed_loop
 
-from . import output, report
+from . import output
 from .base import Context, InputError, Outcome, at_least, at_most
 from .loop_bench import MARK, Bench, prepare
 from .loop_motion import CYCLE_MS
@@ -102,7 +102,7 @@ def run(
     if deceleration_m_s2 is not None and not 0 < deceleration_m_s2 < math.inf:
         raise InputError(f"--deceleration {deceleration_m_s2:g}: expected an acceleration above 0 m/s2")
     place = out or folder / "loop"
-    if (place / MARK).exists() and not (place / output.RUN).exists() and not unfinished(place):
+    if (place / MARK).exists() and not (place / written.RUN).exists() and not unfinished(place):
         raise InputError(
             f"--out {place} was written by an earlier gtmodel, which kept no list of its files; move it away"
         )
@@ -319,15 +319,16 @@ def _written(bench: Bench, finished: Finished, inputs: dict[str, Any]) -> Finish
     """All files of the work, the picture and the summary in the folder, or why they are not."""
     outcome, wall_s = finished.outcome, finished.wall_s
     files: dict[str, bytes] = {}
-    faults = output.pictured(outcome, files)
+    faults = written.pictured(outcome, files)
     if bench.peer == "rsi":
         files["rsi_configuration.xml"] = rsi_configuration("127.0.0.1", 49152).encode()
-    summary = report.summary(bench.context.name, "loop", outcome, 0.0)
+    summary = as_json.summary(bench.context.name, "loop", outcome, 0.0)
     files[MARK] = (json.dumps(summary, indent=1) + "\n").encode()
     files |= {path.name: path.read_bytes() for path in sorted(bench.place.iterdir())}
     inputs |= {"peer": bench.peer, "law": bench.law, "lockstep": bench.in_lockstep}
     try:
-        output.put(bench.held, files, lambda files: output.record(inputs, wall_s, files), programs=(PROGRAM,))
+        with output.said_of_out():
+            written.put(bench.held, files, lambda files: written.record(inputs, wall_s, files), programs=(PROGRAM,))
     except InputError as error:
         return replace(finished, unwritten=str(error))
     shown = ("tracking.png", "loop_off.csv", "loop_on.csv", MARK)

@@ -6,7 +6,6 @@ from gtmodel.compiler.causal import notes_of
 from gtmodel.results import Study
 
 from .base import Context, InputError, Outcome, Row, at_most
-from .verdict import told
 
 NOTES = "notes"  # in `values`; a kind may have notes of its own there
 NOT_TO_BE_USED = "inputs_not_to_be_used"
@@ -38,7 +37,7 @@ def checked(outcome: Study, context: Context) -> Study:
     if not context.distrusted:
         return outcome
     check = at_most(float(len(context.distrusted)), 0.0, f"make {' and '.join(context.distrusted)} anew")
-    message = outcome.message if outcome.status.ok else f"{told(outcome)}; {check.advice}"
+    message = outcome.message if outcome.status.ok else f"{outcome.told}; {check.advice}"
     return outcome.with_(checks={**outcome.checks, NOT_TO_BE_USED: check}, message=message)
 
 

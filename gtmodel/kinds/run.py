@@ -10,15 +10,16 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from gtmodel.results import ArgumentError, Study
-from gtmodel.results.trajectory_files import csv_bytes
+from gtmodel.results.written import for_machines
 
 from . import output
 from . import start as earlier
 from .arguments import key_of
-from .base import TRAJECTORY, Calling, Context, InputError
+from .base import Calling, Context, InputError
 from .load import Loaded
 from .noted import noted
-from .verdict import marked, told
+
+_FAILED = "--write-failed"
 
 
 @dataclass(frozen=True)
@@ -76,7 +77,7 @@ def solve(
     with output.held(out, context) as folder:
         outcome = noted(answer(loaded, context), context)
         wall_s = time.monotonic() - context.began
-        outcome = _for_machines(outcome, write_failed)
+        outcome = for_machines(outcome, _FAILED if write_failed else "", _FAILED)
         try:
             files = output.write(folder, loaded, context, outcome, wall_s=wall_s, plot=plot)
         except output.NotDrawn as error:
@@ -87,28 +88,6 @@ def solve(
             told = f"; the result was written into {files[0].parent} instead" if files else ""
             return Finished(outcome, wall_s, files, unwritten=f"{error}{told}")
     return Finished(outcome, wall_s, files)
-
-
-def _for_machines(outcome: Study, write_failed: bool) -> Study:
-    """The outcome with its files for machines left out, or marked, where it must not be relied on."""
-    if outcome.status.ok:
-        return outcome
-    whole = dict(outcome.files)
-    if outcome.trajectory is not None and TRAJECTORY in outcome.machine_files:
-        whole[TRAJECTORY] = csv_bytes(outcome.trajectory)
-    kept = [name for name in outcome.machine_files if name in whole]
-    if not kept:
-        return outcome
-    message = told(outcome)
-    files = {name: content for name, content in outcome.files.items() if name not in kept}
-    if not write_failed:
-        names = " and ".join(sorted(kept)) if len(kept) < 3 else f"{len(kept)} files for machines"
-        message += f"; {names} {'is' if len(kept) == 1 else 'are'} not written; --write-failed writes all, marked"
-        return outcome.with_(files=files, message=message)
-    for name in kept:
-        content = whole[name]
-        files[name] = marked(name, content.encode() if isinstance(content, str) else content, message)
-    return outcome.with_(files=files)
 
 
 def generate(loaded: Loaded, context: Context, out: Path, *, verify: bool, write_failed: bool = False) -> Finished:

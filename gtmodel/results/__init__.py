@@ -9,6 +9,7 @@ Status of a run
 
 Studies
     Study             what a study of any library returns: status, quantities, checks, notes, pictures, files
+    read, Stored      a written study given back
     Quantity          an attribute of a study, declared once: unit, description, label
     Row               a row of its table
     Options, Unit, Within, Long   options of a study, checked when made
@@ -31,6 +32,7 @@ from gtmodel.results.check import Check, at_least, at_most
 from gtmodel.results.estimate import Estimate
 from gtmodel.results.options import Long, Options, Unit, Within
 from gtmodel.results.quantity import Quantity, Row, listed
+from gtmodel.results.reading import Stored, read
 from gtmodel.results.refusal import ArgumentError
 from gtmodel.results.status import ModesStatus, SolveStatus, Status, c_enum, c_sentences
 from gtmodel.results.study import Study
@@ -39,6 +41,6 @@ from gtmodel.results.work import Work
 
 __all__ = [
     "ArgumentError", "Check", "Estimate", "Long", "ModesStatus", "Options", "Quantity", "Row", "SolveStatus", "Status",
-    "Study", "Trajectory", "TrajectoryError", "Unit", "UnknownNameError", "Within", "Work", "at_least", "at_most",
-    "c_enum", "c_sentences", "listed",
+    "Stored", "Study", "Trajectory", "TrajectoryError", "Unit", "UnknownNameError", "Within", "Work",
+    "at_least", "at_most", "c_enum", "c_sentences", "listed", "read",
 ]  # fmt: skip

@@ -16,11 +16,11 @@ from matplotlib.figure import Figure
 from matplotlib.image import imread
 
 import gtmodel.kinds as kinds
-from gtmodel.kinds import output, run
+from gtmodel.kinds import run
 from gtmodel.kinds.base import Context, Outcome, at_most
 from gtmodel.kinds.load import load
-from gtmodel.kinds.verdict import marked
-from gtmodel.results import SolveStatus
+from gtmodel.results import SolveStatus, written
+from gtmodel.results.marks import marked
 from tests.support.commands import Commands
 
 SOURCES = sorted(Path(kinds.__file__).parent.glob("*.py"))
@@ -179,7 +179,7 @@ def _drawn(width: float, height: float) -> Figure:
 def _picture(status: SolveStatus, size: tuple[float, float], message: str = "") -> np.ndarray:
     files: dict[str, bytes] = {}
     outcome = Outcome(status=status, message=message, figures={"a": lambda: _drawn(*size)})
-    assert output.pictured(outcome, files) == []
+    assert written.pictured(outcome, files) == []
     return imread(io.BytesIO(files["a.png"]))[..., :3]
 
 

@@ -140,9 +140,9 @@ def test_the_explanation_shows_the_pattern() -> None:
 
 
 def test_results_are_json(shipped) -> None:
-    from gtmodel.kinds import report
+    from gtmodel.results import as_json
 
-    assert json.loads(report.result("friction_l1.toml", "friction", shipped))["values"]["runs"] == 150
+    assert json.loads(as_json.result("friction_l1.toml", "friction", shipped))["values"]["runs"] == 150
 
 
 def test_a_plant_without_viscous_friction_has_no_relative_error_of_it() -> None:

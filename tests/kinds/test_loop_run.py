@@ -13,9 +13,9 @@ from gtmodel.kinds import loop_run
 from gtmodel.kinds.base import Context, InputError
 from gtmodel.kinds.load import load
 from gtmodel.kinds.run import context_of, generate
-from gtmodel.kinds.verdict import marked
 from gtmodel.results import SolveStatus, Trajectory, TrajectoryError
 from gtmodel.results.folder import holding
+from gtmodel.results.marks import marked
 
 SECONDS = 2.0
 

@@ -14,11 +14,11 @@ from matplotlib.text import Text
 
 import gtmodel.kinds
 from gtmodel.cli import main
-from gtmodel.kinds import output, run
+from gtmodel.kinds import run
 from gtmodel.kinds.base import TRAJECTORY, Check, Context, InputError, Outcome, at_least, at_most
 from gtmodel.kinds.load import load
 from gtmodel.kinds.settings import apply, refuse_twice
-from gtmodel.results import SolveStatus, Trajectory
+from gtmodel.results import SolveStatus, Trajectory, written
 from gtmodel.results.check import verdict
 
 SOURCES = sorted(Path(gtmodel.kinds.__file__).parent.glob("*.py"))
@@ -137,6 +137,6 @@ def test_a_dollar_in_a_title_is_a_dollar(title: str) -> None:
         return made
 
     made = figure()
-    assert output.png(lambda: made).startswith(b"\x89PNG")
+    assert written.png(lambda: made).startswith(b"\x89PNG")
     assert not any(text.get_parse_math() for text in made.findobj(Text) if text.get_text() == title)
     assert any("mathdefault" in text.get_text() and text.get_parse_math() for text in made.findobj(Text))

@@ -9,11 +9,11 @@ from matplotlib.colors import to_hex
 from scipy.spatial.transform import Rotation
 
 from gtmodel import robots
-from gtmodel.kinds import Context, InputError, hand_poses, modes, report
+from gtmodel.kinds import Context, InputError, hand_poses, modes
 from gtmodel.kinds.load import load, validate
-from gtmodel.kinds.output import png
 from gtmodel.plot.assembly_modes import MARKED, modes_figure
-from gtmodel.results import SolveStatus
+from gtmodel.results import SolveStatus, as_json
+from gtmodel.results.written import png
 from tests.support.commands import Commands
 
 CLONE = Path(__file__).resolve().parents[2]
@@ -295,6 +295,6 @@ def test_carts_too_far_apart_have_no_real_mode_and_infinities_are_null(capsys: p
 
 def test_same_result_again_and_explained(capsys: pytest.CaptureFixture[str]) -> None:
     keys = {"draw": {"platforms": 2, "seed": 3}}
-    assert report.result("draw", "modes", solve(**keys)) == report.result("draw", "modes", solve(**keys))
+    assert as_json.result("draw", "modes", solve(**keys)) == as_json.result("draw", "modes", solve(**keys))
     explained = Commands(capsys)("explain", CLONE / "problems" / "dietmaier_modes.toml")
     assert explained.code == 0 and "leg 6: A = (" in explained.out

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gtmodel.kinds import Check, Context, InputError, Outcome, output, report, start
+from gtmodel.kinds import Check, Context, InputError, Outcome, output, start
 from gtmodel.kinds.load import load
-from gtmodel.results import SolveStatus, Trajectory
+from gtmodel.results import ArgumentError, SolveStatus, Trajectory, as_json, written
 from tests.support.own_models import FILES
 
 TRAJECTORY = Trajectory([0.0, 0.1, 0.3], {"x": [1.0, 2.0, 0.1]}, {"x": "m"})
@@ -69,8 +69,8 @@ def test_a_foreign_file_of_a_new_name_stays(tmp_path: Path) -> None:
 def test_somebody_elses_run_toml_makes_no_result_of_ours(tmp_path: Path, run: str) -> None:
     (tmp_path / "a").mkdir()
     (tmp_path / "a" / "run.toml").write_text(run, encoding="latin-1")
-    with pytest.raises(InputError, match="holds files that gtmodel did not write"):
-        output.refuse_foreign(tmp_path / "a")
+    with pytest.raises(ArgumentError, match="holds files that gtmodel did not write"):
+        written.refuse_foreign(tmp_path / "a")
 
 
 def test_run_toml_cannot_point_outside_its_folder(tmp_path: Path) -> None:
@@ -85,15 +85,15 @@ def test_run_toml_cannot_point_outside_its_folder(tmp_path: Path) -> None:
 
 def test_a_file_is_no_folder(tmp_path: Path) -> None:
     (tmp_path / "a").write_text("mine")
-    with pytest.raises(InputError, match="is a file; name a folder"):
-        output.refuse_foreign(tmp_path / "a")
+    with pytest.raises(ArgumentError, match="is a file; name a folder"):
+        written.refuse_foreign(tmp_path / "a")
 
 
 def test_numbers_that_are_not_finite_become_null() -> None:
     values = {"a": math.nan, "b": np.array([1.0, math.inf]), "c": np.float64(2.5), "d": {"e": (np.int64(3), None)}}
-    checks = {"f": Check(math.nan, None, False)}
+    checks = {"f": Check(math.nan)}
     bad = Outcome(status=SolveStatus.NOT_FINITE, objective=math.nan, values=values, checks=checks)
-    read = json.loads(report.line(report.summary("p.toml", "test", bad, 0.5)), parse_constant=pytest.fail)
+    read = json.loads(as_json.line(as_json.summary("p.toml", "test", bad, 0.5)), parse_constant=pytest.fail)
     assert read["values"] == {"a": None, "b": [1.0, None], "c": 2.5, "d": {"e": [3, None]}}
     assert read["objective"] is None and read["status"] == "not_finite" and read["message"]
     assert read["checks"] == {"f": {"value": None, "bound": None, "passed": False}}

@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 import gtmodel as gt
 from gtmodel import SolveStatus
 from gtmodel.compiler.sharing import shared
-from gtmodel.kinds import get, report
+from gtmodel.kinds import get
 from gtmodel.kinds.base import InputError
 from gtmodel.kinds.load import load
 from gtmodel.kinds.motion_planning import plan_of
@@ -21,6 +21,7 @@ from gtmodel.kinds.robots import resolve
 from gtmodel.kinds.run import context_of, explain, solve
 from gtmodel.optimize import Mesh, SolverOptions
 from gtmodel.optimize import solve as collocate
+from gtmodel.results import as_json
 
 kind = get("trajectory")
 
@@ -198,7 +199,7 @@ class TestSearch:
     def test_from_an_earlier_result(self, tmp_path):
         first = outcome(*LIGHT)
         loaded = load("problems/l1_min_time.toml", LIGHT)
-        (tmp_path / "result.json").write_bytes(report.result(loaded.name, "trajectory", first))
+        (tmp_path / "result.json").write_bytes(as_json.result(loaded.name, "trajectory", first))
         assert json.loads((tmp_path / "result.json").read_bytes())["values"]["final_time_s"] > 1
         again = solve(loaded, context_of(loaded, start=tmp_path)).outcome
         assert again.status is SolveStatus.SOLVED

@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gtmodel.kinds.base import Check, Outcome, at_least, at_most
-from gtmodel.kinds.verdict import marked
 from gtmodel.results import SolveStatus, Trajectory
+from gtmodel.results.marks import marked
 from tests.support.commands import Commands
 
 PROBLEM = "l1_min_time"

@@ -29,6 +29,7 @@ from gtmodel.results import (
     Work,
     at_least,
     at_most,
+    read,
 )  # fmt: skip
 from gtmodel.results.quantity import described
 from gtmodel.results.unit_names import named, split
@@ -168,3 +169,28 @@ def test_arguments_are_found_among_the_keys(argument, key):
 def test_work_ends_by_time_and_by_request():
     assert Work(max_seconds=0.0).interrupted() and Work(stop=lambda: True).interrupted()
     assert not Work().interrupted() and Work().seconds_left() is None
+
+
+def test_a_written_study_is_given_back(tmp_path):
+    b = beam(mass=2.5, checks={"end_m": at_most(0.5, 1.0)}, notes=["a note"], files={"map.csv": "a,b\n1,2\n"})
+    paths = b.write(tmp_path / "out")
+    assert {p.name for p in paths} == {"result.json", "run.toml", "map.csv"}
+    again = read(tmp_path / "out")
+    assert again.status is b.status and again.values == json.loads(
+        json.dumps({**b.values, "stiffness_N_m": [2e3, 4e3]})
+    )
+    assert again.mass == 2.5 and again.checks["end_m"].passed and "solved" in str(again)
+    assert b.write(tmp_path / "out") == paths  # what gtmodel wrote it may replace
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "a.txt").write_text("mine")
+    for call in (lambda: b.write(tmp_path / "mine"), lambda: read(tmp_path / "mine"), lambda: read(tmp_path / "none")):
+        with pytest.raises(ArgumentError) as caught:
+            call()
+        assert caught.value.argument == "folder"
+
+
+def test_what_a_machine_follows_is_not_written_of_a_failed_study(tmp_path):
+    b = beam(checks={"end_m": at_most(2.0, 1.0)}, files={"motion.mod": "MODULE\n"}, machine_files=("motion.mod",))
+    assert "motion.mod" not in {p.name for p in b.write(tmp_path / "a")}
+    b.write(tmp_path / "b", write_failed=True)
+    assert "NOT TO BE USED" in (tmp_path / "b" / "motion.mod").read_text().splitlines()[0]

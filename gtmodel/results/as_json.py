@@ -1,4 +1,4 @@
-"""An outcome as JSON data: what ``--json`` prints and ``result.json`` holds."""
+"""A study as JSON data: what ``--json`` prints and ``result.json`` holds."""
 
 from __future__ import annotations
 
@@ -9,24 +9,26 @@ from typing import Any
 
 import numpy as np
 
-from gtmodel.results import SolveStatus, Study, Trajectory
+from .status import SolveStatus
+from .study import Study
+from .trajectory import Trajectory
 
 
-def summary(problem: str, kind: str | None, outcome: Study, wall_s: float) -> dict[str, Any]:
+def summary(problem: str, kind: str | None, study: Study, wall_s: float) -> dict[str, Any]:
     """The object that ``--json`` prints: the keys of the contract, in its order."""
-    return {**_facts(problem, kind, outcome), "wall_s": round(wall_s, 3), **_numbers(outcome)}
+    return {**_facts(problem, kind, study), "wall_s": round(wall_s, 3), **_numbers(study)}
 
 
-def result(problem: str, kind: str, outcome: Study) -> bytes:
+def result(problem: str, kind: str, study: Study) -> bytes:
     """``result.json``: the same bytes for the same input, and all that a later solve needs to start from it."""
-    trajectory = outcome.trajectory
+    trajectory = study.trajectory
     stored = {"trajectory": _series(trajectory)} if trajectory is not None else {}
-    data = {**_facts(problem, kind, outcome), **_numbers(outcome), **stored}
+    data = {**_facts(problem, kind, study), **_numbers(study), **stored}
     return (json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode()
 
 
 def refused(problem: str, kind: str | None, sentence: str, status: SolveStatus, wall_s: float) -> dict[str, Any]:
-    """What ``--json`` prints for a run that never came to an outcome."""
+    """What ``--json`` prints for a run that never came to a study."""
     return summary(problem, kind, Study(status=status, message=sentence), wall_s)
 
 
@@ -35,23 +37,23 @@ def line(data: Mapping[str, Any]) -> str:
     return json.dumps(plain(data), ensure_ascii=False, allow_nan=False)
 
 
-def _facts(problem: str, kind: str | None, outcome: Study) -> dict[str, Any]:
+def _facts(problem: str, kind: str | None, study: Study) -> dict[str, Any]:
     return {
         "problem": problem,
         "kind": kind,
-        "status": outcome.status.value,
-        "message": outcome.message or outcome.status.sentence,
-        "objective": plain(outcome.objective),
-        "iterations": plain(outcome.iterations),
+        "status": study.status.value,
+        "message": study.message or study.status.sentence,
+        "objective": plain(study.objective),
+        "iterations": plain(study.iterations),
     }
 
 
-def _numbers(outcome: Study) -> dict[str, Any]:
+def _numbers(study: Study) -> dict[str, Any]:
     checks = {
         name: {"value": plain(c.value), "bound": plain(c.bound), "passed": bool(c.passed)}
-        for name, c in outcome.checks.items()
+        for name, c in study.checks.items()
     }
-    return {"checks": checks, "values": plain(outcome.values)}
+    return {"checks": checks, "values": plain(study.values)}
 
 
 def _series(trajectory: Trajectory) -> dict[str, Any]:

@@ -1,9 +1,8 @@
-"""The verdict on a result: which of its checks failed, in one sentence, and how files of it are marked."""
+"""How files for machines say in their first line that they must not be relied on."""
 
 from __future__ import annotations
 
 from pathlib import Path, PurePath
-from typing import Any
 
 _MARK = "NOT TO BE USED"
 _LONGEST = 4096  # bytes of a first line that are looked at: a measured file may be one line of many megabytes
@@ -15,11 +14,6 @@ _COMMENT = {
     ".c": ("/* ", " */"),
     ".h": ("/* ", " */"),
 }
-
-
-def told(outcome: Any) -> str:
-    """What an outcome says of itself in a sentence, for the files that must say it too."""
-    return str(outcome.message or outcome.status.sentence)
 
 
 def marked(name: str, content: bytes, message: str, by: str = ", written by --write-failed") -> bytes:

@@ -1,0 +1,70 @@
+"""A written study given back: what result.json holds, under the same names."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from .check import Check
+from .refusal import ArgumentError
+from .status import SolveStatus
+from .study import Study
+from .trajectory import Trajectory, TrajectoryError
+from .unit_names import split
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Stored(Study):
+    """A study read from its folder. `values` are as they were written; each is an attribute too, under its name or,
+    where that carries a unit, under the name without it."""
+
+    stored: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def values(self) -> Mapping[str, Any]:
+        return self.stored
+
+    @property
+    def rows(self) -> list[Any]:
+        return []
+
+    def __getattr__(self, name: str) -> Any:
+        if not name.startswith("_") and name != "stored":
+            for key, value in self.stored.items():
+                if name in (key, split(key)[0]):
+                    return value
+        raise AttributeError(f"this study has no '{name}'")
+
+
+def read(folder: str | Path) -> Stored:
+    """The study in a folder that `Study.write` or ``--out`` wrote, or of a result.json itself.
+
+    Raises ArgumentError for what is no result of gtmodel.
+    """
+    path = Path(folder)
+    file = path / "result.json" if path.is_dir() else path
+    try:
+        data = json.loads(file.read_bytes())
+        stored = data.get("trajectory")
+        trajectory = None if stored is None else Trajectory(stored["time_s"], stored["values"], stored["units"])
+        return Stored(
+            status=SolveStatus(data["status"]),
+            message=data["message"],
+            objective=data["objective"],
+            iterations=data["iterations"],
+            checks={name: _check(c) for name, c in data["checks"].items()},
+            trajectory=trajectory,
+            stored=data["values"],
+        )
+    except OSError as error:
+        raise ArgumentError(f"{file} cannot be read: {error.strerror}", "folder") from error
+    except (ValueError, KeyError, TypeError, AttributeError, TrajectoryError) as error:
+        raise ArgumentError(f"{file} is no result.json of gtmodel", "folder") from error
+
+
+def _check(data: Mapping[str, Any]) -> Check:
+    value = data["value"]
+    return Check(float("nan") if value is None else value, data["bound"], judged=data["passed"])

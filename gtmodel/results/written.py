@@ -1,0 +1,240 @@
+"""The folder of a study. What gtmodel wrote it may replace; what a person wrote or changed it never touches."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import platform
+import textwrap
+import tomllib
+from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import contextmanager
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import tomli_w
+
+from .as_json import result
+from .folder import FolderError, Held, holding, others, unfinished
+from .marks import marked
+from .refusal import ArgumentError
+from .study import TRAJECTORY, Study
+from .trajectory_files import csv_bytes
+
+RUN = "run.toml"
+RESULT = "result.json"
+_OURS = "gtmodel"
+_PACKAGES = ("casadi", "numpy", "scipy", "pydantic")
+_DPI = 150
+_SAID, _SAID_POINTS = "#b00020", 9.0  # colour and size of what stands above the picture of a failed result
+_LETTERS, _LINE = 1.7, 1.25  # letters in a width and lines in a height of as many points as the size
+
+
+def refuse_foreign(folder: Path) -> None:
+    """Raises ArgumentError unless the folder is new, empty, or holds an earlier result just as it was written."""
+    if not folder.exists():
+        return
+    if not folder.is_dir():
+        raise ArgumentError(f"{folder} is a file; name a folder", "folder")
+    try:
+        if not others(folder):
+            return
+    except OSError as error:
+        raise ArgumentError(f"{folder} cannot be read: {error.strerror}", "folder") from error
+    written = _written(folder)
+    if written is None:
+        raise ArgumentError(
+            f"{folder} holds files that gtmodel did not write; name a new folder or empty this one", "folder"
+        )
+    for name, digest in written.items():
+        path = folder / name
+        if path.is_file() and sha256(path.read_bytes()) != digest:
+            raise ArgumentError(f"{path} was changed after gtmodel wrote it; move it away or name another folder")
+
+
+@contextmanager
+def held(folder: Path, notice: Callable[[str], object]) -> Iterator[Held]:
+    """The folder for this run alone, tried before the work; what an earlier run left undone is settled first, and said
+    to `notice`.
+
+    Raises ArgumentError as `refuse_foreign` does, where the folder cannot be written, and while another run has it.
+    """
+    if not unfinished(folder):
+        refuse_foreign(folder)
+    try:
+        with holding(folder) as mine:
+            refuse_foreign(folder)
+            if mine.told:
+                notice(mine.told)
+            yield mine
+    except FolderError as error:
+        raise ArgumentError(f"{folder} {error}", "folder") from error
+
+
+def _written(folder: Path) -> dict[str, str] | None:
+    """File names and hashes of an earlier result; None when there is none in the folder."""
+    try:
+        run = tomllib.loads((folder / RUN).read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError):
+        return None
+    files = run.get("files")
+    if run.get("program") != _OURS or not isinstance(files, dict):
+        return None
+    return {name: str(digest) for name, digest in files.items() if name == Path(name).name}
+
+
+def write(study: Study, folder: Path, *, plot: bool, write_failed: bool) -> list[Path]:
+    """Write a study into a folder: result.json, its files, pictures with `plot`, and run.toml. Raises ArgumentError."""
+    with held(folder, lambda _: None) as mine:
+        study = for_machines(study, "write_failed" if write_failed else "")
+        files = files_of(study, result("", None, study))
+        faults = pictured(study, files) if plot else []
+        paths = put(mine, files, lambda files: record({}, None, files))
+    if faults:
+        raise ArgumentError(faults[0], "plot")
+    return paths
+
+
+def files_of(study: Study, data: bytes) -> dict[str, bytes]:
+    """Contents by file name: result.json, trajectory.csv where there is a trajectory (marked where it must not be
+    relied on), and the study's own files."""
+    files = {RESULT: data}
+    if study.trajectory is not None and study.status.ok:
+        files[TRAJECTORY] = csv_bytes(study.trajectory)
+    elif study.trajectory is not None and TRAJECTORY not in study.machine_files:
+        files[TRAJECTORY] = marked(TRAJECTORY, csv_bytes(study.trajectory), study.told, by="")
+    for name, content in study.files.items():
+        files[name] = content.encode() if isinstance(content, str) else content
+    return files
+
+
+def for_machines(study: Study, asked: str, by: str = "write_failed=True") -> Study:
+    """The study with its files for machines left out, or marked where `asked` says who asked for them, where it must
+    not be relied on. by: how a person asks."""
+    if study.status.ok:
+        return study
+    whole = dict(study.files)
+    if study.trajectory is not None and TRAJECTORY in study.machine_files:
+        whole[TRAJECTORY] = csv_bytes(study.trajectory)
+    kept = [name for name in study.machine_files if name in whole]
+    if not kept:
+        return study
+    message = study.told
+    files = {name: content for name, content in study.files.items() if name not in kept}
+    if not asked:
+        names = " and ".join(sorted(kept)) if len(kept) < 3 else f"{len(kept)} files for machines"
+        message += f"; {names} {'is' if len(kept) == 1 else 'are'} not written; {by} writes all, marked"
+        return study.with_(files=files, message=message)
+    for name in kept:
+        content = whole[name]
+        raw = content.encode() if isinstance(content, str) else content
+        files[name] = marked(name, raw, message, f", written by {asked}")
+    return study.with_(files=files)
+
+
+def put(
+    folder: Held, files: dict[str, bytes], run: Callable[[Mapping[str, bytes]], bytes], programs: Collection[str] = ()
+) -> list[Path]:
+    """Write `files` and their run.toml into a folder, and take away those of an earlier run; returns what was written.
+
+    Raises ArgumentError as `refuse_foreign` does, where a name is taken by a file of another origin, and where the
+    folder cannot be written.
+    """
+    place = folder.path
+    refuse_foreign(place)
+    earlier = _written(place) or {}
+    for name in files:
+        if name not in earlier and (place / name).exists():
+            raise ArgumentError(f"{place / name} was not written by gtmodel; move it away or name another folder")
+    whole = {**files, RUN: run(files)}
+    try:
+        folder.write(whole, remove=set(earlier) - set(whole), programs=programs)
+    except FolderError as error:
+        raise ArgumentError(f"{place} {error}", "folder") from error
+    return [place / name for name in whole]
+
+
+def pictured(study: Study, files: dict[str, bytes]) -> list[str]:
+    """Add the pictures to `files`; a sentence on each that cannot be drawn: it must not cost the numbers."""
+    faults = []
+    said = "" if study.status.ok else f"{_not_ok(study)}: {study.told}"
+    for name, draw in study.figures.items():
+        file = name if name.endswith(".png") else f"{name}.png"
+        try:
+            files[file] = png(draw, said)
+        except Exception as error:
+            said = " ".join(str(error).split())
+            faults.append(f"{file} could not be drawn ({type(error).__name__}: {said}); please report it")
+    return faults
+
+
+def _not_ok(study: Study) -> str:
+    return "check failed" if study.status.converged else "not solved"
+
+
+def record(
+    inputs: Mapping[str, Any], wall_s: float | None, files: Mapping[str, bytes], more: Mapping[str, Any] | None = None
+) -> bytes:
+    """run.toml: what a folder was made of, and the hashes of its `files`, which tell what a person changed."""
+    run = {
+        "program": _OURS,
+        **({} if wall_s is None else {"wall_s": wall_s}),
+        "input": dict(inputs),
+        "versions": versions(),
+        "files": {name: sha256(content) for name, content in files.items()},
+        **(more or {}),
+    }
+    note = "# How this folder was made. gtmodel replaces the files listed here, as long as nobody changed them.\n"
+    return (note + tomli_w.dumps(run)).encode()
+
+
+def versions() -> dict[str, str]:
+    """Versions of gtmodel, of Python and of the packages that numbers depend on."""
+    from gtmodel import __version__
+
+    found = {_OURS: __version__, "python": platform.python_version(), "platform": platform.platform()}
+    for name in _PACKAGES:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            found[name] = "not found"
+    return found
+
+
+def sha256(content: bytes) -> str:
+    return hashlib.sha256(content).hexdigest()
+
+
+def png(draw: Any, said: str = "") -> bytes:
+    """A picture as a file, the same bytes for the same picture. said: what stands above it, of a failed result."""
+    buffer = io.BytesIO()
+    figure = draw()
+    more = _headed(figure, said) if said else {}
+    _as_written(figure)
+    # matplotlib's own version stays out of the file: same input, same bytes
+    figure.savefig(buffer, format="png", dpi=_DPI, metadata={"Software": None}, **more)
+    return buffer.getvalue()
+
+
+def _headed(figure: Any, said: str) -> dict[str, Any]:
+    """Write a text above a figure, on paper added there; what savefig needs for it."""
+    from matplotlib.transforms import Bbox
+
+    width, height = figure.get_size_inches()
+    inch = 72.0 / _SAID_POINTS  # lines in an inch, and about half the letters
+    lines = textwrap.wrap(" ".join(said.split()), max(20, int(_LETTERS * inch * width)))
+    text = figure.text(0.5, 1.0, "\n".join(lines), ha="center", va="bottom", color=_SAID, fontsize=_SAID_POINTS)
+    text.set_in_layout(False)  # the picture itself stays as it was
+    above = (len(lines) + 1) * _LINE / inch
+    text.set_y(1.0 + 0.5 * _LINE / inch / height)
+    return {"bbox_inches": Bbox([[0.0, 0.0], [width, height + above]])}
+
+
+def _as_written(figure: Any) -> None:
+    """Titles and names are a person's own words: a "$" in them begins no formula. Matplotlib's own ticks stay."""
+    from matplotlib.text import Text
+
+    for text in figure.findobj(Text):
+        if "$" in text.get_text() and "\\mathdefault" not in text.get_text():
+            text.set_parse_math(False)
