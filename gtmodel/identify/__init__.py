@@ -70,6 +70,7 @@ __all__ = [
     "constant_velocity_log",
     "corrected",
     "delay_of",
+    "exchanged_efforts",
     "identify",
     "identify_friction",
     "joined",
