@@ -111,6 +111,19 @@ def test_indices_of_any_size_have_numbers(size: float) -> None:
     assert sum(low <= tick <= high for tick in axes.get_yticks()) >= 1
 
 
+def test_an_unknown_depth_is_not_drawn_as_stable() -> None:
+    speed, depth = np.linspace(10.0, 100.0, 5), 1e-3 * np.array([1.0, NAN, 2.0, np.inf, 1.0])
+    axes: Any = lobes_figure(speed, depth, (50.0, 1e-3)).axes[0]
+    corners = axes.collections[0].get_paths()[0].vertices
+    lowest = [corners[np.isclose(corners[:, 0], 60 * s), 1].min() for s in speed]
+    assert np.allclose(lowest, [1.0, 0.0, 2.0, axes.get_ylim()[1], 1.0])
+
+
+def test_the_least_of_the_predicted_deviations_has_a_bar() -> None:
+    axes = information_figure({"a": np.ones(2)}, ["p", "q"], {"a": [0.1, 0.2], "b": [0.1, NAN]}).axes[1]
+    assert axes.get_ylim()[0] < 0.5 * 10.0
+
+
 def test_a_cut_beside_the_lobes_is_said() -> None:
     speed = np.linspace(10.0, 100.0, 20)
     for at, said in ((50.0, "declared cut"), (500.0, "declared cut at 30000 rpm, not shown")):
