@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -11,7 +12,7 @@ from matplotlib.ticker import NullFormatter, StrMethodFormatter
 from .colours import COLOURS, curve
 
 STATIC, DYNAMIC, AXES = "#d55e00", "#0072b2", ("#0072b2", "#009e73", "#cc79a7")
-ORDER: tuple[dict[str, str], ...] = tuple(dict(color=c) for c in ("#56b4e9", STATIC, "black"))  # light below dark
+ORDER: tuple[dict[str, Any], ...] = tuple(dict(color=c) for c in ("#56b4e9", STATIC, "black"))  # light below dark
 
 
 def angle_figure(
