@@ -63,7 +63,7 @@ def bind(model: Model) -> Tree:
         raise ModelError(f"expected a configured model; found {model!r}{hint}")
     scope = Scope()
     tree = Tree(scope=scope, root=model)
-    given_at = dict.fromkeys(model.__dict__["_modifiers"], model.__dict__["where"])
+    given_at = {name: model.__dict__["where"] for name in model.__dict__["_modifiers"]}
     root = _bind(model, {}, "", None, tree, given_at)
     tree.root = root
     check_bound(tree)

@@ -86,7 +86,7 @@ class Parameter(_Quantity):
         self.low = low
         self.high = high
         self.increasing = increasing
-        self.kind = kind
+        self.kind: Kind | None = kind
         if kind is not None:
             _check_kind(kind, self.shape, self.where)
 

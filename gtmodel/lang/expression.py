@@ -187,17 +187,19 @@ def _places(index: Any, n: int, shape: Shape) -> int | list[int]:
 
     1.9 is no index: truncated, it would be another entry than meant. Nor is a slice cut off at the last entry.
     """
-    try:
-        ends = [index.start, index.stop, index.step] if isinstance(index, slice) else [index]
-        numbers = [None if k is None and isinstance(index, slice) else operator.index(k) for k in ends]
-    except TypeError:
-        raise ModelError(f"an expression is indexed by whole numbers, not by {index!r}", here()) from None
+
+    def whole(k: Any) -> int:
+        try:
+            return operator.index(k)
+        except TypeError:
+            raise ModelError(f"an expression is indexed by whole numbers, not by {index!r}", here()) from None
+
     if not isinstance(index, slice):
-        place = operator.index(index)
+        place = whole(index)
         if not -n <= place < n:
             raise IndexRangeError(f"index {place} is out of range for an expression of shape {shape}", here())
         return place
-    start, stop, step = numbers
+    start, stop, step = (None if k is None else whole(k) for k in (index.start, index.stop, index.step))
     if step == 0:
         raise IndexRangeError("a slice takes a step other than 0", here())
     if any(k is not None and not -n <= k <= n for k in (start, stop)):

@@ -96,16 +96,19 @@ def _rotation(R: np.ndarray) -> Fault | None:
 
 def _unit(u: np.ndarray) -> Fault | None:
     lengths = np.linalg.norm(np.atleast_2d(u), axis=-1)
-    worst = float(lengths[np.argmax(np.abs(lengths - 1))])
-    if abs(worst**2 - 1) <= PRINTED_LENGTH:
+    k = int(np.argmax(np.abs(lengths - 1)))
+    if abs(lengths[k] ** 2 - 1) <= PRINTED_LENGTH:
         return None
-    return "must have length 1", f"of length {worst:.6g}", "divide it by its length" if worst else "give another"
+    found = f"{'' if u.ndim == 1 else f'row {k} '}of length {lengths[k]:.6g}"
+    return "must have length 1", found, "divide it by its length" if lengths[k] else "give another"
 
 
 def _direction(v: np.ndarray) -> Fault | None:
-    if np.all(np.any(np.atleast_2d(v) != 0, axis=-1)):
+    none = np.flatnonzero(~np.any(np.atleast_2d(v) != 0, axis=-1))
+    if not len(none):
         return None
-    return "must have a length other than 0", "a zero vector", "it says no direction"
+    where = "" if v.ndim == 1 else f"in row {none[0]} "
+    return "must have a length other than 0", f"{where}a zero vector", "it says no direction"
 
 
 def _semidefinite(K: np.ndarray) -> Fault | None:
@@ -113,7 +116,7 @@ def _semidefinite(K: np.ndarray) -> Fault | None:
     skew = float(np.max(np.abs(K - K.T)))
     if skew > PRINTED_ENTRY * largest:
         found = f"whose transpose differs by {skew:.3g}"
-        return expected, found, "check the signs beside the diagonal, or give (K + K')/2"
+        return expected, found, "check the signs beside the diagonal, or give the mean of both"
     least = float(np.linalg.eigvalsh((K + K.T) / 2)[0])
     if least < -PRINTED_ENTRY * largest:
         return expected, f"with the eigenvalue {least:.4g}", "check its signs and units"
