@@ -61,18 +61,13 @@ static inline int gt_newton_lu(double *jacobian, double *r, int n, double least,
         if (best < *smallest) {
             *smallest = best;
         }
-        if (row != k) {
-            for (j = k; j < n; j++) {
-                t = jacobian[(n * j) + k];
-                jacobian[(n * j) + k] = jacobian[(n * j) + row];
-                jacobian[(n * j) + row] = t;
-            }
-            t = r[k];
-            r[k] = r[row];
-            r[row] = t;
-        }
-        t = 1.0 / column[k];
-        x = r[k];
+        t = column[row];
+        column[row] = column[k];
+        column[k] = t;
+        x = r[row];
+        r[row] = r[k];
+        r[k] = x;
+        t = 1.0 / t;
         for (i = k + 1; i < n; i++) {
             const double factor = column[i] * t;
 
@@ -82,7 +77,9 @@ static inline int gt_newton_lu(double *jacobian, double *r, int n, double least,
         for (j = k + 1; j < n; j++) {
             double *other = &jacobian[n * j];
 
-            t = other[k];
+            t = other[row];
+            other[row] = other[k];
+            other[k] = t;
             for (i = k + 1; i < n; i++) {
                 other[i] -= column[i] * t;
             }
@@ -125,7 +122,8 @@ static inline gt_status gt_newton(gt_newton_kernel kernel, const double **arg, d
             return GT_SINGULAR;
         }
         for (i = 0; i < n; i++) {
-            const double part = fabs(r[i]) * nominal[i];
+            const double x = r[i];
+            const double part = fabs(x) * nominal[i];
 
             if (!(part <= most)) {
                 marks->step = part;
@@ -134,9 +132,7 @@ static inline gt_status gt_newton(gt_newton_kernel kernel, const double **arg, d
             if (part > size) {
                 size = part;
             }
-        }
-        for (i = 0; i < n; i++) {
-            z[i] -= r[i];
+            z[i] -= x;
         }
         last = size;
         most = GT_NEWTON_CONTRACTION * size;

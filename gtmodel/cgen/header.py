@@ -92,6 +92,12 @@ def conditions(function: CausalFunction) -> list[str]:
     kinds = [m.kind for m in function.margins]
     if "discriminant" in kinds:
         lines.append("- GT_OUT_OF_RANGE where no real solution exists")
+    sides = [m.label for m in function.margins if m.kind == "branch"]
+    if sides:
+        lines.append(
+            f"- GT_WRONG_BRANCH where Newton has led to a solution off these branches: {', '.join(sides)}; the state "
+            "stays: go on from one of this assembly, such as that of _start, in small steps"
+        )
     if "pivot" in kinds:
         lines.append("- GT_SINGULAR where a pivot vanishes; manifest.json names the pivots")
     return lines

@@ -86,8 +86,11 @@ compares with Python.
 _NEWTON = """
 A function without a closed form takes a `_state` too: its last solution, from which Newton goes four steps. It follows
 the robot from cycle to cycle; `_start` puts it to the home pose, and for a robot that stands elsewhere you write the
-pose into it or lead the inputs there in small steps. `GT_NOT_CONVERGED` says that the inputs went too far in one call;
-the state then stays. One state per caller; two states never meet. `state.marks` tells how near the limits a call was.
+pose into it or lead the inputs there in small steps. `GT_NOT_CONVERGED` says that the inputs went too far in one call,
+`GT_WRONG_BRANCH` that Newton arrived, but at another assembly than that of the home pose: the state was foreign, or the
+inputs jumped towards their mirror image. The state stays in both cases; if it is foreign itself, go on from a state of
+this assembly, as `_start` gives it, and lead the inputs in small steps. The header names the branches that tell. One
+state per caller; two states never meet. `state.marks` tells how near the limits a call was.
 """
 
 _LIMITS = (

@@ -273,6 +273,8 @@ def _margin(n: int, margin: Margin) -> str:
         return _guard(f"margins[{n}] >= 0.0", Status.OUT_OF_RANGE, f"discriminant of {margin.label}")
     if margin.kind == "condition":
         return _guard(f"margins[{n}] >= 0.0", Status.OUT_OF_RANGE, f"condition on the inputs: {margin.label}")
+    if margin.kind == "branch":
+        return _guard(f"margins[{n}] > 0.0", Status.WRONG_BRANCH, f"the solution lies on {margin.label}")
     if margin.kind != "pivot":
         raise GenerationError(f"the margin of {margin.label} is of the kind '{margin.kind}', which C does not know yet")
     least = f"GT_PIVOT_TOLERANCE * {decimal(margin.scale)}"

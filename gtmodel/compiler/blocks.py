@@ -6,15 +6,24 @@ from dataclasses import dataclass, field
 
 import casadi as ca
 
+from ..results.status import Status
 from .newton import NewtonBlock
+
+# the status of a margin on the wrong side, by kind
+VERDICTS = {
+    "discriminant": Status.OUT_OF_RANGE,
+    "condition": Status.OUT_OF_RANGE,
+    "pivot": Status.SINGULAR,
+    "branch": Status.WRONG_BRANCH,
+}
 
 
 @dataclass(frozen=True, eq=False)
 class Margin:
-    """A number that must stay on the good side: discriminant or condition >= 0, |pivot| above a tolerance.
+    """A number that must stay on the good side: discriminant or condition >= 0, |pivot| above a tolerance, branch > 0.
 
-    `kind` is "discriminant", "condition" (on known values) or "pivot"; `scale` (typical size) is found at the
-    sample points.
+    `kind` is one of VERDICTS: a condition is on known values, a branch tells where Newton has led; `scale` (typical
+    size) is found at the sample points.
     """
 
     kind: str

@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 
 from ..lang.source import ModelError
-from .blocks import Root
+from .blocks import Margin, Root
 from .flat import FlatModel
 from .points import RESIDUAL_TOLERANCE, Sampler
 
@@ -160,6 +160,37 @@ def _cross(over: Sampler, start: np.ndarray, nominal: np.ndarray, ease: np.ndarr
         moved = np.abs(w - start) / nominal * ease
         over = replace(over, ease=np.maximum(moved / max(float(np.max(moved)), 1e-300), STILL))
     return w
+
+
+def sides(plan: Plan, sampler: Sampler) -> list[Margin]:
+    """Margins that are positive where Newton's answer lies on the branches of the home pose.
+
+    Those that no root takes care of: they depend on the unknowns of a Newton block, and on nothing that the plan does
+    not compute. A home pose so near the border of a branch that the samples lie on both sides asks for neither.
+    """
+    flat = plan.flat
+    if not plan.newton or not flat.branches:
+        return []
+    told = {r.told_by for b in plan.blocks for r in b.roots}
+    rewritten = {b.name: plan.alias.rewrite(flat, b.expression) for b in flat.branches if b.name not in told}
+    assigned = [a for b in plan.blocks for a in b.assignments]
+    computed = list(rewritten.values())
+    if assigned:
+        _, computed = ca.substitute_inplace([s for s, _ in assigned], [e for _, e in assigned], computed)
+    unknown = {s.element_hash() for b in plan.newton for s in b.unknowns}
+    given = unknown | {flat.scope.symbol(*pair).element_hash() for pair in plan.inputs}
+    found = []
+    for (name, expression), solved in zip(rewritten.items(), computed, strict=True):
+        inside = {flat.scope.symbol(*pair).element_hash() for pair in flat.scope.symbols_in(solved)}
+        known = all(pair in sampler.position for pair in flat.scope.symbols_in(expression))
+        if inside & unknown and inside <= given and known:
+            f = ca.Function("side", [sampler.w, flat.p, flat.scope.time], [expression])
+            values = np.array([float(f(w, flat.p0, sampler.time)) for w in plan.samples])
+            sign = 1 if values[0] > 0 else -1
+            if np.all(sign * values > 0):
+                margin = sign * expression
+                found.append(Margin("branch", margin, f"{name} = {sign:+d}", float(np.median(sign * values))))
+    return found
 
 
 def follow(plan: Plan, sampler: Sampler) -> None:

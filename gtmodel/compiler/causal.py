@@ -69,7 +69,7 @@ class CausalFunction:
         self.inputs = inputs
         self.outputs = outputs
         self.name = name
-        self.margins = [m for b in plan.blocks for m in b.margins]
+        self.margins = plan.margins
 
     @cached_property
     def sizes(self) -> Sizes:
@@ -155,7 +155,8 @@ class CausalFunction:
         guess: where Newton blocks start, by name of any variable, each of its variable's shape or with rows: the last
         sample of a controller, or a simpler model's answer. What it leaves open of the blocks' unknowns follows from
         the equations, from the home pose. A row whose guess is not near a solution goes the ordinary way, from
-        the home pose; from a near one the solution is that of the guess, whatever branch it is on.
+        the home pose; from a near one the solution is that of the guess. Where a declared branch has another sign
+        there than at the home pose, the status is WRONG_BRANCH: such a solution takes `branches`.
         """
         columns, rows = self._columns(arguments)
         results, status = self._evaluate(columns, self._guesses(guess, columns) if guess else None)
@@ -273,6 +274,9 @@ class CausalFunction:
             if m.kind == "discriminant" and not value >= 0:
                 why = f"{m.label} has no real solution, the number under its square root is {value:.4g}"
                 return f"{status.sentence}: {why}"
+            if m.kind == "branch" and not value > 0:
+                why = f"{m.label} is wanted, and its expression is {abs(value):.4g} on the other side"
+                return f"{status.sentence}: {why}; known values nearer to home keep it, `branches` asks for the other"
             if m.kind == "pivot" and not abs(value) > PIVOT_TOLERANCE * m.scale:
                 return f"{status.sentence}: the pivot for {m.label} is {abs(value):.4g}, typically {m.scale:.4g}"
         return status.sentence

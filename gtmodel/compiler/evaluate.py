@@ -54,7 +54,7 @@ def build(
     names_out = [f"out_{n}" if n in names_in else n for n in [*(n for n, _ in outputs), "margins", "status"]]
     *names_out, status_name = _distinct(names_out, [*names_in, *z_names])
     with_status = [*names_out[:-1], status_name, names_out[-1]]
-    facts = [m for b in plan.blocks for m in b.margins]
+    facts = plan.margins
     # other parameters are other lengths
     sizes = None if parametric else sizes_of(plan, [*[pairs for _, pairs in inputs], *([()] if plan.uses_time else [])])
     margins = [m.expression for m in facts]

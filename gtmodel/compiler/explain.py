@@ -50,6 +50,8 @@ def explain(f: CausalFunction) -> str:
             good = "must not be negative" if m.kind == "discriminant" else "must not vanish"
             lines.append(f"      {m.kind} of {m.label} {good} (typical size {m.scale:.3g})")
         lines += [f"      {e}" for e in b.equations]
+    if plan.sides:
+        lines.append(f"  Newton's answers lie on branches: {', '.join(m.label for m in plan.sides)}")
     lines += _home(plan) if plan.newton or any(not r.told_by for b in plan.blocks for r in b.roots) else []
     lines += [f"  {note}" for note in f.notes]
     assumed = sorted(q.name for q in flat.parameters if q.nonzero)

@@ -11,9 +11,10 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ..lang.bind import Tree, bind, element_names
+from ..lang.bind import ParameterRecord, Tree, bind, element_names
 from ..lang.builder import Builder
 from ..lang.connect import Branch, Connection, Energy, TreeEdge, flatten_items
+from ..lang.declare import Declaration
 from ..lang.expression import Relation
 from ..lang.model import Model
 from ..lang.scope import Scope, derivative_name
@@ -309,7 +310,7 @@ def _parameters(tree: Tree) -> list[FlatParameter]:
                     symbol.element_hash() in nonzero,
                     r.item.where,
                     not hasattr(r.item, "nonzero"),
-                    *_limits(r.item, k),
+                    *_limits(r, k),
                 )
             )
     return result
@@ -324,12 +325,10 @@ def _flagged(tree: Tree, flag: str) -> set[int]:
     return found
 
 
-def _limits(item: Any, k: int) -> tuple[float, float]:
+def _limits(r: ParameterRecord, k: int) -> tuple[float, float]:
     def one(value: Any, default: float) -> float:
-        if value is None:
+        if value is None or isinstance(value, Declaration):  # another parameter's value binds no symbol
             return default
-        return float(np.broadcast_to(np.asarray(value, float), item.shape).reshape(-1)[k])
+        return float(np.broadcast_to(np.asarray(value, float), r.shape).reshape(-1)[k])
 
-    if not hasattr(item, "low"):
-        return -np.inf, np.inf
-    return one(item.low, -np.inf), one(item.high, np.inf)
+    return one(r.item.low, -np.inf), one(r.item.high, np.inf)

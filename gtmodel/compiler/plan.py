@@ -10,8 +10,8 @@ import numpy as np
 
 from ..lang.source import ModelError
 from .alias import AliasResult, eliminate
-from .blocks import SolvedBlock
-from .branch import check_branches, follow, settle
+from .blocks import Margin, SolvedBlock
+from .branch import check_branches, follow, settle, sides
 from .flat import FlatEquation, FlatModel
 from .graph import strong_components
 from .home import Moved, home_of, moved, starts_of
@@ -38,7 +38,7 @@ class Plan:
     symbols that stand for the parameters in the blocks. `conditions` are equations among the elements of one known
     variable, which its values must satisfy, `on_known` these with those of their derivatives that concern what is
     read; `undetermined` variables have too few equations, but no target needs them. `moved` are start values that gave
-    way to the equations.
+    way to the equations. `sides` are branches that tell where Newton's answers lie.
     """
 
     flat: FlatModel
@@ -59,11 +59,17 @@ class Plan:
     on_known: list[Condition] = field(default_factory=list)
     undetermined: list[int] = field(default_factory=list)
     moved: list[Moved] = field(default_factory=list)
+    sides: list[Margin] = field(default_factory=list)
 
     @property
     def newton(self) -> list[NewtonBlock]:
         """Blocks without a closed form, in order; their unknowns are inputs of what comes after them."""
         return [b.newton for b in self.blocks if b.newton is not None]
+
+    @property
+    def margins(self) -> list[Margin]:
+        """What decides the status of an answer: the margins of the blocks in order, then the sides of Newton's."""
+        return [m for b in self.blocks for m in b.margins] + self.sides
 
     def symbol(self, index: int, order: int) -> ca.SX:
         """Expression of an original variable's derivative in kept symbols."""
@@ -176,6 +182,7 @@ def make_plan(
     )  # fmt: skip
     if at is None:
         settle(plan, sampler, branches or {})
+        plan.sides = sides(plan, sampler)
     else:
         follow(plan, sampler)
     _size_margins(plan, sampler)

@@ -11,6 +11,7 @@ import numpy as np
 
 from ..lang.source import ModelError
 from ..results.status import Status
+from .blocks import VERDICTS
 
 if TYPE_CHECKING:
     from .causal import CausalFunction
@@ -88,11 +89,11 @@ def status_codes(
     code = np.zeros(n, dtype=int) if found is None else found.copy()
     for m, row in zip(margins, results[-1], strict=True):
         with np.errstate(invalid="ignore"):
-            if m.kind in ("discriminant", "condition"):
-                bad, verdict = ~(row >= 0), Status.OUT_OF_RANGE
+            if m.kind == "pivot":
+                good = np.abs(row) > number(tolerance) * number(m.scale)
             else:
-                bad, verdict = ~(np.abs(row) > number(tolerance) * number(m.scale)), Status.SINGULAR
-        code = np.where((code == 0) & bad, verdict, code)
+                good = row > 0 if m.kind == "branch" else row >= 0
+        code = np.where((code == 0) & ~good, VERDICTS[m.kind], code)
     finite = np.all([np.all(np.isfinite(r), axis=0) for r in results[:-1]], axis=0)
     code = np.where((code == 0) & ~finite, Status.NOT_FINITE, code)
     if sizes is not None:

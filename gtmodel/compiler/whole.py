@@ -9,7 +9,7 @@ from typing import Any
 import casadi as ca
 
 from ..results.status import Status
-from .blocks import Margin
+from .blocks import VERDICTS, Margin
 from .newton import CORRECTIONS, KINK, REACH, SINGULAR, TRUST, NewtonKernel
 from .rows import PIVOT_TOLERANCE
 from .sizes import Sizes
@@ -33,10 +33,10 @@ def judged(
     code = ca.if_else(_finite(targets), ca.SX(Status.OK), ca.SX(Status.NOT_FINITE))
     for k, m in reversed(list(enumerate(facts))):
         if m.kind == "pivot":
-            good, verdict = ca.fabs(margins[k]) > PIVOT_TOLERANCE * m.scale, Status.SINGULAR
+            good = ca.fabs(margins[k]) > PIVOT_TOLERANCE * m.scale
         else:
-            good, verdict = margins[k] >= 0, Status.OUT_OF_RANGE
-        code = ca.if_else(good, code, ca.SX(verdict))
+            good = margins[k] > 0 if m.kind == "branch" else margins[k] >= 0
+        code = ca.if_else(good, code, ca.SX(VERDICTS[m.kind]))
     code = ca.if_else(ca.SX(found) == 0, code, ca.SX(found))
     if sizes is not None and inputs:
         code = ca.if_else(sizes.norm(inputs) <= sizes.most, code, ca.SX(Status.OUT_OF_RANGE))

@@ -85,7 +85,7 @@ class Regressor:
         plan = _partly_folded(causal, self._chosen)
         self._uses_time = plan.uses_time
         self._plan, self._p0 = plan, flat.p0
-        self._margins = [Margin(m.kind, m.scale) for b in plan.blocks for m in b.margins]
+        self._margins = [Margin(m.kind, m.scale) for m in plan.margins]
         self._sizes = causal.sizes
         self._built = self._build([(c_name(s.name), s.pairs) for s in self.outputs])
         self._kernels = self._built.kernels

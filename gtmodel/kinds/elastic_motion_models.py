@@ -33,8 +33,8 @@ class ElasticMotion(RigidMotion):
     """The same with a mass on a spring at the plate, which hangs at rest at first and in the end."""
 
     mass = gt.parameter(unit="kg", positive=True, description="mass on the spring")
-    K = gt.parameter(shape=(3, 3), unit="N/m", description="its stiffness, world axes")
-    D = gt.parameter(np.zeros((3, 3)), unit="N.s/m", description="its damping, world axes")
+    K = gt.parameter(shape=(3, 3), unit="N/m", kind="semidefinite", description="its stiffness, world axes")
+    D = gt.parameter(np.zeros((3, 3)), unit="N.s/m", kind="semidefinite", description="its damping, world axes")
     spring = gt.part(PointSpringDamper, K=K, D=D)
     tool = gt.part(PointMass, m=mass)
 

@@ -9,11 +9,13 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from .bound import check_bound
 from .declare import Declaration, Each, Free, Outer, Parameter, Part, Port, Variable
 from .expression import ONE, Expr, gathered, operand
-from .model import Connector, Model, check_modifiers, check_parameter, fits, shape_text, walk_declarations
+from .model import Connector, Model, check_modifiers, walk_declarations
 from .scope import Scope
 from .source import ModelError, SourceLocation
+from .values import check_parameter, fits, shape_text
 
 
 @dataclass
@@ -37,7 +39,8 @@ class ParameterRecord:
     expression: ca.SX
     indices: list[int]
     values: np.ndarray | None
-    shape: tuple[int, ...] = ()
+    shape: tuple[int, ...]
+    where: SourceLocation
 
 
 @dataclass
@@ -60,9 +63,10 @@ def bind(model: Model) -> Tree:
         raise ModelError(f"expected a configured model; found {model!r}{hint}")
     scope = Scope()
     tree = Tree(scope=scope, root=model)
-    root = _bind(model, {}, "", None, tree)
+    given_at = {name: model.__dict__["where"] for name in model.__dict__["_modifiers"]}
+    root = _bind(model, {}, "", None, tree, given_at)
     tree.root = root
-    _check_bound(tree)
+    check_bound(tree)
     return tree
 
 
@@ -80,7 +84,7 @@ def bind_variable(item: Variable, tree: Tree) -> Expr:
 
 def bind_parameter(item: Parameter, tree: Tree) -> Expr:
     """Bind one more parameter of the root."""
-    return _parameter(item, None, item.name, "", False, tree)
+    return _parameter(item, None, item.name, "", False, tree, item.where)
 
 
 def bind_part(item: Part, config: Model, tree: Tree) -> Model:
@@ -88,33 +92,20 @@ def bind_part(item: Part, config: Model, tree: Tree) -> Model:
     return _bind(config, {}, item.name, tree.root, tree)
 
 
-def _check_bound(tree: Tree) -> None:
-    """Sign and finiteness of parameters that are expressions of others; ModelError as for given values."""
-    bound = [r for r in tree.parameters if r.values is None and not r.indices]
-    if not bound:
-        return
-    numbers = np.full(len(tree.scope.parameters), np.nan)
-    for r in tree.parameters:
-        if r.values is not None:
-            numbers[r.indices] = r.values
-    f = ca.Function("bound", [ca.vertcat(*tree.scope.parameters)], [r.expression for r in bound])
-    for r, value in zip(bound, f.call([ca.DM(numbers)]), strict=True):
-        array = value.full().reshape(r.shape)
-        if not np.any(np.isnan(array)):
-            assert isinstance(r.item, Parameter)
-            inside = {s.element_hash() for s in ca.symvar(r.expression)}
-            hashes = [s.element_hash() for s in tree.scope.parameters]
-            given = [o for o in tree.parameters if any(hashes[i] in inside for i in o.indices)]
-            where = given[0].item.where if given else None
-            check_parameter(r.item, array if r.shape else float(array), r.name, where)
-
-
 def join(path: str, name: str) -> str:
     return f"{path}.{name}" if path else name
 
 
-def _bind(config: Model, extra: dict[str, Any], path: str, parent: Model | None, tree: Tree) -> Model:
-    cls = type(config)
+def _bind(
+    config: Model,
+    extra: dict[str, Any],
+    path: str,
+    parent: Model | None,
+    tree: Tree,
+    given_at: dict[str, SourceLocation] | None = None,
+) -> Model:
+    """`given_at`: where modifiers were written, of those whose line is known."""
+    cls, places = type(config), given_at or {}
     bound = object.__new__(cls)
     values: dict[str, Any] = {}
     bound.__dict__.update(_path=path, _parent=parent, _values=values, _scope=tree.scope)
@@ -129,7 +120,7 @@ def _bind(config: Model, extra: dict[str, Any], path: str, parent: Model | None,
         given = modifiers.get(name)
         full = join(path, name)
         if isinstance(item, Parameter):
-            values[name] = _parameter(item, given, full, path, name in modifiers, tree)
+            values[name] = _parameter(item, given, full, path, name in modifiers, tree, places.get(name, item.where))
         elif isinstance(item, Free):
             values[name] = _free(item, full, path, tree)
         elif isinstance(item, Variable):
@@ -139,7 +130,7 @@ def _bind(config: Model, extra: dict[str, Any], path: str, parent: Model | None,
         elif isinstance(item, Outer):
             values[name] = _outer(item, bound, tree)
         elif isinstance(item, Part):
-            values[name] = _part(item, given, full, bound, tree)
+            values[name] = _part(item, given, full, bound, tree, places.get(name))
 
     # an outer reference from below may bind a part before its turn
     pending = {name: partial(member, name, item) for name, item in walk_declarations(cls)}
@@ -178,23 +169,25 @@ def _assemble(symbols: list[ca.SX], shape: tuple[int, ...]) -> ca.SX:
     return ca.reshape(ca.vertcat(*symbols), shape[1], shape[0]).T
 
 
-def _parameter(item: Parameter, given: Any, full: str, path: str, is_given: bool, tree: Tree) -> Expr:
+def _parameter(
+    item: Parameter, given: Any, full: str, path: str, is_given: bool, tree: Tree, where: SourceLocation
+) -> Expr:
     given = gathered(given)
     if isinstance(given, Expr):
         if not fits(given.shape, item.shape):
             shape = shape_text(item.shape)
-            raise ModelError(f"parameter '{full}' has shape {shape}; bound to shape {given.shape}", item.where)
+            raise ModelError(f"parameter '{full}' has shape {shape}; bound to shape {given.shape}", where)
         if None not in (given.dimension, item.dimension) and given.dimension != item.dimension:
             raise ModelError(
-                f"units do not fit: parameter '{full}' is in {item.unit}, bound to {given.dimension}", item.where
+                f"units do not fit: parameter '{full}' is in {item.unit}, bound to {given.dimension}", where
             )
-        record = ParameterRecord(full, item, path, ca.vec(given.sx.T), [], None, given.shape)
+        record = ParameterRecord(full, item, path, ca.vec(given.sx.T), [], None, given.shape, where)
         tree.parameters.append(record)
         return given
     value = given if is_given else item.default
-    array = None if value is None else check_parameter(item, value, full)
+    array = None if value is None else check_parameter(item, value, full, where)
     if array is None and -1 in item.shape:
-        raise ModelError(f"parameter '{full}' of shape {shape_text(item.shape)} has no value; give one", item.where)
+        raise ModelError(f"parameter '{full}' of shape {shape_text(item.shape)} has no value; give one", where)
     shape = item.shape if array is None else array.shape
     values = None if array is None else array.reshape(-1)
     names = element_names(full, shape)
@@ -202,7 +195,7 @@ def _parameter(item: Parameter, given: Any, full: str, path: str, is_given: bool
     symbols = [tree.scope.new_parameter(n) for n in names]
     indices = list(range(first, first + len(names)))
     sx = _assemble(symbols, shape)
-    tree.parameters.append(ParameterRecord(full, item, path, ca.vertcat(*symbols), indices, values, shape))
+    tree.parameters.append(ParameterRecord(full, item, path, ca.vertcat(*symbols), indices, values, shape, where))
     return Expr(sx, shape, item.dimension, tree.scope)
 
 
@@ -212,7 +205,8 @@ def _free(item: Free, full: str, path: str, tree: Tree) -> Expr:
     symbols = [tree.scope.new_parameter(n) for n in names]
     values = np.asarray(item.guess, float).reshape(-1)
     indices = list(range(first, first + len(names)))
-    tree.parameters.append(ParameterRecord(full, item, path, ca.vertcat(*symbols), indices, values, item.shape))
+    record = ParameterRecord(full, item, path, ca.vertcat(*symbols), indices, values, item.shape, item.where)
+    tree.parameters.append(record)
     dimension = item.dimension if item.unit is not None else (_second() if full.endswith("_time") else None)
     return Expr(_assemble(symbols, item.shape), item.shape, dimension, tree.scope)
 
@@ -292,20 +286,27 @@ def _resolve(value: Any, parent: Model) -> Any:
     return value
 
 
-def _part(item: Part, given: Any, full: str, parent: Model, tree: Tree) -> Any:
+def _part(item: Part, given: Any, full: str, parent: Model, tree: Tree, given_at: SourceLocation | None) -> Any:
+    """`given_at`: where the enclosing configuration was written, if it says something about this part."""
+
+    def one(own: dict[str, Any], override: Any, full: str) -> Model:
+        merged = _merge(Redeclared(item.cls, own), override)
+        outer = override.modifiers if isinstance(override, Redeclared) else override
+        places = dict.fromkeys(own, item.where)
+        if given_at is not None and isinstance(outer, dict):
+            places |= dict.fromkeys(outer, given_at)
+        cls, mods = _split(merged, full, item.where, places)
+        return _bind(cls(), mods, full, parent, tree, places)
+
     if item.count is None:
-        mods = {k: _resolve(v, parent) for k, v in item.modifiers.items()}
-        cls, mods = _split(_merge(Redeclared(item.cls, mods), given), full, item.where)
-        return _bind(cls(), mods, full, parent, tree)
+        return one({k: _resolve(v, parent) for k, v in item.modifiers.items()}, given, full)
     count = len(given) if isinstance(given, (list, tuple)) else item.count
     result = []
     for i in range(count):
         mods = {
             k: _element(_resolve(v, parent), i, count, f"{full}.{k}", item.where) for k, v in item.modifiers.items()
         }
-        override = given[i] if isinstance(given, (list, tuple)) else given
-        cls, mods = _split(_merge(Redeclared(item.cls, mods), override), full, item.where)
-        result.append(_bind(cls(), mods, f"{full}[{i}]", parent, tree))
+        result.append(one(mods, given[i] if isinstance(given, (list, tuple)) else given, f"{full}[{i}]"))
     return result
 
 
@@ -340,9 +341,11 @@ def _merge(old: Any, new: Any) -> Any:
     return new
 
 
-def _split(merged: Any, full: str, where: SourceLocation) -> tuple[type[Model], dict[str, Any]]:
+def _split(
+    merged: Any, full: str, where: SourceLocation, places: dict[str, SourceLocation]
+) -> tuple[type[Model], dict[str, Any]]:
     if isinstance(merged, Redeclared) and issubclass(merged.cls, Model):
-        check_modifiers(merged.cls, merged.modifiers, where, f" (part '{full}')")
+        check_modifiers(merged.cls, merged.modifiers, where, full, places)
         return merged.cls, merged.modifiers
     raise ModelError(f"part '{full}' takes a Model class, a model or a dictionary; found {merged!r}", where)
 

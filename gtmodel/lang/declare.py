@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 
-from .source import ModelError, here
+from .source import ModelError, SourceLocation, here
 from .units import UnitError, si_unit
 
 if TYPE_CHECKING:
     from .model import Model
 
 Shape = tuple[int, ...]
+Kind = Literal["rotation", "unit", "direction", "semidefinite"]
 
 
 class Declaration:
@@ -74,6 +75,7 @@ class Parameter(_Quantity):
         low: Any = None,
         high: Any = None,
         increasing: bool = False,
+        kind: Kind | None = None,
     ) -> None:
         if shape is None and default is not None:
             shape = np.shape(default)
@@ -84,6 +86,9 @@ class Parameter(_Quantity):
         self.low = low
         self.high = high
         self.increasing = increasing
+        self.kind: Kind | None = kind
+        if kind is not None:
+            _check_kind(kind, self.shape, self.where)
 
 
 class Free(_Quantity):
@@ -205,6 +210,7 @@ def parameter(
     increasing: bool = False,
     min: Any = None,
     max: Any = None,
+    kind: Kind | None = None,
     description: str = "",
 ) -> Any:
     """A constant of the model; values are checked.
@@ -214,9 +220,11 @@ def parameter(
         shape: None for the default's; a None inside leaves that length to the value, e.g. (None, 3) for points.
         positive, nonzero: let the compiler divide by it.
         increasing: each entry of a vector is greater than the one before it.
-        min, max: the values it may take, as a number or in its shape.
+        min, max: the values it may take, as a number, in its shape, or another parameter of the class.
+        kind: what it describes. "rotation" (3, 3); "unit", each row of length 1 (axes, quaternions); "direction", each
+            row of any length but zero; "semidefinite" (n, n), symmetric and positive semidefinite.
     """
-    return Parameter(default, shape, unit, description, positive, nonzero, min, max, increasing)
+    return Parameter(default, shape, unit, description, positive, nonzero, min, max, increasing, kind)
 
 
 def free(guess: Any, *, min: Any = None, max: Any = None, unit: str | None = None, description: str = "") -> Any:
@@ -270,3 +278,13 @@ def _attributes(nominal: Any, low: Any, high: Any, start: Any, fixed: bool, pref
     if nominal is not None and np.any(np.asarray(nominal, float) <= 0):
         raise ModelError(f"a nominal is a magnitude and must be positive; found {nominal}", here())
     return dict(zip(ATTRIBUTES, (nominal, low, high, start, fixed, prefer), strict=True))
+
+
+def _check_kind(kind: Kind, shape: Shape, where: SourceLocation) -> None:
+    if kind not in get_args(Kind):
+        raise ModelError(f"kinds of parameters are {', '.join(get_args(Kind))}; found '{kind}'", where)
+    square = len(shape) == 2 and shape[0] == shape[1] != -1
+    fits = {"unit": bool(shape), "direction": bool(shape), "semidefinite": square}.get(kind, shape == (3, 3))
+    if not fits:
+        expected = {"unit": "rows", "direction": "rows", "semidefinite": "(n, n)"}.get(kind, "(3, 3)")
+        raise ModelError(f"a parameter of kind '{kind}' has shape {expected}; found {shape}", where)

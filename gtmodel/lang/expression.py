@@ -26,6 +26,10 @@ class DimensionError(ModelError, UnitError):
     """Units do not fit: a ModelError that is also a UnitError."""
 
 
+class IndexRangeError(ModelError, IndexError):
+    """An index out of range: a ModelError that is also an IndexError."""
+
+
 class Expr:
     """A scalar (shape ()), vector (n,) or matrix (n, m) expression.
 
@@ -61,22 +65,20 @@ class Expr:
             raise TypeError("a scalar expression cannot be iterated over")
         return (self[i] for i in range(self.shape[0]))
 
-    def __getitem__(self, index: int | slice | tuple[int, int]) -> Expr:
+    def __getitem__(self, index: int | slice | tuple[int | slice, int | slice]) -> Expr:
         if not self.shape:
             raise ModelError(f"a scalar cannot be indexed by {index}", here())
-        if isinstance(index, slice):
-            part = self.sx[index, :]
-            return Expr(part, (part.shape[0], *self.shape[1:]), self.dimension, self.scope)
-        try:  # 1.9 is no index: truncated, it would be another entry than meant
-            row, *rest = map(operator.index, index if isinstance(index, tuple) else (index,))
-        except TypeError:
-            raise ModelError(f"an expression is indexed by whole numbers, not by {index!r}", here()) from None
-        n = self.shape[0]
-        if not -n <= row < n:
-            raise IndexError(f"index {row} is out of range for an expression of shape {self.shape}")
-        if rest:
-            return Expr(self.sx[row, rest[0]], (), self.dimension, self.scope)
-        return Expr(self.sx[row, :].T, self.shape[1:], self.dimension, self.scope)
+        rows, *more = index if isinstance(index, tuple) else (index,)
+        if len(more) >= len(self.shape):
+            found = f"{1 + len(more)} indices {index}"
+            raise IndexRangeError(f"an expression of shape {self.shape} takes {len(self.shape)}; found {found}", here())
+        places = [_places(k, n, self.shape) for k, n in zip((rows, *more), self.shape, strict=False)]
+        shape = tuple(len(p) for p in places if isinstance(p, list)) + self.shape[len(places) :]
+        row, column = (*places, slice(None))[:2]
+        part = self.sx[row, column]
+        if not isinstance(row, list) and shape:  # one row stands as a column
+            part = part.T
+        return Expr(part, shape, self.dimension, self.scope)
 
     def __repr__(self) -> str:
         return f"Expr({self.sx}, shape={self.shape}, unit={self.dimension})"
@@ -178,6 +180,34 @@ class Relation:
             "expected it to be yielded; for a <= x <= b use gt.between(a, x, b)",
             self.where,
         )
+
+
+def _places(index: Any, n: int, shape: Shape) -> int | list[int]:
+    """An index or a slice as place or places; ModelError for what is none, also an IndexError where it is out of range.
+
+    1.9 is no index: truncated, it would be another entry than meant. Nor is a slice cut off at the last entry.
+    """
+
+    def whole(k: Any) -> int:
+        try:
+            return operator.index(k)
+        except TypeError:
+            raise ModelError(f"an expression is indexed by whole numbers, not by {index!r}", here()) from None
+
+    if not isinstance(index, slice):
+        place = whole(index)
+        if not -n <= place < n:
+            raise IndexRangeError(f"index {place} is out of range for an expression of shape {shape}", here())
+        return place
+    start, stop, step = (None if k is None else whole(k) for k in (index.start, index.stop, index.step))
+    if step == 0:
+        raise IndexRangeError("a slice takes a step other than 0", here())
+    if any(k is not None and not -n <= k <= n for k in (start, stop)):
+        text = f"{'' if start is None else start}:{'' if stop is None else stop}"
+        raise IndexRangeError(
+            f"slice {text} is out of range for an expression of shape {shape}; expected ends from {-n} to {n}", here()
+        )
+    return list(range(n))[slice(start, stop, step)]
 
 
 def dimension_of(value: Any) -> Dimension | None:

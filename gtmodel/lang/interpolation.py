@@ -9,6 +9,7 @@ import numpy as np
 
 from .expression import Expr, dimension_of, gathered, operand, over
 from .source import ModelError, here
+from .steps import chosen, steps_of
 
 
 def interpolate(
@@ -52,7 +53,8 @@ def interpolate(
     if not isinstance(at, Expr) and not np.all(np.diff(np.asarray(at, float)) > 0):
         raise ModelError(f"interpolate() takes abscissae that increase; found {at}", here())
     pieces = _linear(sa, sv) if method == "linear" else _cubic(sa, sv)
-    begin, *coefficients = (_select(sx, sa, c, method) for c in pieces)
+    steps = steps_of(sx, ca.vertsplit(sa) if method == "cubic" else ca.vertsplit(sa)[1:-1])
+    begin, *coefficients = (chosen(steps, c) for c in pieces)
     u = sx - begin
     powers = range(len(coefficients))
     if derivative:
@@ -97,12 +99,3 @@ def _cubic(at: ca.SX, values: ca.SX) -> list[list[ca.SX]]:
         [zero, *(3 * m[k] for k in range(n - 1)), zero],
         [zero, *((m[k + 1] - m[k]) / h[k] for k in range(n - 1)), zero],
     ]
-
-
-def _select(x: ca.SX, at: ca.SX, pieces: list[ca.SX], method: str) -> ca.SX:
-    """The entry of the piece that x lies in. Steps in x: their derivative is zero."""
-    breaks = ca.vertsplit(at) if method == "cubic" else ca.vertsplit(at)[1:-1]
-    result = pieces[0]
-    for limit, before, after in zip(breaks, pieces[:-1], pieces[1:], strict=True):
-        result = result + (x >= limit) * (after - before)
-    return result

@@ -11,6 +11,7 @@ import numpy as np
 from .declare import ATTRIBUTES, Declaration, Each, Free, Outer, Parameter, Part, Port, Variable
 from .expression import Expr
 from .source import ModelError, SourceLocation, here
+from .values import check_parameter
 
 
 class Model:
@@ -137,9 +138,20 @@ def _frozen(value: Any) -> Any:
     return value
 
 
-def check_modifiers(cls: type[Model], modifiers: dict[str, Any], where: SourceLocation, what: str = "") -> None:
-    """Raises ModelError for modifiers that a model of this class does not take; `what` is added to its name."""
+def check_modifiers(
+    cls: type[Model],
+    modifiers: dict[str, Any],
+    where: SourceLocation,
+    part: str = "",
+    places: dict[str, SourceLocation] | None = None,
+) -> None:
+    """Raises ModelError for modifiers that a model of this class does not take.
+
+    part: its full name, "" for the whole model. places: where single modifiers were written, `where` for the others.
+    """
+    what, given_at = f" (part '{part}')" if part else "", where
     for name, value in modifiers.items():
+        where = (places or {}).get(name, given_at)
         if name not in cls._declared:
             close = difflib.get_close_matches(name, cls._declared, n=2)
             known = ", ".join(sorted(cls._declared)) or "none"
@@ -156,7 +168,7 @@ def check_modifiers(cls: type[Model], modifiers: dict[str, Any], where: SourceLo
                 where,
             )
         if isinstance(item, Parameter) and not _symbolic(value):
-            check_parameter(item, value, name, where)
+            check_parameter(item, value, f"{part}.{name}" if part else name, where)
         elif isinstance(item, Variable) and (not isinstance(value, dict) or set(value) - set(ATTRIBUTES)):
             raise ModelError(
                 f"'{name}' is a variable: a modifier is a dictionary with keys of {', '.join(ATTRIBUTES)}; "
@@ -170,42 +182,6 @@ def _symbolic(value: Any) -> bool:
     if isinstance(value, (list, tuple)):
         return any(map(_symbolic, value))
     return value is None or isinstance(value, (Declaration, Each, Expr)) or callable(value)
-
-
-def check_parameter(item: Parameter, value: Any, name: str, where: SourceLocation | None = None) -> np.ndarray:
-    """The value as a float array of the declared shape; ModelError for shape, sign or a non-finite number."""
-    where = where or item.where
-    try:
-        array = np.asarray(value, dtype=float)
-    except (TypeError, ValueError):
-        shape = shape_text(item.shape)
-        raise ModelError(f"parameter '{name}' takes numbers of shape {shape}; found {value!r}", where) from None
-    if not fits(array.shape, item.shape):
-        shape = shape_text(item.shape)
-        raise ModelError(f"parameter '{name}' has shape {shape}; found a value of shape {array.shape}", where)
-    if not np.all(np.isfinite(array)):
-        raise ModelError(f"parameter '{name}' must be finite; found {value}", where)
-    if item.positive and np.any(array <= 0):
-        raise ModelError(f"parameter '{name}' is declared positive; found {value}", where)
-    if item.nonzero and np.any(array == 0):
-        raise ModelError(f"parameter '{name}' is declared nonzero; found {value}", where)
-    if item.increasing and not np.all(np.diff(array) > 0):
-        raise ModelError(f"parameter '{name}' is declared increasing; found {value}", where)
-    if item.low is not None and np.any(array < item.low):
-        raise ModelError(f"parameter '{name}' must be at least {item.low}; found {value}", where)
-    if item.high is not None and np.any(array > item.high):
-        raise ModelError(f"parameter '{name}' must be at most {item.high}; found {value}", where)
-    return array
-
-
-def fits(shape: tuple[int, ...], declared: tuple[int, ...]) -> bool:
-    """Whether a value's shape is the declared one, in which -1 stands for any length."""
-    return len(shape) == len(declared) and all(d in (-1, n) for n, d in zip(shape, declared, strict=True))
-
-
-def shape_text(declared: tuple[int, ...]) -> str:
-    """A declared shape as people write it: (n, 3)."""
-    return str(declared) if -1 not in declared else str(declared).replace("-1", "n")
 
 
 _RESERVED = frozenset(

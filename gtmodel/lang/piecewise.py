@@ -9,6 +9,7 @@ import numpy as np
 
 from .expression import Expr, operand
 from .source import ModelError, here
+from .steps import chosen, steps_of
 
 
 def piecewise(x: Any, breaks: Any, coefficients: Any) -> Expr:
@@ -37,17 +38,9 @@ def piecewise(x: Any, breaks: Any, coefficients: Any) -> Expr:
     sx = operand(x, x.scope)[0]
     columns = c.reshape(*c.shape[:2], -1)
 
-    def chosen(values: np.ndarray) -> ca.SX:
-        """The row of the piece that x lies in: steps, whose derivative is zero."""
-        result = ca.SX(ca.DM(values[0]))
-        for k in range(1, len(values)):
-            change = values[k] - values[k - 1]
-            if np.any(change):
-                result = result + (sx >= breaks[k]) * ca.sparsify(ca.DM(change))
-        return result
-
-    u = sx - chosen(breaks[:-1, None])
+    steps = steps_of(sx, breaks[1:-1].tolist())
+    u = sx - chosen(steps, [ca.SX(b) for b in breaks[:-1].tolist()])
     value = ca.SX.zeros(columns.shape[2], 1)
     for power in columns:
-        value = value * u + chosen(power)
+        value = value * u + chosen(steps, [ca.SX(ca.DM(row)) for row in power])
     return Expr(ca.SX(ca.densify(value)), c.shape[2:], None, x.scope)

@@ -378,8 +378,9 @@ def convert(value: Any, from_unit: str, to_unit: str) -> Any:
     value : number or array (any shape), in `from_unit`; the result has its shape, in `to_unit`. Decimal
     scales are applied by one exact factor or divisor, so 9 ms is 0.009 s and not 0.009000000000000001 s.
 
-    Raises UnitError when the dimensions differ, and between Hz (cycles) and rad/s, deg/s or rpm (angle): the
-    factor 2 pi between them is not a matter of units.
+    Raises UnitError when the dimensions differ, and between what counts cycles and what measures angle (rad/s, deg/s,
+    rpm): the factor 2 pi between them is not a matter of units. Hz counts cycles, and so does a frequency that names no
+    angle: 1/min is 1/60 Hz. Only 1/s is rad/s as well, as in SI, but never revolutions.
     """
     source, target = parse_unit(from_unit), parse_unit(to_unit)
     if source.dimension != target.dimension:
@@ -388,7 +389,7 @@ def convert(value: Any, from_unit: str, to_unit: str) -> Any:
             f"{target.dimension}; convert between units of one dimension only"
         )
     for cycles, angle in ((source, target), (target, source)):
-        if _holds(cycles, {"Hz"}) and _holds(angle, _RADIAN_SYMBOLS) and not _holds(angle, {"Hz"}):
+        if _counts_cycles(cycles, angle) and _holds(angle, _RADIAN_SYMBOLS) and not _holds(angle, {"Hz"}):
             raise UnitError(
                 f"unit {cycles.text!r} counts cycles and {angle.text!r} measures angle; multiply or divide "
                 "by 2 pi explicitly"
@@ -398,6 +399,14 @@ def convert(value: Any, from_unit: str, to_unit: str) -> Any:
         value = value * float(ratio.numerator)
     value = value / float(ratio.denominator)
     return value * math.pi**pi_power if pi_power else value
+
+
+def _counts_cycles(unit: Unit, other: Unit) -> bool:
+    if _holds(unit, {"Hz"}):
+        return True
+    kg, m, seconds, *others = unit.dimension.exponents
+    frequency = seconds < 0 and not any((kg, m, *others)) and not _holds(unit, _RADIAN_SYMBOLS)
+    return frequency and (not unit.is_si or _holds(other, {"rpm"}))
 
 
 def _holds(unit: Unit, symbols: set[str]) -> bool:

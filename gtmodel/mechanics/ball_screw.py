@@ -20,7 +20,9 @@ class BallScrew(gt.Model):
 
     a = gt.parameter(0.25, unit="m", positive=True, description="from the axis to the screw's bearing")
     b = gt.parameter(0.10, unit="m", positive=True, description="lever, from the axis to the screw's nut")
-    angle_0 = gt.parameter(np.pi / 2, unit="rad", description="from bearing to lever at phi = 0, between 0 and pi")
+    angle_0 = gt.parameter(
+        np.pi / 2, unit="rad", min=0.0, max=np.pi, description="from bearing to lever at phi = 0, between 0 and pi"
+    )
     flange = gt.port(Flange)
     shaft = gt.port(Shaft)
     angle = gt.variable(unit="rad", start=angle_0, description="from bearing to lever")

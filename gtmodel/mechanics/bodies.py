@@ -24,12 +24,16 @@ class RigidBody(gt.Model):
     """Mass m [kg], centre of mass c [m] and inertia tensor I [kg m2] under gravity, fixed to a frame.
 
     c and I are given in frame coordinates, I about the centre of mass; its off-diagonal entries are the negative
-    products of inertia, as in pinocchio and MuJoCo. Newton and Euler for the frame's origin.
+    products of inertia, as in pinocchio and MuJoCo. Newton and Euler for the frame's origin. I must be symmetric and
+    positive semidefinite; that no principal moment exceeds the sum of the others is not asked for: planar models leave
+    moments 0 that no motion needs, identified ones scatter, and the equations are passive all the same.
     """
 
     m = gt.parameter(unit="kg", min=0.0, description="mass")
     c = gt.parameter([0.0, 0.0, 0.0], unit="m", description="centre of mass, frame coordinates")
-    I = gt.parameter(shape=(3, 3), unit="kg.m2", description="inertia about the centre of mass, frame axes")
+    I = gt.parameter(
+        shape=(3, 3), unit="kg.m2", kind="semidefinite", description="inertia about the centre of mass, frame axes"
+    )
     frame = gt.port(Frame)
     world = gt.outer(World)
 

@@ -9,7 +9,7 @@ from .frames import Flange, Shaft
 class Inertia(gt.Model):
     """Moment of inertia J [kg m2] on a shaft."""
 
-    J = gt.parameter(unit="kg.m2", description="moment of inertia about the shaft")
+    J = gt.parameter(unit="kg.m2", min=0.0, description="moment of inertia about the shaft")
     shaft = gt.port(Shaft)
 
     def equations(self):
@@ -20,7 +20,7 @@ class Inertia(gt.Model):
 class Mass(gt.Model):
     """Mass m [kg] on a translational flange, without weight."""
 
-    m = gt.parameter(unit="kg", description="mass moved along the flange")
+    m = gt.parameter(unit="kg", min=0.0, description="mass moved along the flange")
     flange = gt.port(Flange)
 
     def equations(self):

@@ -15,7 +15,7 @@ class Fixed(gt.Model):
     """
 
     d = gt.parameter([0.0, 0.0, 0.0], unit="m", description="from a to b, coordinates of a")
-    R = gt.parameter(np.eye(3), unit="1", description="rotation from coordinates of b to those of a")
+    R = gt.parameter(np.eye(3), unit="1", kind="rotation", description="rotation from coordinates of b to those of a")
     a = gt.port(Frame)
     b = gt.port(Frame)
 

@@ -33,8 +33,8 @@ class Frictionless(Friction):
 
 
 class _CoulombViscous(Friction):
-    coulomb = gt.parameter(0.0, unit="N", description="Coulomb friction force")
-    viscous = gt.parameter(0.0, unit="kg/s", description="viscous friction coefficient")
+    coulomb = gt.parameter(0.0, unit="N", min=0.0, description="Coulomb friction force")
+    viscous = gt.parameter(0.0, unit="kg/s", min=0.0, description="viscous friction coefficient")
     velocity_scale = gt.parameter(
         0.1, unit="m/s", positive=True, description="velocity at which the smoothed sign is near its end value"
     )
@@ -57,10 +57,10 @@ class SignFriction(ExactSign, CoulombViscousLaw, _CoulombViscous):
 
 
 class _Directional(_CoulombViscous):
-    coulomb = gt.parameter(0.0, unit="N", description="Coulomb friction force at positive velocity")
-    viscous = gt.parameter(0.0, unit="kg/s", description="viscous friction coefficient at positive velocity")
-    coulomb_minus = gt.parameter(unit="N", description="Coulomb friction force at negative velocity, positive")
-    viscous_minus = gt.parameter(unit="kg/s", description="viscous friction coefficient at negative velocity")
+    coulomb = gt.parameter(0.0, unit="N", min=0.0, description="Coulomb friction force at positive velocity")
+    viscous = gt.parameter(0.0, unit="kg/s", min=0.0, description="viscous friction coefficient at positive velocity")
+    coulomb_minus = gt.parameter(unit="N", min=0.0, description="Coulomb friction force at negative velocity, positive")
+    viscous_minus = gt.parameter(unit="kg/s", min=0.0, description="viscous friction coefficient at negative velocity")
 
 
 class DirectionalTanhFriction(TanhSign, DirectionalLaw, _Directional):
@@ -81,5 +81,7 @@ class StribeckFriction(TanhSign, StribeckLaw, _CoulombViscous):
     velocity_scale well below stribeck_velocity, or the peak is lost in the smoothing.
     """
 
-    breakaway = gt.parameter(unit="N", description="friction force at the onset of motion, at least `coulomb`")
+    breakaway = gt.parameter(
+        unit="N", min=_CoulombViscous.coulomb, description="friction force at the onset of motion, at least `coulomb`"
+    )
     stribeck_velocity = gt.parameter(unit="m/s", positive=True, description="velocity over which friction falls")

@@ -24,8 +24,8 @@ class RotationalFriction(gt.Model):
 
 
 class _CoulombViscous(RotationalFriction):
-    coulomb = gt.parameter(0.0, unit="N.m", description="Coulomb friction torque")
-    viscous = gt.parameter(0.0, unit="N.m.s/rad", description="viscous friction coefficient")
+    coulomb = gt.parameter(0.0, unit="N.m", min=0.0, description="Coulomb friction torque")
+    viscous = gt.parameter(0.0, unit="N.m.s/rad", min=0.0, description="viscous friction coefficient")
     velocity_scale = gt.parameter(
         0.1, unit="rad/s", positive=True, description="velocity at which the smoothed sign is near its end value"
     )
@@ -40,10 +40,16 @@ class RotationalPiecewiseLinearFriction(PiecewiseLinearSign, CoulombViscousLaw, 
 
 
 class _Directional(_CoulombViscous):
-    coulomb = gt.parameter(0.0, unit="N.m", description="Coulomb friction torque at positive velocity")
-    viscous = gt.parameter(0.0, unit="N.m.s/rad", description="viscous friction coefficient at positive velocity")
-    coulomb_minus = gt.parameter(unit="N.m", description="Coulomb friction torque at negative velocity, positive")
-    viscous_minus = gt.parameter(unit="N.m.s/rad", description="viscous friction coefficient at negative velocity")
+    coulomb = gt.parameter(0.0, unit="N.m", min=0.0, description="Coulomb friction torque at positive velocity")
+    viscous = gt.parameter(
+        0.0, unit="N.m.s/rad", min=0.0, description="viscous friction coefficient at positive velocity"
+    )
+    coulomb_minus = gt.parameter(
+        unit="N.m", min=0.0, description="Coulomb friction torque at negative velocity, positive"
+    )
+    viscous_minus = gt.parameter(
+        unit="N.m.s/rad", min=0.0, description="viscous friction coefficient at negative velocity"
+    )
 
 
 class RotationalDirectionalTanhFriction(TanhSign, DirectionalLaw, _Directional):
@@ -60,5 +66,9 @@ class RotationalStribeckFriction(TanhSign, StribeckLaw, _CoulombViscous):
     velocity_scale well below stribeck_velocity, or the peak is lost in the smoothing.
     """
 
-    breakaway = gt.parameter(unit="N.m", description="friction torque at the onset of motion, at least `coulomb`")
+    breakaway = gt.parameter(
+        unit="N.m",
+        min=_CoulombViscous.coulomb,
+        description="friction torque at the onset of motion, at least `coulomb`",
+    )
     stribeck_velocity = gt.parameter(unit="rad/s", positive=True, description="velocity over which friction falls")

@@ -14,7 +14,7 @@ class Guideway(gt.Model):
     """
 
     A = gt.parameter(shape=3, unit="m", description="frame position at q = 0")
-    v = gt.parameter(shape=3, unit="1", description="guideway direction times transmission scale")
+    v = gt.parameter(shape=3, unit="1", kind="direction", description="guideway direction times transmission scale")
     flange = gt.port(Flange)
     frame = gt.port(PointFrame)
 
@@ -30,7 +30,9 @@ class CompliantGuideway(Guideway):
     q stays where the drive holds it.
     """
 
-    K = gt.parameter(shape=(3, 3), unit="N/m", description="stiffness of drive, bearings and frame, world axes")
+    K = gt.parameter(
+        shape=(3, 3), unit="N/m", kind="semidefinite", description="stiffness of drive, bearings and frame, world axes"
+    )
     offset = gt.variable(3, unit="m", nominal=1e-4, description="how far the frame has given way")
 
     def equations(self):

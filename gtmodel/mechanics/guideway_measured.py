@@ -19,7 +19,9 @@ class MeasuredGuideway(Guideway):
     at = gt.parameter(shape=(None,), unit="m", increasing=True, description="coordinates q of the points")
     points = gt.parameter(shape=(None, 3), unit="m", description="the points, frame of their recording")
     t = gt.parameter([0.0, 0.0, 0.0], unit="m", description="origin of that frame")
-    u = gt.parameter([1.0, 0.0, 0.0, 0.0], unit="1", description="its orientation, quaternion, scalar first")
+    u = gt.parameter(
+        [1.0, 0.0, 0.0, 0.0], unit="1", kind="unit", description="its orientation, quaternion, scalar first"
+    )
 
     def equations(self):
         q, R = self.flange.s, quaternion_matrix(self.u)

@@ -14,7 +14,9 @@ class Revolute(gt.Model):
     friction, spring) stands on a and turns b; a shaft left alone turns freely.
     """
 
-    axis = gt.parameter([0.0, 0.0, 1.0], unit="1", description="direction of the axis, coordinates of a (and of b)")
+    axis = gt.parameter(
+        [0.0, 0.0, 1.0], unit="1", kind="direction", description="direction of the axis, coordinates of a (and of b)"
+    )
     a = gt.port(Frame)
     b = gt.port(Frame)
     shaft = gt.port(Shaft)
@@ -39,7 +41,9 @@ class Prismatic(gt.Model):
     the flange stands on a and pushes b.
     """
 
-    v = gt.parameter([1.0, 0.0, 0.0], unit="1", description="direction times transmission scale, coordinates of a")
+    v = gt.parameter(
+        [1.0, 0.0, 0.0], unit="1", kind="direction", description="direction times transmission scale, coordinates of a"
+    )
     a = gt.port(Frame)
     b = gt.port(Frame)
     flange = gt.port(Flange)
@@ -63,8 +67,10 @@ class Universal(gt.Model):
     shaft_1 and shaft_2 may carry motors, friction or springs. Their angles are not the angles of a cardan shaft.
     """
 
-    axis_1 = gt.parameter([1.0, 0.0, 0.0], unit="1", description="first axis, coordinates of a")
-    axis_2 = gt.parameter([0.0, 1.0, 0.0], unit="1", description="second axis, coordinates of the cross")
+    axis_1 = gt.parameter([1.0, 0.0, 0.0], unit="1", kind="direction", description="first axis, coordinates of a")
+    axis_2 = gt.parameter(
+        [0.0, 1.0, 0.0], unit="1", kind="direction", description="second axis, coordinates of the cross"
+    )
     a = gt.port(Frame)
     b = gt.port(Frame)
     shaft_1 = gt.port(Shaft)

@@ -25,7 +25,7 @@ class GearedMotor(ForceMotor):
     it cannot be told from the cart's mass.
     """
 
-    J = gt.parameter(unit="kg.m2", description="rotor inertia, motor side")
+    J = gt.parameter(unit="kg.m2", min=0.0, description="rotor inertia, motor side")
     radius = gt.parameter(unit="m", nonzero=True, description="travel per radian of the motor")
 
     def equations(self):
@@ -42,7 +42,7 @@ class TorqueMotor(gt.Model):
     rotor counts as inertia about the shaft alone: its gyroscopic effect on a moving link is neglected.
     """
 
-    J = gt.parameter(0.0, unit="kg.m2", description="rotor inertia, motor side")
+    J = gt.parameter(0.0, unit="kg.m2", min=0.0, description="rotor inertia, motor side")
     ratio = gt.parameter(1.0, unit="1", nonzero=True, description="motor angle per shaft angle")
     shaft = gt.port(Shaft)
     torque = gt.variable(unit="N.m", nominal=10.0, description="motor torque, positive along the motor's own angle")

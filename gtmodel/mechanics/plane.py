@@ -13,7 +13,7 @@ class Plane(gt.Model):
     """
 
     p = gt.parameter([0.0, 0.0, 0.0], unit="m", description="a point of the plane")
-    n = gt.parameter([0.0, 0.0, 1.0], unit="1", description="normal, of any length but zero")
+    n = gt.parameter([0.0, 0.0, 1.0], unit="1", kind="direction", description="normal, of any length but zero")
     frame = gt.port(PointFrame)
     pressure = gt.variable(unit="N", nominal=100.0, description="force on the point along n, per length of n")
 

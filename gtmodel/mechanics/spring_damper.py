@@ -15,8 +15,8 @@ class SpringDamper(gt.Model):
     not meet.
     """
 
-    k = gt.parameter(unit="N/m", description="stiffness")
-    d = gt.parameter(0.0, unit="N.s/m", description="damping")
+    k = gt.parameter(unit="N/m", min=0.0, description="stiffness")
+    d = gt.parameter(0.0, unit="N.s/m", min=0.0, description="damping")
     length0 = gt.parameter(0.0, unit="m", description="length at which the spring is slack")
     a = gt.port(PointFrame)
     b = gt.port(PointFrame)
@@ -39,8 +39,8 @@ class PointSpringDamper(gt.Model):
     mount: an elastic end-effector.
     """
 
-    K = gt.parameter(shape=(3, 3), unit="N/m", description="stiffness, world axes")
-    D = gt.parameter(np.zeros((3, 3)), unit="N.s/m", description="damping, world axes")
+    K = gt.parameter(shape=(3, 3), unit="N/m", kind="semidefinite", description="stiffness, world axes")
+    D = gt.parameter(np.zeros((3, 3)), unit="N.s/m", kind="semidefinite", description="damping, world axes")
     a = gt.port(PointFrame)
     b = gt.port(PointFrame)
     offset = gt.variable(3, unit="m", nominal=1e-3, description="from a to b")
@@ -58,8 +58,8 @@ class PointSpringDamper(gt.Model):
 class FlangeSpringDamper(gt.Model):
     """Spring and damper between two flanges; pull = k (b.s - a.s - rest) + d der(b.s - a.s)."""
 
-    k = gt.parameter(unit="N/m", description="stiffness")
-    d = gt.parameter(0.0, unit="N.s/m", description="damping")
+    k = gt.parameter(unit="N/m", min=0.0, description="stiffness")
+    d = gt.parameter(0.0, unit="N.s/m", min=0.0, description="damping")
     rest = gt.parameter(0.0, unit="m", description="b.s - a.s at which the spring is slack")
     a = gt.port(Flange)
     b = gt.port(Flange)
@@ -76,8 +76,8 @@ class FlangeSpringDamper(gt.Model):
 class ShaftSpringDamper(gt.Model):
     """Torsional spring and damper between two shafts; pull = k (b.phi - a.phi - rest) + d der(b.phi - a.phi)."""
 
-    k = gt.parameter(unit="N.m/rad", description="torsional stiffness")
-    d = gt.parameter(0.0, unit="N.m.s/rad", description="torsional damping")
+    k = gt.parameter(unit="N.m/rad", min=0.0, description="torsional stiffness")
+    d = gt.parameter(0.0, unit="N.m.s/rad", min=0.0, description="torsional damping")
     rest = gt.parameter(0.0, unit="rad", description="b.phi - a.phi at which the spring is slack")
     a = gt.port(Shaft)
     b = gt.port(Shaft)

@@ -14,7 +14,9 @@ from .motor import TorqueMotor
 class WristAxis(gt.Model):
     """One driven revolute axis with the body it turns; `tip` is parallel to the body, displaced by d."""
 
-    axis = gt.parameter(shape=3, unit="1", description="direction of the axis, coordinates of the mount")
+    axis = gt.parameter(
+        shape=3, unit="1", kind="direction", description="direction of the axis, coordinates of the mount"
+    )
     d = gt.parameter(shape=3, unit="m", description="from the axis to the tip, body coordinates")
     mount = gt.port(Frame)
     tip = gt.port(Frame)
@@ -41,12 +43,17 @@ class Wrist(gt.Model):
     defaults are an EXAMPLE OF OURS, slender steel bodies of 0.12 m and 0.08 m.
     """
 
-    axis = gt.parameter([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0]], unit="1", description="axes, one row each")
+    axis = gt.parameter(
+        [[0.0, 0.0, 1.0], [0.0, 1.0, 0.0]], unit="1", kind="direction", description="axes, one row each"
+    )
     d = gt.parameter([[0.0, 0.0, -0.12], [0.0, 0.0, -0.08]], unit="m", description="from each axis to the next frame")
-    m = gt.parameter([2.0, 1.2], unit="kg", description="masses of the two bodies")
+    m = gt.parameter([2.0, 1.2], unit="kg", min=0.0, description="masses of the two bodies")
     c = gt.parameter([[0.0, 0.0, -0.06], [0.0, 0.0, -0.04]], unit="m", description="centres of mass")
     J = gt.parameter(
-        [[3e-3, 3e-3, 1e-3], [1e-3, 1e-3, 5e-4]], unit="kg.m2", description="principal moments of inertia, body axes"
+        [[3e-3, 3e-3, 1e-3], [1e-3, 1e-3, 5e-4]],
+        unit="kg.m2",
+        min=0.0,
+        description="principal moments of inertia, body axes",
     )
     mount = gt.port(Frame)
     tool = gt.port(Frame)

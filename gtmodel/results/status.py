@@ -27,6 +27,7 @@ class Status(enum.IntEnum):
     SINGULAR = 3, "the equations are singular at this point"
     NOT_FINITE = 4, "a number that is not finite went in or came out"
     STALE_INPUT = 5, "the input is older than the loop allows"
+    WRONG_BRANCH = 6, "the iteration led to a solution on another than the wanted branch"
 
     def __new__(cls, value: int, sentence: str) -> Status:
         member = int.__new__(cls, value)

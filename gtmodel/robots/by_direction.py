@@ -23,7 +23,7 @@ class GantryTauViscousByDirection(GantryTau):
     the arms must be one by direction: arm=dict(friction=DirectionalSignFriction).
     """
 
-    viscous_minus = gt.parameter([0.0] * 3, unit="kg/s", description="viscous friction at negative velocity")
+    viscous_minus = gt.parameter([0.0] * 3, unit="kg/s", min=0.0, description="viscous friction at negative velocity")
     arm = gt.parts(
         3,
         Arm,
@@ -48,7 +48,9 @@ class GantryTauViscousByDirection(GantryTau):
 class GantryTauByDirection(GantryTauViscousByDirection):
     """Friction by direction, as in Dressler 2012, Table 6.1; see GantryTauViscousByDirection."""
 
-    coulomb_minus = gt.parameter([0.0] * 3, unit="N", description="Coulomb friction at negative velocity, positive")
+    coulomb_minus = gt.parameter(
+        [0.0] * 3, unit="N", min=0.0, description="Coulomb friction at negative velocity, positive"
+    )
 
     def law(self, i: int) -> dict[str, Any]:
         return super().law(i) | {"coulomb_minus": self.coulomb_minus[i]}

@@ -12,8 +12,8 @@ class Cart(gt.Model):
     """A driven cart; its reference point A + q v [m] carries the mass m [kg]. The links stand on `flange`."""
 
     A = gt.parameter(shape=3, unit="m", description="reference point at q = 0")
-    v = gt.parameter(shape=3, unit="1", description="its motion per q, not normalised")
-    m = gt.parameter(unit="kg", description="cart mass, joints included")
+    v = gt.parameter(shape=3, unit="1", kind="direction", description="its motion per q, not normalised")
+    m = gt.parameter(unit="kg", min=0.0, description="cart mass, joints included")
     flange = gt.port(Flange)
     guideway = gt.part(Guideway, A=A, v=v)
     body = gt.part(PointMass, m=m)

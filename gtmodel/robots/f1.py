@@ -42,25 +42,32 @@ class F1(gt.Model):
     """
 
     A0 = gt.parameter(shape=(3, 3), unit="m", description="reference points of the carts at q = 0")
-    v = gt.parameter(shape=(3, 3), unit="1", description="their motion per q, not normalised")
+    v = gt.parameter(shape=(3, 3), unit="1", kind="direction", description="their motion per q, not normalised")
     L = gt.parameter(shape=6, unit="m", positive=True, description="link lengths")
     A = gt.parameter(shape=(6, 3), unit="m", description="cart joints in the frames of their joint plates")
     B = gt.parameter(shape=(6, 3), unit="m", description="plate joints from T, plate coordinates")
-    u1_2 = gt.parameter(shape=4, unit="1", description="raw quaternion of S_2, scalar first")
-    u1_3 = gt.parameter(shape=4, unit="1", description="raw quaternion of 1S_3, scalar first")
-    u2_3 = gt.parameter(shape=4, unit="1", description="raw quaternion of 2S_3 in 1S_3, scalar first")
+    u1_2 = gt.parameter(shape=4, unit="1", kind="direction", description="raw quaternion of S_2, scalar first")
+    u1_3 = gt.parameter(shape=4, unit="1", kind="direction", description="raw quaternion of 1S_3, scalar first")
+    u2_3 = gt.parameter(shape=4, unit="1", kind="direction", description="raw quaternion of 2S_3 in 1S_3, scalar first")
     r3 = gt.parameter(shape=3, unit="m", description="origin of 2S_3 in 1S_3")
     m_p = gt.parameter(unit="kg", positive=True, description="plate mass, joints and payload included")
     c_p = gt.parameter([0.0, 0.0, 0.0], unit="m", description="plate's centre of mass from T, plate coordinates")
-    I_p = gt.parameter(shape=(3, 3), unit="kg.m2", description="plate's inertia about its centre of mass, plate axes")
+    I_p = gt.parameter(
+        shape=(3, 3),
+        unit="kg.m2",
+        kind="semidefinite",
+        description="plate's inertia about its centre of mass, plate axes",
+    )
     m_c = gt.parameter(shape=3, unit="kg", positive=True, description="cart masses, joint plates included")
-    m_a = gt.parameter(np.zeros(6), unit="kg", description="link masses")
+    m_a = gt.parameter(np.zeros(6), unit="kg", min=0.0, description="link masses")
     J = gt.parameter(shape=3, unit="kg.m2", positive=True, description="inertias of the rotary axes about themselves")
-    coulomb = gt.parameter([0.0, 0.0, 0.0], unit="N", description="Coulomb friction of each cart")
-    viscous = gt.parameter([0.0, 0.0, 0.0], unit="kg/s", description="viscous friction of each cart")
+    coulomb = gt.parameter([0.0, 0.0, 0.0], unit="N", min=0.0, description="Coulomb friction of each cart")
+    viscous = gt.parameter([0.0, 0.0, 0.0], unit="kg/s", min=0.0, description="viscous friction of each cart")
     velocity_scale = gt.parameter(0.1, unit="m/s", positive=True, description="friction smoothing")
     home = gt.parameter([0.0, 0.0, 0.0], unit="m", description="a reachable T")
-    home_e = gt.parameter([1.0, 0.0, 0.0, 0.0], unit="1", description="the quaternion there, with q4 = q5 = q6 = 0")
+    home_e = gt.parameter(
+        [1.0, 0.0, 0.0, 0.0], unit="1", kind="unit", description="the quaternion there, with q4 = q5 = q6 = 0"
+    )
     q = gt.variable(6, start=lambda self: _home_q(self), description="carts q1..q3 [m], rotary axes q4..q6 [rad]")
     T = gt.variable(3, unit="m", start=home, prefer=1, description="tool centre point, origin of the plate frame")
     e = gt.variable(4, unit="1", start=home_e, prefer=-2, description="plate quaternion, scalar first")

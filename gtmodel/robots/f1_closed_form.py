@@ -23,17 +23,19 @@ class F1FiveDof(gt.Model):
     """
 
     A0 = gt.parameter(shape=(3, 3), unit="m", description="reference points of the carts at q = 0")
-    v = gt.parameter(shape=(3, 3), unit="1", description="their motion per q, not normalised")
+    v = gt.parameter(shape=(3, 3), unit="1", kind="direction", description="their motion per q, not normalised")
     L = gt.parameter(shape=3, unit="m", positive=True, description="link lengths, means of the clusters")
     A = gt.parameter(shape=(3, 3), unit="m", description="cart joints in their joint plates, means of the clusters")
     B = gt.parameter(
         shape=(3, 3), unit="m", description="plate joints from T, plate coordinates, means of the clusters"
     )
-    u1_2 = gt.parameter(shape=4, unit="1", description="raw quaternion of S_2, scalar first")
-    u1_3 = gt.parameter(shape=4, unit="1", description="raw quaternion of 1S_3, scalar first")
-    u2_3 = gt.parameter(shape=4, unit="1", description="raw quaternion of 2S_3 in 1S_3, scalar first")
+    u1_2 = gt.parameter(shape=4, unit="1", kind="direction", description="raw quaternion of S_2, scalar first")
+    u1_3 = gt.parameter(shape=4, unit="1", kind="direction", description="raw quaternion of 1S_3, scalar first")
+    u2_3 = gt.parameter(shape=4, unit="1", kind="direction", description="raw quaternion of 2S_3 in 1S_3, scalar first")
     r3 = gt.parameter(shape=3, unit="m", description="origin of 2S_3 in 1S_3")
-    e_c = gt.parameter(shape=4, unit="1", description="quaternion from plate to turned 2S_3, scalar first")
+    e_c = gt.parameter(
+        shape=4, unit="1", kind="direction", description="quaternion from plate to turned 2S_3, scalar first"
+    )
     home = gt.parameter([0.0, 0.0, 0.0], unit="m", description="a reachable T with q4 = q6 = 0")
     q = gt.variable(5, description="carts q1, q2, q3 [m], rotary axes q4 = -q5 and q6 [rad]")
     T = gt.variable(3, unit="m", start=home, prefer=1, description="tool centre point, origin of the plate frame")
@@ -73,10 +75,12 @@ class F1Rotation(gt.Model):
     for an R that q4 = -q5 reaches.
     """
 
-    u1_3 = gt.parameter(shape=4, unit="1", description="raw quaternion of 1S_3, scalar first")
-    u2_3 = gt.parameter(shape=4, unit="1", description="raw quaternion of 2S_3 in 1S_3, scalar first")
-    e_c = gt.parameter(shape=4, unit="1", description="quaternion from plate to turned 2S_3, scalar first")
-    home_R = gt.parameter(np.eye(3), unit="1", description="the plate's R at q4 = q6 = 0")
+    u1_3 = gt.parameter(shape=4, unit="1", kind="direction", description="raw quaternion of 1S_3, scalar first")
+    u2_3 = gt.parameter(shape=4, unit="1", kind="direction", description="raw quaternion of 2S_3 in 1S_3, scalar first")
+    e_c = gt.parameter(
+        shape=4, unit="1", kind="direction", description="quaternion from plate to turned 2S_3, scalar first"
+    )
+    home_R = gt.parameter(np.eye(3), unit="1", kind="rotation", description="the plate's R at q4 = q6 = 0")
     R = gt.variable((3, 3), unit="1", start=home_R, description="rotation from plate to world coordinates")
     angles = gt.variable(2, unit="rad", start=[0.0, 0.0], description="q4 and q6")
     twist = gt.variable(unit="1", description="what an R out of reach lacks")

@@ -21,8 +21,8 @@ class ExtraCarts(SixLink):
 
     stands_on: ClassVar[tuple[int, ...]] = (0, 1, 3, 2, 2, 4)  # 2b and 3c have carts of their own
     m_c = gt.parameter(shape=5, unit="kg", positive=True, description="cart masses, joints included")
-    coulomb = gt.parameter(np.zeros(5), unit="N", description="Coulomb friction of each cart")
-    viscous = gt.parameter(np.zeros(5), unit="kg/s", description="viscous friction of each cart")
+    coulomb = gt.parameter(np.zeros(5), unit="N", min=0.0, description="Coulomb friction of each cart")
+    viscous = gt.parameter(np.zeros(5), unit="kg/s", min=0.0, description="viscous friction of each cart")
     q = gt.variable(5, unit="m", start=lambda self: home_q(self), description="cart coordinates along their guideways")
     tau = gt.input(5, unit="N", nominal=100.0, description="motor forces")
     cart = gt.parts(

@@ -19,7 +19,7 @@ class TurningPlate(gt.Model):
     right-hand rule about the second column of R(u). Massless: an inertia may hang on the shaft.
     """
 
-    u = gt.parameter(shape=4, unit="1", description="quaternion of S_2, scalar first, raw")
+    u = gt.parameter(shape=4, unit="1", kind="direction", description="quaternion of S_2, scalar first, raw")
     A = gt.parameter(shape=(2, 3), unit="m", description="ball joints, coordinates of the turned S_2")
     mount = gt.port(PointFrame)
     shaft = gt.port(Shaft)
@@ -45,8 +45,8 @@ class TiltingPlate(gt.Model):
     quaternions raw as for TurningPlate.
     """
 
-    u1 = gt.parameter(shape=4, unit="1", description="quaternion of 1S_3, scalar first, raw")
-    u2 = gt.parameter(shape=4, unit="1", description="quaternion of 2S_3 in 1S_3, scalar first, raw")
+    u1 = gt.parameter(shape=4, unit="1", kind="direction", description="quaternion of 1S_3, scalar first, raw")
+    u2 = gt.parameter(shape=4, unit="1", kind="direction", description="quaternion of 2S_3 in 1S_3, scalar first, raw")
     r = gt.parameter(shape=3, unit="m", description="origin of 2S_3 in 1S_3")
     A = gt.parameter(shape=(3, 3), unit="m", description="ball joints, coordinates of the turned 2S_3")
     mount = gt.port(PointFrame)

@@ -22,7 +22,7 @@ class ArmAxis(gt.Model):
     """One revolute axis, displaced by o from the frame before; both frames are parallel at angle 0. Massless."""
 
     o = gt.parameter(shape=3, unit="m", description="origin of the axis, coordinates of the frame before")
-    axis = gt.parameter(shape=3, unit="1", description="direction of the axis")
+    axis = gt.parameter(shape=3, unit="1", kind="direction", description="direction of the axis")
     before = gt.port(Frame)
     after = gt.port(Frame)
     reach = gt.part(FixedTranslation, d=o)
@@ -47,8 +47,10 @@ class SphericalWristArm(gt.Model):
     """
 
     origins = gt.parameter(shape=(6, 3), unit="m", description="axis origins, each in the frame before, at q = 0")
-    axes = gt.parameter(shape=(6, 3), unit="1", description="axis directions at q = 0")
-    R_flange = gt.parameter(FLANGE, unit="1", description="rotation from flange to the last axis' frame")
+    axes = gt.parameter(shape=(6, 3), unit="1", kind="direction", description="axis directions at q = 0")
+    R_flange = gt.parameter(
+        FLANGE, unit="1", kind="rotation", description="rotation from flange to the last axis' frame"
+    )
     q = gt.variable(6, unit="rad", start=np.zeros(6), prefer=1, description="joint angles")
     tau = gt.variable(6, unit="N.m", nominal=1000.0, description="torques of the motors on their joints")
     T = gt.variable(3, unit="m", description="origin of the flange")

@@ -26,7 +26,7 @@ class Link(gt.Model):
     """
 
     A = gt.parameter(shape=3, unit="m", description="cart joint at q = 0")
-    v = gt.parameter(shape=3, unit="1", description="its motion per q, not normalised")
+    v = gt.parameter(shape=3, unit="1", kind="direction", description="its motion per q, not normalised")
     cart = gt.port(Flange)
     tip = gt.port(PointFrame)
     guideway = gt.part(Guideway, A=A, v=v)
@@ -54,19 +54,24 @@ class SixLink(gt.Model):
 
     stands_on: ClassVar[tuple[int, ...]] = ARM
     A = gt.parameter(shape=(6, 3), unit="m", description="cart joints at q = 0")
-    v = gt.parameter(shape=(6, 3), unit="1", description="their motion per q, not normalised")
+    v = gt.parameter(shape=(6, 3), unit="1", kind="direction", description="their motion per q, not normalised")
     L = gt.parameter(shape=6, unit="m", positive=True, description="link lengths")
     B = gt.parameter(shape=(6, 3), unit="m", description="plate joints from T, plate coordinates")
     m_p = gt.parameter(unit="kg", positive=True, description="plate mass, joints and payload included")
     c_p = gt.parameter([0.0, 0.0, 0.0], unit="m", description="plate's centre of mass from T, plate coordinates")
-    I_p = gt.parameter(shape=(3, 3), unit="kg.m2", description="plate's inertia about its centre of mass, plate axes")
+    I_p = gt.parameter(
+        shape=(3, 3),
+        unit="kg.m2",
+        kind="semidefinite",
+        description="plate's inertia about its centre of mass, plate axes",
+    )
     m_c = gt.parameter(shape=3, unit="kg", positive=True, description="cart masses, joints included")
-    m_a = gt.parameter(np.zeros(6), unit="kg", description="link masses")
-    coulomb = gt.parameter([0.0, 0.0, 0.0], unit="N", description="Coulomb friction of each cart")
-    viscous = gt.parameter([0.0, 0.0, 0.0], unit="kg/s", description="viscous friction of each cart")
+    m_a = gt.parameter(np.zeros(6), unit="kg", min=0.0, description="link masses")
+    coulomb = gt.parameter([0.0, 0.0, 0.0], unit="N", min=0.0, description="Coulomb friction of each cart")
+    viscous = gt.parameter([0.0, 0.0, 0.0], unit="kg/s", min=0.0, description="viscous friction of each cart")
     velocity_scale = gt.parameter(0.1, unit="m/s", positive=True, description="friction smoothing")
     home = gt.parameter([0.0, 0.0, 0.0], unit="m", description="a reachable T")
-    home_e = gt.parameter([1.0, 0.0, 0.0, 0.0], unit="1", description="the quaternion there")
+    home_e = gt.parameter([1.0, 0.0, 0.0, 0.0], unit="1", kind="unit", description="the quaternion there")
     q = gt.variable(3, unit="m", start=lambda self: home_q(self), description="cart coordinates along their guideways")
     T = gt.variable(3, unit="m", start=home, prefer=1, description="tool centre point, origin of the plate frame")
     e = gt.variable(4, unit="1", start=home_e, prefer=-2, description="plate quaternion, scalar first")

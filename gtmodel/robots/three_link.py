@@ -14,8 +14,8 @@ class Arm(gt.Model):
     """
 
     A = gt.parameter(shape=3, unit="m", description="cart joint at q = 0")
-    v = gt.parameter(shape=3, unit="1", description="guideway direction, not normalised")
-    m_c = gt.parameter(unit="kg", description="cart mass")
+    v = gt.parameter(shape=3, unit="1", kind="direction", description="guideway direction, not normalised")
+    m_c = gt.parameter(unit="kg", min=0.0, description="cart mass")
     tip = gt.port(PointFrame)
     guideway = gt.part(Guideway, A=A, v=v)
     cart = gt.part(PointMass, m=m_c)
@@ -40,13 +40,13 @@ class GantryTau(gt.Model):
     """
 
     A = gt.parameter(shape=(3, 3), unit="m", description="cart joints at q = 0, one row per arm")
-    v = gt.parameter(shape=(3, 3), unit="1", description="guideway directions, one row per arm")
+    v = gt.parameter(shape=(3, 3), unit="1", kind="direction", description="guideway directions, one row per arm")
     L = gt.parameter(shape=3, unit="m", positive=True, description="link lengths")
     m_p = gt.parameter(unit="kg", positive=True, description="plate mass, joints and payload included")
     m_c = gt.parameter(shape=3, unit="kg", positive=True, description="cart masses, joints included")
-    m_a = gt.parameter([0.0, 0.0, 0.0], unit="kg", description="masses of the link clusters")
-    coulomb = gt.parameter([0.0, 0.0, 0.0], unit="N", description="Coulomb friction of each cart")
-    viscous = gt.parameter([0.0, 0.0, 0.0], unit="kg/s", description="viscous friction of each cart")
+    m_a = gt.parameter([0.0, 0.0, 0.0], unit="kg", min=0.0, description="masses of the link clusters")
+    coulomb = gt.parameter([0.0, 0.0, 0.0], unit="N", min=0.0, description="Coulomb friction of each cart")
+    viscous = gt.parameter([0.0, 0.0, 0.0], unit="kg/s", min=0.0, description="viscous friction of each cart")
     velocity_scale = gt.parameter(0.1, unit="m/s", positive=True, description="friction smoothing")
     home = gt.parameter([0.0, 0.0, 0.0], unit="m", description="a reachable TCP position")
     q = gt.variable(3, unit="m", description="cart coordinates along their guideways")

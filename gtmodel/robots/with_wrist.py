@@ -20,7 +20,7 @@ class HeldPlate(gt.Model):
     Clusters take up the torque, so that nothing is said about it.
     """
 
-    R = gt.parameter(np.eye(3), unit="1", description="rotation from plate to world coordinates")
+    R = gt.parameter(np.eye(3), unit="1", kind="rotation", description="rotation from plate to world coordinates")
     point = gt.port(PointFrame)
     frame = gt.port(Frame)
 
@@ -42,7 +42,7 @@ class GantryTauWrist(GantryTau):
     along the first axis).
     """
 
-    R_plate = gt.parameter(np.eye(3), unit="1", description="the plate's constant orientation")
+    R_plate = gt.parameter(np.eye(3), unit="1", kind="rotation", description="the plate's constant orientation")
     axes = gt.variable(5, description="carts [m], wrist angles [rad]")
     P = gt.variable(3, unit="m", description="tool point")
     R_tool = gt.variable((3, 3), unit="1", prefer=-4, description="rotation from tool to world coordinates")

@@ -17,6 +17,8 @@ INSIDE = 0.01  # of a box's width, left out at both its ends
 POINTS = 400  # random ones of the box that hostile rows start from
 HALVINGS = 60  # from a point with an answer towards one without, until they are neighbours
 
+ACROSS_M = 5.0  # more than twice a link's way along its guideway
+
 Rows = np.ndarray
 
 
@@ -40,6 +42,8 @@ class Hostile:
             self.spoilt, self.tiny, self.one_huge, self.all_sizes, self.pushed, self.millimetres, self.far_rates,
             self.edge, self.stale,
         ]  # fmt: skip
+        if face.state:
+            self.kinds.append(self.beyond)
 
     def rows(self, count: int) -> Rows:
         """About as many rows of each kind, in the numbers of the function."""
@@ -87,6 +91,19 @@ class Hostile:
                     linear = 3 if m.size == 6 else m.size
                     rows[:, first : first + linear] += far[:, None] * (m.unit == "m" or m.size == 6)
                 first += m.size
+        return rows
+
+    def beyond(self, rows: Rows) -> Rows:
+        """The tool centre point, or the carts, moved along the guideways past each other: to the mirrored assembly."""
+        n = self.face.input_size
+        far = self.rng.uniform(-ACROSS_M, ACROSS_M, size=(len(rows), 1))
+        first = 0
+        for m in self.face.inputs:
+            if m.signal in ("T", "q"):
+                linear = self.along if m.signal == "T" else np.ones(3)
+                rows[:, first : first + 3] += far * linear
+            first += m.size
+        rows[:, n:] += self._powers(rows[:, n:].shape, -6, -1) * np.abs(rows[:, n:])
         return rows
 
     def millimetres(self, rows: Rows) -> Rows:

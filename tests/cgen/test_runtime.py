@@ -33,7 +33,7 @@ int main(void)
     y[2] = NAN;
     equal = gt_all_equal(y, x, 3, &worst);
     (void)printf("%d %g\n", equal, worst);
-    for (i = -1; i < 7; i++) { (void)printf("%s\n", gt_status_sentence((gt_status)i)); }
+    for (i = -1; i < 8; i++) { (void)printf("%s\n", gt_status_sentence((gt_status)i)); }
     return 0;
 }
 """

@@ -186,3 +186,52 @@ class TestShuffledDeclarations:
         assert relative_error(np.array(found), np.broadcast_to(found[0], (len(found), 3))) < ROUND_OFF
         assert np.allclose(np.linalg.norm(found[0] - CARTS, axis=1), LENGTHS, rtol=ROUND_OFF)
         assert np.sign(found[0][0]) == side  # the carts stand near x = 0
+
+
+class Kepler(gt.Model):
+    """No closed form gives x, which runs through the border of its branch as smoothly as u does."""
+
+    x = gt.variable(start=0.5)
+    u = gt.variable(start=0.5)
+    y = gt.variable()
+
+    def equations(self):
+        yield self.x - 0.3 * gt.sin(self.x) == self.u
+        yield self.y == self.x**2
+        yield gt.branch("right", self.x)
+
+
+class TestNewton:
+    u = np.array([0.7, 1e-3, -1e-3, -0.7])
+
+    @pytest.mark.parametrize("side", [1, -1])
+    def test_its_answer_lies_on_the_wanted_branch_or_the_status_says_so(self, side):
+        f = Kepler().causal("u", ["x", "y"], branches={} if side > 0 else {"right": -1})
+        assert [m.kind for m in f.margins] == ["branch"]
+        wanted = np.where(side * self.u > 0, gt.Status.OK, gt.Status.WRONG_BRANCH)
+        x, y, status = f(self.u)
+        np.testing.assert_array_equal(status, wanted)
+        assert np.all(side * x[wanted == 0] > 0) and np.isnan(x[wanted != 0]).all() and np.isnan(y[wanted != 0]).all()
+        np.testing.assert_array_equal(f.jacobian(self.u)[1], wanted)
+        said = f.casadi.map(len(self.u))(self.u[None])[2]
+        np.testing.assert_array_equal(np.asarray(said).ravel(), wanted)
+        p = np.tile(f.flat.p0[:, None], len(self.u))
+        said = f.casadi_parametric.map(len(self.u))(self.u[None], p)[2]
+        np.testing.assert_array_equal(np.asarray(said).ravel(), wanted)
+        assert f"right = {side:+d} is wanted" in f.diagnose(-0.7 * side)
+        assert f"Newton's answers lie on branches: right = {side:+d}" in f.explain()
+
+    @pytest.mark.parametrize("side", [1, -1])
+    def test_a_guess_does_not_lead_off_it(self, side):
+        f = Kepler().causal("u", "x", branches={"right": side})
+        assert [f(-0.7 * side, guess={"x": g})[1] for g in (-1.0 * side, 1.0 * side)] == [gt.Status.WRONG_BRANCH] * 2
+        assert f(0.7 * side, guess={"x": 1.0 * side})[1] is gt.Status.OK
+
+    def test_a_home_pose_at_the_border_asks_for_no_side(self):
+        class Border(Kepler):
+            x = gt.variable(start=0.0)
+            u = gt.variable(start=0.0)
+
+        assert not np.any(Border().causal("u", "x")(self.u)[1])
+        asked = Border().causal("u", "x", branches={"right": 1})
+        assert asked(self.u)[1].tolist() == [0, 0, gt.Status.WRONG_BRANCH, gt.Status.WRONG_BRANCH]

@@ -82,6 +82,11 @@ BOTH: dict[str, Callable[[Any], Any]] = {
     "array vector": lambda a: np.array([1.0, -2.0, 3.0]) @ a.u,
     "matrix array": lambda a: a.M @ np.array([1.0, -2.0, 3.0]),
     "index": lambda a: a.u[1] * a.u[-1],
+    "slices": lambda a: a.u[::-1] + 2 * a.u[-3:3],
+    "slice by slice": lambda a: a.M[::-1, 0:2],
+    "rows of a column": lambda a: a.N[1:, -1],
+    "columns of a row": lambda a: a.M[1, 1:] * a.M[-1][:2],
+    "slice of none": lambda a: a.M[1:1],
     "slice": lambda a: a.u[1:],
     "matrix element": lambda a: a.M[1, 2] + a.M[0, -1],
     "matrix row": lambda a: a.M[1],
@@ -312,6 +317,34 @@ class TestRelations:
             formula(Symbols())
         assert error.value.where is not None
         assert error.value.where.file == "lang/test_expression.py"
+
+    @pytest.mark.parametrize(
+        "call, words",
+        [
+            (
+                lambda a: a.u[5:9],
+                r"slice 5:9 is out of range for an expression of shape \(3,\); expected ends from -3 to 3",
+            ),
+            (lambda a: a.u[2:9], "slice 2:9 is out of range"),
+            (lambda a: a.u[-9:], "slice -9: is out of range"),
+            (lambda a: a.M[3], "index 3 is out of range"),
+            (lambda a: a.M[0, 7], "index 7 is out of range"),
+            (lambda a: a.M[-1, -9], "index -9 is out of range"),
+            (lambda a: a.M[:, 1:9], "slice 1:9 is out of range"),
+            (lambda a: a.u[0, 1], r"shape \(3,\) takes 1; found 2 indices \(0, 1\)"),
+            (lambda a: a.M[0, 0, 0], r"shape \(2, 3\) takes 2; found 3 indices \(0, 0, 0\)"),
+            (lambda a: a.u[::0], "a slice takes a step other than 0"),
+        ],
+    )
+    def test_what_is_not_there(self, call, words):
+        with pytest.raises(IndexError, match=rf"{words}.* \(lang/test_expression\.py:\d+\)") as error:
+            call(Symbols())
+        assert isinstance(error.value, gt.ModelError)
+
+    @pytest.mark.parametrize("index", [1.5, slice(1.0, 2), None, [0, 1], ..., (0, 1.5), (slice("a", None), 0)])
+    def test_what_is_no_index(self, index):
+        with pytest.raises(gt.ModelError, match=r"an expression is indexed by whole numbers, not by"):
+            Symbols().M[index]
 
     def test_index_out_of_range(self):
         with pytest.raises(IndexError, match="index 3 is out of range"):

@@ -137,3 +137,23 @@ class TestRefused:
     def test_a_variable_of_open_length(self):
         with pytest.raises(gt.ModelError, match=r"a variable takes a shape of whole numbers; found \(None, 3\)"):
             gt.variable((None, 3), unit="m")
+
+
+@pytest.mark.parametrize("method", ["linear", "cubic"])
+def test_points_close_together_leave_the_others_their_digits(method):
+    """A jump of 1 within 1e-12: slopes of 1e12 beside slopes of order one."""
+    x = np.array([-1.0, 0.0, 1e-12, 1.0, 2.0])
+    y = np.column_stack([[0.2, 0.0, 1.0, 1.3, 1.1], [0.0, 0.0, 1.0, 1.0, 0.5], [0.1, 0.2, 0.3, 0.4, 0.5]])
+    f = Curve(at=x, values=y).causal("x", [method, f"{method}_slope"])
+    inside = np.array([-0.5, 0.25, 1.5, 1.9])
+    found, slope, status = f(inside)
+    assert np.all(status == gt.Status.OK)
+    if method == "linear":
+        expected = np.column_stack([np.interp(inside, x, y[:, k]) for k in range(3)])
+        slopes = (np.diff(y, axis=0) / np.diff(x)[:, None])[np.searchsorted(x, inside) - 1]
+    else:
+        spline = CubicSpline(x, y, bc_type="natural")
+        expected, slopes = spline(inside), spline(inside, 1)
+    size = np.max(np.abs(expected), axis=1, keepdims=True)
+    assert np.max(np.abs(found - expected) / size) < ROUND_OFF
+    assert np.max(np.abs(slope - slopes) / np.max(np.abs(slopes), axis=1, keepdims=True)) < ROUND_OFF

@@ -274,9 +274,46 @@ class TestParameters:
             body = gt.part(gt.mechanics.PointMass, m=heavy)
 
         with pytest.raises(
-            gt.ModelError, match=r"parameter 'body.m' must be at least 0.0; found -2.0 .*test_nice_errors.py"
+            gt.ModelError,
+            match=r"parameter 'body.m' must be at least 0.0; found -2.0, which follows from heavy = -2 \(.*errors.py",
         ):
             Load().causal(targets="body.frame.f", known="body.frame.r")
+
+    @pytest.mark.parametrize(
+        "given, words",
+        [
+            (dict(a=0.0, b=0.0), r"'ratio.k' must be finite; found nan, which follows from a = 0 and b = 0"),
+            (dict(a=1.0, b=0.0), r"'ratio.k' must be finite; found inf, which follows from a = 1 and b = 0"),
+            (dict(a=1.0, b=-1.0), r"'ratio.k' must be at least 0.0; found -1.0, which follows from a = 1 and b = -1"),
+            (dict(root=dict(k=float("nan"))), r"'root.k' must be finite; found nan"),
+            (dict(root=dict(k=-4.0)), r"'root.k' must be at least 0.0; found -4.0"),
+            (dict(pair=[{}, dict(k=float("inf"))]), r"'pair\[1\].k' must be finite; found inf"),
+            (dict(nested=dict(inner=dict(k=-3.0))), r"'nested.inner.k' must be at least 0.0; found -3.0"),
+        ],
+    )
+    def test_what_a_part_gets_is_told_by_its_name_and_the_line_that_gave_it(self, given, words):
+        class Part(gt.Model):
+            k = gt.parameter(unit="1", min=0.0)
+            y = gt.variable(unit="1")
+
+            def equations(self):
+                yield self.y == self.k
+
+        class Outside(gt.Model):
+            inner = gt.part(Part, k=1.0)
+
+        class Owner(gt.Model):
+            a = gt.parameter(1.0, unit="1")
+            b = gt.parameter(1.0, unit="1")
+            ratio = gt.part(Part, k=lambda self: self.a / self.b)
+            root = gt.part(Part, k=1.0)
+            pair = gt.parts(2, Part, k=[1.0, 2.0])
+            nested = gt.part(Outside)
+
+        model = Owner(**given)
+        assert model.where.file == "lang/test_nice_errors.py"
+        with pytest.raises(gt.ModelError, match=rf"^parameter {words} \({model.where}\)$"):
+            model.causal((), "root.y")
 
     def test_values_keep_to_min_and_max(self):
         class Rate(gt.Model):

@@ -42,3 +42,26 @@ def test_wrong_arguments(arguments, words):
 
     with pytest.raises(gt.ModelError, match=words):
         Wrong().causal("x", "y")
+
+
+# a step of 1e16 beside pieces of order one, and pieces closer than 1e-6
+HARD = [
+    (np.array([0.0, 1.0, 1.0 + 1e-9, 2.0, 3.0]), [[1e16, 1.0, 1e16, 0.3], [0.1, 0.7, 0.1, 0.9]]),
+    (np.array([0.0, 1e-9, 2e-9, 1.0, 2.0]), [[1e9, -1e9, 0.25, 0.3], [0.0, 1.0, 1e-7, 0.9]]),
+]
+
+
+@pytest.mark.parametrize("breaks, coefficients", HARD)
+def test_each_piece_has_all_its_digits(breaks, coefficients):
+    class Pieces(Curve):
+        y = gt.variable()
+
+        def equations(self):
+            yield self.y == gt.piecewise(self.x, breaks, coefficients)
+
+    slopes, values = np.array(coefficients)
+    middles = (breaks[1:] + breaks[:-1]) / 2
+    found, status = Pieces().causal("x", "y")(middles)
+    assert np.all(status == 0)
+    # Horner in the order of the curve: not a digit is lost
+    assert np.array_equal(found, slopes * (middles - breaks[:-1]) + values)

@@ -321,12 +321,38 @@ def test_declarations_must_be_si(text: str, sentence: str) -> None:
             "Hz",
             "unit 'Hz' counts cycles and 'rpm' measures angle; multiply or divide by 2 pi explicitly",
         ),
+        (
+            "1/min",
+            "rpm",
+            "unit '1/min' counts cycles and 'rpm' measures angle; multiply or divide by 2 pi explicitly",
+        ),
+        (
+            "rad/s",
+            "1/ms",
+            "unit '1/ms' counts cycles and 'rad/s' measures angle; multiply or divide by 2 pi explicitly",
+        ),
+        (
+            "1/s",
+            "rpm",
+            "unit '1/s' counts cycles and 'rpm' measures angle; multiply or divide by 2 pi explicitly",
+        ),
     ],
 )
 def test_conversions_without_meaning(from_unit: str, to_unit: str, sentence: str) -> None:
     with pytest.raises(UnitError) as caught:
         convert(1.0, from_unit, to_unit)
     assert str(caught.value) == sentence
+
+
+@pytest.mark.parametrize("unit", ["Hz", "1/min", "1/ms", "1/min2", "min-1", "1/(s.ms)"])
+def test_what_counts_cycles_measures_no_angle(unit: str) -> None:
+    """A unit that is both would turn one rpm into one hertz, or lose 2 pi on the way."""
+    per = "s2" if parse_unit(unit).dimension == dim(s=-2) else "s"
+    for angle in (f"rad/{per}", f"deg/{per}", "rpm" if per == "s" else "rpm/min"):
+        for way in ((unit, angle), (angle, unit)):
+            with pytest.raises(UnitError, match="counts cycles"):
+                convert(1.0, *way)
+    assert convert(60.0, "1/min", "Hz") == 1.0 and convert(1.0, "1/s", "rad/s") == 1.0
 
 
 def test_irrational_power_and_wrong_length() -> None:

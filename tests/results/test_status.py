@@ -19,7 +19,8 @@ typedef enum gt_status {
     GT_NOT_CONVERGED = 2, /* the iteration did not converge within its limit */
     GT_SINGULAR = 3, /* the equations are singular at this point */
     GT_NOT_FINITE = 4, /* a number that is not finite went in or came out */
-    GT_STALE_INPUT = 5 /* the input is older than the loop allows */
+    GT_STALE_INPUT = 5, /* the input is older than the loop allows */
+    GT_WRONG_BRANCH = 6 /* the iteration led to a solution on another than the wanted branch */
 } gt_status;
 """
 
@@ -32,11 +33,12 @@ def test_numbers_are_fixed() -> None:
         "SINGULAR": 3,
         "NOT_FINITE": 4,
         "STALE_INPUT": 5,
+        "WRONG_BRANCH": 6,
     }
     assert Status(3) is Status.SINGULAR
     assert [s.c_name for s in Status][:2] == ["GT_OK", "GT_OUT_OF_RANGE"]
-    with pytest.raises(ValueError, match="6 is not a valid Status"):
-        Status(6)
+    with pytest.raises(ValueError, match="7 is not a valid Status"):
+        Status(7)
 
 
 def test_words_are_fixed() -> None:
