@@ -16,7 +16,7 @@ from gtmodel import _terminal as terminal
 from gtmodel.results import SolveStatus
 
 if TYPE_CHECKING:
-    from gtmodel.kinds.run import Finished
+    from gtmodel.problem_files.run import Finished
 
 _EXIT = {SolveStatus.SOLVED: 0, SolveStatus.BAD_INPUT: 2}
 
@@ -35,7 +35,7 @@ class Answer:
 @contextmanager
 def answering(context: typer.Context, as_json: bool, asked: str) -> Iterator[Answer]:
     """Whatever happens inside becomes a table or one JSON object, a sentence on stderr, and the exit code."""
-    from gtmodel.kinds import faults
+    from gtmodel.problem_files import faults
     from gtmodel.results import as_json
 
     began = time.monotonic()

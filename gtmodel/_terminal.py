@@ -16,7 +16,7 @@ from rich.status import Status
 from rich.table import Table
 from rich.text import Text
 
-from gtmodel.kinds import Context
+from gtmodel.problem_files import Context
 from gtmodel.results import Study
 from gtmodel.results.table import HEAD, cells, number, plain
 

@@ -67,7 +67,7 @@ def list_(
     as_json: Json = False,
 ) -> None:
     """Show the robots of the catalogue and the problems shipped with gtmodel."""
-    from gtmodel.kinds import listing
+    from gtmodel.problem_files import listing
 
     with answering(context, as_json, what) as answer:
         found = answer.data = listing.of(what)
@@ -88,8 +88,8 @@ def explain(
     settings: Set = None,
 ) -> None:
     """Show how a robot's variables follow from the known ones, or what a problem asks for."""
-    from gtmodel.kinds import explaining
-    from gtmodel.kinds.settings import refuse_twice
+    from gtmodel.problem_files import explaining
+    from gtmodel.problem_files.settings import refuse_twice
 
     with answering(context, False, what):
         refuse_twice(settings or ())
@@ -104,7 +104,7 @@ def schema(
 ) -> None:
     """Show the keys of a kind of problem, with units and defaults, and what its `values` will hold."""
     from gtmodel import kinds
-    from gtmodel.kinds import schema as described
+    from gtmodel.problem_files import schema as described
 
     with answering(context, as_json, kind or "schema") as answer:
         document = answer.data = {"kinds": kinds.names()} if kind is None else described.document(kind)
@@ -138,7 +138,7 @@ def solve(
     write_failed: WriteFailed = False,
 ) -> None:
     """Solve a problem. Ctrl-C and SIGTERM stop it and keep the best iterate."""
-    from gtmodel.kinds import run
+    from gtmodel.problem_files import run
 
     with answering(context, as_json, problem) as answer:
         loaded = _load(problem, settings, answer)
@@ -161,7 +161,7 @@ def codegen(
     write_failed: WriteFailed = False,
 ) -> None:
     """Generate the C code of a robot's functions. With --check, code that fails a check is not written."""
-    from gtmodel.kinds import run
+    from gtmodel.problem_files import run
 
     with answering(context, as_json, problem) as answer:
         loaded = _load(problem, settings, answer)
@@ -194,7 +194,7 @@ def loop(
 ) -> None:
     """Run the 4 ms loop with generated code against a simulated controller on loopback, its law off and on."""
     from gtmodel.kinds import loop_run
-    from gtmodel.kinds.base import Context
+    from gtmodel.problem_files.base import Context
 
     with answering(context, as_json, str(folder)) as answer:
         answer.kind, answer.title = "loop", f"{peer}: {law}"
@@ -207,8 +207,8 @@ def loop(
 
 
 def _load(problem: str, settings: Sequence[str] | None, answer: Answer) -> Any:
-    from gtmodel.kinds.load import load
-    from gtmodel.kinds.settings import refuse_twice
+    from gtmodel.problem_files.load import load
+    from gtmodel.problem_files.settings import refuse_twice
 
     refuse_twice(settings or ())
     loaded = load(problem, settings or ())

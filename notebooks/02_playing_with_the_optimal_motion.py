@@ -28,9 +28,9 @@ from matplotlib.figure import Figure
 
 import gtmodel as gt
 from gtmodel import der
-from gtmodel.kinds import run
-from gtmodel.kinds.load import load
 from gtmodel.optimize.resimulate import resimulate
+from gtmodel.problem_files import run
+from gtmodel.problem_files.load import load
 
 # %% [markdown]
 # ## 1 A problem with a known answer

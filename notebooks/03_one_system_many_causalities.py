@@ -30,8 +30,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import gtmodel as gt
-from gtmodel.kinds import run
-from gtmodel.kinds.load import load
+from gtmodel.problem_files import run
+from gtmodel.problem_files.load import load
 
 robot = gt.robots.gantry_tau("l1_tape")
 rng = np.random.default_rng(3)

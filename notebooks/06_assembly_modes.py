@@ -28,9 +28,9 @@ from matplotlib.figure import Figure
 from scipy.spatial.transform import Rotation
 
 import gtmodel as gt
-from gtmodel.kinds import run
-from gtmodel.kinds.load import load
 from gtmodel.kinematics.assembly_modes import assembly_modes, assembly_modes_batch
+from gtmodel.problem_files import run
+from gtmodel.problem_files.load import load
 
 # %% [markdown]
 # ## 1 All of them

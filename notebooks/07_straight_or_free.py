@@ -27,10 +27,10 @@
 import numpy as np
 from matplotlib.figure import Figure
 
-from gtmodel.kinds import run
-from gtmodel.kinds.load import load
 from gtmodel.kinds.motion_planning import plan_of
 from gtmodel.plot.motion import force_figure, space_figure
+from gtmodel.problem_files import run
+from gtmodel.problem_files.load import load
 
 
 def solved(*settings):

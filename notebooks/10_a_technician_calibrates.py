@@ -31,8 +31,8 @@ from pathlib import Path
 import numpy as np
 
 import gtmodel as gt
-from gtmodel.kinds import run
-from gtmodel.kinds.load import load
+from gtmodel.problem_files import run
+from gtmodel.problem_files.load import load
 
 folder = Path(tempfile.mkdtemp())
 

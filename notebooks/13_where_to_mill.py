@@ -27,9 +27,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from gtmodel import milling
-from gtmodel.kinds import run
-from gtmodel.kinds.load import load
 from gtmodel.plot.milling import tests_figure
+from gtmodel.problem_files import run
+from gtmodel.problem_files.load import load
 from gtmodel.robots import kr500_tables
 
 printed = kr500_tables()

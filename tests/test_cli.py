@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 from gtmodel import kinds
-from gtmodel.kinds import fields
+from gtmodel.problem_files import fields
 from gtmodel.results.unit_names import unit_of
 from tests.support.commands import CLONE, Commands, command, environment, process
 from tests.support.own_models import FILES

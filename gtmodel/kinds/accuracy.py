@@ -27,15 +27,15 @@ from gtmodel.kinematics.accuracy import (
     parallelepiped,
 )
 from gtmodel.kinematics.section import Section as Plane
+from gtmodel.problem_files import section_keys
+from gtmodel.problem_files.base import Check, Context, InputError, Outcome, Row, Section, at_least, at_most
+from gtmodel.problem_files.robot_keys import RobotProblem
+from gtmodel.problem_files.section_keys import Pair
+from gtmodel.problem_files.sentences import listed
 from gtmodel.results import SolveStatus, Status
 
-from . import section_keys
 from .accuracy_cases import Case, describe, errors_of, method_of
-from .base import Check, Context, InputError, Outcome, Row, Section, at_least, at_most
 from .mechanism import Mechanism, home_figure, mechanism_of
-from .robot_keys import RobotProblem
-from .section_keys import Pair
-from .sentences import listed
 
 NAME = "accuracy"
 

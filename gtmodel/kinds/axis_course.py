@@ -11,8 +11,8 @@ from scipy.interpolate import CubicSpline, PPoly
 
 from gtmodel import lang as gt
 from gtmodel.compiler.causal import CausalFunction, compile_causal
+from gtmodel.problem_files.base import InputError
 
-from .base import InputError
 from .motion_limits import Guard
 from .motion_paths import Path
 

@@ -6,9 +6,10 @@ from typing import Literal
 
 from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt
 
-from .base import Section
-from .robot_keys import RobotProblem
-from .solver_keys import Barrier, MostElements
+from gtmodel.problem_files.base import Section
+from gtmodel.problem_files.robot_keys import RobotProblem
+from gtmodel.problem_files.solver_keys import Barrier, MostElements
+
 from .trajectory_keys import MotionLimits, PathSection, Point
 
 

@@ -10,13 +10,13 @@ from scipy.spatial.transform import Rotation
 
 from gtmodel.compiler.causal import CausalFunction, compile_causal
 from gtmodel.mechanics.rotation import quaternion_matrix, rotation_about
+from gtmodel.problem_files.base import Context, InputError
 from gtmodel.results import Status, Trajectory
 from gtmodel.robots import F1
 
 from .axis_course import Course, turning
 from .axis_keys import AxisTrajectoryProblem, End
 from .axis_motion import CARTS, MOTORS, AxisPlan, coordinates
-from .base import Context, InputError
 from .motion_limits import Carrier, Guard, guard_of
 from .motion_paths import path_of
 

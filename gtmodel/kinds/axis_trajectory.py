@@ -12,6 +12,7 @@ from gtmodel.compiler.causal import compile_causal
 from gtmodel.optimize import Mesh, Solution, SolverOptions
 from gtmodel.optimize import solve as collocate
 from gtmodel.optimize.resimulate import SUBSTEPS, resimulate
+from gtmodel.problem_files.base import TRAJECTORY, Context, Outcome, Row, at_most
 from gtmodel.results import SolveStatus, Status, Trajectory
 from gtmodel.results.check import failed_of
 
@@ -19,7 +20,6 @@ from .axis_free_run import free_run
 from .axis_keys import AxisTrajectoryProblem as Schema
 from .axis_motion import CARTS, AxisPlan
 from .axis_planning import LINKS, plan_of
-from .base import TRAJECTORY, Context, Outcome, Row, at_most
 from .finer_mesh import finer_problem, how, refined, told
 from .motion_limits import clearance
 from .trajectory import MARGIN_TOLERANCE

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from gtmodel.problem_files.base import Context, InputError, Outcome
 from gtmodel.results import SolveStatus
 
 from . import (
@@ -16,7 +17,6 @@ from . import (
     calibration_sensitivity,
     calibration_stiffness,
 )
-from .base import Context, InputError, Outcome
 from .calibration_carts import on_cart_points
 from .calibration_choice import prepared, require_poses
 from .calibration_data import CARTS, FILE, data_of, with_device

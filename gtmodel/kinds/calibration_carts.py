@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from gtmodel.lang import Model, ModelError
+from gtmodel.problem_files.base import Context, InputError
+from gtmodel.problem_files.robots import file_of
 from gtmodel.robots.measured_guideways import on_measured_points
 
 from . import calibration_table
-from .base import Context, InputError
 from .calibration_keys import CartPoints, Schema
-from .robots import file_of
 
 KEY = "cart_points"
 UNIT_LENGTH = 1e-3  # of the quaternion: printed digits leave less

@@ -11,8 +11,8 @@ from gtmodel.calibrate import Choice, Measurements, Problem, prepare
 from gtmodel.calibrate.unknowns import Unknowns
 from gtmodel.inference import Prior
 from gtmodel.lang import Model, ModelError
+from gtmodel.problem_files.base import InputError
 
-from .base import InputError
 from .calibration_keys import PriorKeys, Schema
 
 QUATERNIONS = ("u1_2", "u1_3", "u2_3")

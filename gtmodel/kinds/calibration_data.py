@@ -13,13 +13,13 @@ from gtmodel.calibrate import Correction, Measurements, Pose
 from gtmodel.compiler.causal import flat_of
 from gtmodel.lang import Model, ModelError
 from gtmodel.measurements import copies
+from gtmodel.problem_files.base import Context, InputError
+from gtmodel.problem_files.robots import file_of
 
 from . import calibration_synthetic, calibration_table
-from .base import Context, InputError
 from .calibration_keys import Measured, MeasuredSignal, Sag, Schema
 from .calibration_synthetic_keys import Synthetic
 from .calibration_table import PoseTable
-from .robots import file_of
 
 UNIT_LENGTH = 1e-3  # of a measured quaternion: printed digits leave less
 KEY = "measurements"

@@ -14,8 +14,8 @@ from gtmodel.calibrate.prediction import MAD, Outlier, Prediction, outliers
 from gtmodel.calibrate.sensitivity import Sensitivity, sensitivity
 from gtmodel.inference import HeldOut, Identifiability, noise_size
 from gtmodel.lang import ModelError
+from gtmodel.problem_files.base import InputError
 
-from .base import InputError
 from .calibration_confidence import Confidence
 from .calibration_data import PoseData
 from .calibration_keys import COSTS, Schema

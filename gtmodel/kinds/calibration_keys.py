@@ -7,11 +7,11 @@ from typing import Annotated, Literal
 from pydantic import Field, NonNegativeFloat, PositiveFloat, field_validator
 
 from gtmodel.calibrate import Cost
+from gtmodel.problem_files.base import Section
+from gtmodel.problem_files.robot_keys import RobotProblem
 
-from .base import Section
 from .calibration_stiffness_keys import JointStiffness
 from .calibration_synthetic_keys import Synthetic
-from .robot_keys import RobotProblem
 
 Free = Literal["estimate"]
 Three = Annotated[list[float], Field(min_length=3, max_length=3)]

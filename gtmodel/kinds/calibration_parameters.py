@@ -10,9 +10,9 @@ import tomli_w
 
 from gtmodel.calibrate.modifiers import merged
 from gtmodel.lang import Model
+from gtmodel.problem_files import python_models, robots
+from gtmodel.problem_files.base import Context
 
-from . import python_models, robots
-from .base import Context
 from .calibration_choice import family_of
 from .calibration_findings import Found
 from .calibration_keys import Schema

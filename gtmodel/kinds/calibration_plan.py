@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from gtmodel.problem_files.base import Check, Context, InputError, Outcome, Row, at_most
 from gtmodel.results import SolveStatus
 
-from .base import Check, Context, InputError, Outcome, Row, at_most
 from .calibration_plan_device import measuring
 from .calibration_plan_files import in_order, poses_csv, rapid_program
 from .calibration_plan_keys import Schema

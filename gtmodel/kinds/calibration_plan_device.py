@@ -24,8 +24,8 @@ from gtmodel.calibrate.true_poses import moved
 from gtmodel.compiler.causal import compile_causal, flat_of
 from gtmodel.kinematics.workspace import Limit, Poses
 from gtmodel.lang import Model, ModelError
+from gtmodel.problem_files.base import InputError
 
-from .base import InputError
 from .calibration_plan_keys import CameraKeys, DistanceKeys, PlaneKeys, Schema, TrackerKeys
 
 Array = np.ndarray

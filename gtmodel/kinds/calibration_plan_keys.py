@@ -6,9 +6,10 @@ from typing import Annotated, Literal
 
 from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt
 
-from .base import Section
-from .robot_keys import RobotProblem
-from .section_keys import Pair
+from gtmodel.problem_files.base import Section
+from gtmodel.problem_files.robot_keys import RobotProblem
+from gtmodel.problem_files.section_keys import Pair
+
 from .workspace_limits import Beam, Bodies, Box, Limits, Point
 
 Count = Annotated[int, Field(ge=2, le=200)]

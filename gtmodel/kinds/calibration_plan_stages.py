@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from gtmodel.kinematics.workspace import Reach
+from gtmodel.problem_files.base import InputError
 
-from .base import InputError
 from .calibration_plan_device import Measuring
 from .calibration_plan_keys import Schema
 from .calibration_plan_turns import Turn, facing

@@ -28,8 +28,8 @@ from gtmodel.calibrate import (
 from gtmodel.inference import Identifiability
 from gtmodel.kinematics.workspace import box_grid
 from gtmodel.lang import ModelError
+from gtmodel.problem_files.base import InputError
 
-from .base import InputError
 from .calibration_plan_device import Measuring
 from .calibration_plan_keys import Schema
 from .calibration_plan_stages import stages_of

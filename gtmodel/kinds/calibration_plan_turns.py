@@ -12,10 +12,10 @@ from scipy.spatial.transform import Rotation
 from gtmodel.compiler.causal import compile_causal
 from gtmodel.kinematics.workspace import InverseKinematics, Limit, Poses
 from gtmodel.lang import Model
+from gtmodel.problem_files.base import InputError
 from gtmodel.results import Status
 from gtmodel.robots import clusters
 
-from .base import InputError
 from .calibration_choice import family_of
 from .calibration_plan_keys import Schema, TrackerKeys
 from .mechanism import Mechanism

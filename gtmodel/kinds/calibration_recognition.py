@@ -27,8 +27,8 @@ from gtmodel.calibrate.recognition import (
 from gtmodel.compiler.causal import CausalFunction, compile_causal, flat_of
 from gtmodel.lang import Model, ModelError
 from gtmodel.lang.units import parse_unit
+from gtmodel.problem_files.base import InputError
 
-from .base import InputError
 from .calibration_data import KEY, PoseData
 
 MOST = 150  # poses that are looked at: enough to tell a metre from a millimetre

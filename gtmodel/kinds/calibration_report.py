@@ -10,10 +10,11 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from .base import Context
+from gtmodel.problem_files.base import Context
+from gtmodel.problem_files.output import png, versions
+
 from .calibration_findings import Found
 from .calibration_keys import Schema
-from .output import png, versions
 
 STYLE = (
     "body{font:15px/1.45 sans-serif;max-width:62em;margin:2em auto;padding:0 1em;color:#222}"

@@ -9,8 +9,8 @@ import numpy as np
 from gtmodel.calibrate.prediction import Prediction
 from gtmodel.compiler.causal import flat_of
 from gtmodel.inference import Identifiability
+from gtmodel.problem_files.base import Check, Row, at_most
 
-from .base import Check, Row, at_most
 from .calibration_data import PoseData
 from .calibration_findings import Found, verdict
 from .calibration_keys import Schema

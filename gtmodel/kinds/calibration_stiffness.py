@@ -19,15 +19,15 @@ from gtmodel.compliance import (
 from gtmodel.compliance.compensated import RATE
 from gtmodel.inference import FALSE_ALARM
 from gtmodel.measurements import copies
+from gtmodel.problem_files.base import Context, InputError, Outcome, Row, at_least, at_most
+from gtmodel.problem_files.sentences import listed
 from gtmodel.results import SolveStatus
 
 from . import calibration_stiffness_report
-from .base import Context, InputError, Outcome, Row, at_least, at_most
 from .calibration_keys import Schema
 from .calibration_stiffness_data import FILE, KEY, LoadTestData, data_of
 from .calibration_stiffness_doubts import negative, repeated
 from .calibration_stiffness_keys import JointStiffness
-from .sentences import listed
 
 VALUES = (
     "with [joint_stiffness]: method, stiffness_MNm_rad with interval_MNm_rad (95 %; null: no upper end) and "

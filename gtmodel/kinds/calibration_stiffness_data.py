@@ -15,11 +15,11 @@ from gtmodel.compliance import (
     synthetic_tests,
 )
 from gtmodel.lang import Model
+from gtmodel.problem_files.base import Context, InputError
+from gtmodel.problem_files.robots import file_of
 
 from . import calibration_table
-from .base import Context, InputError
 from .calibration_stiffness_keys import Column, JointStiffness
-from .robots import file_of
 
 KEY = "joint_stiffness"
 FILE = "load_tests.csv"

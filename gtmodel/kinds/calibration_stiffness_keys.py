@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, NonNegativeFloat, PositiveFloat
 
-from .base import Section
+from gtmodel.problem_files.base import Section
 
 Three = Annotated[list[float], Field(min_length=3, max_length=3)]
 

@@ -9,9 +9,10 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from .base import Context
+from gtmodel.problem_files.base import Context
+from gtmodel.problem_files.output import versions
+
 from .calibration_report import STYLE, picture, table
-from .output import versions
 
 CAPTION = "Stiffness by joint with 95 % intervals, by method."
 

@@ -13,9 +13,9 @@ from gtmodel.calibrate.true_poses import moved, rows_of, true_poses
 from gtmodel.calibrate.wandering import Wandering
 from gtmodel.compiler.causal import compile_causal
 from gtmodel.lang import Model, ModelError
+from gtmodel.problem_files.base import InputError
 from gtmodel.robots import clusters
 
-from .base import InputError
 from .calibration_synthetic_carts import cart_points, levers, tilts
 from .calibration_synthetic_keys import Synthetic
 

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt
 
-from .base import Section
+from gtmodel.problem_files.base import Section
 
 Three = Annotated[list[float], Field(min_length=3, max_length=3)]
 ThreeSizes = Annotated[list[NonNegativeFloat], Field(min_length=3, max_length=3)]

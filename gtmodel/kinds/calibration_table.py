@@ -11,9 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from gtmodel.lang.units import UnitError, convert, parse_unit
-
-from . import csv_table
-from .base import InputError
+from gtmodel.problem_files import csv_table
+from gtmodel.problem_files.base import InputError
 
 _HEAD = re.compile(r"(?P<name>\S+)(\s+\[(?P<unit>[^\[\]]+)\])?")
 _NOTE = "# synthetic:"

@@ -12,12 +12,11 @@ from pydantic import Field, PositiveInt
 from gtmodel.compiler.causal import flat_of
 from gtmodel.lang import Model, ModelError
 from gtmodel.measurements import Session, Signal, derivative
+from gtmodel.problem_files import python_models
+from gtmodel.problem_files.base import Check, Context, InputError, Row, Section, at_most
+from gtmodel.problem_files.log_keys import MeasuredSignal
 from gtmodel.results import Trajectory, TrajectoryError
 from gtmodel.simulate import simulate
-
-from . import python_models
-from .base import Check, Context, InputError, Row, Section, at_most
-from .log_keys import MeasuredSignal
 
 VALUES = {
     "closed_loop_rms": "error of the simulated motion, rms by recording, in the unit of the position",

@@ -16,13 +16,12 @@ from gtmodel.cgen import Costs, GenerationError, check, costs, generate, write_c
 from gtmodel.cgen.costs_file import COSTS
 from gtmodel.cgen.folder import held
 from gtmodel.compiler.causal import CausalFunction, c_name, compile_causal
+from gtmodel.problem_files.base import Check, Context, InputError, Outcome, Row, Section
+from gtmodel.problem_files.noted import checked, refuse_distrusted
+from gtmodel.problem_files.robot_keys import RobotProblem
 from gtmodel.results import SolveStatus
 from gtmodel.results.folder import Held, others
 from gtmodel.results.marks import marked
-
-from .base import Check, Context, InputError, Outcome, Row, Section
-from .noted import checked, refuse_distrusted
-from .robot_keys import RobotProblem
 
 NAME = "codegen"
 

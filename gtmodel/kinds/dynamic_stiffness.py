@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from gtmodel.problem_files.base import Context, InputError, Outcome
 from gtmodel.results import SolveStatus
 from gtmodel.vibration import Inputs, ModalFit, OscillatorField, fit_modes, fit_oscillator_field
 
-from .base import Context, InputError, Outcome
 from .dynamic_stiffness_data import Experiment, read_experiments
 from .dynamic_stiffness_keys import Schema
 from .dynamic_stiffness_printed import NOTE

@@ -10,13 +10,13 @@ from pathlib import Path
 import numpy as np
 
 from gtmodel.lang.units import UnitError, convert, parse_unit
+from gtmodel.problem_files import csv_table
+from gtmodel.problem_files.base import Context, InputError
+from gtmodel.problem_files.robots import file_of
 from gtmodel.vibration import FrequencyResponse, frequency_response
 from gtmodel.vibration.frequency_response import ORDER, UNITS
 
-from . import csv_table
-from .base import Context, InputError
 from .dynamic_stiffness_keys import Fit
-from .robots import file_of
 
 _HEAD = re.compile(r"(?P<name>\S+)(\s+\[(?P<unit>[^\[\]]+)\])?")
 _PLACE = {"x": "m", "y": "m", "z": "m", "A": "rad"}

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt
 
-from .base import Problem, Section
+from gtmodel.problem_files.base import Problem, Section
 
 Range = Annotated[list[float], Field(min_length=2, max_length=2)]
 Coordinate = Literal["x", "y", "z", "A"]

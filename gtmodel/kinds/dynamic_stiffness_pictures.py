@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from gtmodel.plot.dynamic_stiffness import held_out_figure, lowest_frequency_figure, response_figure
+from gtmodel.problem_files.base import InputError
 from gtmodel.vibration import ModalFit, OscillatorField
 
-from .base import InputError
 from .dynamic_stiffness_data import Experiment
 from .dynamic_stiffness_keys import Schema
 

@@ -9,10 +9,10 @@ import numpy as np
 from scipy import stats
 
 from gtmodel.inference import binomial_band
+from gtmodel.problem_files.base import Check, Outcome, Row, at_least
 from gtmodel.results import SolveStatus
 from gtmodel.vibration import ModalFit, OscillatorField, oscillator_text
 
-from .base import Check, Outcome, Row, at_least
 from .dynamic_stiffness_data import Experiment
 from .dynamic_stiffness_keys import Schema
 from .dynamic_stiffness_printed import NOTE

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gtmodel.problem_files.base import InputError
 from gtmodel.vibration import (
     Inputs,
     SyntheticField,
@@ -15,7 +16,6 @@ from gtmodel.vibration import (
     synthetic_receptance,
 )
 
-from .base import InputError
 from .dynamic_stiffness_data import Experiment
 from .dynamic_stiffness_keys import Fit, Synthetic
 from .dynamic_stiffness_printed import table_16

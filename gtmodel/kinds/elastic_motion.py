@@ -13,15 +13,15 @@ from gtmodel.control import residual_vibration, zero_vibration, zero_vibration_d
 from gtmodel.lang import Model, Optimization
 from gtmodel.optimize import Mesh, Solution, SolverOptions, resimulate
 from gtmodel.optimize import solve as collocate
+from gtmodel.problem_files.base import TRAJECTORY, Context, InputError, Outcome, Row, Section, at_most
+from gtmodel.problem_files.robot_keys import RobotProblem
+from gtmodel.problem_files.solver_keys import Barrier, MostElements
 from gtmodel.results import SolveStatus, Status, Trajectory
 from gtmodel.results.check import failed_of
 from gtmodel.robots import GantryTau
 
-from .base import TRAJECTORY, Context, InputError, Outcome, Row, Section, at_most
 from .elastic_motion_models import ElasticMotion, RigidMotion
 from .finer_mesh import finer_problem, refined, told
-from .robot_keys import RobotProblem
-from .solver_keys import Barrier, MostElements
 from .trajectory_keys import Point
 
 NAME = "elastic_motion"

@@ -6,8 +6,9 @@ from typing import Literal
 
 from pydantic import Field, NonNegativeInt, PositiveFloat, PositiveInt
 
-from .base import Section
-from .robot_keys import RobotProblem
+from gtmodel.problem_files.base import Section
+from gtmodel.problem_files.robot_keys import RobotProblem
+
 from .trajectory_keys import Limits, Point
 
 

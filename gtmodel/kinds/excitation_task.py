@@ -13,9 +13,9 @@ from gtmodel.compiler.causal import CausalFunction, flat_of
 from gtmodel.identify import Regressor
 from gtmodel.identify.excitation import ExcitationTask
 from gtmodel.identify.excitation_basis import Basis, ClosedSpline, FourierSeries
+from gtmodel.problem_files import python_models
+from gtmodel.problem_files.base import Context, InputError
 
-from . import python_models
-from .base import Context, InputError
 from .excitation_keys import ExcitationProblem
 from .motion import links_of
 from .motion_follow import motion_function

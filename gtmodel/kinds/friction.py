@@ -23,9 +23,9 @@ from gtmodel.identify.steady import CUTOFF_HZ, SHORTEST, STEADY
 from gtmodel.inference import FALSE_ALARM
 from gtmodel.lang import ModelError
 from gtmodel.measurements import Corrections, Session
+from gtmodel.problem_files.base import Check, Context, InputError, Outcome, Row, at_least, at_most
 from gtmodel.results import SolveStatus, Status, TrajectoryError
 
-from .base import Check, Context, InputError, Outcome, Row, at_least, at_most
 from .friction_keys import Coefficients, Pose, Schema, Synthetic
 
 NAME = "friction"

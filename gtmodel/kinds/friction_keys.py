@@ -7,10 +7,9 @@ from typing import Literal
 from pydantic import Field, NonNegativeFloat, PositiveFloat
 
 from gtmodel.identify.steady import CUTOFF_HZ, SHORTEST, STEADY
-
-from .base import Section
-from .log_keys import LogSampling, MeasuredSignal
-from .robot_keys import RobotProblem
+from gtmodel.problem_files.base import Section
+from gtmodel.problem_files.log_keys import LogSampling, MeasuredSignal
+from gtmodel.problem_files.robot_keys import RobotProblem
 
 
 class Pose(Section):

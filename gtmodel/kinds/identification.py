@@ -18,10 +18,10 @@ from gtmodel.identify import (
     with_offsets,
 )
 from gtmodel.lang import ModelError
+from gtmodel.problem_files.base import Context, InputError, Outcome, Row
 from gtmodel.results import SolveStatus, Trajectory, TrajectoryError
 
 from . import identification_comparison
-from .base import Context, InputError, Outcome, Row
 from .identification_checks import checks_of, suspicions
 from .identification_data import Recordings, model_of, processing_of, recordings, regressor_of, scalars_of
 from .identification_keys import Schema

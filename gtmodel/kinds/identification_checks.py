@@ -8,8 +8,8 @@ from gtmodel.identify import Identification, Repeated, Validation, work_of
 from gtmodel.identify.exchanged import exchanged_efforts
 from gtmodel.identify.work import DEVIATIONS
 from gtmodel.inference import FALSE_ALARM, binomial_band
+from gtmodel.problem_files.base import Check, at_least, at_most
 
-from .base import Check, at_least, at_most
 from .identification_data import Recordings
 
 LOOK = "the notes say what to look at"

@@ -7,9 +7,9 @@ from typing import Any
 from gtmodel.compiler.causal import flat_of
 from gtmodel.identify.parameter_names import scalar_parameters
 from gtmodel.lang import Model, ModelError
+from gtmodel.problem_files.base import Context, InputError, Outcome, Row
 
 from . import closed_loop
-from .base import Context, InputError, Outcome, Row
 from .identification_data import Recordings
 from .identification_keys import Schema
 

@@ -19,15 +19,15 @@ from gtmodel.identify import (
 from gtmodel.identify.parameter_names import among
 from gtmodel.lang import Model, ModelError
 from gtmodel.measurements import ESTIMATE, Corrections, Session, Signal
+from gtmodel.problem_files import python_models, robots
+from gtmodel.problem_files.base import Context, InputError
+from gtmodel.problem_files.log_keys import MeasuredSignal
 from gtmodel.results import TrajectoryError
 from gtmodel.robots import actuator_closed_loop, catalogue
 from gtmodel.robots.by_direction import VARIANTS, inertia_variant
 
-from . import python_models, robots
-from .base import Context, InputError
 from .identification_keys import Log, Schema, Synthetic
 from .identification_motion import reference_motion
-from .log_keys import MeasuredSignal
 
 
 @dataclass

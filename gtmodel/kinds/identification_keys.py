@@ -7,11 +7,11 @@ from typing import Any, Literal
 from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt
 
 from gtmodel.identify.rows import MASK_STEPS
+from gtmodel.problem_files.base import Section
+from gtmodel.problem_files.log_keys import LogFiles, MeasuredSignal
+from gtmodel.problem_files.robot_keys import RobotProblem
 
-from .base import Section
 from .closed_loop import ClosedLoop
-from .log_keys import LogFiles, MeasuredSignal
-from .robot_keys import RobotProblem
 
 
 class SharpFriction(Section):

@@ -11,11 +11,11 @@ from gtmodel.identify import multisine
 from gtmodel.lang import Model, ModelError
 from gtmodel.lang.units import UnitError
 from gtmodel.measurements import Column, read_log
+from gtmodel.problem_files.base import Context, InputError
+from gtmodel.problem_files.robots import file_of
 from gtmodel.results import Status, TrajectoryError
 
-from .base import Context, InputError
 from .identification_keys import Synthetic
-from .robots import file_of
 
 CLOSED = 1e-9  # of the motion's size: how far a motion that repeats may end from where it begins
 

@@ -15,13 +15,13 @@ from gtmodel.compiler.causal import CausalFunction, Signal, compile_causal, flat
 from gtmodel.kinematics.orientation import OrientationMap, grid
 from gtmodel.kinematics.rotations import matrices
 from gtmodel.lang import Model, ModelError
+from gtmodel.problem_files import point_table
+from gtmodel.problem_files.base import Context, InputError, Outcome, Row, Section
+from gtmodel.problem_files.robot_keys import RobotProblem
+from gtmodel.problem_files.robots import file_of
 from gtmodel.results import SolveStatus, Status
 
-from . import point_table
-from .base import Context, InputError, Outcome, Row, Section
 from .known_values import Conditions
-from .robot_keys import RobotProblem
-from .robots import file_of
 
 NAME = "kinematics"
 

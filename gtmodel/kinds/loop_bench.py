@@ -16,13 +16,13 @@ from gtmodel.compiler.causal import CausalFunction, compile_causal
 from gtmodel.lang import Model
 from gtmodel.loop import Table
 from gtmodel.loop.build import build, built_before, manifest_of
+from gtmodel.problem_files.base import Context, InputError
+from gtmodel.problem_files.load import parse, read, validate
 from gtmodel.results import Trajectory
 from gtmodel.results.folder import Held
 from gtmodel.results.marks import is_marked
 
 from . import codegen, trajectory
-from .base import Context, InputError
-from .load import parse, read, validate
 from .loop_motion import CYCLE_MS, there_and_back
 
 Peer = Literal["egm", "rsi"]

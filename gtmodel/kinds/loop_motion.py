@@ -8,9 +8,8 @@ from scipy.interpolate import CubicHermiteSpline
 from gtmodel.compiler.causal import compile_causal
 from gtmodel.lang import Model
 from gtmodel.loop import Table
+from gtmodel.problem_files.base import InputError
 from gtmodel.results import Status, Trajectory
-
-from .base import InputError
 
 CYCLE_MS = 4
 REST_CYCLES = 75  # before, between and after the motions: 0.3 s, in which a slow drive comes to rest

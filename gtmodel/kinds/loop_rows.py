@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from .base import Row
+from gtmodel.problem_files.base import Row
+
 from .loop_bench import Bench
 from .loop_motion import CYCLE_MS
 

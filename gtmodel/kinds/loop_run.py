@@ -30,17 +30,17 @@ from gtmodel.loop import (
 from gtmodel.loop.build import PROGRAM
 from gtmodel.loop.plant import Plant
 from gtmodel.loop.record import STATES, trajectory_of
+from gtmodel.problem_files import output
+from gtmodel.problem_files.base import Context, InputError, Outcome, at_least, at_most
+from gtmodel.problem_files.noted import noted
+from gtmodel.problem_files.run import Finished
 from gtmodel.results import SolveStatus, Status, Trajectory, as_json, written
 from gtmodel.results.folder import unfinished
 from gtmodel.robots import actuator_closed_loop
 
-from . import output
-from .base import Context, InputError, Outcome, at_least, at_most
 from .loop_bench import MARK, Bench, prepare
 from .loop_motion import CYCLE_MS
 from .loop_rows import HOLD_CYCLES, OneRun, Stop, rows_of, stopping
-from .noted import noted
-from .run import Finished
 
 # what the first and the second run of a law are
 LAWS = {

@@ -12,9 +12,9 @@ from gtmodel.compiler.causal import compile_causal, flat_of
 from gtmodel.kinematics.section import Section, across_guideways
 from gtmodel.kinematics.workspace import InverseKinematics, Poses
 from gtmodel.lang import Model, ModelError
+from gtmodel.problem_files.base import InputError
 from gtmodel.results import Status
 
-from .base import InputError
 from .motion import link_names
 
 Array = np.ndarray

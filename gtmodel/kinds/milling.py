@@ -8,10 +8,10 @@ import numpy as np
 
 from gtmodel.milling import Oscillators, mode_coupling, spectral_radius, stability_lobes
 from gtmodel.milling.deflection import SECONDS
+from gtmodel.problem_files.base import Check, Context, InputError, Outcome, Row, at_most
 from gtmodel.results import SolveStatus
 
 from . import milling_compensation, milling_pictures, milling_printed
-from .base import Check, Context, InputError, Outcome, Row, at_most
 from .milling_keys import Schema
 from .milling_search import Found, search
 from .milling_task import deflections_of, place_of, replace_oscillators, task_of

@@ -8,8 +8,8 @@ import numpy as np
 
 from gtmodel.milling import Oscillators, compensate, cutting_force
 from gtmodel.milling.deflection import duration
+from gtmodel.problem_files.base import Check, InputError, Row, at_most
 
-from .base import Check, InputError, Row, at_most
 from .milling_keys import Schema
 from .milling_task import Task, title_of
 

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from gtmodel.milling import AngleTable, Oscillators, missing_z
+from gtmodel.problem_files.base import Context, InputError
 
-from .base import Context, InputError
 from .milling_keys import OscillatorRow, Schema
 
 NEIGHBOURS = 3  # of a grid angle on either side through which a local table is laid

@@ -6,8 +6,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt
 
-from .base import Section
-from .robot_keys import RobotProblem
+from gtmodel.problem_files.base import Section
+from gtmodel.problem_files.robot_keys import RobotProblem
 
 Three = Annotated[list[float], Field(min_length=3, max_length=3)]
 

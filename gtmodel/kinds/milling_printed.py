@@ -7,9 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gtmodel.milling import Coefficients, Cut, Cutter, critical_depth, deflections, missing_z, spectral_radius
+from gtmodel.problem_files.base import Check, Row, at_least, at_most
 from gtmodel.robots.kr500 import kr500_tables
-
-from .base import Check, Row, at_least, at_most
 
 FEEDS = {"+x": (1.0, 0.0, 0.0), "+y": (0.0, 1.0, 0.0)}
 BEATS = 1.5  # ratio of mean deflections where the dynamic choice is called better

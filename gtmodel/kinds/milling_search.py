@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from gtmodel.milling import Deflection, Findings, Oscillators, choices, frequency_sensitivity, guideline
+from gtmodel.problem_files.base import Context, InputError
 
-from .base import Context, InputError
 from .milling_keys import Schema
 from .milling_task import Better, Place, Task, deflections_of, place_of, refined, replace_oscillators
 

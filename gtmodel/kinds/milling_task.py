@@ -28,8 +28,8 @@ from gtmodel.milling import (
     tooth_frequency,
 )  # fmt: skip
 from gtmodel.milling.deflection import duration, samples_per_turn
+from gtmodel.problem_files.base import Context, InputError
 
-from .base import Context, InputError
 from .milling_dynamics import Dynamics, source
 from .milling_keys import Schema
 

@@ -9,14 +9,15 @@ import numpy as np
 from pydantic import Field, PositiveFloat
 
 from gtmodel.kinematics.assembly_modes import assembly_modes_batch
+from gtmodel.problem_files import robots
+from gtmodel.problem_files.base import Context, InputError, Outcome, Problem, Section
+from gtmodel.problem_files.robot_file import Points
 from gtmodel.results import SolveStatus
 
-from . import hand_poses, platform_draw, robots, six_links
-from .base import Context, InputError, Outcome, Problem, Section
+from . import hand_poses, platform_draw, six_links
 from .commanded_mode import Judged
 from .hand_poses import Pose
 from .modes_report import outcome
-from .robot_file import Points
 from .six_links import Hands
 
 NAME = "modes"

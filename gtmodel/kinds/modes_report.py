@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from gtmodel.problem_files.base import Check, Outcome, Row, at_most
 from gtmodel.results import SolveStatus
 from gtmodel.results.status import ModesStatus
 
-from .base import Check, Outcome, Row, at_most
 from .commanded_mode import COMMANDED, Judged
 
 # scaled equations at a mode: rounding of some dozen terms of size one

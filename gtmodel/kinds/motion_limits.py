@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from gtmodel import lang as gt
+from gtmodel.problem_files.base import InputError
 
-from .base import InputError
 from .trajectory_keys import MotionLimits
 
 SHARPNESS_PER_M = (

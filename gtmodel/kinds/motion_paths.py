@@ -10,10 +10,10 @@ import numpy as np
 from scipy.interpolate import CubicSpline, PPoly, make_splprep
 
 from gtmodel import lang as gt
+from gtmodel.problem_files.base import Context, InputError
+from gtmodel.problem_files.load import read
+from gtmodel.problem_files.robots import file_of
 
-from .base import Context, InputError
-from .load import read
-from .robots import file_of
 from .trajectory_keys import PathSection
 
 SAME_M = 1e-6  # a path that begins further from the start is another path

@@ -10,9 +10,9 @@ import numpy as np
 from gtmodel import lang as gt
 from gtmodel.compiler.causal import compile_causal, flat_of
 from gtmodel.optimize.path import PathMotion
+from gtmodel.problem_files.base import Context, InputError
 from gtmodel.results import Status, Trajectory
 
-from .base import Context, InputError
 from .motion import (
     MotionTask,
     along_guideways,

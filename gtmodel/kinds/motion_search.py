@@ -12,9 +12,9 @@ from gtmodel.lang import Model, Optimization
 from gtmodel.optimize import Mesh, Solution, SolverOptions
 from gtmodel.optimize import solve as collocate
 from gtmodel.optimize.resimulate import Resimulation, resimulate
+from gtmodel.problem_files.base import Context
 from gtmodel.results import SolveStatus, Trajectory
 
-from .base import Context
 from .motion import MotionTask, motion
 from .motion_limits import Guard
 from .motion_paths import Path

@@ -13,10 +13,9 @@ from gtmodel.optimize import Mesh as CollocationMesh
 from gtmodel.optimize import solve as collocate
 from gtmodel.optimize.problem import Bounds
 from gtmodel.optimize.resimulate import resimulate
-
-from . import python_models
-from .base import Context, InputError, Outcome, Problem, Row, Section
-from .solver_keys import Barrier
+from gtmodel.problem_files import python_models
+from gtmodel.problem_files.base import Context, InputError, Outcome, Problem, Row, Section
+from gtmodel.problem_files.solver_keys import Barrier
 
 NAME = "optimization"
 

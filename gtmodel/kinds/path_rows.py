@@ -9,8 +9,7 @@ import numpy as np
 
 from gtmodel.compiler.causal import CausalFunction
 from gtmodel.optimize.path import Curve, PathTask
-
-from .base import InputError
+from gtmodel.problem_files.base import InputError
 
 MIDDLE = np.array([0.5])
 

@@ -11,12 +11,11 @@ from pydantic import BeforeValidator, Discriminator, Field, PositiveFloat, Tag
 
 from gtmodel.compiler.causal import flat_of
 from gtmodel.lang import Model, ModelError
+from gtmodel.problem_files.base import Check, Context, InputError, Outcome, Row, Section, at_most
+from gtmodel.problem_files.robot_keys import RobotProblem
+from gtmodel.problem_files.robots import file_of
 from gtmodel.results import SolveStatus, Trajectory, TrajectoryError
 from gtmodel.simulate import MOST_ROWS, MOST_STEPS, Simulation, explain_simulation, simulate
-
-from .base import Check, Context, InputError, Outcome, Row, Section, at_most
-from .robot_keys import RobotProblem
-from .robots import file_of
 
 NAME = "simulation"
 

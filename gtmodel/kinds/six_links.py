@@ -11,10 +11,9 @@ from scipy.spatial.transform import Rotation
 
 from gtmodel.compiler.causal import CausalFunction, compile_causal, flat_of
 from gtmodel.lang import Model, ModelError
+from gtmodel.problem_files.base import InputError
 from gtmodel.results import Status
 from gtmodel.robots import F1, SixLink
-
-from .base import InputError
 
 Array = np.ndarray
 LINKS = 6

@@ -11,10 +11,10 @@ from gtmodel.compiler.causal import compile_causal
 from gtmodel.optimize import Solution
 from gtmodel.optimize.overshoot import control_curves
 from gtmodel.optimize.resimulate import Resimulation, resimulate
+from gtmodel.problem_files.base import Context, Outcome, at_most
 from gtmodel.results import SolveStatus, Trajectory
 from gtmodel.results.check import failed_of
 
-from .base import Context, Outcome, at_most
 from .finer_mesh import finer_problem, how, refined, told
 from .motion_follow import sampled
 from .motion_limits import clearance

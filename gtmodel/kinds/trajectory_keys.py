@@ -6,9 +6,9 @@ from typing import Annotated, Literal
 
 from pydantic import Field, NonNegativeFloat, NonNegativeInt, PositiveFloat, PositiveInt
 
-from .base import Section
-from .robot_keys import RobotProblem
-from .solver_keys import Barrier, MostElements
+from gtmodel.problem_files.base import Section
+from gtmodel.problem_files.robot_keys import RobotProblem
+from gtmodel.problem_files.solver_keys import Barrier, MostElements
 
 Point = Annotated[list[float], Field(min_length=3, max_length=3)]
 Rest = list[Literal["velocity", "acceleration"]]

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from .base import Row
+from gtmodel.problem_files.base import Row
+
 from .motion_planning import Plan
 
 

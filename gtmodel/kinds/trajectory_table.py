@@ -6,13 +6,13 @@ from typing import Any
 
 from pydantic import Field
 
+from gtmodel.problem_files.base import Context, InputError, Outcome, Row, Section, at_most
+from gtmodel.problem_files.load import validate
+from gtmodel.problem_files.settings import apply
 from gtmodel.results import SolveStatus, Trajectory
 
 from . import trajectory
-from .base import Context, InputError, Outcome, Row, Section, at_most
-from .load import validate
 from .motion_planning import plan_of
-from .settings import apply
 from .trajectory_keys import TrajectoryProblem
 
 NAME = "trajectory_table"

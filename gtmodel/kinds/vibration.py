@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from gtmodel.problem_files.base import Context, InputError, Outcome
 from gtmodel.results import SolveStatus
 from gtmodel.vibration import Stopped, VibrationError
 
-from .base import Context, InputError, Outcome
 from .vibration_data import records
 from .vibration_impulse import solve_impulse
 from .vibration_keys import Schema

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 
 from gtmodel.measurements import Corrections
+from gtmodel.problem_files.base import Context, InputError
 from gtmodel.results import TrajectoryError
 from gtmodel.vibration import Record, VibrationError, hammer_record, step_record, structure_record
 
-from .base import Context, InputError
 from .vibration_keys import Measurements, Schema, Synthetic
 
 _SECTION = {"subspace": "structure", "step_response": "steps", "impulse": "hit"}

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import tomli_w
 
+from gtmodel.problem_files.base import Check, Context, Outcome, Row, at_least, at_most
 from gtmodel.results import SolveStatus
 from gtmodel.vibration import ImpulseModel, Record, identify_impulse
 
-from .base import Check, Context, Outcome, Row, at_least, at_most
 from .vibration_keys import Schema
 from .vibration_values import by_chance, interval, listed, said, values
 

@@ -6,12 +6,11 @@ from typing import Annotated, Literal
 
 from pydantic import Field, NonNegativeFloat, PositiveFloat
 
+from gtmodel.problem_files.base import Problem, Section
+from gtmodel.problem_files.log_keys import LogFiles, MeasuredSignal
 from gtmodel.vibration.impulse import LARGEST as MOST_MODES
 from gtmodel.vibration.step_response import LONGEST
 from gtmodel.vibration.subspace import BLOCK_ROWS, HELD_OUT, LARGEST
-
-from .base import Problem, Section
-from .log_keys import LogFiles, MeasuredSignal
 
 Square = Annotated[list[list[float]], Field(min_length=1)]
 

@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from gtmodel.problem_files.base import Check, InputError, Outcome, Row, at_most
 from gtmodel.results import SolveStatus
 from gtmodel.vibration import DefiniteForm, Modes, VibrationError, definite_form, modes, sign_question
 
-from .base import Check, InputError, Outcome, Row, at_most
 from .vibration_keys import Schema
 from .vibration_values import listed, pairs_of, rows_of, values
 

@@ -6,10 +6,10 @@ from typing import Any
 
 import tomli_w
 
+from gtmodel.problem_files.base import Check, Context, Outcome, Row, at_most
 from gtmodel.results import SolveStatus
 from gtmodel.vibration import Record, StepModel, identify_step
 
-from .base import Check, Context, Outcome, Row, at_most
 from .vibration_keys import Schema
 from .vibration_values import by_chance, interval, said, values
 

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import tomli_w
 
+from gtmodel.problem_files.base import Check, Context, InputError, Outcome, Row, at_most
 from gtmodel.results import SolveStatus
 from gtmodel.vibration import (
     Modes,
@@ -24,7 +25,6 @@ from gtmodel.vibration import (
     physical_form,
 )
 
-from .base import Check, Context, InputError, Outcome, Row, at_most
 from .vibration_keys import Physical, Schema
 from .vibration_values import interval, listed, pairs_of, rows_of, said, values
 

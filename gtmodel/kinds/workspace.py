@@ -17,13 +17,13 @@ from gtmodel.kinematics.workspace import (
     map_volume,
 )
 from gtmodel.kinematics.workspace.volume import MOST
+from gtmodel.problem_files.base import Check, Context, InputError, Outcome, Row, Section, at_most
+from gtmodel.problem_files.robot_keys import RobotProblem
+from gtmodel.problem_files.section_keys import SectionKeys
+from gtmodel.problem_files.sentences import listed
 from gtmodel.results import SolveStatus
 
-from .base import Check, Context, InputError, Outcome, Row, Section, at_most
 from .mechanism import Mechanism, home_figure
-from .robot_keys import RobotProblem
-from .section_keys import SectionKeys
-from .sentences import listed
 from .workspace_limits import Angle, Beam, Bodies, Box, Limits, Point, limited_mechanism, limits_of, refuse_disordered
 
 NAME = "workspace"

@@ -18,10 +18,10 @@ from gtmodel.kinematics.workspace import (
     Singularities,
 )
 from gtmodel.lang import Model
+from gtmodel.problem_files.base import InputError, Section
+from gtmodel.problem_files.section_keys import Pair
 
-from .base import InputError, Section
 from .mechanism import Mechanism, mechanism_of
-from .section_keys import Pair
 
 LONGEST_STROKE = 100.0  # in link lengths; a longer one was given in millimetres
 

@@ -7,10 +7,11 @@ from __future__ import annotations
 
 from gtmodel.calibrate import calibrate
 from gtmodel.calibrate.basin import basin
-from gtmodel.kinds import Context, calibration
+from gtmodel.kinds import calibration
 from gtmodel.kinds.calibration_choice import prepared
 from gtmodel.kinds.calibration_data import data_of
-from gtmodel.kinds.load import validate
+from gtmodel.problem_files import Context
+from gtmodel.problem_files.load import validate
 from tests.kinds.calibration_problems import PROBLEMS, keys
 
 STARTS, SEED = 100, 1

@@ -8,8 +8,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from gtmodel.calibrate import Measurements
-from gtmodel.kinds.base import Context
-from gtmodel.kinds.python_models import resolve
+from gtmodel.problem_files.base import Context
+from gtmodel.problem_files.python_models import resolve
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
 DATA = PROBLEMS / "../../shared/realdata/hexapod"

@@ -20,9 +20,9 @@ from gtmodel.cgen.comparison import call
 from gtmodel.cgen.interface import Interface, interfaces
 from gtmodel.cgen.points import evaluate
 from gtmodel.cgen.real import real_of
-from gtmodel.kinds.base import Context
 from gtmodel.kinds.codegen import compiled
-from gtmodel.kinds.load import load
+from gtmodel.problem_files.base import Context
+from gtmodel.problem_files.load import load
 from tests.cgen.calls import shared_library
 from tests.cgen.hostile import Hostile, inside
 from tests.oracle.extended import ARM, Masses, StraightGuideways, TurningCarts, extended, motor_forces

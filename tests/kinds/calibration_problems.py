@@ -9,8 +9,9 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from gtmodel.kinds import Context, Outcome, calibration
-from gtmodel.kinds.load import validate
+from gtmodel.kinds import calibration
+from gtmodel.problem_files import Context, Outcome
+from gtmodel.problem_files.load import validate
 from tests.support.commands import CLONE
 
 PROBLEMS = CLONE / "problems"

@@ -6,8 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gtmodel.kinds import Context, InputError, accuracy
-from gtmodel.kinds.load import load, validate
+from gtmodel.kinds import accuracy
+from gtmodel.problem_files import Context, InputError
+from gtmodel.problem_files.load import load, validate
 from gtmodel.results import SolveStatus
 from tests.support.commands import CLONE, Commands
 

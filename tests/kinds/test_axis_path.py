@@ -9,12 +9,12 @@ import pytest
 
 import gtmodel as gt
 from gtmodel import SolveStatus
-from gtmodel.kinds import InputError
 from gtmodel.kinds.axis_course import turning
 from gtmodel.kinds.axis_motion import AxisPlan
 from gtmodel.kinds.axis_planning import plan_of
-from gtmodel.kinds.load import load
-from gtmodel.kinds.run import context_of, solve
+from gtmodel.problem_files import InputError
+from gtmodel.problem_files.load import load
+from gtmodel.problem_files.run import context_of, solve
 
 PROBLEM, FREE = "problems/f1_path.toml", "problems/f1_motion.toml"
 STEP = 1e-3  # of s, for differences: second order

@@ -7,12 +7,12 @@ import pytest
 
 import gtmodel as gt
 from gtmodel import SolveStatus
-from gtmodel.kinds import InputError, get
 from gtmodel.kinds.axis_free_run import free_run
 from gtmodel.kinds.axis_motion import AxisPlan
 from gtmodel.kinds.axis_planning import plan_of
-from gtmodel.kinds.load import load
-from gtmodel.kinds.run import context_of, solve
+from gtmodel.problem_files import InputError, get
+from gtmodel.problem_files.load import load
+from gtmodel.problem_files.run import context_of, solve
 
 PROBLEM = "problems/f1_motion.toml"
 LENGTHS_M = 1e-9

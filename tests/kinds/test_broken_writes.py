@@ -13,9 +13,10 @@ from typing import Any
 
 import pytest
 
-from gtmodel.kinds import InputError, optimization
-from gtmodel.kinds.load import load
-from gtmodel.kinds.run import context_of, solve
+from gtmodel.kinds import optimization
+from gtmodel.problem_files import InputError
+from gtmodel.problem_files.load import load
+from gtmodel.problem_files.run import context_of, solve
 from gtmodel.results.folder import FolderError, holding
 from tests.support.commands import CLONE, Commands, command, environment
 from tests.support.own_models import FILES

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from gtmodel.calibrate import Calibration, calibrate, prepare
-from gtmodel.kinds.base import InputError
 from gtmodel.kinds.calibration_confidence import Confidence
+from gtmodel.problem_files.base import InputError
 from gtmodel.results import SolveStatus
 from tests.calibrate.synthetic import measured, true_robot
 from tests.kinds.calibration_problems import keys, shipped, solved, with_signals, written

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from gtmodel.calibrate.basin import basin
-from gtmodel.kinds import Context, InputError, Outcome, robots
 from gtmodel.kinds.calibration_sensitivity import table, text
 from gtmodel.kinds.calibration_synthetic import Made, make
 from gtmodel.kinds.calibration_synthetic_keys import Synthetic
+from gtmodel.problem_files import Context, InputError, Outcome, robots
 from gtmodel.robots.measured_guideways import D1_MODELS
 from tests.calibrate.runs import ready
 from tests.kinds.calibration_problems import PROBLEMS, keys, solved

@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gtmodel.kinds import InputError, calibration
+from gtmodel.kinds import calibration
 from gtmodel.kinds.calibration_recognition import Witness
+from gtmodel.problem_files import InputError
 from tests.kinds.calibration_problems import PROBLEMS, data, keys, solved, with_signals, written
 from tests.support.commands import Commands
 

@@ -11,7 +11,8 @@ import pytest
 
 from gtmodel.cli import main
 from gtmodel.compiler.sharing import shared
-from gtmodel.kinds import Context, calibration, robots
+from gtmodel.kinds import calibration
+from gtmodel.problem_files import Context, robots
 from gtmodel.results import SolveStatus
 from tests.calibrate.test_closure import Slider
 from tests.kinds.calibration_problems import PROBLEMS, data, keys, shipped, solved, with_signals, written

@@ -7,9 +7,10 @@ import pytest
 
 from gtmodel.calibrate.modifiers import merged
 from gtmodel.compiler.causal import flat_of
-from gtmodel.kinds import Context, InputError, calibration, robots
-from gtmodel.kinds.explaining import of
-from gtmodel.kinds.load import validate
+from gtmodel.kinds import calibration
+from gtmodel.problem_files import Context, InputError, robots
+from gtmodel.problem_files.explaining import of
+from gtmodel.problem_files.load import validate
 
 OWN = '''"""Three legs on carts along x hold a point."""
 

@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from gtmodel.kinds import Context, InputError, calibration_plan, calibration_plan_turns
+from gtmodel.kinds import calibration_plan, calibration_plan_turns
 from gtmodel.kinds.calibration_plan_device import measuring
 from gtmodel.kinds.calibration_plan_steps import Plan, find_candidates
 from gtmodel.kinds.calibration_plan_turns import turns_of
-from gtmodel.kinds.load import load, validate
+from gtmodel.problem_files import Context, InputError
+from gtmodel.problem_files.load import load, validate
 from gtmodel.results import SolveStatus
 from gtmodel.robots import catalogue as robots
 from tests.support.commands import CLONE, Commands

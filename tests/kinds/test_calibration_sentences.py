@@ -8,7 +8,7 @@ import pytest
 
 from gtmodel.inference import identifiability
 from gtmodel.kinds import calibration_movement
-from gtmodel.kinds.base import InputError
+from gtmodel.problem_files.base import InputError
 from tests.kinds.calibration_problems import keys, shipped, solved, with_signals, written
 
 WHOLE = {"file": "data/l1_synthetic.csv"}

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from gtmodel.kinds.base import InputError
+from gtmodel.problem_files.base import InputError
 from tests.kinds.calibration_problems import data, keys, solved
 
 MOVED = (np.array([120.0, -300.0, 40.0]), Rotation.from_rotvec([0.05, -0.1, 0.7]))  # mm

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from gtmodel.calibrate import Choice, Cost, calibrate, prepare
-from gtmodel.kinds import Context, calibration, calibration_findings
+from gtmodel.kinds import calibration, calibration_findings
+from gtmodel.problem_files import Context
 from gtmodel.results import SolveStatus
 from tests.calibrate.synthetic import measured, true_robot
 from tests.kinds.calibration_problems import PROBLEMS, keys, solved

@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gtmodel.kinds import Context, InputError, robots
 from gtmodel.kinds.calibration_synthetic import MEAN_DISTANCE, disturbed, make
 from gtmodel.kinds.calibration_synthetic_keys import Synthetic
+from gtmodel.problem_files import Context, InputError, robots
 from tests.kinds.calibration_problems import PROBLEMS, keys, solved
 
 # of the numbers that the thesis prints: our robots have errors of its sizes, but not its robot's

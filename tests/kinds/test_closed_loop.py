@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gtmodel.kinds import Context, InputError
 from gtmodel.kinds.closed_loop import ClosedLoop, checks_of, follow, rows_of, values_of
-from gtmodel.kinds.load import validate
 from gtmodel.measurements import Session
 from gtmodel.plot.closed_loop import closed_loop_figure
+from gtmodel.problem_files import Context, InputError
+from gtmodel.problem_files.load import validate
 from gtmodel.results import Trajectory
 
 PROBLEMS = Path(__file__).parents[2] / "problems"

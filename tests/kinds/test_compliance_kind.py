@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from gtmodel.kinds import Context, InputError
-from gtmodel.kinds.load import load
-from gtmodel.kinds.run import answer, explain
+from gtmodel.problem_files import Context, InputError
+from gtmodel.problem_files.load import load
+from gtmodel.problem_files.run import answer, explain
 from gtmodel.results import SolveStatus
 
 COARSE = "section.step_m=0.2"

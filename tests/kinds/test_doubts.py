@@ -15,10 +15,10 @@ import pytest
 from matplotlib.figure import Figure
 from matplotlib.image import imread
 
-import gtmodel.kinds as kinds
-from gtmodel.kinds import run
-from gtmodel.kinds.base import Context, Outcome, at_most
-from gtmodel.kinds.load import load
+import gtmodel.problem_files as kinds
+from gtmodel.problem_files import run
+from gtmodel.problem_files.base import Context, Outcome, at_most
+from gtmodel.problem_files.load import load
 from gtmodel.results import SolveStatus, written
 from gtmodel.results.marks import marked
 from tests.support.commands import Commands

@@ -7,9 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gtmodel.kinds import Context, InputError, dynamic_stiffness
+from gtmodel.kinds import dynamic_stiffness
 from gtmodel.kinds.dynamic_stiffness_printed import table_16
-from gtmodel.kinds.load import load
+from gtmodel.problem_files import Context, InputError
+from gtmodel.problem_files.load import load
 from gtmodel.results import SolveStatus
 from gtmodel.vibration import load_oscillator_field, synthetic_hits
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gtmodel.kinds import Context, InputError, elastic_motion
-from gtmodel.kinds.load import load
+from gtmodel.kinds import elastic_motion
+from gtmodel.problem_files import Context, InputError
+from gtmodel.problem_files.load import load
 from gtmodel.results import SolveStatus
 
 COARSE = "mesh.elements=24"

@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 
 from gtmodel.identify import Processing, Regressor, rows_of
-from gtmodel.kinds import Context, InputError, identification
-from gtmodel.kinds.load import load, validate
-from gtmodel.kinds.python_models import resolve
+from gtmodel.kinds import identification
 from gtmodel.measurements import Column, Corrections, Signal, read_signals
+from gtmodel.problem_files import Context, InputError
+from gtmodel.problem_files.load import load, validate
+from gtmodel.problem_files.python_models import resolve
 from gtmodel.results import SolveStatus
 
 PROBLEMS = Path(__file__).parents[2] / "problems"

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gtmodel.kinds import Context, InputError, excitation
-from gtmodel.kinds.load import load, validate
+from gtmodel.kinds import excitation
+from gtmodel.problem_files import Context, InputError
+from gtmodel.problem_files.load import load, validate
 from gtmodel.results import SolveStatus, Trajectory
 from gtmodel.robots.catalogue import gantry_tau
 from tests.support.commands import CLONE, Commands

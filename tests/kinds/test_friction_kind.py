@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gtmodel.kinds import Context, InputError, friction
-from gtmodel.kinds.load import load, validate
+from gtmodel.kinds import friction
+from gtmodel.problem_files import Context, InputError
+from gtmodel.problem_files.load import load, validate
 from gtmodel.results import SolveStatus
 
 PATTERN = [-176.9, -14.6, 191.5]

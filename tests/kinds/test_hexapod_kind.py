@@ -8,8 +8,9 @@ import tomllib
 import numpy as np
 import pytest
 
-from gtmodel.kinds import Context, InputError, calibration
-from gtmodel.kinds.load import load
+from gtmodel.kinds import calibration
+from gtmodel.problem_files import Context, InputError
+from gtmodel.problem_files.load import load
 from gtmodel.results import SolveStatus
 from tests.calibrate.hexapod import DATA, FIRST, PROBLEMS
 

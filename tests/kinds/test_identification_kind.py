@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 import gtmodel as gt
-from gtmodel.kinds import Context, InputError, identification
-from gtmodel.kinds.load import load, validate
+from gtmodel.kinds import identification
+from gtmodel.problem_files import Context, InputError
+from gtmodel.problem_files.load import load, validate
 from gtmodel.results import SolveStatus
 from tests.identify.plants import NOISE, SAMPLE_TIME, simulator
 

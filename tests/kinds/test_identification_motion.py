@@ -9,8 +9,9 @@ import pytest
 
 import gtmodel as gt
 from gtmodel.identify import multisine
-from gtmodel.kinds import Context, InputError, identification
-from gtmodel.kinds.load import load
+from gtmodel.kinds import identification
+from gtmodel.problem_files import Context, InputError
+from gtmodel.problem_files.load import load
 from tests.identify.plants import BAND, SAMPLE_TIME, plant
 
 PERIOD = 8.0  # s

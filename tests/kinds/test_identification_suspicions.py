@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 import gtmodel as gt
-from gtmodel.kinds import Context, InputError, identification
-from gtmodel.kinds.load import validate
+from gtmodel.kinds import identification
+from gtmodel.problem_files import Context, InputError
+from gtmodel.problem_files.load import validate
 from tests.identify.plants import NOISE, plant, simulator, truth
 
 TABLE: dict[str, Any] = {

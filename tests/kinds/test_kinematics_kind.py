@@ -13,8 +13,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import gtmodel as gt
-from gtmodel.kinds import Context, InputError, kinematics
-from gtmodel.kinds.load import load, validate
+from gtmodel.kinds import kinematics
+from gtmodel.problem_files import Context, InputError
+from gtmodel.problem_files.load import load, validate
 from gtmodel.results import SolveStatus
 from tests.support.commands import CLONE, Commands
 

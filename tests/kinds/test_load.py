@@ -6,10 +6,10 @@ from typing import Any, Literal
 import pytest
 from pydantic import Field
 
-from gtmodel.kinds import InputError, Problem, Section, load, names
-from gtmodel.kinds.fields import keys_of
-from gtmodel.kinds.load import check, parse, validate
-from gtmodel.kinds.settings import apply
+from gtmodel.problem_files import InputError, Problem, Section, load, names
+from gtmodel.problem_files.fields import keys_of
+from gtmodel.problem_files.load import check, parse, validate
+from gtmodel.problem_files.settings import apply
 from gtmodel.results.unit_names import split
 
 LOAD = load.load

@@ -10,9 +10,9 @@ import pytest
 
 from gtmodel.cli import main
 from gtmodel.kinds import loop_run
-from gtmodel.kinds.base import Context, InputError
-from gtmodel.kinds.load import load
-from gtmodel.kinds.run import context_of, generate
+from gtmodel.problem_files.base import Context, InputError
+from gtmodel.problem_files.load import load
+from gtmodel.problem_files.run import context_of, generate
 from gtmodel.results import SolveStatus, Trajectory, TrajectoryError
 from gtmodel.results.folder import holding
 from gtmodel.results.marks import marked

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gtmodel.kinds import Context, InputError, milling
-from gtmodel.kinds.load import load
+from gtmodel.kinds import milling
+from gtmodel.problem_files import Context, InputError
+from gtmodel.problem_files.load import load
 from gtmodel.results import SolveStatus
 from gtmodel.vibration import fit_oscillator_field, oscillator_text
 from tests.milling.thesis import OSCILLATORS

@@ -9,9 +9,10 @@ from matplotlib.colors import to_hex
 from scipy.spatial.transform import Rotation
 
 from gtmodel import robots
-from gtmodel.kinds import Context, InputError, hand_poses, modes
-from gtmodel.kinds.load import load, validate
+from gtmodel.kinds import hand_poses, modes
 from gtmodel.plot.assembly_modes import MARKED, modes_figure
+from gtmodel.problem_files import Context, InputError
+from gtmodel.problem_files.load import load, validate
 from gtmodel.results import SolveStatus, as_json
 from gtmodel.results.written import png
 from tests.support.commands import Commands

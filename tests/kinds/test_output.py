@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gtmodel.kinds import Check, Context, InputError, Outcome, output, start
-from gtmodel.kinds.load import load
+from gtmodel.problem_files import Check, Context, InputError, Outcome, output, start
+from gtmodel.problem_files.load import load
 from gtmodel.results import ArgumentError, SolveStatus, Trajectory, as_json, written
 from tests.support.own_models import FILES
 

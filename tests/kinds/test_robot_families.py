@@ -11,11 +11,11 @@ import pytest
 import tomli_w
 
 from gtmodel._files import problems_dir
-from gtmodel.kinds import Context, InputError, explaining, listing
-from gtmodel.kinds.load import load
-from gtmodel.kinds.robot_file import FAMILIES
-from gtmodel.kinds.robots import resolve
-from gtmodel.kinds.run import context_of, solve
+from gtmodel.problem_files import Context, InputError, explaining, listing
+from gtmodel.problem_files.load import load
+from gtmodel.problem_files.robot_file import FAMILIES
+from gtmodel.problem_files.robots import resolve
+from gtmodel.problem_files.run import context_of, solve
 from gtmodel.robots import catalogue
 
 TABLES = tomllib.loads(files("gtmodel.robots").joinpath("data", "gantry_tau.toml").read_text(encoding="utf-8"))

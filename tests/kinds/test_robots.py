@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import gtmodel as gt
-from gtmodel.kinds import Context, InputError, explaining
-from gtmodel.kinds.robots import resolve
+from gtmodel.problem_files import Context, InputError, explaining
+from gtmodel.problem_files.robots import resolve
 from tests.support.own_models import FILES
 
 Q = np.array([0.3, 0.4, 0.5])

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from gtmodel import Trajectory
-from gtmodel.kinds import Context, InputError, run, simulation
-from gtmodel.kinds.load import load, validate
+from gtmodel.kinds import simulation
+from gtmodel.problem_files import Context, InputError, run
+from gtmodel.problem_files.load import load, validate
 from gtmodel.results import SolveStatus
 from tests.support.commands import Commands, process
 from tests.support.own_models import FILES

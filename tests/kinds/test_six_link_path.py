@@ -9,9 +9,9 @@ import pytest
 
 import gtmodel as gt
 from gtmodel import SolveStatus
-from gtmodel.kinds.load import load
 from gtmodel.kinds.motion_planning import Plan, plan_of
-from gtmodel.kinds.run import context_of, solve
+from gtmodel.problem_files.load import load
+from gtmodel.problem_files.run import context_of, solve
 from gtmodel.results import Trajectory
 
 PROBLEM, FREE = "problems/d1_six_link_line.toml", "problems/d1_six_link_motion.toml"

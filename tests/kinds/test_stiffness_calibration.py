@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gtmodel.kinds import Context, InputError, calibration
-from gtmodel.kinds.load import load
+from gtmodel.kinds import calibration
+from gtmodel.problem_files import Context, InputError
+from gtmodel.problem_files.load import load
 from gtmodel.results import SolveStatus
 
 TRUTH = [3.93, 3.46, 2.77, 1.57, 0.24, 0.17]

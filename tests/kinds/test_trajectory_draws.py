@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gtmodel.kinds.load import load
 from gtmodel.kinds.motion import bent_guess
 from gtmodel.kinds.motion_planning import plan_of
 from gtmodel.kinds.motion_search import PATIENCE
-from gtmodel.kinds.run import context_of, solve
+from gtmodel.problem_files.load import load
+from gtmodel.problem_files.run import context_of, solve
 from gtmodel.results import SolveStatus, Status
 from tests.support.draws import draws, suite
 

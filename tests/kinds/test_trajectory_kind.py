@@ -12,15 +12,15 @@ from scipy.optimize import brentq
 import gtmodel as gt
 from gtmodel import SolveStatus
 from gtmodel.compiler.sharing import shared
-from gtmodel.kinds import get
-from gtmodel.kinds.base import InputError
-from gtmodel.kinds.load import load
 from gtmodel.kinds.motion_planning import plan_of
 from gtmodel.kinds.motion_search import motion_of
-from gtmodel.kinds.robots import resolve
-from gtmodel.kinds.run import context_of, explain, solve
 from gtmodel.optimize import Mesh, SolverOptions
 from gtmodel.optimize import solve as collocate
+from gtmodel.problem_files import get
+from gtmodel.problem_files.base import InputError
+from gtmodel.problem_files.load import load
+from gtmodel.problem_files.robots import resolve
+from gtmodel.problem_files.run import context_of, explain, solve
 from gtmodel.results import as_json
 
 kind = get("trajectory")

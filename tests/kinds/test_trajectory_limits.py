@@ -9,11 +9,11 @@ import pytest
 
 import gtmodel as gt
 from gtmodel import SolveStatus
-from gtmodel.kinds import InputError
-from gtmodel.kinds.load import load
 from gtmodel.kinds.motion_limits import clearance
 from gtmodel.kinds.motion_planning import plan_of
-from gtmodel.kinds.run import context_of, solve
+from gtmodel.problem_files import InputError
+from gtmodel.problem_files.load import load
+from gtmodel.problem_files.run import context_of, solve
 
 COARSE = ("cost.energy=0.01", "mesh.elements=20")
 FREE = 1.5095  # cost of the best free motion, 1.509980, less what 20 elements may be off

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from gtmodel import SolveStatus
-from gtmodel.kinds.load import load
 from gtmodel.kinds.motion import along_guideways, link_ends
 from gtmodel.kinds.motion_planning import plan_of
-from gtmodel.kinds.run import context_of, solve
+from gtmodel.problem_files.load import load
+from gtmodel.problem_files.run import context_of, solve
 
 LENGTHS_M = 1e-9
 

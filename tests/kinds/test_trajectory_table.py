@@ -7,9 +7,9 @@ from functools import cache
 import pytest
 
 from gtmodel import SolveStatus
-from gtmodel.kinds import InputError, get
-from gtmodel.kinds.load import load
-from gtmodel.kinds.run import context_of, explain, solve
+from gtmodel.problem_files import InputError, get
+from gtmodel.problem_files.load import load
+from gtmodel.problem_files.run import context_of, explain, solve
 
 # optima of the reference instance on 50 x 3 points, as another code found them
 FREE = {0: (0.892486, 0.892387), 1: (0.978454,), 2: (1.509980, 1.511666)}

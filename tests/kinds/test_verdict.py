@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gtmodel.kinds.base import Check, Outcome, at_least, at_most
+from gtmodel.problem_files.base import Check, Outcome, at_least, at_most
 from gtmodel.results import SolveStatus, Trajectory
 from gtmodel.results.marks import marked
 from tests.support.commands import Commands

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gtmodel.kinds import Context, InputError, vibration
-from gtmodel.kinds.load import load
+from gtmodel.kinds import vibration
+from gtmodel.problem_files import Context, InputError
+from gtmodel.problem_files.load import load
 from gtmodel.results import SolveStatus
 from gtmodel.vibration import step_record, structure_record
 from tests.vibration.structures import TS, D, K, M

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from gtmodel.compiler.sharing import shared
-from gtmodel.kinds import Context, InputError, workspace
-from gtmodel.kinds.load import load, validate
+from gtmodel.kinds import workspace
 from gtmodel.kinds.mechanism import mechanism_of
+from gtmodel.problem_files import Context, InputError
+from gtmodel.problem_files.load import load, validate
 from gtmodel.results import SolveStatus, Status
 from tests.kinematics.by_hand import L1, disc_intersection_area
 from tests.support.commands import CLONE, Commands

@@ -40,7 +40,7 @@ def windows(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_the_import_needs_no_locks() -> None:
-    code = "import sys; sys.modules['fcntl'] = None; import gtmodel.kinds.run; from gtmodel.results import folder"
+    code = "import sys; sys.modules['fcntl'] = None; import gtmodel.problem_files.run; import gtmodel.results.folder"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
 

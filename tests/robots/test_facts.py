@@ -12,8 +12,8 @@ import pytest
 
 import gtmodel
 from gtmodel import robots
-from gtmodel.kinds import Context
-from gtmodel.kinds.load import load
+from gtmodel.problem_files import Context
+from gtmodel.problem_files.load import load
 from gtmodel.robots import catalogue
 from tests.support.commands import Commands
 

@@ -25,9 +25,9 @@ _LARGEST = 200  # no write of these tests touches the disk that often
 
 def solve(elements: int) -> Callable[[Path], None]:
     """A job of `gtmodel solve --out`: another result for another number of elements."""
-    from gtmodel.kinds.load import load
-    from gtmodel.kinds.run import context_of
-    from gtmodel.kinds.run import solve as run
+    from gtmodel.problem_files.load import load
+    from gtmodel.problem_files.run import context_of
+    from gtmodel.problem_files.run import solve as run
 
     loaded = load("swing.toml", [f"mesh.elements={elements}"])
     outcome = loaded.kind.solve(loaded.problem, context_of(loaded))
@@ -47,8 +47,8 @@ def solve(elements: int) -> Callable[[Path], None]:
 def codegen(elements: int) -> Callable[[Path], None]:
     """A job of `gtmodel codegen` without its algebra: files of other names and other contents for another number."""
     from gtmodel.cgen.folder import write
-    from gtmodel.kinds.load import load
-    from gtmodel.kinds.run import context_of, generate
+    from gtmodel.problem_files.load import load
+    from gtmodel.problem_files.run import context_of, generate
 
     loaded = load("pendulum_code.toml", [f"name=p{elements}"])
     generate(loaded, context_of(loaded), Path(f"made{elements}"), verify=False)

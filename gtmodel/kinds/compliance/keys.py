@@ -7,9 +7,8 @@ from typing import Annotated
 from pydantic import Field
 
 from gtmodel.compliance import options
-
-from ..from_options import Made, made_from
-from ..robot_keys import RobotProblem
+from gtmodel.problem_files.from_options import Made, made_from
+from gtmodel.problem_files.robot_keys import RobotProblem
 
 
 @made_from(options.Links)

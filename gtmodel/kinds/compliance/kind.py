@@ -6,10 +6,10 @@ from gtmodel.compliance import ComplianceStudy, Springs, study
 from gtmodel.compliance.compliance_study import WORDS, grid_of, on_springs
 from gtmodel.compliance.options import Arm
 from gtmodel.compliance.sprung_links import SprungLinks
+from gtmodel.problem_files.base import Context, InputError
+from gtmodel.problem_files.call import Call
 from gtmodel.results import listed
 
-from ..base import Context, InputError
-from ..call import Call
 from .keys import Schema
 
 NAME = "compliance"

@@ -15,8 +15,8 @@ import pydantic
 
 from gtmodel._files import problems_dir
 
-from . import get, names
 from .base import InputError, Kind, Problem
+from .registry import get, names
 from .sentences import sentence_for, shown
 from .settings import apply
 

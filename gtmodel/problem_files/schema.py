@@ -8,9 +8,9 @@ from typing import Any
 from gtmodel.results.quantity import described
 from gtmodel.results.unit_names import unit_of
 
-from . import get, names
 from .fields import keys_of
 from .noted import DESCRIPTION, NOTES
+from .registry import get, names
 
 
 def document(kind: str) -> dict[str, Any]:

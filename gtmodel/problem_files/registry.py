@@ -1,0 +1,62 @@
+"""Problem kinds: the only place where robots and engines meet. One module per kind, or a package with
+keys.py (keys of the file -> options of the study) and kind.py (keys -> study).
+
+A kind is a module with
+
+    NAME      its name in a problem file, ``kind = "..."``
+    Schema    a `Problem` subclass: every key of the file, described, its unit in its name
+    RESULT    the class of its study, whose quantities ``values`` will hold; VALUES, name -> description, where there is
+              none yet
+    ARGUMENTS where the study's arguments stand in the file, if not under their own names: "map" -> "section"
+    solve     (problem, context) -> Study
+    explain   optional: (problem, context) -> str
+
+`names` lists the kinds with one line each, `get` imports one; nothing else is imported before it is needed.
+"""
+
+from __future__ import annotations
+
+import difflib
+from importlib import import_module
+
+from .base import InputError, Kind
+
+_KINDS = {
+    "trajectory": "time- or energy-optimal motion of a robot between two poses",
+    "axis_trajectory": "optimal motion of the F1 between two positions of its axes, carts and rotary ones",
+    "trajectory_table": "several such motions beside published numbers",
+    "codegen": "C code of a robot's functions",
+    "optimization": "a dynamic optimisation problem written in Python",
+    "simulation": "motion of a robot under given inputs, from a given start",
+    "modes": "all poses in which six links of given lengths can be assembled, with a certificate",
+    "kinematics": "any causality of a robot on many points, and the orientation of its plate",
+    "workspace": "which tool centre points a robot reaches: cross-section, boundary, volume, reasons",
+    "excitation": "the motion from which masses and friction are identified best, within limits",
+    "identification": "masses and friction of a robot from its measured motion and forces",
+    "calibration_plan": "which poses to measure for a calibration, and what it will then be worth",
+    "accuracy": "positioning errors of a robot from errors of its carts and links",
+    "dynamic_stiffness": "mass, damping and stiffness of an arm over its poses from frequency responses",
+    "elastic_motion": "how an elastic tool swings after optimal motions: planned rigid, shaped, and planned elastic",
+    "compliance": "stiffness, deflection and natural frequencies of a robot over its workspace, from its springs",
+    "calibration": "geometric parameters of a robot from measured poses, or joint stiffness from loads, with errors",
+    "vibration": "step-response, subspace and impulse models of a log; M, D, K and modes",
+    "milling": "where to mill: the angle about the spindle by static and dynamic deflection, chatter, compensation",
+    "friction": "friction of the actuators and the mass they hold, from constant-velocity runs",
+}
+
+
+def names() -> dict[str, str]:
+    """The kinds of problem, each with one line."""
+    return dict(_KINDS)
+
+
+def get(name: str) -> Kind:
+    """The kind of that name. Raises InputError with close matches."""
+    if name not in _KINDS:
+        close = difflib.get_close_matches(name, _KINDS, n=1)
+        hint = f"did you mean '{close[0]}'?" if close else f"there are {', '.join(_KINDS)}"
+        raise InputError(f"there is no kind '{name}'; {hint}")
+    found = import_module(f"gtmodel.kinds.{name}")
+    if hasattr(found, "__path__"):
+        found = import_module(f"gtmodel.kinds.{name}.kind")
+    return found  # type: ignore[return-value]  # a module that is a Kind
