@@ -1,4 +1,4 @@
-"""Lengths of a robot file given in another unit than their key says: metres for millimetres, or the other way."""
+"""Lengths and motions of a robot file that are far from what their keys say: metres for millimetres, lost signs."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from gtmodel.robots.six_link import ARM, LINKS
+
 from .base import InputError
 
 # link lengths [m] of a robot that carts carry: shorter or longer ones are in another unit, a thousand times as large or
@@ -14,7 +16,17 @@ from .base import InputError
 SHORTEST, LONGEST = 0.02, 20.0
 # points in link lengths: least and greatest size of the farthest one. Cart joints lie about the room, plate and cart
 # joints in their own frames within a fraction of a link; a slip of unit is a factor of 1000
-SIZES = {"A": (0.0, 300.0), "A0": (0.01, 300.0), "A_bj": (1e-3, 10.0), "B": (1e-3, 10.0), "B0": (1e-3, 10.0)}
+SIZES = {
+    "A": (0.0, 300.0),
+    "A0": (0.01, 300.0),
+    "A_bj": (1e-3, 10.0),
+    "B": (1e-3, 10.0),
+    "B0": (1e-3, 10.0),
+    "r3": (1e-3, 10.0),
+}
+# motion of a cart joint per q: about 1; a slip of unit is a factor of 1000
+MOTION = (0.1, 10.0)
+ONE_CART = 0.1  # of that motion; links of one cart that move farther apart tear it to pieces
 
 # by the key's unit and whether the numbers are too small for it
 _HINTS = {
@@ -42,3 +54,22 @@ def refuse_other_units(table: Mapping[str, Any]) -> None:
         if 0.0 < size < least or size > greatest:
             found = f"coordinates up to {np.max(np.abs(points)):.6g} {unit}"
             raise InputError(f"{found} {_HINTS[unit, size < least]}", f"{stem}_{unit}")
+    _refuse_motions(np.atleast_2d(np.array(table["v"])))
+
+
+def _refuse_motions(v: np.ndarray) -> None:
+    """Raises InputError for guideways that do not move their carts by about q, or the links of one cart alike."""
+    size = np.linalg.norm(v, axis=1)
+    wrong = np.flatnonzero((size < MOTION[0]) | (size > MOTION[1]))
+    if len(wrong):
+        k = int(wrong[0])
+        said = f"row {k + 1} moves its cart joint by {size[k]:.6g} m per metre of q, about 1 expected"
+        raise InputError(f"{said}; a guideway direction has the length 1", "v")
+    if len(v) != len(ARM):
+        return
+    for k, arm in enumerate(ARM):
+        first = ARM.index(arm)
+        apart = float(np.linalg.norm(v[k] - v[first]) / size[first])
+        if apart > ONE_CART:
+            raise InputError(f"links {LINKS[first]} and {LINKS[k]} stand on one cart, and their rows differ by "
+                             f"{100 * apart:.0f} %; a sign or a row is probably wrong here", "v")  # fmt: skip

@@ -45,11 +45,11 @@ class _Robot(Section):
     coulomb_N: NotNegative | None = Field(default=None, description="Coulomb friction of each cart")
     viscous_kg_s: NotNegative | None = Field(default=None, description="viscous friction of each cart")
 
-    def modifiers(self, payload: float) -> dict[str, Any]:
-        """Parameters of the family's model; payload [kg] is added to a plate mass given here. Raises InputError."""
+    def modifiers(self) -> dict[str, Any]:
+        """Parameters of the family's model. Raises InputError."""
         refuse_other_units(self.model_dump())
         chosen = {
-            "m_p": None if self.m_p_kg is None else self.m_p_kg + payload,
+            "m_p": self.m_p_kg,
             "m_c": self.m_c_kg,
             "coulomb": self.coulomb_N,
             "viscous": self.viscous_kg_s,
@@ -98,12 +98,12 @@ class _SixLinks(_Robot):
     def more(self) -> dict[str, Any]:
         return {"m_a": self.m_a_kg, "c_p": self.c_p_m, "I_p": self.I_p_kg_m2}
 
-    def modifiers(self, payload: float) -> dict[str, Any]:
+    def modifiers(self) -> dict[str, Any]:
         if self.links is not None and tuple(self.links) != clusters.LINKS:
             raise InputError(
                 f"must be {', '.join(clusters.LINKS)} in this order; found {', '.join(self.links)}", "links"
             )
-        return super().modifiers(payload)
+        return super().modifiers()
 
 
 class SixLinkFile(_SixLinks):

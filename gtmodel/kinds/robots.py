@@ -23,6 +23,9 @@ _WORDS = {
     "velocity_scale": "friction.velocity_scale_m_s",
     "payload": "payload_kg",
 }
+# of the catalogue alone, and what is an option and a parameter of the robots as well
+_OURS = {"name": "robot", "family": "robot"}
+_BOTH = {"velocity_scale"}
 
 
 def resolve(
@@ -65,16 +68,28 @@ def resolve(
         data = _file(reference, context, key)
         if is_python_robot(data):
             return _calibrated(reference, data, context, key, given, modifiers)
-        family, modifiers = _from_file(reference, data, context, key, given, modifiers)
+        family, modifiers = _from_file(reference, data, context, key, modifiers)
     elif reference in catalogue.names():
         name, family = reference, catalogue.entries()[reference].family
     else:
         raise InputError(_unknown(reference), key)
+    _refuse_options(modifiers, given)
     try:
         return catalogue.family_member(family, name, **given, **modifiers)
     except ModelError as error:
         at = _WORDS["inertia"] if "inertia model" in str(error) else "parameters" if parameters else key
         raise InputError(str(error), at) from error
+
+
+def _refuse_options(parameters: Mapping[str, Any], given: Mapping[str, Any]) -> None:
+    """Raises InputError where parameters name what has a key of its own beside them, or say it a second time."""
+    for name, word in (_WORDS | _OURS).items():
+        if name not in parameters:
+            continue
+        if name in given:
+            raise InputError(f"is said by {word} too; leave one of the two out", f"parameters.{name}")
+        if name not in _BOTH:
+            raise InputError(f"is no parameter of a robot; {word} says it", f"parameters.{name}")
 
 
 def _file(reference: str, context: Context, key: str) -> dict[str, Any]:
@@ -108,12 +123,11 @@ def _calibrated(
 
 
 def _from_file(
-    reference: str, data: Mapping[str, Any], context: Context, key: str, given: dict[str, Any],
-    modifiers: dict[str, Any],
-) -> tuple[str, dict[str, Any]]:  # fmt: skip
+    reference: str, data: Mapping[str, Any], context: Context, key: str, modifiers: dict[str, Any]
+) -> tuple[str, dict[str, Any]]:
     try:
         family, robot = checked(data)
-        found = robot.modifiers(given.get("payload", 0.0))
+        found = robot.modifiers()
     except InputError as error:
         inside = error.within(reference)
         raise (InputError(str(inside), key) if key else inside) from error

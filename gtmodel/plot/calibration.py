@@ -38,7 +38,7 @@ def pose_errors_figure(errors: dict[str, np.ndarray], title: str = "", worst: in
 
 
 def length_errors_figure(residuals: np.ndarray, labels: Sequence[str], title: str = "") -> Figure:
-    """Histogram of length errors (N, m) [m], one panel per link."""
+    """Histogram of length errors (N, m) [m], one panel per link; what is not finite is left out and counted."""
     m = len(labels)
     columns = min(3, m)
     rows = -(-m // columns)
@@ -48,9 +48,11 @@ def length_errors_figure(residuals: np.ndarray, labels: Sequence[str], title: st
         if k >= m:
             axes.set_axis_off()
             continue
-        axes.hist(1e3 * residuals[:, k], BINS, color=COLOURS[0])
-        mean = 1e3 * float(np.mean(np.abs(residuals[:, k])))
-        axes.set_title(f"{labels[k]}: mean size {mean:.3g} mm", fontsize="small")
+        known = residuals[np.isfinite(residuals[:, k]), k]
+        axes.hist(1e3 * known, BINS, color=COLOURS[0])
+        mean = f"mean size {1e3 * float(np.mean(np.abs(known))):.3g} mm" if known.size else "no errors"
+        left = f", {len(residuals) - known.size} left out" if known.size < len(residuals) else ""
+        axes.set_title(f"{labels[k]}: {mean}{left}", fontsize="small")
         axes.set_xlabel("length error [mm]", fontsize="small")
         axes.grid(alpha=0.3)
     figure.suptitle(title)
@@ -87,8 +89,10 @@ def deviations_figure(names: Sequence[str], std: np.ndarray, units: Sequence[str
     axes.barh(at[known], std[known], color=[c for c, k in zip(colours, known, strict=True) if k])
     axes.barh(at[~known], np.full(int((~known).sum()), 3 * top), color="0.9", hatch="//", edgecolor="0.6")
     axes.set_xscale("log")
-    least = float(np.min(std[known])) if known.any() else 0.1 * top
-    axes.set_xlim(10 ** np.floor(np.log10(least)), 10 ** np.ceil(np.log10(top)))
+    positive = std[known & (std > 0)]
+    least = float(np.min(positive)) if positive.size else 0.1 * top
+    # below the least one, which would have no bar else
+    axes.set_xlim(10 ** (np.ceil(np.log10(least)) - 1), 10 ** np.ceil(np.log10(max(top, least))))
     axes.set_yticks(at, [f"{n} [{u}]" for n, u in zip(names, units, strict=True)], fontsize=7)
     axes.set_ylim(len(names) - 0.4, -0.6)
     axes.set_xlabel("standard deviation; hatched: not told by these poses")

@@ -116,7 +116,13 @@ def parameters_figure(
 def predicted_figure(
     T: np.ndarray, predicted: np.ndarray, simulated: np.ndarray | None, *, runs: int = 0, title: str = ""
 ) -> Figure:
-    """Predicted rms error [m] at each place (n, 3) [m], the worst marked, and beside it that of simulations."""
+    """Predicted rms error [m] at each place (n, 3) [m], the worst marked, and beside it that of simulations.
+
+    Places without a prediction, NaN, are left out.
+    """
+    told = np.isfinite(predicted)
+    T, predicted = T[told], predicted[told]
+    simulated = None if simulated is None else simulated[told]
     both = simulated is not None
     figure = Figure(figsize=(11.5 if both else 7.0, 5.2), layout="constrained")
     space: Any = figure.add_subplot(1, 2 if both else 1, 1, projection="3d")
@@ -129,7 +135,7 @@ def predicted_figure(
     finish(space)
     if simulated is not None:
         axes = figure.add_subplot(1, 2, 2)
-        top = 1e6 * max(float(predicted.max()), float(simulated.max()))
+        top = 1e6 * max(float(predicted.max()), float(np.nanmax(simulated)))
         axes.plot([0, top], [0, top], color="black", linewidth=1)
         axes.plot(1e6 * predicted, 1e6 * simulated, ".", color="#d55e00", markersize=4)
         axes.set(xlabel="predicted rms error [µm]", ylabel=f"in {runs} simulated calibrations, synthetic [µm]")

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from matplotlib.figure import Figure
 
-from .colours import COLOURS
+from .colours import curve
 
 
 def swing_figure(
@@ -28,9 +28,9 @@ def swing_figure(
     upper, lower = figure.subplots(2, 1)
     largest = max(swings.values(), key=lambda s: np.abs(s[1]).max())[1]
     k = int(np.argmax(np.abs(largest).max(axis=0)))
-    for (name, (t, x)), colour in zip(swings.items(), COLOURS, strict=False):
-        upper.plot(t, 1e3 * x[:, k], color=colour, label=name, linewidth=1.2)
-        lower.plot(ratios, 1e3 * residuals[name], color=colour, label=name)
+    for n, (name, (t, x)) in enumerate(swings.items()):
+        upper.plot(t, 1e3 * x[:, k], label=name, linewidth=1.2, **curve(n))
+        lower.plot(ratios, 1e3 * residuals[name], label=name, **curve(n))
     upper.set(xlabel="time [s]", ylabel=f"tool against plate, {'xyz'[k]} [mm]", title=title)
     lower.set(xlabel="true frequency / planned frequency", ylabel="swing after the motion [mm]", ylim=(0, None))
     for axes in (upper, lower):

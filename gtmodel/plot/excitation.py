@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from .colours import COLOURS
+from .colours import COLOURS, colour
 from .robot3d import draw_robot, finish, pieces
 
-WIDTH = 0.38  # of a bar
+WIDTH = 0.76  # of a group of bars, of their distance
 AXES = "xyz"
 PATHS = ("black", COLOURS[3], COLOURS[4])  # beside the links, which take the first colours
 
@@ -38,22 +38,23 @@ def information_figure(
     figure = Figure(figsize=(9.0, 2.8 * count), layout="constrained")
     panels = figure.subplots(count, 1, squeeze=True)
     for k, (name, s) in enumerate(singular_values.items()):
-        panels[0].semilogy(np.arange(1, len(s) + 1), s, "o-", color=COLOURS[k], label=f"{name}: {s[0] / s[-1]:.4g}")
+        panels[0].semilogy(np.arange(1, len(s) + 1), s, "o-", color=colour(k), label=f"{name}: {s[0] / s[-1]:.4g}")
     panels[0].set(xlabel="number", ylabel="singular value [N]", title="scaled regressor, and its condition number")
     panels[0].legend(fontsize="small")
     at = np.arange(len(names))
     for k, (name, row) in enumerate(deviations.items()):
-        panels[1].bar(at + (k - 0.5) * WIDTH, 100 * np.asarray(row), WIDTH, color=COLOURS[k], label=name)
+        beside, width = _beside(k, len(deviations), WIDTH)
+        panels[1].bar(at + beside, 100 * np.asarray(row), width, color=colour(k), label=name)
     panels[1].set_yscale("log")
     panels[1].set_xticks(at, names, rotation=30, ha="right")
     panels[1].set(ylabel="deviation [%]", title="predicted standard deviation over nominal value")
     panels[1].legend(fontsize="small")
     if amplitudes is not None:
         harmonics = frequency * np.arange(1, len(amplitudes) + 1)
-        width = 0.8 * frequency / amplitudes.shape[1]
         for k in range(amplitudes.shape[1]):
+            beside, width = _beside(k, amplitudes.shape[1], 0.8 * frequency)
             label = AXES[k] if amplitudes.shape[1] == len(AXES) else f"coordinate {k}"
-            panels[2].bar(harmonics + (k - 1) * width, 1e3 * amplitudes[:, k], width, color=COLOURS[k], label=label)
+            panels[2].bar(harmonics + beside, 1e3 * amplitudes[:, k], width, color=colour(k), label=label)
         panels[2].set_xticks(harmonics)
         panels[2].set(xlabel="frequency [Hz]", ylabel="amplitude [mm]", title="harmonics of the optimised motion")
         panels[2].legend(fontsize="small")
@@ -62,6 +63,12 @@ def information_figure(
     if title:
         figure.suptitle(title)
     return figure
+
+
+def _beside(k: int, count: int, room: float) -> tuple[float, float]:
+    """Where bar k of count stands about the middle of its group, and its width; room: that of the group."""
+    width = room / count
+    return (k - (count - 1) / 2) * width, width
 
 
 def path_figure(

@@ -29,7 +29,8 @@ def friction_figure(
     """
     figure = Figure(figsize=(4.2 * len(lines), 4.2), layout="constrained")
     panels = np.atleast_1d(figure.subplots(1, len(lines), squeeze=True))
-    fastest = max((float(np.abs(v).max()) for _, v, _ in points), default=FASTEST)
+    moving = np.concatenate([np.abs(v[np.isfinite(v)]) for _, v, _ in points] or [np.zeros(0)])
+    fastest = float(moving.max()) if moving.size else FASTEST
     ahead = np.linspace(1e-6, 1.05 * fastest, 50)
     for i, axes in enumerate(panels):
         for way in (ahead, -ahead[::-1]):

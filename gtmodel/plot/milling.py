@@ -6,9 +6,12 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.ticker import NullFormatter, ScalarFormatter
+from matplotlib.ticker import NullFormatter, StrMethodFormatter
+
+from .colours import COLOURS, curve
 
 STATIC, DYNAMIC, AXES = "#d55e00", "#0072b2", ("#0072b2", "#009e73", "#cc79a7")
+ORDER: tuple[dict[str, str], ...] = tuple(dict(color=c) for c in ("#56b4e9", STATIC, "black"))  # light below dark
 
 
 def angle_figure(
@@ -50,10 +53,11 @@ def angle_figure(
     top.plot([], [], color="0.88", linewidth=8, label="not reachable")
     top.set(ylabel="deflection [mm]", title=title)
     bottom.set(xlabel="angle A about the spindle [deg]", ylabel="natural frequency [Hz]", ylim=(0, 1.25 * highest))
-    top.yaxis.set_major_formatter(ScalarFormatter())
+    top.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
     top.yaxis.set_minor_formatter(NullFormatter())
     low, high = (f(np.concatenate([static, dynamic])) for f in (np.nanmin, np.nanmax))
-    ticks = [t * 10.0**e for e in range(-4, 4) for t in (1, 2, 5)]
+    decades = range(int(np.floor(np.log10(0.7e3 * low))), int(np.ceil(np.log10(1.4e3 * high))) + 1)
+    ticks = [t * 10.0**e for e in decades for t in (1, 2, 5)]
     top.set_yticks([t for t in ticks if 0.7e3 * low < t < 1.4e3 * high])
     top.set_ylim(0.8e3 * low, 1.25e3 * high)
     top.legend(fontsize="small", loc="best")
@@ -99,7 +103,8 @@ def lobes_figure(speed: np.ndarray, depth: np.ndarray, cut: tuple[float, float],
     axes.fill_between(60 * speed, np.nan_to_num(shown, nan=top), top, color="#d55e00", alpha=0.18, linewidth=0,
                       label="not proven stable")  # fmt: skip
     axes.plot(60 * speed, shown, color="#d55e00", linewidth=1.2)
-    axes.plot(60 * cut[0], 1e3 * cut[1], "o", color="#0072b2", label="declared cut")
+    beyond = "" if speed[0] <= cut[0] <= speed[-1] else f" at {60 * cut[0]:g} rpm, not shown"
+    axes.plot(60 * cut[0], 1e3 * cut[1], "o", color="#0072b2", label=f"declared cut{beyond}")
     axes.set(xlabel="spindle speed [rpm]", ylabel="axial depth [mm]", ylim=(0, top), title=title)
     axes.set_xlim(60 * speed[0], 60 * speed[-1])
     axes.grid(alpha=0.3)
@@ -117,7 +122,13 @@ def compensation_figure(
     # largest first, so that none hides another
     order = sorted(after, key=lambda name: -float(np.square(after[name]).mean()))
     for n, name in enumerate(order):
-        axes.plot(time, 1e3 * after[name], color=("#56b4e9", STATIC, "black")[n % 3], linewidth=0.9, label=name)
+        axes.plot(
+            time,
+            1e3 * after[name],
+            linewidth=0.9,
+            label=name,
+            **ORDER[n] if n < len(ORDER) else curve(n + len(COLOURS)),
+        )
     axes.set(xlabel="time [s]", ylabel="error of the tool [mm]", title=title)
     axes.set_xlim(time[0], time[-1])
     axes.set_ylim(bottom=0)

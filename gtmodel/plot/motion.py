@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from ..results.trajectory import Trajectory
-from .colours import COLOURS
+from .colours import COLOURS, colour
 from .path import draw_path, head
 
 
@@ -52,9 +52,9 @@ def motion_figure(
     speed.set_ylabel("velocity [m/s]")
     for k in range(trajectory["tau"].shape[1]):
         if polynomial is not None:
-            force.plot(polynomial[0], polynomial[1][:, k], color=COLOURS[k], alpha=0.3, linewidth=0.8)
+            force.plot(polynomial[0], polynomial[1][:, k], color=colour(k), alpha=0.3, linewidth=0.8)
         style = "steps-pre" if constant else "default"
-        force.plot(time, trajectory["tau"][:, k], drawstyle=style, color=COLOURS[k], label=f"motor {k + 1}")
+        force.plot(time, trajectory["tau"][:, k], drawstyle=style, color=colour(k), label=f"motor {k + 1}")
     for sign in (-1, 1):
         force.axhline(sign * force_limit, color="0.4", linestyle=":")
     highest = 0.0 if polynomial is None else float(np.max(np.abs(polynomial[1])))
@@ -109,5 +109,6 @@ def space_figure(runs: Sequence[tuple[str, Trajectory]]) -> Figure:
     for set_label, name in ((axes.set_xlabel, "x"), (axes.set_ylabel, "y"), (axes.set_zlabel, "z")):  # type: ignore[attr-defined]
         set_label(f"{name} [m]")
     axes.set_title("path of the tool centre point")
+    axes.set_aspect("equal")
     axes.legend(fontsize="small")
     return figure

@@ -9,9 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ..results.trajectory import Trajectory
-from .colours import COLOURS
+from .colours import COLOURS, STYLES
 
-STYLES = ("-", "--", ":", "-.")
 ENERGIES = ("energy.stored", "energy.supplied", "energy.dissipated")
 PANEL_HEIGHT = 2.1  # inches
 
@@ -33,7 +32,7 @@ def signals_figure(
     stack = np.atleast_1d(figure.subplots(max(1, len(panels)), 1, sharex=True, squeeze=True))
     for axes, (unit, members) in zip(stack, panels.items(), strict=False):
         for k, name in enumerate(members):
-            _draw(axes, trajectory, name, STYLES[k % len(STYLES)])
+            _draw(axes, trajectory, name, k)
         _finish(axes, unit)
         for time in marks:
             axes.axvline(time, color="0.75", linewidth=0.6, zorder=0)
@@ -66,15 +65,20 @@ def energy_figure(trajectory: Trajectory) -> Figure:
     return figure
 
 
-def _draw(axes: Axes, trajectory: Trajectory, name: str, style: str) -> None:
+def _draw(axes: Axes, trajectory: Trajectory, name: str, n: int) -> None:
+    """The n-th signal of a panel, from 0: one style, a colour for each component; the next free pair where it is
+    taken already."""
     values = trajectory[name]
-    if values.ndim == 1:
+    columns = values.reshape(len(values), -1)
+    for k in range(columns.shape[1]):
         # scalars of one unit tell each other apart by colour
-        colour = COLOURS[len(axes.get_lines()) % len(COLOURS)]
-        axes.plot(trajectory.time, values, style, color=colour, label=name)
-        return
-    for k in range(values.shape[1]):
-        axes.plot(trajectory.time, values[:, k], style, color=COLOURS[k % len(COLOURS)], label=f"{name}[{k}]")
+        colour = len(axes.get_lines()) if values.ndim == 1 else k
+        shown = {(line.get_color(), line.get_linestyle()) for line in axes.get_lines()}
+        pairs = [(COLOURS[(colour + i) % len(COLOURS)], STYLES[(n + j) % len(STYLES)])
+                 for j in range(len(STYLES)) for i in range(len(COLOURS))]  # fmt: skip
+        color, style = next((p for p in pairs if p not in shown), pairs[0])
+        label = name if values.ndim == 1 else f"{name}[{k}]"
+        axes.plot(trajectory.time, columns[:, k], style, color=color, label=label)
 
 
 def _finish(axes: Axes, unit: str) -> None:

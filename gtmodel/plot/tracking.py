@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from ..results.trajectory import Trajectory
-from .signals import COLOURS
+from .colours import COLOURS, STYLES, colour, curve
 
 _AXES = "xyz"
 SMALLEST_MM = 1e-3  # what no measurement would show; zero has no logarithm
@@ -25,14 +25,14 @@ def tracking_figure(wanted: Trajectory, runs: Mapping[str, Trajectory], title: s
     panels = figure.subplots(5, 1, sharex=True)
     for k, axes in enumerate(panels[:3]):
         axes.plot(wanted.time, wanted["T"][:, k], color="black", linewidth=1.0, label="reference")
-        for (label, run), colour in zip(runs.items(), COLOURS[1:], strict=False):
-            axes.plot(run.time, run["T"][:, k], "--", color=colour, linewidth=1.2, label=label)
+        for n, (label, run) in enumerate(runs.items(), 1):
+            axes.plot(run.time, run["T"][:, k], linewidth=1.2, label=label, **_dashed(n))
         axes.set_ylabel(f"T_{_AXES[k]} [m]")
     for name, axes in zip(("T", "q"), panels[3:], strict=True):
-        for (label, run), colour in zip(runs.items(), COLOURS[1:], strict=False):
+        for n, (label, run) in enumerate(runs.items(), 1):
             off = 1e3 * (run[name] - wanted[name][: len(run)])
             size = np.linalg.norm(off, axis=1) if name == "T" else np.abs(off).max(axis=1)
-            axes.plot(run.time, np.maximum(size, SMALLEST_MM), color=colour, label=label)
+            axes.plot(run.time, np.maximum(size, SMALLEST_MM), label=label, **curve(n))
         axes.set_yscale("log")
         axes.set_ylim(bottom=SMALLEST_MM / 2)
         axes.set_ylabel("error of T [mm]" if name == "T" else "worst cart [mm]")
@@ -47,3 +47,8 @@ def tracking_figure(wanted: Trajectory, runs: Mapping[str, Trajectory], title: s
     if title:
         panels[0].set_title(title)
     return figure
+
+
+def _dashed(n: int) -> dict[str, str]:
+    """The n-th curve beside one that is drawn in full."""
+    return dict(color=colour(n), linestyle=STYLES[1:][n // len(COLOURS) % 3])

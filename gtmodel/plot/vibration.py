@@ -7,11 +7,13 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from .colours import COLOURS
+from .colours import COLOURS, colour
 
 BLUE, ORANGE, GREEN = COLOURS[:3]
 GREY = "#777777"
 POINTS = 1200  # of a frequency response
+PEAK = np.linspace(-8, 8, 65)  # half widths of a peak, by which more are drawn about it
+MARKERS = "xo+s^dv*"
 WINDOW = 3.0  # s of a long recording that are shown
 Sampled = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
@@ -67,8 +69,8 @@ def response_figure(
     """Magnitude and phase from each input to each output up to the Nyquist frequency, modes as lines."""
     nyquist = 0.5 / sample_time
     low = min(0.2 * min(modes_Hz), 0.1 * nyquist) if len(modes_Hz) else 1e-3 * nyquist
-    f = np.geomspace(low, 0.999 * nyquist, POINTS)
     A, B, C, D = system
+    f = _lines(np.linalg.eigvals(A), sample_time, np.geomspace(low, 0.999 * nyquist, POINTS))
     z = np.exp(2j * np.pi * f * sample_time)
     G = C @ np.linalg.solve(z[:, None, None] * np.eye(len(A)) - A, B.astype(complex)) + D
     figure = Figure(figsize=(8.0, 5.4), layout="constrained")
@@ -92,6 +94,15 @@ def response_figure(
     size.legend()
     figure.suptitle(title)
     return figure
+
+
+def _lines(poles: np.ndarray, sample_time: float, f: np.ndarray) -> np.ndarray:
+    """Frequencies f (k,) [Hz] and those about the peaks of poles z (n,): a sharp one lies between even the finest."""
+    with np.errstate(divide="ignore"):
+        s = np.log(poles.astype(complex)) / (2 * np.pi * sample_time)
+    s = s[np.isfinite(s) & (s.imag > 0)]
+    more = (s.imag[:, None] + np.abs(s.real)[:, None] * PEAK).ravel()
+    return np.union1d(f, more[(more > f[0]) & (more < f[-1])])
 
 
 def step_figure(
@@ -133,9 +144,9 @@ def decay_figure(
         left.plot(time, 1e3 * y[:, k], ".", color=GREY, markersize=2, label="measured")
         left.plot(time, 1e3 * fitted[:, k], color=BLUE, linewidth=1, label="damped sines")
         left.set(ylabel=f"position {k + 1} [mm]")
-        for values, colour in ((y, GREY), (fitted, BLUE)):
+        for values, shade in ((y, GREY), (fitted, BLUE)):
             spectrum = np.abs(np.fft.rfft(values[:, k] - rest[k])) * (time[1] - time[0])
-            right.semilogy(f[1:], spectrum[1:], color=colour, linewidth=1)
+            right.semilogy(f[1:], spectrum[1:], color=shade, linewidth=1)
         for peak in peaks_Hz:
             right.axvline(peak, color=ORANGE, linestyle="--", linewidth=1)
         right.set(ylabel="spectrum [m s]", xlim=(0, top))
@@ -161,10 +172,11 @@ def poles_figure(poles: Mapping[str, np.ndarray], circles_Hz: np.ndarray, *, tit
     for radius in circles_Hz:
         axes.plot(radius * np.cos(angle), radius * np.sin(angle), color=GREY, linewidth=0.8, linestyle=":")
         axes.annotate(f"{radius:.5g} Hz", (0, radius), xytext=(3, 3), textcoords="offset points", fontsize=8)
-    for (name, values), marker, colour in zip(poles.items(), "xo+", (ORANGE, BLUE, GREEN), strict=False):
-        fill = "none" if marker == "o" else colour
+    for n, (name, values) in enumerate(poles.items()):
+        marker, c = MARKERS[n % len(MARKERS)], (ORANGE, BLUE, GREEN)[n] if n < 3 else colour(n)
+        fill = "none" if marker == "o" else c
         real, imaginary = np.real(values) / (2 * np.pi), np.imag(values) / (2 * np.pi)
-        axes.plot(real, imaginary, marker, color=colour, label=name, markersize=8, markerfacecolor=fill)
+        axes.plot(real, imaginary, marker, linestyle="none", color=c, label=name, markersize=8, markerfacecolor=fill)
     axes.axvline(0, color="black", linewidth=0.8)
     axes.set(xlabel="real part / 2 pi [Hz]", ylabel="imaginary part / 2 pi [Hz]", title=title, aspect="equal")
     axes.grid(alpha=0.3)

@@ -22,6 +22,7 @@ from .six_link import six_link_gantry_tau
 from .three_link import GantryTau
 
 SMOOTHINGS = {"tanh": TanhFriction, "piecewise_linear": PiecewiseLinearFriction, "sign": SignFriction}
+VELOCITY_SCALE = 0.1  # of friction [m/s]
 # of masses and friction
 EXAMPLE_MASSES = "an example of ours"
 IDENTIFIED_MASSES = "Dressler 2012, Table 6.3"
@@ -95,7 +96,8 @@ def make(name: str, **options: Any) -> Model:
     """A robot of the catalogue with its own defaults.
 
     options: parameters of the model, and payload [kg], smoothing, velocity_scale [m/s] and, for three links, inertia as
-    for `gantry_tau`. Raises ModelError for an unknown name, and for options that the family does not take.
+    for `gantry_tau`. Raises ModelError for an unknown name, a payload below 0, and for options that the family does not
+    take.
     """
     return family_member(_pick(name, entries(), "robot").family, name, **options)
 
@@ -106,13 +108,13 @@ def family_member(
     *,
     inertia: str | None = None,
     smoothing: str = "tanh",
-    velocity_scale: float = 0.1,
+    velocity_scale: float = VELOCITY_SCALE,
     payload: float = 0.0,
     **modifiers: Any,
 ) -> Model:
     """A robot of a family: the named one, or any of it where `modifiers` give the whole geometry."""
     if family == "serial":
-        if inertia is not None or payload or smoothing != "tanh":
+        if inertia is not None or payload or smoothing != "tanh" or velocity_scale != VELOCITY_SCALE:
             raise ModelError(
                 "masses and friction of 'kr500' are not printed; leave inertia, payload and friction smoothing out"
             )
@@ -135,8 +137,8 @@ def family_member(
         )
     friction = _pick(smoothing, SMOOTHINGS, "friction smoothing")
     cart = _with_parts({"friction": friction}, modifiers.pop("cart", {}))
-    loaded = {"m_p": example["m_p"] + payload, "velocity_scale": velocity_scale, "cart": cart}
-    return maker(name or default, **{**loaded, **modifiers})
+    m_p = _loaded(modifiers.pop("m_p", example["m_p"]), payload)
+    return maker(name or default, **{"m_p": m_p, "velocity_scale": velocity_scale, "cart": cart, **modifiers})
 
 
 # with a member whose geometry is replaced, and the example masses
@@ -150,7 +152,7 @@ def gantry_tau(
     name: str,
     inertia: str | None = None,
     smoothing: str = "tanh",
-    velocity_scale: float = 0.1,
+    velocity_scale: float = VELOCITY_SCALE,
     payload: float = 0.0,
     rod: Any = None,
     **modifiers: Any,
@@ -166,17 +168,18 @@ def gantry_tau(
             links are massless.
         smoothing: "tanh" or "piecewise_linear" friction; "sign" for identification only.
         velocity_scale: velocity of the smoothing [m/s].
-        payload: mass added to the plate [kg].
+        payload: mass added to the plate [kg], to an m_p among the modifiers too.
         rod: a Rod class in place of MidpointRod.
         modifiers: any parameter of GantryTau, e.g. m_a=[...].
 
-    Raises ModelError for an unknown name, with close matches.
+    Raises ModelError for an unknown name, with close matches, and a payload below 0.
     """
     geometry = _pick(name, _sets(), "three-link robot" if name in _geometries() else "robot")
     friction = _pick(smoothing, SMOOTHINGS, "friction smoothing")
     A, v, L = (np.array(geometry[k], dtype=float) for k in ("A_m", "v", "L_m"))
     parts: dict[str, Any] = {"friction": friction} | ({} if rod is None else {"rod": rod})
     masses = _masses(geometry, inertia)
+    m_p = _loaded(modifiers.pop("m_p", masses["m_p"]), payload)
     arm = _with_parts(parts, modifiers.pop("arm", {}))
     values: dict[str, Any] = dict(
         A=A,
@@ -185,9 +188,19 @@ def gantry_tau(
         velocity_scale=velocity_scale,
         home=A.mean(axis=0) + 0.7 * L.mean() * v.mean(axis=0),
         arm=arm,
-        **{**masses, "m_p": masses["m_p"] + payload},
+        **{**masses, "m_p": m_p},
     )
     return GantryTau(**{**values, **modifiers})
+
+
+def _loaded(m_p: Any, payload: float) -> Any:
+    """A plate mass [kg] with the payload on it. Raises ModelError for a payload below 0."""
+    if payload < 0:
+        raise ModelError(f"a payload is a mass of 0 kg or more; found {payload:g} kg")
+    try:
+        return m_p + payload if payload else m_p
+    except TypeError:
+        return m_p  # no number: what the parameter's declaration refuses
 
 
 def _with_parts(parts: dict[str, Any], given: Any) -> Any:

@@ -107,6 +107,7 @@ def test_faults_are_sentences(tmp_path: Path, name: str, changes: dict[str, obje
         ("f1", "A0_mm", 1e-3, "A0_mm: coordinates up to 3.2989 mm look like metres; give millimetres"),
         ("f1", "B0_mm", 1e-3, "B0_mm: coordinates up to 0.30928 mm look like metres; give millimetres"),
         ("f1", "A_bj_mm", 1e-3, "A_bj_mm: coordinates up to 0.18736 mm look like metres; give millimetres"),
+        ("f1", "r3_mm", 1e-3, "r3_mm: coordinates up to 0.1219 mm look like metres; give millimetres"),
         ("f1", "L_mm", 1e3, "look like micrometres; give millimetres"),
         ("d1_six_link", "L_m", 1e3, "L_m: link lengths from 2042.91 to 2044.22 m look like millimetres; give metres"),
         ("d1_six_link", "A_m", 1e3, "A_m: coordinates up to 4968.29 m look like millimetres; give metres"),
@@ -119,6 +120,23 @@ def test_faults_are_sentences(tmp_path: Path, name: str, changes: dict[str, obje
 def test_lengths_in_another_unit(tmp_path: Path, name: str, key: str, factor: float, sentence: str) -> None:
     changed = (factor * np.array(TABLES[name][key])).tolist()
     assert sentence in refusal(tmp_path, name, **{key: changed})
+
+
+@pytest.mark.parametrize(("name", "rows"), [("l1_tape", 3), ("d1_six_link", 6), ("f1", 1)])
+@pytest.mark.parametrize("factor", [0.0, 1e-3, 1e3])
+def test_a_guideway_moves_its_cart_by_about_q(tmp_path: Path, name: str, rows: int, factor: float) -> None:
+    v = np.array(TABLES[name]["v"], dtype=float).reshape(rows, 3)
+    for k in range(rows):
+        changed = v * np.where(np.arange(rows) == k, factor, 1.0)[:, None]
+        said = refusal(tmp_path, name, v=changed.tolist() if rows > 1 else changed[0].tolist())
+        assert f"v: row {k + 1} moves its cart joint by " in said and "per metre of q, about 1 expected" in said
+
+
+@pytest.mark.parametrize("row", [1, 2, 3, 5])
+def test_links_of_one_cart_move_alike(tmp_path: Path, row: int) -> None:
+    v = np.array(TABLES["d1_six_link"]["v"])
+    v[row] *= -1.0
+    assert "stand on one cart, and their rows differ by 200 %" in refusal(tmp_path, "d1_six_link", v=v.tolist())
 
 
 def test_a_row_of_another_link_is_found_by_the_fit(tmp_path: Path) -> None:

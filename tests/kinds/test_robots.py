@@ -1,6 +1,7 @@
 """Robots by reference: the catalogue, a robot file, a model in Python."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -52,6 +53,36 @@ def test_payload_is_added_to_the_plate(context: Context) -> None:
     )
     assert loaded.m_p == pytest.approx(plain.m_p + 2.0)
     assert heavy.m_p == pytest.approx(22.0)
+
+
+@pytest.mark.parametrize("reference", ["l1_tape", "heavy.toml", "d1_six_link", "f1"])
+def test_payload_is_added_to_a_plate_mass_of_the_problem_too(context: Context, reference: str) -> None:
+    """It was dropped beside m_p, and with it the tool of an elastic motion and the weight of one kilogram more."""
+    robot = resolve(reference, context, parameters={"m_p": 30.0}, payload=5.0)
+    assert robot.m_p == pytest.approx(35.0)
+
+
+@pytest.mark.parametrize(
+    ("parameters", "options", "sentence"),
+    [
+        ({"payload": -3.0}, {}, "parameters.payload: is no parameter of a robot; payload_kg says it"),
+        ({"inertia": "model_1"}, {}, "parameters.inertia: is no parameter of a robot; inertia says it"),
+        ({"name": "d1_nominal"}, {}, "parameters.name: is no parameter of a robot; robot says it"),
+        ({"family": "f1"}, {}, "parameters.family: is no parameter of a robot; robot says it"),
+        (
+            {"velocity_scale": 0.3},
+            {"velocity_scale": 0.1},
+            "parameters.velocity_scale: is said by friction.velocity_scale_m_s too; leave one of the two out",
+        ),
+    ],
+)
+@pytest.mark.parametrize("reference", ["l1_tape", "copy.toml"])
+def test_options_are_no_parameters(
+    context: Context, reference: str, parameters: dict[str, Any], options: dict[str, Any], sentence: str
+) -> None:
+    with pytest.raises(InputError) as caught:
+        resolve(reference, context, parameters=parameters, **options)
+    assert str(caught.value) == sentence
 
 
 @pytest.mark.parametrize("reference", ["pendulum.py:Pendulum", "pendulum:Pendulum", "makers.py:make", "makers.py:long"])

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import gtmodel as gt
-from gtmodel import Status
+from gtmodel import ModelError, Status
 from gtmodel.compiler.alias import eliminate
 from gtmodel.compiler.causal import flat_of
 from gtmodel.compiler.structure import analyse
@@ -82,6 +82,15 @@ class TestEntries:
         part = "arm" if name == "d1_nominal" else "cart"
         kinds = [m.__dict__["_modifiers"][part]["friction"] for m in (plain, changed)]
         assert kinds == [TanhFriction, PiecewiseLinearFriction]
+
+    def test_a_payload_is_no_less_than_nothing(self):
+        for name in ("l1_tape", "d1_six_link", "f1"):
+            with pytest.raises(ModelError, match="a payload is a mass of 0 kg or more; found -3 kg"):
+                make(name, payload=-3.0)
+
+    def test_a_serial_arm_takes_no_friction(self):
+        with pytest.raises(ModelError, match="leave inertia, payload and friction smoothing out"):
+            make("kr500", velocity_scale=0.3)
 
     def test_smoothing_is_felt(self):
         # cart 1 at the velocity scale: all of its 130 N of Coulomb friction, of which tanh gives three quarters

@@ -1,0 +1,118 @@
+"""What pictures hold is what they were given: every curve, at its place, told from the others, at its true height."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.signal import cont2discrete
+
+from gtmodel.plot.calibration import deviations_figure, length_errors_figure
+from gtmodel.plot.calibration_plan import predicted_figure
+from gtmodel.plot.elastic_motion import swing_figure
+from gtmodel.plot.excitation import information_figure
+from gtmodel.plot.friction import friction_figure
+from gtmodel.plot.milling import angle_figure, compensation_figure, lobes_figure
+from gtmodel.plot.motion import motion_figure, space_figure
+from gtmodel.plot.signals import signals_figure
+from gtmodel.plot.tracking import tracking_figure
+from gtmodel.plot.vibration import poles_figure, response_figure
+from gtmodel.results.trajectory import Trajectory
+
+MANY = 11  # more than there are colours
+TIME = np.linspace(0.0, 1.0, 20)
+NAN = np.nan
+
+
+def all_different(axes: Any, count: int) -> bool:
+    lines = [line for line in axes.get_lines() if not line.get_label().startswith("_")]
+    looks = {(line.get_color(), line.get_linestyle(), line.get_marker()) for line in lines}
+    return len(lines) == len(looks) == count
+
+
+def test_no_motion_is_missing_and_each_has_a_look_of_its_own() -> None:
+    names = [f"m{k}" for k in range(MANY)]
+    swing = swing_figure({n: (TIME, np.outer(TIME, np.ones(3))) for n in names}, TIME, dict.fromkeys(names, TIME))
+    assert all(all_different(axes, MANY) for axes in swing.axes)
+    run = Trajectory(TIME, {"T": np.ones((20, 3)), "q": np.ones((20, 3))}, {})
+    tracking = tracking_figure(run, dict.fromkeys(names, run))
+    assert all(all_different(axes, MANY) for axes in tracking.axes[3:])
+    assert all(all_different(axes, MANY + 1) for axes in tracking.axes[:3])
+    assert all_different(compensation_figure(TIME, TIME, dict.fromkeys(names, TIME)).axes[0], MANY + 1)
+    poles: Any = poles_figure({n: np.array([-1 + 5j]) for n in names[:6]}, np.array([5.0])).axes[0]
+    assert all_different(poles, 6)
+    forces = Trajectory(TIME, {"T": np.ones((20, 3)), "der(T)": np.ones((20, 3)), "tau": np.ones((20, MANY))}, {})
+    assert len(motion_figure(forces, force_limit=1.0).axes[3].get_lines()) == MANY + 2
+
+
+@pytest.mark.parametrize("widths", [(1,) * 12, (3,) * 6, (12,), (2, 0, 5, 0, 3), (8, 8, 8, 8)])
+def test_signals_of_one_unit_look_different(widths: tuple[int, ...]) -> None:
+    signals = {f"s{k}": np.ones((20, w)) if w else np.ones(20) for k, w in enumerate(widths)}
+    axes = signals_figure(Trajectory(TIME, signals, dict.fromkeys(signals, "m"))).axes[0]
+    assert all_different(axes, sum(w or 1 for w in widths))
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 5, 9])
+def test_bars_stand_about_their_harmonic_and_name(count: int) -> None:
+    told = {f"m{k}": [0.1, 0.2] for k in range(count)}
+    figure = information_figure(
+        {n: np.ones(2) for n in told}, ["p", "q"], told, amplitudes=np.ones((4, count)), frequency=0.5
+    )
+    for axes, first, apart in ((figure.axes[1], 0.0, 1.0), (figure.axes[2], 0.5, 0.5)):
+        bars: Any = axes.patches
+        middle = np.array([b.get_x() + b.get_width() / 2 for b in bars]).reshape(count, -1)
+        places = first + apart * np.arange(middle.shape[1])
+        assert np.allclose(middle.mean(axis=0), places)
+        assert np.all(np.abs(middle - places) + bars[0].get_width() / 2 < 0.45 * apart)
+
+
+@pytest.mark.parametrize("zeta", [0.02, 1e-3, 1e-5])
+def test_a_sharp_peak_has_its_height(zeta: float) -> None:
+    w, h = 2 * np.pi * 50.0, 1e-3
+    A, B = np.array([[0.0, 1.0], [-(w**2), -2 * zeta * w]]), np.array([[0.0], [1.0]])
+    discrete = cont2discrete((A, B, np.array([[1.0, 0.0]]), np.zeros((1, 1))), h)[:4]
+    line: Any = response_figure(discrete, h, [50.0]).axes[0].get_lines()[0]
+    assert np.max(line.get_ydata()) == pytest.approx(1 / (2 * zeta * w**2), rel=0.02)
+
+
+def test_space_has_one_scale() -> None:
+    run = Trajectory(TIME, {"T": np.outer(TIME, [1.0, 2.0, 4.0])}, {"T": "m"})
+    axes: Any = space_figure([("a", run)]).axes[0]
+    sizes = np.array([np.ptp(axes.get_xlim()), np.ptp(axes.get_ylim()), np.ptp(axes.get_zlim())])
+    assert np.allclose(sizes / axes._box_aspect, (sizes / axes._box_aspect)[0])
+
+
+def test_one_missing_number_takes_nothing_else_away() -> None:
+    speeds, forces = np.array([[0.1], [NAN], [0.4]]), np.array([[1.0], [NAN], [2.0]])
+    lines = friction_figure([("p", speeds, forces)], [np.sign], np.zeros(1)).axes[0].get_lines()
+    assert np.max(np.asarray(lines[0].get_xdata())) == pytest.approx(1.05 * 0.4)
+    errors = np.array([[1e-3, NAN], [3e-3, NAN], [NAN, NAN]])
+    titles = [axes.get_title() for axes in length_errors_figure(errors, ["1", "2"]).axes]
+    assert titles == ["1: mean size 2 mm, 1 left out", "2: no errors, 3 left out"]
+    space: Any = predicted_figure(np.eye(3), np.array([1e-6, NAN, 3e-6]), np.array([1e-6, NAN, 2e-6])).axes[0]
+    assert "worst: 3 µm at (0, 0, 1) m" in space.get_title()
+
+
+@pytest.mark.parametrize("std", [[1e-3, 1e-4], [1e-3, 1e-3], [1e-3, 0.0], [2e-3, 5e-5]])
+def test_the_least_deviation_has_a_bar(std: list[float]) -> None:
+    axes = deviations_figure(["a", "b"], np.array(std), ["m", "1"]).axes[0]
+    low, high = axes.get_xlim()
+    assert low < min(s for s in std if s > 0) and high >= max(std)
+
+
+@pytest.mark.parametrize("size", [1e-10, 1e-4, 10.0])
+def test_indices_of_any_size_have_numbers(size: float) -> None:
+    angles = np.linspace(-3.0, 3.0, 61)
+    index = size * (2 + np.cos(angles))
+    none = np.full((61, 3), NAN)
+    axes = angle_figure(angles, index, NAN * index, none, [25.0], reachable=np.ones(61, bool)).axes[0]
+    low, high = axes.get_ylim()
+    assert sum(low <= tick <= high for tick in axes.get_yticks()) >= 1
+
+
+def test_a_cut_beside_the_lobes_is_said() -> None:
+    speed = np.linspace(10.0, 100.0, 20)
+    for at, said in ((50.0, "declared cut"), (500.0, "declared cut at 30000 rpm, not shown")):
+        legend: Any = lobes_figure(speed, 1e-3 * np.ones(20), (at, 1e-3)).axes[0].get_legend()
+        assert said in [text.get_text() for text in legend.get_texts()]
