@@ -329,7 +329,9 @@ class TestParameters:
             gt.parameter(**attributes)
 
     def test_a_builder_checks_the_kind_of_a_value(self):
-        with pytest.raises(gt.ModelError, match="parameter 'n' must have length 1; found .* of length 5; divide it by"):
+        with pytest.raises(
+            gt.ModelError, match=r"parameter 'n' must have length 1; found .* of length 5; divide it by"
+        ):
             gt.Builder("b").parameter("n", [3.0, 4.0], kind="unit")
 
     def test_values_keep_to_min_and_max(self):
