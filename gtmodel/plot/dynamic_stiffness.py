@@ -111,6 +111,8 @@ def held_out_figure(panels: Mapping[str, tuple[np.ndarray, np.ndarray, np.ndarra
             ticks.set_minor_formatter(NullFormatter())
         axis.legend(fontsize="x-small", loc="upper left")
         axis.grid(alpha=0.3)
+    for axis in axes[len(panels) :]:
+        axis.set_axis_off()
     figure.supxlabel("measured, held out")
     figure.supylabel("predicted, with its 95 % interval")
     if title:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -11,7 +12,7 @@ from matplotlib.ticker import NullFormatter, StrMethodFormatter
 from .colours import COLOURS, curve
 
 STATIC, DYNAMIC, AXES = "#d55e00", "#0072b2", ("#0072b2", "#009e73", "#cc79a7")
-ORDER: tuple[dict[str, str], ...] = tuple(dict(color=c) for c in ("#56b4e9", STATIC, "black"))  # light below dark
+ORDER: tuple[dict[str, Any], ...] = tuple(dict(color=c) for c in ("#56b4e9", STATIC, "black"))  # light below dark
 
 
 def angle_figure(
@@ -95,12 +96,16 @@ def tests_figure(
 
 
 def lobes_figure(speed: np.ndarray, depth: np.ndarray, cut: tuple[float, float], *, title: str = "") -> Figure:
-    """Greatest stable axial depth (n,) [m] over spindle speed (n,) [1/s]; cut: speed and depth of the declared one."""
+    """Greatest stable axial depth (n,) [m] over spindle speed (n,) [1/s]; cut: speed and depth of the declared one.
+
+    Where the depth is infinite nothing is shaded, where it is NaN, not known, everything.
+    """
     figure = Figure(figsize=(8.0, 4.0), layout="constrained")
     axes = figure.subplots()
     shown = np.where(np.isfinite(depth), 1e3 * depth, np.nan)
     top = 1.3 * max(1e3 * cut[1], float(np.nanpercentile(shown, 90)) if np.isfinite(shown).any() else 0.0)
-    axes.fill_between(60 * speed, np.nan_to_num(shown, nan=top), top, color="#d55e00", alpha=0.18, linewidth=0,
+    proven = np.where(np.isnan(depth), 0.0, np.where(np.isfinite(shown), shown, top))
+    axes.fill_between(60 * speed, proven, top, color="#d55e00", alpha=0.18, linewidth=0,
                       label="not proven stable")  # fmt: skip
     axes.plot(60 * speed, shown, color="#d55e00", linewidth=1.2)
     beyond = "" if speed[0] <= cut[0] <= speed[-1] else f" at {60 * cut[0]:g} rpm, not shown"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -49,6 +50,6 @@ def tracking_figure(wanted: Trajectory, runs: Mapping[str, Trajectory], title: s
     return figure
 
 
-def _dashed(n: int) -> dict[str, str]:
+def _dashed(n: int) -> dict[str, Any]:
     """The n-th curve beside one that is drawn in full."""
     return dict(color=colour(n), linestyle=STYLES[1:][n // len(COLOURS) % 3])

@@ -15,6 +15,9 @@ from ..mechanics.rotation import quaternion_matrix
 D1_MODELS = {1: (), 2: (0, 1, 2), 3: (), 4: (0, 1, 2), 5: (1,)}
 
 
+LEAST = 0.5  # of the way along the guideway per way of the cart, and the inverse of the most
+
+
 class OnPoints(NamedTuple):
     """The robot, and the names of its guideways on measured points, such as "link[1].guideway"."""
 
@@ -30,7 +33,7 @@ def on_measured_points(robot: Any, at: np.ndarray, points: Mapping[int, np.ndarr
     (4), a quaternion, scalar first. Its origin is set where the points lie best on the A + q v of each guideway: the
     reflector stands beside the joint. A calibration moves t and u of the named guideways, u as a unit quaternion.
 
-    Raises ModelError for an arm that is not there and points of another shape.
+    Raises ModelError for an arm that is not there, and points of another shape or that do not go along v as q does.
     """
     A, v = np.array(robot.A, float), np.array(robot.v, float)
     stands_on = getattr(robot, "stands_on", tuple(range(len(A))))
@@ -46,8 +49,19 @@ def on_measured_points(robot: Any, at: np.ndarray, points: Mapping[int, np.ndarr
         if arm in points:
             t = np.mean(A[k] + at[:, None] * v[k] - points[arm] @ R.T, axis=0)
             parts.append(MeasuredGuideway(at=at, points=points[arm], t=t, u=u))
+            along = _along(np.asarray(at, float), np.asarray(points[arm]) @ R.T, v[k])
+            if not LEAST <= along <= 1 / LEAST:
+                raise gt.ModelError(f"cart points of arm {arm + 1} go {along:.3g} m along its guideway where the "
+                                    "cart goes 1 m, about 1 expected; check their unit, their order and u")  # fmt: skip
         else:
             parts.append(Guideway)
     of = "link" if hasattr(robot, "stands_on") else "arm"
     named = [f"{of}[{k}].guideway" for k, arm in enumerate(stands_on) if arm in points]
     return OnPoints(robot.with_(**{of: [dict(guideway=g) for g in parts]}), named)
+
+
+def _along(at: np.ndarray, points: np.ndarray, v: np.ndarray) -> float:
+    """Slope of points (n, 3) [m] over at (n,) [m] along v, in v; NaN where `at` does not vary."""
+    s = at - np.mean(at)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return float(s @ (points @ v) / (s @ s) / (v @ v))

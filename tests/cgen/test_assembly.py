@@ -20,8 +20,11 @@ from gtmodel.cgen.points import HELD, draw, evaluate
 from gtmodel.compiler.causal import CausalFunction
 from tests.bench.callgrind import Call, count
 from tests.cgen.calls import shared_library
+from tests.cgen.hostile import ACROSS_M
+from tests.cgen.test_hostile import WRONG_M, WRONG_RATE, carts_of, judge_of, links_of, parts
 
 ROWS = 60
+JUMPS = 200  # from each of these
 NEAR = 0.02  # typical sizes from the home pose
 AGREED = 1e-9
 COST = 1.1  # issue 15: instructions of the whole function over those without margins for branches
@@ -84,6 +87,31 @@ def test_a_foreign_state_is_told_and_nothing_moves(
         assert not status.any() and np.array_equal(again[:, :n], expected[:, :n])
         in_python, status = evaluate(mine, rows)
         assert np.all(status == Status.WRONG_BRANCH) and np.isnan(in_python).all()
+
+
+@pytest.mark.parametrize("key", list(CAUSALITIES))
+def test_what_is_ok_after_a_jump_is_right_and_of_this_assembly(
+    key: str, faces: dict[str, Interface], library: ctypes.CDLL
+) -> None:
+    """The tool centre point jumps along the guideways past the carts, or they past it, and the state stays behind."""
+    face, robot = faces[key], gt.robots.make("d1_six_link")
+    links, along = links_of(robot), np.array(robot.v)[0]
+    rows = np.repeat(answered(face, library)[0], JUMPS, axis=0)
+    n, first = face.input_size, 0
+    far = np.random.default_rng(6).uniform(-ACROSS_M, ACROSS_M, len(rows))[:, None]
+    for m in face.inputs:
+        if m.signal in ("T", "q"):
+            rows[:, first : first + 3] += far * (along if m.signal == "T" else 1.0)
+        first += m.size
+    outputs, status = call(library, face, rows)
+    ok = status == Status.OK
+    assert ok.any() and (status == Status.WRONG_BRANCH).any()
+    members = [*face.state, *face.inputs, *face.outputs]
+    held = np.column_stack([outputs[:, face.output_size :], rows[:, :n], outputs[:, : face.output_size]])[ok]
+    x = dict(zip([m.signal for m in members], parts(tuple(members), held), strict=True))
+    assert np.all(links.all_ahead(carts_of(links, x), x["T"], x["e"]))
+    wrong = judge_of(robot, 4 * float(np.finfo(float).eps))
+    assert not wrong("inverse_dynamics" if "tau" in x else key, x, WRONG_M["double"], WRONG_RATE["double"]).any()
 
 
 @pytest.mark.parametrize("key", list(CAUSALITIES))

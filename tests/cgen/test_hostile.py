@@ -53,7 +53,7 @@ class Made:
         options: dict[str, Any] = dict(name=problem.name, real=problem.real, box=problem.box)
         self.faces = {f.key: f for f in interfaces(functions, problem.name, (), real_of(problem.real), problem.box)}
         self.library = shared_library(generate(functions, place / "out", **options).folder, place)
-        self.links = links_of(robot)
+        self.robot, self.links = robot, links_of(robot)
         self.judge = judge_of(robot, UNITS_IN_THE_LAST_PLACE * float(np.finfo(real_of(problem.real).dtype).eps))
         self.real = problem.real
         along = extended(robot.v)[0]
@@ -64,10 +64,10 @@ class Made:
         return self.judge(face.key, self._known(face, inputs, outputs), WRONG_M[self.real], WRONG_RATE[self.real])
 
     def as_declared(self, face: Interface, inputs: np.ndarray, outputs: np.ndarray) -> np.ndarray:
-        """Rows of answers with every link on its declared branch; of the F1, whose carts turn, all."""
-        if self.links is None:
-            return np.ones(len(inputs), bool)
+        """Rows of answers with every link on its declared branch; the F1 declares one for arm 1 only."""
         known = self._known(face, inputs, outputs)
+        if self.links is None:
+            return f1_of(self.robot).first_below(known["q"], known["T"], known["e"])
         return self.links.all_ahead(carts_of(self.links, known), known["T"], known.get("e"))
 
     def _known(self, face: Interface, inputs: np.ndarray, outputs: np.ndarray) -> dict[str, np.ndarray]:
@@ -128,8 +128,12 @@ def judge_of(robot: Any, round_off: float) -> Judge:
     return of_carts
 
 
+def f1_of(robot: Any) -> TurningCarts:
+    return TurningCarts(*numbers_of(robot, "A0", "v", "L", "A", "B", "u1_2", "u1_3", "u2_3", "r3"))
+
+
 def judge_of_f1(robot: Any) -> Judge:
-    f1 = TurningCarts(*numbers_of(robot, "A0", "v", "L", "A", "B", "u1_2", "u1_3", "u2_3", "r3"))
+    f1 = f1_of(robot)
 
     def of_f1(key: str, x: dict[str, np.ndarray], most_m: float, most: float) -> np.ndarray:
         bad = ~(f1.closure_m(x["q"], x["T"], x["e"]) <= most_m)

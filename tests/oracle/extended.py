@@ -151,6 +151,11 @@ class TurningCarts:
         rate = [place_d[:, i] + turns_d[i] @ self.A[k] for k, i in enumerate(ARM)]
         return np.stack(at, axis=1), np.stack(rate, axis=1)
 
+    def first_below(self, q: Array, T: Array, e: Array) -> Array:
+        """Whether the plate joint of arm 1, whose cart does not turn, lies below it, as the F1 declares (rows,)."""
+        joint = self._joints(q, 0 * q)[0][:, 0]
+        return (joint - T - rotation(e) @ self.B[0]) @ self.v[0] > 0
+
     def closure_m(self, q: Array, T: Array, e: Array) -> Array:
         with np.errstate(all="ignore"):
             d = T[:, None] + self.B @ rotation(e).transpose(0, 2, 1) - self._joints(q, 0 * q)[0]

@@ -71,8 +71,8 @@ def test_bars_stand_about_their_harmonic_and_name(count: int) -> None:
 def test_a_sharp_peak_has_its_height(zeta: float) -> None:
     w, h = 2 * np.pi * 50.0, 1e-3
     A, B = np.array([[0.0, 1.0], [-(w**2), -2 * zeta * w]]), np.array([[0.0], [1.0]])
-    discrete = cont2discrete((A, B, np.array([[1.0, 0.0]]), np.zeros((1, 1))), h)[:4]
-    line: Any = response_figure(discrete, h, [50.0]).axes[0].get_lines()[0]
+    found: Any = cont2discrete((A, B, np.array([[1.0, 0.0]]), np.zeros((1, 1))), h)
+    line: Any = response_figure(found[:4], h, [50.0]).axes[0].get_lines()[0]
     assert np.max(line.get_ydata()) == pytest.approx(1 / (2 * zeta * w**2), rel=0.02)
 
 
@@ -109,6 +109,19 @@ def test_indices_of_any_size_have_numbers(size: float) -> None:
     axes = angle_figure(angles, index, NAN * index, none, [25.0], reachable=np.ones(61, bool)).axes[0]
     low, high = axes.get_ylim()
     assert sum(low <= tick <= high for tick in axes.get_yticks()) >= 1
+
+
+def test_an_unknown_depth_is_not_drawn_as_stable() -> None:
+    speed, depth = np.linspace(10.0, 100.0, 5), 1e-3 * np.array([1.0, NAN, 2.0, np.inf, 1.0])
+    axes: Any = lobes_figure(speed, depth, (50.0, 1e-3)).axes[0]
+    corners: Any = axes.collections[0].get_paths()[0].vertices
+    lowest = [corners[np.isclose(corners[:, 0], 60 * s), 1].min() for s in speed]
+    assert np.allclose(lowest, [1.0, 0.0, 2.0, axes.get_ylim()[1], 1.0])
+
+
+def test_the_least_of_the_predicted_deviations_has_a_bar() -> None:
+    axes = information_figure({"a": np.ones(2)}, ["p", "q"], {"a": [0.1, 0.2], "b": [0.1, NAN]}).axes[1]
+    assert axes.get_ylim()[0] < 0.5 * 10.0
 
 
 def test_a_cut_beside_the_lobes_is_said() -> None:
