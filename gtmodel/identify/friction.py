@@ -209,7 +209,7 @@ def _check(runs: Runs, pattern: Array) -> None:
         )
 
 
-def _copies(runs: Runs) -> Array:
+def _copies(runs: Runs) -> np.ndarray:
     """Pairs of runs that are the same, also where positions of one were moved by a constant."""
     motion = np.column_stack([runs.velocity, runs.force])
     pairs = copies(np.column_stack([motion, runs.position]), SAME)
