@@ -36,7 +36,7 @@ class Answer:
 def answering(context: typer.Context, as_json: bool, asked: str) -> Iterator[Answer]:
     """Whatever happens inside becomes a table or one JSON object, a sentence on stderr, and the exit code."""
     from gtmodel.problem_files import faults
-    from gtmodel.results import as_json
+    from gtmodel.results.as_json import refused, summary
 
     began = time.monotonic()
     answer = Answer(Path(asked).name)
@@ -51,7 +51,7 @@ def answering(context: typer.Context, as_json: bool, asked: str) -> Iterator[Ans
         status, sentence = faults.describe(error, asked)
         print(sentence, file=sys.stderr)
         if as_json:
-            print_json(as_json.refused(answer.problem, answer.kind, sentence, status, time.monotonic() - began))
+            print_json(refused(answer.problem, answer.kind, sentence, status, time.monotonic() - began))
         raise typer.Exit(_EXIT.get(status, 1)) from None
     if answer.finished is None:
         if as_json and answer.data is not None:
@@ -59,7 +59,7 @@ def answering(context: typer.Context, as_json: bool, asked: str) -> Iterator[Ans
         return
     outcome, wall_s = answer.finished.outcome, answer.finished.wall_s
     if as_json:
-        print_json(as_json.summary(answer.problem, answer.kind, outcome, wall_s))
+        print_json(summary(answer.problem, answer.kind, outcome, wall_s))
     else:
         terminal.outcome_table(answer.title, outcome)
         for path in answer.finished.files:
@@ -74,6 +74,6 @@ def answering(context: typer.Context, as_json: bool, asked: str) -> Iterator[Ans
 
 
 def print_json(data: dict[str, Any]) -> None:
-    from gtmodel.results import as_json
+    from gtmodel.results.as_json import line
 
-    print(as_json.line(data))
+    print(line(data))

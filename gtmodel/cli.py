@@ -103,15 +103,15 @@ def schema(
     as_json: Json = False,
 ) -> None:
     """Show the keys of a kind of problem, with units and defaults, and what its `values` will hold."""
-    from gtmodel import kinds
+    from gtmodel.problem_files import names
     from gtmodel.problem_files import schema as described
 
     with answering(context, as_json, kind or "schema") as answer:
-        document = answer.data = {"kinds": kinds.names()} if kind is None else described.document(kind)
+        document = answer.data = {"kinds": names()} if kind is None else described.document(kind)
         if as_json:
             return
         if kind is None:
-            terminal.table(("kind", "what it is"), kinds.names().items())
+            terminal.table(("kind", "what it is"), names().items())
             return
         terminal.table(
             ("key", "type", "unit", "default", "description"),
@@ -233,9 +233,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         asked = " ".join(["gtmodel", *words[:1]])
         print(f"{asked}: {sentence}; '{asked} --help' shows the options.", file=sys.stderr)
         if "--json" in words:
-            from gtmodel.results import as_json
+            from gtmodel.results.as_json import refused
 
-            print_json(as_json.refused("", None, sentence, SolveStatus.BAD_INPUT, 0.0))
+            print_json(refused("", None, sentence, SolveStatus.BAD_INPUT, 0.0))
         return 2
     except BrokenPipeError:  # `gtmodel list | head`: the reader has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from gtmodel import kinds
+from gtmodel import problem_files as kinds
 from gtmodel.problem_files import fields
 from gtmodel.results.unit_names import unit_of
 from tests.support.commands import CLONE, Commands, command, environment, process

@@ -11,7 +11,7 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from gtmodel.problem_files.base import Context
-from gtmodel.problem_files.output import png, versions
+from gtmodel.results.written import png, versions
 
 from .calibration_findings import Found
 from .calibration_keys import Schema

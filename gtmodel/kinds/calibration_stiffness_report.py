@@ -10,7 +10,7 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from gtmodel.problem_files.base import Context
-from gtmodel.problem_files.output import versions
+from gtmodel.results.written import versions
 
 from .calibration_report import STYLE, picture, table
 

@@ -19,7 +19,7 @@ from gtmodel.compiler.causal import CausalFunction, c_name, compile_causal
 from gtmodel.problem_files.base import Check, Context, InputError, Outcome, Row, Section
 from gtmodel.problem_files.noted import checked, refuse_distrusted
 from gtmodel.problem_files.robot_keys import RobotProblem
-from gtmodel.results import SolveStatus
+from gtmodel.results import SolveStatus, Study
 from gtmodel.results.folder import Held, others
 from gtmodel.results.marks import marked
 
@@ -69,12 +69,12 @@ class Schema(RobotProblem):
     check: Verification = Verification()
 
 
-def solve(problem: Schema, context: Context) -> Outcome:
+def solve(problem: Schema, context: Context) -> Study:
     """Not for this kind: it needs a folder. Raises InputError."""
     raise InputError("generates code and solves nothing; use gtmodel codegen PROBLEM.toml -o DIR", "kind")
 
 
-def write(problem: Schema, context: Context, out: Path, *, verify: bool = False, write_failed: bool = False) -> Outcome:
+def write(problem: Schema, context: Context, out: Path, *, verify: bool = False, write_failed: bool = False) -> Study:
     """Generate the code into `out`. With `verify` it is first compiled and compared with Python elsewhere, and comes
     into `out` only when all checks passed; with `write_failed` also otherwise, marked in the first lines.
 
@@ -120,7 +120,7 @@ def _generated(
     functions: dict[str, CausalFunction],
     out: Held | Path,
     mark: Callable[[str, str], str] | None = None,
-) -> Outcome:
+) -> Study:
     """The code in a folder, and what it is."""
     provenance = {"problem": context.name, "title": problem.title, "robot": problem.robot}
     provenance["problem_sha256"] = sha256(problem.model_dump_json().encode()).hexdigest()
@@ -154,7 +154,7 @@ def _marked(message: str, file: str, text: str) -> str:
 
 def _verified(
     problem: Schema, context: Context, functions: dict[str, CausalFunction], scratch: Path
-) -> tuple[Outcome, Costs | None]:
+) -> tuple[Study, Costs | None]:
     """The code compiled in a folder of its own and compared with Python; what it costs where that was counted."""
     made = _generated(problem, context, functions, scratch)
     values, rows = dict(made.values), made.rows
@@ -187,8 +187,8 @@ def _verified(
     return outcome, cost
 
 
-def _stopped(made: Outcome, done: str) -> Outcome:
-    return replace(made, status=SolveStatus.INTERRUPTED, message=f"stopped: {done}")
+def _stopped(made: Study, done: str) -> Study:
+    return made.with_(status=SolveStatus.INTERRUPTED, message=f"stopped: {done}")
 
 
 def explain(problem: Schema, context: Context) -> str:

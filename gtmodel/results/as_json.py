@@ -19,7 +19,7 @@ def summary(problem: str, kind: str | None, study: Study, wall_s: float) -> dict
     return {**_facts(problem, kind, study), "wall_s": round(wall_s, 3), **_numbers(study)}
 
 
-def result(problem: str, kind: str, study: Study) -> bytes:
+def result(problem: str, kind: str | None, study: Study) -> bytes:
     """``result.json``: the same bytes for the same input, and all that a later solve needs to start from it."""
     trajectory = study.trajectory
     stored = {"trajectory": _series(trajectory)} if trajectory is not None else {}

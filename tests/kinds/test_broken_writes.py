@@ -7,7 +7,6 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -203,7 +202,7 @@ def test_a_picture_that_fails_costs_no_numbers(gtmodel: Commands, monkeypatch: p
         raise ValueError("no ink")
 
     solved = optimization.solve
-    monkeypatch.setattr(optimization, "solve", lambda p, c: replace(solved(p, c), figures={"empty": fails}))
+    monkeypatch.setattr(optimization, "solve", lambda p, c: solved(p, c).with_(figures={"empty": fails}))
     done = gtmodel("solve", "swing.toml", "--out", "out", "--plot")
     assert done.code == 1 and "no ink" in done.err and "final time" in done.out
     assert {p.name for p in Path("out").iterdir()} == {"result.json", "trajectory.csv", "run.toml"}
