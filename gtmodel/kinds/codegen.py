@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Callable
-from dataclasses import replace
 from functools import partial
 from hashlib import sha256
 from pathlib import Path
@@ -164,7 +163,7 @@ def _verified(
     try:
         report = check(scratch, functions, points=problem.check.points, seed=problem.check.seed)
     except GenerationError as error:
-        return replace(made, status=SolveStatus.FAILED, message=str(error)), None
+        return made.with_(status=SolveStatus.FAILED, message=str(error)), None
     if context.interrupted() and report.passed:
         return _stopped(made, "generated and compared with Python, but costs were not counted"), None
     context.progress("counting")
