@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from itertools import combinations, permutations, product
+from itertools import permutations, product
 from typing import NamedTuple
 
 import numpy as np
+
+from gtmodel.measurements.orders import orders
 
 # of a signal's spread to the robot's size: beyond, its unit is another one
 LEAST, GREATEST = 5e-3, 30.0
@@ -179,26 +181,6 @@ def _aligned(measured: np.ndarray, predicted: np.ndarray, hand: int) -> tuple[np
     R = (U @ np.diag([1.0, 1.0, hand * np.sign(np.linalg.det(U @ Vt))]) @ Vt).T
     rms = float(np.sqrt(np.mean(np.sum((a @ R.T - b) ** 2, axis=1))))
     return predicted.mean(axis=0) - R @ measured.mean(axis=0), R, rms
-
-
-def orders(n: int, groups: Sequence[Sequence[int]]) -> list[list[int]]:
-    """All orders of groups of three and less, single exchanges within larger ones."""
-    found = []
-    for group in groups:
-        if len(group) <= 3:
-            trials = [list(p) for p in permutations(group)][1:]
-        else:
-            trials = []
-            for a, b in combinations(range(len(group)), 2):
-                trial = list(group)
-                trial[a], trial[b] = trial[b], trial[a]
-                trials.append(trial)
-        for trial in trials:
-            order = list(range(n))
-            for k, m in zip(group, trial, strict=True):
-                order[k] = m
-            found.append(order)
-    return found
 
 
 def _sign(order: Sequence[int]) -> float:

@@ -374,6 +374,13 @@ def compile_causal(
     return flat.cache[key]
 
 
+def notes_of(model: Model | Builder) -> list[str]:
+    """Notes of all functions that were made of a model so far, each once."""
+    flat = model.__dict__.get("_flat")
+    made = [] if flat is None else [f for f in flat.cache.values() if isinstance(f, CausalFunction)]
+    return list(dict.fromkeys(note for f in made for note in f.notes))
+
+
 def _names(what: str, given: Any) -> list[str]:
     names = [given] if isinstance(given, str) else given
     if not isinstance(names, (list, tuple)) or not all(isinstance(n, str) for n in names):

@@ -12,6 +12,7 @@ Motion
     identify               weighted least squares: values, intervals, residual tests; bias_of what is left out
     delay_of               whether the efforts come later than the positions, and what that moves
     work_of                whether friction brakes, and whether the energy balances
+    exchanged_efforts      whether another order or sign of the efforts' columns fits far better
 Excitation
     optimise_excitation    the motion that tells most of an ExcitationTask within its limits
     FourierSeries, ClosedSpline   families of motions at rest at both ends
@@ -24,6 +25,7 @@ Synthetic
 
 from .corrected import corrected
 from .delay import Delay, delay_of
+from .exchanged import Exchanged, exchanged_efforts
 from .excitation import Excitation, ExcitationTask, optimise_excitation
 from .excitation_basis import ClosedSpline, FourierSeries
 from .friction import FrictionError, FrictionFit, identify_friction
@@ -43,6 +45,7 @@ from .work import Work, work_of
 __all__ = [
     "ClosedSpline",
     "Delay",
+    "Exchanged",
     "Excitation",
     "ExcitationTask",
     "FourierSeries",
@@ -67,6 +70,7 @@ __all__ = [
     "constant_velocity_log",
     "corrected",
     "delay_of",
+    "exchanged_efforts",
     "identify",
     "identify_friction",
     "joined",

@@ -13,6 +13,7 @@ from gtmodel.lang import ModelError
 from gtmodel.lang.units import rate_unit
 from gtmodel.measurements import (
     Session,
+    Stretch,
     ZeroPhase,
     copied_stretch,
     cutoff_for,
@@ -34,6 +35,7 @@ INDEPENDENT = 0.57
 # velocity behind it is as sharp as the filter can tell
 WIDER = 4.0
 NOISE_STEPS = 4 / 3  # three such steps are four standard deviations of the velocity
+DISTINCT = 0.5  # of a stretch of efforts that is taken for a copy: a coarse reading repeats itself
 MASK_STEPS = 3.0  # quantisation steps per sample: below, the sign of a velocity is not known
 
 
@@ -163,9 +165,9 @@ def rows_of(
 
 
 def refuse_copies(sessions: Sequence[Session], signals: Sequence[str]) -> None:
-    """Raises TrajectoryError where a stretch of these signals repeats an earlier one in every digit."""
-    wide = [np.column_stack([s.trajectory[n].reshape(len(s.trajectory), -1) for n in signals]) for s in sessions]
-    copy = copied_stretch(wide) if len({w.shape[1] for w in wide}) == 1 else None
+    """Raises TrajectoryError where a stretch of these signals repeats an earlier one in every digit; or of the last one
+    alone, the efforts: positions that were moved by a constant differ in their digits."""
+    copy = _copied(sessions, signals, 0.0) or _copied(sessions, signals[-1:], DISTINCT)
     if copy is not None:
         again, first = sessions[copy.again], sessions[copy.first]
         raise TrajectoryError(
@@ -173,6 +175,11 @@ def refuse_copies(sessions: Sequence[Session], signals: Sequence[str]) -> None:
             f"digit, what '{first.name}' holds from {first.trajectory.time[copy.of]:g} s on; noise does not repeat "
             "itself, and a copy counts twice and narrows the intervals: take it out"
         )
+
+
+def _copied(sessions: Sequence[Session], signals: Sequence[str], distinct: float) -> Stretch | None:
+    wide = [np.column_stack([s.trajectory[n].reshape(len(s.trajectory), -1) for n in signals]) for s in sessions]
+    return copied_stretch(wide, distinct=distinct) if len({w.shape[1] for w in wide}) == 1 else None
 
 
 def with_offsets(rows: Rows, signal: str, *, per_session: bool = True) -> Rows:

@@ -13,7 +13,7 @@ import pydantic
 
 from gtmodel.results import SolveStatus, Trajectory
 
-from .verdict import failed_of, verdict
+from .verdict import failed_of, is_marked, verdict
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -153,7 +153,11 @@ class Context:
     notice: tells a person one sentence beside the result, such as what an earlier run left undone.
     max_seconds: time limit [s] from the making of the context on; None for none.
     start: an earlier result.json to start from.
-    inputs: files that were read besides the problem, name -> path; a kind enters them, run.toml keeps their hash.
+    inputs: files that were read besides the problem, name -> path; a kind enters them by `take`, run.toml keeps their
+        hash.
+    notes: sentences that stay in the result, said by `note`.
+    distrusted: names of files among `inputs` that say of themselves that they are not to be used.
+    models: those that the problem names; what is to be said of them is told with the result.
     """
 
     name: str = "problem"
@@ -163,12 +167,33 @@ class Context:
     max_seconds: float | None = None
     start: Mapping[str, Any] | None = None
     inputs: dict[str, Path] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
+    distrusted: list[str] = field(default_factory=list)
+    models: list[Any] = field(default_factory=list)
     stop_requested: bool = False
     began: float = field(default_factory=time.monotonic)
 
     def request_stop(self) -> None:
         """Ask the running solve to end with its best iterate, as Ctrl-C does."""
         self.stop_requested = True
+
+    def note(self, sentence: str) -> None:
+        """Tell a person one sentence that stays in the result; said again it is not heard."""
+        if sentence not in self.notes:
+            self.notes.append(sentence)
+            self.notice(sentence)
+
+    def take(self, key: str, path: Path) -> None:
+        """Enter a file that is read for `key`; one marked as not to be used is taken, but not without a word."""
+        self.inputs[key] = path
+        if is_marked(path):
+            self.distrust(path)
+
+    def distrust(self, path: Path) -> None:
+        """Say that a file is taken which says of itself that it is not to be used."""
+        if path.name not in self.distrusted:
+            self.distrusted.append(path.name)
+            self.note(f"{path.name} says in its first line that it is not to be used; it is taken all the same")
 
     def interrupted(self) -> bool:
         """True once a stop was requested or the time is over; engines ask once per iteration."""

@@ -41,7 +41,7 @@ def _read(keys: CartPoints, context: Context) -> tuple[np.ndarray, dict[int, np.
     path = file_of(keys.file, context)
     if path is None:
         raise InputError(f"there is no file '{keys.file}' in {context.folder} or here", f"{KEY}.file")
-    context.inputs[f"{KEY}.file"] = path
+    context.take(f"{KEY}.file", path)
     wanted = {"q": ("q", keys.unit)} | {f"P{arm}": (f"P{arm}", keys.unit) for arm in sorted(set(keys.arms))}
     try:
         table = calibration_table.read(path, wanted)

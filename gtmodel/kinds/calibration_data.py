@@ -108,7 +108,7 @@ def _found(name: str, key: str, context: Context) -> Path:
     path = file_of(name, context)
     if path is None:
         raise InputError(f"there is no file '{name}' in {context.folder} or here", key)
-    context.inputs[key] = path
+    context.take(key, path)
     return path
 
 

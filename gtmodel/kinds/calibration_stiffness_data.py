@@ -86,7 +86,7 @@ def _measured(keys: JointStiffness, model: Model, context: Context) -> LoadTestD
     path = file_of(m.file, context)
     if path is None:
         raise InputError(f"there is no file '{m.file}' in {context.folder} or here", f"{KEY}.measurements.file")
-    context.inputs[f"{KEY}.measurements.file"] = path
+    context.take(f"{KEY}.measurements.file", path)
     given: dict[str, Column] = {n: c for n in UNITS if (c := getattr(m, n)) is not None}
     try:
         table = calibration_table.read(path, {n: (c.column, c.unit) for n, c in given.items()})

@@ -20,6 +20,7 @@ from gtmodel.results import SolveStatus
 from gtmodel.results.folder import Held, others
 
 from .base import Check, Context, InputError, Outcome, Row, Section
+from .noted import checked, refuse_distrusted
 from .robot_keys import RobotProblem
 from .verdict import marked
 
@@ -87,11 +88,16 @@ def write(problem: Schema, context: Context, out: Path, *, verify: bool = False,
             functions = compiled(problem, context)
             if context.interrupted():
                 return Outcome(status=SolveStatus.INTERRUPTED, message="stopped before the code was generated")
+            if not write_failed:
+                refuse_distrusted(context, "the code")
             context.progress("generating")
             if not verify:
-                return _generated(problem, context, functions, folder)
+                found = checked(Outcome(status=SolveStatus.SOLVED), context)
+                mark = None if found.status.ok else partial(_marked, found.message)
+                return checked(_generated(problem, context, functions, folder, mark), context)
             with tempfile.TemporaryDirectory(prefix="gtmodel-codegen-") as scratch:
                 outcome, cost = _verified(problem, context, functions, Path(scratch) / "code")
+            outcome = checked(outcome, context)
             outcome = replace(
                 outcome,
                 values={**outcome.values, "folder": str(folder.path)},

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -58,7 +58,7 @@ def read_experiments(index: str, fit: Fit, context: Context) -> list[Experiment]
         groups.setdefault((*pose, direction, name), []).append((cells[columns["file"][0]], where))
     if not groups:
         raise InputError(f"{path.name} has a header but no rows")
-    near = Context(folder=path.parent, inputs=context.inputs)
+    near = replace(context, folder=path.parent)
     return [
         Experiment(np.array(key[:4], float), "xyz".index(str(key[4])), _response(files, fit, near), files[0][0])
         for key, files in groups.items()
@@ -165,5 +165,5 @@ def _found(name: str, context: Context, key: str) -> Path:
     if path is None:
         raise InputError(f"there is no file '{name}' in {context.folder} or here", key)
     # run.toml keeps the hash of every file that was read
-    context.inputs[key if key == "measured.index" else name] = path
+    context.take(key if key == "measured.index" else name, path)
     return path

@@ -52,7 +52,7 @@ def of_file(reference: str, context: Context) -> list[Pose]:
     path = file_of(reference, context)
     if path is None:
         raise InputError(f"there is no file '{reference}' in {context.folder} or here", "poses")
-    context.inputs["poses"] = path
+    context.take("poses", path)
     try:
         head, rows = _table(path)
     except InputError as error:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gtmodel.identify import Identification, Repeated, Validation, work_of
+from gtmodel.identify.exchanged import exchanged_efforts
 from gtmodel.identify.work import DEVIATIONS
 from gtmodel.inference import FALSE_ALARM, binomial_band
 
@@ -48,6 +49,9 @@ def checks_of(
     delay = found.delay
     if delay is not None:
         checks["delay_moves_a_parameter"] = Check(delay.moves, delay.bound, delay.passed, LOOK)
+    order = exchanged_efforts(found)
+    if order is not None:
+        checks["exchanged_columns"] = Check(order.ratio, order.bound, order.passed, LOOK)
     checks["parameters_far_off"] = at_most(float(len(_far_off(found))), 0.0, LOOK)
     piled = max((share for *_, share in _piled(data, found.rows.targets[0].partition("[")[0])), default=0.0)
     checks["saturated_share"] = at_most(piled, SATURATED, LOOK)
@@ -71,6 +75,9 @@ def suspicions(data: Recordings, found: Identification, validation: Validation |
         for t, share in zip(rows.targets, _unexplained(found), strict=True)
         if share > UNEXPLAINED
     ]
+    order = exchanged_efforts(found)
+    if order is not None and not order.passed:
+        lines.append(order.sentence(rows.targets))
     if work is not None:
         other = None if validation is None else work_of(found, validation.rows)
         lines += work.driving(rows.targets) + (work if other is None else other).unbalanced()

@@ -59,7 +59,7 @@ def _of_file(s: Synthetic, shape: tuple[int, ...], unit: str, context: Context) 
     path = file_of(name, context)
     if path is None:
         raise InputError(f"there is no file '{name}' in {context.folder} or here", key)
-    context.inputs[key] = Path(path)
+    context.take(key, Path(path))
     try:
         recordings = read_log(path, {s.reference: Column(s.reference, unit)}, sample_time=s.sample_time_s)
     except (TrajectoryError, UnitError) as error:

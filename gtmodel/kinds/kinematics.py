@@ -176,7 +176,7 @@ def _points(problem: Schema, context: Context, model: Model, function: CausalFun
         path = file_of(problem.points, context)
         if path is None:
             raise InputError(f"there is no file '{problem.points}' in {context.folder} or here", "points")
-        context.inputs["points"] = path
+        context.take("points", path)
         try:
             return point_table.read(path, function.inputs)
         except InputError as error:

@@ -76,7 +76,7 @@ class LogSampling(Section):
             path = file_of(name, context)
             if path is None:
                 raise InputError(f"there is no file '{name}' in {context.folder} or here", place)
-            context.inputs[place] = Path(path)
+            context.take(place, Path(path))
             try:
                 found += read_signals(
                     [path],

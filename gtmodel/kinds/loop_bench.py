@@ -106,10 +106,10 @@ def prepare(
 
 
 def _warn(paths: Iterable[Path], job: Context) -> None:
-    """What --write-failed wrote may be tried against a simulated controller, but not without a word."""
+    """What --write-failed wrote may be tried against a simulated controller, but not without a word: the first."""
     bad = next((path for path in paths if is_marked(path)), None)
     if bad is not None:
-        job.notice(f"{bad} says in its first line that it is not to be used; the simulated run takes it all the same")
+        job.distrust(bad)
 
 
 def _motion(problem: codegen.Schema, path: Path | None, place: Path, job: Context) -> Trajectory:

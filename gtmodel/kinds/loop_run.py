@@ -39,6 +39,7 @@ from .base import Context, InputError, Outcome, at_least, at_most
 from .loop_bench import MARK, Bench, prepare
 from .loop_motion import CYCLE_MS
 from .loop_rows import HOLD_CYCLES, OneRun, Stop, rows_of, stopping
+from .noted import noted
 from .run import Finished
 
 # what the first and the second run of a law are
@@ -110,6 +111,7 @@ def run(
         finished = _runs(bench, elastic_Hz, deceleration_m_s2)
         if finished.outcome.status is SolveStatus.INTERRUPTED:
             return finished
+        finished = replace(finished, outcome=noted(finished.outcome, job))
         return _written(bench, finished, {"folder": str(folder), "seconds": seconds})
 
 

@@ -125,7 +125,7 @@ def _of_field(file: str, context: Context) -> tuple[Callable[..., Dynamics], str
         field = load_oscillator_field(path)
     except ValueError as error:
         raise InputError(str(error), "oscillator_field") from error
-    context.inputs["oscillator_field"] = path
+    context.take("oscillator_field", path)
 
     def dynamics(angles, reachable, compliance, branch, place) -> Dynamics:
         def at(angle: Any) -> Oscillators:

@@ -198,7 +198,7 @@ def _points(keys: PathSection, context: Context) -> np.ndarray:
     if file is None:
         what = f"there is no file '{keys.file}' in {context.folder} or here" if keys.file else "is missing"
         raise InputError(what, "path.file")
-    context.inputs["path"] = file
+    context.take("path", file)
     rows = [row for row in csv.reader(read(file).decode("utf-8").splitlines()) if row and not row[0].startswith("#")]
     header, body = [name.strip() for name in rows[0]] if rows else [], rows[1:]
     missing = [name for name in ("x_m", "y_m", "z_m") if name not in header]

@@ -6,6 +6,7 @@ import hashlib
 import io
 import platform
 import tempfile
+import textwrap
 import tomllib
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
@@ -27,6 +28,8 @@ RUN = "run.toml"
 _OURS = "gtmodel"
 _PACKAGES = ("casadi", "numpy", "scipy", "pydantic")
 _DPI = 150
+_SAID, _SAID_POINTS = "#b00020", 9.0  # colour and size of what stands above the picture of a failed result
+_LETTERS, _LINE = 1.7, 1.25  # letters in a width and lines in a height of as many points as the size
 
 
 class NotDrawn(InputError):
@@ -153,14 +156,19 @@ def elsewhere(loaded: Loaded, context: Context, outcome: Outcome, *, wall_s: flo
 def pictured(outcome: Outcome, files: dict[str, bytes]) -> list[str]:
     """Add the pictures to `files`; a sentence on each that cannot be drawn: it must not cost the numbers."""
     faults = []
+    said = "" if outcome.status.ok else f"{_not_ok(outcome)}: {told(outcome)}"
     for name, draw in outcome.figures.items():
         file = name if name.endswith(".png") else f"{name}.png"
         try:
-            files[file] = png(draw)
+            files[file] = png(draw, said)
         except Exception as error:
             said = " ".join(str(error).split())
             faults.append(f"{file} could not be drawn ({type(error).__name__}: {said}); please report it")
     return faults
+
+
+def _not_ok(outcome: Outcome) -> str:
+    return "check failed" if outcome.status.converged else "not solved"
 
 
 def _run(loaded: Loaded, context: Context, wall_s: float, files: Mapping[str, bytes]) -> bytes:
@@ -208,14 +216,29 @@ def _sha256(content: bytes) -> str:
     return hashlib.sha256(content).hexdigest()
 
 
-def png(draw: Any) -> bytes:
-    """A picture as a file, the same bytes for the same picture."""
+def png(draw: Any, said: str = "") -> bytes:
+    """A picture as a file, the same bytes for the same picture. said: what stands above it, of a failed result."""
     buffer = io.BytesIO()
     figure = draw()
+    more = _headed(figure, said) if said else {}
     _as_written(figure)
     # matplotlib's own version stays out of the file: same input, same bytes
-    figure.savefig(buffer, format="png", dpi=_DPI, metadata={"Software": None})
+    figure.savefig(buffer, format="png", dpi=_DPI, metadata={"Software": None}, **more)
     return buffer.getvalue()
+
+
+def _headed(figure: Any, said: str) -> dict[str, Any]:
+    """Write a text above a figure, on paper added there; what savefig needs for it."""
+    from matplotlib.transforms import Bbox
+
+    width, height = figure.get_size_inches()
+    inch = 72.0 / _SAID_POINTS  # lines in an inch, and about half the letters
+    lines = textwrap.wrap(" ".join(said.split()), max(20, int(_LETTERS * inch * width)))
+    text = figure.text(0.5, 1.0, "\n".join(lines), ha="center", va="bottom", color=_SAID, fontsize=_SAID_POINTS)
+    text.set_in_layout(False)  # the picture itself stays as it was
+    above = (len(lines) + 1) * _LINE / inch
+    text.set_y(1.0 + 0.5 * _LINE / inch / height)
+    return {"bbox_inches": Bbox([[0.0, 0.0], [width, height + above]])}
 
 
 def _as_written(figure: Any) -> None:

@@ -54,7 +54,7 @@ def resolve(
         raise InputError(f"'{reference}' names no class; expected 'package.module:Class' or 'file.py:Class'", key)
     module = _file(place, context, key) if place.endswith(".py") else _module(place, context, key)
     if getattr(module, "__file__", None):
-        context.inputs[key] = Path(str(module.__file__))
+        context.take(key, Path(str(module.__file__)))
     found = getattr(module, name, None)
     if found is None:
         public = [n for n, item in vars(module).items() if isinstance(item, type) and issubclass(item, base)]
@@ -62,7 +62,9 @@ def resolve(
         close = difflib.get_close_matches(name, own, n=1)
         tail = f"did you mean '{close[0]}'?" if close else f"its models are {', '.join(own) or 'none'}"
         raise InputError(f"'{place}' holds no '{name}'; {tail}", key)
-    return _made(found, reference, key, dict(parameters or {}), base)
+    model = _made(found, reference, key, dict(parameters or {}), base)
+    context.models.append(model)
+    return model
 
 
 def _made(found: Any, reference: str, key: str, parameters: dict[str, Any], base: type[Model]) -> Any:

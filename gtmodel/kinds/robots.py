@@ -75,10 +75,12 @@ def resolve(
         raise InputError(_unknown(reference), key)
     _refuse_options(modifiers, given)
     try:
-        return catalogue.family_member(family, name, **given, **modifiers)
+        model = catalogue.family_member(family, name, **given, **modifiers)
     except ModelError as error:
         at = _WORDS["inertia"] if "inertia model" in str(error) else "parameters" if parameters else key
         raise InputError(str(error), at) from error
+    context.models.append(model)
+    return model
 
 
 def _refuse_options(parameters: Mapping[str, Any], given: Mapping[str, Any]) -> None:
@@ -96,7 +98,7 @@ def _file(reference: str, context: Context, key: str) -> dict[str, Any]:
     path = file_of(reference, context)
     if path is None:
         raise InputError(f"there is no robot file '{reference}' in {context.folder} or here", key)
-    context.inputs["robot"] = path
+    context.take("robot", path)
     try:
         return parse(read(path))
     except InputError as error:

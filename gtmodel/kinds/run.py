@@ -13,6 +13,7 @@ from . import output
 from . import start as earlier
 from .base import TRAJECTORY, Context, InputError, Outcome
 from .load import Loaded
+from .noted import noted
 from .verdict import marked, told
 
 
@@ -49,9 +50,9 @@ def solve(
     `write_failed`.
     """
     if out is None:
-        return Finished(loaded.kind.solve(loaded.problem, context), time.monotonic() - context.began)
+        return Finished(noted(loaded.kind.solve(loaded.problem, context), context), time.monotonic() - context.began)
     with output.held(out, context) as folder:
-        outcome = loaded.kind.solve(loaded.problem, context)
+        outcome = noted(loaded.kind.solve(loaded.problem, context), context)
         wall_s = time.monotonic() - context.began
         outcome = _for_machines(outcome, write_failed)
         try:
@@ -97,7 +98,7 @@ def generate(loaded: Loaded, context: Context, out: Path, *, verify: bool, write
 
     assert isinstance(loaded.problem, codegen.Schema)
     outcome = codegen.write(loaded.problem, context, out, verify=verify, write_failed=write_failed)
-    return Finished(outcome, time.monotonic() - context.began)
+    return Finished(noted(outcome, context), time.monotonic() - context.began)
 
 
 def explain(loaded: Loaded, context: Context) -> str:

@@ -7,6 +7,7 @@ from typing import Any
 
 from . import get, names
 from .fields import keys_of
+from .noted import DESCRIPTION, NOTES
 from .units import unit_of
 
 
@@ -24,6 +25,6 @@ def document(kind: str) -> dict[str, Any]:
 
 def values(kind: str) -> dict[str, dict[str, str]]:
     """Name -> unit and description of what `values` will hold."""
-    return {
-        name: {"unit": unit_of(name), "description": inspect.cleandoc(text)} for name, text in get(kind).VALUES.items()
-    }
+    named = {**get(kind).VALUES}
+    named.setdefault(NOTES, DESCRIPTION)
+    return {name: {"unit": unit_of(name), "description": inspect.cleandoc(text)} for name, text in named.items()}

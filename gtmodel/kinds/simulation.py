@@ -170,7 +170,7 @@ def _inputs(problem: Schema, context: Context) -> dict[str, Any]:
         path = file_of(value.file, context)
         if path is None:
             raise InputError(f"there is no file '{value.file}' in {context.folder} or here", key)
-        context.inputs[f"inputs.{name}"] = Path(path)
+        context.take(f"inputs.{name}", Path(path))
         signal = value.signal or name
         try:
             trajectory = Trajectory.from_csv(path)

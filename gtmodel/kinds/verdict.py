@@ -11,6 +11,7 @@ from .units import split
 _DIGITS, _ALL = 6, 17  # of a number in a sentence; that tell any two numbers apart
 
 _MARK = "NOT TO BE USED"
+_LONGEST = 4096  # bytes of a first line that are looked at: a measured file may be one line of many megabytes
 # how a file of this ending says something in its first line; all readers of these formats pass over it
 _COMMENT = {
     ".csv": ("# ", ""),
@@ -77,6 +78,9 @@ def marked(name: str, content: bytes, message: str, by: str = ", written by --wr
 
 
 def is_marked(path: Path) -> bool:
-    """True for a file that says of itself that it must not be relied on."""
-    with open(path, "rb") as file:
-        return _MARK.encode() in file.readline()
+    """True for a file that says of itself that it must not be relied on; False for what cannot be read."""
+    try:
+        with open(path, "rb") as file:
+            return _MARK.encode() in file.readline(_LONGEST)
+    except OSError:
+        return False

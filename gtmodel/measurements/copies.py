@@ -40,11 +40,12 @@ def copies(rows: Array, same: float = 0.0) -> Array:
     return np.column_stack([again, original[again]])
 
 
-def copied_stretch(recordings: Sequence[Array], stretch: int = STRETCH) -> Stretch | None:
+def copied_stretch(recordings: Sequence[Array], stretch: int = STRETCH, distinct: float = 0.0) -> Stretch | None:
     """The first stretch of evenly sampled recordings (n, k) that repeats an earlier one in every digit; None for none.
 
     Within a recording or between two. At least `stretch` samples long, or as long as the shortest recording, and most
-    of its samples differ from the one before: a reading at rest may stand still.
+    of its samples differ from the one before: a reading at rest may stand still. At least a share `distinct` of them
+    differ from each other: a coarse reading may go to and fro between a few numbers.
     """
     recordings = [np.asarray(r, dtype=float).reshape(len(r), -1) for r in recordings]
     length = min(stretch, *(len(r) for r in recordings))
@@ -59,6 +60,8 @@ def copied_stretch(recordings: Sequence[Array], stretch: int = STRETCH) -> Stret
         at, of = int(places[k]), int(places[original[k]])
         # two windows of one number need not be the same
         if not np.array_equal(everything[at : at + length], everything[of : of + length]):
+            continue
+        if len(np.unique(everything[at : at + length], axis=0)) < distinct * length:
             continue
         again, one = (int(np.searchsorted(starts, x, side="right")) - 1 for x in (at, of))
         most = min(starts[again + 1] - at, starts[one + 1] - of)

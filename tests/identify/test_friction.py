@@ -173,3 +173,72 @@ def test_refusals() -> None:
         identify_friction(Runs(*(part[:4] for part in one_way)), PATTERN[:1])
     with pytest.raises(FrictionError, match=r"gravity loads the actuators alike in all poses"):
         identify_friction(runs(poses=2), PATTERN[[0, 0]], gravity="poses")
+
+
+def drawn(seed: int, poses: int, *, alike: bool) -> tuple[Runs, np.ndarray]:
+    """A SYNTHETIC plant of its own for every seed, each second one with two carts that are nearly the same. alike: all
+    carts run at one velocity."""
+    rng = np.random.default_rng(seed)
+    pattern = rng.uniform(-12, 12, (poses, 3))
+    friction = [rng.uniform(60, 300, 3) for _ in range(4)]
+    if seed % 2:
+        friction = [x[0] * np.array([1.0, 1.02, 0.9]) for x in friction]
+    plus, _, forth, back = friction
+    minus = plus  # friction that differs by direction would pass for gravity in a single pose
+    speeds = rng.uniform(0.05, 1.2, 5)
+    v = np.concatenate([speeds, -speeds] * poses)[:, None] * np.ones(3)
+    v = v if alike else v * rng.uniform(0.5, 1.5, v.shape)
+    pose = np.repeat(np.arange(poses), 10)
+    force = rng.uniform(5, 40) * pattern[pose] + np.where(v > 0, plus + forth * v, -minus + back * v)
+    force += rng.normal(0, rng.uniform(0.2, 5), v.shape)
+    return Runs(v, force, pose, np.ones(len(pose)), rng.uniform(0, 1, v.shape)), pattern
+
+
+@pytest.mark.parametrize(("poses", "alike"), [(1, False), (2, True), (3, True), (3, False)])
+def test_forces_in_exchanged_columns_are_recognised_and_no_others(poses: int, alike: bool) -> None:
+    seen = 0
+    for seed in range(60):
+        data, pattern = drawn(seed, poses, alike=alike)
+        assert len(identify_friction(data, pattern).undetermined) <= 3  # honest: never refused
+        exchanged = data._replace(force=data.force[:, [1, 0, 2]])
+        try:
+            identify_friction(exchanged, pattern)
+        except FrictionError as error:
+            seen += "force 1 and force 2 look exchanged" in str(error)
+    assert seen >= 57  # one pattern of 60 may be alike for two carts
+
+
+def test_what_no_run_tells_of_the_columns_is_said() -> None:
+    data, pattern = drawn(0, 1, alike=True)
+    assert "in another cart's column" in identify_friction(data, pattern).undetermined[-1]
+    data, pattern = drawn(0, 3, alike=True)
+    assert "column" not in identify_friction(data, pattern).undetermined[-1]
+
+
+@pytest.mark.parametrize("cart", [0, 1, 2])
+def test_a_reversed_force_shows_by_gravity_where_friction_is_small(cart: int) -> None:
+    """Less friction than noise gives no sign, but its levels follow gravity backwards."""
+    for seed in range(20):
+        data, pattern = drawn(seed, 3, alike=True)
+        rng = np.random.default_rng(seed)
+        force = 20.0 * pattern[data.pose] + rng.normal(0.0, 1.0, data.force.shape)
+        identify_friction(data._replace(force=force), pattern)
+        with pytest.raises(FrictionError, match=rf"force {cart + 1} looks reversed|cart {cart + 1}: friction would"):
+            identify_friction(data._replace(force=force * np.where(np.arange(3) == cart, -1, 1)), pattern)
+
+
+@pytest.mark.parametrize("shift", [0.0, 0.1, -3.7])
+def test_copied_runs_are_refused_wherever_they_are_said_to_be(shift: float) -> None:
+    data, pattern = drawn(4, 2, alike=False)
+    copied = Runs(*(np.concatenate([part, part[5:9]]) for part in data))
+    copied.position[20:] += shift
+    with pytest.raises(FrictionError, match="4 of 24 runs are copies of others, run 21 of run 6"):
+        identify_friction(copied, pattern)
+
+
+def test_runs_that_were_written_down_in_few_digits_may_agree() -> None:
+    data, pattern = drawn(4, 2, alike=True)
+    coarse = data._replace(force=np.round(data.force, -1))
+    twice = Runs(*(np.concatenate([part, part]) for part in coarse))
+    twice.position[20:] += 0.1
+    identify_friction(twice, pattern)

@@ -49,6 +49,12 @@ def test_a_sound_log_raises_no_suspicion(tmp_path: Path):
     [
         (lambda x: x * [1, -1, 1], {"unexplained_share", "work_of_friction_J"}, r"tau\[1\]: friction would drive"),
         (lambda x: x[:, [1, 0, 2]], {"unexplained_share"}, r"tau\[0\]: .* left unexplained; check sign, order"),
+        (
+            lambda x: x[:, [1, 0, 2]],
+            {"exchanged_columns"},
+            r"tau\[0\] and tau\[1\] look exchanged: .* as tau\[1\], tau\[0\]",
+        ),
+        (lambda x: x[:, [0, 2, 1]], {"exchanged_columns"}, r"tau\[1\] and tau\[2\] look exchanged"),
         (lambda x: 1e-3 * x, {"parameters_far_off"}, "m_p is 0.00102 times its nominal value; check the units"),
         (
             lambda x: np.roll(x, 1, axis=0),
@@ -107,3 +113,33 @@ def test_a_position_without_steps_but_with_noise(tmp_path: Path):
         if name.startswith(("coulomb", "viscous")):
             assert values["parameters"][name] == pytest.approx(value, rel=0.04)
     assert values["parameters"]["m_p"] == pytest.approx(plant().m_p, abs=0.6)
+
+
+@pytest.mark.parametrize("shift", [0.0, 0.1])
+def test_a_copy_is_refused_wherever_it_is_said_to_be(tmp_path: Path, shift: float):
+    """Positions that a constant moved differ in their digits; the noise of the efforts does not."""
+    t = simulator(16.0).truth
+    clean = t["tau"] + NOISE * np.random.default_rng(3).normal(size=t["tau"].shape)
+    half = len(clean) // 2
+    q = t["q"] + 1e-3 * np.random.default_rng(4).normal(size=t["q"].shape)
+    q[half : 2 * half] = q[:half] + shift
+    with pytest.raises(InputError, match="a copy counts twice"):
+        solve(tmp_path, q=q, tau=lambda x: np.concatenate([clean[:half], clean[:half], clean[2 * half :]]))
+
+
+def test_sixty_sound_logs_raise_no_suspicion_of_their_columns():
+    from gtmodel.identify.exchanged import exchanged
+
+    for seed in range(60):
+        rng = np.random.default_rng(seed)
+        n, m, k = int(rng.integers(20, 400)), int(rng.integers(2, 5)), 5
+        Y = rng.normal(size=(n * m, k))
+        e = (Y @ rng.normal(size=k) + rng.uniform(1e-6, 3.0) * rng.normal(size=n * m)).reshape(n, m)
+        Q = np.linalg.qr(Y)[0]
+
+        def left(order, signs, e=e, Q=Q):
+            b = (e[:, order] * signs).reshape(-1)
+            return float(b @ b - np.sum((Q.T @ b) ** 2))
+
+        found = exchanged(left, m, n * m - k, 1.0)
+        assert found is not None and found.passed

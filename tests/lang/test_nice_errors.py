@@ -315,6 +315,25 @@ class TestParameters:
         with pytest.raises(gt.ModelError, match=rf"^parameter {words} \({model.where}\)$"):
             model.causal((), "root.y")
 
+    @pytest.mark.parametrize(
+        "attributes, words",
+        [
+            (dict(kind="rotate", shape=(3, 3)), "kinds of parameters are rotation, unit, .*; found 'rotate'"),
+            (dict(kind="rotation", shape=3), r"kind 'rotation' has shape \(3, 3\); found \(3,\)"),
+            (dict(kind="semidefinite", shape=(2, 3)), r"kind 'semidefinite' has shape \(n, n\); found \(2, 3\)"),
+            (dict(kind="unit"), r"kind 'unit' has shape rows; found \(\)"),
+        ],
+    )
+    def test_a_kind_of_value_that_does_not_fit(self, attributes, words):
+        with pytest.raises(gt.ModelError, match=rf"{words} \(lang/test_nice_errors.py:\d+\)"):
+            gt.parameter(**attributes)
+
+    def test_a_builder_checks_the_kind_of_a_value(self):
+        with pytest.raises(
+            gt.ModelError, match=r"parameter 'n' must have length 1; found .* of length 5; divide it by"
+        ):
+            gt.Builder("b").parameter("n", [3.0, 4.0], kind="unit")
+
     def test_values_keep_to_min_and_max(self):
         class Rate(gt.Model):
             k = gt.parameter(0.5, min=0.0, max=[1.0, 2.0], shape=2)

@@ -41,3 +41,11 @@ def test_within_one_recording_too_and_not_at_rest() -> None:
     still = np.concatenate([np.zeros((500, 1)), np.round(np.cumsum(rng.normal(size=(500, 1)), axis=0), 3)])
     assert copied_stretch([still, -still]) is None
     assert copied_stretch([np.ones((5, 1)), np.ones((5, 1))]) is None
+
+
+def test_a_coarse_reading_that_goes_to_and_fro_is_no_copy() -> None:
+    toggling = np.tile([[1.0], [2.0]], (200, 1))
+    assert copied_stretch([toggling]) is not None
+    assert copied_stretch([toggling], distinct=0.5) is None
+    noise = np.random.default_rng(0).normal(size=(200, 1))
+    assert copied_stretch([np.vstack([toggling, noise, noise])], distinct=0.5) == (0, 600, 0, 400, 200)

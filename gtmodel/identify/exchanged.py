@@ -1,0 +1,93 @@
+"""Efforts in exchanged or reversed columns: another reading of them that the same model explains far better."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from gtmodel.inference import FALSE_ALARM
+from gtmodel.measurements.orders import orders
+
+from .inertia import Identification
+
+Array = np.ndarray
+
+# another order is believed when it leaves so many times less: no error of a model, only one of columns, falls so
+NEARER = 1.5
+ROUND_OFF = 1e-9  # of the efforts: what is left is nothing
+
+
+class Exchanged(NamedTuple):
+    """What is left of the efforts [rms, their unit] as given and as best read otherwise, `order[k]` with the
+    sign `signs[k]` for the k-th, round-off at least; beyond `bound` times the other the given is not believed.
+    """
+
+    order: list[int]
+    signs: list[int]
+    given: float
+    other: float
+    bound: float
+
+    @property
+    def ratio(self) -> float:
+        return self.given / self.other
+
+    @property
+    def passed(self) -> bool:
+        return self.ratio <= self.bound
+
+    @property
+    def told(self) -> bool:
+        """Whether another reading would have been seen."""
+        return self.other > self.bound * self.given
+
+    def sentence(self, names: Sequence[str], unit: str = "") -> str:
+        """How the columns of these names are to be read."""
+        given, other = (f"{left:.3g}{unit and f' {unit}'}" for left in (self.given, self.other))
+        left = f"as given the model leaves {given} rms of the efforts, and {other}"
+        reversed_ = [name for name, sign in zip(names, self.signs, strict=True) if sign < 0]
+        if reversed_:
+            return f"{reversed_[0]} looks reversed: {left} with the other sign"
+        changed = [k for k, m in enumerate(self.order) if m != k]
+        read = ", ".join(names[self.order[k]] for k in changed)
+        return f"{' and '.join(names[k] for k in changed)} look exchanged: {left} when read as {read}"
+
+
+def exchanged(
+    left: Callable[[list[int], list[int]], float], columns: int, freedom: float, size: float
+) -> Exchanged | None:
+    """Compare columns as given with all other orders, and with one of them reversed; None for a single column.
+
+    left: sum of squares that is left with an order and signs. freedom: of the residuals. size: rms of the efforts.
+    """
+    if columns < 2 or freedom < 1:
+        return None
+    from scipy import stats  # here: it alone takes as long to import as all of gtmodel
+
+    whole, same = list(range(columns)), [1] * columns
+    trials = [(order, same) for order in orders(columns, [whole])]
+    trials += [(whole, [-1 if k == r else 1 for k in whole]) for r in whole]
+    order, signs = min(trials, key=lambda trial: left(*trial))
+    least = ROUND_OFF * max(size, np.finfo(float).tiny)
+    given, other = (max(float(np.sqrt(max(left(*t), 0.0) / freedom)), least) for t in ((whole, same), (order, signs)))
+    chance = float(stats.f.isf(FALSE_ALARM / len(trials), freedom, freedom))
+    return Exchanged(order, signs, given, other, max(NEARER, float(np.sqrt(chance))))
+
+
+def exchanged_efforts(found: Identification) -> Exchanged | None:
+    """Of the columns of efforts of an identification, with the parameters that were free; None for one column."""
+    rows, e = found.rows, found.estimate
+    n, m = rows.effort.shape
+    free = [rows.names.index(name) for name in e.names]
+    known = rows.y0 + rows.Y @ np.array([found.fixed.get(name, 0.0) for name in rows.names])
+    Y = rows.Y[:, :, free].reshape(n * m, -1)
+    Q, R = np.linalg.qr(Y / np.maximum(np.linalg.norm(Y, axis=0), np.finfo(float).tiny))
+    Q = Q[:, np.abs(np.diag(R)) > ROUND_OFF]
+
+    def left(order: list[int], signs: list[int]) -> float:
+        b = (rows.effort[:, order] * signs - known).reshape(-1)
+        return float(np.sum((b - Q @ (Q.T @ b)) ** 2))
+
+    return exchanged(left, m, n * m - Q.shape[1], float(np.sqrt(np.mean(rows.effort**2))))
