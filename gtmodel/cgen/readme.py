@@ -94,8 +94,8 @@ state per caller; two states never meet. `state.marks` tells how near the limits
 """
 
 _LIMITS = (
-    "A pivot means singular below {pivot:g} of its typical size, and a Newton solution is ok with residuals up to "
-    "{residual:g} of what one nominal of each unknown would make of them."
+    "Below {pivot:g} of its typical size a pivot means singular and a branch is left, and a Newton solution is ok with "
+    "residuals up to {residual:g} of what one nominal of each unknown would make of them."
 )
 _NUMBERS = {
     "double": f"Numbers are double. {_LIMITS}",

@@ -38,7 +38,7 @@ def wrapper(name: str, faces: list[Interface]) -> str:
         comment([f"gt_{name}: guards round the bodies in gt_{name}_body.c; see gt_{name}.h."]),
         f'#include "gt_{name}.h"\n\n#include "gt_{name}_body.h"\n#include "gt_guard.h"\n{newton}\n',
         "#include <math.h>\n\n",
-        comment(["A pivot below this fraction of its typical size means singular."]),
+        comment(["Below this fraction of its typical size a pivot means singular, and a branch is left."]),
         f"#define GT_PIVOT_TOLERANCE ({decimal(faces[0].real.pivot)})\n\n",
         _EACH_FINITE,
         *[_start(face) + _function(face) + _along(face) for face in faces],
@@ -273,10 +273,10 @@ def _margin(n: int, margin: Margin) -> str:
         return _guard(f"margins[{n}] >= 0.0", Status.OUT_OF_RANGE, f"discriminant of {margin.label}")
     if margin.kind == "condition":
         return _guard(f"margins[{n}] >= 0.0", Status.OUT_OF_RANGE, f"condition on the inputs: {margin.label}")
+    least = f"GT_PIVOT_TOLERANCE * {decimal(margin.scale)}"
     if margin.kind == "branch":
-        return _guard(f"margins[{n}] > 0.0", Status.WRONG_BRANCH, f"the solution lies on {margin.label}")
+        return _guard(f"margins[{n}] > ({least})", Status.WRONG_BRANCH, f"the solution lies on {margin.label}")
     if margin.kind != "pivot":
         raise GenerationError(f"the margin of {margin.label} is of the kind '{margin.kind}', which C does not know yet")
-    least = f"GT_PIVOT_TOLERANCE * {decimal(margin.scale)}"
     test = f"(margins[{n}] > ({least})) ||\n          (margins[{n}] < -({least}))"
     return _guard(test, Status.SINGULAR, f"pivot of {margin.label}")

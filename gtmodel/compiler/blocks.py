@@ -20,10 +20,10 @@ VERDICTS = {
 
 @dataclass(frozen=True, eq=False)
 class Margin:
-    """A number that must stay on the good side: discriminant or condition >= 0, |pivot| above a tolerance, branch > 0.
+    """A number that must stay on the good side: discriminant or condition >= 0, |pivot| and branch above a tolerance.
 
-    `kind` is one of VERDICTS: a condition is on known values, a branch tells where Newton has led; `scale` (typical
-    size) is found at the sample points.
+    `kind` is one of VERDICTS: a condition is on known values, a branch tells where Newton has led, as far as round-off
+    lets it; `scale` (typical size) is found at the sample points.
     """
 
     kind: str

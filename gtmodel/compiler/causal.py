@@ -274,8 +274,8 @@ class CausalFunction:
             if m.kind == "discriminant" and not value >= 0:
                 why = f"{m.label} has no real solution, the number under its square root is {value:.4g}"
                 return f"{status.sentence}: {why}"
-            if m.kind == "branch" and not value > 0:
-                why = f"{m.label} is wanted, and its expression is {abs(value):.4g} on the other side"
+            if m.kind == "branch" and not value > PIVOT_TOLERANCE * m.scale:
+                why = f"{m.label} is wanted, and its expression, so signed, is {value:.4g}, typically {m.scale:.4g}"
                 return f"{status.sentence}: {why}; known values nearer to home keep it, `branches` asks for the other"
             if m.kind == "pivot" and not abs(value) > PIVOT_TOLERANCE * m.scale:
                 return f"{status.sentence}: the pivot for {m.label} is {abs(value):.4g}, typically {m.scale:.4g}"

@@ -82,17 +82,17 @@ def status_codes(
     sizes: Sizes | None = None,
 ) -> np.ndarray:
     """Status code of each column from inputs, iterations (`found`), margins (last of results) and outputs; the first
-    cause wins. `tolerance`: below which part of its typical size a pivot means singular; limits have the precision
-    of the margins. `sizes`: how large the inputs may be."""
+    cause wins. `tolerance`: below which part of its typical size a pivot means singular, or a branch is left; limits
+    have the precision of the margins. `sizes`: how large the inputs may be."""
     n = results[-1].shape[1]
     number = results[-1].dtype.type
     code = np.zeros(n, dtype=int) if found is None else found.copy()
     for m, row in zip(margins, results[-1], strict=True):
         with np.errstate(invalid="ignore"):
-            if m.kind == "pivot":
-                good = np.abs(row) > number(tolerance) * number(m.scale)
+            if m.kind in ("pivot", "branch"):
+                good = (np.abs(row) if m.kind == "pivot" else row) > number(tolerance) * number(m.scale)
             else:
-                good = row > 0 if m.kind == "branch" else row >= 0
+                good = row >= 0
         code = np.where((code == 0) & ~good, VERDICTS[m.kind], code)
     finite = np.all([np.all(np.isfinite(r), axis=0) for r in results[:-1]], axis=0)
     code = np.where((code == 0) & ~finite, Status.NOT_FINITE, code)

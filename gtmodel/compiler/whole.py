@@ -32,10 +32,10 @@ def judged(
     targets."""
     code = ca.if_else(_finite(targets), ca.SX(Status.OK), ca.SX(Status.NOT_FINITE))
     for k, m in reversed(list(enumerate(facts))):
-        if m.kind == "pivot":
-            good = ca.fabs(margins[k]) > PIVOT_TOLERANCE * m.scale
+        if m.kind in ("pivot", "branch"):
+            good = (ca.fabs(margins[k]) if m.kind == "pivot" else margins[k]) > PIVOT_TOLERANCE * m.scale
         else:
-            good = margins[k] > 0 if m.kind == "branch" else margins[k] >= 0
+            good = margins[k] >= 0
         code = ca.if_else(good, code, ca.SX(VERDICTS[m.kind]))
     code = ca.if_else(ca.SX(found) == 0, code, ca.SX(found))
     if sizes is not None and inputs:

@@ -28,8 +28,8 @@ NAME = "kinematics"
 VALUES = {
     "rows": "number of points",
     "statuses": "number of rows by status: ok, out_of_range, not_converged (no solution where Newton looks for one, as "
-    "beyond a six-link robot's reach), singular, not_finite, inconsistent_known_values (such as a quaternion that is "
-    "not of length 1), not_computed",
+    "beyond a six-link robot's reach), wrong_branch (Newton's solution lies on another than a declared branch), "
+    "singular, not_finite, inconsistent_known_values (such as a quaternion that is not of length 1), not_computed",
     "ranges": "least and greatest value of each target over the rows that are ok, in SI units",
     "zyz_range_deg": "largest minus smallest ZYZ angle over the rows that are ok; null without [orientation]",
     "zyz_layer_range_deg": "the same for each layer of a grid; null without one",

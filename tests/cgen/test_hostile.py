@@ -63,12 +63,13 @@ class Made:
         """Rows of answers that miss an equation."""
         return self.judge(face.key, self._known(face, inputs, outputs), WRONG_M[self.real], WRONG_RATE[self.real])
 
-    def as_declared(self, face: Interface, inputs: np.ndarray, outputs: np.ndarray) -> np.ndarray:
-        """Rows of answers with every link on its declared branch; the F1 declares one for arm 1 only."""
+    def as_declared(self, face: Interface, inputs: np.ndarray, outputs: np.ndarray, most_m: float = 0.0) -> np.ndarray:
+        """Rows of answers with every link on its declared branch, or by at most this beyond its border; the F1 declares
+        one for arm 1 only."""
         known = self._known(face, inputs, outputs)
         if self.links is None:
             return f1_of(self.robot).first_below(known["q"], known["T"], known["e"])
-        return self.links.all_ahead(carts_of(self.links, known), known["T"], known.get("e"))
+        return self.links.all_ahead(carts_of(self.links, known), known["T"], known.get("e"), most_m)
 
     def _known(self, face: Interface, inputs: np.ndarray, outputs: np.ndarray) -> dict[str, np.ndarray]:
         """Numbers by signal: inputs, outputs, and of the state what is neither."""
@@ -175,7 +176,8 @@ def test_what_is_ok_solves_the_equations(problem: str, key: str, rows: int, made
     bad = np.flatnonzero(ok)[it.wrong(face, inputs[ok], outputs[ok])]
     assert bad.size == 0, f"{bad.size} wrong, first {inputs[bad[0]].tolist()} -> {outputs[bad[0]].tolist()}"
     if face.newton:  # a foreign state, or a jump to the mirror image of T, leads to links that point backwards
-        bad = np.flatnonzero(ok)[~it.as_declared(face, inputs[ok], outputs[ok])]
+        # at the border, where two solutions meet, round-off of the one that was given may tell the other
+        bad = np.flatnonzero(ok)[~it.as_declared(face, inputs[ok], outputs[ok], WRONG_M[it.real])]
         assert bad.size == 0, f"{bad.size} on another branch, first {inputs[bad[0]].tolist()}"
 
 

@@ -97,10 +97,11 @@ class StraightGuideways:
             found.append((d @ v + side * root) / (v @ v))
         return np.stack(found, axis=1)
 
-    def all_ahead(self, q: Array, T: Array, e: Array | None = None) -> Array:
-        """Whether the plate joint of every link lies ahead of its cart, as the models declare (rows,)."""
+    def all_ahead(self, q: Array, T: Array, e: Array | None = None, most_m: float = 0.0) -> Array:
+        """Whether the plate joint of every link lies ahead of its cart, as the models declare, or behind it by at most
+        this (rows,)."""
         d = self.links(q, T, e)
-        return np.all(np.stack([d[:, k] @ v for k, v in enumerate(self.v)]) > 0, axis=0)
+        return np.all(np.stack([d[:, k] @ v for k, v in enumerate(self.v)]) > -most_m, axis=0)
 
     def rate(self, q: Array, T: Array, qd: Array, Td: Array, e: Array | None = None) -> Array:
         """Largest rate of a link's length over the speeds of its ends (rows,); the plate turns as suits it best."""
