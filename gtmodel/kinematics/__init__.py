@@ -1,9 +1,12 @@
 """Kinematics that a model's equations alone do not answer.
 
+workspace_study   which tool centre points a robot reaches: `WorkspaceStudy`; its options stand in `workspace`
+
 accuracy          greatest positioning errors from errors of carts and links
 assembly_modes    every pose in which a platform on six legs of given lengths can be assembled
 section           a plane across the guideways
 workspace         which tool centre points are reached, and why not the others
+mechanism         a robot on guideways as arrays: `Mechanism`
 singularity       how far a pose is from a singular one, as lengths and angles
 WristPartition    all branches of the inverse kinematics of a six-axis arm with a wrist centre
 MotionMaps        velocity and acceleration maps of any position causality
@@ -27,6 +30,7 @@ from .maps import MotionMaps
 from .orientation import OrientationMap, grid, orientation_map
 from .rotations import rotation_vector, zyz
 from .transmission import Backlash, CyclicTerm, backlash, cyclic_term
+from .workspace import WorkspaceStudy, workspace_study
 from .wrist_partition import InverseBranches, WristPartition
 
 __all__ = [
@@ -37,6 +41,7 @@ __all__ = [
     "MeasurementError",
     "MotionMaps",
     "OrientationMap",
+    "WorkspaceStudy",
     "WristPartition",
     "accuracy",
     "assembly_modes",
@@ -49,5 +54,6 @@ __all__ = [
     "section",
     "singularity",
     "workspace",
+    "workspace_study",
     "zyz",
 ]

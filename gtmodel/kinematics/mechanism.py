@@ -13,7 +13,7 @@ from ..lang import Model, ModelError
 from ..results import ArgumentError, Status
 from ..robots.links import link_names
 from .section import Section, across_guideways
-from .workspace.poses import InverseKinematics, Poses
+from .poses import InverseKinematics, Poses
 
 Array = np.ndarray
 MARGIN_M = 0.05  # around what the links can reach at most

@@ -68,7 +68,8 @@ def made_from(options: type[Options], *left_out: str) -> Callable[[type[S]], typ
 
 
 def _key(name: str, marks: tuple[Any, ...]) -> str:
-    unit = next((m for m in marks if isinstance(m, Unit)), None)
+    """The name with its unit; the underscore behind a word of Python, as in `from_`, is not written."""
+    name, unit = name.rstrip("_"), next((m for m in marks if isinstance(m, Unit)), None)
     return name if unit is None else named(name, unit.written or unit.text)
 
 
@@ -110,7 +111,7 @@ def _hint(hint: Any, marks: tuple[Any, ...]) -> Any:
     """The type of a key: bounds on each number of it, a count on each list."""
     origin, inside = get_origin(hint), get_args(hint)
     if origin is Annotated:
-        return _hint(inside[0], marks)
+        return _hint(inside[0], tuple(dict.fromkeys((*marks, *inside[1:]))))
     if origin in (Union, types.UnionType):
         return Union[tuple(_hint(one, marks) for one in inside)]  # noqa: UP007
     if origin in (list, tuple):

@@ -38,7 +38,7 @@ def one_compilation(monkeypatch: pytest.MonkeyPatch) -> None:
     made = calibration_plan_turns.limited_mechanism
 
     def once(model, home, bodies):
-        key = repr((model, home, bodies.plate_joints_m))
+        key = repr((model, home, bodies.plate_joints))
         if key not in MECHANISMS:
             MECHANISMS[key] = made(model, home, bodies)
         return MECHANISMS[key]

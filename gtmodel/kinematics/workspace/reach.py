@@ -12,7 +12,7 @@ import numpy as np
 from ...results import Status
 from .grid import Grid
 from .limits import Limit
-from .poses import Array, InverseKinematics
+from ..poses import Array, InverseKinematics
 
 REACHABLE = 0
 FIRST_LIMIT = 64  # codes below are those of `Status`, from here on they count the limits
