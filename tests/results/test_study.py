@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Annotated
+from typing import Annotated, Literal
 
 import numpy as np
 import pytest
@@ -112,6 +112,7 @@ def test_a_picture_that_is_not_there_is_refused():
 @dataclass(frozen=True)
 class Inner(Options):
     angle: Annotated[float, Unit("rad", written="deg"), Within(above=0.0, most=math.pi), "of it"] = math.pi / 2
+    shape: Annotated[Literal["line", "arc"], "of it"] = "line"
 
 
 @dataclass(frozen=True)
@@ -131,6 +132,7 @@ class Limits(Options):
         (lambda: Limits(math.nan), "force"),
         (lambda: Limits(1.0, [1.0]), "place"),
         (lambda: Inner(4.0), "angle"),
+        (lambda: Inner(shape="round"), "shape"),
     ],
 )
 def test_options_are_checked_whoever_makes_them(made, argument):
@@ -205,6 +207,13 @@ def test_a_table_has_digits_by_column_and_empty_cells():
 def test_work_ends_by_time_and_by_request():
     assert Work(max_seconds=0.0).interrupted() and Work(stop=lambda: True).interrupted()
     assert not Work().interrupted() and Work().seconds_left() is None
+
+
+def test_an_optimiser_tells_of_its_iterations_and_is_stopped():
+    told = []
+    work = Work(progress=lambda *given: told.append(given), stop=lambda: len(told) > 1)
+    assert [work.iterations("optimising")(k, 2.0, 0.5) for k in (1, 2)] == [False, True]
+    assert told[0] == ("optimising", None, {"iteration": 1, "objective": 2.0, "violation": 0.5})
 
 
 def test_a_written_study_is_given_back(tmp_path):
