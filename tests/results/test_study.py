@@ -173,7 +173,7 @@ class _Table(Made):
 
 class _Schema(Problem):
     limits: _Table
-    several: list[_Table] = []
+    several: list[_Table]
 
 
 @pytest.mark.parametrize(
