@@ -27,8 +27,8 @@ from gtmodel.calibrate import (
 )
 from gtmodel.inference import Identifiability
 from gtmodel.kinematics.mechanism import Mechanism
-from gtmodel.kinematics.workspace.limited import refuse_disordered
 from gtmodel.kinematics.workspace import box_grid
+from gtmodel.kinematics.workspace.limited import refuse_disordered
 from gtmodel.lang import ModelError
 from gtmodel.problem_files.base import InputError
 

@@ -11,15 +11,14 @@ from gtmodel.results.unit_names import split
 
 from .fields import keys_of, tables_of
 
-_ENTRY = re.compile(r"\[\d+\]")  # of a list of tables
+_NUMBER, _EMPTY = re.compile(r"\[\d+\]"), re.compile(r"\[\]")  # of an entry of a list; of its key
 
 
 def key_of(schema: type[pydantic.BaseModel], argument: str, renamed: Mapping[str, str]) -> str:
-    """The dotted key of an argument: ("map.step", {"map": "section"}) is "section.step_m" where that key exists,
-    "obstacles[1].high" is "obstacles[1].high_m".
+    """The dotted key of an argument: ("map.step", {"map": "section"}) is "section.step_m" where that key exists.
 
     renamed: arguments, or their beginnings, that stand elsewhere in the file; the longest that fits counts. What has
-    no key is said under its own name.
+    no key is said under its own name. An entry of a list keeps its number: "cases[1].length" is "cases[1].length_um".
     """
     parts = argument.split(".")
     for n in range(len(parts), 0, -1):
@@ -28,14 +27,12 @@ def key_of(schema: type[pydantic.BaseModel], argument: str, renamed: Mapping[str
             parts = [p for p in (renamed[head], *parts[n:]) if p]
             break
     wanted = ".".join(parts)
-    if wanted in tables_of(schema):
+    plain = _NUMBER.sub("[]", wanted)
+    if plain in tables_of(schema):
         return wanted
-    listed = _ENTRY.sub("[]", wanted)
-    found = next((key.key for key in keys_of(schema) if listed in (key.key, _stem(key.key))), None)
-    if found is None:
-        return wanted
-    entries = iter(_ENTRY.findall(wanted))
-    return re.sub(r"\[\]", lambda _: next(entries), found)
+    numbers = iter(_NUMBER.findall(wanted))
+    found = (key.key for key in keys_of(schema) if plain in (key.key, _stem(key.key)))
+    return next((_EMPTY.sub(lambda _: next(numbers), key) for key in found), wanted)
 
 
 def _stem(key: str) -> str:
