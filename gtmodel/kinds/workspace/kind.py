@@ -39,7 +39,7 @@ def explain(problem: Schema, context: Context) -> str:
         f"{problem.title or 'workspace'}: section orthogonal to ({listed(section.normal)}), through "
         f"({listed(section.origin)}) m",
         f"  u along ({listed(section.across)}) from {low[0]:.4g} to {high[0]:.4g} m, "
-        f"v along ({listed(section.up)}) from {low[1]:.4g} to {high[1]:.4g} m, step {problem.section.step_m:g} m",
+        f"v along ({listed(section.up)}) from {low[1]:.4g} to {high[1]:.4g} m, step {made.options['section'].step:g} m",
         "  a point is tested by, in this order:",
         "    inverse kinematics",
         *(f"    {limit.name}" for limit in task.reach.limits),

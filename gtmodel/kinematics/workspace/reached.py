@@ -249,7 +249,7 @@ def _nothing(main: SectionMap, reasons: Mapping[str, int]) -> str:
     return message
 
 
-def _sizes(found: SectionMap, which: str = "") -> dict[str, float]:
+def _sizes(found: SectionMap, which: str = "") -> dict[str, Any]:
     width, height = found.region.extent
     return {f"{which}area": found.region.area, f"{which}width": float(width), f"{which}height": float(height)}
 
