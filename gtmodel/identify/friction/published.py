@@ -77,7 +77,7 @@ def published_friction_study(
     pattern = gravity_pattern(robot, [pose])
     g = pattern[0]
     check_widths(published, g.size, "published")
-    lines = {name: np.array(getattr(published, name)) for name in LABELS}
+    lines: dict[str, Any] = {name: np.array(getattr(published, name)) for name in LABELS}
     middle = published.mass * g + (lines["coulomb_plus"] - lines["coulomb_minus"]) / 2
     norms = mass_by_norm(middle, g)
     change = (norms.two - published.mass) * g

@@ -71,7 +71,7 @@ class FrictionStudy(Study):
     @property
     def rows(self) -> list[Row]:
         """The table for people."""
-        if self.mass is None or self.mass_interval is None or self.mass_by_norm is None:
+        if self.mass_interval is None or self.mass_by_norm is None or self.residual is None:
             return []
         (low, high), (first, last) = self.mass_interval, self.mass_by_norm["one"]
         told = self.undetermined or ()
@@ -81,7 +81,7 @@ class FrictionStudy(Study):
             Row("1-norm: least anywhere from", f"{first:.4g} to {last:.4g}", "kg"),
             Row("maximum norm", self.mass_by_norm["maximum"], "kg"),
             *self._coefficients(),
-            Row("residual of the lines", listed(np.ravel(self.residual)), "N"),
+            Row("residual of the lines", listed(self.residual), "N"),
             Row("runs at constant velocity", self.runs),
             *(Row("not told" if k else "told", text) for k, text in enumerate(told, len(told) > 1)),
             *([Row("SYNTHETIC", self.synthetic)] if self.synthetic else []),
@@ -89,7 +89,7 @@ class FrictionStudy(Study):
 
     def _coefficients(self) -> list[Row]:
         units = {name: q.unit for name, q in self.quantities().items()}
-        return [Row(label, listed(np.ravel(getattr(self, name))), units[name]) for name, label in LABELS.items()]
+        return [Row(label, listed(getattr(self, name)), units[name]) for name, label in LABELS.items()]
 
 
 def friction_study(
@@ -146,7 +146,7 @@ def friction_study(
     except ArgumentError as error:
         raise ArgumentError(error.sentence, "poses" if error.argument == "pattern" else "runs") from error
     e = fit.estimate
-    coefficients = {name: getattr(fit, name) for name in LABELS}
+    coefficients: dict[str, Any] = {name: getattr(fit, name) for name in LABELS}
     return FrictionStudy(
         status=SolveStatus.SOLVED,
         message=f"{len(found.pose)} runs, {len(fit.pattern)} poses",

@@ -47,9 +47,10 @@ def call(problem: Schema, context: Context) -> Call:
 
 def explain(problem: Schema, context: Context) -> str:
     """The gravity pattern by pose, and what can be told from it."""
-    pattern = gravity_pattern(problem.model(context), [pose.options() for pose in problem.pose])
+    poses = [pose.options() for pose in problem.pose]
+    pattern = gravity_pattern(problem.model(context), poses)
     lines = [f"{problem.title or NAME}: {pattern.shape[1]} carts in {len(pattern)} poses"]
-    for pose, row in zip(problem.pose, pattern, strict=True):
+    for pose, row in zip(poses, pattern, strict=True):
         lines.append(f"{pose.name or 'pose'}: forces that hold one kilogram {listed(row)} N/kg")
     lines.append("tau = m pattern + fc+ + fv+ v forwards, m pattern - fc- + fv- v backwards (eqs. (6.8), (6.9))")
     return "\n".join(lines)
