@@ -13,13 +13,13 @@ from gtmodel.compiler.causal import CausalFunction, flat_of
 from gtmodel.identify import Regressor
 from gtmodel.identify.excitation import ExcitationTask
 from gtmodel.identify.excitation_basis import Basis, ClosedSpline, FourierSeries
+from gtmodel.motion.follow import motion_function
+from gtmodel.motion.guard import Guard, Margin, guard_of
+from gtmodel.motion.links import links_of
 from gtmodel.problem_files import python_models
 from gtmodel.problem_files.base import Context, InputError
 
 from .excitation_keys import ExcitationProblem
-from .motion import links_of
-from .motion_follow import motion_function
-from .motion_limits import Guard, Margin, guard_of
 
 SHARP_M_S = 1e-6  # the sign of a velocity, beside which the smoothed one is judged
 
@@ -80,7 +80,7 @@ def _basis(problem: ExcitationProblem) -> Basis:
 def _guard(problem: ExcitationProblem, robot: gt.Model) -> Guard:
     """The margins of the limits, and the distance from the edge of reach."""
     links = links_of(robot)
-    guard = guard_of(problem.limits, links)
+    guard = guard_of(problem.limits.options(), links)
     least = problem.limits.link_along_guideway_m
 
     def along(part: str, i: int) -> Margin:

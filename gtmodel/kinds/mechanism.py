@@ -12,10 +12,9 @@ from gtmodel.compiler.causal import compile_causal, flat_of
 from gtmodel.kinematics.section import Section, across_guideways
 from gtmodel.kinematics.workspace import InverseKinematics, Poses
 from gtmodel.lang import Model, ModelError
+from gtmodel.motion.links import link_names
 from gtmodel.problem_files.base import InputError
 from gtmodel.results import Status
-
-from .motion import link_names
 
 Array = np.ndarray
 MARGIN_M = 0.05  # around what the links can reach at most

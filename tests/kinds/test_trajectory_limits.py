@@ -9,8 +9,8 @@ import pytest
 
 import gtmodel as gt
 from gtmodel import SolveStatus
-from gtmodel.kinds.motion_limits import clearance
 from gtmodel.kinds.motion_planning import plan_of
+from gtmodel.motion.guard import clearance
 from gtmodel.problem_files import InputError
 from gtmodel.problem_files.load import load
 from gtmodel.problem_files.run import context_of, solve

@@ -10,8 +10,8 @@ import pytest
 
 import gtmodel as gt
 from gtmodel import SolveStatus
-from gtmodel.kinds.motion_paths import arc, line, polyline, spline, taught
 from gtmodel.kinds.motion_planning import plan_of
+from gtmodel.motion.paths import arc, line, polyline, spline, taught
 from gtmodel.optimize.path import PathTask, cosine_nodes, solve_path
 from gtmodel.problem_files import InputError
 from gtmodel.problem_files.load import load
