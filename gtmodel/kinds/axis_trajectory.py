@@ -15,6 +15,7 @@ from gtmodel.optimize import Mesh, Solution, SolverOptions
 from gtmodel.optimize import solve as collocate
 from gtmodel.optimize.resimulate import SUBSTEPS, resimulate
 from gtmodel.problem_files.base import TRAJECTORY, Context, Outcome, Row, at_most
+from gtmodel.problem_files.path_keys import PATH_ARGUMENTS
 from gtmodel.results import SolveStatus, Status, Trajectory
 from gtmodel.results.check import failed_of
 
@@ -25,6 +26,7 @@ from .axis_planning import LINKS, plan_of
 from .trajectory import MARGIN_TOLERANCE
 
 NAME = "axis_trajectory"
+ARGUMENTS = PATH_ARGUMENTS
 
 VALUES = {
     "final_time_s": "final time of the optimum",

@@ -64,7 +64,7 @@ def plan_of(problem: ExcitationProblem, context: Context) -> Plan:
             "under parameters, or leave it out",
             "identified",
         )
-    rows, low, high = _rows(inverse, problem.limits.force_N)
+    rows, low, high = _rows(inverse, problem.limits.options().force)
     task = ExcitationTask(_basis(problem), rows, low, high, smooth, regressor.nominal, problem.search.criterion)
     keys = ["force_N"] * 3 + [margin.key for margin in guard.margins]
     return Plan(robot, inverse, task, regressor, sharp, _centre(problem), keys, _times(problem))
@@ -80,8 +80,8 @@ def _basis(problem: ExcitationProblem) -> Basis:
 def _guard(problem: ExcitationProblem, robot: gt.Model) -> Guard:
     """The margins of the limits, and the distance from the edge of reach."""
     links = links_of(robot)
-    guard = guard_of(problem.limits.options(), links)
-    least = problem.limits.link_along_guideway_m
+    limits = problem.limits.options()
+    guard, least = guard_of(limits, links), limits.link_along_guideway
 
     def along(part: str, i: int) -> Margin:
         def expression(m: Any) -> Any:

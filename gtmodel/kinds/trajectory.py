@@ -16,6 +16,7 @@ from gtmodel.optimize import Solution
 from gtmodel.optimize.overshoot import control_curves
 from gtmodel.optimize.resimulate import Resimulation, resimulate
 from gtmodel.problem_files.base import Context, Outcome, at_most
+from gtmodel.problem_files.path_keys import PATH_ARGUMENTS
 from gtmodel.results import SolveStatus, Trajectory
 from gtmodel.results.check import failed_of
 
@@ -25,6 +26,7 @@ from .trajectory_keys import TrajectoryProblem as Schema
 from .trajectory_rows import rows_of
 
 NAME = "trajectory"
+ARGUMENTS = PATH_ARGUMENTS
 
 VALUES = {
     "final_time_s": "final time of the collocation optimum, control as [mesh] says; the motion's is the exported one",
