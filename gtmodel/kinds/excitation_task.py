@@ -15,9 +15,9 @@ from gtmodel.identify.excitation import ExcitationTask
 from gtmodel.identify.excitation_basis import Basis, ClosedSpline, FourierSeries
 from gtmodel.motion.follow import motion_function
 from gtmodel.motion.guard import Guard, Margin, guard_of
-from gtmodel.motion.links import links_of
 from gtmodel.problem_files import python_models
 from gtmodel.problem_files.base import Context, InputError
+from gtmodel.robots.links import links_of
 
 from .excitation_keys import ExcitationProblem
 

@@ -12,12 +12,13 @@ from gtmodel.compiler.causal import compile_causal, flat_of
 from gtmodel.motion.follow import Follower, motion_function
 from gtmodel.motion.guard import Carrier, Guard, guard_of
 from gtmodel.motion.guesses import bare_guess, bent_guess, line_guess, trapezoid
-from gtmodel.motion.links import along_guideways, link_ends, link_names, links_of
+from gtmodel.motion.links import along_guideways, link_ends
 from gtmodel.motion.paths import Path, path_of
 from gtmodel.motion.task import MotionTask
 from gtmodel.optimize.path import PathMotion
 from gtmodel.problem_files.base import Context, InputError
 from gtmodel.results import Status, Trajectory
+from gtmodel.robots.links import link_names, links_of
 
 from .motion_search import Search, order_of, task_of
 from .trajectory_keys import TrajectoryProblem

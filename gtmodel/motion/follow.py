@@ -13,9 +13,10 @@ from ..lang import Model
 from ..optimize.ipopt import Progress
 from ..optimize.path import PathMotion, solve_path
 from ..results import SolveStatus, Status, Trajectory
+from ..robots.links import link_names
 from .guard import Guard
 from .guesses import trapezoid
-from .links import along_guideways, link_ends, link_names
+from .links import along_guideways, link_ends
 from .path_rows import task_along
 from .paths import Path
 from .task import MotionTask

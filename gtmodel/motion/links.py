@@ -1,8 +1,7 @@
-"""The links of a robot on guideways: which it has, where they stand, and how far from the edge of reach."""
+"""Where the links of a robot on guideways stand, and how far from the edge of reach."""
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 
 import casadi as ca
@@ -10,20 +9,7 @@ import numpy as np
 
 from .. import lang as gt
 from ..compiler.causal import compile_causal, flat_of
-
-_LINK = re.compile(r"(?P<part>\w+)\[(?P<index>\d+)\]\.rod\.a\.r")
-
-
-def link_names(robot: gt.Model) -> list[str]:
-    """Names of the cart joints of all links that run on a guideway of their own direction v."""
-    flat = flat_of(robot)
-    names = [name for name in flat.groups if _LINK.fullmatch(name)]
-    return [name for name in names if name.removesuffix("rod.a.r") + "v" in flat.bindings]
-
-
-def links_of(robot: gt.Model) -> list[tuple[str, int]]:
-    """Part and index of the arms whose links `link_names` names."""
-    return [(m["part"], int(m["index"])) for m in map(_LINK.fullmatch, link_names(robot)) if m]
+from ..robots.links import link_names
 
 
 def link_ends(robot: gt.Model, T: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from .. import lang as gt
+from ..robots.links import links_of
 from .guard import Guard
 from .guesses import GUESS_TIME_S
-from .links import links_of
 from .paths import Path
 
 SHORTEST_TIME_S = 0.05  # a free final time needs a lower bound; no motion of these robots is shorter
