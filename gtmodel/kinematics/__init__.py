@@ -1,8 +1,8 @@
 """Kinematics that a model's equations alone do not answer.
 
-workspace_study   which tool centre points a robot reaches: `WorkspaceStudy`; its options stand in `workspace`
-
-accuracy          greatest positioning errors from errors of carts and links
+workspace_study   which tool centre points a robot reaches: a WorkspaceStudy; its options in `workspace`
+accuracy_study    greatest positioning errors over a section, from errors of carts and links: an AccuracyStudy; what it
+                  is asked for, and its parts, in `accuracy`
 assembly_modes    every pose in which a platform on six legs of given lengths can be assembled
 section           a plane across the guideways
 workspace         which tool centre points are reached, and why not the others
@@ -25,6 +25,7 @@ Orientation of the plate
 """
 
 from . import accuracy, assembly_modes, section, singularity, workspace
+from .accuracy import AccuracyStudy, accuracy_study
 from .guideways import GuidewayFit, MeasurementError, fit_guideway
 from .maps import MotionMaps
 from .orientation import OrientationMap, grid, orientation_map
@@ -34,6 +35,7 @@ from .workspace import WorkspaceStudy, workspace_study
 from .wrist_partition import InverseBranches, WristPartition
 
 __all__ = [
+    "AccuracyStudy",
     "Backlash",
     "CyclicTerm",
     "GuidewayFit",
@@ -44,6 +46,7 @@ __all__ = [
     "WorkspaceStudy",
     "WristPartition",
     "accuracy",
+    "accuracy_study",
     "assembly_modes",
     "backlash",
     "cyclic_term",
