@@ -43,7 +43,7 @@ WriteFailed = Annotated[
 
 def _version(wanted: bool) -> None:
     if wanted:
-        from gtmodel import __version__
+        from gtmodel._version import __version__
 
         print(f"gtmodel {__version__}")
         raise typer.Exit

@@ -15,6 +15,7 @@ from typing import Any
 
 import tomli_w
 
+from .._version import __version__
 from .as_json import result
 from .folder import FolderError, Held, holding, others, unfinished
 from .marks import marked
@@ -191,8 +192,6 @@ def record(
 
 def versions() -> dict[str, str]:
     """Versions of gtmodel, of Python and of the packages that numbers depend on."""
-    from gtmodel import __version__
-
     found = {_OURS: __version__, "python": platform.python_version(), "platform": platform.platform()}
     for name in _PACKAGES:
         try:

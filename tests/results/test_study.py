@@ -31,7 +31,8 @@ from gtmodel.results import (
     at_most,
     read,
 )  # fmt: skip
-from gtmodel.results.quantity import described
+from gtmodel.results.quantity import converted, described
+from gtmodel.results.tables import csv_text
 from gtmodel.results.unit_names import named, split
 
 UNITS = ["", "1", "m", "N", "N/m", "N.m", "N.m/rad", "m/s2", "Hz", "kg.m2", "%", "rad", "deg", "MN.m/rad", "kg/s"]
@@ -172,14 +173,35 @@ class _Table(Made):
 
 class _Schema(Problem):
     limits: _Table
+    several: list[_Table]
 
 
 @pytest.mark.parametrize(
     ("argument", "key"),
-    [("limits.force", "limits.force_N"), ("bounds.force", "limits.force_N"), ("bounds", "limits"), ("other", "other")],
+    [
+        ("limits.force", "limits.force_N"),
+        ("bounds.force", "limits.force_N"),
+        ("bounds", "limits"),
+        ("several[12]", "several[12]"),
+        ("several[12].force", "several[12].force_N"),
+        ("other", "other"),
+    ],
 )
 def test_arguments_are_found_among_the_keys(argument, key):
     assert key_of(_Schema, argument, {"bounds": "limits"}) == key
+
+
+@pytest.mark.parametrize(
+    ("written", "unit", "factor"), [("um", "m", 1e-6), ("mm", "m", 1e-3), ("deg", "rad", np.pi / 180)]
+)
+def test_a_file_gives_the_bits_that_a_call_gives(written, unit, factor):
+    x = np.arange(1.0, 200.0)
+    np.testing.assert_array_equal(converted(x, written, unit), factor * x)
+
+
+def test_a_table_has_digits_by_column_and_empty_cells():
+    text = csv_text({"a_m": np.array([1 / 3, np.nan]), "b_m": np.array([2 / 3, 1.0])}, {"a_m": 3, "b_m": 5})
+    assert text == "a_m,b_m\n0.333,0.66667\n,1\n"
 
 
 def test_work_ends_by_time_and_by_request():

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from gtmodel.simulate import simulate
-from tests.simulate.models import SwingingPendulum
+from gtmodel.simulation import simulate
+from tests.simulation.models import SwingingPendulum
 from tests.support.models import Pendulum
 
 G = 9.81
@@ -74,7 +74,7 @@ def test_rows_far_apart_hide_no_singular_pose(step):
 
 def test_a_choice_made_before_costs_nothing(monkeypatch):
     from gtmodel.compiler.sharing import shared
-    from gtmodel.simulate import systems
+    from gtmodel.simulation import systems
 
     made = []
     plan = systems.make_plan

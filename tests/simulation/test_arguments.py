@@ -7,7 +7,7 @@ import pytest
 
 import gtmodel as gt
 from gtmodel import ModelError, der
-from gtmodel.simulate import linearize, simulate
+from gtmodel.simulation import linearize, simulate
 
 
 class Sum(gt.Model):

@@ -10,9 +10,9 @@ from scipy.integrate import quad, solve_ivp
 
 import gtmodel as gt
 from gtmodel import ModelError, NotSimulated, SolveStatus, der
-from gtmodel.simulate import simulate
-from tests.simulate.models import SwingingPendulum
-from tests.simulate.robot import T0, l1
+from gtmodel.simulation import simulate
+from tests.simulation.models import SwingingPendulum
+from tests.simulation.robot import T0, l1
 from tests.support.models import Pendulum
 
 

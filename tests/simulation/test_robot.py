@@ -9,8 +9,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from gtmodel import SolveStatus
-from gtmodel.simulate import simulate
-from tests.simulate.robot import AHEAD, T0, by_hand, l1, oracle
+from gtmodel.simulation import simulate
+from tests.simulation.robot import AHEAD, T0, by_hand, l1, oracle
 
 # Both integrators hold 1e-10 per step on motions of 1 m and 1 m/s; over some hundred steps that adds up to 1e-8.
 INTEGRATORS = 1e-8

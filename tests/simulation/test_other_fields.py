@@ -7,8 +7,8 @@ import pytest
 
 import gtmodel as gt
 from gtmodel import ModelError
-from gtmodel.simulate import simulate
-from tests.simulate.models import DriveTrain
+from gtmodel.simulation import simulate
+from tests.simulation.models import DriveTrain
 from tests.support.models import Capacitor, Ground, Inductor, Resistor, SeriesRLC, Source
 
 TOLERANCE = 1e-11

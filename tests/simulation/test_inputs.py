@@ -10,8 +10,8 @@ from scipy.integrate import quad
 
 import gtmodel as gt
 from gtmodel import ModelError, Trajectory, der
-from gtmodel.simulate import simulate
-from tests.simulate.robot import T0, l1
+from gtmodel.simulation import simulate
+from tests.simulation.robot import T0, l1
 from tests.support.models import SeriesRLC
 
 

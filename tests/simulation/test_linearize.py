@@ -9,9 +9,9 @@ from scipy.linalg import eigh
 
 import gtmodel as gt
 from gtmodel import ModelError, der
-from gtmodel.simulate import linearize, modes, simulate
-from tests.simulate.models import DriveTrain, FourBarInAngles, TwoMasses
-from tests.simulate.robot import T0, l1
+from gtmodel.simulation import linearize, modes, simulate
+from tests.simulation.models import DriveTrain, FourBarInAngles, TwoMasses
+from tests.simulation.robot import T0, l1
 from tests.support.models import Pendulum, SeriesRLC
 
 ROUND_OFF = 1e-10

@@ -9,8 +9,8 @@ from scipy.optimize import brentq
 
 import gtmodel as gt
 from gtmodel import der
-from gtmodel.simulate import simulate
-from tests.simulate.models import FourBarInAngles
+from gtmodel.simulation import simulate
+from tests.simulation.models import FourBarInAngles
 
 TOLERANCE = 1e-11
 # IDAS holds the tolerance per step; over some hundred steps of a 3 s run that adds up to 1e-9.

@@ -8,9 +8,9 @@ from scipy.optimize import brentq
 
 import gtmodel as gt
 from gtmodel import ModelError, SolveStatus, der
-from gtmodel.simulate import simulate
-from gtmodel.simulate.follow import Follower
-from tests.simulate.test_status import Implicit
+from gtmodel.simulation import simulate
+from gtmodel.simulation.follow import Follower
+from tests.simulation.test_status import Implicit
 
 
 class Bump(gt.Model):

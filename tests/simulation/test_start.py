@@ -7,8 +7,8 @@ import pytest
 
 import gtmodel as gt
 from gtmodel import ModelError, der
-from gtmodel.simulate import simulate
-from tests.simulate.models import FourBarInAngles
+from gtmodel.simulation import simulate
+from tests.simulation.models import FourBarInAngles
 from tests.support.models import Pendulum, SeriesRLC
 
 ROUND_OFF = 1e-12

@@ -8,8 +8,8 @@ from scipy.integrate import simpson
 
 import gtmodel as gt
 from gtmodel.mechanics import Guideway, PiecewiseLinearFriction, PointMass, TanhFriction
-from gtmodel.simulate import simulate
-from tests.simulate.robot import T0, l1
+from gtmodel.simulation import simulate
+from tests.simulation.robot import T0, l1
 
 BALANCE = 1e-6  # relative, what the issue asks for
 

@@ -10,7 +10,7 @@ import gtmodel as gt
 from gtmodel import der
 from gtmodel.compiler.bounds import bounds, functions_of_time
 from gtmodel.compiler.pace import pace_of
-from gtmodel.simulate import simulate
+from gtmodel.simulation import simulate
 
 OMEGA, DECAY = np.sqrt(100.0 - 0.25), 0.5
 # of the largest deflection: edges of a hundred-thousandth of a second are no jumps, and the integrator's own error

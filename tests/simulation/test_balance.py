@@ -9,9 +9,9 @@ from scipy.integrate import solve_ivp
 import gtmodel as gt
 from gtmodel import der
 from gtmodel.results import SolveStatus
-from gtmodel.simulate import simulate
-from gtmodel.simulate.turnover import ENERGY_BALANCE
-from tests.simulate.models import FourBarInAngles, SwingingPendulum, TwoMasses
+from gtmodel.simulation import simulate
+from gtmodel.simulation.turnover import ENERGY_BALANCE
+from tests.simulation.models import FourBarInAngles, SwingingPendulum, TwoMasses
 
 G = 9.81
 
