@@ -19,7 +19,7 @@ from ...results import ArgumentError, Check, SolveStatus, Status, Work, at_most
 from ...robots import GantryTau
 from .models import ElasticMotion, RigidMotion
 from .options import MOST_ELEMENTS, Cost, Mesh, Solver, Tool
-from .swing import PlateMotion, sampled
+from .plate_motion import PlateMotion, sampled
 
 SHARE = 0.01  # of the rigid plan's swing; 40 elements leave 0.4 %, shaping a part in a million
 RESIMULATED_M = 5e-4  # collocation's error, as an integrator shows it
@@ -33,7 +33,7 @@ SAME_M = 1e-6  # ends nearer than that are one place
 class ElasticTask:
     """What is planned: a bare robot, its ends [m], the motors' limit [N], and how.
 
-    Raises ArgumentError for a robot without three links and ends that it cannot reach.
+    Raises ArgumentError for a robot without three links, ends that it cannot reach, and a force that is not positive.
     """
 
     robot: Model
@@ -46,8 +46,12 @@ class ElasticTask:
 
     def __post_init__(self) -> None:
         three_link(self.robot)
+        if not 0 < self.force < np.inf:
+            raise ArgumentError(f"must be more than 0 N; found {self.force:g}", "force")
         f = self.inverse
         for name, end in (("start", self.start), ("goal", self.goal)):
+            if np.shape(end) != (3,):
+                raise ArgumentError(f"expected 3 coordinates; found the shape {np.shape(end)}", name)
             if f(end)[-1] != Status.OK:
                 raise ArgumentError(f"cannot be reached: {f.diagnose(end)}", name)
         if np.linalg.norm(np.subtract(self.goal, self.start)) < SAME_M:
@@ -159,9 +163,7 @@ def plans_on(mesh: Mesh, task: ElasticTask, before: Plans | None, work: Work) ->
     return _judged(task, mesh, motions, rigid, elastic)
 
 
-def _judged(
-    task: ElasticTask, mesh: Mesh, motions: list[PlateMotion], rigid: Solution, elastic: Solution
-) -> Plans:
+def _judged(task: ElasticTask, mesh: Mesh, motions: list[PlateMotion], rigid: Solution, elastic: Solution) -> Plans:
     tool, table = task.tool, {}
     for m in motions:
         off = m.residual([1 - OFF, 1 + OFF], tool)
