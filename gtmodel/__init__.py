@@ -88,9 +88,9 @@ def load(path: str | Path, *settings: str) -> Any:
     >>> call().frequencies.shape
     (1,)
     """
-    from .problem_files.call import load as loaded
+    from .problem_files.run import call_of
 
-    return loaded(path, settings)
+    return call_of(path, settings)
 
 
 def __getattr__(name: str) -> Any:

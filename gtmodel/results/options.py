@@ -20,6 +20,7 @@ import numpy as np
 
 from .quantity import marks_of
 from .refusal import ArgumentError
+from .unit_names import named
 
 
 @dataclass(frozen=True)
@@ -88,6 +89,12 @@ def declared(cls: type) -> dict[str, tuple[Any, ...]]:
     """What the fields of an options class carry besides their types: Unit, Within, Long and a description."""
     hints = get_type_hints(cls, include_extras=True)
     return {f.name: marks_of(hints[f.name]) for f in dataclasses.fields(cls)}
+
+
+def written_name(field: str, marks: tuple[Any, ...]) -> str:
+    """The name of a field in a file, with the unit in which people write it there."""
+    unit = next((m for m in marks if isinstance(m, Unit)), None)
+    return field if unit is None else named(field, unit.written or unit.text)
 
 
 @cache

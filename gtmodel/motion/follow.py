@@ -8,16 +8,18 @@ from typing import Any, Literal
 import casadi as ca
 import numpy as np
 
-from gtmodel.compiler.causal import CausalFunction, compile_causal
-from gtmodel.lang import Model
-from gtmodel.optimize.ipopt import Progress
-from gtmodel.optimize.path import PathMotion, solve_path
-from gtmodel.results import SolveStatus, Status, Trajectory
-
-from .motion import MotionTask, along_guideways, link_ends, link_names, trapezoid
-from .motion_limits import Guard
-from .motion_paths import Path
+from ..compiler.causal import CausalFunction, compile_causal
+from ..lang import Model
+from ..optimize.ipopt import Progress
+from ..optimize.path import PathMotion, solve_path
+from ..results import SolveStatus, Status, Trajectory
+from ..robots.links import link_names
+from .guard import Guard
+from .guesses import trapezoid
+from .links import along_guideways, link_ends
 from .path_rows import task_along
+from .paths import Path
+from .task import MotionTask
 
 FORCE_RESERVE = 1e-5  # of the limit: what the root's rounding at rest and the curvature between nodes may take
 TIGHTENINGS = 4  # each takes what the curvature of the path adds between nodes, some 0.1 %, off the limit

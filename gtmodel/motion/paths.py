@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import csv
 from dataclasses import dataclass
+from pathlib import Path as FilePath
 from typing import Any, Protocol
 
 import numpy as np
 from scipy.interpolate import CubicSpline, PPoly, make_splprep
 
-from gtmodel import lang as gt
-from gtmodel.problem_files.base import Context, InputError
-from gtmodel.problem_files.load import read
-from gtmodel.problem_files.robots import file_of
-
-from .trajectory_keys import PathSection
+from .. import lang as gt
+from ..results import ArgumentError
+from .options import Arc, Line, Polyline, Shape, Spline, Taught
 
 SAME_M = 1e-6  # a path that begins further from the start is another path
+COLUMNS = ("x_m", "y_m", "z_m")
 Sampled = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
@@ -46,7 +45,7 @@ class Pieces:
 
 
 @dataclass(frozen=True, eq=False)
-class Arc:
+class CircleArc:
     """Part of a circle: center + a cos(angle s) + b sin(angle s) [m]."""
 
     center: np.ndarray
@@ -68,42 +67,72 @@ class Arc:
         return gt.vector([metre * (self.center[i] + self.a[i] * turned[0] + self.b[i] * turned[1]) for i in range(3)])
 
 
-def path_of(keys: PathSection, context: Context, start: np.ndarray, goal: np.ndarray) -> Path:
-    """The path of a problem file. Raises InputError with the key."""
-    _refuse_stray(keys)
-    if keys.shape == "line":
-        return line(start, goal)
-    if keys.shape == "polyline":
-        return polyline(np.array([start, *keys.via_m, goal]), keys.blend_m)
-    if keys.shape == "arc":
-        if keys.through_m is None:
-            raise InputError("is missing; an arc needs a third point", "path.through_m")
-        return arc(start, np.array(keys.through_m), goal)
-    points = _points(keys, context)
-    path = spline(points) if keys.shape == "spline" else taught(points, keys.tolerance_m)
+def path_of(shape: Shape, start: np.ndarray, goal: np.ndarray) -> Path:
+    """The path of that shape from start (3,) to goal (3,) [m]. Raises ArgumentError."""
+    match shape:
+        case Line():
+            return line(start, goal)
+        case Polyline():
+            return polyline(np.array([start, *shape.via, goal]), shape.blend)
+        case Arc():
+            return arc(start, np.array(shape.through), goal)
+        case Spline():
+            path, within = spline(_points(shape)), SAME_M
+        case Taught():
+            path, within = taught(_points(shape), shape.tolerance), max(SAME_M, 3 * shape.tolerance)
+        case _:
+            raise ArgumentError(f"is a {type(shape).__name__}; expected Line, Polyline, Arc, Spline or Taught", "path")
     ends = path(np.array([0.0, 1.0]))[0]
-    within = SAME_M if keys.shape == "spline" else max(SAME_M, 3 * keys.tolerance_m)
     for name, asked, found in (("start", start, ends[0]), ("goal", goal, ends[1])):
         if np.linalg.norm(asked - found) > within:
             shown = ", ".join(f"{x:.6g}" for x in found)
-            raise InputError(
-                f"is {1e3 * np.linalg.norm(asked - found):.3g} mm off the path of {keys.file}, which has ({shown}) m "
-                "there; write these numbers",
-                f"{name}.tcp_m",
+            raise ArgumentError(
+                f"is {1e3 * np.linalg.norm(asked - found):.3g} mm off the path through the points, which has "
+                f"({shown}) m there; write these numbers",
+                f"{name}.tcp",
             )
     return path
 
 
-def _refuse_stray(keys: PathSection) -> None:
-    """A key of another shape is a mistake, not a detail."""
-    own = {
-        "polyline": {"via_m", "blend_m"},
-        "arc": {"through_m"},
-        "spline": {"file"},
-        "taught": {"file", "tolerance_m"},
-    }
-    for key in keys.model_fields_set & set().union(*own.values()) - own.get(keys.shape, set()):
-        raise InputError(f"does not belong to shape '{keys.shape}'; remove it or choose another shape", f"path.{key}")
+def _points(shape: Spline | Taught) -> np.ndarray:
+    points = np.asarray(shape.points, float)
+    if points.ndim != 2 or points.shape[1] != 3:
+        raise ArgumentError(f"expected three coordinates for each point; found shape {points.shape}", "path.points")
+    if isinstance(shape, Spline):
+        if len(points) < 3:
+            raise ArgumentError(f"has {len(points)} points; a spline needs at least 3", "path.points")
+        if np.any(np.all(np.diff(points, axis=0) == 0, axis=1)):
+            raise ArgumentError("holds a point twice in a row; remove it, or take a taught path", "path.points")
+    return points
+
+
+def read_points(file: str | FilePath) -> np.ndarray:
+    """Points (n, 3) [m] of a CSV file with the columns x_m, y_m and z_m; lines that begin with # are comments.
+
+    Raises ArgumentError: not to be read, a column missing, a cell that is no number.
+    """
+    name = FilePath(file).name
+    try:
+        text = FilePath(file).read_bytes().decode("utf-8")
+    except OSError as error:
+        raise ArgumentError(f"{name} cannot be read: {error.strerror}", "file") from error
+    except UnicodeDecodeError as error:
+        raise ArgumentError(f"{name} is no UTF-8 text; save it as CSV with commas", "file") from error
+    rows = [row for row in csv.reader(text.splitlines()) if row and not row[0].startswith("#")]
+    header, body = [cell.strip() for cell in rows[0]] if rows else [], rows[1:]
+    missing = [column for column in COLUMNS if column not in header]
+    if missing:
+        raise ArgumentError(f"{name} has no column '{missing[0]}'; expected {', '.join(COLUMNS)}", "file")
+    columns = [header.index(column) for column in COLUMNS]
+    points = np.zeros((len(body), 3))
+    for n, row in enumerate(body):
+        try:
+            points[n] = [float(row[k]) for k in columns]
+        except (ValueError, IndexError):
+            raise ArgumentError(f"{name}, point {n + 1}: expected three numbers; found {row}", "file") from None
+    if not np.all(np.isfinite(points)):
+        raise ArgumentError(f"{name} holds a number that is not finite", "file")
+    return points
 
 
 def line(start: np.ndarray, goal: np.ndarray) -> Path:
@@ -117,12 +146,12 @@ def polyline(points: np.ndarray, blend: float) -> Path:
     steps = np.diff(points, axis=0)
     lengths = np.linalg.norm(steps, axis=1)
     if np.any(lengths == 0):
-        raise InputError(f"holds the point {int(np.argmin(lengths)) + 1} twice in a row", "path.via_m")
+        raise ArgumentError(f"holds the point {int(np.argmin(lengths)) + 1} twice in a row", "path.via")
     d = steps / lengths[:, None]
     inner = np.where(np.arange(len(lengths)) % (len(lengths) - 1 or 1) == 0, blend, 2 * blend)  # ends: one blend only
     if len(lengths) > 1 and np.any(lengths <= inner):
         k = int(np.argmin(lengths - inner))
-        raise InputError(f"piece {k + 1} is {lengths[k]:.4g} m long, too short for its blends", "path.blend_m")
+        raise ArgumentError(f"piece {k + 1} is {lengths[k]:.4g} m long, too short for its blends", "path.blend")
     breaks, coefficients, at = [0.0], [], 0.0
 
     def add(length: float, c: np.ndarray) -> None:
@@ -164,12 +193,12 @@ def arc(start: np.ndarray, through: np.ndarray, goal: np.ndarray) -> Path:
     normal = np.cross(u, w)
     size = float(normal @ normal)
     if size <= 1e-12 * float(u @ u) * float(w @ w):
-        raise InputError("lies on the straight line from start to goal; no circle is given by them", "path.through_m")
+        raise ArgumentError("lies on the straight line from start to goal; no circle is given by them", "path.through")
     center = start + np.cross(float(u @ u) * w - float(w @ w) * u, normal) / (2 * size)
     a = start - center
     b = np.cross(normal, a) / np.sqrt(size)
     angle = float(np.arctan2((goal - center) @ b, (goal - center) @ a)) % (2 * np.pi)
-    return Arc(center, a, b, angle)
+    return CircleArc(center, a, b, angle)
 
 
 def spline(points: np.ndarray) -> Path:
@@ -184,38 +213,10 @@ def taught(points: np.ndarray, tolerance: float) -> Path:
     moved = np.concatenate([[True], np.linalg.norm(np.diff(points, axis=0), axis=1) > 1e-9])
     points = points[moved]  # a robot led by hand stands still at times
     if len(points) < 6:
-        raise InputError(f"a taught path needs at least 6 different points; found {len(points)}", "path.file")
+        raise ArgumentError(f"a taught path needs at least 6 different points; found {len(points)}", "path.points")
     (curve, _) = make_splprep(points.T, k=3, s=len(points) * tolerance**2)  # type: ignore[arg-type]
     at = np.unique(np.clip(curve.t, 0.0, 1.0))
     c = [curve(at[:-1], nu).T / factor for nu, factor in ((3, 6.0), (2, 2.0), (1, 1.0), (0, 1.0))]
     pieces = PPoly(np.array(c), at)
     slope = np.linalg.norm(pieces(np.linspace(0, 1, 2001), 1), axis=1)
     return Pieces(pieces, float(np.mean(slope)))
-
-
-def _points(keys: PathSection, context: Context) -> np.ndarray:
-    file = file_of(keys.file, context) if keys.file else None
-    if file is None:
-        what = f"there is no file '{keys.file}' in {context.folder} or here" if keys.file else "is missing"
-        raise InputError(what, "path.file")
-    context.take("path", file)
-    rows = [row for row in csv.reader(read(file).decode("utf-8").splitlines()) if row and not row[0].startswith("#")]
-    header, body = [name.strip() for name in rows[0]] if rows else [], rows[1:]
-    missing = [name for name in ("x_m", "y_m", "z_m") if name not in header]
-    if missing:
-        raise InputError(f"{keys.file} has no column '{missing[0]}'; expected x_m, y_m, z_m", "path.file")
-    columns = [header.index(name) for name in ("x_m", "y_m", "z_m")]
-    points = np.zeros((len(body), 3))
-    for n, row in enumerate(body):
-        try:
-            points[n] = [float(row[k]) for k in columns]
-        except (ValueError, IndexError):
-            raise InputError(f"{keys.file}, point {n + 1}: expected three numbers; found {row}", "path.file") from None
-    if not np.all(np.isfinite(points)):
-        raise InputError(f"{keys.file} holds a number that is not finite", "path.file")
-    if keys.shape == "spline":
-        if len(points) < 3:
-            raise InputError(f"{keys.file} has {len(points)} points; a spline needs at least 3", "path.file")
-        if np.any(np.all(np.diff(points, axis=0) == 0, axis=1)):
-            raise InputError(f"{keys.file} holds a point twice in a row; remove it, or use shape 'taught'", "path.file")
-    return points

@@ -8,12 +8,11 @@ from collections.abc import Callable
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
-from gtmodel.compiler.causal import compile_causal
-from gtmodel.lang import Model
-from gtmodel.results import Trajectory
-
-from .motion import MotionTask
-from .motion_follow import sampled
+from ..compiler.causal import compile_causal
+from ..lang import Model
+from ..results import Trajectory
+from .follow import sampled
+from .task import MotionTask
 
 ROUND_OFF = 1e-9  # of sample times
 COLUMNS = (("T", "m"), ("der(T)", "m/s"), ("der(T,2)", "m/s2"), ("q", "m"), ("der(q)", "m/s"), ("tau", "N"))

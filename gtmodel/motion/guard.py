@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from gtmodel import lang as gt
-from gtmodel.problem_files.base import InputError
-
-from .trajectory_keys import MotionLimits
+from .. import lang as gt
+from ..results import ArgumentError
+from ..results.options import declared, written_name
+from .options import JointCone, MotionLimits
 
 SHARPNESS_PER_M = (
     200.0  # of the smooth maximum over separating directions: at most log(6) / 200 = 9 mm on the safe side
@@ -28,7 +28,8 @@ FAR_M = 1.0  # a separation beyond this is far enough; keeps exponentials finite
 
 @dataclass(frozen=True)
 class Margin:
-    """One scalar margin: the key it comes from, its unit, and its expression in a model that has `robot`."""
+    """One scalar margin: the limit it comes from, by its name in results, its unit, and its expression in a model that
+    has `robot`."""
 
     key: str
     unit: str
@@ -107,13 +108,13 @@ Carriers = Callable[[int, str], Carrier | None]
 
 
 def guard_of(limits: MotionLimits, arms: list[tuple[str, int]], carriers: Carriers = lambda arm, end: None) -> Guard:
-    """The margins that a problem file asks for.
+    """The margins of these limits.
 
     Args:
         arms: (part, index) of the robot's links.
         carriers: what turns the joint at an end of an arm; None where it keeps its direction.
 
-    Raises InputError with the key for bounds that cross or name what the robot has not.
+    Raises ArgumentError for bounds that cross or name what the robot has not.
     """
     p: dict[str, Any] = {}
     margins: list[Margin] = []
@@ -122,58 +123,63 @@ def guard_of(limits: MotionLimits, arms: list[tuple[str, int]], carriers: Carrie
         p[name] = gt.parameter(np.asarray(value, float), unit=unit)
         return name
 
-    def magnitude(key: str, order: int, unit: str) -> None:
-        value = getattr(limits, key)
+    def known(limit: str) -> str:
+        return written_name(limit, declared(type(limits))[limit])
+
+    def magnitude(limit: str, order: int, unit: str) -> None:
+        value = getattr(limits, limit)
         if value is not None:
-            name = parameter(key, value, unit)
+            name = parameter(known(limit), value, unit)
             margins.append(
-                Margin(key, "1", lambda m: 1.0 - gt.dot(v := gt.der(m.robot.T, order), v) / getattr(m, name) ** 2)
+                Margin(name, "1", lambda m: 1.0 - gt.dot(v := gt.der(m.robot.T, order), v) / getattr(m, name) ** 2)
             )
 
-    def axes(key: str, order: int, unit: str, which: range, factor: float = 1.0) -> None:
-        value = getattr(limits, key, None)  # a robot without rotary axes has no keys for them
+    def axes(limit: str, order: int, unit: str, which: range) -> None:
+        value = getattr(limits, limit, None)  # a robot without rotary axes has none for them
         if value is not None:
-            name = parameter(key, value * factor, unit)
+            name = parameter(known(limit), value, unit)
             for i in which:
                 margins.append(
-                    Margin(key, "1", lambda m, i=i: 1.0 - (gt.der(m.robot.q[i], order) / getattr(m, name)) ** 2)
+                    Margin(name, "1", lambda m, i=i: 1.0 - (gt.der(m.robot.q[i], order) / getattr(m, name)) ** 2)
                 )
 
-    def between(low_key: str, high_key: str, what: str, value: Callable[[Any, int], Any]) -> None:
-        low, high = getattr(limits, low_key), getattr(limits, high_key)
+    def between(what: str, body: str, value: Callable[[Any, int], Any]) -> None:
+        low, high = getattr(limits, f"{body}_low"), getattr(limits, f"{body}_high")
         if low is not None and high is not None and not np.all(np.array(low) < np.array(high)):
             k = int(np.argmax(np.array(low) >= np.array(high)))
-            raise InputError(f"{what} {k} has the lower bound {low[k]:g} m, not below the upper one {high[k]:g} m",
-                             f"limits.{low_key}")  # fmt: skip
-        for key, sign, bound in ((low_key, 1.0, low), (high_key, -1.0, high)):
+            raise ArgumentError(
+                f"{what} {k} has the lower bound {low[k]:g} m, not below the upper one {high[k]:g} m",
+                f"limits.{body}_low",
+            )
+        for side, sign, bound in (("low", 1.0, low), ("high", -1.0, high)):
             if bound is not None:
-                name = parameter(key, bound, "m")
+                name = parameter(known(f"{body}_{side}"), bound, "m")
                 for i in range(3):
                     margins.append(
-                        Margin(key, "m", lambda m, i=i, s=sign, n=name: s * (value(m, i) - getattr(m, n)[i]))
+                        Margin(name, "m", lambda m, i=i, s=sign, n=name: s * (value(m, i) - getattr(m, n)[i]))
                     )
 
-    magnitude("tcp_velocity_m_s", 1, "m/s")
-    magnitude("tcp_acceleration_m_s2", 2, "m/s2")
-    magnitude("tcp_jerk_m_s3", 3, "m/s3")
-    axes("cart_velocity_m_s", 1, "m/s", CARTS)
-    axes("cart_acceleration_m_s2", 2, "m/s2", CARTS)
-    axes("axis_velocity_deg_s", 1, "rad/s", ROTARY, np.pi / 180)
-    axes("axis_acceleration_deg_s2", 2, "rad/s2", ROTARY, np.pi / 180)
-    between("cart_low_m", "cart_high_m", "cart", lambda m, i: m.robot.q[i])
-    between("tcp_low_m", "tcp_high_m", "coordinate", lambda m, i: m.robot.T[i])
+    magnitude("tcp_velocity", 1, "m/s")
+    magnitude("tcp_acceleration", 2, "m/s2")
+    magnitude("tcp_jerk", 3, "m/s3")
+    axes("cart_velocity", 1, "m/s", CARTS)
+    axes("cart_acceleration", 2, "m/s2", CARTS)
+    axes("axis_velocity", 1, "rad/s", ROTARY)
+    axes("axis_acceleration", 2, "rad/s2", ROTARY)
+    between("cart", "cart", lambda m, i: m.robot.q[i])
+    between("coordinate", "tcp", lambda m, i: m.robot.T[i])
     for n, cone in enumerate(limits.joint_cones):
         margins.append(_cone(f"joint_cones[{n}]", cone, arms, carriers, parameter))
     for n, obstacle in enumerate(limits.obstacles):
-        center = parameter(f"obstacle_{n}_center", obstacle.center_m, "m")
-        half = np.array(obstacle.size_m) / 2
+        center = parameter(f"obstacle_{n}_center", obstacle.center, "m")
+        half = np.array(obstacle.size) / 2
         for point, link in [(True, None), *((False, arm) for arm in arms)]:
             margins.append(
                 Margin(
                     f"obstacles[{n}]",
                     "m",
                     lambda m, c=center, link=link, point=point, half=half, o=obstacle: (
-                        _separation(m, None if point else link, getattr(m, c), half) - o.clearance_m
+                        _separation(m, None if point else link, getattr(m, c), half) - o.clearance
                     ),
                 )
             )
@@ -187,18 +193,22 @@ def _link(model: Any, arm: tuple[str, int]) -> Any:
 
 
 def _cone(
-    key: str, cone: Any, arms: list[tuple[str, int]], carriers: Carriers, parameter: Callable[[str, Any, str], str]
+    key: str,
+    cone: JointCone,
+    arms: list[tuple[str, int]],
+    carriers: Carriers,
+    parameter: Callable[[str, Any, str], str],
 ) -> Margin:
     if cone.arm >= len(arms):
-        raise InputError(f"is {cone.arm}; the robot has the arms 0 to {len(arms) - 1}", f"limits.{key}.arm")
+        raise ArgumentError(f"is {cone.arm}; the robot has the arms 0 to {len(arms) - 1}", f"limits.{key}.arm")
     axis = np.array(cone.axis)
     if not np.any(axis):
-        raise InputError("is zero; a direction is expected", f"limits.{key}.axis")
+        raise ArgumentError("is zero; a direction is expected", f"limits.{key}.axis")
     axis = axis / np.linalg.norm(axis)
     carrier = carriers(cone.arm, cone.end)
     own = axis if carrier is None else np.linalg.solve(carrier.at_start, axis)
     name = parameter(key.replace("[", "_").replace("]", "_axis"), own, "1")
-    arm, least = arms[cone.arm], float(np.cos(np.deg2rad(cone.half_angle_deg)))
+    arm, least = arms[cone.arm], float(np.cos(cone.half_angle))
 
     def expression(m: Any) -> Any:
         rod = _link(m, arm)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
 from typing import Any, Protocol, TypeVar
 
 # forces that jump leave errors that fall as the square of the elements' length, smooth ones faster
@@ -32,11 +33,14 @@ def elements_after(elements: int, most: int, checks: Mapping[str, Any], mended: 
 
 
 def finer_problem(problem: Any, checks: Mapping[str, Any], mended: Iterable[str]) -> Any | None:
-    """The problem on a finer mesh, at most `mesh.most_elements`, where one of the checks named failed; else None."""
+    """The problem on a finer mesh, at most `mesh.most_elements`, where one of the checks named failed; else None.
+
+    problem: a dataclass with a field `mesh`, one with `elements` and `most_elements`.
+    """
     elements = elements_after(problem.mesh.elements, problem.mesh.most_elements, checks, mended)
     if elements is None:
         return None
-    return problem.model_copy(update={"mesh": problem.mesh.model_copy(update={"elements": elements})})
+    return replace(problem, mesh=replace(problem.mesh, elements=elements))
 
 
 def helped(before: Mapping[str, Any], after: Mapping[str, Any]) -> bool:

@@ -7,9 +7,9 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from gtmodel.compiler.causal import CausalFunction
-from gtmodel.optimize.path import Curve, PathTask
-from gtmodel.problem_files.base import InputError
+from ..compiler.causal import CausalFunction
+from ..optimize.path import Curve, PathTask
+from ..results import ArgumentError
 
 MIDDLE = np.array([0.5])
 
@@ -21,7 +21,7 @@ def rows_along(f: CausalFunction, curve: Curve) -> tuple[ca.Function, Curve]:
     second derivative, (n, d) each. Positions need Newton where the robot has no closed form; they are solved once at
     each node, and all that is left is explicit: exact derivatives, and no root finder inside the optimisation.
 
-    Raises InputError for a model whose Newton blocks depend on velocities.
+    Raises ArgumentError for a model whose Newton blocks depend on velocities.
     """
     size = f.inputs[0].size
     x = [ca.SX.sym(name, size) for name in ("x", "v", "a")]
@@ -72,4 +72,4 @@ def _unknowns(f: CausalFunction, curve: Curve, s: np.ndarray, moving: bool) -> t
 def _check(f: CausalFunction, curve: Curve) -> None:
     at_rest, moving = (_unknowns(f, curve, MIDDLE, moving)[0] for moving in (False, True))
     if any(not np.array_equal(a, b, equal_nan=True) for a, b in zip(at_rest, moving, strict=True)):
-        raise InputError("a position of the robot depends on its velocity; a path cannot be followed by it", "robot")
+        raise ArgumentError("a position of the robot depends on its velocity; a path cannot be followed by it", "robot")

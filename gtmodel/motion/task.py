@@ -1,23 +1,18 @@
-"""A robot's motion from one pose to another as an Optimization, and its straight-line guess."""
+"""A robot's motion from one pose to another as an Optimization."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-import casadi as ca
 import numpy as np
 
-from gtmodel import lang as gt
-from gtmodel.compiler.causal import CausalFunction, compile_causal, flat_of
-from gtmodel.results import Status, Trajectory
-from gtmodel.robots.links import link_names, links_of
+from .. import lang as gt
+from ..robots.links import links_of
+from .guard import Guard
+from .guesses import GUESS_TIME_S
+from .paths import Path
 
-from .motion_limits import Guard
-from .motion_paths import Path
-
-GUESS_TIME_S = 1.0
 SHORTEST_TIME_S = 0.05  # a free final time needs a lower bound; no motion of these robots is shorter
 
 
@@ -120,68 +115,3 @@ def dependent(robot: gt.Model, name: str) -> gt.Model:
     attributes = {k: v for k, v in item.attributes.items() if v is not None}
     variable = gt.variable(item.shape, unit=item.unit, **attributes)
     return type(cls.__name__, (cls,), {name: variable})(**robot.__dict__["_modifiers"])
-
-
-def link_ends(robot: gt.Model, T: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Cart and plate joints (rows, n, 3) [m] of the links in `link_names` order at TCP positions (rows, 3), and the
-    status of each row; without links only the status counts."""
-    names = link_names(robot)
-    targets = [*names, *(name.removesuffix("a.r") + "b.r" for name in names)]
-    place = compile_causal(robot, known="T", targets=targets or ["q" if "q" in flat_of(robot).groups else "tau"])
-    *found, status = place(T, *[np.zeros_like(T)] * (len(place.inputs) - 1))
-    if not names:
-        return np.zeros((len(T), 0, 3)), np.zeros((len(T), 0, 3)), status
-    a, b = (np.stack(part, axis=1) for part in (found[: len(names)], found[len(names) :]))
-    return a, b, status
-
-
-def along_guideways(robot: gt.Model, tips: np.ndarray, joints: Sequence[np.ndarray] | np.ndarray) -> np.ndarray:
-    """Components (..., n) [m] of n links along their guideways, for plate and cart joints (..., n, 3) in the order of
-    `link_names`; where all links meet in one point, tips may be that point."""
-    flat = flat_of(robot)
-    directions = [flat.bindings[name.removesuffix("rod.a.r") + "v"] for name in link_names(robot)]
-    if not directions:
-        return np.zeros(0)
-    v = np.array(ca.Function("v", [flat.p], [ca.horzcat(*directions)])(flat.p0)).T
-    return np.sum((tips - np.asarray(joints)) * v, axis=-1) / np.linalg.norm(v, axis=1)
-
-
-def trapezoid(rows: int = 201) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Times [s], fraction of the way, and its two derivatives: trapezoidal speed (1/4, 1/2, 1/4) over 1 s."""
-    t = np.linspace(0.0, GUESS_TIME_S, rows)
-    r = t / GUESS_TIME_S
-    top = 4.0 / 3.0
-    s = np.where(r < 0.25, 2 * top * r**2, np.where(r < 0.75, top * (r - 0.125), 1 - 2 * top * (1 - r) ** 2))
-    ds = np.where(r < 0.25, 4 * top * r, np.where(r < 0.75, top, 4 * top * (1 - r))) / GUESS_TIME_S
-    dds = np.where(r < 0.25, 4 * top, np.where(r < 0.75, 0.0, -4 * top)) / GUESS_TIME_S**2
-    return t, s, ds, dds
-
-
-def line_guess(
-    inverse_dynamics: CausalFunction, start: np.ndarray, goal: np.ndarray, force: float, rows: int = 201
-) -> Trajectory:
-    """Straight line with a trapezoidal profile (1/4, 1/2, 1/4) of 1 s; forces by inverse dynamics, clipped."""
-    t, s, ds, dds = trapezoid(rows)
-    step = goal - start
-    T, dT, ddT = start + s[:, None] * step, ds[:, None] * step, dds[:, None] * step
-    given = {0: T, 1: dT, 2: ddT}
-    orders = [signal.pairs[0][1] for signal in inverse_dynamics.inputs]
-    tau, *_, status = inverse_dynamics(*(given.get(k, np.zeros_like(T)) for k in orders))
-    tau[status != Status.OK] = 0.0  # the line may leave the workspace; the optimum need not
-    values = {"robot.T": T, "der(robot.T)": dT, "der(robot.T,2)": ddT, "robot.tau": np.clip(tau, -force, force)}
-    return Trajectory(t, values, {"robot.T": "m", "der(robot.T)": "m/s", "robot.tau": "N"})
-
-
-def bare_guess(start: np.ndarray, goal: np.ndarray) -> Trajectory:
-    """The straight line at constant speed, nothing said of velocities and forces."""
-    return Trajectory([0.0, GUESS_TIME_S], {"robot.T": np.array([start, goal])}, {"robot.T": "m"})
-
-
-def bent_guess(start: np.ndarray, goal: np.ndarray, rng: np.random.Generator, bend: float) -> Trajectory:
-    """The line of `line_guess` bent sideways, in a drawn direction by 0.3 to 1 times `bend` [m]: half a sine wave."""
-    t, s, _, _ = trapezoid()
-    step = goal - start
-    side = np.cross(step, rng.normal(size=3))
-    offset = side / np.linalg.norm(side) * rng.uniform(0.3, 1.0) * bend
-    T = start + s[:, None] * step + np.sin(np.pi * s)[:, None] * offset
-    return Trajectory(t, {"robot.T": T}, {"robot.T": "m"})
