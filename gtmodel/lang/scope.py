@@ -104,13 +104,6 @@ class Scope:
             return ca.SX.zeros(*expression.shape)
         return ca.jtimes(expression, ca.vertcat(*symbols), ca.vertcat(*rates))
 
-
-def derivative_name(name: str, order: int) -> str:
-    """`x`, `der(x)`, `der(x,2)`: the name under which a derivative is asked for."""
-    if order == 0:
-        return name
-    return f"der({name})" if order == 1 else f"der({name},{order})"
-
     def value_at(self, expression: ca.SX, time: ca.SX) -> ca.SX:
         """A symbol for the value of an expression at a constant time.
 
@@ -133,3 +126,10 @@ def derivative_name(name: str, order: int) -> str:
         symbol = ca.SX.sym(f"at{len(self.instants)}", *expression.shape)
         self.instants.append(Instant(symbol, expression, time))
         return symbol
+
+
+def derivative_name(name: str, order: int) -> str:
+    """`x`, `der(x)`, `der(x,2)`: the name under which a derivative is asked for."""
+    if order == 0:
+        return name
+    return f"der({name})" if order == 1 else f"der({name},{order})"
