@@ -12,7 +12,7 @@ import numpy as np
 from ...lang import Model
 from ...results import Quantity, Row, SolveStatus, Study, Work
 from ...results.check import failed_of
-from ...results.study import TRAJECTORY
+from ...results.trajectory_files import TRAJECTORY
 from ...results.work import Progress, never, silent
 from ..finer_mesh import elements_after, refined, told
 from .options import Cost, Mesh, Solver, Tool
