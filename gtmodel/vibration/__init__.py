@@ -1,7 +1,7 @@
 """How a robot vibrates: black boxes and M, D, K of recordings, oscillators of frequency responses. Knows no robot.
 
 Recordings
-    Record, VibrationError, Stopped     one evenly sampled recording; what does not fit, or was stopped, in a sentence
+    Record, ArgumentError, Stopped     one evenly sampled recording; what does not fit, or was stopped, in a sentence
     structure_record, hammer_record, step_record   made-up recordings with seed and noise
 Black boxes (Dressler 2012, section 6.3)
     identify_step        delayed first-order model, eq. (6.11) -> control.TransferFunction
@@ -27,6 +27,7 @@ Over the pose
     SyntheticField, synthetic_field         a made-up truth through given poses
 """
 
+from ..results import ArgumentError
 from .continuous import Continuous, continuous
 from .definite_form import DefiniteForm, definite_form
 from .frequency_fit import ModalFit, fit_modes
@@ -45,7 +46,7 @@ from .oscillator_field_file import load_oscillator_field, oscillator_text
 from .oscillator_field_synthetic import SyntheticField, synthetic_field
 from .output_error import OutputErrorFit, output_error
 from .physical_form import PhysicalForm, physical_form
-from .record import Record, Stopped, VibrationError
+from .record import Record, Stopped
 from .step_response import StepModel, bandwidth, identify_step
 from .subspace import SubspaceModel, identify_subspace
 from .synthetic import hammer_record, step_record, structure_record
@@ -53,7 +54,7 @@ from .synthetic import hammer_record, step_record, structure_record
 __all__ = [
     "Continuous", "DefiniteForm", "FrequencyResponse", "GaussianProcess", "ImpulseModel", "Inputs", "ModalFit", "Modes",
     "OrderTrial", "OscillatorField", "OutputErrorFit", "PhysicalForm", "Record", "Resonance", "SecondOrder",
-    "StepModel", "Stopped", "SubspaceModel", "SyntheticField", "VibrationError", "bandwidth", "command_force",
+    "StepModel", "Stopped", "SubspaceModel", "SyntheticField", "ArgumentError", "bandwidth", "command_force",
     "continuous", "definite_form", "fit_gaussian_processes", "fit_modes", "fit_oscillator_field", "frequency_response",
     "from_known", "hammer_record", "held_out", "identify_impulse", "identify_step", "identify_subspace",
     "load_oscillator_field", "modes", "oscillator_text", "output_error", "physical_form", "receptance", "sign_question",

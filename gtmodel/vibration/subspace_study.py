@@ -16,7 +16,7 @@ from gtmodel.vibration import (
     Record,
     SecondOrder,
     SubspaceModel,
-    VibrationError,
+    ArgumentError,
     continuous,
     from_known,
     identify_subspace,
@@ -42,7 +42,7 @@ class _Structure(NamedTuple):
 
 
 def solve_subspace(problem: Schema, records: list[Record], context: Context) -> Outcome:
-    """Identify, transform, judge. Raises VibrationError, InputError, Stopped."""
+    """Identify, transform, judge. Raises ArgumentError, InputError, Stopped."""
     record, k = records[0], problem.subspace
     model = identify_subspace(
         record, order=k.order, method=k.method, block_rows=k.block_rows, largest=k.largest_order,
@@ -113,7 +113,7 @@ def _structure(problem: Schema, p: Physical, model: SubspaceModel, record: Recor
         # with masses alone the force is an estimate, and no force to fit by
         refine = p.refine and force is not None
         fit = output_error(record, known, form=p.form, interrupted=context.interrupted) if refine else None
-    except VibrationError as error:
+    except ArgumentError as error:
         raise InputError(str(error), "physical") from error
     best = fit.model if fit else known
     return _Structure(form, known, fit, modes(best.M, best.D, best.K))

@@ -6,9 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from ..results import ArgumentError
 from gtmodel.problem_files.base import Check, InputError, Outcome, Row, at_most
 from gtmodel.results import SolveStatus
-from gtmodel.vibration import DefiniteForm, Modes, VibrationError, definite_form, modes, sign_question
+from gtmodel.vibration import DefiniteForm, Modes, definite_form, modes, sign_question
 
 from .vibration_keys import Schema
 from .vibration_values import listed, pairs_of, rows_of, values
@@ -77,7 +78,7 @@ def _passive(
     d, k = _SIGNS[stable[0]]
     try:
         return stable[0], definite_form(M, d * D, k * K), ""
-    except VibrationError as error:
+    except ArgumentError as error:
         return stable[0], None, str(error)
 
 

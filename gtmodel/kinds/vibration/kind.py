@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from gtmodel.problem_files.base import Context, InputError, Outcome
 from gtmodel.results import SolveStatus
-from gtmodel.vibration import Stopped, VibrationError
+from gtmodel.vibration import Stopped, ArgumentError
 
 from .vibration_data import records
 from .vibration_impulse import solve_impulse
@@ -41,7 +41,7 @@ def solve(problem: Schema, context: Context) -> Outcome:
         return _SOLVE[problem.model](problem, found, context)
     except Stopped as stopped:
         return Outcome(status=SolveStatus.INTERRUPTED, message=str(stopped))
-    except VibrationError as error:
+    except ArgumentError as error:
         raise InputError(str(error), problem.model) from error
 
 

@@ -17,7 +17,7 @@ WITHIN = 0.01  # of synthetic steps: relative error of the bandwidth's 1 - a and
 
 
 def solve_step(problem: Schema, records: list[Record], context: Context) -> Outcome:
-    """Fit all recordings together. Raises VibrationError, Stopped."""
+    """Fit all recordings together. Raises ArgumentError, Stopped."""
     k = problem.step_response
     m = identify_step(records, delay=k.delay_samples, longest=k.longest_samples, interrupted=context.interrupted)
     e = m.estimate

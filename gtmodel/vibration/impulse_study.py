@@ -18,7 +18,7 @@ WITHIN = 0.01  # of synthetic hits: largest relative error of a frequency, or wh
 
 
 def solve_impulse(problem: Schema, records: list[Record], context: Context) -> Outcome:
-    """Fit the decay. Raises VibrationError, Stopped."""
+    """Fit the decay. Raises ArgumentError, Stopped."""
     m = identify_impulse(
         records[0], modes=problem.impulse.modes, largest=problem.impulse.largest, interrupted=context.interrupted
     )
