@@ -26,6 +26,7 @@ from gtmodel.kinematics.accuracy import (
     map_errors,
     parallelepiped,
 )
+from gtmodel.kinematics.mechanism import Mechanism, home_figure, mechanism_of
 from gtmodel.kinematics.section import Section as Plane
 from gtmodel.problem_files import section_keys
 from gtmodel.problem_files.base import Check, Context, InputError, Outcome, Row, Section, at_least, at_most
@@ -35,7 +36,6 @@ from gtmodel.problem_files.sentences import listed
 from gtmodel.results import SolveStatus, Status
 
 from .accuracy_cases import Case, describe, errors_of, method_of
-from .mechanism import Mechanism, home_figure, mechanism_of
 
 NAME = "accuracy"
 
@@ -175,7 +175,7 @@ def _study(problem: Schema, context: Context) -> _Study:
                 f"two cases are called '{problem.cases[k].name}'; give them different names", f"cases[{k}].name"
             )
     keys = problem.section
-    plane = robot.section(keys.along_m, "section.along_m")
+    plane = robot.section(keys.along_m)
     corners = plane.pierced(robot.anchors, robot.directions)
     low = corners.min(axis=0) if keys.low_m is None else np.array(keys.low_m)
     high = corners.max(axis=0) if keys.high_m is None else np.array(keys.high_m)

@@ -8,10 +8,9 @@ import numpy as np
 from pydantic import Field
 
 from gtmodel.kinematics.accuracy import Ellipsoids, ErrorCase
+from gtmodel.kinematics.mechanism import Mechanism
 from gtmodel.problem_files.base import InputError, Section
 from gtmodel.problem_files.sentences import listed
-
-from .mechanism import Mechanism
 
 Three = Annotated[list[Annotated[float, Field(ge=0)]], Field(min_length=3, max_length=3)]
 

@@ -26,6 +26,7 @@ from gtmodel.calibrate import (
     sufficient_number,
 )
 from gtmodel.inference import Identifiability
+from gtmodel.kinematics.mechanism import Mechanism
 from gtmodel.kinematics.workspace import box_grid
 from gtmodel.lang import ModelError
 from gtmodel.problem_files.base import InputError
@@ -34,7 +35,6 @@ from .calibration_plan_device import Measuring
 from .calibration_plan_keys import Schema
 from .calibration_plan_stages import stages_of
 from .calibration_plan_turns import Turn
-from .mechanism import Mechanism
 from .workspace_limits import refuse_disordered
 
 Array = np.ndarray

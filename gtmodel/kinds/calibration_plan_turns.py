@@ -10,6 +10,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from gtmodel.compiler.causal import compile_causal
+from gtmodel.kinematics.mechanism import Mechanism
 from gtmodel.kinematics.workspace import InverseKinematics, Limit, Poses
 from gtmodel.lang import Model
 from gtmodel.problem_files.base import InputError
@@ -18,7 +19,6 @@ from gtmodel.robots import clusters
 
 from .calibration_choice import family_of
 from .calibration_plan_keys import Schema, TrackerKeys
-from .mechanism import Mechanism
 from .workspace_limits import limited_mechanism
 
 Array = np.ndarray

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -13,13 +12,13 @@ import numpy as np
 from gtmodel import lang as gt
 from gtmodel.compiler.causal import CausalFunction, compile_causal, flat_of
 from gtmodel.results import Status, Trajectory
+from gtmodel.robots.links import link_names, links_of
 
 from .motion_limits import Guard
 from .motion_paths import Path
 
 GUESS_TIME_S = 1.0
 SHORTEST_TIME_S = 0.05  # a free final time needs a lower bound; no motion of these robots is shorter
-_LINK = re.compile(r"(?P<part>\w+)\[(?P<index>\d+)\]\.rod\.a\.r")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -121,18 +120,6 @@ def dependent(robot: gt.Model, name: str) -> gt.Model:
     attributes = {k: v for k, v in item.attributes.items() if v is not None}
     variable = gt.variable(item.shape, unit=item.unit, **attributes)
     return type(cls.__name__, (cls,), {name: variable})(**robot.__dict__["_modifiers"])
-
-
-def link_names(robot: gt.Model) -> list[str]:
-    """Names of the cart joints of all links that run on a guideway of their own direction v."""
-    flat = flat_of(robot)
-    names = [name for name in flat.groups if _LINK.fullmatch(name)]
-    return [name for name in names if name.removesuffix("rod.a.r") + "v" in flat.bindings]
-
-
-def links_of(robot: gt.Model) -> list[tuple[str, int]]:
-    """Part and index of the arms whose links `link_names` names."""
-    return [(m["part"], int(m["index"])) for m in map(_LINK.fullmatch, link_names(robot)) if m]
 
 
 def link_ends(robot: gt.Model, T: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from pydantic import Field
 
+from gtmodel.kinematics.mechanism import Mechanism, home_figure
 from gtmodel.kinematics.workspace import (
     REACHABLE,
     BallJointCones,
@@ -23,7 +24,6 @@ from gtmodel.problem_files.section_keys import SectionKeys
 from gtmodel.problem_files.sentences import listed
 from gtmodel.results import SolveStatus
 
-from .mechanism import Mechanism, home_figure
 from .workspace_limits import Angle, Beam, Bodies, Box, Limits, Point, limited_mechanism, limits_of, refuse_disordered
 
 NAME = "workspace"
@@ -95,7 +95,7 @@ def solve(problem: Schema, context: Context) -> Outcome:
         raise InputError("--start: a workspace is mapped from the beginning; leave it out")
     robot = limited_mechanism(problem.model(context), problem.home_m, problem.bodies)
     reach = Reach(robot.inverse, limits_of(problem.limits, problem.bodies, problem.obstacles, problem.beams, robot))
-    section = robot.section(problem.section.along_m, "section.along_m")
+    section = robot.section(problem.section.along_m)
     low, high = _window(problem, robot, section)
     step = problem.section.step_m
 
@@ -130,7 +130,7 @@ def explain(problem: Schema, context: Context) -> str:
     """The tests in their order, the section and the grid."""
     robot = limited_mechanism(problem.model(context), problem.home_m, problem.bodies)
     reach = Reach(robot.inverse, limits_of(problem.limits, problem.bodies, problem.obstacles, problem.beams, robot))
-    section = robot.section(problem.section.along_m, "section.along_m")
+    section = robot.section(problem.section.along_m)
     low, high = _window(problem, robot, section)
     lines = [
         f"{problem.title or 'workspace'}: section orthogonal to ({listed(section.normal)}), through "

@@ -7,6 +7,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field, NonNegativeFloat
 
+from gtmodel.kinematics.mechanism import Mechanism, mechanism_of
 from gtmodel.kinematics.workspace import (
     ActuatorLimits,
     BallJointCones,
@@ -20,8 +21,6 @@ from gtmodel.kinematics.workspace import (
 from gtmodel.lang import Model
 from gtmodel.problem_files.base import InputError, Section
 from gtmodel.problem_files.section_keys import Pair
-
-from .mechanism import Mechanism, mechanism_of
 
 LONGEST_STROKE = 100.0  # in link lengths; a longer one was given in millimetres
 

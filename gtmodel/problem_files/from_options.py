@@ -11,8 +11,8 @@ from typing import Annotated, Any, ClassVar, TypeVar, Union, get_args, get_origi
 import numpy as np
 import pydantic
 
-from gtmodel.lang.units import convert
 from gtmodel.results.options import Long, Options, Unit, Within, declared
+from gtmodel.results.quantity import converted
 from gtmodel.results.unit_names import named
 
 from .base import Section
@@ -39,8 +39,8 @@ def _given(table: Made, key: str) -> Any:
     unit = next((m for m in declared(table.of)[table.attributes[key]] if isinstance(m, Unit)), None)
     if value is None or unit is None or not unit.written:
         return value
-    found = convert(np.asarray(value, float), unit.written, unit.text)
-    return found.tolist() if found.ndim else float(found)
+    found = converted(value, unit.written, unit.text)
+    return found.tolist() if np.ndim(found) else found
 
 
 def made_from(options: type[Options], *left_out: str) -> Callable[[type[S]], type[S]]:
@@ -89,7 +89,8 @@ def _plain(value: Any, marks: tuple[Any, ...]) -> Any:
         return section_of(type(value)).model_construct(**plain)
     unit = next((m for m in marks if isinstance(m, Unit)), None)
     if value is not None and unit is not None and unit.written:
-        value = convert(np.asarray(value, float), unit.text, unit.written).tolist()
+        found = converted(value, unit.text, unit.written)
+        value = found.tolist() if np.ndim(found) else found
     return list(value) if isinstance(value, tuple) else value
 
 
@@ -134,4 +135,4 @@ def _hint(hint: Any, marks: tuple[Any, ...]) -> Any:
 
 
 def _written(x: float, unit: Unit | None) -> float:
-    return x if unit is None else float(f"{float(convert(x, unit.text, unit.written)):.12g}")
+    return x if unit is None else float(f"{converted(x, unit.text, unit.written):.12g}")

@@ -31,6 +31,7 @@ class Quantity:
     label: its row in the table; no row of its own if empty.
     shown: the unit of that row, if not `unit`.
     key: its name in result.json, if not the attribute's name with the unit: ``stiffness_N_m``.
+    written: the unit of its name and value in result.json where people write another, as "deg" for rad.
     """
 
     unit: str = ""
@@ -38,19 +39,37 @@ class Quantity:
     label: str = ""
     shown: str = ""
     key: str = ""
+    written: str = ""
 
     def name(self, attribute: str) -> str:
         """The name in result.json."""
-        return self.key or named(attribute, self.unit)
+        return self.key or named(attribute, self.written or self.unit)
+
+    def value(self, value: Any) -> Any:
+        """The value in result.json."""
+        return converted(value, self.unit, self.written) if self.written else value
 
     def row(self, value: Any) -> Row:
         """The row of the table: numbers in the unit that is shown, vectors as text."""
         unit = self.shown or self.unit
         if self.shown and self.shown != self.unit:
-            value = convert(np.asarray(value, float), self.unit, self.shown)
+            value = converted(value, self.unit, self.shown)
         if isinstance(value, (np.ndarray, list, tuple)) and np.ndim(value):
             value = listed(np.ravel(value))
         return Row(self.label, value.item() if isinstance(value, np.ndarray) else value, unit)
+
+
+def converted(value: Any, unit: str, written: str) -> Any:
+    """A number, or numbers of any shape as an array, in another unit; None stays.
+
+    Between rad and deg with the rounding of NumPy's degrees and radians: a file and a call with them give equal bits.
+    """
+    if value is None:
+        return None
+    angles = {("rad", "deg"): np.degrees, ("deg", "rad"): np.radians}
+    x = np.asarray(value, float)
+    found = angles[unit, written](x) if (unit, written) in angles else convert(x, unit, written)
+    return found if np.ndim(found) else float(found)
 
 
 @cache

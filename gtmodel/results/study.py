@@ -61,7 +61,7 @@ class Study:
     @property
     def values(self) -> Mapping[str, Any]:
         """The declared quantities by their names in result.json, which carry the units; `notes` where there are any."""
-        found = {q.name(attribute): getattr(self, attribute) for attribute, q in self.quantities().items()}
+        found = {q.name(attribute): q.value(getattr(self, attribute)) for attribute, q in self.quantities().items()}
         return found | ({"notes": list(self.notes)} if self.notes else {})
 
     @property

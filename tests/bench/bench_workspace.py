@@ -13,7 +13,7 @@ import tracemalloc
 import numpy as np
 
 import gtmodel as gt
-from gtmodel.kinds.mechanism import mechanism_of
+from gtmodel.kinematics.mechanism import mechanism_of
 from gtmodel.kinematics.workspace import BallJointCones, Grid, Reach, Singularities, map_grid
 
 SAMPLE, REPETITIONS, CHUNK = 1000, 3, 16384

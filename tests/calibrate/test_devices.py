@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 import gtmodel as gt
 from gtmodel.calibrate import Camera, LaserTracker, LineOfSight, candidates
 from gtmodel.calibrate.devices import sampled
-from gtmodel.kinds.mechanism import mechanism_of
+from gtmodel.kinematics.mechanism import mechanism_of
 from gtmodel.kinematics.workspace import CartesianBox, InverseKinematics, Obstacles, Poses, Reach, box_grid
 
 AT = np.array([1.0, -4.0, 2.0])

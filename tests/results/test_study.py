@@ -57,6 +57,20 @@ def test_one_declaration_gives_attribute_value_row_and_description():
     assert beam(mass=3.0).rows[1].unit == "kg"
 
 
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Tool(Study):
+    sag: Annotated[float | None, Quantity("m", "by which it hangs", "hangs by", "um", written="mm")]
+    turned: Annotated[list[float], Quantity("rad", "at both ends", written="deg")]
+
+
+@given(st.floats(-7, 7))
+def test_a_quantity_is_written_in_the_unit_that_people_write(angle):
+    s = Tool(status=SolveStatus.SOLVED, sag=2e-3, turned=[0.0, angle])
+    assert s.values["sag_mm"] == 2.0 and s.rows[0].value == 2000.0
+    assert s.values["turned_deg"][1] == np.degrees(angle)
+    assert s.with_(sag=None).values["sag_mm"] is None
+
+
 @pytest.mark.parametrize("unit", UNITS)
 def test_names_carry_units_both_ways(unit):
     if unit == "kg.m2":  # no name can: it would read as another unit

@@ -8,14 +8,12 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from gtmodel.compiler.causal import compile_causal, flat_of
-from gtmodel.kinematics.section import Section, across_guideways
-from gtmodel.kinematics.workspace import InverseKinematics, Poses
-from gtmodel.lang import Model, ModelError
-from gtmodel.problem_files.base import InputError
-from gtmodel.results import Status
-
-from .motion import link_names
+from ..compiler.causal import compile_causal, flat_of
+from ..lang import Model, ModelError
+from ..results import ArgumentError, Status
+from ..robots.links import link_names
+from .section import Section, across_guideways
+from .workspace.poses import InverseKinematics, Poses
 
 Array = np.ndarray
 MARGIN_M = 0.05  # around what the links can reach at most
@@ -43,12 +41,12 @@ class Mechanism:
     plate_arms: Array
     length_names: tuple[str, ...]
 
-    def section(self, along: float | None, key: str) -> Section:
-        """The section across the guideways through the home pose, or at `along` [m]. Raises InputError."""
+    def section(self, along: float | None = None) -> Section:
+        """The section across the guideways through the home pose, or at `along` [m]. Raises ArgumentError."""
         try:
             found = across_guideways(self.anchors, self.directions, self.home.T[0])
         except ValueError as error:
-            raise InputError(str(error), "robot") from error
+            raise ArgumentError(str(error), "robot") from error
         if along is None:
             return found
         return Section(along * found.normal, found.across, found.up, found.normal)
@@ -69,22 +67,22 @@ def mechanism_of(model: Model, home: Array | None = None, offsets: Array | None 
         home: (3,) the pose where joint cones have their axes [m]; the model's own if left out.
         offsets: (l, 3) from the simplified joints to the real ones [m].
 
-    Raises InputError.
+    Raises ArgumentError.
     """
     flat = flat_of(model)
     if flat.groups.get("T", ((), []))[0] != (3,):
-        raise InputError(f"the robot must declare 'T' as a vector of 3; it has {flat.top()}", "robot")
+        raise ArgumentError(f"the robot must declare 'T' as a vector of 3; it has {flat.top()}", "robot")
     names = [name.removesuffix(".rod.a.r") for name in link_names(model)]
     if not names:
-        raise InputError("the robot has no links on guideways: parts NAME[i] with A, v and a part 'rod'", "robot")
+        raise ArgumentError("the robot has no links on guideways: parts NAME[i] with A, v and a part 'rod'", "robot")
     coordinates = "q" if "q" in flat.groups else "tau"
     targets = [coordinates, *(f"{name}.rod.{end}.r" for name in names for end in "ab")]
     try:
         function = compile_causal(model, known="T", targets=targets)
     except ModelError as error:
-        raise InputError(str(error), "robot") from error
+        raise ArgumentError(str(error), "robot") from error
     if len(function.inputs) != 1:
-        raise InputError(
+        raise ArgumentError(
             f"the links must follow from T alone; {', '.join(s.name for s in function.inputs[1:])} would be needed too",
             "robot",
         )
@@ -93,7 +91,7 @@ def mechanism_of(model: Model, home: Array | None = None, offsets: Array | None 
     found = inverse(T[None])
     if found.status[0] != Status.OK:
         shown = ", ".join(f"{x:g}" for x in T)
-        raise InputError(f"the home pose ({shown}) m cannot be reached: {function.diagnose(T)}", "home_m")
+        raise ArgumentError(f"the home pose ({shown}) m cannot be reached: {function.diagnose(T)}", "home")
     expressions = [flat.bindings[f"{name}.{key}"] for key in ("A", "v") for name in names]
     lengths = [flat.bindings[f"{name}.rod.L"] for name in names]
     values = ca.Function("p", [flat.p], [ca.horzcat(*expressions), ca.vertcat(*lengths)])(flat.p0)
@@ -107,7 +105,7 @@ def mechanism_of(model: Model, home: Array | None = None, offsets: Array | None 
 
 def home_figure(robot: Mechanism, curves: list[Array], title: str) -> Any:
     """The robot at home, and closed curves (k, 3) [m]."""
-    from gtmodel.plot.robot3d import robot_figure
+    from ..plot.robot3d import robot_figure
 
     home = robot.home
     return robot_figure(home.a[0], home.b[0], home.T[0], robot.directions, curves=curves, title=title)

@@ -1,0 +1,22 @@
+"""Links of a robot that run on guideways, by their names in the model."""
+
+from __future__ import annotations
+
+import re
+
+from ..compiler.causal import flat_of
+from ..lang import Model
+
+_LINK = re.compile(r"(?P<part>\w+)\[(?P<index>\d+)\]\.rod\.a\.r")
+
+
+def link_names(robot: Model) -> list[str]:
+    """Names of the cart joints of all links that run on a guideway of their own direction v."""
+    flat = flat_of(robot)
+    names = [name for name in flat.groups if _LINK.fullmatch(name)]
+    return [name for name in names if name.removesuffix("rod.a.r") + "v" in flat.bindings]
+
+
+def links_of(robot: Model) -> list[tuple[str, int]]:
+    """Part and index of the arms whose links `link_names` names."""
+    return [(m["part"], int(m["index"])) for m in map(_LINK.fullmatch, link_names(robot)) if m]
