@@ -36,6 +36,8 @@ def _given(table: Made, key: str) -> Any:
     value = getattr(table, key)
     if isinstance(value, Made):
         return value.options()
+    if isinstance(value, list) and any(isinstance(x, Made) for x in value):
+        return [x.options() if isinstance(x, Made) else x for x in value]
     unit = next((m for m in declared(table.of)[table.attributes[key]] if isinstance(m, Unit)), None)
     if value is None or unit is None or not unit.written:
         return value

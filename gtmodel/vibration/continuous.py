@@ -39,9 +39,7 @@ def continuous(A: np.ndarray, B: np.ndarray, sample_time: float) -> Continuous:
     poles = np.linalg.eigvals(A)
     nyquist = 0.5 / sample_time
     if np.abs(poles).min() < ZERO:
-        raise ArgumentError(
-            "a pole of the model is at zero (a pure delay): it has no continuous form; lower the order"
-        )
+        raise ArgumentError("a pole of the model is at zero (a pure delay): it has no continuous form; lower the order")
     if np.any((poles.real < 0) & (np.abs(np.angle(poles)) > np.pi - ON_AXIS)):
         pole = poles[np.argmin(poles.real)].real
         raise ArgumentError(

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..results import ArgumentError
 from gtmodel.inference import nonlinear_fit, whiteness
 from gtmodel.results import Estimate
 
+from ..results import ArgumentError
 from .continuous import NEAR
 from .hankel import block_hankel
 from .noise import REWEIGHTED, settled, weights_of
@@ -85,14 +85,10 @@ def identify_impulse(
     """
     if np.any(record.u):
         k = int(np.flatnonzero(np.any(record.u != 0, axis=1))[0])
-        raise ArgumentError(
-            f"the input at sample {k} is not zero; expected a record that begins after the hit: cut it"
-        )
+        raise ArgumentError(f"the input at sample {k} is not zero; expected a record that begins after the hit: cut it")
     wanted = range(1, largest + 1) if modes is None else [modes]
     if min(wanted, default=0) < 1:
-        raise ArgumentError(
-            f"{modes if modes is not None else largest} resonances were asked for; expected at least 1"
-        )
+        raise ArgumentError(f"{modes if modes is not None else largest} resonances were asked for; expected at least 1")
     fits: dict[int, _Sines] = {}
     for k in wanted:
         go_on(interrupted)

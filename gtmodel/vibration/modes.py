@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import eig
 
+from ..results import ArgumentError
 
 REAL = 1e-9  # relative: imaginary, or real, parts below are rounding
 FREE = 1e-7  # of the largest pole: the two poles of a free motion are accurate to the root of rounding only
@@ -17,7 +18,6 @@ SYMMETRIC = 1e-9  # relative asymmetry that is rounding
 
 
 @dataclass(frozen=True, eq=False)
-from ..results import ArgumentError
 class Modes:
     """Modes of a matrix triple of p coordinates, slowest first.
 

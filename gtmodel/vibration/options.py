@@ -1,4 +1,4 @@
-"""What a vibration study is asked for: the model that is looked for, what is known beside the recording, made-up data."""
+"""What a vibration study is asked for: which model, what is known beside the recording, made-up data."""
 
 from __future__ import annotations
 
@@ -72,9 +72,9 @@ class Matrices(Options):
     M: Annotated[list[list[float]], Unit("kg"), "masses, row by row"]
     D: Annotated[list[list[float]], Unit("kg/s"), "damping"]
     K: Annotated[list[list[float]], Unit("N/m"), "stiffness"]
-    published: Annotated[
-        list[float], Unit("Hz"), Within(above=0.0), "modes printed beside them, to be reproduced"
-    ] = field(default_factory=list)
+    published: Annotated[list[float], Unit("Hz"), Within(above=0.0), "modes printed beside them, to be reproduced"] = (
+        field(default_factory=list)
+    )
     published_digits: Annotated[float, Unit("Hz"), Within(above=0.0), "half a unit of their last digit"] = 0.5
 
 

@@ -7,13 +7,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..results import ArgumentError
 
 SLACK = 0.02  # of the least error on held-out samples: among orders that are high enough it varies by about 1 %
 NOTHING = 1e-9  # of the outputs' rms: errors below are rounding, and no order is better than another
 NOISE_FREE = 1e-12  # of the largest singular value: below is rounding
 
 
-from ..results import ArgumentError
 class OrderTrial(NamedTuple):
     """An order that was tried: the largest modulus of its poles, and the rms error on held-out samples, None where it
     is unstable."""

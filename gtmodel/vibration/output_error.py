@@ -8,10 +8,10 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from ..results import ArgumentError
 from gtmodel.inference import nonlinear_fit, whiteness
 from gtmodel.results import Estimate
 
+from ..results import ArgumentError
 from .known_force import SecondOrder
 from .noise import REWEIGHTED, settled, weights_of
 from .record import Record, go_on

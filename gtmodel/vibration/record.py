@@ -39,9 +39,7 @@ class Record:
         object.__setattr__(self, "u", u)
         object.__setattr__(self, "y", y)
         if len(u) != len(y):
-            raise ArgumentError(
-                f"{len(u)} samples of the inputs and {len(y)} of the outputs; give one each per sample"
-            )
+            raise ArgumentError(f"{len(u)} samples of the inputs and {len(y)} of the outputs; give one each per sample")
         check_sample_time(self.sample_time)
 
     def __len__(self) -> int:

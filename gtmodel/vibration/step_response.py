@@ -11,11 +11,11 @@ from scipy import stats
 from scipy.optimize import minimize_scalar
 from scipy.signal import lfilter
 
-from ..results import ArgumentError
 from gtmodel.inference import nonlinear_fit, whiteness
 from gtmodel.measurements import copied_stretch
 from gtmodel.results import Estimate
 
+from ..results import ArgumentError
 from .output_error import central
 from .record import Record, go_on
 

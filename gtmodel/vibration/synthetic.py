@@ -3,15 +3,55 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..results import ArgumentError
 from .modes import matrices
+from .options import Hit, Sampling, Steps, Structure
 from .output_error import second_order_states
 from .record import Record
 from .response import held, simulate
+
+
+def synthetic_records(known: Structure | Steps | Hit, sampling: Sampling) -> list[Record]:
+    """Made-up recordings of a known system: one, or of steps one each. Raises ArgumentError.
+
+    >>> from gtmodel.vibration import Sampling, Steps, synthetic_records
+    >>> steps = Steps(a=0.9, b=0.1, delay_samples=2, amplitudes=[1e-3, 2e-3])
+    >>> [len(r) for r in synthetic_records(steps, Sampling(seed=1, noise=0.0, samples=50))]
+    [50, 50]
+    """
+    s = sampling
+    common = {"samples": s.samples, "sample_time": s.sample_time, "noise": s.noise}
+    try:
+        if isinstance(known, Structure):
+            if known.coordinate > len(known.M):
+                raise ArgumentError(
+                    f"is {known.coordinate}; the structure has {len(known.M)} coordinates", "known.coordinate"
+                )
+            return [
+                structure_record(
+                    known.M, known.D, known.K, force=known.force, coordinate=known.coordinate - 1,
+                    hold=known.hold_samples, seed=s.seed, **common,
+                )
+            ]  # fmt: skip
+        if isinstance(known, Hit):
+            return [hammer_record(known.frequency, known.damping, known.amplitude, seed=s.seed, **common)]
+        made = [
+            step_record(
+                known.a, known.b, known.delay_samples, size, before=known.rest_samples, seed=s.seed + n, **common
+            )
+            for n, size in enumerate(known.amplitudes)
+        ]
+    except ValueError as error:
+        argument = error.argument if isinstance(error, ArgumentError) else ""
+        raise ArgumentError(getattr(error, "sentence", str(error)), argument or "known") from error
+    # one note for all of them
+    seeds = f"seed {s.seed}" if len(made) == 1 else f"seeds {s.seed} to {s.seed + len(made) - 1}"
+    return [replace(r, synthetic=f"{seeds}, noise {s.noise:g} m") for r in made]
 
 
 def structure_record(
@@ -39,9 +79,7 @@ def structure_record(
     F = np.eye(p)[:, coordinate : coordinate + 1]
     A, B, C = second_order_states(M, D, K, F)
     if np.linalg.eigvals(A).real.max() >= 0:
-        raise ArgumentError(
-            "the structure is unstable or undamped: its response would not stay bounded; change D or K"
-        )
+        raise ArgumentError("the structure is unstable or undamped: its response would not stay bounded; change D or K")
     Ad, Bd = held(A, B, sample_time)
     random = np.random.default_rng(seed)
     if hold < 1:

@@ -6,8 +6,8 @@ import control
 import numpy as np
 import pytest
 
-from gtmodel.results import ArgumentError
 from gtmodel.inference import binomial_band
+from gtmodel.results import ArgumentError
 from gtmodel.vibration import Record, hammer_record, identify_impulse
 from gtmodel.vibration.impulse import realise
 from tests.vibration.structures import TS, matched, random_system

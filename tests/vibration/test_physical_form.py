@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from gtmodel.results import ArgumentError
 from gtmodel.inference import binomial_band
+from gtmodel.results import ArgumentError
 from gtmodel.vibration import (
     Record,
     SecondOrder,
@@ -67,9 +67,7 @@ def test_continuous_is_the_inverse_of_holding() -> None:
     # an integrator: A - I is singular, and B_c exists all the same
     c = continuous(np.eye(1), np.array([[TS]]), TS)
     assert c.A[0, 0] == pytest.approx(0.0, abs=1e-12) and c.B[0, 0] == pytest.approx(1.0)
-    with pytest.raises(
-        ArgumentError, match=r"the pole -0\.5 lies on the negative real axis, at the Nyquist frequency"
-    ):
+    with pytest.raises(ArgumentError, match=r"the pole -0\.5 lies on the negative real axis, at the Nyquist frequency"):
         continuous(np.diag([-0.5, 0.3]), np.zeros((2, 1)), TS)
     with pytest.raises(ArgumentError, match="a pole of the model is at zero"):
         continuous(np.diag([0.0, 0.3]), np.zeros((2, 1)), TS)

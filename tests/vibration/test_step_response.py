@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from gtmodel.results import ArgumentError
 from gtmodel.inference import binomial_band
+from gtmodel.results import ArgumentError
 from gtmodel.vibration import Record, bandwidth, identify_step, step_record
 from tests.vibration.structures import TS
 

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Any, Literal
 
-from pydantic import Field, NonNegativeFloat, PositiveFloat
+import numpy as np
+from pydantic import Field, NonNegativeFloat
 
-from gtmodel.problem_files.base import Problem, Section
+from gtmodel.measurements import Corrections
+from gtmodel.problem_files.base import Context, InputError, Problem
+from gtmodel.problem_files.from_options import Made, made_from
 from gtmodel.problem_files.log_keys import LogFiles, MeasuredSignal
-from gtmodel.vibration.impulse import LARGEST as MOST_MODES
-from gtmodel.vibration.step_response import LONGEST
-from gtmodel.vibration.subspace import BLOCK_ROWS, HELD_OUT, LARGEST
+from gtmodel.results import ArgumentError, TrajectoryError
+from gtmodel.vibration import Record, options, synthetic_records
 
-Square = Annotated[list[list[float]], Field(min_length=1)]
+KNOWN = {"subspace": "structure", "step_response": "steps", "impulse": "hit"}  # what made-up data are made of, by model
 
 
 class Measurements(LogFiles):
@@ -25,105 +27,100 @@ class Measurements(LogFiles):
         default=0.0, description="what lies before, counted from the log's first row, is left out"
     )
 
+    def records(self, model: str, context: Context) -> list[Record]:
+        """The recordings of the log. Raises InputError."""
+        found = self._sessions(model, context)
+        if model != "step_response" and len(found) > 1:
+            raise InputError(
+                f"hold {len(found)} recordings; the model '{model}' takes one, so name one file", "measurements.files"
+            )
+        return found
 
-class Structure(Section):
+    def _sessions(self, model: str, context: Context) -> list[Record]:
+        keys = {"position_m": self.position_m, "force_N": self.force_N, "reference_m": self.reference_m}
+        given = {name: signal for name, signal in keys.items() if signal is not None}
+        inputs = [name for name in given if name != "position_m"]
+        if len(inputs) != (0 if model == "impulse" else 1):
+            wanted = "no input: a decay has none" if model == "impulse" else "one of force_N and reference_m"
+            raise InputError(f"expected {wanted}, besides position_m", "measurements")
+        for name, signal in given.items():
+            for what in ("scale", "offset", "delay_s"):
+                if getattr(signal, what) == "estimate":
+                    raise InputError("a black box does not tell it; give a number", f"measurements.{name}.{what}")
+        signals = {name: signal.signal(f"measurements.{name}") for name, signal in given.items()}
+        raw = self.read(self.files, signals, context, "measurements.files")
+        found = []
+        try:
+            for session in Corrections(signals, raw).apply():
+                first = int(np.ceil(self.after_s / session.sample_time - 1e-9))
+                t = session.trajectory
+                y = t["position_m"][first:]
+                if len(y) < 2:
+                    raise InputError(
+                        f"{self.after_s:g} s leave {len(y)} samples of {session.name}; lower it", "measurements.after_s"
+                    )
+                u = t[inputs[0]][first:] if inputs else np.zeros(len(y))
+                found.append(Record(u, y, session.sample_time, t.synthetic))
+        except (TrajectoryError, ArgumentError) as error:
+            raise InputError(str(error), "measurements") from error
+        return found
+
+
+@made_from(options.Structure)
+class Structure(Made):
     """Masses, dampers and springs under a pseudo-random force."""
 
-    M_kg: Square = Field(description="masses, row by row")
-    D_kg_s: Square = Field(description="damping")
-    K_N_m: Square = Field(description="stiffness")
-    force_N: PositiveFloat = Field(description="amplitude of the pseudo-random binary force")
-    coordinate: int = Field(default=1, ge=1, description="on which it acts, from 1")
-    hold_samples: int = Field(default=1, ge=1, description="how long a value is held: longer moves its power down")
 
-
-class Steps(Section):
+@made_from(options.Steps)
+class Steps(Made):
     """Steps of the reference through b q^-delay / (1 - a q^-1), each a recording of its own."""
 
-    a: float = Field(gt=-1, lt=1, description="pole")
-    b: float = Field(description="numerator")
-    delay_samples: int = Field(ge=0, description="delay")
-    amplitudes_m: list[float] = Field(min_length=1, description="one step each")
-    rest_samples: int = Field(default=25, ge=1, description="before the step")
 
-
-class Hit(Section):
+@made_from(options.Hit)
+class Hit(Made):
     """Free decay after the hit of a hammer."""
 
-    frequency_Hz: list[PositiveFloat] = Field(min_length=1, description="undamped, by mode")
-    damping: list[NonNegativeFloat] = Field(description="ratio, by mode")
-    amplitude_m: list[list[float]] = Field(description="by mode and measured position")
 
-
-class Synthetic(Section):
+@made_from(options.Sampling)
+class Synthetic(Made):
     """A made-up recording of a known system, to see what identification gives back."""
 
-    seed: int = Field(ge=0, description="of the noise, and of the pseudo-random force")
-    noise_m: NonNegativeFloat = Field(description="white noise on the positions, standard deviation")
-    samples: int = Field(ge=2, description="of each recording")
-    sample_time_s: PositiveFloat = Field(default=0.004, description="between samples")
     structure: Structure | None = Field(default=None, description='for model = "subspace"')
     steps: Steps | None = Field(default=None, description='for model = "step_response"')
     hit: Hit | None = Field(default=None, description='for model = "impulse"')
 
+    def known(self, model: str) -> Any:
+        """The options that the recordings are made of. Raises InputError."""
+        name = KNOWN[model]
+        wrong = next((k for k in KNOWN.values() if k != name and getattr(self, k) is not None), None)
+        if getattr(self, name) is None or wrong:
+            raise InputError(f"the model '{model}' needs [synthetic.{name}] and no other", f"synthetic.{wrong or name}")
+        return getattr(self, name).options()
 
-class Matrices(Section):
+
+@made_from(options.Matrices)
+class Matrices(Made):
     """Printed matrices of M x'' + D x' + K x = f."""
 
-    M_kg: Square = Field(description="masses, row by row")
-    D_kg_s: Square = Field(description="damping")
-    K_N_m: Square = Field(description="stiffness")
-    published_Hz: list[PositiveFloat] = Field(default=[], description="modes printed beside them, to be reproduced")
-    published_digits_Hz: PositiveFloat = Field(default=0.5, description="half a unit of their last digit")
 
-
-class SubspaceKeys(Section):
+@made_from(options.Subspace)
+class SubspaceKeys(Made):
     """How the state-space model is found."""
 
-    method: Literal["moesp", "n4sid", "cva"] = Field(default="moesp", description="how past and future are weighted")
-    order: int | None = Field(default=None, ge=1, description="number of states; by held-out error if left out")
-    largest_order: int = Field(default=LARGEST, ge=1, description="tried at most")
-    block_rows: int = Field(default=BLOCK_ROWS, ge=2, description="of past and future each")
-    held_out: float = Field(default=HELD_OUT, gt=0, lt=1, description="share of the samples judged, not fitted")
-    feedthrough: bool = Field(default=False, description="whether the input acts on the output at once")
 
-
-class KnownMass(Section):
-    """A mass that is known."""
-
-    coordinate: int = Field(ge=1, description="from 1")
-    mass_kg: PositiveFloat = Field(description="its mass")
-
-
-class Physical(Section):
+@made_from(options.Physical)
+class Physical(Made):
     """The physical form: what is known beside the recording."""
 
-    force_coordinates: list[int] = Field(
-        default=[], description="coordinate on which each input acts in newtons, from 1; with force_N only"
-    )
-    mass: list[KnownMass] = Field(default=[], description="one table for each known mass")
-    form: Literal["symmetric", "free"] = Field(
-        default="symmetric", description="symmetric: M, D, K positive definite by Cholesky factors; free: any D"
-    )
-    refine: bool = Field(
-        default=True, description="fit M, D, K to the recording by output error, with intervals; needs a force"
-    )
 
-
-class StepKeys(Section):
+@made_from(options.StepResponse)
+class StepKeys(Made):
     """How the step response is fitted."""
 
-    delay_samples: int | None = Field(default=None, ge=0, description="by least residual if left out")
-    longest_samples: int = Field(default=LONGEST, ge=0, description="delay tried at most")
 
-
-class ImpulseKeys(Section):
+@made_from(options.Impulse)
+class ImpulseKeys(Made):
     """How the decay is fitted."""
-
-    modes: int | None = Field(
-        default=None, ge=1, description="number of resonances; by information criterion if left out"
-    )
-    largest: int = Field(default=MOST_MODES, ge=1, description="number tried at most")
 
 
 class Schema(Problem):
@@ -137,3 +134,17 @@ class Schema(Problem):
     physical: Physical | None = Field(default=None, description="M, D, K from the subspace model")
     step_response: StepKeys = StepKeys()
     impulse: ImpulseKeys = ImpulseKeys()
+
+    def data(self, context: Context) -> tuple[list[Record], Any]:
+        """The recordings for the model asked for, and what made-up ones were made of. Raises InputError."""
+        given = [name for name in ("measurements", "synthetic", "matrices") if getattr(self, name) is not None]
+        if self.model == "matrices" or len(given) != 1 or given[0] == "matrices":
+            raise InputError(
+                f"expected one of [measurements] and [synthetic] for the model '{self.model}'",
+                given[-1] if given else "",
+            )
+        if self.measurements is not None:
+            return self.measurements.records(self.model, context), None
+        assert self.synthetic is not None
+        known = self.synthetic.known(self.model)
+        return synthetic_records(known, self.synthetic.options()), known
