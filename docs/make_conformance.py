@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from gtmodel.simulate import simulate
+from gtmodel.simulation import simulate
 from tests.optimize import problems
 from tests.optimize.test_conformance import SUITE, solved
 from tests.support.models import Pendulum

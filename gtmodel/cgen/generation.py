@@ -10,6 +10,7 @@ from typing import Any
 import casadi as ca
 
 from .._files import codegen_dir
+from .._version import __version__
 from ..compiler.causal import CausalFunction
 from ..results.folder import Held
 from .body import body
@@ -17,7 +18,7 @@ from .errors import GenerationError
 from .folder import write
 from .header import header
 from .interface import Interface, interfaces
-from .manifest import FILE, gtmodel_version, manifest, parameters_hash, sha256
+from .manifest import FILE, manifest, parameters_hash, sha256
 from .readme import makefile, readme
 from .real import FLOAT, real_of
 from .single import file_name, single
@@ -103,7 +104,7 @@ def contents(faces: list[Interface], name: str, provenance: Mapping[str, str]) -
     if f"{own}.h".lower() in (*shared, *map(file_name, shared)):
         raise GenerationError(f"'{name}' cannot name the generated code: {own}.h belongs to the runtime")
     source, declarations = body(name, faces)
-    about = [f"gtmodel {gtmodel_version()}, CasADi {ca.CasadiMeta.version()}."]
+    about = [f"gtmodel {__version__}, CasADi {ca.CasadiMeta.version()}."]
     about += [f"{key}: {value}" for key, value in provenance.items()]
     runtime = codegen_dir() / "runtime"
     newton = (NEWTON,) if any(face.newton for face in faces) else ()

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import casadi as ca
 
+from .._version import __version__
 from ..compiler.causal import CausalFunction
 from .comparison import compare
 from .errors import GenerationError
@@ -17,7 +18,6 @@ from .interface import Interface, interfaces
 from .manifest import (
     changed_entries,
     changed_files,
-    gtmodel_version,
     interface_entry,
     lacks,
     parameters_hash,
@@ -58,7 +58,7 @@ def check(folder: Path, functions: Mapping[str, CausalFunction], *, points: int 
         _same_parameters(content, faces),
     ]
     # of another version of gtmodel or of CasADi nothing is known but the parameters
-    same = (content["gtmodel"], content["casadi"]) == (gtmodel_version(), ca.CasadiMeta.version())
+    same = (content["gtmodel"], content["casadi"]) == (__version__, ca.CasadiMeta.version())
     texts = contents(faces, content["name"], content["provenance"]) if same else {}
     otherwise = sorted(file for file, text in texts.items() if content["files"].get(file) != sha256(text))
     checks.append(at_most("files_not_as_generated", len(otherwise), detail=", ".join(otherwise)))

@@ -9,8 +9,9 @@ import casadi as ca
 import numpy as np
 
 from ..lang.source import ModelError
+from .differentiation import condition_order
 from .pivoted import pivoted_qr
-from .plan import Plan, condition_order
+from .plan import Plan
 from .sides import moved_to_branch, on_branch
 
 Pair = tuple[int, int]

@@ -13,7 +13,7 @@ from gtmodel import lang as gt
 from gtmodel.compiler.causal import flat_of
 from gtmodel.lang.expression import Expr, operand
 from gtmodel.results import Trajectory
-from gtmodel.simulate import Simulation, simulate
+from gtmodel.simulation import Simulation, simulate
 
 from .feedforward import Law
 

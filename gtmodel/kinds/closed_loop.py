@@ -16,7 +16,7 @@ from gtmodel.problem_files import python_models
 from gtmodel.problem_files.base import Check, Context, InputError, Row, Section, at_most
 from gtmodel.problem_files.log_keys import MeasuredSignal
 from gtmodel.results import Trajectory, TrajectoryError
-from gtmodel.simulate import simulate
+from gtmodel.simulation import simulate
 
 VALUES = {
     "closed_loop_rms": "error of the simulated motion, rms by recording, in the unit of the position",

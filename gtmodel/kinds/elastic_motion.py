@@ -11,9 +11,11 @@ from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt
 from gtmodel.compiler.causal import compile_causal
 from gtmodel.control import residual_vibration, zero_vibration, zero_vibration_derivative
 from gtmodel.lang import Model, Optimization
+from gtmodel.motion.finer_mesh import elements_after, refined, told
 from gtmodel.optimize import Mesh, Solution, SolverOptions, resimulate
 from gtmodel.optimize import solve as collocate
 from gtmodel.problem_files.base import TRAJECTORY, Context, InputError, Outcome, Row, Section, at_most
+from gtmodel.problem_files.path_keys import Point
 from gtmodel.problem_files.robot_keys import RobotProblem
 from gtmodel.problem_files.solver_keys import Barrier, MostElements
 from gtmodel.results import SolveStatus, Status, Trajectory
@@ -21,8 +23,6 @@ from gtmodel.results.check import failed_of
 from gtmodel.robots import GantryTau
 
 from .elastic_motion_models import ElasticMotion, RigidMotion
-from .finer_mesh import finer_problem, refined, told
-from .trajectory_keys import Point
 
 NAME = "elastic_motion"
 
@@ -174,7 +174,11 @@ class _Found:
 
 def _finer(found: _Found) -> Schema | None:
     """The problem on a finer mesh where a check failed that it can mend."""
-    return finer_problem(found.problem, found.checks, MENDED)
+    mesh = found.problem.mesh
+    elements = elements_after(mesh.elements, mesh.most_elements, found.checks, MENDED)
+    if elements is None:
+        return None
+    return found.problem.model_copy(update={"mesh": mesh.model_copy(update={"elements": elements})})
 
 
 def _on_this_mesh(

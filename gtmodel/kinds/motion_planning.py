@@ -9,24 +9,17 @@ import numpy as np
 
 from gtmodel import lang as gt
 from gtmodel.compiler.causal import compile_causal, flat_of
+from gtmodel.motion.follow import Follower, motion_function
+from gtmodel.motion.guard import Carrier, Guard, guard_of
+from gtmodel.motion.guesses import bare_guess, bent_guess, line_guess, trapezoid
+from gtmodel.motion.links import along_guideways, link_ends
+from gtmodel.motion.paths import Path, path_of
+from gtmodel.motion.task import MotionTask
 from gtmodel.optimize.path import PathMotion
 from gtmodel.problem_files.base import Context, InputError
 from gtmodel.results import Status, Trajectory
+from gtmodel.robots.links import link_names, links_of
 
-from .motion import (
-    MotionTask,
-    along_guideways,
-    bare_guess,
-    bent_guess,
-    line_guess,
-    link_ends,
-    link_names,
-    links_of,
-    trapezoid,
-)
-from .motion_follow import Follower, motion_function
-from .motion_limits import Carrier, Guard, guard_of
-from .motion_paths import Path, path_of
 from .motion_search import Search, order_of, task_of
 from .trajectory_keys import TrajectoryProblem
 
@@ -137,9 +130,9 @@ def plan_of(problem: TrajectoryProblem, context: Context) -> Plan:
     if np.array_equal(start, goal):
         raise InputError("the goal equals the start; give another goal", "goal.tcp_m")
     _check_reach(problem, robot)
-    guard = guard_of(problem.limits, links_of(robot), lambda arm, end: _carrier(robot, end, start))
+    guard = guard_of(problem.limits.options(), links_of(robot), lambda arm, end: _carrier(robot, end, start))
     _check_statics(problem, robot, guard)
-    path = None if problem.path is None else path_of(problem.path, context, start, goal)
+    path = None if problem.path is None else path_of(problem.path.options(context), start, goal)
     plan = Plan(problem, robot, guard, path, _guess(context, path))
     if path is not None and (trouble := plan.follower.trouble()):
         raise InputError(trouble, "path")

@@ -9,15 +9,15 @@ from typing import Any, Literal, cast
 import numpy as np
 
 from gtmodel.lang import Model, Optimization
+from gtmodel.motion.guard import Guard
+from gtmodel.motion.paths import Path
+from gtmodel.motion.task import MotionTask, motion
 from gtmodel.optimize import Mesh, Solution, SolverOptions
 from gtmodel.optimize import solve as collocate
 from gtmodel.optimize.resimulate import Resimulation, resimulate
 from gtmodel.problem_files.base import Context
 from gtmodel.results import SolveStatus, Trajectory
 
-from .motion import MotionTask, motion
-from .motion_limits import Guard
-from .motion_paths import Path
 from .trajectory_keys import TrajectoryProblem
 
 # iterations without progress after which an attempt has lost its way, and another one is the better bet: of 200 drawn

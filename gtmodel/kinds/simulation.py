@@ -15,7 +15,7 @@ from gtmodel.problem_files.base import Check, Context, InputError, Outcome, Row,
 from gtmodel.problem_files.robot_keys import RobotProblem
 from gtmodel.problem_files.robots import file_of
 from gtmodel.results import SolveStatus, Trajectory, TrajectoryError
-from gtmodel.simulate import MOST_ROWS, MOST_STEPS, Simulation, explain_simulation, simulate
+from gtmodel.simulation import MOST_ROWS, MOST_STEPS, Simulation, explain_simulation, simulate
 
 NAME = "simulation"
 

@@ -8,23 +8,25 @@ from typing import Any
 import numpy as np
 
 from gtmodel.compiler.causal import compile_causal
+from gtmodel.motion.finer_mesh import elements_after, how, refined, told
+from gtmodel.motion.follow import sampled
+from gtmodel.motion.guard import clearance
+from gtmodel.motion.reference import at_rest, between_rows, csv_text, rapid_text
 from gtmodel.optimize import Solution
 from gtmodel.optimize.overshoot import control_curves
 from gtmodel.optimize.resimulate import Resimulation, resimulate
 from gtmodel.problem_files.base import Context, Outcome, at_most
+from gtmodel.problem_files.path_keys import PATH_ARGUMENTS
 from gtmodel.results import SolveStatus, Trajectory
 from gtmodel.results.check import failed_of
 
-from .finer_mesh import finer_problem, how, refined, told
-from .motion_follow import sampled
-from .motion_limits import clearance
 from .motion_planning import Plan, plan_of
-from .motion_reference import at_rest, between_rows, csv_text, rapid_text
 from .motion_search import Search, motion_of
 from .trajectory_keys import TrajectoryProblem as Schema
 from .trajectory_rows import rows_of
 
 NAME = "trajectory"
+ARGUMENTS = PATH_ARGUMENTS
 
 VALUES = {
     "final_time_s": "final time of the collocation optimum, control as [mesh] says; the motion's is the exported one",
@@ -134,7 +136,10 @@ def _finer(found: Found) -> Schema | None:
     problem, checks = found.plan.problem, found.checks
     followed = found.second is not None
     mended = [name for name in checks if name != "constraint_violation" and not (followed and "exported" in name)]
-    finer = finer_problem(problem, checks, mended)
+    mesh, finer = problem.mesh, None
+    elements = elements_after(mesh.elements, mesh.most_elements, checks, mended)
+    if elements is not None:
+        finer = problem.model_copy(update={"mesh": mesh.model_copy(update={"elements": elements})})
     if followed and problem.path is not None and any("exported" in name for name in failed_of(checks)):
         intervals = min(2 * problem.path.intervals, MOST_INTERVALS)
         if intervals > problem.path.intervals:

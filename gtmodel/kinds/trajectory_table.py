@@ -8,6 +8,7 @@ from pydantic import Field
 
 from gtmodel.problem_files.base import Context, InputError, Outcome, Row, Section, at_most
 from gtmodel.problem_files.load import validate
+from gtmodel.problem_files.path_keys import PATH_ARGUMENTS
 from gtmodel.problem_files.settings import apply
 from gtmodel.results import SolveStatus, Trajectory
 
@@ -16,6 +17,7 @@ from .motion_planning import plan_of
 from .trajectory_keys import TrajectoryProblem
 
 NAME = "trajectory_table"
+ARGUMENTS = PATH_ARGUMENTS
 
 VALUES = {
     "rows": "one entry per row: name, cost, iterations, final_time_s, energy, saturation, optima, exported values",

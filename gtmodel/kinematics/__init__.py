@@ -1,6 +1,7 @@
 """Kinematics that a model's equations alone do not answer.
 
-accuracy          greatest positioning errors from errors of carts and links
+accuracy_study    greatest positioning errors over a section, from errors of carts and links: an AccuracyStudy; what it
+                  is asked for, and its parts, in `accuracy`
 assembly_modes    every pose in which a platform on six legs of given lengths can be assembled
 section           a plane across the guideways
 workspace         which tool centre points are reached, and why not the others
@@ -22,6 +23,7 @@ Orientation of the plate
 """
 
 from . import accuracy, assembly_modes, section, singularity, workspace
+from .accuracy import AccuracyStudy, accuracy_study
 from .guideways import GuidewayFit, MeasurementError, fit_guideway
 from .maps import MotionMaps
 from .orientation import OrientationMap, grid, orientation_map
@@ -30,6 +32,7 @@ from .transmission import Backlash, CyclicTerm, backlash, cyclic_term
 from .wrist_partition import InverseBranches, WristPartition
 
 __all__ = [
+    "AccuracyStudy",
     "Backlash",
     "CyclicTerm",
     "GuidewayFit",
@@ -39,6 +42,7 @@ __all__ = [
     "OrientationMap",
     "WristPartition",
     "accuracy",
+    "accuracy_study",
     "assembly_modes",
     "backlash",
     "cyclic_term",

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
+
+from ..results.options import Long, Options, Unit, Within
 
 Array = np.ndarray
 
@@ -55,6 +58,18 @@ class Section:
         anchors, directions = np.asarray(anchors, dtype=float), np.asarray(directions, dtype=float)
         s = ((self.origin - anchors) @ self.normal) / (directions @ self.normal)
         return self.coordinates(anchors + s[:, None] * directions)
+
+
+@dataclass(frozen=True)
+class CrossSection(Options):
+    """The cross-section, a plane orthogonal to the mean guideway direction; (u, v) = (y, z) for guideways along x."""
+
+    along: Annotated[float | None, Unit("m"), "its position along the guideways; through home if left out"] = None
+    step: Annotated[float, Unit("m"), Within(above=0.0), "of the grid"] = 0.02
+    low: Annotated[
+        list[float] | None, Unit("m"), Long(2), "least (u, v); all that the links may reach if left out"
+    ] = None  # fmt: skip
+    high: Annotated[list[float] | None, Unit("m"), Long(2), "greatest (u, v)"] = None
 
 
 def across_guideways(anchors: Array, directions: Array, through: Sequence[float], up: Sequence[float] = UP) -> Section:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 
 import pydantic
@@ -10,23 +11,32 @@ from gtmodel.results.unit_names import split
 
 from .fields import keys_of, tables_of
 
+_NUMBER, _EMPTY = re.compile(r"\[\d+\]"), re.compile(r"\[\]")  # of an entry of a list; of its key
+_ENTRY = re.compile(r"(.*?)((?:\[\d+\])?)")
+
 
 def key_of(schema: type[pydantic.BaseModel], argument: str, renamed: Mapping[str, str]) -> str:
     """The dotted key of an argument: ("map.step", {"map": "section"}) is "section.step_m" where that key exists.
 
     renamed: arguments, or their beginnings, that stand elsewhere in the file; the longest that fits counts. What has
-    no key is said under its own name.
+    no key is said under its own name. An entry of a list keeps its number: "cases[1].length" is "cases[1].length_um",
+    also where the list has another name in the file: {"poses": "pose"} tells of "poses[1]" too.
     """
     parts = argument.split(".")
     for n in range(len(parts), 0, -1):
         head = ".".join(parts[:n])
-        if head in renamed:
-            parts = [p for p in (renamed[head], *parts[n:]) if p]
+        whole, number = _ENTRY.fullmatch(head).groups()  # pyright: ignore[reportOptionalMemberAccess]
+        if head in renamed or whole in renamed:
+            place = renamed[head] if head in renamed else renamed[whole] + number
+            parts = [p for p in (place, *parts[n:]) if p]
             break
     wanted = ".".join(parts)
-    if wanted in tables_of(schema):
+    plain = _NUMBER.sub("[]", wanted)
+    if plain in tables_of(schema):
         return wanted
-    return next((key.key for key in keys_of(schema) if wanted in (key.key, _stem(key.key))), wanted)
+    numbers = iter(_NUMBER.findall(wanted))
+    found = (key.key for key in keys_of(schema) if plain in (key.key, _stem(key.key)))
+    return next((_EMPTY.sub(lambda _: next(numbers), key) for key in found), wanted)
 
 
 def _stem(key: str) -> str:

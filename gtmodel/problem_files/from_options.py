@@ -11,9 +11,8 @@ from typing import Annotated, Any, ClassVar, TypeVar, Union, get_args, get_origi
 import numpy as np
 import pydantic
 
-from gtmodel.results.options import Long, Options, Unit, Within, declared
+from gtmodel.results.options import Long, Options, Unit, Within, declared, written_name
 from gtmodel.results.quantity import converted
-from gtmodel.results.unit_names import named
 
 from .base import Section
 
@@ -36,8 +35,8 @@ def _given(table: Made, key: str) -> Any:
     value = getattr(table, key)
     if isinstance(value, Made):
         return value.options()
-    if isinstance(value, list) and any(isinstance(x, Made) for x in value):
-        return [x.options() if isinstance(x, Made) else x for x in value]
+    if isinstance(value, list) and value and isinstance(value[0], Made):
+        return [one.options() for one in value]
     unit = next((m for m in declared(table.of)[table.attributes[key]] if isinstance(m, Unit)), None)
     if value is None or unit is None or not unit.written:
         return value
@@ -56,7 +55,7 @@ def made_from(options: type[Options], *left_out: str) -> Callable[[type[S]], typ
             if f.name in left_out:
                 continue
             marks = declared(options)[f.name]
-            key = _key(f.name, marks)
+            key = written_name(f.name, marks)
             attributes[key] = f.name
             fields[key] = (_hint(hints[f.name], marks), _field(f, marks))
         found = pydantic.create_model(
@@ -67,11 +66,6 @@ def made_from(options: type[Options], *left_out: str) -> Callable[[type[S]], typ
         return found
 
     return made
-
-
-def _key(name: str, marks: tuple[Any, ...]) -> str:
-    unit = next((m for m in marks if isinstance(m, Unit)), None)
-    return name if unit is None else named(name, unit.written or unit.text)
 
 
 def _field(f: dataclasses.Field[Any], marks: tuple[Any, ...]) -> Any:
@@ -87,7 +81,7 @@ def _plain(value: Any, marks: tuple[Any, ...]) -> Any:
     """A default as the file writes it."""
     if dataclasses.is_dataclass(value):
         inside = declared(type(value))
-        plain = {_key(name, found): _plain(getattr(value, name), found) for name, found in inside.items()}
+        plain = {written_name(name, found): _plain(getattr(value, name), found) for name, found in inside.items()}
         return section_of(type(value)).model_construct(**plain)
     unit = next((m for m in marks if isinstance(m, Unit)), None)
     if value is not None and unit is not None and unit.written:

@@ -14,12 +14,13 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, get_type_hints
+from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 import numpy as np
 
 from .quantity import marks_of
 from .refusal import ArgumentError
+from .unit_names import named
 
 
 @dataclass(frozen=True)
@@ -68,6 +69,9 @@ class Options:
             value = getattr(self, name)
             if value is None:
                 continue
+            words = choices(type(self))[name]
+            if words and value not in words:
+                raise ArgumentError(f"expected one of {', '.join(words)}; found {value!r}", name)
             bounds = [m for m in marks if isinstance(m, Within)]
             for x in _numbers(value):
                 if not math.isfinite(x):
@@ -85,6 +89,19 @@ def declared(cls: type) -> dict[str, tuple[Any, ...]]:
     """What the fields of an options class carry besides their types: Unit, Within, Long and a description."""
     hints = get_type_hints(cls, include_extras=True)
     return {f.name: marks_of(hints[f.name]) for f in dataclasses.fields(cls)}
+
+
+def written_name(field: str, marks: tuple[Any, ...]) -> str:
+    """The name of a field in a file, with the unit in which people write it there."""
+    unit = next((m for m in marks if isinstance(m, Unit)), None)
+    return field if unit is None else named(field, unit.written or unit.text)
+
+
+@cache
+def choices(cls: type) -> dict[str, tuple[str, ...]]:
+    """The words that a field takes, empty where it is no word of a few."""
+    found = get_type_hints(cls)
+    return {f.name: get_args(h) if get_origin(h := found[f.name]) is Literal else () for f in dataclasses.fields(cls)}
 
 
 def _numbers(value: Any) -> Iterator[float]:

@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from .interpolation import Kind, interpolate
 from .trajectory_checks import checked_time, checked_unit, checked_values, json_text, one_line
+from .trajectory_csv import read_csv
 from .trajectory_errors import COLUMN, Array, TrajectoryError, UnknownNameError, columns, unknown
 from .trajectory_files import PathLike, read_npz, write_csv, write_npz
 
@@ -304,9 +305,7 @@ class Trajectory:
         that is no finite number, a row of another length, time that does not increase. FileNotFoundError
         passes through.
         """
-        from .trajectory_csv import read_csv
-
-        return read_csv(path)
+        return read_csv(cls, path)
 
     def to_npz(self, path: PathLike, *, overwrite: bool = False) -> None:
         """Write a NumPy .npz file, exact and with the same bytes for equal trajectories.

@@ -45,6 +45,15 @@ class Work:
         """True once a stop was asked for or the time is over; engines ask once per iteration."""
         return self.stop() or self.seconds_left() == 0.0
 
+    def iterations(self, stage: str) -> Callable[[int, float, float], bool]:
+        """What an optimiser calls once per iteration, with objective and constraint violation; True ends it."""
+
+        def progress(iteration: int, objective: float, violation: float) -> bool:
+            self.progress(stage, None, {"iteration": iteration, "objective": objective, "violation": violation})
+            return self.interrupted()
+
+        return progress
+
     def seconds_left(self) -> float | None:
         """Time left [s], never negative; None without a limit."""
         if self.max_seconds is None:

@@ -11,16 +11,19 @@ from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import tomli_w
 
+from .._version import __version__
 from .as_json import result
 from .folder import FolderError, Held, holding, others, unfinished
 from .marks import marked
 from .refusal import ArgumentError
-from .study import TRAJECTORY, Study
-from .trajectory_files import csv_bytes
+from .trajectory_files import TRAJECTORY, csv_bytes
+
+if TYPE_CHECKING:
+    from .study import Study
 
 RUN = "run.toml"
 RESULT = "result.json"
@@ -191,8 +194,6 @@ def record(
 
 def versions() -> dict[str, str]:
     """Versions of gtmodel, of Python and of the packages that numbers depend on."""
-    from gtmodel import __version__
-
     found = {_OURS: __version__, "python": platform.python_version(), "platform": platform.platform()}
     for name in _PACKAGES:
         try:

@@ -40,7 +40,7 @@ class VibrationStudy(Study):
     )
     held_out_rms: Annotated[
         Mapping[str, float | None] | None, Quantity("m", "by order tried; null where it is unstable")
-    ] = None
+    ] = None  # fmt: skip
     residual: Annotated[Sequence[float] | Array | None, Quantity("m", "rms by output")] = None
     poles: Annotated[
         Sequence[Sequence[float]] | None,

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from gtmodel.kinds.motion import bent_guess
 from gtmodel.kinds.motion_planning import plan_of
 from gtmodel.kinds.motion_search import PATIENCE
+from gtmodel.motion.guesses import bent_guess
 from gtmodel.problem_files.load import load
 from gtmodel.problem_files.run import context_of, solve
 from gtmodel.results import SolveStatus, Status

@@ -9,11 +9,11 @@ import pytest
 
 import gtmodel as gt
 from gtmodel import SolveStatus
-from gtmodel.kinds.motion_limits import clearance
 from gtmodel.kinds.motion_planning import plan_of
+from gtmodel.motion.guard import clearance
 from gtmodel.problem_files import InputError
 from gtmodel.problem_files.load import load
-from gtmodel.problem_files.run import context_of, solve
+from gtmodel.problem_files.run import context_of, keyed, solve
 
 COARSE = ("cost.energy=0.01", "mesh.elements=20")
 FREE = 1.5095  # cost of the best free motion, 1.509980, less what 20 elements may be off
@@ -31,7 +31,8 @@ def outcome(*settings: str):
 def refused(*settings: str) -> InputError:
     with pytest.raises(InputError) as caught:
         loaded = load("problems/l1_min_time.toml", settings)
-        plan_of(loaded.problem, context_of(loaded))
+        with keyed(loaded):
+            plan_of(loaded.problem, context_of(loaded))
     return caught.value
 
 

@@ -10,12 +10,12 @@ import pytest
 
 import gtmodel as gt
 from gtmodel import SolveStatus
-from gtmodel.kinds.motion_paths import arc, line, polyline, spline, taught
 from gtmodel.kinds.motion_planning import plan_of
+from gtmodel.motion.paths import arc, line, polyline, spline, taught
 from gtmodel.optimize.path import PathTask, cosine_nodes, solve_path
 from gtmodel.problem_files import InputError
 from gtmodel.problem_files.load import load
-from gtmodel.problem_files.run import context_of, solve
+from gtmodel.problem_files.run import context_of, keyed, solve
 
 # The reference instance on the straight line, 50 x 3 Radau; on ever finer meshes 1.041338 by squared speeds.
 LINE, LINE_BY_SPEEDS = 1.041242, 1.041338
@@ -42,7 +42,8 @@ def refused(*settings: str, folder=None) -> InputError:
         loaded = load("problems/l1_min_time.toml", settings)
         context = context_of(loaded)
         context.folder = folder or context.folder
-        plan_of(loaded.problem, context)
+        with keyed(loaded):
+            plan_of(loaded.problem, context)
     return caught.value
 
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from gtmodel import SolveStatus
-from gtmodel.kinds.motion import along_guideways, link_ends
 from gtmodel.kinds.motion_planning import plan_of
+from gtmodel.motion.links import along_guideways, link_ends
 from gtmodel.problem_files.load import load
 from gtmodel.problem_files.run import context_of, solve
 

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 import gtmodel as gt
-from gtmodel.kinds.motion import MotionTask, line_guess, motion
+from gtmodel.motion.guesses import line_guess
+from gtmodel.motion.task import MotionTask, motion
 from gtmodel.optimize import Mesh
 from gtmodel.optimize.guess import initial_guess
 from gtmodel.optimize.nlp import Nlp, make_nlp

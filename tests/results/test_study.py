@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Annotated
+from typing import Annotated, Literal
 
 import numpy as np
 import pytest
@@ -31,7 +31,8 @@ from gtmodel.results import (
     at_most,
     read,
 )  # fmt: skip
-from gtmodel.results.quantity import described
+from gtmodel.results.quantity import converted, described
+from gtmodel.results.tables import csv_text
 from gtmodel.results.unit_names import named, split
 
 UNITS = ["", "1", "m", "N", "N/m", "N.m", "N.m/rad", "m/s2", "Hz", "kg.m2", "%", "rad", "deg", "MN.m/rad", "kg/s"]
@@ -111,6 +112,7 @@ def test_a_picture_that_is_not_there_is_refused():
 @dataclass(frozen=True)
 class Inner(Options):
     angle: Annotated[float, Unit("rad", written="deg"), Within(above=0.0, most=math.pi), "of it"] = math.pi / 2
+    shape: Annotated[Literal["line", "arc"], "of it"] = "line"
 
 
 @dataclass(frozen=True)
@@ -130,6 +132,7 @@ class Limits(Options):
         (lambda: Limits(math.nan), "force"),
         (lambda: Limits(1.0, [1.0]), "place"),
         (lambda: Inner(4.0), "angle"),
+        (lambda: Inner(shape="round"), "shape"),
     ],
 )
 def test_options_are_checked_whoever_makes_them(made, argument):
@@ -170,19 +173,49 @@ class _Table(Made):
 
 class _Schema(Problem):
     limits: _Table
+    several: list[_Table]
 
 
 @pytest.mark.parametrize(
     ("argument", "key"),
-    [("limits.force", "limits.force_N"), ("bounds.force", "limits.force_N"), ("bounds", "limits"), ("other", "other")],
+    [
+        ("limits.force", "limits.force_N"),
+        ("bounds.force", "limits.force_N"),
+        ("bounds", "limits"),
+        ("several[12]", "several[12]"),
+        ("several[12].force", "several[12].force_N"),
+        ("poses[3]", "several[3]"),
+        ("poses[3].force", "several[3].force_N"),
+        ("other", "other"),
+    ],
 )
 def test_arguments_are_found_among_the_keys(argument, key):
-    assert key_of(_Schema, argument, {"bounds": "limits"}) == key
+    assert key_of(_Schema, argument, {"bounds": "limits", "poses": "several"}) == key
+
+
+@pytest.mark.parametrize(
+    ("written", "unit", "factor"), [("um", "m", 1e-6), ("mm", "m", 1e-3), ("deg", "rad", np.pi / 180)]
+)
+def test_a_file_gives_the_bits_that_a_call_gives(written, unit, factor):
+    x = np.arange(1.0, 200.0)
+    np.testing.assert_array_equal(converted(x, written, unit), factor * x)
+
+
+def test_a_table_has_digits_by_column_and_empty_cells():
+    text = csv_text({"a_m": np.array([1 / 3, np.nan]), "b_m": np.array([2 / 3, 1.0])}, {"a_m": 3, "b_m": 5})
+    assert text == "a_m,b_m\n0.333,0.66667\n,1\n"
 
 
 def test_work_ends_by_time_and_by_request():
     assert Work(max_seconds=0.0).interrupted() and Work(stop=lambda: True).interrupted()
     assert not Work().interrupted() and Work().seconds_left() is None
+
+
+def test_an_optimiser_tells_of_its_iterations_and_is_stopped():
+    told = []
+    work = Work(progress=lambda *given: told.append(given), stop=lambda: len(told) > 1)
+    assert [work.iterations("optimising")(k, 2.0, 0.5) for k in (1, 2)] == [False, True]
+    assert told[0] == ("optimising", None, {"iteration": 1, "objective": 2.0, "violation": 0.5})
 
 
 def test_a_written_study_is_given_back(tmp_path):

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import gtmodel as gt
-from gtmodel.kinds.motion import MotionTask
-from gtmodel.kinds.motion import motion as declare
+from gtmodel.motion.task import MotionTask
+from gtmodel.motion.task import motion as declare
 from gtmodel.optimize import Mesh, SolverOptions
 from gtmodel.optimize.guess import initial_guess
 from gtmodel.optimize.nlp import make_nlp

@@ -1,0 +1,32 @@
+"""Motions of a robot's tool centre point: limits, obstacles, paths, search, and the reference of a controller.
+
+End, Limits, JointCone, Obstacle, Cost, Mesh, Starts, Solver, Export   what a motion is asked to be
+Line, Polyline, Arc, Spline, Taught   paths to follow; read_points, of a file
+motion, MotionTask   the motion as an Optimization
+"""
+
+from .options import (
+    Arc,
+    AxisLimits,
+    Cost,
+    End,
+    Export,
+    JointCone,
+    Limits,
+    Line,
+    Mesh,
+    Obstacle,
+    Polyline,
+    Shape,
+    Solver,
+    Spline,
+    Starts,
+    Taught,
+)
+from .paths import read_points
+from .task import MotionTask, motion
+
+__all__ = [
+    "Arc", "AxisLimits", "Cost", "End", "Export", "JointCone", "Limits", "Line", "Mesh", "MotionTask", "Obstacle",
+    "Polyline", "Shape", "Solver", "Spline", "Starts", "Taught", "motion", "read_points",
+]  # fmt: skip

@@ -1,0 +1,54 @@
+"""What `gt.` offers: libraries imported when first used, and problem files as calls."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+import gtmodel as gt
+from gtmodel.problem_files import InputError
+from gtmodel.problem_files.base import Context
+from gtmodel.problem_files.load import load
+from gtmodel.problem_files.run import answer
+
+
+def run(code: str) -> None:
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+def test_libraries_are_listed_and_imported_when_first_used() -> None:
+    run(
+        "import sys, gtmodel as gt\n"
+        "for name in ('robots', 'milling', 'vibration', 'compliance', 'matplotlib', 'pydantic'):\n"
+        "    assert name in sys.modules or f'gtmodel.{name}' not in sys.modules, name\n"
+        "assert 'matplotlib' not in sys.modules and 'pydantic' not in sys.modules\n"
+        "assert {'robots', 'milling', 'load'} <= set(dir(gt))\n"
+        "gt.simulation, gt.robots\n"
+        "assert callable(gt.simulate)\n"
+        "import gtmodel.simulation\n"
+        "assert callable(gt.simulate)\n"
+    )
+
+
+def test_every_listed_name_is_there() -> None:
+    for name in gt.__all__:
+        assert getattr(gt, name) is not None
+    with pytest.raises(AttributeError):
+        gt.nothing_of_this_name  # noqa: B018
+
+
+def test_a_problem_file_and_its_call_give_equal_values() -> None:
+    settings = ["section.step_m=0.4"]
+    call = gt.load("compliance_l1", *settings)
+    assert "study" in repr(call) and call.options["frequencies"] == 3
+    by_file = answer(load("problems/compliance_l1.toml", settings), Context())
+    assert str(call().values) == str(by_file.values)
+
+
+def test_a_file_that_is_wrong_is_refused_at_its_key() -> None:
+    with pytest.raises(InputError) as caught:
+        gt.load("compliance_l1", "section.step_m=0")
+    assert caught.value.key == "section.step_m"
