@@ -3,30 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
-from ..inference import FALSE_ALARM, linear_fit
-from ..measurements.copies import SAME, copies
-from ..results.estimate import Estimate
-from ..results.trajectory_errors import Array
-from .exchanged import exchanged
-from .gravity import MassByNorm, mass_by_norm
+from ...inference import linear_fit
+from ...results import ArgumentError, Estimate
+from ...results.trajectory_errors import Array
+from .gravity import PARALLEL, Gravity, MassByNorm, mass_by_norm
+from .refused import check, refuse_driving, refuse_exchanged, refuse_no_mass
 from .steady import Runs
 
-Gravity = Literal["most_symmetric", "poses"]
-# patterns closer to parallel than this: the difference of gravity between poses tells no mass
-PARALLEL = 1e-6
 COLUMNS = (
     "some force in another cart's column, or with another sign, would fit these runs as well: only the log's own order "
     "says whose it is"
 )
-DIGITS, FEW = 6, 1e-12  # of a force that was written down, not a mean; how far the rounding of that is off
-
-
-class FrictionError(ValueError):
-    """Runs that do not determine what is asked. The message is one sentence."""
 
 
 @dataclass(frozen=True)
@@ -88,13 +78,13 @@ def identify_friction(
             levels between poses, friction being the same in all; it needs poses of different patterns.
 
     Every actuator's line is a least-squares fit of its own, its noise its own; the rest is a linear function of the
-    lines. Raises FrictionError where a direction has too few velocities, where poses do not tell the mass, where runs
+    lines. Raises ArgumentError where a direction has too few velocities, where poses do not tell the mass, where runs
     are copies of others, where forces in other columns or with another sign fit far better, and where no drive can be
     so: friction that gives energy, or a negative mass, beyond noise.
     """
     pattern = np.atleast_2d(np.asarray(pattern, dtype=float))
     poses, carts = pattern.shape
-    _check(runs, pattern)
+    check(runs, pattern)
     lines = tuple(_line(runs, cart, poses, symmetric) for cart in range(carts))
     names = lines[0].names
     # all lines as one vector, actuator after actuator
@@ -133,9 +123,9 @@ def identify_friction(
         (), units=tuple({"m": "kg", "c": "N", "v": "kg/s"}[name[0]] for name in rows),
     )  # fmt: skip
 
-    _refuse_driving(runs, estimate, carts, symmetric)
-    told = _refuse_exchanged(runs, pattern, symmetric)
-    _refuse_no_mass(estimate, carts, symmetric, gravity)
+    refuse_driving(runs, estimate, carts, symmetric)
+    told = refuse_exchanged(runs, pattern, symmetric)
+    refuse_no_mass(estimate, carts, symmetric, gravity)
 
     def each(name: str) -> Array:
         return np.array([found[f"{name}[{i}]"] for i in range(carts)])
@@ -167,9 +157,10 @@ def _line(runs: Runs, cart: int, poses: int, symmetric: bool) -> Estimate:
             here = (runs.pose == p) & (np.sign(v) == sign)
             speeds = np.unique(np.round(np.abs(v[here]), 9))
             if speeds.size < (1 if symmetric or p else 2):
-                raise FrictionError(
+                raise ArgumentError(
                     f"cart {cart + 1}, pose {p + 1}: {speeds.size} velocities in direction {way}; expected at least "
-                    "two for a level and a slope"
+                    "two for a level and a slope",
+                    "runs",
                 )
             if not symmetric:
                 columns[f"{way} {p}"] = here.astype(float)
@@ -182,106 +173,7 @@ def _line(runs: Runs, cart: int, poses: int, symmetric: bool) -> Estimate:
     try:
         return linear_fit(np.column_stack(list(columns.values())), tau, list(columns))
     except ValueError as error:
-        raise FrictionError(f"cart {cart + 1}: {error}") from error
-
-
-def _check(runs: Runs, pattern: Array) -> None:
-    poses, carts = pattern.shape
-    for name, part in (("velocities", runs.velocity), ("forces", runs.force)):
-        if part.ndim != 2 or part.shape[1] != carts or len(part) != len(runs.pose):
-            raise FrictionError(
-                f"the {name} have the shape {part.shape}; expected one row for each of {len(runs.pose)} runs and one "
-                f"column for each of {carts} carts"
-            )
-        if not np.all(np.isfinite(part)):
-            run, cart = np.argwhere(~np.isfinite(part))[0]
-            raise FrictionError(f"run {run + 1} of cart {cart + 1} has no finite number among the {name}; leave it out")
-    if not np.any(pattern):
-        raise FrictionError("one kilogram loads no cart, so no force tells the mass; check the direction of gravity")
-    if np.any((runs.pose < 0) | (runs.pose >= poses)):
-        raise FrictionError(f"a run names pose {int(np.max(runs.pose)) + 1}; the pattern has {poses}")
-    pairs = _copies(runs)
-    if len(pairs):
-        again, first = pairs[0] + 1
-        raise FrictionError(
-            f"{len(pairs)} of {len(runs.pose)} runs are copies of others, run {again} of run {first} to begin with; "
-            "noise does not repeat itself, and a copy counts twice and narrows the intervals: take copies out"
-        )
-
-
-def _copies(runs: Runs) -> np.ndarray:
-    """Pairs of runs that are the same, also where positions of one were moved by a constant."""
-    motion = np.column_stack([runs.velocity, runs.force])
-    pairs = copies(np.column_stack([motion, runs.position]), SAME)
-    if len(pairs):
-        return pairs
-    # a mean of noise has all digits; where forces are given in few, two runs may well agree
-    fine = np.any(np.abs(runs.force - _rounded(runs.force)) > FEW * np.abs(runs.force), axis=1)
-    rows = np.flatnonzero(fine)
-    return rows[copies(motion[rows], SAME)] if len(rows) else pairs
-
-
-def _rounded(values: Array) -> Array:
-    size = 10.0 ** (np.floor(np.log10(np.maximum(np.abs(values), np.finfo(float).tiny))) - DIGITS + 1)
-    return np.round(values / size) * size
-
-
-def _refuse_exchanged(runs: Runs, pattern: Array, symmetric: bool) -> bool:
-    """Raises FrictionError where the forces in another order of columns, or one of them reversed, follow motion and
-    gravity far better; False where nothing tells."""
-    count, carts = runs.force.shape
-    bases = []
-    for v in runs.velocity.T:
-        forth, back = v > 0, v < 0
-        columns = [np.sign(v), v] if symmetric else [forth, back, np.where(forth, v, 0.0), np.where(back, v, 0.0)]
-        bases.append(np.linalg.qr(np.column_stack(columns).astype(float))[0])
-
-    def without_friction(x: Array) -> Array:
-        return np.concatenate([x[:, i] - Q @ (Q.T @ x[:, i]) for i, Q in enumerate(bases)])
-
-    gravity = without_friction(pattern[runs.pose])
-    told = float(gravity @ gravity) > PARALLEL * float(np.sum(pattern[runs.pose] ** 2))
-
-    def left(order: list[int], signs: list[int]) -> float:
-        f = without_friction(runs.force[:, order] * signs)
-        return float(f @ f - ((f @ gravity) ** 2 / (gravity @ gravity) if told else 0.0))
-
-    freedom = count * carts - sum(Q.shape[1] for Q in bases) - int(told)
-    found = exchanged(left, carts, freedom, float(np.sqrt(np.mean(runs.force**2))))
-    if found is not None and not found.passed:
-        names = [f"force {k + 1}" for k in range(carts)]
-        raise FrictionError(f"{found.sentence(names, 'N')}; check order and signs of the columns")
-    return found is None or found.told
-
-
-def _refuse_driving(runs: Runs, estimate: Estimate, carts: int, symmetric: bool) -> None:
-    """Raises FrictionError for friction that drives beyond noise."""
-    level = 1 - 2 * FALSE_ALARM / (2 * carts + 1)
-    for cart in range(carts):
-        speeds = np.abs(runs.velocity[:, cart])
-        for v in (float(speeds.min()), float(speeds.max())):
-            # forth and back: gravity, and with it the mass, falls out
-            weights = {f"coulomb_plus[{cart}]": 1.0, f"coulomb_minus[{cart}]": 1.0}
-            weights |= {f"viscous_plus[{cart}]": v, f"viscous_minus[{cart}]": v}
-            if symmetric:
-                weights = {f"coulomb_plus[{cart}]": 2.0, f"viscous_plus[{cart}]": 2 * v}
-            value, _, high = estimate.combination(weights, level)
-            if high < 0:
-                raise FrictionError(
-                    f"cart {cart + 1}: friction would drive it instead of braking it, by {-value / 2:.3g} N at "
-                    f"{v:.3g} m/s; check the sign of this force or of its position, and the order of the columns"
-                )
-
-
-def _refuse_no_mass(estimate: Estimate, carts: int, symmetric: bool, gravity: Gravity) -> None:
-    """Raises FrictionError for a mass that is negative beyond noise."""
-    level = 1 - 2 * FALSE_ALARM / (2 * carts + 1)
-    mass, high = estimate.value("m"), estimate.interval("m", level)[1]
-    if high < 0:
-        why = "check the direction of gravity and the sign of the guideways, the poses and the order of the columns"
-        if gravity == "most_symmetric" and not symmetric:
-            why += '; or friction differs by direction more than gravity does, then let poses tell the mass ("poses")'
-        raise FrictionError(f"the mass would be {mass:.4g} kg, which none can be; {why}")
+        raise ArgumentError(f"cart {cart + 1}: {error}", "runs") from error
 
 
 def _mass_weights(pattern: Array, gravity: Gravity, symmetric: bool) -> Array:
@@ -290,9 +182,10 @@ def _mass_weights(pattern: Array, gravity: Gravity, symmetric: bool) -> Array:
         return pattern / np.sum(pattern**2)
     change = pattern - pattern.mean(axis=0)
     if np.sum(change**2) <= PARALLEL * np.sum(pattern**2):
-        raise FrictionError(
+        raise ArgumentError(
             "gravity loads the actuators alike in all poses, so their levels do not tell the mass; record another "
-            "pose, or take the most symmetric friction"
+            "pose, or take the most symmetric friction",
+            "pattern",
         )
     return change / np.sum(change**2)
 

@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..measurements import Session, ZeroPhase, motion
-from ..results.trajectory import Trajectory
-from ..results.trajectory_errors import Array, TrajectoryError
+from ...measurements import Session, ZeroPhase, motion
+from ...results.trajectory import Trajectory
+from ...results.trajectory_errors import Array, TrajectoryError
 
 CUTOFF_HZ = 10.0  # of what tells steady from unsteady rows; the means are taken of unfiltered ones
 STEADY = 0.2  # m/s2
