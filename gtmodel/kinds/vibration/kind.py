@@ -2,21 +2,15 @@
 
 from __future__ import annotations
 
-from gtmodel.problem_files.base import Context, InputError, Outcome
-from gtmodel.results import SolveStatus
-from gtmodel.vibration import Stopped, VibrationError
+from gtmodel.problem_files.base import Context, InputError
+from gtmodel.problem_files.call import Call
+from gtmodel.vibration import VibrationStudy, matrices_study, study
 
-from .vibration_data import records
-from .vibration_impulse import solve_impulse
-from .vibration_keys import Schema
-from .vibration_matrices import solve_matrices
-from .vibration_step import solve_step
-from .vibration_subspace import solve_subspace
-from .vibration_values import VALUES
+from .keys import KNOWN, Schema
 
 NAME = "vibration"
+RESULT = VibrationStudy
 
-_SOLVE = {"subspace": solve_subspace, "step_response": solve_step, "impulse": solve_impulse}
 _LINES = {
     "subspace": "block Hankel matrices, one LQ factor, singular values; A and C from the subspace, B, D and the "
     "initial state from least squares; the order from held-out samples",
@@ -26,30 +20,34 @@ _LINES = {
 }
 
 
-def solve(problem: Schema, context: Context) -> Outcome:
-    """Read or make the recording, fit the model asked for, say what it does not tell."""
+def arguments(problem: Schema) -> dict[str, str]:
+    """Where the study's arguments stand in the file."""
+    return {"model": problem.model, "known": f"synthetic.{KNOWN.get(problem.model, '')}", "records": "measurements"}
+
+
+def call(problem: Schema, context: Context) -> Call:
+    """Read or make the recording, then the study of the model asked for."""
     if problem.physical is not None and problem.model != "subspace":
         raise InputError(f"goes with model = 'subspace', not '{problem.model}'", "physical")
     if problem.model == "matrices":
-        return solve_matrices(problem)
+        given = [name for name in ("measurements", "synthetic", "matrices") if getattr(problem, name) is not None]
+        if given != ["matrices"] or problem.matrices is None:
+            raise InputError("expected [matrices] alone for the model 'matrices'", given[0] if given else "matrices")
+        return Call(matrices_study, problem.matrices.options(), title=problem.title)
     context.progress("reading", 0.1)
-    found = records(problem, context)
-    if context.interrupted():
-        return Outcome(status=SolveStatus.INTERRUPTED, message="stopped before the fit")
-    context.progress("fitting", 0.3)
-    try:
-        return _SOLVE[problem.model](problem, found, context)
-    except Stopped as stopped:
-        return Outcome(status=SolveStatus.INTERRUPTED, message=str(stopped))
-    except VibrationError as error:
-        raise InputError(str(error), problem.model) from error
+    records, known = problem.data(context)
+    force = problem.measurements is None or problem.measurements.force_N is not None
+    return Call(
+        study, records, getattr(problem, problem.model).options(), truth=known, input_unit="N" if force else "m",
+        physical=problem.physical and problem.physical.options(), title=problem.title,
+    )  # fmt: skip
 
 
 def explain(problem: Schema, context: Context) -> str:
     """What is fitted to what."""
     lines = [f"{problem.title or NAME}: model {problem.model}", _LINES[problem.model]]
     if problem.model != "matrices":
-        found = records(problem, context)
+        found, _ = problem.data(context)
         r = found[0]
         lines.append(
             f"{len(found)} recording{'s' * (len(found) > 1)}, {len(r)} samples every {1e3 * r.sample_time:g} ms, "
@@ -58,6 +56,3 @@ def explain(problem: Schema, context: Context) -> str:
     if problem.physical is not None:
         lines.append("then T = [C; C A_c] with A_c = logm(A) / T_s gives M^-1 K and M^-1 D (eq. (6.14))")
     return "\n".join(lines)
-
-
-__all__ = ["NAME", "VALUES", "Schema", "explain", "solve"]
