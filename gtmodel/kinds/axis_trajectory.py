@@ -23,7 +23,7 @@ from .axis_free_run import free_run
 from .axis_keys import AxisTrajectoryProblem as Schema
 from .axis_motion import CARTS, AxisPlan
 from .axis_planning import LINKS, plan_of
-from .trajectory import MARGIN_TOLERANCE
+from gtmodel.motion.found import MARGIN_TOLERANCE
 
 NAME = "axis_trajectory"
 ARGUMENTS = PATH_ARGUMENTS

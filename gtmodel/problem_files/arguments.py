@@ -11,15 +11,23 @@ from gtmodel.results.unit_names import split
 
 from .fields import keys_of, tables_of
 
-_NUMBER, _EMPTY = re.compile(r"\[\d+\]"), re.compile(r"\[\]")  # of an entry of a list; of its key
+_INDEX = re.compile(r"\[\d+\]")
 
 
 def key_of(schema: type[pydantic.BaseModel], argument: str, renamed: Mapping[str, str]) -> str:
     """The dotted key of an argument: ("map.step", {"map": "section"}) is "section.step_m" where that key exists.
 
-    renamed: arguments, or their beginnings, that stand elsewhere in the file; the longest that fits counts. What has
-    no key is said under its own name. An entry of a list keeps its number: "cases[1].length" is "cases[1].length_um".
+    renamed: arguments, or their beginnings, that stand elsewhere in the file; the longest that fits counts. Any entry
+    of a list is written "rows[]" there; "rows[1].name" is then at "row[1].name". What has no key is said under its own
+    name.
     """
+    indices = _INDEX.findall(argument)
+    key = _key_of(schema, _INDEX.sub("[]", argument), renamed)
+    counted = iter(indices[len(indices) - key.count("[]") :])
+    return re.sub(r"\[\]", lambda _: next(counted, "[]"), key)
+
+
+def _key_of(schema: type[pydantic.BaseModel], argument: str, renamed: Mapping[str, str]) -> str:
     parts = argument.split(".")
     for n in range(len(parts), 0, -1):
         head = ".".join(parts[:n])
