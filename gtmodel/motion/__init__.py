@@ -3,8 +3,12 @@
 End, Limits, JointCone, Obstacle, Cost, Mesh, Starts, Solver, Export   what a motion is asked to be
 Line, Polyline, Arc, Spline, Taught   paths to follow; read_points, of a file
 motion, MotionTask   the motion as an Optimization
+elastic_study   how an elastic tool swings after motions planned rigid, shaped, and elastic: `ElasticStudy`; its options
+                stand in `gtmodel.motion.elastic`
 """
 
+from . import elastic
+from .elastic import ElasticStudy, elastic_study
 from .options import (
     Arc,
     AxisLimits,
@@ -27,6 +31,7 @@ from .paths import read_points
 from .task import MotionTask, motion
 
 __all__ = [
-    "Arc", "AxisLimits", "Cost", "End", "Export", "JointCone", "Limits", "Line", "Mesh", "MotionTask", "Obstacle",
-    "Polyline", "Shape", "Solver", "Spline", "Starts", "Taught", "motion", "read_points",
+    "Arc", "AxisLimits", "Cost", "ElasticStudy", "End", "Export", "JointCone", "Limits", "Line", "Mesh", "MotionTask",
+    "Obstacle", "Polyline", "Shape", "Solver", "Spline", "Starts", "Taught", "elastic", "elastic_study", "motion",
+    "read_points",
 ]  # fmt: skip

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-import gtmodel.lang as gt
-from gtmodel.mechanics import PointMass, PointSpringDamper
-from gtmodel.robots import GantryTau
+from ... import lang as gt
+from ...mechanics import PointMass, PointSpringDamper
+from ...robots import GantryTau
 
 
 class RigidMotion(GantryTau, gt.Optimization):
