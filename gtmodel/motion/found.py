@@ -10,7 +10,7 @@ import numpy as np
 
 from ..optimize import Solution
 from ..optimize.resimulate import Resimulation, resimulate
-from ..results import Check, Trajectory, Work, at_most
+from ..results import Check, Trajectory, at_most
 from ..results.check import failed_of
 from .finer_mesh import finer_problem, refined
 from .follow import sampled

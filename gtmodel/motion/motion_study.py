@@ -111,9 +111,7 @@ class MotionStudy(Study):
             Row("largest force at any instant", self.exported_peak_force, "N"),
         ]
         rows += [Row(f"margin to {key}", x) for key, x in (self.exported_margins or {}).items()]
-        rows += [
-            Row(f"distance from obstacle {n}", 1e3 * x, "mm") for n, x in enumerate(self.exported_clearance or ())
-        ]
+        rows += [Row(f"distance from obstacle {n}", 1e3 * x, "mm") for n, x in enumerate(self.exported_clearance or ())]
         rows += [
             Row("optimum: final time", self.final_time, "s"),
             Row("optimum: cost", self.objective),

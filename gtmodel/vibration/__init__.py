@@ -1,7 +1,12 @@
 """How a robot vibrates: black boxes and M, D, K of recordings, oscillators of frequency responses. Knows no robot.
 
+Studies
+    study                the model of a recording that is asked for: `VibrationStudy`
+    Subspace, StepResponse, Impulse, Physical     which model, and what is known beside the recording
+    matrices_study, Matrices    modes and signs of printed matrices
+    synthetic_records    made-up recordings of a Structure, Steps or a Hit, with their Sampling
 Recordings
-    Record, VibrationError, Stopped     one evenly sampled recording; what does not fit, or was stopped, in a sentence
+    Record, Stopped      one evenly sampled recording; a fit that was stopped
     structure_record, hammer_record, step_record   made-up recordings with seed and noise
 Black boxes (Dressler 2012, section 6.3)
     identify_step        delayed first-order model, eq. (6.11) -> control.TransferFunction
@@ -37,25 +42,45 @@ from .gaussian_process import GaussianProcess
 from .gaussian_process_fit import fit_gaussian_processes, held_out
 from .gaussian_process_kernel import Inputs
 from .impulse import ImpulseModel, Resonance, identify_impulse
+from .impulse_study import ImpulseStudy
 from .known_force import SecondOrder, from_known
+from .matrices_study import MatricesStudy, matrices_study
 from .modes import Modes, modes, sign_question
+from .options import (
+    Hit,
+    Impulse,
+    KnownMass,
+    Matrices,
+    Physical,
+    Sampling,
+    StepResponse,
+    Steps,
+    Structure,
+    Subspace,
+)  # fmt: skip
 from .order import OrderTrial
 from .oscillator_field import OscillatorField, fit_oscillator_field
 from .oscillator_field_file import load_oscillator_field, oscillator_text
 from .oscillator_field_synthetic import SyntheticField, synthetic_field
 from .output_error import OutputErrorFit, output_error
 from .physical_form import PhysicalForm, physical_form
-from .record import Record, Stopped, VibrationError
+from .record import Record, Stopped
 from .step_response import StepModel, bandwidth, identify_step
+from .step_study import StepStudy
 from .subspace import SubspaceModel, identify_subspace
-from .synthetic import hammer_record, step_record, structure_record
+from .subspace_study import SubspaceStudy
+from .synthetic import hammer_record, step_record, structure_record, synthetic_records
+from .vibration_result import VibrationStudy
+from .vibration_study import study
 
 __all__ = [
-    "Continuous", "DefiniteForm", "FrequencyResponse", "GaussianProcess", "ImpulseModel", "Inputs", "ModalFit", "Modes",
-    "OrderTrial", "OscillatorField", "OutputErrorFit", "PhysicalForm", "Record", "Resonance", "SecondOrder",
-    "StepModel", "Stopped", "SubspaceModel", "SyntheticField", "VibrationError", "bandwidth", "command_force",
-    "continuous", "definite_form", "fit_gaussian_processes", "fit_modes", "fit_oscillator_field", "frequency_response",
-    "from_known", "hammer_record", "held_out", "identify_impulse", "identify_step", "identify_subspace",
-    "load_oscillator_field", "modes", "oscillator_text", "output_error", "physical_form", "receptance", "sign_question",
-    "step_record", "structure_record", "synthetic_field", "synthetic_hits", "synthetic_receptance",
+    "Continuous", "DefiniteForm", "FrequencyResponse", "GaussianProcess", "Hit", "Impulse", "ImpulseModel",
+    "ImpulseStudy", "Inputs", "KnownMass", "Matrices", "MatricesStudy", "ModalFit", "Modes", "OrderTrial",
+    "OscillatorField", "OutputErrorFit", "Physical", "PhysicalForm", "Record", "Resonance", "Sampling", "SecondOrder",
+    "StepModel", "StepResponse", "StepStudy", "Steps", "Stopped", "Structure", "Subspace", "SubspaceModel",
+    "SubspaceStudy", "SyntheticField", "VibrationStudy", "bandwidth", "command_force", "continuous", "definite_form",
+    "fit_gaussian_processes", "fit_modes", "fit_oscillator_field", "frequency_response", "from_known", "hammer_record",
+    "held_out", "identify_impulse", "identify_step", "identify_subspace", "load_oscillator_field", "matrices_study",
+    "modes", "oscillator_text", "output_error", "physical_form", "receptance", "sign_question", "step_record",
+    "structure_record", "study", "synthetic_field", "synthetic_hits", "synthetic_receptance", "synthetic_records",
 ]  # fmt: skip

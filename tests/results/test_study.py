@@ -184,11 +184,13 @@ class _Schema(Problem):
         ("bounds", "limits"),
         ("several[12]", "several[12]"),
         ("several[12].force", "several[12].force_N"),
+        ("poses[3]", "several[3]"),
+        ("poses[3].force", "several[3].force_N"),
         ("other", "other"),
     ],
 )
 def test_arguments_are_found_among_the_keys(argument, key):
-    assert key_of(_Schema, argument, {"bounds": "limits"}) == key
+    assert key_of(_Schema, argument, {"bounds": "limits", "poses": "several"}) == key
 
 
 @pytest.mark.parametrize(

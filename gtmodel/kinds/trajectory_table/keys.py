@@ -7,8 +7,8 @@ from typing import Any
 import tomli_w
 from pydantic import Field
 
-from gtmodel.motion.table_study import Published as PublishedOptions
-from gtmodel.motion.table_study import TableRow
+from gtmodel.motion import Published as PublishedOptions
+from gtmodel.motion import TableRow
 from gtmodel.problem_files.base import Context, InputError, Section
 from gtmodel.problem_files.from_options import Made, made_from
 from gtmodel.problem_files.load import validate

@@ -12,7 +12,7 @@ from .keys import Schema
 
 NAME = "trajectory_table"
 RESULT = MotionTable
-ARGUMENTS = {**PATH_ARGUMENTS, "rows[].problem.path.points": "path.file", "rows[].problem": "", "rows[]": "row[]"}
+ARGUMENTS = {**PATH_ARGUMENTS, "rows[].problem.path.points": "path.file", "rows[].problem": "", "rows": "row"}
 
 
 def call(problem: Schema, context: Context) -> Call:
