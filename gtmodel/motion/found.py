@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..optimize import Solution
-from ..optimize.resimulate import Resimulation, resimulate
+from ..optimize.judgement.resimulate import Resimulation, resimulate
 from ..results import Check, Trajectory, at_most
 from ..results.check import failed_of
 from .finer_mesh import finer_problem, refined

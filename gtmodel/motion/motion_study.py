@@ -11,7 +11,7 @@ import numpy as np
 
 from ..lang import Model
 from ..optimize import Solution
-from ..optimize.overshoot import control_curves
+from ..optimize.judgement.overshoot import control_curves
 from ..results import Quantity, Row, SolveStatus, Study, Trajectory, Work
 from ..results.check import failed_of
 from ..results.work import Progress, never, silent

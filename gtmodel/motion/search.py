@@ -11,7 +11,7 @@ import numpy as np
 from ..lang import Optimization
 from ..optimize import Mesh, Solution, SolverOptions
 from ..optimize import solve as collocate
-from ..optimize.resimulate import Resimulation, resimulate
+from ..optimize.judgement.resimulate import Resimulation, resimulate
 from ..results import SolveStatus, Trajectory, Work
 from .guard import Guard
 from .paths import Path

@@ -13,12 +13,12 @@ from ..lang.scope import derivative_name
 from ..results.check import Check
 from ..results.status import SolveStatus
 from ..results.trajectory import Trajectory
-from .dynamic import DynamicProblem
+from .formulation.dynamic import DynamicProblem
+from .formulation.quadratures import summed
+from .formulation.system import System
 from .ipopt import Run
 from .mesh import ROUND_OFF, Mesh
 from .nlp import Nlp, placed
-from .quadratures import summed
-from .system import System
 from .tables import basis, basis_slope
 
 

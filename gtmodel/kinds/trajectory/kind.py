@@ -6,7 +6,7 @@ from gtmodel.compiler.causal import compile_causal
 from gtmodel.motion import MotionStudy, study
 from gtmodel.motion.planning import plan_of
 from gtmodel.motion.problem import MotionProblem
-from gtmodel.optimize.problem import build
+from gtmodel.optimize.formulation.problem import build
 from gtmodel.problem_files.base import Context
 from gtmodel.problem_files.call import Call
 from gtmodel.problem_files.path_keys import PATH_ARGUMENTS
