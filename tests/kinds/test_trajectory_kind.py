@@ -348,7 +348,7 @@ class TestShown:
         rows = {row.label: row for row in outcome("cost.energy=0.01").rows}
         o = outcome("cost.energy=0.01")
         # the head is the motion of the files and of the trajectory, what IPOPT found comes after it
-        assert o.rows[0] is rows["final time"] and rows["final time"].unit == "s"
+        assert o.rows[0] == rows["final time"] and rows["final time"].unit == "s"
         assert rows["final time"].value == o.values["exported_final_time_s"] == o.trajectory.time[-1]
         assert rows["end error, re-simulated"].value == pytest.approx(1e3 * o.values["exported_end_error_m"])
         assert rows["largest force at any instant"].value == o.values["exported_peak_force_N"] <= 700 * (1 + 1e-9)
