@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import casadi as ca
 
-from .flat import FlatModel
+from ..flat import FlatModel
 
 # CasADi takes the first or second derivative of these as zero wherever it exists
 KINKED = frozenset(

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from .blocks import SolvedBlock
-from .plan import Plan
+from ..blocks import SolvedBlock
+from ..plan import Plan
 
 Pair = tuple[int, int]
 

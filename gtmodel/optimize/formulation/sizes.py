@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from ..compiler.plan import Plan
-from ..lang.source import ModelError
-from ..results.trajectory import Trajectory
+from ...compiler.plan import Plan
+from ...lang.source import ModelError
+from ...results.trajectory import Trajectory
 from .attributes import Pair
 
 # rows smaller than this are scaled up, for IPOPT's slack of 1e-8 must not swallow them; larger ones it scales itself.

@@ -12,8 +12,8 @@ import numpy as np
 from scipy.sparse import csc_matrix, diags
 from scipy.sparse.linalg import splu
 
-from ..lang.source import ModelError
-from .flat import FlatModel
+from ...lang.source import ModelError
+from ..flat import FlatModel
 
 MAX_TRIES = 60
 HOPELESS = 20  # tries without any point after which none is expected

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 
 import casadi as ca
 
-from .rewriting import rewritten
+from ..rewriting import rewritten
 
 LONGEST = 16  # products in a sum
 

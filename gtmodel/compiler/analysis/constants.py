@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import casadi as ca
 
-from .rewriting import applied, rewritten, walked
+from ..rewriting import applied, rewritten, walked
 
 _SUMS = (ca.OP_ADD, ca.OP_SUB)
 Shifted = tuple[ca.SX, float]  # an expression that nothing else reads, and what is to be added to it

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from ..compiler.alias import AliasResult
-from ..compiler.flat import FlatModel
-from ..lang.scope import derivative_name
+from ...compiler.alias import AliasResult
+from ...compiler.flat import FlatModel
+from ...lang.scope import derivative_name
 
 Pair = tuple[int, int]
 HIGHEST = 2  # derivatives under whose names a guess may hold a state

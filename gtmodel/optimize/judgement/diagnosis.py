@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from .finite import not_finite
-from .ipopt import Run
-from .nlp import Nlp
-from .solution import horizon
+from ..finite import not_finite
+from ..ipopt import Run
+from ..nlp import Nlp
+from ..solution import horizon
 
 WORST = 3
 SMALL = 1e-6  # violations below this are none

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from .alias import AliasResult, eliminate
-from .flat import FlatModel
+from ..alias import AliasResult, eliminate
+from ..flat import FlatModel
 from .points import RESIDUAL_TOLERANCE, Sampler
 
 # what lies farther from its start value than this, in nominals, was moved: the points about it spread less

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 
 import casadi as ca
 
-from .rewriting import applied, rewritten, walked
+from ..rewriting import applied, rewritten, walked
 
 Factored = tuple[float, ca.SX]  # +-2^k and what it multiplies
 

@@ -12,9 +12,9 @@ from itertools import pairwise
 import casadi as ca
 import numpy as np
 
-from ..compiler.pace import edges_of
-from .system import System
-from .tables import Table
+from ...compiler.analysis.pace import edges_of
+from ..formulation.system import System
+from ..tables import Table
 
 # of an element: a straight stretch that is shorter lies between two points of the rule
 NARROW = 0.1

@@ -13,15 +13,15 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from ..results.status import SolveStatus
-from .dynamic import DynamicProblem
-from .mesh import Mesh
+from ...results.status import SolveStatus
+from ..formulation.dynamic import DynamicProblem
+from ..formulation.system import System
+from ..mesh import Mesh
+from ..nlp import Nlp, placed
+from ..shooting import TOLERANCE
+from ..solution import Check, Solution, constants, horizon
+from ..tables import Table, basis, basis_slope, table
 from .narrow import bends, passed_over
-from .nlp import Nlp, placed
-from .shooting import TOLERANCE
-from .solution import Check, Solution, constants, horizon
-from .system import System
-from .tables import Table, basis, basis_slope, table
 
 NAME, COST = "discretisation_error", "integral_error"
 # of a state's range: what a picture shows. Below it the mesh is a question of digits, which refine() answers; above

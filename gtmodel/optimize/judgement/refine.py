@@ -9,15 +9,15 @@ import casadi as ca
 import numpy as np
 from numpy.polynomial import legendre
 
-from ..lang.optimization import Delayed, Optimization
-from ..lang.source import ModelError
+from ...lang.optimization import Delayed, Optimization
+from ...lang.source import ModelError
+from ..element import of_states
+from ..formulation.system import System
+from ..mesh import Mesh, given_mesh
+from ..nlp import placed
+from ..solution import Solution, constants, states_and_controls
+from ..solve import NotSolved, solve
 from .discretisation import COST, NAME, discretisation
-from .element import of_states
-from .mesh import Mesh, given_mesh
-from .nlp import placed
-from .solution import Solution, constants, states_and_controls
-from .solve import NotSolved, solve
-from .system import System
 
 EXTRA = 2  # quadrature points per element beyond the collocation points: none of them is a collocation point
 MOST_PIECES = 4

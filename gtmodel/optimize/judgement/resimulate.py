@@ -10,15 +10,15 @@ import casadi as ca
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
-from ..results.status import SolveStatus
-from ..results.trajectory import Trajectory
-from .dynamic import DynamicProblem
-from .element import pointwise
-from .mesh import Mesh
-from .nlp import Nlp, placed
+from ...results.status import SolveStatus
+from ...results.trajectory import Trajectory
+from ..element import pointwise
+from ..formulation.dynamic import DynamicProblem
+from ..formulation.system import System
+from ..mesh import Mesh
+from ..nlp import Nlp, placed
+from ..solution import Solution, constants, horizon, named, states_and_controls, totals
 from .overshoot import control_range
-from .solution import Solution, constants, horizon, named, states_and_controls, totals
-from .system import System
 
 # far below the collocation error that is to be measured, far above round-off
 INTEGRATOR_TOLERANCE = 1e-10

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from ..compiler.flat import FlatModel
-from ..lang.expression import Expr
-from ..lang.scope import Instant
-from ..lang.source import ModelError
+from ...compiler.flat import FlatModel
+from ...lang.expression import Expr
+from ...lang.scope import Instant
+from ...lang.source import ModelError
 from .relations import Row
 
 ROUND_OFF = 1e-12  # of times on a horizon of length 1

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from ..lang.source import ModelError
-from .differentiation import condition_order
-from .pivoted import pivoted_qr
-from .plan import Plan
-from .sides import moved_to_branch, on_branch
+from ...lang.source import ModelError
+from ..differentiation import condition_order
+from ..pivoted import pivoted_qr
+from ..plan import Plan
+from ..sides import moved_to_branch, on_branch
 
 Pair = tuple[int, int]
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from .plan import Plan
+from ..plan import Plan
 
 Pair = tuple[int, int]
 

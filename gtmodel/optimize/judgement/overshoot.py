@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.polynomial import Polynomial
 
-from .control import coefficients
-from .nlp import Nlp, placed
-from .solution import horizon
+from ..control import coefficients
+from ..nlp import Nlp, placed
+from ..solution import horizon
 
 
 def control_range(nlp: Nlp, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -9,15 +9,15 @@ import casadi as ca
 import numpy as np
 from scipy.sparse import coo_matrix
 
-from ..compiler.flat import FlatModel
-from ..lang.bind import join
-from ..lang.model import Connector, Model
-from ..lang.optimization import Delayed
-from ..lang.source import ModelError
-from .control import control_basis
+from ...compiler.flat import FlatModel
+from ...lang.bind import join
+from ...lang.model import Connector, Model
+from ...lang.optimization import Delayed
+from ...lang.source import ModelError
+from ..control import control_basis
+from ..element import Layout
+from ..mesh import Mesh
 from .dynamic import DynamicProblem
-from .element import Layout
-from .mesh import Mesh
 
 ROUND_OFF = 1e-9  # of fractions of the horizon
 

@@ -8,10 +8,10 @@ from typing import Any
 
 import casadi as ca
 
-from ..results.status import Status
-from .blocks import VERDICTS, Margin
-from .newton import CORRECTIONS, KINK, REACH, SINGULAR, TRUST, NewtonKernel
-from .rows import PIVOT_TOLERANCE
+from ...results.status import Status
+from ..blocks import VERDICTS, Margin
+from ..newton import CORRECTIONS, KINK, REACH, SINGULAR, TRUST, NewtonKernel
+from ..rows import PIVOT_TOLERANCE
 from .sizes import Sizes
 
 # steps of equal length from the home pose: the call of a CausalFunction takes as many as it needs

@@ -11,12 +11,12 @@ from collections.abc import Sequence
 import casadi as ca
 import numpy as np
 
-from ..compiler.flat import FlatModel, FlatVariable
-from ..lang.scope import Instant
+from ...compiler.flat import FlatModel, FlatVariable
+from ...lang.scope import Instant
+from ..mesh import Mesh
+from ..tables import basis
 from .dynamic import DynamicProblem, Quadrature
-from .mesh import Mesh
 from .relations import Row
-from .tables import basis
 
 SAME_TIME = 100  # how deep two expressions of one time are compared
 LEFT = 1e-12  # of the horizon: at an edge the element on the left tells

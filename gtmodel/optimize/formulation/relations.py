@@ -9,10 +9,10 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ..compiler.flat import FlatModel
-from ..lang.connect import flatten_items
-from ..lang.expression import Relation
-from ..lang.source import ModelError, SourceLocation
+from ...compiler.flat import FlatModel
+from ...lang.connect import flatten_items
+from ...lang.expression import Relation
+from ...lang.source import ModelError, SourceLocation
 
 
 @dataclass(eq=False)
