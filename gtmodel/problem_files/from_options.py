@@ -85,8 +85,7 @@ def _plain(value: Any, marks: tuple[Any, ...]) -> Any:
         return section_of(type(value)).model_construct(**plain)
     unit = next((m for m in marks if isinstance(m, Unit)), None)
     if value is not None and unit is not None and unit.written:
-        found = converted(value, unit.text, unit.written)
-        value = found.tolist() if np.ndim(found) else found
+        value = _short(np.asarray(converted(value, unit.text, unit.written)).tolist())
     return list(value) if isinstance(value, tuple) else value
 
 
@@ -131,4 +130,9 @@ def _hint(hint: Any, marks: tuple[Any, ...]) -> Any:
 
 
 def _written(x: float, unit: Unit | None) -> float:
-    return x if unit is None else float(f"{converted(x, unit.text, unit.written):.12g}")
+    return x if unit is None else _short(converted(x, unit.text, unit.written))
+
+
+def _short(x: Any) -> Any:
+    """A number, or lists of them, as people write it: pi / 3 is 60 degrees, not 59.99999999999999."""
+    return [_short(one) for one in x] if isinstance(x, list) else float(f"{x:.12g}")
