@@ -1,4 +1,4 @@
-"""Kind "trajectory" with the six-link D1: no closed form, all equations collocated as they stand."""
+"""Motions of the six-link D1: no closed form, all equations collocated as they stand."""
 
 from __future__ import annotations
 
@@ -7,17 +7,17 @@ import pytest
 
 from gtmodel import SolveStatus
 from gtmodel.motion.links import along_guideways, link_ends
+from gtmodel.motion.motion_study import solved
 from gtmodel.motion.planning import plan_of
-from gtmodel.problem_files.load import load
-from gtmodel.problem_files.run import context_of, solve
+from gtmodel.results import Work
+from tests.support.motions import d1, six_link
 
 LENGTHS_M = 1e-9
 
 
 def test_ends_of_the_declared_problem():
     """Both ends are reached on the declared branch, every link of its length."""
-    loaded = load("problems/d1_six_link_motion.toml")
-    plan = plan_of(loaded.problem.motion(context_of(loaded)))
+    plan = plan_of(six_link())
     joints, tips, status = link_ends(plan.robot, np.array([plan.start, plan.goal]))
     assert np.all(status == 0) and joints.shape == (2, 6, 3)
     lengths = np.linalg.norm(tips - joints, axis=2)
@@ -29,13 +29,12 @@ def test_ends_of_the_declared_problem():
 @pytest.mark.proof
 def test_declared_problem():
     """On few elements: ends, forces of the motion by Newton, and every link of its length and on its branch."""
-    loaded = load("problems/d1_six_link_motion.toml", ["mesh.elements=5"])
-    context = context_of(loaded)
-    o = solve(loaded, context).outcome
+    problem = six_link(mesh__elements=5)
+    o = solved(problem, Work())
     assert o.status is SolveStatus.SOLVED
     run = o.trajectory
-    assert np.allclose(run["T"][0], loaded.problem.start.tcp_m, rtol=0, atol=1e-9)
-    robot = loaded.problem.model(context)
+    assert np.allclose(run["T"][0], problem.begin, rtol=0, atol=1e-9)
+    robot = d1()
     rows = slice(8, None, 8)  # at the start what is no state is extrapolated
     T = run["T"][rows]
     joints, tips, status = link_ends(robot, T)
@@ -49,4 +48,4 @@ def test_declared_problem():
     )  # the optimum is on the branch that Newton follows
     tau, status = robot.causal("T", "tau")(T, run["der(T)"][rows], run["der(T,2)"][rows])
     assert np.all(status == 0) and np.max(np.abs(tau - run["tau"][rows])) < 1e-4
-    assert 100 < o.values["exported_peak_force_N"] <= 700.0 * (1 + 1e-9)
+    assert 100 < o.exported_peak_force <= 700.0 * (1 + 1e-9)

@@ -1,8 +1,6 @@
-"""Kind "trajectory" along a path: the restricted model and the squared speeds are two roads to one motion."""
+"""Motions along a path: the restricted model and the squared speeds are two roads to one motion."""
 
 from __future__ import annotations
-
-from functools import cache
 
 import casadi as ca
 import numpy as np
@@ -10,12 +8,12 @@ import pytest
 
 import gtmodel as gt
 from gtmodel import SolveStatus
+from gtmodel.motion import Arc, Line, Obstacle, Polyline, Spline, Taught, read_points
 from gtmodel.motion.paths import arc, line, polyline, spline, taught
 from gtmodel.motion.planning import plan_of
 from gtmodel.optimize.path import PathTask, cosine_nodes, solve_path
-from gtmodel.problem_files import InputError
-from gtmodel.problem_files.load import load
-from gtmodel.problem_files.run import context_of, keyed, solve
+from gtmodel.results import ArgumentError
+from tests.support.motions import asked, solution
 
 # The reference instance on the straight line, 50 x 3 Radau; on ever finer meshes 1.041338 by squared speeds.
 LINE, LINE_BY_SPEEDS = 1.041242, 1.041338
@@ -31,19 +29,13 @@ RECORDED = (
 )
 
 
-@cache
-def outcome(*settings: str):
-    loaded = load("problems/l1_min_time.toml", ('path.shape="line"', *settings))
-    return solve(loaded, context_of(loaded)).outcome
+def outcome(path=None, **changes):
+    return solution(path=path or Line(), **changes)
 
 
-def refused(*settings: str, folder=None) -> InputError:
-    with pytest.raises(InputError) as caught:
-        loaded = load("problems/l1_min_time.toml", settings)
-        context = context_of(loaded)
-        context.folder = folder or context.folder
-        with keyed(loaded):
-            plan_of(loaded.problem.motion(context))
+def refused(**changes) -> ArgumentError:
+    with pytest.raises(ArgumentError) as caught:
+        plan_of(asked(**changes))
     return caught.value
 
 
@@ -123,8 +115,7 @@ class TestSquaredSpeeds:
         assert solve_path(task(), 200).final_time == solve_path(task(), 200).final_time
 
     def test_motion_is_exact_between_its_nodes(self):
-        motion = plan_of(load("problems/l1_min_time.toml", ['path.shape="line"']).problem.motion(context_of(
-            load("problems/l1_min_time.toml")))).follower.fastest(60)  # fmt: skip
+        motion = plan_of(asked(path=Line())).follower.fastest(60)
         t = np.linspace(0.0, motion.final_time, 3001)
         s, v, _ = motion.at(t)
         assert s[0] == 0.0 and s[-1] == pytest.approx(1.0, abs=1e-12) and np.all(np.diff(s) >= 0)
@@ -133,8 +124,7 @@ class TestSquaredSpeeds:
 
     def test_reference_instance(self):
         """1.041338 s on the line; errors at 50, 100, 200 cosine nodes as printed: 1.1e-3, 2.5e-4, 5e-5."""
-        problem = load("problems/l1_min_time.toml", ['path.shape="line"']).problem
-        follower = plan_of(problem.motion(context_of(load("problems/l1_min_time.toml")))).follower
+        follower = plan_of(asked(path=Line())).follower
         for n, error in ((50, 1.1e-3), (100, 2.5e-4), (200, 5e-5)):
             motion = follower.fastest(n, bounded="middle")
             assert motion.final_time / LINE_BY_SPEEDS - 1 == pytest.approx(error, rel=0.1)
@@ -165,18 +155,18 @@ class TestLine:
         assert o.status is SolveStatus.SOLVED and o.message.startswith("solved and re-simulated")
         assert o.objective == pytest.approx(LINE, rel=PRINTED)
         assert o.iterations <= 40  # the optimum and the motion exported, at most 20 each
-        assert o.values["second_road_time_s"] == pytest.approx(LINE_BY_SPEEDS, rel=2 * PRINTED)
+        assert o.second_road_time == pytest.approx(LINE_BY_SPEEDS, rel=2 * PRINTED)
 
     def test_exported_motion_stays_on_the_line_and_within_the_force(self):
         o = outcome()
         step = GOAL - START
         s = (o.trajectory["T"] - START) @ step / (step @ step)
         assert o.trajectory["T"] == pytest.approx(START + np.outer(s, step), abs=1e-12)
-        assert 600 < o.values["exported_peak_force_N"] <= 700.0
-        assert o.values["exported_end_error_m"] < 1e-5
-        assert 0 < o.values["exported_final_time_s"] / o.values["final_time_s"] - 1 < 0.003
+        assert 600 < o.exported_peak_force <= 700.0
+        assert o.exported_end_error < 1e-5
+        assert 0 < o.exported_final_time / o.final_time - 1 < 0.003
         # motor 3 is at its limit nearly always, the others never (Dressler 2012, section 3.5)
-        assert o.values["saturation"][2] > 0.95 and max(o.values["saturation"][:2]) == 0
+        assert o.saturation[2] > 0.95 and max(o.saturation[:2]) == 0
 
     def test_free_is_faster_than_any_path(self):
         assert outcome().objective > 0.892486 * 1.05
@@ -184,76 +174,65 @@ class TestLine:
 
 class TestOtherPaths:
     @pytest.mark.parametrize(
-        "settings",
-        [
-            ('path.shape="polyline"', f"path.via_m=[{CORNER.tolist()}]"),
-            ('path.shape="arc"', f"path.through_m={CORNER.tolist()}"),
-        ],
+        "path",
+        [Polyline([CORNER.tolist()], intervals=150), Arc(CORNER.tolist(), intervals=150)],
         ids=["polyline", "arc"],
     )
-    def test_solved_by_two_roads(self, settings):
-        o = outcome(*settings, "mesh.elements=30", "path.intervals=150")
+    def test_solved_by_two_roads(self, path):
+        o = outcome(path, mesh__elements=30)
         assert o.status is SolveStatus.SOLVED
-        assert o.values["second_road_time_s"] == pytest.approx(o.values["final_time_s"], rel=COARSE)
-        assert o.values["exported_peak_force_N"] <= 700.0 and o.values["exported_end_error_m"] < 1e-4
-        assert o.values["path_length_m"] > np.linalg.norm(GOAL - START)
+        assert o.second_road_time == pytest.approx(o.final_time, rel=COARSE)
+        assert o.exported_peak_force <= 700.0 and o.exported_end_error < 1e-4
+        assert o.path_length > np.linalg.norm(GOAL - START)
 
     def test_from_a_file(self, tmp_path):
         rows = "\n".join(",".join(f"{x:.17g}" for x in p) for p in RECORDED)
         (tmp_path / "taught.csv").write_text(f"# synthetic, seed 3\nx_m,y_m,z_m\n{rows}\n")
+        points = read_points(tmp_path / "taught.csv")
+        assert np.array_equal(points, RECORDED)
         ends = taught(RECORDED, 5e-4)(np.array([0.0, 1.0]))[0].tolist()
-        loaded = load("problems/l1_min_time.toml", [
-            'path.shape="taught"', 'path.file="taught.csv"', f"start.tcp_m={ends[0]}", f"goal.tcp_m={ends[1]}",
-            "mesh.elements=20", "path.intervals=100"])  # fmt: skip
-        context = context_of(loaded)
-        context.folder = tmp_path
-        o = solve(loaded, context).outcome
-        assert o.status is SolveStatus.SOLVED and o.values["exported_peak_force_N"] <= 700.0
-        assert context.inputs["path"] == tmp_path / "taught.csv"
+        o = outcome(Taught(points, intervals=100), start__tcp=ends[0], goal__tcp=ends[1], mesh__elements=20)
+        assert o.status is SolveStatus.SOLVED and o.exported_peak_force <= 700.0
 
 
-class TestSentences:
+class TestRefusals:
     def test_a_path_that_leaves_the_workspace(self):
-        error = refused('path.shape="polyline"', "path.via_m=[[0.4,-3.0,0.3]]")
-        assert error.key == "path" and error.sentence.startswith("the path leaves the workspace at (")
+        error = refused(path=Polyline([[0.4, -3.0, 0.3]]))
+        assert error.argument == "path" and error.sentence.startswith("the path leaves the workspace at (")
         assert error.sentence.endswith("% of the way")
 
     def test_an_obstacle_on_the_path(self):
-        error = refused('path.shape="line"', "limits.obstacles=[{center_m=[0.45,-0.9,0.275], size_m=[0.1,0.1,0.1]}]")
-        assert error.key == "path" and error.sentence.startswith("the path breaks limits.obstacles[0] by ")
+        error = refused(path=Line(), limits__obstacles=[Obstacle([0.45, -0.9, 0.275], [0.1, 0.1, 0.1])])
+        assert error.argument == "path" and error.sentence.startswith("the path breaks limits.obstacles[0] by ")
         assert error.sentence.endswith("% of the way")
 
     @pytest.mark.parametrize(
-        "settings, key, words",
+        ("path", "argument"),
         [
-            (['path.shape="arc"'], "path.through_m", "is missing"),
-            (['path.shape="arc"', "path.through_m=[0.45,-0.9,0.275]"], "path.through_m", "no circle"),
-            (
-                ['path.shape="line"', "path.through_m=[0.4,-0.9,0.3]"],
-                "path.through_m",
-                "does not belong to shape 'line'",
-            ),
-            (['path.shape="polyline"', "path.via_m=[[0.01,-0.9,0.1]]"], "path.blend_m", "too short for its blends"),
-            (['path.shape="spline"'], "path.file", "is missing"),
-            (['path.shape="spline"', 'path.file="nowhere.csv"'], "path.file", "there is no file 'nowhere.csv'"),
+            (Arc([0.45, -0.9, 0.275]), "path.through"),
+            (Polyline([[0.01, -0.9, 0.1]]), "path.blend"),
+            (Polyline([START.tolist()]), "path.via"),
+            (Spline(np.array([START, GOAL])), "path.points"),
+            (Spline(np.array([START, START, GOAL])), "path.points"),
+            (Spline(np.zeros((3, 2))), "path.points"),
+            (Taught(RECORDED[:4]), "path.points"),
+            (Spline(np.array([START + np.array([0.1, 0.0, 0.0]), CORNER, GOAL])), "start.tcp"),
         ],
     )
-    def test_wrong_keys(self, settings, key, words):
-        error = refused(*settings)
-        assert error.key == key and words in error.sentence
+    def test_what_cannot_be_a_path_is_named(self, path, argument):
+        assert refused(path=path).argument == argument
 
     @pytest.mark.parametrize(
-        "text, words",
+        ("text", "words"),
         [
             ("x_m,y_m\n0,1\n", "has no column 'z_m'"),
             ("x_m,y_m,z_m\n0,1,two\n", "point 1: expected three numbers"),
             ("x_m,y_m,z_m\n0,1,nan\n0,1,2\n1,1,1\n", "not finite"),
-            ("x_m,y_m,z_m\n0,1,0\n0,1,2\n", "a spline needs at least 3"),
-            ("x_m,y_m,z_m\n0,1,0\n0,1,0\n0,1,2\n", "holds a point twice"),
-            ("x_m,y_m,z_m\n0.1,-0.9,0.1\n0.5,-0.9,0.4\n0.9,-0.9,0.45\n", "is 100 mm off the path"),
+            ("\xff", "no UTF-8"),
         ],
     )
     def test_wrong_files(self, tmp_path, text, words):
-        (tmp_path / "points.csv").write_text(text)
-        error = refused('path.shape="spline"', 'path.file="points.csv"', folder=tmp_path)
-        assert words in error.sentence
+        (tmp_path / "points.csv").write_bytes(text.encode("latin-1"))
+        with pytest.raises(ArgumentError) as caught:
+            read_points(tmp_path / "points.csv")
+        assert caught.value.argument == "file" and words in caught.value.sentence

@@ -1,21 +1,23 @@
-"""Kind "trajectory" with the six-link D1 along a path: the plate turns as its links make it, Newton at every node."""
+"""Motions of the six-link D1 along a path: the plate turns as its links make it, Newton at every node."""
 
 from __future__ import annotations
 
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
 
 import gtmodel as gt
 from gtmodel import SolveStatus
+from gtmodel.motion import Arc, JointCone, Line, MotionProblem, Polyline
+from gtmodel.motion.motion_study import solved
 from gtmodel.motion.planning import Plan, plan_of
-from gtmodel.problem_files.load import load
-from gtmodel.problem_files.run import context_of, solve
-from gtmodel.results import Trajectory
+from gtmodel.results import Trajectory, Work
+from gtmodel.robots import make
+from tests.support.motions import d1, six_link
 
-PROBLEM, FREE = "problems/d1_six_link_line.toml", "problems/d1_six_link_motion.toml"
-LINE = 'path.shape="line"'
+LINE = Line(intervals=100)
 FORCE_N, SPEED_M_S, CART_M_S2 = 700.0, 0.7, 4.0  # of the declared problem
 BETWEEN_NODES = 0.01  # limits hold on both sides of each of 80 nodes; between them they bend by some 0.1 %
 STEP_S = 1e-4  # of finite differences: round-off of Newton leaves 1e-4 m/s2, curvature less
@@ -26,15 +28,15 @@ ORACLE = 1e-3  # both are of second order or better in 150 intervals
 AXIS, HALF_DEG = [1.0, 0.0, 0.0], 60.0
 
 
-def planned(problem: str, *settings: str) -> Plan:
-    loaded = load(problem, list(settings))
-    return plan_of(loaded.problem.motion(context_of(loaded)))  # type: ignore[arg-type]  # of that kind
+def on_the_line(**changes: Any) -> MotionProblem:
+    """The motion of problems/d1_six_link_line.toml."""
+    return six_link(path=Line(), limits__tcp_velocity=SPEED_M_S, limits__cart_acceleration=CART_M_S2, **changes)
 
 
 @cache
 def declared() -> tuple[Plan, Trajectory]:
     """The declared problem, with a cone that it keeps, by squared speeds; sampled finely but for its ends."""
-    plan = planned(PROBLEM, f"limits.joint_cones=[{{arm=3, end='plate', axis={AXIS}, half_angle_deg={HALF_DEG}}}]")
+    plan = plan_of(on_the_line(limits__joint_cones=[JointCone(3, "plate", AXIS, np.radians(HALF_DEG))]))
     motion = plan.follower.fastest(80)
     assert motion.status is SolveStatus.SOLVED, motion.message
     return plan, plan.follower.sample(motion, np.linspace(0.02, motion.final_time - 0.02, 301))
@@ -77,8 +79,8 @@ def test_against_toppra():
     from toppra.algorithm import TOPPRA
     from toppra.constraint import LinearConstraint
 
-    still = "parameters={coulomb=[0.0,0.0,0.0],viscous=[0.0,0.0,0.0]}"
-    plan = planned(FREE, LINE, "cost.energy=0", f"limits.cart_acceleration_m_s2={CART_M_S2}", still)
+    still = make("d1_six_link", coulomb=np.zeros(3), viscous=np.zeros(3))
+    plan = plan_of(six_link(robot=still, path=LINE, cost__energy=0.0, limits__cart_acceleration=CART_M_S2))
     own = plan.follower.fastest(150, bounded="middle")
     assert own.status is SolveStatus.SOLVED
     grid = np.linspace(0.0, 1.0, 301)
@@ -127,34 +129,31 @@ def test_cone_of_a_joint_that_turns_with_the_plate():
 
 @pytest.mark.proof
 def test_declared_problem_is_never_better_than_the_free_motion():
-    outcomes = {}
-    for name, settings in ((PROBLEM, ()), (FREE, ()), (FREE, (LINE,))):
-        loaded = load(name, list(settings))
-        o = outcomes[name, settings] = solve(loaded, context_of(loaded)).outcome
+    found = [solved(problem, Work()) for problem in (on_the_line(), six_link(), six_link(path=Line()))]
+    for o in found:
         assert o.status is SolveStatus.SOLVED and all(check.passed for check in o.checks.values()), o.message
-    limited, free, line = (o.objective for o in outcomes.values())
+    limited, free, line = (o.objective for o in found)
     assert free < line < limited
 
 
 @pytest.mark.proof
 @pytest.mark.parametrize(
-    "settings",
+    "changes",
     [
-        ("limits.tcp_velocity_m_s=0.5",),
-        ("limits.tcp_acceleration_m_s2=2.5",),
-        ("limits.tcp_jerk_m_s3=40",),
-        ("limits.cart_velocity_m_s=0.5",),
-        ("payload_kg=5",),
-        ('path.shape="polyline"', "path.via_m=[[-1.4,-4.4,-0.1]]"),
-        ('path.shape="arc"', "path.through_m=[-1.35,-4.4,-0.05]"),
+        {"limits__tcp_velocity": 0.5},
+        {"limits__tcp_acceleration": 2.5},
+        {"limits__tcp_jerk": 40.0},
+        {"limits__cart_velocity": 0.5},
+        {"robot": d1(payload=5.0)},
+        {"path": Polyline([[-1.4, -4.4, -0.1]], intervals=100)},
+        {"path": Arc([-1.35, -4.4, -0.05], intervals=100)},
     ],
-    ids=lambda s: s[0],
+    ids=lambda changes: next(iter(changes)),
 )
-def test_limits_and_shapes(settings: tuple[str, ...]):
+def test_limits_and_shapes(changes: dict[str, Any]):
     """Solved within every limit, and each of them costs: 1.0917538 on the bare line."""
-    loaded = load(FREE, [LINE, "path.intervals=100", *settings])
-    o = solve(loaded, context_of(loaded)).outcome
+    o = solved(six_link(**{"path": LINE, **changes}), Work())
     assert o.status is SolveStatus.SOLVED and all(check.passed for check in o.checks.values()), o.message
-    assert (o.objective or 0.0) > 1.0917 and o.values["exported_peak_force_N"] <= FORCE_N
-    assert min(o.values["exported_margins"].values(), default=0.0) > -1e-4
+    assert (o.objective or 0.0) > 1.0917 and (o.exported_peak_force or 0.0) <= FORCE_N
+    assert min((o.exported_margins or {}).values(), default=0.0) > -1e-4
     assert isinstance(o.trajectory, gt.Trajectory)

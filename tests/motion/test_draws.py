@@ -1,18 +1,20 @@
-"""Drawn trajectory problems, tests/suites/trajectory_draws.toml: three in each run, all fifty as a proof."""
+"""Drawn motions, tests/suites/trajectory_draws.toml: three in each run, all fifty as a proof."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 import pytest
 from scipy.stats import binom
 
 from gtmodel.motion.guesses import bent_guess
+from gtmodel.motion.motion_study import solved
 from gtmodel.motion.planning import plan_of
 from gtmodel.motion.search import PATIENCE
-from gtmodel.problem_files.load import load
-from gtmodel.problem_files.run import context_of, solve
-from gtmodel.results import SolveStatus, Status
+from gtmodel.results import SolveStatus, Status, Work
 from tests.support.draws import draws, suite
+from tests.support.motions import asked
 
 FALSE_ALARM = 1e-3
 NEAR_BEST = 5e-3  # of the cost of the best of five starts
@@ -22,12 +24,10 @@ OTHER_SEED = 777
 LONG = 11  # of the declared suite
 
 
-def searched(settings: list[str], starts: int, seed: int) -> tuple[bool, float, str]:
+def searched(changes: dict[str, Any], starts: int, seed: int) -> tuple[bool, float, str]:
     """Whether it ends in an optimum on the declared branch, its cost over the best of all starts, and a line."""
-    loaded = load("problems/l1_min_time.toml", settings)
-    context = context_of(loaded)
-    plan = plan_of(loaded.problem.motion(context))
-    search = plan.search(context)
+    plan = plan_of(asked(**changes))
+    search = plan.search(Work())
     solution = search.optimum()
     rng = np.random.default_rng(seed)
     others = search.from_starts([bent_guess(plan.start, plan.goal, rng, BEND_M) for _ in range(starts)])
@@ -61,9 +61,8 @@ def test_draws_are_what_they_say():
     first = draws(3)
     assert first == draws(3) and len(first) == 3  # the seed alone decides
     s = suite()
-    for settings in first:
-        given = dict(one.split("=", 1) for one in settings)
-        a, b = (np.array(eval(given[f"{end}.tcp_m"])) for end in ("start", "goal"))
+    for changes in first:
+        a, b = (np.array(changes[f"{end}__tcp"]) for end in ("start", "goal"))
         assert np.linalg.norm(b - a) >= s["distance_m"]
         for end in (a, b):
             assert all(s[k][0] <= x <= s[k][1] for k, x in zip(("x_m", "y_m", "z_m"), end, strict=True))
@@ -74,7 +73,7 @@ def test_draws_are_what_they_say():
 def test_fifty(seed):
     """All 50 converge without help, on the declared branch, and of the declared suite at least 48 within 0.5 % of the
     best of five starts. Of another seed no fewer than that rate allows: 47 of 50 were seen."""
-    results = [searched(settings, 4, n) for n, settings in enumerate(draws(seed=seed))]
+    results = [searched(changes, 4, n) for n, changes in enumerate(draws(seed=seed))]
     for n, (good, gap, told) in enumerate(results):
         print(n, good, f"{gap:.1e}", told)
     assert all(good for good, _, _ in results)
@@ -91,10 +90,8 @@ def test_drawn_with_another_seed(n):
 
 def test_an_attempt_may_take_as_long_as_it_gets_anywhere():
     """This one converges after more than 200 iterations, where all were cut."""
-    settings = draws(LONG + 1)[LONG]
-    loaded = load("problems/l1_min_time.toml", settings)
-    plan = plan_of(loaded.problem.motion(context_of(loaded)))
-    search = plan.search(context_of(loaded))
+    plan = plan_of(asked(**draws(LONG + 1)[LONG]))
+    search = plan.search(Work())
     rng = np.random.default_rng(LONG)
     (found,) = search.from_starts([bent_guess(plan.start, plan.goal, rng, BEND_M)])
     assert found.status.converged and found.iterations > 200
@@ -103,16 +100,14 @@ def test_an_attempt_may_take_as_long_as_it_gets_anywhere():
 @pytest.mark.parametrize("most", [30, 250])
 def test_the_limit_of_iterations_is_that_of_all_attempts(most):
     """The first attempt at this one gets nowhere; 30 are too few for it, 250 for all of them."""
-    loaded = load("problems/l1_min_time.toml", [*draws(2, OTHER_SEED)[1], f"solver.max_iterations={most}"])
-    o = solve(loaded, context_of(loaded)).outcome
+    o = solved(asked(**draws(2, OTHER_SEED)[1], solver__max_iterations=most), Work())
     assert o.status is SolveStatus.ITERATION_LIMIT and o.iterations == most
 
 
 def test_starts_that_lead_nowhere_are_given_up():
     """From this bent line the plate stays beyond the edge of reach, and one iteration costs as much as twenty."""
-    loaded = load("problems/l1_min_time.toml", draws(16)[15])
-    plan = plan_of(loaded.problem.motion(context_of(loaded)))
-    search = plan.search(context_of(loaded))
+    plan = plan_of(asked(**draws(16)[15]))
+    search = plan.search(Work())
     rng = np.random.default_rng(15)
     assert search.from_starts([bent_guess(plan.start, plan.goal, rng, BEND_M)]) == []
     assert search.started == 1 and search.iterations <= 2 * PATIENCE

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gtmodel.motion.finer_mesh import PASSES, elements_after, refined
-from gtmodel.problem_files.base import Check, at_most
+from gtmodel.results import Check, at_most
 
 BOUND = 1e-3
 MOST = 400
