@@ -1,17 +1,18 @@
-"""The keys of an axis trajectory problem: from which axis positions to which, within what, at which cost."""
+"""The keys of kind "axis_trajectory": from which axis positions to which, within what, at which cost."""
 
 from __future__ import annotations
 
 from typing import Literal
 
-from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt
+from pydantic import Field
 
-from gtmodel.motion.options import AxisLimits
+from gtmodel.motion import options
+from gtmodel.motion.axes import options as axes
 from gtmodel.problem_files.base import Section
 from gtmodel.problem_files.from_options import Made, made_from
 from gtmodel.problem_files.path_keys import PathSection, Point
 from gtmodel.problem_files.robot_keys import RobotProblem
-from gtmodel.problem_files.solver_keys import Barrier, MostElements
+from gtmodel.results.quantity import converted
 
 
 class End(Section):
@@ -26,12 +27,15 @@ class End(Section):
         "end's, so that it is constant",
     )
 
+    def options(self) -> axes.AxisEnd:
+        """As the study takes it."""
+        turned = None if self.q_deg is None else converted(self.q_deg, "deg", "rad").tolist()
+        return axes.AxisEnd(self.q_m, turned, self.tcp_m, self.tool)
 
-class ToolDirection(Section):
+
+@made_from(axes.ToolDirection)
+class ToolDirection(Made):
     """A tool direction on the way."""
-
-    at: float = Field(gt=0, lt=1, description="fraction of the way")
-    direction: Point = Field(description="tool direction there, in the robot's frame")
 
 
 class AxisPathSection(PathSection):
@@ -42,44 +46,32 @@ class AxisPathSection(PathSection):
         [], description="tool directions between start and goal; the tool turns smoothly from each to the next"
     )
 
+    def held(self) -> axes.ToolCourse:
+        """How the tool is held."""
+        return axes.ToolCourse(self.tool_axis, [one.options() for one in self.tool])
 
-@made_from(AxisLimits)
+
+@made_from(options.AxisLimits)
 class Limits(Made):
     """What the motion must keep; what is left out is unlimited."""
 
 
-class Cost(Section):
+@made_from(axes.AxisCost)
+class Cost(Made):
     """What is minimised: time * T + energy * sum over the motors of int (tau / limit)^2 dt."""
 
-    time: NonNegativeFloat = Field(1.0, description="weight of the final time")
-    energy: NonNegativeFloat = Field(0.0, description="weight of the energy")
 
-
-class Mesh(Section):
+@made_from(axes.AxisMesh)
+class Mesh(Made):
     """Where the equations are collocated (Radau)."""
 
-    elements: PositiveInt = Field(20, le=10000, description="number of elements of the horizon")
-    most_elements: MostElements = 80
-    points: int = Field(3, ge=1, le=9, description="collocation points per element")
-    control: Literal["linear", "constant", "polynomial"] = Field(
-        "linear",
-        description="accelerations of the axes per element: a continuous line, one value, or a polynomial, whose "
-        "forces keep their limits at the points only",
-    )
 
-
-class Solver(Section):
+@made_from(axes.AxisSolver)
+class Solver(Made):
     """When the solver stops."""
 
-    tolerance: PositiveFloat = Field(1e-8, description="on the scaled optimality conditions")
-    max_iterations: PositiveInt = Field(300, description="limit of iterations, of all attempts together")
-    barrier: Barrier = "auto"
-    formulation: Literal["torn", "dae"] = Field(
-        "torn", description="which equations are collocated: those of the plate's pose alone, or all as they stand"
-    )
 
-
-class AxisTrajectoryProblem(RobotProblem):
+class Schema(RobotProblem):
     """Optimal motion of the F1 from rest to rest, free between two positions of its axes or along a path."""
 
     degrees_of_freedom: Literal[5, 6] = Field(5, description="5 keeps q4 = -q5 all the way, 6 leaves all axes free")
@@ -87,6 +79,6 @@ class AxisTrajectoryProblem(RobotProblem):
     goal: End
     limits: Limits
     path: AxisPathSection | None = Field(default=None, description="the path to follow; free if it is left out")
-    cost: Cost = Cost()  # type: ignore[call-arg]
-    mesh: Mesh = Mesh()  # type: ignore[call-arg]
-    solver: Solver = Solver()  # type: ignore[call-arg]
+    cost: Cost = Cost()
+    mesh: Mesh = Mesh()
+    solver: Solver = Solver()

@@ -9,18 +9,16 @@ from typing import Any
 
 import numpy as np
 
-from gtmodel import lang as gt
-from gtmodel.compiler.causal import CausalFunction, compile_causal
-from gtmodel.motion.guard import Guard
-from gtmodel.motion.guesses import GUESS_TIME_S
-from gtmodel.motion.path_rows import task_along
-from gtmodel.motion.task import SHORTEST_TIME_S, dependent
-from gtmodel.optimize.path import PathMotion, solve_path
-from gtmodel.problem_files.base import InputError
-from gtmodel.results import Status, Trajectory
-
-from .axis_course import Course
-from .axis_keys import AxisTrajectoryProblem
+from ... import lang as gt
+from ...compiler.causal import CausalFunction, compile_causal
+from ...optimize.path import PathMotion, solve_path
+from ...results import ArgumentError, Status, Trajectory
+from ..guard import Guard
+from ..guesses import GUESS_TIME_S
+from ..path_rows import task_along
+from ..task import SHORTEST_TIME_S, dependent
+from .course import Course
+from .problem import AxisProblem
 
 Array = np.ndarray
 GUESS_ROWS = 41
@@ -45,7 +43,7 @@ def coordinates(q: Array, degrees_of_freedom: int) -> Array:
 class AxisPlan:
     """A checked problem: robot, ends q (6,) [m, rad], further margins, and the course along a path or None."""
 
-    problem: AxisTrajectoryProblem
+    problem: AxisProblem
     robot: gt.Model
     start: Array
     goal: Array
@@ -61,13 +59,13 @@ class AxisPlan:
     @property
     def order(self) -> int:
         """The derivative of the coordinates that is the control."""
-        return 2 if self.problem.limits.tcp_jerk_m_s3 is None else 3
+        return 2 if self.problem.limits.tcp_jerk is None else 3
 
     @property
-    def limits(self) -> Array:
+    def motors(self) -> Array:
         """Largest motor forces [N] and torques [N.m] (6,)."""
         limits = self.problem.limits
-        return np.repeat([limits.force_N, limits.torque_Nm], CARTS)
+        return np.repeat([limits.force, limits.torque], CARTS)
 
     @cached_property
     def poses(self) -> CausalFunction:
@@ -106,10 +104,11 @@ class AxisPlan:
     def strokes(self) -> tuple[Array, Array]:
         """Least and largest q (6,) [m, rad]; infinite where there is none."""
         limits = self.problem.limits
-        least, most = [-np.inf] * CARTS, [np.inf] * CARTS
-        low = np.concatenate([limits.cart_low_m or least, np.radians(limits.axis_low_deg or least)])
-        high = np.concatenate([limits.cart_high_m or most, np.radians(limits.axis_high_deg or most)])
-        return low, high
+
+        def of_all(carts: list[float] | None, axes: list[float] | None, free: float) -> Array:
+            return np.concatenate([[free] * CARTS if given is None else given for given in (carts, axes)])
+
+        return of_all(limits.cart_low, limits.axis_low, -np.inf), of_all(limits.cart_high, limits.axis_high, np.inf)
 
     def optimization(self) -> gt.Optimization:
         """The motion: states s and their velocities, and one control `drive` per coordinate, its second derivative, or
@@ -131,7 +130,7 @@ class AxisPlan:
             s: Any
             drive: Any
             final_time = gt.free(GUESS_TIME_S, min=SHORTEST_TIME_S, unit="s")
-            limit = gt.parameter(self.limits, description="forces of the carts [N], torques of the rotary axes [N.m]")
+            limit = gt.parameter(self.motors, description="forces of the carts [N], torques of the rotary axes [N.m]")
             from_s = gt.parameter(begin if course is None else 0.0)
             to_s = gt.parameter(end if course is None else 1.0)
 
@@ -194,7 +193,7 @@ class AxisPlan:
             T, e, status = self.poses(q)
             if np.any(status != Status.OK):
                 k = int(np.flatnonzero(status != Status.OK)[0])
-                raise InputError(
+                raise ArgumentError(
                     f"on the straight way of the axes, {100 * r[k, 0]:.0f} % from the start, the plate cannot be "
                     f"followed: {self.poses.diagnose(q[k])}; give a nearer goal",
                     "goal",
@@ -218,8 +217,8 @@ class AxisPlan:
         """The motion along the path by the fast engine, limits in the middles of its intervals; not with a jerk."""
         cost = self.problem.cost
         curve = lambda s: (s[:, None], np.ones((len(s), 1)), np.zeros((len(s), 1)))  # noqa: E731  # s itself
-        squares = self.limits**-2.0
+        squares = self.motors**-2.0
         task = task_along(
-            self.following, curve, len(FOLLOWED), self.limits, squares, time=cost.time, energy=cost.energy
+            self.following, curve, len(FOLLOWED), self.motors, squares, time=cost.time, energy=cost.energy
         )
         return solve_path(task, intervals)

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import CubicSpline, PPoly
 
-from gtmodel import lang as gt
-from gtmodel.compiler.causal import CausalFunction, compile_causal
-from gtmodel.motion.guard import Guard
-from gtmodel.motion.paths import Path
-from gtmodel.problem_files.base import InputError
+from ... import lang as gt
+from ...compiler.causal import CausalFunction, compile_causal
+from ...results import ArgumentError
+from ..guard import Guard
+from ..paths import Path
 
 Array = np.ndarray
 WIDEST_DEG = 100.0  # between declared directions that follow one another: their chord must stay off zero
@@ -67,10 +67,10 @@ class Course:
         return compile_causal(model, known="s", targets=targets)
 
 
-def turning(at: Array, through: Array, key: str) -> PPoly:
+def turning(at: Array, through: Array, argument: str) -> PPoly:
     """A smooth course through directions or quaternions (n, d) at fractions (n,) of the way; equal ones: a constant.
 
-    Raises InputError where two that follow one another are too far apart, or opposite.
+    Raises ArgumentError where two that follow one another are too far apart, or opposite.
     """
     through = through / np.linalg.norm(through, axis=1)[:, None]
     if through.shape[1] == 4:  # e and -e are one orientation: the nearer sign
@@ -79,10 +79,10 @@ def turning(at: Array, through: Array, key: str) -> PPoly:
     apart = np.degrees(np.arccos(np.clip(np.sum(through[1:] * through[:-1], axis=1), -1.0, 1.0)))
     if np.any(apart > WIDEST_DEG):
         k = int(np.argmax(apart))
-        raise InputError(
+        raise ArgumentError(
             f"the tool turns by {apart[k]:.4g} degrees from {100 * at[k]:.0f} % to {100 * at[k + 1]:.0f} % of the way; "
             f"declare a direction between them, {WIDEST_DEG:g} degrees is the most",
-            key,
+            argument,
         )
     if np.all(np.ptp(through, axis=0) < 1e-12):
         return PPoly(through[:1][None], np.array([0.0, 1.0]))

@@ -9,9 +9,9 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
-from gtmodel.compiler.causal import compile_causal
-from gtmodel.lang import Model
-from gtmodel.results import Status, Trajectory
+from ...compiler.causal import compile_causal
+from ...lang import Model
+from ...results import Status, Trajectory
 
 Array = np.ndarray
 TOLERANCE = 1e-8  # relative and absolute, far below what the sampled forces leave
