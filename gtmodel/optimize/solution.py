@@ -13,12 +13,12 @@ from ..lang.scope import derivative_name
 from ..results.check import Check
 from ..results.status import SolveStatus
 from ..results.trajectory import Trajectory
-from .dynamic import DynamicProblem
+from .formulation.dynamic import DynamicProblem
+from .formulation.quadratures import summed
+from .formulation.system import System
 from .ipopt import Run
 from .mesh import ROUND_OFF, Mesh
 from .nlp import Nlp, placed
-from .quadratures import summed
-from .system import System
 from .tables import basis, basis_slope
 
 
@@ -301,8 +301,8 @@ def named(
 
 
 def _outputs(problem: DynamicProblem) -> tuple[list[tuple[str, Any, int, str]], ca.Function]:
-    if problem.outputs is not None:
-        return problem.outputs
+    if "outputs" in problem.cache:
+        return problem.cache["outputs"]
     flat = problem.flat
     entries: list[tuple[str, tuple[int, ...], list[tuple[int, int]]]] = []
     states = set(problem.state_pairs)
@@ -328,8 +328,8 @@ def _outputs(problem: DynamicProblem) -> tuple[list[tuple[str, Any, int, str]], 
     arguments = [problem.x, problem.xd, problem.u, problem.P, problem.t, sums]
     f = ca.Function("outputs", arguments, [ca.vertcat(*expressions)])
     table = [(n, shape, len(pairs), flat.unit_of(pairs[0][0], pairs[0][1])) for n, shape, pairs in entries]
-    problem.outputs = (table, f)
-    return problem.outputs
+    problem.cache["outputs"] = (table, f)
+    return table, f
 
 
 def _known(problem: DynamicProblem, states: set[tuple[int, int]], index: int, order: int) -> bool:

@@ -107,7 +107,7 @@ def _hint(hint: Any, marks: tuple[Any, ...]) -> Any:
     """The type of a key: bounds on each number of it, a count on each list."""
     origin, inside = get_origin(hint), get_args(hint)
     if origin is Annotated:
-        return _hint(inside[0], marks)
+        return _hint(inside[0], tuple(dict.fromkeys((*marks, *inside[1:]))))
     if origin in (Union, types.UnionType):
         return Union[tuple(_hint(one, marks) for one in inside)]  # noqa: UP007
     if origin in (list, tuple):

@@ -92,8 +92,9 @@ def declared(cls: type) -> dict[str, tuple[Any, ...]]:
 
 
 def written_name(field: str, marks: tuple[Any, ...]) -> str:
-    """The name of a field in a file, with the unit in which people write it there."""
-    unit = next((m for m in marks if isinstance(m, Unit)), None)
+    """The name of a field in a file, with the unit in which people write it there; without the underscore behind a word
+    of Python, as in `from_`."""
+    field, unit = field.rstrip("_"), next((m for m in marks if isinstance(m, Unit)), None)
     return field if unit is None else named(field, unit.written or unit.text)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from gtmodel.motion.axes import AxisProblem, AxisStudy, axis_study, plan_of
 from gtmodel.motion.axes.plan import CARTS
-from gtmodel.optimize.problem import build
+from gtmodel.optimize.formulation.problem import build
 from gtmodel.problem_files.base import Context
 from gtmodel.problem_files.call import Call
 from gtmodel.problem_files.path_keys import PATH_ARGUMENTS

@@ -13,7 +13,7 @@ from ...compiler.causal import compile_causal
 from ...optimize import Mesh as CollocationMesh
 from ...optimize import Solution, SolverOptions
 from ...optimize import solve as collocate
-from ...optimize.resimulate import SUBSTEPS, resimulate
+from ...optimize.judgement.resimulate import SUBSTEPS, resimulate
 from ...results import Check, SolveStatus, Status, Trajectory, Work, at_most
 from ...results.quantity import converted
 from ...results.trajectory_files import TRAJECTORY
