@@ -1,43 +1,30 @@
-"""Kind "axis_trajectory" along a path: the F1 restricted to its path coordinate, in five and six degrees of freedom."""
+"""A motion of six axes along a path: the F1 restricted to its path coordinate, in five and six degrees of freedom."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
 
 import gtmodel as gt
 from gtmodel import SolveStatus
-from gtmodel.kinds.axis_course import turning
-from gtmodel.kinds.axis_motion import AxisPlan
-from gtmodel.kinds.axis_planning import plan_of
-from gtmodel.problem_files import InputError
-from gtmodel.problem_files.load import load
-from gtmodel.problem_files.run import context_of, solve
+from gtmodel.motion import Arc, AxisEnd, AxisMesh, Line, Obstacle, Polyline, ToolCourse, ToolDirection
+from gtmodel.motion.axes import AxisPlan, turning
+from gtmodel.results import ArgumentError
+from tests.motion.axis_problems import FORCE, PLACE, SPEED, START, STROKE, TORQUE, along, free, planned, studied
 
-PROBLEM, FREE = "problems/f1_path.toml", "problems/f1_motion.toml"
 STEP = 1e-3  # of s, for differences: second order
 SAME_PLACE = 1e-9
 BETWEEN_MIDDLES = 0.05  # limits hold in the middles of 80 intervals; forces jump at their ends, by up to 3 %
-LIMITS = np.repeat([1000.0, 40.0], 3)
-SPEED_M_S = 0.8
-
-
-def planned(*settings: str, problem: str = PROBLEM) -> AxisPlan:
-    loaded = load(problem, list(settings))
-    return plan_of(loaded.problem, context_of(loaded))  # type: ignore[arg-type]  # of that kind
+LIMITS = np.repeat([FORCE, TORQUE], 3)
 
 
 @cache
 def declared() -> AxisPlan:
-    return planned()
-
-
-def refused(*settings: str) -> InputError:
-    with pytest.raises(InputError) as caught:
-        planned(*settings)
-    return caught.value
+    return planned(along())
 
 
 def followed(plan: AxisPlan, s: np.ndarray, ds: float = 0.0) -> list[np.ndarray]:
@@ -83,98 +70,95 @@ def test_squared_speeds_keep_forces_and_speed():
     tau, status = plan.inverse(q, dq, ddq)
     share = np.max(np.abs(tau) / LIMITS, axis=1)
     assert plan.course is not None
-    speed = np.linalg.norm(plan.course.path(s)[1] * v[:, None], axis=1) / SPEED_M_S
+    speed = np.linalg.norm(plan.course.path(s)[1] * v[:, None], axis=1) / SPEED
     assert np.all(status == 0) and np.max(share) < 1 + BETWEEN_MIDDLES and np.max(speed) < 1 + BETWEEN_MIDDLES
     assert np.mean(np.maximum(share, speed) > 0.95) > 0.5  # fast, for all that the energy costs a little
 
 
 def test_courses_of_directions():
     at, way = np.array([0.0, 0.3, 1.0]), np.array([[0.0, 0.0, -2.0], [0.3, 0.0, -1.0], [0.3, 0.3, -1.0]])
-    curve = turning(at, way, "path.tool")
+    curve = turning(at, way, "tool.through")
     assert curve(at) == pytest.approx(way / np.linalg.norm(way, axis=1)[:, None])
     inner = np.linspace(0.01, 0.99, 99)
     assert curve(inner, 1) == pytest.approx((curve(inner + 1e-5) - curve(inner - 1e-5)) / 2e-5, abs=1e-6)
-    constant = turning(at, np.tile(way[:1], (3, 1)), "path.tool")
+    constant = turning(at, np.tile(way[:1], (3, 1)), "tool.through")
     assert np.all(constant(inner) == [0.0, 0.0, -1.0]) and not np.any(constant(inner, 1))
     e = np.array([[1.0, 0.0, 0.0, 0.0], [-1.0, 0.1, 0.0, 0.0]])  # the nearer sign of a quaternion
     assert turning(at[[0, 2]], e, "goal")(1.0)[0] > 0.9
-    with pytest.raises(InputError, match="turns by 180 degrees from 0 % to 30 % of the way"):
-        turning(at, np.array([[0, 0, 1.0], [0, 0, -1.0], [0, 1.0, -1.0]]), "path.tool")
+    with pytest.raises(ArgumentError, match="turns by 180 degrees from 0 % to 30 % of the way"):
+        turning(at, np.array([[0, 0, 1.0], [0, 0, -1.0], [0, 1.0, -1.0]]), "tool.through")
+
+
+def through(*at: float) -> ToolCourse:
+    return ToolCourse(through=[ToolDirection(x, [0.0, 0.0, -1.0]) for x in at])
 
 
 @pytest.mark.parametrize(
-    ("settings", "key", "words"),
+    ("changes", "argument"),
     [
-        (["goal.q_m=[0.9,0.5,0.35]"], "goal.q_m", "is given beside tcp_m"),
-        (["goal={q_m=[0.9,0.5,0.35]}"], "goal.q_deg", "is missing; give q_m and q_deg, or tcp_m"),
-        (["degrees_of_freedom=6"], "goal.tool", "leaves the turn of the plate about it open"),
-        (["start.tool=[0.0,0.0,-1.0]"], "start.tool", "is given beside the axes"),
-        (["goal.tool=[0.0,0.0,0.0]"], "goal.tool", "is zero"),
-        (["path.tool=[{at=0.6,direction=[0,0,-1.0]},{at=0.5,direction=[0,0,-1.0]}]"], "path.tool", "do not rise"),
-        (["goal.tool=[0.0,0.0,1.0]"], "goal", "turns by 178"),
-        (["goal.tcp_m=[-0.32,5.0,0.3]"], "goal.tcp_m", "no axes hold the plate there"),
-        (["limits.axis_high_deg=[45.0,45.0,0.5]"], "goal.tcp_m", "is above limits.axis_high_deg, 0.5"),
+        ({"goal": replace(PLACE, carts=[0.9, 0.5, 0.35])}, "goal.carts"),
+        ({"goal": AxisEnd([0.9, 0.5, 0.35])}, "goal.axes"),
+        ({"degrees_of_freedom": 6}, "goal.tool"),
+        ({"degrees_of_freedom": 6, "goal": replace(PLACE, tool=None), "tool": through(0.5)}, "tool.through"),
+        ({"start": replace(START, tool=[0.0, 0.0, -1.0])}, "start.tool"),
+        ({"goal": replace(PLACE, tool=[0.0] * 3)}, "goal.tool"),
+        ({"tool": ToolCourse([0.0] * 3)}, "tool.axis"),
+        ({"tool": through(0.6, 0.5)}, "tool.through"),
+        ({"tool": ToolCourse(through=[ToolDirection(0.5, [0.0] * 3)])}, "tool.through[0].direction"),
+        ({"goal": replace(PLACE, tool=[0.0, 0.0, 1.0])}, "goal"),
+        ({"goal": replace(PLACE, tcp=[-0.32, 5.0, 0.3])}, "goal.tcp"),
+        ({"path": Polyline([[-0.16, 2.32, 0.22]], blend=1.0)}, "path.blend"),
+        ({"limits": replace(along()["limits"], axis_high=[STROKE, STROKE, np.radians(0.5)])}, "goal.tcp"),
     ],
 )  # fmt: skip
-def test_wrong_inputs_are_one_sentence(settings: list[str], key: str, words: str):
-    error = refused(*settings)
-    assert error.key == key and words in error.sentence
-
-
-def test_a_free_motion_goes_to_axes():
-    with pytest.raises(InputError) as caught:
-        planned("goal={tcp_m=[-0.3,2.2,0.2]}", problem=FREE)
-    assert caught.value.key == "goal.tcp_m" and caught.value.sentence.startswith("needs a [path]")
-
-
-def solved(*settings: str, problem: str = PROBLEM):
-    loaded = load(problem, list(settings))
-    return solve(loaded, context_of(loaded)).outcome
+def test_what_cannot_be_used_is_named(changes: dict[str, Any], argument: str):
+    with pytest.raises(ArgumentError) as caught:
+        planned(along(**changes))
+    assert caught.value.argument == argument and caught.value.sentence
 
 
 @pytest.mark.proof
 def test_declared_problem():
     """All checks pass, six free axes follow the forces, and the free motion between the same axes is faster."""
-    o = solved()
+    o = studied(along())
     assert o.status is SolveStatus.SOLVED and all(check.passed for check in o.checks.values()), o.message
-    assert o.values["path_error_m"] < SAME_PLACE and o.values["end_error_m"] < 2.5e-4
+    assert o.path_error < SAME_PLACE and o.end_error < 2.5e-4
     run = o.trajectory
     assert isinstance(run, gt.Trajectory)
     speed = np.linalg.norm(np.gradient(run["T"], run.time, axis=0), axis=1)
-    assert 0.9 * SPEED_M_S < np.max(speed) < 1.02 * SPEED_M_S
-    ends = {"start": run["q"][0], "goal": run["q"][-1]}
-    free = solved(
-        *(
-            f"{name}={{q_m={q[:3].tolist()},q_deg={np.degrees([q[3], -q[3], q[5]]).tolist()}}}"
-            for name, q in ends.items()
-        ),
-        problem=FREE,
-    )
-    assert free.status is SolveStatus.SOLVED and (free.objective or np.inf) < (o.objective or 0.0)
+    assert 0.9 * SPEED < np.max(speed) < 1.02 * SPEED
+    q = run["q"]
+    start, goal = (AxisEnd(x[:3].tolist(), [x[3], -x[3], x[5]]) for x in (q[0], q[-1]))
+    unbound = studied(free(start=start, goal=goal))
+    assert unbound.status is SolveStatus.SOLVED and (unbound.objective or np.inf) < (o.objective or 0.0)
+
+
+def within(**limits: Any) -> dict[str, Any]:
+    return {"limits": replace(along()["limits"], **limits)}
 
 
 @pytest.mark.proof
 @pytest.mark.parametrize(
-    "settings",
+    "changes",
     [
-        ("limits.tcp_acceleration_m_s2=5",),
-        ("limits.cart_velocity_m_s=0.4",),
-        ("limits.cart_acceleration_m_s2=4",),
-        ("limits.axis_velocity_deg_s=15",),
-        ("limits.axis_acceleration_deg_s2=200",),
-        ("limits.obstacles=[{center_m=[0.0,2.0,0.0],size_m=[0.1,0.1,0.1]}]",),
-        ("payload_kg=3",),
-        ("degrees_of_freedom=6", "goal={tcp_m=[-0.32,2.15,0.32]}"),
-        ('path={shape="line",tool=[{at=0.5,direction=[-0.1,0.1,-1.0]}]}',),
-        ('path={shape="arc",through_m=[-0.2,2.25,0.2]}', "start={tcp_m=[-0.18,2.3,0.0]}"),
-        ('path={shape="line"}', "limits.tcp_jerk_m_s3=80"),
+        within(tcp_acceleration=5.0),
+        within(cart_velocity=0.4),
+        within(cart_acceleration=4.0),
+        within(axis_velocity=np.radians(15.0)),
+        within(axis_acceleration=np.radians(200.0)),
+        within(obstacles=[Obstacle([0.0, 2.0, 0.0], [0.1, 0.1, 0.1])]),
+        {"robot": gt.robots.catalogue.make("f1", payload=3.0)},
+        {"degrees_of_freedom": 6, "goal": AxisEnd(tcp=[-0.32, 2.15, 0.32])},
+        {"path": Line(), "tool": ToolCourse(through=[ToolDirection(0.5, [-0.1, 0.1, -1.0])])},
+        {"path": Arc([-0.2, 2.25, 0.2]), "start": AxisEnd(tcp=[-0.18, 2.3, 0.0])},
+        {"path": Line(), **within(tcp_jerk=80.0)},
     ],
-    ids=lambda s: s[0],
 )
-def test_limits_and_courses(settings: tuple[str, ...]):
+def test_limits_and_courses(changes: dict[str, Any]):
     """Ten elements: found, on the path, and within half a tenth of the motion by squared speeds."""
-    o = solved("mesh.elements=10", *settings)
-    assert o.status is SolveStatus.SOLVED and o.values["path_error_m"] < SAME_PLACE
-    second = o.values["second_road_time_s"]
-    assert (second is None) == any("jerk" in s for s in settings)
-    assert second is None or 0 <= o.values["final_time_s"] / second - 1 < 0.05
+    o = studied(along(mesh=AxisMesh(10), **changes))
+    assert o.status is SolveStatus.SOLVED and o.path_error < SAME_PLACE
+    second = o.second_road_time
+    jerk = changes.get("limits") is not None and changes["limits"].tcp_jerk is not None
+    assert (second is None) == jerk
+    assert second is None or 0 <= o.final_time / second - 1 < 0.05
