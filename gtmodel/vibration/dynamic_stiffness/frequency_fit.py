@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 from scipy import stats
 
-from ..inference import Verdict, noise_size, nonlinear_fit, whiteness
-from ..inference.nonlinear import Residuals
-from ..results.estimate import Estimate
+from ...inference import Verdict, noise_size, nonlinear_fit, whiteness
+from ...inference.nonlinear import Residuals
+from ...results.estimate import Estimate
 from .frequency_modal import ModalFit
 from .frequency_modes import linear_start, log_slopes, receptance
 from .frequency_response import FrequencyResponse

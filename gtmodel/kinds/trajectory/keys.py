@@ -1,10 +1,12 @@
-"""The keys of a trajectory problem: where the motion begins and ends, what it keeps, what it costs."""
+"""The keys of kind "trajectory": where the motion begins and ends, what it keeps, what it costs."""
 
 from __future__ import annotations
 
 from pydantic import Field
 
 from gtmodel.motion import options
+from gtmodel.motion.problem import MotionProblem
+from gtmodel.problem_files.base import Context
 from gtmodel.problem_files.from_options import Made, made_from
 from gtmodel.problem_files.path_keys import PathSection
 from gtmodel.problem_files.robot_keys import RobotProblem
@@ -50,7 +52,7 @@ class Export(Made):
     """The files for a controller."""
 
 
-class TrajectoryProblem(RobotProblem):
+class Schema(RobotProblem):
     """Optimal motion between two poses, free or along a path."""
 
     start: Start
@@ -62,3 +64,12 @@ class TrajectoryProblem(RobotProblem):
     starts: Starts = Starts()
     solver: Solver = Solver()
     export: Export = Export()
+
+    def motion(self, context: Context) -> MotionProblem:
+        """The motion that the file describes. Raises InputError, and ArgumentError."""
+        return MotionProblem(
+            robot=self.model(context), start=self.start.options(), goal=self.goal.options(),
+            limits=self.limits.options(), path=None if self.path is None else self.path.options(context),
+            cost=self.cost.options(), mesh=self.mesh.options(), starts=self.starts.options(),
+            solver=self.solver.options(), export=self.export.options(), title=self.title,
+        )  # fmt: skip

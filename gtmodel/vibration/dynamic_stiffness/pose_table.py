@@ -1,4 +1,4 @@
-"""The table of fitted oscillators, one row per experiment, for kind "dynamic_stiffness"."""
+"""The table of fitted oscillators, one row per experiment."""
 
 from __future__ import annotations
 
@@ -6,9 +6,8 @@ import csv
 import io
 from collections.abc import Sequence
 
-from gtmodel.vibration import ModalFit
-
-from .dynamic_stiffness_data import Experiment
+from .experiments import Experiment
+from .frequency_modal import ModalFit
 
 NAMES = ("m", "c", "k", "fn", "zeta")
 _UNITS = {"m": "kg", "c": "N.s/m", "k": "N/m", "fn": "Hz", "zeta": "1"}

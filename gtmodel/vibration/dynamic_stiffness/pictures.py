@@ -1,4 +1,4 @@
-"""What the pictures of kind "dynamic_stiffness" show: chosen from its results, drawn by gtmodel.plot."""
+"""What the pictures of a study of dynamic stiffness show: chosen from its results, drawn by gtmodel.plot."""
 
 from __future__ import annotations
 
@@ -7,18 +7,19 @@ from typing import Any
 
 import numpy as np
 
-from gtmodel.plot.dynamic_stiffness import held_out_figure, lowest_frequency_figure, response_figure
-from gtmodel.problem_files.base import InputError
-from gtmodel.vibration import ModalFit, OscillatorField
-
-from .dynamic_stiffness_data import Experiment
-from .dynamic_stiffness_keys import Schema
+from ..vibration_result import entitled
+from .experiments import Experiment
+from .frequency_modal import ModalFit
+from .options import Map
+from .oscillator_field import OscillatorField
 
 _ORDER = ("x", "y", "z", "A")
 
 
 def responses(experiments: Sequence[Experiment], fits: Sequence[ModalFit | None], title: str, note: str | None) -> Any:
     """The first experiment in each direction that gave a mode."""
+    from ...plot.dynamic_stiffness import response_figure
+
     shown = {}
     for e, fit in zip(experiments, fits, strict=True):
         if fit is not None:
@@ -30,23 +31,23 @@ def responses(experiments: Sequence[Experiment], fits: Sequence[ModalFit | None]
                     fit,
                 ),
             )
-    return response_figure([shown[d] for d in sorted(shown)], title=_marked(title, note))
+    return response_figure([shown[d] for d in sorted(shown)], title=entitled(title, note))
 
 
-def lowest(problem: Schema, experiments: Sequence[Experiment], field: OscillatorField, title: str) -> Any:
+def lowest(map: Map, experiments: Sequence[Experiment], field: OscillatorField, title: str) -> Any:
     """Lowest frequency over two coordinates within the poses, the others held."""
-    over = [_ORDER.index(c) for c in problem.map.over]
-    if over[0] == over[1]:
-        raise InputError("expected two different coordinates", "map.over")
+    from ...plot.dynamic_stiffness import lowest_frequency_figure
+
+    over = [_ORDER.index(c) for c in map.over]
     poses = np.array([e.pose for e in experiments])
     low, high = poses.min(axis=0), poses.max(axis=0)
     low, high = np.where(high > low, low, low - 0.5), np.where(high > low, high, high + 0.5)
     at = (poses.min(axis=0) + poses.max(axis=0)) / 2
-    if problem.map.at_m is not None:
-        at[:3] = problem.map.at_m
-    if problem.map.at_deg is not None:
-        at[3] = np.deg2rad(problem.map.at_deg)
-    u, v = (np.linspace(low[c], high[c], problem.map.points) for c in over)
+    if map.at is not None:
+        at[:3] = map.at
+    if map.at_angle is not None:
+        at[3] = map.at_angle
+    u, v = (np.linspace(low[c], high[c], map.points) for c in over)
     grid = np.tile(at, (len(u) * len(v), 1))
     grid[:, over[0]], grid[:, over[1]] = (a.ravel() for a in np.meshgrid(u, v))
     fn = field.value("fn", grid)
@@ -64,18 +65,16 @@ def lowest(problem: Schema, experiments: Sequence[Experiment], field: Oscillator
     )
     return lowest_frequency_figure(
         u * unit[0], v * unit[1], fn.min(axis=1).reshape(shape), wide.reshape(shape), poses[:, over] * unit,
-        names=(names[0], names[1]), title=_marked(f"{title}\nat {held}", field.synthetic),
+        names=(names[0], names[1]), title=entitled(f"{title}\nat {held}", field.synthetic),
     )  # fmt: skip
 
 
 def held_out(field: OscillatorField, errors: dict[Any, Any], title: str) -> Any:
     """Values held out against their predictions."""
+    from ...plot.dynamic_stiffness import held_out_figure
+
     panels = {}
     for key, (error, std) in errors.items():
         g = field.processes[key]
         panels[f"{key[1]} in {key[0]}"] = (np.exp(g.y - error), np.exp(g.y), std * g.inflation)
-    return held_out_figure(panels, title=_marked(title, field.synthetic))
-
-
-def _marked(title: str, note: str | None) -> str:
-    return f"{title}\n(synthetic: {note})" if note else title
+    return held_out_figure(panels, title=entitled(title, field.synthetic))

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gtmodel.robots.kr500 import kr500_tables
+from .kr500 import kr500_tables
 
 NOTE = (
     "Table 16 holds nine distinct rows and they are values of a regression, no training data; its c_z repeats m_z, so "
@@ -23,6 +23,8 @@ class PrintedOscillators:
     c: np.ndarray
     k: np.ndarray
     tests: tuple[tuple[int, ...], ...]
+    note: str = NOTE  # what is to be said of them
+    name: str = "table_16"
 
     @property
     def fn(self) -> np.ndarray:

@@ -8,17 +8,14 @@ from typing import Any, Literal, cast
 
 import numpy as np
 
-from gtmodel.lang import Model, Optimization
-from gtmodel.motion.guard import Guard
-from gtmodel.motion.paths import Path
-from gtmodel.motion.task import MotionTask, motion
-from gtmodel.optimize import Mesh, Solution, SolverOptions
-from gtmodel.optimize import solve as collocate
-from gtmodel.optimize.judgement.resimulate import Resimulation, resimulate
-from gtmodel.problem_files.base import Context
-from gtmodel.results import SolveStatus, Trajectory
-
-from .trajectory_keys import TrajectoryProblem
+from ..lang import Optimization
+from ..optimize import Mesh, Solution, SolverOptions
+from ..optimize import solve as collocate
+from ..optimize.judgement.resimulate import Resimulation, resimulate
+from ..results import SolveStatus, Trajectory, Work
+from .guard import Guard
+from .paths import Path
+from .problem import NO_GUARD, MotionProblem
 
 # iterations without progress after which an attempt has lost its way, and another one is the better bet: of 200 drawn
 # attempts that ended in an optimum one waited longer, those that ended in none mostly never came back
@@ -32,48 +29,6 @@ CONTINUATION = (0.01, 0.001)  # weights of the energy, in units of the time's, o
 Control = Literal["polynomial", "constant"]
 
 
-def order_of(problem: TrajectoryProblem) -> int | None:
-    """The derivative of the motion that is the control; None: the forces are.
-
-    A constant force on an element holds neither an acceleration nor a speed: friction changes within milliseconds.
-    """
-    limits = problem.limits
-    if limits.tcp_jerk_m_s3 is not None:
-        return 3
-    rates = (limits.tcp_velocity_m_s, limits.cart_velocity_m_s,
-             limits.tcp_acceleration_m_s2, limits.cart_acceleration_m_s2)  # fmt: skip
-    return 2 if problem.path is not None or any(limit is not None for limit in rates) else None
-
-
-def task_of(
-    problem: TrajectoryProblem,
-    guarded: bool = False,
-    energy: float | None = None,
-    guard: Guard | None = None,
-    path: Path | None = None,
-) -> MotionTask:
-    """The task that a problem file describes, with or without the bound that keeps links off the edge of reach."""
-    return MotionTask(
-        start=np.array(problem.start.tcp_m),
-        goal=np.array(problem.goal.tcp_m),
-        start_rest=list(problem.start.rest),
-        goal_rest=list(problem.goal.rest),
-        force=problem.limits.force_N,
-        force_unit=problem.cost.force_unit_N,
-        weight_time=problem.cost.time,
-        weight_energy=problem.cost.energy if energy is None else energy,
-        link_margin=problem.limits.link_along_guideway_m if guarded else None,
-        guard=guard or Guard([], {}),
-        path=path,
-        order=order_of(problem),
-    )
-
-
-def motion_of(problem: TrajectoryProblem, robot: Model, *args: Any, **options: Any) -> Optimization:
-    """The motion that a problem file describes; see `task_of`."""
-    return motion(robot, task_of(problem, *args, **options))
-
-
 @dataclass
 class Search:
     """Attempts in turn, until one is solved and keeps its links off the edge of reach.
@@ -85,12 +40,11 @@ class Search:
     time limit.
     """
 
-    problem: TrajectoryProblem
-    context: Context
-    robot: Model
+    problem: MotionProblem
+    work: Work
     guess: Trajectory | Solution
     bare: Trajectory
-    guard: Guard = field(default_factory=lambda: Guard([], {}))
+    guard: Guard = NO_GUARD
     path: Path | None = None
     iterations: int = 0
     started: int = field(default=0, init=False)
@@ -104,9 +58,9 @@ class Search:
         return self._motion(True)
 
     def _motion(self, guarded: bool, energy: float | None = None) -> Optimization:
-        return motion_of(self.problem, self.robot, guarded, energy, self.guard, self.path)
+        return self.problem.optimization(guarded, energy, self.guard, self.path)
 
-    def go_on(self, problem: TrajectoryProblem, guess: Solution) -> None:
+    def go_on(self, problem: MotionProblem, guess: Solution) -> None:
         """From here on with another mesh, from what was found; iterations are counted on."""
         self.problem, self.guess = problem, guess
 
@@ -137,7 +91,7 @@ class Search:
         for which there is no time or no iteration left."""
         found: list[Solution] = []
         for guess in guesses:
-            if self.context.interrupted() or self.left <= RESERVE:
+            if self.work.interrupted() or self.left <= RESERVE:
                 break
             solution = self._attempt(self.guarded, self.problem.mesh.control, guess, "adaptive", self.left - RESERVE)
             self.started += 1
@@ -158,19 +112,16 @@ class Search:
         else:
             solution = self.exportable(optimum)
             run = resimulate(solution) if solution.status.converged else tried
-        limit, search = self.problem.limits.force_N, self
+        limit, search = self.problem.limits.force, self
         for _ in range(TIGHTENINGS):
-            if not solution.status.converged or run.trajectory is None or order_of(self.problem) is None:
+            if not solution.status.converged or run.trajectory is None or self.problem.order is None:
                 break
             peak = float(np.max(np.abs(run.trajectory["robot.tau"])))
             if peak <= limit:
                 break
-            lower = search.problem.limits.force_N * (limit / peak) * (1 - TIGHTENED)
-            limits = self.problem.limits.model_copy(update={"force_N": lower})
-            problem = self.problem.model_copy(update={"limits": limits})
-            search = Search(
-                problem, self.context, self.robot, self.guess, self.bare, self.guard, self.path, self.iterations
-            )
+            lower = search.problem.limits.force * (limit / peak) * (1 - TIGHTENED)
+            problem = replace(self.problem, limits=replace(self.problem.limits, force=lower))
+            search = Search(problem, self.work, self.guess, self.bare, self.guard, self.path, self.iterations)
             solution = search.exportable(optimum)
             self.iterations = search.iterations
             run = resimulate(solution) if solution.status.converged else run
@@ -201,8 +152,8 @@ class Search:
         stage = "optimising" if wanted else "bounding the force between the nodes"
 
         def progress(iteration: int, objective: float, violation: float) -> bool:
-            self.context.progress(stage, None, {"iteration": iteration, "objective": objective, "violation": violation})
-            return self.context.interrupted()
+            self.work.progress(stage, None, {"iteration": iteration, "objective": objective, "violation": violation})
+            return self.work.interrupted()
 
         mesh, solver = self.problem.mesh, self.problem.solver
         solution = collocate(
@@ -210,13 +161,13 @@ class Search:
             Mesh(mesh.elements, mesh.points, control=control),
             guess=guess,
             solver=SolverOptions(
-                error_bound=None,  # the kind judges the motion by its re-simulation
+                error_bound=None,  # the study judges the motion by its re-simulation
                 tolerance=solver.tolerance,
                 formulation=solver.formulation,
                 barrier=solver.barrier if solver.barrier != "auto" else cast(Any, barrier),
                 patience=PATIENCE,
                 max_iterations=self.left if most is None else most,
-                max_seconds=self.context.seconds_left(),
+                max_seconds=self.work.seconds_left(),
             ),
             progress=progress,
             throw=False,
@@ -227,7 +178,7 @@ class Search:
     def _over(self, solution: Solution) -> bool:
         """Nothing more can be tried."""
         stopped = solution.status is SolveStatus.INTERRUPTED
-        return stopped or self.context.interrupted() or self.left == 0
+        return stopped or self.work.interrupted() or self.left == 0
 
     def _done(self, solution: Solution) -> bool:
         """Solved within reach, or nothing more can be tried."""
@@ -251,7 +202,7 @@ class Search:
 
     def _within(self, solution: Solution) -> bool:
         run = solution.trajectory
-        least = self.problem.limits.link_along_guideway_m
+        least = self.problem.limits.link_along_guideway
         return "along_guideway" not in run or bool(np.min(run["along_guideway"]) >= least * (1 - 1e-6))
 
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..inference import Verdict
-from ..results.estimate import Estimate
+from ...inference import Verdict
+from ...results.estimate import Estimate
 from .frequency_modes import receptance
 from .frequency_response import FrequencyResponse
 
