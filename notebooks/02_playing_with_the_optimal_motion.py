@@ -28,9 +28,6 @@ from matplotlib.figure import Figure
 
 import gtmodel as gt
 from gtmodel import der
-from gtmodel.optimize.resimulate import resimulate
-from gtmodel.problem_files import run
-from gtmodel.problem_files.load import load
 
 # %% [markdown]
 # ## 1 A problem with a known answer
@@ -66,7 +63,7 @@ class Slide(gt.Optimization):
 
 even, odd = (gt.solve(Slide(), gt.Mesh(elements, points=3)) for elements in (20, 25))
 for solution in (even, odd):
-    peak = np.max(np.abs(resimulate(solution).trajectory["F"]))
+    peak = np.max(np.abs(gt.resimulate(solution).trajectory["F"]))
     print(f"{solution.nlp.mesh.elements} elements: {solution.final_time:.7f} s, largest force {peak:.4f} N")
 
 assert abs(even.final_time - 2.0) < 1e-6
@@ -80,21 +77,19 @@ assert abs(odd.final_time - 2.0) < 1e-3
 # ## 2 The robot's problem
 #
 # `problems/l1_min_time.toml` moves the tool centre point (TCP) of the L1 prototype by 0.97 m, with 700 N per motor.
-# The command `gtmodel solve problems/l1_min_time.toml --plot` does the same as this cell.
+# The command `gtmodel solve problems/l1_min_time.toml --plot` does the same as this cell, and so does a call without a
+# file, `gt.motion.study(robot, start, goal, limits=gt.motion.Limits(force=700.0))`.
 
 # %%
-problem = load("problems/l1_min_time.toml")
-outcome = run.solve(problem, run.context_of(problem)).outcome
-print(f"{outcome.status.value}: {outcome.message}, after {outcome.iterations} iterations\n")
-for row in outcome.rows:
-    print(f"{row.label:42}{row.value:10.6g} {row.unit}")
+outcome = gt.load("problems/l1_min_time.toml")()
+print(outcome)
 
 # %% [markdown]
 # The path is not straight. The motors are at their limit nearly all the time, as they must be: whoever is in a hurry
 # and has force left is not fast yet.
 
 # %%
-outcome.figures["motion"]()
+outcome.figure("motion")
 
 # %% [markdown]
 # ## 3 The same motion, written by hand
@@ -135,7 +130,7 @@ class Motion(gt.Optimization):
 line = gt.Trajectory([0.0, 1.0], {"robot.T": [start, goal]}, {"robot.T": "m"})
 motion = Motion()
 fastest = gt.solve(motion, gt.Mesh(50, points=3), guess=line)
-print(f"by hand {fastest.final_time:.6f} s, from the file {outcome.values['final_time_s']:.6f} s")
+print(f"by hand {fastest.final_time:.6f} s, from the file {outcome.final_time:.6f} s")
 
 # %% [markdown]
 # Two values are known for this mesh: two neighbouring local optima, 0.1 ms apart. Which one comes out depends on the
@@ -143,7 +138,7 @@ print(f"by hand {fastest.final_time:.6f} s, from the file {outcome.values['final
 
 # %%
 KNOWN_TIMES = (0.892486, 0.892387)  # s
-for final_time in (fastest.final_time, outcome.values["final_time_s"]):
+for final_time in (fastest.final_time, outcome.final_time):
     assert min(abs(final_time - known) for known in KNOWN_TIMES) < 1e-5
 
 # %% [markdown]
@@ -176,13 +171,12 @@ figure
 # thousandth of the time.
 
 # %%
-values = outcome.values
 honest = gt.solve(motion, gt.Mesh(50, points=3, control="constant"), guess=line)
 peaks = {
     "by hand, polynomial": np.max(np.abs(fine["robot.tau"])),
-    "from the file, polynomial": values["peak_force_between_nodes_N"],
-    "from the file, constant (exported)": values["exported_peak_force_N"],
-    "by hand, constant": np.max(np.abs(resimulate(honest).trajectory["robot.tau"])),
+    "from the file, polynomial": outcome.peak_force_between_nodes,
+    "from the file, constant (exported)": outcome.exported_peak_force,
+    "by hand, constant": np.max(np.abs(gt.resimulate(honest).trajectory["robot.tau"])),
 }
 for name, peak in peaks.items():
     print(f"{name:38}{peak:8.1f} N")
@@ -207,7 +201,7 @@ for control, on_50 in (("polynomial", fastest), ("constant", honest)):
     solutions = [on_25, on_50]
     for elements in meshes[2:]:
         solutions.append(gt.solve(motion, gt.Mesh(elements, points=3, control=control), guess=solutions[-1]))
-    arrived = [resimulate(solution).trajectory["robot.T"][-1] for solution in solutions]
+    arrived = [gt.resimulate(solution).trajectory["robot.T"][-1] for solution in solutions]
     misses[control] = np.linalg.norm(np.array(arrived) - goal, axis=1)
     for elements, solution, miss in zip(meshes, solutions, misses[control], strict=True):
         print(f"{control:10} {elements:4} elements: {solution.final_time:.6f} s, misses by {miss:.1e} m")
@@ -349,7 +343,7 @@ class SwingUp(gt.Optimization):
 
 swinging = gt.Trajectory(np.linspace(0.0, 3.0, 7), {"phi": [0.0, -0.6, 0.8, -1.2, 0.0, 2.0, np.pi]})
 swing = gt.solve(SwingUp(), gt.Mesh(60, points=3, control="constant"), guess=swinging)
-tried = resimulate(swing).trajectory
+tried = gt.resimulate(swing).trajectory
 
 # %%
 figure = Figure(figsize=(10, 3.2), layout="constrained")

@@ -10,10 +10,11 @@ import numpy as np
 
 from gtmodel.compiler.causal import compile_causal
 from gtmodel.motion.finer_mesh import elements_after, how, refined, told
+from gtmodel.motion.found import MARGIN_TOLERANCE
 from gtmodel.motion.guard import clearance
 from gtmodel.optimize import Mesh, Solution, SolverOptions
 from gtmodel.optimize import solve as collocate
-from gtmodel.optimize.resimulate import SUBSTEPS, resimulate
+from gtmodel.optimize.judgement.resimulate import SUBSTEPS, resimulate
 from gtmodel.problem_files.base import TRAJECTORY, Context, Outcome, Row, at_most
 from gtmodel.problem_files.path_keys import PATH_ARGUMENTS
 from gtmodel.results import SolveStatus, Status, Trajectory
@@ -23,7 +24,6 @@ from .axis_free_run import free_run
 from .axis_keys import AxisTrajectoryProblem as Schema
 from .axis_motion import CARTS, AxisPlan
 from .axis_planning import LINKS, plan_of
-from .trajectory import MARGIN_TOLERANCE
 
 NAME = "axis_trajectory"
 ARGUMENTS = PATH_ARGUMENTS
@@ -133,7 +133,7 @@ def _judged(plan: AxisPlan, solution: Solution, context: Context) -> Outcome:
 
 def explain(problem: Schema, context: Context) -> str:
     """What is optimised: states, controls, unknowns without a closed form, bounds."""
-    from gtmodel.optimize.problem import build
+    from gtmodel.optimize.formulation.problem import build
 
     plan = plan_of(problem, context)
     built = build(plan.optimization(), problem.solver.formulation)

@@ -72,6 +72,8 @@ def keyed(loaded: Loaded) -> Iterator[None]:
         yield
     except ArgumentError as error:
         renamed = getattr(loaded.kind, "ARGUMENTS", {})
+        if of_problem := getattr(loaded.kind, "arguments", None):
+            renamed = of_problem(loaded.problem)
         raise InputError(error.sentence, key_of(loaded.kind.Schema, error.argument, renamed)) from error
 
 
