@@ -146,7 +146,12 @@ EMPS = {
         ({}, "log.files[0]"),
         ({"closed_loop": LOOP, "log": None, "synthetic": {"reference": "q"}}, "closed_loop"),
         ({"closed_loop": {**LOOP, "inputs": {"gq": LOOP["inputs"]["qg"]}}}, "closed_loop.inputs.gq"),  # type: ignore[index]
-        ({"closed_loop": {**LOOP, "model": "models/emps.py:No"}}, "closed_loop.model"),
+        ({"closed_loop": {**LOOP, "inputs": {"qg": {"column": "qg", "unit": "V"}}}}, "closed_loop.inputs.qg"),
+        (
+            {"closed_loop": {**LOOP, "inputs": {"qg": {"column": "qg", "unit": "m", "scale": "estimate"}}}},
+            "closed_loop.inputs.qg.scale",
+        ),
+        ({"closed_loop": {**LOOP, "model": "models/emps.py:Emsp"}}, "closed_loop.model"),
     ],
 )
 def test_a_model_in_python_and_its_loop(changes: dict[str, Any], key: str) -> None:
