@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 import numpy as np
@@ -20,6 +20,9 @@ from .ipopt import Run
 from .mesh import ROUND_OFF, Mesh
 from .nlp import Nlp, placed
 from .tables import basis, basis_slope
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,6 +51,10 @@ class Solution:
 
     def with_checks(self, **checks: Check) -> Solution:
         return replace(self, checks={**self.checks, **checks})
+
+    def plot(self, *names: str) -> Figure:
+        """The named signals of the optimum over time, all if none is named; see `Trajectory.plot`."""
+        return self.trajectory.plot(*names)
 
     @property
     def problem(self) -> DynamicProblem:

@@ -25,10 +25,12 @@ from .unit_names import named
 
 @dataclass(frozen=True)
 class Unit:
-    """Unit of a field, SI; `written`: that of the key in a file where people write another, as "deg" for rad."""
+    """Unit of a field, SI; `written`: that of the key in a file where people write another, as "deg" for rad; `key`:
+    the whole key, if not the field's name with the unit."""
 
     text: str
     written: str = ""
+    key: str = ""
 
 
 @dataclass(frozen=True)
@@ -80,8 +82,8 @@ class Options:
                     if not bound.holds(x):
                         raise ArgumentError(f"must be {bound}; found {x:g}", name)
             for mark in marks:
-                if isinstance(mark, Long) and np.size(value) != mark.count:
-                    raise ArgumentError(f"expected {mark.count} numbers; found {np.size(value)}", name)
+                if isinstance(mark, Long) and (count := len(value) if np.ndim(value) else 1) != mark.count:
+                    raise ArgumentError(f"expected {mark.count} numbers; found {count}", name)
 
 
 @cache
@@ -95,7 +97,7 @@ def written_name(field: str, marks: tuple[Any, ...]) -> str:
     """The name of a field in a file, with the unit in which people write it there; without the underscore behind a word
     of Python, as in `from_`."""
     field, unit = field.rstrip("_"), next((m for m in marks if isinstance(m, Unit)), None)
-    return field if unit is None else named(field, unit.written or unit.text)
+    return field if unit is None else unit.key or named(field, unit.written or unit.text)
 
 
 @cache
