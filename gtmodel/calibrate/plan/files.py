@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gtmodel.motion.reference import robtargets
+from ...motion.reference import robtargets
 
 Array = np.ndarray
 FIT, HELD_OUT = "calibrate", "verify"

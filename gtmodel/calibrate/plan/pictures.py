@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
 
-from .calibration_plan_steps import Plan
+from .steps import Plan
 
 Figures = dict[str, Callable[[], Any]]
 
@@ -20,13 +21,13 @@ def pictures(plan: Plan) -> Figures:
     stages = plan.found.stages
     T = plan.found.T[:, :3]
     first = {"workspace": T[stages["workspace"]]}
-    found["1_workspace"] = lambda: _space(plan, first, "workspace of the a-priori parameters", boxes=False)
+    found["1_workspace"] = partial(_space, plan, first, "workspace of the a-priori parameters", boxes=False)
     if "safety" in stages:
         second = {
             "left for calibration": T[stages["safety"]],
             "reached, but not safe": T[stages["workspace"] & ~stages["safety"]],
         }
-        found["2_obstacles_and_safety"] = lambda: _space(plan, second, "without obstacles and safety zones")
+        found["2_obstacles_and_safety"] = partial(_space, plan, second, "without obstacles and safety zones")
     if "safety distance" in stages or (plan.found.complete and "device" in stages):
         last = next(reversed(stages.values()))
         third = {
@@ -35,58 +36,56 @@ def pictures(plan: Plan) -> Figures:
             "not seen": stages["safety"] & ~stages["device"],
         }
         layers = {name: T[m] for name, m in third.items()}
-        found["3_device"] = lambda: _space(plan, layers, "what the device measures", device=True)
+        found["3_device"] = partial(_space, plan, layers, "what the device measures", device=True)
     if len(plan.poses):
         fourth = {
             name: P[:, :3]
             for name, P in (("candidates", plan.pool), ("calibrate", plan.poses), ("held out", plan.held_out))
         }
-        found["4_poses"] = lambda: _space(plan, fourth, "poses to measure", device=True)
+        found["4_poses"] = partial(_space, plan, fourth, "poses to measure", device=True)
     if plan.curve is not None and plan.curve.points:
-        found["5_number_of_poses"] = lambda: _curve(plan)
+        found["5_number_of_poses"] = partial(_curve, plan)
     if plan.chosen is not None and not plan.unpredicted:
-        found["6_parameters"] = lambda: _parameters(plan)
-        found["7_predicted_error"] = lambda: _errors(plan)
+        found["6_parameters"] = partial(_parameters, plan)
+        found["7_predicted_error"] = partial(_errors, plan)
     return found
 
 
 def _space(plan: Plan, layers: dict[str, np.ndarray], step: str, *, boxes: bool = True, device: bool = False) -> Any:
-    from gtmodel.plot.calibration_plan import room_figure
+    from ...plot.calibration_plan import room_figure
 
-    problem, home = plan.problem, plan.robot.home
+    task, home = plan.task, plan.robot.home
     return room_figure(
         (home.a[0], home.b[0], home.T[0], plan.robot.directions),
         layers,
-        room=(np.array(problem.room.low_m), np.array(problem.room.high_m)),
-        boxes=[(np.array(b.low_m), np.array(b.high_m)) for b in problem.obstacles] if boxes else [],
+        room=(np.array(task.room.low), np.array(task.room.high)),
+        boxes=[(np.array(b.low), np.array(b.high)) for b in task.obstacles] if boxes else [],
         device=plan.measuring.at if device else None,
         again="points with several turns" if len(plan.turns) > 1 else "of them more than once",
-        title=f"{problem.title or 'calibration plan'}: {step}",
+        title=f"{task.title or 'calibration plan'}: {step}",
     )
 
 
 def _curve(plan: Plan) -> Any:
-    from gtmodel.plot.calibration_plan import curve_figure
+    from ...plot.calibration_plan import curve_figure
 
     assert plan.curve is not None
-    return curve_figure(
-        plan.curve.points, plan.grids, 1e-3 * plan.problem.criteria.accuracy_mm, title=plan.problem.title
-    )
+    return curve_figure(plan.curve.points, plan.grids, plan.task.criteria.accuracy, title=plan.task.title)
 
 
 def _parameters(plan: Plan) -> Any:
-    from gtmodel.plot.calibration_plan import parameters_figure
+    from ...plot.calibration_plan import parameters_figure
 
     assert plan.chosen is not None
     std = np.array(list(plan.chosen.std().values()))
     own = np.sqrt(np.mean(plan.errors**2, axis=0)) if len(plan.errors) else None
-    return parameters_figure(plan.chosen.names, std, own, runs=len(plan.errors), title=plan.problem.title)
+    return parameters_figure(plan.chosen.names, std, own, runs=len(plan.errors), title=plan.task.title)
 
 
 def _errors(plan: Plan) -> Any:
-    from gtmodel.plot.calibration_plan import predicted_figure
+    from ...plot.calibration_plan import predicted_figure
 
     simulated = plan.each_simulated() if len(plan.errors) else None
     return predicted_figure(
-        plan.evaluation[:, :3], plan.each_predicted(), simulated, runs=len(plan.errors), title=plan.problem.title
+        plan.evaluation[:, :3], plan.each_predicted(), simulated, runs=len(plan.errors), title=plan.task.title
     )

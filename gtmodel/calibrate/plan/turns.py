@@ -9,17 +9,14 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gtmodel.compiler.causal import compile_causal
-from gtmodel.kinematics.mechanism import Mechanism
-from gtmodel.kinematics.workspace import InverseKinematics, Limit, Poses
-from gtmodel.lang import Model
-from gtmodel.problem_files.base import InputError
-from gtmodel.results import Status
-from gtmodel.robots import clusters
-
-from .calibration_choice import family_of
-from .calibration_plan_keys import Schema, TrackerKeys
-from .workspace_limits import limited_mechanism
+from ...compiler.causal import compile_causal
+from ...kinematics.mechanism import Mechanism
+from ...kinematics.workspace import InverseKinematics, Limit, Poses, limited_mechanism
+from ...results import ArgumentError, Status
+from ...robots import clusters
+from ...robots.families import family_of
+from .options import Tracker
+from .task import Task
 
 Array = np.ndarray
 LINKS = [f"link[{k}].{end}.r" for k in range(6) for end in "ab"]
@@ -57,45 +54,45 @@ class Facing:
         return (self.acceptance - angle)[:, None]
 
 
-def turns_of(problem: Schema, model: Model) -> list[Turn]:
-    """One for robots that T alone places; of an F1 one for each of room.turns_deg. Raises InputError."""
-    given = problem.room.turns_deg
+def turns_of(task: Task) -> list[Turn]:
+    """One for robots that T alone places; of an F1 one for each of room.turns. Raises ArgumentError."""
+    turns, model = task.room.turns, task.robot
+    if not turns:
+        raise ArgumentError("there is none; leave it out, or give at least one turn", "room.turns")
     if family_of(model) != "f1":
-        if np.any(np.array(given)):
-            raise InputError("is for an F1, whose plate turns freely; leave it out", "room.turns_deg")
-        return [Turn(limited_mechanism(model, problem.home_m, problem.bodies), None)]
-    if problem.bodies.plate_joints_m is not None:
-        raise InputError("is for simplified joints; an F1 has its own", "bodies.plate_joints_m")
+        if np.any(np.array(turns)):
+            raise ArgumentError("is for an F1, whose plate turns freely; leave it out", "room.turns")
+        return [Turn(limited_mechanism(model, task.home, task.bodies), None)]
+    if task.bodies.plate_joints is not None:
+        raise ArgumentError("is for simplified joints; an F1 has its own", "bodies.plate_joints")
     f1: Any = model
     home = Rotation.from_quat(np.array(f1.home_e, float), scalar_first=True)
-    quaternions = [
-        (home * Rotation.from_rotvec(turn, degrees=True)).as_quat(scalar_first=True) for turn in np.array(given, float)
-    ]
-    return [Turn(_mechanism(f1, problem, e), e) for e in quaternions]
+    turned = [home * Rotation.from_rotvec(turn) for turn in np.array(turns, float)]
+    return [Turn(_mechanism(f1, task.home, e), e) for e in (R.as_quat(scalar_first=True) for R in turned)]
 
 
-def facing(problem: Schema, turn: Turn) -> list[Limit]:
+def facing(task: Task, turn: Turn) -> list[Limit]:
     """The target's acceptance in this turn of the plate, where it is declared."""
-    keys = problem.device
-    if not isinstance(keys, TrackerKeys) or keys.target_axis is None:
+    device = task.device
+    if not isinstance(device, Tracker) or device.target_axis is None:
         return []
     plate = Rotation.identity() if turn.e is None else Rotation.from_quat(turn.e, scalar_first=True)
-    return [Facing(np.array(keys.at_m), plate.apply(keys.target_axis), float(np.radians(keys.acceptance_deg)))]
+    return [Facing(np.array(device.at), plate.apply(device.target_axis), device.acceptance)]
 
 
-def _mechanism(f1: Any, problem: Schema, e: Array) -> Mechanism:
+def _mechanism(f1: Any, place: Sequence[float] | None, e: Array) -> Mechanism:
     function = compile_causal(f1, known=["T", "e"], targets=["q", *LINKS])
 
     def placed(T: Array) -> Any:
         return function(T, np.tile(e, (len(T), 1)))
 
     inverse = InverseKinematics(placed)
-    T = np.array(f1.home if problem.home_m is None else problem.home_m, float)
+    T = np.array(f1.home if place is None else place, float)
     home = inverse(T[None])
     if home.status[0] != Status.OK:
         shown = ", ".join(f"{x:g}" for x in T)
         turned = ", ".join(f"{x:.3g}" for x in e)
-        raise InputError(f"the home pose ({shown}) m cannot be reached with the plate at ({turned})", "room.turns_deg")
+        raise ArgumentError(f"the home pose ({shown}) m cannot be reached with the plate at ({turned})", "room.turns")
     rows = [arm for arm, links in enumerate(clusters.ROWS) for _ in links]
     A, v, L, B = (np.array(getattr(f1, name), float) for name in ("A0", "v", "L", "B"))
     return Mechanism(f1, inverse, home, A[rows], v[rows], L, np.linalg.norm(B, axis=1), ())

@@ -7,35 +7,22 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from gtmodel.calibrate import (
-    Candidates,
-    ErrorCurve,
-    Point,
-    PoseInformation,
-    Positioning,
-    Problem,
-    calibrate,
-    candidates,
-    condition_removal,
-    error_curve,
-    exchange,
-    grid_point,
-    pose_information,
-    positioning,
-    regular_grid,
-    sufficient_number,
-)
-from gtmodel.inference import Identifiability
-from gtmodel.kinematics.mechanism import Mechanism
-from gtmodel.kinematics.workspace import box_grid
-from gtmodel.lang import ModelError
-from gtmodel.problem_files.base import InputError
-
-from .calibration_plan_device import Measuring
-from .calibration_plan_keys import Schema
-from .calibration_plan_stages import stages_of
-from .calibration_plan_turns import Turn
-from .workspace_limits import refuse_disordered
+from ...inference import Identifiability
+from ...kinematics.mechanism import Mechanism
+from ...kinematics.workspace import box_grid, refuse_disordered
+from ...lang import ModelError
+from ...results import ArgumentError
+from ..calibration import calibrate
+from ..candidates import Candidates, candidates, regular_grid
+from ..pose_information import PoseInformation, pose_information
+from ..pose_numbers import ErrorCurve, Point, error_curve, grid_point, sufficient_number
+from ..pose_selection import condition_removal, exchange
+from ..positioning import Positioning, positioning
+from ..problem import Problem
+from .device import Measuring
+from .stages import stages_of
+from .task import Task
+from .turns import Turn
 
 Array = np.ndarray
 MOST_POINTS = 200_000  # of the room's grid
@@ -52,7 +39,7 @@ class Stopped(Exception):
 class Plan:
     """What the steps have found so far. Poses are rows of T [m], of an F1 with the plate's quaternion behind."""
 
-    problem: Schema
+    task: Task
     turns: list[Turn]
     measuring: Measuring
     found: Candidates | None = None
@@ -95,18 +82,18 @@ class Plan:
 
 
 def find_candidates(plan: Plan, stop: Stop) -> None:
-    """Workspace, obstacles and safety, device, distance from the edge. Raises InputError where nothing is left."""
-    problem, room = plan.problem, plan.problem.room
-    low, high = np.array(room.low_m), np.array(room.high_m)
-    refuse_disordered(low, high, "room.high_m")
-    size = len(plan.turns) * float(np.prod((high - low) / room.step_m + 1))
+    """Workspace, obstacles and safety, device, distance from the edge. Raises ArgumentError where nothing is left."""
+    task, room = plan.task, plan.task.room
+    low, high = np.array(room.low), np.array(room.high)
+    refuse_disordered(low, high, "room.high")
+    size = len(plan.turns) * float(np.prod((high - low) / room.step + 1))
     if size > MOST_POINTS:
         least = np.cbrt(len(plan.turns) * np.prod(high - low) / MOST_POINTS)
-        raise InputError(f"the grid would have {size:.1e} points; take at least a step of {least:.2g} m", "room.step_m")
+        raise ArgumentError(f"the grid would have {size:.1e} points; take at least a step of {least:.2g} m", "room.step")
     parts = []
     for turn in plan.turns:
-        stages = stages_of(problem, turn, plan.measuring)
-        found = candidates(box_grid(low, high, room.step_m), stages, problem.safety.edge_m, stop=stop)
+        stages = stages_of(task, turn, plan.measuring)
+        found = candidates(box_grid(low, high, room.step), stages, task.safety.edge, stop=stop)
         parts.append(found)
         names = [name for name in parts[0].stages if all(name in p.stages for p in parts)]
         plan.found = Candidates(
@@ -119,7 +106,7 @@ def find_candidates(plan: Plan, stop: Stop) -> None:
     assert plan.found is not None
     for before, (name, count) in zip([None, *plan.found.counts], plan.found.counts.items(), strict=False):
         if not count:
-            raise InputError(_empty(name, before, plan.found.counts), "room")
+            raise ArgumentError(_empty(name, before, plan.found.counts), "room")
     T = plan.found.chosen
     if len(T) > MOST_CANDIDATES:
         T = T[np.round(np.linspace(0, len(T) - 1, MOST_CANDIDATES)).astype(int)]
@@ -132,13 +119,13 @@ def _empty(name: str, before: str | None, counts: dict[str, int]) -> str:
 
 
 def prepare_information(plan: Plan) -> None:
-    """What each candidate would tell, and how the position depends on it. Raises InputError."""
+    """What each candidate would tell, and how the position depends on it. Raises ArgumentError."""
     plan.evaluation = _evaluation(plan)
     try:
         plan.info = pose_information(plan.measuring.prepared(plan.pool))
         plan.target = positioning(plan.measuring.whole(plan.evaluation))
     except ModelError as error:
-        raise InputError(str(error)) from error
+        raise ArgumentError(str(error), "choice") from error
     try:
         plan.target.moment(plan.info)
     except ModelError as error:  # a device that sees too little: the plan says so
@@ -146,49 +133,48 @@ def prepare_information(plan: Plan) -> None:
 
 
 def _evaluation(plan: Plan) -> Array:
-    keys = plan.problem.evaluation
+    box = plan.task.evaluation
     assert plan.found is not None
-    if keys is None:
+    if box is None:
         T = plan.found.T[plan.found.stages["obstacles"]]
         return T[np.round(np.linspace(0, len(T) - 1, min(len(T), MOST_EVALUATED))).astype(int)]
-    low, high = np.array(keys.low_m), np.array(keys.high_m)
-    refuse_disordered(low, high, "evaluation.high_m")
-    lines = [np.linspace(a, b, n) for a, b, n in zip(low, high, keys.counts, strict=True)]
+    refuse_disordered(np.array(box.low), np.array(box.high), "evaluation.high")
+    lines = [np.linspace(a, b, n) for a, b, n in zip(box.low, box.high, box.counts, strict=True)]
     T = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 3)
     lost = np.any([turn.robot.inverse(T).status != 0 for turn in plan.turns], axis=0)
     if np.any(lost):
         where = ", ".join(f"{x:.4g}" for x in T[lost][0])
-        raise InputError(f"the robot cannot reach ({where}) m of the box; take a smaller one", "evaluation")
+        raise ArgumentError(f"the robot cannot reach ({where}) m of the box; take a smaller one", "evaluation")
     return np.vstack([turn.poses(T) for turn in plan.turns])
 
 
 def grid_poses(plan: Plan, number: int) -> Array:
     """A regular grid of about so many candidates, by the volume of the measurable workspace."""
     assert plan.found is not None
-    room, counts = plan.problem.room, plan.found.counts
-    low, high = np.array(room.low_m), np.array(room.high_m)
-    step = (high - low) / (np.ceil((high - low) / room.step_m - 1e-9))
+    room, counts = plan.task.room, plan.found.counts
+    low, high = np.array(room.low), np.array(room.high)
+    step = (high - low) / (np.ceil((high - low) / room.step - 1e-9))
     volume = float(np.prod(step)) * counts[next(reversed(counts))]
     grid = regular_grid(low, high, volume, number)
     found = []
     for turn in plan.turns:
-        last = stages_of(plan.problem, turn, plan.measuring)["device"]
-        found.append(turn.poses(candidates(grid, {"device": last}, plan.problem.safety.edge_m).chosen))
+        last = stages_of(plan.task, turn, plan.measuring)["device"]
+        found.append(turn.poses(candidates(grid, {"device": last}, plan.task.safety.edge).chosen))
     return np.vstack(found)
 
 
 def draw_curve(plan: Plan, stop: Stop) -> None:
     """Predicted error against the number of poses, selected and on grids, and the number that suffices."""
     assert plan.info is not None and plan.target is not None
-    keys = plan.problem.poses
-    if not plan.problem.curve:
+    wanted = plan.task.poses
+    if not plan.task.curve:
         return
     own = plan.info.rows.shape[1]
     most = len(plan.pool)
-    numbers = [n for n in plan.problem.curve if plan.info.rank / own <= n <= most]
-    criterion = keys.method if keys.method in ("D", "E") else "I"
+    numbers = [n for n in plan.task.curve if plan.info.rank / own <= n <= most]
+    criterion = wanted.method if wanted.method in ("D", "E") else "I"
     plan.curve = error_curve(
-        plan.info, plan.target, numbers, criterion, repeats=keys.repeats, starts=keys.starts, seed=keys.seed,
+        plan.info, plan.target, numbers, criterion, repeats=wanted.repeats, starts=wanted.starts, seed=wanted.seed,
         stop=lambda f: stop("number of poses", f),
     )  # fmt: skip
     if not plan.curve.complete:
@@ -203,29 +189,29 @@ def draw_curve(plan: Plan, stop: Stop) -> None:
                 continue
     plan.grids = tuple(grids[n] for n in sorted(grids))
     plan.enough = sufficient_number(
-        plan.info, plan.target, 1e-3 * plan.problem.criteria.accuracy_mm, criterion, repeats=keys.repeats, starts=1,
-        seed=keys.seed, most=min(most, 4 * keys.most),
+        plan.info, plan.target, plan.task.criteria.accuracy, criterion, repeats=wanted.repeats, starts=1,
+        seed=wanted.seed, most=min(most, 4 * wanted.most),
     )  # fmt: skip
 
 
 def select(plan: Plan, number: int, stop: Stop) -> None:
-    """Poses to measure, and others held out. Raises InputError where there are too few candidates."""
+    """Poses to measure, and others held out. Raises ArgumentError where there are too few candidates."""
     assert plan.info is not None
-    keys, info = plan.problem.poses, plan.info
+    wanted, info = plan.task.poses, plan.info
     try:
-        if keys.method == "grid":
+        if wanted.method == "grid":
             plan.poses = grid_poses(plan, number)
             taken = np.zeros(0, int)
         else:
-            if keys.method in ("condition", "condition_one_by_one"):
-                s = condition_removal(info, number, one_by_one=keys.method != "condition",
+            if wanted.method in ("condition", "condition_one_by_one"):
+                s = condition_removal(info, number, one_by_one=wanted.method != "condition",
                                       stop=lambda f: stop("poses", f))  # fmt: skip
             else:
                 blind = bool(plan.unpredicted) or plan.target is None
                 moment = None if blind or plan.target is None else plan.target.moment(info)
                 s = exchange(
-                    info, number, "D" if moment is None else keys.method, moment, repeats=keys.repeats,
-                    starts=keys.starts, seed=keys.seed, stop=lambda f: stop("poses", f),
+                    info, number, "D" if moment is None else wanted.method, moment, repeats=wanted.repeats,
+                    starts=wanted.starts, seed=wanted.seed, stop=lambda f: stop("poses", f),
                 )  # fmt: skip
             if not s.complete:
                 raise Stopped
@@ -235,15 +221,18 @@ def select(plan: Plan, number: int, stop: Stop) -> None:
         if not plan.unpredicted and plan.target is not None:
             plan.target.moment(plan.chosen)  # few poses of a grid may tell too little
     except ModelError as error:
-        raise InputError(str(error), "poses.number") from error
+        raise ArgumentError(str(error), "poses.number") from error
     rest = np.setdiff1d(np.arange(len(plan.pool)), taken)
-    if keys.method == "grid":
+    if wanted.method == "grid":
         near = np.min(np.linalg.norm(plan.pool[:, None] - plan.poses, axis=2), axis=1)
         rest = np.flatnonzero(near > 1e-6)
-    if len(rest) < keys.held_out:
-        raise InputError(f"{keys.held_out} poses are to be held out, but only {len(rest)} candidates are left; take a "
-                         "smaller room.step_m", "poses.held_out")  # fmt: skip
-    held = rest[np.round(np.linspace(0, len(rest) - 1, keys.held_out)).astype(int)] if keys.held_out else rest[:0]
+    if len(rest) < wanted.held_out:
+        raise ArgumentError(
+            f"{wanted.held_out} poses are to be held out, but only {len(rest)} candidates are left; take a smaller "
+            "room.step_m",
+            "poses.held_out",
+        )
+    held = rest[np.round(np.linspace(0, len(rest) - 1, wanted.held_out)).astype(int)] if wanted.held_out else rest[:0]
     plan.held_out = plan.pool[held]
     plan.told = plan.chosen.identifiability()
     plan.rounds.append(number)
@@ -256,13 +245,13 @@ def simulate(plan: Plan, stop: Stop) -> None:
     """
     assert plan.chosen is not None
     told, sizes = plan.chosen.told, plan.chosen.sizes
-    keys = plan.problem.simulation
+    asked = plan.task.simulation
     ready: Problem = plan.measuring.prepared(plan.poses)
     u = ready.unknowns
-    scale = np.array([1e-3 * keys.start_error_mm] * len(u.names))
+    scale = np.array([asked.start_error] * len(u.names))
     errors, lost = [], 0
-    for k, seed in enumerate(np.random.SeedSequence(keys.seed).spawn(keys.runs)):
-        if stop("simulated calibration", k / keys.runs):
+    for k, seed in enumerate(np.random.SeedSequence(asked.seed).spawn(asked.runs)):
+        if stop("simulated calibration", k / asked.runs):
             raise Stopped
         rng = np.random.default_rng(seed)
         off = sizes * (told @ (told.T @ (scale * rng.standard_normal(len(scale)) / sizes)))
