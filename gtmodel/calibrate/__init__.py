@@ -15,6 +15,8 @@ Before anything is measured
     candidates                       a grid in what the robot reaches and the device sees
     LaserTracker, Camera, LineOfSight   where devices see, and how well
     seen_by_distance, seen_by_plane  robots that a partial device measures
+    plan_study                       all of these, from a room to the poses to measure: a PlanStudy; what it is asked
+                                     for in `plan`
 """
 
 from .calibration import Calibration, calibrate
@@ -24,6 +26,7 @@ from .devices import Camera, Device, LaserTracker, LineOfSight
 from .held_out import judge_held_out
 from .measurements import Correction, Measurements, Pose
 from .partial_devices import seen_by_distance, seen_by_plane
+from .plan import PlanStudy, plan_study
 from .pose_information import PoseInformation, pose_information
 from .pose_numbers import ErrorCurve, Point, error_curve, grid_point, sufficient_number
 from .pose_selection import Selection, condition_removal, exchange, spread
@@ -33,8 +36,8 @@ from .unknowns import Choice
 
 __all__ = [
     "COSTS", "Calibration", "Camera", "Candidates", "Choice", "Closure", "Correction", "Cost", "Device", "ErrorCurve",
-    "LaserTracker", "LineOfSight", "Measurements", "Point", "Pose", "PoseInformation", "Positioning",
+    "LaserTracker", "LineOfSight", "Measurements", "PlanStudy", "Point", "Pose", "PoseInformation", "Positioning",
     "PredictedErrors", "Problem", "Selection", "calibrate", "candidates", "closure_equations", "condition_removal",
-    "error_curve", "exchange", "grid_point", "judge_held_out", "pose_information", "positioning", "prepare",
-    "regular_grid", "seen_by_distance", "seen_by_plane", "spread", "sufficient_number",
+    "error_curve", "exchange", "grid_point", "judge_held_out", "plan_study", "pose_information", "positioning",
+    "prepare", "regular_grid", "seen_by_distance", "seen_by_plane", "spread", "sufficient_number",
 ]  # fmt: skip

@@ -45,7 +45,7 @@ class Quadrature:
     start: float
 
 
-@dataclass(eq=False)
+@dataclass(frozen=True, eq=False)
 class DynamicProblem:
     """Everything a transcription needs, as expressions of x, xd (state rates), u, P (constants) and t.
 
@@ -97,8 +97,7 @@ class DynamicProblem:
     misfits: list[Misfit] = field(default_factory=list)
     quadratures: list[Quadrature] = field(default_factory=list)  # costs written as states: see quadratures.set_apart
     shortest: float = 0.0  # the horizon's length [s] that nobody wrote, where nothing else bounds it
-    outputs: Any = None  # the function that evaluates every name, made when first asked for
-    system: Any = None  # the explicit equations, made when first asked for: see system.System
+    cache: dict[str, Any] = field(default_factory=dict)  # what is made of it when first asked for
 
     @property
     def loose(self) -> bool:

@@ -12,6 +12,7 @@ from ..compiler.plan import Plan, make_plan
 from ..lang.expression import Expr
 from ..lang.optimization import Optimization
 from ..lang.source import ModelError
+from .assembled import assembled
 from .attributes import Pair
 from .builder import Builder
 from .delays import delays_of
@@ -126,13 +127,12 @@ def _build(
 
     def made(plan: Plan, kind: str) -> DynamicProblem:
         b = Builder(model, root, flat, plan, kind, states, controls, base, fold, tunable, delayed, dict(sizes))
-        return b.problem(objective, constraints, quadratures)
+        return assembled(b, objective, constraints, quadratures, branches)
 
     problem = made(plan, kind)
     if formulation == "auto" and kind == "inverse" and any(i.off is not None and i.s < 1.0 for i in problem.instants):
         # a rate off the points ties the controls, not the motion: the explicit form finds it from any guess
-        problem = made(base, "explicit")
-    problem.branches = branches
+        return made(base, "explicit")
     return problem
 
 

@@ -301,8 +301,8 @@ def named(
 
 
 def _outputs(problem: DynamicProblem) -> tuple[list[tuple[str, Any, int, str]], ca.Function]:
-    if problem.outputs is not None:
-        return problem.outputs
+    if "outputs" in problem.cache:
+        return problem.cache["outputs"]
     flat = problem.flat
     entries: list[tuple[str, tuple[int, ...], list[tuple[int, int]]]] = []
     states = set(problem.state_pairs)
@@ -328,8 +328,8 @@ def _outputs(problem: DynamicProblem) -> tuple[list[tuple[str, Any, int, str]], 
     arguments = [problem.x, problem.xd, problem.u, problem.P, problem.t, sums]
     f = ca.Function("outputs", arguments, [ca.vertcat(*expressions)])
     table = [(n, shape, len(pairs), flat.unit_of(pairs[0][0], pairs[0][1])) for n, shape, pairs in entries]
-    problem.outputs = (table, f)
-    return problem.outputs
+    problem.cache["outputs"] = (table, f)
+    return table, f
 
 
 def _known(problem: DynamicProblem, states: set[tuple[int, int]], index: int, order: int) -> bool:

@@ -31,9 +31,9 @@ class System:
     @classmethod
     def of(cls, problem: DynamicProblem) -> System:
         """Made once for a problem. Raises ModelError where the model has no such form."""
-        if problem.system is None:
-            problem.system = cls._made(problem)
-        return problem.system
+        if "system" not in problem.cache:
+            problem.cache["system"] = cls._made(problem)
+        return problem.cache["system"]
 
     @classmethod
     def _made(cls, problem: DynamicProblem) -> System:

@@ -83,10 +83,9 @@ def _plain(value: Any, marks: tuple[Any, ...]) -> Any:
         inside = declared(type(value))
         plain = {written_name(name, found): _plain(getattr(value, name), found) for name, found in inside.items()}
         return section_of(type(value)).model_construct(**plain)
-    unit = next((m for m in marks if isinstance(m, Unit)), None)
-    if value is not None and unit is not None and unit.written:
-        found = converted(value, unit.text, unit.written)
-        value = found.tolist() if np.ndim(found) else found
+    unit = next((m for m in marks if isinstance(m, Unit) and m.written), None)
+    if value is not None and unit is not None:
+        return _written(value, unit)
     return list(value) if isinstance(value, tuple) else value
 
 
@@ -107,7 +106,7 @@ def _hint(hint: Any, marks: tuple[Any, ...]) -> Any:
     """The type of a key: bounds on each number of it, a count on each list."""
     origin, inside = get_origin(hint), get_args(hint)
     if origin is Annotated:
-        return _hint(inside[0], marks)
+        return _hint(inside[0], tuple(dict.fromkeys((*marks, *inside[1:]))))
     if origin in (Union, types.UnionType):
         return Union[tuple(_hint(one, marks) for one in inside)]  # noqa: UP007
     if origin in (list, tuple):
@@ -130,5 +129,10 @@ def _hint(hint: Any, marks: tuple[Any, ...]) -> Any:
     return hint
 
 
-def _written(x: float, unit: Unit | None) -> float:
-    return x if unit is None else float(f"{converted(x, unit.text, unit.written):.12g}")
+def _written(x: Any, unit: Unit | None) -> Any:
+    """A bound or a default as people write it: twelve digits, 60 and not 59.99999999999999."""
+    if unit is None:
+        return x
+    if isinstance(x, (list, tuple)):
+        return [_written(one, unit) for one in x]
+    return float(f"{converted(x, unit.text, unit.written):.12g}")

@@ -25,10 +25,12 @@ from .unit_names import named
 
 @dataclass(frozen=True)
 class Unit:
-    """Unit of a field, SI; `written`: that of the key in a file where people write another, as "deg" for rad."""
+    """Unit of a field, SI; `written`: that of the key in a file where people write another, as "deg" for rad; `key`:
+    that key where it is not made of field and unit."""
 
     text: str
     written: str = ""
+    key: str = ""
 
 
 @dataclass(frozen=True)
@@ -92,9 +94,10 @@ def declared(cls: type) -> dict[str, tuple[Any, ...]]:
 
 
 def written_name(field: str, marks: tuple[Any, ...]) -> str:
-    """The name of a field in a file, with the unit in which people write it there."""
-    unit = next((m for m in marks if isinstance(m, Unit)), None)
-    return field if unit is None else named(field, unit.written or unit.text)
+    """The name of a field in a file, with the unit in which people write it there; without the underscore behind a word
+    of Python, as in `from_`."""
+    field, unit = field.rstrip("_"), next((m for m in marks if isinstance(m, Unit)), None)
+    return field if unit is None else unit.key or named(field, unit.written or unit.text)
 
 
 @cache

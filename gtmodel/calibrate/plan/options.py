@@ -129,17 +129,17 @@ AnyDevice = Tracker | PatternCamera | Wire | Gauge
 class PosesToMeasure(Options):
     """Which poses, and how many."""
 
-    number: Annotated[int, Within(least=1), "of poses to calibrate with, at first"] = 30
-    more: Annotated[int, Within(least=1), "poses added while the criteria are not met"] = 10
-    most: Annotated[int, Within(least=1), "greatest number of poses"] = 60
+    number: Annotated[int, Within(above=0), "of poses to calibrate with, at first"] = 30
+    more: Annotated[int, Within(above=0), "poses added while the criteria are not met"] = 10
+    most: Annotated[int, Within(above=0), "greatest number of poses"] = 60
     held_out: Annotated[int, Within(least=0), "further poses, to judge the result by"] = 20
     method: Annotated[
         Method,
         "I: least error over the workspace; D, E: of determinant, least eigenvalue; condition: eq. (5.9), "
         "at once or one by one; grid: a regular one of about the number",
     ] = "I"
-    repeats: Annotated[int, Within(least=1), "how often a pose may be chosen by I, D and E"] = 2
-    starts: Annotated[int, Within(least=1), "random starts of the exchange"] = 3
+    repeats: Annotated[int, Within(above=0), "how often a pose may be chosen by I, D and E"] = 2
+    starts: Annotated[int, Within(above=0), "random starts of the exchange"] = 3
     seed: Annotated[int, Within(least=0), "of starts and of the order of poses"] = 1
     settle: Annotated[float, Unit("s"), Within(least=0.0), "wait at each pose of the robot program"] = 2.0
 
@@ -182,4 +182,3 @@ class Simulation(Options):
         "standard deviation of the parameters' error at the start; 1e-3 of it for numbers",
     ] = 5e-3  # fmt: skip
     seed: Annotated[int, Within(least=0), "of noise and start errors"] = 1
-

@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...kinematics.workspace import LONGEST_STROKE, Reach, limits_of
+from ...kinematics.workspace import Reach, limits_of
+from ...kinematics.workspace.limited import LONGEST_STROKE
 from ...results import ArgumentError
 from .device import Measuring
 from .options import PlanLimits

@@ -9,7 +9,8 @@ import numpy as np
 
 from ...inference import Identifiability
 from ...kinematics.mechanism import Mechanism
-from ...kinematics.workspace import box_grid, refuse_disordered
+from ...kinematics.workspace import box_grid
+from ...kinematics.workspace.limited import refuse_disordered
 from ...lang import ModelError
 from ...results import ArgumentError
 from ..calibration import calibrate
@@ -89,7 +90,9 @@ def find_candidates(plan: Plan, stop: Stop) -> None:
     size = len(plan.turns) * float(np.prod((high - low) / room.step + 1))
     if size > MOST_POINTS:
         least = np.cbrt(len(plan.turns) * np.prod(high - low) / MOST_POINTS)
-        raise ArgumentError(f"the grid would have {size:.1e} points; take at least a step of {least:.2g} m", "room.step")
+        raise ArgumentError(
+            f"the grid would have {size:.1e} points; take at least a step of {least:.2g} m", "room.step"
+        )
     parts = []
     for turn in plan.turns:
         stages = stages_of(task, turn, plan.measuring)

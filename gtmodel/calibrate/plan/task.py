@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from ...kinematics.workspace.options import Beam, Bodies, Box
 from ...lang import Model
@@ -20,18 +20,18 @@ class Task:
     robot: Model
     device: AnyDevice
     room: Room
-    choice: Choice = Choice()
+    choice: Choice = field(default_factory=Choice)
     home: Sequence[float] | None = None
-    limits: PlanLimits = PlanLimits()
-    bodies: Bodies = Bodies()
+    limits: PlanLimits = field(default_factory=PlanLimits)
+    bodies: Bodies = field(default_factory=Bodies)
     obstacles: Sequence[Box] = ()
     beams: Sequence[Beam] = ()
-    safety: Safety = Safety()
+    safety: Safety = field(default_factory=Safety)
     actuator_noise: float = 13e-6
     axis_noise: float = 20e-6
-    poses: PosesToMeasure = PosesToMeasure()
+    poses: PosesToMeasure = field(default_factory=PosesToMeasure)
     curve: Sequence[int] = CURVE
     evaluation: Evaluation | None = None
-    simulation: Simulation = Simulation()
-    criteria: Criteria = Criteria()
+    simulation: Simulation = field(default_factory=Simulation)
+    criteria: Criteria = field(default_factory=Criteria)
     title: str = ""

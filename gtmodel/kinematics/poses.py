@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from ...compiler.causal import CausalFunction
-from ...compiler.rows import RowFunction
-from ...results import Status
+from ..compiler.causal import CausalFunction
+from ..compiler.rows import RowFunction
+from ..results import Status
 
 Array = np.ndarray
 
