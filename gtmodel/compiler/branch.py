@@ -11,8 +11,8 @@ import numpy as np
 
 from ..lang.source import ModelError
 from .blocks import Margin, Root
+from .consistency.points import RESIDUAL_TOLERANCE, Sampler
 from .flat import FlatModel
-from .points import RESIDUAL_TOLERANCE, Sampler
 
 if TYPE_CHECKING:
     from .plan import Plan

@@ -12,14 +12,14 @@ from ..lang.source import ModelError
 from .alias import AliasResult, eliminate
 from .blocks import Margin, SolvedBlock
 from .branch import check_branches, follow, settle, sides
+from .consistency.home import Moved, home_of, moved, starts_of
+from .consistency.points import Sampler
 from .differentiation import differentiate, pairs_of, stage_residuals, system_of
 from .differentiation import folded as folded_into
 from .flat import FlatEquation, FlatModel
 from .graph import strong_components
-from .home import Moved, home_of, moved, starts_of
 from .newton import NewtonBlock
 from .pivots import SignAnalysis
-from .points import Sampler
 from .relevance import Condition, condition_block, conditions_on, needed, set_apart
 from .solving import solve_block
 from .states import Stage, choose

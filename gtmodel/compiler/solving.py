@@ -5,9 +5,9 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
+from .analysis.kinks import has_kinks, kinked_in
 from .blocks import SolvedBlock
 from .flat import FlatModel
-from .kinks import has_kinks, kinked_in
 from .linear import solve_linear
 from .newton import NewtonBlock
 from .pivots import SignAnalysis

@@ -13,7 +13,7 @@ from gtmodel.motion.finer_mesh import elements_after, how, refined, told
 from gtmodel.motion.guard import clearance
 from gtmodel.optimize import Mesh, Solution, SolverOptions
 from gtmodel.optimize import solve as collocate
-from gtmodel.optimize.resimulate import SUBSTEPS, resimulate
+from gtmodel.optimize.judgement.resimulate import SUBSTEPS, resimulate
 from gtmodel.problem_files.base import TRAJECTORY, Context, Outcome, Row, at_most
 from gtmodel.problem_files.path_keys import PATH_ARGUMENTS
 from gtmodel.results import SolveStatus, Status, Trajectory
@@ -133,7 +133,7 @@ def _judged(plan: AxisPlan, solution: Solution, context: Context) -> Outcome:
 
 def explain(problem: Schema, context: Context) -> str:
     """What is optimised: states, controls, unknowns without a closed form, bounds."""
-    from gtmodel.optimize.problem import build
+    from gtmodel.optimize.formulation.problem import build
 
     plan = plan_of(problem, context)
     built = build(plan.optimization(), problem.solver.formulation)

@@ -14,7 +14,7 @@ from gtmodel.motion.paths import Path
 from gtmodel.motion.task import MotionTask, motion
 from gtmodel.optimize import Mesh, Solution, SolverOptions
 from gtmodel.optimize import solve as collocate
-from gtmodel.optimize.resimulate import Resimulation, resimulate
+from gtmodel.optimize.judgement.resimulate import Resimulation, resimulate
 from gtmodel.problem_files.base import Context
 from gtmodel.results import SolveStatus, Trajectory
 

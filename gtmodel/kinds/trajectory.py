@@ -13,8 +13,8 @@ from gtmodel.motion.follow import sampled
 from gtmodel.motion.guard import clearance
 from gtmodel.motion.reference import at_rest, between_rows, csv_text, rapid_text
 from gtmodel.optimize import Solution
-from gtmodel.optimize.overshoot import control_curves
-from gtmodel.optimize.resimulate import Resimulation, resimulate
+from gtmodel.optimize.judgement.overshoot import control_curves
+from gtmodel.optimize.judgement.resimulate import Resimulation, resimulate
 from gtmodel.problem_files.base import Context, Outcome, at_most
 from gtmodel.problem_files.path_keys import PATH_ARGUMENTS
 from gtmodel.results import SolveStatus, Trajectory
@@ -177,7 +177,7 @@ def _on_this_mesh(plan: Plan, search: Search, solution: Solution, optima: list[f
 
 def explain(problem: Schema, context: Context) -> str:
     """What is optimised: states, controls, bounds, and the certificate of the inverse dynamics."""
-    from gtmodel.optimize.problem import build
+    from gtmodel.optimize.formulation.problem import build
 
     plan = plan_of(problem, context)
     built = build(motion_of(problem, plan.robot, guard=plan.guard, path=plan.path))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 import numpy as np
@@ -13,13 +13,16 @@ from ..lang.scope import derivative_name
 from ..results.check import Check
 from ..results.status import SolveStatus
 from ..results.trajectory import Trajectory
-from .dynamic import DynamicProblem
+from .formulation.dynamic import DynamicProblem
+from .formulation.quadratures import summed
+from .formulation.system import System
 from .ipopt import Run
 from .mesh import ROUND_OFF, Mesh
 from .nlp import Nlp, placed
-from .quadratures import summed
-from .system import System
 from .tables import basis, basis_slope
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,6 +51,10 @@ class Solution:
 
     def with_checks(self, **checks: Check) -> Solution:
         return replace(self, checks={**self.checks, **checks})
+
+    def plot(self, *names: str) -> Figure:
+        """The named signals of the optimum over time, all if none is named; see `Trajectory.plot`."""
+        return self.trajectory.plot(*names)
 
     @property
     def problem(self) -> DynamicProblem:

@@ -13,7 +13,7 @@ from gtmodel import SolveStatus, der
 from gtmodel.motion.guesses import line_guess
 from gtmodel.motion.task import MotionTask, motion
 from gtmodel.optimize import Mesh, SolverOptions, solve
-from gtmodel.optimize.resimulate import SUBSTEPS, resimulate
+from gtmodel.optimize.judgement.resimulate import SUBSTEPS, resimulate
 from tests.optimize import features, problems
 from tests.oracle.hand_written import ThreeLink
 
