@@ -81,7 +81,7 @@ def plan_study(
     >>> (s.poses, s.rank, s.parameters)
     (12, 21, 21)
     """
-    given = {
+    given: dict[str, Any] = {
         "choice": choice, "limits": limits, "bodies": bodies, "safety": safety, "actuator_noise": actuator_noise,
         "axis_noise": axis_noise, "poses": poses, "curve": curve, "simulation": simulation, "criteria": criteria,
     }  # fmt: skip
@@ -103,8 +103,12 @@ def plan_study(
             draw_curve(plan, asked)
         _until_approved(plan, asked)
     except Stopped:
-        known = _known(plan) | {"verdict": "stopped before the end"} if plan.found else {}
-        return PlanStudy(status=SolveStatus.INTERRUPTED, title=title, figures=pictures(plan), **known)
+        if plan.found is None:
+            return PlanStudy(status=SolveStatus.INTERRUPTED, title=title)
+        return PlanStudy(
+            status=SolveStatus.INTERRUPTED, title=title, **_known(plan), verdict="stopped before the end",
+            figures=pictures(plan),
+        )  # fmt: skip
     return _concluded(plan)
 
 
