@@ -1,61 +1,30 @@
-"""A CSV file as lines of cells, for all kinds that read one."""
+"""A CSV file as lines of cells, for kinds that read one themselves; see `gtmodel.measurements.csv_lines`."""
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Sequence
 from pathlib import Path
 
+from gtmodel.measurements import csv_lines
+from gtmodel.measurements.csv_lines import Line, number
+from gtmodel.results import ArgumentError
+
 from .base import InputError
 
-Line = tuple[int, list[str]]
+__all__ = ["Line", "lines_of", "number", "refuse_twice"]
 
 
 def lines_of(path: Path, header: str) -> tuple[Line, list[Line]]:
-    """The header and the rows: line numbers from 1 and cells without blanks around them, one line of text each.
-
-    Empty lines and those that begin with # are left out; a byte order mark, as spreadsheets write it, too.
-
-    Args:
-        header: an example, for the message about an empty file.
-
-    Raises InputError: no text, nothing in it, other separators, a quote that is not closed.
-    """
+    """The header and the rows. Raises InputError."""
     try:
-        lines = path.read_bytes().decode("utf-8-sig").splitlines()
-    except UnicodeDecodeError as error:
-        raise InputError(f"{path.name} is no UTF-8 text; save it as CSV with commas") from error
-    except OSError as error:
-        raise InputError(f"{path.name} cannot be read: {error.strerror}") from error
-    kept = [(n, line) for n, line in enumerate(lines, 1) if line.strip() and not line.startswith("#")]
-    if not kept:
-        raise InputError(f"{path.name} is empty; expected a header such as '{header}' and rows")
-    number, first = kept[0]
-    if "," not in first and ";" in first:
-        raise InputError(f"{path.name} line {number}: the columns are not separated by ','; save it with commas")
-    found = [(n, _cells(line, f"{path.name} line {n}")) for n, line in kept]
-    return found[0], found[1:]
-
-
-def number(cell: str) -> float:
-    """A cell as a number, nan and inf among them. Raises ValueError for anything else, 1_000 of Python's too."""
-    if "_" in cell:
-        raise ValueError(f"'{cell}' is no number")
-    return float(cell)
+        return csv_lines.lines_of(path, header)
+    except ArgumentError as error:
+        raise InputError(error.sentence) from error
 
 
 def refuse_twice(names: Sequence[str], where: str) -> None:
-    """Raises InputError for a column name that is there twice: which one is meant cannot be told. "" may be."""
-    for k, name in enumerate(names):
-        if name and name in names[:k]:
-            columns = f"columns {names.index(name) + 1} and {k + 1}"
-            raise InputError(f"{where}: '{name}' is there twice, in {columns}; leave one of them out")
-
-
-def _cells(line: str, where: str) -> list[str]:
+    """Raises InputError for a column name that is there twice."""
     try:
-        return [cell.strip() for cell in next(csv.reader([line], strict=True))]
-    except csv.Error as error:
-        raise InputError(
-            f'{where}: a quote (") is not closed before the next comma or the end of the line; close it or take it out'
-        ) from error
+        csv_lines.refuse_twice(names, where)
+    except ArgumentError as error:
+        raise InputError(error.sentence) from error

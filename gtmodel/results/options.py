@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Any, Literal, get_args, get_origin, get_type_hints
@@ -24,10 +24,12 @@ from .refusal import ArgumentError
 
 @dataclass(frozen=True)
 class Unit:
-    """Unit of a field, SI; `written`: that of the key in a file where people write another, as "deg" for rad."""
+    """Unit of a field, SI; `written`: that of the key in a file where people write another, as "deg" for rad; `key`:
+    that key where it is not the field's name with the unit."""
 
     text: str
     written: str = ""
+    key: str = ""
 
 
 @dataclass(frozen=True)
@@ -55,7 +57,7 @@ class Within:
 
 @dataclass(frozen=True)
 class Long:
-    """How many entries a list has."""
+    """How many entries a list has; one number for all of them is no list."""
 
     count: int
 
@@ -79,7 +81,7 @@ class Options:
                     if not bound.holds(x):
                         raise ArgumentError(f"must be {bound}; found {x:g}", name)
             for mark in marks:
-                if isinstance(mark, Long) and np.size(value) != mark.count:
+                if isinstance(mark, Long) and np.ndim(value) and np.size(value) != mark.count:
                     raise ArgumentError(f"expected {mark.count} numbers; found {np.size(value)}", name)
 
 
@@ -100,6 +102,8 @@ def choices(cls: type) -> dict[str, tuple[str, ...]]:
 def _numbers(value: Any) -> Iterator[float]:
     if isinstance(value, np.ndarray):
         yield from np.ravel(value).tolist() if value.dtype.kind in "fiu" else ()
+    elif isinstance(value, Mapping):
+        yield from _numbers(list(value.values()))
     elif isinstance(value, (list, tuple)) or (isinstance(value, Sequence) and not isinstance(value, str)):
         for one in value:
             yield from _numbers(one)

@@ -1,0 +1,61 @@
+"""A CSV file as lines of cells, for all that read one."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Sequence
+from pathlib import Path
+
+from ..results.refusal import ArgumentError
+
+Line = tuple[int, list[str]]
+
+
+def lines_of(path: Path, header: str) -> tuple[Line, list[Line]]:
+    """The header and the rows: line numbers from 1 and cells without blanks around them, one line of text each.
+
+    Empty lines and those that begin with # are left out; a byte order mark, as spreadsheets write it, too.
+
+    Args:
+        header: an example, for the message about an empty file.
+
+    Raises ArgumentError: no text, nothing in it, other separators, a quote that is not closed.
+    """
+    try:
+        lines = path.read_bytes().decode("utf-8-sig").splitlines()
+    except UnicodeDecodeError as error:
+        raise ArgumentError(f"{path.name} is no UTF-8 text; save it as CSV with commas") from error
+    except OSError as error:
+        raise ArgumentError(f"{path.name} cannot be read: {error.strerror}") from error
+    kept = [(n, line) for n, line in enumerate(lines, 1) if line.strip() and not line.startswith("#")]
+    if not kept:
+        raise ArgumentError(f"{path.name} is empty; expected a header such as '{header}' and rows")
+    number, first = kept[0]
+    if "," not in first and ";" in first:
+        raise ArgumentError(f"{path.name} line {number}: the columns are not separated by ','; save it with commas")
+    found = [(n, _cells(line, f"{path.name} line {n}")) for n, line in kept]
+    return found[0], found[1:]
+
+
+def number(cell: str) -> float:
+    """A cell as a number, nan and inf among them. Raises ValueError for anything else, 1_000 of Python's too."""
+    if "_" in cell:
+        raise ValueError(f"'{cell}' is no number")
+    return float(cell)
+
+
+def refuse_twice(names: Sequence[str], where: str) -> None:
+    """Raises ArgumentError for a column name that is there twice: which one is meant cannot be told. "" may be."""
+    for k, name in enumerate(names):
+        if name and name in names[:k]:
+            columns = f"columns {names.index(name) + 1} and {k + 1}"
+            raise ArgumentError(f"{where}: '{name}' is there twice, in {columns}; leave one of them out")
+
+
+def _cells(line: str, where: str) -> list[str]:
+    try:
+        return [cell.strip() for cell in next(csv.reader([line], strict=True))]
+    except csv.Error as error:
+        raise ArgumentError(
+            f'{where}: a quote (") is not closed before the next comma or the end of the line; close it or take it out'
+        ) from error
