@@ -3,7 +3,7 @@
 Language: Model, Connector, Optimization; variable, input, parameter, part, parts, port, outer, connect, der.
 Engines: Model.causal (any causality), solve (optimal control), simulate, cgen.generate (C code).
 Libraries, imported when first used: calibrate, cgen, compliance, control, identify, inference, kinematics, loop,
-measurements, mechanics, milling, optimize, plot, results, robots, simulation, vibration.
+measurements, mechanics, milling, motion, optimize, plot, results, robots, simulation, vibration.
 load("problem.toml") gives the study that a problem file means, as a call on objects.
 """
 
@@ -48,6 +48,7 @@ if TYPE_CHECKING:
         measurements,
         mechanics,
         milling,
+        motion,
         optimize,
         plot,
         results,
@@ -59,7 +60,7 @@ if TYPE_CHECKING:
 # imported when first asked for: the core stands without them (a test deletes the robots), and starts sooner
 _LIBRARIES = [
     "calibrate", "cgen", "compliance", "control", "identify", "inference", "kinematics", "loop", "measurements",
-    "mechanics", "milling", "optimize", "plot", "results", "robots", "simulation", "vibration",
+    "mechanics", "milling", "motion", "optimize", "plot", "results", "robots", "simulation", "vibration",
 ]  # fmt: skip
 # what a person calls on a model lives in the engines; bound here so that the language imports none of them
 for _cls in (_lang.Model, _lang.Builder):
@@ -70,8 +71,8 @@ __all__ = [
     "Blocks", "CausalFunction", "Estimate", "Mesh", "NotSimulated", "NotSolved", "Phases", "Refinement", "Resimulation",
     "Simulation", "Solution", "SolveStatus", "SolverOptions", "Status", "Trajectory", "calibrate", "cgen", "compliance",
     "control", "estimate", "identify", "inference", "kinematics", "linearize", "load", "loop", "measurements",
-    "mechanics", "milling", "modes", "multi_start", "optimize", "plot", "refine", "resimulate", "results", "robots",
-    "simulate", "simulation", "solve", "solve_phases", "transcribe", "vibration",
+    "mechanics", "milling", "modes", "motion", "multi_start", "optimize", "plot", "refine", "resimulate", "results",
+    "robots", "simulate", "simulation", "solve", "solve_phases", "transcribe", "vibration",
 ]  # fmt: skip
 __all__ += _lang.__all__
 
@@ -88,9 +89,9 @@ def load(path: str | Path, *settings: str) -> Any:
     >>> call().frequencies.shape
     (1,)
     """
-    from .problem_files.call import load as loaded
+    from .problem_files.run import call_of
 
-    return loaded(path, settings)
+    return call_of(path, settings)
 
 
 def __getattr__(name: str) -> Any:

@@ -36,7 +36,8 @@ class Answer:
 def answering(context: typer.Context, as_json: bool, asked: str) -> Iterator[Answer]:
     """Whatever happens inside becomes a table or one JSON object, a sentence on stderr, and the exit code."""
     from gtmodel.problem_files import faults
-    from gtmodel.results.as_json import refused, summary
+    from gtmodel.results import Study
+    from gtmodel.results.as_json import summary
 
     began = time.monotonic()
     answer = Answer(Path(asked).name)
@@ -51,7 +52,8 @@ def answering(context: typer.Context, as_json: bool, asked: str) -> Iterator[Ans
         status, sentence = faults.describe(error, asked)
         print(sentence, file=sys.stderr)
         if as_json:
-            print_json(refused(answer.problem, answer.kind, sentence, status, time.monotonic() - began))
+            failed = Study(status=status, message=sentence)
+            print_json(summary(answer.problem, answer.kind, failed, time.monotonic() - began))
         raise typer.Exit(_EXIT.get(status, 1)) from None
     if answer.finished is None:
         if as_json and answer.data is not None:

@@ -233,9 +233,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         asked = " ".join(["gtmodel", *words[:1]])
         print(f"{asked}: {sentence}; '{asked} --help' shows the options.", file=sys.stderr)
         if "--json" in words:
-            from gtmodel.results.as_json import refused
+            from gtmodel.results import Study
+            from gtmodel.results.as_json import summary
 
-            print_json(refused("", None, sentence, SolveStatus.BAD_INPUT, 0.0))
+            print_json(summary("", None, Study(status=SolveStatus.BAD_INPUT, message=sentence), 0.0))
         return 2
     except BrokenPipeError:  # `gtmodel list | head`: the reader has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

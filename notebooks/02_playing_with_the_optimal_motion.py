@@ -28,7 +28,6 @@ from matplotlib.figure import Figure
 
 import gtmodel as gt
 from gtmodel import der
-from gtmodel.optimize.resimulate import resimulate
 from gtmodel.problem_files import run
 from gtmodel.problem_files.load import load
 
@@ -66,7 +65,7 @@ class Slide(gt.Optimization):
 
 even, odd = (gt.solve(Slide(), gt.Mesh(elements, points=3)) for elements in (20, 25))
 for solution in (even, odd):
-    peak = np.max(np.abs(resimulate(solution).trajectory["F"]))
+    peak = np.max(np.abs(gt.resimulate(solution).trajectory["F"]))
     print(f"{solution.nlp.mesh.elements} elements: {solution.final_time:.7f} s, largest force {peak:.4f} N")
 
 assert abs(even.final_time - 2.0) < 1e-6
@@ -182,7 +181,7 @@ peaks = {
     "by hand, polynomial": np.max(np.abs(fine["robot.tau"])),
     "from the file, polynomial": values["peak_force_between_nodes_N"],
     "from the file, constant (exported)": values["exported_peak_force_N"],
-    "by hand, constant": np.max(np.abs(resimulate(honest).trajectory["robot.tau"])),
+    "by hand, constant": np.max(np.abs(gt.resimulate(honest).trajectory["robot.tau"])),
 }
 for name, peak in peaks.items():
     print(f"{name:38}{peak:8.1f} N")
@@ -207,7 +206,7 @@ for control, on_50 in (("polynomial", fastest), ("constant", honest)):
     solutions = [on_25, on_50]
     for elements in meshes[2:]:
         solutions.append(gt.solve(motion, gt.Mesh(elements, points=3, control=control), guess=solutions[-1]))
-    arrived = [resimulate(solution).trajectory["robot.T"][-1] for solution in solutions]
+    arrived = [gt.resimulate(solution).trajectory["robot.T"][-1] for solution in solutions]
     misses[control] = np.linalg.norm(np.array(arrived) - goal, axis=1)
     for elements, solution, miss in zip(meshes, solutions, misses[control], strict=True):
         print(f"{control:10} {elements:4} elements: {solution.final_time:.6f} s, misses by {miss:.1e} m")
@@ -349,7 +348,7 @@ class SwingUp(gt.Optimization):
 
 swinging = gt.Trajectory(np.linspace(0.0, 3.0, 7), {"phi": [0.0, -0.6, 0.8, -1.2, 0.0, 2.0, np.pi]})
 swing = gt.solve(SwingUp(), gt.Mesh(60, points=3, control="constant"), guess=swinging)
-tried = resimulate(swing).trajectory
+tried = gt.resimulate(swing).trajectory
 
 # %%
 figure = Figure(figsize=(10, 3.2), layout="constrained")

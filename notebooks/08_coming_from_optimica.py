@@ -48,7 +48,6 @@ from scipy.integrate import solve_ivp
 
 import gtmodel as gt
 from gtmodel import der
-from gtmodel.optimize.resimulate import resimulate
 
 # %% [markdown]
 # ## 1 A model, and an optimisation of it
@@ -204,7 +203,7 @@ assert abs(narrow.objective - 5.273481331) < 1e-6 * narrow.objective
 # it. `resimulate` puts the control into an integrator with error control and tells by how much.
 
 # %%
-check = resimulate(narrow)
+check = gt.resimulate(narrow)
 print(f"between the points: {check.violation:.1e} over '{check.violated}'")
 print(f"cost of the integrated motion: {check.cost_error:+.1e}")
 assert check.violation > 1e-4  # more than any residual of the optimiser

@@ -74,3 +74,38 @@ def test_robots_are_not_compared_by_name_outside_robots():
                 named = any(getattr(s, "id", getattr(s, "attr", "")) == "robot" for s in sides)
                 texts = any(isinstance(s, ast.Constant) and isinstance(s.value, str) and s.value for s in sides)
                 assert not (named and texts), f"{path}:{node.lineno} compares a robot with a name"
+
+
+def test_no_module_imports_another_that_imports_it():
+    """At run time: imports inside functions count, those for types do not."""
+    modules = {name_of(path): path for path in HOUSE.rglob("*.py")}
+    graph = {name: {m for m, _ in imports(path) if m in modules} - {name} for name, path in modules.items()}
+    for name in graph:  # `from package import module` needs the module; the package's own __init__ is not meant
+        graph[name] = {m for m in graph[name] if not any(other.startswith(f"{m}.") for other in graph[name])}
+    done: set[str] = set()
+    for name in sorted(graph):
+        _walk(name, graph, [], done)
+
+
+def name_of(path: Path) -> str:
+    words = ["gtmodel", *path.relative_to(HOUSE).with_suffix("").parts]
+    return ".".join(words[:-1] if words[-1] == "__init__" else words)
+
+
+def _walk(name: str, graph: dict[str, set[str]], way: list[str], done: set[str]) -> None:
+    assert name not in way, " -> ".join([*way[way.index(name) :], name])
+    if name in done:
+        return
+    for other in sorted(graph[name]):
+        _walk(other, graph, [*way, name], done)
+    done.add(name)
+
+
+CROWDED = {"kinds", "vibration"}  # studies that come down
+
+
+@pytest.mark.parametrize(
+    "folder", sorted(p for p in HOUSE.rglob("*") if p.is_dir() and p.name not in CROWDED), ids=lambda p: p.name
+)
+def test_no_folder_is_crowded(folder):
+    assert len(list(folder.glob("*.py"))) <= 30

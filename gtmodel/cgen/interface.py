@@ -7,8 +7,8 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
+from ..compiler.analysis.sizes import Sizes
 from ..compiler.causal import CausalFunction, Signal, c_name
-from ..compiler.sizes import Sizes
 from .box import Intervals, box_of, check_names
 from .errors import GenerationError
 from .newton_stages import NewtonStage, Stages, stages

@@ -9,12 +9,12 @@ from itertools import pairwise
 import casadi as ca
 import numpy as np
 
+from ..compiler.analysis.sizes import Sizes
 from ..compiler.blocks import Margin
 from ..compiler.causal import CausalFunction, Signal
 from ..compiler.emit import express
 from ..compiler.plan import Plan
 from ..compiler.rows import map_columns, status_codes
-from ..compiler.sizes import Sizes
 from ..lang.scope import derivative_name
 from ..results.status import Status
 from .newton_steps import eliminate, newton

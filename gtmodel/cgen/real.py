@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from ..compiler.analysis.sizes import DOUBLE as DOUBLE_PRECISION
+from ..compiler.analysis.sizes import Precision
 from ..compiler.causal import PIVOT_TOLERANCE
-from ..compiler.sizes import DOUBLE as DOUBLE_PRECISION
-from ..compiler.sizes import Precision
 from .errors import GenerationError
 
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import casadi as ca
 
 from ..lang.source import ModelError
+from .analysis.kinks import has_kinks, kinked_in
 from .flat import FlatEquation, FlatModel
-from .kinks import has_kinks, kinked_in
 from .sparse import triplets
 
 Terms = tuple[tuple[tuple[int, int], float], tuple[tuple[int, int], float]]  # (symbol, coefficient), twice

@@ -32,7 +32,7 @@ class Margin:
     scale: float = 1.0
 
 
-@dataclass(eq=False)
+@dataclass(frozen=True, eq=False)
 class Root:
     """A square root with a branch: `sign` is a symbol, `slope` = 2 qa t + qb tells it at a known point.
 
@@ -46,7 +46,7 @@ class Root:
     told_by: str = ""
 
 
-@dataclass(eq=False)
+@dataclass(frozen=True, eq=False)
 class SolvedBlock:
     """One block: unknown symbols in order with their expressions of earlier symbols.
 

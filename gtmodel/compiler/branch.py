@@ -11,8 +11,8 @@ import numpy as np
 
 from ..lang.source import ModelError
 from .blocks import Margin, Root
+from .consistency.points import RESIDUAL_TOLERANCE, Sampler
 from .flat import FlatModel
-from .points import RESIDUAL_TOLERANCE, Sampler
 
 if TYPE_CHECKING:
     from .plan import Plan
@@ -40,29 +40,37 @@ def check_branches(flat: FlatModel, wanted: Mapping[str, int]) -> None:
             raise ModelError(f"branch '{name}' takes +1 or -1; found {sign}")
 
 
-def settle(plan: Plan, sampler: Sampler, wanted: Mapping[str, int]) -> None:
-    """Give every root its sign, and replace the plan's samples by points on the chosen branches.
+def settle(plan: Plan, sampler: Sampler, wanted: Mapping[str, int]) -> Plan:
+    """The plan with a sign for every root, and with samples on the chosen branches.
 
     A branch tells the solutions of a root apart if its expression changes sign, in the same sense at every
     sample, when the root does; its sign is the wanted one, +1 by default. A root that no branch tells apart
     takes the side of the start values. Branches that tell no root of this causality apart play no part, but where
     Newton continues a home pose, that pose has the wanted signs.
     """
-    _settle_roots(plan, sampler, wanted)
+    plan = _with_settled_roots(plan, sampler, wanted)
     if plan.newton:
         told = {r.told_by for b in plan.blocks for r in b.roots}
-        _move_home(plan, sampler, {name: sign for name, sign in wanted.items() if name not in told})
+        plan = _with_moved_home(plan, sampler, {name: sign for name, sign in wanted.items() if name not in told})
+    return plan
 
 
-def _settle_roots(plan: Plan, sampler: Sampler, wanted: Mapping[str, int]) -> None:
+def _with_roots(plan: Plan, roots: list[Root]) -> Plan:
+    """The plan with these roots, in the order of its blocks."""
+    given = iter(roots)
+    return replace(plan, blocks=[replace(b, roots=[next(given) for _ in b.roots]) for b in plan.blocks])
+
+
+def _with_settled_roots(plan: Plan, sampler: Sampler, wanted: Mapping[str, int]) -> Plan:
     roots = [r for b in plan.blocks for r in b.roots]
     if not roots:
-        return
+        return plan
     names, sides, values = _functions(plan, sampler, roots)
     p = plan.flat.p0
     slopes = ca.Function("slopes", [sampler.w, plan.flat.p, plan.flat.scope.time], [_column([r.slope for r in roots])])
     at_start = np.array([_row(slopes(w, p, sampler.time)) for w in plan.samples])
     signs = np.ones(len(roots))
+    settled: list[Root] = []
     for n, root in enumerate(roots):
         seen = {}
         for side in (1, -1):
@@ -70,8 +78,8 @@ def _settle_roots(plan: Plan, sampler: Sampler, wanted: Mapping[str, int]) -> No
             seen[side] = np.array([_row(sides(w, p, sampler.time, signs)) for w in plan.samples])
         teller = _teller(names, seen[1], seen[-1], wanted)
         if teller is not None:
-            root.told_by, sense = names[teller[0]], teller[1]
-            root.value = sense * wanted.get(root.told_by, 1)
+            name = names[teller[0]]
+            settled.append(replace(root, told_by=name, value=teller[1] * wanted.get(name, 1)))
         else:
             positive = int(np.sum(at_start[:, n] > 0))
             if positive not in (0, len(at_start)):
@@ -79,8 +87,8 @@ def _settle_roots(plan: Plan, sampler: Sampler, wanted: Mapping[str, int]) -> No
                     f"{plan.flat.title}: {root.label} has two solutions and nothing tells them apart; declare "
                     "gt.branch(name, expression) or give start values near the wanted one"
                 )
-            root.value = 1 if positive else -1
-        signs[n] = root.value
+            settled.append(replace(root, value=1 if positive else -1))
+        signs[n] = settled[n].value
     found = []
     for sample in plan.samples:
         w = sample.copy()
@@ -94,17 +102,17 @@ def _settle_roots(plan: Plan, sampler: Sampler, wanted: Mapping[str, int]) -> No
         raise ModelError(
             f"{plan.flat.title}: no pose on the wanted branches was found; give start values near a home pose"
         )
-    plan.samples = np.array(found)
+    return replace(_with_roots(plan, settled), samples=np.array(found))
 
 
-def _move_home(plan: Plan, sampler: Sampler, wanted: Mapping[str, int]) -> None:
-    """Replace the samples by points where the wanted branches have their signs; mirrored there if they have not."""
+def _with_moved_home(plan: Plan, sampler: Sampler, wanted: Mapping[str, int]) -> Plan:
+    """The plan with samples where the wanted branches have their signs; mirrored there if they have not."""
     flat, p = plan.flat, plan.flat.p0
     expressions = {b.name: plan.alias.rewrite(flat, b.expression) for b in flat.branches}
     inside = {name: flat.scope.symbols_in(e) for name, e in expressions.items()}
     names = [n for n in expressions if n in wanted and all(s in sampler.position for s in inside[n])]
     if not names:
-        return
+        return plan
     column, signs = _column([expressions[n] for n in names]), np.array([wanted[n] for n in names])
     roots = [r for b in plan.blocks for r in b.roots]
     arguments = [sampler.w, flat.p, flat.scope.time]
@@ -144,7 +152,7 @@ def _move_home(plan: Plan, sampler: Sampler, wanted: Mapping[str, int]) -> None:
         raise ModelError(
             f"{flat.title}: no pose with branch {asked} was found from the start values; give start values near one"
         )
-    plan.samples = np.array(found)
+    return replace(plan, samples=np.array(found))
 
 
 def _cross(over: Sampler, start: np.ndarray, nominal: np.ndarray, ease: np.ndarray) -> np.ndarray:
@@ -193,14 +201,15 @@ def sides(plan: Plan, sampler: Sampler) -> list[Margin]:
     return found
 
 
-def follow(plan: Plan, sampler: Sampler) -> None:
-    """Give every root the sign that it has at the plan's one sample and its time."""
+def follow(plan: Plan, sampler: Sampler) -> Plan:
+    """The plan with every root's sign as it is at its one sample and its time."""
     roots = [r for b in plan.blocks for r in b.roots]
-    if roots:
-        flat = plan.flat
-        slopes = ca.Function("slopes", [sampler.w, flat.p, flat.scope.time], [_column([r.slope for r in roots])])
-        for root, slope in zip(roots, _row(slopes(plan.samples[0], flat.p0, sampler.time)), strict=True):
-            root.value = 1 if slope >= 0 else -1
+    if not roots:
+        return plan
+    flat = plan.flat
+    slopes = ca.Function("slopes", [sampler.w, flat.p, flat.scope.time], [_column([r.slope for r in roots])])
+    found = _row(slopes(plan.samples[0], flat.p0, sampler.time)).tolist()
+    return _with_roots(plan, [replace(r, value=1 if x >= 0 else -1) for r, x in zip(roots, found, strict=True)])
 
 
 def _functions(

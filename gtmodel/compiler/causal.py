@@ -15,16 +15,16 @@ from ..lang.model import Model
 from ..lang.scope import derivative_name
 from ..lang.source import ModelError
 from ..results.status import Status
+from .analysis.sizes import DOUBLE, Precision, Sizes, sizes_of
+from .consistency.guess import Completion
+from .consistency.home import said
 from .evaluate import Built, build
 from .explain import explain
 from .flat import FlatModel
-from .guess import Completion
-from .home import said
 from .newton import NewtonKernel
 from .plan import Plan, make_plan
 from .rows import PIVOT_TOLERANCE, map_columns, status_codes
 from .sharing import flat_of
-from .sizes import DOUBLE, Precision, Sizes, sizes_of
 
 Pair = tuple[int, int]
 Group = tuple[str, tuple[int, ...], list[int]]

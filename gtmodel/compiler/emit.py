@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import casadi as ca
 
-from .constants import with_gathered_constants
-from .differences import with_differences
-from .factors import without_factors
+from .analysis.constants import with_gathered_constants
+from .analysis.differences import with_differences
+from .analysis.factors import without_factors
 from .plan import Plan
 
 

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from .analysis.sizes import sizes_of
+from .analysis.whole import judged
+from .analysis.whole import whole as followed
 from .emit import express
 from .newton import NewtonKernel
 from .plan import Plan
-from .sizes import sizes_of
-from .whole import judged
-from .whole import whole as followed
 
 Pair = tuple[int, int]
 

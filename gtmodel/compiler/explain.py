@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from .sizes import DOUBLE
+from .analysis.sizes import DOUBLE
 
 if TYPE_CHECKING:
     from .causal import CausalFunction

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 import casadi as ca
 import numpy as np
 
+from .consistency.points import Sampler
 from .flat import FlatModel
-from .points import Sampler
 
 # constants first: dividing by a parameter costs an operation and an assumption
 PARAMETER_COST = 50

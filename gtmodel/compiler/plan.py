@@ -12,16 +12,16 @@ from ..lang.source import ModelError
 from .alias import AliasResult, eliminate
 from .blocks import Margin, SolvedBlock
 from .branch import check_branches, follow, settle, sides
+from .consistency.home import Moved, home_of, moved, starts_of
+from .consistency.points import Sampler
+from .differentiation import differentiate, pairs_of, stage_residuals, system_of
+from .differentiation import folded as folded_into
 from .flat import FlatEquation, FlatModel
 from .graph import strong_components
-from .home import Moved, home_of, moved, starts_of
-from .kinks import has_kinks, kinked_in
-from .linear import solve_linear
 from .newton import NewtonBlock
 from .pivots import SignAnalysis
-from .points import Sampler
-from .quadric import NoClosedForm, eliminate_explicit, solve_nonlinear
 from .relevance import Condition, condition_block, conditions_on, needed, set_apart
+from .solving import solve_block
 from .states import Stage, choose
 from .structure import Structure, analyse
 
@@ -30,7 +30,7 @@ SAMPLE_POINTS = 5  # rank decisions want three; two more tell whether a root's s
 Pair = tuple[int, int]
 
 
-@dataclass(eq=False)
+@dataclass(frozen=True, eq=False)
 class Plan:
     """A causality worked out: `inputs` are the chain symbols it reads, `blocks` what it computes.
 
@@ -106,44 +106,116 @@ def make_plan(
     Raises ModelError for a system that is not square, redundant, singular or without a consistent point.
     """
     check_branches(flat, branches or {})
+    posed = _posed(flat, known, targets, prefer, apart)
+    sampler, samples, changed = _located(posed, at)
+    folded = posed.derivatives if fold is None else folded_into(flat, posed.derivatives, fold)
+    system = system_of(flat, posed.structure, folded)
+    jacobians = _jacobians(posed, sampler, samples)
+    stages = choose(
+        flat,
+        posed.structure,
+        jacobians,
+        frozenset(posed.alias.resolve(i, 0)[1] for i in prefer),
+        set(zip(*system.sparsity().get_triplet(), strict=True)),  # entries that are not identically zero
+    )
+    order = _ordered(posed, stages, folded, rates)
+    signs = SignAnalysis(flat, sampler, samples)
+    blocks = [
+        solve_block(flat, posed.structure, folded, c, order.unknown_of, signs, order.uses(flat, c))
+        for c in order.components
+    ]
+    read, on_known = _read(posed, order, fold, sampler, samples)
+    if on_known:
+        blocks.insert(0, condition_block(on_known))
+    computed = [folded[i][m] for c in order.components for i, m in c] + [c.residual for c in on_known]
+    plan = Plan(
+        flat=flat, alias=posed.alias, structure=posed.structure, stages=stages, known=list(known),
+        states=order.states, inputs=sorted(read), blocks=blocks, pairs=posed.pairs, samples=samples,
+        uses_time=_holds_time(flat, computed), parameters=flat.p if fold is None else fold, sampler=sampler,
+        system=system, conditions=posed.conditions, on_known=on_known, undetermined=posed.undetermined, moved=changed,
+    )  # fmt: skip
+    if at is None:
+        plan = settle(plan, sampler, branches or {})
+        plan = replace(plan, sides=sides(plan, sampler))
+    else:
+        plan = follow(plan, sampler)
+    return _with_sizes(plan, sampler)
+
+
+@dataclass(frozen=True, eq=False)
+class _Posed:
+    """What a causality asks of a model: the equations that it needs, with their derivatives, over which symbols."""
+
+    flat: FlatModel
+    alias: AliasResult
+    known: frozenset[int]
+    wanted: list[Pair]
+    structure: Structure
+    unknowns: list[int]
+    derivatives: list[list[ca.SX]]
+    pairs: list[Pair]
+    conditions: list[FlatEquation]
+    undetermined: list[int]
+
+
+def _posed(
+    flat: FlatModel, known: Sequence[int], targets: Sequence[Pair], prefer: Sequence[int], apart: Collection[int]
+) -> _Posed:
     inside = flat
     if apart:
         left = [e for e in flat.equations if not any(i in apart for i, _ in flat.scope.symbols_in(e.residual))]
         inside = replace(flat, equations=left)
     alias = eliminate(inside, frozenset([*known, *prefer]))
-    known_set = set(known)
-    given = known_set | set(apart)
+    given = {*known, *apart}
     unknowns = [v.index for v in flat.variables if v.index not in alias.removed and v.index not in given]
     wanted = [alias.resolve(*t)[1:] for t in targets]
-    equations, conditions = set_apart(flat, alias.equations, known_set)
+    equations, conditions = set_apart(flat, alias.equations, set(known))
     equations, unknowns, undetermined = needed(flat, equations, unknowns, {i for i, _ in wanted})
     structure = analyse(flat, equations, unknowns)
     column = {j: n for n, j in enumerate(unknowns)}
     deficit = max([order - int(structure.d[column[i]]) for i, order in wanted if i in column], default=0)
     structure = structure.raised(max(0, deficit))
-    derivatives = _differentiate(flat, structure)
-    pairs = _pairs(flat, derivatives, structure, conditions, wanted)
-    stage_residuals = [
-        ca.vertcat(*[derivatives[i][structure.c[i] + k] for i in range(len(structure.c)) if structure.c[i] + k >= 0])
-        for k in range(-int(structure.d.max(initial=0)), 1)
-    ]
-    stage_residuals = _with_conditions(flat, stage_residuals, conditions, pairs)
-    sampler = Sampler(flat, pairs, [r for r in stage_residuals if r.numel()], starts_of(flat, alias), frozenset(known))
-    changed: list[Moved] = []
-    if at is None:
-        sampler, samples, changed = _points(sampler, alias)
-    else:
-        samples, sampler.time = at[0][None, :], at[1]
-    parameters = flat.p if fold is None else fold
-    folded = derivatives if fold is None else _folded(flat, derivatives, fold)
-    system = _system(flat, structure, folded)
-    stages = choose(
-        flat,
-        structure,
-        _jacobians(flat, structure, derivatives, sampler, samples),
-        _kept(alias, prefer),
-        set(zip(*system.sparsity().get_triplet(), strict=True)),  # entries that are not identically zero
+    derivatives = differentiate(flat, structure)
+    pairs = pairs_of(flat, derivatives, structure, conditions, wanted)
+    return _Posed(
+        flat, alias, frozenset(known), wanted, structure, unknowns, derivatives, pairs, conditions, undetermined
     )
+
+
+def _located(posed: _Posed, at: tuple[np.ndarray, float] | None) -> tuple[Sampler, np.ndarray, list[Moved]]:
+    """Consistent points, or the one given; with the start values that gave way."""
+    flat = posed.flat
+    residuals = stage_residuals(flat, posed.structure, posed.derivatives, posed.conditions, posed.pairs)
+    sampler = Sampler(flat, posed.pairs, residuals, starts_of(flat, posed.alias), posed.known)
+    if at is None:
+        return _points(sampler, posed.alias)
+    sampler.time = at[1]
+    return sampler, at[0][None, :], []
+
+
+@dataclass(frozen=True, eq=False)
+class _Order:
+    """Which equation gives which unknown, in what order. Nodes are (equation, derivative)."""
+
+    states: list[Pair]
+    wanted: list[Pair]
+    solver: dict[Pair, Pair]
+    unknown_of: dict[Pair, Pair]
+    roots: list[Pair]
+    used: dict[Pair, list[Pair]]
+    components: list[list[Pair]]
+
+    def uses(self, flat: FlatModel, nodes: list[Pair]) -> tuple[tuple[str, ...], ...]:
+        """Per equation the names of all symbols in it."""
+        return tuple(tuple(flat.symbol_name(*p) for p in (*self.used[n], self.unknown_of[n])) for n in sorted(nodes))
+
+    def reached(self, used: dict[Pair, list[Pair]]) -> list[list[Pair]]:
+        """Blocks of nodes that the targets need, in order."""
+        return _reached(self.roots, self.solver, used)
+
+
+def _ordered(posed: _Posed, stages: list[Stage], folded: list[list[ca.SX]], rates: bool) -> _Order:
+    structure, unknowns = posed.structure, posed.unknowns
     solver: dict[Pair, Pair] = {}
     states: list[Pair] = []
     for stage in stages:
@@ -152,160 +224,45 @@ def make_plan(
             solver[(unknowns[j], int(structure.d[j]) + stage.k)] = (i, int(structure.c[i]) + stage.k)
         states += [(unknowns[j], int(structure.d[j]) + stage.k) for j in stage.columns if j not in chosen]
     states = sorted(p for p in states if p not in solver)
-    if rates:
-        wanted += [(i, k + 1) for i, k in states]
+    wanted = [*posed.wanted, *([(i, k + 1) for i, k in states] if rates else [])]
     unknown_of = {node: pair for pair, node in solver.items()}
     roots = [solver[p] for p in wanted if p in solver]
-    used = _users(flat, folded, unknown_of, solver)
-    components = strong_components(roots, lambda node: [solver[p] for p in used[node] if p in solver])
-    analysis = SignAnalysis(flat, sampler, samples)
-    blocks = [_solve(flat, structure, folded, c, unknown_of, analysis) for c in components]
-    for block, c in zip(blocks, components, strict=True):
-        block.uses = tuple(tuple(flat.symbol_name(*p) for p in (*used[n], unknown_of[n])) for n in sorted(c))
-    # what is read is told by the equations as written: a parameter that happens to be zero changes no signature
-    written = used if fold is None else _users(flat, derivatives, unknown_of, solver)
-    reached = strong_components(roots, lambda node: [solver[p] for p in written[node] if p in solver])
-    read = {p for c in reached for node in c for p in written[node] if p not in solver}
-    read |= {p for p in wanted if p not in solver}
-    on_known = conditions_on(flat, conditions, read, sampler, samples)
+    used = _users(posed.flat, folded, unknown_of, solver)
+    return _Order(states, wanted, solver, unknown_of, roots, used, _reached(roots, solver, used))
+
+
+def _reached(roots: list[Pair], solver: dict[Pair, Pair], used: dict[Pair, list[Pair]]) -> list[list[Pair]]:
+    return strong_components(roots, lambda node: [solver[p] for p in used[node] if p in solver])
+
+
+def _read(
+    posed: _Posed, order: _Order, fold: ca.SX | None, sampler: Sampler, samples: np.ndarray
+) -> tuple[set[Pair], list[Condition]]:
+    """What is read, as told by the equations as written: a parameter that happens to be zero changes no signature. And
+    the conditions on it."""
+    flat, solver = posed.flat, order.solver
+    written = order.used if fold is None else _users(flat, posed.derivatives, order.unknown_of, solver)
+    read = {p for c in order.reached(written) for node in c for p in written[node] if p not in solver}
+    read |= {p for p in order.wanted if p not in solver}
+    on_known = conditions_on(flat, posed.conditions, read, sampler, samples)
     if on_known:
         read |= set().union(*[c.symbols for c in on_known])
         on_known = on_known if fold is None else [c.folded(flat.p, fold) for c in on_known]
-        blocks.insert(0, condition_block(on_known))
-    time_key = flat.scope.time.element_hash()
-    computed = [folded[i][m] for c in components for i, m in c] + [c.residual for c in on_known]
-    uses_time = any(s.element_hash() == time_key for e in computed for s in ca.symvar(e))
-    plan = Plan(
-        flat, alias, structure, stages, list(known), states, sorted(read), blocks, pairs, samples, uses_time,
-        parameters, sampler, system, conditions, on_known, undetermined,
-        changed,
-    )  # fmt: skip
-    if at is None:
-        settle(plan, sampler, branches or {})
-        plan.sides = sides(plan, sampler)
-    else:
-        follow(plan, sampler)
-    _size_margins(plan, sampler)
-    return plan
+    return read, on_known
+
+
+def _holds_time(flat: FlatModel, expressions: list[ca.SX]) -> bool:
+    clock = flat.scope.time.element_hash()
+    return any(s.element_hash() == clock for e in expressions for s in ca.symvar(e))
 
 
 def differentiated(plan: Plan) -> list[tuple[str, ca.SX]]:
     """All equations that hold at a point, with the derivatives that they imply: (name with file and line, residual)."""
     return [
         (f"{e.label}{chr(39) * m} ({e.where})", residual)
-        for e, chain in zip(plan.structure.equations, _differentiate(plan.flat, plan.structure), strict=True)
+        for e, chain in zip(plan.structure.equations, differentiate(plan.flat, plan.structure), strict=True)
         for m, residual in enumerate(chain)
     ]
-
-
-def _kept(alias: AliasResult, prefer: Sequence[int]) -> frozenset[int]:
-    return frozenset(alias.resolve(i, 0)[1] for i in prefer)
-
-
-def _differentiate(flat: FlatModel, structure: Structure) -> list[list[ca.SX]]:
-    """derivatives[i][m] = m-th time derivative of equation i, m = 0..c_i, all equations of one order at once."""
-    result = [[e.residual] for e in structure.equations]
-    for m in range(int(structure.c.max(initial=0))):
-        rows = [i for i in range(len(result)) if structure.c[i] > m]
-        rates = flat.scope.derivative(ca.vertcat(*[result[i][m] for i in rows]))
-        for n, i in enumerate(rows):
-            half = _half(rates[n], {})
-            result[i].append(rates[n] if half is None else half)
-    return result
-
-
-def _half(e: ca.SX, known: dict[int, ca.SX | None], depth: int = 50) -> ca.SX | None:
-    """e/2 where every term has a factor two, as the derivatives of squares have; None otherwise.
-
-    known: answers by element; depth: how far down it looks, against sums as long as Python's stack.
-    """
-    key = e.element_hash()
-    if key not in known:
-        known[key] = _halved(e, known, depth)
-    return known[key]
-
-
-def _halved(e: ca.SX, known: dict[int, ca.SX | None], depth: int) -> ca.SX | None:
-    if e.is_zero():
-        return e
-    if depth == 0 or e.is_constant() or e.is_symbolic():
-        return None
-    op = e.op()
-    if op == ca.OP_TWICE:
-        return e.dep(0)
-    if op == ca.OP_NEG:
-        a = _half(e.dep(0), known, depth - 1)
-        return None if a is None else -a
-    if op in (ca.OP_ADD, ca.OP_SUB):
-        a = _half(e.dep(0), known, depth - 1)
-        b = None if a is None else _half(e.dep(1), known, depth - 1)
-        return None if a is None or b is None else a + b if op == ca.OP_ADD else a - b
-    if op == ca.OP_MUL:
-        for one, other in ((e.dep(0), e.dep(1)), (e.dep(1), e.dep(0))):
-            a = _half(one, known, depth - 1)
-            if a is not None:
-                return a * other
-    return None
-
-
-def _folded(flat: FlatModel, derivatives: list[list[ca.SX]], fold: ca.SX) -> list[list[ca.SX]]:
-    if not flat.parameters:
-        return derivatives
-    everything = ca.substitute([e for chain in derivatives for e in chain], [flat.p], [fold])
-    flatten = iter(everything)
-    return [[next(flatten) for _ in chain] for chain in derivatives]
-
-
-def condition_order(flat: FlatModel, conditions: Sequence[FlatEquation], pairs: Sequence[Pair]) -> int:
-    """How often conditions on known values are differentiated, as often as these occur; -1 without any."""
-    highest = dict(sorted(pairs))
-    return max((highest.get(i, 0) for e in conditions for i, _ in flat.scope.symbols_in(e.residual)), default=-1)
-
-
-def _with_conditions(
-    flat: FlatModel, stages: list[ca.SX], conditions: list[FlatEquation], pairs: list[Pair]
-) -> list[ca.SX]:
-    """Stage residuals with the conditions on known values, differentiated as often as these occur."""
-    if not conditions:
-        return stages
-    residual = ca.vertcat(*[e.residual for e in conditions])
-    top = condition_order(flat, conditions, pairs)
-    stages = [*stages, *[ca.SX(0, 1)] * max(0, top + 1 - len(stages))]
-    for m in range(top + 1):
-        stages[m] = ca.vertcat(stages[m], residual)
-        residual = flat.scope.derivative(residual)
-    return stages
-
-
-def _users(
-    flat: FlatModel, derivatives: list[list[ca.SX]], unknown_of: dict[Pair, Pair], solver: dict[Pair, Pair]
-) -> dict[Pair, list[Pair]]:
-    """Symbols that each node's equation uses, besides the one it is solved for."""
-    return {
-        node: [p for p in flat.scope.symbols_in(derivatives[node[0]][node[1]]) if solver.get(p) != node]
-        for node in unknown_of
-    }
-
-
-def _system(flat: FlatModel, structure: Structure, derivatives: list[list[ca.SX]]) -> ca.SX:
-    """d f_i^(c_i) / d x_j^(d_j)."""
-    # SX also where nothing is left but aliases
-    top = ca.SX(ca.vertcat(*[derivatives[i][structure.c[i]] for i in range(len(structure.c))]))
-    columns = ca.SX(ca.vertcat(*[flat.scope.symbol(j, int(structure.d[n])) for n, j in enumerate(structure.unknowns)]))
-    return ca.jacobian(top, columns)
-
-
-def _pairs(
-    flat: FlatModel,
-    derivatives: list[list[ca.SX]],
-    structure: Structure,
-    conditions: list[FlatEquation],
-    wanted: Sequence[Pair],
-) -> list[Pair]:
-    pairs = {p for chain in derivatives for e in chain for p in flat.scope.symbols_in(e)}
-    pairs |= {(j, m) for n, j in enumerate(structure.unknowns) for m in range(int(structure.d[n]) + 1)}
-    pairs |= {p for e in conditions for p in flat.scope.symbols_in(e.residual)}
-    return sorted(pairs | set(wanted))
 
 
 def _points(sampler: Sampler, alias: AliasResult) -> tuple[Sampler, np.ndarray, list[Moved]]:
@@ -324,66 +281,38 @@ def _points(sampler: Sampler, alias: AliasResult) -> tuple[Sampler, np.ndarray, 
     return shared, samples, moved(flat, shared, samples[0], declared)
 
 
-def _jacobians(
-    flat: FlatModel, structure: Structure, derivatives: list[list[ca.SX]], sampler: Sampler, samples: np.ndarray
-) -> list[np.ndarray]:
-    f = ca.Function("system", [sampler.w, flat.p, flat.scope.time], [_system(flat, structure, derivatives)])
+def _users(
+    flat: FlatModel, derivatives: list[list[ca.SX]], unknown_of: dict[Pair, Pair], solver: dict[Pair, Pair]
+) -> dict[Pair, list[Pair]]:
+    """Symbols that each node's equation uses, besides the one it is solved for."""
+    return {
+        node: [p for p in flat.scope.symbols_in(derivatives[node[0]][node[1]]) if solver.get(p) != node]
+        for node in unknown_of
+    }
+
+
+def _jacobians(posed: _Posed, sampler: Sampler, samples: np.ndarray) -> list[np.ndarray]:
+    flat = posed.flat
+    system = system_of(flat, posed.structure, posed.derivatives)
+    f = ca.Function("system", [sampler.w, flat.p, flat.scope.time], [system])
     return [np.asarray(f(w, flat.p0, sampler.time).full()) for w in samples]
 
 
-def _solve(
-    flat: FlatModel,
-    structure: Structure,
-    derivatives: list[list[ca.SX]],
-    nodes: list[Pair],
-    unknown_of: dict[Pair, Pair],
-    signs: SignAnalysis,
-) -> SolvedBlock:
-    order = sorted(nodes, key=lambda n: unknown_of[n])  # canonical: by declaration of the unknowns
-    rows = sorted(nodes)
-    residuals = [derivatives[i][m] for i, m in rows]
-    unknowns = [flat.scope.symbol(*unknown_of[n]) for n in order]
-    names = [flat.symbol_name(*unknown_of[n]) for n in order]
-    equations = [f"{structure.equations[i].label}{chr(39) * m} ({structure.equations[i].where})" for i, m in rows]
-    label = names[0] if len(names) == 1 else f"{names[0]}..{names[-1]}"
-    jacobian = ca.jacobian(ca.vertcat(*residuals), ca.vertcat(*unknowns))
-    kinked = has_kinks(flat) and any(kinked_in(residuals, unknowns))
-    keys = {s.element_hash() for s in unknowns}
-    if not kinked and not any(s.element_hash() in keys for s in ca.symvar(jacobian)):
-        assignments, margins, how = solve_linear(residuals, unknowns, signs, label)
-        kind = "explicit" if len(nodes) == 1 and not margins else "linear"
-        return SolvedBlock(kind, names, equations, assignments, margins, [], how)
-    try:
-        assignments, margins, roots, how = solve_nonlinear(residuals, unknowns, signs, kinked)
-    except NoClosedForm:
-        left, unknown, explicit = eliminate_explicit(residuals, unknowns, signs, True, kinked)
-        scale = np.array([flat.variables[p[0]].nominal for p in map(flat.scope.owner, unknown) if p is not None])
-        labels = [u.name() for u in unknown]
-        how = f"Newton in {', '.join(labels)}" + (f", {len(explicit)} explicit" if explicit else "")
-        newton = NewtonBlock(unknown, left, labels, scale)
-        solved = SolvedBlock("Newton", names, equations, list(reversed(explicit)), [], [], how, newton)
-    else:
-        solved = SolvedBlock(how.split(" in ")[0], names, equations, assignments, margins, roots, how)
-    solved.closures = tuple(residuals)
-    return solved
-
-
-def _size_margins(plan: Plan, sampler: Sampler) -> None:
+def _with_sizes(plan: Plan, sampler: Sampler) -> Plan:
     """Typical sizes of the margins, read off the consistent points; pivots that are negative there change their sign,
     which means nothing and costs an operation."""
     flat = plan.flat
     margins = [m for b in plan.blocks for m in b.margins]
-    if margins:
-        sizes = ca.Function(
-            "sizes", [sampler.w, flat.p, flat.scope.time], [ca.vertcat(*[m.expression for m in margins])]
+    if not margins:
+        return plan
+    sizes = ca.Function("sizes", [sampler.w, flat.p, flat.scope.time], [ca.vertcat(*[m.expression for m in margins])])
+    values = np.array([np.asarray(sizes(w, flat.p0, sampler.time)).reshape(-1) for w in plan.samples])
+    sized = {
+        id(m): replace(
+            m,
+            expression=-m.expression if m.kind == "pivot" and row[0] < 0 else m.expression,
+            scale=float(np.median(np.abs(row))) or 1.0,
         )
-        values = np.array([np.asarray(sizes(w, flat.p0, sampler.time)).reshape(-1) for w in plan.samples])
-        scales = dict(zip(map(id, margins), np.median(np.abs(values), axis=0), strict=True))
-        turned = {id(m) for m, row in zip(margins, values.T, strict=True) if m.kind == "pivot" and row[0] < 0}
-        for b in plan.blocks:
-            b.margins = [
-                type(m)(
-                    m.kind, -m.expression if id(m) in turned else m.expression, m.label, float(scales[id(m)]) or 1.0
-                )
-                for m in b.margins
-            ]
+        for m, row in zip(margins, values.T, strict=True)
+    }
+    return replace(plan, blocks=[replace(b, margins=[sized[id(m)] for m in b.margins]) for b in plan.blocks])

@@ -9,8 +9,8 @@ import casadi as ca
 import numpy as np
 
 from .blocks import Margin, SolvedBlock
+from .consistency.points import Sampler
 from .flat import FlatEquation, FlatModel
-from .points import Sampler
 from .structure import overdetermined_and_underdetermined
 
 # a unit quaternion printed with six digits is one, anything coarser is refused; of rates the same

@@ -14,8 +14,8 @@ from ..results.status import Status
 from .blocks import VERDICTS
 
 if TYPE_CHECKING:
+    from .analysis.sizes import Sizes
     from .causal import CausalFunction
-    from .sizes import Sizes
 
 # a pivot below this fraction of its typical size means singular. A pivot that is a root, as of a link at right angles
 # to its guideway, is known to the root of round-off only, 1e-8: below that no double can tell it from zero

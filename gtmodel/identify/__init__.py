@@ -1,6 +1,9 @@
 """Identification of dynamics from motion: friction from constant velocities, regressors, weighted least squares.
 
 Friction
+    friction_study, FrictionStudy          from logs, runs or made-up ones; options HeldPose, Steady, SyntheticRuns
+    published_friction_study               the mass of printed lines; Coefficients, PublishedFriction
+    gravity_pattern        forces that hold one kilogram, by pose
     identify_friction      coefficients by direction and the mass held, from runs at constant velocity
     steady_runs, joined    the runs of a log, of several logs
     mass_by_norm           the mass by three norms of what is left
@@ -28,8 +31,25 @@ from .delay import Delay, delay_of
 from .exchanged import Exchanged, exchanged_efforts
 from .excitation import Excitation, ExcitationTask, optimise_excitation
 from .excitation_basis import ClosedSpline, FourierSeries
-from .friction import FrictionError, FrictionFit, identify_friction
-from .gravity import MassByNorm, mass_by_norm
+from .friction import (
+    Coefficients,
+    FrictionFit,
+    FrictionStudy,
+    HeldPose,
+    MassByNorm,
+    PublishedFriction,
+    Runs,
+    Steady,
+    SyntheticRuns,
+    constant_velocity_log,
+    friction_study,
+    gravity_pattern,
+    identify_friction,
+    joined,
+    mass_by_norm,
+    published_friction_study,
+    steady_runs,
+)
 from .inertia import Identification, LeftOut, Validation, bias_of, identify
 from .information import condition, predicted_deviations, singular_values
 from .random_excitation import random_excitations
@@ -38,30 +58,34 @@ from .regressor import Regressor, RegressorRows
 from .repeated import Repeated, repeat_identification
 from .rows import Processing, Rows, rows_of, with_offsets
 from .simulated_log import LogSimulator, Sensors
-from .steady import Runs, constant_velocity_log, joined, steady_runs
 from .tracking import Tracking
 from .work import Work, work_of
 
 __all__ = [
     "ClosedSpline",
+    "Coefficients",
     "Delay",
     "Exchanged",
     "Excitation",
     "ExcitationTask",
     "FourierSeries",
-    "FrictionError",
     "FrictionFit",
+    "FrictionStudy",
+    "HeldPose",
     "Identification",
     "LeftOut",
     "LogSimulator",
     "MassByNorm",
     "Processing",
+    "PublishedFriction",
     "Regressor",
     "RegressorRows",
     "Repeated",
     "Rows",
     "Runs",
     "Sensors",
+    "Steady",
+    "SyntheticRuns",
     "Tracking",
     "Validation",
     "Work",
@@ -71,6 +95,8 @@ __all__ = [
     "corrected",
     "delay_of",
     "exchanged_efforts",
+    "friction_study",
+    "gravity_pattern",
     "identify",
     "identify_friction",
     "joined",
@@ -78,6 +104,7 @@ __all__ = [
     "multisine",
     "optimise_excitation",
     "predicted_deviations",
+    "published_friction_study",
     "random_excitations",
     "repeat_identification",
     "rows_of",

@@ -13,8 +13,8 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from ..optimize.diagnosis import failure
 from ..optimize.ipopt import Progress, run_ipopt
+from ..optimize.judgement.diagnosis import failure
 from ..optimize.solve import SolverOptions
 from ..results.status import SolveStatus
 from .excitation_basis import Array, Basis

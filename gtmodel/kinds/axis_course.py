@@ -11,10 +11,9 @@ from scipy.interpolate import CubicSpline, PPoly
 
 from gtmodel import lang as gt
 from gtmodel.compiler.causal import CausalFunction, compile_causal
+from gtmodel.motion.guard import Guard
+from gtmodel.motion.paths import Path
 from gtmodel.problem_files.base import InputError
-
-from .motion_limits import Guard
-from .motion_paths import Path
 
 Array = np.ndarray
 WIDEST_DEG = 100.0  # between declared directions that follow one another: their chord must stay off zero

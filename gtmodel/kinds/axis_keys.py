@@ -6,11 +6,12 @@ from typing import Literal
 
 from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt
 
+from gtmodel.motion.options import AxisLimits
 from gtmodel.problem_files.base import Section
+from gtmodel.problem_files.from_options import Made, made_from
+from gtmodel.problem_files.path_keys import PathSection, Point
 from gtmodel.problem_files.robot_keys import RobotProblem
 from gtmodel.problem_files.solver_keys import Barrier, MostElements
-
-from .trajectory_keys import MotionLimits, PathSection, Point
 
 
 class End(Section):
@@ -42,14 +43,9 @@ class AxisPathSection(PathSection):
     )
 
 
-class Limits(MotionLimits):
+@made_from(AxisLimits)
+class Limits(Made):
     """What the motion must keep; what is left out is unlimited."""
-
-    torque_Nm: PositiveFloat = Field(description="largest motor torque of each rotary axis")
-    axis_low_deg: Point | None = Field(None, description="least angle of each rotary axis")
-    axis_high_deg: Point | None = Field(None, description="largest angle of each rotary axis")
-    axis_velocity_deg_s: PositiveFloat | None = Field(None, description="largest speed of each rotary axis")
-    axis_acceleration_deg_s2: PositiveFloat | None = Field(None, description="largest acceleration of each rotary axis")
 
 
 class Cost(Section):

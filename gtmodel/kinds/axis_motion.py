@@ -11,15 +11,16 @@ import numpy as np
 
 from gtmodel import lang as gt
 from gtmodel.compiler.causal import CausalFunction, compile_causal
+from gtmodel.motion.guard import Guard
+from gtmodel.motion.guesses import GUESS_TIME_S
+from gtmodel.motion.path_rows import task_along
+from gtmodel.motion.task import SHORTEST_TIME_S, dependent
 from gtmodel.optimize.path import PathMotion, solve_path
 from gtmodel.problem_files.base import InputError
 from gtmodel.results import Status, Trajectory
 
 from .axis_course import Course
 from .axis_keys import AxisTrajectoryProblem
-from .motion import GUESS_TIME_S, SHORTEST_TIME_S, dependent
-from .motion_limits import Guard
-from .path_rows import task_along
 
 Array = np.ndarray
 GUESS_ROWS = 41

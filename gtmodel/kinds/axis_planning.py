@@ -10,6 +10,8 @@ from scipy.spatial.transform import Rotation
 
 from gtmodel.compiler.causal import CausalFunction, compile_causal
 from gtmodel.mechanics.rotation import quaternion_matrix, rotation_about
+from gtmodel.motion.guard import Carrier, Guard, guard_of
+from gtmodel.motion.paths import path_of
 from gtmodel.problem_files.base import Context, InputError
 from gtmodel.results import Status, Trajectory
 from gtmodel.robots import F1
@@ -17,8 +19,6 @@ from gtmodel.robots import F1
 from .axis_course import Course, turning
 from .axis_keys import AxisTrajectoryProblem, End
 from .axis_motion import CARTS, MOTORS, AxisPlan, coordinates
-from .motion_limits import Carrier, Guard, guard_of
-from .motion_paths import path_of
 
 Array = np.ndarray
 COUPLED = 1e-9  # degrees: typed numbers, so round-off only
@@ -120,7 +120,7 @@ def _course(problem: AxisTrajectoryProblem, robot: F1, context: Context) -> Cour
         R = [place.R if end.tcp_m is None else other.R for place, end, other in
              ((start, problem.start, goal), (goal, problem.goal, start))]  # fmt: skip
         e = Rotation.from_matrix(np.array(R)).as_quat(scalar_first=True)
-        path = path_of(keys, context, start.T, goal.T)
+        path = path_of(keys.options(context), start.T, goal.T)
         return Course(path, turning(np.array([0.0, 1.0]), e, "goal"), None)
     ends = [place.direction if end.tcp_m is not None else place.R @ tool for place, end in
             ((start, problem.start), (goal, problem.goal))]  # fmt: skip
@@ -131,7 +131,7 @@ def _course(problem: AxisTrajectoryProblem, robot: F1, context: Context) -> Cour
         raise InputError("its fractions do not rise along the way", "path.tool")
     between = [_unit(np.array(t.direction), f"path.tool[{n}].direction") for n, t in enumerate(keys.tool)]
     course = turning(at, np.array([first, *between, last]), "path.tool" if keys.tool else "goal")
-    return Course(path_of(keys, context, start.T, goal.T), course, tool)
+    return Course(path_of(keys.options(context), start.T, goal.T), course, tool)
 
 
 def _place(robot: F1, end: End, which: str) -> _Place:
@@ -175,7 +175,7 @@ def _ends_of(
 def _guard(problem: AxisTrajectoryProblem, robot: F1, start: Array) -> Guard:
     """Further limits; strokes are bounds of the axes themselves."""
     limits = problem.limits.model_copy(update={"cart_low_m": None, "cart_high_m": None})
-    return guard_of(limits, LINKS, lambda arm, end: _carrier(robot, start, arm, end))
+    return guard_of(limits.options(), LINKS, lambda arm, end: _carrier(robot, start, arm, end))
 
 
 def _carrier(robot: F1, start: Array, arm: int, end: str) -> Carrier | None:

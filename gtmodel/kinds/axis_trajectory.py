@@ -9,10 +9,14 @@ from typing import Any
 import numpy as np
 
 from gtmodel.compiler.causal import compile_causal
+from gtmodel.motion.finer_mesh import elements_after, how, refined, told
+from gtmodel.motion.found import MARGIN_TOLERANCE
+from gtmodel.motion.guard import clearance
 from gtmodel.optimize import Mesh, Solution, SolverOptions
 from gtmodel.optimize import solve as collocate
-from gtmodel.optimize.resimulate import SUBSTEPS, resimulate
+from gtmodel.optimize.judgement.resimulate import SUBSTEPS, resimulate
 from gtmodel.problem_files.base import TRAJECTORY, Context, Outcome, Row, at_most
+from gtmodel.problem_files.path_keys import PATH_ARGUMENTS
 from gtmodel.results import SolveStatus, Status, Trajectory
 from gtmodel.results.check import failed_of
 
@@ -20,11 +24,9 @@ from .axis_free_run import free_run
 from .axis_keys import AxisTrajectoryProblem as Schema
 from .axis_motion import CARTS, AxisPlan
 from .axis_planning import LINKS, plan_of
-from .finer_mesh import finer_problem, how, refined, told
-from .motion_limits import clearance
-from .trajectory import MARGIN_TOLERANCE
 
 NAME = "axis_trajectory"
+ARGUMENTS = PATH_ARGUMENTS
 
 VALUES = {
     "final_time_s": "final time of the optimum",
@@ -102,7 +104,11 @@ def _finer(found: _Found) -> Schema | None:
     """The problem on a finer mesh where a check failed that it can mend."""
     if not found.outcome.status.converged:
         return None
-    return finer_problem(found.plan.problem, found.checks, MENDED)
+    problem = found.plan.problem
+    elements = elements_after(problem.mesh.elements, problem.mesh.most_elements, found.checks, MENDED)
+    if elements is None:
+        return None
+    return problem.model_copy(update={"mesh": problem.mesh.model_copy(update={"elements": elements})})
 
 
 def _on_this_mesh(plan: AxisPlan, guess: Solution | None, context: Context) -> _Found:
@@ -127,7 +133,7 @@ def _judged(plan: AxisPlan, solution: Solution, context: Context) -> Outcome:
 
 def explain(problem: Schema, context: Context) -> str:
     """What is optimised: states, controls, unknowns without a closed form, bounds."""
-    from gtmodel.optimize.problem import build
+    from gtmodel.optimize.formulation.problem import build
 
     plan = plan_of(problem, context)
     built = build(plan.optimization(), problem.solver.formulation)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .motion_reference import robtargets
+from gtmodel.motion.reference import robtargets
 
 Array = np.ndarray
 FIT, HELD_OUT = "calibrate", "verify"

@@ -10,7 +10,7 @@ from gtmodel.problem_files.base import Section
 from gtmodel.problem_files.robot_keys import RobotProblem
 from gtmodel.problem_files.section_keys import Pair
 
-from .workspace_limits import Beam, Bodies, Box, Limits, Point
+from .workspace.keys import Beam, Bodies, Box, Limits, Point
 
 Count = Annotated[int, Field(ge=2, le=200)]
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from gtmodel.kinematics.workspace import Reach
+from gtmodel.kinematics.workspace import Reach, limits_of
+from gtmodel.kinematics.workspace.limited import LONGEST_STROKE
 from gtmodel.problem_files.base import InputError
 
 from .calibration_plan_device import Measuring
-from .calibration_plan_keys import Schema
+from .calibration_plan_keys import PlanLimits, Schema
 from .calibration_plan_turns import Turn, facing
-from .workspace_limits import LONGEST_STROKE, Limits, limits_of
 
 
 def stages_of(problem: Schema, turn: Turn, measuring: Measuring) -> dict[str, Reach]:
@@ -21,20 +21,22 @@ def stages_of(problem: Schema, turn: Turn, measuring: Measuring) -> dict[str, Re
     if cone is not None and safety.cone_deg >= cone:
         raise InputError(f"takes {safety.cone_deg:g} deg off cones of {cone:g} deg; nothing is left", "safety.cone_deg")
     strokes = _with_axes(problem, turn, safety.stroke_m, safety.axes_deg).actuators_m
-    bodies, boxes, beams = problem.bodies, problem.obstacles, problem.beams
+    bodies = problem.bodies
+    boxes, beams = ([one.options() for one in listed] for listed in (problem.obstacles, problem.beams))
     wider = {name: getattr(bodies, name) + safety.obstacles_m for name in ("link_radius_m", "plate_radius_m")}
     narrower = {"cone_deg": None if cone is None else cone - safety.cone_deg, "actuators_m": strokes}
     safe = limits.model_copy(update=narrower)
-    within = limits_of(safe, bodies.model_copy(update=wider), boxes, beams, robot)
+    within = limits_of(safe.options(), bodies.model_copy(update=wider).options(), boxes, beams, robot)
+    given = limits.options(), bodies.options()
     return {
-        "workspace": Reach(robot.inverse, limits_of(limits, bodies, [], [], robot)),
-        "obstacles": Reach(robot.inverse, limits_of(limits, bodies, boxes, beams, robot)),
+        "workspace": Reach(robot.inverse, limits_of(*given, [], [], robot)),
+        "obstacles": Reach(robot.inverse, limits_of(*given, boxes, beams, robot)),
         "safety": Reach(robot.inverse, within),
         "device": Reach(robot.inverse, [*within, *measuring.limits, *facing(problem, turn)]),
     }
 
 
-def _with_axes(problem: Schema, turn: Turn, stroke: float, angle: float) -> Limits:
+def _with_axes(problem: Schema, turn: Turn, stroke: float, angle: float) -> PlanLimits:
     """Limits of all actuators, narrower by a stroke [m] of carts and an angle [deg] of rotary axes, which are behind
     them in rad. Raises InputError."""
     limits, carts = problem.limits, problem.limits.actuators_m

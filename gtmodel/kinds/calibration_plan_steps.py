@@ -28,6 +28,7 @@ from gtmodel.calibrate import (
 from gtmodel.inference import Identifiability
 from gtmodel.kinematics.mechanism import Mechanism
 from gtmodel.kinematics.workspace import box_grid
+from gtmodel.kinematics.workspace.limited import refuse_disordered
 from gtmodel.lang import ModelError
 from gtmodel.problem_files.base import InputError
 
@@ -35,7 +36,6 @@ from .calibration_plan_device import Measuring
 from .calibration_plan_keys import Schema
 from .calibration_plan_stages import stages_of
 from .calibration_plan_turns import Turn
-from .workspace_limits import refuse_disordered
 
 Array = np.ndarray
 MOST_POINTS = 200_000  # of the room's grid

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from gtmodel.compiler.causal import compile_causal
 from gtmodel.kinematics.mechanism import Mechanism
-from gtmodel.kinematics.workspace import InverseKinematics, Limit, Poses
+from gtmodel.kinematics.workspace import InverseKinematics, Limit, Poses, limited_mechanism
 from gtmodel.lang import Model
 from gtmodel.problem_files.base import InputError
 from gtmodel.results import Status
@@ -19,7 +19,6 @@ from gtmodel.robots import clusters
 from gtmodel.robots.families import family_of
 
 from .calibration_plan_keys import Schema, TrackerKeys
-from .workspace_limits import limited_mechanism
 
 Array = np.ndarray
 LINKS = [f"link[{k}].{end}.r" for k in range(6) for end in "ab"]
@@ -63,7 +62,7 @@ def turns_of(problem: Schema, model: Model) -> list[Turn]:
     if family_of(model) != "f1":
         if np.any(np.array(given)):
             raise InputError("is for an F1, whose plate turns freely; leave it out", "room.turns_deg")
-        return [Turn(limited_mechanism(model, problem.home_m, problem.bodies), None)]
+        return [Turn(limited_mechanism(model, problem.home_m, problem.bodies.options()), None)]
     if problem.bodies.plate_joints_m is not None:
         raise InputError("is for simplified joints; an F1 has its own", "bodies.plate_joints_m")
     f1: Any = model

@@ -13,12 +13,12 @@ from gtmodel.identify.excitation_basis import FourierSeries
 from gtmodel.identify.information import condition, predicted_deviations, singular_values
 from gtmodel.identify.random_excitation import random_excitations
 from gtmodel.inference import FALSE_ALARM, Coverage, binomial_band, coverage, linear_fit
+from gtmodel.motion.links import link_ends
 from gtmodel.problem_files.base import TRAJECTORY, Context, InputError, Outcome, Row, at_most
 from gtmodel.results import SolveStatus, Trajectory
 
 from .excitation_keys import ExcitationProblem
 from .excitation_task import Plan, plan_of
-from .motion import link_ends
 
 NAME = "excitation"
 Schema = ExcitationProblem

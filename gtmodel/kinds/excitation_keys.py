@@ -7,9 +7,10 @@ from typing import Literal
 from pydantic import Field, NonNegativeInt, PositiveFloat, PositiveInt
 
 from gtmodel.problem_files.base import Section
+from gtmodel.problem_files.path_keys import Point
 from gtmodel.problem_files.robot_keys import RobotProblem
 
-from .trajectory_keys import Limits, Point
+from .trajectory.keys import Limits
 
 
 class MotionKeys(Section):

@@ -13,13 +13,13 @@ from gtmodel.compiler.causal import CausalFunction, flat_of
 from gtmodel.identify import Regressor
 from gtmodel.identify.excitation import ExcitationTask
 from gtmodel.identify.excitation_basis import Basis, ClosedSpline, FourierSeries
+from gtmodel.motion.follow import motion_function
+from gtmodel.motion.guard import Guard, Margin, guard_of
 from gtmodel.problem_files import python_models
 from gtmodel.problem_files.base import Context, InputError
+from gtmodel.robots.links import links_of
 
 from .excitation_keys import ExcitationProblem
-from .motion import links_of
-from .motion_follow import motion_function
-from .motion_limits import Guard, Margin, guard_of
 
 SHARP_M_S = 1e-6  # the sign of a velocity, beside which the smoothed one is judged
 
@@ -64,7 +64,7 @@ def plan_of(problem: ExcitationProblem, context: Context) -> Plan:
             "under parameters, or leave it out",
             "identified",
         )
-    rows, low, high = _rows(inverse, problem.limits.force_N)
+    rows, low, high = _rows(inverse, problem.limits.options().force)
     task = ExcitationTask(_basis(problem), rows, low, high, smooth, regressor.nominal, problem.search.criterion)
     keys = ["force_N"] * 3 + [margin.key for margin in guard.margins]
     return Plan(robot, inverse, task, regressor, sharp, _centre(problem), keys, _times(problem))
@@ -80,8 +80,8 @@ def _basis(problem: ExcitationProblem) -> Basis:
 def _guard(problem: ExcitationProblem, robot: gt.Model) -> Guard:
     """The margins of the limits, and the distance from the edge of reach."""
     links = links_of(robot)
-    guard = guard_of(problem.limits, links)
-    least = problem.limits.link_along_guideway_m
+    limits = problem.limits.options()
+    guard, least = guard_of(limits, links), limits.link_along_guideway
 
     def along(part: str, i: int) -> Margin:
         def expression(m: Any) -> Any:

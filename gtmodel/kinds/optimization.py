@@ -11,8 +11,8 @@ from gtmodel.lang import ModelError, Optimization
 from gtmodel.optimize import CompilerMissing, Solution, SolverOptions
 from gtmodel.optimize import Mesh as CollocationMesh
 from gtmodel.optimize import solve as collocate
-from gtmodel.optimize.problem import Bounds
-from gtmodel.optimize.resimulate import resimulate
+from gtmodel.optimize.formulation.problem import Bounds
+from gtmodel.optimize.judgement.resimulate import resimulate
 from gtmodel.problem_files import python_models
 from gtmodel.problem_files.base import Context, InputError, Outcome, Problem, Row, Section
 from gtmodel.problem_files.solver_keys import Barrier
@@ -95,7 +95,7 @@ def solve(problem: Schema, context: Context) -> Outcome:
 
 def explain(problem: Schema, context: Context) -> str:
     """What is optimised: the unknowns of the discretised problem's model and their bounds."""
-    from gtmodel.optimize.problem import build
+    from gtmodel.optimize.formulation.problem import build
 
     built = build(_model(problem, context), problem.solver.formulation)
     lines = [

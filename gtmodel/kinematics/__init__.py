@@ -1,9 +1,12 @@
 """Kinematics that a model's equations alone do not answer.
 
-accuracy          greatest positioning errors from errors of carts and links
+workspace_study   which tool centre points a robot reaches: a WorkspaceStudy; its options in `workspace`
+accuracy_study    greatest positioning errors over a section, from errors of carts and links: an AccuracyStudy; what it
+                  is asked for, and its parts, in `accuracy`
 assembly_modes    every pose in which a platform on six legs of given lengths can be assembled
 section           a plane across the guideways
 workspace         which tool centre points are reached, and why not the others
+mechanism         a robot on guideways as arrays: `Mechanism`
 singularity       how far a pose is from a singular one, as lengths and angles
 WristPartition    all branches of the inverse kinematics of a six-axis arm with a wrist centre
 MotionMaps        velocity and acceleration maps of any position causality
@@ -22,14 +25,17 @@ Orientation of the plate
 """
 
 from . import accuracy, assembly_modes, section, singularity, workspace
+from .accuracy import AccuracyStudy, accuracy_study
 from .guideways import GuidewayFit, MeasurementError, fit_guideway
 from .maps import MotionMaps
 from .orientation import OrientationMap, grid, orientation_map
 from .rotations import rotation_vector, zyz
 from .transmission import Backlash, CyclicTerm, backlash, cyclic_term
+from .workspace import WorkspaceStudy, workspace_study
 from .wrist_partition import InverseBranches, WristPartition
 
 __all__ = [
+    "AccuracyStudy",
     "Backlash",
     "CyclicTerm",
     "GuidewayFit",
@@ -37,8 +43,10 @@ __all__ = [
     "MeasurementError",
     "MotionMaps",
     "OrientationMap",
+    "WorkspaceStudy",
     "WristPartition",
     "accuracy",
+    "accuracy_study",
     "assembly_modes",
     "backlash",
     "cyclic_term",
@@ -49,5 +57,6 @@ __all__ = [
     "section",
     "singularity",
     "workspace",
+    "workspace_study",
     "zyz",
 ]

@@ -12,8 +12,8 @@ from ..compiler.causal import compile_causal, flat_of
 from ..lang import Model, ModelError
 from ..results import ArgumentError, Status
 from ..robots.links import link_names
+from .poses import InverseKinematics, Poses
 from .section import Section, across_guideways
-from .workspace.poses import InverseKinematics, Poses
 
 Array = np.ndarray
 MARGIN_M = 0.05  # around what the links can reach at most

@@ -16,7 +16,7 @@ from .declare import (
     potential,
     variable,
 )
-from .expression import Expr, Relation
+from .expression import Expr, Relation, vector
 from .functions import (
     absolute,
     acos,
@@ -38,7 +38,6 @@ from .functions import (
     sqrt,
     tan,
     tanh,
-    vector,
 )
 from .interpolation import interpolate
 from .model import Connector, Model

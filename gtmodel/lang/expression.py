@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import operator
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,6 +16,8 @@ from .units import Dimension, UnitError
 
 Shape = tuple[int, ...]
 ONE = Dimension()
+# what numpy functions do to expressions, by name; `functions` fills it
+UFUNCS: dict[str, Callable[..., Any]] = {}
 
 
 def _columns(shape: Shape) -> tuple[int, int]:
@@ -48,8 +50,6 @@ class Expr:
 
     # numpy on the left hands over to us; functions such as np.sin work on expressions too
     def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **kwargs: Any) -> Any:
-        from .functions import UFUNCS
-
         fun = UFUNCS.get(ufunc.__name__)
         if method != "__call__" or kwargs or fun is None:
             return NotImplemented
@@ -151,10 +151,11 @@ class Expr:
     __hash__ = object.__hash__
 
     def at(self, instant: Any) -> Expr:
-        """The expression's value at an instant: `x.at(self.final_time)`, `x.at(0.5)`."""
-        from .optimization import at
-
-        return at(self, instant)
+        """The value at an instant, a number [s], `self.start_time` or `self.final_time`: `x.at(0.5)`."""
+        time, shape = operand(instant, self.scope)
+        if shape != ():
+            raise ModelError(f"an instant is a scalar time; found shape {shape}", here())
+        return Expr(self.scope.value_at(self.sx, time), self.shape, self.dimension, self.scope)
 
 
 @dataclass(frozen=True, eq=False)
@@ -230,10 +231,30 @@ def gathered(value: Any) -> Any:
     if isinstance(value, (list, tuple)):
         parts = [gathered(v) for v in value]
         if any(isinstance(v, Expr) for v in parts):
-            from .functions import vector
-
             return vector(parts)
     return value
+
+
+def scope_of(*values: Any) -> Any:
+    return next((v.scope for v in values if isinstance(v, Expr)), None)
+
+
+def vector(parts: Sequence[Any]) -> Expr:
+    """A vector from scalars, or a matrix (one row each) from vectors of equal length."""
+    parts = [gathered(p) for p in parts]
+    scope = scope_of(*parts)
+    if scope is None:
+        raise ModelError("gt.vector takes at least one expression; use numpy.array on numbers", here())
+    items = [operand(p, scope) for p in parts]
+    shape = items[0][1]
+    if any(s != shape for _, s in items) or len(shape) > 1:
+        raise ModelError(f"parts of a vector have shapes {[s for _, s in items]}; expected equal ones", here())
+    dims = {p.dimension for p in parts if isinstance(p, Expr) and p.dimension is not None}
+    if len(dims) > 1:
+        raise ModelError(f"parts of a vector have different units: {sorted(map(str, dims))}", here())
+    dim = dims.pop() if dims else None
+    rows = [sx.T if shape else sx for sx, _ in items]
+    return Expr(ca.vertcat(*rows), (len(items), *shape), dim, scope)
 
 
 def operand(value: Any, scope: Scope) -> tuple[ca.SX, Shape]:

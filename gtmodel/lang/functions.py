@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from .expression import ONE, Expr, dimension_of, gathered, operand, times
+from .expression import ONE, UFUNCS, Expr, aligned, dimension_of, gathered, operand, scope_of, times
 from .source import ModelError, here
-
-
-def _scope_of(*values: Any) -> Any:
-    return next((v.scope for v in values if isinstance(v, Expr)), None)
+from .units import parse_unit
 
 
 def der(x: Any, order: int = 1) -> Expr:
@@ -25,8 +22,6 @@ def der(x: Any, order: int = 1) -> Expr:
         raise ModelError(f"der() takes an expression of the model; found {x!r}", here())
     if order < 0:
         raise ModelError(f"der() takes an order of 0 or more; found {order}", here())
-    from .units import parse_unit
-
     second = parse_unit("s").dimension
     for _ in range(order):
         dim = None if x.dimension is None else x.dimension / second
@@ -37,7 +32,7 @@ def der(x: Any, order: int = 1) -> Expr:
 def dot(a: Any, b: Any) -> Expr:
     """Scalar product of two vectors of equal length."""
     a, b = gathered(a), gathered(b)
-    scope = _scope_of(a, b)
+    scope = scope_of(a, b)
     if scope is None:
         raise ModelError("gt.dot takes at least one expression of the model; use numpy.dot on numbers", here())
     (sa, shape_a), (sb, shape_b) = operand(a, scope), operand(b, scope)
@@ -49,31 +44,13 @@ def dot(a: Any, b: Any) -> Expr:
 def cross(a: Any, b: Any) -> Expr:
     """Vector product of two vectors of length 3."""
     a, b = gathered(a), gathered(b)
-    scope = _scope_of(a, b)
+    scope = scope_of(a, b)
     if scope is None:
         raise ModelError("gt.cross takes at least one expression; use numpy.cross on numbers", here())
     (sa, shape_a), (sb, shape_b) = operand(a, scope), operand(b, scope)
     if shape_a != (3,) or shape_b != (3,):
         raise ModelError(f"cross() takes two vectors of length 3; found {shape_a} and {shape_b}", here())
     return Expr(ca.cross(sa, sb), (3,), times(dimension_of(a), dimension_of(b)), scope)
-
-
-def vector(parts: Sequence[Any]) -> Expr:
-    """A vector from scalars, or a matrix (one row each) from vectors of equal length."""
-    parts = [gathered(p) for p in parts]
-    scope = _scope_of(*parts)
-    if scope is None:
-        raise ModelError("gt.vector takes at least one expression; use numpy.array on numbers", here())
-    items = [operand(p, scope) for p in parts]
-    shape = items[0][1]
-    if any(s != shape for _, s in items) or len(shape) > 1:
-        raise ModelError(f"parts of a vector have shapes {[s for _, s in items]}; expected equal ones", here())
-    dims = {p.dimension for p in parts if isinstance(p, Expr) and p.dimension is not None}
-    if len(dims) > 1:
-        raise ModelError(f"parts of a vector have different units: {sorted(map(str, dims))}", here())
-    dim = dims.pop() if dims else None
-    rows = [sx.T if shape else sx for sx, _ in items]
-    return Expr(ca.vertcat(*rows), (len(items), *shape), dim, scope)
 
 
 def sqrt(x: Any) -> Any:
@@ -126,8 +103,6 @@ tanh = _pure("tanh", ca.tanh, np.tanh)
 
 
 def _pair(a: Any, b: Any, fun: Callable[[Any, Any], Any], numeric: Any, name: str) -> Any:
-    from .expression import aligned
-
     a, b = gathered(a), gathered(b)
     if not isinstance(a, Expr) and not isinstance(b, Expr):
         return numeric(a, b)
@@ -161,7 +136,7 @@ def clip(x: Any, low: float, high: float) -> Any:
     return minimum(maximum(x, low), high)
 
 
-UFUNCS: dict[str, Callable[..., Any]] = {
+UFUNCS |= {
     "add": lambda a, b: b + a if isinstance(b, Expr) else a + b,
     "subtract": lambda a, b: b.__rsub__(a) if isinstance(b, Expr) and not isinstance(a, Expr) else a - b,
     "multiply": lambda a, b: b * a if isinstance(b, Expr) else a * b,

@@ -9,10 +9,11 @@ import casadi as ca
 import numpy as np
 
 from .declare import Free, Variable
-from .expression import ONE, Expr, operand
+from .expression import ONE, Expr
 from .model import Model
 from .scope import Instant, Misfit
 from .source import ModelError, here
+from .units import parse_unit
 
 
 class Optimization(Model):
@@ -51,45 +52,11 @@ def integral(integrand: Any) -> Expr:
     """Integral over the horizon (Lagrange cost); unit times s."""
     if not isinstance(integrand, Expr) or integrand.shape != ():
         raise ModelError("gt.integral takes a scalar expression", here())
-    from .units import parse_unit
-
     scope = integrand.scope
     symbol = ca.SX.sym(f"integral{len(scope.instants)}")
     scope.instants.append(Instant(symbol, integrand.sx, None))
     dim = None if integrand.dimension is None else integrand.dimension * parse_unit("s").dimension
     return Expr(symbol, (), dim, scope)
-
-
-def at(x: Expr, instant: Any) -> Expr:
-    """Value of an expression at an instant: a number [s], `self.start_time` or `self.final_time`."""
-    sx, shape = operand(instant, x.scope)
-    if shape != ():
-        raise ModelError(f"an instant is a scalar time; found shape {shape}", here())
-    scope = x.scope
-    _require_constant(x, sx)
-    rows, cols = x.sx.shape
-    symbol = ca.SX.sym(f"at{len(scope.instants)}", rows, cols)
-    scope.instants.append(Instant(symbol, x.sx, sx))
-    return Expr(symbol, x.shape, x.dimension, scope)
-
-
-def _require_constant(x: Expr, time: ca.SX) -> None:
-    """Raises ModelError for a time that is none, and for a value that stands for one instant already."""
-    scope = x.scope
-    constant = {p.element_hash() for p in scope.parameters}
-    if moving := [s.name() for s in ca.symvar(time) if s.element_hash() not in constant]:
-        raise ModelError(
-            f".at() takes a constant time: a number [s], self.start_time, self.final_time or an expression of "
-            f"parameters; found one that depends on {', '.join(moving)}",
-            here(),
-        )
-    along = {scope.time.element_hash(), *constant}
-    if any(scope.owner(s) is None and s.element_hash() not in along for s in ca.symvar(x.sx)):
-        raise ModelError(
-            ".at() takes an expression along the path; found one that holds a value at an instant or an integral "
-            "already; take .at() of what stands inside",
-            here(),
-        )
 
 
 def is_free(value: Any) -> bool:
@@ -166,7 +133,7 @@ def misfit(expression: Any, times: Any, measured: Any, *, sigma: Any = None) -> 
         raise ModelError(f"sigma is a standard deviation, positive and finite; found {sigma!r}", here())
     values = values.reshape(len(at_times), size)
     residuals = [
-        (at(expression, float(t)).sx - ca.DM(row)) / ca.DM(noise) for t, row in zip(at_times, values, strict=True)
+        (expression.at(float(t)).sx - ca.DM(row)) / ca.DM(noise) for t, row in zip(at_times, values, strict=True)
     ]
     everything = ca.vertcat(*residuals)
     expression.scope.misfits.append(Misfit(everything, sigma is not None))

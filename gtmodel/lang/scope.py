@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import casadi as ca
 
+from .source import ModelError, here
+
 
 @dataclass(frozen=True, eq=False)
 class Instant:
@@ -101,6 +103,29 @@ class Scope:
         if not symbols:
             return ca.SX.zeros(*expression.shape)
         return ca.jtimes(expression, ca.vertcat(*symbols), ca.vertcat(*rates))
+
+    def value_at(self, expression: ca.SX, time: ca.SX) -> ca.SX:
+        """A symbol for the value of an expression at a constant time.
+
+        Raises ModelError for a time that is none, and for a value that stands for one instant already.
+        """
+        constant = {p.element_hash() for p in self.parameters}
+        if moving := [s.name() for s in ca.symvar(time) if s.element_hash() not in constant]:
+            raise ModelError(
+                f".at() takes a constant time: a number [s], self.start_time, self.final_time or an expression of "
+                f"parameters; found one that depends on {', '.join(moving)}",
+                here(),
+            )
+        along = {self.time.element_hash(), *constant}
+        if any(self.owner(s) is None and s.element_hash() not in along for s in ca.symvar(expression)):
+            raise ModelError(
+                ".at() takes an expression along the path; found one that holds a value at an instant or an integral "
+                "already; take .at() of what stands inside",
+                here(),
+            )
+        symbol = ca.SX.sym(f"at{len(self.instants)}", *expression.shape)
+        self.instants.append(Instant(symbol, expression, time))
+        return symbol
 
 
 def derivative_name(name: str, order: int) -> str:

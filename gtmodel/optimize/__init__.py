@@ -3,11 +3,11 @@
 from .compiled import CompilerMissing
 from .control import Blocks
 from .estimate import Estimate, estimate
+from .judgement.refine import Refinement, refine
+from .judgement.resimulate import Resimulation, resimulate
 from .mesh import Mesh
 from .multistart import MultiStart, Optimum, multi_start
 from .phases import Phases, PhasesSolution, solve_phases
-from .refine import Refinement, refine
-from .resimulate import Resimulation, resimulate
 from .solution import Check, Solution
 from .solve import NotSolved, SolverOptions, solve
 from .transcription import Continuation, Transcription, transcribe

@@ -9,9 +9,9 @@ import numpy as np
 
 from ..lang.source import ModelError
 from .control import coefficients, control_basis
-from .dynamic import DynamicProblem
+from .formulation.dynamic import DynamicProblem
+from .formulation.relations import Row
 from .mesh import Mesh
-from .relations import Row
 from .tables import basis, basis_slope
 
 

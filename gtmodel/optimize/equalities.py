@@ -7,8 +7,8 @@ import numpy as np
 
 from ..compiler.structure import overdetermined_and_underdetermined
 from ..lang.source import ModelError
-from .dynamic import DynamicProblem
 from .element import Element
+from .formulation.dynamic import DynamicProblem
 
 MOST_NAMED = 6
 

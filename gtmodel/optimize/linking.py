@@ -16,9 +16,9 @@ from ..lang.scope import Scope
 from ..lang.source import ModelError
 from ..lang.units import parse_unit
 from .element import value_at
+from .formulation.relations import Row, relation_rows
+from .formulation.sizes import scale_of
 from .nlp import Nlp, scatter
-from .relations import Row, relation_rows
-from .sizes import scale_of
 
 Link = Callable[["End", "End"], Iterable[Any]]
 

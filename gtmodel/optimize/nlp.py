@@ -14,9 +14,9 @@ import numpy as np
 from ..compiler.sparse import nonzeros, stacked
 from ..lang.source import ModelError
 from .compiled import compiled
-from .delays import DelayRows, delay_rows
-from .dynamic import DynamicProblem
 from .element import Element, Layout, make_element, value_at
+from .formulation.delays import DelayRows, delay_rows
+from .formulation.dynamic import DynamicProblem
 from .mesh import Mesh
 
 

@@ -15,8 +15,8 @@ import casadi as ca
 import numpy as np
 
 from ..results.status import SolveStatus
-from .diagnosis import failure
 from .ipopt import Progress, run_ipopt
+from .judgement.diagnosis import failure
 from .solve import SolverOptions
 
 ROOT = 1e-12  # added under the root: its slope at rest stays finite

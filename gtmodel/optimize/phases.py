@@ -13,17 +13,17 @@ from ..lang.source import ModelError
 from ..results.status import SolveStatus
 from ..results.trajectory import Trajectory
 from .assembly import astray
-from .diagnosis import failure, named_row, solved_word, violated
-from .discretisation import judged
 from .equalities import check_equalities
 from .finite import not_finite
+from .formulation.problem import build
 from .guess import initial_guess
 from .ipopt import Multipliers, Progress, Run, run_ipopt
+from .judgement.diagnosis import failure, named_row, solved_word, violated
+from .judgement.discretisation import judged
 from .linking import Joined, Link, join
 from .magnitude import objective_scale
 from .mesh import Mesh, given_mesh
 from .nlp import Nlp, make_nlp
-from .problem import build
 from .solution import Solution, read_solution
 from .solve import NotSolved, SolverOptions
 

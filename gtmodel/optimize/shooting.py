@@ -14,9 +14,9 @@ import numpy as np
 
 from ..lang.source import ModelError
 from .ipopt import Iterate, Limits, Multipliers, Progress, Run, run_ipopt
+from .judgement.resimulate import make_integrator
 from .magnitude import objective_scale
 from .nlp import Nlp
-from .resimulate import make_integrator
 
 TOLERANCE = 1e-10  # of the integrator: far below what IPOPT resolves
 

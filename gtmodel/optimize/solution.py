@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 import numpy as np
@@ -13,13 +13,16 @@ from ..lang.scope import derivative_name
 from ..results.check import Check
 from ..results.status import SolveStatus
 from ..results.trajectory import Trajectory
-from .dynamic import DynamicProblem
+from .formulation.dynamic import DynamicProblem
+from .formulation.quadratures import summed
+from .formulation.system import System
 from .ipopt import Run
 from .mesh import ROUND_OFF, Mesh
 from .nlp import Nlp, placed
-from .quadratures import summed
-from .system import System
 from .tables import basis, basis_slope
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,6 +51,10 @@ class Solution:
 
     def with_checks(self, **checks: Check) -> Solution:
         return replace(self, checks={**self.checks, **checks})
+
+    def plot(self, *names: str) -> Figure:
+        """The named signals of the optimum over time, all if none is named; see `Trajectory.plot`."""
+        return self.trajectory.plot(*names)
 
     @property
     def problem(self) -> DynamicProblem:
@@ -301,8 +308,8 @@ def named(
 
 
 def _outputs(problem: DynamicProblem) -> tuple[list[tuple[str, Any, int, str]], ca.Function]:
-    if problem.outputs is not None:
-        return problem.outputs
+    if "outputs" in problem.cache:
+        return problem.cache["outputs"]
     flat = problem.flat
     entries: list[tuple[str, tuple[int, ...], list[tuple[int, int]]]] = []
     states = set(problem.state_pairs)
@@ -328,8 +335,8 @@ def _outputs(problem: DynamicProblem) -> tuple[list[tuple[str, Any, int, str]], 
     arguments = [problem.x, problem.xd, problem.u, problem.P, problem.t, sums]
     f = ca.Function("outputs", arguments, [ca.vertcat(*expressions)])
     table = [(n, shape, len(pairs), flat.unit_of(pairs[0][0], pairs[0][1])) for n, shape, pairs in entries]
-    problem.outputs = (table, f)
-    return problem.outputs
+    problem.cache["outputs"] = (table, f)
+    return table, f
 
 
 def _known(problem: DynamicProblem, states: set[tuple[int, int]], index: int, order: int) -> bool:

@@ -15,18 +15,18 @@ from ..lang.source import ModelError
 from ..results.status import SolveStatus
 from ..results.trajectory import Trajectory
 from .assembly import astray
-from .diagnosis import sentence
-from .discretisation import BOUND, judged
 from .equalities import check_equalities
 from .fatrop import Staged
+from .formulation.problem import FORMULATIONS, build
+from .formulation.sizes import of_trajectory
 from .guess import initial_guess
 from .ipopt import BARRIERS, HESSIANS, Multipliers, Progress, Run, run_ipopt
+from .judgement.diagnosis import sentence
+from .judgement.discretisation import BOUND, judged
 from .magnitude import objective_scale
 from .mesh import Mesh, given_mesh
 from .nlp import Nlp, make_nlp
-from .problem import FORMULATIONS, build
 from .shooting import run_shooting
-from .sizes import of_trajectory
 from .solution import Solution, read_solution
 
 SOLVERS = ("ipopt", "fatrop")

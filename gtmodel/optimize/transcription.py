@@ -15,14 +15,14 @@ from ..lang.declare import Parameter
 from ..lang.optimization import Optimization
 from ..lang.source import ModelError
 from ..results.trajectory import Trajectory
-from .dynamic import DynamicProblem
 from .equalities import check_equalities
+from .formulation.dynamic import DynamicProblem
+from .formulation.horizon import require_order
+from .formulation.problem import build
 from .guess import initial_guess
-from .horizon import require_order
 from .ipopt import Multipliers, Progress
 from .mesh import Mesh, given_mesh
 from .nlp import Nlp, make_nlp
-from .problem import build
 from .solution import Solution
 from .solve import NotSolved, SolverOptions, scaled_by, solve_nlp
 

@@ -12,19 +12,29 @@ from gtmodel.results.unit_names import split
 from .fields import keys_of, tables_of
 
 _NUMBER, _EMPTY = re.compile(r"\[\d+\]"), re.compile(r"\[\]")  # of an entry of a list; of its key
+_ENTRY = re.compile(r"(.*?)((?:\[\d+\])?)")
 
 
 def key_of(schema: type[pydantic.BaseModel], argument: str, renamed: Mapping[str, str]) -> str:
     """The dotted key of an argument: ("map.step", {"map": "section"}) is "section.step_m" where that key exists.
 
     renamed: arguments, or their beginnings, that stand elsewhere in the file; the longest that fits counts. What has
-    no key is said under its own name. An entry of a list keeps its number: "cases[1].length" is "cases[1].length_um".
+    no key is said under its own name. An entry of a list keeps its number: "cases[1].length" is "cases[1].length_um",
+    also where the list has another name in the file: {"poses": "pose"} tells of "poses[1]" too, and {"rows[].at": ""}
+    of what any row holds.
     """
     parts = argument.split(".")
     for n in range(len(parts), 0, -1):
         head = ".".join(parts[:n])
-        if head in renamed:
-            parts = [p for p in (renamed[head], *parts[n:]) if p]
+        whole, number = _ENTRY.fullmatch(head).groups()  # pyright: ignore[reportOptionalMemberAccess]
+        places = (
+            renamed.get(head),
+            renamed.get(_NUMBER.sub("[]", head)),
+            renamed[whole] + number if whole in renamed else None,
+        )
+        place = next((p for p in places if p is not None), None)
+        if place is not None:
+            parts = [p for p in (place, *parts[n:]) if p]
             break
     wanted = ".".join(parts)
     plain = _NUMBER.sub("[]", wanted)

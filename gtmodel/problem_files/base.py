@@ -12,7 +12,7 @@ import pydantic
 
 from gtmodel.results import Check, Row, Study, Trajectory, at_least, at_most
 from gtmodel.results.marks import is_marked
-from gtmodel.results.study import TRAJECTORY
+from gtmodel.results.trajectory_files import TRAJECTORY
 from gtmodel.results.work import Progress, silent
 
 from .call import Call

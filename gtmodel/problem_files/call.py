@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from pathlib import Path
+from collections.abc import Callable
 from typing import Any
 
 from gtmodel.results import Study
@@ -40,16 +39,3 @@ class Call:
 def _short(value: Any) -> str:
     text = " ".join(repr(value).split())
     return text if len(text) <= 200 else f"<{type(value).__name__}>"
-
-
-def load(path: str | Path, settings: Iterable[str] = ()) -> Call:
-    """The call that a problem file means. Raises InputError, also for a kind whose study is no library call yet."""
-    from . import load as files
-    from .base import Calling, InputError
-    from .run import context_of, keyed
-
-    loaded = files.load(path, settings)
-    if not isinstance(loaded.kind, Calling):
-        raise InputError(f"the study of kind '{loaded.problem.kind}' is no library call yet", "kind", str(path))
-    with keyed(loaded):
-        return loaded.kind.call(loaded.problem, context_of(loaded))

@@ -11,10 +11,9 @@ from typing import Annotated, Any, ClassVar, TypeVar, Union, get_args, get_origi
 import numpy as np
 import pydantic
 
-from gtmodel.results.options import Long, Options, Unit, Within, declared
+from gtmodel.results.options import Long, Options, Unit, Within, declared, written_name
 from gtmodel.results.quantity import converted
 from gtmodel.results.refusal import ArgumentError
-from gtmodel.results.unit_names import named
 
 from .base import Section
 
@@ -67,7 +66,7 @@ def made_from(options: type[Options], *left_out: str) -> Callable[[type[S]], typ
             if f.name in left_out:
                 continue
             marks = declared(options)[f.name]
-            key = _key(f.name, marks)
+            key = written_name(f.name, marks)
             attributes[key] = f.name
             fields[key] = (_hint(hints[f.name], marks), _field(f, marks))
         found = pydantic.create_model(
@@ -78,11 +77,6 @@ def made_from(options: type[Options], *left_out: str) -> Callable[[type[S]], typ
         return found
 
     return made
-
-
-def _key(name: str, marks: tuple[Any, ...]) -> str:
-    unit = next((m for m in marks if isinstance(m, Unit)), None)
-    return name if unit is None else unit.key or named(name, unit.written or unit.text)
 
 
 def _field(f: dataclasses.Field[Any], marks: tuple[Any, ...]) -> Any:
@@ -98,12 +92,11 @@ def _plain(value: Any, marks: tuple[Any, ...]) -> Any:
     """A default as the file writes it."""
     if dataclasses.is_dataclass(value):
         inside = declared(type(value))
-        plain = {_key(name, found): _plain(getattr(value, name), found) for name, found in inside.items()}
+        plain = {written_name(name, found): _plain(getattr(value, name), found) for name, found in inside.items()}
         return section_of(type(value)).model_construct(**plain)
     unit = next((m for m in marks if isinstance(m, Unit)), None)
     if value is not None and unit is not None and unit.written:
-        found = converted(value, unit.text, unit.written)
-        value = found.tolist() if np.ndim(found) else found
+        value = _short(np.asarray(converted(value, unit.text, unit.written)).tolist())
     return list(value) if isinstance(value, tuple) else value
 
 
@@ -124,7 +117,7 @@ def _hint(hint: Any, marks: tuple[Any, ...]) -> Any:
     """The type of a key: bounds on each number of it, a count on each list."""
     origin, inside = get_origin(hint), get_args(hint)
     if origin is Annotated:
-        return _hint(inside[0], marks)
+        return _hint(inside[0], tuple(dict.fromkeys((*marks, *inside[1:]))))
     if origin in (Union, types.UnionType):
         return Union[tuple(_hint(one, marks) for one in inside)]  # noqa: UP007
     if origin in (list, tuple):
@@ -150,4 +143,9 @@ def _hint(hint: Any, marks: tuple[Any, ...]) -> Any:
 
 
 def _written(x: float, unit: Unit | None) -> float:
-    return x if unit is None else float(f"{converted(x, unit.text, unit.written):.12g}")
+    return x if unit is None else _short(converted(x, unit.text, unit.written))
+
+
+def _short(x: Any) -> Any:
+    """A number, or lists of them, as people write it: pi / 3 is 60 degrees, not 59.99999999999999."""
+    return [_short(one) for one in x] if isinstance(x, list) else float(f"{x:.12g}")

@@ -7,7 +7,8 @@ A kind is a module with
     Schema    a `Problem` subclass: every key of the file, described, its unit in its name
     RESULT    the class of its study, whose quantities ``values`` will hold; VALUES, name -> description, where there is
               none yet
-    ARGUMENTS where the study's arguments stand in the file, if not under their own names: "map" -> "section"
+    ARGUMENTS where the study's arguments stand in the file, if not under their own names: "map" -> "section";
+              a function `arguments` (problem) where that depends on the problem
     solve     (problem, context) -> Study
     explain   optional: (problem, context) -> str
 

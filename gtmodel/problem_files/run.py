@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,7 +17,8 @@ from . import output
 from . import start as earlier
 from .arguments import key_of
 from .base import Calling, Context, InputError
-from .load import Loaded
+from .call import Call
+from .load import Loaded, load
 from .noted import noted
 
 _FAILED = "--write-failed"
@@ -55,6 +56,15 @@ def answer(loaded: Loaded, context: Context) -> Study:
         return loaded.kind.solve(loaded.problem, context)
 
 
+def call_of(path: str | Path, settings: Iterable[str] = ()) -> Call:
+    """The call that a problem file means. Raises InputError, also for a kind whose study is no library call yet."""
+    loaded = load(path, settings)
+    if not isinstance(loaded.kind, Calling):
+        raise InputError(f"the study of kind '{loaded.problem.kind}' is no library call yet", "kind", str(path))
+    with keyed(loaded):
+        return loaded.kind.call(loaded.problem, context_of(loaded))
+
+
 @contextmanager
 def keyed(loaded: Loaded) -> Iterator[None]:
     """What a library refuses, as an InputError at the key of the file."""
@@ -62,6 +72,8 @@ def keyed(loaded: Loaded) -> Iterator[None]:
         yield
     except ArgumentError as error:
         renamed = getattr(loaded.kind, "ARGUMENTS", {})
+        if of_problem := getattr(loaded.kind, "arguments", None):
+            renamed = of_problem(loaded.problem)
         raise InputError(error.sentence, key_of(loaded.kind.Schema, error.argument, renamed)) from error
 
 

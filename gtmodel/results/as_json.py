@@ -5,13 +5,14 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .status import SolveStatus
-from .study import Study
 from .trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from .study import Study
 
 
 def summary(problem: str, kind: str | None, study: Study, wall_s: float) -> dict[str, Any]:
@@ -25,11 +26,6 @@ def result(problem: str, kind: str | None, study: Study) -> bytes:
     stored = {"trajectory": _series(trajectory)} if trajectory is not None else {}
     data = {**_facts(problem, kind, study), **_numbers(study), **stored}
     return (json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode()
-
-
-def refused(problem: str, kind: str | None, sentence: str, status: SolveStatus, wall_s: float) -> dict[str, Any]:
-    """What ``--json`` prints for a run that never came to a study."""
-    return summary(problem, kind, Study(status=status, message=sentence), wall_s)
 
 
 def line(data: Mapping[str, Any]) -> str:

@@ -20,12 +20,13 @@ import numpy as np
 
 from .quantity import marks_of
 from .refusal import ArgumentError
+from .unit_names import named
 
 
 @dataclass(frozen=True)
 class Unit:
     """Unit of a field, SI; `written`: that of the key in a file where people write another, as "deg" for rad; `key`:
-    that key where it is not the field's name with the unit."""
+    the whole key, if not the field's name with the unit."""
 
     text: str
     written: str = ""
@@ -90,6 +91,13 @@ def declared(cls: type) -> dict[str, tuple[Any, ...]]:
     """What the fields of an options class carry besides their types: Unit, Within, Long and a description."""
     hints = get_type_hints(cls, include_extras=True)
     return {f.name: marks_of(hints[f.name]) for f in dataclasses.fields(cls)}
+
+
+def written_name(field: str, marks: tuple[Any, ...]) -> str:
+    """The name of a field in a file, with the unit in which people write it there; without the underscore behind a word
+    of Python, as in `from_`."""
+    field, unit = field.rstrip("_"), next((m for m in marks if isinstance(m, Unit)), None)
+    return field if unit is None else unit.key or named(field, unit.written or unit.text)
 
 
 @cache

@@ -12,12 +12,12 @@ from .check import Check, failed_of, verdict
 from .quantity import Quantity, Row, quantities
 from .refusal import ArgumentError
 from .status import SolveStatus
+from .table import html, text
 from .trajectory import Trajectory
+from .written import write
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-TRAJECTORY = "trajectory.csv"  # of every study with a trajectory
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,18 +97,12 @@ class Study:
         What goes to a machine is written only of a result that may be used, or marked with `write_failed`. Raises
         ArgumentError for a folder with files that gtmodel did not write.
         """
-        from .written import write
-
         return write(self, Path(folder), plot=plot, write_failed=write_failed)
 
     def __str__(self) -> str:
-        from .table import text
-
         return text(self)
 
     def _repr_html_(self) -> str:
-        from .table import html
-
         return html(self)
 
     def __repr__(self) -> str:

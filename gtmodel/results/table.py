@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from .check import Check, bound_in_words
 from .unit_names import split
+from .written import png
 
 if TYPE_CHECKING:
     from .study import Study
@@ -89,8 +90,6 @@ def _picture(study: Study) -> list[str]:
     if not study.figures:
         return []
     try:
-        from .written import png
-
         content = png(study.figures[next(iter(study.figures))])
     except ImportError:
         return []

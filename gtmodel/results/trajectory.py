@@ -8,16 +8,21 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable, Mapping
-from typing import Any, NoReturn
+from collections.abc import Iterable, Mapping, Sequence
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 import numpy.typing as npt
 
 from .interpolation import Kind, interpolate
 from .trajectory_checks import checked_time, checked_unit, checked_values, json_text, one_line
+from .trajectory_csv import read_csv
 from .trajectory_errors import COLUMN, Array, TrajectoryError, UnknownNameError, columns, unknown
 from .trajectory_files import PathLike, read_npz, write_csv, write_npz
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 TIME_SLACK = 8 * np.finfo(float).eps  # relative; 3 * 0.1 may ask for the end of a trajectory that ends at 0.3
 GRID_SLACK = 1e-9  # relative to dt; the rounding of duration / dt must not lose the last sample
@@ -279,6 +284,29 @@ class Trajectory:
 
     # -- files -------------------------------------------------------------------------------------
 
+    def plot(self, *names: str, marks: Sequence[float] = ()) -> Figure:
+        """A matplotlib figure of the named signals over time, of all if none is named; one panel for each unit.
+
+        marks: times [s] that a thin line marks in every panel. Raises UnknownNameError.
+        """
+        for name in names:
+            self._find(name)
+        draw = import_module("gtmodel.plot.signals").signals_figure  # by name: pictures stand above what they show
+        return draw(self, list(names) or None, marks=marks)
+
+    def to_pandas(self) -> Any:
+        """A pandas DataFrame: time [s] as index, a column for each component, "T[0] [m]".
+
+        Raises ModuleNotFoundError where pandas is not installed.
+        """
+        pandas = import_module("pandas")
+        found = {}
+        for name in self.names:
+            values = self[name]
+            parts = values.reshape(len(values), -1).T
+            found |= {f"{c} [{self.unit(name)}]": part for c, part in zip(columns(name, values), parts, strict=True)}
+        return pandas.DataFrame(found, index=pandas.Index(self.time, name="time [s]"))
+
     def to_csv(self, path: PathLike, *, overwrite: bool = False) -> None:
         """Write a CSV file: notes behind "#", a header "time [s],T[0] [m],...", one row per time.
 
@@ -304,9 +332,7 @@ class Trajectory:
         that is no finite number, a row of another length, time that does not increase. FileNotFoundError
         passes through.
         """
-        from .trajectory_csv import read_csv
-
-        return read_csv(path)
+        return read_csv(cls, path)
 
     def to_npz(self, path: PathLike, *, overwrite: bool = False) -> None:
         """Write a NumPy .npz file, exact and with the same bytes for equal trajectories.

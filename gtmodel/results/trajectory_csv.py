@@ -8,17 +8,19 @@ import math
 import re
 from array import array
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any, BinaryIO, NamedTuple
+from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from gtmodel.lang.units import UnitError, convert, parse_unit
 
-from .trajectory import Trajectory
 from .trajectory_checks import check_name
 from .trajectory_errors import COLUMN, Array, TrajectoryError
 from .trajectory_files import PathLike
+
+if TYPE_CHECKING:
+    from .trajectory import Trajectory
 
 HEADER_CELL = re.compile(r"(?P<name>\S+)\s+\[(?P<unit>[^\[\]]+)\]")
 MOST_SHOWN = 40  # characters of a cell in a message
@@ -111,7 +113,7 @@ def _decoded(file: BinaryIO, path: PathLike) -> Iterator[str]:
         yield text
 
 
-def read_csv(path: PathLike) -> Trajectory:
+def read_csv(cls: type[Trajectory], path: PathLike) -> Trajectory:
     """Read a CSV file; see `Trajectory.from_csv`."""
     read = read_table(path, _read_header)
     table, notes = read.in_si(), read.notes
@@ -120,7 +122,7 @@ def read_csv(path: PathLike) -> Trajectory:
         read.columns[1:], [parse_unit(unit).si_text for unit in read.units[1:]], table[:, 1:], notes["scalar"]
     )
     try:
-        return Trajectory(
+        return cls(
             table[:, 0],
             values,
             signal_units,

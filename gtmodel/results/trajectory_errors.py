@@ -9,11 +9,13 @@ from collections.abc import Mapping
 import numpy as np
 import numpy.typing as npt
 
+from .refusal import ArgumentError
+
 Array = npt.NDArray[np.float64]
 COLUMN = re.compile(r"(?P<base>.+)\[(?P<index>0|[1-9][0-9]*)\]")
 
 
-class TrajectoryError(ValueError):
+class TrajectoryError(ArgumentError):
     """Data that make no trajectory, or a question it cannot answer. The message is one plain sentence."""
 
 

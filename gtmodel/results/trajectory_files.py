@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from .trajectory import Trajectory
 
 PathLike = str | os.PathLike[str]
+TRAJECTORY = "trajectory.csv"  # of every study with a trajectory
 
 
 def write_csv(trajectory: Trajectory, path: PathLike, overwrite: bool) -> None:

@@ -11,7 +11,7 @@ from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import tomli_w
 
@@ -20,8 +20,10 @@ from .as_json import result
 from .folder import FolderError, Held, holding, others, unfinished
 from .marks import marked
 from .refusal import ArgumentError
-from .study import TRAJECTORY, Study
-from .trajectory_files import csv_bytes
+from .trajectory_files import TRAJECTORY, csv_bytes
+
+if TYPE_CHECKING:
+    from .study import Study
 
 RUN = "run.toml"
 RESULT = "result.json"

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..compiler.initial import Initial
-from ..compiler.pace import Pace
+from ..compiler.analysis.pace import Pace
+from ..compiler.consistency.initial import Initial
 from ..results.status import SolveStatus
 from .audit import Audit
 from .choice import LARGEST_CHANGE, SWITCH_BELOW, Reference

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import casadi as ca
 
+from ..compiler.analysis.kinks import has_kinks, kinked_in
 from ..compiler.flat import FlatModel
-from ..compiler.kinks import has_kinks, kinked_in
 from ..lang.source import ModelError
 
 

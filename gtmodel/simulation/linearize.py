@@ -10,8 +10,8 @@ import casadi as ca
 import numpy as np
 
 from ..compiler.causal import flat_of
+from ..compiler.consistency.initial import initial_point, start_values
 from ..compiler.flat import FlatModel
-from ..compiler.initial import initial_point, start_values
 from ..lang.model import Model
 from ..lang.source import ModelError
 from .arguments import by_name, names, numbers

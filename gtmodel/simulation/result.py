@@ -4,10 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 from ..results.check import Check
 from ..results.status import SolveStatus
 from ..results.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 # called with the time reached [s]; True asks for a stop
 Progress = Callable[[float], bool]
@@ -47,6 +51,11 @@ class Simulation:
     switches: list[Switch] = field(default_factory=list)
     chosen: dict[str, float] = field(default_factory=dict)
     checks: dict[str, Check] = field(default_factory=dict)
+
+    def plot(self, *names: str) -> Figure:
+        """The named signals over time, all if none is named, with a mark at each change of states; see
+        `Trajectory.plot`."""
+        return self.trajectory.plot(*names, marks=[s.time for s in self.switches])
 
 
 class NotSimulated(RuntimeError):

@@ -9,9 +9,9 @@ from typing import Any, Literal
 
 import numpy as np
 
+from ..compiler.analysis.pace import Pace, pace_of
 from ..compiler.causal import flat_of
-from ..compiler.initial import Initial, initial_point, start_values
-from ..compiler.pace import Pace, pace_of
+from ..compiler.consistency.initial import Initial, initial_point, start_values
 from ..lang.model import Model
 from ..lang.source import ModelError
 from ..results.status import SolveStatus

@@ -1,7 +1,12 @@
 """How a robot vibrates: black boxes and M, D, K of recordings, oscillators of frequency responses. Knows no robot.
 
+Studies
+    study                the model of a recording that is asked for: `VibrationStudy`
+    Subspace, StepResponse, Impulse, Physical     which model, and what is known beside the recording
+    matrices_study, Matrices    modes and signs of printed matrices
+    synthetic_records    made-up recordings of a Structure, Steps or a Hit, with their Sampling
 Recordings
-    Record, VibrationError, Stopped     one evenly sampled recording; what does not fit, or was stopped, in a sentence
+    Record, Stopped      one evenly sampled recording; a fit that was stopped
     structure_record, hammer_record, step_record   made-up recordings with seed and noise
 Black boxes (Dressler 2012, section 6.3)
     identify_step        delayed first-order model, eq. (6.11) -> control.TransferFunction
@@ -15,47 +20,72 @@ Physical form
     continuous           matrix logarithm with its branch checked
     modes, sign_question    frequencies, damping, shapes, definiteness in words, eq. (6.15)
     definite_form        the nearest passive structure to printed matrices
-Frequency responses
-    FrequencyResponse, frequency_response   receptance with its noise from records of an impact hammer
-    command_force                           what a commanded step stands for
-    fit_modes -> ModalFit                   mass, damping and stiffness of one or several modes, with intervals
-    receptance, synthetic_hits, synthetic_receptance   the model itself, and made-up data
-Over the pose
-    GaussianProcess, fit_gaussian_processes, held_out  exact regression, hyperparameters, honest errors
-    OscillatorField, fit_oscillator_field   m, c, k in x, y, z at any pose; as CasADi function and C
-    oscillator_text, load_oscillator_field  its file
-    SyntheticField, synthetic_field         a made-up truth through given poses
+Oscillators of frequency responses, and their field over the pose
+    dynamic_stiffness_study, and all of `gtmodel.vibration.dynamic_stiffness` but its options
 """
 
 from .continuous import Continuous, continuous
 from .definite_form import DefiniteForm, definite_form
-from .frequency_fit import ModalFit, fit_modes
-from .frequency_modes import receptance
-from .frequency_response import FrequencyResponse, command_force, frequency_response
-from .frequency_synthetic import synthetic_hits, synthetic_receptance
-from .gaussian_process import GaussianProcess
-from .gaussian_process_fit import fit_gaussian_processes, held_out
-from .gaussian_process_kernel import Inputs
+from .dynamic_stiffness import (
+    DynamicStiffnessStudy,
+    FrequencyResponse,
+    GaussianProcess,
+    Inputs,
+    ModalFit,
+    OscillatorField,
+    SyntheticField,
+    command_force,
+    dynamic_stiffness_study,
+    fit_gaussian_processes,
+    fit_modes,
+    fit_oscillator_field,
+    frequency_response,
+    held_out,
+    load_oscillator_field,
+    oscillator_text,
+    receptance,
+    synthetic_field,
+    synthetic_hits,
+    synthetic_receptance,
+)  # fmt: skip
 from .impulse import ImpulseModel, Resonance, identify_impulse
+from .impulse_study import ImpulseStudy
 from .known_force import SecondOrder, from_known
+from .matrices_study import MatricesStudy, matrices_study
 from .modes import Modes, modes, sign_question
+from .options import (
+    Hit,
+    Impulse,
+    KnownMass,
+    Matrices,
+    Physical,
+    Sampling,
+    StepResponse,
+    Steps,
+    Structure,
+    Subspace,
+)  # fmt: skip
 from .order import OrderTrial
-from .oscillator_field import OscillatorField, fit_oscillator_field
-from .oscillator_field_file import load_oscillator_field, oscillator_text
-from .oscillator_field_synthetic import SyntheticField, synthetic_field
 from .output_error import OutputErrorFit, output_error
 from .physical_form import PhysicalForm, physical_form
-from .record import Record, Stopped, VibrationError
+from .record import Record, Stopped
 from .step_response import StepModel, bandwidth, identify_step
+from .step_study import StepStudy
 from .subspace import SubspaceModel, identify_subspace
-from .synthetic import hammer_record, step_record, structure_record
+from .subspace_study import SubspaceStudy
+from .synthetic import hammer_record, step_record, structure_record, synthetic_records
+from .vibration_result import VibrationStudy
+from .vibration_study import study
 
 __all__ = [
-    "Continuous", "DefiniteForm", "FrequencyResponse", "GaussianProcess", "ImpulseModel", "Inputs", "ModalFit", "Modes",
-    "OrderTrial", "OscillatorField", "OutputErrorFit", "PhysicalForm", "Record", "Resonance", "SecondOrder",
-    "StepModel", "Stopped", "SubspaceModel", "SyntheticField", "VibrationError", "bandwidth", "command_force",
-    "continuous", "definite_form", "fit_gaussian_processes", "fit_modes", "fit_oscillator_field", "frequency_response",
-    "from_known", "hammer_record", "held_out", "identify_impulse", "identify_step", "identify_subspace",
-    "load_oscillator_field", "modes", "oscillator_text", "output_error", "physical_form", "receptance", "sign_question",
-    "step_record", "structure_record", "synthetic_field", "synthetic_hits", "synthetic_receptance",
+    "Continuous", "DefiniteForm", "DynamicStiffnessStudy", "FrequencyResponse", "GaussianProcess", "Hit", "Impulse",
+    "ImpulseModel", "ImpulseStudy", "Inputs", "KnownMass", "Matrices", "MatricesStudy", "ModalFit", "Modes",
+    "OrderTrial", "OscillatorField", "OutputErrorFit", "Physical", "PhysicalForm", "Record", "Resonance", "Sampling",
+    "SecondOrder", "StepModel", "StepResponse", "StepStudy", "Steps", "Stopped", "Structure", "Subspace",
+    "SubspaceModel", "SubspaceStudy", "SyntheticField", "VibrationStudy", "bandwidth", "command_force", "continuous",
+    "definite_form", "dynamic_stiffness_study", "fit_gaussian_processes", "fit_modes", "fit_oscillator_field",
+    "frequency_response", "from_known", "hammer_record", "held_out", "identify_impulse", "identify_step",
+    "identify_subspace", "load_oscillator_field", "matrices_study", "modes", "oscillator_text", "output_error",
+    "physical_form", "receptance", "sign_question", "step_record", "structure_record", "study", "synthetic_field",
+    "synthetic_hits", "synthetic_receptance", "synthetic_records",
 ]  # fmt: skip

@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import logm
 
-from .record import VibrationError, check_sample_time
+from ..results import ArgumentError
+from .record import check_sample_time
 from .response import held
 
 NEAR = 0.8  # of the Nyquist frequency: above, an alias cannot be told from the mode by these samples alone
@@ -32,18 +33,16 @@ def continuous(A: np.ndarray, B: np.ndarray, sample_time: float) -> Continuous:
     """A_c = logm(A) / T_s on the principal branch, and B_c of a held input (no approximate inverse of c2d).
 
     A (n, n), B (n, m), sample_time [s]. The branch takes every pole to lie below the Nyquist frequency; near it `said`
-    warns. Raises VibrationError: a pole at zero or on the negative real axis, a logarithm that is not real or exact.
+    warns. Raises ArgumentError: a pole at zero or on the negative real axis, a logarithm that is not real or exact.
     """
     check_sample_time(sample_time)
     poles = np.linalg.eigvals(A)
     nyquist = 0.5 / sample_time
     if np.abs(poles).min() < ZERO:
-        raise VibrationError(
-            "a pole of the model is at zero (a pure delay): it has no continuous form; lower the order"
-        )
+        raise ArgumentError("a pole of the model is at zero (a pure delay): it has no continuous form; lower the order")
     if np.any((poles.real < 0) & (np.abs(np.angle(poles)) > np.pi - ON_AXIS)):
         pole = poles[np.argmin(poles.real)].real
-        raise VibrationError(
+        raise ArgumentError(
             f"the pole {pole:.4g} lies on the negative real axis, at the Nyquist frequency {nyquist:g} Hz: no real "
             "continuous model has it, so lower the order or sample faster"
         )
@@ -55,13 +54,13 @@ def continuous(A: np.ndarray, B: np.ndarray, sample_time: float) -> Continuous:
         # the same logarithm, of the matrix that also holds the input
         whole = np.asarray(logm(np.block([[A, B], [np.zeros((m, n)), np.eye(m)]])))
     if np.abs(np.imag(L)).max() > EXACT * np.abs(L).max():
-        raise VibrationError("the matrix logarithm is not real; lower the order or sample faster")
+        raise ArgumentError("the matrix logarithm is not real; lower the order or sample faster")
     A_c = np.real(L) / sample_time
     B_c = np.real(whole)[:n, n:] / sample_time
     A_back, B_back = held(A_c, B_c, sample_time)
     error = max(np.abs(A_back - A).max() / np.abs(A).max(), np.abs(B_back - B).max() / max(np.abs(B).max(), 1e-300))
     if error > EXACT:
-        raise VibrationError(
+        raise ArgumentError(
             f"the matrix logarithm is not exact: {error:.2g} is left of 1, expected {EXACT:g}; lower the order"
         )
     fastest = float(np.abs(np.angle(poles)).max() / (2 * np.pi * sample_time))

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import least_squares
 
+from ..results import ArgumentError
 from .modes import REAL, matrices
-from .record import VibrationError
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +34,7 @@ def definite_form(M: ArrayLike, D: ArrayLike, K: ArrayLike) -> DefiniteForm:
 
     With M^-1 K = V diag(w^2) V^-1, M = V^-T S V^-1 and K = V^-T S diag(w^2) V^-1 are symmetric positive definite for
     every diagonal S > 0; S makes D = M (M^-1 D) as symmetric as it gets, in modal coordinates of unit mass, where its
-    symmetric part is then projected on the positive semidefinite ones. Raises VibrationError: shapes, a singular M, and
+    symmetric part is then projected on the positive semidefinite ones. Raises ArgumentError: shapes, a singular M, and
     M^-1 K with an eigenvalue that is not real and positive: no such structure has those modes.
     """
     M0, D0, K0 = matrices(M, D, K)
@@ -43,7 +43,7 @@ def definite_form(M: ArrayLike, D: ArrayLike, K: ArrayLike) -> DefiniteForm:
     values, V = np.linalg.eig(X_K)
     if np.abs(np.imag(values)).max() > REAL * np.abs(values).max() or np.any(np.real(values) <= 0):
         found = ", ".join(f"{v:.4g}" for v in values)
-        raise VibrationError(
+        raise ArgumentError(
             f"M^-1 K has the eigenvalues {found} 1/s2; a structure with symmetric positive definite M and K has "
             "positive ones only: look at the signs of M and K"
         )

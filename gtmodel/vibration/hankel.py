@@ -6,7 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .record import Record, VibrationError
+from ..results import ArgumentError
+from .record import Record
 
 EXCITED = 1e-9  # of the largest: a smaller singular value of the inputs' Hankel matrix says that they excite too little
 
@@ -46,13 +47,13 @@ def project(record: Record, blocks: int) -> Projection:
 
     A constant that is added to an input or an output, such as where a robot stands, then does not count.
 
-    Raises VibrationError: too few samples for so many rows, inputs that do not excite so many rows.
+    Raises ArgumentError: too few samples for so many rows, inputs that do not excite so many rows.
     """
     m, p = record.u.shape[1], record.y.shape[1]
     rows = 2 * blocks * (m + p)
     wide = len(record) - 2 * blocks + 1
     if wide < rows:
-        raise VibrationError(
+        raise ArgumentError(
             f"{len(record)} samples are too few for {blocks} block rows of {m} inputs and {p} outputs; expected at "
             f"least {rows + 2 * blocks - 1}: record longer, or take fewer block rows (a lower order)"
         )
@@ -60,7 +61,7 @@ def project(record: Record, blocks: int) -> Projection:
     size = np.linalg.svd(np.linalg.qr(U.T, mode="r"), compute_uv=False)
     if size[0] == 0 or size[-1] < EXCITED * size[0]:
         rank = int(np.sum(size > EXCITED * max(size[0], 1e-300)))
-        raise VibrationError(
+        raise ArgumentError(
             f"the inputs excite {rank} of the {2 * blocks * m} directions that {blocks} block rows need; expected a "
             "rich signal such as a pseudo-random binary one, so excite anew or take fewer block rows"
         )

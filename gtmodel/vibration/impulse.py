@@ -11,11 +11,12 @@ import numpy as np
 from gtmodel.inference import nonlinear_fit, whiteness
 from gtmodel.results import Estimate
 
+from ..results import ArgumentError
 from .continuous import NEAR
 from .hankel import block_hankel
 from .noise import REWEIGHTED, settled, weights_of
 from .output_error import central
-from .record import Record, VibrationError, columns, go_on
+from .record import Record, columns, go_on
 
 if TYPE_CHECKING:
     import control
@@ -80,18 +81,14 @@ def identify_impulse(
 
     The eigensystem realisation gives starts, least squares on damped sines about a rest position the values
     (amplitudes eliminated, variable projection); intervals are for white noise, of an unknown size at each output.
-    Raises VibrationError: too few samples, inputs that are not zero, nothing that vibrates.
+    Raises ArgumentError: too few samples, inputs that are not zero, nothing that vibrates.
     """
     if np.any(record.u):
         k = int(np.flatnonzero(np.any(record.u != 0, axis=1))[0])
-        raise VibrationError(
-            f"the input at sample {k} is not zero; expected a record that begins after the hit: cut it"
-        )
+        raise ArgumentError(f"the input at sample {k} is not zero; expected a record that begins after the hit: cut it")
     wanted = range(1, largest + 1) if modes is None else [modes]
     if min(wanted, default=0) < 1:
-        raise VibrationError(
-            f"{modes if modes is not None else largest} resonances were asked for; expected at least 1"
-        )
+        raise ArgumentError(f"{modes if modes is not None else largest} resonances were asked for; expected at least 1")
     fits: dict[int, _Sines] = {}
     for k in wanted:
         go_on(interrupted)
@@ -102,14 +99,14 @@ def identify_impulse(
         if found is not None and (len(s) not in fits or found.criterion < fits[len(s)].criterion):
             fits[len(s)] = found
     if not fits or (modes is not None and modes not in fits):
-        raise VibrationError(
+        raise ArgumentError(
             f"{'nothing' if not fits else f'{min(fits)} of {modes} modes'} in the {len(record)} samples decays and "
             "vibrates at least once; begin just after the hit, record longer, or ask for fewer modes"
         )
     best = min(fits, key=lambda k: fits[k].criterion) if modes is None else modes
     still = _at_rest(record)
     if fits[best].criterion >= still:
-        raise VibrationError(
+        raise ArgumentError(
             f"rest and noise explain the {len(record)} samples as well as {best} resonance{'s' * (best > 1)}: "
             "nothing stands out that decays and vibrates; begin just after the hit, or hit harder"
         )
@@ -121,13 +118,13 @@ def realise(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """A (n, n), C (p, n), x0 (n,) and the poles of y[k] = C A^k x0 by the eigensystem realisation.
 
-    y (N, p) or (N,). Source: Juang and Pappa 1985. Raises VibrationError: too few samples for the order.
+    y (N, p) or (N,). Source: Juang and Pappa 1985. Raises ArgumentError: too few samples for the order.
     """
     y = columns(y, "outputs")
     p = y.shape[1]
     blocks = min(len(y) // ROWS, MOST_ROWS) if rows is None else rows
     if blocks < 2 or (blocks - 1) * p < order or len(y) - blocks + 1 < order:
-        raise VibrationError(
+        raise ArgumentError(
             f"{len(y)} samples are too few for the order {order}; expected at least {ROWS * (order // p + 2)}: record "
             "longer, or lower the order"
         )

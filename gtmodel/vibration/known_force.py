@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..results import ArgumentError
 from .physical_form import UNIDENTIFIED, PhysicalForm
-from .record import VibrationError
 
 RANK = 1e-8  # of the largest singular value of the scaled equations: below, a mass is not told
 
@@ -43,13 +43,13 @@ def from_known(
             M_inv_F is F.
         masses: diagonal entries of M that are known [kg], by coordinate from 0; D is then taken to be symmetric too.
 
-    Equations are scaled by their sizes and solved by least squares. Raises VibrationError: neither is given, they do
+    Equations are scaled by their sizes and solved by least squares. Raises ArgumentError: neither is given, they do
     not determine M, with the number of entries that stay open, or M is not positive definite, which no masses are. A K
     that is not positive definite is said in `words`.
     """
     p = len(form.M_inv_K)
     if force is None and not masses:
-        raise VibrationError(f"{UNIDENTIFIED}; give the force on a coordinate in newtons, or a mass in kilograms")
+        raise ArgumentError(f"{UNIDENTIFIED}; give the force on a coordinate in newtons, or a mass in kilograms")
     pairs = [(i, j) for i in range(p) for j in range(i, p)]
     basis = [_symmetric(p, i, j) for i, j in pairs]
     rows, right = [], []
@@ -69,14 +69,14 @@ def from_known(
         F = np.asarray(force, float)
         F = F[:, None] if F.ndim == 1 else F
         if F.shape != form.M_inv_F.shape or not np.any(F):
-            raise VibrationError(
+            raise ArgumentError(
                 f"the force has the shape {F.shape}; expected {form.M_inv_F.shape}, newtons on each coordinate per "
                 "unit of each input, not all zero"
             )
         demand([Q @ form.M_inv_F for Q in basis], F, float(np.linalg.norm(form.M_inv_F)))
     for at, mass in (masses or {}).items():
         if not (0 <= at < p and mass > 0):
-            raise VibrationError(
+            raise ArgumentError(
                 f"mass {mass} kg of coordinate {at}: expected a coordinate from 0 to {p - 1}, a mass > 0"
             )
         demand([Q[at, at : at + 1] for Q in basis], np.array([mass]), 1.0)
@@ -84,7 +84,7 @@ def from_known(
     s = np.linalg.svd(G, compute_uv=False)
     open_ones = len(pairs) - int(np.sum(s > RANK * s[0]))
     if open_ones:
-        raise VibrationError(
+        raise ArgumentError(
             f"{open_ones} of the {len(pairs)} entries of M stay open with what is known: {UNIDENTIFIED}; give a force "
             "on a coordinate, or one more mass"
         )
@@ -93,7 +93,7 @@ def from_known(
     left = float(np.linalg.norm(G @ m - g) / np.linalg.norm(g))
     least = float(np.linalg.eigvalsh(M)[0])
     if least <= 0:
-        raise VibrationError(
+        raise ArgumentError(
             f"M comes out with the eigenvalue {least:.4g} kg, and no structure has it: look at the sign and the "
             "coordinate of the force, at the known masses and at the signs of the outputs; noise on a small mass does "
             "it too"

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import eig
 
-from .record import VibrationError
+from ..results import ArgumentError
 
 REAL = 1e-9  # relative: imaginary, or real, parts below are rounding
 FREE = 1e-7  # of the largest pole: the two poles of a free motion are accurate to the root of rounding only
@@ -51,7 +51,7 @@ def modes(M: ArrayLike, D: ArrayLike, K: ArrayLike) -> Modes:
     """Modes of M x'' + D x' + K x = 0; M, D, K (p, p) [kg, N.s/m, N/m], any sign, symmetric or not.
 
     Nothing is repaired: what is not symmetric, not positive definite or unstable is said in `words`. Raises
-    VibrationError: shapes that differ, numbers that are not finite, a singular M.
+    ArgumentError: shapes that differ, numbers that are not finite, a singular M.
     """
     M, D, K = matrices(M, D, K)
     found: Any = eig(K, M)
@@ -103,17 +103,17 @@ def definiteness(X: np.ndarray) -> str:
 
 
 def matrices(*given: ArrayLike) -> tuple[np.ndarray, ...]:
-    """Square matrices of one size, M first. Raises VibrationError."""
+    """Square matrices of one size, M first. Raises ArgumentError."""
     found = tuple(np.asarray(X, float) for X in given)
     shape = found[0].shape
     if len(shape) != 2 or shape[0] != shape[1] or shape[0] == 0 or any(X.shape != shape for X in found):
-        raise VibrationError(
+        raise ArgumentError(
             f"the matrices have the shapes {', '.join(str(X.shape) for X in found)}; expected square ones of one size"
         )
     if not all(np.isfinite(X).all() for X in found):
-        raise VibrationError("a matrix holds a number that is not finite; expected finite numbers")
+        raise ArgumentError("a matrix holds a number that is not finite; expected finite numbers")
     if np.linalg.cond(found[0]) > 1 / np.finfo(float).eps:
-        raise VibrationError("M is singular: a coordinate has no inertia; leave it out, or give its mass")
+        raise ArgumentError("M is singular: a coordinate has no inertia; leave it out, or give its mass")
     return found
 
 

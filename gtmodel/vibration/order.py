@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .record import VibrationError
+from ..results import ArgumentError
 
 SLACK = 0.02  # of the least error on held-out samples: among orders that are high enough it varies by about 1 %
 NOTHING = 1e-9  # of the outputs' rms: errors below are rounding, and no order is better than another
@@ -24,9 +24,9 @@ class OrderTrial(NamedTuple):
 
 
 def largest_order(block_rows: int, outputs: int) -> int:
-    """The largest order that `block_rows` can tell; shift invariance needs one block row. Raises VibrationError."""
+    """The largest order that `block_rows` can tell; shift invariance needs one block row. Raises ArgumentError."""
     if block_rows < 2:
-        raise VibrationError(f"{block_rows} block rows cannot tell any order; take at least 2")
+        raise ArgumentError(f"{block_rows} block rows cannot tell any order; take at least 2")
     return (block_rows - 1) * outputs
 
 
@@ -39,12 +39,12 @@ def gap(singular_values: np.ndarray, largest: int) -> int:
 def choose(trials: Sequence[OrderTrial], gap_order: int, size: float) -> tuple[int, str]:
     """The least order within SLACK of the best held-out error, and why. `size`: rms of the outputs.
 
-    Raises VibrationError where every order is unstable.
+    Raises ArgumentError where every order is unstable.
     """
     stable = {t.order: t.held_out_rms for t in trials if t.held_out_rms is not None}
     if not stable:
         worst = ", ".join(f"{t.order} ({t.radius:.4g})" for t in trials)
-        raise VibrationError(
+        raise ArgumentError(
             f"every order is unstable, by order with its largest pole: {worst}; record longer, or take more block rows"
         )
     bound = (1 + SLACK) * min(stable.values()) + NOTHING * size

@@ -11,9 +11,10 @@ import numpy as np
 from gtmodel.inference import nonlinear_fit, whiteness
 from gtmodel.results import Estimate
 
+from ..results import ArgumentError
 from .known_force import SecondOrder
 from .noise import REWEIGHTED, settled, weights_of
-from .record import Record, VibrationError, go_on
+from .record import Record, go_on
 from .response import free_responses, held, simulate
 
 Form = Literal["symmetric", "free"]
@@ -55,13 +56,13 @@ def output_error(
 
     The initial state is eliminated in each evaluation (variable projection). Gauss-Newton on central differences; the
     covariance is for white noise of unknown size on the positions, and `words` says whether the residuals are white.
-    Raises VibrationError: an unknown form, a start that is not positive definite for "symmetric", no convergence.
+    Raises ArgumentError: an unknown form, a start that is not positive definite for "symmetric", no convergence.
     """
     if form not in get_args(Form):
-        raise VibrationError(f"there is no form '{form}'; expected {' or '.join(get_args(Form))}")
+        raise ArgumentError(f"there is no form '{form}'; expected {' or '.join(get_args(Form))}")
     p = len(start.M)
     if record.y.shape[1] != p or record.u.shape[1] != start.F.shape[1]:
-        raise VibrationError(
+        raise ArgumentError(
             f"the record has {record.u.shape[1]} inputs and {record.y.shape[1]} outputs; the matrices are for "
             f"{start.F.shape[1]} and {p}"
         )
@@ -93,7 +94,7 @@ def output_error(
                 break
             fit = nonlinear_fit(residuals, fit.x, raw, scale=ones)
     if fit.estimate is None:
-        raise VibrationError(
+        raise ArgumentError(
             f"the output-error fit did not arrive: {fit.message}; take a longer record or a start nearer to the data"
         )
     names = [f"{X}[{i},{j}]" for X, i, j in packing.entries]
@@ -169,7 +170,7 @@ class _Symmetric:
                 parts.append(np.linalg.cholesky((X + X.T) / 2)[self.lower])
             except np.linalg.LinAlgError:
                 ends = np.linalg.eigvalsh((X + X.T) / 2)
-                raise VibrationError(
+                raise ArgumentError(
                     f"{name} of the start is not positive definite (eigenvalues {ends[0]:.4g} to {ends[-1]:.4g}); take "
                     "the form 'free', record longer, or start from its nearest positive definite form"
                 ) from None

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..results import ArgumentError
 from .continuous import continuous
-from .record import VibrationError
 
 if TYPE_CHECKING:
     import control
@@ -37,22 +37,22 @@ def physical_form(system: control.StateSpace) -> PhysicalForm:
     """M^-1 K and M^-1 D of a discrete model of order 2 p whose p outputs are positions.
 
     A_c = logm(A) / T_s, T = [C; C A_c]; T A_c T^-1 = [[0, I], [-M^-1 K, -M^-1 D]]. Printed eq. (6.14) lacks an
-    inverse; what is meant is X = (M s^2 + D s + K)^-1 B U. Raises VibrationError: another order, a model in continuous
+    inverse; what is meant is X = (M s^2 + D s + K)^-1 B U. Raises ArgumentError: another order, a model in continuous
     time, no real logarithm, outputs that are not independent positions.
     """
     A, B, C = (np.asarray(X) for X in (system.A, system.B, system.C))
     n, p = len(A), len(C)
     if not system.dt or system.dt is True:
-        raise VibrationError(f"the model has the sample time {system.dt}; expected a discrete one in seconds")
+        raise ArgumentError(f"the model has the sample time {system.dt}; expected a discrete one in seconds")
     if n != 2 * p:
-        raise VibrationError(
+        raise ArgumentError(
             f"the model has the order {n} and {p} outputs; positions and velocities of {p} coordinates need the order "
             f"{2 * p}, so ask for it, or measure {n // 2} positions"
         )
     c = continuous(A, B, float(system.dt))
     T = np.vstack([C, C @ c.A])
     if np.linalg.cond(T / np.linalg.norm(T, axis=1, keepdims=True)) > CONDITION:
-        raise VibrationError(
+        raise ArgumentError(
             "the outputs and their rates are not independent: two outputs move alike or one does not move; leave one "
             "out"
         )

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..results import ArgumentError
+
 
 class Stopped(Exception):
     """A fit that was asked to end before it arrived; there is no model."""
@@ -19,16 +21,12 @@ def go_on(interrupted: Callable[[], bool]) -> None:
         raise Stopped("stopped before the fit arrived")
 
 
-class VibrationError(ValueError):
-    """Data or a model that does not fit. The message is one sentence: found, expected, what to do."""
-
-
 @dataclass(frozen=True, eq=False)
 class Record:
     """Inputs u (N, m) and outputs y (N, p), one row per sample, every `sample_time` [s]; units are the caller's.
 
     The input is held between samples (zero-order hold); y[k] is read before u[k] acts. `synthetic`: seed and noise of
-    made-up data, None for measured ones. One-dimensional arrays are one column. Raises VibrationError.
+    made-up data, None for measured ones. One-dimensional arrays are one column. Raises ArgumentError.
     """
 
     u: np.ndarray
@@ -41,9 +39,7 @@ class Record:
         object.__setattr__(self, "u", u)
         object.__setattr__(self, "y", y)
         if len(u) != len(y):
-            raise VibrationError(
-                f"{len(u)} samples of the inputs and {len(y)} of the outputs; give one each per sample"
-            )
+            raise ArgumentError(f"{len(u)} samples of the inputs and {len(y)} of the outputs; give one each per sample")
         check_sample_time(self.sample_time)
 
     def __len__(self) -> int:
@@ -60,15 +56,15 @@ class Record:
 
 
 def columns(values: ArrayLike, name: str) -> np.ndarray:
-    """Values (N,) or (N, k) as finite floats (N, k). Raises VibrationError."""
+    """Values (N,) or (N, k) as finite floats (N, k). Raises ArgumentError."""
     array = np.asarray(values, float)
     array = array[:, None] if array.ndim == 1 else array
     if array.ndim != 2 or array.shape[1] == 0:
-        raise VibrationError(f"the {name} have the shape {array.shape}; expected one row per sample and some columns")
+        raise ArgumentError(f"the {name} have the shape {array.shape}; expected one row per sample and some columns")
     bad = np.argwhere(~np.isfinite(array))
     if bad.size:
         row, column = bad[0]
-        raise VibrationError(
+        raise ArgumentError(
             f"sample {row} of column {column} of the {name} is {array[row, column]}; expected finite numbers, so cut "
             "the recording there"
         )
@@ -76,6 +72,6 @@ def columns(values: ArrayLike, name: str) -> np.ndarray:
 
 
 def check_sample_time(sample_time: float) -> None:
-    """Raises VibrationError unless it is a positive number of seconds."""
+    """Raises ArgumentError unless it is a positive number of seconds."""
     if not (np.isfinite(sample_time) and sample_time > 0):
-        raise VibrationError(f"the sample time is {sample_time}; expected a positive number of seconds")
+        raise ArgumentError(f"the sample time is {sample_time}; expected a positive number of seconds")

@@ -15,8 +15,9 @@ from gtmodel.inference import nonlinear_fit, whiteness
 from gtmodel.measurements import copied_stretch
 from gtmodel.results import Estimate
 
+from ..results import ArgumentError
 from .output_error import central
-from .record import Record, VibrationError, go_on
+from .record import Record, go_on
 
 if TYPE_CHECKING:
     import control
@@ -78,7 +79,7 @@ def identify_step(
         interrupted: asked before each delay; True ends the fit with Stopped.
 
     Every recording starts at rest, where its first input holds; its rest position is eliminated. The covariance is for
-    white noise and a known delay. Raises VibrationError: several inputs or outputs, other sample times, an input that
+    white noise and a known delay. Raises ArgumentError: several inputs or outputs, other sample times, an input that
     does not move, a delay longer than the data, data that are copies of others, no convergence.
     """
     given = [records] if isinstance(records, Record) else list(records)
@@ -107,7 +108,7 @@ def identify_step(
     a0 = scans[best][0]
     fit = nonlinear_fit(residuals, [a0, _gain(given, a0, best)], ("a", "b"))
     if fit.estimate is None:
-        raise VibrationError(
+        raise ArgumentError(
             f"the step-response fit did not arrive: {fit.message}; is it a step response of first order?"
         )
     e, (a, b) = fit.estimate, (float(x) for x in fit.x)
@@ -156,31 +157,31 @@ def bandwidth(a: float, sample_time: float) -> float | None:
 
 def _check(given: Sequence[Record], delay: int | None, longest: int) -> None:
     if not given:
-        raise VibrationError("there is no recording; expected at least one")
+        raise ArgumentError("there is no recording; expected at least one")
     if len({r.sample_time for r in given}) > 1 and np.ptp([r.sample_time for r in given]) > 1e-6 * given[0].sample_time:
         times = ", ".join(f"{1e3 * r.sample_time:.6g}" for r in given)
-        raise VibrationError(f"the recordings have the sample times {times} ms; expected one: resample them")
+        raise ArgumentError(f"the recordings have the sample times {times} ms; expected one: resample them")
     wanted = longest if delay is None else delay
     if wanted < 0:
-        raise VibrationError(f"the delay is {wanted} samples; expected 0 or more")
+        raise ArgumentError(f"the delay is {wanted} samples; expected 0 or more")
     for n, r in enumerate(given):
         if r.u.shape[1] != 1 or r.y.shape[1] != 1:
-            raise VibrationError(
+            raise ArgumentError(
                 f"recording {n + 1} has {r.u.shape[1]} inputs and {r.y.shape[1]} outputs; expected one each"
             )
         moved = np.flatnonzero(r.u[:, 0] != r.u[0, 0])
         if not moved.size:
-            raise VibrationError(f"the input of recording {n + 1} does not move; expected a step after some rest")
+            raise ArgumentError(f"the input of recording {n + 1} does not move; expected a step after some rest")
         left = len(r) - int(moved[0])
         if wanted + AFTER > left:
-            raise VibrationError(
+            raise ArgumentError(
                 f"a delay of {wanted} samples is longer than the data: {left} samples follow the step of recording "
                 f"{n + 1}, expected at least {wanted + AFTER}; record longer, or lower the delay"
             )
 
     copy = copied_stretch([np.hstack([r.u, r.y]) for r in given])
     if copy is not None:
-        raise VibrationError(
+        raise ArgumentError(
             f"{copy.rows} samples of recording {copy.again + 1}, from sample {copy.at} on, are copies of recording "
             f"{copy.first + 1} from sample {copy.of} on; noise does not repeat itself, and a copy counts twice and "
             "narrows the intervals: take it out"

@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
 
+from ..results import ArgumentError
 from .hankel import project
 from .input_matrices import input_matrices
 from .order import NOISE_FREE, OrderTrial, choose, gap, largest_order
-from .record import Record, VibrationError, go_on
+from .record import Record, go_on
 from .response import simulate
 
 if TYPE_CHECKING:
@@ -84,18 +85,18 @@ def identify_subspace(
 
     A and C come from the subspace, B, D, the initial state and the outputs' offset from least squares on simulated
     outputs; offsets of inputs and outputs do not count. Sources:
-    Verhaegen and Verdult 2007, chapter 9; Van Overschee and De Moor 1996, chapter 4. Raises VibrationError: too few
+    Verhaegen and Verdult 2007, chapter 9; Van Overschee and De Moor 1996, chapter 4. Raises ArgumentError: too few
     samples, inputs too poor, an order too high, an unstable model.
     """
     if method not in get_args(Method):
-        raise VibrationError(f"there is no method '{method}'; expected {', '.join(get_args(Method))}")
+        raise ArgumentError(f"there is no method '{method}'; expected {', '.join(get_args(Method))}")
     if not 0 < held_out < 1:
-        raise VibrationError(f"the held-out share is {held_out:g}; expected a number between 0 and 1, such as 0.33")
+        raise ArgumentError(f"the held-out share is {held_out:g}; expected a number between 0 and 1, such as 0.33")
     p = record.y.shape[1]
     blocks = BLOCK_ROWS if block_rows is None else block_rows
     most = largest_order(blocks, p)
     if order is not None and not 1 <= order <= most:
-        raise VibrationError(
+        raise ArgumentError(
             f"order {order} was asked for; {blocks} block rows of {p} outputs tell 1 to {most}: lower it, or take more "
             "block rows"
         )
@@ -104,7 +105,7 @@ def identify_subspace(
     part = Subspace(fitting, blocks, method)
     told = int(np.sum(part.singular_values > NOISE_FREE * part.singular_values[0]))
     if order is not None and order > told:
-        raise VibrationError(
+        raise ArgumentError(
             f"order {order} was asked for; only {told} singular values are more than rounding: lower it to {told}"
         )
     tried = range(1, min(largest, most, max(told, 1)) + 1) if order is None else [order]
@@ -131,7 +132,7 @@ def identify_subspace(
     radius = float(np.abs(np.linalg.eigvals(A)).max())
     if radius > UNSTABLE or n not in predictions:
         worst = max(radius, next(t.radius for t in trials if t.order == n))
-        raise VibrationError(
+        raise ArgumentError(
             f"the model of order {n} is unstable: a pole has the modulus {worst:.6g}, expected at most 1; take another "
             "order, more block rows or a longer recording"
         )

@@ -3,14 +3,55 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..results import ArgumentError
 from .modes import matrices
+from .options import Hit, Sampling, Steps, Structure
 from .output_error import second_order_states
-from .record import Record, VibrationError
+from .record import Record
 from .response import held, simulate
+
+
+def synthetic_records(known: Structure | Steps | Hit, sampling: Sampling) -> list[Record]:
+    """Made-up recordings of a known system: one, or of steps one each. Raises ArgumentError.
+
+    >>> from gtmodel.vibration import Sampling, Steps, synthetic_records
+    >>> steps = Steps(a=0.9, b=0.1, delay_samples=2, amplitudes=[1e-3, 2e-3])
+    >>> [len(r) for r in synthetic_records(steps, Sampling(seed=1, noise=0.0, samples=50))]
+    [50, 50]
+    """
+    s = sampling
+    common = {"samples": s.samples, "sample_time": s.sample_time, "noise": s.noise}
+    try:
+        if isinstance(known, Structure):
+            if known.coordinate > len(known.M):
+                raise ArgumentError(
+                    f"is {known.coordinate}; the structure has {len(known.M)} coordinates", "known.coordinate"
+                )
+            return [
+                structure_record(
+                    known.M, known.D, known.K, force=known.force, coordinate=known.coordinate - 1,
+                    hold=known.hold_samples, seed=s.seed, **common,
+                )
+            ]  # fmt: skip
+        if isinstance(known, Hit):
+            return [hammer_record(known.frequency, known.damping, known.amplitude, seed=s.seed, **common)]
+        made = [
+            step_record(
+                known.a, known.b, known.delay_samples, size, before=known.rest_samples, seed=s.seed + n, **common
+            )
+            for n, size in enumerate(known.amplitudes)
+        ]
+    except ValueError as error:
+        argument = error.argument if isinstance(error, ArgumentError) else ""
+        raise ArgumentError(getattr(error, "sentence", str(error)), argument or "known") from error
+    # one note for all of them
+    seeds = f"seed {s.seed}" if len(made) == 1 else f"seeds {s.seed} to {s.seed + len(made) - 1}"
+    return [replace(r, synthetic=f"{seeds}, noise {s.noise:g} m") for r in made]
 
 
 def structure_record(
@@ -29,22 +70,20 @@ def structure_record(
     """Positions of M x'' + D x' + K x = e u under u = +-force [N], drawn anew every `hold` samples.
 
     noise [m]: standard deviation, white, on every position. The structure starts at rest; the response is exact between
-    samples. Raises VibrationError.
+    samples. Raises ArgumentError.
     """
     M, D, K = matrices(M, D, K)
     p = len(M)
     if not 0 <= coordinate < p:
-        raise VibrationError(f"the force acts on coordinate {coordinate}; expected 0 to {p - 1}")
+        raise ArgumentError(f"the force acts on coordinate {coordinate}; expected 0 to {p - 1}")
     F = np.eye(p)[:, coordinate : coordinate + 1]
     A, B, C = second_order_states(M, D, K, F)
     if np.linalg.eigvals(A).real.max() >= 0:
-        raise VibrationError(
-            "the structure is unstable or undamped: its response would not stay bounded; change D or K"
-        )
+        raise ArgumentError("the structure is unstable or undamped: its response would not stay bounded; change D or K")
     Ad, Bd = held(A, B, sample_time)
     random = np.random.default_rng(seed)
     if hold < 1:
-        raise VibrationError(f"the force is held over {hold} samples; expected at least 1")
+        raise ArgumentError(f"the force is held over {hold} samples; expected at least 1")
     drawn = random.choice([-1.0, 1.0], size=-(-samples // hold))
     u = force * np.repeat(drawn, hold)[:samples, None]
     y = simulate(Ad, Bd, C, np.zeros((p, 1)), u) + noise * random.standard_normal((samples, p))
@@ -64,15 +103,15 @@ def hammer_record(
     """Positions after a hit at time 0: sines of the damped frequencies that begin at zero, decaying.
 
     frequency_Hz: undamped, by mode; amplitude (modes, p) [m]. The input is a column of zeros: the force of a hit is not
-    recorded. Raises VibrationError.
+    recorded. Raises ArgumentError.
     """
     f, zeta, a = np.array(frequency_Hz, float), np.array(damping, float), np.atleast_2d(np.asarray(amplitude, float))
     if not len(f) == len(zeta) == len(a):
-        raise VibrationError(
+        raise ArgumentError(
             f"{len(f)} frequencies, {len(zeta)} dampings and {len(a)} rows of amplitudes; give one each"
         )
     if np.any(f <= 0) or np.any(zeta < 0) or np.any(zeta >= 1):
-        raise VibrationError("expected frequencies above 0 and dampings from 0 up to 1")
+        raise ArgumentError("expected frequencies above 0 and dampings from 0 up to 1")
     t = sample_time * np.arange(samples)[:, None]
     w = 2 * np.pi * f
     y = (np.exp(-zeta * w * t) * np.sin(w * np.sqrt(1 - zeta**2) * t)) @ a

@@ -5,11 +5,11 @@ python -m tests.bench.basin_calibrate
 
 from __future__ import annotations
 
+import gtmodel as gt
 from gtmodel.calibrate import Fit, Poses, calibrate
 from gtmodel.calibrate.basin import basin
 from gtmodel.calibrate.measured.poses import split
 from gtmodel.calibrate.variants import prepared
-from gtmodel.problem_files.call import load
 from tests.support.commands import CLONE
 
 STARTS, SEED = 100, 1
@@ -20,7 +20,7 @@ TIMES = (1, 3, 10, 30, 100)
 def main() -> None:
     print("problem  start error  rms length error  reached")
     for name in ("l1", "f1"):
-        call = load(CLONE / "problems" / f"calibrate_{name}.toml")
+        call = gt.load(CLONE / "problems" / f"calibrate_{name}.toml")
         model, poses, fit = call.arguments
         assert isinstance(poses, Poses) and isinstance(fit, Fit)
         ready = prepared(fit, model, split(poses, model, call.options["held_out"]))

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import gtmodel as gt
+from gtmodel.compiler.analysis.kinks import has_kinks
 from gtmodel.compiler.causal import flat_of
-from gtmodel.compiler.kinks import has_kinks
 
 
 class Sign(gt.Model):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.sparse import csc_matrix
 
-from gtmodel.compiler.points import _least_norm
+from gtmodel.compiler.consistency.points import _least_norm
 
 ROUND_OFF = 1e-9  # of the step: normal equations square the condition, here below 1e3
 

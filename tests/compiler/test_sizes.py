@@ -7,8 +7,8 @@ import pytest
 
 import gtmodel as gt
 from gtmodel import Status
+from gtmodel.compiler.analysis.sizes import DOUBLE
 from gtmodel.compiler.rows import RowFunction
-from gtmodel.compiler.sizes import DOUBLE
 
 HUGE = (1e5, 1e20, 1e100, 1e300)
 

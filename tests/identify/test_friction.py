@@ -7,7 +7,6 @@ import pytest
 from scipy.optimize import minimize_scalar
 
 from gtmodel.identify import (
-    FrictionError,
     Runs,
     constant_velocity_log,
     identify_friction,
@@ -15,7 +14,7 @@ from gtmodel.identify import (
     mass_by_norm,
     steady_runs,
 )
-from gtmodel.results import TrajectoryError
+from gtmodel.results import ArgumentError, TrajectoryError
 
 PATTERN = np.array([[-7.9, -0.65, 8.55], [-11.7, -0.96, 12.66], [-9.0, -1.5, 10.5]])
 PLUS, MINUS = np.array([189.0, 262.0, 239.0]), np.array([146.0, 119.0, 177.0])
@@ -117,14 +116,14 @@ def test_signs_that_no_drive_can_have_are_refused(seed: int, gravity: Any, symme
     data = runs(3.0, seed)
     how = dict(gravity=gravity, symmetric=symmetric)
     for wrong in (data._replace(force=-data.force), data._replace(velocity=-data.velocity)):
-        with pytest.raises(FrictionError, match=r"cart 1: friction would drive it .* check the sign"):
+        with pytest.raises(ArgumentError, match=r"cart 1: friction would drive it .* check the sign"):
             identify_friction(wrong, PATTERN, **how)
     one = data.force * [1, 1, -1]
-    with pytest.raises(FrictionError, match=r"cart 3: friction would drive it"):
+    with pytest.raises(ArgumentError, match=r"cart 3: friction would drive it"):
         identify_friction(data._replace(force=one), PATTERN, **how)
     # both reversed: friction brakes again, but gravity pulls upwards
     both = data._replace(force=-data.force, velocity=-data.velocity)
-    with pytest.raises(FrictionError, match=r"the mass would be -.* kg, which none can be"):
+    with pytest.raises(ArgumentError, match=r"the mass would be -.* kg, which none can be"):
         identify_friction(both, PATTERN, **how)
 
 
@@ -143,35 +142,35 @@ def test_friction_and_masses_about_zero_are_not_refused() -> None:
 def test_copied_runs_are_refused(times: int) -> None:
     data = runs(3.0, 1)
     copied = Runs(*(np.concatenate([part] * times) for part in data))
-    with pytest.raises(FrictionError, match=rf"{24 * (times - 1)} of {24 * times} runs are copies of others"):
+    with pytest.raises(ArgumentError, match=rf"{24 * (times - 1)} of {24 * times} runs are copies of others"):
         identify_friction(copied, PATTERN)
     # a log joined to itself: times differ, and with them the last digits of the means
     log = constant_velocity_log(SPEEDS.tolist(), law, np.full(3, 30.0), seed=3, noise=5.0)
     found = steady_runs(log)
     later = found._replace(velocity=found.velocity * (1 + 1e-15), pose=found.pose + 1)
-    with pytest.raises(FrictionError, match=r"runs are copies of others"):
+    with pytest.raises(ArgumentError, match=r"runs are copies of others"):
         identify_friction(joined([found, later]), PATTERN[:2])
 
 
 def test_what_no_fit_can_take_is_said() -> None:
     data = runs(3.0, 1)
-    with pytest.raises(FrictionError, match=r"one kilogram loads no cart"):
+    with pytest.raises(ArgumentError, match=r"one kilogram loads no cart"):
         identify_friction(data, 0 * PATTERN)
-    with pytest.raises(FrictionError, match=r"run 3 of cart 2 has no finite number among the forces"):
+    with pytest.raises(ArgumentError, match=r"run 3 of cart 2 has no finite number among the forces"):
         force = data.force.copy()
         force[2, 1] = np.nan
         identify_friction(data._replace(force=force), PATTERN)
-    with pytest.raises(FrictionError, match=r"names pose 3; the pattern has 2"):
+    with pytest.raises(ArgumentError, match=r"names pose 3; the pattern has 2"):
         identify_friction(data, PATTERN[:2])
-    with pytest.raises(FrictionError, match=r"have the shape"):
+    with pytest.raises(ArgumentError, match=r"have the shape"):
         identify_friction(data, PATTERN[:, :2])
 
 
 def test_refusals() -> None:
     one_way = runs(poses=1)
-    with pytest.raises(FrictionError, match=r"cart 1, pose 1: 0 velocities in direction minus"):
+    with pytest.raises(ArgumentError, match=r"cart 1, pose 1: 0 velocities in direction minus"):
         identify_friction(Runs(*(part[:4] for part in one_way)), PATTERN[:1])
-    with pytest.raises(FrictionError, match=r"gravity loads the actuators alike in all poses"):
+    with pytest.raises(ArgumentError, match=r"gravity loads the actuators alike in all poses"):
         identify_friction(runs(poses=2), PATTERN[[0, 0]], gravity="poses")
 
 
@@ -203,7 +202,7 @@ def test_forces_in_exchanged_columns_are_recognised_and_no_others(poses: int, al
         exchanged = data._replace(force=data.force[:, [1, 0, 2]])
         try:
             identify_friction(exchanged, pattern)
-        except FrictionError as error:
+        except ArgumentError as error:
             seen += "force 1 and force 2 look exchanged" in str(error)
     assert seen >= 57  # one pattern of 60 may be alike for two carts
 
@@ -223,7 +222,7 @@ def test_a_reversed_force_shows_by_gravity_where_friction_is_small(cart: int) ->
         rng = np.random.default_rng(seed)
         force = 20.0 * pattern[data.pose] + rng.normal(0.0, 1.0, data.force.shape)
         identify_friction(data._replace(force=force), pattern)
-        with pytest.raises(FrictionError, match=rf"force {cart + 1} looks reversed|cart {cart + 1}: friction would"):
+        with pytest.raises(ArgumentError, match=rf"force {cart + 1} looks reversed|cart {cart + 1}: friction would"):
             identify_friction(data._replace(force=force * np.where(np.arange(3) == cart, -1, 1)), pattern)
 
 
@@ -232,7 +231,7 @@ def test_copied_runs_are_refused_wherever_they_are_said_to_be(shift: float) -> N
     data, pattern = drawn(4, 2, alike=False)
     copied = Runs(*(np.concatenate([part, part[5:9]]) for part in data))
     copied.position[20:] += shift
-    with pytest.raises(FrictionError, match="4 of 24 runs are copies of others, run 21 of run 6"):
+    with pytest.raises(ArgumentError, match="4 of 24 runs are copies of others, run 21 of run 6"):
         identify_friction(copied, pattern)
 
 

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gtmodel.calibrate.basin import basin
 from gtmodel.calibrate import CalibrationStudy
+from gtmodel.calibrate.basin import basin
 from gtmodel.calibrate.synthetic import Made, make
 from gtmodel.calibrate.told.sensitivity_table import table, text
 from gtmodel.kinds.calibration.keys import Synthetic

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from gtmodel.kinds.finer_mesh import PASSES, elements_after, refined
+from gtmodel.motion.finer_mesh import PASSES, elements_after, refined
 from gtmodel.problem_files.base import Check, at_most
 
 BOUND = 1e-3

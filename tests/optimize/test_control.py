@@ -9,8 +9,8 @@ from scipy.optimize import minimize
 import gtmodel as gt
 from gtmodel import ModelError, der
 from gtmodel.optimize import Blocks, Mesh, SolverOptions, resimulate, solve
+from gtmodel.optimize.formulation.problem import build
 from gtmodel.optimize.nlp import make_nlp
-from gtmodel.optimize.problem import build
 from tests.optimize import features, problems
 from tests.optimize.test_derivatives import point_near_guess, wrong
 from tests.optimize.test_order import Regulator

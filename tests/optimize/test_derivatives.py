@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 
 import gtmodel as gt
-from gtmodel.kinds.motion import MotionTask, line_guess, motion
+from gtmodel.motion.guesses import line_guess
+from gtmodel.motion.task import MotionTask, motion
 from gtmodel.optimize import Mesh
+from gtmodel.optimize.formulation.problem import build
 from gtmodel.optimize.guess import initial_guess
 from gtmodel.optimize.nlp import Nlp, make_nlp
-from gtmodel.optimize.problem import build
 from tests.optimize import features
 from tests.optimize.problems import LinearAlgebraic, VanDerPol
 

@@ -8,7 +8,7 @@ import pytest
 import gtmodel as gt
 from gtmodel import der
 from gtmodel.optimize import Mesh, SolverOptions, multi_start, refine, resimulate, solve, solve_phases, transcribe
-from gtmodel.optimize.discretisation import COST, NAME, discretisation
+from gtmodel.optimize.judgement.discretisation import COST, NAME, discretisation
 from gtmodel.results import SolveStatus
 from tests.optimize import problems
 

@@ -9,8 +9,8 @@ from scipy.optimize import brentq
 import gtmodel as gt
 from gtmodel import ModelError, SolveStatus, der
 from gtmodel.optimize import Mesh, SolverOptions, resimulate, solve
+from gtmodel.optimize.formulation.problem import build
 from gtmodel.optimize.nlp import make_nlp
-from gtmodel.optimize.problem import build
 from tests.optimize import features, problems
 from tests.optimize.test_derivatives import point_near_guess, robot_motion, wrong
 from tests.optimize.test_solve import CartesianSwing, CrankMotion

@@ -8,8 +8,8 @@ import pytest
 import gtmodel as gt
 from gtmodel import ModelError, der
 from gtmodel.optimize import Mesh, refine, resimulate, solve
+from gtmodel.optimize.judgement.refine import element_errors
 from gtmodel.optimize.nlp import placed
-from gtmodel.optimize.refine import element_errors
 from tests.optimize import features, problems
 
 # IPOPT stops at 1e-8 of scaled conditions and relaxes bounds by as much: here the optimum is exact.

@@ -11,17 +11,7 @@ import pytest
 
 import gtmodel as gt
 from gtmodel import ModelError, SolveStatus, der
-from gtmodel.optimize import (
-    Mesh,
-    Phases,
-    SolverOptions,
-    estimate,
-    multi_start,
-    refine,
-    solve,
-    solve_phases,
-    transcribe,
-)
+from gtmodel.optimize import Mesh, Phases, SolverOptions, estimate, multi_start, refine, solve, solve_phases, transcribe
 
 SEED, NOISE = 3, 0.02
 TIMES = np.linspace(0.0, 2.0, 21)
@@ -252,7 +242,7 @@ def test_refine_says_what_it_cannot_and_ends_at_a_failure():
 
 
 def test_a_later_pass_that_fails_ends_it_too(monkeypatch):
-    module = sys.modules["gtmodel.optimize.refine"]
+    module = sys.modules["gtmodel.optimize.judgement.refine"]
     calls = []
 
     def second_fails(*args, **options):

@@ -8,7 +8,7 @@ import pytest
 import gtmodel as gt
 from gtmodel import der
 from gtmodel.optimize import Mesh, solve
-from gtmodel.optimize.discretisation import COST, NAME
+from gtmodel.optimize.judgement.discretisation import COST, NAME
 
 AREA = np.sqrt(np.pi)
 # a step inside an element, as five points see it: a part of that one element of ten

@@ -8,10 +8,10 @@ import pytest
 import gtmodel as gt
 from gtmodel import ModelError, SolveStatus, der
 from gtmodel.optimize import Mesh, NotSolved, Phases, SolverOptions, solve, solve_phases
+from gtmodel.optimize.formulation.problem import build
 from gtmodel.optimize.guess import initial_guess
 from gtmodel.optimize.linking import join
 from gtmodel.optimize.nlp import make_nlp
-from gtmodel.optimize.problem import build
 from tests.optimize import problems
 from tests.optimize.test_derivatives import wrong
 

@@ -8,7 +8,7 @@ import pytest
 import gtmodel as gt
 from gtmodel import der
 from gtmodel.optimize import Mesh, SolverOptions, resimulate, solve, solve_phases, transcribe
-from gtmodel.optimize.problem import build
+from gtmodel.optimize.formulation.problem import build
 from tests.optimize import problems
 
 ROUNDING = 1e-10

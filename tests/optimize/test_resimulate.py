@@ -10,9 +10,10 @@ from scipy.integrate import solve_ivp
 
 import gtmodel as gt
 from gtmodel import SolveStatus, der
-from gtmodel.kinds.motion import MotionTask, line_guess, motion
+from gtmodel.motion.guesses import line_guess
+from gtmodel.motion.task import MotionTask, motion
 from gtmodel.optimize import Mesh, SolverOptions, solve
-from gtmodel.optimize.resimulate import SUBSTEPS, resimulate
+from gtmodel.optimize.judgement.resimulate import SUBSTEPS, resimulate
 from tests.optimize import features, problems
 from tests.oracle.hand_written import ThreeLink
 

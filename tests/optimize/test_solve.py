@@ -11,7 +11,7 @@ import pytest
 import gtmodel as gt
 from gtmodel import ModelError, SolveStatus, Trajectory, der
 from gtmodel.optimize import Mesh, NotSolved, SolverOptions, solve
-from gtmodel.optimize.resimulate import resimulate
+from gtmodel.optimize.judgement.resimulate import resimulate
 from tests.optimize.features import Tank
 from tests.optimize.problems import DoubleIntegrator, StirredTank, VanDerPol, VanDerPolTime
 from tests.support.models import Pendulum, SliderCrank

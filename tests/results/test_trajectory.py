@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import copy
 import pickle
+import sys
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -11,7 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gtmodel.results import Trajectory
+from gtmodel.results import Trajectory, UnknownNameError
 from tests.results.trajectories import ROUNDING, TIME, eighths, example, moderate, quick, trajectories
 
 # -- reading ------------------------------------------------------------------
@@ -210,3 +212,27 @@ def test_merge_keeps_both_notes() -> None:
     plain = Trajectory([0.0], {"z": [1.0]})
     assert plain.merge(b).provenance == {"n": 2} and plain.merge(b).synthetic == "seed 2"
     assert plain.merge(b).title == "b"
+
+
+def test_a_trajectory_draws_what_is_named() -> None:
+    t = np.linspace(0.0, 1.0, 5)
+    run = Trajectory(t, {"q": np.stack([t, t**2], axis=1), "F": np.sin(t)}, {"q": "m", "F": "N"})
+    assert len(run.plot().axes) == 2
+    (axes,) = run.plot("q[1]", marks=[0.5]).axes
+    np.testing.assert_array_equal(axes.lines[0].get_ydata(), t**2)
+    with pytest.raises(UnknownNameError):
+        run.plot("p")
+
+
+def test_a_trajectory_becomes_a_pandas_table(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By a stand-in that records what pandas gets: pandas is no dependency, not of the tests either."""
+    run = Trajectory([0.0, 1.0], {"q": np.eye(2), "F": [3.0, 4.0]}, {"q": "m", "F": "N"})
+    monkeypatch.setitem(
+        sys.modules,
+        "pandas",
+        SimpleNamespace(DataFrame=lambda data, index: (data, index), Index=lambda v, name: (v, name)),
+    )
+    data, (index, label) = run.to_pandas()
+    assert list(data) == ["q[0] [m]", "q[1] [m]", "F [N]"] and label == "time [s]"
+    np.testing.assert_array_equal(data["q[1] [m]"], [0.0, 1.0])
+    np.testing.assert_array_equal(index, [0.0, 1.0])

@@ -6,8 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from gtmodel.kinds.motion import along_guideways, link_names
+from gtmodel.motion.links import along_guideways
 from gtmodel.robots.catalogue import gantry_tau
+from gtmodel.robots.links import link_names
 
 SUITE = Path(__file__).resolve().parents[1] / "suites" / "trajectory_draws.toml"
 

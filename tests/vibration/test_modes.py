@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 
-from gtmodel.vibration import VibrationError, definite_form, modes, sign_question
+from gtmodel.results import ArgumentError
+from gtmodel.vibration import definite_form, modes, sign_question
 from tests.vibration.structures import D, K, M, relative
 
 PROBLEM = Path(__file__).parents[2] / "problems/vibration_table_6_15.toml"
@@ -80,16 +81,16 @@ def test_the_passive_form_keeps_what_is_passive_and_says_what_is_not() -> None:
     # det(M^-1 D) < 0: no positive definite D belongs to any positive definite M
     assert np.linalg.det(np.linalg.solve(M_P, D_P)) < 0 and printed.raised > 0.1
     assert "the damping is not passive: 61.1 % was added" in printed.words[1]
-    with pytest.raises(VibrationError, match="look at the signs of M and K"):
+    with pytest.raises(ArgumentError, match="look at the signs of M and K"):
         definite_form(M_P, D_P, K_P)
 
 
 def test_matrices_are_checked() -> None:
-    with pytest.raises(VibrationError, match=r"the matrices have the shapes \(2, 2\), \(2, 2\), \(1, 1\)"):
+    with pytest.raises(ArgumentError, match=r"the matrices have the shapes \(2, 2\), \(2, 2\), \(1, 1\)"):
         modes(M, D, [[1.0]])
-    with pytest.raises(VibrationError, match="M is singular: a coordinate has no inertia"):
+    with pytest.raises(ArgumentError, match="M is singular: a coordinate has no inertia"):
         modes(np.diag([1.0, 0.0]), D, K)
-    with pytest.raises(VibrationError, match="a matrix holds a number that is not finite"):
+    with pytest.raises(ArgumentError, match="a matrix holds a number that is not finite"):
         modes(M, D * np.nan, K)
 
 

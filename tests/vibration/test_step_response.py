@@ -8,7 +8,8 @@ import pytest
 from scipy.optimize import brentq
 
 from gtmodel.inference import binomial_band
-from gtmodel.vibration import Record, VibrationError, bandwidth, identify_step, step_record
+from gtmodel.results import ArgumentError
+from gtmodel.vibration import Record, bandwidth, identify_step, step_record
 from tests.vibration.structures import TS
 
 PRINTED = [(0.9647, 0.03527), (0.9656, 0.03425), (0.9728, 0.02748)]  # eq. (6.11)
@@ -47,10 +48,10 @@ def test_the_delay_is_found(delay) -> None:
 @pytest.mark.parametrize("times", [2, 20])
 def test_copied_recordings_are_refused(times) -> None:
     given = steps(0.9647, 0.03527)
-    with pytest.raises(VibrationError, match=r"samples of recording 4, from sample 0 on, are copies of recording 1"):
+    with pytest.raises(ArgumentError, match=r"samples of recording 4, from sample 0 on, are copies of recording 1"):
         identify_step(given * times)
     joined = Record(np.vstack([r.u for r in given] * 2), np.vstack([r.y for r in given] * 2), TS)
-    with pytest.raises(VibrationError, match=r"are copies of recording 1"):
+    with pytest.raises(ArgumentError, match=r"are copies of recording 1"):
         identify_step(joined)
 
 
@@ -101,7 +102,7 @@ def test_intervals_hold_as_often_as_they_say_many_seeds() -> None:
 
 def test_what_is_refused() -> None:
     def refused(sentence, records, **options):
-        with pytest.raises(VibrationError, match=sentence):
+        with pytest.raises(ArgumentError, match=sentence):
             identify_step(records, **options)
 
     one = steps(0.9, 0.1)[0]

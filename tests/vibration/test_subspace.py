@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 from scipy import stats
 from scipy.signal import dlsim
 
-from gtmodel.vibration import Record, VibrationError, identify_subspace, physical_form, structure_record
+from gtmodel.results import ArgumentError
+from gtmodel.vibration import Record, identify_subspace, physical_form, structure_record
 from gtmodel.vibration.response import free_responses, simulate
 from tests.vibration.structures import TS, D, K, M, matched, random_system, relative, response
 
@@ -121,7 +122,7 @@ def test_errors_fall_with_the_root_of_the_samples(seeds: range) -> None:
 
 def test_what_is_refused(noisy) -> None:
     def refused(sentence, record=noisy, **options):
-        with pytest.raises(VibrationError, match=sentence):
+        with pytest.raises(ArgumentError, match=sentence):
             identify_subspace(record, **options)
 
     refused("there is no method 'n4'; expected n4sid, moesp, cva", method="n4")
@@ -142,11 +143,11 @@ def test_what_is_refused(noisy) -> None:
 
 
 def test_records_are_checked() -> None:
-    with pytest.raises(VibrationError, match="3 samples of the inputs and 4 of the outputs; give one each"):
+    with pytest.raises(ArgumentError, match="3 samples of the inputs and 4 of the outputs; give one each"):
         Record(np.zeros(3), np.zeros(4), TS)
-    with pytest.raises(VibrationError, match="sample 1 of column 0 of the outputs is nan; expected finite numbers"):
+    with pytest.raises(ArgumentError, match="sample 1 of column 0 of the outputs is nan; expected finite numbers"):
         Record(np.zeros(2), np.array([0.0, np.nan]), TS)
-    with pytest.raises(VibrationError, match=r"the sample time is 0\.0; expected a positive number of seconds"):
+    with pytest.raises(ArgumentError, match=r"the sample time is 0\.0; expected a positive number of seconds"):
         Record(np.zeros(2), np.zeros(2), 0.0)
 
 

@@ -8,8 +8,8 @@ from itertools import combinations
 
 import numpy as np
 
+from ..poses import Array, Poses
 from .distances import between_segments, segment_to_box
-from .poses import Array, Poses
 
 # what meets is not clear, also where nothing has a radius [m]
 TOUCHING = 1e-9

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from ...results import Status
+from ..poses import Array, InverseKinematics
 from .grid import Grid
 from .limits import Limit
-from .poses import Array, InverseKinematics
 
 REACHABLE = 0
 FIRST_LIMIT = 64  # codes below are those of `Status`, from here on they count the limits

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import gtmodel as gt
-from gtmodel.kinds.motion import MotionTask
-from gtmodel.kinds.motion import motion as declare
+from gtmodel.motion.task import MotionTask
+from gtmodel.motion.task import motion as declare
 from gtmodel.optimize import Mesh, SolverOptions
+from gtmodel.optimize.formulation.problem import build
 from gtmodel.optimize.guess import initial_guess
 from gtmodel.optimize.nlp import make_nlp
-from gtmodel.optimize.problem import build
 from gtmodel.optimize.solve import solve_nlp
 
 from .l1_by_hand import FORCE, FORCE_UNIT, GOAL, START, Motion

@@ -14,7 +14,7 @@ import numpy as np
 
 import gtmodel as gt
 from gtmodel.compiler.causal import compile_causal
-from gtmodel.kinds.motion import line_guess
+from gtmodel.motion.guesses import line_guess
 from gtmodel.results import Trajectory
 
 GRAVITY = 9.81  # m/s2

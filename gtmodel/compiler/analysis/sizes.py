@@ -1,0 +1,239 @@
+"""How large the numbers of an input may be: until round-off reaches the lengths that the closures themselves hold.
+
+|T - A - q v|^2 = L^2 with q a million times L leaves, of thirteen digits of L, one. Where no closure stands between an
+input and an answer, as for rates and forces, the limit is one that no machine comes near.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from ..blocks import SolvedBlock
+from ..plan import Plan
+
+Pair = tuple[int, int]
+
+# sizes that are tried: 2^k and 1.5 2^k, which float and double hold exactly
+TRIED = np.sort(np.concatenate([2.0 ** np.arange(-40, 54), 1.5 * 2.0 ** np.arange(-40, 53)]))
+ROOM = 8.0  # times its size at home, at least
+# their size does not grow with that of the lengths: components of unit vectors and quaternions, angles
+NUMBERS, ANGLES = {"1"}, {"rad", "deg"}
+_PERIODIC = frozenset([ca.OP_SIN, ca.OP_COS, ca.OP_TAN])
+_BOUNDED = _PERIODIC | {ca.OP_TANH, ca.OP_SIGN, ca.OP_ATAN, ca.OP_ATAN2, ca.OP_ASIN, ca.OP_ACOS, ca.OP_ERF}
+DIGITS = ".6g"  # of values at the home pose: the noise of another linear algebra library must not reach a limit
+
+
+@dataclass(frozen=True)
+class Precision:
+    """Numbers to compute with. `share`: what round-off may take of the lengths in a closure; `largest`: of any input.
+    Beyond it, what differences of large rates leave is round-off, and it is squared."""
+
+    round_off: float
+    share: float
+    largest: float
+
+
+# 1e-8 of the lengths: what is lost where a pose is nearly singular comes on top
+DOUBLE = Precision(2.0**-53, 1e-8, 2.0**53)
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """`limits`: for each argument the largest size of its numbers. The norm of all of them, each in units of its limit,
+    is at most one: that takes a single comparison."""
+
+    limits: tuple[float, ...]
+
+    @property
+    def most(self) -> float:
+        """What the weighted sum of squares may come to."""
+        return max(self.limits, default=1.0) ** 2
+
+    @property
+    def groups(self) -> list[tuple[float, list[int]]]:
+        """(weight of squares, places of the arguments with it) in the order of the sum."""
+        found: dict[float, list[int]] = {}
+        for n, limit in enumerate(self.limits):
+            found.setdefault(self.most / limit**2, []).append(n)
+        return list(found.items())
+
+    def norm(self, columns: Sequence[ca.SX]) -> ca.SX:
+        """The weighted sum of squares that is compared with `most`, in symbols."""
+        return sum([weight * ca.sumsqr(columns[n]) for weight, places in self.groups for n in places], ca.SX(0))
+
+    def within(self, columns: Sequence[np.ndarray]) -> np.ndarray:
+        """Which columns of the arguments (size, n) are small enough, in the precision of the numbers; NaN is not."""
+        total = np.zeros(columns[0].shape[1] if columns else 1, columns[0].dtype if columns else float)
+        number = total.dtype.type
+        with np.errstate(over="ignore", invalid="ignore"):
+            for n, (weight, places) in enumerate(self.groups):  # in the order in which C adds
+                rows = [row for place in places for row in columns[place]]
+                squares = rows[0] * rows[0]
+                for row in rows[1:]:
+                    squares = squares + row * row
+                squares = squares if weight == 1.0 else number(weight) * squares
+                total = squares if n == 0 else total + squares
+            return total <= number(self.most)
+
+
+def sizes_of(plan: Plan, arguments: Sequence[Sequence[Pair]], precision: Precision = DOUBLE) -> Sizes:
+    """Limits for arguments that consist of these chain symbols; one without symbols is the time."""
+    reach = _Reach(plan)
+    limits = []
+    for pairs in arguments:
+        symbols = [plan.flat.scope.symbol(*p) for p in pairs] or [plan.flat.scope.time]
+        keys = frozenset(s.element_hash() for s in symbols)
+        found = [_limit(plan, reach, k, keys, precision) for k, b in enumerate(plan.blocks) if b.closures]
+        limits.append(min([precision.largest, *found]))
+    return Sizes(tuple(limits))
+
+
+class _Reach:
+    """What each symbol of a plan depends on: inputs anywhere, and inputs not through a periodic function."""
+
+    def __init__(self, plan: Plan) -> None:
+        self._plan = plan
+        self._made = {u.element_hash(): e for b in plan.blocks for u, e in b.assignments}
+        self._block: dict[int, SolvedBlock] = {}
+        for b in plan.blocks:
+            if b.closures:
+                own = [*(b.newton.unknowns if b.newton else []), *[u for u, _ in b.assignments]]
+                self._block |= {u.element_hash(): b for u in own}
+        self._known: dict[int, tuple[frozenset[int], frozenset[int]]] = {}
+
+    def of(self, symbol: ca.SX) -> tuple[frozenset[int], frozenset[int]]:
+        """(all inputs, those not through a periodic function) as hashes of their symbols."""
+        key = symbol.element_hash()
+        if key not in self._known:
+            self._known[key] = frozenset([key]), frozenset([key])  # itself, where nothing computes it
+            block = self._block.get(key)
+            if block is not None:
+                own = self.unknowns(block)
+                found = self._through(ca.vertcat(*block.closures), own)
+                self._known |= dict.fromkeys(own, found)
+            elif key in self._made:
+                self._known[key] = self._through(self._made[key], frozenset())
+        return self._known[key]
+
+    def unknowns(self, block: SolvedBlock) -> frozenset[int]:
+        return frozenset(key for key, b in self._block.items() if b is block)
+
+    def _through(self, expression: ca.SX, own: frozenset[int]) -> tuple[frozenset[int], frozenset[int]]:
+        symbols = [s for s in ca.symvar(expression) if s.element_hash() not in own]
+        straight = _outside(expression, symbols)
+        every = [self.of(s) for s in symbols]
+        plain = [x[1] for s, x in zip(symbols, every, strict=True) if s.element_hash() in straight]
+        return frozenset().union(*[x[0] for x in every]), frozenset().union(*plain)
+
+
+def _outside(expression: ca.SX, symbols: Sequence[ca.SX]) -> frozenset[int]:
+    """Which symbols stand in an expression outside periodic functions."""
+    if not symbols:
+        return frozenset()
+    f = _function(expression)
+    work: dict[int, frozenset[int]] = {}
+    free = ca.symvar(expression)
+    nothing: frozenset[int] = frozenset()
+    found = nothing
+    for k in range(f.n_instructions()):
+        op, given, put = f.instruction_id(k), f.instruction_input(k), f.instruction_output(k)
+        if op == ca.OP_OUTPUT:
+            found |= work[given[0]]
+        elif op == ca.OP_INPUT:
+            work[put[0]] = frozenset([free[given[1]].element_hash()])
+        else:
+            through = op != ca.OP_CONST and op not in _PERIODIC
+            work[put[0]] = nothing.union(*[work[i] for i in given]) if through else nothing
+    return found & {s.element_hash() for s in symbols}
+
+
+def _limit(plan: Plan, reach: _Reach, k: int, keys: frozenset[int], precision: Precision) -> float:
+    """The largest size of inputs at which the closures of block k keep their lengths."""
+    block = plan.blocks[k]
+    own = reach.unknowns(block)
+    closures = ca.vertcat(*block.closures)
+    symbols = ca.symvar(closures)
+    known = [s for s in symbols if s.element_hash() not in own]
+    concerned = [s for s in known if reach.of(s)[0] & keys]
+    if not concerned:
+        return np.inf
+    straight = _outside(closures, symbols)
+    moved = {s.element_hash() for s in concerned if reach.of(s)[1] & keys} & straight
+    if moved:  # the unknowns go with them
+        own_symbols = [s for s in symbols if s.element_hash() in own]
+        moved |= {s.element_hash() for s in own_symbols if _unit(plan, s) not in NUMBERS | ANGLES}
+    turned = frozenset() if moved else frozenset(s.element_hash() for s in concerned)
+    values = [_home(plan, s) for s in symbols]
+    size, eps = TRIED, precision.round_off
+    given = []
+    for s, value in zip(symbols, values, strict=True):
+        key = s.element_hash()
+        magnitude = size if key in moved else np.full_like(size, value)
+        given.append((magnitude, eps * (size if key in turned else magnitude)))
+    f = _function(closures)
+    noise = _errors(f, given, eps)[1]
+    lengths = _errors(f, [(np.zeros(1), np.zeros(1))] * len(symbols), 0.0)[0]
+    bad = np.any((lengths > 0.0) & ~(noise <= precision.share * lengths), axis=0)
+    held = size[np.argmax(bad) - 1] if bad.any() else np.inf
+    typical = max([v for s, v in zip(symbols, values, strict=True) if s.element_hash() in moved], default=0.0)
+    return float(max(held, ROOM * 2.0 ** np.ceil(np.log2(max(typical, size[0])))))
+
+
+def _errors(
+    f: ca.Function, given: Sequence[tuple[np.ndarray, np.ndarray]], eps: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Magnitudes and round-off of a column, (rows, sizes), from those of its symbols: sums of magnitudes, whatever
+    cancels. What is no sum and no product is taken for the larger of its arguments."""
+    work: dict[int, tuple[np.ndarray, np.ndarray]] = {}
+    none = np.zeros_like(given[0][0])
+    found = [(none, none)] * f.numel_out(0)
+    with np.errstate(all="ignore"):
+        for k in range(f.n_instructions()):
+            op, places, put = f.instruction_id(k), f.instruction_input(k), f.instruction_output(k)
+            if op == ca.OP_OUTPUT:
+                found[put[1]] = work[places[0]]
+            elif op == ca.OP_INPUT:
+                work[put[0]] = given[places[1]]
+            elif op == ca.OP_CONST:
+                c = abs(f.instruction_constant(k))
+                work[put[0]] = none + c, none + eps * c
+            else:
+                (a, x), (b, y) = work[places[0]], work[places[-1]]
+                if op in (ca.OP_ADD, ca.OP_SUB, ca.OP_TWICE):
+                    size, error = a + b, x + y
+                elif op in (ca.OP_MUL, ca.OP_SQ):
+                    size, error = a * b, a * y + b * x
+                elif op == ca.OP_DIV:
+                    b = np.where(b > 0.0, b, 1.0)
+                    size, error = a / b, (x + a / b * y) / b
+                elif op == ca.OP_SQRT:
+                    size = np.sqrt(a)
+                    error = x / np.where(size > 0.0, size, 1.0)
+                elif op in _BOUNDED:
+                    size, error = none + 1.0, np.minimum(x + y, 2.0)
+                else:
+                    size, error = np.maximum(a, b), np.maximum(x, y)
+                work[put[0]] = size, error + eps * size
+    return np.array([size for size, _ in found]), np.array([error for _, error in found])
+
+
+def _function(expression: ca.SX) -> ca.Function:
+    symbols = ca.symvar(expression)
+    return ca.Function("f", [ca.vertcat(*symbols) if symbols else ca.SX(0, 1)], [ca.densify(expression)])
+
+
+def _unit(plan: Plan, symbol: ca.SX) -> str:
+    pair = plan.flat.scope.owner(symbol)
+    return "s" if pair is None else plan.flat.unit_of(*pair)
+
+
+def _home(plan: Plan, symbol: ca.SX) -> float:
+    """Size of a symbol at the home pose, to so many digits that another linear algebra library finds the same."""
+    pair = plan.flat.scope.owner(symbol)
+    if pair is None or pair not in plan.pairs:
+        return 0.0 if pair is not None else abs(plan.sampler.time)
+    return float(f"{abs(plan.samples[0][plan.pairs.index(pair)]):{DIGITS}}")

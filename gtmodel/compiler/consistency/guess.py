@@ -1,0 +1,49 @@
+"""A guess by any variables completed: what it leaves open follows from the known values and the equations."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ..plan import Plan
+
+Pair = tuple[int, int]
+
+
+class Completion:
+    """Fills guesses up to all symbols of a plan, row by row, from its home pose.
+
+    `read` are the symbols that stand in the rows of known values, in their order.
+    """
+
+    def __init__(self, plan: Plan, read: Sequence[Pair]) -> None:
+        self._plan = plan
+        self._sampler = replace(plan.sampler)  # its time changes with the rows
+        self._place = {pair: n for n, pair in enumerate(plan.pairs)}
+        self._read = [(k, self._place[pair]) for k, pair in enumerate(read) if pair in self._place]
+        self._fixed = {n for _, n in self._read}
+
+    def knows(self, pair: Pair) -> bool:
+        """Whether a guess of this symbol tells something: the equations hold it, and its value is not known."""
+        return pair in self._place and self._place[pair] not in self._fixed
+
+    def __call__(self, known: np.ndarray, guess: Mapping[Pair, np.ndarray], wanted: Sequence[Pair]) -> np.ndarray:
+        """Values (wanted, n) near the guess of (n,) each; known: (read, n), behind it the time if the plan uses it."""
+        rows, columns = (np.array(x, dtype=int) for x in zip(*self._read, strict=True)) if self._read else ([], [])
+        given = [self._place[p] for p in guess]
+        at = [self._place[p] for p in wanted]
+        free = np.ones(len(self._place))
+        free[columns] = free[given] = 0.0
+        found = np.full((len(wanted), known.shape[1]), np.nan)
+        for n in range(known.shape[1]):
+            w = self._plan.samples[0].copy()
+            w[columns], w[given] = known[rows, n], [g[n] for g in guess.values()]
+            if not np.all(np.isfinite(w)):
+                continue
+            if self._plan.uses_time:
+                self._sampler.time = float(known[-1, n])
+            self._sampler.follow(w, free, at)
+            found[:, n] = w[at]
+        return found

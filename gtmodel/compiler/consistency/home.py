@@ -1,0 +1,122 @@
+"""The home pose of a model whose start values do not satisfy its equations: one for all causalities.
+
+Forward and inverse functions continue it; from two they might lead to two assembly modes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from ..alias import AliasResult, eliminate
+from ..flat import FlatModel
+from .points import RESIDUAL_TOLERANCE, Sampler
+
+# what lies farther from its start value than this, in nominals, was moved: the points about it spread less
+MOVED = 0.1
+# one variable alone gives way, from its start value and from others drawn about it, this far off in nominals
+SPREADS = (0.0, 0.3, 0.3, 1.0, 1.0, 3.0, 3.0)
+SHOWN = 6
+
+Pair = tuple[int, int]
+
+
+@dataclass(frozen=True)
+class Moved:
+    """A start value that gave way: scalar variable by name, from where to where."""
+
+    name: str
+    start: float
+    home: float
+
+
+def starts_of(flat: FlatModel, alias: AliasResult, home: dict[int, float] | None = None) -> dict[Pair, float]:
+    """Start values by kept symbol: a variable's own before that of a removed name for the same quantity; those of the
+    home pose before all."""
+    starts: dict[Pair, float] = {}
+    for index, value in sorted((home or {}).items()):
+        sign, kept, order = alias.resolve(index, 0)
+        starts.setdefault((kept, order), sign * value)
+    for v in sorted(flat.variables, key=lambda v: v.index in alias.removed):
+        if v.start is not None:
+            sign, kept, order = alias.resolve(v.index, 0)
+            starts.setdefault((kept, order), sign * v.start)
+    return starts
+
+
+def moved(flat: FlatModel, sampler: Sampler, w: np.ndarray, starts: dict[Pair, float]) -> list[Moved]:
+    """Start values that a consistent point does not keep."""
+    found = []
+    for (index, order), start in sorted(starts.items()):
+        place = sampler.position.get((index, order))
+        if place is not None and abs(w[place] - start) > MOVED * flat.variables[index].nominal:
+            found.append(Moved(flat.symbol_name(index, order), start, float(w[place])))
+    return found
+
+
+def said(flat: FlatModel, changes: list[Moved]) -> str:
+    """One sentence on start values that gave way; empty if none did."""
+    if not changes:
+        return ""
+    shown = ", ".join(f"{m.name} from {m.start:.4g} to {m.home:.4g}" for m in changes[:SHOWN])
+    rest = f" and {len(changes) - SHOWN} more" if len(changes) > SHOWN else ""
+    return (
+        f"the start values of {flat.title} do not satisfy its equations: the home pose has {shown}{rest}; give start "
+        "values that do, or a function may answer in another assembly mode than meant"
+    )
+
+
+def home_of(flat: FlatModel) -> dict[int, float]:
+    """Values of variables, by index, at a consistent pose in which as few start values as possible give way.
+
+    If one declared variable alone can, it does: a wrong guess for passive joints does not move the actuated ones.
+    Else all give way, as little as it takes. Empty where no pose is found.
+    """
+    if "home" not in flat.cache:
+        flat.cache["home"] = _home_of(flat)
+    return flat.cache["home"]
+
+
+def _home_of(flat: FlatModel) -> dict[int, float]:
+    alias = eliminate(flat, frozenset())
+    residuals = [e.residual for e in alias.equations]
+    inside = [flat.scope.symbols_in(r) for r in residuals]
+    # of positions alone: rates and forces have other equations in each causality
+    chosen = [n for n, symbols in enumerate(inside) if symbols and all(order == 0 for _, order in symbols)]
+    pairs = sorted({p for n in chosen for p in inside[n]})
+    starts = {p: x for p, x in starts_of(flat, alias).items() if p in set(pairs)}
+    if not starts:
+        return {}
+    sampler = Sampler(flat, pairs, [ca.vertcat(*[residuals[n] for n in chosen])], starts)
+    best: tuple[float, np.ndarray] | None = None
+    for group in [set[Pair](), *_groups(flat, starts)]:  # first what has no start alone
+        free = np.array([p in group or p not in starts for p in pairs], dtype=float)
+        for seed, spread in enumerate(SPREADS):
+            rng = np.random.default_rng(seed)
+            w = sampler.near(rng, 0.0)
+            for p in sorted(group):
+                w[sampler.position[p]] += spread * flat.variables[p[0]].nominal * rng.standard_normal()
+            sampler.follow(w, free, range(len(pairs)))
+            if sampler.residual(w) <= RESIDUAL_TOLERANCE:
+                off = [(w[sampler.position[p]] - starts[p]) / flat.variables[p[0]].nominal for p in sorted(group)]
+                if best is None or np.linalg.norm(off) < best[0] - RESIDUAL_TOLERANCE:
+                    best = (float(np.linalg.norm(off)), w)
+            if best is not None and not group:
+                return {index: float(w[n]) for n, (index, _) in enumerate(pairs)}
+    if best is None:
+        found = sampler.nearest()
+        if found is None:
+            return {}
+        best = (0.0, found)
+    return {index: float(best[1][n]) for n, (index, _) in enumerate(pairs)}
+
+
+def _groups(flat: FlatModel, starts: dict[Pair, float]) -> list[set[Pair]]:
+    """Start values by the declared variable that they belong to, in order of declaration."""
+    name_of = {i: name for name, (_, indices) in flat.groups.items() for i in indices}
+    groups: dict[str, set[Pair]] = {}
+    for p in sorted(starts):
+        groups.setdefault(name_of.get(p[0], flat.variables[p[0]].name), set()).add(p)
+    return list(groups.values())

@@ -1,0 +1,303 @@
+"""Consistent points: numbers that satisfy all differentiated equations, found stage by stage."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Collection
+from dataclasses import dataclass, replace
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from scipy.sparse import csc_matrix, diags
+from scipy.sparse.linalg import splu
+
+from ...lang.source import ModelError
+from ..flat import FlatModel
+
+MAX_TRIES = 60
+HOPELESS = 20  # tries without any point after which none is expected
+NEWTON_STEPS = 60
+POINTS = 5  # of which the nearest is taken
+PATIENCE = 10  # steps that must at least halve the residual; Newton that has not found its way by then seldom does
+# residuals are in SI units of equations of order one; Gauss-Newton converges quadratically past this
+RESIDUAL_TOLERANCE = 1e-11
+# spread of sample points round the declared start values, in nominals: large enough to leave symmetric poses
+SPREAD = 0.05
+# every second one: where constraints are stiff, start values far from consistent lead to another assembly mode
+NARROW = 0.005
+# what has a start value gives way this much less than what has none: the points stay near the home pose
+HELD = 0.1
+# steps in which what has none follows what has one or is known, which waits
+FOLLOWING_STEPS = 10
+# on the way from home to a guess far off no step is longer, in nominals: an angle goes no further round than it must
+LONGEST = 0.5
+FOLLOWED = 1e-7  # a shorter one ends it
+# a step that leaves the domain of a root or a logarithm is halved, down to this part
+SHORTEST_PART = 1e-12
+# what starts outside the domain is drawn again, at most so often
+DRAWS = 30
+# s; some models have no solution at time 0; no round numbers, where roots may meet
+OTHER_TIMES = (1.1, 11.3, 0.13, 97.0)
+# rows or columns up to which a dense matrix costs less than the sparse one's bookkeeping
+DENSE = 200
+
+Jacobian = np.ndarray | csc_matrix
+
+
+class _Stage:
+    def __init__(self, fun: ca.Function, sparsity: ca.Sparsity) -> None:
+        self._fun = fun
+        self._shape = sparsity.shape
+        self._indices, self._pointers = np.array(sparsity.row()), np.array(sparsity.colind())
+        self._columns = np.repeat(np.arange(self._shape[1]), np.diff(self._pointers))
+        self._dense = max(self._shape) <= DENSE
+
+    def __call__(self, w: np.ndarray, p: np.ndarray, time: float) -> tuple[np.ndarray, Jacobian | None]:
+        r, values = (np.array(x.nonzeros()) for x in self._fun.call([ca.DM(w), ca.DM(p), ca.DM(time)]))
+        if not np.all(np.isfinite(r)) or not np.all(np.isfinite(values)):
+            return r, None  # outside the domain of a root, or at its edge
+        if self._dense:
+            jacobian = np.zeros(self._shape)
+            jacobian[self._indices, self._columns] = values
+            return r, jacobian
+        return r, csc_matrix((values, self._indices, self._pointers), shape=self._shape)
+
+    def outside(self, w: np.ndarray, p: np.ndarray, time: float) -> np.ndarray:
+        """Which columns stand in a row that is not finite, or whose derivatives are not."""
+        r, values = (np.array(x.nonzeros()) for x in self._fun.call([ca.DM(w), ca.DM(p), ca.DM(time)]))
+        rows = ~np.isfinite(r)
+        rows[self._indices[~np.isfinite(values)]] = True
+        found = np.zeros(self._shape[1], dtype=bool)
+        found[self._columns[rows[self._indices]]] = True
+        return found
+
+
+def _least_norm(jacobian: Jacobian, reach: np.ndarray, r: np.ndarray) -> np.ndarray:
+    scaled: Any = jacobian * reach if isinstance(jacobian, np.ndarray) else jacobian @ diags(reach)
+    rows = np.flatnonzero(abs(scaled).sum(axis=1))
+    if len(rows) < len(r):  # equations among what stays where it is
+        scaled, r = (scaled if isinstance(scaled, np.ndarray) else scaled.tocsr())[rows], r[rows]
+    step = _through_normal_equations(scaled, r)
+    left = np.linalg.norm(scaled @ step + r)
+    if not left <= 1e-6 * np.linalg.norm(r):
+        whole = scaled if isinstance(scaled, np.ndarray) else scaled.toarray()
+        step = np.linalg.lstsq(whole, -r, rcond=1e-10)[0]
+    return reach * step
+
+
+def _through_normal_equations(scaled: Any, r: np.ndarray) -> np.ndarray:
+    """Least-norm step; NaN where the normal equations are singular."""
+    try:
+        if isinstance(scaled, np.ndarray):
+            return scaled.T @ np.linalg.solve(scaled @ scaled.T, -r)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return scaled.T @ splu((scaled @ scaled.T).tocsc()).solve(-r)
+    except (RuntimeError, np.linalg.LinAlgError):
+        return np.full(scaled.shape[1], np.nan)
+
+
+@dataclass
+class Sampler:
+    """Makes consistent points of a differentiated system.
+
+    `pairs` are the chain symbols in order; `stages` the residuals of each stage, positions first; `starts`
+    the declared start values by chain symbol; `known` the variables that are prescribed; `time` [s] of the points;
+    `ease` (one for each symbol) how readily it gives way beside the others, 1 if left out.
+    """
+
+    flat: FlatModel
+    pairs: list[tuple[int, int]]
+    stages: list[ca.SX]
+    starts: dict[tuple[int, int], float]
+    known: frozenset[int] = frozenset()
+    time: float = 0.0
+    ease: np.ndarray | None = None
+
+    def __post_init__(self) -> None:
+        scope = self.flat.scope
+        self.position = {pair: n for n, pair in enumerate(self.pairs)}
+        self.w = ca.vertcat(*[scope.symbol(*pair) for pair in self.pairs])
+        self._functions = []
+        fixed: set[int] = set()
+        for residual in self.stages:
+            inside = {self.position[p] for p in scope.symbols_in(residual)}
+            new = sorted(inside - fixed)
+            fixed |= inside
+            columns = ca.vertcat(*[self.w[n] for n in new]) if new else ca.SX(0, 1)
+            jacobian = ca.jacobian(residual, columns)
+            arguments = [self.w, self.flat.p, scope.time]
+            fun = ca.Function("stage", arguments, [ca.densify(residual), ca.densify(jacobian.nz[:])])
+            self._functions.append((_Stage(fun, jacobian.sparsity()), np.array(new, dtype=int)))
+        nominal = [self.flat.variables[index].nominal for index, _ in self.pairs]
+        started = np.array([pair in self.starts for pair in self.pairs], dtype=bool)
+        self._reach = np.multiply(nominal, np.where(started, HELD, 1.0))
+        if self.ease is not None:
+            self._reach = self._reach * self.ease
+        given = np.array([index in self.known for index, _ in self.pairs], dtype=bool)
+        self._followers = [np.multiply(nominal, ~started & ~given), np.multiply(nominal, ~started)]
+
+    def points(self, count: int) -> np.ndarray:
+        """`count` consistent points near the start values, the nearest first. Raises ModelError if there is none.
+
+        They belong to time 0, or where the equations have no solution then to one of OTHER_TIMES, which `time` tells.
+        """
+        found, closest = self._points(count)
+        clock = self.flat.scope.time.element_hash()
+        if not found and any(s.element_hash() == clock for stage in self.stages for s in ca.symvar(stage)):
+            for self.time in OTHER_TIMES:
+                found, _ = self._points(count)
+                if found:
+                    break
+        if not found:
+            # a later stage may bind what an earlier one left free: the system is singular then, and its rank tells
+            found, _ = replace(self, stages=[ca.vertcat(*self.stages)], time=0.0)._points(count)
+        if not found:
+            raise ModelError(
+                f"{self.flat.title}: the equations have no common solution near the start values (closest residual "
+                f"{closest:.2g}); check parameters and start values"
+            )
+        return np.array(sorted(found, key=self._distance))
+
+    def _points(self, count: int) -> tuple[list[np.ndarray], float]:
+        """Up to `count` points, and the smallest residual of the tries that failed."""
+        found: list[np.ndarray] = []
+        closest = np.inf
+        for seed in range(MAX_TRIES):
+            rng = np.random.default_rng(seed)
+            w = self.near(rng, SPREAD if seed % 2 else NARROW)
+            self._into_domain(w, rng)
+            residual = self.correct(w)
+            if residual > RESIDUAL_TOLERANCE:
+                closest = min(closest, residual)
+                if not found and seed + 1 >= HOPELESS:
+                    break
+                continue
+            found.append(w)
+            if len(found) == count:
+                break
+        return found, closest
+
+    def nearest(self) -> np.ndarray | None:
+        """The consistent point nearest to the start values of a few, None if there is none."""
+        found, _ = self._points(POINTS)
+        return min(found, key=self._distance) if found else None
+
+    def residual(self, w: np.ndarray) -> float:
+        """Largest residual at a point, over the largest number in it, but at least over 1; infinite outside the
+        domain."""
+        p, scale = self.flat.require_values(), max(1.0, float(np.max(np.abs(w), initial=0.0)))
+        found = [fun(w, p, self.time) for fun, _ in self._functions]
+        return (
+            max((float(np.max(np.abs(r), initial=0.0)) if j is not None else np.inf for r, j in found), default=0.0)
+            / scale
+        )
+
+    def _distance(self, w: np.ndarray) -> float:
+        """How far a point is from the start values, in nominals."""
+        off = [(w[self.position[pair]] - value) / self.flat.variables[pair[0]].nominal
+               for pair, value in self.starts.items() if pair in self.position]  # fmt: skip
+        return float(np.linalg.norm(off))
+
+    def near(self, rng: np.random.Generator, spread: float) -> np.ndarray:
+        """Start values with noise of `spread` nominals, and noise alone where there is none; the equations may not
+        hold there."""
+        w = np.empty(len(self.pairs))
+        for n, pair in enumerate(self.pairs):
+            noise = self.flat.variables[pair[0]].nominal * rng.standard_normal()
+            w[n] = self.starts[pair] + spread * noise if pair in self.starts else noise
+        return w
+
+    def _into_domain(self, w: np.ndarray, rng: np.random.Generator) -> None:
+        """Draw again what stands in equations without a number: half as far from a start value, or anywhere."""
+        p = self.flat.require_values()
+        for fun, new in self._functions:
+            spread = np.full(new.size, SPREAD)
+            for _ in range(DRAWS):
+                outside = fun.outside(w, p, self.time)
+                if not outside.any():
+                    break
+                spread[outside] /= 2
+                for n in np.flatnonzero(outside):
+                    pair = self.pairs[new[n]]
+                    noise = self.flat.variables[pair[0]].nominal * rng.standard_normal()
+                    w[new[n]] = self.starts[pair] + spread[n] * noise if pair in self.starts else noise
+
+    def correct(self, w: np.ndarray) -> float:
+        """Gauss-Newton with least-norm steps in each stage; changes w; returns the worst residual."""
+        p = self.flat.require_values()
+        worst = 0.0
+        for fun, new in self._functions:
+            norm = np.inf
+            first, second = (reach[new] for reach in self._followers)
+            for reach in (first,) if np.array_equal(first, second) else (first, second):
+                if not np.all(reach):
+                    self._follow(fun, new, reach, w, p)
+            norms: list[float] = []
+            r, jacobian = fun(w, p, self.time)
+            for _ in range(NEWTON_STEPS):
+                if jacobian is None:
+                    return np.inf
+                norm = float(np.max(np.abs(r), initial=0.0))
+                norms.append(norm)
+                if len(norms) > PATIENCE and min(norms[-PATIENCE:]) > 0.5 * min(norms[:-PATIENCE]):
+                    return min(norms) / max(1.0, float(np.max(np.abs(w[new]), initial=0.0)))
+                if norm <= RESIDUAL_TOLERANCE * 1e-2 or new.size == 0:
+                    break
+                step = _least_norm(jacobian, self._reach[new], r)
+                if np.max(np.abs(step)) <= 1e-15 * (1 + np.max(np.abs(w[new]))):
+                    break
+                r, jacobian = self._step(fun, new, step, w, p)
+            scale = max(1.0, float(np.max(np.abs(w[new]), initial=0.0)))
+            worst = max(worst, norm / scale)
+            if worst > RESIDUAL_TOLERANCE:
+                return worst
+        return worst
+
+    def follow(self, w: np.ndarray, free: np.ndarray, wanted: Collection[int]) -> None:
+        """Let the symbols whose `free` (one each) is not 0 follow the others in w, as far as that goes: `wanted` ones,
+        by position, and those that come up in the same stages of the equations or before."""
+        p, nominal = self.flat.require_values(), np.array([self.flat.variables[i].nominal for i, _ in self.pairs])
+        stages = [n for n, (_, new) in enumerate(self._functions) if not set(wanted).isdisjoint(new.tolist())]
+        for fun, new in self._functions[: max(stages, default=-1) + 1]:
+            if not np.any(free[new]):
+                continue
+            r, jacobian = fun(w, p, self.time)
+            for _ in range(NEWTON_STEPS):
+                if jacobian is None:
+                    return
+                step = _least_norm(jacobian, nominal[new] * free[new], r)
+                size = float(np.max(np.abs(step) / np.maximum(nominal[new], np.abs(w[new]))))
+                if not np.isfinite(size):
+                    return
+                r, jacobian = self._step(fun, new, min(1.0, LONGEST / max(size, LONGEST)) * step, w, p)
+                if size <= FOLLOWED:
+                    break
+
+    def _follow(self, fun: _Stage, new: np.ndarray, reach: np.ndarray, w: np.ndarray, p: np.ndarray) -> None:
+        """Let what has a reach follow what has none, as far as it goes: else a wrong solution may be the nearest."""
+        if not np.any(reach):
+            return
+        best = np.inf
+        r, jacobian = fun(w, p, self.time)
+        for _ in range(FOLLOWING_STEPS):
+            if jacobian is None:
+                return
+            size = float(np.linalg.norm(r))
+            if size > 0.9 * best or size <= RESIDUAL_TOLERANCE * 1e-2:
+                return
+            best = size
+            r, jacobian = self._step(fun, new, _least_norm(jacobian, reach, r), w, p)
+
+    def _step(
+        self, fun: _Stage, new: np.ndarray, step: np.ndarray, w: np.ndarray, p: np.ndarray
+    ) -> tuple[np.ndarray, Jacobian | None]:
+        """Change w by the step, or by as much of it as leaves the equations numbers; what they give there."""
+        begin, part = w[new].copy(), 1.0
+        while True:
+            w[new] = begin + part * step
+            r, jacobian = fun(w, p, self.time)
+            if jacobian is not None or part <= SHORTEST_PART:
+                return r, jacobian
+            part /= 2

@@ -1,0 +1,51 @@
+"""The mass whose weight explains the middle levels of friction, by three norms."""
+
+from __future__ import annotations
+
+from typing import Literal, NamedTuple
+
+import numpy as np
+from scipy.optimize import linprog
+
+from ...results.trajectory_errors import Array
+
+Gravity = Literal["most_symmetric", "poses"]  # how the mass is found beside friction by direction
+PARALLEL = 1e-6  # patterns closer to parallel than this: the difference of gravity between poses tells no mass
+TIE = 1e-9  # of the sum of weights: two sides of a median that weigh the same
+
+
+class MassByNorm(NamedTuple):
+    """Masses [kg] that make the asymmetry middle - m pattern least: `two` in the 2-norm, `one` the interval in which
+    the 1-norm is least (both ends equal where it is a point), `maximum` in the maximum norm."""
+
+    two: float
+    one: tuple[float, float]
+    maximum: float
+
+
+def mass_by_norm(middle: Array, pattern: Array) -> MassByNorm:
+    """Masses from the middle levels [N] and the forces that hold one kilogram [N/kg], both of any one shape.
+
+    middle = (c+ + c-)/2 = m pattern + (fc+ - fc-)/2: the asymmetric part of Coulomb friction is what is left. The
+    2-norm gives m = middle.pattern / pattern.pattern.
+    """
+    c, g = np.asarray(middle, float).ravel(), np.asarray(pattern, float).ravel()
+    return MassByNorm(float(c @ g / (g @ g)), _weighted_median(c, g), _minimax(c, g))
+
+
+def _weighted_median(c: Array, g: Array) -> tuple[float, float]:
+    """sum |c - m g| = sum |g| |c/g - m| is least at the median of c/g with weights |g|; an interval at a tie."""
+    c, g = c[g != 0], g[g != 0]
+    order = np.argsort(c / g)
+    at, weight = (c / g)[order], np.abs(g)[order]
+    share = np.cumsum(weight) / weight.sum()
+    k = int(np.searchsorted(share, 0.5 - TIE))
+    return float(at[k]), float(at[k + 1] if abs(share[k] - 0.5) <= TIE else at[k])
+
+
+def _minimax(c: Array, g: Array) -> float:
+    """Least e with -e <= c - m g <= e, as a linear program in (m, e)."""
+    ones = np.ones_like(g)
+    upper = np.vstack([np.column_stack([-g, -ones]), np.column_stack([g, -ones])])
+    found = linprog([0, 1], A_ub=upper, b_ub=np.concatenate([-c, c]), bounds=[(None, None), (0, None)])
+    return float(found.x[0])

@@ -1,0 +1,215 @@
+"""Friction of each actuator, and the weight they hold, from runs at constant velocity (Dressler 2012, eq. (6.9))."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...inference import linear_fit
+from ...results import ArgumentError, Estimate
+from ...results.trajectory_errors import Array
+from .gravity import PARALLEL, Gravity, MassByNorm, mass_by_norm
+from .refused import check, refuse_driving, refuse_exchanged, refuse_no_mass
+from .steady import Runs
+
+COLUMNS = (
+    "some force in another cart's column, or with another sign, would fit these runs as well: only the log's own order "
+    "says whose it is"
+)
+
+
+@dataclass(frozen=True)
+class FrictionFit:
+    """Friction by actuator and direction, and the mass.
+
+    coulomb_plus, coulomb_minus (carts,) [N], viscous_plus, viscous_minus (carts,) [kg/s]: tau = m pattern + fc+ + fv+ v
+    forwards and m pattern - fc- + fv- v backwards. mass [kg]. estimate : all of these with their covariance, named
+    "m", "coulomb_plus[0]" and so on. lines : the straight lines by actuator, as fitted. middle (poses, carts): levels
+    between the two directions [N]. by_norm : the mass by three norms. undetermined : in words. sizes of residuals
+    (carts,) [N] rms.
+    """
+
+    mass: float
+    coulomb_plus: Array
+    coulomb_minus: Array
+    viscous_plus: Array
+    viscous_minus: Array
+    estimate: Estimate
+    lines: tuple[Estimate, ...]
+    middle: Array
+    pattern: Array
+    by_norm: MassByNorm
+    undetermined: tuple[str, ...]
+    residual_rms: Array
+
+    def against_motion(self, runs: Runs, level: float) -> tuple[float, float]:
+        """Friction force [N] against the motion, of the cart, direction and speed where it is least beyond its noise,
+        and the upper limit of its confidence interval: negative, it drives."""
+        least = (np.inf, np.inf)
+        for cart in range(len(self.lines)):
+            for way, sign in (("plus", 1), ("minus", -1)):
+                speeds = np.abs(runs.velocity[np.sign(runs.velocity[:, cart]) == sign, cart])
+                for v in (float(speeds.min()), float(speeds.max())):
+                    weights = {f"coulomb_{way}[{cart}]": 1.0, f"viscous_{way}[{cart}]": v}
+                    value, _, high = self.estimate.combination(weights, level)
+                    least = min(least, (value, high), key=lambda pair: pair[1])
+        return least
+
+    def force(self, velocity: Array, cart: int, pose: int = 0) -> Array:
+        """Modelled force [N] of a cart at constant velocity [m/s], not zero."""
+        v = np.asarray(velocity, dtype=float)
+        forwards = self.coulomb_plus[cart] + self.viscous_plus[cart] * v
+        backwards = -self.coulomb_minus[cart] + self.viscous_minus[cart] * v
+        return self.mass * self.pattern[pose, cart] + np.where(v > 0, forwards, backwards)
+
+
+def identify_friction(
+    runs: Runs, pattern: Array, *, symmetric: bool = False, gravity: Gravity = "most_symmetric"
+) -> FrictionFit:
+    """Friction and mass from constant-velocity runs.
+
+    Args:
+        runs: velocities and mean forces.
+        pattern: (poses, carts) force of each cart that holds one kilogram [N/kg], by the geometry.
+        symmetric: one Coulomb and one viscous coefficient for both directions.
+        gravity: how the mass is found while friction may differ by direction. "most_symmetric": the least sum of
+            squares of what is left of the middle levels, as the thesis did by eye. "poses": from the change of the
+            levels between poses, friction being the same in all; it needs poses of different patterns.
+
+    Every actuator's line is a least-squares fit of its own, its noise its own; the rest is a linear function of the
+    lines. Raises ArgumentError where a direction has too few velocities, where poses do not tell the mass, where runs
+    are copies of others, where forces in other columns or with another sign fit far better, and where no drive can be
+    so: friction that gives energy, or a negative mass, beyond noise.
+    """
+    pattern = np.atleast_2d(np.asarray(pattern, dtype=float))
+    poses, carts = pattern.shape
+    check(runs, pattern)
+    lines = tuple(_line(runs, cart, poses, symmetric) for cart in range(carts))
+    names = lines[0].names
+    # all lines as one vector, actuator after actuator
+    values = np.concatenate([line.values for line in lines])
+    covariance = np.zeros((values.size, values.size))
+    for cart, line in enumerate(lines):
+        part = slice(cart * len(names), (cart + 1) * len(names))
+        covariance[part, part] = line.covariance
+
+    def row(name: str, cart: int) -> Array:
+        unit = np.zeros(values.size)
+        unit[cart * len(names) + names.index(name)] = 1.0
+        return unit
+
+    if symmetric:
+        middle = np.array([[row(f"middle {p}", i) for i in range(carts)] for p in range(poses)])
+    else:
+        middle = np.array(
+            [[(row(f"plus {p}", i) + row(f"minus {p}", i)) / 2 for i in range(carts)] for p in range(poses)]
+        )
+    mass = np.tensordot(_mass_weights(pattern, gravity, symmetric), middle, axes=2)
+    rows = {"m": mass}
+    for i in range(carts):
+        weight = np.mean(pattern[:, i]) * mass
+        for sign, way in ((1, "plus"), (-1, "minus")):
+            name = "coulomb" if symmetric else ""
+            level = np.mean([row(f"{way} {p}", i) for p in range(poses)], axis=0) if not symmetric else None
+            rows[f"coulomb_{way}[{i}]"] = row(name, i) if level is None else sign * (level - weight)
+            rows[f"viscous_{way}[{i}]"] = row("viscous" if symmetric else f"viscous {way}", i)
+    T = np.array(list(rows.values()))
+    found = dict(zip(rows, T @ values, strict=True))
+    residuals = np.concatenate([line.residuals for line in lines])
+    freedom = min(line.freedom for line in lines)
+    estimate = Estimate(
+        tuple(rows), T @ values, T @ covariance @ T.T, freedom, float(np.sqrt(np.mean(residuals**2))), False, residuals,
+        (), units=tuple({"m": "kg", "c": "N", "v": "kg/s"}[name[0]] for name in rows),
+    )  # fmt: skip
+
+    refuse_driving(runs, estimate, carts, symmetric)
+    told = refuse_exchanged(runs, pattern, symmetric)
+    refuse_no_mass(estimate, carts, symmetric, gravity)
+
+    def each(name: str) -> Array:
+        return np.array([found[f"{name}[{i}]"] for i in range(carts)])
+
+    levels = middle @ values
+    return FrictionFit(
+        float(found["m"]),
+        each("coulomb_plus"),
+        each("coulomb_minus"),
+        each("viscous_plus"),
+        each("viscous_minus"),
+        estimate,
+        lines,
+        levels,
+        pattern,
+        mass_by_norm(levels, pattern),
+        (*_in_words(pattern, symmetric, gravity), *([] if told or symmetric else [COLUMNS])),
+        np.array([np.sqrt(np.mean(line.residuals**2)) for line in lines]),
+    )
+
+
+def _line(runs: Runs, cart: int, poses: int, symmetric: bool) -> Estimate:
+    """Levels by pose and slopes of one actuator. Names: "plus 0", "minus 0", .. "viscous plus", "viscous minus";
+    symmetric: "middle 0", .., "coulomb", "viscous"."""
+    v, tau = runs.velocity[:, cart], runs.force[:, cart]
+    columns: dict[str, Array] = {}
+    for p in range(poses):
+        for sign, way in ((1, "plus"), (-1, "minus")):
+            here = (runs.pose == p) & (np.sign(v) == sign)
+            speeds = np.unique(np.round(np.abs(v[here]), 9))
+            if speeds.size < (1 if symmetric or p else 2):
+                raise ArgumentError(
+                    f"cart {cart + 1}, pose {p + 1}: {speeds.size} velocities in direction {way}; expected at least "
+                    "two for a level and a slope",
+                    "runs",
+                )
+            if not symmetric:
+                columns[f"{way} {p}"] = here.astype(float)
+        if symmetric:
+            columns[f"middle {p}"] = (runs.pose == p).astype(float)
+    if symmetric:
+        columns |= {"coulomb": np.sign(v), "viscous": v}
+    else:
+        columns |= {"viscous plus": np.where(v > 0, v, 0.0), "viscous minus": np.where(v < 0, v, 0.0)}
+    try:
+        return linear_fit(np.column_stack(list(columns.values())), tau, list(columns))
+    except ValueError as error:
+        raise ArgumentError(f"cart {cart + 1}: {error}", "runs") from error
+
+
+def _mass_weights(pattern: Array, gravity: Gravity, symmetric: bool) -> Array:
+    """(poses, carts): the mass as a linear function of the middle levels."""
+    if gravity == "most_symmetric" or symmetric:
+        return pattern / np.sum(pattern**2)
+    change = pattern - pattern.mean(axis=0)
+    if np.sum(change**2) <= PARALLEL * np.sum(pattern**2):
+        raise ArgumentError(
+            "gravity loads the actuators alike in all poses, so their levels do not tell the mass; record another "
+            "pose, or take the most symmetric friction",
+            "pattern",
+        )
+    return change / np.sum(change**2)
+
+
+def _in_words(pattern: Array, symmetric: bool, gravity: Gravity) -> tuple[str, ...]:
+    if symmetric:
+        return (
+            "nothing is left open, given that friction is the same in both directions; whether it is, these runs "
+            "cannot tell from a gravity that differs from the geometry's",
+        )
+    alone = (
+        "slopes and the two levels of each actuator are determined; its gravity and the asymmetric half of its Coulomb "
+        "friction, (fc+ - fc-)/2, enter only as their sum and cannot be told apart on one actuator"
+    )
+    if gravity == "poses":
+        return (
+            alone,
+            "the mass is told by how the levels change between poses, as far as friction itself does not change with "
+            "the pose",
+        )
+    moves = ", ".join(f"{-g:+.2f}" for g in pattern.mean(axis=0))
+    return (
+        alone,
+        f"one kilogram more would change fc+ by {moves} N on the actuators in turn and fc- by the opposite, with the "
+        "same forces: the mass is a choice, the one that makes friction most symmetric (2-norm), and its interval is "
+        "that choice's, not the mass's",
+    )

@@ -1,0 +1,64 @@
+"""What a friction study asks for: where the tool was held, what counts as steady, friction known or made up."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+from ...results.options import Options, Unit, Within
+from .steady import CUTOFF_HZ, SHORTEST, STEADY
+
+
+@dataclass(frozen=True)
+class HeldPose(Options):
+    """Where the tool centre point was held in the cross-section while the carts ran."""
+
+    name: Annotated[str, "one word for pictures"] = ""
+    tcp: Annotated[
+        list[float] | None, Unit("m"),
+        "somewhere on the way; with guideways along x the place along them does not matter",
+    ] = None  # fmt: skip
+    holding: Annotated[
+        list[float] | None, Unit("N"), "printed gravity force of each cart in place of tcp; for holding_mass"
+    ] = None
+    holding_mass: Annotated[float | None, Unit("kg"), Within(above=0.0), "mass that these hold"] = None
+
+
+@dataclass(frozen=True)
+class Steady(Options):
+    """Which stretches of a log count as runs at constant velocity."""
+
+    cutoff: Annotated[
+        float, Unit("Hz"), Within(above=0.0),
+        "of the low pass that tells steady from unsteady rows; means are of raw ones",
+    ] = CUTOFF_HZ  # fmt: skip
+    slowest: Annotated[float, Unit("m/s"), Within(least=0.0), "slower runs are left out"] = 0.0
+    steady_acceleration: Annotated[
+        float, Unit("m/s2"), Within(above=0.0),
+        "rows count as constant velocity while all accelerations are smaller",
+    ] = STEADY  # fmt: skip
+    shortest_run: Annotated[float, Unit("s"), Within(above=0.0), "shorter runs are left out"] = SHORTEST
+
+
+@dataclass(frozen=True)
+class Coefficients(Options):
+    """Friction by cart."""
+
+    coulomb_plus: Annotated[list[float], Unit("N"), "Coulomb friction forwards"]
+    coulomb_minus: Annotated[list[float], Unit("N"), "Coulomb friction backwards, positive"]
+    viscous_plus: Annotated[list[float], Unit("kg/s"), "viscous friction forwards"]
+    viscous_minus: Annotated[list[float], Unit("kg/s"), "viscous friction backwards"]
+    mass: Annotated[float, Unit("kg"), Within(above=0.0), "plate and half the links"]
+
+
+@dataclass(frozen=True)
+class SyntheticRuns(Coefficients):
+    """Logs made up from known friction, to see what identification gives back."""
+
+    velocities: Annotated[list[float], Unit("m/s"), Within(above=0.0), "two or more; each is run forth and back"]
+    moved_mass: Annotated[
+        float, Unit("kg"), Within(least=0.0), "felt by each motor in the ramps between runs"
+    ] = 30.0  # fmt: skip
+    noise: Annotated[float, Unit("N"), Within(least=0.0), "white, standard deviation"] = 5.0
+    quantisation: Annotated[float, Unit("m"), Within(least=0.0), "step of the positions"] = 1e-6
+    seed: Annotated[int, Within(least=0), "of the noise"] = 0

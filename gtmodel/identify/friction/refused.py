@@ -1,0 +1,121 @@
+"""What friction cannot be: runs that are copies, exchanged or reversed columns, drives that push, negative masses."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...inference import FALSE_ALARM
+from ...measurements.copies import SAME, copies
+from ...results import ArgumentError, Estimate
+from ...results.trajectory_errors import Array
+from ..exchanged import exchanged
+from .gravity import PARALLEL, Gravity
+from .steady import Runs
+
+DIGITS, FEW = 6, 1e-12  # of a force that was written down, not a mean; how far the rounding of that is off
+
+
+def check(runs: Runs, pattern: Array) -> None:
+    poses, carts = pattern.shape
+    for name, part in (("velocities", runs.velocity), ("forces", runs.force)):
+        if part.ndim != 2 or part.shape[1] != carts or len(part) != len(runs.pose):
+            raise ArgumentError(
+                f"the {name} have the shape {part.shape}; expected one row for each of {len(runs.pose)} runs and one "
+                f"column for each of {carts} carts",
+                "runs",
+            )
+        if not np.all(np.isfinite(part)):
+            run, cart = np.argwhere(~np.isfinite(part))[0]
+            raise ArgumentError(
+                f"run {run + 1} of cart {cart + 1} has no finite number among the {name}; leave it out", "runs"
+            )
+    if not np.any(pattern):
+        raise ArgumentError(
+            "one kilogram loads no cart, so no force tells the mass; check the direction of gravity", "pattern"
+        )
+    if np.any((runs.pose < 0) | (runs.pose >= poses)):
+        raise ArgumentError(f"a run names pose {int(np.max(runs.pose)) + 1}; the pattern has {poses}", "runs")
+    pairs = _copies(runs)
+    if len(pairs):
+        again, first = pairs[0] + 1
+        raise ArgumentError(
+            f"{len(pairs)} of {len(runs.pose)} runs are copies of others, run {again} of run {first} to begin with; "
+            "noise does not repeat itself, and a copy counts twice and narrows the intervals: take copies out",
+            "runs",
+        )
+
+
+def _copies(runs: Runs) -> np.ndarray:
+    """Pairs of runs that are the same, also where positions of one were moved by a constant."""
+    motion = np.column_stack([runs.velocity, runs.force])
+    pairs = copies(np.column_stack([motion, runs.position]), SAME)
+    if len(pairs):
+        return pairs
+    # a mean of noise has all digits; where forces are given in few, two runs may well agree
+    fine = np.any(np.abs(runs.force - _rounded(runs.force)) > FEW * np.abs(runs.force), axis=1)
+    rows = np.flatnonzero(fine)
+    return rows[copies(motion[rows], SAME)] if len(rows) else pairs
+
+
+def _rounded(values: Array) -> Array:
+    size = 10.0 ** (np.floor(np.log10(np.maximum(np.abs(values), np.finfo(float).tiny))) - DIGITS + 1)
+    return np.round(values / size) * size
+
+
+def refuse_exchanged(runs: Runs, pattern: Array, symmetric: bool) -> bool:
+    """Raises ArgumentError where the forces in another order of columns, or one of them reversed, follow motion and
+    gravity far better; False where nothing tells."""
+    count, carts = runs.force.shape
+    bases = []
+    for v in runs.velocity.T:
+        forth, back = v > 0, v < 0
+        columns = [np.sign(v), v] if symmetric else [forth, back, np.where(forth, v, 0.0), np.where(back, v, 0.0)]
+        bases.append(np.linalg.qr(np.column_stack(columns).astype(float))[0])
+
+    def without_friction(x: Array) -> Array:
+        return np.concatenate([x[:, i] - Q @ (Q.T @ x[:, i]) for i, Q in enumerate(bases)])
+
+    gravity = without_friction(pattern[runs.pose])
+    told = float(gravity @ gravity) > PARALLEL * float(np.sum(pattern[runs.pose] ** 2))
+
+    def left(order: list[int], signs: list[int]) -> float:
+        f = without_friction(runs.force[:, order] * signs)
+        return float(f @ f - ((f @ gravity) ** 2 / (gravity @ gravity) if told else 0.0))
+
+    freedom = count * carts - sum(Q.shape[1] for Q in bases) - int(told)
+    found = exchanged(left, carts, freedom, float(np.sqrt(np.mean(runs.force**2))))
+    if found is not None and not found.passed:
+        names = [f"force {k + 1}" for k in range(carts)]
+        raise ArgumentError(f"{found.sentence(names, 'N')}; check order and signs of the columns", "runs")
+    return found is None or found.told
+
+
+def refuse_driving(runs: Runs, estimate: Estimate, carts: int, symmetric: bool) -> None:
+    """Raises ArgumentError for friction that drives beyond noise."""
+    level = 1 - 2 * FALSE_ALARM / (2 * carts + 1)
+    for cart in range(carts):
+        speeds = np.abs(runs.velocity[:, cart])
+        for v in (float(speeds.min()), float(speeds.max())):
+            # forth and back: gravity, and with it the mass, falls out
+            weights = {f"coulomb_plus[{cart}]": 1.0, f"coulomb_minus[{cart}]": 1.0}
+            weights |= {f"viscous_plus[{cart}]": v, f"viscous_minus[{cart}]": v}
+            if symmetric:
+                weights = {f"coulomb_plus[{cart}]": 2.0, f"viscous_plus[{cart}]": 2 * v}
+            value, _, high = estimate.combination(weights, level)
+            if high < 0:
+                raise ArgumentError(
+                    f"cart {cart + 1}: friction would drive it instead of braking it, by {-value / 2:.3g} N at "
+                    f"{v:.3g} m/s; check the sign of this force or of its position, and the order of the columns",
+                    "runs",
+                )
+
+
+def refuse_no_mass(estimate: Estimate, carts: int, symmetric: bool, gravity: Gravity) -> None:
+    """Raises ArgumentError for a mass that is negative beyond noise."""
+    level = 1 - 2 * FALSE_ALARM / (2 * carts + 1)
+    mass, high = estimate.value("m"), estimate.interval("m", level)[1]
+    if high < 0:
+        why = "check the direction of gravity and the sign of the guideways, the poses and the order of the columns"
+        if gravity == "most_symmetric" and not symmetric:
+            why += '; or friction differs by direction more than gravity does, then let poses tell the mass ("poses")'
+        raise ArgumentError(f"the mass would be {mass:.4g} kg, which none can be; {why}", "pattern")

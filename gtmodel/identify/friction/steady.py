@@ -1,0 +1,129 @@
+"""Constant-velocity runs: found in a log, or made as one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ...measurements import Session, ZeroPhase, motion
+from ...results.trajectory import Trajectory
+from ...results.trajectory_errors import Array, TrajectoryError
+
+CUTOFF_HZ = 10.0  # of what tells steady from unsteady rows; the means are taken of unfiltered ones
+STEADY = 0.2  # m/s2
+SHORTEST = 0.2  # s
+
+
+class Runs(NamedTuple):
+    """Constant-velocity runs: velocity (runs, carts) [m/s], mean force (runs, carts) [N], pose (runs,) index from 0,
+    seconds (runs,) that each lasted, position (runs, carts) at its middle [m]."""
+
+    velocity: Array
+    force: Array
+    pose: np.ndarray
+    seconds: Array
+    position: Array
+
+
+def steady_runs(
+    session: Session,
+    position: str = "q",
+    force: str = "force",
+    *,
+    pose: int = 0,
+    cutoff_Hz: float = CUTOFF_HZ,
+    steady: float = STEADY,
+    slow: float = 0.0,
+    shortest: float = SHORTEST,
+) -> Runs:
+    """The stretches in which no cart accelerates and all move.
+
+    position [m], force [N]: names of the signals, (n,) or (n, carts). Rows count as steady while every acceleration
+    behind a low pass of cutoff_Hz is below `steady` [m/s2] and every velocity above `slow` [m/s] in size; a stretch
+    lasts at least `shortest` [s] after the filter's settling time is cut off its ends. The velocity of a run is the
+    slope of a straight line through its positions, its force the mean, both of unfiltered rows.
+
+    Raises TrajectoryError where there is none.
+    """
+    low_pass = ZeroPhase(cutoff_Hz)
+    smooth, step = motion(session, position, low_pass), session.sample_time
+    cut = low_pass.end_rows(step)
+    n = len(smooth)
+    v, a = (smooth[name].reshape(n, -1) for name in (f"der({position})", f"der({position},2)"))
+    still = np.asarray((np.abs(a) < steady).all(axis=1) & (np.abs(v) > slow).all(axis=1))
+    # a change of sign is no steady motion, however slow it happens
+    border = np.concatenate([[True], (np.sign(v[1:]) != np.sign(v[:-1])).any(axis=1) | (still[1:] != still[:-1])])
+    starts = np.flatnonzero(border)
+    settle = round(1 / (cutoff_Hz * step))
+    found = []
+    for start, stop in zip(starts, [*starts[1:], n], strict=True):
+        rows = slice(start + settle + cut, stop - settle + cut)
+        if still[start] and (rows.stop - rows.start) * step >= shortest:
+            found.append(rows)
+    if not found:
+        raise TrajectoryError(
+            f"'{session.name}' holds no steady motion of {shortest:g} s with accelerations below {steady:g} m/s2; "
+            "record runs at constant velocity, or raise the limit"
+        )
+    raw = session.trajectory
+    q, tau = (raw[name].reshape(len(raw), -1) for name in (position, force))
+    fits = [np.polyfit(raw.time[r] - raw.time[r].mean(), q[r], 1) for r in found]
+    return Runs(
+        np.array([fit[0] for fit in fits]),
+        np.array([tau[r].mean(axis=0) for r in found]),
+        np.full(len(found), pose),
+        np.array([(r.stop - r.start) * step for r in found]),
+        np.array([fit[1] for fit in fits]),
+    )
+
+
+def joined(runs: Sequence[Runs]) -> Runs:
+    """Runs of several recordings as one."""
+    return Runs(*(np.concatenate(parts) for parts in zip(*runs, strict=True)))
+
+
+def constant_velocity_log(
+    velocities: Sequence[float],
+    law: Callable[[Array], Array],
+    mass: Array,
+    *,
+    seed: int,
+    noise: float,
+    quantisation: float = 1e-6,
+    sample_time: float = 0.004,
+    acceleration: float = 4.0,
+    travel: float = 0.6,
+    longest: float = 2.0,
+    title: str = "",
+) -> Session:
+    """A SYNTHETIC log: all carts run forth and back at each velocity [m/s], between ramps.
+
+    law : velocity (rows, 1) [m/s] -> force (rows, carts) [N] at constant velocity, gravity included. mass : (carts,)
+    felt while accelerating [kg]. noise : white, standard deviation [N], drawn from `seed`. quantisation [m] of the
+    positions. A run is `travel` [m] long, but no longer than `longest` [s].
+
+    The trajectory has q [m] and force [N] and carries seed and noise in its `synthetic`.
+    """
+    pieces = []
+    for speed in velocities:
+        ramp = np.arange(0, speed, acceleration * sample_time)
+        hold = np.full(round(min(longest, travel / speed) / sample_time), speed)
+        there = np.concatenate([ramp, hold, ramp[::-1]])
+        pieces += [there, -there]
+    v = np.concatenate([*pieces, np.zeros(2)])
+    a = np.gradient(v, sample_time)
+    q = np.concatenate([[0.0], np.cumsum((v[1:] + v[:-1]) / 2 * sample_time)])
+    n, carts = len(v), len(mass)
+    rng = np.random.default_rng(seed)
+    force = law(v[:, None]) + a[:, None] * mass + rng.normal(0.0, noise, (n, carts))
+    seen = np.round(q / quantisation) * quantisation if quantisation else q
+    trajectory = Trajectory(
+        sample_time * np.arange(n),
+        {"q": np.repeat(seen[:, None], carts, axis=1), "force": force},
+        {"q": "m", "force": "N"},
+        title=title,
+        synthetic=f"seed {seed}, white force noise {noise:g} N, positions in steps of {quantisation:g} m",
+    )
+    return Session(title or f"synthetic log, seed {seed}", trajectory, sample_time)

@@ -1,0 +1,274 @@
+"""The friction study: friction of the actuators and the mass they hold, from runs at constant velocity."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, fields
+from functools import partial
+from typing import Annotated, Any, Literal
+
+import numpy as np
+import tomli_w
+
+from ...inference import FALSE_ALARM
+from ...lang import Model
+from ...measurements import Session
+from ...results import ArgumentError, Check, Quantity, Row, SolveStatus, Study, Work, at_least, at_most, listed
+from ...results.work import Progress, never, silent
+from .gravity import Gravity, MassByNorm
+from .levels import FrictionFit, identify_friction
+from .options import Coefficients, HeldPose, Steady, SyntheticRuns
+from .pattern import gravity_pattern
+from .steady import Runs, constant_velocity_log, joined, steady_runs
+
+Array = np.ndarray
+
+SLOPE_ERROR = 0.01  # of synthetic logs, or what their noise explains
+DRIVES = "friction drives in one direction"
+TELL = 'record more poses and let them tell the mass (gravity = "poses")'
+COLUMNS = (
+    "check the poses and their forces that hold a kilogram, the order of the columns and the offsets of the forces"
+)
+LABELS = {
+    "coulomb_plus": "Coulomb friction forwards",
+    "coulomb_minus": "Coulomb friction backwards",
+    "viscous_plus": "viscous forwards",
+    "viscous_minus": "viscous backwards",
+}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class FrictionStudy(Study):
+    """Friction by actuator and direction of motion, and the mass held; None where it was stopped before the fit."""
+
+    mass: Annotated[float | None, Quantity("kg", "plate and half the links, as the carts' forces hold them")] = None
+    mass_interval: Annotated[
+        Sequence[float] | None, Quantity("kg", "95 % interval; of the choice where the runs leave the mass open")
+    ] = None
+    mass_by_norm: Annotated[
+        Mapping[str, Any] | None,
+        Quantity("kg", "mass of least asymmetry by norm: two, one (interval), maximum"),
+    ] = None
+    coulomb_plus: Annotated[Array | None, Quantity("N", "Coulomb friction forwards, by cart")] = None
+    coulomb_minus: Annotated[Array | None, Quantity("N", "Coulomb friction backwards, by cart")] = None
+    viscous_plus: Annotated[Array | None, Quantity("kg/s", "viscous friction forwards, by cart")] = None
+    viscous_minus: Annotated[Array | None, Quantity("kg/s", "viscous friction backwards, by cart")] = None
+    intervals: Annotated[
+        Mapping[str, Sequence[float]] | None, Quantity("", "95 % intervals by name: m, coulomb_plus[0], ...")
+    ] = None
+    middle: Annotated[
+        Array | None,
+        Quantity("N", "level between the two directions, by pose and cart: gravity and asymmetric friction together"),
+    ] = None
+    pattern: Annotated[Array | None, Quantity("N/kg", "force of each cart that holds one kilogram, by pose")] = None
+    residual: Annotated[Array | None, Quantity("N", "rms of the fitted lines, by cart")] = None
+    runs: Annotated[int | None, Quantity("", "number of runs at constant velocity")] = None
+    undetermined: Annotated[Sequence[str] | None, Quantity("", "what the runs cannot tell, in words")] = None
+    synthetic: Annotated[
+        str | None, Quantity("", "seed and noise of made-up logs; null for measured ones")
+    ] = None  # fmt: skip
+
+    @property
+    def rows(self) -> list[Row]:
+        """The table for people."""
+        if self.mass_interval is None or self.mass_by_norm is None or self.residual is None:
+            return []
+        (low, high), (first, last) = self.mass_interval, self.mass_by_norm["one"]
+        told = self.undetermined or ()
+        return [
+            Row("mass held", self.mass, "kg"),
+            Row("95 % interval", f"{low:.4g} .. {high:.4g}", "kg"),
+            Row("1-norm: least anywhere from", f"{first:.4g} to {last:.4g}", "kg"),
+            Row("maximum norm", self.mass_by_norm["maximum"], "kg"),
+            *self._coefficients(),
+            Row("residual of the lines", listed(self.residual), "N"),
+            Row("runs at constant velocity", self.runs),
+            *(Row("not told" if k else "told", text) for k, text in enumerate(told, len(told) > 1)),
+            *([Row("SYNTHETIC", self.synthetic)] if self.synthetic else []),
+        ]
+
+    def _coefficients(self) -> list[Row]:
+        units = {name: q.unit for name, q in self.quantities().items()}
+        return [Row(label, listed(getattr(self, name)), units[name]) for name, label in LABELS.items()]
+
+
+def friction_study(
+    robot: Model,
+    runs: Runs | Sequence[Sequence[Session]] | SyntheticRuns,
+    poses: Sequence[HeldPose],
+    *,
+    steady: Steady | None = None,
+    directions: Literal["separate", "symmetric"] = "separate",
+    gravity: Gravity = "most_symmetric",
+    title: str = "",
+    progress: Progress = silent,
+    max_seconds: float | None = None,
+    stop: Callable[[], bool] = never,
+) -> FrictionStudy:
+    """Find the runs, fit the lines, share the levels between gravity and friction.
+
+    Args:
+        robot: a robot that its tool centre point `T` places, with efforts `tau`; not asked where all poses say what
+            holds a kilogram.
+        runs: by pose the recordings, sessions with the signals q (n, carts) [m] and force (n, carts) [N]; or runs at
+            constant velocity as they are; or what synthetic logs are made of.
+        poses: where the tool was held.
+        steady: which stretches of the recordings count.
+        directions: "separate" for coefficients by direction of motion, or "symmetric".
+        gravity: how the mass is found beside them, see `identify_friction`.
+        progress, max_seconds, stop: see `gtmodel.results.Work`.
+
+    Raises ArgumentError.
+
+    >>> import gtmodel as gt
+    >>> from gtmodel.identify import HeldPose, SyntheticRuns, friction_study
+    >>> known = SyntheticRuns([150.0] * 3, [140.0] * 3, [190.0] * 3, [180.0] * 3, 22.0, velocities=[0.2, 0.5, 1.0])
+    >>> s = friction_study(gt.robots.gantry_tau("l1_tape"), known, [HeldPose(tcp=[0.5, -0.9, 0.3])])
+    >>> abs(float(s.viscous_plus[0]) - 190.0) < 5
+    True
+    """
+    work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
+    work.progress("equations", 0.1)
+    pattern = gravity_pattern(robot, poses)
+    names = [pose.name or f"pose {n}" for n, pose in enumerate(poses, 1)]
+    work.progress("reading", 0.2)
+    note, truth = None, runs if isinstance(runs, SyntheticRuns) else None
+    if isinstance(runs, Runs):
+        found = runs
+    else:
+        logs = _made(runs, pattern, names) if isinstance(runs, SyntheticRuns) else runs
+        note = next((s.trajectory.synthetic for log in logs for s in log if s.trajectory.synthetic), None)
+        if work.interrupted():
+            return FrictionStudy(status=SolveStatus.INTERRUPTED, message="stopped before the fit", title=title)
+        found = _steady(logs, pattern, steady or Steady())
+    try:
+        fit = identify_friction(found, pattern, symmetric=directions == "symmetric", gravity=gravity)
+    except ArgumentError as error:
+        raise ArgumentError(error.sentence, "poses" if error.argument == "pattern" else "runs") from error
+    e = fit.estimate
+    coefficients: dict[str, Any] = {name: getattr(fit, name) for name in LABELS}
+    return FrictionStudy(
+        status=SolveStatus.SOLVED,
+        message=f"{len(found.pose)} runs, {len(fit.pattern)} poses",
+        title=title,
+        checks=_checks(fit, found, truth, gravity == "poses" or directions == "symmetric"),
+        mass=fit.mass,
+        mass_interval=list(e.interval("m")),
+        mass_by_norm=by_norm(fit.by_norm),
+        **coefficients,
+        intervals={name: list(e.interval(name)) for name in e.names},
+        middle=fit.middle,
+        pattern=fit.pattern,
+        residual=fit.residual_rms,
+        runs=len(found.pose),
+        undetermined=list(fit.undetermined),
+        synthetic=note,
+        figures={"friction": partial(_figure, fit, found, names, title or "friction", note)},
+        files={"parameters.toml": _parameters(fit.mass, coefficients, note)},
+        machine_files=("parameters.toml",),
+    )
+
+
+def check_widths(given: Coefficients, carts: int, argument: str) -> None:
+    """Raises ArgumentError for coefficients of another number of carts."""
+    for name in LABELS:
+        count = len(getattr(given, name))
+        if count != carts:
+            raise ArgumentError(f"has {count} numbers; the robot has {carts} carts", f"{argument}.{name}")
+
+
+def by_norm(norms: MassByNorm) -> dict[str, Any]:
+    """As results have it."""
+    return {"two": norms.two, "one": list(norms.one), "maximum": norms.maximum}
+
+
+def _made(s: SyntheticRuns, pattern: Array, names: Sequence[str]) -> list[list[Session]]:
+    check_widths(s, pattern.shape[1], "runs")
+    if len(s.velocities) < 2:
+        raise ArgumentError(f"expected two velocities or more; found {len(s.velocities)}", "runs.velocities")
+    plus, minus, forth, back = (np.array(getattr(s, name)) for name in LABELS)
+
+    def law(row: Array, v: Array) -> Array:
+        forwards, backwards = plus + forth * v, -minus + back * v
+        return s.mass * row + np.where(v > 0, forwards, np.where(v < 0, backwards, 0.0))
+
+    return [
+        [
+            constant_velocity_log(
+                s.velocities,
+                partial(law, row),
+                np.full(row.size, s.moved_mass),
+                seed=s.seed + pose,  # a seed of its own for every pose
+                noise=s.noise,
+                quantisation=s.quantisation,
+                title=names[pose],
+            )
+        ]
+        for pose, row in enumerate(pattern)
+    ]
+
+
+def _steady(logs: Sequence[Sequence[Session]], pattern: Array, steady: Steady) -> Runs:
+    poses, carts = pattern.shape
+    if len(logs) != poses:
+        raise ArgumentError(f"has recordings of {len(logs)} poses; expected {poses}, a list for each pose", "runs")
+    found = []
+    for pose, log in enumerate(logs):
+        for session in log:
+            force = session.trajectory["force"]
+            width = force.reshape(len(force), -1).shape[1]
+            if width != carts:
+                raise ArgumentError(f"has {width} columns; the robot has {carts} carts", "runs.force")
+            try:
+                found.append(steady_runs(
+                    session, pose=pose, cutoff_Hz=steady.cutoff, steady=steady.steady_acceleration,
+                    slow=steady.slowest, shortest=steady.shortest_run,
+                ))  # fmt: skip
+            except ArgumentError as error:
+                raise ArgumentError(error.sentence, f"runs[{pose}]") from error
+    if not found:
+        raise ArgumentError("is empty; expected a recording or more", "runs")
+    return joined(found)
+
+
+def _checks(fit: FrictionFit, runs: Runs, truth: SyntheticRuns | None, told: bool) -> dict[str, Check]:
+    """Friction brakes; and against the truth of synthetic logs, which measured ones have not."""
+    level = 1 - 2 * FALSE_ALARM / (4 * fit.pattern.shape[1])
+    least, high = fit.against_motion(runs, level)
+    advice = f"{DRIVES}; {COLUMNS if told else TELL}"
+    checks = {"least_friction_N": at_least(least, min(least - high, 0.0), advice)}
+    if truth is None:
+        return checks
+    # a plant without viscous friction has no relative error
+    true = {
+        f"{name}[{i}]": x for name in LABELS if name.startswith("viscous")
+        for i, x in enumerate(getattr(truth, name)) if x > 0
+    }  # fmt: skip
+    if not true:
+        return checks
+    from scipy import stats  # here: it alone takes as long to import as all of gtmodel
+
+    e, std = fit.estimate, dict(zip(fit.estimate.names, fit.estimate.std, strict=True))
+    errors = {n: abs(e.value(n) / x - 1) for n, x in true.items()}
+    chance = float(stats.t.isf(FALSE_ALARM / 2 / len(true), e.freedom))
+    bounds = {n: max(SLOPE_ERROR, chance * std[n] / x) for n, x in true.items()}
+    # each against its own bound: the largest error may be the noise of the flattest line
+    worst = max(errors, key=lambda n: errors[n] / bounds[n])
+    return checks | {"slope_error": at_most(errors[worst], bounds[worst])}
+
+
+def _parameters(mass: float, coefficients: Mapping[str, Array], note: str | None) -> str:
+    """parameters.toml, as a problem file names them."""
+    names = {f.name: FrictionStudy.quantities()[f.name].name(f.name) for f in fields(Coefficients)}
+    table = {names["mass"]: mass, **{names[n]: np.asarray(x).tolist() for n, x in coefficients.items()}}
+    return (f"# synthetic: {note}\n" if note else "") + tomli_w.dumps(table)
+
+
+def _figure(fit: FrictionFit, runs: Runs, names: Sequence[str], title: str, note: str | None) -> Any:
+    from ...plot.friction import friction_figure
+
+    gravity = fit.mass * fit.pattern
+    shifted = runs.force - gravity[runs.pose] + gravity[0]
+    lines = [partial(fit.force, cart=i) for i in range(fit.pattern.shape[1])]
+    points = [(name, runs.velocity[runs.pose == p], shifted[runs.pose == p]) for p, name in enumerate(names)]
+    return friction_figure(points, lines, gravity[0], title=f"{title} (synthetic: {note})" if note else title)

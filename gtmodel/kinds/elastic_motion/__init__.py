@@ -1,0 +1,1 @@
+"""Kind "elastic_motion"."""

@@ -1,0 +1,55 @@
+"""The keys of friction identification from constant-velocity runs."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import Field
+
+from gtmodel.identify.friction import options
+from gtmodel.problem_files.from_options import Made, made_from
+from gtmodel.problem_files.log_keys import LogSampling, MeasuredSignal
+from gtmodel.problem_files.robot_keys import RobotProblem
+
+
+@made_from(options.HeldPose)
+class Pose(Made):
+    """Where the tool centre point was held in the cross-section while the carts ran."""
+
+    files: list[str] = Field(default=[], description="logs of this pose, with [log]")
+
+
+@made_from(options.Steady)
+class Log(LogSampling, Made):
+    """Measured logs; each pose names its own files."""
+
+    position_m: MeasuredSignal = Field(description="positions of the carts")
+    force_N: MeasuredSignal = Field(description="forces of the motors")
+
+
+@made_from(options.Coefficients)
+class Coefficients(Made):
+    """Friction by cart."""
+
+
+@made_from(options.SyntheticRuns)
+class Synthetic(Made):
+    """Logs made up from known friction, to see what identification gives back."""
+
+
+class Schema(RobotProblem):
+    """Friction from constant-velocity runs. One of [log], [synthetic] and [printed] gives the forces."""
+
+    directions: Literal["separate", "symmetric"] = Field(
+        default="separate", description="separate: coefficients by direction of motion"
+    )
+    gravity: Literal["most_symmetric", "poses"] = Field(
+        default="most_symmetric",
+        description="how the mass is found beside friction by direction: least asymmetry, or the change between poses",
+    )
+    pose: list[Pose] = Field(min_length=1, description="one table for each; the first is the picture's")
+    log: Log | None = Field(default=None, description="measured logs")
+    synthetic: Synthetic | None = Field(default=None, description="made-up logs")
+    printed: Coefficients | None = Field(
+        default=None, description="published lines; their mass is the one that was chosen, and is found anew"
+    )

@@ -1,0 +1,82 @@
+"""Kind "friction": friction of the actuators and the mass they hold, from runs at constant velocity."""
+
+from __future__ import annotations
+
+from gtmodel.identify.friction import FrictionStudy, friction_study, gravity_pattern, published_friction_study
+from gtmodel.identify.friction.options import SyntheticRuns
+from gtmodel.measurements import Corrections, Session
+from gtmodel.problem_files.base import Context, InputError
+from gtmodel.problem_files.call import Call
+from gtmodel.results import ArgumentError, listed
+from gtmodel.results.options import declared
+
+from .keys import Log, Schema
+
+NAME = "friction"
+RESULT = FrictionStudy
+ARGUMENTS = {
+    "runs.force": "log.force_N.column",
+    **{f"runs.{name}": f"synthetic.{name}" for name in declared(SyntheticRuns)},
+    "runs": "pose",
+    "poses": "pose",
+    "published": "printed",
+}
+
+
+def call(problem: Schema, context: Context) -> Call:
+    """The study of the logs, read or made up, or of the published lines."""
+    given = [k for k in ("log", "synthetic", "printed") if getattr(problem, k) is not None]
+    if len(given) != 1:
+        raise InputError(
+            f"found {', '.join(f'[{k}]' for k in given) or 'none of them'}; "
+            "expected one of [log], [synthetic], [printed]",
+            given[-1] if given else "log",
+        )
+    model, poses = problem.model(context), [pose.options() for pose in problem.pose]
+    if problem.printed is not None:
+        if len(poses) > 1:
+            raise InputError("published lines belong to one pose; leave the others out", "pose")
+        return Call(published_friction_study, model, problem.printed.options(), poses[0], title=problem.title)
+    logs = problem.synthetic.options() if problem.synthetic is not None else _logs(problem, context)
+    steady = None if problem.log is None else problem.log.options()
+    return Call(
+        friction_study, model, logs, poses, steady=steady, directions=problem.directions, gravity=problem.gravity,
+        title=problem.title,
+    )  # fmt: skip
+
+
+def explain(problem: Schema, context: Context) -> str:
+    """The gravity pattern by pose, and what can be told from it."""
+    poses = [pose.options() for pose in problem.pose]
+    pattern = gravity_pattern(problem.model(context), poses)
+    lines = [f"{problem.title or NAME}: {pattern.shape[1]} carts in {len(pattern)} poses"]
+    for pose, row in zip(poses, pattern, strict=True):
+        lines.append(f"{pose.name or 'pose'}: forces that hold one kilogram {listed(row)} N/kg")
+    lines.append("tau = m pattern + fc+ + fv+ v forwards, m pattern - fc- + fv- v backwards (eqs. (6.8), (6.9))")
+    return "\n".join(lines)
+
+
+def _logs(problem: Schema, context: Context) -> list[tuple[Session, ...]]:
+    """Recordings by pose."""
+    log = problem.log
+    assert log is not None
+    _refuse_free(log)
+    signals = {"q": log.position_m.signal("log.position_m"), "force": log.force_N.signal("log.force_N")}
+    found = []
+    for n, pose in enumerate(problem.pose):
+        raw = log.read(pose.files, signals, context, f"pose[{n}].files")
+        try:
+            found.append(Corrections(signals, raw).apply())
+        except ArgumentError as error:
+            raise InputError(error.sentence, "log") from error
+    return found
+
+
+def _refuse_free(log: Log) -> None:
+    for name in ("position_m", "force_N"):
+        for what in ("scale", "offset", "delay_s"):
+            if getattr(getattr(log, name), what) == "estimate":
+                raise InputError(
+                    "constant-velocity runs do not tell it apart from gravity and friction; give a number",
+                    f"log.{name}.{what}",
+                )

@@ -1,0 +1,150 @@
+"""The keys of kind "vibration"."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+import numpy as np
+from pydantic import Field, NonNegativeFloat
+
+from gtmodel.measurements import Corrections
+from gtmodel.problem_files.base import Context, InputError, Problem
+from gtmodel.problem_files.from_options import Made, made_from
+from gtmodel.problem_files.log_keys import LogFiles, MeasuredSignal
+from gtmodel.results import ArgumentError, TrajectoryError
+from gtmodel.vibration import Record, options, synthetic_records
+
+KNOWN = {"subspace": "structure", "step_response": "steps", "impulse": "hit"}  # what made-up data are made of, by model
+
+
+class Measurements(LogFiles):
+    """A measured log. Step responses may be several recordings; the other models take one."""
+
+    position_m: MeasuredSignal = Field(description="measured positions, one column or several")
+    force_N: MeasuredSignal | None = Field(default=None, description="forces as inputs; or reference_m")
+    reference_m: MeasuredSignal | None = Field(default=None, description="position references as inputs; or force_N")
+    after_s: NonNegativeFloat = Field(
+        default=0.0, description="what lies before, counted from the log's first row, is left out"
+    )
+
+    def records(self, model: str, context: Context) -> list[Record]:
+        """The recordings of the log. Raises InputError."""
+        found = self._sessions(model, context)
+        if model != "step_response" and len(found) > 1:
+            raise InputError(
+                f"hold {len(found)} recordings; the model '{model}' takes one, so name one file", "measurements.files"
+            )
+        return found
+
+    def _sessions(self, model: str, context: Context) -> list[Record]:
+        keys = {"position_m": self.position_m, "force_N": self.force_N, "reference_m": self.reference_m}
+        given = {name: signal for name, signal in keys.items() if signal is not None}
+        inputs = [name for name in given if name != "position_m"]
+        if len(inputs) != (0 if model == "impulse" else 1):
+            wanted = "no input: a decay has none" if model == "impulse" else "one of force_N and reference_m"
+            raise InputError(f"expected {wanted}, besides position_m", "measurements")
+        for name, signal in given.items():
+            for what in ("scale", "offset", "delay_s"):
+                if getattr(signal, what) == "estimate":
+                    raise InputError("a black box does not tell it; give a number", f"measurements.{name}.{what}")
+        signals = {name: signal.signal(f"measurements.{name}") for name, signal in given.items()}
+        raw = self.read(self.files, signals, context, "measurements.files")
+        found = []
+        try:
+            for session in Corrections(signals, raw).apply():
+                first = int(np.ceil(self.after_s / session.sample_time - 1e-9))
+                t = session.trajectory
+                y = t["position_m"][first:]
+                if len(y) < 2:
+                    raise InputError(
+                        f"{self.after_s:g} s leave {len(y)} samples of {session.name}; lower it", "measurements.after_s"
+                    )
+                u = t[inputs[0]][first:] if inputs else np.zeros(len(y))
+                found.append(Record(u, y, session.sample_time, t.synthetic))
+        except (TrajectoryError, ArgumentError) as error:
+            raise InputError(str(error), "measurements") from error
+        return found
+
+
+@made_from(options.Structure)
+class Structure(Made):
+    """Masses, dampers and springs under a pseudo-random force."""
+
+
+@made_from(options.Steps)
+class Steps(Made):
+    """Steps of the reference through b q^-delay / (1 - a q^-1), each a recording of its own."""
+
+
+@made_from(options.Hit)
+class Hit(Made):
+    """Free decay after the hit of a hammer."""
+
+
+@made_from(options.Sampling)
+class Synthetic(Made):
+    """A made-up recording of a known system, to see what identification gives back."""
+
+    structure: Structure | None = Field(default=None, description='for model = "subspace"')
+    steps: Steps | None = Field(default=None, description='for model = "step_response"')
+    hit: Hit | None = Field(default=None, description='for model = "impulse"')
+
+    def known(self, model: str) -> Any:
+        """The options that the recordings are made of. Raises InputError."""
+        name = KNOWN[model]
+        wrong = next((k for k in KNOWN.values() if k != name and getattr(self, k) is not None), None)
+        if getattr(self, name) is None or wrong:
+            raise InputError(f"the model '{model}' needs [synthetic.{name}] and no other", f"synthetic.{wrong or name}")
+        return getattr(self, name).options()
+
+
+@made_from(options.Matrices)
+class Matrices(Made):
+    """Printed matrices of M x'' + D x' + K x = f."""
+
+
+@made_from(options.Subspace)
+class SubspaceKeys(Made):
+    """How the state-space model is found."""
+
+
+@made_from(options.Physical)
+class Physical(Made):
+    """The physical form: what is known beside the recording."""
+
+
+@made_from(options.StepResponse)
+class StepKeys(Made):
+    """How the step response is fitted."""
+
+
+@made_from(options.Impulse)
+class ImpulseKeys(Made):
+    """How the decay is fitted."""
+
+
+class Schema(Problem):
+    """Vibration: one of [measurements], [synthetic] and [matrices] gives the data."""
+
+    model: Literal["subspace", "step_response", "impulse", "matrices"] = Field(description="what is looked for")
+    measurements: Measurements | None = Field(default=None, description="a measured log")
+    synthetic: Synthetic | None = Field(default=None, description="a made-up recording")
+    matrices: Matrices | None = Field(default=None, description='printed matrices, for model = "matrices"')
+    subspace: SubspaceKeys = SubspaceKeys()
+    physical: Physical | None = Field(default=None, description="M, D, K from the subspace model")
+    step_response: StepKeys = StepKeys()
+    impulse: ImpulseKeys = ImpulseKeys()
+
+    def data(self, context: Context) -> tuple[list[Record], Any]:
+        """The recordings for the model asked for, and what made-up ones were made of. Raises InputError."""
+        given = [name for name in ("measurements", "synthetic", "matrices") if getattr(self, name) is not None]
+        if self.model == "matrices" or len(given) != 1 or given[0] == "matrices":
+            raise InputError(
+                f"expected one of [measurements] and [synthetic] for the model '{self.model}'",
+                given[-1] if given else "",
+            )
+        if self.measurements is not None:
+            return self.measurements.records(self.model, context), None
+        assert self.synthetic is not None
+        known = self.synthetic.known(self.model)
+        return synthetic_records(known, self.synthetic.options()), known

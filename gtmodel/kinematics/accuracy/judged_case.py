@@ -1,0 +1,202 @@
+"""One case of errors on a robot: its numbers, and its corners by other roads."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ...compiler.causal import compile_causal
+from ...inference import FALSE_ALARM
+from ...results import ArgumentError, Check, Status, at_least, at_most, listed
+from ..mechanism import Mechanism
+from ..section import Section
+from .corners import SIGNS, Array, exact_corners, largest
+from .ellipsoids import Ellipsoids
+from .error_map import ErrorCase, ErrorMap, Method
+from .lengths import ForwardWithLengths
+from .monte_carlo import base_point_cloud, length_cloud
+from .options import LinkErrors, MonteCarlo
+from .parallelepiped import parallelepiped
+from .spheres import common_point
+
+# relative difference of first-order and exact corners: errors over link lengths, some 1e-4, magnified some times
+EXACT = 1e-3
+# closed form and Newton for the same corner [m]: rounding of lengths of metres
+TWO_ROADS = 1e-9
+# a draw may exceed the first-order corners by second-order terms only
+ABOVE = 1.001
+NEAR = 0.1  # of the corner: how near the farthest draw of many comes at least, or what so few come, see nearest()
+
+
+@dataclass(frozen=True)
+class ErrorRegion:
+    """A robot, its section, and the grid over the rectangle and all that is reached.
+
+    Attributes:
+        corners: (3, 2) where the guideways pierce the section [m].
+        low, high: (2,) of the rectangle that the numbers are about [m].
+        u, v: coordinates of the grid [m]. T: (n, 3) its points [m]. window: (n,) which of them lie in the rectangle.
+    """
+
+    robot: Mechanism
+    plane: Section
+    corners: Array
+    low: Array
+    high: Array
+    u: Array
+    v: Array
+    T: Array
+    window: Array
+
+    def base_points(self, T: Array) -> tuple[Array, Array]:
+        """Base points (n, 3, 3) [m] and codes (n,) of `Status` for T (n, 3) [m]."""
+        poses = self.robot.inverse(T)
+        return poses.a, poses.status
+
+
+@dataclass(frozen=True)
+class JudgedCase:
+    """One case with its results."""
+
+    name: str
+    method: str
+    errors: ErrorCase
+    map: ErrorMap
+    values: Mapping[str, Any]
+    checks: Mapping[str, Check]
+
+
+def with_method(cases: list[LinkErrors], method: Method) -> list[LinkErrors]:
+    """The cases, each with its method."""
+    return [replace(case, method=case.method or method) for case in cases]
+
+
+def errors_of(case: LinkErrors, k: int, robot: Mechanism) -> ErrorCase:
+    """Case number k on this robot. Raises ArgumentError."""
+    argument = f"cases[{k}]"
+    given = [name for name in ("length", "along", "across") if getattr(case, name) is not None]
+    if given and not any(np.any(getattr(case, name)) for name in given):
+        raise ArgumentError("all errors are zero; give at least one that is greater", f"{argument}.{given[0]}")
+    if given == ["length"]:
+        return ErrorCase(robot.lengths, radius=np.array(case.length))
+    if given != ["along", "across"]:
+        raise ArgumentError("give either length, or along with across", argument)
+    ellipsoids = Ellipsoids.about_guideways(robot.directions, np.array(case.along), np.array(case.across))
+    return ErrorCase(robot.lengths, ellipsoids=ellipsoids, method=case.method or "support")
+
+
+def describe(case: LinkErrors) -> str:
+    """The errors in words."""
+    if case.length is not None:
+        return f"link lengths within {_micrometres(case.length)} um"
+    return (
+        f"cart joints within ellipsoids of {_micrometres(case.along)} um along and "
+        f"{_micrometres(case.across)} um across the guideways, corners by {method_of(case)}"
+    )
+
+
+def _micrometres(lengths: list[float] | None) -> str:
+    return listed(1e6 * np.array(lengths))
+
+
+def method_of(case: LinkErrors) -> str:
+    """How the errors become corners, in words."""
+    if case.length is not None:
+        return "eight corners of U^-1"
+    return "iterative projection" if case.method == "projection" else "the support function"
+
+
+def judged(
+    region: ErrorRegion, case: LinkErrors, word: str, errors: ErrorCase, found: ErrorMap, good: Array, draws: MonteCarlo
+) -> JudgedCase:
+    """Values of one case, and its corners by the robot's equations, by Newton, and by drawing.
+
+    word: begins the names of its checks. good: (n,) points of the rectangle with an error, at least one.
+    """
+    robot, plane, T = region.robot, region.plane, region.T
+    where = np.flatnonzero(good)
+    top, least = where[np.argmax(found.error[good])], where[np.argmin(found.error[good])]
+    reached = found.error[found.status == Status.OK]
+    centre = plane.points(((region.low + region.high) / 2)[None])
+    poses = robot.inverse(np.concatenate([T[[top]], centre]))
+    corners, _ = errors.corners(poses.a, poses.T)
+    at = largest(corners)
+    top_uv = plane.coordinates(T[[top]])[0]
+    half = errors.half_widths(poses.directions)
+    arguments = (poses.a[0], poses.T[0], robot.lengths)
+    try:
+        if errors.ellipsoids is None:
+            cloud = length_cloud(*arguments, half[0], draws.samples, draws.seed)
+        else:
+            cloud = base_point_cloud(*arguments, errors.ellipsoids, draws.samples, draws.seed)
+        drawn = float(np.linalg.norm(cloud, axis=1).max())
+    except ValueError:  # too close to a singularity: the check fails and says so
+        drawn = np.nan
+    shape = parallelepiped(poses.directions[1:], half[1:])
+    values = {
+        "name": case.name,
+        "errors": describe(case),
+        "method": method_of(case),
+        "min_um": 1e6 * float(found.error[least]),
+        "min_at_m": plane.coordinates(T[[least]])[0].tolist(),
+        "max_um": 1e6 * float(found.error[top]),
+        "max_at_m": top_uv.tolist(),
+        "nearest_guideway": 1 + int(np.argmin(np.linalg.norm(region.corners - top_uv, axis=1))),
+        "centre_um": 1e6 * float(at[1]),
+        "reached_min_um": 1e6 * float(reached.min()),
+        "reached_max_um": 1e6 * float(reached.max()),
+        "monte_carlo_um": 1e6 * drawn,
+        "corner_um": 1e6 * float(at[0]),
+        "shape": {
+            "link_angles_deg": np.degrees(shape.link_angles[0]).tolist(),
+            "pyramid_angles_deg": np.degrees(shape.pyramid_angles[0]).tolist(),
+            "faces_um2": (1e12 * shape.faces[0]).tolist(),
+            "longest_diagonal_um": 1e6 * float(shape.longest[0]),
+        },
+    }
+    checks = _checks(region, errors, found, good, drawn / float(at[0]), draws.samples)
+    named = {f"{word}_{name}": check for name, check in checks.items()}
+    return JudgedCase(case.name, method_of(case), errors, found, values, named)
+
+
+def _checks(
+    region: ErrorRegion, errors: ErrorCase, found: ErrorMap, good: Array, drawn: float, samples: int
+) -> dict[str, Check]:
+    robot = region.robot
+    forward = ForwardWithLengths(compile_causal(robot.model, known="q", targets="T"), robot.length_names)
+    poses = robot.inverse(region.T[good])
+    half = errors.half_widths(poses.directions)
+    exact, status = exact_corners(forward, poses.q, poses.a, robot.lengths, half)
+    newton, met = common_point(
+        np.repeat(poses.a, 8, axis=0),
+        (robot.lengths + half[:, None] * SIGNS).reshape(-1, 3),
+        np.repeat(poses.T, 8, axis=0),
+    )
+    checks = {}
+    all_found = not status.any() and not met.any()
+    roads = float(np.max(np.abs(exact - newton.reshape(exact.shape)))) if all_found else np.inf
+    checks["closed_form_against_newton_m"] = at_most(roads, TWO_ROADS)
+    if errors.ellipsoids is None or errors.method == "support":
+        greatest = largest(exact - poses.T[:, None])
+        difference = float(np.max(np.abs(found.error[good] / greatest - 1.0))) if all_found else np.inf
+        checks["first_order_against_exact"] = at_most(
+            difference,
+            EXACT,
+            "the errors are too large for a first-order analysis, or the rectangle too near to a singular pose",
+        )
+        least = 1 - max(NEAR, nearest(samples))
+        within = at_most(drawn, ABOVE)
+        checks["monte_carlo_to_corner"] = at_least(drawn, least, "raise samples") if drawn < least else within
+    return checks
+
+
+def nearest(samples: int) -> float:
+    """Share of the corner's error that the farthest of so many draws lacks at most, but for a false alarm.
+
+    Each arm's error is drawn evenly from -r to r. With three that count alike, a draw is within the share d of one of
+    the two opposite corners with the probability 2 (3 d)^3 / 48.
+    """
+    return float(np.cbrt(24 * -np.log(FALSE_ALARM) / samples) / 3)

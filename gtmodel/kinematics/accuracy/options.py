@@ -1,0 +1,44 @@
+"""What an accuracy study asks for: errors of carts or links, a section, synthetic draws."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+from ...results.options import Long, Options, Unit, Within
+from ..section import CrossSection
+from .error_map import Method
+
+
+@dataclass(frozen=True)
+class LinkErrors(Options):
+    """Errors of the three links: of their lengths, or of the cart joints, in ellipsoids about them; some may be 0."""
+
+    name: Annotated[str, "of the case"]
+    length: Annotated[
+        list[float] | None, Unit("m", written="um"), Within(least=0.0), Long(3), "greatest error of each link length"
+    ] = None  # fmt: skip
+    along: Annotated[
+        list[float] | None, Unit("m", written="um"), Within(least=0.0), Long(3),
+        "half-axis of each cart joint's ellipsoid along its guideway",
+    ] = None  # fmt: skip
+    across: Annotated[
+        list[float] | None, Unit("m", written="um"), Within(least=0.0), Long(3), "half-axes across it"
+    ] = None  # fmt: skip
+    method: Annotated[Method | None, "for this case another one"] = None
+
+
+@dataclass(frozen=True)
+class ErrorSection(CrossSection):
+    """The cross-section, a plane orthogonal to the mean guideway direction; (u, v) = (y, z) for guideways along x."""
+
+    step: Annotated[float, Unit("m"), Within(above=0.0), "of the grid"] = 0.05
+    low: Annotated[list[float] | None, Unit("m"), Long(2), "least (u, v); of the guideways if left out"] = None
+
+
+@dataclass(frozen=True)
+class MonteCarlo(Options):
+    """Synthetic errors beside the corners."""
+
+    samples: Annotated[int, Within(least=100, most=1000000), "draws for each case"] = 20000
+    seed: Annotated[int, Within(least=0), "of the random numbers"] = 1

@@ -1,0 +1,244 @@
+"""The accuracy study: the greatest positioning error over a section, from errors of carts and links."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Annotated, Any
+
+import numpy as np
+
+from ...lang import Model
+from ...results import ArgumentError, Quantity, Row, SolveStatus, Status, Study, Work, listed
+from ...results.tables import csv_text
+from ...results.work import Progress, never, silent
+from ..mechanism import home_figure, mechanism_of
+from .corners import Array
+from .error_map import ErrorMap, Method, map_errors
+from .judged_case import ErrorRegion, JudgedCase, errors_of, judged, with_method
+from .options import ErrorSection, LinkErrors, MonteCarlo
+
+MOST_POINTS = 1e7
+DIAGONAL = 101  # points of the rectangle's diagonal along which the faces are drawn
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class AccuracyStudy(Study):
+    """Greatest positioning errors over a rectangle of a section, and over all that is reached in it."""
+
+    cases: Annotated[
+        Sequence[Mapping[str, Any]],
+        Quantity(
+            "",
+            "for each case: name, errors, method; over the rectangle min_um, max_um, their places min_at_m, max_at_m "
+            "in (u, v), centre_um and nearest_guideway to the maximum (from 1); reached_min_um and reached_max_um over "
+            "all that is reached; monte_carlo_um and its corner_um at the place of the maximum; and shape, the "
+            "parallelepiped at the centre: link_angles_deg, pyramid_angles_deg, faces_um2, longest_diagonal_um",
+        ),
+    ]
+    window: Annotated[
+        Array, Quantity("m", "the rectangle that the numbers are about: least and greatest (u, v)")
+    ]  # fmt: skip
+    guideways: Annotated[Array, Quantity("m", "where the guideways pierce the section, (u, v)")]
+    section: Annotated[Mapping[str, Any], Quantity("", "the section: a point of it, and its normal")]
+    points: Annotated[
+        Mapping[str, Any],
+        Quantity("", "number of grid points in the rectangle, and how many of them have no error, by reason"),
+    ]
+
+    @property
+    def rows(self) -> list[Row]:
+        """The table for people."""
+        low, high = self.window
+        rows = [Row("rectangle from (u, v)", listed(low), "m"), Row("to", listed(high), "m")]
+        for case in self.cases:
+            name = case["name"]
+            rows += [
+                Row(f"{name}: corners by", case["method"]),
+                Row(f"{name}: least error in the rectangle", case["min_um"], "um"),
+                Row(f"{name}: greatest", case["max_um"], "um"),
+                Row(f"{name}: at (u, v)", listed(case["max_at_m"]), "m"),
+                Row(f"{name}: nearest guideway", case["nearest_guideway"]),
+                Row(f"{name}: in the centre", case["centre_um"], "um"),
+                Row(f"{name}: over all that is reached, least", case["reached_min_um"], "um"),
+                Row(f"{name}: over all that is reached, greatest", case["reached_max_um"], "um"),
+                Row(f"{name}: synthetic draws at the greatest", case["monte_carlo_um"], "um"),
+            ]
+        return rows
+
+
+def accuracy_study(
+    robot: Model,
+    cases: Sequence[LinkErrors],
+    *,
+    section: ErrorSection | None = None,
+    method: Method = "support",
+    monte_carlo: MonteCarlo | None = None,
+    title: str = "",
+    progress: Progress = silent,
+    max_seconds: float | None = None,
+    stop: Callable[[], bool] = never,
+) -> AccuracyStudy:
+    """The greatest positioning error of a robot with three links, over a rectangle of a section across its guideways.
+
+    Args:
+        robot: three links on guideways, with lengths of their own.
+        cases: errors to look at, one after the other, each under a name of its own.
+        section: the section and its rectangle, which is that of the guideways if left out.
+        method: how ellipsoids become corners where a case does not say: "support", the exact first-order bound, or
+            "projection", the iteration of Dressler 2012, A.2.
+        monte_carlo: synthetic draws beside the corners.
+        progress, max_seconds, stop: see `gtmodel.results.Work`.
+
+    Every case is tested by other roads: corners by the robot's equations, by Newton, and by the draws. Interrupted, it
+    holds the cases that are done. Raises ArgumentError.
+
+    >>> import gtmodel as gt
+    >>> from gtmodel.kinematics.accuracy import ErrorSection, LinkErrors
+    >>> robot = gt.robots.gantry_tau("d1_nominal")
+    >>> carts = LinkErrors("carts", along=[11e-6, 58e-6, 19e-6], across=[28e-6, 38e-6, 47e-6])
+    >>> s = gt.kinematics.accuracy_study(robot, [carts], section=ErrorSection(step=0.2))
+    >>> s.cases[0]["nearest_guideway"]
+    2
+    """
+    work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
+    draws = monte_carlo or MonteCarlo()
+    region = region_of(robot, cases, section or ErrorSection())
+    resolved = with_method(list(cases), method)
+    errors = [errors_of(case, k, region.robot) for k, case in enumerate(resolved)]
+    found: list[JudgedCase] = []
+    for case, error in zip(resolved, errors, strict=True):
+
+        def told(fraction: float, name: str = case.name) -> bool:
+            work.progress(name, fraction)
+            return work.interrupted()
+
+        mapped = map_errors(error, region.base_points, region.T, progress=told)
+        if not mapped.complete or work.interrupted():
+            return _study(region, title, found, SolveStatus.INTERRUPTED, SolveStatus.INTERRUPTED.sentence)
+        good = region.window & (mapped.status == Status.OK)
+        if not good.any():
+            reasons = _reasons(mapped.status[region.window])
+            most = max(reasons, key=lambda reason: reasons[reason])
+            message = f"no point of the rectangle has an error; most often: {most}"
+            return _study(region, title, found, SolveStatus.INFEASIBLE, message)
+        found.append(judged(region, case, _word(case.name), error, mapped, good, draws))
+    return _concluded(region, title, found)
+
+
+def region_of(model: Model, cases: Sequence[LinkErrors], section: ErrorSection) -> ErrorRegion:
+    """The robot, its section and the grid; the cases are named apart. Raises ArgumentError."""
+    robot = mechanism_of(model)
+    if len(robot.lengths) != 3 or not robot.length_names:
+        raise ArgumentError(
+            f"accuracy is defined for three links with lengths of their own; found {len(robot.lengths)}", "robot"
+        )
+    if not cases:
+        raise ArgumentError("there is no case; give at least one", "cases")
+    words = [_word(case.name) for case in cases]
+    for k, word in enumerate(words):
+        if word in words[:k]:
+            raise ArgumentError(
+                f"two cases are called '{cases[k].name}'; give them different names", f"cases[{k}].name"
+            )
+    plane = robot.section(section.along)
+    corners = plane.pierced(robot.anchors, robot.directions)
+    low = corners.min(axis=0) if section.low is None else np.array(section.low)
+    high = corners.max(axis=0) if section.high is None else np.array(section.high)
+    if np.any(low >= high):
+        raise ArgumentError("every lower limit must be less than its upper one", "section.high")
+    least, greatest = robot.farthest(corners)
+    outer_low, outer_high = np.minimum(low, least), np.maximum(high, greatest)
+    u, v = (_through(low[k], high[k], outer_low[k], outer_high[k], section.step) for k in range(2))
+    if len(u) * len(v) > MOST_POINTS:
+        raise ArgumentError(f"the grid would have {len(u) * len(v):.1e} points; take a larger step", "section.step")
+    uv = np.stack(np.meshgrid(u, v, indexing="ij"), axis=-1).reshape(-1, 2)
+    rounding = 1e-9 * section.step
+    window = np.all((uv >= low - rounding) & (uv <= high + rounding), axis=1)
+    return ErrorRegion(robot, plane, corners, low, high, u, v, plane.points(uv), window)
+
+
+def _through(low: float, high: float, outer_low: float, outer_high: float, step: float) -> Array:
+    """Evenly spaced values with low and high among them, on to the outer ones."""
+    count = max(1, int(np.ceil((high - low) / step - 1e-9)))
+    size = (high - low) / count
+    first, last = int(np.floor((outer_low - low) / size)), int(np.ceil((outer_high - low) / size))
+    return low + size * np.arange(first, last + 1)
+
+
+def _concluded(region: ErrorRegion, title: str, found: list[JudgedCase]) -> AccuracyStudy:
+    status, message = SolveStatus.SOLVED, SolveStatus.SOLVED.sentence
+    lost = [f.name for f in found if any(not math.isfinite(check.value) for check in f.checks.values())]
+    if lost:
+        # the numbers of the first order stand, but no other road leads to them
+        status = SolveStatus.FAILED
+        message = (
+            f"{' and '.join(lost)}: at some points of the rectangle a robot with the greatest errors cannot be "
+            "assembled; the errors are too large, or the rectangle too near to the edge of what is reached"
+        )
+    figures: dict[str, Any] = {f"error_{k + 1}": partial(_error_figure, region, title, f) for k, f in enumerate(found)}
+    figures["faces"] = partial(_faces_figure, region, found)
+    low, high = region.low, region.high
+    rectangle = region.plane.points(np.array([low, [high[0], low[1]], high, [low[0], high[1]]]))
+    figures["robot"] = partial(home_figure, region.robot, [rectangle], title)
+    checks = {name: check for f in found for name, check in f.checks.items()}
+    files = {"errors.csv": _table(region, [f.map for f in found])}
+    return _study(region, title, found, status, message, checks=checks, figures=figures, files=files)
+
+
+def _study(
+    region: ErrorRegion, title: str, found: list[JudgedCase], status: SolveStatus, message: str, **more: Any
+) -> AccuracyStudy:
+    missing = _reasons(found[0].map.status[region.window]) if found else {}
+    return AccuracyStudy(
+        status=status,
+        message=message,
+        title=title,
+        cases=[f.values for f in found],
+        window=np.array([region.low, region.high]),
+        guideways=region.corners,
+        section={"point_m": region.plane.origin.tolist(), "normal": region.plane.normal.tolist()},
+        points={"in_rectangle": int(region.window.sum()), "without_error": missing},
+        **more,
+    )
+
+
+def _word(name: str) -> str:
+    return "_".join(re.findall(r"\w+", name)) or "case"
+
+
+def _reasons(status: Array) -> dict[str, int]:
+    found = np.bincount(np.asarray(status, dtype=int))
+    return {Status(code).sentence: int(n) for code, n in enumerate(found) if n and code != Status.OK}
+
+
+def _table(region: ErrorRegion, maps: list[ErrorMap]) -> str:
+    """Points of the rectangle with the error of every case; empty where there is none."""
+    inside = region.window
+    uv, T = region.plane.coordinates(region.T)[inside], region.T[inside]
+    places = {"u_m": uv[:, 0], "v_m": uv[:, 1], "x_m": T[:, 0], "y_m": T[:, 1], "z_m": T[:, 2]}
+    errors = {f"error_{k + 1}_um": 1e6 * found.error[inside] for k, found in enumerate(maps)}
+    return csv_text(places | errors, dict.fromkeys(places, 9) | dict.fromkeys(errors, 6))
+
+
+def _error_figure(region: ErrorRegion, title: str, f: JudgedCase) -> Any:
+    from ...plot.accuracy import error_figure
+
+    error = f.map.error.reshape(len(region.u), len(region.v))
+    return error_figure(
+        region.u, region.v, error, region.corners, window=(region.low, region.high),
+        title=f"{title or 'accuracy'}: {f.name}, {f.method}", names=region.plane.names,
+    )  # fmt: skip
+
+
+def _faces_figure(region: ErrorRegion, found: list[JudgedCase]) -> Any:
+    from ...plot.accuracy import faces_figure
+
+    s = np.linspace(0.0, 1.0, DIAGONAL)
+    T = region.plane.points(region.low + s[:, None] * (region.high - region.low))
+    faces = {f.name: map_errors(f.errors, region.base_points, T).faces for f in found}
+    title = "faces of the error's parallelepiped, along the rising diagonal of the rectangle"
+    return faces_figure(s * float(np.linalg.norm(region.high - region.low)), faces, title=title)

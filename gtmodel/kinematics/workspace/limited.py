@@ -1,0 +1,97 @@
+"""A robot under the limits that it is asked to keep."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ...lang import Model
+from ...results import ArgumentError
+from ..mechanism import Mechanism, mechanism_of
+from .clearance import FrameClearance, LinkClearance, Obstacles
+from .limits import ActuatorLimits, BallJointCones, CartesianBox, Limit, Singularities
+from .options import Beam, Bodies, Box, Limits
+
+Array = np.ndarray
+LONGEST_STROKE = 100.0  # in link lengths; a longer one was given in millimetres
+
+
+def limited_mechanism(model: Model, home: Sequence[float] | Array | None, bodies: Bodies) -> Mechanism:
+    """The robot with its home pose (3,) [m] and its real plate joints. Raises ArgumentError."""
+    joints = bodies.plate_joints
+    home = None if home is None else np.asarray(home, float)
+    robot = mechanism_of(model, home)
+    if joints is None:
+        return robot
+    count = len(robot.lengths)
+    if len(joints) != count:
+        raise ArgumentError(f"the robot has {count} links; found {len(joints)} joints", "bodies.plate_joints")
+    return mechanism_of(model, home, np.array(joints, dtype=float))
+
+
+def limits_of(
+    limits: Limits, bodies: Bodies, boxes: Sequence[Box], beams: Sequence[Beam], robot: Mechanism
+) -> list[Limit]:
+    """Limits in the order of their cost and of their certainty. Raises ArgumentError."""
+    found: list[Limit] = [Singularities(robot.directions, limits.singularity)]
+    if limits.actuators is not None:
+        found.append(_strokes(limits.actuators, robot))
+    if limits.tcp_low is not None or limits.tcp_high is not None:
+        low = np.full(3, -np.inf) if limits.tcp_low is None else np.array(limits.tcp_low)
+        high = np.full(3, np.inf) if limits.tcp_high is None else np.array(limits.tcp_high)
+        refuse_disordered(low, high, "limits.tcp_high")
+        found.append(CartesianBox(low, high))
+    if limits.cone is not None:
+        found.append(BallJointCones.about_home(robot.home, limits.cone))
+    radius = np.full(len(robot.lengths), bodies.link_radius)
+    if boxes:
+        for k, box in enumerate(boxes):
+            refuse_disordered(np.array(box.low), np.array(box.high), f"obstacles[{k}].high")
+        low, high = (np.array([getattr(box, end) for box in boxes], dtype=float) for end in ("low", "high"))
+        names = [box.name or f"box {k + 1}" for k, box in enumerate(boxes)]
+        found.append(Obstacles(low, high, radius, bodies.plate_radius, names))
+    if bodies.link_clearance:
+        if bodies.plate_joints is None:
+            raise ArgumentError(
+                "the links meet in the tool centre point; give bodies.plate_joints_m", "bodies.link_clearance"
+            )
+        found.append(LinkClearance(radius))
+    return found + ([_frame(beams, radius)] if beams else [])
+
+
+def _strokes(actuators: Sequence[Sequence[float]], robot: Mechanism) -> ActuatorLimits:
+    carts, pairs = robot.home.q.shape[1], np.array(actuators, dtype=float)
+    if pairs.shape != (carts, 2):
+        raise ArgumentError(f"the robot has {carts} carts; found {len(actuators)} pairs", "limits.actuators")
+    low, high = pairs.T
+    refuse_disordered(low, high, "limits.actuators")
+    stroke, longest = float(np.max(high - low)), float(robot.lengths.max())
+    if stroke > LONGEST_STROKE * longest:
+        raise ArgumentError(
+            f"a stroke of {stroke:.6g} m is more than {LONGEST_STROKE:g} times the longest link, {longest:.4g} m; "
+            "give metres, not millimetres",
+            "limits.actuators",
+        )
+    return ActuatorLimits(low, high)
+
+
+def _frame(beams: Sequence[Beam], radius: Array) -> FrameClearance:
+    count = len(radius)
+    for k, beam in enumerate(beams):
+        wrong = [i for i in beam.skip_links if not 1 <= i <= count]
+        if wrong:
+            raise ArgumentError(f"there is no link {wrong[0]}; there are 1 to {count}", f"beams[{k}].skip_links")
+        if len(set(beam.skip_links)) == count:
+            raise ArgumentError(
+                "names all links, so that nothing is tested; leave the beam out", f"beams[{k}].skip_links"
+            )
+    skip = [(i - 1, k) for k, beam in enumerate(beams) for i in beam.skip_links]
+    ends = np.array([[beam.from_, beam.to] for beam in beams])
+    return FrameClearance(ends, np.array([beam.radius for beam in beams]), radius, skip)
+
+
+def refuse_disordered(low: Array, high: Array, argument: str) -> None:
+    """Raises ArgumentError unless every lower limit is less than its upper one."""
+    if np.any(low >= high):
+        raise ArgumentError("every lower limit must be less than its upper one", argument)

@@ -1,0 +1,92 @@
+"""What a workspace is asked for: limits, sizes of bodies, what stands in their way, section and volume."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Annotated
+
+from ...results.options import Long, Options, Unit, Within
+from .volume import MOST
+
+Pair = Annotated[list[float], Long(2)]
+Point = Annotated[list[float], Long(3)]
+DEGREE = math.pi / 180
+
+
+@dataclass(frozen=True)
+class Limits(Options):
+    """What the workspace must keep."""
+
+    actuators: Annotated[list[Pair] | None, Unit("m"), "least and greatest q of every cart"] = None
+    cone: Annotated[
+        float | None, Unit("rad", written="deg"), Within(above=0.0, most=math.pi),
+        "half-angle of ball-joint cones about the links at home",
+    ] = None  # fmt: skip
+    singularity: Annotated[
+        float, Unit("rad", written="deg"), Within(least=0.0),
+        "least angle of a link from orthogonal to its guideway and from the others' plane",
+    ] = 0.1 * DEGREE  # fmt: skip
+    tcp_low: Annotated[
+        list[float] | None, Unit("m"), Long(3), "least tool centre point, such as a wall of the frame"
+    ] = None  # fmt: skip
+    tcp_high: Annotated[list[float] | None, Unit("m"), Long(3), "greatest tool centre point"] = None
+
+
+@dataclass(frozen=True)
+class Bodies(Options):
+    """Sizes of links and plate, for clearances. Lengths from the simplified to the real joints may be given."""
+
+    link_radius: Annotated[float, Unit("m"), Within(least=0.0), "of every link"] = 0.0
+    plate_radius: Annotated[
+        float, Unit("m"), Within(least=0.0), "of a sphere about the TCP that holds the plate"
+    ] = 0.0  # fmt: skip
+    plate_joints: Annotated[
+        list[Point] | None, Unit("m"),
+        "plate joint of each link from the TCP, robot frame; the links meet in the TCP without",
+    ] = None  # fmt: skip
+    link_clearance: Annotated[bool, "keep the links clear of one another; needs plate_joints_m"] = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class Box(Options):
+    """An obstacle with sides along the axes."""
+
+    name: Annotated[str, "for messages"] = ""
+    low: Annotated[list[float], Unit("m"), Long(3), "its least corner"]
+    high: Annotated[list[float], Unit("m"), Long(3), "its greatest corner"]
+
+
+@dataclass(frozen=True)
+class Beam(Options):
+    """A beam of the frame."""
+
+    from_: Annotated[list[float], Unit("m"), Long(3), "one end"]
+    to: Annotated[list[float], Unit("m"), Long(3), "the other end"]
+    radius: Annotated[float, Unit("m"), Within(least=0.0), "its radius"] = 0.0
+    skip_links: Annotated[list[int], "numbers of links (from 1) that may touch it"] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class CrossSection(Options):
+    """The cross-section, a plane orthogonal to the mean guideway direction; (u, v) = (y, z) for guideways along x."""
+
+    along: Annotated[float | None, Unit("m"), "its position along the guideways; through home if left out"] = None
+    step: Annotated[float, Unit("m"), Within(above=0.0), "of the grid"] = 0.02
+    low: Annotated[
+        list[float] | None, Unit("m"), Long(2), "least (u, v); all that the links may reach if left out"
+    ] = None  # fmt: skip
+    high: Annotated[list[float] | None, Unit("m"), Long(2), "greatest (u, v)"] = None
+
+
+@dataclass(frozen=True)
+class Sections(Options):
+    """Sections between two positions along the guideways."""
+
+    low: Annotated[float, Unit("m"), "first position along the guideways"]
+    high: Annotated[float, Unit("m"), "last position along the guideways"]
+    sections: Annotated[int, Within(least=2, most=10000), "number of sections to begin with"] = 21
+    tolerance: Annotated[
+        float, Within(above=0.0, below=1.0), "of the volume; sections are added until their error is below"
+    ] = 0.01  # fmt: skip
+    most_sections: Annotated[int, Within(least=3, most=10000), "number of sections at most"] = MOST

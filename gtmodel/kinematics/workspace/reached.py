@@ -1,0 +1,317 @@
+"""Which tool centre points a robot reaches: their cross-section and volume as a study."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from ...lang import Model
+from ...results import ArgumentError, Check, SolveStatus, Work, at_most
+from ...results.tables import csv_text
+from ...results.work import Progress, never, silent
+from ..mechanism import Mechanism, home_figure
+from ..section import Section
+from .limited import limited_mechanism, limits_of, refuse_disordered
+from .limits import BallJointCones
+from .options import DEGREE, Beam, Bodies, Box, CrossSection, Limits, Sections
+from .reach import REACHABLE, Reach
+from .result import WorkspaceStudy
+from .volume import SectionMap, Volume, map_section, map_volume
+
+Array = np.ndarray
+
+# relative change of the area when the step is doubled: boundary crossings are bisected, the rest is of second order
+CONVERGENCE = 0.01
+FINER = "use a smaller section.step_m"
+# relative: the same polygons by cells and by loops
+POLYGONS = 1e-9
+MOST_POINTS = 2.5e7  # of a section, some 500 MB
+FEW = 10  # steps across the section; a section not reached at so few points may be reached between them
+
+
+def workspace_study(
+    robot: Model,
+    limits: Limits | None = None,
+    *,
+    home: Sequence[float] | None = None,
+    section: CrossSection | None = None,
+    volume: Sections | None = None,
+    bodies: Bodies | None = None,
+    obstacles: Sequence[Box] = (),
+    beams: Sequence[Beam] = (),
+    compare_cones: Sequence[float] = (),
+    points: Sequence[Sequence[float]] = (),
+    title: str = "",
+    progress: Progress = silent,
+    max_seconds: float | None = None,
+    stop: Callable[[], bool] = never,
+) -> WorkspaceStudy:
+    """Which tool centre points a robot reaches: the cross-section under limits, its boundary, the volume, reasons.
+
+    Args:
+        robot: with links on guideways, whose plate keeps its orientation or follows from T.
+        limits: what is to be kept; singularities alone if left out.
+        home: (3,) the pose where joint cones have their axes [m]; the robot's own if left out.
+        section: where the section lies, and its grid.
+        volume: the sections of the volume; none is computed if left out.
+        bodies: sizes of links and plate. obstacles, beams: what they must not touch.
+        compare_cones: half-angles of cones [rad] that are mapped beside the limits, each alone.
+        points: tool centre points (3,) [m] to judge one by one.
+        progress, max_seconds, stop: see `gtmodel.results.Work`.
+
+    Interrupted, it holds what was mapped until then. Raises ArgumentError.
+
+    >>> import gtmodel as gt
+    >>> from gtmodel.kinematics.workspace import CrossSection, Limits
+    >>> robot = gt.robots.gantry_tau("l1_tape")
+    >>> s = gt.kinematics.workspace_study(robot, Limits(cone=0.7), section=CrossSection(step=0.1))
+    >>> s.area < s.kinematic_area
+    True
+    """
+    work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
+    limits, section, bodies = limits or Limits(), section or CrossSection(), bodies or Bodies()
+    task = task_of(robot, limits, home, section, bodies, obstacles, beams)
+    if volume is not None:
+        _refuse_range(volume)
+    maps = _Maps(task, section.step, work)
+    singular = task.reach.limits[:1]
+    bare, cones = None, {}
+    try:
+        bare = maps(Reach(task.robot.inverse, singular), "inverse kinematics")
+        for angle in compare_cones:
+            cone = BallJointCones.about_home(task.robot.home, angle)
+            cones[angle] = maps(Reach(task.robot.inverse, [*singular, cone]), f"cones of {_degrees(angle):g} deg")
+        main = maps(task.reach, "workspace")
+        coarse = maps(task.reach, "coarse grid", 2 * section.step)
+        solid = None if volume is None else maps.volume(volume, _to_begin_with(volume, task, obstacles, beams))
+    except _Stopped:
+        return WorkspaceStudy(
+            status=SolveStatus.INTERRUPTED, title=title, cones=_cones(cones),
+            **({} if bare is None else _sizes(bare, "kinematic_")),
+        )  # fmt: skip
+    return _concluded(title, task, limits, points, main, bare, cones, coarse, volume, solid)
+
+
+@dataclass(frozen=True)
+class Task:
+    """What is looked at: the robot, its tests, and the part low <= (u, v) <= high [m] of the section."""
+
+    robot: Mechanism
+    reach: Reach
+    section: Section
+    low: Array
+    high: Array
+
+
+def task_of(
+    robot: Model,
+    limits: Limits,
+    home: Sequence[float] | None,
+    section: CrossSection,
+    bodies: Bodies,
+    obstacles: Sequence[Box],
+    beams: Sequence[Beam],
+) -> Task:
+    """The section is what all links can reach at most, unless it is given. Raises ArgumentError."""
+    found = limited_mechanism(robot, home, bodies)
+    reach = Reach(found.inverse, limits_of(limits, bodies, obstacles, beams, found))
+    plane = found.section(section.along)
+    low, high = found.farthest(plane.pierced(found.anchors, found.directions))
+    low = low if section.low is None else np.array(section.low)
+    high = high if section.high is None else np.array(section.high)
+    refuse_disordered(low, high, "section.high")
+    if np.any(high - low <= section.step):
+        raise ArgumentError(
+            f"the section is {high[0] - low[0]:.4g} m by {high[1] - low[1]:.4g} m, so that no point lies within it; "
+            f"take a step below {np.min(high - low):.3g} m",
+            "section.step",
+        )
+    size = np.prod((high - low) / section.step)
+    if size > MOST_POINTS:
+        raise ArgumentError(f"the grid would have {size:.1e} points; take a larger step", "section.step")
+    return Task(found, reach, plane, low, high)
+
+
+def _refuse_range(volume: Sections) -> None:
+    if volume.low >= volume.high:
+        raise ArgumentError("the first position must be less than the last", "volume.high")
+    if volume.sections > volume.most_sections:
+        raise ArgumentError(f"is less than the {volume.sections} sections to begin with", "volume.most_sections")
+
+
+class _Stopped(Exception):
+    """The work was interrupted."""
+
+
+@dataclass(frozen=True)
+class _Maps:
+    """Maps of one section, and of many; raise _Stopped."""
+
+    task: Task
+    step: float
+    work: Work
+
+    def __call__(self, reach: Reach, stage: str, step: float | None = None) -> SectionMap:
+        t = self.task
+        found = map_section(reach, t.section, t.low, t.high, step or self.step, progress=self._told(stage))
+        if not found.complete or self.work.interrupted():
+            raise _Stopped
+        return found
+
+    def volume(self, given: Sections, count: int) -> Volume:
+        t = self.task
+        along = np.linspace(given.low, given.high, count) - float(t.section.origin @ t.section.normal)
+        found = map_volume(
+            t.reach, t.section, t.low, t.high, along, self.step, tolerance=given.tolerance / 2,
+            most=given.most_sections, coarse=True, progress=self._told("sections"),
+        )  # fmt: skip
+        if not found.complete:
+            raise _Stopped
+        return found
+
+    def _told(self, stage: str) -> Callable[[float], bool]:
+        def progress(fraction: float) -> bool:
+            self.work.progress(stage, fraction)
+            return self.work.interrupted()
+
+        return progress
+
+
+def _to_begin_with(volume: Sections, task: Task, boxes: Sequence[Box], beams: Sequence[Beam]) -> int:
+    """Number of sections before any is added: as many as asked for, or so many that none of the obstacles fits between
+    two of them."""
+    normal = task.section.normal
+    thin = [float(np.ptp(np.array([b.low, b.high]), axis=0) @ np.abs(normal)) for b in boxes]
+    thin += [2 * b.radius + abs(float((np.array(b.to) - b.from_) @ normal)) for b in beams]
+    thin = [t for t in thin if t > 0]
+    enough = int(np.ceil((volume.high - volume.low) / min(thin))) + 1 if thin else 0
+    return min(max(volume.sections, enough), volume.most_sections)
+
+
+def _concluded(
+    title: str,
+    task: Task,
+    limits: Limits,
+    points: Sequence[Sequence[float]],
+    main: SectionMap,
+    bare: SectionMap,
+    cones: dict[float, SectionMap],
+    coarse: SectionMap,
+    volume: Sections | None,
+    solid: Volume | None,
+) -> WorkspaceStudy:
+    robot, reach, region = task.robot, task.reach, main.region
+    rectangle = float(np.prod(np.ptp(main.section.pierced(robot.anchors, robot.directions), axis=0)))
+    footprint = rectangle if rectangle > 0.0 else None
+    strokes = np.ptp(limits.actuators or [[0.0, 0.0]], axis=1)
+    length = float(np.max(strokes)) * float(np.linalg.norm(robot.directions, axis=1).max())
+    compared = [BallJointCones.about_home(robot.home, angle).assumes for angle in cones]
+    reasons = reach.counts(main.codes)
+    empty = region.area == 0.0
+    found = WorkspaceStudy(
+        status=SolveStatus.SOLVED,
+        title=title,
+        **_sizes(main),
+        **_sizes(bare, "kinematic_"),
+        cones=_cones(cones),
+        guideway_rectangle=rectangle,
+        area_ratio=region.area / footprint if footprint else None,
+        **({} if solid is None else _volume_values(solid, footprint, length)),
+        reasons=reasons,
+        points=[
+            {"tcp_m": p, "reachable": reach(np.array(p)) == REACHABLE, "sentence": reach.diagnose(np.array(p))}
+            for p in points
+        ],
+        on_edge=region.on_edge,
+        assumptions=list(dict.fromkeys([*reach.assumptions, *compared])),
+        figures={
+            "section": partial(_section_figure, title, task, main, bare, cones),
+            "robot": lambda: home_figure(robot, [main.section.points(p) for p in region.loops], title),
+        },
+    )
+    if empty:
+        return found.with_(status=SolveStatus.INFEASIBLE, message=_nothing(main, reasons))
+    return found.with_(
+        message="; ".join(found.cuts) or SolveStatus.SOLVED.sentence,
+        checks=_checks(main, coarse, volume, solid),
+        files={"boundary.csv": _boundary(main)},
+    )
+
+
+def _nothing(main: SectionMap, reasons: Mapping[str, int]) -> str:
+    message = f"no point of the section is reached; most often: {max(reasons, key=lambda r: reasons[r])}"
+    if min(len(main.u), len(main.v)) <= FEW:
+        message += f"; it was looked at in {len(main.u)} by {len(main.v)} points only, try a smaller section.step_m"
+    return message
+
+
+def _sizes(found: SectionMap, which: str = "") -> dict[str, Any]:
+    width, height = found.region.extent
+    return {f"{which}area": found.region.area, f"{which}width": float(width), f"{which}height": float(height)}
+
+
+def _cones(cones: dict[float, SectionMap]) -> list[dict[str, float]]:
+    units = {"area": "area_m2", "width": "width_m", "height": "height_m"}
+    return [
+        {"angle_deg": _degrees(angle), **{units[name]: x for name, x in _sizes(found).items()}}
+        for angle, found in cones.items()
+    ]
+
+
+def _degrees(angle: float) -> float:
+    """An angle [rad] in degrees, as a person would write it."""
+    return float(f"{angle / DEGREE:.12g}")
+
+
+def _volume_values(solid: Volume, footprint: float | None, length: float) -> dict[str, Any]:
+    return {
+        "volume": solid.volume,
+        "volume_error": solid.error if np.isfinite(solid.error) else None,
+        "volume_sections": len(solid.along),
+        "volume_ratio": solid.volume / (footprint * length) if footprint and length else None,
+        "volume_on_edge": solid.on_edge,
+    }
+
+
+def _checks(main: SectionMap, coarse: SectionMap, volume: Sections | None, solid: Volume | None) -> dict[str, Check]:
+    area = main.region.area
+    change = abs(area - coarse.region.area) / area
+    polygons = abs(main.region.area_within_loops - area) / area
+    checks = {
+        "area_change_at_double_step": at_most(change, CONVERGENCE, FINER),
+        "area_within_boundary": at_most(polygons, POLYGONS, FINER),
+    }
+    if solid is None or volume is None:
+        return checks
+    found, allowed = solid.volume, volume.tolerance
+    none = f"none of {len(solid.along)} sections is reached, {solid.widest:.3g} m apart; move volume.low_m and high_m"
+    more = f"allow more than {volume.most_sections} sections by volume.most_sections, or a narrower range"
+    rough = abs(found - solid.coarse) / found if found else np.inf
+    return checks | {
+        "volume_error": at_most(solid.error / found if found else np.inf, allowed, more if found else none),
+        "volume_change_at_double_step": at_most(rough, allowed, FINER if found else none),
+    }
+
+
+def _boundary(main: SectionMap) -> str:
+    loops = main.region.loops
+    numbers = np.concatenate([np.full(len(loop), k) for k, loop in enumerate(loops)])
+    uv = np.vstack(loops)
+    columns = np.column_stack([numbers, uv, main.section.points(uv)]).T
+    return csv_text(dict(zip(("loop", "u_m", "v_m", "x_m", "y_m", "z_m"), columns, strict=True)), digits=9)
+
+
+def _section_figure(title: str, task: Task, main: SectionMap, bare: SectionMap, cones: dict[float, SectionMap]) -> Any:
+    from ...plot.workspace import section_figure
+
+    layers = {f"ball-joint cones of {_degrees(a):g} deg": found.region for a, found in cones.items()}
+    if len(task.reach.limits) > 1:
+        layers["all limits of the file"] = main.region
+    layers = dict(sorted(layers.items(), key=lambda layer: -layer[1].area))
+    layers = {"inverse kinematics has a solution": bare.region, **layers}
+    guideways = main.section.pierced(task.robot.anchors, task.robot.directions)
+    return section_figure(layers, guideways, title=title, names=main.section.names)

@@ -1,0 +1,58 @@
+"""What an elastic study is asked for besides the robot and its two places: the tool, the cost, the mesh."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+
+from ...results import Options, Unit, Within
+from ..solver_options import Barrier, MostElements
+
+MOST_ELEMENTS = 1000
+GRAVITY = 9.81
+
+
+@dataclass(frozen=True)
+class Tool(Options):
+    """A mass on a spring at the plate, alike in all directions."""
+
+    mass: Annotated[
+        float, Unit("kg"), Within(above=0.0), "of what swings; the plans with a rigid tool carry it as payload"
+    ]
+    frequency: Annotated[float, Unit("Hz"), Within(above=0.0), "with the plate held"]
+    damping: Annotated[float, Within(least=0.0, below=1.0), "damping ratio"] = 0.0
+
+    @property
+    def stiffness(self) -> float:
+        """Of the spring [N/m]."""
+        return self.mass * (2 * np.pi * self.frequency) ** 2
+
+    @property
+    def sag(self) -> float:
+        """By which the tool hangs [m]."""
+        return GRAVITY * self.mass / self.stiffness
+
+
+@dataclass(frozen=True)
+class Cost(Options):
+    """Final time plus weighted energy."""
+
+    energy: Annotated[float, Within(least=0.0), "weight w of sum int (F / force_unit_N)^2"] = 0.01
+    force_unit: Annotated[float, Unit("N"), Within(above=0.0), "unit of force in the energy"] = 112.90322580645162
+
+
+@dataclass(frozen=True)
+class Mesh(Options):
+    """Where the equations are collocated."""
+
+    elements: Annotated[int, Within(least=1, most=MOST_ELEMENTS), "of the horizon, three points each"] = 40
+    most_elements: MostElements = 160
+
+
+@dataclass(frozen=True)
+class Solver(Options):
+    """How the plans are found."""
+
+    barrier: Barrier = "auto"

@@ -1,0 +1,190 @@
+"""The plans that are compared, on one mesh: rigid, shaped, elastic."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ...compiler.causal import CausalFunction, compile_causal
+from ...control import zero_vibration, zero_vibration_derivative
+from ...lang import Model, Optimization
+from ...optimize import Mesh as CollocationMesh
+from ...optimize import Solution, SolverOptions, resimulate
+from ...optimize import solve as collocate
+from ...results import ArgumentError, Check, SolveStatus, Status, Work, at_most
+from ...robots import GantryTau
+from .models import ElasticMotion, RigidMotion
+from .options import MOST_ELEMENTS, Cost, Mesh, Solver, Tool
+from .plate_motion import PlateMotion, sampled
+
+SHARE = 0.01  # of the rigid plan's swing; 40 elements leave 0.4 %, shaping a part in a million
+RESIMULATED_M = 5e-4  # collocation's error, as an integrator shows it
+MENDED = ("elastic_share_of_rigid", "resimulated_end_mm")  # by a finer mesh
+OFF = 0.1  # error of the frequency that is reported
+TO_A_PERIOD = 5  # elements: six leave 0.4 % of the rigid plan's swing, 3.8 leave 3 %, 1.8 leave half
+SAME_M = 1e-6  # ends nearer than that are one place
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ElasticTask:
+    """What is planned: a bare robot, its ends [m], the motors' limit [N], and how.
+
+    Raises ArgumentError for a robot without three links, ends that it cannot reach, and a force that is not positive.
+    """
+
+    robot: Model
+    start: Sequence[float]
+    goal: Sequence[float]
+    tool: Tool
+    force: float
+    cost: Cost
+    solver: Solver
+
+    def __post_init__(self) -> None:
+        three_link(self.robot)
+        if not 0 < self.force < np.inf:
+            raise ArgumentError(f"must be more than 0 N; found {self.force:g}", "force")
+        f = self.inverse
+        for name, end in (("start", self.start), ("goal", self.goal)):
+            if np.shape(end) != (3,):
+                raise ArgumentError(f"expected 3 coordinates; found the shape {np.shape(end)}", name)
+            if f(end)[-1] != Status.OK:
+                raise ArgumentError(f"cannot be reached: {f.diagnose(end)}", name)
+        if np.linalg.norm(np.subtract(self.goal, self.start)) < SAME_M:
+            raise ArgumentError("is where the motion starts; nothing moves, nothing swings: give another place", "goal")
+
+    @cached_property
+    def carrying(self) -> GantryTau:
+        """The robot with the tool as payload."""
+        robot = three_link(self.robot)
+        return robot.with_(m_p=robot.m_p + self.tool.mass)
+
+    @cached_property
+    def inverse(self) -> CausalFunction:
+        """T -> q of the robot that carries the tool."""
+        return compile_causal(self.carrying, known="T", targets="q")
+
+    @cached_property
+    def models(self) -> tuple[RigidMotion, ElasticMotion]:
+        """The optimisations with the tool as payload, and on its spring."""
+        k = self.tool.stiffness
+        d = 2 * self.tool.damping * np.sqrt(k * self.tool.mass)
+        elastic = ElasticMotion(**self._values(self.robot), mass=self.tool.mass, K=k * np.eye(3), D=d * np.eye(3))
+        return RigidMotion(**self._values(self.carrying)), elastic
+
+    def _values(self, robot: Model) -> dict[str, Any]:
+        ends = {"start": self.start, "goal": self.goal}
+        cost = {"weight": self.cost.energy, "F_unit": self.cost.force_unit}
+        return {**robot.__dict__["_modifiers"], "F_max": self.force, **cost, **ends}
+
+
+def too_coarse(tool: Tool, mesh: Mesh, duration: float) -> list[str]:
+    """A sentence where the elements of the mesh are too long for the tool's swing."""
+    elements, frequency = mesh.elements, tool.frequency
+    wanted = int(np.ceil(TO_A_PERIOD * duration * frequency))
+    if elements >= wanted:
+        return []
+    found = f"mesh.elements = {elements} are {elements / (duration * frequency):.2g} to a period of the tool's swing"
+    if wanted <= MOST_ELEMENTS:
+        return [f"{found}, which the elastic plan cannot follow: take at least {wanted}"]
+    return [f"{found}; no mesh here follows it, a tool so stiff hardly swings: plan with it as payload"]
+
+
+def three_link(robot: Model) -> GantryTau:
+    """The robot, if plans are made for it. Raises ArgumentError."""
+    if type(robot) is not GantryTau:  # plans are made of its equations; a subclass may have others
+        raise ArgumentError(
+            f"is a {type(robot).__name__}; elastic plans are made for three-link robots such as l1_tape", "robot"
+        )
+    return robot
+
+
+@dataclass(frozen=True, eq=False)
+class Plans:
+    """The plans on one mesh, the motions compared and what they leave by name, and the checks.
+
+    left: offset of the tool [m] from where it hangs after an integrator ran the elastic plan's forces.
+    """
+
+    task: ElasticTask
+    mesh: Mesh
+    rigid: Solution
+    elastic: Solution
+    motions: list[PlateMotion]
+    table: dict[str, dict[str, float]]
+    left: float
+    checks: dict[str, Check]
+
+    @property
+    def iterations(self) -> int:
+        return self.rigid.iterations + self.elastic.iterations
+
+
+@dataclass(frozen=True)
+class NoPlan:
+    """Why one of the plans was not found, and the iterations of all."""
+
+    status: SolveStatus
+    message: str
+    iterations: int
+
+
+def plans_on(mesh: Mesh, task: ElasticTask, before: Plans | None, work: Work) -> Plans | NoPlan:
+    """The plans on a mesh, from those before, and what they leave; why not where one is not found."""
+
+    def planned(model: Optimization, stage: str, guess: Any) -> Solution:
+        # forces keep their limit at every instant; the plan is judged by its re-simulation
+        fine = CollocationMesh(mesh.elements, control="bernstein")
+        options = SolverOptions(barrier=task.solver.barrier, error_bound=None)
+        progress = work.iterations(stage)
+        return collocate(model, mesh=fine, guess=guess, solver=options, progress=progress, throw=False)
+
+    of_rigid, of_elastic = task.models
+    rigid = planned(of_rigid, "rigid plan", before.rigid if before else None)
+    if not rigid.status.ok:
+        return NoPlan(rigid.status, f"rigid plan: {rigid.message}", rigid.iterations)
+    plate = sampled(rigid, task.tool)
+    elastic = planned(of_elastic, "elastic plan", before.elastic if before else rigid.trajectory)
+    if not elastic.status.ok:
+        message = "; ".join([f"elastic plan: {elastic.message}", *too_coarse(task.tool, mesh, rigid.final_time)])
+        return NoPlan(elastic.status, message, rigid.iterations + elastic.iterations)
+    work.progress("comparing", 0.9)
+    tool = task.tool
+    motions = [PlateMotion("rigid", plate, _largest(plate["tau"]))]
+    for name, make in (("ZV", zero_vibration), ("ZVD", zero_vibration_derivative)):
+        shaped = make(tool.frequency, tool.damping)(plate, ["T", "der(T)", "der(T,2)"])
+        motions.append(PlateMotion(name, shaped, _peak(task.carrying, shaped)))
+    own = sampled(elastic, tool)
+    motions.append(PlateMotion("elastic", own, _largest(own["tau"])))
+    return _judged(task, mesh, motions, rigid, elastic)
+
+
+def _judged(task: ElasticTask, mesh: Mesh, motions: list[PlateMotion], rigid: Solution, elastic: Solution) -> Plans:
+    tool, table = task.tool, {}
+    for m in motions:
+        off = m.residual([1 - OFF, 1 + OFF], tool)
+        table[m.name] = {
+            "final_time_s": m.plate.duration, "residual_mm": 1e3 * float(m.residual([1.0], tool)[0]),
+            "residual_10_percent_mm": 1e3 * float(off.max()), "peak_force_N": m.peak,
+        }  # fmt: skip
+    again = resimulate(elastic)
+    hang = np.array([0.0, 0.0, -tool.sag])
+    left = np.inf if again.trajectory is None else float(np.linalg.norm(again.trajectory["spring.offset"][-1] - hang))
+    whole = table["rigid"]["residual_mm"]
+    checks = {f"{n}_share_of_rigid": at_most(table[n]["residual_mm"] / whole, SHARE) for n in ("ZV", "ZVD", "elastic")}
+    checks["resimulated_end_mm"] = at_most(1e3 * left, 1e3 * RESIMULATED_M)
+    return Plans(task, mesh, rigid, elastic, motions, table, left, checks)
+
+
+def _peak(robot: GantryTau, plate: Any) -> float:
+    inverse = compile_causal(robot, known="T", targets="tau")
+    tau, status = inverse(plate["T"], plate["der(T)"], plate["der(T,2)"])
+    return _largest(tau) if np.all(status == Status.OK) else np.inf
+
+
+def _largest(tau: np.ndarray) -> float:
+    return float(np.abs(tau).max())

@@ -1,0 +1,187 @@
+"""The elastic study: how an elastic tool swings after motions planned rigid, shaped, and planned elastic."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Annotated, Any
+
+import numpy as np
+
+from ...lang import Model
+from ...results import Quantity, Row, SolveStatus, Study, Work
+from ...results.check import failed_of
+from ...results.trajectory_files import TRAJECTORY
+from ...results.work import Progress, never, silent
+from ..finer_mesh import elements_after, refined, told
+from .options import Cost, Mesh, Solver, Tool
+from .plans import MENDED, OFF, ElasticTask, NoPlan, Plans, plans_on, too_coarse
+from .plate_motion import PlateMotion, swing
+
+RATIOS = np.linspace(0.6, 1.4, 81)
+FORCE_SHARE = 1e-3  # of the limit: beyond, a motion passes it
+ASSUMED = (
+    "the plate follows its motion exactly: the tool's swing does not push it back",
+    "plans keep the force limit at every instant; shaped motions need what the table says",
+    "shaped motions leave the planned path, within its convex hull",
+)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class ElasticStudy(Study):
+    """What an elastic tool swings by after each motion; no values where a plan was not found.
+
+    force: the motors' limit [N]. coarse: sentences on a mesh too coarse for the swing. refined: the mesh is finer than
+    the given one.
+    """
+
+    motions: Annotated[
+        Mapping[str, Mapping[str, float]] | None,
+        Quantity(
+            "",
+            "for each of rigid, ZV, ZVD and elastic: final_time_s, residual_mm (amplitude of the tool against the "
+            "plate once that stands, root of the sum of squares of three directions), residual_10_percent_mm (the "
+            "worst of a mode 10 % slower and faster than planned), peak_force_N: of the plans their own, of shaped "
+            "ones what the robot with a rigid tool needs",
+        ),
+    ] = None
+    frequency: Annotated[float | None, Quantity("Hz", "of the tool on its spring, the plate held")] = None
+    static: Annotated[float | None, Quantity("m", "by which the tool hangs", written="mm")] = None
+    elements: Annotated[
+        int | None, Quantity("", "elements of the mesh: those of the file, or more where a check failed on them")
+    ] = None
+    resimulated_end: Annotated[
+        float | None,
+        Quantity(
+            "m",
+            "offset of the tool from where it hangs after an integrator ran the elastic plan's forces",
+            written="mm",
+        ),
+    ] = None
+    force: float = np.inf
+    coarse: Sequence[str] = ()
+    refined: bool = False
+
+    @property
+    def rows(self) -> list[Row]:
+        """The table for people."""
+        if self.motions is None or self.static is None or self.resimulated_end is None:
+            return []
+        rows = [
+            Row(name, f"{t['final_time_s']:.4f} s, swings {t['residual_mm']:.3g} mm; {100 * OFF:g} % off "
+                f"{t['residual_10_percent_mm']:.3g} mm; largest force {t['peak_force_N']:.4g} N")
+            for name, t in self.motions.items()
+        ]  # fmt: skip
+        rows += [
+            Row("the tool hangs by", 1e3 * self.static, "mm"),
+            Row("elastic plan, re-simulated: tool off", 1e3 * self.resimulated_end, "mm"),
+        ]
+        rows += [Row("look at this", sentence) for sentence in self.coarse]
+        if self.refined:
+            rows.append(Row("elements of the mesh, refined", self.elements))
+        for name, m in self.motions.items():
+            over = m["peak_force_N"] / self.force - 1
+            if over > FORCE_SHARE:
+                said = (
+                    f"by {100 * over:.2g} %: plan with limits.force_N = {self.force / (1 + over):.3g} to stay near it"
+                )
+                rows.append(Row(f"{name} passes the force limit", said))
+        return rows + [Row("assumed", sentence) for sentence in ASSUMED]
+
+
+def elastic_study(
+    robot: Model,
+    start: Sequence[float],
+    goal: Sequence[float],
+    tool: Tool,
+    *,
+    force: float,
+    cost: Cost | None = None,
+    mesh: Mesh | None = None,
+    solver: Solver | None = None,
+    title: str = "",
+    progress: Progress = silent,
+    max_seconds: float | None = None,
+    stop: Callable[[], bool] = never,
+) -> ElasticStudy:
+    """The motion from rest to rest that is best with the tool taken as rigid, that motion shaped by ZV and ZVD, the
+    motion planned with the tool on its spring, and how the tool swings after each.
+
+    Args:
+        robot: a three-link robot, bare: the plans with a rigid tool carry its mass as payload.
+        start, goal: (3,) tool centre points at both ends [m].
+        tool: the mass, the frequency of its spring and its damping.
+        force: limit of every motor [N].
+        cost, mesh, solver: see `Cost`, `Mesh`, `Solver`. Where a check fails that a finer mesh can mend, one is taken.
+        progress, max_seconds, stop: see `gtmodel.results.Work`. Stopped on a finer mesh, it holds what the one before
+            gave; stopped before, no values.
+
+    Raises ArgumentError.
+
+    >>> import gtmodel as gt
+    >>> robot, tool = gt.robots.gantry_tau("l1_tape"), gt.motion.elastic.Tool(mass=5.0, frequency=6.0, damping=0.02)
+    >>> coarse = gt.motion.elastic.Mesh(elements=24, most_elements=24)
+    >>> s = gt.motion.elastic_study(robot, [0.0, -0.9, 0.1], [0.9, -0.9, 0.45], tool, force=700.0, mesh=coarse)
+    >>> s.motions["ZV"]["residual_mm"] < 1e-3 * s.motions["rigid"]["residual_mm"]
+    True
+    """
+    work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
+    mesh = mesh or Mesh()
+    task = ElasticTask(
+        robot=robot, start=start, goal=goal, tool=tool, force=force, cost=cost or Cost(), solver=solver or Solver()
+    )  # fmt: skip
+    given = plans_on(mesh, task, None, work)
+    if isinstance(given, NoPlan):
+        return ElasticStudy(status=given.status, message=given.message, title=title, iterations=given.iterations)
+    iterations = given.iterations
+
+    def finer(found: Plans) -> Mesh | None:
+        elements = elements_after(found.mesh.elements, found.mesh.most_elements, found.checks, MENDED)
+        return None if elements is None else replace(found.mesh, elements=elements)
+
+    def again(before: Plans, mesh: Mesh) -> Plans | str:
+        nonlocal iterations
+        after = plans_on(mesh, task, before, work)
+        iterations += after.iterations
+        return f"on {mesh.elements} elements: {after.message}" if isinstance(after, NoPlan) else after
+
+    found, trouble = refined(given, finer, again, work.interrupted)
+    mended = told(mesh.elements, found.mesh.elements, failed_of(given.checks))
+    return _concluded(found, iterations, mended.strip(), trouble, title)
+
+
+def _concluded(found: Plans, iterations: int, mended: str, trouble: str, title: str) -> ElasticStudy:
+    """mended: what is to be said of a refined mesh. trouble: what ended its refinement."""
+    task, elastic, tool = found.task, found.elastic, found.task.tool
+    ends = "; ".join(f"{n} {t['final_time_s']:.4g} s, {t['residual_mm']:.3g} mm" for n, t in found.table.items())
+    plans = (("rigid", found.rigid), ("elastic", elastic))
+    open_ends = [f"{name} plan: {plan.reservation}" for name, plan in plans if plan.reservation]
+    study = ElasticStudy(
+        status=SolveStatus.SOLVED,
+        message=ends,
+        title=title,
+        objective=elastic.objective,
+        iterations=iterations,
+        checks=found.checks,
+        motions=found.table,
+        frequency=tool.frequency,
+        static=tool.sag,
+        elements=found.mesh.elements,
+        resimulated_end=found.left,
+        force=task.force,
+        coarse=too_coarse(tool, found.mesh, elastic.final_time),
+        refined=bool(mended),
+        trajectory=elastic.trajectory,
+        machine_files=(TRAJECTORY,),
+        figures={"swing": partial(_figure, found.motions, tool, title)},
+    )
+    return study.with_(message="; ".join(filter(None, [study.message, mended, trouble, *open_ends])))
+
+
+def _figure(motions: list[PlateMotion], tool: Tool, title: str) -> Any:
+    from ...plot.elastic_motion import swing_figure
+
+    swings = {m.name: swing(m.plate, tool) for m in motions}
+    curves = {m.name: m.residual(RATIOS, tool) for m in motions}
+    return swing_figure(swings, RATIOS, curves, title=title)

@@ -1,0 +1,96 @@
+"""When a motion fails a check that a finer mesh can mend: how fine, for how long, and how it is told."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
+from typing import Any, Protocol, TypeVar
+
+# forces that jump leave errors that fall as the square of the elements' length, smooth ones faster
+ORDER = 2
+SPARE = 1.2  # beyond what that order asks for
+LEAST, MOST = 1.5, 4.0  # times as many elements at once
+PASSES = 4
+BETTER = 0.9  # of the worst excess over a bound before: a mesh that leaves more is not what the check lacks
+
+
+def missed(checks: Mapping[str, Any], mended: Iterable[str]) -> float:
+    """The worst of the failed checks named in `mended`, as a multiple of its bound; 0 where none failed."""
+    failed = [checks[name] for name in mended if name in checks and not checks[name].passed]
+    return max(
+        (MOST**ORDER if not math.isfinite(c.value) or not c.bound else c.value / c.bound for c in failed), default=0.0
+    )
+
+
+def elements_after(elements: int, most: int, checks: Mapping[str, Any], mended: Iterable[str]) -> int | None:
+    """So many elements instead, at most `most`, where one of the checks named in `mended` failed; else None."""
+    times = missed(checks, mended)
+    if not times or elements >= most:
+        return None
+    factor = min(max(SPARE * times ** (1 / ORDER), LEAST), MOST)
+    return min(int(elements * factor) + 1, most)
+
+
+def finer_problem(problem: Any, checks: Mapping[str, Any], mended: Iterable[str]) -> Any | None:
+    """The problem on a finer mesh, at most `mesh.most_elements`, where one of the checks named failed; else None.
+
+    problem: a dataclass with a field `mesh`, one with `elements` and `most_elements`.
+    """
+    elements = elements_after(problem.mesh.elements, problem.mesh.most_elements, checks, mended)
+    if elements is None:
+        return None
+    return replace(problem, mesh=replace(problem.mesh, elements=elements))
+
+
+def helped(before: Mapping[str, Any], after: Mapping[str, Any]) -> bool:
+    """Whether what failed on the coarser mesh is clearly nearer to its bounds on the finer one."""
+    names = [name for name, check in before.items() if not check.passed]
+    return missed(after, names) - 1 <= BETTER * (missed(before, names) - 1)
+
+
+class Checked(Protocol):
+    """What was found on one mesh."""
+
+    @property
+    def checks(self) -> Mapping[str, Any]: ...
+
+
+F = TypeVar("F", bound=Checked)
+P = TypeVar("P")
+
+
+def refined(
+    found: F,
+    finer: Callable[[F], P | None],
+    again: Callable[[F, P], F | str],
+    interrupted: Callable[[], bool],
+) -> tuple[F, str]:
+    """What is found on finer meshes as long as a check fails that they can mend, and what ended that too early.
+
+    finer: the problem on a finer mesh, None where none can help. again: what is found there, beginning from what was
+    found before, or a sentence that says why nothing was.
+    """
+    for _ in range(PASSES):
+        problem = finer(found)
+        if problem is None or interrupted():
+            break
+        after = again(found, problem)
+        if isinstance(after, str):
+            return found, after
+        before, found = found, after
+        if not helped(before.checks, found.checks):
+            break
+    return found, ""
+
+
+def told(given: int, used: int, failed: Iterable[str]) -> str:
+    """What the message adds where the mesh was refined: which checks failed on the given one."""
+    if used == given:
+        return ""
+    return f" on {used} elements: on the given {given} {' and '.join(failed)} failed"
+
+
+def how(solution: Any) -> str:
+    """How it was solved, without what is not known of the answer."""
+    return str(solution.message).removesuffix(f": {solution.reservation}" if solution.reservation else "")

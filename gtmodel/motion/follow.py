@@ -1,0 +1,169 @@
+"""Along a path: the functions of its coordinate that the fast engine needs, and its motion as a trajectory."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import casadi as ca
+import numpy as np
+
+from ..compiler.causal import CausalFunction, compile_causal
+from ..lang import Model
+from ..optimize.ipopt import Progress
+from ..optimize.path import PathMotion, solve_path
+from ..results import SolveStatus, Status, Trajectory
+from ..robots.links import link_names
+from .guard import Guard
+from .guesses import trapezoid
+from .links import along_guideways, link_ends
+from .path_rows import task_along
+from .paths import Path
+from .task import MotionTask
+
+FORCE_RESERVE = 1e-5  # of the limit: what the root's rounding at rest and the curvature between nodes may take
+TIGHTENINGS = 4  # each takes what the curvature of the path adds between nodes, some 0.1 %, off the limit
+PER_INTERVAL = 4  # forces between nodes are looked at so often
+DEGREE = 5  # of the polynomial that stands for a force within one interval when it is integrated
+
+
+@dataclass(frozen=True, eq=False)
+class Follower:
+    """A robot that follows a path within a task's limits."""
+
+    robot: Model
+    task: MotionTask
+    path: Path
+
+    def trouble(self, samples: int = 401) -> str:
+        """One sentence on a place that the path cannot pass; empty where there is none."""
+        s = np.linspace(0.0, 1.0, samples)
+        T = self.path(s)[0]
+        joints, tips, status = link_ends(self.robot, T)
+        least_along = np.min(along_guideways(self.robot, tips, joints), axis=1, initial=np.inf)
+        bad = np.flatnonzero(status != Status.OK)
+        least = self.task.link_margin or 0.0
+        for k in range(samples):
+            shown = f"({', '.join(f'{x:.4g}' for x in T[k])}) m, {100 * s[k]:.0f} % of the way"
+            if bad.size and k == bad[0]:
+                return f"the path leaves the workspace at {shown}"
+            if least_along[k] < least:
+                return f"the path comes to the edge of reach at {shown}: a link stands {least_along[k]:.3g} m along"
+        f = motion_function(self.robot, self.task.guard)
+        margins = f(T, *[np.zeros_like(T)] * (len(f.inputs) - 1))[3:-1]
+        broken = self.task.guard.broken(margins[0]) if margins else None
+        return f"the path {broken[1]}, {100 * s[broken[0]]:.0f} % of the way" if broken else ""
+
+    def guess(self) -> Trajectory:
+        """The trapezoid of 1 s along the path."""
+        t, s, ds, dds = trapezoid()
+        return Trajectory(t, {"s": s, "der(s)": ds, "der(s,2)": dds, "drive": dds})
+
+    def fastest(
+        self,
+        intervals: int,
+        progress: Progress | None = None,
+        max_seconds: float | None = None,
+        bounded: Literal["middle", "ends"] = "ends",
+        reserve: float = 0.0,
+    ) -> PathMotion:
+        """The optimal motion; its limits hold on both sides of every node, and so in between, or in the middles."""
+        f = motion_function(self.robot, self.task.guard)
+        task = task_along(
+            f,
+            self.path,
+            3,
+            np.full(3, self.task.force * (1 - reserve)),
+            np.full(3, self.task.force_unit**-2),
+            time=self.task.weight_time,
+            energy=self.task.weight_energy,
+            rest=("velocity" in self.task.start_rest, "velocity" in self.task.goal_rest),
+        )
+        return solve_path(task, intervals, bounded=bounded, progress=progress, max_seconds=max_seconds)
+
+    def within(self, intervals: int, progress: Progress | None = None, max_seconds: float | None = None) -> PathMotion:
+        """The fastest motion whose forces keep their limit between the nodes too: lowered by what was seen there."""
+        reserve = FORCE_RESERVE
+        motion = self.fastest(intervals, progress, max_seconds, reserve=reserve)
+        for _ in range(TIGHTENINGS):
+            peak = float(np.max(np.abs(self.trajectory(motion)["tau"]))) if motion.status.ok else 0.0
+            if peak <= self.task.force:
+                break
+            reserve += peak / self.task.force - 1 + FORCE_RESERVE
+            motion = self.fastest(intervals, progress, max_seconds, reserve=reserve)
+        return motion
+
+    def sample(self, motion: PathMotion, times: np.ndarray) -> Trajectory:
+        """Everything at the given instants [s]: the motion itself, and what inverse dynamics says of it."""
+        return self.along(times, *motion.at(times))
+
+    def along(self, times: np.ndarray, s: np.ndarray, v: np.ndarray, a: np.ndarray) -> Trajectory:
+        """Everything at the given instants [s] for a path coordinate and its two derivatives."""
+        x, slope, bend = self.path(s)
+        T, dT = x, slope * v[:, None]
+        ddT = bend * v[:, None] ** 2 + slope * a[:, None]
+        return sampled(self.robot, times, T, dT, ddT, self.task).with_values({"s": s})
+
+    def trajectory(self, motion: PathMotion) -> Trajectory:
+        """The motion at its nodes and between them; at a node what holds just after it."""
+        fractions = np.arange(PER_INTERVAL) / PER_INTERVAL
+        times = (motion.t[:-1, None] + fractions * np.diff(motion.t)[:, None]).reshape(-1)
+        end = np.nextafter(motion.final_time, 0.0)  # just before the end: the last interval's force
+        return self.sample(motion, np.unique(np.append(times, end)))
+
+    def integrated_end(self, motion: PathMotion) -> np.ndarray:
+        """TCP position [m] at the end when the forces alone act, by an error-controlled integrator."""
+        nodes = (1 - np.cos(np.pi * (2 * np.arange(DEGREE + 1) + 1) / (2 * DEGREE + 2))) / 2
+        steps = np.diff(motion.t)
+        times = motion.t[:-1, None] + nodes * steps[:, None]
+        tau = self.sample(motion, times.reshape(-1))["tau"].reshape(len(steps), DEGREE + 1, 3)
+        power = np.linalg.inv(np.vander(nodes, increasing=True))
+        c = np.einsum("pn,knm->kpm", power, tau)
+        forward = compile_causal(self.robot, known="tau", targets="der(T,2)", prefer="T")
+        X: Any = ca.SX if forward.casadi.is_a("SXFunction") else ca.MX  # root finders are no SX
+        state, r = X.sym("state", 6), X.sym("r")
+        p = X.sym("p", 1 + 3 * (DEGREE + 1))
+        force = sum((p[1 + 3 * n : 4 + 3 * n] * r**n for n in range(DEGREE + 1)), X.zeros(3))
+        given = {("T", 0): state[:3], ("T", 1): state[3:], ("tau", 0): force}
+        arguments = [given[_base(signal.name), order] for signal in forward.inputs for order in [signal.pairs[0][1]]]
+        rate = ca.vertcat(state[3:], forward.casadi.call(arguments)[0])
+        dae = {"x": state, "p": p, "t": r, "ode": p[0] * rate}
+        run = ca.integrator("follow", "cvodes", dae, 0.0, 1.0, {"abstol": 1e-9, "reltol": 1e-9, "max_num_steps": 20000})
+        x = np.concatenate([self.path(np.zeros(1))[0][0], self.path(np.zeros(1))[1][0] * np.sqrt(motion.b[0])])
+        for k, step in enumerate(steps):
+            x = np.asarray(run(x0=x, p=np.concatenate([[step], c[k].reshape(-1)]))["xf"]).reshape(-1)
+        return x[:3]
+
+
+def _base(name: str) -> str:
+    return name.removeprefix("der(").partition(",")[0].rstrip(")")
+
+
+def motion_function(robot: Model, guard: Guard) -> CausalFunction:
+    """(T, T', T'') -> forces, carts, their speeds and the guard's margins; one function for all questions."""
+    p = guard.prefix
+    names = [f"{p}tau", f"{p}q", f"der({p}q)", *(["margin"] if guard.margins else [])]
+    return compile_causal(guard.model(robot), known=f"{p}T", targets=names)
+
+
+def sampled(
+    robot: Model, times: np.ndarray, T: np.ndarray, dT: np.ndarray, ddT: np.ndarray, task: MotionTask
+) -> Trajectory:
+    """A TCP motion with carts, forces, links and margins, by inverse kinematics and dynamics."""
+    p = task.guard.prefix
+    f = motion_function(robot, task.guard)
+    zero = np.zeros_like(T)
+    orders = {0: T, 1: dT, 2: ddT}
+    *found, status = f(*(orders.get(signal.pairs[0][1], zero) for signal in f.inputs))
+    assert np.all(status == Status.OK), SolveStatus.NOT_FINITE
+    values = {signal.name: value for signal, value in zip(f.outputs, found, strict=True)}
+    result = {"T": T, "der(T)": dT, "der(T,2)": ddT, "tau": values[f"{p}tau"], "q": values[f"{p}q"],
+              "der(q)": values[f"der({p}q)"]}  # fmt: skip
+    units = {"T": "m", "der(T)": "m/s", "der(T,2)": "m/s2", "tau": "N", "q": "m", "der(q)": "m/s"}
+    if link_names(robot):
+        joints, tips, _ = link_ends(robot, T)
+        result["along_guideway"] = along_guideways(robot, tips, joints)
+        units["along_guideway"] = "m"
+    if "margin" in values:
+        result["margin"] = values["margin"]
+    return Trajectory(times, result, units)

@@ -1,0 +1,51 @@
+"""Guesses of a motion: the line with a trapezoidal profile, bare, and bent."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..compiler.causal import CausalFunction
+from ..results import Status, Trajectory
+
+GUESS_TIME_S = 1.0
+
+
+def trapezoid(rows: int = 201) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Times [s], fraction of the way, and its two derivatives: trapezoidal speed (1/4, 1/2, 1/4) over 1 s."""
+    t = np.linspace(0.0, GUESS_TIME_S, rows)
+    r = t / GUESS_TIME_S
+    top = 4.0 / 3.0
+    s = np.where(r < 0.25, 2 * top * r**2, np.where(r < 0.75, top * (r - 0.125), 1 - 2 * top * (1 - r) ** 2))
+    ds = np.where(r < 0.25, 4 * top * r, np.where(r < 0.75, top, 4 * top * (1 - r))) / GUESS_TIME_S
+    dds = np.where(r < 0.25, 4 * top, np.where(r < 0.75, 0.0, -4 * top)) / GUESS_TIME_S**2
+    return t, s, ds, dds
+
+
+def line_guess(
+    inverse_dynamics: CausalFunction, start: np.ndarray, goal: np.ndarray, force: float, rows: int = 201
+) -> Trajectory:
+    """Straight line with a trapezoidal profile (1/4, 1/2, 1/4) of 1 s; forces by inverse dynamics, clipped."""
+    t, s, ds, dds = trapezoid(rows)
+    step = goal - start
+    T, dT, ddT = start + s[:, None] * step, ds[:, None] * step, dds[:, None] * step
+    given = {0: T, 1: dT, 2: ddT}
+    orders = [signal.pairs[0][1] for signal in inverse_dynamics.inputs]
+    tau, *_, status = inverse_dynamics(*(given.get(k, np.zeros_like(T)) for k in orders))
+    tau[status != Status.OK] = 0.0  # the line may leave the workspace; the optimum need not
+    values = {"robot.T": T, "der(robot.T)": dT, "der(robot.T,2)": ddT, "robot.tau": np.clip(tau, -force, force)}
+    return Trajectory(t, values, {"robot.T": "m", "der(robot.T)": "m/s", "robot.tau": "N"})
+
+
+def bare_guess(start: np.ndarray, goal: np.ndarray) -> Trajectory:
+    """The straight line at constant speed, nothing said of velocities and forces."""
+    return Trajectory([0.0, GUESS_TIME_S], {"robot.T": np.array([start, goal])}, {"robot.T": "m"})
+
+
+def bent_guess(start: np.ndarray, goal: np.ndarray, rng: np.random.Generator, bend: float) -> Trajectory:
+    """The line of `line_guess` bent sideways, in a drawn direction by 0.3 to 1 times `bend` [m]: half a sine wave."""
+    t, s, _, _ = trapezoid()
+    step = goal - start
+    side = np.cross(step, rng.normal(size=3))
+    offset = side / np.linalg.norm(side) * rng.uniform(0.3, 1.0) * bend
+    T = start + s[:, None] * step + np.sin(np.pi * s)[:, None] * offset
+    return Trajectory(t, {"robot.T": T}, {"robot.T": "m"})

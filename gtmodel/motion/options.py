@@ -1,0 +1,221 @@
+"""What a motion is asked to be: its ends, what it must keep, its path, its cost, and how it is searched."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Annotated, Literal
+
+import numpy as np
+
+from ..results.options import Long, Options, Unit, Within
+from .solver_options import Barrier, MostElements
+
+At = Literal["velocity", "acceleration"]
+
+
+@dataclass(frozen=True)
+class End(Options):
+    """An end of the motion."""
+
+    tcp: Annotated[list[float], Unit("m"), Long(3), "tool centre point, three coordinates in the robot's frame"]
+    rest: Annotated[list[At], "what vanishes there: velocity, acceleration"] = field(
+        default_factory=lambda: ["velocity"]
+    )
+
+
+@dataclass(frozen=True)
+class JointCone(Options):
+    """How far a link may lean in the ball joint at one of its ends."""
+
+    arm: Annotated[int, Within(least=0), "number of the arm, from 0"]
+    end: Annotated[Literal["cart", "plate"], "the end of the link at which the joint sits"]
+    axis: Annotated[
+        list[float], Long(3),
+        "mounting direction of the joint in the robot's frame, from cart towards plate; of a joint that "
+        "turns with the plate or a rotary axis, its direction at the start",
+    ]  # fmt: skip
+    half_angle: Annotated[
+        float, Unit("rad", written="deg"), Within(above=0.0, most=math.pi / 2),
+        "largest angle between the link and the axis",
+    ]  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Obstacle(Options):
+    """A box, parallel to the axes, that the tool centre point and all links stay out of."""
+
+    center: Annotated[list[float], Unit("m"), Long(3), "its centre in the robot's frame"]
+    size: Annotated[list[float], Unit("m"), Within(above=0.0), Long(3), "its edge lengths"]
+    clearance: Annotated[
+        float, Unit("m"), Within(least=0.0), "distance kept from it, radii of tool and links included"
+    ] = 0.0
+
+
+@dataclass(frozen=True)
+class MotionLimits(Options):
+    """What the motion of a robot on three carts must keep; what is left out is unlimited."""
+
+    force: Annotated[float, Unit("N"), Within(above=0.0), "largest motor force of each cart, friction included"]
+    tcp_velocity: Annotated[
+        float | None, Unit("m/s"), Within(above=0.0), "largest speed of the tool centre point"
+    ] = None  # fmt: skip
+    tcp_acceleration: Annotated[
+        float | None, Unit("m/s2"), Within(above=0.0), "largest magnitude of its acceleration"
+    ] = None  # fmt: skip
+    tcp_jerk: Annotated[
+        float | None, Unit("m/s3"), Within(above=0.0), "largest magnitude of its jerk; forces are then continuous"
+    ] = None
+    cart_velocity: Annotated[float | None, Unit("m/s"), Within(above=0.0), "largest speed of each cart"] = None
+    cart_acceleration: Annotated[
+        float | None, Unit("m/s2"), Within(above=0.0), "largest acceleration of each cart"
+    ] = None  # fmt: skip
+    cart_low: Annotated[
+        list[float] | None, Unit("m"), Long(3), "least position of each cart on its guideway"
+    ] = None  # fmt: skip
+    cart_high: Annotated[
+        list[float] | None, Unit("m"), Long(3), "largest position of each cart on its guideway"
+    ] = None  # fmt: skip
+    tcp_low: Annotated[
+        list[float] | None, Unit("m"), Long(3), "lower corner of the box that holds the tool centre point"
+    ] = None
+    tcp_high: Annotated[
+        list[float] | None, Unit("m"), Long(3), "upper corner of the box that holds the tool centre point"
+    ] = None
+    joint_cones: Annotated[list[JointCone], "cones of the ball joints"] = field(default_factory=list)
+    obstacles: Annotated[list[Obstacle], "boxes to stay out of"] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class Limits(MotionLimits):
+    """What the motion must keep; what is left out is unlimited."""
+
+    link_along_guideway: Annotated[
+        float, Unit("m"), Within(least=0.0),
+        "least component of each link along its guideway: how far to stay off the edge of reach",
+    ] = 0.02  # fmt: skip
+
+
+@dataclass(frozen=True)
+class AxisLimits(MotionLimits):
+    """What the motion of a robot with three carts and three rotary axes must keep; what is left out is unlimited."""
+
+    torque: Annotated[
+        float, Unit("N.m"), Within(above=0.0), "largest motor torque of each rotary axis"
+    ] = field(kw_only=True)  # fmt: skip
+    axis_low: Annotated[
+        list[float] | None, Unit("rad", written="deg"), Long(3), "least angle of each rotary axis"
+    ] = None  # fmt: skip
+    axis_high: Annotated[
+        list[float] | None, Unit("rad", written="deg"), Long(3), "largest angle of each rotary axis"
+    ] = None
+    axis_velocity: Annotated[
+        float | None, Unit("rad/s", written="deg/s"), Within(above=0.0), "largest speed of each rotary axis"
+    ] = None
+    axis_acceleration: Annotated[
+        float | None, Unit("rad/s2", written="deg/s2"), Within(above=0.0), "largest acceleration of each rotary axis"
+    ] = None
+
+
+@dataclass(frozen=True)
+class Shape(Options):
+    """Base of the paths to follow, from start to goal."""
+
+    intervals: Annotated[
+        int, Within(above=0),
+        "intervals of the motion by squared speeds, the exported one where the carts alone move the robot",
+    ] = field(default=400, kw_only=True)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Line(Shape):
+    """The straight line."""
+
+
+@dataclass(frozen=True)
+class Polyline(Shape):
+    """Straight pieces with blended corners. via: its corners (n, 3) between start and goal [m]."""
+
+    via: Annotated[list[list[float]], Unit("m"), "its corners between start and goal"] = field(default_factory=list)
+    blend: Annotated[
+        float, Unit("m"), Within(above=0.0), "distance from a corner at which its blend begins"
+    ] = 0.05  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Arc(Shape):
+    """The arc of a circle."""
+
+    through: Annotated[list[float], Unit("m"), Long(3), "a third point between start and goal"]
+
+
+@dataclass(frozen=True)
+class Spline(Shape):
+    """The smooth curve through points (n, 3) [m], the first and the last of them start and goal."""
+
+    points: Annotated[np.ndarray, Unit("m"), "on the path, three coordinates each"]
+
+
+@dataclass(frozen=True)
+class Taught(Shape):
+    """A recorded path, points (n, 3) [m], smoothed."""
+
+    points: Annotated[np.ndarray, Unit("m"), "as they were recorded, three coordinates each"]
+    tolerance: Annotated[
+        float, Unit("m"), Within(above=0.0), "root mean square distance left by the smoothing"
+    ] = 5e-4  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Cost(Options):
+    """What is minimised: time * T + energy * sum int (F / force_unit_N)^2 dt."""
+
+    time: Annotated[float, Within(least=0.0), "weight of the final time"] = 1.0
+    energy: Annotated[float, Within(least=0.0), "weight of the energy"] = 0.0
+    force_unit: Annotated[float, Unit("N"), Within(above=0.0), "force that counts as one in the energy"] = 1.0
+
+
+@dataclass(frozen=True)
+class Starts(Options):
+    """Further starts of the search, from bent lines; of all optima the best counts."""
+
+    count: Annotated[int, Within(least=0), "number of further starts"] = 0
+    seed: Annotated[int, "seed of their drawing"] = 1
+    bend: Annotated[float, Unit("m"), Within(above=0.0), "how far a line is bent"] = 0.15
+
+
+@dataclass(frozen=True)
+class Mesh(Options):
+    """Where the equations are collocated (Radau)."""
+
+    elements: Annotated[int, Within(above=0, most=10000), "number of elements of the horizon"] = 50
+    most_elements: MostElements = 400
+    points: Annotated[int, Within(least=1, most=9), "collocation points per element"] = 3
+    control: Annotated[
+        Literal["polynomial", "constant"],
+        "force polynomial per element, bounded at its points only, or one value",
+    ] = "polynomial"
+
+
+@dataclass(frozen=True)
+class Solver(Options):
+    """When the solver stops."""
+
+    tolerance: Annotated[float, Within(above=0.0), "on the scaled optimality conditions"] = 1e-8
+    max_iterations: Annotated[
+        int, Within(above=0),
+        "limit of iterations: of all attempts together, further starts and the exported motion included",
+    ] = 1000  # fmt: skip
+    barrier: Barrier = "auto"
+    formulation: Annotated[
+        Literal["auto", "inverse", "explicit", "torn", "dae"],
+        "which equations are collocated; dae: all as they stand, for robots without closed forms",
+    ] = "auto"
+
+
+@dataclass(frozen=True)
+class Export(Options):
+    """The files for a controller."""
+
+    sample: Annotated[float, Unit("s"), Within(least=1e-5), "interval of reference.csv"] = 0.004
+    target: Annotated[float, Unit("s"), Within(least=1e-4), "interval of the targets in motion.mod"] = 0.04

@@ -1,0 +1,222 @@
+"""Paths to follow: the curve x(s), s from 0 to 1, as numbers for the fast engine and as an expression for the model."""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import dataclass
+from pathlib import Path as FilePath
+from typing import Any, Protocol
+
+import numpy as np
+from scipy.interpolate import CubicSpline, PPoly, make_splprep
+
+from .. import lang as gt
+from ..results import ArgumentError
+from .options import Arc, Line, Polyline, Shape, Spline, Taught
+
+SAME_M = 1e-6  # a path that begins further from the start is another path
+COLUMNS = ("x_m", "y_m", "z_m")
+Sampled = tuple[np.ndarray, np.ndarray, np.ndarray]
+
+
+class Path(Protocol):
+    """A curve with two continuous derivatives."""
+
+    @property
+    def length(self) -> float: ...
+
+    def __call__(self, s: np.ndarray) -> Sampled: ...
+
+    def expression(self, s: Any, metre: Any) -> Any: ...
+
+
+@dataclass(frozen=True, eq=False)
+class Pieces:
+    """A curve of polynomial pieces on [0, 1]."""
+
+    poly: PPoly
+    length: float
+
+    def __call__(self, s: np.ndarray) -> Sampled:
+        return self.poly(s), self.poly(s, 1), self.poly(s, 2)
+
+    def expression(self, s: Any, metre: Any) -> Any:
+        return metre * gt.piecewise(s, self.poly.x, self.poly.c)
+
+
+@dataclass(frozen=True, eq=False)
+class CircleArc:
+    """Part of a circle: center + a cos(angle s) + b sin(angle s) [m]."""
+
+    center: np.ndarray
+    a: np.ndarray
+    b: np.ndarray
+    angle: float
+
+    @property
+    def length(self) -> float:
+        return float(self.angle * np.linalg.norm(self.a))
+
+    def __call__(self, s: np.ndarray) -> Sampled:
+        c, d = (np.multiply.outer(f(self.angle * s), v) for f, v in ((np.cos, self.a), (np.sin, self.b)))
+        e, f = (np.multiply.outer(f(self.angle * s), v) for f, v in ((np.sin, self.a), (np.cos, self.b)))
+        return self.center + c + d, self.angle * (f - e), -(self.angle**2) * (c + d)
+
+    def expression(self, s: Any, metre: Any) -> Any:
+        turned = gt.cos(self.angle * s), gt.sin(self.angle * s)
+        return gt.vector([metre * (self.center[i] + self.a[i] * turned[0] + self.b[i] * turned[1]) for i in range(3)])
+
+
+def path_of(shape: Shape, start: np.ndarray, goal: np.ndarray) -> Path:
+    """The path of that shape from start (3,) to goal (3,) [m]. Raises ArgumentError."""
+    match shape:
+        case Line():
+            return line(start, goal)
+        case Polyline():
+            return polyline(np.array([start, *shape.via, goal]), shape.blend)
+        case Arc():
+            return arc(start, np.array(shape.through), goal)
+        case Spline():
+            path, within = spline(_points(shape)), SAME_M
+        case Taught():
+            path, within = taught(_points(shape), shape.tolerance), max(SAME_M, 3 * shape.tolerance)
+        case _:
+            raise ArgumentError(f"is a {type(shape).__name__}; expected Line, Polyline, Arc, Spline or Taught", "path")
+    ends = path(np.array([0.0, 1.0]))[0]
+    for name, asked, found in (("start", start, ends[0]), ("goal", goal, ends[1])):
+        if np.linalg.norm(asked - found) > within:
+            shown = ", ".join(f"{x:.6g}" for x in found)
+            raise ArgumentError(
+                f"is {1e3 * np.linalg.norm(asked - found):.3g} mm off the path through the points, which has "
+                f"({shown}) m there; write these numbers",
+                f"{name}.tcp",
+            )
+    return path
+
+
+def _points(shape: Spline | Taught) -> np.ndarray:
+    points = np.asarray(shape.points, float)
+    if points.ndim != 2 or points.shape[1] != 3:
+        raise ArgumentError(f"expected three coordinates for each point; found shape {points.shape}", "path.points")
+    if isinstance(shape, Spline):
+        if len(points) < 3:
+            raise ArgumentError(f"has {len(points)} points; a spline needs at least 3", "path.points")
+        if np.any(np.all(np.diff(points, axis=0) == 0, axis=1)):
+            raise ArgumentError("holds a point twice in a row; remove it, or take a taught path", "path.points")
+    return points
+
+
+def read_points(file: str | FilePath) -> np.ndarray:
+    """Points (n, 3) [m] of a CSV file with the columns x_m, y_m and z_m; lines that begin with # are comments.
+
+    Raises ArgumentError: not to be read, a column missing, a cell that is no number.
+    """
+    name = FilePath(file).name
+    try:
+        text = FilePath(file).read_bytes().decode("utf-8")
+    except OSError as error:
+        raise ArgumentError(f"{name} cannot be read: {error.strerror}", "file") from error
+    except UnicodeDecodeError as error:
+        raise ArgumentError(f"{name} is no UTF-8 text; save it as CSV with commas", "file") from error
+    rows = [row for row in csv.reader(text.splitlines()) if row and not row[0].startswith("#")]
+    header, body = [cell.strip() for cell in rows[0]] if rows else [], rows[1:]
+    missing = [column for column in COLUMNS if column not in header]
+    if missing:
+        raise ArgumentError(f"{name} has no column '{missing[0]}'; expected {', '.join(COLUMNS)}", "file")
+    columns = [header.index(column) for column in COLUMNS]
+    points = np.zeros((len(body), 3))
+    for n, row in enumerate(body):
+        try:
+            points[n] = [float(row[k]) for k in columns]
+        except (ValueError, IndexError):
+            raise ArgumentError(f"{name}, point {n + 1}: expected three numbers; found {row}", "file") from None
+    if not np.all(np.isfinite(points)):
+        raise ArgumentError(f"{name} holds a number that is not finite", "file")
+    return points
+
+
+def line(start: np.ndarray, goal: np.ndarray) -> Path:
+    """The straight line."""
+    step = goal - start
+    return Pieces(PPoly(np.array([[step], [start]]), np.array([0.0, 1.0])), float(np.linalg.norm(step)))
+
+
+def polyline(points: np.ndarray, blend: float) -> Path:
+    """Straight pieces; a quintic of continuous curvature rounds each corner over `blend` [m] on both sides."""
+    steps = np.diff(points, axis=0)
+    lengths = np.linalg.norm(steps, axis=1)
+    if np.any(lengths == 0):
+        raise ArgumentError(f"holds the point {int(np.argmin(lengths)) + 1} twice in a row", "path.via")
+    d = steps / lengths[:, None]
+    inner = np.where(np.arange(len(lengths)) % (len(lengths) - 1 or 1) == 0, blend, 2 * blend)  # ends: one blend only
+    if len(lengths) > 1 and np.any(lengths <= inner):
+        k = int(np.argmin(lengths - inner))
+        raise ArgumentError(f"piece {k + 1} is {lengths[k]:.4g} m long, too short for its blends", "path.blend")
+    breaks, coefficients, at = [0.0], [], 0.0
+
+    def add(length: float, c: np.ndarray) -> None:
+        nonlocal at
+        at += length
+        breaks.append(at)
+        coefficients.append(np.vstack([np.zeros((6 - len(c), 3)), c]))
+
+    for k, (p, direction, length) in enumerate(zip(points[:-1], d, lengths, strict=True)):
+        first, last = (blend if k > 0 else 0.0), (blend if k < len(d) - 1 else 0.0)
+        add(length - first - last, np.array([direction, p + first * direction]))
+        if last:
+            corner, after = points[k + 1], d[k + 1]
+            bezier = [corner + blend * f * e for f, e in ((-1, direction), (-0.6, direction), (-0.2, direction),
+                                                           (0.2, after), (0.6, after), (1, after))]  # fmt: skip
+            add(2 * blend, _powers(np.array(bezier)) / (2 * blend) ** np.arange(5, -1, -1)[:, None])
+    return _scaled(np.array(breaks), np.stack(coefficients, axis=1))
+
+
+def _powers(bezier: np.ndarray) -> np.ndarray:
+    """Power coefficients (6, 3), highest first, of a quintic with these control points."""
+    from scipy.interpolate import BPoly
+
+    return PPoly.from_bernstein_basis(BPoly(bezier[:, None, :], [0.0, 1.0])).c[:, 0]
+
+
+def _scaled(breaks: np.ndarray, coefficients: np.ndarray) -> Pieces:
+    """The curve over its length brought to s in [0, 1]."""
+    total = float(breaks[-1])
+    powers = total ** np.arange(len(coefficients) - 1, -1, -1)
+    x = breaks / total
+    x[-1] = 1.0
+    return Pieces(PPoly(coefficients * powers[:, None, None], x), total)
+
+
+def arc(start: np.ndarray, through: np.ndarray, goal: np.ndarray) -> Path:
+    """The arc of a circle from start to goal through a third point."""
+    u, w = through - start, goal - start
+    normal = np.cross(u, w)
+    size = float(normal @ normal)
+    if size <= 1e-12 * float(u @ u) * float(w @ w):
+        raise ArgumentError("lies on the straight line from start to goal; no circle is given by them", "path.through")
+    center = start + np.cross(float(u @ u) * w - float(w @ w) * u, normal) / (2 * size)
+    a = start - center
+    b = np.cross(normal, a) / np.sqrt(size)
+    angle = float(np.arctan2((goal - center) @ b, (goal - center) @ a)) % (2 * np.pi)
+    return CircleArc(center, a, b, angle)
+
+
+def spline(points: np.ndarray) -> Path:
+    """The natural cubic spline through the points, over the length of their polygon."""
+    at = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+    curve = CubicSpline(at, points, bc_type="natural")
+    return _scaled(at, curve.c)
+
+
+def taught(points: np.ndarray, tolerance: float) -> Path:
+    """A smooth curve within `tolerance` [m], root mean square, of recorded points."""
+    moved = np.concatenate([[True], np.linalg.norm(np.diff(points, axis=0), axis=1) > 1e-9])
+    points = points[moved]  # a robot led by hand stands still at times
+    if len(points) < 6:
+        raise ArgumentError(f"a taught path needs at least 6 different points; found {len(points)}", "path.points")
+    (curve, _) = make_splprep(points.T, k=3, s=len(points) * tolerance**2)  # type: ignore[arg-type]
+    at = np.unique(np.clip(curve.t, 0.0, 1.0))
+    c = [curve(at[:-1], nu).T / factor for nu, factor in ((3, 6.0), (2, 2.0), (1, 1.0), (0, 1.0))]
+    pieces = PPoly(np.array(c), at)
+    slope = np.linalg.norm(pieces(np.linspace(0, 1, 2001), 1), axis=1)
+    return Pieces(pieces, float(np.mean(slope)))

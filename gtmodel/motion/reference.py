@@ -1,0 +1,118 @@
+"""The exported motion for a controller: a sampled reference and a RAPID module."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable
+
+import numpy as np
+from scipy.interpolate import CubicHermiteSpline
+
+from ..compiler.causal import compile_causal
+from ..lang import Model
+from ..results import Trajectory
+from .follow import sampled
+from .task import MotionTask
+
+ROUND_OFF = 1e-9  # of sample times
+COLUMNS = (("T", "m"), ("der(T)", "m/s"), ("der(T,2)", "m/s2"), ("q", "m"), ("der(q)", "m/s"), ("tau", "N"))
+
+
+def grid(final_time: float, step: float) -> np.ndarray:
+    """Instants 0, step, 2 step ... up to the first at or after the end."""
+    return step * np.arange(int(np.ceil(final_time / step - ROUND_OFF)) + 1)
+
+
+def at_rest(
+    robot: Model, task: MotionTask, final_time: float, step: float, moving: Callable[[np.ndarray], Trajectory]
+) -> Trajectory:
+    """The motion at multiples of `step` [s]; from its end on the robot stands where the motion ends."""
+    times = grid(final_time, step)
+    on_the_way = times[times < final_time * (1 - ROUND_OFF)]
+    run = moving(on_the_way)
+    last = moving(np.array([np.nextafter(final_time, 0.0)]))["T"]
+    still = times[len(on_the_way) :]
+    zero = np.zeros((len(still), 3))
+    end = sampled(robot, still, np.repeat(last, len(still), axis=0), zero, zero, task)
+    values = {name: np.concatenate([run[name], end[name]]) for name, _ in COLUMNS}
+    return Trajectory(times, values, dict(COLUMNS))
+
+
+def between_rows(robot: Model, task: MotionTask, run: Trajectory) -> Callable[[np.ndarray], Trajectory]:
+    """A re-simulated motion at any instant: cubic between its rows; the force is that of the row after the instant
+    where forces are the control, constant per element, and the acceleration follows from it."""
+    T, dT = run["T"], run["der(T)"]
+    curve = CubicHermiteSpline(run.time, T, dT)
+    forward = compile_causal(robot, known="tau", targets="der(T,2)", prefer="T")
+
+    def moving(times: np.ndarray) -> Trajectory:
+        x, v = curve(times), curve(times, 1)
+        row = np.maximum(np.searchsorted(run.time, times, side="left"), 1)
+        row = np.minimum(row, len(run) - 1)
+        if task.order == 3:
+            a = np.stack([np.interp(times, run.time, c) for c in run["der(T,2)"].T], axis=1)
+        elif task.order == 2:
+            a = run["der(T,2)"][row]
+        else:
+            given = {("T", 0): x, ("T", 1): v, ("tau", 0): run["tau"][row]}
+            a, _ = forward(*(given["T" if "T" in s.name else "tau", s.pairs[0][1]] for s in forward.inputs))
+        return sampled(robot, times, x, v, a, task)
+
+    return moving
+
+
+def csv_text(reference: Trajectory, title: str) -> str:
+    """reference.csv: a comment line, a header with units, one row per sample; as Trajectory.from_csv reads it."""
+    out = io.StringIO()
+    out.write(f"# title: {title}\n" if title else "")
+    names = [f"{name}[{k}] [{unit}]" for name, unit in COLUMNS for k in range(3)]
+    out.write(",".join(["time [s]", *(f'"{name}"' if "," in name else name for name in names)]) + "\n")
+    table = np.column_stack([reference.time, *(reference[name] for name, _ in COLUMNS)])
+    for row in table:
+        out.write(",".join(f"{x:.12g}" for x in row) + "\n")
+    return out.getvalue()
+
+
+def rapid_text(reference: Trajectory, title: str, name: str = "GtMotion") -> str:
+    """A RAPID module: robtargets in mm, carts as external axes a, b, c in mm, one MoveL with its time per target.
+
+    The orientation is the constant one of the plate. Text only: tested against no controller.
+    """
+    step = float(reference.time[1] - reference.time[0]) if len(reference) > 1 else 0.0
+    n = len(reference)
+    lines = [
+        f"MODULE {name}",
+        f"  ! {title or 'optimal motion'}",
+        "  ! Written by gtmodel; tested against no controller. Check workspace, work object and tool first.",
+        "  ! Positions in mm; external axes a, b, c are the carts in mm; one target every "
+        f"{step:g} s, the first at the start.",
+        f"  CONST num GtStep := {step:g};",
+        f"  CONST num GtCount := {n};",
+        f"  LOCAL CONST robtarget GtTargets{{{n}}} := [",
+    ]
+    lines += robtargets(reference["T"], reference["q"])
+    lines += [
+        "  ];",
+        "  PROC GtMove(PERS tooldata tool, PERS wobjdata wobj)",
+        "    MoveL GtTargets{1}, v100, fine, tool \\WObj:=wobj;",
+        "    FOR i FROM 2 TO GtCount - 1 DO",
+        "      MoveL GtTargets{i}, v1000 \\T:=GtStep, z1, tool \\WObj:=wobj;",
+        "    ENDFOR",
+        "    MoveL GtTargets{GtCount}, v1000 \\T:=GtStep, fine, tool \\WObj:=wobj;",
+        "  ENDPROC",
+        "ENDMODULE",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def robtargets(T: np.ndarray, q: np.ndarray) -> list[str]:
+    """Lines of a RAPID array of robtargets: T (n, 3) [m], with a quaternion behind where the plate turns (n, 7); as
+    external axes carts q (n, 3) [m] in mm, and rotary ones behind (n, 6) [rad] in degrees."""
+    lines = []
+    for k, (pose, actuators) in enumerate(zip(T, q, strict=True)):
+        x, carts = (", ".join(f"{1e3 * v:.4f}" for v in values[:3]) for values in (pose, actuators))
+        turn = ", ".join(f"{v:.9f}" for v in pose[3:]) or "1, 0, 0, 0"
+        rotary = ", ".join(f"{np.degrees(v):.4f}" for v in actuators[3:]) or "9E9, 9E9, 9E9"
+        end = "," if k < len(T) - 1 else ""
+        lines.append(f"    [[{x}], [{turn}], [0, 0, 0, 0], [{carts}, {rotary}]]{end}")
+    return lines

@@ -1,0 +1,1 @@
+"""From an Optimization to a pointwise problem: form, limits, cost, sizes."""

@@ -1,0 +1,228 @@
+"""Writing a model's expressions in what a transcription has at a point: states, rates, inputs, constants, time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from ...compiler.emit import express
+from ...compiler.flat import FlatModel
+from ...compiler.plan import Plan, differentiated
+from ...lang.optimization import Delayed, Optimization
+from ...lang.source import ModelError
+from .attributes import Pair, names_of, nominal_of
+from .sizes import Slopes
+
+STEPS = 3  # Newton's, from a polynomial's value: from a tenth off to round-off
+
+
+@dataclass(eq=False)
+class Explicit:
+    """Rates and point variables in x, the given inputs, P, t and the `unknowns` at which `residuals` vanish."""
+
+    rates: list[ca.SX]
+    point: list[ca.SX]
+    unknowns: list[ca.SX]
+    residuals: list[ca.SX]
+
+
+class Builder:
+    """Writes expressions of original names in states, rates, controls, free constants and time."""
+
+    def __init__(
+        self,
+        model: Optimization,
+        root: Optimization,
+        flat: FlatModel,
+        plan: Plan,
+        kind: str,
+        states: list[Pair],
+        controls: list[int],
+        base: Plan,
+        fold: ca.SX,
+        tunable: tuple[str, ...] = (),
+        delayed: dict[int, tuple[int, Delayed]] | None = None,
+        told: Mapping[str, float] | None = None,
+    ) -> None:
+        """told: sizes by the names of variables and free constants, in place of their nominals."""
+        self.told = dict(told or {})
+        self.base = base
+        self.model, self.root, self.flat, self.plan, self.kind = model, root, flat, plan, kind
+        self.states, self.controls, self.tunable = states, controls, tunable
+        self.delayed = delayed or {}
+        scope = flat.scope
+        self.x = ca.vertcat(*[scope.symbol(*p) for p in states]) if states else ca.SX(0, 1)
+        self.xd = ca.vertcat(*[ca.SX.sym(f"rate_{n}") for n in range(len(states))]) if states else ca.SX(0, 1)
+        free = [q.symbol for q in flat.parameters if q.free]
+        named = {q.name: q.symbol for q in flat.parameters}
+        self.n_free = len(free)
+        self.P = ca.vertcat(*free, *[named[n] for n in tunable]) if free or tunable else ca.SX(0, 1)
+        self.parameters = fold
+        # in these forms the rates of the top states are xd
+        implicit = kind in ("inverse", "dae")
+        top = [(i, k + 1, n) for n, (i, k) in enumerate(states) if implicit and (i, k + 1) not in states]
+        self.rates = {(i, k): self.xd[n] for i, k, n in top}
+        inputs = [*controls, *self.delayed]
+        self.z_pairs = self._point_unknowns({(i, 0) for i in inputs})
+        z = [scope.symbol(*p) for p in self.z_pairs]
+        u = [ca.SX.sym(flat.variables[i].name) for i in inputs]
+        self.given = ca.vertcat(*u) if u else ca.SX(0, 1)
+        self.u = ca.vertcat(self.given, *z)
+        # a control is a variable of its own in all forms
+        self.control_symbols: dict[Pair, tuple[int, int]] = {}
+        for n, i in enumerate(inputs):
+            sign, kept, order = plan.alias.resolve(i, 0)
+            self.control_symbols[(kept, order)] = (n, sign)
+
+    def _point_unknowns(self, inputs: set[Pair]) -> list[Pair]:
+        """Chain symbols that are free at each point."""
+        if self.kind == "dae":
+            return [p for p in self.plan.pairs if p not in self.states and p not in self.rates and p not in inputs]
+        if self.kind == "torn":
+            owners = [self.flat.scope.owner(s) for b in self.plan.newton for s in b.unknowns]
+            return [p for p in owners if p is not None]
+        return []
+
+    def express(self, expressions: list[ca.SX], with_controls: bool = True) -> list[ca.SX]:
+        """Expressions of original names in x, xd, u, P and t."""
+        rewritten = self.plan.alias.rewrite_all(self.flat, list(expressions))
+        given = dict(self.rates)
+        if with_controls:
+            given |= {pair: sign * self.u[n] for pair, (n, sign) in self.control_symbols.items()}
+        pairs = [(self.flat.scope.symbol(*pair), e) for pair, e in given.items()]
+        if self.kind != "dae":
+            return express(self.plan, rewritten, pairs)
+        old, new = [s for s, _ in pairs], [e for _, e in pairs]
+        if self.flat.parameters:
+            old, new = [*old, self.flat.p], [*new, self.parameters]
+        if old and rewritten:
+            rewritten = ca.substitute(rewritten, [ca.vertcat(*old)], [ca.vertcat(*new)])
+        return ca.cse(rewritten) if rewritten else []
+
+    def expressible(self, pair: Pair) -> bool:
+        """Does the problem know this chain symbol of a kept variable?"""
+        if pair in self.states or pair in self.rates or pair in self.z_pairs or pair in self.control_symbols:
+            return True
+        if self.kind == "dae":
+            return False
+        symbol = self.flat.scope.symbol(*pair).element_hash()
+        return symbol in {s.element_hash() for b in self.plan.blocks for s, _ in b.assignments}
+
+    def off_points(self, written: list[ca.SX], values: list[ca.SX]) -> list[ca.SX | None]:
+        """What expressions of original names are between the collocation points, where slopes of states and algebraic
+        variables follow from the equations; None for those that hold neither. `values` are they at the points."""
+        loose = {s.element_hash() for s in ca.vertsplit(ca.vertcat(self.xd, self.u[self.given.numel() :]))}
+        needed = [n for n, e in enumerate(values) if loose & {s.element_hash() for s in ca.symvar(e)}]
+        result: list[ca.SX | None] = [None] * len(values)
+        if not needed:
+            return result
+        other, form = self.other(), self.explicit()
+        found = other.express([written[n] for n in needed])
+        if self.given.numel():
+            found = ca.substitute(found, [other.given], [self.given])
+        if form.unknowns:
+            # the unknowns' polynomials are near: Newton's steps square what they miss
+            z, r = ca.vertcat(*form.unknowns), ca.vertcat(*form.residuals)
+            step = z - ca.solve(ca.densify(ca.jacobian(r, z)), r)
+            for _ in range(STEPS):
+                found = ca.substitute(found, [z], [step])
+            found = ca.substitute(found, [z], [ca.vertcat(*self.express(form.unknowns))])
+        for n, e in zip(needed, found, strict=True):
+            result[n] = e
+        return result
+
+    def explicit(self) -> Explicit:
+        """Rates of the states and all point variables as functions of x, the given inputs, P and t."""
+        base, other = self.base, self.other()
+        scope = self.flat.scope
+        unknowns = [s for b in base.newton for s in b.unknowns]
+        residuals = [r for b in base.newton for r in b.residuals]
+        wanted = [scope.symbol(i, k + 1) for i, k in self.states] + [scope.symbol(*p) for p in self.z_pairs]
+        found = other.express([*wanted, *residuals])
+        if found and self.given.numel():
+            found = ca.substitute(found, [other.given], [self.given])
+        n, m = len(self.states), len(wanted)
+        return Explicit(found[:n], found[n:m], unknowns, found[m:])
+
+    def other(self) -> Builder:
+        """The same problem in its explicit form."""
+        base = self.base
+        return Builder(
+            self.model, self.root, self.flat, base, "torn" if base.newton else "explicit", self.states, self.controls,
+            base, self.parameters, self.tunable, self.delayed, self.told,
+        )  # fmt: skip
+
+    def dynamics(self) -> tuple[list[ca.SX | None], ca.SX, list[str]]:
+        """Rates, algebraic rows that vanish, and what these rows say."""
+        flat, plan = self.flat, self.plan
+        rates: list[ca.SX | None] = []
+        wanted = []
+        for i, k in self.states:
+            if (i, k + 1) in self.states:
+                rates.append(flat.scope.symbol(i, k + 1))
+            elif self.kind in ("inverse", "dae"):
+                rates.append(None)
+            else:
+                rates.append(flat.scope.symbol(i, k + 1))
+                wanted.append(len(rates) - 1)
+        for n, e in zip(wanted, self.express([r for n in wanted if (r := rates[n]) is not None]), strict=True):
+            rates[n] = e
+        rows: list[ca.SX] = []
+        labels: list[str] = []
+        if self.kind == "inverse":
+            computed = self.express([flat.scope.symbol(i, 0) for i in self.controls], with_controls=False)
+            rows += [self.u[n] - e for n, e in enumerate(computed)]
+            labels += [f"{flat.variables[i].name} by the motion" for i in self.controls]
+        elif self.kind == "dae":
+            written = differentiated(plan)
+            rows += self.express([r for _, r in written])
+            labels += [label for label, _ in written]
+        elif self.kind == "torn":
+            rows += self.express([r for b in plan.newton for r in b.residuals])
+            for block in plan.blocks:
+                if block.newton is not None:
+                    # each equation left over after elimination comes of the whole block
+                    said = "; ".join(dict.fromkeys(block.equations))
+                    size = block.newton.size
+                    labels += [f"block of {said}{f'[{k}]' if size > 1 else ''}" for k in range(size)]
+        # what the controls alone must satisfy, as u'u = 1
+        rows += self.express([e.residual for e in self.base.conditions])
+        labels += [f"{e.label} ({e.where})" for e in self.base.conditions]
+        return rates, ca.vertcat(*rows) if rows else ca.SX(0, 1), labels
+
+    @property
+    def input_pairs(self) -> list[Pair]:
+        """What each entry of u is."""
+        return [(i, 0) for i in (*self.controls, *self.delayed)] + self.z_pairs
+
+    def nominal(self, pair: Pair) -> float:
+        """Size of a variable's derivative: as it was told, else its nominal."""
+        told = [self.told[n] for n, _ in names_of(self.flat, self.base.alias, pair) if n in self.told]
+        return told[0] if told else nominal_of(self.flat, self.base.alias, pair)
+
+    def nominals(self, pairs: list[Pair]) -> np.ndarray:
+        """Sizes of several."""
+        return np.array([self.nominal(p) for p in pairs])
+
+    def slopes(self, x_scale: np.ndarray, u_scale: np.ndarray, P: np.ndarray) -> Slopes:
+        """Slopes of rows per size of the states, their rates and the inputs."""
+        tops = [(i, k + 1) for i, k in self.states]
+        inputs = self.input_pairs
+        arguments = [self.x, self.xd, self.u, self.P, self.flat.scope.time]
+        nominal = np.concatenate([x_scale, self.nominals(tops), u_scale])
+        return Slopes(self.base, arguments, (self.states, tops, inputs), nominal, P)
+
+    def numbers(self, e: ca.SX) -> ca.SX:
+        """An expression with the numbers of all parameters that are not free."""
+        return ca.substitute([e], [self.flat.p], [self.parameters])[0] if self.flat.parameters else e
+
+    def require(self, e: ca.SX, allowed: list[ca.SX], sentence: str, hint: str = "") -> None:
+        """Raises ModelError for symbols in e that are none of these."""
+        known = {s.element_hash() for a in allowed for s in ca.vertsplit(ca.vec(a))}
+        strange = [s.name() for s in ca.symvar(e) if s.element_hash() not in known]
+        if strange:
+            named = f" {', '.join(strange)} along the whole path" if hint else ""
+            raise ModelError(f"{self.flat.title}: {sentence}{named}{hint}")

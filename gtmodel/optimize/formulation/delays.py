@@ -1,0 +1,114 @@
+"""Delayed inputs: their values are those of the input some elements earlier, and before the start a history."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+from scipy.sparse import coo_matrix
+
+from ...compiler.flat import FlatModel
+from ...lang.bind import join
+from ...lang.model import Connector, Model
+from ...lang.optimization import Delayed
+from ...lang.source import ModelError
+from ..control import control_basis
+from ..element import Layout
+from ..mesh import Mesh
+from .dynamic import DynamicProblem
+
+ROUND_OFF = 1e-9  # of fractions of the horizon
+
+
+@dataclass(eq=False)
+class DelayRows:
+    """Rows matrix @ [y_0, ..., y_(N-1)] == value."""
+
+    matrix: coo_matrix
+    value: np.ndarray
+    names: list[str]
+
+
+def delays_of(flat: FlatModel) -> dict[int, tuple[int, Delayed]]:
+    """Variable index of each delayed input -> index of the input it follows, and the declaration.
+
+    Raises ModelError for a delay of something that is no input of the same class.
+    """
+    found: dict[int, tuple[int, Delayed]] = {}
+    for component in _components(flat.root):
+        path = component.__dict__["_path"]
+        for name, item in type(component)._declared.items():
+            if not isinstance(item, Delayed):
+                continue
+            own_name, source_name = join(path, name), join(path, item.source.name)
+            shape, indices = flat.groups.get(source_name, (None, []))
+            if shape is None or flat.variables[indices[0]].role != "input":
+                raise ModelError(f"'{own_name}' delays '{source_name}', which is no input of {flat.title}", item.where)
+            for own, source in zip(flat.groups[own_name][1], indices, strict=True):
+                found[own] = (source, item)
+    return found
+
+
+def _components(model: Model) -> Iterator[Model]:
+    """A bound model and the parts below it."""
+    yield model
+    for value in model.__dict__["_values"].values():
+        for part in value if isinstance(value, (list, tuple)) else (value,):
+            if isinstance(part, Model) and not isinstance(part, Connector) and part.__dict__["_parent"] is model:
+                yield from _components(part)
+
+
+def delay_rows(problem: DynamicProblem, mesh: Mesh, layout: Layout) -> DelayRows:
+    """Rows for every delayed input at every point. Raises ModelError for a horizon or mesh that delays do not fit."""
+    N, n, K = mesh.elements, layout.size, mesh.points
+    if not problem.delayed:
+        return DelayRows(coo_matrix((0, N * n)), np.zeros(0), [])
+    title, horizon = problem.flat.title, ca.Function("ends", [problem.P], [problem.t0, problem.tf])
+    if not (problem.t0.is_constant() and problem.tf.is_constant()) or mesh.length_ratio is not None:
+        raise ModelError(f"{title}: a delayed input needs a horizon and element lengths that are given, not chosen")
+    t0, tf = (float(v) for v in horizon(np.zeros(problem.P.numel())))
+    rows, cols, weights, value, names = [], [], [], [], []
+    for j, (source, item) in enumerate(problem.delayed):
+        shift = item.tau / (tf - t0)
+        moved = mesh.edges - shift
+        off = [e for e in moved if -ROUND_OFF < e and np.min(np.abs(mesh.edges - e)) > ROUND_OFF]
+        if off or (shift < 1.0 and np.min(np.abs(moved)) > ROUND_OFF):
+            raise ModelError(
+                f"{title}: the delay of {item.tau:g} s is no whole number of elements; choose the mesh so that each "
+                f"edge is still an edge {item.tau:g} s earlier",
+                item.where,
+            )
+        for k in range(N):
+            inside = (mesh.edges > moved[k] + ROUND_OFF) & (mesh.edges < moved[k + 1] - ROUND_OFF)
+            if np.any(inside):
+                # the input may jump there, which one polynomial cannot follow
+                raise ModelError(
+                    f"{title}: element {k + 1} takes the delayed input from two elements, that meet at "
+                    f"{t0 + mesh.edges[inside][0] * (tf - t0):g} s; choose the mesh "
+                    f"so that each edge is still an edge {item.tau:g} s later",
+                    item.where,
+                )
+        own, other = problem.u_scale[layout.nu + j], problem.u_scale[source]
+        name = problem.point_names[j]
+        for k in range(N):
+            for c in range(K):
+                s = mesh.edges[k] + mesh.h[k] * mesh.table.points[c] - shift
+                row = len(value)
+                rows.append(row)
+                cols.append(k * n + int(layout.z[c, j]))
+                weights.append(1.0)
+                names.append(f"delay of {name} in element {k + 1}, point {c + 1}")
+                if s <= ROUND_OFF and mesh.edges[k] - shift < -ROUND_OFF:
+                    value.append(item.before(t0 + s * (tf - t0)) / own)
+                    continue
+                value.append(0.0)
+                e = mesh.element_at(moved[k])
+                local = np.clip((s - mesh.edges[e]) / mesh.h[e], 0.0, 1.0)
+                weights_at = control_basis(mesh.control, mesh.table, np.array([local]))[0]
+                for weight, i in zip(weights_at, layout.u[:, source], strict=True):
+                    rows.append(row)
+                    cols.append(e * n + int(i))
+                    weights.append(-float(weight) * other / own)
+    return DelayRows(coo_matrix((weights, (rows, cols)), shape=(len(value), N * n)), np.array(value), names)

@@ -1,0 +1,174 @@
+"""The horizon: its ends as expressions of the free constants, its shortest length, and instants on it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from ...compiler.flat import FlatModel
+from ...lang.expression import Expr
+from ...lang.scope import Instant
+from ...lang.source import ModelError
+from .relations import Row
+
+ROUND_OFF = 1e-12  # of times on a horizon of length 1
+# of the guessed length: what a horizon that nobody bounds does not fall below, lest it divide by zero. A solution that
+# comes down to it has failed
+SHORTEST = 1e-3
+
+
+@dataclass(eq=False)
+class PointValue:
+    """An expression needed at one instant, s in [0, 1] of the horizon, known there as `symbol`.
+
+    `off`: the same by the model's equations alone, where slopes of states and algebraic variables stand in it: off the
+    collocation points the polynomials do not keep the equations.
+    """
+
+    symbol: ca.SX
+    expression: ca.SX
+    s: float
+    off: ca.SX | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Horizon:
+    """Start and final time [s] in the free constants P."""
+
+    t0: ca.SX
+    tf: ca.SX
+    P: ca.SX
+
+    @property
+    def length(self) -> ca.SX:
+        return self.tf - self.t0
+
+
+def horizon(flat: FlatModel, P: ca.SX, parameters: ca.SX) -> Horizon:
+    """Both ends of the model's horizon. Raises ModelError for an end that is no time or that comes too early."""
+    t0, tf = (end_of(flat, name) for name in ("start_time", "final_time"))
+    if flat.parameters:
+        t0, tf = ca.substitute([t0, tf], [flat.p], [parameters])
+    known = {s.element_hash() for s in ca.vertsplit(P)}
+    for name, end in (("start_time", t0), ("final_time", tf)):
+        if strange := [s.name() for s in ca.symvar(end) if s.element_hash() not in known]:
+            raise ModelError(
+                f"{flat.title}: {name} is made of numbers, parameters and free constants; found one that depends on "
+                f"{', '.join(strange)}"
+            )
+    require_order(flat.title, t0, tf)
+    return Horizon(t0, tf, P)
+
+
+def require_order(title: str, t0: ca.SX, tf: ca.SX) -> None:
+    """Raises ModelError for a given horizon that does not end after its start."""
+    if t0.is_constant() and tf.is_constant() and not float(tf) > float(t0):
+        raise ModelError(f"{title}: the horizon ends at {float(tf):g} s, not after {float(t0):g} s")
+
+
+def end_of(flat: FlatModel, name: str) -> ca.SX:
+    """start_time or final_time as written. Raises ModelError for what is no time."""
+    value = getattr(flat.root, name)
+    if isinstance(value, Expr) and value.shape == ():
+        return value.sx
+    if isinstance(value, (int, float, np.number)) and not isinstance(value, bool) and np.isfinite(value):
+        return ca.SX(float(value))
+    raise ModelError(f"{flat.title}: {name} is a number [s], a gt.parameter or gt.free(...); found {value!r}")
+
+
+def initial_rows(flat: FlatModel) -> list[Row]:
+    """initial_equations() of all components as constraints at the start of the horizon."""
+    rows = []
+    for e in flat.initial:
+        symbol = ca.SX.sym(f"initial{len(flat.scope.instants)}")
+        flat.scope.instants.append(Instant(symbol, e.residual, end_of(flat, "start_time")))
+        rows.append(Row(symbol, 0.0, 0.0, f"{e.label} ({e.where})", e.where))
+    return rows
+
+
+def shortest_length(
+    flat: FlatModel, h: Horizon, constraints: Sequence[Row], guess: np.ndarray, tunable: ca.SX | None = None
+) -> float:
+    """What a free horizon must not fall below [s]: 0 where bounds or a constraint keep its length away from zero, else
+    a small part of its length at the guess of the constants. Raises ModelError where that is no length.
+
+    Tunable parameters stand for their values, which end `guess`.
+    """
+    length = float(ca.Function("length", [h.P], [h.length])(guess))
+    if tunable is not None and tunable.numel():
+        values = ca.SX(guess[len(guess) - tunable.numel() :])
+        t0, tf, *rows = ca.substitute([h.t0, h.tf, *[r.expression for r in constraints]], [tunable], [values])
+        h = Horizon(t0, tf, h.P[: h.P.numel() - tunable.numel()])
+        constraints = [Row(e, r.low, r.high, r.label, r.where) for e, r in zip(rows, constraints, strict=True)]
+    free = {q.symbol.element_hash(): q for q in flat.parameters if q.free}
+
+    def limits(end: ca.SX) -> tuple[float, float]:
+        if end.is_constant():
+            return float(end), float(end)
+        # an affine expression of free constants between its extremes
+        symbols = ca.symvar(end)
+        slopes = ca.gradient(end, ca.vertcat(*symbols))
+        if not slopes.is_constant():
+            raise ModelError(
+                f"{flat.title}: an end of the horizon is no sum of free constants; found {end}; declare it as "
+                "gt.free(...) and write the relation in constraints()"
+            )
+        low = high = float(ca.substitute([end], [ca.vertcat(*symbols)], [ca.SX.zeros(len(symbols))])[0])
+        for s, a in zip(symbols, np.asarray(ca.DM(slopes)).reshape(-1).tolist(), strict=True):
+            q = free[s.element_hash()]
+            reach = sorted([a * q.min, a * q.max]) if a else [0.0, 0.0]
+            low, high = low + reach[0], high + reach[1]
+        return low, high
+
+    high0, lowf = limits(h.t0)[1], limits(h.tf)[0]
+    if lowf > high0 or h.length.is_constant() or any(_shortest(row, h) > 0 for row in constraints):
+        return 0.0
+    if length > 0:
+        return SHORTEST * length
+    first, last = (next((free.get(s.element_hash()) for s in ca.symvar(end)), None) for end in (h.t0, h.tf))
+    end = last or first
+    where = end.where if end is not None else None
+    raise ModelError(
+        f"{flat.title}: the horizon is free, and at the guess of its ends {length:g} s long; guess an end after its "
+        "start, or bound it: gt.free(guess=..., min=0.1)",
+        where,
+    )
+
+
+def _shortest(row: Row, h: Horizon) -> float:
+    """Lower bound of the horizon's length that a constraint a * length + b gives; -inf where it gives none."""
+    slopes = ca.vertcat(ca.gradient(row.expression, h.P), ca.gradient(h.length, h.P))
+    known = {s.element_hash() for s in ca.vertsplit(h.P)}
+    if not slopes.is_constant() or not {s.element_hash() for s in ca.symvar(row.expression)} <= known:
+        return -np.inf
+    row_slope, length_slope = np.array(ca.DM(slopes)).reshape(2, -1)
+    a = float(row_slope @ length_slope / (length_slope @ length_slope))
+    if a == 0.0 or np.max(np.abs(row_slope - a * length_slope)) > ROUND_OFF:
+        return -np.inf
+    b = float(ca.substitute([row.expression - a * h.length], [h.P], [ca.SX.zeros(*h.P.shape)])[0])
+    return (row.low - b) / a if a > 0 else (row.high - b) / a
+
+
+def point_values(flat: FlatModel, h: Horizon, instants: Sequence[Instant], parameters: ca.SX) -> list[PointValue]:
+    """Values of .at() with their place s in [0, 1]; s must not depend on what the optimisation chooses."""
+    result = []
+    for instant in instants:
+        if instant.time is None:
+            continue
+        time = ca.substitute([instant.time], [flat.p], [parameters])[0] if flat.parameters else instant.time
+        s = ca.Function("s", [h.P], [(time - h.t0) / h.length])
+        first, second = (float(s(v)) for v in np.random.default_rng(0).uniform(0.5, 1.5, (2, h.P.numel())))
+        if abs(first - second) > ROUND_OFF:
+            free = {q.name for q in flat.parameters if q.free}
+            tuned = sorted({v.name() for v in ca.symvar((time - h.t0) / h.length)} - free)
+            hint = f", or leave {', '.join(tuned)} out of transcribe(parameters=...)" if tuned else ""
+            raise ModelError(f"{flat.title}: an instant of .at() moves within the horizon; use its ends{hint}")
+        if not -ROUND_OFF <= first <= 1 + ROUND_OFF:
+            raise ModelError(f"{flat.title}: an instant of .at() lies outside the horizon")
+        place = min(1.0, max(0.0, first))
+        for k in range(instant.symbol.numel()):
+            result.append(PointValue(instant.symbol[k], instant.expression[k], place))
+    return result

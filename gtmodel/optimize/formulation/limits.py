@@ -1,0 +1,195 @@
+"""What limits a problem: bounds of its variables, rows along the path, rows at instants and at the start."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass, field, replace
+
+import casadi as ca
+import numpy as np
+
+from ...lang.source import ModelError
+from .attributes import Pair
+from .builder import Builder
+from .dynamic import Bounds
+from .horizon import Horizon, PointValue
+from .relations import Row, as_bound
+
+# what a value that is fixed at the start may miss, in the size of the row: IPOPT's own measure of a solution
+START_SLACK = 1e-6
+
+
+@dataclass(eq=False)
+class Limits:
+    """Bounds of states, inputs, and of states at both ends; rows along the path and at instants, in original names."""
+
+    x: Bounds
+    u: Bounds
+    start: Bounds
+    end: Bounds
+    path: list[Row] = field(default_factory=list)
+    points: list[Row] = field(default_factory=list)
+
+
+def limits_of(builder: Builder, constraints: list[Row], instants: list[PointValue], apart: Collection[int]) -> Limits:
+    """The declared bounds and the constraints, each where it is cheapest: a bound of a variable before a row.
+
+    apart: variables whose fixed start is held elsewhere. Raises ModelError for a fixed start that is no state's.
+    """
+    b, flat = builder, builder.flat
+    position = {p: n for n, p in enumerate(b.states)}
+    place = dict(b.control_symbols) | {p: (b.given.numel() + n, 1) for n, p in enumerate(b.z_pairs)}
+    n = len(b.states)
+    found = Limits(Bounds.free(n), Bounds.free(b.u.numel()), Bounds.free(n), Bounds.free(n))
+
+    def bounded(pair: Pair, low: float, high: float) -> bool:
+        if pair in position:
+            found.x.tighten(position[pair], low, high)
+        elif pair in place:
+            n, sign = place[pair]
+            found.u.tighten(n, *((low, high) if sign > 0 else (-high, -low)))
+        return pair in position or pair in place
+
+    for v in flat.variables:
+        if not (np.isfinite(v.min) or np.isfinite(v.max)):
+            continue
+        sign, kept, order = b.plan.alias.resolve(v.index, 0)
+        if not bounded((kept, order), *((v.min, v.max) if sign > 0 else (-v.max, -v.min))):
+            symbol, nominal = flat.scope.symbol(v.index, 0), b.nominal((v.index, 0))
+            found.path.append(Row(symbol, v.min, v.max, f"bounds of {v.name}", v.where, nominal))
+    for row in constraints:
+        if _is_point(b, row.expression):
+            if not _end_bound(b, row, instants, position, found.start, found.end):
+                found.points.append(row)
+            continue
+        bound = as_bound(b.plan.alias.rewrite(flat, row.expression), row, flat, b.parameters)
+        if bound is None or not bounded(*bound):
+            found.path.append(row)
+    _initial(b, position, found.start, apart)
+    return found
+
+
+def _is_point(b: Builder, e: ca.SX) -> bool:
+    keys = {s.element_hash() for i in b.flat.scope.instants for s in ca.vertsplit(ca.vec(i.symbol))}
+    constant = {q.symbol.element_hash() for q in b.flat.parameters}
+    found = [s.element_hash() for s in ca.symvar(e)]
+    return any(k in keys for k in found) or all(k in constant for k in found)
+
+
+def _end_bound(
+    b: Builder, row: Row, instants: list[PointValue], position: dict[Pair, int], start: Bounds, end: Bounds
+) -> bool:
+    """A point constraint on one state at one end is a bound on a variable."""
+    symbols = ca.symvar(row.expression)
+    own = [s for s in symbols if s.element_hash() not in {q.symbol.element_hash() for q in b.flat.parameters}]
+    if len(own) != 1:
+        return False
+    value = next((i for i in instants if i.symbol.element_hash() == own[0].element_hash()), None)
+    if value is None or value.s not in (0.0, 1.0):
+        return False
+    chain = b.plan.alias.rewrite(b.flat, value.expression)
+    inner = ca.substitute([row.expression], [own[0]], [chain])[0]
+    bound = as_bound(inner, row, b.flat, b.parameters)
+    if bound is None or bound[0] not in position:
+        return False
+    (start if value.s == 0.0 else end).tighten(position[bound[0]], bound[1], bound[2])
+    return True
+
+
+def _initial(b: Builder, position: dict[Pair, int], start: Bounds, apart: Collection[int]) -> None:
+    """Fixed start attributes are initial conditions, but for the variables `apart`."""
+    for v in b.flat.variables:
+        if not v.fixed or v.start is None or v.index in apart:
+            continue
+        sign, kept, order = b.plan.alias.resolve(v.index, 0)
+        if (kept, order) not in position:
+            raise ModelError(
+                f"the fixed start of '{v.name}' cannot be held: it is no state; states are "
+                f"{', '.join(b.flat.symbol_name(*p) for p in b.states)}",
+                v.where,
+            )
+        start.tighten(position[(kept, order)], sign * v.start, sign * v.start)
+
+
+def check_bounds(b: Builder, x: Bounds, u: Bounds, P: Bounds, start: Bounds, end: Bounds) -> None:
+    states = [b.flat.symbol_name(*p) for p in b.states]
+    controls = [b.flat.symbol_name(*p) for p in b.input_pairs]
+    free = [q.name for q in b.flat.parameters if q.free]
+    groups: list[tuple[str, list[str], tuple[Bounds, ...]]] = [
+        ("", states, (x,)), ("", controls, (u,)), ("", free, (P,)),
+        (" at the start", states, (x, start)), (" at the end", states, (x, end)),
+    ]  # fmt: skip
+    for place, names, bounds in groups:
+        for n, name in enumerate(names):
+            low, high = max(c.low[n] for c in bounds), min(c.high[n] for c in bounds)
+            if low > high:
+                raise ModelError(
+                    f"{b.flat.title}: the bounds of '{name}' cross{place}: at least {low:g} and at most {high:g}"
+                )
+
+
+def bounded_end(b: Builder, ends: Horizon, shortest: float, P: Bounds) -> bool:
+    """A shortest length as a bound of the end that is a free constant, where the other end is a number."""
+    for end, other, sign in ((ends.tf, ends.t0, 1.0), (ends.t0, ends.tf, -1.0)):
+        if end.is_symbolic() and other.is_constant():
+            n = [s.element_hash() for s in ca.vertsplit(b.P)].index(end.element_hash())
+            limit = float(other) + sign * shortest
+            P.tighten(n, *((limit, np.inf) if sign > 0 else (-np.inf, limit)))
+            return True
+    return False
+
+
+def rows_at_start(
+    b: Builder, written: list[Row], path: list[Row], x: Bounds, u: Bounds, start: Bounds, t0: ca.SX
+) -> list[tuple[PointValue, Row]]:
+    """Rows at the start of the horizon, where no collocation point lies: what states, constants and time tell.
+
+    Raises ModelError where a start that is fixed breaks one.
+    """
+    rows = list(path)
+    if b.kind == "dae":
+        # states tell the unknowns that are free at each point
+        offset = b.given.numel()
+        for n, pair in enumerate(b.z_pairs):
+            low, high = float(u.low[offset + n]), float(u.high[offset + n])
+            if np.isfinite(low) or np.isfinite(high):
+                name, size = b.flat.symbol_name(*pair), b.nominal(pair)
+                row = Row(b.flat.scope.symbol(*pair), low, high, f"bounds of {name}", None, size)
+                written, rows = [*written, row], [*rows, row]
+        if rows:
+            found = b.other().express([r.expression for r in written])
+            rows = [replace(r, expression=e) for r, e in zip(rows, found, strict=True)]
+    low, high = np.maximum(x.low, start.low), np.minimum(x.high, start.high)
+    states = {s.element_hash(): n for n, s in enumerate(ca.vertsplit(b.x))}
+    constants = {s.element_hash(): n for n, s in enumerate(ca.vertsplit(b.P))}
+    time = b.flat.scope.time.element_hash()
+    result = []
+    for row in rows:
+        keys = {s.element_hash() for s in ca.symvar(row.expression)}
+        if not keys & set(states) or not keys <= {*states, *constants, time}:
+            continue
+        held = all(low[states[k]] == high[states[k]] for k in keys if k in states)
+        bounds, label = (row.low, row.high), f"at the start: {row.label}"
+        chosen = keys & set(constants) or (time in keys and not t0.is_constant())
+        if held and not chosen:
+            at = ca.substitute([row.expression], [ca.vertcat(b.x, b.flat.scope.time)],
+                               [ca.vertcat(ca.SX(np.where(np.isfinite(low), low, 0.0)), t0)])[0]  # fmt: skip
+            value = float(at)
+            miss = max(row.low - value, value - row.high)
+            if miss > START_SLACK * row.scale:
+                raise ModelError(
+                    f"{b.flat.title}: the values fixed at the start miss '{row.label}' by {miss:g}; change the "
+                    "start or the constraint",
+                    row.where,
+                )
+            continue
+        free = any(constants[k] < b.n_free for k in keys if k in constants) or any(
+            s.element_hash() in constants and constants[s.element_hash()] < b.n_free for s in ca.symvar(t0)
+        )
+        if held and not free and row.low == row.high:
+            # an equation without an unknown would leave too few of them
+            bounds = (row.low - START_SLACK * row.scale, row.high + START_SLACK * row.scale)
+        symbol = ca.SX.sym(f"start{len(result)}")
+        point = Row(symbol, *bounds, label, row.where, row.scale)
+        result.append((PointValue(symbol, row.expression, 0.0), point))
+    return result

@@ -1,0 +1,201 @@
+"""From an Optimization to a pointwise dynamic problem: which formulation, which states."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+
+import casadi as ca
+
+from ...compiler.causal import flat_of
+from ...compiler.flat import FlatModel
+from ...compiler.plan import Plan, make_plan
+from ...lang.expression import Expr
+from ...lang.optimization import Optimization
+from ...lang.source import ModelError
+from .assembled import assembled
+from .attributes import Pair
+from .builder import Builder
+from .delays import delays_of
+from .dynamic import Bounds, DynamicProblem, Quadrature
+from .horizon import end_of, initial_rows
+from .quadratures import set_apart
+from .relations import Row, relations
+
+__all__ = ["FORMULATIONS", "Bounds", "DynamicProblem", "build"]
+
+FORMULATIONS = ("auto", "inverse", "explicit", "torn", "dae")
+
+
+def build(
+    model: Optimization,
+    formulation: str = "auto",
+    prefer: Sequence[str] = (),
+    branches: Mapping[str, int] | None = None,
+    tunable: Sequence[str] = (),
+    sizes: tuple[tuple[str, float], ...] = (),
+    linked: bool = False,
+) -> DynamicProblem:
+    """Flatten, choose states, and express cost and constraints in them; made once per configuration object.
+
+    formulation:
+        "explicit": rates as functions of states and controls; needs a closed form.
+        "inverse": controls as functions of states and their rates, for fully actuated models.
+        "torn": explicit, but unknowns of equations without a closed form are free at each point, and those
+            equations are constraints.
+        "dae": nothing but equal names is eliminated: all unknowns are free at each point, and all equations and the
+            derivatives that they imply are constraints.
+        "auto": inverse where it exists and does not bring the only divisions by something that may vanish, as in
+            u = (x' - f) / cos x, and no rate is asked for at the start or within the horizon; else explicit; else torn.
+    branches: sign +1 or -1 by the name of a declared branch; +1 by default.
+    tunable: names of parameters that stay symbols, to be changed between solves.
+    sizes: of variables and free constants by name, in place of their nominals: see sizes.of_trajectory.
+    linked: it is one of several phases, whose states continue: none of them is a mere integral.
+
+    Raises ModelError with file and line.
+    """
+    if formulation not in FORMULATIONS:
+        raise ValueError(f"formulation is one of {', '.join(FORMULATIONS)}; found '{formulation}'")
+    flat = flat_of(model)
+    wanted = dict(branches or {})
+    key = ("problem", formulation, tuple(prefer), tuple(sorted(wanted.items())), tuple(tunable), sizes, linked)
+    if key not in flat.cache:
+        flat.cache[key] = _build(model, flat, formulation, prefer, wanted, tuple(tunable), sizes, linked)
+    return flat.cache[key]
+
+
+def _build(
+    model: Optimization,
+    flat: FlatModel,
+    formulation: str,
+    prefer: Sequence[str],
+    branches: dict[str, int],
+    tunable: tuple[str, ...],
+    sizes: tuple[tuple[str, float], ...],
+    linked: bool,
+) -> DynamicProblem:
+    root = flat.root
+    if not isinstance(root, Optimization):
+        raise ModelError(f"{flat.title} is no Optimization; give it an objective and a horizon")
+    flat.scope.instants.clear()  # those of another formulation of the same model
+    flat.scope.misfits.clear()
+    objective = root.objective()
+    if not isinstance(objective, Expr) or objective.shape != ():
+        raise ModelError(f"{flat.title}.objective() must return a scalar expression; found {objective!r}")
+    if not flat.variables:
+        raise ModelError(f"{flat.title} has no variable, so there is no trajectory to optimise; declare one")
+    constraints = relations(root.constraints(), flat) + initial_rows(flat)
+    inputs = [v.index for v in flat.variables if v.role == "input"]
+    delays = delays_of(flat)
+    controls = [i for i in inputs if i not in delays]
+    preferred = [i for name in prefer for i in flat.lookup(name)[1]]
+    fold = _fold(flat, tunable)
+    quadratures: list[Quadrature] = []
+    if not linked:
+        cost, quadratures = set_apart(flat, objective.sx, constraints, preferred, end_of(flat, "final_time"))
+        objective = Expr(cost, (), objective.dimension, objective.scope)
+    apart = {q.index for q in quadratures}
+    asked = _all_pairs(flat, constraints, apart)
+    base = make_plan(flat, inputs, asked, preferred, branches, rates=True, fold=fold, apart=apart)
+    if formulation == "dae" and (idle := _idle(flat, base)):
+        # all equations are rows here, also those that nothing asked for
+        base = make_plan(flat, inputs, sorted({*asked, *idle}), preferred, branches, rates=True, fold=fold)
+    states = base.states
+    steep = [flat.symbol_name(i, k) for i, k in base.inputs if i in inputs and k > 0]
+    if steep:
+        raise ModelError(
+            f"{flat.title} needs {', '.join(steep)}, but a control may jump; make it a state and its derivative "
+            "the control"
+        )
+    if formulation == "explicit":
+        _refuse_newton(flat, base)
+    plan, kind = base, "torn" if base.newton else "explicit"
+    if formulation in ("auto", "inverse"):
+        # without a closed form of the states' equations there is none of their inverse either
+        hopeless = bool(delays) or (formulation == "auto" and bool(base.newton))
+        inverse = None if hopeless else _inverse_plan(flat, controls, states, asked, branches, fold, apart)
+        divides = inverse is not None and _pivots(inverse) and not _pivots(base)
+        if inverse is not None and (formulation == "inverse" or not divides):
+            plan, kind = inverse, "inverse"
+        elif formulation == "inverse":
+            raise ModelError(
+                f"{flat.title}: the controls are not determined by the motion of the states "
+                f"({len(controls)} controls for {len({i for i, _ in states})} coordinates); use formulation 'explicit'"
+            )
+    elif formulation == "dae":
+        kind = "dae"
+    delayed = {i: (controls.index(source), item) for i, (source, item) in delays.items()}
+
+    def made(plan: Plan, kind: str) -> DynamicProblem:
+        b = Builder(model, root, flat, plan, kind, states, controls, base, fold, tunable, delayed, dict(sizes))
+        return assembled(b, objective, constraints, quadratures, branches)
+
+    problem = made(plan, kind)
+    if formulation == "auto" and kind == "inverse" and any(i.off is not None and i.s < 1.0 for i in problem.instants):
+        # a rate off the points ties the controls, not the motion: the explicit form finds it from any guess
+        return made(base, "explicit")
+    return problem
+
+
+def _idle(flat: FlatModel, plan: Plan) -> list[Pair]:
+    """Chain symbols of the equations that the plan does not compute."""
+    known = {s.element_hash() for b in plan.blocks for s, _ in b.assignments}
+    known |= {s.element_hash() for b in plan.newton for s in b.unknowns}
+    given = {*plan.inputs, *plan.states}
+    return [p for p in plan.pairs if p not in given and flat.scope.symbol(*p).element_hash() not in known]
+
+
+def _pivots(plan: Plan) -> bool:
+    """Does it divide by what depends on the state?"""
+    return any(m.kind == "pivot" for b in plan.blocks for m in b.margins)
+
+
+def _fold(flat: FlatModel, tunable: Sequence[str]) -> ca.SX:
+    """Numbers for the parameters, symbols for the free constants and the tunable ones. Raises ModelError."""
+    values = flat.require_values()
+    names = {q.name for q in flat.parameters if not q.free}
+    for name in tunable:
+        if name not in names:
+            raise ModelError(f"{flat.title} has no parameter '{name}'; it has {', '.join(sorted(names)) or 'none'}")
+    return ca.vertcat(
+        *[q.symbol if q.free or q.name in tunable else ca.SX(values[n]) for n, q in enumerate(flat.parameters)]
+    )
+
+
+def _all_pairs(flat: FlatModel, constraints: list[Row], apart: Collection[int]) -> list[Pair]:
+    """Every chain symbol that the model, its cost or its constraints mention, but for the variables `apart`."""
+    expressions = [i.expression for i in flat.scope.instants] + [r.expression for r in constraints]
+    named = [p for e in expressions for p in flat.scope.symbols_in(e)]
+    return sorted({(v.index, 0) for v in flat.variables if v.index not in apart} | set(named))
+
+
+def _inverse_plan(
+    flat: FlatModel,
+    controls: list[int],
+    states: list[Pair],
+    asked: list[Pair],
+    branches: Mapping[str, int],
+    fold: ca.SX,
+    apart: Collection[int],
+) -> Plan | None:
+    coordinates = sorted({i for i, _ in states})
+    if len(coordinates) != len(controls) or not controls:
+        return None
+    if any((i, k) not in states for i, top in states for k in range(top)):
+        return None
+    try:
+        plan = make_plan(flat, coordinates, asked, branches=branches, fold=fold, apart=apart)
+    except ModelError:
+        return None  # not every motion of these coordinates is possible: the explicit form always is
+    top = {i: max(k for j, k in states if j == i) + 1 for i in coordinates}
+    usable = not plan.newton and not plan.states
+    return plan if usable and all(k <= top[i] for i, k in plan.inputs) else None
+
+
+def _refuse_newton(flat: FlatModel, plan: Plan) -> None:
+    """Raises ModelError for equations without a closed form."""
+    if plan.newton:
+        names = "; ".join(", ".join(b.labels) for b in plan.newton)
+        raise ModelError(
+            f"{flat.title}: the equations for {names} have no closed form, and formulation 'explicit' needs one; use "
+            "'torn' or 'dae', which keep them as unknowns"
+        )

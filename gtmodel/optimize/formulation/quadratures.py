@@ -1,0 +1,128 @@
+"""Costs that are written as states: der(cost) == L with cost.at(final_time) in the objective is the integral of L.
+
+Such a state drives nothing. As an unknown it makes the optimum several times as dear as the integral does; so the
+objective takes the integral, and the state's values are summed up afterwards.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import casadi as ca
+import numpy as np
+
+from ...compiler.flat import FlatModel, FlatVariable
+from ...lang.scope import Instant
+from ..mesh import Mesh
+from ..tables import basis
+from .dynamic import DynamicProblem, Quadrature
+from .relations import Row
+
+SAME_TIME = 100  # how deep two expressions of one time are compared
+LEFT = 1e-12  # of the horizon: at an edge the element on the left tells
+
+
+def set_apart(
+    flat: FlatModel, objective: ca.SX, constraints: Sequence[Row], preferred: Sequence[int], final_time: ca.SX
+) -> tuple[ca.SX, list[Quadrature]]:
+    """The objective with integrals in place of such states, which are entered in the scope, and what was replaced.
+
+    A state is one if it stands in no equation but der(state) == ..., has a fixed start, no bounds and no constraint,
+    and the objective holds nothing of it but its value at the final time, times a number or parameters.
+    """
+    candidates = [v for v in flat.variables if v.index not in preferred and _plain(flat, v)]
+    if not candidates:
+        return objective, []  # where all variables stand takes long to see in a large model
+    uses = _Uses(flat, constraints)
+    chosen: list[tuple[FlatVariable, list[Instant], ca.SX]] = []
+    for v in candidates:
+        instants = uses.instants_of(v.index)
+        integrand = uses.integrand(v.index) if instants else None
+        weights = [ca.gradient(objective, i.symbol) for i in instants]
+        if integrand is not None and all(
+            uses.at_end(i, v.index, final_time) and uses.steady(w) for i, w in zip(instants, weights, strict=True)
+        ):
+            chosen.append((v, instants, integrand))
+    if not uses.moves(but={v.index for v, _, _ in chosen}):
+        return objective, []  # a problem keeps a state
+    found: list[Quadrature] = []
+    for v, instants, integrand in chosen:
+        assert v.start is not None
+        total = ca.SX.sym(f"total of {v.name}")
+        flat.scope.instants.append(Instant(total, integrand, None))
+        flat.scope.instants[:] = [i for i in flat.scope.instants if not any(i is own for own in instants)]
+        old = ca.vertcat(*[i.symbol for i in instants])
+        objective = ca.substitute([objective], [old], [ca.repmat(v.start + total, len(instants), 1)])[0]
+        found.append(Quadrature(v.index, integrand, v.start))
+    return objective, found
+
+
+def _plain(flat: FlatModel, v: FlatVariable) -> bool:
+    """A scalar from a fixed start without bounds."""
+    scalar = v.name in flat.groups and flat.groups[v.name][0] == ()
+    return scalar and v.fixed and v.start is not None and not (np.isfinite(v.min) or np.isfinite(v.max))
+
+
+class _Uses:
+    """Where a variable and its derivatives stand in a model."""
+
+    def __init__(self, flat: FlatModel, constraints: Sequence[Row]) -> None:
+        self.flat = flat
+        scope = flat.scope
+        self.equations = [e.residual for e in flat.equations]
+        self.inside = [{i for i, _ in scope.symbols_in(e)} for e in self.equations]
+        others = [r.expression for r in constraints] + [b.expression for b in flat.branches]
+        self.elsewhere = {i for e in others for i, _ in scope.symbols_in(e)}
+        held = [r.expression for r in constraints] + [m.residual for m in scope.misfits]
+        self.held = {s.element_hash() for e in held for s in ca.symvar(e)}
+
+    def moves(self, but: set[int]) -> bool:
+        """Does any other variable have a derivative in the equations?"""
+        pairs = [p for e in self.equations for p in self.flat.scope.symbols_in(e)]
+        return any(order > 0 and index not in but for index, order in pairs)
+
+    def instants_of(self, index: int) -> list[Instant]:
+        return [
+            i for i in self.flat.scope.instants if any(n == index for n, _ in self.flat.scope.symbols_in(i.expression))
+        ]
+
+    def at_end(self, instant: Instant, index: int, final_time: ca.SX) -> bool:
+        """Is it the variable's own value at the final time, which no constraint and no misfit takes?"""
+        own = instant.expression.is_scalar() and ca.is_equal(instant.expression, self.flat.scope.symbol(index, 0), 1)
+        at_end = instant.time is not None and ca.is_equal(instant.time, final_time, SAME_TIME)
+        return bool(own and at_end and instant.symbol.element_hash() not in self.held)
+
+    def steady(self, weight: ca.SX) -> bool:
+        """Is it made of numbers and parameters?"""
+        known = {s.element_hash() for s in ca.vertsplit(self.flat.p)} if self.flat.parameters else set()
+        return all(s.element_hash() in known for s in ca.symvar(weight))
+
+    def integrand(self, index: int) -> ca.SX | None:
+        """What the variable's derivative equals in its only equation; None where there is more to it."""
+        places = [n for n, inside in enumerate(self.inside) if index in inside]
+        if len(places) != 1 or index in self.elsewhere:
+            return None
+        e, scope = self.equations[places[0]], self.flat.scope
+        if [k for i, k in scope.symbols_in(e) if i == index] != [1]:
+            return None
+        rate = scope.symbol(index, 1)
+        slope = ca.gradient(e, rate)
+        if not slope.is_constant() or float(slope) == 0.0:
+            return None
+        return -ca.substitute([e], [rate], [ca.SX(0)])[0] / slope
+
+
+def summed(problem: DynamicProblem, mesh: Mesh, at_points: np.ndarray, s: np.ndarray, duration: float) -> np.ndarray:
+    """Values (len(s), n) of quadratures at fractions s of the horizon (rows of states_and_controls), from integrands
+    (elements, points, n) at the collocation points: what the states' own polynomials would be."""
+    points, K = mesh.table.points, mesh.points
+    length = mesh.h * duration
+    whole = np.einsum("c,ncq->nq", mesh.table.weights, at_points) * length[:, None]
+    before = np.vstack([np.zeros(whole.shape[1]), np.cumsum(whole, axis=0)[:-1]])
+    k = np.clip(np.searchsorted(mesh.edges, s - LEFT, side="left") - 1, 0, mesh.elements - 1)
+    local = np.clip((s - mesh.edges[k]) / mesh.h[k], 0.0, 1.0)
+    nodes, weights = np.polynomial.legendre.leggauss(K)
+    along = local[:, None] * (nodes + 1) / 2
+    share = np.einsum("g,pgc->pc", weights / 2, basis(points, along.ravel()).reshape(*along.shape, K)) * local[:, None]
+    starts = np.array([q.start for q in problem.quadratures])
+    return starts + before[k] + np.einsum("pc,pcq->pq", share, at_points[k]) * length[k, None]

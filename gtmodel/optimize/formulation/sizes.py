@@ -1,0 +1,113 @@
+"""How large unknowns and rows are: nominals, bounds far smaller than these, and slopes of rows per nominal."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from ...compiler.plan import Plan
+from ...lang.source import ModelError
+from ...results.trajectory import Trajectory
+from .attributes import Pair
+
+# rows smaller than this are scaled up, for IPOPT's slack of 1e-8 must not swallow them; larger ones it scales itself.
+# Unknowns whose bounds are smaller than this beside their nominal have the size of their bounds, for the same reason
+SMALL = 1e-4
+
+
+def of_trajectory(scaling: Trajectory | None, free: dict[str, float]) -> tuple[tuple[str, float], ...]:
+    """Largest magnitude of each scalar in a trajectory, of its end as final_time, and of constants that were chosen;
+    what is zero all along has none. Raises ModelError for what is no trajectory."""
+    if scaling is None:
+        return ()
+    if not isinstance(scaling, Trajectory):
+        raise ModelError(f"scaling takes a gt.Trajectory or an earlier solution; found {scaling!r}")
+    found = {"final_time": abs(float(scaling.time[-1]))} | {n: abs(v) for n, v in free.items()}
+    for name in scaling.names:
+        sizes = np.atleast_1d(np.max(np.abs(scaling[name]), axis=0))
+        head, comma, order = name.removeprefix("der(").removesuffix(")").partition(",")
+        for k, size in enumerate(sizes.tolist()):
+            entry = f"{head}[{k}]" if np.ndim(scaling[name]) > 1 else head
+            found[f"der({entry}{comma}{order})" if name.startswith("der(") else entry] = size
+    return tuple((n, v) for n, v in sorted(found.items()) if v > 0)
+
+
+def within(nominal: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """Sizes of unknowns: their nominals, or their bounds where both are far smaller."""
+    reach = np.maximum(np.abs(low), np.abs(high))
+    return np.where((reach > 0) & (reach < SMALL * nominal), reach, nominal)
+
+
+def of_constants(guess: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """Sizes of constants that are chosen: 1 or a larger guess, or their bounds where these are far smaller; with one
+    bound only, a guess that is far smaller tells the size beside it."""
+    found = within(np.maximum(1.0, np.abs(guess)), low, high)
+    bound = np.minimum(np.abs(low), np.abs(high))
+    reach = np.maximum(np.abs(guess), bound)
+    one_sided = (np.isfinite(low) != np.isfinite(high)) & (guess != 0) & (reach < SMALL)
+    return np.where(one_sided, reach, found)
+
+
+def scale_of(size: float) -> float:
+    """What a row of that size is divided by."""
+    return size if 0 < size < SMALL else 1.0
+
+
+@dataclass(eq=False)
+class Slopes:
+    """Slopes of expressions in x, xd, u, P and t, per nominal of x, xd and u, at consistent points of a plan."""
+
+    plan: Plan
+    arguments: list[ca.SX]
+    pairs: tuple[list[Pair], list[Pair], list[Pair]]
+    nominal: np.ndarray
+    P: np.ndarray
+
+    def _points(self, count: int | None) -> list[list[np.ndarray]]:
+        found = []
+        for sample in self.plan.samples[:count]:
+            known = dict(zip(self.plan.pairs, sample, strict=True))
+            point = [np.array([known.get(p, 0.0) for p in pairs]) for pairs in self.pairs]
+            found.append([*point, self.P, np.array(self.plan.sampler.time)])
+        return found
+
+    def largest(self, rows: ca.SX, count: int | None = None) -> np.ndarray:
+        """Largest slope of each row, (samples, rows); 0 where none is finite."""
+        f = ca.Function("slopes", self.arguments, [ca.jacobian(rows, ca.vertcat(*self.arguments[:3]))])
+        found = []
+        for point in self._points(count):
+            slopes = np.abs(np.asarray(f(*point).full())) * self.nominal
+            found.append(np.max(np.where(np.isfinite(slopes), slopes, 0.0), axis=1, initial=0.0))
+        return np.array(found)
+
+    def typical(self, rows: list[ca.SX]) -> np.ndarray:
+        """Median over the points of each row's largest slope; 1 where that is none."""
+        if not rows:
+            return np.ones(0)
+        size = np.median(self.largest(ca.vertcat(*rows)), axis=0)
+        return np.where(size > 0, size, 1.0)
+
+    def at_one(self, rows: ca.SX) -> np.ndarray:
+        """The same at the first point alone."""
+        if not rows.numel():
+            return np.ones(0)
+        size = self.largest(rows, 1)[0]
+        return np.where(size > 0, size, 1.0)
+
+    def of_points(self, rows: list[ca.SX], symbols: ca.SX, values: list[ca.SX], P: ca.SX, p_size: np.ndarray):
+        """Sizes of rows in `symbols`, which stand for `values` at instants: the largest slope in any of these, per
+        size of the value, or in a constant; at the values of a consistent point and one size away from it."""
+        if not rows:
+            return np.ones(0)
+        size = self.typical(values)
+        slopes = ca.Function("slopes", [symbols, P], [ca.jacobian(ca.vertcat(*rows), ca.vertcat(symbols, P))])
+        here = ca.Function("values", self.arguments, [ca.vertcat(*values) if values else ca.SX(0, 1)])
+        found = np.zeros(len(rows))
+        for point in self._points(1):
+            v = np.asarray(here(*point).full()).reshape(-1)
+            for at in (v, v + size):
+                each = np.abs(np.asarray(slopes(at, self.P).full())) * np.concatenate([size, p_size])
+                found = np.maximum(found, np.max(np.where(np.isfinite(each), each, 0.0), axis=1, initial=0.0))
+        return np.where(found > 0, found, 1.0)

@@ -1,0 +1,125 @@
+"""The equations of a problem as an ordinary differential one, whatever form was transcribed: values and slopes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from .dynamic import DynamicProblem
+
+NEWTON_DONE = 1e-12  # relative: corrections this small are round-off
+
+
+@dataclass(eq=False)
+class System:
+    """The equations as an ordinary differential one, with `count` unknowns that have no closed form (`pairs`).
+
+    values: (x, given inputs, unknowns, P, t) -> rates, point variables; residual: the same -> r, dr/dunknowns.
+    """
+
+    values: ca.Function
+    residual: ca.Function
+    slope: ca.Function
+    pairs: list[tuple[int, int]]
+
+    @property
+    def count(self) -> int:
+        return len(self.pairs)
+
+    @classmethod
+    def of(cls, problem: DynamicProblem) -> System:
+        """Made once for a problem. Raises ModelError where the model has no such form."""
+        if "system" not in problem.cache:
+            problem.cache["system"] = cls._made(problem)
+        return problem.cache["system"]
+
+    @classmethod
+    def _made(cls, problem: DynamicProblem) -> System:
+        found = problem.builder.explicit()
+        rates = list(found.rates)
+        extra = [r for r in problem.rates[len(rates) :] if r is not None]
+        # rates of cost states may hold what the formulation left unsolved
+        old = ca.vertcat(problem.xd[: len(rates)], *[problem.flat.scope.symbol(*p) for p in problem.z_pairs])
+        new = ca.vertcat(*rates, *found.point)
+        if extra and old.numel():
+            extra = ca.substitute(extra, [old], [new])
+        unknowns = ca.vertcat(*found.unknowns) if found.unknowns else ca.SX(0, 1)
+        residual = ca.vertcat(*found.residuals) if found.residuals else ca.SX(0, 1)
+        arguments = [problem.x, problem.builder.given, unknowns, problem.P, problem.t]
+        rates = ca.vertcat(*rates, *extra)
+        values = ca.Function("values", arguments, [rates, ca.vertcat(*found.point) if found.point else ca.SX(0, 1)])
+        slopes = ca.Function("residual", arguments, [residual, ca.densify(ca.jacobian(residual, unknowns))])
+        by_state = [ca.densify(ca.jacobian(e, problem.x)) for e in (rates, residual)]
+        slope = ca.Function("slope", arguments, [*by_state, ca.densify(ca.jacobian(rates, unknowns))], {"cse": True})
+        pairs = [p for p in map(problem.flat.scope.owner, found.unknowns) if p is not None]
+        return cls(values, slopes, slope, pairs)
+
+    def near(self, problem: DynamicProblem, inputs: np.ndarray, rates: np.ndarray) -> np.ndarray:
+        """Start values (n, count) of the unknowns from rows of whole inputs and state rates; 0 for what is neither."""
+        place = {p: (inputs, n) for n, p in enumerate(problem.input_pairs)}
+        place |= {(i, k + 1): (rates, n) for n, (i, k) in enumerate(problem.state_pairs)}
+        z = np.zeros((len(inputs), self.count))
+        for n, pair in enumerate(self.pairs):
+            if pair in place:
+                rows, column = place[pair]
+                z[:, n] = rows[:, column]
+        return z
+
+    def slopes(self, x: np.ndarray, given: np.ndarray, z: np.ndarray, P: np.ndarray, t: np.ndarray) -> np.ndarray:
+        """Slopes (n, nx, nx) of the rates by the states, the unknowns following; NaN where they cannot."""
+        n, nx = x.shape
+        rows = [ca.DM(a.T) for a in (x, given, z)]
+        rest = [ca.repmat(ca.DM(P), 1, n), ca.DM(t).T]
+
+        def stacked(value: ca.DM, width: int) -> np.ndarray:
+            full = value.full()
+            return full.reshape(full.shape[0], n, width).transpose(1, 0, 2)
+
+        direct, moved, through = self.slope.map(n)(*rows, *rest)
+        slopes = stacked(direct, nx)
+        if self.count:
+            matrix = stacked(self.residual.map(n)(*rows, *rest)[1], self.count)
+            try:
+                follow = np.linalg.solve(matrix, stacked(moved, nx))
+            except np.linalg.LinAlgError:
+                return np.full(slopes.shape, np.nan)
+            slopes = slopes - stacked(through, self.count) @ follow
+        return slopes
+
+    def solved(
+        self, x: np.ndarray, given: np.ndarray, z: np.ndarray, P: np.ndarray, t: np.ndarray, steps: int = 20
+    ) -> np.ndarray:
+        """The unknowns without a closed form (n, count) by Newton from z; NaN where that does not converge."""
+        n = len(t)
+        if not self.count:
+            return z
+        f = self.residual.map(n)
+        rows = [ca.DM(a.T) for a in (x, given)]
+        rest = [ca.repmat(ca.DM(P), 1, n), ca.DM(t).T]
+        done = np.zeros(n, bool)
+        for _ in range(steps):
+            r, slope = (v.full() for v in f(*rows, ca.DM(z.T), *rest))
+            slopes = slope.reshape(self.count, n, self.count).transpose(1, 0, 2)
+            finite = np.all(np.isfinite(slopes), axis=(1, 2)) & np.all(np.isfinite(r), axis=0)
+            step = np.full(z.shape, np.nan)
+            try:
+                step[finite] = np.linalg.solve(slopes[finite], -r.T[finite, :, None])[..., 0]
+            except np.linalg.LinAlgError:
+                for k in np.flatnonzero(finite):
+                    step[k] = np.linalg.lstsq(slopes[k], -r[:, k], rcond=None)[0]
+            z = z + step
+            done = np.max(np.abs(step), axis=1) <= NEWTON_DONE * (1 + np.max(np.abs(z), axis=1))
+            if np.all(done | ~finite):
+                break
+        return np.where(done[:, None], z, np.nan)
+
+    def at(
+        self, x: np.ndarray, given: np.ndarray, z: np.ndarray, P: np.ndarray, t: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Rates and whole inputs (n, ...) for rows."""
+        n = len(t)
+        rows = [ca.DM(a.T) for a in (x, given, z)]
+        rates, point = self.values.map(n)(*rows, ca.repmat(ca.DM(P), 1, n), ca.DM(t).T)
+        return rates.full().T, np.hstack([given, point.full().T])

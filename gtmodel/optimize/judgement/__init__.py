@@ -1,0 +1,1 @@
+"""What a solution is worth: discretisation, pulses, overshoot, re-simulation, refinement, diagnosis."""

@@ -1,0 +1,111 @@
+"""What a failed solve says: the worst rows by name, element and time."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..finite import not_finite
+from ..ipopt import Run
+from ..nlp import Nlp
+from ..solution import horizon
+
+WORST = 3
+SMALL = 1e-6  # violations below this are none
+FAR = 1e6  # nominals: what is so far away where nothing bounds it runs away
+
+
+def sentence(run: Run, nlp: Nlp) -> str:
+    """One sentence on how a solve ended."""
+    if run.status.ok:
+        return solved_word(run)
+    return failure(run, [surplus(nlp), not_finite(nlp, run.x), runaway(nlp, run.x) or worst(nlp, run)])
+
+
+def solved_word(run: Run) -> str:
+    word = "solved" if run.word == "Solve_Succeeded" else "solved to the acceptable level only"
+    if run.other is not None:
+        other, reason = run.other
+        word += f" with the {run.barrier} barrier strategy, after the {other} one failed ({_word(reason)})"
+    return f"{word}: {run.reservation}" if run.reservation else word
+
+
+def failure(run: Run, more: list[str]) -> str:
+    """The status in words, IPOPT's word, and what else is known."""
+    tries = _word(run.word)
+    if run.other is not None:
+        other, word = run.other
+        tries = f"{tries} with the {run.barrier} barrier strategy, {_word(word)} with the {other} one"
+    said = f"{run.status.sentence} ({tries})"
+    kept = f"kept is iterate {run.best.number}, the nearest to its constraints" if run.best else ""
+    return "; ".join([said, *[m for m in [kept, *more] if m]])
+
+
+def _word(word: str) -> str:
+    return word if " " in word else f"IPOPT: {word}"
+
+
+def surplus(nlp: Nlp) -> str:
+    """What holds too much, where equations are more than unknowns: fixed values and equations besides the model's."""
+    problem, layout, N = nlp.problem, nlp.element.layout, nlp.mesh.elements
+    equal, free = int(np.sum(nlp.lbg == nlp.ubg)), int(np.sum(nlp.lbx != nlp.ubx))
+    if equal <= free:
+        return ""
+    fixed = nlp.lbx == nlp.ubx
+    ends = [(range(layout.nx), "start"), (range(nlp.end, nlp.end + layout.nx), "end")]
+    names = [
+        f"{n} is fixed at the {place}"
+        for at, place in ends
+        for k, n in zip(at, problem.state_names, strict=True)
+        if fixed[k]
+    ]
+    names += [f"{r.label} is an equation" for r in problem.points if r.low == r.high]
+    element = [nlp.element.row_names[r][0] for r in np.flatnonzero(nlp.element.low == nlp.element.high)]
+    along = [r.label for r in problem.path if r.label in element]
+    names += [f"{label} is an equation at every point" for label in dict.fromkeys(along)]
+    return f"{equal} equations for {free} unknowns on {N} elements: {', '.join(names)}; leave one out"
+
+
+def runaway(nlp: Nlp, x: np.ndarray) -> str:
+    """What has grown far beyond its nominal where no bound stops it: the objective may fall for ever there."""
+    layout, problem = nlp.element.layout, nlp.problem
+    unbounded = np.where(x > 0, nlp.ubx == np.inf, nlp.lbx == -np.inf)
+    size = np.where(unbounded & np.isfinite(x), np.abs(x), 0.0)
+    k = int(np.argmax(size)) if len(size) else 0
+    if not len(size) or size[k] < FAR:
+        return ""
+    if k >= nlp.constants:
+        name, place = problem.free_names[k - nlp.constants], ""
+        value = x[k] * nlp.p_scale[k - nlp.constants]
+    else:
+        column = (k - nlp.end) if k >= nlp.end else k % layout.size
+        groups = ((problem.state_names, layout.left[: layout.nx]), (problem.state_names, layout.x),
+                  (problem.control_names, layout.u), (problem.point_names, layout.z))  # fmt: skip
+        own = [
+            names[i] for names, columns in groups for i in np.flatnonzero(np.any(np.atleast_2d(columns) == column, 0))
+        ]
+        name = own[0] if own else "an element's length"
+        place = f" in element {min(k // layout.size, nlp.mesh.elements - 1) + 1}"
+        value = x[k] * layout.scale[column]
+    return f"'{name}' has grown to {value:.2g}{place}, where it has no bound: bound it, or give it a larger nominal"
+
+
+def worst(nlp: Nlp, run: Run) -> str:
+    """The most violated rows with element and time."""
+    rows = violated(nlp.lbg, nlp.ubg, run.g)
+    return f"worst rows: {'; '.join(named_row(nlp, run.x, r, v) for r, v in rows)}" if rows else ""
+
+
+def violated(low: np.ndarray, high: np.ndarray, g: np.ndarray) -> list[tuple[int, float]]:
+    """(row, violation) of the worst rows."""
+    violation = np.maximum(low - g, g - high)
+    violation = np.where(np.isfinite(violation), violation, np.inf)
+    order = np.argsort(-violation, kind="stable")[:WORST]
+    return [(int(r), float(violation[r])) for r in order if violation[r] > SMALL]
+
+
+def named_row(nlp: Nlp, x: np.ndarray, row: int, violation: float) -> str:
+    """Name, place, time and violation of a row."""
+    s = nlp.row_fraction(row, x)
+    t0, tf = horizon(nlp, x)
+    at = "" if s is None or not np.isfinite(tf - t0) else f" ({t0 + s * (tf - t0):.4g} s)"
+    return f"{nlp.row_name(row)}{at} by {violation:.2g}"

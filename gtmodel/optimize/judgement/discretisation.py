@@ -1,0 +1,304 @@
+"""How far the collocated states are from those of the model: an estimate for every solution, on a finer rule.
+
+On each element the equations are linearised about the solution and collocated at more Radau points. That gives the
+element's own error and how the model carries errors through it, and so the error at every instant from the start on:
+what a re-simulation of the input would show, to first order, at a small part of its cost.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from ...results.status import SolveStatus
+from ..formulation.dynamic import DynamicProblem
+from ..formulation.system import System
+from ..mesh import Mesh
+from ..nlp import Nlp, placed
+from ..shooting import TOLERANCE
+from ..solution import Check, Solution, constants, horizon
+from ..tables import Table, basis, basis_slope, table
+from .narrow import bends, passed_over
+
+NAME, COST = "discretisation_error", "integral_error"
+# of a state's range: what a picture shows. Below it the mesh is a question of digits, which refine() answers; above
+# it the trajectory is no longer one of the model
+BOUND = 1e-2
+EXTRA = 2  # Radau points beyond those of the mesh: four orders more at the element's end
+# of the sum of what the elements add: where an unstable model carries that further, its input does not tell the motion
+# from the start on, and the optimum is a boundary value problem's. Then the nearest motion from any start measures it:
+# at 20, 50 and 100 elements that is what the optimum is off by on the tank and the van der Pol oscillator
+UNSTABLE = 30.0
+ZERO_COST = 1e-6  # over the objective's scale: BOUND of it is the solver's tolerance
+NOTHING = 1e-8  # of its nominal, as the solver works: a state that moves less stands still
+
+
+@dataclass(frozen=True, eq=False)
+class Discretisation:
+    """Estimated errors of the states at the mesh edges and collocation points, as parts of each state's range.
+
+    Args:
+        error: the largest of all.
+        state: the name of the state that has it, and `time` [s] where.
+        elements: (elements,) the error that each element adds by itself.
+        missed: (elements,) what the quadrature on each element misses of the integrals in the objective; `integral` is
+            the sum as a part of the integral of their absolute values.
+        shadow: is it the distance to the nearest motion of the model under the same input from any start, as an
+            unstable model wants it, and not that to the motion from the solution's own start?
+    """
+
+    error: float
+    state: str
+    time: float
+    elements: np.ndarray
+    missed: np.ndarray
+    integral: float
+    shadow: bool = False
+
+
+def judged(solution: Solution, bound: float | None, exact: bool = False, scale: float = 1.0) -> Solution:
+    """The solution with its estimates among the checks; a solved one above the bound has status check_failed.
+
+    exact: the states at the points and the cost are those of an error-controlled integrator, so that there is nothing
+    to estimate. scale: what the solver multiplied the objective by.
+    """
+    if exact:
+        return solution.with_checks(**{NAME: Check(TOLERANCE, bound), COST: Check(TOLERANCE, bound)})
+    found = discretisation(solution.nlp, solution.x, scale)
+    solution = solution.with_checks(**{NAME: Check(found.error, bound), COST: Check(found.integral, bound)})
+    if not solution.status.ok or (solution.checks[NAME].passed and solution.checks[COST].passed):
+        return solution
+    return replace(solution, status=SolveStatus.CHECK_FAILED, message=f"{solution.message}, but {told(found, bound)}")
+
+
+def told(found: Discretisation, bound: float | None) -> str:
+    """What a mesh that is too coarse says."""
+    more = "take more elements, or gt.optimize.refine"
+    if not np.isfinite(found.error + found.integral):
+        return f"between its points the equations of the model give no number, so that nothing tells its error; {more}"
+    if bound is not None and found.error <= bound:
+        return (
+            f"the mesh does not resolve the integral in the objective: it misses {found.missed.sum():.4g} of it, "
+            f"{found.integral:.2g} of the integral of its absolute value (bound {bound:g}); {more}"
+        )
+    than = "the nearest motion of the model" if found.shadow else "what the model makes of its input"
+    return (
+        f"the mesh does not resolve the model: '{found.state}' is {found.error:.2g} of its range off {than} at "
+        f"{found.time:.4g} s (bound {bound:g}); {more}"
+    )
+
+
+class _Grid(NamedTuple):
+    """Errors on each element at the finer rule's nodes: its own (N, M, nx), and what one at its left end becomes there
+    (N, M, nx, nx)."""
+
+    own: np.ndarray
+    carried: np.ndarray
+
+
+def discretisation(nlp: Nlp, x: np.ndarray, scale: float = 1.0) -> Discretisation:
+    """Estimate for the scaled unknowns x of a collocation NLP, whose objective the solver multiplied by `scale`;
+    infinite where the equations give no number."""
+    mesh = placed(nlp, x)
+    none, (t0, tf) = np.full(mesh.elements, np.inf), horizon(nlp, x)
+    if not np.all(np.isfinite(x)) or not tf > t0:
+        return Discretisation(np.inf, "", np.nan, none, none, np.inf)
+    with np.errstate(all="ignore"):
+        along = _along(nlp, x, mesh, t0, tf - t0)
+        missed, part = _integrals(along, mesh, nlp.problem, scale)
+        if not nlp.problem.state_names:
+            return Discretisation(0.0, "", np.nan, 0.0 * mesh.h, missed, part)
+        found = _estimate(along, nlp.problem, mesh, t0, tf - t0)
+        found = found or Discretisation(np.inf, "", np.nan, none, missed, part)
+        return replace(found, missed=missed, integral=part)
+
+
+def _estimate(along: _Along, problem: DynamicProblem, mesh: Mesh, t0: float, duration: float) -> Discretisation | None:
+    fine, length, rule, K = along.fine, along.length, mesh.table, mesh.points
+    scale, (xs, rates, slopes) = problem.x_scale, (along.states, along.rates, along.slopes)
+    size = np.maximum(ranges(problem, xs.reshape(-1, len(scale))), NOTHING * scale)
+    # what the solver left in the rows of the collocation points is no error of the mesh
+    at_points = np.einsum("nix,ij->njx", xs[:, [K, *range(K)]], rule.derivative)
+    noise = np.einsum("c,ncx->x", rule.weights, np.abs(at_points - length[:, None, None] * rates[:, :K])) / size
+    missed = np.einsum("nix,ij->njx", xs[:, K:], fine.derivative) - length[:, None, None] * rates[:, K + 1 :]
+    missed, slopes = missed / scale, slopes * (scale / scale[:, None]) * length[:, None, None, None]
+    for k, (more, _) in along.unseen.items():  # what it brings about on the same element
+        missed[k] -= np.einsum("jxy,jy->jx", slopes[k], more / scale)
+    grid = _errors(fine, missed, slopes)
+    if grid is None:
+        return None
+    for k, (more, _) in along.unseen.items():
+        grid.own[k] += more / scale
+    if not np.all(np.isfinite(grid.own)):
+        return None
+    parts, e = scale / size, _from_start(grid)
+    added = np.max(np.abs(grid.own[:, -1]) * parts, axis=1).sum()
+    shadow = not np.max(np.abs(e) * parts) <= UNSTABLE * added
+    if shadow:
+        e = _nearest(grid, parts)
+    places = np.append(rule.points, 1.0)
+    kept = basis(fine.nodes, places)
+    own = np.einsum("pm,nmx->npx", kept[:, 1:], grid.own)
+    carried = np.einsum("pm,nmxy->npxy", kept[:, 1:], grid.carried) + kept[:, 0, None, None] * np.eye(len(scale))
+    each = np.maximum(np.abs(own) * parts - noise, 0.0).max(axis=(1, 2))
+    errors = np.maximum(np.abs(own + np.einsum("npxy,ny->npx", carried, e[:-1])) * parts - noise, 0.0)
+    errors = np.where(np.isfinite(errors), errors, np.inf)
+    k, p, n = (int(i) for i in np.unravel_index(int(np.argmax(errors)), errors.shape))
+    time = float(t0 + (mesh.edges[k] + mesh.h[k] * places[p]) * duration)
+    return Discretisation(float(errors[k, p, n]), problem.state_names[n], time, each, 0.0 * each, np.inf, shadow)
+
+
+def _integrals(along: _Along, mesh: Mesh, problem: DynamicProblem, scale: float) -> tuple[np.ndarray, float]:
+    """What the mesh's rule misses of the integrals in the objective on each element, and of all as a part of the finer
+    rule's of their absolute values."""
+    if not problem.integrals:
+        return 0.0 * mesh.h, 0.0
+    coefficients, K = np.array([w for _, _, w in problem.integrals]), mesh.points
+    values = along.integrands * coefficients
+    fine = np.einsum("c,ncq->n", along.fine.weights, values[:, K + 1 :])
+    missed = along.length * (fine - np.einsum("c,ncq->n", mesh.table.weights, values[:, :K]))
+    for k, (_, whole) in along.unseen.items():
+        # the larger of both: what the two rules differ by may tell more of a control that is too coarse as well
+        missed[k] = max(missed[k], missed[k] + whole @ coefficients - along.length[k] * fine[k], key=abs)
+    size = np.einsum("c,n,ncq->", along.fine.weights, along.length, np.abs(values[:, K + 1 :]))
+    if not np.all(np.isfinite(missed)):
+        return missed, np.inf
+    return missed, float(abs(missed.sum()) / max(float(size), ZERO_COST / scale))
+
+
+def ranges(problem: DynamicProblem, xs: np.ndarray) -> np.ndarray:
+    """Highest minus lowest value of each state (nx,) in rows xs; entries of a vector share the largest of theirs."""
+    found = np.ptp(xs, axis=0)
+    entries: dict[tuple[int, int], list[int]] = {}
+    group = {i: n for n, (_, indices) in enumerate(problem.flat.groups.values()) for i in indices}
+    for n, (index, order) in enumerate(problem.state_pairs):
+        entries.setdefault((group.get(index, -1 - index), order), []).append(n)
+    for columns in entries.values():
+        found[columns] = found[columns].max()
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class _Along:
+    """What the model gives along a solution, at the mesh's points, the elements' left ends and the nodes of the finer
+    rule (P = K + 1 + M places): states and the model's rates (N, P, nx), integrands (N, P, integrals), and at the nodes
+    the slopes of the rates by the states (N, M, nx, nx). length: of the elements [s]. unseen: by element, what the
+    finer rule passes over of functions of time in the states at its nodes (M, nx), and the whole integrals (q,)."""
+
+    fine: Table
+    length: np.ndarray
+    states: np.ndarray
+    rates: np.ndarray
+    integrands: np.ndarray
+    slopes: np.ndarray
+    unseen: dict[int, tuple[np.ndarray, np.ndarray]]
+
+
+def _along(nlp: Nlp, x: np.ndarray, mesh: Mesh, t0: float, duration: float) -> _Along:
+    problem, layout = nlp.problem, nlp.element.layout
+    fine = table("radau", mesh.points + EXTRA)
+    places = np.concatenate([mesh.table.points, fine.nodes])
+    N, n, nx, first = mesh.elements, len(places), layout.nx, mesh.points + 1
+    y = x[: nlp.end].reshape(N, layout.size) * layout.scale
+    nodes = np.vstack([layout.left[:nx], layout.x])
+    xs = np.einsum("pi,nix->npx", basis(mesh.table.nodes, places), y[:, nodes])
+    inputs = np.stack([layout.inputs(row, places) for row in y]).reshape(N * n, -1)
+    given, P = inputs[:, : layout.nu + len(problem.delayed)], constants(nlp, x)
+    times = t0 + (mesh.edges[:-1, None] + mesh.h[:, None] * places).ravel() * duration
+    system, rows = System.of(problem), xs.reshape(N * n, nx)
+    # unknowns from the nearest collocation point: their polynomials overshoot
+    nearest = np.abs(places[:, None] - mesh.table.points).argmin(axis=1)
+    begin = inputs.reshape(N, n, -1)[:, nearest].reshape(N * n, -1)
+    slope = np.einsum("pi,nix->npx", basis_slope(mesh.table.nodes, mesh.table.points), y[:, nodes])
+    slope /= (mesh.h * duration)[:, None, None]
+    z = system.solved(rows, given, system.near(problem, begin, slope[:, nearest].reshape(N * n, nx)), P, times)
+    rates, whole = system.at(rows, given, z, P, times)
+    f = _integrands(problem)
+
+    def integrated(*rows: np.ndarray, times: np.ndarray) -> np.ndarray:
+        """Integrands (rows, q) for rows of states, rates and inputs."""
+        count = len(times)
+        columns = [ca.DM(a.T) for a in rows]
+        return f.map(count)(*columns, ca.repmat(ca.DM(P), 1, count), ca.DM(times).T).full().T
+
+    integrands = integrated(rows, rates, whole, times=times) if problem.integrals else np.zeros((N * n, 0))
+    chosen = (np.arange(N)[:, None] * n + np.arange(first, n)).ravel()
+    slopes = np.zeros((0, nx, nx))
+    if nx:
+        slopes = system.slopes(rows[chosen], given[chosen], z[chosen], P, times[chosen])
+    rates, length = rates.reshape(N, n, nx), mesh.h * duration
+
+    def at(element: int, where: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Rates and integrands at places of one element."""
+        states = basis(mesh.table.nodes, where) @ y[element, nodes]
+        inputs = layout.inputs(y[element], where)[:, : given.shape[1]]
+        near = np.abs(where[:, None] - places).argmin(axis=1)
+        instants = t0 + (mesh.edges[element] + mesh.h[element] * where) * duration
+        unknowns = system.solved(states, inputs, z.reshape(N, n, -1)[element, near], P, instants)
+        r, everything = system.at(states, inputs, unknowns, P, instants)
+        return r, integrated(states, r, everything, times=instants) if problem.integrals else np.zeros((len(where), 0))
+
+    unseen = {
+        k: passed_over(bent, fine, float(length[k]), rates[k, first:], k, at)
+        for k, bent in bends(system, f, P, mesh.edges, t0, duration).items()
+    }
+    return _Along(fine, length, xs, rates, integrands.reshape(N, n, -1), slopes.reshape(N, n - first, nx, nx), unseen)
+
+
+def _integrands(problem: DynamicProblem) -> ca.Function:
+    arguments = [problem.x, problem.xd, problem.u, problem.P, problem.t]
+    return ca.Function("integrals", arguments, [ca.vertcat(ca.SX(0, 1), *[e for _, e, _ in problem.integrals])])
+
+
+def _errors(fine: Table, missed: np.ndarray, slopes: np.ndarray) -> _Grid | None:
+    """One Newton step of the finer rule from what is missed (N, M, nx), with slopes (N, M, nx, nx) per element."""
+    N, M, nx = missed.shape
+    matrix = np.einsum("ji,xy->ixjy", fine.derivative[1:], np.eye(nx))[None].repeat(N, 0)
+    for j in range(M):
+        matrix[:, j, :, j] -= slopes[:, j]
+    right = np.concatenate(
+        [-missed[..., None], np.broadcast_to(-fine.derivative[0][:, None, None] * np.eye(nx), (N, M, nx, nx))], axis=-1
+    )
+    try:
+        found = np.linalg.solve(matrix.reshape(N, M * nx, M * nx), right.reshape(N, M * nx, nx + 1))
+    except np.linalg.LinAlgError:
+        return None
+    found = found.reshape(N, M, nx, nx + 1)
+    return _Grid(found[..., 0], found[..., 1:])
+
+
+def _from_start(grid: _Grid) -> np.ndarray:
+    """Errors (N + 1, nx) at the edges, of a motion that begins where the solution does."""
+    e = np.zeros((len(grid.own) + 1, grid.own.shape[2]))
+    for k, (own, carried) in enumerate(zip(grid.own[:, -1], grid.carried[:, -1], strict=True)):
+        e[k + 1] = own + carried @ e[k]
+    return e
+
+
+def _nearest(grid: _Grid, parts: np.ndarray) -> np.ndarray:
+    """The least errors (N + 1, nx) at the edges, in the sum of squares of their parts of the ranges, of any motion of
+    the model: what one element amplifies is taken from the end on."""
+    own, carried = grid.own[:, -1] * parts, grid.carried[:, -1] * (parts[:, None] / parts)
+    eye = np.eye(own.shape[1])
+    # least norm under e[k + 1] - carried[k] e[k] = own[k]: a block tridiagonal matrix, eliminated from the start on
+    upper: list[np.ndarray] = []
+    pivots: list[np.ndarray] = []
+    right: list[np.ndarray] = []
+    for k, phi in enumerate(carried):
+        pivot, r = phi @ phi.T + eye, own[k]
+        if k:
+            factor = np.linalg.solve(pivots[-1], upper[-1]).T
+            pivot, r = pivot - factor @ upper[-1], r - factor @ right[-1]
+        pivots.append(pivot)
+        right.append(r)
+        upper.append(-carried[k + 1].T if k + 1 < len(carried) else eye)
+    multipliers = np.zeros((len(own) + 1, own.shape[1]))
+    for k in range(len(own) - 1, -1, -1):
+        multipliers[k] = np.linalg.solve(pivots[k], right[k] - upper[k] @ multipliers[k + 1] * (k + 1 < len(own)))
+    e = np.zeros_like(multipliers)
+    e[1:] = multipliers[:-1]
+    e[:-1] -= np.einsum("nyx,ny->nx", carried, multipliers[:-1])
+    return e / parts

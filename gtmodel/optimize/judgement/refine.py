@@ -1,0 +1,217 @@
+"""Mesh refinement: where the collocation polynomials miss the equations, elements are split; others are merged."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.polynomial import legendre
+
+from ...lang.optimization import Delayed, Optimization
+from ...lang.source import ModelError
+from ..element import of_states
+from ..formulation.system import System
+from ..mesh import Mesh, given_mesh
+from ..nlp import placed
+from ..solution import Solution, constants, states_and_controls
+from ..solve import NotSolved, solve
+from .discretisation import COST, NAME, discretisation
+
+EXTRA = 2  # quadrature points per element beyond the collocation points: none of them is a collocation point
+MOST_PIECES = 4
+# two elements are merged where that is expected to leave the error this far below the tolerance
+SPARE = 0.1
+ALIKE = 3.0  # and only if neither is this much longer than the other
+BETWEEN = 1e-4  # of its range: what a limit on states may be passed by between the points
+INSIDE = np.linspace(0.0, 1.0, 9)  # where limits are tried on an element
+
+
+@dataclass(frozen=True)
+class Pass:
+    """One solve of a refinement: elements, largest error in nominals, and what was done with the mesh after it."""
+
+    elements: int
+    error: float
+    objective: float
+    iterations: int
+    split: int = 0
+    merged: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class Refinement:
+    """The last solution with its error estimate per element, and how it came about.
+
+    excess: per element, by what a limit on states is passed between the points, as a part of its range.
+    """
+
+    solution: Solution
+    errors: np.ndarray
+    passes: tuple[Pass, ...]
+    tolerance: float
+    excess: np.ndarray
+
+    @property
+    def reached(self) -> bool:
+        """Was it solved, with an error below the tolerance and limits on states kept to 1e-4 of their range?"""
+        close = self.errors.max() <= self.tolerance and self.excess.max() <= BETWEEN
+        return self.solution.status.ok and bool(close)
+
+    def __str__(self) -> str:
+        lines = ["pass  elements       error  split  merged  iterations  objective"]
+        lines += [
+            f"{n:4d}  {p.elements:8d}  {p.error:10.2e}  {p.split:5d}  {p.merged:6d}  {p.iterations:10d}  "
+            f"{p.objective:.10g}"
+            for n, p in enumerate(self.passes, 1)
+        ]
+        return "\n".join(lines)
+
+
+def element_errors(solution: Solution) -> np.ndarray:
+    """Error estimate (elements,): int |x' - f(x, u)| dt over each element, off the collocation points, of the worst
+    state, in nominals. Algebraic unknowns without a closed form are solved for at each of these instants."""
+    nlp, problem = solution.nlp, solution.problem
+    if not np.all(np.isfinite(solution.x)):  # of a failed solve
+        return np.full(nlp.mesh.elements, np.inf)
+    mesh = placed(nlp, solution.x)
+    points, weights = legendre.leggauss(mesh.points + EXTRA)
+    points, weights = (points + 1) / 2, weights / 2
+    s = (mesh.edges[:-1, None] + mesh.h[:, None] * points).ravel()
+    xs, xd, us, times = states_and_controls(nlp, solution.x, s)
+    system, P = System.of(problem), constants(nlp, solution.x)
+    given = us[:, : nlp.element.layout.nu + len(problem.delayed)]
+    z = np.zeros((len(s), system.count))
+    if system.count:
+        # from the nearest collocation point: their polynomials overshoot
+        nearest = np.abs(points[:, None] - mesh.table.points).argmin(axis=1)
+        at = (mesh.edges[:-1, None] + mesh.h[:, None] * mesh.table.points[nearest]).ravel()
+        _, slope, inputs, _ = states_and_controls(nlp, solution.x, at)
+        z = system.near(problem, inputs, slope)
+        z = system.solved(xs, given, z, P, times)
+    rates, _ = system.at(xs, given, z, P, times)
+    miss = np.abs(xd - rates) / problem.x_scale
+    horizon = times[-1] - times[0] if len(times) > 1 else 0.0
+    horizon /= s[-1] - s[0]
+    miss = np.where(np.isfinite(miss), miss, np.inf)  # between the points it leaves the range of the model
+    each = miss.reshape(mesh.elements, len(points), -1) * weights[None, :, None]
+    return np.max(each.sum(axis=1), axis=1, initial=0.0) * mesh.h * horizon
+
+
+def element_excess(solution: Solution) -> np.ndarray:
+    """Largest excess (elements,) over a bound of a state or a row of states alone anywhere in an element, as a part of
+    the room between its limits, or of what it runs through where it has one limit only."""
+    nlp, problem = solution.nlp, solution.problem
+    mesh = placed(nlp, solution.x)
+    rows = [r for r in problem.path if of_states(problem, r)]
+    if not np.all(np.isfinite(solution.x)):
+        return np.full(mesh.elements, np.inf)
+    s = (mesh.edges[:-1, None] + mesh.h[:, None] * INSIDE).ravel()
+    xs, _, _, times = states_and_controls(nlp, solution.x, s)
+    arguments = [problem.x, problem.P, problem.t]
+    f = ca.Function("limited", arguments, [ca.vertcat(problem.x, *[r.expression for r in rows])]).map(len(times))
+    P = ca.repmat(ca.DM(constants(nlp, solution.x)), 1, len(times))
+    values = f(ca.DM(xs.T), P, ca.DM(times).T).full()
+    low = np.concatenate([problem.x_bounds.low, [r.low for r in rows]])[:, None]
+    high = np.concatenate([problem.x_bounds.high, [r.high for r in rows]])[:, None]
+    room = np.where(np.isfinite(high - low) & (high > low), high - low, np.ptp(values, axis=1)[:, None])
+    passed = np.maximum(np.maximum(low - values, values - high), 0.0)
+    part = np.divide(passed, room, out=np.zeros_like(passed), where=room > 0)
+    return np.max(part.reshape(len(values), mesh.elements, -1), axis=(0, 2), initial=0.0)
+
+
+def refine(
+    model: Optimization,
+    mesh: Mesh | None = None,
+    *,
+    tolerance: float,
+    passes: int = 8,
+    most_elements: int = 1000,
+    merge: bool = True,
+    **options: Any,
+) -> Refinement:
+    """Solve on meshes that follow the error estimate until it is below the tolerance (in nominals) everywhere, and
+    limits on states alone are passed between the points by at most 1e-4 of their range, and the solution's own checks
+    of its mesh hold.
+
+    Each pass starts from the last solution; `options` are those of solve(). Elements are split into up to four,
+    and neighbours far below the tolerance are merged. It ends after `passes` solves or at `most_elements` too; see
+    `reached`. With throw=False a pass that fails ends it too, with the last solution of all and a message that names
+    the pass. A model with a delayed input is refused: its mesh edges follow the delay. Raises what solve() raises, and
+    ValueError for a tolerance that is not positive or a mesh with blocks.
+    """
+    if not tolerance > 0:
+        raise ValueError(f"the tolerance of refine() is positive; found {tolerance:g}")
+    mesh = Mesh(10) if mesh is None else given_mesh(mesh)
+    if mesh.blocks is not None:
+        raise ValueError("refine() splits elements, and blocks count them; leave out blocks")
+    _refuse_delays(model)
+    throw = bool(options.pop("throw", True))
+    solution = solve(model, mesh, throw=throw, **options)
+    history: list[Pass] = []
+    while True:
+        errors, excess = element_errors(solution), element_excess(solution)
+        last = Pass(len(errors), float(errors.max()), solution.objective, solution.iterations)
+        if not solution.status.converged:
+            return Refinement(solution, errors, (*history, last), tolerance, excess)
+        worse = np.maximum(errors, tolerance * np.maximum(excess / BETWEEN, _unresolved(solution)))
+        lengths, split, merged = _next_lengths(placed(solution.nlp, solution.x), worse, tolerance, merge)
+        done = worse.max() <= tolerance or len(history) + 1 >= passes or len(lengths) > most_elements
+        history.append(last if done else replace(last, split=split, merged=merged))
+        if done:
+            return Refinement(solution, errors, tuple(history), tolerance, excess)
+        options["guess"] = solution
+        finer = replace(mesh, elements=len(lengths), lengths=tuple(lengths))
+        solution = solve(model, finer, throw=False, **options)
+        if not solution.status.converged:
+            message = f"pass {len(history) + 1} of refine(): {solution.message}"
+            solution = replace(solution, message=message)
+            if throw:
+                raise NotSolved(solution)
+
+
+def _unresolved(solution: Solution) -> np.ndarray:
+    """What each element adds to the checks that failed, beside its share of what their bounds allow; else nothing."""
+    found = discretisation(solution.nlp, solution.x)
+    worse = np.zeros(len(found.elements))
+    for name, added in ((NAME, found.elements), (COST, np.abs(found.missed))):
+        check = solution.checks[name]
+        if not check.passed and check.bound is not None and 0 < added.sum() < np.inf:
+            worse = np.maximum(worse, added * len(added) / added.sum() * (check.value / check.bound))
+    return worse
+
+
+def _refuse_delays(model: Optimization) -> None:
+    """Raises ModelError for a model with delayed inputs."""
+    late = [n for n, item in getattr(type(model), "_declared", {}).items() if isinstance(item, Delayed)]
+    if late:
+        raise ModelError(
+            f"{type(model).__name__}: refine() moves mesh edges, and those of '{late[0]}' must fit its delay; solve on "
+            "a finer mesh with gt.solve"
+        )
+
+
+def _next_lengths(mesh: Mesh, errors: np.ndarray, tolerance: float, merge: bool) -> tuple[list[float], int, int]:
+    """Lengths of the next mesh, elements split and pairs merged. The error of an element goes as h^(points + 1)."""
+    order, h = mesh.points + 1, mesh.h
+    lengths: list[float] = []
+    split = merged = k = 0
+    while k < len(h):
+        if errors[k] > tolerance:
+            pieces = int(max(2, np.ceil(min(MOST_PIECES, (errors[k] / tolerance) ** (1 / order)))))
+            lengths += [h[k] / pieces] * pieces
+            split += 1
+        elif merge and k + 1 < len(h) and _mergeable(errors[k : k + 2], h[k : k + 2], order, tolerance):
+            lengths.append(h[k] + h[k + 1])
+            merged += 1
+            k += 1
+        else:
+            lengths.append(float(h[k]))
+        k += 1
+    return lengths, split, merged
+
+
+def _mergeable(errors: np.ndarray, h: np.ndarray, order: int, tolerance: float) -> bool:
+    expected = np.max(errors * (h.sum() / h) ** order)
+    return bool(expected < SPARE * tolerance and h.max() < ALIKE * h.min())

@@ -1,0 +1,266 @@
+"""The optimum tried out: its input through an error-controlled integrator, from the same start."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from math import comb
+
+import casadi as ca
+import numpy as np
+from scipy.interpolate import CubicHermiteSpline
+
+from ...results.status import SolveStatus
+from ...results.trajectory import Trajectory
+from ..element import pointwise
+from ..formulation.dynamic import DynamicProblem
+from ..formulation.system import System
+from ..mesh import Mesh
+from ..nlp import Nlp, placed
+from ..solution import Solution, constants, horizon, named, states_and_controls, totals
+from .overshoot import control_range
+
+# far below the collocation error that is to be measured, far above round-off
+INTEGRATOR_TOLERANCE = 1e-10
+SUBSTEPS = 8  # reported points per element: overshoots of a cubic control are seen
+
+
+@dataclass(frozen=True, eq=False)
+class Resimulation:
+    """What the input really does.
+
+    end_error: by state name, integrated minus collocated value at the end (SI units).
+    defect: largest difference at any mesh edge, in nominals.
+    violation: largest excess over a bound or path constraint anywhere between the nodes (SI units), and
+    `violated`, its name; cost_error: integrated minus collocated cost.
+    control_range: lowest and highest value of each control at any instant, by name; exact.
+    """
+
+    status: SolveStatus
+    message: str
+    trajectory: Trajectory | None
+    end_error: dict[str, float]
+    defect: float
+    violation: float
+    violated: str
+    cost_error: float
+    control_range: dict[str, tuple[float, float]]
+
+
+def resimulate(solution: Solution, tolerance: float = INTEGRATOR_TOLERANCE) -> Resimulation:
+    """Integrate the solution's input with CVODES and compare."""
+    nlp, problem = solution.nlp, solution.problem
+    t0, tf = horizon(nlp, solution.x)
+    P = constants(nlp, solution.x)
+    mesh = placed(nlp, solution.x)
+    edges, h = mesh.edges, mesh.h
+    low, high = control_range(nlp, solution.x)
+    ranges = dict(zip(problem.control_names, zip(low.tolist(), high.tolist(), strict=True), strict=True))
+    fine = np.linspace(0.0, 1.0, SUBSTEPS + 1)
+    states, unknowns, cost, sums = _integrate(solution, tolerance, mesh)
+    if len(states) < mesh.elements:
+        time = t0 + edges[len(states)] * (tf - t0)
+        return Resimulation(
+            SolveStatus.FAILED,
+            f"the integrator stopped after {time:.6g} s: the input leads out of the model's range",
+            None, {}, np.inf, np.inf, "", np.inf, ranges,
+        )  # fmt: skip
+    # both ends of every element: a control may jump at an edge
+    s = (edges[:-1, None] + h[:, None] * fine).reshape(-1)
+    s[-1] = 1.0
+    xs, us = np.vstack(states), np.vstack([_given(nlp, solution.x, k, fine) for k in range(mesh.elements)])
+    times = t0 + s * (tf - t0)
+    system, zs = System.of(problem), np.vstack(unknowns)
+    rates, us = system.at(xs, us, zs, P, times)
+    rows = [slice(k * len(fine), (k + 1) * len(fine)) for k in range(mesh.elements)]
+    paths = [CubicHermiteSpline(times[r], xs[r], rates[r]) for r in rows]
+
+    def integrated(s: float) -> tuple[np.ndarray, ...]:
+        """State, rate, control and time at a fraction of the horizon."""
+        k, t = mesh.element_at(s), t0 + s * (tf - t0)
+        x, local = paths[k](t), (s - edges[k]) / h[k]
+        z = np.array([np.interp(local, fine, column) for column in unknowns[k].T])
+        xd, u = system.at(x[None], _given(nlp, solution.x, k, np.array([local])), z[None], P, np.array([t]))
+        return x, xd[0], u[0], np.array(t)
+
+    violation, name = _violation(problem, xs, rates, us, times, P, low, high)
+    # one row per instant from here on: at an edge that of the element on its left
+    kept = np.delete(np.arange(len(s)), np.arange(1, mesh.elements) * len(fine))
+    s, xs, us, times, rates = s[kept], xs[kept], us[kept], times[kept], rates[kept]
+    at_edges = np.arange(0, len(s), SUBSTEPS)
+    xs_c = states_and_controls(nlp, solution.x, s[at_edges])[0]
+    end = dict(zip(problem.state_names, (xs[-1] - xs_c[-1]).tolist(), strict=True))
+    defect = float(np.max(np.abs(xs[at_edges] - xs_c) / problem.x_scale, initial=0.0))
+    if problem.quadratures:
+        sums, sums_c = sums[kept], totals(nlp, solution.x, s[at_edges])
+        end |= dict(zip(problem.quadrature_names, (sums[-1] - sums_c[-1]).tolist(), strict=True))
+        size = [problem.flat.variables[q.index].nominal for q in problem.quadratures]
+        defect = max(defect, float(np.max(np.abs(sums[at_edges] - sums_c) / size)))
+    trajectory = named(problem, xs, rates, us, times, P, sums)
+    cost_error = cost + _mayer(solution, integrated, P) + _steps(nlp, solution.x) - float(nlp.nlp(solution.x, [])[0])
+    return Resimulation(
+        SolveStatus.SOLVED, "re-simulated", trajectory, end, defect, violation, name, cost_error, ranges
+    )
+
+
+def _given(nlp: Nlp, x: np.ndarray, element: int, local: np.ndarray) -> np.ndarray:
+    """Controls and delayed inputs (len(local), n) of one element."""
+    layout = nlp.element.layout
+    y = x[element * layout.size : (element + 1) * layout.size] * layout.scale
+    return layout.inputs(y, local)[:, : layout.nu + len(nlp.problem.delayed)]
+
+
+def _integrate(
+    solution: Solution, tolerance: float, mesh: Mesh
+) -> tuple[list[np.ndarray], list[np.ndarray], float, np.ndarray]:
+    """States (SUBSTEPS + 1, nx) and unknowns without a closed form in each element, up to where the integrator
+    stops, the integral cost, and the costs that are written as states (elements (SUBSTEPS + 1), n)."""
+    nlp = solution.nlp
+    layout = nlp.element.layout
+    t0, tf = horizon(nlp, solution.x)
+    P = constants(nlp, solution.x)
+    integrator = make_integrator(nlp, tolerance, sums=True)
+    total = np.array([q.start for q in nlp.problem.quadratures])
+    sums: list[np.ndarray] = []
+    x = states_and_controls(nlp, solution.x, np.array([0.0]))[0][0]
+    z = _first_unknowns(solution, x, t0, P)
+    states, unknowns, cost = [], [], 0.0
+    nd = len(nlp.problem.delayed)
+    for k in range(mesh.elements):
+        y = solution.x[k * layout.size : (k + 1) * layout.size] * layout.scale
+        given = np.concatenate([y[layout.u].reshape(-1), y[layout.z[:, :nd]].reshape(-1)])
+        p = np.concatenate([[t0 + mesh.edges[k] * (tf - t0), mesh.h[k] * (tf - t0)], given, P])
+        try:
+            result = integrator(x0=x if len(x) else 0.0, z0=z, p=p)
+        except RuntimeError:
+            break
+        states.append(np.vstack([x, np.asarray(result["xf"].full()).T[:, : len(x)]]))
+        zf = np.asarray(result["zf"].full()).reshape(len(z), -1).T if len(z) else np.zeros((SUBSTEPS, 0))
+        unknowns.append(np.vstack([zf[:1], zf]))  # at the left end as at the first step: the input may jump there
+        x, z = states[-1][-1], zf[-1] if len(z) else z
+        quad = np.asarray(result["qf"].full())
+        cost += float(quad[0, -1])
+        sums.append(np.vstack([total, total + quad[1:].T]))
+        total = sums[-1][-1]
+    return states, unknowns, cost, np.vstack(sums) if sums else np.zeros((0, len(total)))
+
+
+def _first_unknowns(solution: Solution, x: np.ndarray, t0: float, P: np.ndarray) -> np.ndarray:
+    """Start values for the unknowns without a closed form: those of the solution, corrected by Newton."""
+    nlp, problem = solution.nlp, solution.problem
+    system = System.of(problem)
+    if not system.count:
+        return np.zeros(0)
+    layout, first = nlp.element.layout, placed(nlp, solution.x).h[0] * nlp.mesh.table.points[0]
+    _, slope, inputs, _ = states_and_controls(nlp, solution.x, np.array([first]))
+    z = system.near(problem, inputs, slope)
+    given = layout.inputs(solution.x[: layout.size] * layout.scale, np.zeros(1))
+    given = given[:, : layout.nu + len(problem.delayed)]
+    return system.solved(x[None], given, z, P, np.array([t0]))[0]
+
+
+def _mayer(solution: Solution, integrated: Callable[[float], tuple[np.ndarray, ...]], P: np.ndarray) -> float:
+    """The cost that is no integral, from the values at the instants it needs."""
+    problem = solution.problem
+    inputs = [problem.x, problem.xd, problem.u, problem.P, problem.t]
+    values = []
+    for i in problem.instants:
+        x, rate, u, t = integrated(i.s)
+        values.append(float(ca.Function("instant", inputs, [i.expression])(x, rate, u, P, t)))
+    symbols = ca.vertcat(*[i.symbol for i in problem.instants]) if values else ca.SX(0, 1)
+    return float(ca.Function("mayer", [symbols, problem.P], [problem.mayer])(values, P))
+
+
+def _steps(nlp: Nlp, x: np.ndarray) -> float:
+    """Penalties on the steps between blocks: of the input itself, so there is nothing to integrate."""
+    blocks = nlp.mesh.blocks
+    if blocks is None:
+        return 0.0
+    held = np.vstack([_given(nlp, x, k, np.zeros(1)) for k in range(nlp.mesh.elements)])
+    each = {name: np.sum(np.diff(held[:, j]) ** 2) for j, name in enumerate(nlp.problem.control_names)}
+    return float(sum(weight * each[name] for name, weight in blocks.step_penalty.items()))
+
+
+def make_integrator(nlp: Nlp, tolerance: float, outputs: Sequence[float] = (), sums: bool = False) -> ca.Function:
+    """CVODES (IDAS where equations have no closed form) over one element, with values at fractions of it.
+
+    Its quadrature is the integral cost and, with `sums`, behind it the costs that are written as states.
+
+    p = [left end of the element [s], its length [s], control coefficients, delayed inputs at the points, P].
+    """
+    problem, mesh, layout = nlp.problem, nlp.mesh, nlp.element.layout
+    nu, nd, m, k = layout.nu, len(problem.delayed), layout.u.shape[0], mesh.points
+    s = ca.SX.sym("s")
+    left, length = ca.SX.sym("left"), ca.SX.sym("length")
+    U, D = ca.SX.sym("U", nu * m), ca.SX.sym("D", nd * k)
+    u = _combined(_polynomials(mesh.control, mesh, s), U, nu)
+    late = _combined(_polynomials("polynomial", mesh, s), D, nd)
+    P = ca.SX.sym("P", problem.P.numel())
+    t = left + s * length
+    system = System.of(problem)
+    z = ca.SX.sym("z", system.count)
+    given = ca.vertcat(u, late)
+    rates, point_variables = system.values(problem.x, given, z, P, t)
+    point = pointwise(problem)(problem.x, rates, ca.vertcat(given, point_variables), P, t)
+    weights = ca.DM([w for _, _, w in problem.integrals]) if problem.integrals else ca.DM(0, 1)
+    quad = length * ca.dot(weights, point[3]) if problem.integrals else ca.SX(0)
+    if sums:
+        own = problem.integrands(problem.x, rates, ca.vertcat(given, point_variables), P, t)
+        quad = ca.vertcat(quad, length * own)
+    dae = {"x": problem.x, "p": ca.vertcat(left, length, U, D, P), "t": s, "ode": length * rates, "quad": quad}
+    if not problem.x.numel():  # CVODES wants a state
+        dae |= {"x": ca.SX.sym("nothing"), "ode": ca.SX(0)}
+    options = {"abstol": tolerance, "reltol": tolerance, "quad_err_con": True, "max_num_steps": 100000}
+    options |= {"verbose": False, "disable_internal_warnings": True, "show_eval_warnings": False}
+    if system.count:
+        dae |= {"z": z, "alg": system.residual(problem.x, given, z, P, t)[0]}
+    grid = list(outputs) or np.linspace(0.0, 1.0, SUBSTEPS + 1)[1:].tolist()
+    return ca.integrator("resimulate", "idas" if system.count else "cvodes", dae, 0.0, grid, options)
+
+
+def _combined(values: list[ca.SX], numbers: ca.SX, width: int) -> ca.SX:
+    """Sum of functions times rows of numbers."""
+    return sum((v * numbers[j * width : (j + 1) * width] for j, v in enumerate(values)), ca.SX.zeros(width, 1))
+
+
+def _polynomials(control: str, mesh: Mesh, s: ca.SX) -> list[ca.SX]:
+    """The functions of control_basis in the symbol s."""
+    if control == "constant":
+        return [ca.SX(1)]
+    if control == "linear":
+        return [1 - s, s]
+    c = mesh.table.points
+    k = len(c)
+    if control == "bernstein":
+        return [comb(k - 1, j) * s**j * (1 - s) ** (k - 1 - j) for j in range(k)]
+    values = []
+    for j in range(k):
+        term = ca.SX(1)
+        for i in range(k):
+            if i != j:
+                term = term * (s - float(c[i])) / float(c[j] - c[i])
+        values.append(term)
+    return values
+
+
+def _violation(
+    problem: DynamicProblem, xs: np.ndarray, rates: np.ndarray, us: np.ndarray, times: np.ndarray, P: np.ndarray,
+    u_low: np.ndarray, u_high: np.ndarray,
+) -> tuple[float, str]:  # fmt: skip
+    n = len(times)
+    path = pointwise(problem).map(n)(
+        ca.DM(xs.T), ca.DM(rates.T), ca.DM(us.T), ca.repmat(ca.DM(P), 1, n), ca.DM(times).T
+    )[2].full().T  # fmt: skip
+    nu = len(u_low)  # the controls' extremes are exact, all else is sampled
+    lowest, highest = (
+        np.concatenate([f(xs, axis=0), u, f(us[:, nu:], axis=0), f(path, axis=0) if path.size else []])
+        for f, u in ((np.min, u_low), (np.max, u_high))
+    )
+    low = np.concatenate([problem.x_bounds.low, problem.u_bounds.low, [r.low for r in problem.path]])
+    high = np.concatenate([problem.x_bounds.high, problem.u_bounds.high, [r.high for r in problem.path]])
+    names = [*problem.state_names, *problem.control_names, *problem.point_names, *(r.label for r in problem.path)]
+    if not names:
+        return 0.0, ""
+    excess = np.maximum(low - lowest, highest - high)
+    worst = int(np.argmax(excess))
+    return max(0.0, float(excess[worst])), names[worst]

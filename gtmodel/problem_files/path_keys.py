@@ -1,0 +1,72 @@
+"""Keys of a path to follow, and the shape of it that they say."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field, PositiveFloat, PositiveInt
+
+from gtmodel.motion.options import Arc, Line, Polyline, Shape, Spline, Taught
+from gtmodel.motion.paths import read_points
+from gtmodel.results import ArgumentError
+
+from .base import Context, InputError, Section
+from .robots import file_of
+
+Point = Annotated[list[float], Field(min_length=3, max_length=3)]
+OWN = {
+    "polyline": {"via_m", "blend_m"},
+    "arc": {"through_m"},
+    "spline": {"file"},
+    "taught": {"file", "tolerance_m"},
+}
+PATH_ARGUMENTS = {"path.points": "path.file"}  # where what a library says of a path stands in the file
+
+
+class PathSection(Section):
+    """The path to follow, from start to goal."""
+
+    shape: Literal["line", "polyline", "arc", "spline", "taught"] = Field(
+        "line",
+        description="straight; straight pieces with blended corners; arc of a circle; smooth curve through the points "
+        "of a file; a recorded path, smoothed",
+    )
+    via_m: list[Point] = Field([], description="polyline: its corners between start and goal")
+    blend_m: PositiveFloat = Field(0.05, description="polyline: distance from a corner at which its blend begins")
+    through_m: Point | None = Field(None, description="arc: a third point between start and goal")
+    file: str = Field("", description="spline, taught: CSV file with the columns x_m, y_m, z_m")
+    tolerance_m: PositiveFloat = Field(5e-4, description="taught: root mean square distance left by the smoothing")
+    intervals: PositiveInt = Field(
+        400, description="intervals of the motion by squared speeds, the exported one of kind trajectory"
+    )
+
+    def options(self, context: Context) -> Shape:
+        """The shape, with the points of its file. Raises InputError."""
+        for key in self.model_fields_set & set().union(*OWN.values()) - OWN.get(self.shape, set()):
+            raise InputError(
+                f"does not belong to shape '{self.shape}'; remove it or choose another shape", f"path.{key}"
+            )
+        match self.shape:
+            case "line":
+                return Line(intervals=self.intervals)
+            case "polyline":
+                return Polyline(self.via_m, self.blend_m, intervals=self.intervals)
+            case "arc":
+                if self.through_m is None:
+                    raise InputError("is missing; an arc needs a third point", "path.through_m")
+                return Arc(self.through_m, intervals=self.intervals)
+            case "spline":
+                return Spline(self._points(context), intervals=self.intervals)
+        return Taught(self._points(context), self.tolerance_m, intervals=self.intervals)
+
+    def _points(self, context: Context) -> np.ndarray:
+        file = file_of(self.file, context) if self.file else None
+        if file is None:
+            what = f"there is no file '{self.file}' in {context.folder} or here" if self.file else "is missing"
+            raise InputError(what, "path.file")
+        context.take("path", file)
+        try:
+            return read_points(file)
+        except ArgumentError as error:
+            raise InputError(error.sentence, "path.file") from error

@@ -1,0 +1,123 @@
+"""What every vibration study returns, and how its numbers are written."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+import numpy as np
+
+from ..inference import FALSE_ALARM
+from ..results import Estimate, Quantity, Row, Study
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class VibrationStudy(Study):
+    """How a structure vibrates. What this model does not tell is None."""
+
+    words: Annotated[
+        Sequence[str] | None, Quantity("", "what limits the result: identifiability, residuals, signs, in sentences")
+    ] = None
+    frequency: Annotated[Sequence[float] | Array | None, Quantity("Hz", "undamped, by mode")] = None
+    frequency_interval: Annotated[
+        Sequence[Sequence[float]] | None, Quantity("Hz", "95 % intervals by mode, where they are fitted")
+    ] = None
+    damping: Annotated[Sequence[float] | Array | None, Quantity("", "ratio by mode")] = None
+    damping_interval: Annotated[
+        Sequence[Sequence[float]] | None, Quantity("", "95 % intervals by mode, where they are fitted")
+    ] = None
+    distance: Annotated[
+        Array | None, Quantity("", "of neighbouring resonances in half-power widths; below 1 they overlap")
+    ] = None
+    order: Annotated[int | None, Quantity("", "number of states")] = None
+    order_by_gap: Annotated[int | None, Quantity("", "where the singular values fall most")] = None
+    singular_values: Annotated[Array | None, Quantity("", "of the weighted projection")] = None
+    held_out_fit: Annotated[Array | None, Quantity("%", "by output, of samples that were not fitted; 100 is exact")] = (
+        None
+    )
+    held_out_rms: Annotated[
+        Mapping[str, float | None] | None, Quantity("m", "by order tried; null where it is unstable")
+    ] = None  # fmt: skip
+    residual: Annotated[Sequence[float] | Array | None, Quantity("m", "rms by output")] = None
+    poles: Annotated[
+        Sequence[Sequence[float]] | None,
+        Quantity("1/s", "of the model in continuous time, real and imaginary part"),
+    ] = None
+    M_inv_K: Annotated[
+        Array | None, Quantity("1/s2", "of the physical form, row by row", key="M_inv_K_1_s2")  # K is no kelvin
+    ] = None
+    M_inv_D: Annotated[Array | None, Quantity("1/s", "of the physical form, row by row")] = None
+    M: Annotated[Array | None, Quantity("kg", "masses; null where neither a force nor a mass is known")] = None
+    D: Annotated[Array | None, Quantity("kg/s", "damping, likewise")] = None
+    K: Annotated[Array | None, Quantity("N/m", "stiffness, likewise")] = None
+    intervals: Annotated[
+        Mapping[str, Sequence[float]] | None,
+        Quantity("", "95 % intervals by name: M[0,0] and so on, or a and b"),
+    ] = None
+    stable: Annotated[bool | None, Quantity("", "whether all poles decay")] = None
+    signs: Annotated[Sequence[str] | None, Quantity("", "which change of signs makes printed matrices stable")] = None
+    definite: Annotated[
+        Mapping[str, Any] | None, Quantity("", "M_kg, D_kg_s, K_N_m of the nearest passive structure")
+    ] = None
+    a: Annotated[float | None, Quantity("", "pole of the step response")] = None
+    b: Annotated[float | None, Quantity("", "numerator of the step response")] = None
+    delay_samples: Annotated[int | None, Quantity("", "delay of the step response")] = None
+    delay_sure: Annotated[bool | None, Quantity("", "whether its neighbours are rejected at 1 %")] = None
+    gain: Annotated[Sequence[float] | None, Quantity("", "b / (1 - a), with its interval")] = None
+    bandwidth: Annotated[
+        Sequence[float | None] | None, Quantity("Hz", "-3 dB of the step response, with its interval")
+    ] = None
+    synthetic: Annotated[str | None, Quantity("", "seed and noise of made-up recordings; null for measured ones")] = (
+        None
+    )
+
+    @property
+    def rows(self) -> list[Row]:
+        """The table for people."""
+        made_up = [Row("SYNTHETIC", self.synthetic)] if self.synthetic else []
+        return [*self._found(), *(Row("said", w) for w in self._said()), *made_up]
+
+    def _found(self) -> list[Row]:
+        return []
+
+    def _said(self) -> Sequence[str]:
+        return self.words or ()
+
+
+def numbers(values: Iterable[float], form: str = ".5g") -> str:
+    """Numbers with commas between."""
+    return ", ".join(f"{x:{form}}" for x in values)
+
+
+def rows_of(X: Array) -> str:
+    """A matrix in one line, rows divided by semicolons."""
+    return "; ".join(numbers(row) for row in np.asarray(X))
+
+
+def pairs_of(values: Array) -> list[list[float]]:
+    """Complex numbers as real and imaginary part."""
+    return [[float(z.real), float(z.imag)] for z in values]
+
+
+def interval(ends: tuple[float, float] | None, form: str = ".5g") -> str:
+    """An interval in brackets, nothing where there is none."""
+    return "" if ends is None else f" ({ends[0]:{form}} .. {ends[1]:{form}})"
+
+
+def entitled(title: str, synthetic: str | None) -> str:
+    """A picture's title, with the word where the data are made up."""
+    return f"{title}\n(synthetic: {synthetic})" if synthetic else title
+
+
+def commented(text: str, synthetic: str | None) -> str:
+    """A TOML file, which says in its first line where the data are made up."""
+    return (f"# synthetic: {synthetic}\n" if synthetic else "") + text
+
+
+def by_chance(estimate: Estimate, names: Sequence[str]) -> Array:
+    """By how much noise may move each of these estimates (n,), all of them together but for false alarms."""
+    ends = [estimate.interval(name, 1 - FALSE_ALARM / len(names)) for name in names]
+    return np.array([(high - low) / 2 for low, high in ends])
