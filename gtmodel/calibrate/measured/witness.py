@@ -14,11 +14,13 @@ from ...lang.units import parse_unit
 from ...results import ArgumentError
 from ..calibration import calibrate
 from ..measurements import Measurements
-from ..misreading import misreading
 from ..prediction import Prediction
 from ..problem import Problem as Prepared
 from ..problem import prepare
-from ..recognition import (
+from ..unknowns import Choice
+from .misreading import misreading
+from .poses import SplitPoses
+from .recognition import (
     NEARER,
     aligned,
     angle_sentence,
@@ -30,8 +32,6 @@ from ..recognition import (
     swapped_axes,
     unit_sentence,
 )
-from ..unknowns import Choice
-from .poses import SplitPoses
 
 MOST = 150  # poses that are looked at: enough to tell a metre from a millimetre
 REACHED = 0.5  # share of the poses that the model must reach to be a witness

@@ -14,9 +14,9 @@ from ...lang import Model, ModelError
 from ...results import ArgumentError
 from ...robots import clusters
 from ..true_poses import moved, rows_of, true_poses
-from ..wandering import Wandering
 from .cart_errors import cart_points, levers, tilts
 from .options import Synthetic
+from .wandering import Wandering
 
 KEY = "synthetic"
 # mean distance of a normal error in space, in standard deviations along an axis: 2 sqrt(2 / pi)

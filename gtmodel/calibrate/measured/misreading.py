@@ -8,10 +8,10 @@ from itertools import combinations
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from ..lang.source import ModelError
-from .calibration import calibrate
-from .measurements import Measurements
-from .problem import Problem
+from ...lang.source import ModelError
+from ..calibration import calibrate
+from ..measurements import Measurements
+from ..problem import Problem
 
 NEARER = 3.0  # another reading is believed where it leaves a third of the residuals: nominal geometry misses by as much
 THOUSANDS = ((1e-3, "large", "divided", "in millimetres"), (1e3, "small", "multiplied", "in metres"))
