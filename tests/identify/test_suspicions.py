@@ -3,46 +3,39 @@
 from __future__ import annotations
 
 import re
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 import gtmodel as gt
-from gtmodel.kinds import identification
-from gtmodel.problem_files import Context, InputError
-from gtmodel.problem_files.load import validate
+from gtmodel.identify import IdentificationStudy, study
+from gtmodel.results import ArgumentError
 from tests.identify.plants import NOISE, plant, simulator, truth
 
-TABLE: dict[str, Any] = {
-    "kind": "identification",
-    "robot": "l1_tape",
-    "variant": "links",
-    "log": {"files": ["log.csv"], "position": {"column": "q", "unit": "m"}, "effort": {"column": "tau", "unit": "N"}},
-}
+LINKS = gt.robots.inertia_variant("links")
 
 
-def solve(folder: Path, q: np.ndarray | None = None, tau: np.ndarray | None = None, seconds: float = 1.0):
+def solve(q: np.ndarray | None = None, tau: Any = None, seconds: float = 1.0) -> IdentificationStudy:
     """A log of the plant, seed 3, with one thing changed; times `seconds` where the clock's unit is wrong."""
     t = simulator(16.0).truth
     clean = t["tau"] + NOISE * np.random.default_rng(3).normal(size=t["tau"].shape)
-    signals = {"q": np.round(t["q"], 6) if q is None else q, "tau": clean if tau is None else tau(clean)}  # type: ignore[operator]
-    gt.Trajectory(seconds * t.time, signals, {"q": "m", "tau": "N"}, synthetic="seed 3").to_csv(folder / "log.csv")
-    return identification.solve(validate(identification.Schema, TABLE), Context(folder=folder))
+    signals = {"q": np.round(t["q"], 6) if q is None else q, "tau": clean if tau is None else tau(clean)}
+    log = gt.Trajectory(seconds * t.time, signals, {"q": "m", "tau": "N"}, synthetic="seed 3")
+    return study(LINKS.robot, log, LINKS.free)
 
 
-def failed(outcome: Any) -> set[str]:
+def failed(outcome: IdentificationStudy) -> set[str]:
     return {name for name, check in outcome.checks.items() if not check.passed}
 
 
-def test_a_sound_log_raises_no_suspicion(tmp_path: Path):
-    outcome = solve(tmp_path)
+def test_a_sound_log_raises_no_suspicion():
+    outcome = solve()
     assert failed(outcome) == set()
     assert {"unexplained_share", "work_of_friction_J", "energy_balance"} <= set(outcome.checks)
     # friction takes some hundred newtons over some metres a second
     assert outcome.checks["work_of_friction_J"].value > 100.0
-    assert not any("check" in s or "saturates" in s for s in outcome.values["sentences"])
+    assert not any("check" in s or "saturates" in s for s in outcome.sentences)
 
 
 @pytest.mark.parametrize(
@@ -69,10 +62,10 @@ def test_a_sound_log_raises_no_suspicion(tmp_path: Path):
         ),
     ],
 )
-def test_wrong_efforts(tmp_path: Path, tau: Any, fails: set[str], said: str):
-    outcome = solve(tmp_path, tau=tau)
+def test_wrong_efforts(tau: Any, fails: set[str], said: str):
+    outcome = solve(tau=tau)
     assert fails <= failed(outcome)
-    assert any(re.search(said, s) for s in outcome.values["sentences"]), outcome.values["sentences"]
+    assert any(re.search(said, s) for s in outcome.sentences), outcome.sentences
 
 
 @pytest.mark.parametrize(
@@ -82,50 +75,49 @@ def test_wrong_efforts(tmp_path: Path, tau: Any, fails: set[str], said: str):
         (lambda x: 0 * x, r"log: tau\[0\], tau\[1\], tau\[2\] is zero all the time"),
     ],
 )
-def test_refused_efforts(tmp_path: Path, tau: Any, said: str):
-    with pytest.raises(InputError, match=said):
-        solve(tmp_path, tau=tau)
+def test_refused_efforts(tau: Any, said: str):
+    with pytest.raises(ArgumentError, match=said):
+        solve(tau=tau)
 
 
-def test_a_clock_in_milliseconds(tmp_path: Path):
-    outcome = solve(tmp_path, seconds=1e3)
-    assert any("times its nominal value; check the units of time" in s for s in outcome.values["sentences"])
+def test_a_clock_in_milliseconds():
+    outcome = solve(seconds=1e3)
+    assert any("times its nominal value; check the units of time" in s for s in outcome.sentences)
 
 
-def test_standing_still_with_a_noisy_sensor(tmp_path: Path):
+def test_standing_still_with_a_noisy_sensor():
     still = np.asarray(simulator(16.0).truth["q"][:1]) + 1e-6 * np.random.default_rng(4).normal(size=(4000, 3))
-    with pytest.raises(InputError, match="nothing moves beyond the noise of the position"):
-        solve(tmp_path, q=still)
+    with pytest.raises(ArgumentError, match="nothing moves beyond the noise of the position"):
+        solve(q=still)
 
 
-def test_a_coarse_position(tmp_path: Path):
+def test_a_coarse_position():
     coarse = 5e-4 * np.round(simulator(16.0).truth["q"] / 5e-4)
-    with pytest.raises(InputError, match=r"never are all of 'q' faster than 0.375 m/s, 3 steps of the position"):
-        solve(tmp_path, q=coarse)
+    with pytest.raises(ArgumentError, match=r"never are all of 'q' faster than 0.375 m/s, 3 steps of the position"):
+        solve(q=coarse)
 
 
-def test_a_position_without_steps_but_with_noise(tmp_path: Path):
+def test_a_position_without_steps_but_with_noise():
     # 0.1 mm: the noise must set neither the cut-off nor the sign of a slow velocity
     q = simulator(16.0).truth["q"]
-    outcome = solve(tmp_path, q=q + 1e-4 * np.random.default_rng(5).normal(size=q.shape))
-    values = outcome.values
-    assert values["cutoff_Hz"] < 10.0 and 0.02 < values["dropped_share"] < 0.3
+    outcome = solve(q=q + 1e-4 * np.random.default_rng(5).normal(size=q.shape))
+    assert outcome.cutoff < 10.0 and 0.02 < outcome.dropped_share < 0.3
     for name, value in truth().items():
         if name.startswith(("coulomb", "viscous")):
-            assert values["parameters"][name] == pytest.approx(value, rel=0.04)
-    assert values["parameters"]["m_p"] == pytest.approx(plant().m_p, abs=0.6)
+            assert outcome.parameters[name] == pytest.approx(value, rel=0.04)
+    assert outcome.parameters["m_p"] == pytest.approx(plant().m_p, abs=0.6)
 
 
 @pytest.mark.parametrize("shift", [0.0, 0.1])
-def test_a_copy_is_refused_wherever_it_is_said_to_be(tmp_path: Path, shift: float):
+def test_a_copy_is_refused_wherever_it_is_said_to_be(shift: float):
     """Positions that a constant moved differ in their digits; the noise of the efforts does not."""
     t = simulator(16.0).truth
     clean = t["tau"] + NOISE * np.random.default_rng(3).normal(size=t["tau"].shape)
     half = len(clean) // 2
     q = t["q"] + 1e-3 * np.random.default_rng(4).normal(size=t["q"].shape)
     q[half : 2 * half] = q[:half] + shift
-    with pytest.raises(InputError, match="a copy counts twice"):
-        solve(tmp_path, q=q, tau=lambda x: np.concatenate([clean[:half], clean[:half], clean[2 * half :]]))
+    with pytest.raises(ArgumentError, match="a copy counts twice"):
+        solve(q=q, tau=lambda x: np.concatenate([clean[:half], clean[:half], clean[2 * half :]]))
 
 
 def test_sixty_sound_logs_raise_no_suspicion_of_their_columns():

@@ -1,4 +1,4 @@
-"""Validation in closed loop: against a loop integrated by hand, and the EMPS drive as it was measured."""
+"""Validation in closed loop, against a loop integrated by hand."""
 
 from pathlib import Path
 from typing import Any
@@ -6,24 +6,30 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gtmodel.kinds.closed_loop import ClosedLoop, checks_of, follow, rows_of, values_of
+from gtmodel.identify import ClosedLoop
+from gtmodel.identify.closed_loop import ClosedLoopRun, follow, rows_of, within_bound
 from gtmodel.measurements import Session
 from gtmodel.plot.closed_loop import closed_loop_figure
-from gtmodel.problem_files import Context, InputError
-from gtmodel.problem_files.load import validate
-from gtmodel.results import Trajectory
+from gtmodel.problem_files import Context
+from gtmodel.problem_files.python_models import resolve
+from gtmodel.results import ArgumentError, Trajectory, Work
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
 TRUE = {"M": 95.0, "F_v": 203.0, "F_c": 20.0, "offset": -3.0}
 GAIN, KP, KV, SCALE = 35.15065188, 160.18, 243.45, 1e-3
-SECTION = {"model": "models/emps.py:ControlledEmps", "inputs": {"qg": {"column": "qg", "unit": "m"}}}
 DT = 0.001
 # m; the start velocity is a parabola's, DT^2 q''' / 3 off, some 1e-6 m/s, which the loop takes up within 5 ms
 HAND = 2e-8
 
 
-def section(**changes: Any) -> ClosedLoop:
-    return validate(ClosedLoop, {**SECTION, **changes})
+@pytest.fixture(scope="module")
+def emps() -> Any:
+    return resolve("models/emps.py:ControlledEmps", Context(folder=PROBLEMS), "robot")
+
+
+def followed(made: Session, loop: ClosedLoop, numbers: dict[str, float] = TRUE) -> ClosedLoopRun:
+    (run,) = follow(loop, numbers, (made,), "q", "tau", Work())
+    return run
 
 
 def drive(q: float, v: float, qg: float) -> float:
@@ -62,50 +68,35 @@ def made() -> Session:
     return Session("made here", Trajectory(time, values, {"q": "m", "qg": "m", "tau": "N"}, synthetic="no noise"), DT)
 
 
-def test_the_loop_is_that_of_the_equations(made: Session) -> None:
-    context = Context(folder=PROBLEMS)
-    (run,) = follow(section(tolerance=1e-11), TRUE, (made,), "q", "tau", context)
+def test_the_loop_is_that_of_the_equations(made: Session, emps: Any) -> None:
+    run = followed(made, ClosedLoop(emps, ["qg"], tolerance=1e-11))
     assert run.maximum < HAND and run.effort < 1e-4 and len(run.trajectory) == 400
-    assert context.inputs["closed_loop.model"].name == "emps.py"
-    v = values_of([run])
-    assert v["closed_loop_rms"] == [run.rms] and run.relative == pytest.approx(run.rms / np.std(made.trajectory["q"]))
+    assert run.relative == pytest.approx(run.rms / np.std(made.trajectory["q"]))
 
 
-def test_a_wrong_mass_shows(made: Session) -> None:
-    (run,) = follow(section(bound=1e-8), {**TRUE, "M": 105.0}, (made,), "q", "tau", Context(folder=PROBLEMS))
+def test_a_wrong_mass_shows(made: Session, emps: Any) -> None:
+    loop = ClosedLoop(emps, ["qg"], bound=1e-8)
+    run = followed(made, loop, {**TRUE, "M": 105.0})
     assert run.rms > 10 * HAND and run.effort > 0.01
-    assert not checks_of(section(bound=1e-8), [run])["closed_loop_error"].passed
-    assert checks_of(section(), [run]) == {}
+    assert not within_bound(loop, [run])["closed_loop_error"].passed
+    assert within_bound(ClosedLoop(emps, ["qg"]), [run]) == {}
     assert [row.label for row in rows_of([run])][1:] == ["largest", "of the motion", "error of its effort"]
 
 
-def test_fewer_samples_of_the_reference_change_little(made: Session) -> None:
-    (run,) = follow(section(every=4), TRUE, (made,), "q", "tau", Context(folder=PROBLEMS))
+def test_fewer_samples_of_the_reference_change_little(made: Session, emps: Any) -> None:
+    run = followed(made, ClosedLoop(emps, ["qg"], every=4))
     # cubic spline of a 0.5 Hz cosine at 4 ms: 1e-12 of it inside, its ends somewhat more
     assert run.maximum < 1e-6 and len(run.trajectory) == 100
 
 
-def test_the_picture(made: Session) -> None:
-    (run,) = follow(section(), TRUE, (made,), "q", "tau", Context(folder=PROBLEMS))
+def test_the_picture(made: Session, emps: Any) -> None:
+    run = followed(made, ClosedLoop(lambda **found: emps.with_(**found), ["qg"]))  # a function that makes the model
     figure = closed_loop_figure([(run.name, run.trajectory)], title="loop")
     assert [axes.get_ylabel() for axes in figure.axes] == ["[m]", "error [µm]"]
 
 
-@pytest.mark.parametrize(
-    ("changes", "key", "said"),
-    [
-        ({"inputs": {"qr": {"column": "qg", "unit": "m"}}}, "closed_loop.inputs.qr", "qr"),
-        ({"inputs": {"qg": {"column": "qg", "unit": "V"}}}, "closed_loop.inputs.qg", "give the scale in m per V"),
-        ({"inputs": {"qg": {"column": "qg", "unit": "m", "scale": "estimate"}}}, "closed_loop.inputs.qg.scale", "fit"),
-        ({"model": "models/emps.py:Emsp"}, "closed_loop.model", "did you mean"),
-    ],
-)  # fmt: skip
-def test_refusals(changes: dict[str, Any], key: str, said: str) -> None:
-    with pytest.raises(InputError, match=said) as caught:
-        section(**changes).signals(Context(folder=PROBLEMS))
-    assert caught.value.key == key
-
-
-def test_a_parameter_that_the_controlled_model_has_not(made: Session) -> None:
-    with pytest.raises(InputError, match="mass"):
-        follow(section(), {"mass": 1.0}, (made,), "q", "tau", Context(folder=PROBLEMS))
+@pytest.mark.parametrize(("inputs", "numbers", "argument"), [(["qg"], {"mass": 1.0}, "model"), ([], TRUE, "")])
+def test_a_model_that_does_not_take_what_is_given(made: Session, emps: Any, inputs, numbers, argument) -> None:
+    with pytest.raises(ArgumentError) as caught:
+        followed(made, ClosedLoop(emps, inputs), numbers)
+    assert caught.value.argument == f"closed_loop.{argument}".rstrip(".")

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from gtmodel.identify import Identification, Repeated, Validation, work_of
-from gtmodel.identify.exchanged import exchanged_efforts
-from gtmodel.identify.work import DEVIATIONS
-from gtmodel.inference import FALSE_ALARM, binomial_band
-from gtmodel.problem_files.base import Check, at_least, at_most
-
-from .identification_data import Recordings
+from ..inference import FALSE_ALARM, binomial_band
+from ..results import Check, at_least, at_most
+from .exchanged import exchanged_efforts
+from .inertia import Identification, Validation
+from .recordings import Recordings
+from .repeated import Repeated
+from .work import DEVIATIONS, work_of
 
 LOOK = "the notes say what to look at"
 UNEXPLAINED = 0.5  # rms of what is left over rms of the effort: beyond, the model is not that of the log
