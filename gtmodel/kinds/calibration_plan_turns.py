@@ -16,8 +16,8 @@ from gtmodel.lang import Model
 from gtmodel.problem_files.base import InputError
 from gtmodel.results import Status
 from gtmodel.robots import clusters
+from gtmodel.robots.families import family_of
 
-from .calibration_choice import family_of
 from .calibration_plan_keys import Schema, TrackerKeys
 
 Array = np.ndarray
