@@ -15,6 +15,7 @@ import pytest
 
 from gtmodel import problem_files as kinds
 from gtmodel.problem_files import fields
+from gtmodel.results.quantity import described
 from gtmodel.results.unit_names import unit_of
 from tests.support.commands import CLONE, Commands, command, environment, process
 from tests.support.own_models import FILES
@@ -172,7 +173,7 @@ def test_shipped_problem_is_found_outside_the_clone(prototype: Path) -> None:
 def test_trajectory_announces_its_values(prototype: Path) -> None:
     printed = json.loads((prototype / "stdout.json").read_text())
     assert list(printed) == JSON_KEYS
-    assert list(printed["values"]) == list(kinds.get("trajectory").VALUES)
+    assert list(printed["values"]) == list(described(kinds.get("trajectory").RESULT))
     assert printed["values"]["final_time_s"] > 0
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from gtmodel.compiler.causal import compile_causal
 from gtmodel.motion.finer_mesh import elements_after, how, refined, told
+from gtmodel.motion.found import MARGIN_TOLERANCE
 from gtmodel.motion.guard import clearance
 from gtmodel.optimize import Mesh, Solution, SolverOptions
 from gtmodel.optimize import solve as collocate
@@ -23,7 +24,6 @@ from .axis_free_run import free_run
 from .axis_keys import AxisTrajectoryProblem as Schema
 from .axis_motion import CARTS, AxisPlan
 from .axis_planning import LINKS, plan_of
-from .trajectory import MARGIN_TOLERANCE
 
 NAME = "axis_trajectory"
 ARGUMENTS = PATH_ARGUMENTS

@@ -20,27 +20,34 @@ Physical form
     continuous           matrix logarithm with its branch checked
     modes, sign_question    frequencies, damping, shapes, definiteness in words, eq. (6.15)
     definite_form        the nearest passive structure to printed matrices
-Frequency responses
-    FrequencyResponse, frequency_response   receptance with its noise from records of an impact hammer
-    command_force                           what a commanded step stands for
-    fit_modes -> ModalFit                   mass, damping and stiffness of one or several modes, with intervals
-    receptance, synthetic_hits, synthetic_receptance   the model itself, and made-up data
-Over the pose
-    GaussianProcess, fit_gaussian_processes, held_out  exact regression, hyperparameters, honest errors
-    OscillatorField, fit_oscillator_field   m, c, k in x, y, z at any pose; as CasADi function and C
-    oscillator_text, load_oscillator_field  its file
-    SyntheticField, synthetic_field         a made-up truth through given poses
+Oscillators of frequency responses, and their field over the pose
+    dynamic_stiffness_study, and all of `gtmodel.vibration.dynamic_stiffness` but its options
 """
 
 from .continuous import Continuous, continuous
 from .definite_form import DefiniteForm, definite_form
-from .frequency_fit import ModalFit, fit_modes
-from .frequency_modes import receptance
-from .frequency_response import FrequencyResponse, command_force, frequency_response
-from .frequency_synthetic import synthetic_hits, synthetic_receptance
-from .gaussian_process import GaussianProcess
-from .gaussian_process_fit import fit_gaussian_processes, held_out
-from .gaussian_process_kernel import Inputs
+from .dynamic_stiffness import (
+    DynamicStiffnessStudy,
+    FrequencyResponse,
+    GaussianProcess,
+    Inputs,
+    ModalFit,
+    OscillatorField,
+    SyntheticField,
+    command_force,
+    dynamic_stiffness_study,
+    fit_gaussian_processes,
+    fit_modes,
+    fit_oscillator_field,
+    frequency_response,
+    held_out,
+    load_oscillator_field,
+    oscillator_text,
+    receptance,
+    synthetic_field,
+    synthetic_hits,
+    synthetic_receptance,
+)  # fmt: skip
 from .impulse import ImpulseModel, Resonance, identify_impulse
 from .impulse_study import ImpulseStudy
 from .known_force import SecondOrder, from_known
@@ -59,9 +66,6 @@ from .options import (
     Subspace,
 )  # fmt: skip
 from .order import OrderTrial
-from .oscillator_field import OscillatorField, fit_oscillator_field
-from .oscillator_field_file import load_oscillator_field, oscillator_text
-from .oscillator_field_synthetic import SyntheticField, synthetic_field
 from .output_error import OutputErrorFit, output_error
 from .physical_form import PhysicalForm, physical_form
 from .record import Record, Stopped
@@ -74,13 +78,14 @@ from .vibration_result import VibrationStudy
 from .vibration_study import study
 
 __all__ = [
-    "Continuous", "DefiniteForm", "FrequencyResponse", "GaussianProcess", "Hit", "Impulse", "ImpulseModel",
-    "ImpulseStudy", "Inputs", "KnownMass", "Matrices", "MatricesStudy", "ModalFit", "Modes", "OrderTrial",
-    "OscillatorField", "OutputErrorFit", "Physical", "PhysicalForm", "Record", "Resonance", "Sampling", "SecondOrder",
-    "StepModel", "StepResponse", "StepStudy", "Steps", "Stopped", "Structure", "Subspace", "SubspaceModel",
-    "SubspaceStudy", "SyntheticField", "VibrationStudy", "bandwidth", "command_force", "continuous", "definite_form",
-    "fit_gaussian_processes", "fit_modes", "fit_oscillator_field", "frequency_response", "from_known", "hammer_record",
-    "held_out", "identify_impulse", "identify_step", "identify_subspace", "load_oscillator_field", "matrices_study",
-    "modes", "oscillator_text", "output_error", "physical_form", "receptance", "sign_question", "step_record",
-    "structure_record", "study", "synthetic_field", "synthetic_hits", "synthetic_receptance", "synthetic_records",
+    "Continuous", "DefiniteForm", "DynamicStiffnessStudy", "FrequencyResponse", "GaussianProcess", "Hit", "Impulse",
+    "ImpulseModel", "ImpulseStudy", "Inputs", "KnownMass", "Matrices", "MatricesStudy", "ModalFit", "Modes",
+    "OrderTrial", "OscillatorField", "OutputErrorFit", "Physical", "PhysicalForm", "Record", "Resonance", "Sampling",
+    "SecondOrder", "StepModel", "StepResponse", "StepStudy", "Steps", "Stopped", "Structure", "Subspace",
+    "SubspaceModel", "SubspaceStudy", "SyntheticField", "VibrationStudy", "bandwidth", "command_force", "continuous",
+    "definite_form", "dynamic_stiffness_study", "fit_gaussian_processes", "fit_modes", "fit_oscillator_field",
+    "frequency_response", "from_known", "hammer_record", "held_out", "identify_impulse", "identify_step",
+    "identify_subspace", "load_oscillator_field", "matrices_study", "modes", "oscillator_text", "output_error",
+    "physical_form", "receptance", "sign_question", "step_record", "structure_record", "study", "synthetic_field",
+    "synthetic_hits", "synthetic_receptance", "synthetic_records",
 ]  # fmt: skip

@@ -9,7 +9,7 @@ import pytest
 
 import gtmodel as gt
 from gtmodel import SolveStatus
-from gtmodel.kinds.motion_planning import Plan, plan_of
+from gtmodel.motion.planning import Plan, plan_of
 from gtmodel.problem_files.load import load
 from gtmodel.problem_files.run import context_of, solve
 from gtmodel.results import Trajectory
@@ -28,7 +28,7 @@ AXIS, HALF_DEG = [1.0, 0.0, 0.0], 60.0
 
 def planned(problem: str, *settings: str) -> Plan:
     loaded = load(problem, list(settings))
-    return plan_of(loaded.problem, context_of(loaded))  # type: ignore[arg-type]  # of that kind
+    return plan_of(loaded.problem.motion(context_of(loaded)))  # type: ignore[arg-type]  # of that kind
 
 
 @cache

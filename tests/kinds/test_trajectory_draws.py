@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from gtmodel.kinds.motion_planning import plan_of
-from gtmodel.kinds.motion_search import PATIENCE
 from gtmodel.motion.guesses import bent_guess
+from gtmodel.motion.planning import plan_of
+from gtmodel.motion.search import PATIENCE
 from gtmodel.problem_files.load import load
 from gtmodel.problem_files.run import context_of, solve
 from gtmodel.results import SolveStatus, Status
@@ -26,7 +26,7 @@ def searched(settings: list[str], starts: int, seed: int) -> tuple[bool, float, 
     """Whether it ends in an optimum on the declared branch, its cost over the best of all starts, and a line."""
     loaded = load("problems/l1_min_time.toml", settings)
     context = context_of(loaded)
-    plan = plan_of(loaded.problem, context)
+    plan = plan_of(loaded.problem.motion(context))
     search = plan.search(context)
     solution = search.optimum()
     rng = np.random.default_rng(seed)
@@ -45,7 +45,7 @@ def on_the_branch(plan, solution) -> bool:
     q, status = robot.causal("T", "q")(run["robot.T"])
     return bool(
         np.max(np.abs(np.linalg.norm(links, axis=2) - L)) < LENGTHS_M
-        and along.min() >= plan.problem.limits.link_along_guideway_m * (1 - 1e-6)
+        and along.min() >= plan.problem.limits.link_along_guideway * (1 - 1e-6)
         and np.all(status == Status.OK)
         and np.max(np.abs(q - run["robot.q"])) < LENGTHS_M
     )
@@ -93,7 +93,7 @@ def test_an_attempt_may_take_as_long_as_it_gets_anywhere():
     """This one converges after more than 200 iterations, where all were cut."""
     settings = draws(LONG + 1)[LONG]
     loaded = load("problems/l1_min_time.toml", settings)
-    plan = plan_of(loaded.problem, context_of(loaded))
+    plan = plan_of(loaded.problem.motion(context_of(loaded)))
     search = plan.search(context_of(loaded))
     rng = np.random.default_rng(LONG)
     (found,) = search.from_starts([bent_guess(plan.start, plan.goal, rng, BEND_M)])
@@ -111,7 +111,7 @@ def test_the_limit_of_iterations_is_that_of_all_attempts(most):
 def test_starts_that_lead_nowhere_are_given_up():
     """From this bent line the plate stays beyond the edge of reach, and one iteration costs as much as twenty."""
     loaded = load("problems/l1_min_time.toml", draws(16)[15])
-    plan = plan_of(loaded.problem, context_of(loaded))
+    plan = plan_of(loaded.problem.motion(context_of(loaded)))
     search = plan.search(context_of(loaded))
     rng = np.random.default_rng(15)
     assert search.from_starts([bent_guess(plan.start, plan.goal, rng, BEND_M)]) == []

@@ -12,8 +12,7 @@ from scipy.optimize import brentq
 import gtmodel as gt
 from gtmodel import SolveStatus
 from gtmodel.compiler.sharing import shared
-from gtmodel.kinds.motion_planning import plan_of
-from gtmodel.kinds.motion_search import motion_of
+from gtmodel.motion.planning import plan_of
 from gtmodel.optimize import Mesh, SolverOptions
 from gtmodel.optimize import solve as collocate
 from gtmodel.problem_files import get
@@ -22,6 +21,7 @@ from gtmodel.problem_files.load import load
 from gtmodel.problem_files.robots import resolve
 from gtmodel.problem_files.run import context_of, explain, solve
 from gtmodel.results import as_json
+from gtmodel.results.quantity import described
 
 kind = get("trajectory")
 
@@ -58,6 +58,11 @@ def geometry():
     return (np.asarray(getattr(robot(), k), float) for k in "AvL")
 
 
+def _optimization(*settings: str):
+    loaded = load("problems/l1_min_time.toml", settings)
+    return loaded.problem.motion(context_of(loaded)).optimization()
+
+
 class TestNumbersOfTheIssue:
     @pytest.mark.parametrize("weight", OPTIMA)
     def test_cost(self, weight):
@@ -71,7 +76,7 @@ class TestNumbersOfTheIssue:
     @pytest.mark.parametrize("weight", OPTIMA)
     def test_it_is_an_input_that_works(self, weight):
         o = outcome(f"cost.energy={weight}")
-        assert set(o.values) == set(kind.VALUES)
+        assert set(o.values) == set(described(kind.RESULT))
         assert o.values["end_error_m"] < 5e-3 and o.values["exported_end_error_m"] < 5e-3
         assert o.values["exported_peak_force_N"] <= 700.0 * (1 + 1e-9)
         # the polynomial one does not: what is exported is another, slightly slower motion
@@ -146,7 +151,7 @@ class TestMotion:
         settings = [*LIGHT, 'goal.rest=["velocity","acceleration"]', 'start.rest=["velocity","acceleration"]']
         earlier = outcome(*LIGHT).trajectory
         guess = gt.Trajectory(earlier.time, {"robot.T": earlier["T"], "der(robot.T)": earlier["der(T)"]})
-        model = motion_of(load("problems/l1_min_time.toml", settings).problem, robot())
+        model = _optimization(*settings)
         solution = collocate(model, Mesh(15, 3), guess=guess)
         velocity, acceleration = (solution.trajectory[n] for n in ("der(robot.T)", "der(robot.T,2)"))
         for end in (0, -1):
@@ -183,7 +188,7 @@ class TestSearch:
         """10 kg more at w = 0: without a bound on reach the iteration ends at its edge."""
         loaded = load("problems/l1_min_time.toml", ["payload_kg=10", "mesh.elements=20"])
         context = context_of(loaded)
-        search = plan_of(loaded.problem, context).search(context)
+        search = plan_of(loaded.problem.motion(context)).search(context)
         solution = search.optimum()
         assert solution.status is SolveStatus.SOLVED, solution.message
         assert search.iterations > solution.iterations  # more than one attempt
@@ -242,9 +247,8 @@ class TestSearch:
 
     def test_unreachable_end_is_told_by_rows(self):
         """700 N carry the robot 0.97 m in no less than 0.89 s; in 0.5 s they do not."""
-        problem = load("problems/l1_min_time.toml").problem
 
-        class Hasty(type(motion_of(problem, robot()))):
+        class Hasty(type(_optimization())):
             final_time = 0.5
 
             def objective(self):
@@ -344,7 +348,7 @@ class TestShown:
         rows = {row.label: row for row in outcome("cost.energy=0.01").rows}
         o = outcome("cost.energy=0.01")
         # the head is the motion of the files and of the trajectory, what IPOPT found comes after it
-        assert o.rows[0] is rows["final time"] and rows["final time"].unit == "s"
+        assert o.rows[0] == rows["final time"] and rows["final time"].unit == "s"
         assert rows["final time"].value == o.values["exported_final_time_s"] == o.trajectory.time[-1]
         assert rows["end error, re-simulated"].value == pytest.approx(1e3 * o.values["exported_end_error_m"])
         assert rows["largest force at any instant"].value == o.values["exported_peak_force_N"] <= 700 * (1 + 1e-9)

@@ -9,8 +9,8 @@ import pytest
 
 import gtmodel as gt
 from gtmodel import SolveStatus
-from gtmodel.kinds.motion_planning import plan_of
 from gtmodel.motion.guard import clearance
+from gtmodel.motion.planning import plan_of
 from gtmodel.problem_files import InputError
 from gtmodel.problem_files.load import load
 from gtmodel.problem_files.run import context_of, keyed, solve
@@ -32,7 +32,7 @@ def refused(*settings: str) -> InputError:
     with pytest.raises(InputError) as caught:
         loaded = load("problems/l1_min_time.toml", settings)
         with keyed(loaded):
-            plan_of(loaded.problem, context_of(loaded))
+            plan_of(loaded.problem.motion(context_of(loaded)))
     return caught.value
 
 
@@ -82,7 +82,7 @@ class TestLimits:
 
     def test_joint_cone(self):
         """The link of arm 0 against an axis on which it leans most at one end of the motion; half the way back."""
-        plan = plan_of(load("problems/l1_min_time.toml").problem, context_of(load("problems/l1_min_time.toml")))
+        plan = plan_of(load("problems/l1_min_time.toml").problem.motion(context_of(load("problems/l1_min_time.toml"))))
 
         def angles(run, arm, axis):
             a, b = plan.links(run)[arm]
@@ -110,7 +110,7 @@ class TestLimits:
         assert o.status is SolveStatus.SOLVED and o.objective > FREE
         (left,) = o.values["exported_clearance_m"]
         assert 0.008 < left < 0.03
-        ends = plan_of(load("problems/l1_min_time.toml").problem, context_of(load("problems/l1_min_time.toml")))
+        ends = plan_of(load("problems/l1_min_time.toml").problem.motion(context_of(load("problems/l1_min_time.toml"))))
         apart = [clearance(a, b, np.array(center), np.array(size)) for a, b in ends.links(o.trajectory)]
         assert min(apart) >= left
 

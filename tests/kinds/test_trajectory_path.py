@@ -10,8 +10,8 @@ import pytest
 
 import gtmodel as gt
 from gtmodel import SolveStatus
-from gtmodel.kinds.motion_planning import plan_of
 from gtmodel.motion.paths import arc, line, polyline, spline, taught
+from gtmodel.motion.planning import plan_of
 from gtmodel.optimize.path import PathTask, cosine_nodes, solve_path
 from gtmodel.problem_files import InputError
 from gtmodel.problem_files.load import load
@@ -43,7 +43,7 @@ def refused(*settings: str, folder=None) -> InputError:
         context = context_of(loaded)
         context.folder = folder or context.folder
         with keyed(loaded):
-            plan_of(loaded.problem, context)
+            plan_of(loaded.problem.motion(context))
     return caught.value
 
 
@@ -123,8 +123,8 @@ class TestSquaredSpeeds:
         assert solve_path(task(), 200).final_time == solve_path(task(), 200).final_time
 
     def test_motion_is_exact_between_its_nodes(self):
-        motion = plan_of(load("problems/l1_min_time.toml", ['path.shape="line"']).problem, context_of(
-            load("problems/l1_min_time.toml"))).follower.fastest(60)  # fmt: skip
+        motion = plan_of(load("problems/l1_min_time.toml", ['path.shape="line"']).problem.motion(context_of(
+            load("problems/l1_min_time.toml")))).follower.fastest(60)  # fmt: skip
         t = np.linspace(0.0, motion.final_time, 3001)
         s, v, _ = motion.at(t)
         assert s[0] == 0.0 and s[-1] == pytest.approx(1.0, abs=1e-12) and np.all(np.diff(s) >= 0)
@@ -134,7 +134,7 @@ class TestSquaredSpeeds:
     def test_reference_instance(self):
         """1.041338 s on the line; errors at 50, 100, 200 cosine nodes as printed: 1.1e-3, 2.5e-4, 5e-5."""
         problem = load("problems/l1_min_time.toml", ['path.shape="line"']).problem
-        follower = plan_of(problem, context_of(load("problems/l1_min_time.toml"))).follower
+        follower = plan_of(problem.motion(context_of(load("problems/l1_min_time.toml")))).follower
         for n, error in ((50, 1.1e-3), (100, 2.5e-4), (200, 5e-5)):
             motion = follower.fastest(n, bounded="middle")
             assert motion.final_time / LINE_BY_SPEEDS - 1 == pytest.approx(error, rel=0.1)

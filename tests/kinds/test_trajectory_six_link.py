@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from gtmodel import SolveStatus
-from gtmodel.kinds.motion_planning import plan_of
 from gtmodel.motion.links import along_guideways, link_ends
+from gtmodel.motion.planning import plan_of
 from gtmodel.problem_files.load import load
 from gtmodel.problem_files.run import context_of, solve
 
@@ -17,7 +17,7 @@ LENGTHS_M = 1e-9
 def test_ends_of_the_declared_problem():
     """Both ends are reached on the declared branch, every link of its length."""
     loaded = load("problems/d1_six_link_motion.toml")
-    plan = plan_of(loaded.problem, context_of(loaded))
+    plan = plan_of(loaded.problem.motion(context_of(loaded)))
     joints, tips, status = link_ends(plan.robot, np.array([plan.start, plan.goal]))
     assert np.all(status == 0) and joints.shape == (2, 6, 3)
     lengths = np.linalg.norm(tips - joints, axis=2)

@@ -7,9 +7,11 @@ from functools import cache
 import pytest
 
 from gtmodel import SolveStatus
-from gtmodel.problem_files import InputError, get
+from gtmodel.motion import MotionTable
+from gtmodel.problem_files import InputError
 from gtmodel.problem_files.load import load
 from gtmodel.problem_files.run import context_of, explain, solve
+from gtmodel.results.quantity import described
 
 # optima of the reference instance on 50 x 3 points, as another code found them
 FREE = {0: (0.892486, 0.892387), 1: (0.978454,), 2: (1.509980, 1.511666)}
@@ -35,7 +37,7 @@ class TestTable:
     def test_costs_and_iterations(self):
         o = outcome()
         assert o.status is SolveStatus.SOLVED and o.message.startswith("4 rows solved and re-simulated")
-        assert set(o.values) == set(get("trajectory_table").VALUES)
+        assert set(o.values) == set(described(MotionTable))
         rows = o.values["rows"]
         for n, costs in FREE.items():
             assert min(abs(rows[n]["cost"] / c - 1) for c in costs) < PRINTED

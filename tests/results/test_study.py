@@ -148,6 +148,18 @@ def test_a_section_is_made_of_options_and_gives_them_back():
     assert validate(section_of(Limits), {"force_N": 1.0}).options() == Limits(1.0)
 
 
+@dataclass(frozen=True)
+class Scales(Options):
+    length: Annotated[float, Unit("m"), "of it"] = 1.0
+    angle: Annotated[float, Unit("rad", written="deg", key="scale_deg"), "of it"] = math.pi / 3
+
+
+def test_a_key_may_have_a_name_of_its_own_and_defaults_are_round():
+    made = section_of(Scales)
+    assert made.model_fields["scale_deg"].default == 60.0  # pi / 3 in degrees is 59.99999999999999
+    assert validate(made, {}).options().angle == math.radians(60.0)
+
+
 @pytest.mark.parametrize(
     ("given", "key"),
     [

@@ -1,0 +1,1 @@
+"""Kind "dynamic_stiffness"."""

@@ -1,0 +1,55 @@
+"""The keys of kind "dynamic_stiffness"."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import Field, NonNegativeFloat
+
+from gtmodel.problem_files.base import Problem, Section
+from gtmodel.problem_files.from_options import Made, made_from
+from gtmodel.vibration.dynamic_stiffness import options
+
+
+@made_from(options.Fit)
+class Fit(Made):
+    """How modes are fitted to a frequency response."""
+
+
+@made_from(options.Process)
+class Process(Made):
+    """The Gaussian processes of log m, log c and log k over the pose."""
+
+
+@made_from(options.Map)
+class Map(Made):
+    """The picture of the lowest frequency over two coordinates of the pose."""
+
+
+class Measured(Section):
+    """Measured records, listed in a CSV file."""
+
+    index: str = Field(
+        description="CSV file with the columns x [m], y [m], z [m], A [deg], direction and file; rows of the same "
+        "pose and direction are hits of one experiment, unless a column experiment tells them apart"
+    )
+
+
+@made_from(options.Synthetic)
+class Synthetic(Made):
+    """Made-up experiments on a smooth field near printed oscillators."""
+
+    near: Literal["table_16"] = Field(description="whose values the field passes near: Cvitanic 2021, Table 16")
+
+
+class Schema(Problem):
+    """Oscillators of an arm over its poses, from frequency responses. One of [measured] and [synthetic] gives them."""
+
+    repeatability: NonNegativeFloat = Field(
+        default=0.15, description="mean change of m, c and k between experiments at one pose; Cvitanic 2021 states 15 %"
+    )
+    fit: Fit = Fit()
+    process: Process = Process()
+    map: Map = Map()
+    measured: Measured | None = Field(default=None, description="measured records")
+    synthetic: Synthetic | None = Field(default=None, description="made-up records")

@@ -1,0 +1,41 @@
+"""Dynamic stiffness: oscillators from frequency responses, and their field over the pose. Knows no robot.
+
+dynamic_stiffness_study      oscillators by experiment and over the pose: `DynamicStiffnessStudy`
+Fit, Process, Map            how modes and processes are fitted, and what the picture shows
+Experiment, read_experiments a frequency response at a pose; all that an index file names
+Synthetic, synthetic_experiments   made-up experiments, `SyntheticExperiments`
+
+Frequency responses
+    FrequencyResponse, frequency_response   receptance with its noise from records of an impact hammer
+    command_force                           what a commanded step stands for
+    fit_modes -> ModalFit                   mass, damping and stiffness of one or several modes, with intervals
+    receptance, synthetic_hits, synthetic_receptance   the model itself, and made-up data
+Over the pose
+    GaussianProcess, fit_gaussian_processes, held_out  exact regression, hyperparameters, honest errors
+    OscillatorField, fit_oscillator_field   m, c, k in x, y, z at any pose; as CasADi function and C
+    oscillator_text, load_oscillator_field  its file
+    SyntheticField, synthetic_field         a made-up truth through given poses
+"""
+
+from .experiments import Experiment, read_experiments
+from .frequency_fit import ModalFit, fit_modes
+from .frequency_modes import receptance
+from .frequency_response import FrequencyResponse, command_force, frequency_response
+from .frequency_synthetic import synthetic_hits, synthetic_receptance
+from .gaussian_process import GaussianProcess
+from .gaussian_process_fit import fit_gaussian_processes, held_out
+from .gaussian_process_kernel import Inputs
+from .options import Fit, Map, Process, Synthetic
+from .oscillator_field import OscillatorField, fit_oscillator_field
+from .oscillator_field_file import load_oscillator_field, oscillator_text
+from .oscillator_field_synthetic import SyntheticField, synthetic_field
+from .stiffness_study import DynamicStiffnessStudy, dynamic_stiffness_study
+from .synthetic_experiments import SyntheticExperiments, synthetic_experiments
+
+__all__ = [
+    "DynamicStiffnessStudy", "Experiment", "Fit", "FrequencyResponse", "GaussianProcess", "Inputs", "Map", "ModalFit",
+    "OscillatorField", "Process", "Synthetic", "SyntheticExperiments", "SyntheticField", "command_force",
+    "dynamic_stiffness_study", "fit_gaussian_processes", "fit_modes", "fit_oscillator_field", "frequency_response",
+    "held_out", "load_oscillator_field", "oscillator_text", "read_experiments", "receptance", "synthetic_experiments",
+    "synthetic_field", "synthetic_hits", "synthetic_receptance",
+]  # fmt: skip

@@ -1,0 +1,210 @@
+"""Mass, damping and stiffness of the most compliant modes from a receptance (Cvitanic 2021, eq. (8))."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy import stats
+
+from ...inference import Verdict, noise_size, nonlinear_fit, whiteness
+from ...inference.nonlinear import Residuals
+from ...results.estimate import Estimate
+from .frequency_modal import ModalFit
+from .frequency_modes import linear_start, log_slopes, receptance
+from .frequency_response import FrequencyResponse
+
+BAND = (0.7, 1.3)  # of the peak's frequency: where one mode is fitted
+SEARCH = (3.0, 200.0)  # Hz, where the most compliant mode of an arm is looked for
+CLOSE = 1.0  # Hz: a second mode within biases a fit of one by tens of per cent
+MOST = 3
+LIMIT = 60  # iterations; fits that end take ten
+SMALL_P = 0.01
+SEEN = 5.0  # times its standard deviation: a smaller receptance is no peak
+ROUNDS = 3  # of weights by the model's own size, for noise in proportion to the receptance
+BETTER = 10.0  # of BIC: a further mode must earn it, "very strong" after Kass and Raftery 1995
+
+
+def peak(response: FrequencyResponse, search: tuple[float, float] = SEARCH) -> float:
+    """Frequency [Hz] of the largest receptance, of three lines each, within `search` [Hz]; noise left out."""
+    lines = response.between(*search)
+    size = np.abs(lines.receptance)
+    if lines.variance is not None:
+        # an accelerometer's noise, twice integrated, is largest at the lowest frequency
+        size = np.where(size > SEEN * np.sqrt(lines.variance), size, 0.0)
+    size = np.convolve(size, np.ones(3) / 3, mode="valid")
+    k = int(np.argmax(size))
+    if k in (0, len(size) - 1):
+        raise ValueError(
+            f"the receptance is largest at the edge of {search[0]:g} to {search[1]:g} Hz, so that no mode lies within; "
+            "give other search limits"
+        )
+    return float(lines.frequency[1 + k])
+
+
+def fit_modes(
+    response: FrequencyResponse,
+    modes: int | None = None,
+    *,
+    band: tuple[float, float] | None = None,
+    search: tuple[float, float] = SEARCH,
+    noise: float | None = None,
+    most: int = MOST,
+) -> ModalFit:
+    """Least squares on the receptance in log parameters, from a linear start.
+
+    `modes`: how many; None takes as many as the Bayesian information criterion asks for, `most` at most. `band` [Hz]:
+    the lines fitted, by default 0.7 to 1.3 times the frequency of the largest receptance within `search`. `noise`:
+    relative standard deviation of H, E|error|^2 = (noise |H|)^2; without it the variance of the response counts, and
+    where there is none either, noise is level and the residuals tell it.
+
+    Raises ValueError where no mode is found, or for what the lines do not determine.
+    """
+    if modes is not None and modes < 1:
+        raise ValueError(f"found {modes} modes; expected one or more, or None to let the data tell")
+    if noise is not None and not noise > 0:
+        raise ValueError(f"found a relative noise of {noise:g}; expected a number above zero")
+    if band is None:
+        f0 = peak(response, search)
+        band = (BAND[0] * f0, BAND[1] * f0)
+    lines = response.between(*band)
+    if modes is not None:
+        return _judged(_fit(lines, modes, noise), None)
+    one = best = None
+    failed: ValueError | None = None
+    for n in range(1, most + 1):
+        try:
+            more = _fit(lines, n, noise)
+        except ValueError as error:  # one mode through two may have no optimum
+            failed = failed or error
+            more = None
+        one = more if n == 1 else one
+        if best is None or (more is not None and more.bic < best.bic - BETTER and _separate(more, band)):
+            best = more
+        else:
+            break
+    if best is None:
+        raise failed or ValueError(f"found most = {most}; expected one mode or more")
+    return _judged(best, one)
+
+
+def _separate(fit: ModalFit, band: tuple[float, float]) -> bool:
+    """Whether every mode is told by the data: by its covariance, and not far outside of the lines."""
+    told = all(fit.log_std("k", j) < 1 and fit.log_std("fn", j) < 0.2 for j in range(len(fit.m)))
+    return told and bool(np.all((fit.fn > 0.5 * band[0]) & (fit.fn < 2 * band[1])))
+
+
+def _judged(fit: ModalFit, one: ModalFit | None) -> ModalFit:
+    """With its warnings: a mode close by, and residuals that the model does not explain.
+
+    Raises ValueError for a mode that lies beside the lines, as noise on a slope without a peak makes it.
+    """
+    f = fit.response.frequency
+    if not f[0] <= fit.fn[0] <= f[-1]:
+        raise ValueError(
+            f"the mode found at {fit.fn[0]:.4g} Hz lies outside of the lines fitted, {f[0]:.4g} to {f[-1]:.4g} Hz; "
+            "give another band or other search limits"
+        )
+    notes = []
+    if (apart := fit.next_mode) is not None and apart < CLOSE:
+        bias = (
+            ""
+            if one is None
+            else f"; a fit of one mode has m {one.m[0] / fit.m[0] - 1:+.0%}, k {one.k[0] / fit.k[0] - 1:+.0%}"
+        )
+        notes.append(f"a second mode lies {apart:.2g} Hz from the first, closer than {CLOSE:g} Hz{bias}")  # fmt: skip
+    if fit.adequacy is not None and not fit.adequacy.passed and fit.estimate.noise > 1:
+        notes.append(f"{fit.adequacy.sentence}: intervals are too narrow")
+    elif fit.adequacy is None and not fit.whiteness.passed and fit.response.wider == 1.0:
+        notes.append(f"along the frequency {fit.whiteness.sentence}; another mode may lie in the band")
+    return replace(fit, notes=tuple(notes))
+
+
+def _fit(lines: FrequencyResponse, modes: int, noise: float | None) -> ModalFit:
+    s, H = lines.s, lines.receptance
+    names = [f"log {p}[{j}]" for j in range(modes) for p in "mck"]
+    if 2 * len(s) <= len(names):
+        raise ValueError(f"{len(s)} lines for {len(names)} parameters; take a wider band")
+    theta = linear_start(s, H, modes, _start_weights(lines, noise))
+    fitted = None
+    for _ in range(ROUNDS if noise is not None else 1):
+        sigma = _sigma(lines, noise, receptance(s, *_split(theta)))
+        # level noise: the residuals tell its size, in units of the largest receptance
+        residuals = _residuals(lines, 1.0 if sigma is not None else float(np.abs(H).max()))
+        with np.errstate(all="ignore"):  # a step too far is not finite and is taken back
+            fitted = nonlinear_fit(residuals, theta, names, sigma=sigma, limit=LIMIT)
+        if fitted.estimate is None:
+            raise ValueError(f"the fit of {modes} modes came to no end: {fitted.message}")
+        theta = fitted.x
+    assert fitted is not None and fitted.estimate is not None
+    return _ordered(fitted.estimate, fitted.x, lines, noise is not None)
+
+
+def _residuals(lines: FrequencyResponse, unit: float) -> Residuals:
+    s, H = lines.s, lines.receptance
+
+    def at(theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        p = _split(theta)
+        error, slopes = (receptance(s, *p) - H) / unit, log_slopes(s, *p) / unit
+        return np.concatenate([error.real, error.imag]), np.vstack([slopes.real, slopes.imag])
+
+    return at
+
+
+def _start_weights(lines: FrequencyResponse, noise: float | None) -> np.ndarray:
+    if noise is not None:
+        weights = 1 / np.maximum(np.abs(lines.receptance), 1e-3 * np.abs(lines.receptance).max())
+    elif lines.variance is not None:
+        weights = 1 / np.sqrt(lines.variance)
+    else:
+        return np.ones(len(lines.frequency))
+    return weights / weights.max()
+
+
+def _sigma(lines: FrequencyResponse, noise: float | None, H: np.ndarray) -> np.ndarray | None:
+    """Standard deviations of real and imaginary parts (2 n,)."""
+    if noise is not None:
+        # of the model, not of the measurement: a line that noise made small must not count more
+        each = noise * np.abs(H) / np.sqrt(2)
+    elif lines.variance is not None:
+        each = np.sqrt(lines.variance / 2)
+    else:
+        return None
+    return np.tile(each, 2)
+
+
+def _split(theta: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    m, c, k = np.exp(theta.reshape(-1, 3).T)
+    return m, c, k
+
+
+def _ordered(e: Estimate, theta: np.ndarray, lines: FrequencyResponse, stated: bool) -> ModalFit:
+    """Most compliant at its own resonance first, covariance wider where lines are correlated."""
+    m, c, k = _split(theta)
+    order = np.argsort(c * np.sqrt(k / m), kind="stable")
+    rows = (3 * order[:, None] + np.arange(3)).ravel()
+    r = e.residuals
+    n = len(r) // 2
+    misfit = float(r @ r) if e.known_noise else 2 * n * float(np.log(r @ r / (2 * n)))
+    estimate = replace(e, values=theta[rows], covariance=lines.wider**2 * e.covariance[np.ix_(rows, rows)])
+    # real and imaginary parts of a line are independent: one row after the other
+    white = whiteness(np.concatenate([r[:n], r[n:]]))
+    return ModalFit(
+        m[order], c[order], k[order], estimate, lines, misfit + len(theta) * float(np.log(2 * n)), white,
+        _adequacy(e, lines, stated) if e.known_noise else None,
+    )  # fmt: skip
+
+
+def _adequacy(e: Estimate, lines: FrequencyResponse, stated: bool) -> Verdict:
+    """Residuals against the noise, which repeated hits tell with few degrees of freedom themselves."""
+    if stated or not np.isfinite(lines.freedom):
+        return noise_size(e)
+    # correlated lines are fewer than they look
+    ratio, own = float(e.residuals @ e.residuals) / e.freedom, e.freedom / lines.wider**2
+    p = float(stats.f.sf(ratio, own, lines.freedom))
+    said = (
+        "are as large as the hits' own noise"
+        if p >= SMALL_P
+        else (f"are {np.sqrt(ratio):.2f} times the hits' own noise: the model lacks an effect, such as another mode")
+    )
+    return Verdict(ratio, p, p >= SMALL_P, f"residuals {said} (F = {ratio:.3g}, p = {p:.2g})")

@@ -1,0 +1,365 @@
+"""The study of dynamic stiffness: oscillators of an arm from frequency responses, their field over the pose, and how
+often its intervals hold what was held out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Annotated, Any
+
+import numpy as np
+from scipy import stats
+
+from ...inference import binomial_band
+from ...results import ArgumentError, Check, Quantity, Row, SolveStatus, Study, Work, at_least
+from ...results.work import Progress, never, silent
+from . import pictures
+from .experiments import Experiment
+from .frequency_fit import fit_modes
+from .frequency_modal import ModalFit
+from .options import Fit, Map, Process
+from .oscillator_field import OscillatorField, fit_oscillator_field
+from .oscillator_field_file import oscillator_text
+from .pose_table import NAMES, pose_table
+from .synthetic_experiments import CHANGE, NEW_POSES, SyntheticExperiments, inputs_of
+
+Array = np.ndarray
+Fits = Sequence[ModalFit | None]
+LEVEL = 0.95
+QUANTILE = float(stats.norm.ppf((1 + LEVEL) / 2))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class DynamicStiffnessStudy(Study):
+    """Oscillators by experiment and over the pose. field: m, c and k at any pose; experiments, fits: one by one."""
+
+    poses: Annotated[
+        Array, Quantity("", "x, y, z in m and A in rad of each experiment, in the order of its table")
+    ]  # fmt: skip
+    direction: Annotated[Sequence[str], Quantity("", "x, y or z of each experiment")]
+    mass: Annotated[
+        Array, Quantity("kg", "of the most compliant mode, by experiment; null where no mode was found")
+    ]  # fmt: skip
+    damping: Annotated[Array, Quantity("N.s/m", "likewise", key="damping_N_s_m")]
+    stiffness: Annotated[Array, Quantity("N/m", "likewise")]
+    frequency: Annotated[Array, Quantity("Hz", "undamped natural frequency, likewise")]
+    damping_ratio: Annotated[Array, Quantity("", "likewise")]
+    relative_std: Annotated[
+        Sequence[Sequence[float] | None],
+        Quantity("", "of m, c, k, fn and zeta by experiment, from the noise of its own records"),
+    ]
+    modes: Annotated[Sequence[int], Quantity("", "how many modes were fitted, by experiment")]
+    next_mode: Annotated[
+        Sequence[float | None], Quantity("Hz", "distance to the nearest other mode; null where there is one")
+    ]
+    warnings: Annotated[Sequence[str], Quantity("", "of fits, in words")]
+    scatter: Annotated[
+        float,
+        Quantity("", "standard deviation of a logarithm between experiments at one pose, from the repeatability"),
+    ]
+    repeatability_found: Annotated[
+        float | None,
+        Quantity("", "mean change of m, c and k between experiments at one pose; null where none was repeated"),
+    ] = None
+    noise_of_process: Annotated[
+        Sequence[float] | None,
+        Quantity("", "standard deviation of a logarithm that the processes found, m, c, k of x, y, z in turn"),
+    ] = None
+    lengths: Annotated[
+        Sequence[Any] | None,
+        Quantity(
+            "", "of the processes in units of their scales, x, y, z, A of each direction's m, c, k in turn"
+        ),
+    ] = None  # fmt: skip
+    inflation: Annotated[
+        Sequence[float] | None,
+        Quantity("", "factor on standard deviations, from held-out poses; m, c, k of x, y, z in turn"),
+    ] = None
+    leave_one_out_rms: Annotated[
+        Sequence[float] | None,
+        Quantity("", "errors of logarithms when one pose is left out; m, c, k of x, y, z in turn"),
+    ] = None
+    coverage_leave_one_out: Annotated[
+        float | None, Quantity("", "share of left-out values inside the 95 % intervals before they are widened")
+    ] = None
+    coverage_held_out: Annotated[
+        Sequence[float] | None, Quantity("", "share of held-out values inside, before and after widening")
+    ] = None
+    coverage_of_truth: Annotated[
+        Sequence[float] | None,
+        Quantity("", "share of the true field inside at new poses, before and after; null for measured data"),
+    ] = None
+    lowest: Annotated[
+        Sequence[float] | None,
+        Quantity("Hz", "lowest and highest frequency of the softest direction over the poses"),
+    ] = None
+    printed: Annotated[
+        str | None, Quantity("", "what is said of printed oscillators; null where none are used")
+    ] = None  # fmt: skip
+    synthetic: Annotated[
+        str | None, Quantity("", "seed and noise of made-up records; null for measured ones")
+    ] = None  # fmt: skip
+    field: OscillatorField | None = None
+    experiments: Sequence[Experiment] = ()
+    fits: Fits = ()
+
+    @property
+    def rows(self) -> list[Row]:
+        """The table for people."""
+        rows = _experiment_rows(self.experiments, self.fits)
+        if self.field is not None:
+            rows += self._field_rows()
+        rows += [Row("warning", text) for text in self.warnings[:5]]
+        if len(self.warnings) > 5:
+            rows.append(Row("warnings", f"{len(self.warnings) - 5} more in result.json"))
+        if self.synthetic is not None:
+            rows += [Row("printed oscillators", self.printed), Row("SYNTHETIC", self.synthetic)]
+        return rows
+
+    def _field_rows(self) -> list[Row]:
+        low, high = self.lowest or (np.nan, np.nan)
+        held, truth = self.coverage_held_out or (np.nan, np.nan), self.coverage_of_truth
+        rows = [
+            Row("lowest frequency over the poses", f"{low:.3g} to {high:.3g}", "Hz"),
+            Row("scatter between experiments: stated", f"{self.scatter:.3g} of each logarithm"),
+            Row("scatter: found by the processes", _list(self.noise_of_process)),
+            Row("leave-one-out error, m, c, k of x, y, z", _list(self.leave_one_out_rms)),
+            Row("95 % intervals, values left out: inside", f"{self.coverage_leave_one_out:.1%}"),
+            Row("95 % intervals, values held out: inside", f"{held[0]:.1%}, after widening {held[1]:.1%}"),
+            Row("intervals widened by", _list(self.inflation)),
+        ]
+        if self.repeatability_found is not None:
+            rows.append(Row("repeatability found", f"{self.repeatability_found:.1%}"))
+        if truth is not None:
+            told = f"{truth[0]:.1%}, after widening {truth[1]:.1%}"
+            rows.append(Row(f"true field at {NEW_POSES} new poses: inside", told))
+        return rows
+
+
+def dynamic_stiffness_study(
+    experiments: Sequence[Experiment] | SyntheticExperiments,
+    *,
+    fit: Fit | None = None,
+    process: Process | None = None,
+    map: Map | None = None,
+    repeatability: float = 0.15,
+    title: str = "",
+    progress: Progress = silent,
+    max_seconds: float | None = None,
+    stop: Callable[[], bool] = never,
+) -> DynamicStiffnessStudy:
+    """Mass, damping and stiffness of an arm in x, y and z over its poses, from frequency responses.
+
+    Args:
+        experiments: from `read_experiments`, or made up by `synthetic_experiments`, which are judged by their truth.
+        fit: how modes are fitted to each response. process: the Gaussian processes of log m, log c and log k.
+        map: the picture of the lowest frequency.
+        repeatability: mean relative change of m, c and k between experiments at one pose.
+        progress, max_seconds, stop: see `gtmodel.results.Work`.
+
+    Interrupted, it holds the experiments that were fitted and no field. Raises ArgumentError.
+
+    >>> from gtmodel.robots.kr500_oscillators import table_16
+    >>> from gtmodel.vibration.dynamic_stiffness import Process, Synthetic, synthetic_experiments
+    >>> made = synthetic_experiments(table_16(), Synthetic(seed=1, poses=12, records="receptance"))
+    >>> s = dynamic_stiffness_study(made, process=Process(starts=1))
+    >>> s.field.at(made.poses[0])[0].shape
+    (3,)
+    """
+    work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
+    made = experiments if isinstance(experiments, SyntheticExperiments) else None
+    given = list(made.experiments if made else experiments)  # type: ignore[arg-type]
+    fit, process, map = fit or Fit(), process or Process(), map or Map()
+    if not 0 < fit.search[0] < fit.search[1]:
+        raise ArgumentError("expected a lower and a higher frequency", "fit.search")
+    if map.over[0] == map.over[1]:
+        raise ArgumentError("expected two different coordinates", "map.over")
+    fits: list[ModalFit | None] = []
+    warnings: list[str] = []
+    for n, experiment in enumerate(given):
+        if work.interrupted():
+            return DynamicStiffnessStudy(
+                status=SolveStatus.INTERRUPTED,
+                message=f"stopped after {n} of {len(given)} experiments",
+                title=title,
+                **_by_experiment(given[:n], fits, warnings, repeatability),
+            )
+        work.progress("fitting modes", 0.1 + 0.5 * n / len(given))
+        found, said = _fitted(experiment, fit, None if made is None else made.relative_noise)
+        fits.append(found)
+        warnings += [f"{experiment.source}: {text}" for text in said]
+    work.progress("fitting processes", 0.7)
+    rows = _rows_of(given, fits)
+    field, errors = _field(given, rows, process, None if made is None else made.note)
+    processes = list(field.processes.values())
+    # a direction may lack poses: rows of unequal length, put behind each other
+    z = [np.abs(e / s) for e, s in errors.values()]
+    widened = np.concatenate([row / g.inflation for row, g in zip(z, processes, strict=True)])
+    left = [g.leave_one_out() for g in processes]
+    left_z = np.concatenate([np.abs(e / s) * g.inflation for (e, s), g in zip(left, processes, strict=True)])
+    softest = field.value("fn", np.array([e.pose for e in given])).min(axis=1)
+    name = title or "dynamic stiffness"
+    return DynamicStiffnessStudy(
+        status=SolveStatus.SOLVED,
+        message=f"{sum(f is not None for f in fits)} of {len(fits)} experiments, nine processes",
+        title=title,
+        checks=_checks(fits, widened, made, given),
+        figures={
+            "frequency_response": partial(pictures.responses, given, fits, name, field.synthetic),
+            "lowest_frequency": partial(pictures.lowest, map, given, field, name),
+            "held_out": partial(pictures.held_out, field, errors, name),
+        },
+        files={
+            "oscillators.toml": oscillator_text(field),
+            "oscillators.c": _c_text(field),
+            "poses.csv": pose_table(given, fits, field.synthetic),
+        },
+        machine_files=("oscillators.toml", "oscillators.c"),
+        **_by_experiment(given, fits, warnings, repeatability),
+        repeatability_found=_repeatability(given, rows),
+        noise_of_process=[g.noise for g in processes],
+        lengths=[g.lengths for g in processes],
+        inflation=[g.inflation for g in processes],
+        leave_one_out_rms=[float(np.sqrt(np.mean(e**2))) for e, _ in left],
+        coverage_leave_one_out=float(np.mean(left_z < QUANTILE)),
+        coverage_held_out=[float(np.mean(np.concatenate(z) < QUANTILE)), float(np.mean(widened < QUANTILE))],
+        coverage_of_truth=None if made is None else _coverage_of_truth(field, made),
+        lowest=[float(softest.min()), float(softest.max())],
+        printed=None if made is None else made.printed,
+        synthetic=field.synthetic,
+        field=field,
+    )
+
+
+def _by_experiment(given: Sequence[Experiment], fits: Fits, warnings: Sequence[str], repeatability: float) -> Any:
+    """The quantities of single experiments."""
+    found = np.array([[np.nan] * 5 if f is None else [getattr(f, n)[0] for n in NAMES] for f in fits])
+    names = ("mass", "damping", "stiffness", "frequency", "damping_ratio")
+    return {
+        "poses": np.array([e.pose for e in given]),
+        "direction": ["xyz"[e.direction] for e in given],
+        **dict(zip(names, found.reshape(-1, 5).T, strict=True)),
+        "relative_std": [None if f is None else [f.log_std(n) for n in NAMES] for f in fits],
+        "modes": [0 if f is None else len(f.m) for f in fits],
+        "next_mode": [None if f is None else f.next_mode for f in fits],
+        "warnings": list(warnings),
+        "scatter": repeatability / CHANGE,
+        "experiments": given,
+        "fits": fits,
+    }
+
+
+def _fitted(experiment: Experiment, f: Fit, relative_noise: float | None) -> tuple[ModalFit | None, Sequence[str]]:
+    try:
+        fit = fit_modes(
+            experiment.response, f.modes, band=None if f.band is None else (f.band[0], f.band[1]),
+            search=(f.search[0], f.search[1]),
+            noise=relative_noise if f.relative_noise is None else f.relative_noise, most=f.most,
+        )  # fmt: skip
+    except ValueError as error:
+        return None, (f"left out: {error}",)
+    return fit, fit.notes
+
+
+def _rows_of(given: Sequence[Experiment], fits: Fits) -> dict[str, Array]:
+    """m, c, k (n, 3) with one row per experiment, NaN where it tells nothing."""
+    rows = {q: np.full((len(given), 3), np.nan) for q in "mck"}
+    for n, (experiment, fit) in enumerate(zip(given, fits, strict=True)):
+        if fit is not None:
+            for q in "mck":
+                rows[q][n, experiment.direction] = getattr(fit, q)[0]
+    return rows
+
+
+def _field(
+    given: Sequence[Experiment], rows: Mapping[str, Array], p: Process, note: str | None
+) -> tuple[OscillatorField, dict[Any, Any]]:
+    """The field and held-out errors."""
+    poses = np.array([e.pose for e in given])
+    for d, name in enumerate("xyz"):
+        told = len(np.unique(poses[np.isfinite(rows["m"][:, d])].round(9), axis=0))
+        least = len(p.scale) + 4  # one is held out
+        if told < least:
+            raise ArgumentError(
+                f"experiments in {name} gave a mode at {told} different poses; a field takes {least} or more",
+                "experiments",
+            )
+    return fit_oscillator_field(
+        poses, rows["m"], rows["c"], rows["k"], scale=inputs_of(p).scale, periodic=p.periodic,
+        shape=p.covariance, shared=p.shared, starts=p.starts, seed=p.seed, synthetic=note,
+    )  # fmt: skip
+
+
+def _checks(
+    fits: Fits, widened: Array, made: SyntheticExperiments | None, experiments: Sequence[Experiment]
+) -> dict[str, Check]:
+    """Held-out values inside as often as intervals say; of synthetic data, the fits of single experiments too."""
+    # the nine values of a pose are held out together: as if there were one process
+    count = len(widened) // 9
+    low, _ = binomial_band(count, LEVEL)
+    share, least = float(np.mean(widened < QUANTILE)), low / count
+    checks = {"coverage_held_out": at_least(share, least, "the poses are too few for this field: measure more")}
+    if made is not None:
+        inside = [
+            fit.interval("k")[0] < made.then[2, n // 3, e.direction] < fit.interval("k")[1]
+            for n, (e, fit) in enumerate(zip(experiments, fits, strict=True))
+            if fit is not None
+        ]
+        low, _ = binomial_band(len(inside), LEVEL)
+        checks["coverage_of_stiffness"] = at_least(float(np.mean(inside)), low / len(inside))
+    return checks
+
+
+def _coverage_of_truth(field: OscillatorField, made: SyntheticExperiments) -> list[float]:
+    """Share of the true logarithms within the 95 % intervals of the field, without and with widening."""
+    true = dict(zip("mck", np.log(made.field.at(made.new)), strict=True))
+    inside = []
+    for (d, name), g in field.processes.items():
+        mean, std = g.predict(made.new)
+        z = np.abs(true[name][:, "xyz".index(d)] - mean) / std
+        inside.append([np.mean(z * g.inflation < QUANTILE), np.mean(z < QUANTILE)])
+    return [float(x) for x in np.mean(inside, axis=0)]
+
+
+def _repeatability(experiments: Sequence[Experiment], rows: Mapping[str, Array]) -> float | None:
+    """Mean relative change of m, c, k between successive experiments at one pose and direction; None without any."""
+    last: dict[tuple[float, ...], int] = {}
+    changes = []
+    for n, e in enumerate(experiments):
+        key = (*e.pose.tolist(), float(e.direction))
+        if key in last:
+            changes += [float(np.log(v[n, e.direction] / v[last[key], e.direction])) for v in rows.values()]
+        last[key] = n
+    told = np.abs([c for c in changes if np.isfinite(c)])
+    return float(np.mean(told)) if len(told) else None
+
+
+def _experiment_rows(experiments: Sequence[Experiment], fits: Fits) -> list[Row]:
+    """Of few experiments each, of many the range by direction."""
+    if len(experiments) <= 12:
+        return [
+            Row(f"{e.source} ({'xyz'[e.direction]})", f"fn {f.fn[0]:.4g} Hz, zeta {f.zeta[0]:.3g}, m {f.m[0]:.4g} kg, "
+                f"c {f.c[0]:.4g} N.s/m, k {f.k[0]:.4g} N/m")
+            for e, f in zip(experiments, fits, strict=True) if f is not None
+        ]  # fmt: skip
+    rows = []
+    for d, name in enumerate("xyz"):
+        own = [f for e, f in zip(experiments, fits, strict=True) if f is not None and e.direction == d]
+        spans = [
+            f"{q} {min(getattr(f, q)[0] for f in own):.3g}..{max(getattr(f, q)[0] for f in own):.3g}" for q in NAMES
+        ]
+        rows.append(Row(f"{len(own)} experiments in {name}", ", ".join(spans)))
+        error = max(f.log_std("k") for f in own)
+        rows.append(Row(f"  largest error of k by noise alone, {name}", f"{error:.2%}"))
+    rows.append(Row("every experiment with its intervals", "poses.csv"))
+    return rows
+
+
+def _c_text(field: OscillatorField) -> str:
+    head = f"/* SYNTHETIC: {field.synthetic} */\n" if field.synthetic else ""
+    return f"{head}/* pose x, y, z [m], A [rad] -> m [kg], c [N.s/m], k [N/m] of x, y, z */\n{field.c_code()}"
+
+
+def _list(numbers: Sequence[float] | None) -> str:
+    return ", ".join(f"{x:.3g}" for x in numbers or ())
