@@ -120,7 +120,7 @@ def test_own_optimization_is_solved(gtmodel: Commands, problem: str, time_s: flo
     assert done.json["problem"] == problem and done.json["status"] == "solved"
     assert done.json["values"]["final_time_s"] == pytest.approx(time_s, rel=TIME_TOLERANCE)
     assert all(check["passed"] and set(check) == {"value", "bound", "passed"} for check in done.json["checks"].values())
-    assert list(done.json["values"]) == list(kinds.get("optimization").VALUES)
+    assert list(done.json["values"]) == list(described(kinds.get("optimization").RESULT))
 
 
 def test_people_read_one_table(gtmodel: Commands) -> None:
@@ -382,7 +382,7 @@ def test_fault_in_a_persons_model_names_its_line(gtmodel: Commands, here: Path) 
 
 
 def test_internal_error_is_one_sentence_and_exit_code_1(gtmodel: Commands, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("gtmodel.kinds.optimization.collocate", None)
+    monkeypatch.setattr("gtmodel.optimize.study.solve", None)
     done = gtmodel("solve", "swing.toml", "--json")
     assert done.code == 1 and done.json["status"] == "failed"
     assert "internal error: TypeError" in done.sentence and "--debug" in done.sentence

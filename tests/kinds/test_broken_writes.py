@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from gtmodel.kinds import optimization
+from gtmodel.kinds.optimization import kind as optimization
 from gtmodel.problem_files import InputError
 from gtmodel.problem_files.load import load
 from gtmodel.problem_files.run import context_of, solve
@@ -153,7 +153,7 @@ def no_work(monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(*_: Any, **__: Any) -> None:
         pytest.fail("the work was begun")
 
-    monkeypatch.setattr("gtmodel.kinds.optimization.collocate", refuse)
+    monkeypatch.setattr("gtmodel.optimize.study.solve", refuse)
     monkeypatch.setattr("gtmodel.kinds.codegen.compiled", refuse)
 
 
@@ -187,7 +187,6 @@ def test_a_result_that_its_folder_does_not_take_is_kept_elsewhere(
     monkeypatch.setattr(tempfile, "tempdir", str(Path("other").resolve()))
     wanted = gtmodel("solve", "swing.toml", "--out", "whole")
     assert wanted.code == 0
-    monkeypatch.setattr("gtmodel.kinds.optimization.VALUES", {})  # any hook that runs while the work is done
     text = FILES["pendulum.py"] + "\nfrom pathlib import Path\nPath('out', 'result.json').write_text('mine')\n"
     Path("pendulum.py").write_text(text)
     done = gtmodel("solve", "swing.toml", "--out", "out", "--set", "model=./pendulum.py:SwingUp")
@@ -201,8 +200,10 @@ def test_a_picture_that_fails_costs_no_numbers(gtmodel: Commands, monkeypatch: p
     def fails() -> None:
         raise ValueError("no ink")
 
-    solved = optimization.solve
-    monkeypatch.setattr(optimization, "solve", lambda p, c: solved(p, c).with_(figures={"empty": fails}))
+    study = optimization.optimization_study
+    monkeypatch.setattr(
+        optimization, "optimization_study", lambda *a, **k: study(*a, **k).with_(figures={"empty": fails})
+    )
     done = gtmodel("solve", "swing.toml", "--out", "out", "--plot")
     assert done.code == 1 and "no ink" in done.err and "final time" in done.out
     assert {p.name for p in Path("out").iterdir()} == {"result.json", "trajectory.csv", "run.toml"}

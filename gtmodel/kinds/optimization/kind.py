@@ -1,0 +1,55 @@
+"""Kind "optimization": a person's own `Optimization` class, solved by collocation."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gtmodel.lang import Optimization
+from gtmodel.optimize import Mesh, OptimizationStudy, SolverOptions, optimization_study
+from gtmodel.optimize.formulation.problem import Bounds
+from gtmodel.problem_files import python_models
+from gtmodel.problem_files.base import Context
+from gtmodel.problem_files.call import Call
+
+from .keys import Schema
+
+NAME = "optimization"
+RESULT = OptimizationStudy
+
+
+def call(problem: Schema, context: Context) -> Call:
+    """The person's optimisation. Raises InputError and ModelError for a wrong one."""
+    return Call(
+        optimization_study, _model(problem, context), Mesh(**problem.mesh.model_dump()), guess=context.guess(),
+        solver=SolverOptions(**problem.solver.model_dump()), title=problem.title,
+    )  # fmt: skip
+
+
+def explain(problem: Schema, context: Context) -> str:
+    """What is optimised: the unknowns of the discretised problem's model and their bounds."""
+    from gtmodel.optimize.formulation.problem import build
+
+    built = build(_model(problem, context), problem.solver.formulation)
+    lines = [
+        f"{built.flat.title}: {len(built.state_names)} states, {len(built.control_names)} controls, "
+        f"{len(built.free_names)} free constants",
+        f"  states: {', '.join(built.state_names) or 'none'}",
+        f"  controls: {', '.join(built.control_names) or 'none'}",
+        f"  free: {', '.join(built.free_names) or 'none'}",
+        *(
+            [f"  {built.formulation} form, unknown at each point: {', '.join(built.point_names)}"]
+            if built.point_names
+            else []
+        ),
+        f"  {len(built.path)} path constraints, {len(built.points)} point constraints, "
+        f"{_held(built.start_bounds)} states bounded at the start and {_held(built.end_bounds)} at the end",
+    ]
+    return "\n".join(lines)
+
+
+def _held(bounds: Bounds) -> int:
+    return int(np.sum(np.isfinite(bounds.low) | np.isfinite(bounds.high)))
+
+
+def _model(problem: Schema, context: Context) -> Optimization:
+    return python_models.resolve(problem.model, context, "model", problem.parameters, Optimization)

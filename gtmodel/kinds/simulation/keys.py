@@ -1,0 +1,67 @@
+"""The keys of kind "simulation"."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Discriminator, Field, PositiveFloat, Tag
+
+from gtmodel.problem_files.base import Section
+from gtmodel.problem_files.robot_keys import RobotProblem
+
+
+def _numbers(value: Any) -> Any:
+    """Refuses what is neither a number nor a list of numbers, in one sentence for both."""
+    entries = value if isinstance(value, list) else [value]
+    if not all(isinstance(x, (int, float)) and not isinstance(x, bool) and math.isfinite(x) for x in entries):
+        raise ValueError("expected a number or a list of numbers")
+    return value
+
+
+def _keys(value: Any) -> Any:
+    """Refuses a table that is no file input, naming the keys: an input's name is a person's, no schema knows it."""
+    if isinstance(value, dict) and (wrong := [key for key in value if key not in File.model_fields]):
+        raise ValueError(f"there is no key '{wrong[0]}'; there are {', '.join(File.model_fields)}")
+    if isinstance(value, dict) and "file" not in value:
+        raise ValueError('expected {file = "motion.csv"}')
+    return value
+
+
+Values = Annotated[float | list[float], BeforeValidator(_numbers)]
+
+
+class File(Section):
+    """An input from a trajectory file."""
+
+    file: str = Field(description="CSV file as gtmodel writes it; the path starts at the problem's folder")
+    signal: str = Field(default="", description="its name in the file, where that is another one")
+    interpolation: Literal["linear", "previous", "cubic"] = Field(
+        default="linear", description="between rows; previous holds each row, cubic has two derivatives"
+    )
+
+
+Input = Annotated[
+    Annotated[Values, Tag("numbers")] | Annotated[File, BeforeValidator(_keys), Tag("a table")],
+    Discriminator(lambda value: "a table" if isinstance(value, (dict, File)) else "numbers"),
+]
+
+
+class Schema(RobotProblem):
+    """Simulation of a robot. Quantities go by the model's own names, such as T, "der(T)" or "arm[0].rod.tension"."""
+
+    final_time_s: PositiveFloat = Field(description="when the simulation ends; it starts at 0")
+    step_s: PositiveFloat | None = Field(
+        default=None, description="interval of the recorded rows; a 500th of the run if it is left out"
+    )
+    max_step_s: PositiveFloat | None = Field(
+        default=None, description="longest step of the integrator; none if it is left out"
+    )
+    tolerance: float = Field(default=1e-9, ge=1e-14, le=0.1, description="of the integrator, relative and absolute")
+    method: Literal["bdf", "adams"] = Field(default="bdf", description="adams for smooth motion at tight tolerances")
+    prefer: list[str] = Field(default=[], description="names to keep as states, as long as they are good for it")
+    outputs: list[str] = Field(default=[], description="further names to record")
+    start: dict[str, Values] = Field(default={}, description="start values by name, in SI units")
+    inputs: dict[str, Input] = Field(
+        default={}, description='by name: a number, a list, or {file = "motion.csv"}; in SI units'
+    )

@@ -1,0 +1,65 @@
+"""Kind "simulation": the motion of a robot, or any model, under given inputs from a given start."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from gtmodel.problem_files.base import Context, InputError
+from gtmodel.problem_files.call import Call
+from gtmodel.problem_files.robots import file_of
+from gtmodel.results import Trajectory, TrajectoryError
+from gtmodel.simulation import SimulationStudy, explain_simulation, simulation_study
+from gtmodel.simulation.study import refuse_unknown
+
+from .keys import File, Schema
+
+NAME = "simulation"
+RESULT = SimulationStudy
+
+
+def call(problem: Schema, context: Context) -> Call:
+    """The motion, keeping what there is when it ends early."""
+    if context.start is not None:
+        raise InputError("--start: a simulation begins at its [start]; give the values there")
+    model = problem.model(context)
+    refuse_unknown(model, inputs=problem.inputs)  # before files are read
+    return Call(
+        simulation_study, model, problem.final_time_s, inputs=_inputs(problem, context),
+        start=problem.start, step=problem.step_s, max_step=problem.max_step_s, outputs=problem.outputs,
+        prefer=problem.prefer, tolerance=problem.tolerance, method=problem.method,
+        title=problem.title or f"simulation of {problem.robot}",
+    )  # fmt: skip
+
+
+def explain(problem: Schema, context: Context) -> str:
+    """States with their start values, and how their rates follow from them and the inputs."""
+    made = call(problem, context)
+    model, _ = made.arguments
+    given = {name: made.options[name] for name in ("start", "inputs", "outputs", "prefer")}
+    refuse_unknown(model, **given)
+    del given["outputs"]
+    text = explain_simulation(model, **given, tolerance=problem.tolerance, method=problem.method)
+    return f"{problem.title or NAME}: {problem.final_time_s:g} s\n{text}"
+
+
+def _inputs(problem: Schema, context: Context) -> dict[str, Any]:
+    """Inputs as `simulate` takes them; files are read and entered into the context."""
+    found: dict[str, Any] = {}
+    for name, value in problem.inputs.items():
+        if not isinstance(value, File):
+            found[name] = value
+            continue
+        key = f"inputs.{name}.file"
+        path = file_of(value.file, context)
+        if path is None:
+            raise InputError(f"there is no file '{value.file}' in {context.folder} or here", key)
+        context.take(f"inputs.{name}", Path(path))
+        signal = value.signal or name
+        try:
+            trajectory = Trajectory.from_csv(path)
+            renamed = Trajectory(trajectory.time, {name: trajectory[signal]}, {name: trajectory.unit(signal)})
+        except (TrajectoryError, KeyError) as error:
+            raise InputError(str(error), key) from error
+        found[name] = (renamed, value.interpolation)
+    return found

@@ -1,0 +1,126 @@
+"""An optimal control problem as a study: solved by collocation, its input tried in an error-controlled integrator."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Annotated
+
+from ..lang import ModelError, Optimization
+from ..results import ArgumentError, Quantity, Row, Study, Trajectory, Work
+from ..results.work import Progress, never, silent
+from .compiled import CompilerMissing
+from .judgement.resimulate import resimulate
+from .mesh import Mesh
+from .solution import Solution
+from .solve import SolverOptions, solve
+
+TRIED = ("defect", "violation_between_nodes", "cost_error")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class OptimizationStudy(Study):
+    """A solved optimal control problem. solution: what `solve` gave."""
+
+    solution: Solution
+    final_time: Annotated[float, Quantity("s", "end of the horizon")]
+    free: Annotated[
+        Mapping[str, float],
+        Quantity("", "every constant that the optimisation chose, by its name in the class, in SI"),
+    ] = field(default_factory=dict)
+    defect: Annotated[
+        float | None,
+        Quantity("", "largest difference of re-simulated and collocated states at an element's edge, in nominals"),
+    ] = None
+    violation_between_nodes: Annotated[
+        float | None,
+        Quantity(
+            "", "largest excess over a bound or path constraint at any instant, in the unit of its row"
+        ),
+    ] = None  # fmt: skip
+    cost_error: Annotated[float | None, Quantity("", "re-simulated minus collocated integral cost")] = None
+
+    @property
+    def rows(self) -> list[Row]:
+        """The table for people."""
+        rows = [Row("objective", self.objective), Row("final time", self.final_time, "s")]
+        rows += [Row(name, value) for name, value in self.free.items() if name != "final_time"]
+        tried = ((name, getattr(self, name)) for name in TRIED)
+        return rows + [Row(name.replace("_", " "), value) for name, value in tried if value is not None]
+
+
+def optimization_study(
+    problem: Optimization,
+    mesh: Mesh | None = None,
+    *,
+    guess: Trajectory | None = None,
+    solver: SolverOptions | None = None,
+    title: str = "",
+    progress: Progress = silent,
+    max_seconds: float | None = None,
+    stop: Callable[[], bool] = never,
+) -> OptimizationStudy:
+    """Solve an optimal control problem, and re-simulate the optimum's input where it converged.
+
+    Args:
+        problem: the Optimization. mesh, guess, solver: as of `solve`.
+        progress, max_seconds, stop: see `gtmodel.results.Work`; a time limit of the solver itself holds too.
+
+    Interrupted, it holds the best iterate. Raises ArgumentError, and ModelError for a wrong problem.
+
+    >>> import gtmodel as gt
+    >>> from gtmodel import der
+    >>> class Rest(gt.Optimization):
+    ...     x = gt.variable(start=1.0, fixed=True)
+    ...     u = gt.input(min=-1.0, max=1.0)
+    ...     final_time = 1.0
+    ...     def equations(self):
+    ...         yield der(self.x) == self.u
+    ...     def objective(self):
+    ...         return gt.integral(self.x**2 + self.u**2)
+    >>> s = gt.optimize.optimization_study(Rest(), gt.optimize.Mesh(elements=5))
+    >>> round(s.objective, 4)  # tanh(1)
+    0.7616
+    """
+    work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
+    solver = solver or SolverOptions()
+    limits = [x for x in (solver.max_seconds, work.seconds_left()) if x is not None]
+
+    def told(iteration: int, objective: float, violation: float) -> bool:
+        numbers = {"iteration": iteration, "objective": objective, "violation": violation}
+        work.progress("optimising", None, numbers)
+        return work.interrupted()
+
+    try:
+        solution = solve(
+            problem, mesh or Mesh(), guess=guess, solver=replace(solver, max_seconds=min(limits, default=None)),
+            progress=told, throw=False,
+        )  # fmt: skip
+    except CompilerMissing as error:
+        raise ArgumentError(str(error), "solver.compile") from None
+    tried, message = _tried(solution) if solution.status.converged else ({}, solution.message)
+    return OptimizationStudy(
+        status=solution.status,
+        message=message,
+        title=title,
+        objective=solution.objective,
+        iterations=solution.iterations,
+        checks=dict(solution.checks),
+        trajectory=solution.trajectory,
+        solution=solution,
+        final_time=solution.final_time,
+        free=dict(solution.free),
+        **tried,
+    )
+
+
+def _tried(solution: Solution) -> tuple[dict[str, float], str]:
+    """What the optimum's input does in an error-controlled integrator, and the message; no numbers if it cannot run."""
+    try:
+        run = resimulate(solution)
+    except ModelError as error:
+        return {}, f"{solution.message}; not re-simulated: {error}"
+    if run.trajectory is None:
+        return {}, f"{solution.message}; not re-simulated: {run.message}"
+    numbers = dict(zip(TRIED, (run.defect, run.violation, run.cost_error), strict=True))
+    return numbers, f"{solution.message}{';' if solution.reservation else ' and'} re-simulated"

@@ -1,0 +1,176 @@
+"""The motion of a robot, or any model, under given inputs from a given start, as a study."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Annotated, Any, Literal
+
+from ..compiler.causal import flat_of
+from ..lang.model import Model
+from ..lang.source import ModelError
+from ..results import ArgumentError, Quantity, Row, SolveStatus, Study, Trajectory, Work, at_most
+from ..results.work import Progress, never, silent
+from .arguments import MOST_ROWS, MOST_STEPS
+from .result import Simulation
+from .run import simulate
+
+TIGHTER = "use a smaller tolerance"
+# in SI units: closed forms and polished Newton unknowns leave round-off, 1e-12 of forces up to 1e4 N
+EQUATIONS = 1e-8
+ENERGIES = ("stored", "supplied", "dissipated")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class SimulationStudy(Study):
+    """A simulated motion. simulation: what `simulate` gave."""
+
+    simulation: Simulation
+    end_time: Annotated[float, Quantity("s", "time reached")]
+    end: Annotated[
+        Mapping[str, Any], Quantity("", "every recorded quantity at that time, by its name, in SI units")
+    ]  # fmt: skip
+    states: Annotated[Sequence[str], Quantity("", "names of the states at that time")]
+    switches: Annotated[int, Quantity("", "number of changes of the states on the way")]
+    chosen: Annotated[
+        Mapping[str, float],
+        Quantity("", "start values that the problem leaves open, by state; the initialisation chose them"),
+    ] = field(default_factory=dict)
+    energy_error: Annotated[
+        float | None,
+        Quantity("J", "largest error of the energy balance; null for a model that declares no energies"),
+    ] = None
+    energy_stored: Annotated[
+        float | None, Quantity("J", "energy stored at that time, beyond what was stored at the start")
+    ] = None
+    energy_supplied: Annotated[float | None, Quantity("J", "energy supplied until then")] = None
+    energy_dissipated: Annotated[float | None, Quantity("J", "energy dissipated until then")] = None
+
+    @property
+    def rows(self) -> list[Row]:
+        """The table for people."""
+        units = {} if self.trajectory is None else self.trajectory.units
+        rows = [Row("end time", self.end_time, "s")]
+        rows += [Row(f"{name} at the end", x, units[name]) for name, x in self.end.items() if "." not in name]
+        rows += [Row("states", ", ".join(self.states) or "none")]
+        rows += [Row(f"chosen start of {name}", x) for name, x in self.chosen.items()]
+        if self.switches:
+            rows.append(Row("changes of states", self.switches))
+        if self.energy_error is not None:
+            rows += [Row(f"energy {k}", getattr(self, f"energy_{k}"), "J") for k in ENERGIES]
+            rows.append(Row("error of the energy balance", self.energy_error, "J"))
+        return rows
+
+
+def simulation_study(
+    model: Model,
+    final_time: float,
+    *,
+    inputs: Mapping[str, Any] | None = None,
+    start: Mapping[str, Any] | None = None,
+    step: float | None = None,
+    max_step: float | None = None,
+    outputs: Sequence[str] = (),
+    prefer: Sequence[str] = (),
+    tolerance: float = 1e-9,
+    method: Literal["bdf", "adams"] = "bdf",
+    title: str = "",
+    progress: Progress = silent,
+    max_seconds: float | None = None,
+    stop: Callable[[], bool] = never,
+) -> SimulationStudy:
+    """Simulate a model from 0 to `final_time` [s], with checks, table and pictures.
+
+    Args:
+        inputs, start, step, max_step, outputs, prefer, tolerance, method: as of `simulate`.
+        progress, max_seconds, stop: see `gtmodel.results.Work`.
+
+    A run that ends early, or is interrupted, keeps what there is. Raises ArgumentError, and ModelError for a wrong
+    model, input or start.
+
+    >>> import gtmodel as gt
+    >>> from gtmodel.simulation import simulation_study
+    >>> robot = gt.robots.gantry_tau("l1_tape")
+    >>> s = simulation_study(robot, 0.1, inputs={"tau": 0.0}, start={"T": [0.5, -0.9, 0.3], "der(T)": 0.0})
+    >>> s.energy_error < 1e-4
+    True
+    """
+    work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
+    refuse_unknown(model, start=start or {}, inputs=inputs or {}, outputs=outputs, prefer=prefer)
+    _refuse_steps(final_time, step, max_step)
+
+    def told(time: float) -> bool:
+        work.progress("simulating", time / final_time, {"time_s": time})
+        return work.interrupted()
+
+    found = simulate(
+        model, final_time, inputs=inputs, start=start, step=step, max_step=max_step, outputs=outputs, prefer=prefer,
+        tolerance=tolerance, method=method, progress=told, throw=False,
+    )  # fmt: skip
+    return _concluded(found, title)
+
+
+def refuse_unknown(model: Model, **lists: Mapping[str, Any] | Sequence[str]) -> None:
+    """Raises ArgumentError for a name that the model lacks."""
+    flat = flat_of(model)
+    for argument, names in lists.items():
+        for n, name in enumerate(names):
+            try:
+                flat.lookup(name)
+            except ModelError as error:
+                place = f"{argument}.{name}" if isinstance(names, Mapping) else f"{argument}[{n}]"
+                raise ArgumentError(str(error), place) from error
+
+
+def _refuse_steps(final_time: float, step: float | None, max_step: float | None) -> None:
+    if step is not None and step > final_time:
+        raise ArgumentError(f"{step:g} s is longer than the run of {final_time:g} s", "step")
+    for argument, value, most in (("step", step, MOST_ROWS), ("max_step", max_step, MOST_STEPS)):
+        if value is not None and value > 0 and final_time / value > most:
+            raise ArgumentError(f"{value:g} s is too short: the run has at most {most} of them", argument)
+
+
+def _concluded(found: Simulation, title: str) -> SimulationStudy:
+    recorded = found.trajectory
+    whole = found.status.converged  # its failed checks are the study's
+    if not found.status.ok:
+        title += f" ({found.status.value})"
+    trajectory = Trajectory(
+        recorded.time, {n: recorded[n] for n in recorded.names}, recorded.units, title=title, provenance={}
+    )
+    checks = {"equations_residual": at_most(found.residual, EQUATIONS, TIGHTER)}
+    checks |= {name: at_most(check.value, check.bound or 0.0, check.advice) for name, check in found.checks.items()}
+    figures = {"signals": partial(_signals, trajectory, [s.time for s in found.switches])}
+    energies = {}
+    if found.energy_error is not None:
+        figures["energy"] = partial(_energy, trajectory)
+        energies = {f"energy_{k}": float(x[-1] - x[0]) for k in ENERGIES for x in [trajectory[f"energy.{k}"]]}
+    return SimulationStudy(
+        status=SolveStatus.SOLVED if whole else found.status,
+        message=found.message,
+        title=title,
+        checks=checks,
+        trajectory=trajectory,
+        figures=figures,
+        simulation=found,
+        end_time=float(trajectory.time[-1]),
+        end={name: trajectory[name][-1] for name in trajectory.names if not name.startswith("energy.")},
+        states=list(found.states),
+        switches=len(found.switches),
+        chosen=found.chosen,
+        energy_error=found.energy_error,
+        **energies,
+    )
+
+
+def _signals(trajectory: Trajectory, marks: list[float]) -> Any:
+    from ..plot.signals import signals_figure
+
+    return signals_figure(trajectory, marks=marks)
+
+
+def _energy(trajectory: Trajectory) -> Any:
+    from ..plot.signals import energy_figure
+
+    return energy_figure(trajectory)
