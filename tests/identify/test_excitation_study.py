@@ -1,4 +1,4 @@
-"""The excitation study, called on objects: thirteen parameters of the L1 against random motions, and what is refused."""
+"""The excitation study, called on objects: thirteen parameters of the L1 against random motions; what is refused."""
 
 from __future__ import annotations
 

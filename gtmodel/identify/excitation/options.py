@@ -1,4 +1,4 @@
-"""What an excitation is asked to be: the family of motions, the experiment, the search, and what it is compared with."""
+"""What an excitation is asked to be: family of motions, experiment, search, and what it is compared with."""
 
 from __future__ import annotations
 
