@@ -22,7 +22,8 @@ from gtmodel.results import Trajectory
 from gtmodel.results.folder import Held
 from gtmodel.results.marks import is_marked
 
-from . import codegen, trajectory
+from . import trajectory
+from .codegen import keys as codegen
 from .loop_motion import CYCLE_MS, there_and_back
 
 Peer = Literal["egm", "rsi"]
