@@ -10,11 +10,11 @@ import numpy as np
 from pydantic import Field
 from scipy.spatial.transform import Rotation
 
+from gtmodel.kinematics.causality.conditions import UNIT_LENGTH
 from gtmodel.problem_files import csv_table
 from gtmodel.problem_files.base import Context, InputError, Section
 from gtmodel.problem_files.robots import file_of
 
-from .known_values import UNIT_LENGTH
 from .six_links import Hands, SixLinks
 
 Three = Annotated[list[float], Field(min_length=3, max_length=3)]

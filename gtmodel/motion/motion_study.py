@@ -25,7 +25,6 @@ from .reference import at_rest, csv_text, rapid_text
 from .search import Search
 
 SAME_OPTIMUM = 1e-5  # relative: costs nearer than that are one optimum
-REFERENCE, PROGRAM = "reference.csv", "motion.mod"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -278,8 +277,11 @@ def _concluded(asked: MotionProblem, found: Found, iterations: int, finer: str, 
         exported_margins=margins_of(plan, exported),
         exported_clearance=_clearances(plan, run),
         figures={"motion": partial(_figure, plan, trajectory, curves)},
-        files={REFERENCE: csv_text(reference, problem.title), PROGRAM: rapid_text(targets, problem.title)},
-        machine_files=(REFERENCE, PROGRAM),
+        files={
+            "reference.csv": csv_text(reference, problem.title),
+            "motion.mod": rapid_text(targets, problem.title),
+        },
+        machine_files=("reference.csv", "motion.mod"),
     )
 
 

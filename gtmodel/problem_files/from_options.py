@@ -22,13 +22,13 @@ S = TypeVar("S", bound="Made")
 class Made(Section):
     """A table whose keys are the fields of an options class; `options` gives the object back."""
 
-    of: ClassVar[type]
+    made_of: ClassVar[type]
     attributes: ClassVar[dict[str, str]]  # key -> field
 
     def options(self) -> Any:
         """The options that the table says, in SI. Raises ArgumentError where they contradict each other."""
         given = {self.attributes[key]: _given(self, key) for key in self.attributes}
-        return self.of(**given)
+        return self.made_of(**given)
 
 
 def _given(table: Made, key: str) -> Any:
@@ -37,7 +37,7 @@ def _given(table: Made, key: str) -> Any:
         return value.options()
     if isinstance(value, list) and value and isinstance(value[0], Made):
         return [one.options() for one in value]
-    unit = next((m for m in declared(table.of)[table.attributes[key]] if isinstance(m, Unit)), None)
+    unit = next((m for m in declared(table.made_of)[table.attributes[key]] if isinstance(m, Unit)), None)
     if value is None or unit is None or not unit.written:
         return value
     found = converted(value, unit.written, unit.text)
@@ -62,7 +62,7 @@ def made_from(options: type[Options], *left_out: str) -> Callable[[type[S]], typ
             cls.__name__, __base__=cls, __module__=cls.__module__,
             __doc__=inspect.cleandoc(cls.__doc__ or options.__doc__ or ""), **fields,
         )  # fmt: skip
-        found.of, found.attributes = options, attributes
+        found.made_of, found.attributes = options, attributes
         return found
 
     return made

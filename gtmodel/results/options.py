@@ -82,8 +82,8 @@ class Options:
                     if not bound.holds(x):
                         raise ArgumentError(f"must be {bound}; found {x:g}", name)
             for mark in marks:
-                if isinstance(mark, Long) and np.size(value) != mark.count:
-                    raise ArgumentError(f"expected {mark.count} numbers; found {np.size(value)}", name)
+                if isinstance(mark, Long) and (count := len(value) if np.ndim(value) else 1) != mark.count:
+                    raise ArgumentError(f"expected {mark.count} numbers; found {count}", name)
 
 
 @cache

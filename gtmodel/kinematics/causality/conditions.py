@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import casadi as ca
 import numpy as np
 
-from gtmodel.compiler.causal import CausalFunction
-from gtmodel.compiler.rows import map_columns
+from ...compiler.causal import CausalFunction
+from ...compiler.rows import map_columns
 
 UNIT_LENGTH = 1e-3  # a quaternion farther from length 1 is a slip of the pen, not rounding
 # unit vectors in no special direction: what holds for all of them is a condition on the length
