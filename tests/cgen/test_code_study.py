@@ -104,9 +104,10 @@ def test_what_a_caller_gave_wrong_is_refused_before_the_folder_is_made(one: Func
     with pytest.raises(ArgumentError) as caught:
         Verification(points=0)
     assert caught.value.argument == "points"
-    for wrong in ({"name": "1x"}, {"real": "half"}, {"box": {"psi": [[0.0, 1.0]]}}):
+    wrong: list[dict[str, Any]] = [{"name": "1x"}, {"real": "half"}, {"box": {"psi": [[0.0, 1.0]]}}]
+    for keys in wrong:
         with pytest.raises(GenerationError):
-            cgen.study(one, tmp_path / "code", **{"name": "own", "check": None} | wrong)
+            cgen.study(one, tmp_path / "code", **{"name": "own", "check": None} | keys)
         assert not (tmp_path / "code").exists()
 
 
