@@ -62,7 +62,8 @@ class Study:
     def values(self) -> Mapping[str, Any]:
         """The declared quantities by their names in result.json, which carry the units; `notes` where there are any."""
         found = {q.name(attribute): q.value(getattr(self, attribute)) for attribute, q in self.quantities().items()}
-        return found | ({"notes": list(self.notes)} if self.notes else {})
+        own = () if "notes" in self.quantities() else found.get("notes") or ()
+        return found | ({"notes": [*own, *self.notes]} if self.notes else {})
 
     @property
     def rows(self) -> list[Row]:

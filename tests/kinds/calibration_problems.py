@@ -9,9 +9,11 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from gtmodel.kinds import calibration
-from gtmodel.problem_files import Context, Outcome
-from gtmodel.problem_files.load import validate
+from gtmodel.calibrate import CalibrationStudy
+from gtmodel.kinds.calibration import kind
+from gtmodel.problem_files import Context
+from gtmodel.problem_files.load import Loaded, validate
+from gtmodel.problem_files.run import answer
 from tests.support.commands import CLONE
 
 PROBLEMS = CLONE / "problems"
@@ -22,12 +24,13 @@ def keys(name: str, **changes: Any) -> dict[str, Any]:
     return {**tomllib.loads((PROBLEMS / f"{name}.toml").read_text()), **changes}
 
 
-def solved(problem: dict[str, Any], folder: Path = PROBLEMS) -> Outcome:
-    return calibration.solve(validate(calibration.Schema, problem), Context(folder=folder))
+def solved(problem: dict[str, Any], folder: Path = PROBLEMS) -> CalibrationStudy:
+    loaded = Loaded(folder / "problem.toml", b"", (), kind, validate(kind.Schema, problem), False)  # type: ignore[arg-type]
+    return answer(loaded, Context(folder=folder))  # type: ignore[return-value]
 
 
 @cache
-def shipped(robot: str) -> Outcome:
+def shipped(robot: str) -> CalibrationStudy:
     """The outcome of problems/calibrate_ROBOT.toml."""
     return solved(keys(f"calibrate_{robot}"))
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gtmodel.calibrate import Calibration, calibrate, prepare
-from gtmodel.kinds.calibration_confidence import Confidence
+from gtmodel.calibrate.told.intervals import Confidence
 from gtmodel.problem_files.base import InputError
 from gtmodel.results import SolveStatus
 from tests.calibrate.synthetic import measured, true_robot

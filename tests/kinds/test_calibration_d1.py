@@ -7,11 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from gtmodel.calibrate import CalibrationStudy
 from gtmodel.calibrate.basin import basin
-from gtmodel.kinds.calibration_sensitivity import table, text
-from gtmodel.kinds.calibration_synthetic import Made, make
-from gtmodel.kinds.calibration_synthetic_keys import Synthetic
-from gtmodel.problem_files import Context, InputError, Outcome, robots
+from gtmodel.calibrate.synthetic import Made, make
+from gtmodel.calibrate.told.sensitivity_table import table, text
+from gtmodel.kinds.calibration.keys import Synthetic
+from gtmodel.problem_files import Context, InputError, robots
 from gtmodel.robots.measured_guideways import D1_MODELS
 from tests.calibrate.runs import ready
 from tests.kinds.calibration_problems import PROBLEMS, keys, solved
@@ -22,13 +23,13 @@ LAST_DIGIT = 1.01e-4  # mm: where another machine rounds otherwise
 
 
 @cache
-def model(number: int) -> Outcome:
+def model(number: int) -> CalibrationStudy:
     return solved(keys(f"calibrate_d1_model_{number}"))
 
 
 def made(**changes: Any) -> Made:
     problem = keys("simulate_d1")
-    return make(robots.resolve(problem["robot"], Context()), Synthetic(**{**problem["synthetic"], **changes}))
+    return make(robots.resolve(problem["robot"], Context()), Synthetic(**{**problem["synthetic"], **changes}).options())
 
 
 def mean_errors(folder: Path, numbers: tuple[int, ...] = (1, 2, 3, 4, 5)) -> np.ndarray:

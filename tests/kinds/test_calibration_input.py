@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gtmodel.kinds import calibration
-from gtmodel.kinds.calibration_recognition import Witness
+from gtmodel.calibrate import calibration_study
+from gtmodel.calibrate.measured.witness import Witness
 from gtmodel.problem_files import InputError
 from tests.kinds.calibration_problems import PROBLEMS, data, keys, solved, with_signals, written
 from tests.support.commands import Commands
@@ -100,7 +100,7 @@ class TestColumns:
         self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         """With all parameters free the arms of three links only change their names: then what moved far is said."""
-        monkeypatch.setattr(calibration, "witness_of", lambda model, data: Witness(None, 2.0, False))
+        monkeypatch.setattr(calibration_study, "witness_of", lambda model, data: Witness(None, 2.0, False))
         written(tmp_path, "l1", order(1, 0, 2))
         problem = with_signals(keys("calibrate_l1", sensitivity_step=0.0))
         with pytest.raises(

@@ -11,9 +11,10 @@ import pytest
 
 from gtmodel.cli import main
 from gtmodel.compiler.sharing import shared
-from gtmodel.kinds import calibration
-from gtmodel.problem_files import Context, robots
+from gtmodel.kinds.calibration.kind import RESULT
+from gtmodel.problem_files import Context, InputError, robots
 from gtmodel.results import SolveStatus
+from gtmodel.results.quantity import described
 from tests.calibrate.test_closure import Slider
 from tests.kinds.calibration_problems import PROBLEMS, data, keys, shipped, solved, with_signals, written
 from tests.support.commands import Commands
@@ -35,7 +36,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 class TestShippedProblems:
     def test_l1_by_the_command_line(self, folder: Path) -> None:
         found = json.loads((folder / "result.json").read_text())
-        assert found["status"] == "solved" and list(found["values"]) == list(calibration.VALUES)
+        assert found["status"] == "solved" and list(found["values"]) == list(described(RESULT))
         assert all(check["passed"] for check in found["checks"].values())
         v = found["values"]
         assert len(v["unknowns"]) == 21 and v["poses"] == {"fitted": 100, "held_out": 100, "repeated": 0}
@@ -153,7 +154,7 @@ class TestChoices:
         lines = (tmp_path / "poses.csv").read_text().splitlines()
         (tmp_path / "other.csv").write_text("\n".join([*lines[:3], *lines[-20:]]) + "\n")
         (tmp_path / "poses.csv").write_text("\n".join(lines[:103]) + "\n")
-        with pytest.raises(calibration.InputError, match="offsets of q in session 'b' cannot be known"):
+        with pytest.raises(InputError, match="offsets of q in session 'b' cannot be known"):
             solved({**problem, "held_out": {"file": "other.csv"}}, tmp_path)
         del problem["measurements"]["signals"]["q"]["offset"]
         other = solved({**problem, "held_out": {"file": "other.csv"}}, tmp_path).values

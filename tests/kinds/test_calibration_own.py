@@ -7,10 +7,9 @@ import pytest
 
 from gtmodel.calibrate.modifiers import merged
 from gtmodel.compiler.causal import flat_of
-from gtmodel.kinds import calibration
 from gtmodel.problem_files import Context, InputError, robots
 from gtmodel.problem_files.explaining import of
-from gtmodel.problem_files.load import validate
+from tests.kinds import calibration_problems
 
 OWN = '''"""Three legs on carts along x hold a point."""
 
@@ -69,7 +68,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def solved(folder: Path, **changes: object):
-    return calibration.solve(validate(calibration.Schema, {**PROBLEM, **changes}), Context(folder=folder))
+    return calibration_problems.solved({**PROBLEM, **changes}, folder)
 
 
 def values(model) -> dict[str, float]:

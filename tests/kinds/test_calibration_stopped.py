@@ -6,29 +6,24 @@ import numpy as np
 import pytest
 
 from gtmodel.calibrate import Choice, Cost, calibrate, prepare
-from gtmodel.kinds import calibration, calibration_findings
+from gtmodel.calibrate.told import findings
+from gtmodel.kinds.calibration import kind
 from gtmodel.problem_files import Context
+from gtmodel.problem_files.load import validate
 from gtmodel.results import SolveStatus
 from tests.calibrate.synthetic import measured, true_robot
 from tests.kinds.calibration_problems import PROBLEMS, keys, solved
 
 
-class StoppedAfter(Context):
-    """Asks to stop once so many questions were answered with no."""
-
-    def __init__(self, asked: int) -> None:
-        super().__init__(folder=PROBLEMS)
-        self.left = asked
-
-    def interrupted(self) -> bool:
-        self.left -= 1
-        return self.left < 0
+def stopped_after(asked: int):
+    """The shipped L1, asked to stop once so many questions were answered with no."""
+    call = kind.call(validate(kind.Schema, keys("calibrate_l1")), Context(folder=PROBLEMS))
+    answers = iter([False] * asked)
+    return call(stop=lambda: next(answers, True))
 
 
 def test_a_stopped_fit_keeps_its_best_parameters_and_claims_nothing():
-    problem = calibration.Schema.model_validate(keys("calibrate_l1"))
-    outcome = calibration.solve(problem, StoppedAfter(3))
-    begun = calibration.solve(problem, StoppedAfter(1))
+    outcome, begun = stopped_after(3), stopped_after(1)
     v = outcome.values
     assert outcome.status is SolveStatus.INTERRUPTED and "stopped after 2 iterations" in outcome.message
     assert outcome.objective is not None and begun.objective is not None and outcome.objective < begun.objective
@@ -63,8 +58,8 @@ def test_held_out_poses_that_do_not_close_are_no_proof(monkeypatch: pytest.Monke
         found = predicted(c, m)
         return {n: replace(p, errors=np.vstack([np.full((1, 3), np.nan), p.errors[1:]])) for n, p in found.items()}
 
-    predicted = calibration_findings._predicted
-    monkeypatch.setattr(calibration_findings, "_predicted", one_lost)
+    predicted = findings._predicted
+    monkeypatch.setattr(findings, "_predicted", one_lost)
     outcome = solved(keys("calibrate_l1", sensitivity_step=0.0))
     assert outcome.values["prediction_proven"] is False and not outcome.checks["held_out_poses_lost"].passed
     assert any("1 of 100 held-out poses do not close" in s for s in outcome.values["verdict"])

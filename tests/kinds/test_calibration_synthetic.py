@@ -6,9 +6,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gtmodel.kinds.calibration_synthetic import MEAN_DISTANCE, disturbed, make
-from gtmodel.kinds.calibration_synthetic_keys import Synthetic
-from gtmodel.problem_files import Context, InputError, robots
+from gtmodel.calibrate import Synthetic
+from gtmodel.calibrate.synthetic import disturbed, make
+from gtmodel.calibrate.synthetic.making import MEAN_DISTANCE
+from gtmodel.kinds.calibration import keys as files
+from gtmodel.problem_files import Context, robots
+from gtmodel.results import ArgumentError
 from tests.kinds.calibration_problems import PROBLEMS, keys, solved
 
 # of the numbers that the thesis prints: our robots have errors of its sizes, but not its robot's
@@ -18,7 +21,8 @@ SEEDS = range(1, 10)
 
 def made(name: str, **changes: Any) -> str:
     problem = keys(f"simulate_{name}")
-    return make(robots.resolve(problem["robot"], Context()), Synthetic(**{**problem["synthetic"], **changes})).text
+    s = files.Synthetic(**{**problem["synthetic"], **changes}).options()
+    return make(robots.resolve(problem["robot"], Context()), s).text
 
 
 def rows(text: str) -> np.ndarray:
@@ -39,7 +43,7 @@ def test_the_shipped_files_are_those_of_the_shipped_problems(name: str, poses: i
 def test_guideways_are_so_far_apart_as_stated() -> None:
     angles = []
     for seed in range(40):
-        s = Synthetic(seed=seed, low_m=[0.0] * 3, high_m=[1.0] * 3, counts=[1] * 3, misalignment_deg=0.1)
+        s = Synthetic(seed=seed, low=[0.0] * 3, high=[1.0] * 3, counts=[1] * 3, misalignment=np.radians(0.1))
         v = np.array(disturbed(robots.resolve("l1_tape", Context()), s).v)
         u = v / np.linalg.norm(v, axis=1, keepdims=True)
         angles += [np.degrees(np.linalg.norm(np.cross(u[a], u[b]))) for a, b in ((0, 1), (0, 2), (1, 2))]
@@ -95,10 +99,10 @@ def test_what_cannot_be_made_is_said() -> None:
         ({"poses": 4000}, "grid points are within reach; ask for no more"),
         ({"low_m": [3.0, 0, 0]}, "the least x is 3 m and the greatest 2.4 m"),
     ):
-        with pytest.raises(InputError, match=said):
+        with pytest.raises(ArgumentError, match=said):
             made("l1", **changes)
-    with pytest.raises(InputError, match="is for Gantry-Tau robots"):
-        make(Path("no robot"), Synthetic(low_m=[0.0] * 3, high_m=[1.0] * 3, counts=[2] * 3))  # type: ignore[arg-type]
+    with pytest.raises(ArgumentError, match="is for Gantry-Tau robots"):
+        make(Path("no robot"), Synthetic(low=[0.0] * 3, high=[1.0] * 3, counts=[2] * 3))  # type: ignore[arg-type]
 
 
 @pytest.mark.proof

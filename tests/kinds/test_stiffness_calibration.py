@@ -7,10 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gtmodel.kinds import calibration
+from gtmodel.kinds.calibration.kind import RESULT
 from gtmodel.problem_files import Context, InputError
 from gtmodel.problem_files.load import load
+from gtmodel.problem_files.run import answer, explain
 from gtmodel.results import SolveStatus
+from gtmodel.results.quantity import described
 
 TRUTH = [3.93, 3.46, 2.77, 1.57, 0.24, 0.17]
 COLUMNS = ('q={column="q", unit="deg"}, force={column="force", unit="N"}, moment={column="moment", unit="N.m"}, '
@@ -19,8 +21,7 @@ SPRING = "joint_stiffness.compensator={base_m=0.3, lever_m=0.25, rate_N_m=8e5, r
 
 
 def solved(*changes: str, folder: Path = Path()):
-    problem = load("problems/stiffness_kr500.toml", list(changes)).problem
-    return calibration.solve(problem, Context(folder=folder))  # type: ignore[arg-type]
+    return answer(load("problems/stiffness_kr500.toml", list(changes)), Context(folder=folder))
 
 
 @pytest.fixture(scope="module")
@@ -30,7 +31,7 @@ def shipped():
 
 def test_the_shipped_tests_are_recovered_and_say_that_they_are_synthetic(shipped) -> None:
     v = shipped.values["joint_stiffness"]
-    assert shipped.status is SolveStatus.SOLVED and list(shipped.values) == list(calibration.VALUES)
+    assert shipped.status is SolveStatus.SOLVED and list(shipped.values) == list(described(RESULT))
     # six intervals of 95 % for the seed of the file, and the printed values inside
     assert all(low < k < high for k, (low, high) in zip(TRUTH, v["interval_MNm_rad"], strict=True))
     assert all(v["agree"]) and v["adequate"] and all(check.passed for check in shipped.checks.values())
@@ -109,7 +110,7 @@ def test_the_rate_of_a_compensator_is_for_complete_poses() -> None:
 
 
 def test_explain() -> None:
-    text = calibration.explain(load("problems/stiffness_kr500.toml").problem, Context())  # type: ignore[arg-type]
+    text = explain(load("problems/stiffness_kr500.toml"), Context())
     assert "30 static load tests" in text and "complete pose: 180 rows" in text
 
 
@@ -120,8 +121,8 @@ def measured(folder: Path, shipped, change):
     text = "\n".join([head, *(",".join(f"{x:.12g}" for x in row) for row in rows)])
     (folder / "tests.csv").write_text(text + "\n")
     problem = load("problems/stiffness_kr500.toml", ["joint_stiffness={tool_m=[0.1, 0.05, 0.4], "
-                   f'measurements={{file="tests.csv", {COLUMNS}}}}}']).problem  # fmt: skip
-    return calibration.solve(problem, Context(folder=folder))  # type: ignore[arg-type]
+                   f'measurements={{file="tests.csv", {COLUMNS}}}}}'])  # fmt: skip
+    return answer(problem, Context(folder=folder))
 
 
 def test_displacements_with_the_sign_turned_are_told_in_a_sentence(shipped, tmp_path) -> None:
