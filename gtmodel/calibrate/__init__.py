@@ -22,6 +22,8 @@ Before anything is measured
     candidates                       a grid in what the robot reaches and the device sees
     LaserTracker, Camera, LineOfSight   where devices see, and how well
     seen_by_distance, seen_by_plane  robots that a partial device measures
+    plan_study                       all of these, from a room to the poses to measure: a PlanStudy; what it is asked
+                                     for in `plan`
 """
 
 from .calibration import Calibration, calibrate
@@ -34,6 +36,7 @@ from .measured import CartPoints, FrameStart, Measured, MeasuredSignal, Poses, S
 from .measurements import Correction, Measurements, Pose
 from .options import Fit, Known
 from .partial_devices import seen_by_distance, seen_by_plane
+from .plan import PlanStudy, plan_study
 from .pose_information import PoseInformation, pose_information
 from .pose_numbers import ErrorCurve, Point, error_curve, grid_point, sufficient_number
 from .pose_selection import Selection, condition_removal, exchange, spread
@@ -66,6 +69,7 @@ __all__ = [
     "MeasuredSignal",
     "Measurements",
     "Origin",
+    "PlanStudy",
     "Point",
     "Pose",
     "PoseInformation",
@@ -85,6 +89,7 @@ __all__ = [
     "grid_point",
     "judge_held_out",
     "made_poses",
+    "plan_study",
     "pose_information",
     "positioning",
     "prepare",
