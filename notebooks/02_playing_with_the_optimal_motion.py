@@ -28,8 +28,6 @@ from matplotlib.figure import Figure
 
 import gtmodel as gt
 from gtmodel import der
-from gtmodel.problem_files import run
-from gtmodel.problem_files.load import load
 
 # %% [markdown]
 # ## 1 A problem with a known answer
@@ -79,21 +77,19 @@ assert abs(odd.final_time - 2.0) < 1e-3
 # ## 2 The robot's problem
 #
 # `problems/l1_min_time.toml` moves the tool centre point (TCP) of the L1 prototype by 0.97 m, with 700 N per motor.
-# The command `gtmodel solve problems/l1_min_time.toml --plot` does the same as this cell.
+# The command `gtmodel solve problems/l1_min_time.toml --plot` does the same as this cell, and so does a call without a
+# file, `gt.motion.study(robot, start, goal, limits=gt.motion.Limits(force=700.0))`.
 
 # %%
-problem = load("problems/l1_min_time.toml")
-outcome = run.solve(problem, run.context_of(problem)).outcome
-print(f"{outcome.status.value}: {outcome.message}, after {outcome.iterations} iterations\n")
-for row in outcome.rows:
-    print(f"{row.label:42}{row.value:10.6g} {row.unit}")
+outcome = gt.load("problems/l1_min_time.toml")()
+print(outcome)
 
 # %% [markdown]
 # The path is not straight. The motors are at their limit nearly all the time, as they must be: whoever is in a hurry
 # and has force left is not fast yet.
 
 # %%
-outcome.figures["motion"]()
+outcome.figure("motion")
 
 # %% [markdown]
 # ## 3 The same motion, written by hand
@@ -134,7 +130,7 @@ class Motion(gt.Optimization):
 line = gt.Trajectory([0.0, 1.0], {"robot.T": [start, goal]}, {"robot.T": "m"})
 motion = Motion()
 fastest = gt.solve(motion, gt.Mesh(50, points=3), guess=line)
-print(f"by hand {fastest.final_time:.6f} s, from the file {outcome.values['final_time_s']:.6f} s")
+print(f"by hand {fastest.final_time:.6f} s, from the file {outcome.final_time:.6f} s")
 
 # %% [markdown]
 # Two values are known for this mesh: two neighbouring local optima, 0.1 ms apart. Which one comes out depends on the
@@ -142,7 +138,7 @@ print(f"by hand {fastest.final_time:.6f} s, from the file {outcome.values['final
 
 # %%
 KNOWN_TIMES = (0.892486, 0.892387)  # s
-for final_time in (fastest.final_time, outcome.values["final_time_s"]):
+for final_time in (fastest.final_time, outcome.final_time):
     assert min(abs(final_time - known) for known in KNOWN_TIMES) < 1e-5
 
 # %% [markdown]
@@ -175,12 +171,11 @@ figure
 # thousandth of the time.
 
 # %%
-values = outcome.values
 honest = gt.solve(motion, gt.Mesh(50, points=3, control="constant"), guess=line)
 peaks = {
     "by hand, polynomial": np.max(np.abs(fine["robot.tau"])),
-    "from the file, polynomial": values["peak_force_between_nodes_N"],
-    "from the file, constant (exported)": values["exported_peak_force_N"],
+    "from the file, polynomial": outcome.peak_force_between_nodes,
+    "from the file, constant (exported)": outcome.exported_peak_force,
     "by hand, constant": np.max(np.abs(gt.resimulate(honest).trajectory["robot.tau"])),
 }
 for name, peak in peaks.items():

@@ -27,15 +27,18 @@
 import numpy as np
 from matplotlib.figure import Figure
 
-from gtmodel.kinds.motion_planning import plan_of
+import gtmodel as gt
+from gtmodel.motion.planning import plan_of
 from gtmodel.plot.motion import force_figure, space_figure
-from gtmodel.problem_files import run
-from gtmodel.problem_files.load import load
+
+robot = gt.robots.gantry_tau("l1_tape")
+start, goal = [0.0, -0.9, 0.1], [0.9, -0.9, 0.45]
+limits = gt.motion.Limits(force=700.0)
 
 
-def solved(*settings):
-    problem = load("problems/l1_min_time.toml", settings)
-    return run.solve(problem, run.context_of(problem)).outcome
+def solved(weight=0.0, path=None):
+    cost = gt.motion.Cost(energy=weight, force_unit=700.0 / 6.2)
+    return gt.motion.study(robot, start, goal, limits=limits, cost=cost, path=path)
 
 
 # %% [markdown]
@@ -46,9 +49,9 @@ def solved(*settings):
 # robot back to the line; it cannot leave it.
 
 # %%
-line = solved('path.shape="line"')
-print(f"{line.values['final_time_s']:.6f} s after {line.iterations} iterations")
-print("motors at their limit:", " ".join(f"{100 * x:.0f} %" for x in line.values["saturation"]))
+line = solved(path=gt.motion.Line())
+print(f"{line.final_time:.6f} s after {line.iterations} iterations")
+print("motors at their limit:", " ".join(f"{100 * x:.0f} %" for x in line.saturation))
 
 # %% [markdown]
 # One motor is at its limit all the way, and along a line that is enough: it holds the other two back.
@@ -59,22 +62,21 @@ print("motors at their limit:", " ".join(f"{100 * x:.0f} %" for x in line.values
 # is all there is to find. If both roads are right they meet as the points get closer.
 
 # %%
-problem = load("problems/l1_min_time.toml", ['path.shape="line"'])
-follower = plan_of(problem.problem, run.context_of(problem)).follower
+follower = plan_of(line.asked).follower
 counts = (25, 50, 100, 200, 400)
 times = [follower.fastest(n, bounded="middle").final_time for n in counts]
 figure = Figure(figsize=(6.0, 3.5), layout="constrained")
 axes = figure.add_subplot()
 axes.semilogx(counts, times, "o-", color="#0072b2", label="squared speeds")
-axes.axhline(line.values["final_time_s"], color="black", linestyle=":", label="collocation, 50 x 3 points")
+axes.axhline(line.final_time, color="black", linestyle=":", label="collocation, 50 x 3 points")
 axes.set_xlabel("intervals along the path")
 axes.set_ylabel("final time [s]")
 axes.legend()
 figure
 
 # %%
-assert abs(times[-1] / line.values["final_time_s"] - 1) < 2e-4
-assert line.values["exported_peak_force_N"] <= 700.0
+assert abs(times[-1] / line.final_time - 1) < 2e-4
+assert line.exported_peak_force <= 700.0
 
 # %% [markdown]
 # ## 2 Free, at three prices of energy
@@ -82,12 +84,11 @@ assert line.values["exported_peak_force_N"] <= 700.0
 # The cost is $t_f + w \int \sum_i (F_i/F_0)^2\,dt$.
 
 # %%
-free = {w: solved(f"cost.energy={w}") for w in (0.0, 0.001, 0.01)}
+free = {w: solved(w) for w in (0.0, 0.001, 0.01)}
 print(f"{'':16}{'time [s]':>10}{'energy [s]':>12}{'iterations':>12}   motors at their limit")
 for name, o in [*((f"free, w = {w:g}", o) for w, o in free.items()), ("line, w = 0", line)]:
-    v = o.values
-    shares = " ".join(f"{100 * x:3.0f} %" for x in v["saturation"])
-    print(f"{name:16}{v['final_time_s']:10.5f}{v['energy']:12.3f}{o.iterations:12d}   {shares}")
+    shares = " ".join(f"{100 * x:3.0f} %" for x in o.saturation)
+    print(f"{name:16}{o.final_time:10.5f}{o.energy:12.3f}{o.iterations:12d}   {shares}")
 
 # %%
 runs = [*((f"free, w = {w:g}", o.trajectory) for w, o in free.items()), ("line", line.trajectory)]
@@ -101,13 +102,13 @@ force_figure(runs, force_limit=700.0)
 # motors can pull best. The dearer the energy, the calmer the motion and the shorter the detour.
 
 # %%
-saving = 1 - free[0.0].values["final_time_s"] / line.values["final_time_s"]
-paid = free[0.0].values["energy"] / line.values["energy"]
-energies = [o.values["energy"] for o in free.values()]
+saving = 1 - free[0.0].final_time / line.final_time
+paid = free[0.0].energy / line.energy
+energies = [o.energy for o in free.values()]
 print(f"free saves {100 * saving:.1f} % of the time for {paid:.2f} times the energy")
 assert 0.05 < saving < 0.15 and 1.7 < paid < 2.3
 assert np.all(np.diff(energies) < 0)
-assert min(free[0.0].values["saturation"]) > 0.9
+assert min(free[0.0].saturation) > 0.9
 
 # %% [markdown]
 # ## Answer

@@ -98,58 +98,88 @@ class Parameters:
 def unknowns(parameters: Parameters, choice: Choice) -> Unknowns:
     """The unknowns of a choice. Raises ModelError for names that are not there and choices that contradict."""
     p = parameters
-    free = {k for name in choice.free for k in p.indices(name)} if choice.free else set(range(len(p.names)))
-    still = {name for name in choice.fixed if TURN in name}
-    free -= {k for name in choice.fixed if name not in still for k in p.indices(name)}
-    follows = _ties(p, choice.tied)
-    quaternions = {name: p.indices(name) for name in choice.unit}
-    for name, indices in quaternions.items():
-        if len(indices) != 4:
-            raise ModelError(f"unit names '{name}' with {len(indices)} numbers; a quaternion has four, scalar first")
-    in_quaternions = {k for indices in quaternions.values() for k in indices}
+    free, follows, quaternions = _free(p, choice), _ties(p, choice.tied), _quaternions(p, choice)
     missing = [p.names[k] for k in sorted(free) if not np.isfinite(p.values[k]) and k not in follows]
     if missing:
         raise ModelError(f"parameter '{missing[0]}' of {p.title} has no value; give it one to start from")
-    names: list[str] = []
-    units: list[str] = []
-    symbols: list[ca.SX] = []
-    start: list[float] = []
-    moved: dict[int, ca.SX] = {}
-    notes: list[str] = []
+    found = _Found()
+    in_quaternions = {k for indices in quaternions.values() for k in indices}
     for k in sorted(free - set(follows) - in_quaternions):
-        names.append(p.names[k])
-        units.append(p.units[k])
-        symbols.append(ca.SX.sym(p.names[k]))
-        start.append(p.values[k])
-        moved[k] = symbols[-1]
+        found.add(p.names[k], p.units[k], p.values[k])
+        found.moved[k] = found.symbols[-1]
+    still = {name for name in choice.fixed if TURN in name}
     for name, indices in quaternions.items():
-        if not set(indices) <= free:
-            continue
-        reference = np.array([p.values[k] for k in indices])
-        length = float(np.linalg.norm(reference))
-        if not length > 0:
-            raise ModelError(f"the quaternion '{name}' is zero; give it a start value")
-        if abs(length - 1) > 1e-6:
-            notes.append(f"{name} starts from its direction: its length was {length:.4f}")
-        own = [f"{name}{TURN}{axis}" for axis in "xyz"]
-        turn = [ca.SX(0) if n in still else ca.SX.sym(n) for n in own]
-        left = [k for k, n in enumerate(own) if n not in still]
-        still -= set(own)
-        names += [own[k] for k in left]
-        units += ["rad"] * len(left)
-        symbols += [turn[k] for k in left]
-        start += [0.0] * len(left)
-        direction = ca.SX(ca.DM(reference / length))
-        for k, component in zip(indices, ca.vertsplit(turned(direction, ca.vertcat(*turn))), strict=True):
-            moved[k] = component
+        if set(indices) <= free:
+            _turn(p, name, indices, still, found)
+            still -= {f"{name}{TURN}{axis}" for axis in "xyz"}
     if still:
         raise ModelError(f"'{min(still)}' is fixed, but no quaternion is turned so; name its quaternion in unit")
     for k, target in follows.items():
-        moved[k] = moved.get(target, ca.SX(p.values[target]))
-    everything = [(p.symbols[k], moved.get(k, ca.SX(p.values[k]))) for k in range(len(p.names))]
-    if not names:
+        found.moved[k] = found.moved.get(target, ca.SX(p.values[target]))
+    everything = [(p.symbols[k], found.moved.get(k, ca.SX(p.values[k]))) for k in range(len(p.names))]
+    if not found.names:
         raise ModelError(f"nothing is left free to calibrate in {p.title}: all parameters are fixed or tied")
-    sizes = {n: COMPLIANCE if unit == "m/N" else SIZE for n, unit in zip(names, units, strict=True)}
+    sizes = _sizes(p, choice, found)
+    return Unknowns(
+        tuple(found.names), tuple(found.units), ca.vertcat(*found.symbols), np.array(found.start),
+        np.array([sizes[n] for n in found.names]), tuple(everything), tuple(choice.priors), tuple(found.notes),
+    )  # fmt: skip
+
+
+@dataclass
+class _Found:
+    """Unknowns as they are found; `moved`: what stands for a parameter, by its place."""
+
+    names: list[str] = field(default_factory=list)
+    units: list[str] = field(default_factory=list)
+    symbols: list[ca.SX] = field(default_factory=list)
+    start: list[float] = field(default_factory=list)
+    moved: dict[int, ca.SX] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
+
+    def add(self, name: str, unit: str, start: float) -> None:
+        self.names.append(name)
+        self.units.append(unit)
+        self.symbols.append(ca.SX.sym(name))
+        self.start.append(start)
+
+
+def _free(p: Parameters, choice: Choice) -> set[int]:
+    free = {k for name in choice.free for k in p.indices(name)} if choice.free else set(range(len(p.names)))
+    return free - {k for name in choice.fixed if TURN not in name for k in p.indices(name)}
+
+
+def _quaternions(p: Parameters, choice: Choice) -> dict[str, list[int]]:
+    found = {name: p.indices(name) for name in choice.unit}
+    for name, indices in found.items():
+        if len(indices) != 4:
+            raise ModelError(f"unit names '{name}' with {len(indices)} numbers; a quaternion has four, scalar first")
+    return found
+
+
+def _turn(p: Parameters, name: str, indices: list[int], still: set[str], found: _Found) -> None:
+    """The quaternion as its start, turned by three small angles but for those that hold still."""
+    reference = np.array([p.values[k] for k in indices])
+    length = float(np.linalg.norm(reference))
+    if not length > 0:
+        raise ModelError(f"the quaternion '{name}' is zero; give it a start value")
+    if abs(length - 1) > 1e-6:
+        found.notes.append(f"{name} starts from its direction: its length was {length:.4f}")
+    turn: list[ca.SX] = []
+    for own in (f"{name}{TURN}{axis}" for axis in "xyz"):
+        if own in still:
+            turn.append(ca.SX(0))
+        else:
+            found.add(own, "rad", 0.0)
+            turn.append(found.symbols[-1])
+    direction = ca.SX(ca.DM(reference / length))
+    for k, component in zip(indices, ca.vertsplit(turned(direction, ca.vertcat(*turn))), strict=True):
+        found.moved[k] = component
+
+
+def _sizes(p: Parameters, choice: Choice, found: _Found) -> dict[str, float]:
+    """Expected errors by name. Raises ModelError for one that is not positive and for priors on what is not free."""
+    sizes = {n: COMPLIANCE if unit == "m/N" else SIZE for n, unit in zip(found.names, found.units, strict=True)}
     for name, size in choice.sizes.items():
         if not size > 0:
             raise ModelError(f"the expected error of '{name}' is {size:g}; it must be positive")
@@ -157,11 +187,8 @@ def unknowns(parameters: Parameters, choice: Choice) -> Unknowns:
         sizes.update({n: size for n in hits if n in sizes})
     for prior in choice.priors:
         if prior.name not in sizes:
-            raise ModelError(f"a prior names '{prior.name}', which is not free; these are: {', '.join(names)}")
-    return Unknowns(
-        tuple(names), tuple(units), ca.vertcat(*symbols), np.array(start), np.array([sizes[n] for n in names]),
-        tuple(everything), tuple(choice.priors), tuple(notes),
-    )  # fmt: skip
+            raise ModelError(f"a prior names '{prior.name}', which is not free; these are: {', '.join(found.names)}")
+    return sizes
 
 
 def _ties(p: Parameters, tied: Mapping[str, str]) -> dict[int, int]:

@@ -9,6 +9,8 @@ Friction
     mass_by_norm           the mass by three norms of what is left
     constant_velocity_log  a synthetic log of such runs
 Motion
+    study, IdentificationStudy             masses and friction from a recording; options Fitting, Processing, ClosedLoop
+    synthetic_study        the same from a log made up, against its truth; SyntheticLog, read_motion
     Regressor              efforts as a linear function of parameters
     Processing, rows_of    logs as filtered rows of a regressor
     corrected              delays, scales and offsets estimated beside the parameters
@@ -50,10 +52,13 @@ from .friction import (
     published_friction_study,
     steady_runs,
 )
+from .identification_study import study, synthetic_study
+from .identified import IdentificationStudy
 from .inertia import Identification, LeftOut, Validation, bias_of, identify
 from .information import condition, predicted_deviations, singular_values
+from .options import ClosedLoop, Fitting, SyntheticLog
 from .random_excitation import random_excitations
-from .reference_motion import multisine
+from .reference_motion import multisine, read_motion
 from .regressor import Regressor, RegressorRows
 from .repeated import Repeated, repeat_identification
 from .rows import Processing, Rows, rows_of, with_offsets
@@ -62,17 +67,20 @@ from .tracking import Tracking
 from .work import Work, work_of
 
 __all__ = [
+    "ClosedLoop",
     "ClosedSpline",
     "Coefficients",
     "Delay",
     "Exchanged",
     "Excitation",
     "ExcitationTask",
+    "Fitting",
     "FourierSeries",
     "FrictionFit",
     "FrictionStudy",
     "HeldPose",
     "Identification",
+    "IdentificationStudy",
     "LeftOut",
     "LogSimulator",
     "MassByNorm",
@@ -85,6 +93,7 @@ __all__ = [
     "Runs",
     "Sensors",
     "Steady",
+    "SyntheticLog",
     "SyntheticRuns",
     "Tracking",
     "Validation",
@@ -106,10 +115,13 @@ __all__ = [
     "predicted_deviations",
     "published_friction_study",
     "random_excitations",
+    "read_motion",
     "repeat_identification",
     "rows_of",
     "singular_values",
     "steady_runs",
+    "study",
+    "synthetic_study",
     "with_offsets",
     "work_of",
 ]

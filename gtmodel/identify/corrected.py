@@ -36,9 +36,9 @@ def corrected(
     if not corrections.free:
         return corrections.apply(), {}
     first = corrections.apply(corrections.start)
-    cutoff = processing.cutoff_Hz or max(cutoff_for(s.trajectory[known], s.sample_time) for s in first)
+    cutoff = processing.cutoff or max(cutoff_for(s.trajectory[known], s.sample_time) for s in first)
     # nothing is left out on the way: the number of residuals must not depend on what is tried
-    steady = replace(processing, cutoff_Hz=cutoff, position_step=0.0, mask_steps=0.0)
+    steady = replace(processing, cutoff=cutoff, position_step=0.0, mask_steps=0.0)
     at = among(regressor.names, free)
     rest = [k for k in range(regressor.size) if k not in at]
 

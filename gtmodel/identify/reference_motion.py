@@ -1,10 +1,19 @@
-"""Reference motions for synthetic experiments: fast and slow sines together, from rest to rest."""
+"""Reference motions for synthetic experiments: fast and slow sines from rest to rest, or a motion that is given."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from ..compiler.causal import flat_of
+from ..lang import Model, ModelError
+from ..measurements import Column, read_log
+from ..results import ArgumentError, Status
+from ..results.trajectory_files import PathLike
+from .options import SyntheticLog
+
 Array = np.ndarray
+
+CLOSED = 1e-9  # of the motion's size: how far a motion that repeats may end from where it begins
 
 
 def multisine(
@@ -41,3 +50,91 @@ def _rise(x: Array) -> Array:
     """From 0 to 1 over [0, 1] with three continuous derivatives."""
     x = np.clip(x, 0.0, 1.0)
     return x**4 * (35 - 84 * x + 70 * x**2 - 20 * x**3)
+
+
+def read_motion(path: PathLike, robot: Model, synthetic: SyntheticLog) -> Array:
+    """The rows (n, ...) of the reference variable from a CSV or MATLAB file with its columns in SI, such as the
+    trajectory.csv of an excitation. Raises ArgumentError: no such variable, no such column, another sample time."""
+    flat = flat_of(robot)
+    try:
+        _, indices, order = flat.lookup(synthetic.reference)
+        columns = {synthetic.reference: Column(synthetic.reference, flat.unit_of(indices[0], order))}
+    except ModelError as error:
+        raise ArgumentError(str(error), "synthetic.reference") from error
+    try:
+        recordings = read_log(path, columns, sample_time=synthetic.sample_time)
+    except ValueError as error:  # the log's, or that of a unit
+        raise ArgumentError(str(error), "motion") from error
+    return recordings[0].trajectory[synthetic.reference]
+
+
+def reference_motion(known: str, s: SyntheticLog, plant: Model, seed: int, motion: Array | None = None) -> Array:
+    """(n, ...) of the known variable at the sample times, along sines of that seed, or along the given rows of the
+    reference variable.
+
+    Raises ArgumentError: a variable that there is not, rows of another shape, a motion that leaves the reach.
+    """
+    flat = flat_of(plant)
+    try:
+        shape, indices, order = flat.lookup(s.reference)
+    except ModelError as error:
+        raise ArgumentError(str(error), "synthetic.reference") from error
+    if motion is None:
+        rows = _sines(s, shape, plant, seed)
+    else:
+        rows = _repeated(s, np.asarray(motion, dtype=float), shape, flat.unit_of(indices[0], order))
+    if s.reference == known:
+        return rows
+    try:
+        function = plant.causal(known=s.reference, targets=known)
+        found, status = function(rows)
+    except (ModelError, TypeError) as error:
+        raise ArgumentError(str(error), "synthetic.reference") from error
+    bad = np.flatnonzero(status != Status.OK)
+    if bad.size:
+        argument, hint = ("motion", "take it nearer to the home") if motion is not None else (
+            "synthetic.half_range", "take a smaller half_range, or another centre")  # fmt: skip
+        raise ArgumentError(
+            f"the motion leaves the reach of the robot at {bad[0] * s.sample_time:g} s "
+            f"({Status(int(status[bad[0]])).sentence}); {hint}",
+            argument,
+        )
+    return found
+
+
+def _repeated(s: SyntheticLog, rows: Array, shape: tuple[int, ...], unit: str) -> Array:
+    if rows.shape[1:] != shape:
+        wide = rows.shape[1] if rows.ndim > 1 else 1
+        raise ArgumentError(f"has {wide} columns of '{s.reference}'; expected {shape[0] if shape else 1}", "motion")
+    if s.repeats == 1:
+        return rows
+    apart = float(np.max(np.abs(rows[-1] - rows[0])))
+    if apart > CLOSED * max(1.0, float(np.max(np.abs(rows)))):
+        raise ArgumentError(
+            f"the motion ends {apart:.3g} {unit} from where it begins and cannot run {s.repeats} times on end; take a "
+            "closed one, or repeats = 1",
+            "synthetic.repeats",
+        )
+    return np.concatenate([*[rows[:-1]] * s.repeats, rows[-1:]])
+
+
+def _sines(s: SyntheticLog, shape: tuple[int, ...], plant: Model, seed: int) -> Array:
+    count = shape[0] if shape else 1
+    home = getattr(plant, "home", None) if s.reference == "T" else None
+    centre = s.centre if s.centre is not None else home
+    if centre is None or np.size(centre) != count:
+        raise ArgumentError(
+            f"expected {count} numbers, where the sines of '{s.reference}' have their middle", "synthetic.centre"
+        )
+    half = np.atleast_1d(np.asarray(s.half_range, dtype=float))
+    if half.size not in (1, count):
+        raise ArgumentError(f"has {half.size} numbers; expected one, or {count}", "synthetic.half_range")
+    if not s.frequencies:
+        raise ArgumentError("is empty; expected one frequency or more", "synthetic.frequencies")
+    time = s.sample_time * np.arange(round(s.duration / s.sample_time))
+    try:
+        rows = multisine(time, np.asarray(centre, dtype=float), np.broadcast_to(half, (count,)),
+                         np.array(s.frequencies), seed, s.ramp)  # fmt: skip
+    except ValueError as error:
+        raise ArgumentError(str(error), "synthetic.ramp") from error
+    return rows.reshape(len(rows), *shape)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from scipy.ndimage import binary_dilation, binary_opening
@@ -23,6 +23,7 @@ from gtmodel.measurements import (
 )
 from gtmodel.measurements.filters import WIDEST
 from gtmodel.results import Status, TrajectoryError
+from gtmodel.results.options import Options, Unit, Within
 
 from .differences import HALF, velocity_and_acceleration
 from .regressor import Regressor
@@ -40,20 +41,23 @@ MASK_STEPS = 3.0  # quantisation steps per sample: below, the sign of a velocity
 
 
 @dataclass(frozen=True)
-class Processing:
-    """How logs become rows.
+class Processing(Options):
+    """How logs become rows: the zero-phase low pass on position, efforts and regressor, and which rows are used."""
 
-    cutoff_Hz: of the zero-phase Butterworth low pass of this order that acts on efforts and regressor alike; None: 2.5
-    times the band that the motion excites. every: of the filtered rows every n-th is used; None: as many as the filter
-    leaves independent. position_step: quantisation of the position; None: the smallest step in the log, or more where
-    the velocity is noisier. mask_steps: rows slower than that many position steps per sample are left out.
-    """
-
-    cutoff_Hz: float | None = None
-    order: int = 4
-    every: int | None = None
-    position_step: float | None = None
-    mask_steps: float = MASK_STEPS
+    cutoff: Annotated[
+        float | None, Unit("Hz"), Within(above=0.0), "2.5 times the excitation band if left out"
+    ] = None  # fmt: skip
+    order: Annotated[int, Within(least=1), "of the Butterworth filter"] = 4
+    every: Annotated[
+        int | None, Within(least=1), "every how many-th row is used; as many as are independent if left out"
+    ] = None
+    position_step: Annotated[
+        float | None, Within(least=0.0),
+        "quantisation of the position, in SI; the smallest step in the log if left out",
+    ] = None  # fmt: skip
+    mask_steps: Annotated[
+        float, Within(least=0.0), "rows slower than so many position steps a sample are left out"
+    ] = MASK_STEPS  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,7 +134,7 @@ def rows_of(
     sessions = [sessions] if isinstance(sessions, Session) else list(sessions)
     refuse_copies(sessions, (known, targets))
     processing = processing or Processing()
-    cutoff = processing.cutoff_Hz
+    cutoff = processing.cutoff
     if cutoff is None:
         cutoff = max(cutoff_for(s.trajectory[known], s.sample_time) for s in sessions)
     low_pass = ZeroPhase(cutoff, processing.order)

@@ -10,7 +10,7 @@ from gtmodel.problem_files.base import Section
 from gtmodel.problem_files.path_keys import Point
 from gtmodel.problem_files.robot_keys import RobotProblem
 
-from .trajectory_keys import Limits
+from .trajectory.keys import Limits
 
 
 class MotionKeys(Section):

@@ -1,6 +1,8 @@
 """Kinematics that a model's equations alone do not answer.
 
 workspace_study   which tool centre points a robot reaches: a WorkspaceStudy; its options in `workspace`
+causality_study   any causality on many points, and the orientation of the plate: a CausalityStudy; see `causality`
+modes_study       every pose in which six links can be assembled, with certificates: a ModesStudy; see `assembly_modes`
 accuracy_study    greatest positioning errors over a section, from errors of carts and links: an AccuracyStudy; what it
                   is asked for, and its parts, in `accuracy`
 assembly_modes    every pose in which a platform on six legs of given lengths can be assembled
@@ -24,8 +26,10 @@ Orientation of the plate
     rotation_vector     small turns from a reference
 """
 
-from . import accuracy, assembly_modes, section, singularity, workspace
+from . import accuracy, assembly_modes, causality, section, singularity, workspace
 from .accuracy import AccuracyStudy, accuracy_study
+from .assembly_modes import ModesStudy, modes_study
+from .causality import CausalityStudy, causality_study
 from .guideways import GuidewayFit, MeasurementError, fit_guideway
 from .maps import MotionMaps
 from .orientation import OrientationMap, grid, orientation_map
@@ -37,10 +41,12 @@ from .wrist_partition import InverseBranches, WristPartition
 __all__ = [
     "AccuracyStudy",
     "Backlash",
+    "CausalityStudy",
     "CyclicTerm",
     "GuidewayFit",
     "InverseBranches",
     "MeasurementError",
+    "ModesStudy",
     "MotionMaps",
     "OrientationMap",
     "WorkspaceStudy",
@@ -49,9 +55,12 @@ __all__ = [
     "accuracy_study",
     "assembly_modes",
     "backlash",
+    "causality",
+    "causality_study",
     "cyclic_term",
     "fit_guideway",
     "grid",
+    "modes_study",
     "orientation_map",
     "rotation_vector",
     "section",

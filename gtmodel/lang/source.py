@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+import os
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 _LANG = str(Path(__file__).resolve().parent)
+_OURS = str(Path(_LANG).parent) + os.sep
 
 
 @dataclass(frozen=True, order=True)
 class SourceLocation:
-    """File name (last two path parts) and line of a declaration or an equation."""
+    """File name (last two path parts) and line of a declaration or an equation; ours: the file is gtmodel's own."""
 
     file: str
     line: int
+    ours: bool = field(default=False, compare=False)
 
     def __str__(self) -> str:
         return f"{self.file}:{self.line}"
@@ -43,12 +46,12 @@ def here() -> SourceLocation:
     frame = sys._getframe(1)
     while frame.f_back is not None and frame.f_code.co_filename.startswith(_LANG):
         frame = frame.f_back
-    return SourceLocation(_short(frame.f_code.co_filename), frame.f_lineno)
+    return of_frame(frame.f_code.co_filename, frame.f_lineno)
 
 
 def of_frame(filename: str, line: int) -> SourceLocation:
     """Location from a code object's file name and a line number."""
-    return SourceLocation(_short(filename), line)
+    return SourceLocation(_short(filename), line, filename.startswith(_OURS))
 
 
 class ModelError(ValueError):

@@ -3,6 +3,7 @@
 Logs
     Column            where a quantity stands in a log, and its unit there
     Session           one stretch of evenly sampled rows
+    session_of        a trajectory in memory as one
     read_log          a CSV or .mat file as sessions
     read_signals      the same for a set of signals and several files
     LogError          what is wrong with a log, with the file and its line
@@ -42,7 +43,7 @@ from .filters import (
     position_noise,
     second_derivative,
 )
-from .log import Column, LogError, Session, read_log
+from .log import Column, LogError, Session, read_log, session_of
 from .signals import ESTIMATE, Corrections, Signal, offset_columns, read_signals
 
 __all__ = [
@@ -68,4 +69,5 @@ __all__ = [
     "read_log",
     "read_signals",
     "second_derivative",
+    "session_of",
 ]

@@ -46,6 +46,21 @@ class Session(NamedTuple):
     sample_time: float
 
 
+def session_of(trajectory: Trajectory, name: str = "log", *, jitter: float = JITTER) -> Session:
+    """A recording in memory: its rows as a session. Raises LogError where they are not evenly sampled."""
+    steps = np.diff(trajectory.time)
+    if steps.size < 2:
+        raise LogError(f"'{name}' has {trajectory.time.size} rows; expected at least 3")
+    step = float(np.median(steps))
+    if (bad := np.flatnonzero(np.abs(steps - step) > jitter * step)).size:
+        k = int(bad[0])
+        raise LogError(
+            f"'{name}' row {k + 1}: {_ms(float(steps[k]))} ms after the row before; expected {_ms(step)} ms within "
+            f"{100 * jitter:g} %: resample it, or split it there"
+        )
+    return Session(name, trajectory, float((trajectory.time[-1] - trajectory.time[0]) / steps.size))
+
+
 def read_log(
     path: PathLike,
     columns: Mapping[str, Column],

@@ -9,8 +9,8 @@ from typing import Annotated, Literal
 import numpy as np
 
 from ..results.options import Long, Options, Unit, Within
+from .solver_options import Barrier, MostElements
 
-Three = Annotated[list[float], Long(3)]
 At = Literal["velocity", "acceleration"]
 
 
@@ -189,9 +189,7 @@ class Mesh(Options):
     """Where the equations are collocated (Radau)."""
 
     elements: Annotated[int, Within(above=0, most=10000), "number of elements of the horizon"] = 50
-    most_elements: Annotated[
-        int, Within(above=0, most=10000), "where a check fails the mesh is refined, to at most so many elements"
-    ] = 400
+    most_elements: MostElements = 400
     points: Annotated[int, Within(least=1, most=9), "collocation points per element"] = 3
     control: Annotated[
         Literal["polynomial", "constant"],
@@ -208,10 +206,7 @@ class Solver(Options):
         int, Within(above=0),
         "limit of iterations: of all attempts together, further starts and the exported motion included",
     ] = 1000  # fmt: skip
-    barrier: Annotated[
-        Literal["auto", "adaptive", "monotone"],
-        "how IPOPT lowers its barrier; auto: adaptive, and monotone where that fails",
-    ] = "auto"
+    barrier: Barrier = "auto"
     formulation: Annotated[
         Literal["auto", "inverse", "explicit", "torn", "dae"],
         "which equations are collocated; dae: all as they stand, for robots without closed forms",

@@ -20,14 +20,20 @@ def key_of(schema: type[pydantic.BaseModel], argument: str, renamed: Mapping[str
 
     renamed: arguments, or their beginnings, that stand elsewhere in the file; the longest that fits counts. What has
     no key is said under its own name. An entry of a list keeps its number: "cases[1].length" is "cases[1].length_um",
-    also where the list has another name in the file: {"poses": "pose"} tells of "poses[1]" too.
+    also where the list has another name in the file: {"poses": "pose"} tells of "poses[1]" too, and {"rows[].at": ""}
+    of what any row holds.
     """
     parts = argument.split(".")
     for n in range(len(parts), 0, -1):
         head = ".".join(parts[:n])
         whole, number = _ENTRY.fullmatch(head).groups()  # pyright: ignore[reportOptionalMemberAccess]
-        if head in renamed or whole in renamed:
-            place = renamed[head] if head in renamed else renamed[whole] + number
+        places = (
+            renamed.get(head),
+            renamed.get(_NUMBER.sub("[]", head)),
+            renamed[whole] + number if whole in renamed else None,
+        )
+        place = next((p for p in places if p is not None), None)
+        if place is not None:
             parts = [p for p in (place, *parts[n:]) if p]
             break
     wanted = ".".join(parts)

@@ -87,10 +87,9 @@ def _bases(cls: type) -> str:
 
 
 def sentence_of(error: ModelError) -> str:
-    """A model error's sentence; the place is left out where it is this package and not the person's file."""
-    place = f" ({error.where})"
-    own = error.where is not None and error.where.file.startswith("kinds/")
-    return str(error).removesuffix(place) if own else str(error)
+    """A model error's sentence; the place is left out where it is gtmodel's own and not the person's file."""
+    ours = error.where is not None and error.where.ours
+    return str(error).removesuffix(f" ({error.where})") if ours else str(error)
 
 
 def _module(name: str, context: Context, key: str) -> ModuleType:

@@ -78,7 +78,7 @@ def resolve(
         model = catalogue.family_member(family, name, **given, **modifiers)
     except ModelError as error:
         at = _WORDS["inertia"] if "inertia model" in str(error) else "parameters" if parameters else key
-        raise InputError(str(error), at) from error
+        raise InputError(python_models.sentence_of(error), at) from error
     context.models.append(model)
     return model
 

@@ -24,7 +24,7 @@ from tests.identify.plants import LINKS, NOISE, SAMPLE_TIME, SEED, plant, regres
 TEN = ["m_p", "m_c", "coulomb", "viscous"]
 SHORT = 16.0  # s
 # five-point differences of 2.5 Hz at 4 ms are 5e-7 off; what stands on both sides of the fit is filtered alike
-WIDE = Processing(cutoff_Hz=10.0, position_step=0.0)
+WIDE = Processing(cutoff=10.0, position_step=0.0)
 NOISY = Sensors(effort_noise=NOISE)
 
 
@@ -57,7 +57,7 @@ def test_estimates_lie_within_their_intervals_and_predict_another_motion():
     e = found.estimate
     off = [abs(e.value(n) - value) / s for (n, value), s in zip(truth().items(), e.std, strict=True)]
     assert max(off) < 4.0
-    other = short_rows(seed=2, motion=2, how=Processing(cutoff_Hz=found.rows.cutoff_Hz))
+    other = short_rows(seed=2, motion=2, how=Processing(cutoff=found.rows.cutoff_Hz))
     validation = found.validate(other)
     assert np.all(validation.rms < 1.3 * found.noise)
     assert "held-out error" in validation.sentence
@@ -196,10 +196,10 @@ def test_a_delay_is_estimated_beside_the_masses():
         "tau": Signal("tau", "N", delay="estimate"),
     }
     corrections = Corrections(signals, [Session("late", raw, SAMPLE_TIME)])
-    sessions, values = corrected(corrections, regressor(), Processing(cutoff_Hz=8.0), ["m_p", "m_c", "m_a", *TEN[2:]])
+    sessions, values = corrected(corrections, regressor(), Processing(cutoff=8.0), ["m_p", "m_c", "m_a", *TEN[2:]])
     assert list(values) == [f"tau.delay[{i}]" for i in range(3)]
     assert list(values.values()) == pytest.approx([late] * 3, abs=2e-4)
-    found = identify(rows_of(sessions, regressor(), Processing(cutoff_Hz=8.0)), nonnegative=False)
+    found = identify(rows_of(sessions, regressor(), Processing(cutoff=8.0)), nonnegative=False)
     assert found.estimate.value("m_p") == pytest.approx(plant().m_p, abs=0.15)
 
 
@@ -230,7 +230,7 @@ def test_a_log_that_stands_still():
     time = SAMPLE_TIME * np.arange(2000)
     log = gt.Trajectory(time, {"q": np.zeros((2000, 3)), "tau": np.zeros((2000, 3))}, {"q": "m", "tau": "N"})
     with pytest.raises(gt.ModelError, match="stands still"):
-        rows_of(Session("still", log, SAMPLE_TIME), regressor(), Processing(cutoff_Hz=5.0, position_step=1e-6))
+        rows_of(Session("still", log, SAMPLE_TIME), regressor(), Processing(cutoff=5.0, position_step=1e-6))
 
 
 def test_a_motion_that_does_not_tell_names_what_moves_together():

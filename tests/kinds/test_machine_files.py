@@ -26,7 +26,7 @@ SOURCES = sorted(Path(gtmodel.__file__).parent.rglob("*.py"))
 FOR_PEOPLE = {
     "trajectory.csv", "sensitivity.csv", "modes.csv", "map.csv", "errors.csv", "boundary.csv", "points.csv", "run.toml",
     "measurements.csv", "carts.csv", "load_tests.csv", "loop_off.csv", "loop_on.csv",
-    "motion.csv", "robot.toml",  # examples in sentences
+    "motion.csv", "robot.toml", "problem.toml",  # examples in sentences
     "gantry_tau.toml", "gantry_tau_dynamics.toml",  # data that are shipped
     "element.c", "entry.c", "gt_loop_model.c", "gt_model_main.c",  # compiled where they were written
 }  # fmt: skip

@@ -7,7 +7,10 @@ import numpy as np
 import pytest
 
 import gtmodel as gt
+from gtmodel import motion
+from gtmodel.lang.source import of_frame
 from gtmodel.problem_files import Context, InputError, explaining
+from gtmodel.problem_files.python_models import sentence_of
 from gtmodel.problem_files.robots import resolve
 from tests.support.own_models import FILES
 
@@ -170,3 +173,24 @@ def test_names_are_split_outside_parentheses() -> None:
         "der(der(q, 1))",
     ]
     assert explaining.split([]) == []
+
+
+def test_a_person_who_wrote_a_file_hears_of_no_place_in_gtmodel(context: Context) -> None:
+    for parameters in ({"m_p": -1.0}, {"m_q": 1.0}, {"L": [1.0, 2.0]}):
+        with pytest.raises(InputError) as caught:
+            resolve("l1_tape", context, parameters=parameters)
+        assert caught.value.key == "parameters" and ".py:" not in caught.value.sentence
+
+
+def test_a_place_is_told_where_it_is_in_a_persons_file() -> None:
+    class Own(gt.Model):
+        L = gt.parameter(1.0, positive=True)
+
+    with pytest.raises(gt.ModelError) as caught:
+        Own(L=-1.0)
+    own = caught.value
+    assert own.where is not None and not own.where.ours and "test_robots.py" in sentence_of(own)
+
+    ours = gt.ModelError("is wrong", of_frame(motion.task.__file__, 3))
+    assert ours.where is not None and ours.where.ours and str(ours) == "is wrong (motion/task.py:3)"
+    assert sentence_of(ours) == "is wrong"

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from gtmodel.measurements import Column, LogError, read_log
-from gtmodel.results import TrajectoryError
+from gtmodel.measurements import Column, LogError, read_log, session_of
+from gtmodel.results import Trajectory, TrajectoryError
 
 COLUMNS = {"q": Column("pos", "mm"), "force": Column("cur", "N")}
 GOOD = [f"{k * 4},{k * 10},{k * 0.5},7" for k in range(6)]
@@ -128,3 +128,12 @@ def test_a_long_cell_is_not_repeated_whole(tmp_path: Path) -> None:
     with pytest.raises(TrajectoryError, match="line 3") as error:
         read(write(tmp_path, ["0," + "9" * 5000 + ",2,3", "1,1.6,2,3", "2,1.7,2,3"]))
     assert len(str(error.value)) < 500
+
+
+def test_a_trajectory_in_memory_is_a_session_where_its_rows_are_even():
+    time = 0.01 * np.arange(50)
+    session = session_of(Trajectory(time, {"q": time}, {"q": "m"}), "here")
+    assert session.name == "here" and session.sample_time == pytest.approx(0.01)
+    for wrong in (np.where(time > 0.2, time + 0.005, time), time[:2]):
+        with pytest.raises(LogError):
+            session_of(Trajectory(wrong, {"q": wrong}, {"q": "m"}))

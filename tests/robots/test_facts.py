@@ -14,6 +14,7 @@ import gtmodel
 from gtmodel import robots
 from gtmodel.problem_files import Context
 from gtmodel.problem_files.load import load
+from gtmodel.problem_files.run import answer
 from gtmodel.robots import catalogue
 from tests.support.commands import Commands
 
@@ -64,7 +65,7 @@ def reached(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     for road, robot in roads.items():
         loaded = load("compliance_kr500", [f"robot={json.dumps(robot)}", "section.step_m=0.1"])
         context = Context(folder=loaded.path.parent)
-        outcomes[road] = loaded.kind.solve(loaded.problem, context)
+        outcomes[road] = answer(loaded, context)
     return outcomes
 
 

@@ -1,0 +1,134 @@
+"""What an identification must pass, and what looks wrong with its log, in words."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..inference import FALSE_ALARM, binomial_band
+from ..results import Check, at_least, at_most
+from .exchanged import exchanged_efforts
+from .inertia import Identification, Validation
+from .recordings import Recordings
+from .repeated import Repeated
+from .work import DEVIATIONS, work_of
+
+LOOK = "the notes say what to look at"
+UNEXPLAINED = 0.5  # rms of what is left over rms of the effort: beyond, the model is not that of the log
+FAR = 300.0  # times the nominal value: a factor 1000 of a unit, not a payload
+SATURATED = 0.02  # of the samples at the largest or smallest reading: noise alone does not stay there
+TINY = np.finfo(float).tiny
+PILED = 5.0  # times as many samples as at the reading next to it: a coarse reading of a smooth peak has up to 2.5
+
+
+def checks_of(
+    data: Recordings, found: Identification, validation: Validation | None, repeated: Repeated | None
+) -> dict[str, Check]:
+    """By name, as they stand in the result."""
+    checks = {"undetermined": at_most(float(found.identifiability.redundant), 0.0, LOOK)}
+    # what was left out shifts the others: then the truth is not what the fit is after
+    whole = all(t.passed for t in found.left_out)
+    if data.truth and whole:
+        e = found.estimate
+        off = [abs(e.value(n) - data.truth[n]) / s for n, s in zip(e.names, e.std, strict=True) if n in data.truth]
+        checks["error_in_standard_deviations"] = at_most(float(max(off, default=0.0)), _student(len(off), e.freedom))
+    if validation is not None:
+        told = max(validation.judged, key=lambda h: h.ratio / h.bound)
+        bound = told.bound if np.isfinite(told.bound) else None
+        checks["held_out_over_fitted_noise"] = Check(told.ratio, bound, LOOK, judged=told.passed)
+    share = float(np.max(_unexplained(found)))
+    checks["unexplained_share"] = at_most(share, UNEXPLAINED, LOOK)
+    work = work_of(found)
+    if work is not None:
+        if np.any(work.friction):  # some friction is free
+            # of what the noise leaves: a drive without friction takes and gives nothing on average
+            worst = int(np.argmin(work.friction / np.maximum(work.friction_noise, TINY)))
+            least = -DEVIATIONS * float(work.friction_noise[worst])
+            checks["work_of_friction_J"] = at_least(float(work.friction[worst]), min(least, 0.0), LOOK)
+        other = work if validation is None else work_of(found, validation.rows) or work
+        checks["energy_balance"] = Check(other.balance, other.bound, LOOK, judged=other.balanced)
+    delay = found.delay
+    if delay is not None:
+        checks["delay_moves_a_parameter"] = Check(delay.moves, delay.bound, LOOK, judged=delay.passed)
+    order = exchanged_efforts(found)
+    if order is not None:
+        checks["exchanged_columns"] = Check(order.ratio, order.bound, LOOK, judged=order.passed)
+    checks["parameters_far_off"] = at_most(float(len(_far_off(found))), 0.0, LOOK)
+    piled = max((share for *_, share in _piled(data, found.rows.targets[0].partition("[")[0])), default=0.0)
+    checks["saturated_share"] = at_most(piled, SATURATED, LOOK)
+    if found.left_out:
+        told = min(found.left_out, key=lambda t: t.p * t.tests)
+        least = FALSE_ALARM / told.tests
+        checks["nothing_left_out"] = at_least(told.p, least, "free the parameters that the residual test names")
+    if repeated is not None and not repeated.runs.interrupted:
+        seen = repeated.coverage
+        low, high = binomial_band(seen.runs, seen.level, 1 - FALSE_ALARM / len(seen.names))
+        outside = int(np.count_nonzero((seen.hits < low) | (seen.hits > high))) + len(seen.biased)
+        checks["parameters_outside_the_binomial_band"] = at_most(float(outside), 0.0)
+    return checks
+
+
+def suspicions(data: Recordings, found: Identification, validation: Validation | None, targets: str) -> list[str]:
+    """Sentences on signs, units, order of columns and saturation that the log is suspected of."""
+    rows, work = found.rows, work_of(found)
+    lines = [
+        f"{t}: {100 * share:.3g} % of its rms are left unexplained; check sign, order and units of the columns"
+        for t, share in zip(rows.targets, _unexplained(found), strict=True)
+        if share > UNEXPLAINED
+    ]
+    order = exchanged_efforts(found)
+    if order is not None and not order.passed:
+        lines.append(order.sentence(rows.targets))
+    if work is not None:
+        other = None if validation is None else work_of(found, validation.rows)
+        lines += work.driving(rows.targets) + (work if other is None else other).unbalanced()
+    return lines + _far_off(found) + _saturated(data, targets)
+
+
+def _unexplained(found: Identification) -> np.ndarray:
+    return np.sqrt(np.mean(found.residuals**2, axis=0) / np.mean(found.rows.effort**2, axis=0))
+
+
+def _far_off(found: Identification) -> list[str]:
+    """Where a unit of position, time or effort is off by its thousand, a parameter is, or all are."""
+    rows, e = found.rows, found.estimate
+    nominal = dict(zip(rows.names, rows.nominal, strict=True))
+    told = [n for n in e.names if nominal[n] and e.interval(n)[0] * e.interval(n)[1] > 0]
+    ratios = {n: abs(e.value(n) / nominal[n]) for n in told}
+    far = [n for n in told if ratios[n] > FAR] or (told if told and max(ratios.values()) < 1 / FAR else [])
+    if not far:
+        return []
+    return [f"{far[0]} is {ratios[far[0]]:.3g} times its nominal value; check the units of time, position and efforts"]
+
+
+def _student(tests: int, freedom: float) -> float:
+    """Bound on the largest of so many errors in standard deviations."""
+    from scipy import stats  # here: it alone takes as long to import as all of gtmodel
+
+    return float(stats.t.isf(FALSE_ALARM / 2 / max(tests, 1), freedom))
+
+
+def _saturated(data: Recordings, targets: str) -> list[str]:
+    return [
+        f"{name} of {recording} stands at its {end} value, {value:.5g} {unit}, in {100 * share:.2g} % of the samples; "
+        "if the sensor saturates there, the numbers are off"
+        for name, recording, end, value, unit, share in _piled(data, targets)
+        if share > SATURATED
+    ]
+
+
+def _piled(data: Recordings, targets: str) -> list[tuple[str, str, str, float, str, float]]:
+    """Component, recording, end, reading, unit and share of the samples there, of readings that pile up at an end."""
+    found = []
+    for session in data.fitted:
+        unit = session.trajectory.unit(targets)
+        effort = session.trajectory[targets].reshape(len(session.trajectory), -1)
+        for k, column in enumerate(effort.T):
+            name = targets if effort.shape[1] == 1 else f"{targets}[{k}]"
+            levels, counts = np.unique(column, return_counts=True)
+            if len(levels) < 2:
+                continue
+            for end, at, beside in (("largest", -1, -2), ("smallest", 0, 1)):
+                if counts[at] > PILED * counts[beside]:
+                    share = float(counts[at] / len(column))
+                    found.append((name, session.name, end, float(levels[at]), unit, share))
+    return found

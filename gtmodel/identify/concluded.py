@@ -1,0 +1,162 @@
+"""From a fit to the study: values, checks, table, pictures and the file of the parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import tomli_w
+
+from ..results import SolveStatus, Trajectory
+from .checks import checks_of, suspicions
+from .closed_loop import ClosedLoopRun, within_bound
+from .identified import IdentificationStudy
+from .inertia import Identification, Validation
+from .options import ClosedLoop, Fitting
+from .recordings import Recordings
+from .repeated import Repeated
+
+
+def concluded(
+    how: Fitting,
+    data: Recordings,
+    found: Identification,
+    validation: Validation | None,
+    repeated: Repeated | None,
+    title: str,
+    *,
+    told: Mapping[str, float],
+    loop: ClosedLoop | None = None,
+    runs: Sequence[ClosedLoopRun] = (),
+) -> IdentificationStudy:
+    """The study of a fit."""
+    e, rows = found.estimate, found.rows
+    names = [*e.names, *e.held]
+    parameters = {n: e.value(n) for n in rows.names if n in names and n not in rows.signed}
+    told = {name: number for name, number in told.items() if name in parameters}
+    shown = (title or "identification") + (" (synthetic)" if rows.synthetic else "")
+    stopped = repeated is not None and repeated.runs.interrupted
+    coverage = None
+    if repeated is not None:
+        c = repeated.coverage
+        hits = {n: int(h) for n, h in zip(c.names, c.hits, strict=True)}
+        coverage = {"runs": c.runs, "hits": hits, "pooled": c.pooled, "band": list(c.band)}
+    known = ", ".join(data.corrections)
+    return IdentificationStudy(
+        status=SolveStatus.INTERRUPTED if stopped else SolveStatus.SOLVED,
+        message=f"{len(e.names)} parameters from {len(rows)} rows",
+        title=title,
+        objective=float(np.sum((found.residuals / found.noise) ** 2)),
+        checks=checks_of(data, found, validation, repeated) | within_bound(loop, runs),
+        parameters=parameters,
+        units={n: u for n, u in zip(rows.names, rows.units, strict=True) if n in names},
+        intervals={n: list(e.interval(n)) for n in e.names},
+        at_bound=list(e.held),
+        corrections=data.corrections | {n: e.value(n) for n in rows.signed},
+        confidence=found.confidence,
+        noise=found.noise,
+        residual_share=np.sqrt(np.mean(found.residuals**2, axis=0)) / np.sqrt(np.mean(rows.effort**2, axis=0)),
+        held_out_rms=None if validation is None else validation.rms,
+        held_out_share=None if validation is None else validation.relative,
+        row_count=len(rows),
+        dropped_share=rows.dropped,
+        cutoff=rows.cutoff_Hz,
+        condition=found.identifiability.condition,
+        left_out={", ".join(t.names): t.p for t in found.left_out},
+        delay=None if found.delay is None else [found.delay.seconds, found.delay.std],
+        truth=data.truth or None,
+        coverage=coverage,
+        sentences=[
+            rows.filter_sentence,
+            *suspicions(data, found, validation, how.targets),
+            *found.sentences,
+            *([f"intervals take the estimated {known} as known"] if known else []),
+        ],
+        synthetic=rows.synthetic,
+        published={name: parameters[name] / number - 1 for name, number in told.items() if number} if told else None,
+        **_of_runs(runs),
+        fit=found,
+        numbers=told,
+        closed_loop=runs,
+        trajectory=_trajectory(found, shown),
+        figures=_figures(found, validation, shown, runs, title),
+        files={"parameters.toml": _file(found, shown)},
+        machine_files=("parameters.toml",),
+    )
+
+
+def _of_runs(runs: Sequence[ClosedLoopRun]) -> dict[str, Any]:
+    words = ("rms", "maximum", "relative", "effort")
+    return {f"closed_loop_{word}": [getattr(run, word) for run in runs] or None for word in words}
+
+
+def _trajectory(found: Identification, title: str) -> Trajectory:
+    """Measured and modelled efforts of the first recording."""
+    rows = found.rows
+    end = rows.starts[1] if len(rows.starts) > 1 else len(rows)
+    part = slice(0, end)
+    name, unit = rows.targets[0].partition("[")[0], rows.effort_unit
+    signals = {f"{name}.measured": rows.effort[part], f"{name}.modelled": found.modelled()[part]}
+    return Trajectory(rows.time[part], signals, dict.fromkeys(signals, unit), title=title, synthetic=rows.synthetic)
+
+
+def _file(found: Identification, title: str) -> str:
+    """parameters.toml: estimates by name with unit and interval."""
+    e = found.estimate
+    table: dict[str, Any] = {"title": title}
+    if found.rows.synthetic:
+        table["synthetic"] = found.rows.synthetic
+    for n in found.rows.names:
+        if n in e.names or n in e.held:
+            unit = found.rows.units[found.rows.names.index(n)]
+            entry: dict[str, Any] = {"value": e.value(n), "unit": unit}
+            entry |= {"at_bound": True} if n in e.held else {"interval_95": list(e.interval(n))}
+            table[n] = entry
+    return tomli_w.dumps(table)
+
+
+def _figures(
+    found: Identification, validation: Validation | None, title: str, runs: Sequence[ClosedLoopRun], plain: str
+) -> dict[str, Any]:
+    rows = found.rows
+    fit = found.modelled()
+
+    def efforts() -> Any:
+        from ..plot.identification import efforts_figure
+
+        return efforts_figure(rows.time, rows.effort, fit, rows.targets, rows.effort_unit, title)
+
+    def held_out() -> Any:
+        from ..plot.identification import efforts_figure
+
+        assert validation is not None
+        modelled = validation.effort - validation.errors
+        return efforts_figure(
+            validation.time, validation.effort, modelled, rows.targets, rows.effort_unit, f"{title}, held out"
+        )
+
+    def friction() -> Any:
+        from ..plot.identification import friction_figure
+
+        law = rows.Y[:, :, at] @ found.parameters[at]
+        rate = "m/s" if rows.effort_unit == "N" else "rad/s"
+        return friction_figure(
+            rows.velocity, rows.effort - fit + law, law, rows.targets, (rate, rows.effort_unit), title
+        )
+
+    def closed_loop() -> Any:
+        from ..plot.closed_loop import closed_loop_figure
+
+        said = f"{plain or 'identification'}: closed loop simulated from the reference"
+        return closed_loop_figure([(run.name, run.trajectory) for run in runs], title=said)
+
+    figures: dict[str, Any] = {"efforts": efforts}
+    if validation is not None:
+        figures["held_out"] = held_out
+    at = [k for k, n in enumerate(rows.names) if any(word in n for word in ("coulomb", "viscous"))]
+    if at and rows.velocity.shape[1] == len(rows.targets):
+        figures["friction"] = friction
+    if runs:
+        figures["closed_loop"] = closed_loop
+    return figures

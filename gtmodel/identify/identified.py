@@ -1,0 +1,149 @@
+"""What an identification gives: numbers with intervals and tests, beside published ones and in closed loop."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+import numpy as np
+
+from ..results import Quantity, Row, Study
+from .closed_loop import ClosedLoopRun, rows_of
+from .inertia import Identification
+
+Array = np.ndarray
+Numbers = Mapping[str, float]
+LOOP = "null without a closed loop"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class IdentificationStudy(Study):
+    """Masses and friction, or whatever was free; all None where it was stopped before the fit.
+
+    fit: the fit itself, its rows, residuals and tests. numbers: published ones of what was estimated. closed_loop: the
+    simulated recordings.
+    """
+
+    parameters: Annotated[Numbers | None, Quantity("", "estimates by name, in SI units")] = None
+    units: Annotated[Mapping[str, str] | None, Quantity("", "their units")] = None
+    intervals: Annotated[
+        Mapping[str, Sequence[float]] | None,
+        Quantity("", "95 % intervals by name; none for what is held at its bound"),
+    ] = None
+    at_bound: Annotated[
+        Sequence[str] | None, Quantity("", "names held at zero, which would otherwise be negative")
+    ] = None  # fmt: skip
+    corrections: Annotated[
+        Numbers | None, Quantity("", "estimated delays, scales and offsets of the signals by name, in SI units")
+    ] = None
+    confidence: Annotated[
+        str | None, Quantity("", "what the intervals assume of the residuals: white, newey_west")
+    ] = None  # fmt: skip
+    noise: Annotated[
+        Array | None, Quantity("", "standard deviation of what is left, by target, in SI units")
+    ] = None  # fmt: skip
+    residual_share: Annotated[
+        Array | None, Quantity("", "rms of what is left over rms of the measured effort, by target")
+    ] = None
+    held_out_rms: Annotated[
+        Array | None,
+        Quantity("", "rms error on the motion held out, by target, in SI units; null without one"),
+    ] = None
+    held_out_share: Annotated[Array | None, Quantity("", "the same over the rms of its effort")] = None
+    row_count: Annotated[int | None, Quantity("", "rows that were fitted", key="rows")] = None
+    dropped_share: Annotated[float | None, Quantity("", "share of the samples left out as too slow")] = None
+    cutoff: Annotated[float | None, Quantity("Hz", "of the zero-phase low pass")] = None
+    condition: Annotated[
+        float | None,
+        Quantity("", "condition number of the weighted regressor, columns in nominal values (0: least of its unit)"),
+    ] = None
+    left_out: Annotated[
+        Numbers | None,
+        Quantity("", "p-value by watched group of fixed parameters: small where the residuals show their traces"),
+    ] = None
+    delay: Annotated[
+        Sequence[float] | None,
+        Quantity(
+            "s", "by how much efforts look later than positions, and its standard deviation; null where not told",
+            written="ms",
+        ),
+    ] = None  # fmt: skip
+    truth: Annotated[Numbers | None, Quantity("", "of a synthetic plant; null for measured logs")] = None
+    coverage: Annotated[
+        Mapping[str, Any] | None,
+        Quantity("", "hits of the intervals by name over the repeated runs, pooled, and the band; null without runs"),
+    ] = None
+    sentences: Annotated[Sequence[str] | None, Quantity("", "what limits the numbers, in words")] = None
+    synthetic: Annotated[
+        str | None, Quantity("", "seed and noise of a made-up log; null for a measured one")
+    ] = None  # fmt: skip
+    published: Annotated[
+        Numbers | None,
+        Quantity(
+            "", "relative difference from published numbers by name; of what was estimated; null where none are given"
+        ),
+    ] = None
+    closed_loop_rms: Annotated[
+        Sequence[float] | None,
+        Quantity("", f"error of the simulated motion, rms by recording, in the unit of the position; {LOOP}"),
+    ] = None
+    closed_loop_maximum: Annotated[
+        Sequence[float] | None, Quantity("", f"its largest size, by recording; {LOOP}")
+    ] = None  # fmt: skip
+    closed_loop_relative: Annotated[
+        Sequence[float] | None,
+        Quantity("", f"its rms over that of the motion itself, mean taken off, by recording; {LOOP}"),
+    ] = None
+    closed_loop_effort: Annotated[
+        Sequence[float] | None,
+        Quantity("", f"rms error of the simulated efforts over the rms of the measured ones, unfiltered; {LOOP}"),
+    ] = None
+    fit: Identification | None = None
+    numbers: Numbers | None = None
+    closed_loop: Sequence[ClosedLoopRun] = ()
+
+    @property
+    def rows(self) -> list[Row]:
+        """The table for people."""
+        if self.fit is None:
+            return []
+        units, published = self.units or {}, self.published or {}
+        rows = [*self._parameter_rows(), *self._fit_rows(self.fit)]
+        rows += [Row("note", sentence) for sentence in (self.sentences or [])[1:]]
+        if self.synthetic:
+            rows.append(Row("synthetic", self.synthetic))
+        for name, told in (self.numbers or {}).items():
+            percent = "" if not told else f", {100 * published[name]:+.2f} %"
+            rows.append(Row(f"published {name}", f"{told:g}{percent}", units.get(name, "")))
+        return rows + rows_of(self.closed_loop)
+
+    def _parameter_rows(self) -> list[Row]:
+        rows = []
+        for name, value in (self.parameters or {}).items():
+            truth = (self.truth or {}).get(name)
+            rows.append(Row(name, value, (self.units or {})[name]))
+            low, high = (self.intervals or {}).get(name, (None, None))
+            beside = "" if truth is None else f" (synthetic truth {truth:g})"
+            rows.append(Row("  95 %", "at its bound" if low is None else f"{low:.5g} to {high:.5g}{beside}"))
+        return rows + [Row(name, value) for name, value in (self.corrections or {}).items()]
+
+    def _fit_rows(self, fit: Identification) -> list[Row]:
+        rows, unit = [], fit.rows.effort_unit
+        for k, target in enumerate(fit.rows.targets):
+            rows.append(Row(f"noise of {target}", float(fit.noise[k]), unit))
+            if self.held_out_rms is not None:
+                rows.append(Row(f"held-out error of {target}", float(self.held_out_rms[k]), unit))
+        rows.append(Row("intervals", f"for {'coloured' if fit.confidence == 'newey_west' else 'white'} residuals"))
+        if c := self.coverage:
+            hits, band = c["hits"].values(), c["band"]
+            rows.append(Row("pooled coverage", 100 * c["pooled"], "%"))
+            rows.append(
+                Row("hits of the intervals", f"{min(hits)} to {max(hits)} of {c['runs']}, band {band[0]} to {band[1]}")
+            )
+        return [
+            *rows,
+            Row("zero-phase low pass at", self.cutoff, "Hz"),
+            Row("rows", self.row_count),
+            Row("left out as too slow", 100 * fit.rows.dropped, "% of samples"),
+        ]

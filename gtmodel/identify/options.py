@@ -1,0 +1,79 @@
+"""What an identification asks for: what is measured and free, a log made up, the controlled model to validate with."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Annotated, Literal
+
+from ..lang import Model
+from ..results.options import Options, Unit, Within
+
+
+@dataclass(frozen=True)
+class Fitting(Options):
+    """What is measured, what is looked for in the residuals, and how intervals are computed."""
+
+    known: Annotated[str, "the measured position, by the model's name"] = "q"
+    targets: Annotated[str, "the measured efforts"] = "tau"
+    watch: Annotated[list[str], "fixed parameters whose traces the residuals are searched for"] = field(
+        default_factory=list
+    )
+    nonnegative: Annotated[bool | list[str], "free parameters that are so: all, none, these"] = True
+    confidence: Annotated[
+        Literal["auto", "white", "newey_west"],
+        "what intervals assume of residuals; auto takes newey_west where they are coloured",
+    ] = "auto"
+
+
+@dataclass(frozen=True)
+class SyntheticLog(Options):
+    """A log made up from a plant, to see what identification gives back: sines, tracking, sensors, noise."""
+
+    seed: Annotated[int, Within(least=0), "of the noise"] = 0
+    motion_seed: Annotated[
+        int, Within(least=0), "of the motion's phases; the held-out one takes the next"
+    ] = 1  # fmt: skip
+    duration: Annotated[float, Unit("s"), Within(above=0.0), "of each motion of sines"] = 60.0
+    sample_time: Annotated[float, Unit("s"), Within(above=0.0), "of the log"] = 0.004
+    reference: Annotated[str, "variable that moves along the sines, or as the given motion has it"] = "T"
+    repeats: Annotated[int, Within(least=1), "how often the given motion runs, end on beginning"] = 1
+    centre: Annotated[list[float] | None, "of the motion; the robot's home if left out"] = None
+    half_range: Annotated[float | list[float], "how far it goes from the centre, by axis"] = 0.4
+    frequencies: Annotated[
+        list[float], Unit("Hz"), Within(above=0.0), "slow ones for friction, fast ones for masses"
+    ] = field(default_factory=lambda: [0.2, 0.5, 1.1, 2.2])
+    ramp: Annotated[float, Unit("s"), Within(above=0.0), "over which the motion grows and fades"] = 1.0
+    tracking: Annotated[Literal["dressler_2012", "exact"], "how three carts follow: eq. (6.11) at 4 ms, or exactly"] = (
+        "dressler_2012"
+    )
+    position_step: Annotated[float, Within(least=0.0), "quantisation of the position, in SI"] = 1e-6
+    effort_step: Annotated[float, Within(least=0.0), "quantisation of the efforts, in SI"] = 0.0
+    effort_noise: Annotated[
+        float | list[float], Within(least=0.0), "standard deviation in SI, one for all or one each"
+    ] = 30.0
+    effort_colour: Annotated[
+        float, Within(least=0.0, below=1.0), "correlation of neighbouring samples of noise"
+    ] = 0.0  # fmt: skip
+    runs: Annotated[
+        int, Within(least=0, most=10000), "further logs by seed, to see whether intervals hold"
+    ] = 0  # fmt: skip
+    processes: Annotated[
+        int | None, Within(least=0), "for the runs; 0 in this one, one per core if left out"
+    ] = None  # fmt: skip
+
+
+@dataclass(frozen=True)
+class ClosedLoop(Options):
+    """Simulation of the controlled model from the measured reference, with the identified parameters."""
+
+    model: Annotated[
+        Model | Callable[..., Model],
+        "the controlled model, which takes what was found, or a function that makes it of that",
+    ]
+    inputs: Annotated[list[str], "its inputs, such as the reference; signals of the log"]
+    every: Annotated[int, Within(least=1), "every how many-th sample of the inputs is used, cubic between"] = 1
+    tolerance: Annotated[
+        float, Within(least=1e-14, most=1e-3), "of the integrator, relative and absolute"
+    ] = 1e-7  # fmt: skip
+    bound: Annotated[float | None, Within(above=0.0), "largest allowed rms error, SI; checked where given"] = None

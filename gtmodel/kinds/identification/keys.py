@@ -1,0 +1,147 @@
+"""The keys of kind "identification"."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Literal
+
+from pydantic import Field, PositiveFloat
+
+from gtmodel.compiler.causal import flat_of
+from gtmodel.identify import Processing, options
+from gtmodel.lang import Model, ModelError
+from gtmodel.measurements import Signal
+from gtmodel.problem_files import python_models, robots
+from gtmodel.problem_files.base import Context, InputError, Section
+from gtmodel.problem_files.from_options import Made, made_from
+from gtmodel.problem_files.log_keys import LogFiles, MeasuredSignal
+from gtmodel.problem_files.robot_keys import RobotProblem
+from gtmodel.robots import catalogue
+from gtmodel.robots.by_direction import VARIANTS, inertia_variant
+
+
+class SharpFriction(Section):
+    """Friction of the model that is fitted."""
+
+    smoothing: Literal["sign", "tanh", "piecewise_linear"] | None = Field(
+        default=None, description="of a catalogue robot or robot file: sign, exact away from standstill, if left out"
+    )
+    velocity_scale_m_s: PositiveFloat | None = Field(
+        default=None, description="velocity over which a smoothed sign changes; the catalogue's own is 0.1"
+    )
+
+
+class Log(LogFiles):
+    """Measured logs."""
+
+    position: MeasuredSignal = Field(description="the known variable; scale and offset in its SI unit")
+    effort: MeasuredSignal = Field(description="the measured efforts; scale and offset in their SI unit")
+    held_out: list[str] = Field(default=[], description="logs of other motions, for validation only")
+
+
+@made_from(options.SyntheticLog)
+class Synthetic(Made):
+    """A log made up from a plant, to see what identification gives back: sines, tracking, sensors, noise."""
+
+    reference_file: str | None = Field(
+        default=None,
+        description="CSV file with its columns, such as the trajectory.csv of an excitation, in place of the sines; "
+        "the motion held out is of sines still",
+    )
+    parameters: dict[str, Any] = Field(default={}, description="of the plant where other than the model's, in SI")
+
+
+@made_from(Processing)
+class Filter(Made):
+    """The zero-phase low pass on position, efforts and regressor, and which rows are used."""
+
+
+@made_from(options.ClosedLoop, "model", "inputs")
+class ClosedLoop(Made):
+    """Simulation of the controlled model from the measured reference, with the identified parameters."""
+
+    model: str = Field(description="controlled model in Python, file.py:Class; takes [parameters] and what was found")
+    inputs: dict[str, MeasuredSignal] = Field(description="its inputs by name, such as the reference")
+
+    def loop(self, parameters: Mapping[str, Any], context: Context) -> options.ClosedLoop:
+        """As the study takes it; the model with these parameters and what is found."""
+
+        def made(**found: Any) -> Model:
+            return python_models.resolve(self.model, context, "closed_loop.model", {**parameters, **found})
+
+        own = {field: getattr(self, key) for key, field in self.attributes.items()}
+        return options.ClosedLoop(made, list(self.inputs), **own)
+
+    def signals(self, context: Context) -> dict[str, Signal]:
+        """The inputs as measured signals, in the units of the model. Raises InputError."""
+        flat = flat_of(python_models.resolve(self.model, context, "closed_loop.model"))
+        found = {}
+        for name, signal in self.inputs.items():
+            key = f"closed_loop.inputs.{name}"
+            try:
+                unit = flat.variables[flat.lookup(name)[1][0]].unit
+            except ModelError as error:
+                raise InputError(str(error), key) from error
+            for what in ("scale", "offset", "delay_s"):
+                if getattr(signal, what) == "estimate":
+                    raise InputError("the fit does not see this signal; give a number", f"{key}.{what}")
+            found[name] = signal.signal(key, unit)
+        return found
+
+
+@made_from(options.Fitting)
+class Schema(RobotProblem, Made):
+    """Masses and friction of a robot, or any parameters in which its efforts are linear, from measured motion."""
+
+    free: list[str] | None = Field(default=None, description="parameters to be estimated; those of the variant")
+    variant: str | None = Field(
+        default=None, description="of a three-link robot: model_1 to model_4 of Table 6.3, or links (thirteen)"
+    )
+    friction: SharpFriction = SharpFriction()  # pyright: ignore[reportIncompatibleVariableOverride]
+    filter: Filter = Filter()
+    log: Log | None = Field(default=None, description="measured logs")
+    synthetic: Synthetic | None = Field(default=None, description="or a log made up")
+    published: dict[str, float] = Field(default={}, description="numbers to compare with, by parameter, in SI")
+    closed_loop: ClosedLoop | None = Field(default=None, description="validation by simulating the controlled model")
+
+    def fitted(self, context: Context) -> tuple[Model, list[str]]:
+        """The model to be fitted, and the names of what is free. Raises InputError."""
+        if self.variant is None:
+            if not self.free:
+                raise InputError("is missing; name the parameters to be estimated, or a variant", "free")
+            return self.with_parameters(self.parameters, context), list(self.free)
+        self._check_variant()
+        scale = self.friction.velocity_scale_m_s
+        more: dict[str, Any] = {} if scale is None else {"velocity_scale": scale}
+        try:
+            variant = inertia_variant(
+                self.variant, self.robot, self.friction.smoothing or "sign", **more, **self.parameters
+            )
+        except ModelError as error:
+            raise InputError(str(error), "parameters" if self.parameters else "variant") from error
+        return variant.robot, list(self.free or variant.free)
+
+    def with_parameters(self, parameters: dict[str, Any], context: Context) -> Model:
+        """The robot, no variant of it, with these parameters. Raises InputError."""
+        in_python = python_models.is_reference(self.robot)
+        return robots.resolve(
+            self.robot,
+            context,
+            parameters=parameters,
+            inertia=self.inertia,
+            smoothing=self.friction.smoothing or (None if in_python else "sign"),
+            velocity_scale=self.friction.velocity_scale_m_s,
+            payload=self.payload_kg,
+        )
+
+    def _check_variant(self) -> None:
+        entry = catalogue.entries().get(self.robot)
+        if self.variant not in VARIANTS:
+            raise InputError(f"there is no variant '{self.variant}'; there are {', '.join(VARIANTS)}", "variant")
+        if entry is None or entry.family != "three_link":
+            raise InputError(f"applies to three-link robots of the catalogue; '{self.robot}' is none", "variant")
+        for key in ("inertia", "payload_kg"):
+            if getattr(self, key) is not None:
+                raise InputError("a variant says which masses there are; leave one of the two out", key)
+        if self.friction.smoothing == "piecewise_linear":
+            raise InputError('a variant takes "sign" or "tanh"', "friction.smoothing")

@@ -1,0 +1,95 @@
+"""Kind "identification": masses and friction of a robot from its measured motion and forces."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gtmodel.compiler.causal import flat_of
+from gtmodel.identify import IdentificationStudy, read_motion, study, synthetic_study
+from gtmodel.identify.identification_study import regressor_of
+from gtmodel.identify.recordings import scalars_of
+from gtmodel.lang import Model, ModelError
+from gtmodel.measurements import Signal
+from gtmodel.problem_files.base import Context, InputError
+from gtmodel.problem_files.call import Call
+from gtmodel.problem_files.robots import file_of
+
+from .keys import Log, Schema, Synthetic
+
+NAME = "identification"
+RESULT = IdentificationStudy
+ARGUMENTS = {
+    "fitting": "",
+    "processing": "filter",
+    "log.known": "log.position.column",
+    "log.targets": "log.effort.column",
+    "held_out": "log.held_out",
+    "motion": "synthetic.reference_file",
+}
+
+
+def call(problem: Schema, context: Context) -> Call:
+    """The study of the logs, or of a log made up."""
+    model, free = problem.fitted(context)
+    common: dict[str, Any] = {
+        "fitting": problem.options(),
+        "processing": problem.filter.options(),
+        "published": problem.published,
+        "title": problem.title or f"identification of {problem.robot}",
+    }
+    if (problem.log is None) == (problem.synthetic is None):
+        found = "both" if problem.log else "none of them"
+        raise InputError(f"expected one of [log] and [synthetic]; found {found}", "log")
+    if problem.synthetic is not None:
+        if problem.closed_loop is not None:
+            raise InputError("compares with measured motion; give a [log]", "closed_loop")
+        s = problem.synthetic
+        plant = problem.with_parameters({**problem.parameters, **s.parameters}, context)
+        return Call(synthetic_study, model, s.options(), free, plant=plant, motion=_motion(s, plant, context), **common)
+    log, loop = problem.log, problem.closed_loop
+    assert log is not None
+    signals = _signals(problem, log, model, context)
+    others = log.sessions(signals, context, files=log.held_out, key="log.held_out") if log.held_out else ()
+    return Call(
+        study, model, log.sessions(signals, context), free, held_out=others, signals=signals,
+        closed_loop=None if loop is None else loop.loop(problem.parameters, context), **common,
+    )  # fmt: skip
+
+
+def explain(problem: Schema, context: Context) -> str:
+    """What is free and fixed, and how the regressor is computed."""
+    model, free = problem.fitted(context)
+    regressor = regressor_of(model, free, problem.options())
+    lines = [f"{problem.title or 'identification'}: {', '.join(regressor.columns)} linear in"]
+    for name, value, unit in zip(regressor.names, regressor.nominal, regressor.units, strict=True):
+        role = "free" if name in scalars_of(regressor, free) else "watched"
+        lines.append(f"  {name} [{unit}], {role}, nominal {value:g}")
+    lines.append(f"from {', '.join(s.name for s in regressor.inputs)}; every other parameter keeps its number")
+    return "\n".join(lines)
+
+
+def _motion(s: Synthetic, plant: Model, context: Context) -> np.ndarray | None:
+    if s.reference_file is None:
+        return None
+    key = "synthetic.reference_file"
+    path = file_of(s.reference_file, context)
+    if path is None:
+        raise InputError(f"there is no file '{s.reference_file}' in {context.folder} or here", key)
+    context.take(key, Path(path))
+    return read_motion(path, plant, s.options())
+
+
+def _signals(problem: Schema, log: Log, model: Model, context: Context) -> dict[str, Signal]:
+    flat, found = flat_of(model), {}
+    for key, measured in (("known", log.position), ("targets", log.effort)):
+        name: str = getattr(problem, key)
+        try:
+            _, indices, order = flat.lookup(name)
+        except ModelError as error:
+            raise InputError(str(error), key) from error
+        place = "log.position" if key == "known" else "log.effort"
+        found[name] = measured.signal(place, flat.unit_of(indices[0], order))
+    return found | ({} if problem.closed_loop is None else problem.closed_loop.signals(context))

@@ -1,0 +1,50 @@
+"""Kind "kinematics": any causality of a robot on many points, and the orientation of its plate over a grid."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from gtmodel.kinematics.causality import CausalityStudy, causality_of, causality_study
+from gtmodel.problem_files.base import Context, InputError
+from gtmodel.problem_files.call import Call
+from gtmodel.problem_files.robots import file_of
+
+from .keys import Schema
+
+NAME = "kinematics"
+RESULT = CausalityStudy
+ARGUMENTS = {f"points.{name}": f"grid.{name}" for name in ("center", "center_where", "counts", "directions")}
+
+
+def call(problem: Schema, context: Context) -> Call:
+    """The causality on all points."""
+    if context.start is not None:
+        raise InputError("--start: kinematics is computed point by point and starts from no earlier result")
+    return Call(
+        causality_study, problem.model(context), problem.known, problem.targets, _points(problem, context),
+        branches=problem.branches, orientation=None if problem.orientation is None else problem.orientation.options(),
+        title=problem.title or f"kinematics of {problem.robot}",
+    )  # fmt: skip
+
+
+def explain(problem: Schema, context: Context) -> str:
+    """The certificate of the causality."""
+    made = call(problem, context)
+    model, known, targets, _ = made.arguments
+    function = causality_of(model, known, targets, made.options["branches"], made.options["orientation"])
+    return f"{problem.title or NAME}\n{function.explain()}"
+
+
+def _points(problem: Schema, context: Context) -> Path | Any:
+    """The path of the CSV file, or the options of the grid."""
+    if bool(problem.points) == (problem.grid is not None):
+        found = "both" if problem.points else "neither"
+        raise InputError(f"give either points = a CSV file or a [grid]; found {found}", "points")
+    if problem.grid is not None:
+        return problem.grid.options()
+    path = file_of(problem.points, context)
+    if path is None:
+        raise InputError(f"there is no file '{problem.points}' in {context.folder} or here", "points")
+    context.take("points", path)
+    return path

@@ -1,0 +1,63 @@
+"""The keys of kind "trajectory_table": those of a motion, and what each row changes of them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import tomli_w
+from pydantic import Field
+
+from gtmodel.motion import Published as PublishedOptions
+from gtmodel.motion import TableRow
+from gtmodel.problem_files.base import Context, InputError, Section
+from gtmodel.problem_files.from_options import Made, made_from
+from gtmodel.problem_files.load import validate
+from gtmodel.problem_files.settings import apply
+
+from ..trajectory import keys as trajectory
+
+
+@made_from(PublishedOptions)
+class Published(Made):
+    """What a source prints for a row; compared by eye, never a check: its poses and limits are unpublished."""
+
+
+class RowKeys(Section):
+    """One motion: what it changes of the problem."""
+
+    name: str = Field(description="what the row is called")
+    set: dict[str, Any] = Field({}, description='keys that this row changes, such as {"cost.energy" = 0.01}')
+    most_iterations: int | None = Field(None, description="bound on the iterations of the attempt that found it")
+    published: Published | None = Field(None, description="what the source prints")
+
+
+class Schema(trajectory.Schema):
+    """Several optimal motions of one robot, one row each."""
+
+    row: list[RowKeys] = Field(min_length=2, description="the rows; the last one is what the others are compared with")
+
+    def problems(self) -> list[trajectory.Schema]:
+        """The problem of each row. Raises InputError."""
+        return [self._problem(n) for n in range(len(self.row))]
+
+    def _problem(self, n: int) -> trajectory.Schema:
+        data = self.model_dump(mode="json", exclude={"row"}, exclude_unset=True) | {"kind": "trajectory"}
+        row = self.row[n]
+        try:
+            changed = apply(data, [f"{key}={_text(value)}" for key, value in row.set.items()])
+            return validate(trajectory.Schema, changed | {"title": row.name})
+        except InputError as error:
+            raise InputError(str(error), f"row[{n}].set") from error
+
+    def rows(self, context: Context) -> list[TableRow]:
+        """The rows of the study. Raises InputError, and ArgumentError."""
+        found = []
+        for row, problem in zip(self.row, self.problems(), strict=True):
+            published = None if row.published is None else row.published.options()
+            found.append(TableRow(row.name, problem.motion(context), row.most_iterations, published))
+        return found
+
+
+def _text(value: Any) -> str:
+    """A value as TOML."""
+    return tomli_w.dumps({"value": value}).partition("=")[2].strip()

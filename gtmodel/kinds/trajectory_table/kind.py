@@ -1,0 +1,28 @@
+"""Kind "trajectory_table": several motions beside published numbers, such as Dressler 2012, Table 3.1."""
+
+from __future__ import annotations
+
+from gtmodel.motion import MotionTable, table_study
+from gtmodel.problem_files.base import Context, InputError
+from gtmodel.problem_files.call import Call
+from gtmodel.problem_files.path_keys import PATH_ARGUMENTS
+
+from ..trajectory.kind import told
+from .keys import Schema
+
+NAME = "trajectory_table"
+RESULT = MotionTable
+ARGUMENTS = {**PATH_ARGUMENTS, "rows[].problem.path.points": "path.file", "rows[].problem": "", "rows": "row"}
+
+
+def call(problem: Schema, context: Context) -> Call:
+    """The study of all rows."""
+    if context.start is not None:
+        raise InputError("--start: a table begins each row at its own guess")
+    return Call(table_study, problem.rows(context), title=problem.title)
+
+
+def explain(problem: Schema, context: Context) -> str:
+    """Each row as its kind explains it."""
+    rows = zip(problem.rows(context), problem.problems(), strict=True)
+    return "\n\n".join(f"{row.name}\n{told(row.problem, keys)}" for row, keys in rows)

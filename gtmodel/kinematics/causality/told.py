@@ -1,0 +1,59 @@
+"""The table and the pictures of a causality on many points."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from ...compiler.causal import Signal
+from ..orientation import OrientationMap
+from . import point_table
+from .options import Orientation, PointGrid
+from .result import CausalityStudy
+
+Array = np.ndarray
+
+
+def csv_of(pairs: Sequence[tuple[Signal, Array]], found: CausalityStudy, orientation: Orientation | None) -> str:
+    """The table of all points as CSV."""
+    columns = [(point_table.columns(s), s.unit, values) for s, values in pairs]
+    if orientation is not None:
+        columns.append(([f"zyz[{k}]" for k in range(3)], "deg", np.degrees(found.orientation.zyz).reshape(-1, 3)))
+        if orientation.rotation_vector:
+            vector = np.degrees(found.orientation.rotation_vector).reshape(-1, 3)
+            columns.append(([f"rotation_vector[{k}]" for k in range(3)], "deg", vector))
+    return point_table.text(columns, found.words)
+
+
+def figures_of(
+    pairs: Sequence[tuple[Signal, Array]], found: CausalityStudy, box: PointGrid | None, title: str
+) -> dict[str, Any]:
+    """Pictures by name."""
+    shown = [(s.name, s.unit, values) for s, values in pairs]
+    figures: dict[str, Any] = {"targets": partial(_targets_figure, shown, found.ok, title)}
+    if found.orientation is not None and np.any(found.orientation.ok):
+        figures["orientation_points"] = partial(_sequence_figure, found.orientation, title)
+        if box is not None and min(box.counts[1:]) > 1:
+            figures["orientation_layers"] = partial(_layers_figure, found.orientation, box, title)
+    return figures
+
+
+def _targets_figure(shown: list[tuple[str, str, Array]], ok: Array, title: str) -> Any:
+    from ...plot.points import points_figure
+
+    return points_figure(shown, ok, title)
+
+
+def _sequence_figure(orientation: OrientationMap, title: str) -> Any:
+    from ...plot.orientation import sequence_figure
+
+    return sequence_figure(orientation, title)
+
+
+def _layers_figure(orientation: OrientationMap, box: PointGrid, title: str) -> Any:
+    from ...plot.orientation import layers_figure
+
+    return layers_figure(orientation, box.half_width, box.directions, title)

@@ -1,0 +1,236 @@
+"""What is found on one mesh: the collocation optimum, the motion that is exported, and the checks of both."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ..optimize import Solution
+from ..optimize.judgement.resimulate import Resimulation, resimulate
+from ..results import Check, Trajectory, at_most
+from ..results.check import failed_of
+from .finer_mesh import finer_problem, refined
+from .follow import sampled
+from .planning import Plan
+from .problem import MotionProblem
+from .reference import between_rows
+from .search import Search
+
+# the printed accuracy of these robots is a fraction of a millimetre; an input that misses by more is no plan
+END_ERROR_BOUND_M = 5e-3
+FINER = "use more mesh.elements"
+FORCE_TOLERANCE = 1e-9  # relative: the exported force keeps its limit at every instant
+MARGIN_TOLERANCE = 0.01  # further limits hold at collocation points; between them a jump of the force shows
+SATURATED = 0.99
+ROADS_AGREE = 1e-3  # relative: of the final time along a path, by collocation and by squared speeds
+MOST_INTERVALS = 3200
+SECOND_ROAD_INTERVALS = 400  # 5e-7 of the time on a line
+
+
+@dataclass(frozen=True, kw_only=True)
+class Exported:
+    """The motion that is exported, its cost, and what a re-simulation of its force found."""
+
+    trajectory: Trajectory
+    moving: Callable[[np.ndarray], Trajectory]
+    final_time: float
+    energy: float
+    end_error: float
+    peak: float
+    defect: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class NotFound:
+    """There is no motion to export: the solution that comes nearest, and what was missed, in words before its own."""
+
+    solution: Solution
+    lead: str = ""
+    hint: str = ""
+
+    @property
+    def message(self) -> str:
+        return self.lead + self.solution.message + self.hint
+
+
+@dataclass(frozen=True, kw_only=True)
+class Found:
+    """What was found on one mesh. optima: costs of the different optima, best first. second: final time along the path
+    by squared speeds [s]."""
+
+    plan: Plan
+    solution: Solution
+    tried: Resimulation
+    exported: Exported
+    second: float | None
+    optima: list[float]
+    checks: dict[str, Check]
+
+    @property
+    def rerun(self) -> Trajectory:
+        """The optimum, re-simulated."""
+        assert self.tried.trajectory is not None
+        return self.tried.trajectory
+
+    @property
+    def peak(self) -> float:
+        """Largest force of the optimum between its collocation points [N]."""
+        return float(np.max(np.abs(self.rerun["robot.tau"]))) if self.plan.restricted else _peak(self.tried)
+
+    @property
+    def saturation(self) -> list[float]:
+        """Share of the time in which each motor is at its limit."""
+        tau, weights = _at_points(self.solution)
+        limit = self.plan.problem.limits.force
+        return (weights @ (np.abs(tau) >= SATURATED * limit) / weights.sum()).tolist()
+
+
+def on_this_mesh(plan: Plan, search: Search, solution: Solution, optima: list[float]) -> Found | NotFound:
+    """The optimum re-simulated, and the exported motion."""
+    tried = resimulate(solution)
+    if tried.trajectory is None:
+        return NotFound(solution=solution, lead=f"the optimum cannot be re-simulated: {tried.message}; ")
+    second = None
+    if plan.path is not None and not plan.smooth:
+        motion, second = plan.followed(search.work), plan.second_road(SECOND_ROAD_INTERVALS)
+        search.iterations += motion.iterations
+        if not motion.status.converged:
+            lead = f"the optimum was found, but not the exportable motion: {motion.message}; "
+            return NotFound(solution=solution, lead=lead)
+        exported = _followed(plan, motion)
+    else:
+        constant, run = search.exportable_tried(solution, tried)
+        if not constant.status.converged:
+            return NotFound(solution=constant, lead="the optimum was found, but not the exportable motion: ")
+        if run.trajectory is None:
+            return NotFound(solution=constant, lead=f"the exported motion cannot be re-simulated: {run.message}; ")
+        exported = _resimulated(plan, constant, run)
+    checks = _checks(plan, solution, tried, exported, second)
+    return Found(
+        plan=plan, solution=solution, tried=tried, exported=exported, second=second, optima=optima, checks=checks
+    )
+
+
+def on_finer_meshes(found: Found, search: Search) -> tuple[Found, str]:
+    """What is found on finer meshes, with the iterations of the search counted on, and what ended that too early."""
+
+    def again(before: Found, problem: MotionProblem) -> Found | str:
+        search.go_on(problem, before.solution)
+        solution = search.optimum()
+        on = f"on {problem.mesh.elements} elements"
+        if not solution.status.converged:
+            return f"{on}: {solution.message}"
+        after = on_this_mesh(replace(before.plan, problem=problem), search, solution, before.optima)
+        return f"{on}: {after.message}" if isinstance(after, NotFound) else after
+
+    return refined(found, _finer, again, search.work.interrupted)
+
+
+def _finer(found: Found) -> MotionProblem | None:
+    """The problem on a finer mesh, or on more intervals of its path, where a check failed; None where none can help."""
+    problem, checks = found.plan.problem, found.checks
+    followed = found.second is not None
+    mended = [name for name in checks if name != "constraint_violation" and not (followed and "exported" in name)]
+    finer = finer_problem(problem, checks, mended)
+    if followed and problem.path is not None and any("exported" in name for name in failed_of(checks)):
+        intervals = min(2 * problem.path.intervals, MOST_INTERVALS)
+        if intervals > problem.path.intervals:
+            return replace(finer or problem, path=replace(problem.path, intervals=intervals))
+    return finer
+
+
+def short_names(trajectory: Trajectory, title: str) -> Trajectory:
+    """The robot's own names: robot.T becomes T."""
+    values, units = {}, {}
+    for name in trajectory.names:
+        short = name.replace("robot.", "")
+        values[short], units[short] = trajectory[name], trajectory.unit(name)
+    return Trajectory(trajectory.time, values, units, title=title)
+
+
+def energy_of(solution: Solution, unit: float) -> float:
+    """sum int (F / unit)^2 dt by the quadrature of the collocation points [s]."""
+    tau, weights = _at_points(solution)
+    return float(np.sum(weights[:, None] * (tau / unit) ** 2))
+
+
+def _at_points(solution: Solution) -> tuple[np.ndarray, np.ndarray]:
+    """Forces at all collocation points and their quadrature weights [s]."""
+    mesh = solution.nlp.mesh
+    weights = np.outer(mesh.h, mesh.table.weights).reshape(-1) * solution.final_time
+    return solution.trajectory["robot.tau"][1 : 1 + len(weights)], weights
+
+
+def _resimulated(plan: Plan, exported: Solution, run: Resimulation) -> Exported:
+    assert run.trajectory is not None
+    trajectory = short_names(run.trajectory, "")
+    if plan.path is not None:
+        s, v, a = (trajectory[name] for name in ("s", "der(s)", "der(s,2)"))
+        margins = {"margin": trajectory["margin"]} if "margin" in trajectory else {}
+        trajectory = plan.follower.along(trajectory.time, s, v, a).with_values(margins)  # they may need the jerk
+    else:
+        T, v, a = (trajectory[name] for name in ("T", "der(T)", "der(T,2)"))
+        carts = sampled(plan.robot, trajectory.time, T, v, a, plan.task)["der(q)"]
+        trajectory = trajectory.with_values({"der(q)": carts}, {"der(q)": "m/s"})
+    peak = float(np.max(np.abs(trajectory["tau"])))
+    if not plan.restricted:
+        peak = max(peak, _peak(run))
+    return Exported(
+        trajectory=trajectory,
+        moving=between_rows(plan.robot, plan.task, trajectory),
+        final_time=exported.final_time,
+        energy=energy_of(exported, plan.problem.cost.force_unit),
+        end_error=_distance(trajectory["T"][-1], plan.goal),
+        peak=peak,
+        defect=run.defect,
+    )
+
+
+def _followed(plan: Plan, motion: Any) -> Exported:
+    follower = plan.follower
+    trajectory = follower.trajectory(motion)
+    end = follower.integrated_end(motion)
+    return Exported(
+        trajectory=trajectory,
+        moving=lambda times: follower.sample(motion, times),
+        final_time=motion.final_time,
+        energy=motion.energy,
+        end_error=_distance(end, plan.goal),
+        peak=float(np.max(np.abs(trajectory["tau"]))),
+        defect=_distance(end, trajectory["T"][-1]),
+    )
+
+
+def _distance(a: np.ndarray, b: np.ndarray) -> float:
+    return float(np.linalg.norm(a - b))
+
+
+def _peak(run: Resimulation) -> float:
+    return max(map(abs, sum((r for name, r in run.control_range.items() if "tau" in name), ())))
+
+
+def _checks(
+    plan: Plan, solution: Solution, tried: Resimulation, exported: Exported, second: float | None
+) -> dict[str, Check]:
+    assert tried.trajectory is not None
+    problem = plan.problem
+    end_error = _distance(tried.trajectory["robot.T"][-1], plan.goal)
+    checks: dict[str, Check] = {
+        "constraint_violation": solution.checks["constraint_violation"],
+        "end_error_m": at_most(end_error, END_ERROR_BOUND_M, FINER),
+        "exported_end_error_m": at_most(exported.end_error, END_ERROR_BOUND_M, FINER),
+        "exported_peak_force_N": at_most(exported.peak, problem.limits.force * (1 + FORCE_TOLERANCE), FINER),
+    }
+    if margins := margins_of(plan, exported):
+        checks["exported_excess"] = at_most(max(0.0, -min(margins.values())), MARGIN_TOLERANCE, FINER)
+    if second is not None and problem.cost.energy == 0.0:
+        checks["roads_apart"] = at_most(abs(second / solution.final_time - 1), ROADS_AGREE, FINER)
+    return checks
+
+
+def margins_of(plan: Plan, exported: Exported) -> dict[str, float]:
+    """Least margin to each further limit along the exported motion."""
+    return plan.guard.least(exported.trajectory["margin"]) if plan.guard.margins else {}

@@ -1,0 +1,208 @@
+"""What a motion is asked to be, checked before anything is optimised."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from .. import lang as gt
+from ..compiler.causal import compile_causal, flat_of
+from ..optimize.path import PathMotion
+from ..results import ArgumentError, Status, Trajectory, Work
+from ..robots.links import link_names, links_of
+from .follow import Follower, motion_function
+from .guard import Carrier, Guard, guard_of
+from .guesses import bare_guess, bent_guess, line_guess, trapezoid
+from .links import along_guideways, link_ends
+from .paths import Path, path_of
+from .problem import MotionProblem
+from .search import Search
+from .task import MotionTask
+
+SLOW_M_S = 0.1  # of a motion that only friction and weight resist
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """A checked problem: its margins and path, and the guess to start from."""
+
+    problem: MotionProblem
+    guard: Guard
+    path: Path | None
+    earlier: Trajectory | None
+
+    @property
+    def robot(self) -> gt.Model:
+        return self.problem.robot
+
+    @property
+    def start(self) -> np.ndarray:
+        return self.problem.begin
+
+    @property
+    def goal(self) -> np.ndarray:
+        return self.problem.end
+
+    @property
+    def smooth(self) -> bool:
+        """The second derivative of the motion must not jump: at an end, or anywhere because the jerk is limited."""
+        rest = [*self.problem.start.rest, *self.problem.goal.rest]
+        return self.problem.limits.tcp_jerk is not None or "acceleration" in rest
+
+    @property
+    def restricted(self) -> bool:
+        """The forces follow from another control."""
+        return self.problem.order is not None
+
+    @cached_property
+    def task(self) -> MotionTask:
+        return self.problem.task(True, guard=self.guard, path=self.path)
+
+    @cached_property
+    def follower(self) -> Follower:
+        assert self.path is not None
+        return Follower(self.robot, self.task, self.path)
+
+    def search(self, work: Work) -> Search:
+        """The search, from an earlier result or from the trapezoid along the line or the path."""
+        if self.path is not None:
+            guess = self.follower.guess()
+            return Search(self.problem, work, self.earlier or guess, guess, self.guard, self.path)
+        inverse = motion_function(self.robot, self.guard)
+        guess = self.earlier or line_guess(inverse, self.start, self.goal, self.problem.limits.force)
+        return Search(self.problem, work, guess, bare_guess(self.start, self.goal), self.guard)
+
+    def hint(self) -> str:
+        """What may be wrong with a problem that was not solved; empty where nothing shows."""
+        limit = self.problem.limits.force
+        _, s, _, _ = trapezoid(21)
+        step = self.goal - self.start
+        T = self.start + s[:, None] * step
+        velocity = np.broadcast_to(SLOW_M_S * step / np.linalg.norm(step), T.shape)
+        f = motion_function(self.robot, self.guard)
+        zero = np.zeros_like(T)
+        tau, *_, status = f(*({0: T, 1: velocity}.get(signal.pairs[0][1], zero) for signal in f.inputs))
+        needed = np.abs(tau[status == Status.OK])
+        if needed.size and np.max(needed) > limit:
+            k = int(np.argmax(np.max(needed, axis=0)))
+            return (
+                f"; a slow motion along the straight line already needs {np.max(needed):.4g} N of motor {k + 1}, "
+                f"limits.force_N is {limit:g}"
+            )
+        return ""
+
+    def further_guesses(self) -> list[Trajectory]:
+        """Lines bent sideways by drawn amounts; none along a path."""
+        starts = self.problem.starts
+        rng = np.random.default_rng(starts.seed)
+        count = starts.count if self.path is None else 0
+        return [bent_guess(self.start, self.goal, rng, starts.bend) for _ in range(count)]
+
+    def followed(self, work: Work) -> PathMotion:
+        """The exported motion along the path."""
+        assert self.problem.path is not None
+
+        def progress(iteration: int, objective: float, violation: float) -> bool:
+            numbers = {"iteration": iteration, "objective": objective, "violation": violation}
+            work.progress("exporting", None, numbers)
+            return work.interrupted()
+
+        return self.follower.within(self.problem.path.intervals, progress, work.seconds_left())
+
+    def second_road(self, intervals: int) -> float:
+        """The final time along the path by squared speeds, limits in the middles of the intervals [s]."""
+        return self.follower.fastest(intervals, bounded="middle").final_time
+
+    def links(self, run: Trajectory) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Both ends of every link along a motion, (n, 3) each [m]."""
+        joints, tips, _ = link_ends(self.robot, run["T"])
+        return [(joints[:, k], tips[:, k]) for k in range(joints.shape[1])]
+
+
+def plan_of(problem: MotionProblem, guess: Trajectory | None = None) -> Plan:
+    """The plan of a problem, which may begin at an earlier motion. Raises ArgumentError."""
+    robot, start, goal = problem.robot, problem.begin, problem.end
+    if problem.cost.time == 0.0 and problem.cost.energy == 0.0:
+        raise ArgumentError("both weights are zero, so nothing is minimised; give cost.time or cost.energy", "cost")
+    _check_robot(robot)
+    if np.array_equal(start, goal):
+        raise ArgumentError("the goal equals the start; give another goal", "goal.tcp")
+    _check_reach(problem)
+    guard = guard_of(problem.limits, links_of(robot), lambda arm, end: _carrier(robot, end, start))
+    _check_statics(problem, guard)
+    path = None if problem.path is None else path_of(problem.path, start, goal)
+    plan = Plan(problem, guard, path, None if guess is None else _renamed(guess, path))
+    if path is not None and (trouble := plan.follower.trouble()):
+        raise ArgumentError(trouble, "path")
+    return plan
+
+
+def _carrier(robot: gt.Model, end: str, start: np.ndarray) -> Carrier | None:
+    """The plate, where it turns: a robot with its rotation R as a variable."""
+    if end != "plate" or flat_of(robot).groups.get("R", ((), []))[0] != (3, 3):
+        return None
+    R, _ = compile_causal(robot, known="T", targets="R")(start)
+    return Carrier(lambda model: model.robot.R, R)
+
+
+def _check_robot(robot: gt.Model) -> None:
+    flat = flat_of(robot)
+    for name in ("T", "tau"):
+        if flat.groups.get(name, ((), []))[0] != (3,):
+            raise ArgumentError(f"the robot must declare '{name}' as a vector of 3; it has {flat.top()}", "robot")
+
+
+def _check_reach(problem: MotionProblem) -> None:
+    robot, least = problem.robot, problem.limits.link_along_guideway
+    for key, point in (("start.tcp", problem.begin), ("goal.tcp", problem.end)):
+        joints, tips, status = link_ends(robot, point[None, :])
+        shown = ", ".join(f"{x:g}" for x in point)
+        if status[0] != Status.OK:
+            names = [name for name in ("q", "tau") if name in flat_of(robot).groups]
+            inverse = compile_causal(robot, known="T", targets=names[0])
+            told = inverse.diagnose(point, *[np.zeros(3)] * (len(inverse.inputs) - 1))
+            raise ArgumentError(f"the pose ({shown}) m cannot be reached: {told}", key)
+        along = along_guideways(robot, tips, joints)[0]
+        if np.any(along < least):
+            k = int(np.argmin(along))
+            links = [name.removesuffix(".rod.a.r") for name in link_names(robot)]
+            raise ArgumentError(
+                f"the pose ({shown}) m lies at the edge of reach: {links[k]} stands "
+                f"{along[k]:.4g} m along its guideway, less than limits.link_along_guideway_m = {least:g}",
+                key,
+            )
+
+
+def _check_statics(problem: MotionProblem, guard: Guard) -> None:
+    """At both ends the robot can stand still, and keeps the limits that hold for positions."""
+    f = motion_function(problem.robot, guard)
+    zero, limit = np.zeros(3), problem.limits.force
+    for key, point in (("start.tcp", problem.begin), ("goal.tcp", problem.end)):
+        tau, _, _, *margins, _ = f(point, *[zero] * (len(f.inputs) - 1))
+        k = int(np.argmax(np.abs(tau)))
+        if abs(tau[k]) > limit:
+            raise ArgumentError(
+                f"{limit:g} N is not enough: the weight alone needs {abs(tau[k]):.4g} N of motor {k + 1} to stand at "
+                f"{key}",
+                "limits.force",
+            )
+        if margins and (broken := guard.broken(margins[0][None])):
+            raise ArgumentError(broken[1], key)
+
+
+def _renamed(earlier: Trajectory, path: Path | None) -> Trajectory:
+    """An earlier result's motion under the names of the optimisation."""
+    if "T" not in earlier or np.shape(earlier["T"])[1:] != (3,):
+        found = f"has shape {np.shape(earlier['T'])}" if "T" in earlier else "is missing"
+        raise ArgumentError(f"its T {found}; expected three coordinates for each of {len(earlier)} times", "guess")
+    names = {"T": "robot.T", "der(T)": "der(robot.T)", "tau": "robot.tau", "der(T,2)": "der(robot.T,2)"}
+    if path is not None:
+        if "s" not in earlier:
+            raise ArgumentError("is a free motion; this problem follows a path", "guess")
+        s = np.maximum.accumulate(earlier["s"])
+        values = {"s": s, "der(s)": np.gradient(s, earlier.time)}
+        return Trajectory(earlier.time, values, {"s": earlier.unit("s")})
+    values = {new: earlier[old] for old, new in names.items() if old in earlier}
+    return Trajectory(earlier.time, values, {new: earlier.unit(old) for old, new in names.items() if old in earlier})

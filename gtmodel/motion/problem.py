@@ -1,0 +1,85 @@
+"""What one motion is asked to be, all of it in one object."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..lang import Model, Optimization
+from .guard import Guard
+from .options import Cost, End, Export, Limits, Mesh, Shape, Solver, Starts
+from .paths import Path
+from .task import MotionTask, motion
+
+NO_GUARD = Guard([], {})
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MotionProblem:
+    """A robot's motion from one pose to another.
+
+    robot: declares T, the tool centre point (3,) [m], and tau, the motor forces (3,) [N].
+    start, goal: its ends. limits: what it must keep. path: what it follows; free if None.
+    cost, mesh, starts, solver: what is minimised, and how it is searched. export: of the files for a controller.
+    """
+
+    robot: Model
+    start: End
+    goal: End
+    limits: Limits
+    path: Shape | None = None
+    cost: Cost = field(default_factory=Cost)
+    mesh: Mesh = field(default_factory=Mesh)
+    starts: Starts = field(default_factory=Starts)
+    solver: Solver = field(default_factory=Solver)
+    export: Export = field(default_factory=Export)
+    title: str = ""
+
+    @property
+    def begin(self) -> np.ndarray:
+        """Tool centre point (3,) at the start [m]."""
+        return np.array(self.start.tcp)
+
+    @property
+    def end(self) -> np.ndarray:
+        """Tool centre point (3,) at the goal [m]."""
+        return np.array(self.goal.tcp)
+
+    @property
+    def order(self) -> int | None:
+        """The derivative of the motion that is the control; None: the forces are.
+
+        A constant force on an element holds neither an acceleration nor a speed: friction changes within milliseconds.
+        """
+        limits = self.limits
+        if limits.tcp_jerk is not None:
+            return 3
+        rates = (limits.tcp_velocity, limits.cart_velocity, limits.tcp_acceleration, limits.cart_acceleration)
+        return 2 if self.path is not None or any(limit is not None for limit in rates) else None
+
+    def task(
+        self, guarded: bool = False, energy: float | None = None, guard: Guard = NO_GUARD, path: Path | None = None
+    ) -> MotionTask:
+        """The task of the optimisation, with or without the bound that keeps links off the edge of reach; energy: a
+        weight instead of the cost's."""
+        return MotionTask(
+            start=self.begin,
+            goal=self.end,
+            start_rest=list(self.start.rest),
+            goal_rest=list(self.goal.rest),
+            force=self.limits.force,
+            force_unit=self.cost.force_unit,
+            weight_time=self.cost.time,
+            weight_energy=self.cost.energy if energy is None else energy,
+            link_margin=self.limits.link_along_guideway if guarded else None,
+            guard=guard,
+            path=path,
+            order=self.order,
+        )
+
+    def optimization(
+        self, guarded: bool = False, energy: float | None = None, guard: Guard = NO_GUARD, path: Path | None = None
+    ) -> Optimization:
+        """The motion as an Optimization; see `task`."""
+        return motion(self.robot, self.task(guarded, energy, guard, path))

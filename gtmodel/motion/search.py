@@ -1,0 +1,214 @@
+"""The search for an optimal motion: which problems are tried one after the other, from which guess."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any, Literal, cast
+
+import numpy as np
+
+from ..lang import Optimization
+from ..optimize import Mesh, Solution, SolverOptions
+from ..optimize import solve as collocate
+from ..optimize.judgement.resimulate import Resimulation, resimulate
+from ..results import SolveStatus, Trajectory, Work
+from .guard import Guard
+from .paths import Path
+from .problem import NO_GUARD, MotionProblem
+
+# iterations without progress after which an attempt has lost its way, and another one is the better bet: of 200 drawn
+# attempts that ended in an optimum one waited longer, those that ended in none mostly never came back
+PATIENCE = 60
+RESERVE = 200  # iterations that further starts leave to the exported motion; it takes 10 to 70
+EXPORT_LOSS = 0.05  # a constant force per element costs less than this; more tells of another, worse optimum
+TIGHTENINGS = 3
+TIGHTENED = 1e-4  # relative, beyond what was seen
+CONTINUATION = (0.01, 0.001)  # weights of the energy, in units of the time's, on the way to the problem's own
+
+Control = Literal["polynomial", "constant"]
+
+
+@dataclass
+class Search:
+    """Attempts in turn, until one is solved and keeps its links off the edge of reach.
+
+    First without that bound, which an optimum seldom feels; then with it, and with it and the other barrier strategy;
+    then from the bare line, since the forces of a profile may lie far outside the limits; then along a continuation
+    from a heavier weight of the energy. An attempt that gets nowhere makes room for the next. All attempts, those from
+    further starts and at the exported motion too, share `solver.max_iterations`, which `iterations` counts, and the
+    time limit.
+    """
+
+    problem: MotionProblem
+    work: Work
+    guess: Trajectory | Solution
+    bare: Trajectory
+    guard: Guard = NO_GUARD
+    path: Path | None = None
+    iterations: int = 0
+    started: int = field(default=0, init=False)
+
+    @cached_property
+    def plain(self) -> Optimization:
+        return self._motion(False)
+
+    @cached_property
+    def guarded(self) -> Optimization:
+        return self._motion(True)
+
+    def _motion(self, guarded: bool, energy: float | None = None) -> Optimization:
+        return self.problem.optimization(guarded, energy, self.guard, self.path)
+
+    def go_on(self, problem: MotionProblem, guess: Solution) -> None:
+        """From here on with another mesh, from what was found; iterations are counted on."""
+        self.problem, self.guess = problem, guess
+
+    def optimum(self) -> Solution:
+        """The optimum with the control that the problem asks for; where none is found, the best attempt."""
+        problem, control = self.problem, self.problem.mesh.control
+        tried: list[Solution] = []
+        ways = [(False, self.guess, "adaptive"), (True, self.guess, "adaptive"), (True, self.guess, "monotone"),
+                (True, self.bare, "adaptive")]  # fmt: skip
+        if problem.solver.barrier != "auto":
+            ways.pop(2)
+        for guarded, guess, barrier in ways:
+            tried.append(self._attempt(self.guarded if guarded else self.plain, control, guess, barrier))
+            if self._done(tried[-1]):
+                return self._best(tried)
+        start: Trajectory | Solution = self.bare
+        for weight in CONTINUATION:
+            energy = weight * (problem.cost.time or 1.0)
+            if energy > problem.cost.energy:
+                step = self._attempt(self._motion(True, energy), control, start)
+                if self._over(step):
+                    return self._best(tried)  # a step is no optimum of the problem itself
+                start = step if step.status.converged else start
+        return self._best([*tried, self._attempt(self.guarded, control, start)])
+
+    def from_starts(self, guesses: list[Trajectory]) -> list[Solution]:
+        """Optima from further starts, links kept off the edge of reach; those that end in none are left out, and those
+        for which there is no time or no iteration left."""
+        found: list[Solution] = []
+        for guess in guesses:
+            if self.work.interrupted() or self.left <= RESERVE:
+                break
+            solution = self._attempt(self.guarded, self.problem.mesh.control, guess, "adaptive", self.left - RESERVE)
+            self.started += 1
+            if solution.status.converged:
+                found.append(solution)
+        return found
+
+    @property
+    def left(self) -> int:
+        """Iterations left for all that is still to be tried."""
+        return max(0, self.problem.solver.max_iterations - self.iterations)
+
+    def exportable_tried(self, optimum: Solution, tried: Resimulation) -> tuple[Solution, Resimulation]:
+        """The exported motion and its re-simulation. Where forces are not the control they may pass their limit between
+        the points: then once more, with the limit lowered by what was seen."""
+        if self.problem.mesh.control == "constant":
+            solution, run = optimum, tried
+        else:
+            solution = self.exportable(optimum)
+            run = resimulate(solution) if solution.status.converged else tried
+        limit, search = self.problem.limits.force, self
+        for _ in range(TIGHTENINGS):
+            if not solution.status.converged or run.trajectory is None or self.problem.order is None:
+                break
+            peak = float(np.max(np.abs(run.trajectory["robot.tau"])))
+            if peak <= limit:
+                break
+            lower = search.problem.limits.force * (limit / peak) * (1 - TIGHTENED)
+            problem = replace(self.problem, limits=replace(self.problem.limits, force=lower))
+            search = Search(problem, self.work, self.guess, self.bare, self.guard, self.path, self.iterations)
+            solution = search.exportable(optimum)
+            self.iterations = search.iterations
+            run = resimulate(solution) if solution.status.converged else run
+        return solution, run
+
+    def exportable(self, optimum: Solution) -> Solution:
+        """The optimum among forces that are constant on each element: the best of some attempts."""
+        best: Solution | None = None
+        for guarded, guess in ((False, optimum), (True, optimum), (True, self.guess)):
+            solution = self._attempt(self.guarded if guarded else self.plain, "constant", guess)
+            if best is None or _better(solution, best):
+                best = solution
+            if self._over(solution) or (self._done(solution) and _loss(solution, optimum) <= EXPORT_LOSS):
+                break
+        assert best is not None
+        return best
+
+    def _attempt(
+        self,
+        model: Optimization,
+        control: Control,
+        guess: Trajectory | Solution,
+        barrier: str = "auto",
+        most: int | None = None,
+    ) -> Solution:
+        """One attempt, with a barrier strategy where the problem leaves it open."""
+        wanted = control == self.problem.mesh.control
+        stage = "optimising" if wanted else "bounding the force between the nodes"
+
+        def progress(iteration: int, objective: float, violation: float) -> bool:
+            self.work.progress(stage, None, {"iteration": iteration, "objective": objective, "violation": violation})
+            return self.work.interrupted()
+
+        mesh, solver = self.problem.mesh, self.problem.solver
+        solution = collocate(
+            model,
+            Mesh(mesh.elements, mesh.points, control=control),
+            guess=guess,
+            solver=SolverOptions(
+                error_bound=None,  # the study judges the motion by its re-simulation
+                tolerance=solver.tolerance,
+                formulation=solver.formulation,
+                barrier=solver.barrier if solver.barrier != "auto" else cast(Any, barrier),
+                patience=PATIENCE,
+                max_iterations=self.left if most is None else most,
+                max_seconds=self.work.seconds_left(),
+            ),
+            progress=progress,
+            throw=False,
+        )
+        self.iterations += solution.iterations
+        return solution
+
+    def _over(self, solution: Solution) -> bool:
+        """Nothing more can be tried."""
+        stopped = solution.status is SolveStatus.INTERRUPTED
+        return stopped or self.work.interrupted() or self.left == 0
+
+    def _done(self, solution: Solution) -> bool:
+        """Solved within reach, or nothing more can be tried."""
+        return (solution.status.converged and self._within(solution)) or self._over(solution)
+
+    def _best(self, tried: list[Solution]) -> Solution:
+        """The last one that is solved within reach; else that nearest to keeping its constraints."""
+        good = [s for s in tried if s.status.converged and self._within(s)]
+        if good or tried[-1].status is SolveStatus.INTERRUPTED:
+            return good[-1] if good else tried[-1]
+        failed = [s for s in reversed(tried) if not s.status.converged]
+        if not failed:
+            told = "an optimum was found, but it comes nearer to the edge of reach than limits.link_along_guideway_m"
+            return replace(tried[-1], status=SolveStatus.FAILED, message=told)
+        nearest = min(failed, key=lambda s: s.checks["constraint_violation"].value)
+        if self.left == 0 and nearest.status is not SolveStatus.ITERATION_LIMIT:
+            limit = SolveStatus.ITERATION_LIMIT
+            message = f"{limit.sentence}; the attempt that came nearest: {nearest.message}"
+            nearest = replace(nearest, status=limit, message=message)
+        return nearest
+
+    def _within(self, solution: Solution) -> bool:
+        run = solution.trajectory
+        least = self.problem.limits.link_along_guideway
+        return "along_guideway" not in run or bool(np.min(run["along_guideway"]) >= least * (1 - 1e-6))
+
+
+def _loss(solution: Solution, optimum: Solution) -> float:
+    return (solution.objective - optimum.objective) / max(abs(optimum.objective), 1e-300)
+
+
+def _better(a: Solution, b: Solution) -> bool:
+    return (a.status.converged, -a.objective) > (b.status.converged, -b.objective)
