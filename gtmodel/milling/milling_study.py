@@ -175,7 +175,7 @@ def study(
     work.progress("kinematics", 0.1)
     task = task_of(
         robot, cutter, cut, place=place, speed=speed, feed=feed, joint_stiffness=joint_stiffness, dynamics=dynamics,
-        tool=tool or Tool(), search=search or Search(), limits=limits, source_name=source, title=title,
+        tool=tool or Tool(), search=search or Search(), limits=limits, source=source, title=title,
     )  # fmt: skip
     if dynamics is None and (lobes or compensation):
         raise ArgumentError("needs dynamics; give some, or leave it out", "lobes" if lobes else "compensation")

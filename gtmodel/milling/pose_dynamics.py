@@ -31,7 +31,7 @@ class Dynamics:
 Given = AngleTable | Modal | OscillatorField
 
 
-def source(given: Given | None, where: str) -> tuple[Callable[..., Dynamics] | None, str | None]:
+def dynamics_of(given: Given | None, where: str) -> tuple[Callable[..., Dynamics] | None, str | None]:
     """(angles, reachable (n,), compliance (n, 3, 3), branch (n,), place) -> Dynamics, and in words where they come
     from; None where none are given. where: what a person calls their source, such as a file."""
     if given is None:

@@ -17,7 +17,7 @@ from .deflection import Deflection, deflections, duration, samples_per_turn, sta
 from .forces import to_world
 from .options import Search, Tool
 from .oscillators import Oscillators
-from .pose_dynamics import Dynamics, Given, source
+from .pose_dynamics import Dynamics, Given, dynamics_of
 from .redundant_angle import AngleSweep, angle_sweep
 from .refine import Start, refine
 from .spectrum import force_spectrum
@@ -80,7 +80,7 @@ class Place:
 def task_of(
     robot: Model, cutter: Cutter, cut: Cut, *, place: Sequence[float], speed: float, feed: Sequence[float],
     joint_stiffness: Sequence[float], dynamics: Given | None, tool: Tool, search: Search,
-    limits: Sequence[Sequence[float]] | None, source_name: str, title: str,
+    limits: Sequence[Sequence[float]] | None, source: str, title: str,
 ) -> Task:  # fmt: skip
     """Raises ArgumentError."""
     _plausible(cutter, cut)
@@ -108,7 +108,7 @@ def task_of(
         raise ArgumentError("expected six positive numbers, one by joint", "joint_stiffness")
     compliance = 1e-6 / (stiffness / 1e6)  # 1 / 3.93e6 and 1e-6 / 3.93, as tables have it, differ by a rounding
     return Task(model, arm, within, cutter, cut, speed, np.array(feed, float), list(place), compliance, tool, search,
-                title, dynamics, *source(dynamics, source_name))  # fmt: skip
+                title, dynamics, *dynamics_of(dynamics, source))  # fmt: skip
 
 
 def _plausible(cutter: Cutter, cut: Cut) -> None:

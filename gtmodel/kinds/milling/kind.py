@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gtmodel.milling import MillingStudy, study
-from gtmodel.milling.pose_dynamics import source as source_of
+from gtmodel.milling.task import task_of
 from gtmodel.problem_files.base import Context
 from gtmodel.problem_files.call import Call
 from gtmodel.robots.kr500 import kr500_tables
@@ -46,18 +46,18 @@ def call(problem: Schema, context: Context) -> Call:
 
 def explain(problem: Schema, context: Context) -> str:
     """What will be compared."""
-    s = problem.search.options()
-    cutter, cut = problem.cutter.cutter(), problem.cut.cut()
-    _, whence = source_of(problem.dynamics(context), problem.oscillator_field or "")
-    lag = np.rad2deg(cutter.lag(cut.axial_depth))
+    made = call(problem, context)
+    later = ("lobes", "compensation", "tests")
+    task = task_of(*made.arguments, **{k: v for k, v in made.options.items() if k not in later})
+    s, lag = task.search, np.rad2deg(task.cutter.lag(task.cut.axial_depth))
     counts = [1 + len(x) for x in (s.places, s.feed_directions, s.speeds)]
     return "\n".join(
         [
             f"{problem.title or NAME}: {round(2 * np.pi / s.step) + 1} angles, {counts[0]} places, {counts[1]} feeds, "
             f"{counts[2]} speeds",
-            f"{cut.mode} milling with {cutter.teeth} teeth at {problem.cut.speed_rpm / 60 * cutter.teeth:.4g} Hz; the "
+            f"{task.cut.mode} milling with {task.cutter.teeth} teeth at {task.speed * task.cutter.teeth:.4g} Hz; the "
             f"helix lags by {lag:.3g} deg over the depth",
             "forces by Cvitanic 2021, eqs. (12)-(17); static index |K^-1 F_peak| (18), dynamic index max |x(t)| (19)",
-            f"dynamics: {whence or 'none, static index only'}",
+            f"dynamics: {task.whence or 'none, static index only'}",
         ]
     )
