@@ -18,8 +18,8 @@ class Pose:
     `position` and `orientation` (quaternion, scalar first) name variables of the model; no `orientation` for devices
     that see a point, on robots whose plate does not turn. `device`: the frame of the device in that of the robot is
     unknown, p_robot = t + R(u) p_device, parameters "T.device.t" and "T.device.u" where T is the position's name.
-    `target`: the model's frame in that of the target, "T.target.t" and "T.target.u". Start values are the identity,
-    or (t (3,), u (4,)) in `device_start` and `target_start`.
+    `target`: the model's frame in that of the target, "T.target.t" and "T.target.u". Start values are (t (3,), u (4,))
+    in `device_start` and `target_start`; left out, the identity, and in a study the device aligned with the model.
 
     `device_per_session`, `target_per_session`: each session has such a frame of its own, "T.device.t in s[0]" where
     there are several; `device_starts` by session, before `device_start`. `sag`: the end-effector gives way by k times
@@ -31,7 +31,7 @@ class Pose:
     orientation: str | None = None
     device: bool = False
     target: bool = False
-    device_start: tuple[ArrayLike, ArrayLike] = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
+    device_start: tuple[ArrayLike, ArrayLike] | None = None
     target_start: tuple[ArrayLike, ArrayLike] = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
     device_per_session: bool = False
     target_per_session: bool = False

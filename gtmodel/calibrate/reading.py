@@ -16,6 +16,8 @@ from .measurements import Correction, Measurements, Pose
 from .turning import product, rotated, turned
 from .unknowns import Parameters
 
+IDENTITY = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
+
 
 @dataclass(frozen=True, eq=False)
 class Reading:
@@ -146,7 +148,7 @@ class _Reader:
             name, each, starts = f"{pose.position}.device", pose.device_per_session, pose.device_starts
             parts = [
                 (inside, t + rotated(u, p), ca.SX(0) if e is None else product(u, e))
-                for inside, t, u in self.frames(name, each, pose.device_start, starts)
+                for inside, t, u in self.frames(name, each, pose.device_start or IDENTITY, starts)
             ]
             p, turned_ = (_sum(inside * part[k] for inside, *part in parts) for k in range(2))
             e = None if e is None else turned_

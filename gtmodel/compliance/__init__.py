@@ -2,6 +2,9 @@
 
 study                stiffness, deflection and frequencies over a section: `ComplianceStudy`
 Springs, Links, Carts, Frame, Arm, Load, Map   what it is asked for
+stiffness_study      joint stiffness of an arm from static load tests: `StiffnessStudy`; see `load_tests`
+Setup, Noise, GravityCompensator   what it is asked for
+MeasuredTests, read_load_tests, LoadTests, Column, made_load_tests, SyntheticTests   its tests, read or made up
 
 arm_poses            places and Jacobians of an arm, from its equations
 StaticTests          poses, loads and what the tool moved by
@@ -28,6 +31,19 @@ from .link_masses import LinkMasses
 from .link_poses import LinkGeometry, LinkPoses
 from .link_springs import GROUPS, LinkSprings, tube
 from .link_structure import LinkStructure
+from .load_tests import (
+    Column,
+    GravityCompensator,
+    LoadTests,
+    MeasuredTests,
+    Noise,
+    Setup,
+    StiffnessStudy,
+    SyntheticTests,
+    made_load_tests,
+    read_load_tests,
+    stiffness_study,
+)
 from .options import Arm, Carts, Frame, Links, Load, Map, Springs
 from .selection import Selection, select
 from .static_tests import StaticTests, at_tool
@@ -38,9 +54,11 @@ __all__ = [
     "Arm",
     "ArmPoses",
     "Carts",
+    "Column",
     "Compensator",
     "ComplianceStudy",
     "Frame",
+    "GravityCompensator",
     "LinkGeometry",
     "LinkMasses",
     "LinkPoses",
@@ -48,19 +66,28 @@ __all__ = [
     "LinkStructure",
     "Links",
     "Load",
+    "LoadTests",
     "Map",
+    "MeasuredTests",
+    "Noise",
     "Selection",
+    "Setup",
     "Springs",
     "StaticTests",
     "StiffnessFit",
+    "StiffnessStudy",
+    "SyntheticTests",
     "arm_poses",
     "at_tool",
     "cartesian_stiffness",
     "complementary_stiffness",
     "complete_pose",
     "decoupled",
+    "made_load_tests",
+    "read_load_tests",
     "select",
     "softest_and_stiffest",
+    "stiffness_study",
     "study",
     "synthetic_tests",
     "translational_compliance",

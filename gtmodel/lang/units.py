@@ -140,6 +140,7 @@ _SCALED = {
     "min": _ScaledSymbol("s", Fraction(60), "times"),
     "g": _ScaledSymbol("kg", Fraction(1, 10**3), "masses"),
     "deg": _ScaledSymbol("rad", Fraction(1, 180), "angles", pi_power=1),
+    "urad": _ScaledSymbol("rad", Fraction(1, 10**6), "angles"),
     "rpm": _ScaledSymbol("rad/s", Fraction(1, 30), "angular velocities", pi_power=1),
     "kN": _ScaledSymbol("N", Fraction(10**3), "forces"),
     "MN": _ScaledSymbol("N", Fraction(10**6), "forces"),
@@ -148,7 +149,7 @@ _SCALED = {
     "GPa": _ScaledSymbol("Pa", Fraction(10**9), "pressures"),
     "bar": _ScaledSymbol("Pa", Fraction(10**5), "pressures"),
 }
-_RADIAN_SYMBOLS = {"rad", "deg", "rpm"}
+_RADIAN_SYMBOLS = {"rad", "deg", "urad", "rpm"}
 
 
 @dataclass(frozen=True)

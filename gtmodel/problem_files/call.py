@@ -12,16 +12,23 @@ class Call:
     """A study with its arguments; calling it runs it, with progress=, max_seconds= and stop= as the study takes them.
 
     study: the function of the library. arguments, options: its positional and named arguments, which may be looked at
-    and changed before the call.
+    and changed before the call. finish: what the file adds to the study, such as a report that names its inputs.
     """
 
     def __init__(self, study: Callable[..., Study], *arguments: Any, **options: Any) -> None:
         self.study = study
         self.arguments = list(arguments)
         self.options = options
+        self.finish: Callable[[Any], Study] | None = None
+
+    def then(self, finish: Callable[[Any], Study]) -> Call:
+        """The same call, its study finished by a function."""
+        self.finish = finish
+        return self
 
     def __call__(self, **work: Any) -> Any:
-        return self.study(*self.arguments, **self.options, **work)
+        found = self.study(*self.arguments, **self.options, **work)
+        return found if self.finish is None else self.finish(found)
 
     def __repr__(self) -> str:
         name = f"{self.study.__module__}.{self.study.__qualname__}"

@@ -13,6 +13,7 @@ import pydantic
 
 from gtmodel.results.options import Long, Options, Unit, Within, declared, written_name
 from gtmodel.results.quantity import converted
+from gtmodel.results.refusal import ArgumentError
 
 from .base import Section
 
@@ -32,16 +33,26 @@ class Made(Section):
 
 
 def _given(table: Made, key: str) -> Any:
-    value = getattr(table, key)
-    if isinstance(value, Made):
-        return value.options()
-    if isinstance(value, list) and value and isinstance(value[0], Made):
-        return [one.options() for one in value]
+    value = _objects(getattr(table, key), table.attributes[key])
     unit = next((m for m in declared(table.made_of)[table.attributes[key]] if isinstance(m, Unit)), None)
     if value is None or unit is None or not unit.written:
         return value
     found = converted(value, unit.written, unit.text)
     return found.tolist() if np.ndim(found) else found
+
+
+def _objects(value: Any, name: str) -> Any:
+    """Tables as the options that they say, also in lists and by name; what they refuse is said with their place."""
+    if isinstance(value, Made):
+        try:
+            return value.options()
+        except ArgumentError as error:
+            raise ArgumentError(error.sentence, f"{name}.{error.argument}" if error.argument else name) from error
+    if isinstance(value, dict):
+        return {key: _objects(one, f"{name}.{key}") for key, one in value.items()}
+    if isinstance(value, list):
+        return [_objects(one, f"{name}[{k}]") for k, one in enumerate(value)]
+    return value
 
 
 def made_from(options: type[Options], *left_out: str) -> Callable[[type[S]], type[S]]:
@@ -115,6 +126,8 @@ def _hint(hint: Any, marks: tuple[Any, ...]) -> Any:
         if long is None:
             return listed
         return Annotated[listed, pydantic.Field(min_length=long.count, max_length=long.count)]
+    if origin is dict:
+        return dict[inside[0], _hint(inside[1], marks)]
     if hint in (float, int):
         within = [m for m in marks if isinstance(m, Within)]
         if not within:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Any, Literal, get_args, get_origin, get_type_hints
@@ -58,7 +58,7 @@ class Within:
 
 @dataclass(frozen=True)
 class Long:
-    """How many entries a list has."""
+    """How many entries a list has; one number for all of them is no list."""
 
     count: int
 
@@ -82,8 +82,8 @@ class Options:
                     if not bound.holds(x):
                         raise ArgumentError(f"must be {bound}; found {x:g}", name)
             for mark in marks:
-                if isinstance(mark, Long) and (count := len(value) if np.ndim(value) else 1) != mark.count:
-                    raise ArgumentError(f"expected {mark.count} numbers; found {count}", name)
+                if isinstance(mark, Long) and np.ndim(value) and len(value) != mark.count:
+                    raise ArgumentError(f"expected {mark.count} numbers; found {len(value)}", name)
 
 
 @cache
@@ -110,6 +110,8 @@ def choices(cls: type) -> dict[str, tuple[str, ...]]:
 def _numbers(value: Any) -> Iterator[float]:
     if isinstance(value, np.ndarray):
         yield from np.ravel(value).tolist() if value.dtype.kind in "fiu" else ()
+    elif isinstance(value, Mapping):
+        yield from _numbers(list(value.values()))
     elif isinstance(value, (list, tuple)) or (isinstance(value, Sequence) and not isinstance(value, str)):
         for one in value:
             yield from _numbers(one)

@@ -47,7 +47,7 @@ class Quantity:
 
     def value(self, value: Any) -> Any:
         """The value in result.json."""
-        return converted(value, self.unit, self.written) if self.written else value
+        return converted(value, self.unit, self.written, out=True) if self.written else value
 
     def row(self, value: Any) -> Row:
         """The row of the table: numbers in the unit that is shown, vectors as text."""
@@ -59,14 +59,18 @@ class Quantity:
         return Row(self.label, value.item() if isinstance(value, np.ndarray) else value, unit)
 
 
-def converted(value: Any, unit: str, written: str) -> Any:
-    """A number, or numbers of any shape as an array, in another unit; None stays.
+def converted(value: Any, unit: str, written: str, out: bool = False) -> Any:
+    """A number, or numbers of any shape as an array, or by name, in another unit; None stays.
 
-    By one factor: a file in um or deg and a call with 1e-6 * x or numpy.radians(x) give equal bits.
+    By one factor: a file in um or deg and a call with 1e-6 * x or numpy.radians(x) give equal bits; `out`, of what is
+    written to a file, by a divisor where the unit is larger, as x / 1e6.
     """
     if value is None:
         return None
-    found = np.asarray(value, float) * float(convert(1.0, unit, written))
+    if isinstance(value, Mapping):
+        return {name: converted(one, unit, written, out) for name, one in value.items()}
+    x, factor = np.asarray(value, float), float(convert(1.0, unit, written))
+    found = x / float(convert(1.0, written, unit)) if out and factor < 1 else x * factor
     return found if np.ndim(found) else float(found)
 
 

@@ -62,7 +62,8 @@ class Study:
     def values(self) -> Mapping[str, Any]:
         """The declared quantities by their names in result.json, which carry the units; `notes` where there are any."""
         found = {q.name(attribute): q.value(getattr(self, attribute)) for attribute, q in self.quantities().items()}
-        return found | ({"notes": list(self.notes)} if self.notes else {})
+        own = () if "notes" in self.quantities() else found.get("notes") or ()
+        return found | ({"notes": [*own, *self.notes]} if self.notes else {})
 
     @property
     def rows(self) -> list[Row]:
@@ -82,6 +83,12 @@ class Study:
             object.__setattr__(changed, name, value)
         changed.__post_init__()
         return changed
+
+    def judged(self, more: Mapping[str, Check]) -> Self:
+        """The same study with further checks. What was not solved before keeps its message, with their advice."""
+        advice = [check.advice for check in failed_of(more).values() if check.advice]
+        message = self.message if self.status.ok or not advice else "; ".join([self.told, *advice])
+        return self.with_(checks={**self.checks, **more}, message=message) if more else self
 
     def figure(self, name: str = "") -> Figure:
         """A picture by name, the first if left out. Raises ArgumentError for a name that is not there."""

@@ -5,14 +5,12 @@ python -m tests.bench.basin_calibrate
 
 from __future__ import annotations
 
-from gtmodel.calibrate import calibrate
+import gtmodel as gt
+from gtmodel.calibrate import Fit, Poses, calibrate
 from gtmodel.calibrate.basin import basin
-from gtmodel.kinds import calibration
-from gtmodel.kinds.calibration_choice import prepared
-from gtmodel.kinds.calibration_data import data_of
-from gtmodel.problem_files import Context
-from gtmodel.problem_files.load import validate
-from tests.kinds.calibration_problems import PROBLEMS, keys
+from gtmodel.calibrate.measured.poses import split
+from gtmodel.calibrate.variants import prepared
+from tests.support.commands import CLONE
 
 STARTS, SEED = 100, 1
 SIZES: dict[str, float] = dict.fromkeys(("A", "B", "L", "r3", "v", "u"), 0.01)  # m, rad or 1
@@ -22,10 +20,10 @@ TIMES = (1, 3, 10, 30, 100)
 def main() -> None:
     print("problem  start error  rms length error  reached")
     for name in ("l1", "f1"):
-        problem, context = validate(calibration.Schema, keys(f"calibrate_{name}")), Context(folder=PROBLEMS)
-        model = problem.model(context)
-        data = data_of(problem, model, context)
-        ready = prepared(problem, model, data.fitted, data.keys.actuators)
+        call = gt.load(CLONE / "problems" / f"calibrate_{name}.toml")
+        model, poses, fit = call.arguments
+        assert isinstance(poses, Poses) and isinstance(fit, Fit)
+        ready = prepared(fit, model, split(poses, model, call.options["held_out"]))
         x = calibrate(ready).x
         for times in TIMES[: 5 if name == "l1" else 4]:
             reached, rms = basin(ready, x, SIZES, times, STARTS, SEED)

@@ -22,7 +22,7 @@ from gtmodel.calibrate import (
     closure_equations,
     prepare,
 )
-from gtmodel.calibrate.misreading import misreading
+from gtmodel.calibrate.measured.misreading import misreading
 from gtmodel.compiler.causal import flat_of
 from gtmodel.inference import Prior
 from tests.calibrate.hexapod import (

@@ -8,9 +8,9 @@ import tomllib
 import numpy as np
 import pytest
 
-from gtmodel.kinds import calibration
 from gtmodel.problem_files import Context, InputError
 from gtmodel.problem_files.load import load
+from gtmodel.problem_files.run import answer
 from gtmodel.results import SolveStatus
 from tests.calibrate.hexapod import DATA, FIRST, PROBLEMS
 
@@ -24,7 +24,7 @@ present = pytest.mark.skipif(
 
 def solved(name: str, *settings: str):
     loaded = load(PROBLEMS / name, ["sensitivity_step=0", *settings])
-    return calibration.solve(loaded.problem, Context(folder=PROBLEMS))  # type: ignore[arg-type]
+    return answer(loaded, Context(folder=PROBLEMS))
 
 
 def leg_rms_mm(outcome) -> float:

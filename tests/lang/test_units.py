@@ -238,8 +238,8 @@ GRAMMAR = "expected symbols joined by '.', '*', a space or '/', with powers such
         (
             "parsec",
             "unit 'parsec' holds the unknown symbol 'parsec'; known are kg, m, s, A, K, mol, cd, rad, N, "
-            "Pa, J, W, C, V, Ohm, F, Wb, H, T, Hz, um, mm, km, us, ms, min, g, deg, rpm, kN, MN, kPa, MPa, "
-            "GPa, bar",
+            "Pa, J, W, C, V, Ohm, F, Wb, H, T, Hz, um, mm, km, us, ms, min, g, deg, urad, rpm, kN, MN, kPa, "
+            "MPa, GPa, bar",
         ),
         (
             "J/kg.K",

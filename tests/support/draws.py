@@ -1,14 +1,17 @@
-"""Drawn trajectory problems: the declared suite tests/suites/trajectory_draws.toml as settings of a problem file."""
+"""Drawn motions: the declared suite tests/suites/trajectory_draws.toml as changes of the reference motion."""
 
 import tomllib
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from gtmodel.motion.links import along_guideways
 from gtmodel.robots.catalogue import gantry_tau
 from gtmodel.robots.links import link_names
+
+from .motions import l1
 
 SUITE = Path(__file__).resolve().parents[1] / "suites" / "trajectory_draws.toml"
 
@@ -17,12 +20,12 @@ def suite() -> dict:
     return tomllib.loads(SUITE.read_text(encoding="utf-8"))
 
 
-def draws(count: int | None = None, seed: int | None = None) -> list[list[str]]:
-    """The first `count` draws, each as settings for problems/l1_min_time.toml; with another seed others."""
+def draws(count: int | None = None, seed: int | None = None) -> list[dict[str, Any]]:
+    """The first `count` draws, each as changes of `tests.support.motions.asked`; with another seed others."""
     s = suite()
     rng = np.random.default_rng(s["seed"] if seed is None else seed)
     low, high = np.array([s[k] for k in ("x_m", "y_m", "z_m")]).T
-    found: list[list[str]] = []
+    found: list[dict[str, Any]] = []
     while len(found) < (s["count"] if count is None else count):
         start, goal = rng.uniform(low, high), rng.uniform(low, high)
         force, payload = rng.uniform(*s["force_N"]), rng.uniform(*s["payload_kg"])
@@ -30,14 +33,13 @@ def draws(count: int | None = None, seed: int | None = None) -> list[list[str]]:
         energy = s["energy"][rng.integers(len(s["energy"]))]
         if np.linalg.norm(goal - start) >= s["distance_m"] and _possible(s, (start, goal), force, payload):
             found.append(
-                [
-                    f"start.tcp_m={start.tolist()}",
-                    f"goal.tcp_m={goal.tolist()}",
-                    f"limits.force_N={force}",
-                    f"payload_kg={payload}",
-                    f"friction.velocity_scale_m_s={scale}",
-                    f"cost.energy={energy}",
-                ]
+                {
+                    "start__tcp": start.tolist(),
+                    "goal__tcp": goal.tolist(),
+                    "limits__force": float(force),
+                    "robot": l1(payload=float(payload), velocity_scale=scale),
+                    "cost__energy": energy,
+                }
             )
     return found
 

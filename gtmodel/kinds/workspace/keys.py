@@ -6,6 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
+from gtmodel.kinematics import section
 from gtmodel.kinematics.workspace import options
 from gtmodel.problem_files.from_options import Made, made_from
 from gtmodel.problem_files.robot_keys import RobotProblem
@@ -34,7 +35,7 @@ class Beam(Made):
     """A beam of the frame."""
 
 
-@made_from(options.CrossSection)
+@made_from(section.CrossSection)
 class CrossSection(Made):
     """The cross-section, a plane orthogonal to the mean guideway direction; (u, v) = (y, z) for guideways along x."""
 

@@ -7,12 +7,13 @@ Shapes: Region, region. Robots under limits: limited_mechanism, limits_of.
 """
 
 from ..poses import InverseKinematics, Poses
+from ..section import CrossSection
 from .clearance import FrameClearance, LinkClearance, Obstacles
 from .cross_section import Region, region
 from .grid import Grid, box_grid, section_grid
 from .limited import limited_mechanism, limits_of
 from .limits import ActuatorLimits, BallJointCones, CartesianBox, Limit, Singularities
-from .options import Beam, Bodies, Box, CrossSection, Limits, Sections
+from .options import Beam, Bodies, Box, Limits, Sections
 from .reach import FIRST_LIMIT, NOT_LOOKED_AT, REACHABLE, Reach, ReachMap, map_grid
 from .reached import workspace_study
 from .result import WorkspaceStudy

@@ -68,18 +68,6 @@ class Beam(Options):
 
 
 @dataclass(frozen=True)
-class CrossSection(Options):
-    """The cross-section, a plane orthogonal to the mean guideway direction; (u, v) = (y, z) for guideways along x."""
-
-    along: Annotated[float | None, Unit("m"), "its position along the guideways; through home if left out"] = None
-    step: Annotated[float, Unit("m"), Within(above=0.0), "of the grid"] = 0.02
-    low: Annotated[
-        list[float] | None, Unit("m"), Long(2), "least (u, v); all that the links may reach if left out"
-    ] = None  # fmt: skip
-    high: Annotated[list[float] | None, Unit("m"), Long(2), "greatest (u, v)"] = None
-
-
-@dataclass(frozen=True)
 class Sections(Options):
     """Sections between two positions along the guideways."""
 

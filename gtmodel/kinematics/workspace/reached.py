@@ -14,10 +14,10 @@ from ...results import ArgumentError, Check, SolveStatus, Work, at_most
 from ...results.tables import csv_text
 from ...results.work import Progress, never, silent
 from ..mechanism import Mechanism, home_figure
-from ..section import Section
+from ..section import CrossSection, Section
 from .limited import limited_mechanism, limits_of, refuse_disordered
 from .limits import BallJointCones
-from .options import DEGREE, Beam, Bodies, Box, CrossSection, Limits, Sections
+from .options import DEGREE, Beam, Bodies, Box, Limits, Sections
 from .reach import REACHABLE, Reach
 from .result import WorkspaceStudy
 from .volume import SectionMap, Volume, map_section, map_volume

@@ -1,0 +1,132 @@
+"""The calibration study: geometric parameters of a robot from measured poses, what they are worth, and the proof."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+
+from ..lang import Model
+from ..results import ArgumentError, SolveStatus, Work
+from ..results.made_files import MadeFiles
+from ..results.work import Progress, never, silent
+from .measured.cart_points import CartPoints, on_cart_points
+from .measured.poses import Poses, split
+from .measured.witness import a_priori, exchanged_after, recognise_sessions, witness_of
+from .measurements import Measurements
+from .options import Fit
+from .told import poses_table, robot_file, sensitivity_table
+from .told.findings import Found, found_of, length_noise
+from .told.pictures import pictures
+from .told.result import CalibrationStudy
+from .told.robot_file import Origin
+from .told.values import checks_of, values_of
+from .variants import prepared, require_poses
+
+
+def study(
+    robot: Model,
+    poses: Poses | Measurements,
+    fit: Fit | None = None,
+    *,
+    held_out: int = 2,
+    carts: CartPoints | None = None,
+    origin: Origin | None = None,
+    title: str = "",
+    progress: Progress = silent,
+    max_seconds: float | None = None,
+    stop: Callable[[], bool] = never,
+) -> CalibrationStudy:
+    """Calibrate a robot on measured poses: look whether they were read right, fit, predict the held-out ones, judge.
+
+    Args:
+        robot: with its parameters as known before.
+        poses: what was measured, in SI units: `Measurements` in memory, or `Poses` by `read_poses` and `made_poses`.
+        fit: which parameters move, by which cost; all of them and length errors if left out.
+        held_out: every how many-th pose no fit sees; 0 for none. Poses that say it themselves are not asked.
+        carts: guideways through measured points.
+        origin: where the robot comes from, for parameters.toml.
+        progress, max_seconds, stop: see `gtmodel.results.Work`.
+
+    Interrupted, it holds the best parameters so far and claims nothing. Raises ArgumentError, also for poses that were
+    read wrong: other units, exchanged columns, swapped axes.
+
+    >>> import gtmodel as gt
+    >>> from gtmodel.calibrate import Fit, Synthetic, made_poses, study
+    >>> robot = gt.robots.gantry_tau("l1_tape")
+    >>> poses = made_poses(robot, Synthetic(low=[0.0, -1.0, 0.2], high=[1.5, 0.5, 0.8], counts=[4, 4, 3]))
+    >>> s = study(robot, poses, Fit(variant="modified", sensitivity_step=0.0))
+    >>> s.held_out["mean"] < s.a_priori["mean"] / 10
+    True
+    """
+    work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
+    fit, origin = fit or Fit(), origin or Origin(type(robot).__name__)
+    robot, on_points = on_cart_points(robot, carts)
+    data = split(poses, robot, held_out)
+    work.progress("looking at the poses", 0.3)
+    witness = witness_of(robot, data)
+    placed = recognise_sessions(data, witness)
+    if placed and data.pose.device_start is None:
+        data = data.with_device(placed)
+    title = title or f"calibration of {origin.name}"
+    if data.synthetic and "synthetic" not in title.lower():
+        title += " (synthetic)"
+    if work.interrupted():
+        return CalibrationStudy(status=SolveStatus.INTERRUPTED, message="stopped before the fit", title=title)
+    work.progress("fitting", 0.5)
+    ready = prepared(fit, robot, data, carts, on_points)
+    require_poses(ready)
+    found = found_of(fit, data, ready, a_priori(data, witness, placed), work.interrupted)
+    c = found.calibration
+    left = float(np.sqrt(np.mean(c.residuals**2))) if c.status.ok else np.inf
+    stopped = c.status is SolveStatus.INTERRUPTED
+    exchanged = None if stopped else exchanged_after(data, ready, left, witness.size)
+    if exchanged is not None:
+        raise ArgumentError(exchanged, f"poses.values.{data.actuators}")
+    work.progress("telling", 0.9)
+    return _told(found, robot, fit, origin, title)
+
+
+def explained(
+    robot: Model, poses: Poses | Measurements, fit: Fit, held_out: int = 2, carts: CartPoints | None = None
+) -> list[str]:
+    """What is free, what stays, and what the poses can tell before anything is fitted, in lines of text."""
+    robot, on_points = on_cart_points(robot, carts)
+    data = split(poses, robot, held_out)
+    ready = prepared(fit, robot, data, carts, on_points)
+    u = ready.unknowns
+    fitted, held = len(data.fitted), int(data.held_out.sum())
+    lines = [f"{fitted} poses fitted, {held} held out; {len(u.names)} unknowns, cost {fit.cost}"]
+    lines += [f"  {n} [{unit or '1'}] from {x:g}" for n, unit, x in zip(u.names, u.units, u.start, strict=True)]
+    fixed = [n for n in ready.values(u.start) if n not in u.names]
+    if fixed:
+        lines.append(f"fixed, tied or turned as a quaternion: {', '.join(fixed)}")
+    return [*lines, *ready.identifiability(sigma=length_noise(ready)).sentences()]
+
+
+def _told(found: Found, robot: Model, fit: Fit, origin: Origin, title: str) -> CalibrationStudy:
+    c, values = found.calibration, values_of(found, fit.accuracy)
+    files: dict[str, Callable[[], str]] = {
+        "parameters.toml": partial(robot_file.text, found, robot, title, origin),
+        "poses.csv": partial(poses_table.text, found),
+    }
+    if values["sensitivity"]:
+        files["sensitivity.csv"] = partial(sensitivity_table.text, values["sensitivity"])
+    files |= {name: partial(str, text) for name, text in found.data.source.files.items()}
+    told, _, held = found.told
+    message = c.message
+    if c.status.ok and found.position in told:
+        message += f"; {'held-out' if held else 'fitted'} error {1e3 * told[found.position].mean:.3g} mm in the mean"
+    return CalibrationStudy(
+        status=c.status,
+        message=message,
+        title=title,
+        objective=float(0.5 * (c.residuals**2).sum()),
+        iterations=c.iterations,
+        checks=checks_of(fit.accuracy, found),
+        figures=pictures(found, title),
+        files=MadeFiles(files),
+        machine_files=("parameters.toml",),
+        **values,
+    )

@@ -1,0 +1,65 @@
+"""Guideways through measured points of the carts: models 2, 4 and 5 of D1."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from ...lang import Model, ModelError
+from ...measurements import signal_table
+from ...results import ArgumentError
+from ...robots.families import family_of
+from ...robots.measured_guideways import on_measured_points
+
+UNIT_LENGTH = 1e-3  # of the quaternion: printed digits leave less
+
+
+@dataclass(frozen=True, eq=False)
+class CartPoints:
+    """Points of each cart along its guideway, measured in another set-up of the device (Dressler 2012, eq. (5.7)).
+
+    at: (n,) coordinates of the carts [m], increasing. points: arm from 1 -> (n, 3) [m]; all other arms stay straight.
+    quaternion: turn of that set-up in the frame of the poses, scalar first. turn_std: how well it is known [rad]; None
+        leaves it to the poses, which tell it badly about the guideway.
+    """
+
+    at: np.ndarray
+    points: Mapping[int, np.ndarray]
+    quaternion: Sequence[float] = (1.0, 0.0, 0.0, 0.0)
+    turn_std: float | None = field(default=None, kw_only=True)
+
+
+def on_cart_points(robot: Model, carts: CartPoints | None) -> tuple[Model, list[str]]:
+    """The robot, and the names of its guideways on measured points. Raises ArgumentError."""
+    if carts is None:
+        return robot, []
+    u = np.array(carts.quaternion, float)
+    length = float(np.linalg.norm(u))
+    if abs(length - 1) > UNIT_LENGTH:
+        raise ArgumentError(f"has the length {length:.4g}; a rotation needs length 1", "carts.quaternion")
+    if family_of(robot) not in ("three_link", "six_link"):
+        raise ArgumentError("is for Gantry-Tau robots with three or six links", "carts")
+    try:
+        found = on_measured_points(robot, carts.at, {arm - 1: rows for arm, rows in carts.points.items()}, u / length)
+    except ModelError as error:
+        raise ArgumentError(str(error), "carts.points") from error
+    return found.robot, found.guideways
+
+
+def read_cart_points(path: Path, arms: Sequence[int], unit: str = "mm") -> tuple[np.ndarray, dict[int, np.ndarray]]:
+    """Coordinates (n,) [m], increasing, and points by arm (n, 3) [m] of a CSV file with the columns q and P1, P2, P3.
+
+    Raises ArgumentError with the line of what is wrong.
+    """
+    wanted = {"q": ("q", unit)} | {f"P{arm}": (f"P{arm}", unit) for arm in sorted(set(arms))}
+    table = signal_table.read(path, wanted)
+    order = np.argsort(table.values["q"][:, 0], kind="stable")
+    at = table.values["q"][order, 0]
+    same = np.flatnonzero(np.diff(at) <= 0)
+    if len(at) < 2 or same.size:
+        where = f"line {table.lines[order[same[0] + 1]]} repeats a coordinate" if same.size else f"it has {len(at)}"
+        raise ArgumentError(f"straight pieces need two points or more at different coordinates; {where}")
+    return at, {arm: table.values[f"P{arm}"][order] for arm in sorted(set(arms))}

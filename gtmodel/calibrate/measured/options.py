@@ -1,0 +1,82 @@
+"""How poses stand in a CSV file: columns and units of signals, and what lies between device and robot."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Annotated, Literal
+
+from ...results.options import Long, Options, Unit, Within
+
+Free = Literal["estimate"]
+ESTIMATE: Free = "estimate"
+
+
+@dataclass(frozen=True)
+class MeasuredSignal(Options):
+    """Columns of a measured variable: quantity = scale (column + delay rate) - offset, as of a log's signals."""
+
+    column: Annotated[str | list[str], 'names in the file; "q" means "q[0]", "q[1]", ... too']
+    unit: Annotated[str | list[str], "unit of the columns, or one each"]
+    noise: Annotated[
+        float | list[float] | list[list[float]] | None,
+        "standard deviation in SI, one, one each, or a covariance; of a quaternion in rad; left out, the "
+        "residuals tell it",
+    ] = None
+    scale: Annotated[float | Free, "quantity per column, both in SI"] = 1.0
+    offset: Annotated[
+        float | Free, "what is read when the quantity is zero, in its SI unit; estimated, one per session"
+    ] = 0.0
+    delay: Annotated[float | Free, Unit("s"), "how late the column is; needs its rate"] = 0.0
+    rate: Annotated[str | list[str] | None, "columns of the rate, for a delay"] = None
+    rate_unit: Annotated[str, "unit of the rate's columns"] = "m/s"
+
+
+@dataclass(frozen=True)
+class FrameStart(Options):
+    """Where an unknown frame is thought to be."""
+
+    t: Annotated[list[float], Unit("m"), Long(3), "its origin"] = field(default_factory=lambda: [0.0, 0.0, 0.0])
+    quaternion: Annotated[list[float], Long(4), "its turn, scalar first"] = field(
+        default_factory=lambda: [1.0, 0.0, 0.0, 0.0]
+    )
+
+
+@dataclass(frozen=True)
+class Sag(Options):
+    """How far the tool gives way under a payload: k times its weight, along it."""
+
+    payload: Annotated[
+        float | str, Unit("kg"), Within(least=0), "mass at the tool, one, or the column of each pose's"
+    ]  # fmt: skip
+    compliance: Annotated[
+        float | Free, Unit("m/N", key="compliance_m_per_N"), Within(least=0),
+        "k; estimated, T.sag, it takes poses with two payloads or more",
+    ] = ESTIMATE  # fmt: skip
+    down: Annotated[list[float], Long(3), "where the weight pulls, in the robot's frame"] = field(
+        default_factory=lambda: [0.0, 0.0, -1.0]
+    )
+
+
+@dataclass(frozen=True)
+class Measured(Options):
+    """Measured poses in a CSV file."""
+
+    signals: Annotated[dict[str, MeasuredSignal], "by the model's variables: q, T, e"]
+    session: Annotated[str | None, "column that names the recording of a row"] = None
+    actuators: Annotated[str, "the variable that the drives measure"] = "q"
+    position: Annotated[str, "the variable that the device measures"] = "T"
+    orientation: Annotated[str | None, "its quaternion, scalar first, where it is measured"] = None
+    frame: Annotated[
+        Literal["robot", "device"],
+        "coordinates of the file: the robot's, or those of a device that stands unknown",
+    ] = "robot"
+    target: Annotated[bool, "whether the target sits unknown on the end-effector"] = False
+    device_start: Annotated[
+        FrameStart | None, "of the device in the robot's frame; left out, by alignment with the robot's model"
+    ] = None
+    device_per_session: Annotated[
+        bool, "whether the device stood elsewhere in each session, found by alignment"
+    ] = False  # fmt: skip
+    target_per_session: Annotated[bool, "whether the target sat elsewhere in each session"] = False
+    sag: Annotated[Sag | None, "of the tool under a payload; none if left out"] = None
+    target_start: Annotated[FrameStart, "of the robot's tool frame in the target's"] = field(default_factory=FrameStart)

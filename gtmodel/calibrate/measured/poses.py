@@ -1,0 +1,198 @@
+"""Measured poses with what is known of their file, split in fitted and held-out ones."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from ...compiler.causal import flat_of
+from ...lang import Model, ModelError
+from ...measurements import copies
+from ...measurements.signal_table import Columns
+from ...results import ArgumentError
+from ..measurements import Measurements, Pose
+
+
+@dataclass(frozen=True, eq=False)
+class Poses:
+    """N measured poses for a study, and where they come from; what is left out is that of poses in memory.
+
+    measurements: what was measured, in SI units. actuators: the variable that the drives measure.
+    lines: (N,) of their files; numbered from 1 if left out. held_out: (N,) those that no fit sees; None leaves the
+        choice to the study. columns: signal -> names and units in the file.
+    known: parameters of the measurement that are given, such as "T.sag", which no fit moves.
+    synthetic: what a made-up file says of itself. truth: the robot that was made up. files: texts made with it.
+    """
+
+    measurements: Measurements
+    actuators: str = "q"
+    lines: np.ndarray | None = None
+    held_out: np.ndarray | None = None
+    columns: Mapping[str, Columns] = field(default_factory=dict)
+    known: Sequence[str] = ()
+    synthetic: str | None = None
+    truth: Model | None = None
+    files: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class SplitPoses:
+    """All poses, which are held out, and what there is to say of them.
+
+    `all`: of one pose at least, `pose`; `lines` (N,): of their files; `repeated`: groups of poses at the same
+    actuators; `columns`: of every signal.
+    """
+
+    all: Measurements
+    actuators: str
+    lines: np.ndarray
+    held_out: np.ndarray
+    columns: Mapping[str, Columns]
+    repeated: tuple[np.ndarray, ...]
+    source: Poses
+
+    @property
+    def pose(self) -> Pose:
+        return self.all.poses[0]
+
+    @property
+    def position(self) -> str:
+        return self.pose.position
+
+    @property
+    def q(self) -> np.ndarray:
+        """The actuators (N, k) in SI units."""
+        return np.asarray(self.all.values[self.actuators])
+
+    @property
+    def T(self) -> np.ndarray:
+        """The measured positions (N, k) [m]."""
+        return np.asarray(self.all.values[self.position])
+
+    @property
+    def synthetic(self) -> str | None:
+        return self.source.synthetic
+
+    @cached_property
+    def fitted(self) -> Measurements:
+        return self.all.part(~self.held_out)
+
+    @cached_property
+    def kept(self) -> Measurements | None:
+        """The poses held out; None for none."""
+        return self.all.part(self.held_out) if self.held_out.any() else None
+
+    def with_device(self, placed: Mapping[str, tuple[np.ndarray, np.ndarray]]) -> SplitPoses:
+        """The same with other starts for the frame of the device, by session, or "" for all."""
+        first = next(iter(placed.values()))
+        starts = {s: frame for s, frame in placed.items() if s}
+        poses = tuple(replace(p, device_start=first, device_starts=starts) if p.device else p for p in self.all.poses)
+        m = self.all
+        return replace(self, all=Measurements(m.values, m.noise, m.sessions, poses, m.corrections))
+
+
+def split(poses: Poses | Measurements, model: Model, every: int) -> SplitPoses:
+    """The poses with those held out: the given ones, or every k-th (Dressler 2012, eq. (5.5)), none for 0.
+
+    Raises ArgumentError where they do not fit the model or each other.
+    """
+    if isinstance(poses, Measurements):
+        poses = Poses(poses)
+    m = poses.measurements
+    if not m.poses:
+        if "T" not in m.values:
+            raise ArgumentError(
+                f"name the variable that was measured by a Pose; there are {', '.join(m.values)}", "poses"
+            )
+        m = replace(m, poses=(Pose("T", "e" if "e" in m.values else None),))
+    if len(m.poses) > 1:
+        raise ArgumentError(f"a study judges one position; {len(m.poses)} poses name one each, take one", "poses")
+    if every < 0 or every == 1:
+        raise ArgumentError(f"{every} leaves no poses to fit; take 2 or more, or 0 for none held out", "held_out")
+    lines = np.arange(1, len(m) + 1) if poses.lines is None else poses.lines
+    columns = _fit_the_model(m, poses, model)
+    _refuse_copies(m, lines, poses.held_out is not None)
+    repeated = _repeated(np.asarray(m.values[poses.actuators]))
+    held = np.zeros(len(lines), bool)
+    if poses.held_out is not None:
+        held = np.asarray(poses.held_out, bool)
+    elif every > 0:
+        held = _alternate(repeated, len(lines), every)
+    _refuse_unknown_sessions(m, held)
+    return SplitPoses(m, poses.actuators, lines, held, columns, repeated, poses)
+
+
+def _fit_the_model(m: Measurements, poses: Poses, model: Model) -> dict[str, Columns]:
+    """Columns of all signals. Raises ArgumentError for signals that are no variables of the model, and for another
+    number of columns."""
+    flat = flat_of(model)
+    found: dict[str, Columns] = {}
+    for name in (poses.actuators, *(n for p in m.poses for n in (p.position, p.orientation) if n)):
+        if name not in m.values:
+            raise ArgumentError(f"'{name}' is not among the measured {', '.join(m.values)}", "poses")
+    for name, rows in m.values.items():
+        if name.startswith("load("):
+            continue
+        try:
+            shape, indices, _ = flat.lookup(name)
+        except ModelError as error:
+            raise ArgumentError(str(error), f"poses.values.{name}") from error
+        columns, size = np.asarray(rows).shape[1], int(np.prod(shape))
+        if columns != size:
+            at = f"poses.values.{name}" + (".column" if name in poses.columns else "")
+            raise ArgumentError(f"has {columns} columns; '{name}' of the robot has {size}", at)
+        names = tuple(f"{name}[{k}]" for k in range(size)) if size > 1 else (name,)
+        own = tuple(flat.variables[i].unit or "1" for i in indices)
+        found[name] = poses.columns.get(name) or Columns(names, own)
+    return found
+
+
+def _refuse_unknown_sessions(m: Measurements, held: np.ndarray) -> None:
+    """Raises ArgumentError for sessions that only held-out poses have, and whose offsets no fitted pose tells."""
+    offsets = [c.signal for c in m.corrections if c.offset]
+    frames = any(p.device_per_session or p.target_per_session for p in m.poses)
+    if m.sessions is None or not (offsets or frames):
+        return
+    what = f"the offsets of {', '.join(offsets)}" if offsets else "the frame"
+    known = {s for s, h in zip(m.sessions, held, strict=True) if not h}
+    lost = [s for s in m.session_names if s not in known]
+    if lost:
+        raise ArgumentError(
+            f"{what} in session '{lost[0]}' cannot be known, all its poses are held out; "
+            f"let some of them be fitted{', or give the offset as a number' if offsets else ''}",
+            "held_out",
+        )
+
+
+def _refuse_copies(m: Measurements, lines: np.ndarray, two_files: bool) -> None:
+    """Raises ArgumentError for rows that are the same in all digits: copies, which no device measures."""
+    everything = np.column_stack([np.asarray(a) for a in m.values.values()])
+    pairs = copies(everything)
+    if len(pairs):
+        again, original = lines[pairs[0]]
+        place = "line (of either file)" if two_files else "line"
+        raise ArgumentError(
+            f"{len(pairs)} of {len(everything)} poses are copies of others in every digit, the first {place} {again} "
+            f"of line {original}; a copy counts twice and would be fitted and held out, take it out",
+            "poses.file",
+        )
+
+
+def _repeated(q: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Groups of two and more poses at the same actuators, in the order of their first."""
+    _, which = np.unique(q, axis=0, return_inverse=True)
+    which = which.reshape(-1)
+    groups = [np.flatnonzero(which == w) for w in dict.fromkeys(which.tolist())]
+    return tuple(g for g in groups if len(g) > 1)
+
+
+def _alternate(repeated: Sequence[np.ndarray], n: int, every: int) -> np.ndarray:
+    """Every k-th pose (Dressler 2012, eq. (5.5)); those at the same actuators stay together."""
+    first = np.arange(n)
+    for group in repeated:
+        first[group] = group[0]
+    order = {p: k for k, p in enumerate(dict.fromkeys(first.tolist()))}
+    return np.array([order[p] % every == every - 1 for p in first.tolist()])

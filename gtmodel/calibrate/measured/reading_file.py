@@ -1,0 +1,146 @@
+"""Measured poses from CSV files: signals put together, corrected by what is known, checked."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from ...lang import ModelError
+from ...measurements import signal_table
+from ...measurements.signal_table import SignalTable
+from ...results import ArgumentError
+from ..measurements import Correction, Measurements, Pose
+from .options import ESTIMATE, Measured, MeasuredSignal, Sag
+from .poses import Poses
+
+UNIT_LENGTH = 1e-3  # of a measured quaternion: printed digits leave less
+GRAVITY = 9.81  # m/s2
+IDENTITY = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
+
+
+def read_poses(path: Path | str, measured: Measured, held_out: Path | str | None = None) -> Poses:
+    """Measured poses of a CSV file, one a row; `held_out`: another file of the same columns that no fit sees.
+
+    A number as scale, offset or delay is applied here, "estimate" is left to the calibration. Raises ArgumentError with
+    file and line, "measured.signals.q.column" where a column is wrong.
+    """
+    tables = [_table(Path(path), measured)]
+    held = None
+    if held_out is not None:
+        tables.append(_table(Path(held_out), measured, "held_out.file"))
+        held = np.repeat([False, True], [len(t.lines) for t in tables])
+    found = _measurements(tables, measured)
+    lines = np.concatenate([t.lines for t in tables])
+    notes = [t.synthetic for t in tables if t.synthetic]
+    columns = {n: c for n, c in tables[0].columns.items() if n in measured.signals}
+    given = measured.sag is not None and measured.sag.compliance != ESTIMATE
+    known = [f"{measured.position}.sag"] if given else []
+    return Poses(found, measured.actuators, lines, held, columns, known, notes[0] if notes else None)
+
+
+def _table(path: Path, measured: Measured, key: str = "measured.file") -> SignalTable:
+    wanted: dict[str, tuple[str | Sequence[str], str | Sequence[str]]] = {}
+    if len(measured.signals) < 2:
+        found = ", ".join(measured.signals) or "none"
+        raise ArgumentError(f"expected two signals or more, such as q and T; found {found}", "measured.signals")
+    for name, s in measured.signals.items():
+        at = f"measured.signals.{name}"
+        wanted[name] = (s.column, s.unit)
+        if s.scale == 0:
+            raise ArgumentError(
+                '0 makes all readings the same; give the quantity per column in SI, or "estimate"', f"{at}.scale"
+            )
+        if s.delay != 0.0:
+            if s.rate is None:
+                raise ArgumentError("a delay needs the columns of the signal's rate", f"{at}.rate")
+            wanted[f"der({name})"] = (s.rate, s.rate_unit)
+    for key_ in ("actuators", "position", "orientation"):
+        name = getattr(measured, key_)
+        if name is not None and name not in measured.signals:
+            there = ", ".join(measured.signals)
+            raise ArgumentError(f"names '{name}', which is no signal; these are {there}", f"measured.{key_}")
+    if measured.sag is not None and isinstance(measured.sag.payload, str):
+        wanted[f"load({measured.position})"] = (measured.sag.payload, "kg")
+    if measured.session is None and (measured.device_per_session or measured.target_per_session):
+        raise ArgumentError("is missing; name the column that tells the recording of a row", "measured.session")
+    try:
+        return signal_table.read(path, wanted, measured.session)
+    except ArgumentError as error:
+        raise ArgumentError(error.sentence, f"measured.{error.argument}" if error.argument else key) from error
+
+
+def _measurements(tables: Sequence[SignalTable], measured: Measured) -> Measurements:
+    values = {n: np.vstack([t.values[n] for t in tables]) for n in tables[0].values}
+    corrections: list[Correction] = []
+    for name, s in measured.signals.items():
+        _read_through(name, s, values, corrections)
+    if measured.orientation is not None:
+        _refuse_long(values[measured.orientation], measured.orientation)
+    noise = {
+        n: np.asarray(s.noise) if isinstance(s.noise, list) else s.noise for n, s in measured.signals.items() if s.noise
+    }
+    device, target, sag = measured.device_start, measured.target_start, measured.sag
+    pose = Pose(
+        measured.position,
+        measured.orientation,
+        measured.frame == "device",
+        measured.target,
+        None if device is None else (device.t, device.quaternion),
+        (target.t, target.quaternion),
+        measured.device_per_session,
+        measured.target_per_session,
+        sag=sag is not None,
+        sag_start=0.0 if sag is None or isinstance(sag.compliance, str) else sag.compliance,
+    )
+    if sag is not None:
+        values[f"load({measured.position})"] = _load(sag, values, measured.position)
+    sessions = None if measured.session is None else [s for t in tables for s in t.sessions or ()]
+    try:
+        found = Measurements(values, noise, sessions, (pose,), tuple(corrections))
+        for name in noise:
+            size = 3 if name == measured.orientation else np.asarray(found.values[name]).shape[1]
+            found.covariance(name, size)
+        return found
+    except ModelError as error:
+        raise ArgumentError(str(error), "measured.signals") from error
+
+
+def _read_through(name: str, s: MeasuredSignal, values: dict[str, np.ndarray], corrections: list[Correction]) -> None:
+    """Numbers are applied to the values here, "estimate" becomes a parameter."""
+    free = {"scale": s.scale == ESTIMATE, "offset": s.offset == ESTIMATE, "delay": s.delay == ESTIMATE}
+    if free["scale"] and not free["offset"] and s.offset != 0.0:
+        raise ArgumentError("a fixed offset beside an estimated scale is not known in SI; estimate both, or none",
+                            f"measured.signals.{name}.offset")  # fmt: skip
+    rate = values.pop(f"der({name})", None)
+    rows = values[name] if rate is None or free["delay"] else values[name] + float(s.delay) * rate
+    scale = 1.0 if free["scale"] else float(s.scale)
+    values[name] = scale * rows - (0.0 if free["offset"] else float(s.offset))
+    if free["delay"] and rate is not None:
+        values[f"der({name})"] = scale * rate
+    if any(free.values()):
+        corrections.append(Correction(name, **free))
+
+
+def _load(sag: Sag, values: Mapping[str, np.ndarray], position: str) -> np.ndarray:
+    """Weights (N, 3) [N] of the payloads. Raises ArgumentError."""
+    down = np.array(sag.down, float)
+    if not np.linalg.norm(down) > 0:
+        raise ArgumentError("is zero and points nowhere", "measured.sag.down")
+    N = len(values[position])
+    mass = values[f"load({position})"] if isinstance(sag.payload, str) else np.full((N, 1), sag.payload)
+    if np.any(mass < 0):
+        raise ArgumentError(f"holds {mass.min():g} kg; a payload is not negative", "measured.sag.payload")
+    return GRAVITY * mass * down / np.linalg.norm(down)
+
+
+def _refuse_long(e: np.ndarray, name: str) -> None:
+    length = np.linalg.norm(e, axis=1) if e.shape[1] == 4 else np.zeros(len(e))
+    k = int(np.argmax(np.abs(length - 1)))
+    if abs(length[k] - 1) > UNIT_LENGTH:
+        raise ArgumentError(
+            f"expected quaternions of four columns and length 1, scalar first; pose {k + 1} has {e.shape[1]} columns "
+            f"and length {length[k]:.4g}",
+            f"measured.signals.{name}",
+        )

@@ -1,0 +1,60 @@
+"""What a calibration study is asked for: which parameters move, by which cost, and what is wanted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Annotated, Literal
+
+from ..results.options import Options, Unit, Within
+from .problem import Cost
+
+COST_WORDS: dict[str, Cost] = {"closure": "squared", "linear": "length", "inverse": "inverse", "forward": "forward",
+         "orthogonal": "orthogonal"}  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class Known(Options):
+    """Knowledge of one parameter before the measurement."""
+
+    value: Annotated[float | None, "in SI; the robot's own if left out"] = None
+    std: Annotated[float, Within(above=0), "its standard deviation in SI"]
+
+
+@dataclass(frozen=True)
+class Fit(Options):
+    """Which parameters move, what is known of them before, and what is made small."""
+
+    variant: Annotated[
+        Literal["ideal", "modified", "six_link", "f1_unit", "f1_raw"] | None,
+        "ideal: one guideway direction (15 parameters); modified: one each (21); six_link (60); f1_unit, "
+        "f1_raw: quaternions of length one, or free. Left out: all that the equations hold, quaternions raw",
+    ] = None
+    free: Annotated[list[str], "parameters to move, scalars, rows or whole; all if left out"] = field(
+        default_factory=list
+    )
+    fixed: Annotated[list[str], "parameters to leave, stronger than free"] = field(default_factory=list)
+    tied: Annotated[dict[str, str], "parameter -> parameter that it follows"] = field(default_factory=dict)
+    unit_quaternions: Annotated[list[str], "quaternions that are turned at length one"] = field(default_factory=list)
+    priors: Annotated[
+        dict[str, Known], "by unknown, or by row or parameter for all its unknowns at their start"
+    ] = field(default_factory=dict)  # fmt: skip
+    sizes: Annotated[dict[str, float], Within(above=0), "expected error of a parameter in SI; 0.001"] = field(
+        default_factory=dict
+    )
+    cost: Annotated[
+        Literal["closure", "linear", "inverse", "forward", "orthogonal"],
+        "what is made small: squared closures (5.1), length errors, errors of the drives, of the pose, or "
+        "both in units of their noise",
+    ] = "linear"
+    loss: Annotated[Literal["linear", "huber", "soft_l1", "cauchy"], "robust losses"] = "linear"
+    loss_width: Annotated[
+        float | None, Within(above=0),
+        "residual beyond which the loss flattens; 1.345 robust standard deviations",
+    ] = None  # fmt: skip
+    accuracy: Annotated[
+        float | None, Unit("m", written="mm"), Within(above=0),
+        "mean held-out positioning error that is wanted; a check",
+    ] = None  # fmt: skip
+    sensitivity_step: Annotated[
+        float, Within(least=0), "change of each parameter in the sensitivity (5.8), in SI; 0 for none"
+    ] = 5e-5  # fmt: skip

@@ -1,0 +1,187 @@
+"""The device of a calibration plan: what it sees, the model with its variable, and measurements it would make."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from ...compiler.causal import compile_causal, flat_of
+from ...kinematics.workspace import Limit, Poses
+from ...lang import Model, ModelError
+from ...results import ArgumentError
+from ..devices import Camera, LaserTracker, LineOfSight, sampled
+from ..measurements import Measurements
+from ..partial_devices import seen_by_distance, seen_by_plane
+from ..problem import Problem, prepare
+from ..true_poses import moved
+from .options import Gauge, PatternCamera, Tracker, Wire
+from .task import Task
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class Span:
+    """A partial device reads values between low and high: `read` of tool centre points (n, 3) [m]."""
+
+    read: Any
+    low: float
+    high: float
+    name: str
+    unit: str = "m"
+    assumes: str = ""
+    parts: Sequence[str] = ("least reading", "greatest reading")
+
+    def margins(self, poses: Poses) -> Array:
+        """(n, 2) [m]."""
+        value = self.read(poses.T)
+        return np.stack([value - self.low, self.high - value], axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class Measuring:
+    """The robot and the device of a task. `model`: with what the device adds; `latent`: what nobody measures.
+
+    `limits`: what the device sees. `at`: where it stands, None for a plane. `earlier`: the problem once it is made.
+    """
+
+    task: Task
+    model: Model
+    signal: str
+    latent: tuple[str, ...]
+    limits: tuple[Limit, ...]
+    at: Array | None
+    device: Any
+    earlier: list[Problem] = field(default_factory=list)
+
+    def readings(self, T: Array) -> dict[str, Array]:
+        """Noise-free measurements at commanded poses. Raises ArgumentError for what cannot be reached."""
+        q, e, status = self.placed(T)
+        if np.any(status != 0):
+            raise ArgumentError("a pose of the plan cannot be reached by the robot's inverse kinematics", "room")
+        T = T[:, :3]
+        found = {"q": q, self.signal: T if self.signal == "T" else self.device(T)}
+        return found | ({} if e is None or "e" in self.latent else {"e": e})
+
+    def placed(self, T: Array) -> tuple[Array, Array | None, Array]:
+        """Actuators, quaternions of a plate that turns, and status of commanded poses: rows of T [m], of an F1 with
+        its quaternion behind."""
+        if T.shape[1] == 7:
+            q, status = compile_causal(self.task.robot, known=["T", "e"], targets=["q"])(T[:, :3], T[:, 3:])
+            return q, T[:, 3:], status
+        q, *e, status = compile_causal(self.task.robot, known=["T"], targets=["q", *self.turns])(T)
+        return q, e[0] if e else None, status
+
+    @property
+    def turns(self) -> list[str]:
+        """The orientation, where the robot's plate has one."""
+        return ["e"] if "e" in flat_of(self.task.robot).groups else []
+
+    def noise(self, T: Array) -> dict[str, Any]:
+        """Standard deviations and covariances of these."""
+        task, device = self.task, self.task.device
+        found: dict[str, Any] = {}
+        if isinstance(device, (Tracker, PatternCamera)):
+            found["T"] = self.device.covariance(T[:, :3])
+        else:
+            found[self.signal] = device.noise
+        if isinstance(device, Tracker) and device.orientation_noise is not None and self.turns:
+            found["e"] = device.orientation_noise
+        if task.actuator_noise > 0:
+            rotary = 3 if T.shape[1] == 7 else 0
+            found["q"] = np.array([task.actuator_noise] * 3 + [task.axis_noise] * rotary)
+        return found
+
+    def measurements(self, T: Array) -> Measurements:
+        """Of commanded poses, without noise but with its size."""
+        return Measurements(self.readings(T), self.noise(T))
+
+    def prepared(self, T: Array) -> Problem:
+        """The calibration from these points. Raises ArgumentError."""
+        if self.earlier:  # the same equations with other poses
+            return self.earlier[0].on(self.measurements(T))
+        given = self.task.choice
+        known = {"device_at", "plane_normal", "plane_point"} & set(type(self.model)._declared)
+        choice = replace(given, fixed=[*given.fixed, *sorted(known)])
+        try:
+            found = prepare(self.model, self.measurements(T), choice, latent=self.latent)
+        except ModelError as error:
+            raise ArgumentError(str(error), "choice") from error
+        self.earlier.append(found)
+        return found
+
+    def whole(self, T: Array) -> Problem:
+        """The robot's own closure equations at these points, all of its pose known: for positioning errors."""
+        q, e, status = self.placed(T)
+        good = status == 0
+        values = {"q": q[good], "T": T[good, :3]} | ({} if e is None else {"e": e[good]})
+        return prepare(self.task.robot, Measurements(values), self.task.choice)
+
+    def noisy(self, m: Measurements, rng: np.random.Generator) -> Measurements:
+        """Synthetic: the measurements with normal noise of their size."""
+        values = {n: np.asarray(a) for n, a in m.values.items()}
+        for name in sorted(m.noise):
+            size = 3 if name == "e" else values[name].shape[1]
+            C = np.broadcast_to(m.covariance(name, size), (len(m), size, size))
+            by = sampled(C, rng)
+            values[name] = moved(values[name], by)
+        return Measurements(values, m.noise)
+
+
+def measuring(task: Task) -> Measuring:
+    """The device of a task. Raises ArgumentError."""
+    robot, asked = task.robot, task.device
+    turns = ["e"] if "e" in flat_of(robot).groups else []
+    try:
+        if isinstance(asked, Tracker):
+            at = np.array(asked.at)
+            device = LaserTracker(
+                at, asked.range_noise, asked.range_noise_per_metre, asked.angle_noise, 0.0, asked.nearest,
+                asked.farthest, asked.elevation,
+            )  # fmt: skip
+            latent = turns if asked.orientation_noise is None else []
+            if asked.target_axis is not None and not np.linalg.norm(asked.target_axis) > 0:
+                raise ArgumentError("is zero and looks nowhere", "device.target_axis")
+            return Measuring(task, robot, "T", tuple(latent), (device, *_sight(task, at)), at, device)
+        if isinstance(asked, PatternCamera):
+            at = np.array(asked.at)
+            camera = Camera(
+                at, np.array(asked.looks_at), asked.focal_pixel, asked.width_pixel, asked.height_pixel, asked.pattern,
+                asked.marks, asked.pixel_noise,
+            )  # fmt: skip
+            _ = camera.axes  # a wrong direction is told here
+            return Measuring(task, robot, "T", tuple(turns), (camera, *_sight(task, at)), at, camera)
+        if isinstance(asked, Wire):
+            at = np.array(asked.at)
+
+            def distance(T: Array) -> Array:
+                return np.linalg.norm(T - at, axis=1)
+
+            span = Span(distance, asked.nearest, asked.farthest, "range of the distance")
+            model = seen_by_distance(robot, at)
+            return Measuring(task, model, "distance", ("T", *turns), (span,), at, distance)
+        return _over_plane(task, asked, turns)
+    except ModelError as error:
+        raise ArgumentError(str(error), "device") from error
+
+
+def _over_plane(task: Task, asked: Gauge, turns: list[str]) -> Measuring:
+    model = seen_by_plane(task.robot, asked.normal, asked.point)
+    normal = np.array(asked.normal) / np.linalg.norm(asked.normal)
+
+    def height(T: Array) -> Array:
+        return (T - np.array(asked.point)) @ normal
+
+    span = Span(height, asked.low, asked.high, "range of the height")
+    return Measuring(task, model, "height", ("T", *turns), (span,), None, height)
+
+
+def _sight(task: Task, at: Array) -> list[Limit]:
+    boxes = task.obstacles
+    if not boxes:
+        return []
+    low, high = (np.array([getattr(box, end) for box in boxes]) for end in ("low", "high"))
+    return [LineOfSight(at, low, high, [box.name or f"box {k + 1}" for k, box in enumerate(boxes)])]

@@ -1,0 +1,91 @@
+"""The pictures of a calibration plan, one for each step that was done."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from .steps import Plan
+
+Figures = dict[str, Callable[[], Any]]
+
+
+def pictures(plan: Plan) -> Figures:
+    """Name -> function that draws it, in the order of the steps."""
+    found: Figures = {}
+    if plan.found is None:
+        return found
+    stages = plan.found.stages
+    T = plan.found.T[:, :3]
+    first = {"workspace": T[stages["workspace"]]}
+    found["1_workspace"] = partial(_space, plan, first, "workspace of the a-priori parameters", boxes=False)
+    if "safety" in stages:
+        second = {
+            "left for calibration": T[stages["safety"]],
+            "reached, but not safe": T[stages["workspace"] & ~stages["safety"]],
+        }
+        found["2_obstacles_and_safety"] = partial(_space, plan, second, "without obstacles and safety zones")
+    if "safety distance" in stages or (plan.found.complete and "device" in stages):
+        last = next(reversed(stages.values()))
+        third = {
+            "measurable": last,
+            "seen, too near the edge": stages["device"] & ~last,
+            "not seen": stages["safety"] & ~stages["device"],
+        }
+        layers = {name: T[m] for name, m in third.items()}
+        found["3_device"] = partial(_space, plan, layers, "what the device measures", device=True)
+    if len(plan.poses):
+        fourth = {
+            name: P[:, :3]
+            for name, P in (("candidates", plan.pool), ("calibrate", plan.poses), ("held out", plan.held_out))
+        }
+        found["4_poses"] = partial(_space, plan, fourth, "poses to measure", device=True)
+    if plan.curve is not None and plan.curve.points:
+        found["5_number_of_poses"] = partial(_curve, plan)
+    if plan.chosen is not None and not plan.unpredicted:
+        found["6_parameters"] = partial(_parameters, plan)
+        found["7_predicted_error"] = partial(_errors, plan)
+    return found
+
+
+def _space(plan: Plan, layers: dict[str, np.ndarray], step: str, *, boxes: bool = True, device: bool = False) -> Any:
+    from ...plot.calibration_plan import room_figure
+
+    task, home = plan.task, plan.robot.home
+    return room_figure(
+        (home.a[0], home.b[0], home.T[0], plan.robot.directions),
+        layers,
+        room=(np.array(task.room.low), np.array(task.room.high)),
+        boxes=[(np.array(b.low), np.array(b.high)) for b in task.obstacles] if boxes else [],
+        device=plan.measuring.at if device else None,
+        again="points with several turns" if len(plan.turns) > 1 else "of them more than once",
+        title=f"{task.title or 'calibration plan'}: {step}",
+    )
+
+
+def _curve(plan: Plan) -> Any:
+    from ...plot.calibration_plan import curve_figure
+
+    assert plan.curve is not None
+    return curve_figure(plan.curve.points, plan.grids, plan.task.criteria.accuracy, title=plan.task.title)
+
+
+def _parameters(plan: Plan) -> Any:
+    from ...plot.calibration_plan import parameters_figure
+
+    assert plan.chosen is not None
+    std = np.array(list(plan.chosen.std().values()))
+    own = np.sqrt(np.mean(plan.errors**2, axis=0)) if len(plan.errors) else None
+    return parameters_figure(plan.chosen.names, std, own, runs=len(plan.errors), title=plan.task.title)
+
+
+def _errors(plan: Plan) -> Any:
+    from ...plot.calibration_plan import predicted_figure
+
+    simulated = plan.each_simulated() if len(plan.errors) else None
+    return predicted_figure(
+        plan.evaluation[:, :3], plan.each_predicted(), simulated, runs=len(plan.errors), title=plan.task.title
+    )

@@ -1,0 +1,192 @@
+"""The plan study: which poses to measure with which device, and what the calibration will then be worth."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ...kinematics.workspace import Beam, Bodies, Box
+from ...lang import Model
+from ...results import SolveStatus, Work
+from ...results.check import failed_of
+from ...results.work import Progress, never, silent
+from ..pose_numbers import Point
+from ..unknowns import Choice
+from .device import measuring
+from .files import in_order, poses_csv, rapid_program
+from .options import AnyDevice, Criteria, Evaluation, PlanLimits, PosesToMeasure, Room, Safety, Simulation
+from .pictures import pictures
+from .result import PlanStudy
+from .stages import stages_of
+from .steps import Plan, Stop, Stopped, draw_curve, find_candidates, prepare_information, select, simulate
+from .task import Task
+from .turns import turns_of
+from .verdict import checks_of, verdict_of
+
+
+def plan_study(
+    robot: Model,
+    device: AnyDevice,
+    room: Room,
+    *,
+    choice: Choice | None = None,
+    home: Sequence[float] | None = None,
+    limits: PlanLimits | None = None,
+    bodies: Bodies | None = None,
+    obstacles: Sequence[Box] = (),
+    beams: Sequence[Beam] = (),
+    safety: Safety | None = None,
+    actuator_noise: float | None = None,
+    axis_noise: float | None = None,
+    poses: PosesToMeasure | None = None,
+    curve: Sequence[int] | None = None,
+    evaluation: Evaluation | None = None,
+    simulation: Simulation | None = None,
+    criteria: Criteria | None = None,
+    title: str = "",
+    progress: Progress = silent,
+    max_seconds: float | None = None,
+    stop: Callable[[], bool] = never,
+) -> PlanStudy:
+    """Which poses to measure for a calibration, and what it will then be worth (Dressler 2012, Fig. 5.21).
+
+    Args:
+        robot: with the parameters as they are thought to be.
+        device: what measures: a Tracker, PatternCamera, Wire or Gauge.
+        room: where poses are looked for.
+        choice: which parameters are calibrated; all if left out.
+        home: (3,) pose of the cone axes [m]; the robot's own if left out.
+        limits, bodies, obstacles, beams: what poses must keep; obstacles also hide the robot from the device.
+        safety: distances kept because the robot is not yet calibrated.
+        actuator_noise: repeatability of the carts [m], 13e-6 if left out; axis_noise: of an F1's rotary axes [rad],
+            20e-6 if left out.
+        poses: how many, and how they are selected; more are added while the criteria are not met.
+        curve: numbers of poses for the curve of predicted errors, with the number that suffices; () for none.
+        evaluation: where the robot must be accurate; all that it reaches without safety distances if left out.
+        simulation: simulated calibrations with the device's noise.
+        criteria: what the plan must reach.
+        progress, max_seconds, stop: see `gtmodel.results.Work`.
+
+    Interrupted, it holds the steps that are done. Raises ArgumentError.
+
+    >>> import gtmodel as gt
+    >>> from gtmodel.calibrate.plan import PosesToMeasure, Room, Simulation, Tracker
+    >>> s = gt.calibrate.plan_study(
+    ...     gt.robots.gantry_tau("l1_tape"), Tracker([1.0, -4.5, 0.8]), Room([0.8, -1, 0.4], [2, 0, 1.4], step=0.25),
+    ...     poses=PosesToMeasure(12, held_out=0, starts=1), curve=(), simulation=Simulation(runs=0),
+    ... )
+    >>> (s.poses, s.rank, s.parameters)
+    (12, 21, 21)
+    """
+    given: dict[str, Any] = {
+        "choice": choice, "limits": limits, "bodies": bodies, "safety": safety, "actuator_noise": actuator_noise,
+        "axis_noise": axis_noise, "poses": poses, "curve": curve, "simulation": simulation, "criteria": criteria,
+    }  # fmt: skip
+    task = Task(
+        robot, device, room, home=home, obstacles=obstacles, beams=beams, evaluation=evaluation, title=title,
+        **{name: value for name, value in given.items() if value is not None},
+    )  # fmt: skip
+    work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
+    plan = Plan(task, turns_of(task), measuring(task))
+
+    def asked(stage: str, fraction: float) -> bool:
+        work.progress(stage, fraction)
+        return work.interrupted()
+
+    try:
+        find_candidates(plan, asked)
+        prepare_information(plan)
+        if not plan.unpredicted:
+            draw_curve(plan, asked)
+        _until_approved(plan, asked)
+    except Stopped:
+        if plan.found is None:
+            return PlanStudy(status=SolveStatus.INTERRUPTED, title=title)
+        return PlanStudy(
+            status=SolveStatus.INTERRUPTED, title=title, **_known(plan), verdict="stopped before the end",
+            figures=pictures(plan),
+        )  # fmt: skip
+    return _concluded(plan)
+
+
+def _until_approved(plan: Plan, stop: Stop) -> None:
+    """More poses while the criteria are not met."""
+    asked = plan.task.poses
+    number = asked.number
+    while True:
+        select(plan, number, stop)
+        if not plan.unpredicted and plan.task.simulation.runs and not failed_of(checks_of(plan)):
+            simulate(plan, stop)
+        following = min(number + asked.more, asked.most)
+        # more poses mend no device that sees too little
+        if not failed_of(checks_of(plan)) or plan.unpredicted or following <= number:
+            return
+        number = following
+
+
+def _known(plan: Plan) -> dict[str, Any]:
+    """The quantities of the steps that are done."""
+    assert plan.found is not None
+    counts, told, info = plan.found.counts, plan.told, plan.chosen
+    e = plan.target.errors(info) if plan.target and info and not plan.unpredicted else None
+    runs = plan.each_simulated() if e is not None and len(plan.errors) else None
+    found: dict[str, Any] = {
+        "stages": counts,
+        "workspace_left": counts[next(reversed(counts))] / max(1, counts["workspace"]),
+        "poses": len(plan.poses),
+        "held_out": len(plan.held_out),
+        "rounds": plan.rounds,
+        "simulated_error": None if runs is None else float(np.sqrt(np.mean(runs**2))),
+        "simulations_lost": plan.lost,
+        "curve": _points(() if plan.curve is None else plan.curve.points),
+        "grid_curve": _points(plan.grids),
+        "enough_poses": plan.enough,
+        "assumptions": [
+            *stages_of(plan.task, plan.turns[0], plan.measuring)["device"].assumptions,
+            "predicted and simulated errors come from the device's noise alone: a model that does not fit adds its own",
+        ],
+    }
+    if told is not None:
+        found |= {f"o{k}": getattr(told.indices, f"o{k}") for k in range(1, 6)}
+        found |= {"rank": told.rank, "told_no_better": len(told.near), "condition": told.condition,
+                  "identifiability": told.sentences()}  # fmt: skip
+    if info is not None:
+        std = {name: s if np.isfinite(s) else None for name, s in info.std().items()}
+        found |= {"parameters": len(info.names), "parameter_std": std}
+    if e is not None:
+        worst = plan.evaluation[int(np.argmax(e.each)), :3]
+        found |= {"predicted_error": e.rms, "predicted_greatest": e.greatest, "worst_place": worst}
+    return found
+
+
+def _points(points: Sequence[Point]) -> list[dict[str, float]]:
+    return [{"poses": p.poses, "predicted_error_m": p.rms, "greatest_m": p.greatest} for p in points]
+
+
+def _concluded(plan: Plan) -> PlanStudy:
+    checks, title = checks_of(plan), plan.task.title
+    failed = failed_of(checks)
+    verdict = verdict_of(plan, list(failed))
+    T, purpose = in_order(plan.poses, plan.held_out, plan.task.poses.seed)
+    q, *_ = plan.measuring.placed(T)
+    return PlanStudy(
+        status=SolveStatus.SOLVED,
+        message=verdict,
+        title=title,
+        checks={name: replace(c, advice=verdict) if name in failed else c for name, c in checks.items()},
+        **_known(plan),
+        approved=not failed,
+        verdict=verdict,
+        commanded=T,
+        purpose=purpose,
+        actuators=q,
+        figures=pictures(plan),
+        files={
+            "poses.csv": poses_csv(T, q, purpose, title),
+            "poses.mod": rapid_program(T, q, title, plan.task.poses.settle),
+        },
+        machine_files=("poses.csv", "poses.mod"),
+    )

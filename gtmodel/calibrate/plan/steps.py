@@ -1,0 +1,268 @@
+"""The steps of a calibration plan, from the room to a simulated calibration (Dressler 2012, Fig. 5.21)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ...inference import Identifiability
+from ...kinematics.mechanism import Mechanism
+from ...kinematics.workspace import box_grid
+from ...kinematics.workspace.limited import refuse_disordered
+from ...lang import ModelError
+from ...results import ArgumentError
+from ..calibration import calibrate
+from ..candidates import Candidates, candidates, regular_grid
+from ..pose_information import PoseInformation, pose_information
+from ..pose_numbers import ErrorCurve, Point, error_curve, grid_point, sufficient_number
+from ..pose_selection import condition_removal, exchange
+from ..positioning import Positioning, positioning
+from ..problem import Problem
+from .device import Measuring
+from .stages import stages_of
+from .task import Task
+from .turns import Turn
+
+Array = np.ndarray
+MOST_POINTS = 200_000  # of the room's grid
+MOST_CANDIDATES = 3000  # information of a candidate is kept in memory
+MOST_EVALUATED = 400
+Stop = Callable[[str, float], bool]
+
+
+class Stopped(Exception):
+    """The work was interrupted; what is done is in the plan."""
+
+
+@dataclass(eq=False)
+class Plan:
+    """What the steps have found so far. Poses are rows of T [m], of an F1 with the plate's quaternion behind."""
+
+    task: Task
+    turns: list[Turn]
+    measuring: Measuring
+    found: Candidates | None = None
+    pool: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    info: PoseInformation | None = None
+    evaluation: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    target: Positioning | None = None
+    curve: ErrorCurve | None = None
+    grids: tuple[Point, ...] = ()
+    enough: int | None = None
+    poses: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    held_out: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    chosen: PoseInformation | None = None
+    told: Identifiability | None = None
+    rounds: list[int] = field(default_factory=list)
+    errors: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    lost: int = 0
+    unpredicted: str = ""
+
+    @property
+    def robot(self) -> Mechanism:
+        """The robot, the plate in the first of its turns."""
+        return self.turns[0].robot
+
+    @property
+    def width(self) -> int:
+        """Columns of a pose."""
+        return self.turns[0].poses(np.zeros((1, 3))).shape[1]
+
+    def each_predicted(self) -> Array:
+        """Predicted rms error [m] at each evaluation pose."""
+        assert self.target is not None and self.chosen is not None
+        return self.target.errors(self.chosen).each
+
+    def each_simulated(self) -> Array:
+        """The same over the simulated calibrations."""
+        assert self.target is not None
+        moved = np.einsum("mij,kj->kmi", self.target.slopes, self.errors)
+        return np.sqrt(np.mean(np.sum(moved**2, axis=2), axis=0))
+
+
+def find_candidates(plan: Plan, stop: Stop) -> None:
+    """Workspace, obstacles and safety, device, distance from the edge. Raises ArgumentError where nothing is left."""
+    task, room = plan.task, plan.task.room
+    low, high = np.array(room.low), np.array(room.high)
+    refuse_disordered(low, high, "room.high")
+    size = len(plan.turns) * float(np.prod((high - low) / room.step + 1))
+    if size > MOST_POINTS:
+        least = np.cbrt(len(plan.turns) * np.prod(high - low) / MOST_POINTS)
+        raise ArgumentError(
+            f"the grid would have {size:.1e} points; take at least a step of {least:.2g} m", "room.step"
+        )
+    parts = []
+    for turn in plan.turns:
+        stages = stages_of(task, turn, plan.measuring)
+        found = candidates(box_grid(low, high, room.step), stages, task.safety.edge, stop=stop)
+        parts.append(found)
+        names = [name for name in parts[0].stages if all(name in p.stages for p in parts)]
+        plan.found = Candidates(
+            np.vstack([t.poses(p.T) for t, p in zip(plan.turns, parts, strict=False)]),
+            {name: np.concatenate([p.stages[name] for p in parts]) for name in names},
+            found.complete,
+        )
+        if not found.complete:
+            raise Stopped
+    assert plan.found is not None
+    for before, (name, count) in zip([None, *plan.found.counts], plan.found.counts.items(), strict=False):
+        if not count:
+            raise ArgumentError(_empty(name, before, plan.found.counts), "room")
+    T = plan.found.chosen
+    if len(T) > MOST_CANDIDATES:
+        T = T[np.round(np.linspace(0, len(T) - 1, MOST_CANDIDATES)).astype(int)]
+    plan.pool = T
+
+
+def _empty(name: str, before: str | None, counts: dict[str, int]) -> str:
+    left = f"of {counts[before]} points after the stage '{before}'" if before else "of the room's grid points"
+    return f"none {left} passes the stage '{name}'; move the room, take a smaller step or smaller safety distances"
+
+
+def prepare_information(plan: Plan) -> None:
+    """What each candidate would tell, and how the position depends on it. Raises ArgumentError."""
+    plan.evaluation = _evaluation(plan)
+    try:
+        plan.info = pose_information(plan.measuring.prepared(plan.pool))
+        plan.target = positioning(plan.measuring.whole(plan.evaluation))
+    except ModelError as error:
+        raise ArgumentError(str(error), "choice") from error
+    try:
+        plan.target.moment(plan.info)
+    except ModelError as error:  # a device that sees too little: the plan says so
+        plan.unpredicted = str(error)
+
+
+def _evaluation(plan: Plan) -> Array:
+    box = plan.task.evaluation
+    assert plan.found is not None
+    if box is None:
+        T = plan.found.T[plan.found.stages["obstacles"]]
+        return T[np.round(np.linspace(0, len(T) - 1, min(len(T), MOST_EVALUATED))).astype(int)]
+    refuse_disordered(np.array(box.low), np.array(box.high), "evaluation.high")
+    lines = [np.linspace(a, b, n) for a, b, n in zip(box.low, box.high, box.counts, strict=True)]
+    T = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 3)
+    lost = np.any([turn.robot.inverse(T).status != 0 for turn in plan.turns], axis=0)
+    if np.any(lost):
+        where = ", ".join(f"{x:.4g}" for x in T[lost][0])
+        raise ArgumentError(f"the robot cannot reach ({where}) m of the box; take a smaller one", "evaluation")
+    return np.vstack([turn.poses(T) for turn in plan.turns])
+
+
+def grid_poses(plan: Plan, number: int) -> Array:
+    """A regular grid of about so many candidates, by the volume of the measurable workspace."""
+    assert plan.found is not None
+    room, counts = plan.task.room, plan.found.counts
+    low, high = np.array(room.low), np.array(room.high)
+    step = (high - low) / (np.ceil((high - low) / room.step - 1e-9))
+    volume = float(np.prod(step)) * counts[next(reversed(counts))]
+    grid = regular_grid(low, high, volume, number)
+    found = []
+    for turn in plan.turns:
+        last = stages_of(plan.task, turn, plan.measuring)["device"]
+        found.append(turn.poses(candidates(grid, {"device": last}, plan.task.safety.edge).chosen))
+    return np.vstack(found)
+
+
+def draw_curve(plan: Plan, stop: Stop) -> None:
+    """Predicted error against the number of poses, selected and on grids, and the number that suffices."""
+    assert plan.info is not None and plan.target is not None
+    wanted = plan.task.poses
+    if not plan.task.curve:
+        return
+    own = plan.info.rows.shape[1]
+    most = len(plan.pool)
+    numbers = [n for n in plan.task.curve if plan.info.rank / own <= n <= most]
+    criterion = wanted.method if wanted.method in ("D", "E") else "I"
+    plan.curve = error_curve(
+        plan.info, plan.target, numbers, criterion, repeats=wanted.repeats, starts=wanted.starts, seed=wanted.seed,
+        stop=lambda f: stop("number of poses", f),
+    )  # fmt: skip
+    if not plan.curve.complete:
+        raise Stopped
+    grids: dict[int, Point] = {}
+    for n in numbers:
+        T = grid_poses(plan, n)
+        if len(T):
+            try:
+                grids[len(T)] = grid_point(pose_information(plan.measuring.prepared(T)), plan.target)
+            except ModelError:  # a small grid need not tell all
+                continue
+    plan.grids = tuple(grids[n] for n in sorted(grids))
+    plan.enough = sufficient_number(
+        plan.info, plan.target, plan.task.criteria.accuracy, criterion, repeats=wanted.repeats, starts=1,
+        seed=wanted.seed, most=min(most, 4 * wanted.most),
+    )  # fmt: skip
+
+
+def select(plan: Plan, number: int, stop: Stop) -> None:
+    """Poses to measure, and others held out. Raises ArgumentError where there are too few candidates."""
+    assert plan.info is not None
+    wanted, info = plan.task.poses, plan.info
+    try:
+        if wanted.method == "grid":
+            plan.poses = grid_poses(plan, number)
+            taken = np.zeros(0, int)
+        else:
+            if wanted.method in ("condition", "condition_one_by_one"):
+                s = condition_removal(info, number, one_by_one=wanted.method != "condition",
+                                      stop=lambda f: stop("poses", f))  # fmt: skip
+            else:
+                blind = bool(plan.unpredicted) or plan.target is None
+                moment = None if blind or plan.target is None else plan.target.moment(info)
+                s = exchange(
+                    info, number, "D" if moment is None else wanted.method, moment, repeats=wanted.repeats,
+                    starts=wanted.starts, seed=wanted.seed, stop=lambda f: stop("poses", f),
+                )  # fmt: skip
+            if not s.complete:
+                raise Stopped
+            taken = s.indices
+            plan.poses = plan.pool[taken]
+        plan.chosen = pose_information(plan.measuring.prepared(plan.poses))
+        if not plan.unpredicted and plan.target is not None:
+            plan.target.moment(plan.chosen)  # few poses of a grid may tell too little
+    except ModelError as error:
+        raise ArgumentError(str(error), "poses.number") from error
+    rest = np.setdiff1d(np.arange(len(plan.pool)), taken)
+    if wanted.method == "grid":
+        near = np.min(np.linalg.norm(plan.pool[:, None] - plan.poses, axis=2), axis=1)
+        rest = np.flatnonzero(near > 1e-6)
+    if len(rest) < wanted.held_out:
+        raise ArgumentError(
+            f"{wanted.held_out} poses are to be held out, but only {len(rest)} candidates are left; take a smaller "
+            "room.step_m",
+            "poses.held_out",
+        )
+    held = rest[np.round(np.linspace(0, len(rest) - 1, wanted.held_out)).astype(int)] if wanted.held_out else rest[:0]
+    plan.held_out = plan.pool[held]
+    plan.told = plan.chosen.identifiability()
+    plan.rounds.append(number)
+
+
+def simulate(plan: Plan, stop: Stop) -> None:
+    """Synthetic calibrations of the robot as it is thought to be: noise of the device, wrong start values.
+
+    Start errors are of what the poses tell: the rest is a choice of coordinates that no calibration moves.
+    """
+    assert plan.chosen is not None
+    told, sizes = plan.chosen.told, plan.chosen.sizes
+    asked = plan.task.simulation
+    ready: Problem = plan.measuring.prepared(plan.poses)
+    u = ready.unknowns
+    scale = np.array([asked.start_error] * len(u.names))
+    errors, lost = [], 0
+    for k, seed in enumerate(np.random.SeedSequence(asked.seed).spawn(asked.runs)):
+        if stop("simulated calibration", k / asked.runs):
+            raise Stopped
+        rng = np.random.default_rng(seed)
+        off = sizes * (told @ (told.T @ (scale * rng.standard_normal(len(scale)) / sizes)))
+        start = dict(zip(u.names, (u.start + off).tolist(), strict=True))
+        noisy = plan.measuring.noisy(ready.measurements, rng)
+        c = calibrate(ready.on(noisy), cost="orthogonal", start=start)
+        if c.status.ok and np.all(np.isfinite(c.x)):
+            errors.append(c.x - u.start)
+        else:
+            lost += 1
+    plan.errors, plan.lost = np.array(errors).reshape(-1, len(u.names)), lost

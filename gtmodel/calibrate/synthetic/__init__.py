@@ -1,0 +1,13 @@
+"""Made-up measurements: a robot with known errors put to poses of a grid and measured with noise.
+
+Synthetic      seed, grid, sizes of the errors, device
+made_poses     the poses as a study takes them, with the texts of the files and the robot that was made up
+make, Made     the texts alone
+disturbed      the robot that is measured
+"""
+
+from .making import Made, disturbed, make
+from .options import Synthetic
+from .poses import made_poses
+
+__all__ = ["Made", "Synthetic", "disturbed", "made_poses", "make"]

@@ -1,0 +1,239 @@
+"""Synthetic calibration measurements: a robot with known errors, put to poses of a grid and measured with noise."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from ...compiler.causal import compile_causal
+from ...lang import Model, ModelError
+from ...results import ArgumentError
+from ...robots import clusters
+from ..true_poses import moved, rows_of, true_poses
+from .cart_errors import cart_points, levers, tilts
+from .options import Synthetic
+from .wandering import Wandering
+
+KEY = "synthetic"
+# mean distance of a normal error in space, in standard deviations along an axis: 2 sqrt(2 / pi)
+MEAN_DISTANCE = 1.5957691216
+# decimals of the file: 0.1 um, 1e-9, 1e-6 deg
+DECIMALS = {"mm": 4, "1": 9, "deg": 6}
+PER_SI = {"mm": 1e3, "1": 1.0, "deg": 180 / np.pi}
+
+
+class Carts(NamedTuple):
+    """The parameter whose rows are points on the carts, the rows of each cart, and what else is a length."""
+
+    points: str
+    rows: Sequence[Sequence[int]]
+    lengths: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Made:
+    """The CSV, what it says of itself, the robot that was measured; `carts`: the CSV of cart points where asked for."""
+
+    text: str
+    note: str
+    robot: Model
+    turns: bool
+    rotary: bool
+    carts: str | None = None
+
+
+def carts_of(model: Model) -> Carts:
+    """Of a Gantry-Tau of the library. Raises ArgumentError for another robot."""
+    if hasattr(model, "A0"):
+        return Carts("A0", [[0], [1], [2]], ("A0", "A", "B", "L", "r3"))
+    A = np.shape(getattr(model, "A", ()))
+    if A == (6, 3) and hasattr(model, "B"):
+        return Carts("A", clusters.ROWS, ("A", "B", "L"))
+    if A == (3, 3) and hasattr(model, "v"):
+        return Carts("A", [[0], [1], [2]], ("A", "L"))
+    raise ArgumentError("is for Gantry-Tau robots with three, six or F1 links; give measurements of this robot", KEY)
+
+
+def disturbed(model: Model, s: Synthetic) -> Model:
+    """The robot that is measured: points, lengths and guideways with random errors of the stated sizes."""
+    carts, robot = carts_of(model), _any(model)
+    rng = np.random.default_rng(np.random.SeedSequence([s.seed, 1]))
+    changed: dict[str, Any] = {}
+    for name in carts.lengths:
+        value = np.array(getattr(robot, name), float)
+        changed[name] = value + s.point_error * rng.standard_normal(value.shape)
+    v = np.array(robot.v, float)
+    rows = carts.rows if len(v) == 6 else [[0], [1], [2]]
+    for cart in rows:
+        u = v[cart[0]] / np.linalg.norm(v[cart[0]])
+        axis = np.cross(u, rng.standard_normal(3))
+        turn = Rotation.from_rotvec(s.misalignment / np.sqrt(2.0) * axis / np.linalg.norm(axis))
+        v[cart] = turn.apply(v[cart]) * (1 + s.scale_error * rng.standard_normal())
+    return robot.with_(**changed, v=v)
+
+
+def make(model: Model, s: Synthetic) -> Made:
+    """Poses on the grid that the model reaches, where the disturbed robot stands there, and what a device says.
+
+    Raises ArgumentError where no pose is reached or the disturbed robot cannot stand.
+    """
+    for a, b, axis in zip(s.low, s.high, "xyz", strict=True):
+        if a > b:
+            raise ArgumentError(f"the least {axis} is {a:g} m and the greatest {b:g} m; exchange them", f"{KEY}.low")
+    carts, truth = carts_of(model), disturbed(model, s)
+    rng = np.random.default_rng(np.random.SeedSequence([s.seed, 2]))
+    q, near = _commanded(model, s, rng)
+    names = ["mm"] * 3 + ["deg"] * (q.shape[1] - 3)
+    shown = {"q": (_in_units(q, names), names)}
+    q = _si(*shown["q"])
+    wandering = _wanderings(truth, carts, s, q)
+    tilting, points = tilts(s, wandering), np.array(getattr(truth, carts.points), float)
+    deviations: dict[str, np.ndarray] = {}
+    for i, curve in enumerate(wandering):
+        off = curve(q[:, i]) + _by_load(near["T"], curve, s, i)
+        for k, lever in zip(carts.rows[i], levers(points, carts.rows[i]), strict=True):
+            deviations |= rows_of(off + np.cross(tilting[i](q[:, i]), lever), carts.points, [k])
+    try:
+        stands = true_poses(truth, q, near, deviations)
+    except ModelError as error:
+        raise ArgumentError(str(error), KEY) from error
+    lost = np.flatnonzero(~np.all(np.isfinite(stands["T"]), axis=1))
+    if lost.size:
+        raise ArgumentError(
+            f"the disturbed robot cannot stand at {lost.size} of {len(q)} poses, the first with the carts at "
+            f"{np.round(q[lost[0], :3], 3).tolist()} m; take a smaller grid or smaller errors",
+            f"{KEY}.low",
+        )
+    for name, rows in _seen(stands, s, rng).items():
+        units = ["mm"] * 3 if name == "T" else ["1"] * 4
+        shown[name] = (_in_units(rows, units), units)
+    note = _note(s, len(q))
+    seen_carts = None
+    if s.cart_points is not None:
+        v = np.broadcast_to(np.array(_any(truth).v, float), points.shape)
+        at, found = cart_points(s, s.cart_points, points, v, carts.rows, wandering, q)
+        columns = {"q": at[:, None]} | {f"P{i + 1}": rows for i, rows in enumerate(found)}
+        tables = {n: (_in_units(a, ["mm"] * a.shape[1]), ["mm"] * a.shape[1]) for n, a in columns.items()}
+        seen_carts = _text(tables, note, "cart points")
+    return Made(_text(shown, note), note, truth, "e" in shown, q.shape[1] > 3, seen_carts)
+
+
+def stated_noise(s: Synthetic, rotary: bool) -> dict[str, list[float]]:
+    """Standard deviations [m, rad] by signal: of a cart all that takes it off its line, as if it were noise."""
+    device, load, cyclic = (np.broadcast_to(np.asarray(x, float), 3) for x in (s.position_noise, s.load, s.cyclic))
+    carts = np.hypot(np.hypot(s.along, s.across), np.hypot(load, cyclic)) + 1e-7
+    return {
+        "q": carts.tolist() + ([1e-6] * 3 if rotary else []),
+        "T": np.hypot(device, s.repeatability / MEAN_DISTANCE).tolist(),
+        "e": [s.orientation_noise] * 3,
+    }
+
+
+def _commanded(model: Model, s: Synthetic, rng: np.random.Generator) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """Actuators (N, k) of the grid's reachable poses by the model that is known, and its poses."""
+    lines = [np.linspace(a, b, n) for a, b, n in zip(s.low, s.high, s.counts, strict=True)]
+    T = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 3)
+    robot = _any(model)
+    if hasattr(robot, "A0"):
+        turn = s.turn * rng.uniform(-1, 1, T.shape)
+        e = moved(np.tile(np.array(robot.home_e, float), (len(T), 1)), turn)
+        q, status = compile_causal(model, known=["T", "e"], targets=["q"])(T, e)
+        near = {"T": T, "e": e}
+    elif hasattr(robot, "B"):
+        q, e, status = compile_causal(model, known=["T"], targets=["q", "e"])(T)
+        near = {"T": T, "e": e}
+    else:
+        q, status = compile_causal(model, known=["T"], targets=["q"])(T)
+        near = {"T": T}
+    reached = np.flatnonzero(np.asarray(status) == 0)
+    if not reached.size:
+        raise ArgumentError(f"none of the {len(T)} grid points is within reach; move the grid", f"{KEY}.low")
+    if s.poses is not None:
+        if s.poses > reached.size:
+            raise ArgumentError(f"{reached.size} grid points are within reach; ask for no more, or refine the grid",
+                             f"{KEY}.poses")  # fmt: skip
+        reached = reached[np.round(np.linspace(0, reached.size - 1, s.poses)).astype(int)]
+    return q[reached], {n: rows[reached] for n, rows in near.items()}
+
+
+def _wanderings(truth: Model, carts: Carts, s: Synthetic, q: np.ndarray) -> list[Wandering]:
+    v = np.array(_any(truth).v, float)
+    found, cyclic = [], np.broadcast_to(np.asarray(s.cyclic, float), 3)
+    for i in range(3):
+        low, high = float(q[:, i].min()), float(q[:, i].max())
+        direction = v[carts.rows[i][0] if len(v) == 6 else i]
+        found.append(
+            Wandering(
+                direction, low - 0.01, high + 0.01, s.along[i], s.across[i], float(cyclic[i]),
+                s.cyclic_period, np.random.SeedSequence([s.seed, 3, i]),
+            )
+        )  # fmt: skip
+    return found
+
+
+def _by_load(T: np.ndarray, curve: Wandering, s: Synthetic, i: int) -> np.ndarray:
+    """Shift (N, 3) of a cart with the plate's place across its guideway."""
+    load = np.broadcast_to(s.load, 3)[i]
+    if load == 0:
+        return np.zeros(T.shape)
+    seeds = np.random.SeedSequence([s.seed, 4, i])
+    way = np.cross(curve.direction, np.random.default_rng(seeds).standard_normal(3))
+    place = T @ (way / np.linalg.norm(way))
+    size = load / np.sqrt(2.0)
+    return Wandering(curve.direction, place.min() - 0.01, place.max() + 0.01, size, size, 0.0, 1.0, seeds)(place)
+
+
+def _seen(stands: dict[str, np.ndarray], s: Synthetic, rng: np.random.Generator) -> dict[str, np.ndarray]:
+    """What the device says: in its frame, with the robot's repeatability and its own noise."""
+    T = stands["T"]
+    sigma = np.broadcast_to(np.asarray(s.position_noise, float), 3)
+    T = T + s.repeatability / MEAN_DISTANCE * rng.standard_normal(T.shape)
+    R = Rotation.from_euler("ZYZ", s.device_zyz)
+    seen = {"T": R.inv().apply(T - np.array(s.device_t)) + sigma * rng.standard_normal(T.shape)}
+    if "e" in stands:
+        turns = R.inv() * Rotation.from_quat(stands["e"], scalar_first=True)
+        noise = s.orientation_noise * rng.standard_normal(T.shape)
+        e = moved(turns.as_quat(scalar_first=True), noise)
+        seen["e"] = e * np.where(np.sum(e * e[0], axis=1, keepdims=True) < 0, -1.0, 1.0)
+    return seen
+
+
+def _note(s: Synthetic, poses: int) -> str:
+    noise, cyclic, load, along, across = (
+        ", ".join(f"{1e6 * x:g}" for x in np.atleast_1d(a))
+        for a in (s.position_noise, s.cyclic, s.load, s.along, s.across)
+    )
+    tilt = f"; carts tilt by {np.degrees(s.cart_tilt):g} deg" if s.cart_tilt else ""
+    return (
+        f"seed {s.seed}, {poses} poses; {s.device} noise {noise} um, {np.degrees(s.orientation_noise):g} deg; "
+        f"repeatability {1e6 * s.repeatability:g} um; guideways apart by {np.degrees(s.misalignment):g} deg, carts by "
+        f"{along} um along and {across} um across (means), cyclic {cyclic} um, by load {load} um; points and lengths "
+        f"off by {1e3 * s.point_error:g} mm{tilt}"
+    )
+
+
+def _text(shown: dict[str, tuple[np.ndarray, list[str]]], note: str, what: str = "calibration poses") -> str:
+    heads = [
+        (f"{name}[{k}]" if len(units) > 1 else name) + (f" [{unit}]" if unit != "1" else "")
+        for name, (_, units) in shown.items()
+        for k, unit in enumerate(units)
+    ]
+    columns = [(rows[:, k], DECIMALS[unit]) for rows, units in shown.values() for k, unit in enumerate(units)]
+    lines = [",".join(f"{column[n]:.{digits}f}" for column, digits in columns) for n in range(len(columns[0][0]))]
+    return "\n".join([f"# title: {what}", f"# synthetic: {note}", ",".join(heads), *lines]) + "\n"
+
+
+def _in_units(rows: np.ndarray, units: Sequence[str]) -> np.ndarray:
+    return np.column_stack([np.round(rows[:, k] * PER_SI[u], DECIMALS[u]) for k, u in enumerate(units)])
+
+
+def _si(rows: np.ndarray, units: Sequence[str]) -> np.ndarray:
+    return rows / np.array([PER_SI[u] for u in units])
+
+
+def _any(model: Model) -> Any:
+    return model

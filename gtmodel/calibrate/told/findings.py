@@ -1,0 +1,229 @@
+"""All that a calibration has found, put together before it is told: fit, held-out poses, verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ...inference import HeldOut, Identifiability, noise_size
+from ...lang import ModelError
+from ...results import ArgumentError
+from ..calibration import Calibration, calibrate
+from ..held_out import judge_held_out
+from ..measured.poses import SplitPoses
+from ..measurements import Measurements
+from ..options import COST_WORDS, Fit
+from ..prediction import MAD, Outlier, Prediction, outliers
+from ..problem import Problem as Prepared
+from ..sensitivity import Sensitivity, sensitivity
+from .contradictions import contradicted_priors
+from .intervals import Confidence
+from .movement import moved_too_far, untold
+
+HUBER = 1.345  # standard deviations: 95 % as sharp as least squares where there are no outliers
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """`before`, `after`: identifiability without and with the data's noise. `fitted`, `held_out`, `a_priori`: signal ->
+    errors of the calibrated model on fitted and held-out poses, and of the robot as it was on the latter or, without
+    any, the former; empty where a pose cannot be closed. `repeatability`: rms distance [m] of poses at the same
+    actuators from their mean, None without any."""
+
+    problem: Prepared
+    data: SplitPoses
+    calibration: Calibration
+    before: Identifiability
+    fitted: dict[str, Prediction]
+    held_out: dict[str, Prediction]
+    a_priori: dict[str, Prediction]
+    outliers: list[Outlier]
+    sensitivity: Sensitivity | None
+    repeatability: float | None
+    loss: str = "linear"
+
+    @property
+    def after(self) -> Identifiability | None:
+        return self.calibration.identifiability
+
+    @cached_property
+    def priors(self) -> list[str]:
+        """What contradicts the poses of what was thought to be known, in sentences."""
+        return contradicted_priors(self.calibration)
+
+    @cached_property
+    def confidence(self) -> Confidence:
+        return Confidence(self.calibration, self.position, self.loss)
+
+    @property
+    def position(self) -> str:
+        return self.data.position
+
+    @property
+    def lines(self) -> np.ndarray:
+        """Lines of the fitted poses."""
+        return self.data.lines[~self.data.held_out]
+
+    @property
+    def lines_held_out(self) -> np.ndarray:
+        return self.data.lines[self.data.held_out]
+
+    @cached_property
+    def judged(self) -> HeldOut | None:
+        """Held-out over fitted errors against what a sound model has; None without either."""
+        kept = self.data.kept
+        if kept is None or self.position not in self.held_out or self.position not in self.fitted:
+            return None
+        fitted, held_out = ({n: p.errors for n, p in each.items()} for each in (self.fitted, self.held_out))
+        return judge_held_out(
+            self.calibration, kept, fitted, held_out, self.position, correlated=self.confidence.correlated
+        )
+
+    @property
+    def lost(self) -> int:
+        """Held-out poses that do not close with the calibrated parameters."""
+        kept = self.held_out.get(self.position)
+        return len(self.lines_held_out) if kept is None else kept.lost
+
+    @property
+    def told(self) -> tuple[dict[str, Prediction], np.ndarray, bool]:
+        """Errors that the headline is about, their lines, and whether they are of held-out poses."""
+        if self.held_out:
+            return self.held_out, self.lines_held_out, True
+        return self.fitted, self.lines, False
+
+
+def found_of(
+    fit: Fit, data: SplitPoses, prepared: Prepared, a_priori: Prediction | None, stop: Callable[[], bool]
+) -> Found:
+    """Fit and look at it; `a_priori`: errors of the robot as it was, at all poses; `stop`: see calibrate().
+
+    Raises ArgumentError where the cost or the loss does not fit the measurements."""
+    cost = COST_WORDS[fit.cost]
+    width = fit.loss_width
+    try:
+        c = calibrate(prepared, cost=cost, stop=stop)
+        if fit.loss != "linear" and c.status.ok:
+            c = calibrate(
+                prepared, cost=cost, loss=fit.loss, width=width or HUBER * _scale(c), start=dict(_start(c)),
+                stop=stop,
+            )  # fmt: skip
+        before = prepared.identifiability(sigma=length_noise(prepared))
+    except (ModelError, ValueError) as error:
+        option = next((f"fit.{word}" for word in ("loss", "cost") if word in str(error)), "poses")
+        raise ArgumentError(str(error), option) from error
+    part = data.held_out if data.held_out.any() else ~data.held_out
+    prior = {} if a_priori is None else {data.position: Prediction(a_priori.errors[part])}
+    return Found(
+        prepared, data, c, before, _predicted(c, data.fitted), {} if data.kept is None else _predicted(c, data.kept),
+        prior, outliers(c.residuals),
+        _sensitivity(fit, c), _repeatability(data), fit.loss,
+    )  # fmt: skip
+
+
+def verdict(found: Found, accuracy: float | None) -> tuple[bool, bool | None, list[str]]:
+    """Whether the numerics are sound, whether prediction is proven (None: not tried), and what both cover, in words."""
+    c = found.calibration
+    sound, sentences = c.status.ok, []
+    if not sound:
+        return False, None, [f"not solved: {c.message}"]
+    assert c.estimate is not None and found.after is not None
+    sentences.append(f"numerics sound: {c.message}, {found.after.counts}")
+    if found.after.redundant:
+        sentences.append(untold(c, found.after))
+    if c.estimate.known_noise:
+        size = noise_size(c.estimate)
+        sentences.append(size.sentence)
+    if c.estimate.freedom > 0:
+        sentences.append(found.confidence.scope)
+    lost = found.lost
+    if found.priors:
+        sentences.append(f"prediction not proven: {found.priors[0]}")
+        return True, False, sentences
+    if lost:
+        sentences.append(
+            f"prediction not proven: {lost} of {len(found.lines_held_out)} held-out poses do not close with these "
+            "parameters; "
+            "two links may have come to coincide: give priors, fix parameters or turn the plate farther"
+        )
+        return True, False, sentences
+    if not found.held_out:
+        sentences.append("prediction not proven: no poses were held out, errors of fitted poses flatter")
+        return True, None, sentences
+    far = moved_too_far(c)
+    if far:
+        sentences.append(
+            f"prediction not proven: held-out poses were read in the same way as the fitted ones, and {far[0]}"
+        )
+        return True, False, sentences
+    name, kept = found.position, len(found.lines_held_out)
+    outside = found.held_out[name]
+    sizes = f"mean {1e3 * outside.mean:.3g} mm, greatest {1e3 * outside.greatest:.3g} mm"
+    judged = found.judged
+    assert judged is not None
+    proven = judged.passed and (accuracy is None or outside.mean <= accuracy)
+    if proven:
+        sentences.append(
+            f"prediction proven on {kept} held-out poses: {sizes}; within their box, load and "
+            "units, not beyond: a scale that all readings share is not seen"
+        )
+    elif accuracy is not None and outside.mean > accuracy:
+        sentences.append(f"prediction misses the wanted {1e3 * accuracy:.3g} mm on {kept} held-out poses: {sizes}")
+    else:
+        sentences.append(
+            f"prediction not proven on {kept} held-out poses ({sizes}): {judged.sentence}; measure more poses or free "
+            "fewer parameters"
+        )
+    return True, proven, sentences
+
+
+def _predicted(c: Calibration, m: Measurements) -> dict[str, Prediction]:
+    try:
+        errors = c.positioning_errors(m)
+    except (ModelError, ValueError, np.linalg.LinAlgError):
+        return {}
+    found = {n: Prediction(e) for n, e in errors.items() if e.shape[1] == 3}
+    return found if all(np.any(np.isfinite(p.errors)) for p in found.values()) else {}
+
+
+def _scale(c: Calibration) -> float:
+    """Robust standard deviation of the residuals as the cost has them."""
+    p = c.problem
+    if c.cost == "squared":
+        r = np.concatenate([b.evaluate(p.reading.data, c.x[b.columns])[0].reshape(-1) for b in p.squared])
+    elif c.cost == "length":
+        r = c.residuals.reshape(-1)
+    else:
+        r = np.asarray(c.estimate.residuals) if c.estimate is not None else np.ones(1)
+    return max(MAD * float(np.median(np.abs(r))), 1e-12)
+
+
+def _start(c: Calibration) -> list[tuple[str, float]]:
+    return list(zip(c.problem.unknowns.names, c.x.tolist(), strict=True))
+
+
+def length_noise(p: Prepared) -> float:
+    """Noise of a length [m] before the residuals are known: that of the position, 0.1 mm where none is stated."""
+    for pose in p.measurements.poses:
+        if pose.position in p.measurements.noise:
+            return float(np.sqrt(np.mean(np.diagonal(p.measurements.covariance(pose.position, 3), axis1=1, axis2=2))))
+    return 1e-4
+
+
+def _sensitivity(fit: Fit, c: Calibration) -> Sensitivity | None:
+    if fit.sensitivity_step == 0 or not c.status.ok:
+        return None
+    try:
+        return sensitivity(c.problem, c.x, fit.sensitivity_step)
+    except ModelError:
+        return None
+
+
+def _repeatability(data: SplitPoses) -> float | None:
+    T = data.T
+    spread = [T[g] - T[g].mean(axis=0) for g in data.repeated]
+    freedom = sum(len(s) - 1 for s in spread)
+    return float(np.sqrt(sum(np.sum(s**2) for s in spread) / freedom)) if freedom else None

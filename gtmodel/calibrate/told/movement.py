@@ -1,0 +1,55 @@
+"""Parameters that a calibration moved farther than a robot known before allows: readings in wrong units or columns."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...inference import Identifiability
+from ..calibration import Calibration
+
+OPEN = 1e-6  # share of a parameter's direction in what is not told; below is round-off
+FAR = 0.1  # of the largest length: a tape measure does not err by that
+
+
+def moved_too_far(c: Calibration) -> list[str]:
+    """What moved where no correction of a robot known before would go: the length that moved farthest, and lengths of
+    rows without a unit, such as a cart's travel per actuator's; a sentence each."""
+    if c.estimate is None:
+        return []
+    u, x = c.problem.unknowns, c.x
+    own = [k for k, n in enumerate(u.names) if n.partition("[")[0] in c.problem.closure.flat.bindings]
+    lengths = [k for k in own if u.units[k] == "m" and u.names[k] in c.values]
+    said, asked = [], "are the columns, axes and the robot those of the measurement?"
+    if lengths:
+        k = max(lengths, key=lambda k: abs(x[k] - u.start[k]))
+        moved = float(x[k] - u.start[k])
+        if abs(moved) > FAR * max(abs(float(u.start[j])) for j in lengths):
+            said.append(f"{u.names[k]} moved by {moved:.3g} m from where it was: {asked}")
+    before, after = c.problem.values(u.start), c.values
+    for row in dict.fromkeys(
+        u.names[k].rpartition(",")[0] or u.names[k].partition("[")[0] for k in own if u.units[k] in ("", "1")
+    ):
+        members = [n for n in after if n == row or n.startswith((f"{row},", f"{row}["))]
+        norms = [float(np.linalg.norm([values[n] for n in members])) for values in (before, after)]
+        if members and norms[0] > 0 and not 1 - FAR <= norms[1] / norms[0] <= 1 + FAR:
+            name = f"{row}]" if "[" in row and row not in after else row
+            said.append(
+                f"{name} became {norms[1] / norms[0]:.3g} times as long as it was; are the units right? {asked}"
+            )
+    return said
+
+
+def untold(c: Calibration, found: Identifiability) -> str:
+    """What the poses leave open, and the parameter among it that moved farthest beside its expected size."""
+    u = c.problem.unknowns
+    names = [n for n, told in zip(found.names, found.told_by, strict=True) if told < 1 - OPEN]
+    size = dict(zip(found.names, found.scale, strict=True))
+    moved = {n: float(x - x0) for n, x, x0 in zip(u.names, c.x, u.start, strict=True) if n in names}
+    sentence = "what is not told has a value that is one of many that fit alike"
+    if not moved:
+        return sentence
+    name = max(moved, key=lambda n: (abs(moved[n]) / size[n], n))
+    unit = u.units[u.names.index(name)]
+    return (
+        f"{sentence}: of {len(names)} parameters concerned, {name} moved farthest, by {moved[name]:.3g} {unit}".rstrip()
+    )

@@ -1,0 +1,114 @@
+"""parameters.toml of a calibration: a robot file that the catalogue's loader reads, confidence in its comments."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from ...lang import Model
+from ...robots.families import family_of
+from ..modifiers import merged
+from .findings import Found
+
+# printed name of the file's key -> parameter of the model, and what its numbers are multiplied by
+GEOMETRY = {
+    "three_link": {"A_m": ("A", 1.0), "v": ("v", 1.0), "L_m": ("L", 1.0), "home_m": ("home", 1.0)},
+    "six_link": {"A_m": ("A", 1.0), "v": ("v", 1.0), "L_m": ("L", 1.0), "B_m": ("B", 1.0), "home_m": ("home", 1.0)},
+    "f1": {
+        "A0_mm": ("A0", 1e3), "v": ("v", 1.0), "L_mm": ("L", 1e3), "A_bj_mm": ("A", 1e3), "B0_mm": ("B", 1e3),
+        "u1_2": ("u1_2", 1.0), "u1_3": ("u1_3", 1.0), "u2_3": ("u2_3", 1.0), "r3_mm": ("r3", 1e3),
+        "home_mm": ("home", 1e3),
+    },
+}  # fmt: skip
+MASSES = {
+    "m_p_kg": "m_p", "m_c_kg": "m_c", "coulomb_N": "coulomb", "viscous_kg_s": "viscous", "m_a_kg": "m_a",
+    "c_p_m": "c_p", "I_p_kg_m2": "I_p", "J_kg_m2": "J",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Origin:
+    """Where a robot comes from, as its calibrated file will say.
+
+    name: what people call it. reference: "file.py:Class" of a model in Python. given: its parameters, by their names.
+    """
+
+    name: str
+    reference: str = ""
+    given: Mapping[str, Any] = field(default_factory=dict)
+
+
+def text(found: Found, model: Model, title: str, origin: Origin) -> str:
+    """A robot file: of the family, masses and friction as they were; of a model in Python its reference and its
+    parameters, those given and in their place the calibrated."""
+    import tomli_w
+
+    calibrated = found.calibration.parameters()
+    values = {name: calibrated.get(name, getattr(model, name, None)) for name in _names(model)}
+    pieces = [name for name in found.calibration.values if ".guideway." in name]  # which no robot file holds
+    family = "" if pieces else family_of(model)
+    table: dict[str, Any] = {"title": title, "source": f"calibration of {origin.name}", "note": _note(found)}
+    if family:
+        table["family"] = family
+        for key, (name, factor) in GEOMETRY[family].items():
+            table[key] = (factor * np.array(values[name], float)).tolist()
+        for key, name in MASSES.items():
+            if getattr(model, name, None) is not None and not (
+                family == "three_link" and key in ("c_p_m", "I_p_kg_m2")
+            ):
+                table[key] = np.array(getattr(model, name), float).tolist()
+        beside = {k: v for k, v in found.calibration.values.items() if k.partition("[")[0] not in values}
+        body = tomli_w.dumps(table)
+    else:
+        own = {q.name for q in found.problem.closure.flat.parameters}
+        beside = {k: v for k, v in found.calibration.values.items() if k not in own}
+        if origin.reference:
+            table["robot"] = origin.reference
+        body = tomli_w.dumps({**table, "parameters": _plain(merged(origin.given, calibrated))})
+    comments = [f"# {line}" for line in _confidence(found)]
+    comments += [
+        f"# of the measurement: {name} = {value:.9g}"
+        for name, value in beside.items()
+        if ".guideway.at[" not in name and ".guideway.points[" not in name
+    ]
+    use = "gtmodel reads this file as a robot"
+    if not family and origin.reference:
+        use += f", with '{origin.reference.rpartition(':')[0]}' beside it, beside the problem or here"
+    if pieces:
+        use = "no robot file, since guideways are measured: their A and v are those before"
+    return "\n".join([f"# Calibrated parameters; {use}.", *comments, "", body])
+
+
+def _plain(value: Any) -> Any:
+    """Arrays as lists."""
+    if isinstance(value, Mapping):
+        return {n: _plain(v) for n, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(v) for v in value]
+    return value.tolist() if isinstance(value, np.ndarray | np.generic) else value
+
+
+def _names(model: Model) -> list[str]:
+    family = family_of(model)
+    return [name for name, _ in GEOMETRY[family].values()] if family else []
+
+
+def _note(found: Found) -> str:
+    told, _, held = found.told
+    what = "held-out" if held else "fitted"
+    accuracy = f"; {what} error {1e3 * told[found.position].mean:.3g} mm in the mean" if found.position in told else ""
+    synthetic = f"; synthetic data: {found.data.synthetic}" if found.data.synthetic else ""
+    return f"frame of the measurements{accuracy}{synthetic}"
+
+
+def _confidence(found: Found) -> list[str]:
+    e = found.confidence.estimate
+    if e is None:
+        return ["not solved: these are the values at which the iteration ended"]
+    lines = [*found.confidence.reasons[-1:], *found.confidence.remarks]
+    for name, std in zip(e.names, e.std, strict=True):
+        lines.append(f"std of {name}: {std:.3g}" if np.isfinite(std) else f"{name} is not told apart by these poses")
+    return lines

@@ -1,0 +1,54 @@
+"""The table that people see of a calibration."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from ...results import Row
+
+WORST_ROWS = 5
+WEAK = "told no better than"  # of a combination, in words
+
+
+def rows_of(values: Mapping[str, Any], notes: Sequence[str]) -> list[Row]:
+    """The table that people see."""
+    rows = []
+    for u in values["unknowns"]:
+        rows.append(Row(u["name"], u["value"], u["unit"]))
+        if u["interval_95"] is not None:
+            low, high = u["interval_95"]
+            rows.append(Row("  95 %", f"{low:.7g} to {high:.7g}"))
+        elif u["std"] is None:
+            rows.append(Row("  95 %", "not told by these poses"))
+        else:
+            rows.append(Row("  std, were residuals noise", u["std"], u["unit"]))
+    rows += [Row(f"mean length error of {n}", v, "mm") for n, v in values["link_errors_mm"].items()]
+    for key, said in (("a_priori_mm", "before"), ("fitted_mm", "fitted poses"), ("held_out_mm", "held-out poses")):
+        if values[key]:
+            rows.append(Row(f"positioning error, {said}: mean", values[key]["mean"], "mm"))
+            rows.append(Row("  greatest", values[key]["max"], "mm"))
+    if values["worst"]:
+        w = values["worst"]
+        at = ", ".join(f"{x:.3f}" for x in w["position_m"])
+        rows.append(Row("worst place", f"({at}) m, line {w['line']}: {w['error_mm']:.3g} mm"))
+    if values["principal"]:
+        for size, d in zip(values["principal"]["rms_mm"], values["principal"]["directions"], strict=True):
+            rows.append(Row(f"rms along ({', '.join(f'{x:.2f}' for x in d)})", size, "mm"))
+    if values["repeatability_mm"] is not None:
+        rows.append(Row("repeatability, rms", values["repeatability_mm"], "mm"))
+    if values["identifiability_after"]:
+        told = values["identifiability_after"]["sentences"]
+        rows += [Row("identifiability", s) for s in told if WEAK not in s]
+        weak = sum(WEAK in s for s in told)
+        if weak:
+            rows.append(Row("identifiability", f"{weak} combinations are {WEAK} they were known; see result.json"))
+    rows += [
+        Row("outlier", f"line {o['line']}, {o['link']}: {o['residual_mm']:.3g} mm, {o['times']:.1f} deviations")
+        for o in values["outliers"][:WORST_ROWS]
+    ]
+    rows += [Row("note", s) for s in notes if "do not determine" not in s]
+    rows += [Row("verdict", s) for s in values["verdict"]]
+    if values["synthetic"]:
+        rows.append(Row("synthetic", values["synthetic"].partition(";")[0]))
+    return rows

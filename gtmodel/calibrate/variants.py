@@ -1,0 +1,104 @@
+"""What a calibration frees, ties and fixes; the variants of the thesis by name."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+from ..inference import Prior
+from ..lang import Model, ModelError
+from ..results import ArgumentError
+from ..robots.families import family_of
+from .measured.cart_points import CartPoints
+from .measured.poses import SplitPoses
+from .options import Fit, Known
+from .problem import Problem, prepare
+from .unknowns import Choice, Unknowns
+
+QUATERNIONS = ("u1_2", "u1_3", "u2_3")
+FAMILIES = {"ideal": "three_link", "modified": "three_link", "six_link": "six_link", "f1_unit": "f1", "f1_raw": "f1"}
+SAID = {"three_link": "three links", "six_link": "six links", "f1": "an F1"}
+NAMING = ("fixed", "tied", "unit_quaternions", "priors", "sizes", "free")  # options that hold names of parameters
+
+
+def choice_of(fit: Fit, model: Model, known: Sequence[str] = (), on_points: Sequence[str] = ()) -> Choice:
+    """Without priors; `known`: what no fit moves; `on_points`: names of guideways through measured points, of which the
+    frame moves.
+
+    Raises ArgumentError for a variant of another family.
+    """
+    tied, unit = dict(fit.tied), list(fit.unit_quaternions)
+    if fit.variant is not None:
+        wanted, found = FAMILIES[fit.variant], family_of(model)
+        if wanted != found:
+            raise ArgumentError(
+                f"'{fit.variant}' is for robots with {SAID[wanted]}; this one has {SAID.get(found, 'other parts')}",
+                "fit.variant",
+            )
+        if fit.variant == "ideal":
+            tied = {"v[1]": "v[0]", "v[2]": "v[0]"} | tied
+        if fit.variant == "f1_unit":
+            unit += [n for n in QUATERNIONS if n not in unit]
+    unit += [f"{g}.u" for g in on_points]
+    fixed = [*fit.fixed, *known, *(f"{g}.{n}" for g in on_points for n in ("at", "points"))]
+    return Choice(fit.free, fixed, tied, unit, (), fit.sizes)
+
+
+def prepared(
+    fit: Fit, model: Model, data: SplitPoses, carts: CartPoints | None = None, on_points: Sequence[str] = ()
+) -> Problem:
+    """The equations of the fitted poses. Raises ArgumentError with the option whose name is not understood."""
+    m, actuators = data.fitted, data.actuators
+    try:
+        choice = choice_of(fit, model, data.source.known, on_points)
+        first = prepare(model, m, choice, actuators=actuators)
+        turn = None if carts is None else carts.turn_std
+        known = {f"{g}.u": Known(std=turn) for g in on_points} if turn is not None else {}
+        if not fit.priors and not known:
+            return first
+        priors = _priors({**known, **fit.priors}, first.unknowns)
+        return prepare(model, m, replace(choice, priors=priors), actuators=actuators)
+    except ArgumentError:
+        raise
+    except (ModelError, ValueError) as error:
+        raise ArgumentError(str(error), _naming(fit, str(error))) from error
+
+
+def require_poses(p: Problem) -> None:
+    """Raises ArgumentError where a part of the robot has fewer equations than unknowns."""
+    N = len(p.measurements)
+    for b in p.lengths:
+        names = [p.unknowns.names[k] for k in b.columns]
+        priors = sum(prior.name in names for prior in p.unknowns.priors)
+        if N * len(b.rows) + priors < len(names):
+            least = -(-(len(names) - priors) // len(b.rows))
+            raise ArgumentError(
+                f"{N} poses give {N * len(b.rows)} equations of {', '.join(p.labels[k] for k in b.rows)} for "
+                f"{len(names)} unknowns ({names[0]} to {names[-1]}); measure at least {least} poses, better several "
+                "times as many, or fix parameters",
+                "poses",
+            )
+
+
+def _priors(keys: Mapping[str, Known], u: Unknowns) -> list[Prior]:
+    """One for each unknown of the named ones, at its start where no value is given. Raises ArgumentError."""
+    found: dict[str, Prior] = {}
+    for name, prior in keys.items():
+        begins = (name[:-1] + ",", f"{name} turned") if name.endswith("]") else (f"{name}[", f"{name} turned")
+        hits = [k for k, n in enumerate(u.names) if n == name or n.startswith(begins)]
+        if not hits:
+            raise ArgumentError(f"names '{name}', which is not free; these are {', '.join(u.names)}", "fit.priors")
+        if prior.value is not None and len(hits) > 1:
+            sentence = f"one value for the {len(hits)} unknowns of '{name}'; leave it out, or name one of them"
+            raise ArgumentError(sentence, f"fit.priors.{name}")
+        for k in hits:
+            value = float(u.start[k]) if prior.value is None else prior.value
+            found[u.names[k]] = Prior(u.names[k], value, prior.std)
+    return list(found.values())
+
+
+def _naming(fit: Fit, sentence: str) -> str:
+    for option in NAMING:
+        if any(f"'{name}" in sentence for name in getattr(fit, option)):
+            return f"fit.{option}"
+    return "poses"

@@ -1,0 +1,75 @@
+"""What a calibration of joint stiffness asks for: the arm's set-up, columns of measured tests, made-up tests."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Annotated, Literal
+
+from ...results.options import Long, Options, Unit, Within
+
+
+@dataclass(frozen=True)
+class Noise(Options):
+    """Standard deviations of the measured displacements."""
+
+    position: Annotated[float, Unit("m"), Within(above=0), "of each coordinate, at tool and wrist centre"] = 2e-5
+    rotation: Annotated[float, Unit("rad"), Within(above=0), "of each rotation; 20 um on a base of 0.25 m"] = 1e-4
+
+
+@dataclass(frozen=True)
+class GravityCompensator(Options):
+    """A spring between two hinges at distances base and lever from axis 2; its change of torque adds to K_c."""
+
+    base: Annotated[float, Unit("m"), Within(above=0), "from axis 2 to the hinge on the link before"]
+    lever: Annotated[float, Unit("m"), Within(above=0), "from axis 2 to the hinge on the link after"]
+    rate: Annotated[float, Unit("N/m"), Within(above=0), "of the spring; the start where it is estimated"]
+    rest: Annotated[float, Unit("m"), Within(least=0), "length at which the spring is slack"]
+    angle: Annotated[float, Unit("rad", written="deg"), "of joint 2 where the spring is longest"] = 0.0
+    estimate_rate: Annotated[bool, "whether the rate is an unknown too; complete_pose only"] = False
+
+
+@dataclass(frozen=True)
+class Setup(Options):
+    """How joint stiffness is told from static load tests."""
+
+    tool: Annotated[list[float], Unit("m"), Long(3), "tool centre point in flange coordinates"] = field(
+        default_factory=lambda: [0.0] * 3
+    )
+    method: Annotated[Literal["complete_pose", "decoupled"], "the one reported first"] = "complete_pose"
+    complementary: Annotated[bool, "count the loads' complementary stiffness K_c"] = False
+    compensator: Annotated[GravityCompensator | None, "of joint 2, part of K_c"] = None
+    best: Annotated[int, Within(least=1), "how many tests that tell most are listed"] = 10
+    noise: Annotated[Noise, "of the measured displacements"] = field(default_factory=Noise)
+
+
+@dataclass(frozen=True)
+class Column(Options):
+    """Columns of a quantity."""
+
+    column: Annotated[str | list[str], 'names in the file; "q" means "q[0]", "q[1]", ... too']
+    unit: Annotated[str | list[str], "unit of the columns, or one each"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class LoadTests(Options):
+    """Measured tests, one a row: where the arm stood, what pulled, what moved. World coordinates."""
+
+    q: Annotated[Column, "joint angles"]
+    force: Annotated[Column, "on the tool centre point"]
+    moment: Annotated[Column | None, "about it; none if left out"] = None
+    displacement: Annotated[Column, "of the tool centre point, with the load less without"]
+    rotation: Annotated[Column, "of the tool, as a rotation vector"]
+    wrist: Annotated[Column | None, "displacement of a target at the wrist centre; by the pose if left out"] = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class SyntheticTests(Options):
+    """Tests made up from known stiffness, to see what identification gives back."""
+
+    stiffness: Annotated[list[float], Unit("N.m/rad", written="MN.m/rad"), Within(above=0), "by joint"]
+    tilt: Annotated[
+        float, Within(least=0),
+        "compliance of bearings across their axes, in units of the joint's; the model lacks it",
+    ] = 0.0  # fmt: skip
+    wrist_target: Annotated[bool, "whether the wrist centre has a target of its own"] = True
+    seed: Annotated[int, "of the noise"]

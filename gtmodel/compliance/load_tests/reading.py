@@ -1,0 +1,129 @@
+"""Static load tests for a study: read from a file or made up."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ...lang import Model
+from ...measurements import signal_table
+from ...results import ArgumentError
+from ..arm_poses import ArmPoses, arm_poses
+from ..complementary import Compensator, complementary_stiffness
+from ..options import Load
+from ..static_tests import StaticTests
+from ..synthetic import synthetic_tests
+from .options import LoadTests, Setup, SyntheticTests
+
+Array = np.ndarray
+HEAD = 3  # line of the first made-up test
+UNITS = {"q": "deg", "force": "N", "moment": "N.m", "displacement": "mm", "rotation": "rad", "wrist": "mm"}
+SCALE = {"q": 180 / np.pi, "force": 1.0, "moment": 1.0, "displacement": 1e3, "rotation": 1.0, "wrist": 1e3}
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredTests:
+    """n load tests, world coordinates: where the arm stood, what pulled, what moved.
+
+    q: (n, 6) joint angles [rad]. wrench: (n, 6) on the tool centre point [N, N.m]. displacement: (n, 6) of it with the
+        load less without [m, rad]. wrist: (n, 3) displacement of a target at the wrist centre [m]; by the pose if None.
+    lines: (n,) of their file; numbered from 1 if left out. synthetic: what made-up tests say of themselves. truth: the
+        stiffness of made-up joints [N.m/rad].
+    """
+
+    q: Array
+    wrench: Array
+    displacement: Array
+    wrist: Array | None = None
+    lines: Array | None = None
+    synthetic: str | None = None
+    truth: Sequence[float] | None = None
+
+    @property
+    def numbered(self) -> Array:
+        """Lines, or numbers from 1."""
+        return np.arange(1, len(self.q) + 1) if self.lines is None else self.lines
+
+    @property
+    def text(self) -> str:
+        """The tests as a file that can be measurements."""
+        parts = {
+            "q": self.q, "force": self.wrench[:, :3], "moment": self.wrench[:, 3:],
+            "displacement": self.displacement[:, :3], "rotation": self.displacement[:, 3:],
+        }  # fmt: skip
+        if self.wrist is not None:
+            parts["wrist"] = self.wrist
+        head = [f"{name}[{k}] [{UNITS[name]}]" for name, x in parts.items() for k in range(x.shape[1])]
+        table = np.hstack([SCALE[name] * x for name, x in parts.items()])
+        rows = [",".join(f"{x:.12g}" for x in row) for row in table]
+        note = [f"# synthetic: {self.synthetic}"] if self.synthetic else []
+        return "\n".join([*note, ",".join(head), *rows]) + "\n"
+
+
+def read_load_tests(path: Path | str, tests: LoadTests) -> MeasuredTests:
+    """Tests of a CSV file, one a row. Raises ArgumentError with the line, or "tests.q.column" of a wrong column."""
+    wanted = {n: (c.column, c.unit) for n in UNITS if (c := getattr(tests, n)) is not None}
+    try:
+        table = signal_table.read(Path(path), wanted)
+    except ArgumentError as error:
+        at = error.argument.removeprefix("signals.") if error.argument else "file"
+        raise ArgumentError(error.sentence, f"tests.{at}") from error
+    for name, rows in table.values.items():
+        size = 6 if name == "q" else 3
+        if rows.shape[1] != size:
+            raise ArgumentError(f"has {rows.shape[1]} columns; expected {size}", f"tests.{name}.column")
+    v = table.values
+    wrench = np.hstack([v["force"], v.get("moment", np.zeros_like(v["force"]))])
+    moved = np.hstack([v["displacement"], v["rotation"]])
+    return MeasuredTests(v["q"], wrench, moved, v.get("wrist"), table.lines, table.synthetic)
+
+
+def made_load_tests(
+    robot: Model, truth: SyntheticTests, poses: Sequence[Sequence[float]], loads: Sequence[Load], setup: Setup
+) -> MeasuredTests:
+    """Tests of an arm with known stiffness, every load in each of the poses [rad]. Raises ArgumentError."""
+    if not len(poses) or not loads:
+        raise ArgumentError("expected at least one pose and one load", "poses" if not len(poses) else "load")
+    if len(truth.stiffness) != 6:
+        raise ArgumentError(f"has {len(truth.stiffness)} numbers; expected 6", "truth.stiffness")
+    q = np.repeat(np.asarray(poses, float), len(loads), axis=0)
+    wrench = np.tile([[*load.force, *load.moment] for load in loads], (len(poses), 1))
+    at, planned, _ = static_tests(robot, MeasuredTests(q, wrench, np.zeros((len(q), 6))), setup, truth.wrist_target)
+    c = 1e-6 / (np.array(truth.stiffness) / 1e6)
+    tilt = truth.tilt * c if truth.tilt else None
+    rng = np.random.default_rng(truth.seed)
+    made = synthetic_tests(planned, c, rng, tilt=tilt, origins=at.origins, point=at.T)
+    tilted = f", bearings tilt by {truth.tilt:g} times the joint's compliance" if truth.tilt else ""
+    note = f"seed {truth.seed}, noise {setup.noise.position:g} m and {setup.noise.rotation:g} rad{tilted}"
+    lines = HEAD + np.arange(len(q))
+    return MeasuredTests(q, wrench, made.displacement, made.wrist_displacement, lines, note, truth.stiffness)
+
+
+def static_tests(
+    robot: Model, tests: MeasuredTests, setup: Setup, wrist_target: bool | None = None
+) -> tuple[ArmPoses, StaticTests, Compensator | None]:
+    """The arm's poses, the tests with its Jacobians, and the spring on joint 2. Raises ArgumentError."""
+    try:
+        poses = arm_poses(robot, tests.q, setup.tool)
+    except ValueError as error:
+        raise ArgumentError(f"expected a serial arm such as kr500; {error}", "robot") from error
+    c, noise = setup.compensator, setup.noise
+    spring = None if c is None else Compensator(c.base, c.lever, c.rate, c.rest, c.angle)
+    K_c = _complementary(setup, poses, tests.wrench, spring)
+    target = tests.wrist is not None if wrist_target is None else wrist_target
+    sigma = [noise.position] * 3 + [noise.rotation] * 3
+    plan = poses.tests(tests.wrench, sigma=sigma, wrist_sigma=noise.position if target else None, K_c=K_c)
+    if tests.wrist is None and target:
+        return poses, plan, spring
+    return poses, plan.with_(displacement=tests.displacement, wrist_displacement=tests.wrist), spring
+
+
+def _complementary(setup: Setup, poses: ArmPoses, wrench: Array, spring: Compensator | None) -> Array | None:
+    if not setup.complementary and spring is None:
+        return None
+    n, k = poses.q.shape
+    K_c = complementary_stiffness(poses.J, wrench) if setup.complementary else np.zeros((n, k, k))
+    return K_c if spring is None else spring.added(K_c, poses.q)

@@ -1,0 +1,273 @@
+"""The stiffness study: joint stiffness of a serial arm from static load tests, by both methods."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Annotated, Any
+
+import numpy as np
+
+from ...inference import FALSE_ALARM
+from ...lang import Model
+from ...measurements import copies
+from ...results import ArgumentError, Check, Quantity, Row, SolveStatus, Study, Work, at_least, at_most, listed
+from ...results.work import Progress, never, silent
+from ..cartesian import softest_and_stiffest, translational_compliance
+from ..compensated import RATE, with_compensator
+from ..joint_stiffness import StiffnessFit, complete_pose, decoupled
+from ..selection import select
+from ..static_tests import StaticTests
+from .doubts import negative, repeated
+from .options import Setup
+from .reading import MeasuredTests, static_tests
+
+Array = np.ndarray
+FILE = "load_tests.csv"
+WITHIN = 0.1  # of synthetic tests: largest relative error of a compliance
+# printed claims (Cvitanic 2021, section 3.2) beside what follows from the model
+PRINTED = (
+    "without model error both methods give the same stiffness: the print's softer decoupled values (Tables 1 and 2) do "
+    "not follow from it",
+    "weighting rotations by 10 repairs nothing: it widens the intervals, and in the print even raises joint 4",
+)
+LACKS = (
+    "the residuals are larger than the stated noise: links or bearings give way too, and the stiffness of the joints "
+    "then takes up some of what they do"
+)
+MOMENT = "the arm's torque holds the moment of the load about the wrist centre, which the print leaves out"
+SAID = (*PRINTED, MOMENT)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class StiffnessStudy(Study):
+    """Joint stiffness with 95 % intervals, the other method beside it, and doubts about the tests."""
+
+    method: Annotated[str | None, Quantity("", "the one whose stiffness is told first")] = None
+    stiffness: Annotated[Array | None, Quantity("N.m/rad", "by joint", written="MN.m/rad")] = None
+    interval: Annotated[
+        Array | None,
+        Quantity("N.m/rad", "95 % of each; null: no upper end, or a negative compliance", written="MN.m/rad"),
+    ] = None
+    compliance: Annotated[Array | None, Quantity("", "by joint, rad/(N.m)", key="compliance_rad_Nm")] = None
+    other_method: Annotated[Array | None, Quantity("N.m/rad", "stiffness by the other method", written="MN.m/rad")] = (
+        None
+    )
+    agree: Annotated[Sequence[bool] | None, Quantity("", "whether the intervals of both methods overlap")] = None
+    compensator_rate: Annotated[
+        Sequence[float] | None, Quantity("N/m", "estimated rate of the spring, and its std")
+    ] = None
+    chi_squared_p: Annotated[float | None, Quantity("", "of the residuals by the stated noise")] = None
+    adequacy: Annotated[str | None, Quantity("", "the same in words")] = None
+    adequate: Annotated[bool | None, Quantity("", "whether the residuals are noise of the stated size")] = None
+    observability: Annotated[float | None, Quantity("", "O1 of the tests", key="observability_O1")] = None
+    sentences: Annotated[Sequence[str], Quantity("", "what the tests tell, in sentences", key="told")] = ()
+    best_tests: Annotated[Sequence[int], Quantity("", "lines of those that tell most")] = ()
+    softest: Annotated[Array | None, Quantity("N/m", "of the tool by test; null for a negative compliance")] = None
+    stiffest: Annotated[Array | None, Quantity("N/m", "the same of the stiffest direction")] = None
+    said: Annotated[
+        Sequence[str],
+        Quantity("", "doubts about the tests, and what the print claims and the model does not support"),
+    ] = ()
+    synthetic: Annotated[str | None, Quantity("", "seed and noise of made-up tests; null for measured ones")] = None
+
+    @property
+    def rows(self) -> list[Row]:
+        """The table for people."""
+        return [] if self.method is None else _rows(self.values, self.adequacy or "", self.synthetic)
+
+
+def stiffness_study(
+    robot: Model,
+    tests: MeasuredTests,
+    setup: Setup | None = None,
+    *,
+    title: str = "",
+    progress: Progress = silent,
+    max_seconds: float | None = None,
+    stop: Callable[[], bool] = never,
+) -> StiffnessStudy:
+    """Joint stiffness of a serial arm from static load tests: dX = J diag(J'F) c with c = 1/K (Cvitanic 2021).
+
+    Args:
+        robot: a serial arm with a wrist in one point.
+        tests: measured, in SI units, or by `read_load_tests` and `made_load_tests`.
+        setup: tool, method, noise, and the spring that balances joint 2.
+        progress, max_seconds, stop: see `gtmodel.results.Work`.
+
+    Raises ArgumentError.
+
+    >>> import gtmodel as gt
+    >>> from gtmodel.compliance import Load, Setup, SyntheticTests, made_load_tests, stiffness_study
+    >>> poses = [[0.3, -0.9, 2.0, 0.2, -1.1, -0.1], [1.0, -0.2, 1.8, 0.7, -2.0, 0.0], [0.4, -1.0, 2.3, 3.0, 1.2, -3.1]]
+    >>> loads, truth = [Load([2e3, 0, 0]), Load([0, 0, -4e3])], SyntheticTests(stiffness=[2e6] * 6, seed=1)
+    >>> setup = Setup(tool=[0.1, 0.05, 0.4])
+    >>> tests = made_load_tests(gt.robots.kr500(), truth, poses, loads, setup)
+    >>> stiffness_study(gt.robots.kr500(), tests, setup).status
+    <SolveStatus.SOLVED: 'solved'>
+    """
+    work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
+    setup = setup or Setup()
+    work.progress("kinematics", 0.1)
+    poses, static, spring = static_tests(robot, tests, setup)
+    title = title or f"joint stiffness of {type(robot).__name__}"
+    if tests.synthetic and "synthetic" not in title.lower():
+        title += " (synthetic)"
+    if work.interrupted():
+        return StiffnessStudy(status=SolveStatus.INTERRUPTED, message="stopped before the fit", title=title)
+    try:
+        fits = _fits(setup, static, spring, poses.q)
+        fit = fits[setup.method]
+        best = select(static, min(setup.best, len(static.J)), fit.compliance).chosen
+    except ArgumentError:
+        raise
+    except ValueError as error:
+        raise ArgumentError(str(error), "tests" if tests.truth is None else "load") from error
+    files = {"parameters.toml": _parameters(fit, tests.synthetic)}
+    if tests.truth is not None:
+        files[FILE] = tests.text
+    return StiffnessStudy(
+        status=SolveStatus.SOLVED,
+        message=f"{len(static.J)} tests, {fit.method}",
+        title=title,
+        objective=float(0.5 * fit.estimate.residuals @ fit.estimate.residuals),
+        checks=_checks(tests, static, fit),
+        figures={"stiffness": partial(_figure, tests, fits, title)},
+        files=files,
+        machine_files=("parameters.toml",),
+        **_values(setup, tests, static, fits, best),
+    )
+
+
+def fitted_rows(tests: MeasuredTests) -> list[str]:
+    """What will be fitted to how many rows, in lines of text."""
+    n = len(tests.q)
+    return [
+        f"{n} static load tests",
+        "dX = J diag(J'F) c with c = 1/K, linear in the compliances (Cvitanic 2021, eqs. (2), (3), (6))",
+        f"complete pose: {6 * n} rows; decoupled: {3 * n} rows of the wrist centre, then {3 * n} of the tool",
+        *PRINTED,
+    ]
+
+
+def _fits(setup: Setup, tests: StaticTests, spring: Any, q: Array) -> dict[str, StiffnessFit]:
+    if setup.compensator is None or not setup.compensator.estimate_rate:
+        return {"complete_pose": complete_pose(tests), "decoupled": decoupled(tests)}
+    if setup.method == "decoupled":
+        raise ArgumentError("estimates no compensator; use complete_pose", "setup.method")
+    K_c = tests.K_c
+    assert spring is not None and K_c is not None
+    loads = K_c - spring.added(np.zeros_like(K_c), q)
+    return {"complete_pose": with_compensator(tests.with_(K_c=loads), spring, q)}
+
+
+def _checks(tests: MeasuredTests, static: StaticTests, fit: StiffnessFit) -> dict[str, Check]:
+    # noise that was stated too large makes intervals wide, not wrong
+    small = fit.adequacy.statistic <= fit.estimate.freedom
+    least = min(FALSE_ALARM, fit.adequacy.p) if small else FALSE_ALARM
+    checks = {"chi_squared_p": at_least(fit.adequacy.p, least, "the notes say what the residuals may hold")}
+    again = copies(np.column_stack([tests.q, static.wrench, static.displacement]))
+    if len(again):
+        checks["copied_tests"] = at_most(float(len(again)), 0.0, "take copies out")
+    below = int(np.sum(fit.compliance <= 0))
+    if below:
+        checks["negative_compliances"] = at_most(float(below), 0.0, "the notes name the joints")
+    if tests.truth is not None:
+        from scipy.stats import norm  # here: it alone takes as long to import as all of gtmodel
+
+        true = 1e-6 / (np.array(tests.truth) / 1e6)
+        errors = np.abs(fit.compliance / true - 1)
+        # a compensator's constant may stand behind the joints
+        std = np.sqrt(np.diag(fit.estimate.covariance))[: len(true)]
+        chance = norm.isf(FALSE_ALARM / 2 / len(true)) * std / true
+        bounds = np.maximum(WITHIN, chance)
+        worst = int(np.argmax(errors / bounds))
+        checks["compliance_error"] = at_most(float(errors[worst]), float(bounds[worst]))
+    return checks
+
+
+def _values(
+    setup: Setup, tests: MeasuredTests, static: StaticTests, fits: dict[str, StiffnessFit], best: tuple[int, ...]
+) -> dict[str, Any]:
+    fit = fits[setup.method]
+    other = next((f for name, f in fits.items() if name != setup.method), None)
+    joints = range(len(fit.compliance))
+    # a negative compliance leaves no direction a stiffness: null, not infinite
+    sound = bool(np.all(fit.compliance > 0))
+    stiffness, _ = softest_and_stiffest(translational_compliance(static.J, fit.compliance))
+    doubts = [s for f in (fit, other) if f is not None for s in negative(f)]
+    doubts += repeated(static, tests.q, tests.numbered)
+    rate = None
+    if RATE in fit.estimate.names:
+        at = fit.estimate.names.index(RATE)
+        rate = [float(fit.estimate.values[at]), float(fit.estimate.std[at])]
+    return {
+        "method": fit.method,
+        "stiffness": fit.stiffness,
+        "interval": np.array([fit.interval(j) for j in joints]),
+        "compliance": fit.compliance,
+        "other_method": None if other is None else other.stiffness,
+        "agree": None if other is None else [_overlap(fit.interval(j), other.interval(j)) for j in joints],
+        "compensator_rate": rate,
+        "chi_squared_p": fit.adequacy.p,
+        "adequacy": fit.adequacy.sentence,
+        "adequate": bool(fit.adequacy.passed),
+        "observability": fit.told.indices.o1,
+        "sentences": fit.told.sentences(),
+        "best_tests": [int(tests.numbered[i]) for i in best],
+        "softest": stiffness[:, 0] if sound else None,
+        "stiffest": stiffness[:, -1] if sound else None,
+        "said": [*doubts, *([] if fit.adequacy.passed else [LACKS]), *PRINTED, MOMENT],
+        "synthetic": tests.synthetic,
+    }
+
+
+def _rows(v: Mapping[str, Any], adequacy: str, note: str | None) -> list[Row]:
+    rows = [
+        Row(f"joint {j + 1}", f"{K:.4g} {_range(i)}", "MN.m/rad")
+        for j, (K, i) in enumerate(zip(v["stiffness_MNm_rad"], v["interval_MNm_rad"], strict=True))
+    ]
+    if v["other_method_MNm_rad"] is not None:
+        rows.append(Row("by the other method", listed(v["other_method_MNm_rad"]), "MN.m/rad"))
+        rows.append(Row("their intervals overlap", ", ".join("yes" if a else "no" for a in v["agree"])))
+    if v["compensator_rate_N_m"] is not None:
+        rate, std = v["compensator_rate_N_m"]
+        rows.append(Row("rate of the gravity compensator", f"{rate:.4g} (std {std:.2g})", "N/m"))
+    rows += [
+        Row("residuals", adequacy),
+        *([] if v["softest_N_m"] is None else [
+            Row("softest direction of the tool, over the tests", f"{min(v['softest_N_m']) / 1e6:.4g} to "
+                f"{max(v['softest_N_m']) / 1e6:.4g}", "N/um")]),
+        Row("tests that tell most, lines of the file", ", ".join(map(str, v["best_tests"]))),
+        *(Row("told", sentence) for sentence in v["told"]),
+        *(Row("beside the print" if sentence in SAID else "look at this", sentence) for sentence in v["said"]),
+    ]  # fmt: skip
+    return [*rows, Row("SYNTHETIC", note)] if note else rows
+
+
+def _range(ends: Sequence[float]) -> str:
+    low, high = ends
+    if np.isnan(low):
+        return "(negative, no interval)"
+    return f"({low:.4g} .. {f'{high:.4g}' if np.isfinite(high) else 'no end'})"
+
+
+def _parameters(fit: StiffnessFit, note: str | None) -> str:
+    import tomli_w
+
+    comment = f"# synthetic: {note}\n" if note else ""
+    return comment + tomli_w.dumps({"stiffness_MNm_rad": (fit.stiffness / 1e6).tolist()})
+
+
+def _figure(tests: MeasuredTests, fits: dict[str, StiffnessFit], title: str) -> Any:
+    from ...plot.stiffness import stiffness_figure
+
+    found = [(f.method, f.stiffness, np.array([f.interval(j) for j in range(len(f.stiffness))])) for f in fits.values()]
+    true = None if tests.truth is None else np.array(tests.truth)
+    note = tests.synthetic
+    return stiffness_figure(found, true, title=f"{title}\n(synthetic: {note})" if note else title)
+
+
+def _overlap(a: tuple[float, float], b: tuple[float, float]) -> bool:
+    return max(a[0], b[0]) <= min(a[1], b[1])

@@ -1,0 +1,72 @@
+"""Kind "axis_trajectory": time- or energy-optimal motion of the F1, free between positions of its axes or on a path."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from gtmodel.motion.axes import AxisProblem, AxisStudy, axis_study, plan_of
+from gtmodel.motion.axes.plan import CARTS
+from gtmodel.optimize.formulation.problem import build
+from gtmodel.problem_files.base import Context
+from gtmodel.problem_files.call import Call
+from gtmodel.problem_files.path_keys import PATH_ARGUMENTS
+
+from .keys import Schema
+
+NAME = "axis_trajectory"
+RESULT = AxisStudy
+ARGUMENTS = PATH_ARGUMENTS | {
+    "start.carts": "start.q_m", "start.axes": "start.q_deg", "goal.carts": "goal.q_m", "goal.axes": "goal.q_deg",
+    "tool.axis": "path.tool_axis", "tool.through": "path.tool", "earlier": "--start",
+}  # fmt: skip
+
+
+def call(problem: Schema, context: Context) -> Call:
+    """The study of the motion."""
+    return Call(axis_study, **_asked(problem, context))
+
+
+def _asked(problem: Schema, context: Context) -> dict[str, Any]:
+    path = problem.path
+    return dict(
+        robot=problem.model(context), start=problem.start.options(), goal=problem.goal.options(),
+        limits=problem.limits.options(), path=None if path is None else path.options(context),
+        tool=None if path is None else path.held(), degrees_of_freedom=problem.degrees_of_freedom,
+        cost=problem.cost.options(), mesh=problem.mesh.options(), solver=problem.solver.options(),
+        earlier=context.guess(), title=problem.title,
+    )  # fmt: skip
+
+
+def explain(problem: Schema, context: Context) -> str:
+    """What is optimised: states, controls, unknowns without a closed form, bounds."""
+    asked = {name: value for name, value in _asked(problem, context).items() if value is not None}
+    plan = plan_of(AxisProblem(**asked))
+    built = build(plan.optimization(), problem.solver.options().formulation)
+    mesh, (low, high) = plan.problem.mesh, plan.strokes
+    further = list(dict.fromkeys(m.key for m in plan.guard.margins))
+    strokes = [f"q{k + 1} {_shown(k, low[k])} to {_shown(k, high[k])}" for k in range(len(low))
+               if np.isfinite(low[k]) or np.isfinite(high[k])]  # fmt: skip
+    return "\n".join(
+        [
+            f"{problem.title or 'motion'}: {built.formulation} form, {mesh.elements} elements x "
+            f"{mesh.points} Radau points, {problem.degrees_of_freedom} degrees of freedom",
+            f"  states: {', '.join(built.state_names)}",
+            f"  controls: {', '.join(built.control_names)}; forces within {plan.motors[0]:g} N, torques within "
+            f"{plan.motors[-1]:g} N.m",
+            f"  unknown at each point: {', '.join(built.point_names)}",
+            f"  free: {', '.join(built.free_names)}",
+            *(
+                [f"  along: {problem.path.shape} of {plan.course.path.length:.4g} m"]
+                if problem.path and plan.course
+                else []
+            ),
+            *([f"  strokes: {'; '.join(strokes)}"] if strokes else []),
+            *([f"  further limits: {', '.join(further)}"] if further else []),
+        ]
+    )
+
+
+def _shown(k: int, x: float) -> str:
+    return f"{x:g} m" if k < CARTS else f"{np.degrees(x):g} deg"

@@ -1,0 +1,118 @@
+"""The keys of kind "calibration"."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field, PositiveFloat, field_validator
+
+from gtmodel.calibrate.measured import options as measured
+from gtmodel.calibrate.options import Fit
+from gtmodel.calibrate.synthetic import options as made_up
+from gtmodel.compliance.load_tests import options as load_tests
+from gtmodel.compliance.options import Load
+from gtmodel.problem_files.base import Section
+from gtmodel.problem_files.from_options import Made, made_from
+from gtmodel.problem_files.robot_keys import RobotProblem
+
+Four = Annotated[list[float], Field(min_length=4, max_length=4)]
+
+
+@made_from(measured.Measured)
+class Measured(Made):
+    """Measured poses in a CSV file."""
+
+    file: str = Field(description="path from the problem's folder")
+
+
+@made_from(made_up.Synthetic)
+class Synthetic(Made):
+    """A robot with known errors, measured at poses that its model reaches: a file to try the calibration on."""
+
+
+class CartPoints(Section):
+    """Points of each cart along its guideway, measured in another set-up of the device (Dressler 2012, eq. (5.7))."""
+
+    file: str = Field(
+        description="CSV with the columns q and P1, P2, P3, three numbers each, from the problem's folder"
+    )
+    unit: str = Field(default="mm", description="of all its columns")
+    arms: list[Annotated[int, Field(ge=1, le=3)]] = Field(
+        description="arms on straight pieces through their points; all others stay straight: D1 models 2 and 4 all, 5 "
+        "the second",
+        min_length=1,
+    )
+    quaternion: Four = Field(
+        default=[1.0, 0.0, 0.0, 0.0],
+        description="turn of that set-up in the frame of the poses, by common reference points, scalar first",
+    )
+    turn_std_rad: PositiveFloat | None = Field(
+        default=None, description="how well it is known; left out, the poses alone tell it, badly about the guideway"
+    )
+
+
+class HeldOut(Section):
+    """Poses that the fit does not see."""
+
+    every: int = Field(default=2, ge=0, description="every how many-th pose is held out; 0 for none")
+    file: str | None = Field(default=None, description="another file of the same columns instead")
+
+    @field_validator("every")
+    @classmethod
+    def _leaves_poses(cls, every: int) -> int:
+        if every == 1:
+            raise ValueError("1 holds every pose out and leaves none to fit; take 2 or more, or 0 for none")
+        return every
+
+
+@made_from(load_tests.LoadTests)
+class LoadTests(Made):
+    """Measured tests, one a row: where the arm stood, what pulled, what moved. World coordinates."""
+
+    file: str = Field(description="CSV, path from the problem's folder")
+
+
+@made_from(load_tests.SyntheticTests)
+class SyntheticTests(Made):
+    """Tests made up from known stiffness, to see what identification gives back."""
+
+
+@made_from(Load)
+class StaticLoad(Made):
+    """One load, world coordinates, hung on the tool in every pose."""
+
+
+class _Hung(Made):
+    poses_deg: list[list[float]] | None = Field(
+        default=None, description="joint angles of each pose, all loads in each; of synthetic tests"
+    )
+    load: list[StaticLoad] | None = Field(default=None, description="one table for each load; of synthetic tests")
+
+
+@made_from(load_tests.Setup)
+class _SetUp(_Hung):
+    """How joint stiffness is told."""
+
+
+class JointStiffness(_SetUp):
+    """Joint stiffness of a serial arm from static load tests. One of measurements and synthetic tells what moved."""
+
+    measurements: LoadTests | None = Field(default=None, description="measured tests")
+    synthetic: SyntheticTests | None = Field(default=None, description="made-up tests")
+
+
+@made_from(Fit)
+class _Fitted(RobotProblem, Made):
+    """What a calibration fits."""
+
+
+class Schema(_Fitted):
+    """Geometric parameters of a robot from measured poses."""
+
+    measurements: Measured | None = Field(default=None, description="measured poses")
+    synthetic: Synthetic | None = Field(default=None, description="made-up poses instead")
+    cart_points: CartPoints | None = Field(default=None, description="guideways through measured points")
+    held_out: HeldOut = HeldOut()
+    joint_stiffness: JointStiffness | None = Field(
+        default=None, description="joint stiffness of a serial arm from static load tests, in place of geometry"
+    )

@@ -1,0 +1,138 @@
+"""Kind "calibration": geometric parameters of a robot from measured poses, or joint stiffness from load tests."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from gtmodel import calibrate
+from gtmodel.calibrate import CalibrationStudy, CartPoints, Origin, Poses
+from gtmodel.calibrate.calibration_study import explained
+from gtmodel.calibrate.modifiers import merged
+from gtmodel.compliance import MeasuredTests, StiffnessStudy, made_load_tests, read_load_tests, stiffness_study
+from gtmodel.compliance.load_tests.stiffness import fitted_rows
+from gtmodel.lang import Model
+from gtmodel.problem_files import python_models, robots
+from gtmodel.problem_files.base import Context, InputError
+from gtmodel.problem_files.call import Call
+from gtmodel.results import ArgumentError
+
+from . import page
+from .keys import JointStiffness, Schema
+
+NAME = "calibration"
+RESULT = CalibrationStudy
+STIFFNESS = "joint_stiffness"
+ARGUMENTS = {
+    "fit": "", "poses.values": "measurements.signals", "poses": "measurements", "measured": "measurements",
+    "carts.points": "cart_points.file", "carts": "cart_points",
+    "tests": f"{STIFFNESS}.measurements", "truth": f"{STIFFNESS}.synthetic", "load": f"{STIFFNESS}.load",
+    "setup": STIFFNESS,
+}  # fmt: skip
+ALIKE = ("kind", "title", "robot", "parameters", STIFFNESS)
+
+
+def call(problem: Schema, context: Context) -> Call:
+    """The study of the poses, or of the load tests."""
+    context.progress("reading", 0.1)
+    robot = problem.model(context)
+    if problem.joint_stiffness is not None:
+        keys = _stiffness(problem)
+        title = problem.title or f"joint stiffness of {problem.robot}"
+        found = Call(stiffness_study, robot, _tests(keys, robot, context), keys.options(), title=title)
+        return found.then(partial(_in_the_file, problem=problem, context=context))
+    carts = _carts(problem, context)
+    reference, before = robots.in_python(problem.robot, context)
+    origin = Origin(
+        problem.robot, reference if python_models.is_reference(reference) else "", merged(before, problem.parameters)
+    )
+    title = problem.title or f"{NAME} of {problem.robot}"
+    return Call(
+        calibrate.study, robot, _poses(problem, robot, context), problem.options(), held_out=problem.held_out.every,
+        carts=carts, origin=origin, title=title,
+    ).then(partial(page.added, problem=problem, context=context))  # fmt: skip
+
+
+def explain(problem: Schema, context: Context) -> str:
+    """What is free, what stays, and what the poses can tell before anything is fitted."""
+    robot = problem.model(context)
+    if problem.joint_stiffness is not None:
+        lines = fitted_rows(_tests(_stiffness(problem), robot, context))
+    else:
+        carts, poses = _carts(problem, context), _poses(problem, robot, context)
+        lines = explained(robot, poses, problem.options(), problem.held_out.every, carts)
+    name = NAME if problem.joint_stiffness is None else STIFFNESS
+    return "\n".join([f"{problem.title or name}: {lines[0]}", *lines[1:]])
+
+
+def _poses(problem: Schema, robot: Model, context: Context) -> Poses:
+    if (problem.measurements is None) == (problem.synthetic is None):
+        found = "both" if problem.measurements else "none of them"
+        raise InputError(f"expected one of [measurements] and [synthetic]; found {found}", "measurements")
+    other = problem.held_out.file
+    held_out = None if other is None else _file(other, "held_out.file", context)
+    if problem.synthetic is not None:
+        return calibrate.made_poses(robot, problem.synthetic.options(), held_out)
+    assert problem.measurements is not None
+    path = _file(problem.measurements.file, "measurements.file", context)
+    return calibrate.read_poses(path, problem.measurements.options(), held_out)
+
+
+def _carts(problem: Schema, context: Context) -> CartPoints | None:
+    keys = problem.cart_points
+    if keys is None:
+        return None
+    try:
+        at, points = calibrate.read_cart_points(_file(keys.file, "cart_points.file", context), keys.arms, keys.unit)
+    except ArgumentError as error:
+        raise InputError(error.sentence, "cart_points.file") from error
+    return CartPoints(at, points, keys.quaternion, turn_std=keys.turn_std_rad)
+
+
+def _stiffness(problem: Schema) -> JointStiffness:
+    beside = sorted(problem.model_fields_set - set(ALIKE))
+    if beside:
+        raise InputError(f"is of a geometric calibration; leave it out beside [{STIFFNESS}]", beside[0])
+    assert problem.joint_stiffness is not None
+    return problem.joint_stiffness
+
+
+def _tests(keys: JointStiffness, robot: Model, context: Context) -> MeasuredTests:
+    if (keys.measurements is None) == (keys.synthetic is None):
+        found = "both" if keys.measurements else "none of them"
+        raise InputError(f"expected one of [measurements] and [synthetic]; found {found}", STIFFNESS)
+    if keys.measurements is not None:
+        if keys.poses_deg is not None or keys.load is not None:
+            name = "load" if keys.poses_deg is None else "poses_deg"
+            raise InputError("belongs to synthetic tests; measured ones have it in their file", f"{STIFFNESS}.{name}")
+        path = _file(keys.measurements.file, f"{STIFFNESS}.measurements.file", context)
+        return read_load_tests(path, keys.measurements.options())
+    assert keys.synthetic is not None
+    if not keys.poses_deg or not keys.load:
+        raise InputError("synthetic tests need poses_deg and at least one load", STIFFNESS)
+    for n, angles in enumerate(keys.poses_deg):
+        if len(angles) != 6:
+            sentence = f"has {len(angles)} numbers; expected 6 joint angles in degrees"
+            raise InputError(sentence, f"{STIFFNESS}.poses_deg[{n}]")
+    poses, loads = np.deg2rad(keys.poses_deg), [load.options() for load in keys.load]
+    return made_load_tests(robot, keys.synthetic.options(), poses.tolist(), loads, keys.options())
+
+
+def _in_the_file(found: StiffnessStudy, problem: Schema, context: Context) -> CalibrationStudy:
+    """The study as this kind writes it, with the report."""
+    study = CalibrationStudy(
+        status=found.status, message=found.message, title=found.title, objective=found.objective, checks=found.checks,
+        figures=found.figures, files=found.files, machine_files=found.machine_files, synthetic=found.synthetic,
+        joint_stiffness=found if found.method else None,
+    )  # fmt: skip
+    return page.added(study, problem, context)
+
+
+def _file(name: str, key: str, context: Context) -> Path:
+    path = robots.file_of(name, context)
+    if path is None:
+        raise InputError(f"there is no file '{name}' in {context.folder} or here", key)
+    context.take(key, path)
+    return path

@@ -1,0 +1,221 @@
+"""report.html of a calibration: one file with all pictures in it, the same bytes for the same input."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+from collections.abc import Callable, Mapping, Sequence
+from html import escape
+from typing import Any
+
+import numpy as np
+
+from gtmodel.calibrate import CalibrationStudy, Fit
+from gtmodel.problem_files.base import Context
+from gtmodel.results.made_files import made
+from gtmodel.results.written import png, versions
+
+from .keys import Schema
+
+REPORT = "report.html"
+STYLE = (
+    "body{font:15px/1.45 sans-serif;max-width:62em;margin:2em auto;padding:0 1em;color:#222}"
+    "table{border-collapse:collapse;margin:.6em 0}"
+    "td,th{padding:.15em .7em;border-bottom:1px solid #ddd;text-align:left}"
+    "td.n{text-align:right;font-variant-numeric:tabular-nums}img{max-width:100%}"
+    ".good{background:#e3f4e3}.bad{background:#fbe3e0}.box{padding:.5em 1em;margin:.5em 0}"
+    ".made{background:#fff3cd;padding:.5em 1em}"
+)
+CAPTIONS = {
+    "pose_errors": "Positioning error per pose (compare Dressler 2012, Fig. 5.1); dashed: its mean; ring: the worst.",
+    "workspace_errors": "Positioning error over the workspace; ring: the worst place.",
+    "length_errors": "Length errors of each link on the fitted poses.",
+    "deviations": "Standard deviation of each unknown.",
+    "correlation": "Correlation of the unknowns.",
+    "stiffness": "Stiffness by joint with 95 % intervals, by method.",
+}
+
+
+def added(study: CalibrationStudy, problem: Schema, context: Context) -> CalibrationStudy:
+    """The study with report.html among its files; nothing where it was stopped before the fit."""
+    if not study.files:
+        return study
+    page, behind = (stiffness_text, "parameters.toml") if study.joint_stiffness is not None else (text, "poses.csv")
+    return study.with_(files=made(study.files).with_(REPORT, lambda: page(study, problem, context), behind=behind))
+
+
+def text(study: CalibrationStudy, problem: Schema, context: Context) -> str:
+    """The page. No link leads out of it, no date is in it."""
+    values, figures, title = study.values, study.figures, study.title
+    parts = [f"<h1>{escape(title)}</h1>"]
+    if values["synthetic"]:
+        parts.append(f'<p class="made">Synthetic measurements: {escape(values["synthetic"])}</p>')
+    good = values["numerics_sound"] and values["prediction_proven"] is not False
+    sentences = "".join(f"<li>{escape(s)}</li>" for s in values["verdict"])
+    parts.append(f'<h2>Verdict</h2><ul class="box {"good" if good else "bad"}">{sentences}</ul>')
+    if values["notes"]:
+        parts.append("<h2>Notes</h2><ul>" + "".join(f"<li>{escape(s)}</li>" for s in values["notes"]) + "</ul>")
+    parts.append("<h2>Accuracy</h2>" + _accuracy(values))
+    for name in ("pose_errors", "workspace_errors"):
+        parts.append(picture(figures, name, CAPTIONS[name]))
+    parts.append("<h2>Parameters</h2>" + _parameters(values))
+    if values["measurement"]:
+        parts.append("<h3>Of the measurement</h3>" + table(("name", "value"), list(values["measurement"].items())))
+    parts += [picture(figures, name, CAPTIONS[name]) for name in ("deviations", "correlation")]
+    parts.append("<h2>Links</h2>" + table(("link", "mean length error [mm]"), list(values["link_errors_mm"].items())))
+    parts.append(picture(figures, "length_errors", CAPTIONS["length_errors"]))
+    parts.append("<h2>What the poses tell</h2>" + _told(values))
+    parts.append(_outliers(values))
+    parts.append(_sensitivity(values, problem))
+    parts.append("<h2>Where this comes from</h2>" + _provenance(values["poses"], problem, context))
+    return whole(title, parts)
+
+
+def stiffness_text(study: CalibrationStudy, problem: Schema, context: Context) -> str:
+    """The page: result, what is claimed in print and what the tests support, what each unknown is told by."""
+    values, figures, title = study.values, study.figures, study.title
+    v = values["joint_stiffness"]
+    parts = [f"<h1>{escape(title)}</h1>"]
+    if values["synthetic"]:
+        parts.append(f'<p class="made">Synthetic load tests: {escape(values["synthetic"])}</p>')
+    sound = "good" if v["adequate"] and all(K > 0 for K in v["stiffness_MNm_rad"]) else "bad"
+    sentences = "".join(f"<li>{escape(s)}</li>" for s in (v["adequacy"], *v["said"]))
+    parts.append(f'<h2>Verdict</h2><ul class="box {sound}">{sentences}</ul>')
+    rows = [
+        (
+            f"joint {j + 1}",
+            K,
+            "none: negative" if np.isnan(i[0]) else i[0],
+            "" if np.isnan(i[0]) else i[1] if np.isfinite(i[1]) else "no upper end",
+        )
+        for j, (K, i) in enumerate(zip(v["stiffness_MNm_rad"], v["interval_MNm_rad"], strict=True))
+    ]
+    heads = (f"by {v['method']}", "stiffness [MN m/rad]", "95 % from", "to")
+    parts += ["<h2>Joint stiffness</h2>", table(heads, rows), picture(figures, "stiffness", CAPTIONS["stiffness"])]
+    if v["other_method_MNm_rad"] is not None:
+        rows = [(f"joint {j + 1}", K, "yes" if a else "no") for j, (K, a) in enumerate(
+            zip(v["other_method_MNm_rad"], v["agree"], strict=True))]  # fmt: skip
+        parts.append(table(("by the other method", "stiffness [MN m/rad]", "intervals overlap"), rows))
+    if v["compensator_rate_N_m"] is not None:
+        parts.append(table(("gravity compensator", "rate [N/m]", "std"), [("joint 2", *v["compensator_rate_N_m"])]))
+    told = "".join(f"<li>{escape(s)}</li>" for s in v["told"])
+    parts.append(f"<h2>What the tests tell</h2><ul>{told}</ul><p>O1 = {v['observability_O1']:.4g}.</p>")
+    parts.append(f"<p>The tests that tell most: {', '.join(map(str, v['best_tests']))} (lines of the file).</p>")
+    rows = [("problem", context.name), ("robot", problem.robot), *inputs(context)]
+    rows += [(n, x) for n, x in versions().items() if n != "platform"]
+    parts += ["<h2>Where this comes from</h2>", table(("what", ""), rows)]
+    return whole(title, parts)
+
+
+def whole(title: str, parts: Sequence[str]) -> str:
+    """The page of its parts."""
+    body = "\n".join(p for p in parts if p)
+    return (
+        f'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8"><title>{escape(title)}</title>'
+        f"<style>{STYLE}</style></head><body>\n{body}\n</body></html>\n"
+    )
+
+
+def inputs(context: Context) -> list[Sequence[Any]]:
+    """The files that were read, with their hashes."""
+    paths = ((key, path) for key, path in context.inputs.items() if path.is_file())
+    return [(f"{key}: {path.name}", "sha256 " + hashlib.sha256(path.read_bytes()).hexdigest()) for key, path in paths]
+
+
+def _accuracy(values: Mapping[str, Any]) -> str:
+    rows: list[Sequence[Any]] = []
+    for key, said in (("a_priori_mm", "before"), ("fitted_mm", "fitted poses"), ("held_out_mm", "held-out poses")):
+        if values[key]:
+            rows.append((said, values[key]["mean"], values[key]["rms"], values[key]["max"]))
+    found = table(("positioning error", "mean [mm]", "rms [mm]", "greatest [mm]"), rows)
+    if values["orientation_deg"]:
+        o = values["orientation_deg"]
+        found += f"<p>Orientation error: mean {o['mean']:.3g}, greatest {o['max']:.3g} degrees.</p>"
+    if values["worst"]:
+        w = values["worst"]
+        at = ", ".join(f"{x:.3f}" for x in w["position_m"])
+        found += f"<p>Worst place: ({at}) m, line {w['line']}, {w['error_mm']:.3g} mm.</p>"
+    if values["principal"]:
+        p = values["principal"]
+        rows = [(f"({', '.join(f'{x:.2f}' for x in d)})", s) for s, d in zip(p["rms_mm"], p["directions"], strict=True)]
+        found += table(("principal direction of the error", "rms [mm]"), rows)
+    if values["repeatability_mm"] is not None:
+        found += f"<p>Repeatability of poses measured more than once: {values['repeatability_mm']:.3g} mm rms.</p>"
+    return found
+
+
+def _parameters(values: Mapping[str, Any]) -> str:
+    rows = []
+    for u in values["unknowns"]:
+        told = u["interval_95"] or ["not told" if u["std"] is None else "see notes", ""]
+        interval = [x if isinstance(x, str) else f"{x:.7g}" for x in told]
+        std = "" if u["std"] is None else f"{u['std']:.2g}"
+        rows.append((u["name"], u["unit"], u["start"], u["value"], std, *interval))
+    return table(("unknown", "unit", "before", "calibrated", "std", "95 % from", "to"), rows)
+
+
+def _told(values: Mapping[str, Any]) -> str:
+    found = ""
+    for key, said in (("identifiability_before", "Before the fit"), ("identifiability_after", "At the solution")):
+        told = values[key]
+        if told is None:
+            continue
+        sentences = "".join(f"<li>{escape(s)}</li>" for s in told["sentences"])
+        indices = ", ".join(f"{n} = {v:.4g}" for n, v in told["observability"].items())
+        found += (
+            f"<h3>{said}</h3><ul>{sentences}</ul><p>Observability {indices} (r = {told['rank']}, {told['scaling']})."
+        )
+        found += f" Condition {told['condition']:.4g}.</p>"
+    if values["correlated"]:
+        found += "<h3>Correlated</h3>" + table(("unknown", "and", "correlation"), values["correlated"])
+    return found
+
+
+def _outliers(values: Mapping[str, Any]) -> str:
+    if not values["outliers"]:
+        return "<h2>Outliers</h2><p>None.</p>"
+    rows = [(o["line"], o["link"], o["residual_mm"], f"{o['times']:.1f}") for o in values["outliers"]]
+    return "<h2>Outliers</h2>" + table(("line", "link", "length error [mm]", "robust deviations"), rows)
+
+
+def _sensitivity(values: Mapping[str, Any], problem: Schema) -> str:
+    slopes = values["sensitivity"]
+    if not slopes:
+        return ""
+    heads = list(next(iter(slopes.values())))
+    rows = [(name, *(entry[h] for h in heads)) for name, entry in slopes.items()]
+    fit: Fit = problem.options()
+    said = f"Sums over the fitted poses of the changes by {fit.sensitivity_step:g} up and down (Dressler 2012, (5.8))."
+    return f"<h2>Sensitivity</h2><p>{said}</p>" + table(("unknown", *heads), rows)
+
+
+def _provenance(poses: Mapping[str, int], problem: Schema, context: Context) -> str:
+    fit: Fit = problem.options()
+    rows: list[Sequence[Any]] = [("problem", context.name), ("robot", problem.robot), ("cost", fit.cost)]
+    rows += inputs(context)
+    rows.append(("keys of the problem", "sha256 " + hashlib.sha256(problem.model_dump_json().encode()).hexdigest()))
+    rows += [(n, v) for n, v in versions().items() if n != "platform"]
+    return table(("what", ""), [*rows, ("poses", f"{poses['fitted']} fitted, {poses['held_out']} held out")])
+
+
+def table(heads: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
+    """A table with numbers to six digits."""
+    top = "".join(f"<th>{escape(h)}</th>" for h in heads)
+    lines = ["<tr>" + "".join(map(_cell, row)) + "</tr>" for row in rows]
+    return f"<table><tr>{top}</tr>{''.join(lines)}</table>"
+
+
+def _cell(value: Any) -> str:
+    if isinstance(value, float):
+        return f'<td class="n">{value:.6g}</td>'
+    return f"<td>{escape(str(value))}</td>"
+
+
+def picture(figures: Mapping[str, Callable[[], Any]], name: str, caption: str) -> str:
+    """A picture with its caption, in the page itself; nothing where it is not drawn."""
+    if name not in figures:
+        return ""
+    data = base64.b64encode(png(figures[name])).decode()
+    caption = escape(caption)
+    image = f'<img alt="{caption}" src="data:image/png;base64,{data}">'
+    return f"<figure>{image}<figcaption>{caption}</figcaption></figure>"

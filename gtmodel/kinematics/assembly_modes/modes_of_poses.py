@@ -1,0 +1,270 @@
+"""Assembly modes of many poses as a study: certificate, the commanded mode of each, checks, table, pictures."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from ...lang import Model, ModelError
+from ...results import ArgumentError, Check, SolveStatus, Work, at_most
+from ...results.status import ModesStatus
+from ...results.work import Progress, never, silent
+from .commanded_mode import COMMANDED, Judged
+from .hand_poses import Pose, hands_of
+from .modes_result import ModesStudy
+from .six_links import Hands, six_links_of
+from .solve import assembly_modes_batch
+
+# scaled equations at a mode: rounding of some dozen terms of size one
+RESIDUAL = 1e-12
+# leg lengths over the size: rounding too, larger by the condition near a singularity
+LEG_ERROR = 1e-12
+
+
+def modes_study(
+    robot: Model | Hands,
+    poses: Pose | Sequence[Pose] | None = None,
+    *,
+    title: str = "",
+    progress: Progress = silent,
+    max_seconds: float | None = None,
+    stop: Callable[[], bool] = never,
+) -> ModesStudy:
+    """All assembly modes of six links, with a certificate that none is missing, and the commanded one among them.
+
+    Args:
+        robot: with six links of fixed length, or the legs of bare platforms as `bare` and `draw` give them.
+        poses: of the robot, one or many that give the same quantities; its home if left out.
+        progress, max_seconds, stop: see `gtmodel.results.Work`.
+
+    A pose whose legs cannot be had has a status and harms no other. Interrupted, it holds the poses that were
+    searched. Raises ArgumentError.
+
+    >>> import gtmodel as gt
+    >>> from gtmodel.kinematics.assembly_modes import Pose
+    >>> s = gt.kinematics.modes_study(gt.robots.six_link_gantry_tau(), Pose(q=[-0.2, 0.0, -0.2]))
+    >>> s.found, s.real, s.commanded
+    (40, 6, 6)
+    """
+    work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
+    hands = legs_of(robot, poses)
+    if work.interrupted():
+        return ModesStudy(status=SolveStatus.INTERRUPTED, message=SolveStatus.INTERRUPTED.sentence, title=title)
+
+    def told(done: int, count: int) -> bool:
+        work.progress("tracking 40 paths per pose", done / count, {"poses": float(done)})
+        return work.interrupted()
+
+    told(0, len(hands))
+    judged = Judged.of(hands, assembly_modes_batch(hands.A, hands.B, hands.L, progress=told))
+    refused = judged.refused()
+    if len(hands) == 1 and refused:
+        raise ArgumentError(refused[0], "legs" if isinstance(robot, Hands) else _named(poses) if poses else "robot")
+    return _concluded(judged, title)
+
+
+def legs_of(robot: Model | Hands, poses: Pose | Sequence[Pose] | None) -> Hands:
+    """The legs that a study is about. Raises ArgumentError."""
+    if isinstance(robot, Hands):
+        if poses is not None:
+            raise ArgumentError("legs of a platform are where they are; leave the poses out", _named(poses))
+        return robot
+    given = [poses or Pose()] if poses is None or isinstance(poses, Pose) else list(poses)
+    if not given:
+        raise ArgumentError("has no poses", "poses")
+    try:
+        return hands_of(six_links_of(robot), given, _named(poses))
+    except ModelError as error:
+        raise ArgumentError(str(error), "robot") from error
+
+
+def _named(poses: Pose | Sequence[Pose] | None) -> str:
+    return "pose" if poses is None or isinstance(poses, Pose) else "poses"
+
+
+def _concluded(judged: Judged, title: str) -> ModesStudy:
+    done = [i for i in range(len(judged.hands)) if judged.done(i)]
+    each = [_pose_values(judged, i) for i in range(len(judged.hands))]
+    checks = _checks(judged, done)
+    statuses = [r.status for r in judged.results]
+    if ModesStatus.INTERRUPTED in statuses:
+        status = SolveStatus.INTERRUPTED
+    else:
+        status = SolveStatus.SOLVED if all(s.ok for s in statuses) else SolveStatus.FAILED
+    figures = {"modes": partial(_panels, judged, title)} if len(each) == 1 else {
+        "real_modes": partial(_statistics, judged, title)}  # fmt: skip
+    return ModesStudy(
+        status=status,
+        message=_message(judged, status, checks),
+        title=title,
+        checks=checks,
+        **_summary(judged, each, done),
+        files={"modes.csv": _csv(each)},
+        figures=figures,
+    )
+
+
+def _pose_values(judged: Judged, i: int) -> dict[str, Any]:
+    modes, hands = judged.results[i], judged.hands
+    c = modes.certificate
+    near = judged.commanded_nearest(i)
+    mine = judged.commanded[i]
+    return {
+        "pose": i + 1,
+        "status": modes.status.value,
+        "message": judged.message(i),
+        "found": c.found,
+        "distinct": c.distinct,
+        "certified": c.certified,
+        "real": c.real,
+        "conjugate_pairs": c.conjugate_pairs,
+        "infinite": c.infinite,
+        "multiple": c.multiple,
+        "lost": c.lost,
+        "retries": c.retries,
+        "worst_residual": c.worst_residual,
+        "worst_leg_error": judged.leg_error(i),
+        "nearest_mm": 1e3 * c.nearest_distance,
+        "nearest_deg": c.nearest_angle_deg,
+        "commanded": None if mine is None else mine + 1,
+        "commanded_nearest_mm": 1e3 * near[0],
+        "commanded_nearest_deg": near[1],
+        "q_m": hands.q[i, :3],
+        "q_rad": hands.q[i, 3:],
+        "tcp_m": hands.T[i],
+        "quaternion": _quaternion(hands.R[i]),
+        "modes": [
+            {
+                "mode": k + 1,
+                "tcp_m": modes.T[k],
+                "quaternion": modes.quaternion[k],
+                "nearest_mode": int(modes.nearest_other[k]) + 1 or None,
+                "nearest_mm": 1e3 * modes.nearest_distance[k],
+                "nearest_deg": modes.nearest_angle_deg[k],
+                "commanded": k == mine,
+            }
+            for k in range(c.real)
+        ],
+    }
+
+
+def _quaternion(R: np.ndarray) -> np.ndarray:
+    """Scalar first, that one positive; NaN for a rotation that is not known."""
+    if not np.isfinite(R).all():
+        return np.full(4, np.nan)
+    return Rotation.from_matrix(R).as_quat(canonical=True, scalar_first=True)
+
+
+def _summary(judged: Judged, each: list[dict[str, Any]], done: list[int]) -> dict[str, Any]:
+    def over(choose: Callable[[Sequence[Any]], Any], name: str) -> Any:
+        return choose([each[i][name] for i in done]) if done else None
+
+    counts = Counter(each[i]["real"] for i in done)
+    certificates = [r.certificate for r in judged.results]
+    near = _nearest(judged, done, lambda i: (certificates[i].nearest_distance, certificates[i].nearest_angle_deg))
+    mine = _nearest(judged, done, judged.commanded_nearest)
+    only = each[0] if len(each) == 1 else None
+    return {
+        "poses": len(each),
+        "whole": sum(r.status.ok for r in judged.results),
+        **{name: over(min, name) for name in ("found", "distinct", "certified", "real", "conjugate_pairs")},
+        "real_most": over(max, "real"),
+        "real_counts": {str(n): counts[n] for n in sorted(counts)},
+        **{name: over(max, name) for name in ("infinite", "multiple", "lost", "worst_residual", "worst_leg_error")},
+        "retries": over(sum, "retries"),
+        "nearest_distance": near[0],
+        "nearest_angle_deg": near[1],
+        "commanded": only["commanded"] if only else None,
+        "commanded_nearest_distance": mine[0],
+        "commanded_nearest_angle_deg": mine[1],
+        "modes": only["modes"] if only else [],
+        "each": each,
+    }
+
+
+def _nearest(judged: Judged, done: list[int], of: Callable[[int], tuple[float, float]]) -> tuple[float, float]:
+    """Distance [m] and angle [deg] of the pose where two modes are nearest, as `AssemblyModes` measures it; NaN where
+    no pose has two."""
+
+    def measure(i: int) -> float:
+        distance, angle = of(i)
+        return math.hypot(distance / judged.results[i].size, math.radians(angle))
+
+    several = [i for i in done if math.isfinite(of(i)[0])]
+    return of(min(several, key=measure)) if several else (math.nan, math.nan)
+
+
+def _checks(judged: Judged, done: list[int]) -> dict[str, Check]:
+    certificates = [judged.results[i].certificate for i in done]
+    if not certificates:
+        return {}
+    numbers = {
+        "residual": (max(c.worst_residual for c in certificates), RESIDUAL),
+        "leg_error": (max(judged.leg_error(i) for i in done), LEG_ERROR),
+        "not_distinct": (float(max(c.found - c.distinct for c in certificates)), 0.0),
+        "without_conjugate": (float(max(c.found - c.real - 2 * c.conjugate_pairs for c in certificates)), 0.0),
+        "lost": (float(max(c.lost for c in certificates)), 0.0),
+    }
+    errors = [judged.errors[i] for i in done if not math.isnan(judged.errors[i])]
+    if errors:
+        numbers["commanded_error"] = (max(errors), COMMANDED)
+    return {name: at_most(value, bound) for name, (value, bound) in numbers.items()}
+
+
+def _message(judged: Judged, status: SolveStatus, checks: dict[str, Check]) -> str:
+    n = len(judged.hands)
+    if status is SolveStatus.INTERRUPTED:
+        return f"{status.sentence}; {sum(map(judged.done, range(n)))} of {n} poses were searched"
+    if status is SolveStatus.FAILED:
+        bad = [i for i in range(n) if not judged.results[i].status.ok]
+        head = f"pose {bad[0] + 1}: " if n > 1 else ""
+        more = f"; {len(bad)} of {n} poses are not whole" if n > 1 else ""
+        return f"{head}{judged.message(bad[0])}{more}"
+    text = judged.results[0].message if n == 1 else f"all finite modes of {n} poses were found"
+    lacking = [i for i in range(n) if judged.hands.q.shape[1] and math.isnan(judged.errors[i])]
+    if lacking and n == 1:
+        real = judged.results[0].certificate.real
+        text += "; no real one: the links cannot be assembled at these carts" if real == 0 else ""
+        text += f"; Newton reached none of the {real} real ones from home" if real else ""
+    elif lacking:
+        text += f"; Newton found no pose for {len(lacking)} of them"
+    return text
+
+
+def _csv(each: list[dict[str, Any]]) -> str:
+    """One line per real mode."""
+    lines = ["pose,mode,x_m,y_m,z_m,e0,e1,e2,e3,commanded,nearest_mode,nearest_mm,nearest_deg"]
+    for pose in each:
+        for mode in pose["modes"]:
+            numbers = [repr(float(x)) for x in (*mode["tcp_m"], *mode["quaternion"])]
+            near = [f"{mode[name]:.9g}" if math.isfinite(mode[name]) else "" for name in ("nearest_mm", "nearest_deg")]
+            cells = [pose["pose"], mode["mode"], *numbers, int(mode["commanded"]), mode["nearest_mode"] or "", *near]
+            lines.append(",".join(map(str, cells)))
+    return "\n".join(lines) + "\n"
+
+
+def _panels(judged: Judged, title: str) -> Any:
+    from ...plot.assembly_modes import modes_figure
+
+    hands, modes = judged.hands, judged.results[0]
+    return modes_figure(
+        hands.A[0], hands.B[0], modes.R, modes.T,
+        commanded=judged.commanded[0], carts=hands.carts, directions=hands.directions, title=title,
+    )  # fmt: skip
+
+
+def _statistics(judged: Judged, title: str) -> Any:
+    from ...plot.assembly_modes import real_counts_figure
+
+    made = judged.hands.synthetic
+    if made and "synthetic" not in title:
+        title += f" ({made})"
+    done = [i for i in range(len(judged.hands)) if judged.done(i)]
+    near = np.array([judged.commanded_nearest(i) for i in done]).reshape(-1, 2) * [1e3, 1.0]
+    return real_counts_figure([judged.results[i].certificate.real for i in done], near, title=title)

@@ -1,0 +1,168 @@
+"""What the search for assembly modes needs of a robot: its six legs at given carts or a given pose, as arrays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from ...compiler.causal import CausalFunction, compile_causal, flat_of
+from ...lang import Model, ModelError
+from ...results import ArgumentError, Status
+from ...robots import F1, SixLink
+
+Array = np.ndarray
+LINKS = 6
+
+
+@dataclass(frozen=True)
+class Hands:
+    """Six legs in n poses, and the poses that were commanded.
+
+    Attributes:
+        A: (n, 6, 3) joints at the carts [m]; B: (n, 6, 3) plate joints in plate coordinates [m]; L: (n, 6) lengths [m].
+        T, R: (n, 3), (n, 3, 3) commanded poses; NaN where there is none, or none was found.
+        q: (n, k) carts [m], then rotary axes [rad]; k = 0 for a bare platform.
+        faults: for a pose whose legs could not be had, by its index: why.
+        carts: indices of the legs on each cart, or one each. directions: (6, 3) way of each A per q, or None.
+        synthetic: how the legs were drawn, in a few words; "" where they were not.
+    """
+
+    A: Array
+    B: Array
+    L: Array
+    T: Array
+    R: Array
+    q: Array
+    faults: dict[int, str]
+    carts: tuple[tuple[int, ...], ...] = tuple((k,) for k in range(LINKS))
+    directions: Array | None = None
+    synthetic: str = ""
+
+    def __len__(self) -> int:
+        return len(self.A)
+
+
+@dataclass(frozen=True)
+class _Names:
+    """How a family calls what the legs are made of: rods, plate joints, and what a tool pose consists of."""
+
+    rod: str
+    plate_joints: str
+    pose: tuple[str, ...]
+
+
+# one line per family; robots of a user's own that derive from one of them are found too
+_FAMILIES: dict[type[Model], _Names] = {
+    SixLink: _Names("link[{}].rod", "B", ("T",)),
+    F1: _Names("link[{}]", "B", ("T", "e")),
+}
+
+
+@dataclass(frozen=True)
+class SixLinks:
+    """A robot with six links of fixed length between carts and a plate."""
+
+    model: Model
+    names: _Names
+
+    @cached_property
+    def carts_and_axes(self) -> tuple[int, int]:
+        """How many of the coordinates q are carts [m] and how many are rotary axes [rad]."""
+        (count,), _ = flat_of(self.model).groups["q"]
+        return 3, count - 3
+
+    @property
+    def turns(self) -> bool:
+        """True when the plate's orientation is free, and not a consequence of T."""
+        return "e" in self.names.pose
+
+    @property
+    def home(self) -> tuple[Array, Array]:
+        """The model's home pose: T (3,) [m] and the quaternion e (4,)."""
+        return np.asarray(self.model.home, dtype=float), np.asarray(self.model.home_e, dtype=float)  # type: ignore[attr-defined]
+
+    def at_carts(self, q: Array) -> Hands:
+        """Legs at coordinates q (n, k); the commanded pose is that of the forward kinematics, by Newton from home."""
+        T, R, status = self.forward(q)
+        T[status != Status.OK], R[status != Status.OK] = np.nan, np.nan
+        return self._hands(q, T, R, {})
+
+    def at_poses(self, T: Array, e: Array) -> Hands:
+        """Legs at tool poses T (n, 3) and quaternions e (n, 4), which count only where the orientation is free."""
+        known = (T, e) if self.turns else (T,)
+        q, R, status = self.inverse(*known)
+        faults = {
+            int(i): f"the inverse kinematics does not reach the pose: {self.inverse.diagnose(*(x[i] for x in known))}"
+            for i in np.flatnonzero(status != Status.OK)
+        }
+        q[status != Status.OK], R[status != Status.OK] = np.nan, np.nan
+        return self._hands(q, T, R, faults)
+
+    @cached_property
+    def forward(self) -> CausalFunction:
+        """q -> T, R by Newton."""
+        return compile_causal(self.model, known="q", targets=["T", "R"])
+
+    @cached_property
+    def inverse(self) -> CausalFunction:
+        """T, and e where the orientation is free, -> q, R."""
+        return compile_causal(self.model, known=list(self.names.pose), targets=["q", "R"])
+
+    @cached_property
+    def _joints(self) -> CausalFunction:
+        rods = [self.names.rod.format(k) for k in range(LINKS)]
+        return compile_causal(self.model, known="q", targets=[f"{rod}.a.r" for rod in rods])
+
+    def _hands(self, q: Array, T: Array, R: Array, faults: dict[int, str]) -> Hands:
+        flat = flat_of(self.model)
+        rods = [self.names.rod.format(k) for k in range(LINKS)]
+        lengths = [flat.bindings[f"{rod}.L"] for rod in rods]
+        joints = flat.bindings[self.names.plate_joints]  # row by row
+        values = ca.Function("p", [flat.p], [ca.vertcat(*lengths), ca.vec(joints)])(flat.p0)
+        L, B = (np.array(v).ravel() for v in values)
+        n = len(q)
+        A = np.stack(self._joints(q)[:-1], axis=1)
+        whole = np.flatnonzero(np.isfinite(q).all(axis=1))
+        carts, directions = self._carriers(q[whole[0]]) if whole.size else (Hands.carts, None)
+        return Hands(A, np.tile(B.reshape(LINKS, 3), (n, 1, 1)), np.tile(L, (n, 1)), T, R, q, faults, carts, directions)
+
+    def _carriers(self, q: Array) -> tuple[tuple[tuple[int, ...], ...], Array]:
+        """Which legs move with which cart, and which way, from the derivative of their joints."""
+        by_q = self._joints.jacobian(q)[0].reshape(LINKS, 3, -1)[:, :, : self.carts_and_axes[0]]
+        cart = np.argmax(np.linalg.norm(by_q, axis=1), axis=1)
+        groups = tuple(tuple(int(k) for k in np.flatnonzero(cart == i)) for i in range(self.carts_and_axes[0]))
+        return groups, by_q[np.arange(LINKS), :, cart]
+
+
+def six_links_of(model: Model) -> SixLinks:
+    """The six links of a robot; raises ArgumentError for a robot of another kind."""
+    names = next((names for family, names in _FAMILIES.items() if isinstance(model, family)), None)
+    if names is None:
+        raise ArgumentError(
+            f"assembly modes are those of six links; this is a {type(model).__name__}, which is neither a "
+            f"{' nor an '.join(family.__name__ for family in _FAMILIES)}",
+            "robot",
+        )
+    try:
+        flat_of(model)
+    except ModelError as error:
+        raise ArgumentError(str(error), "robot") from error
+    return SixLinks(model, names)
+
+
+def bare(A: Array, B: Array, L: Array, T: Array | None = None, e: Array | None = None) -> Hands:
+    """Legs given as they are: A, B (n, 6, 3) or (6, 3), L (n, 6) or (6,); commanded poses T (n, 3), e (n, 4)."""
+    A, B, L = A.reshape(-1, LINKS, 3), B.reshape(-1, LINKS, 3), L.reshape(-1, LINKS)
+    n = len(L)
+    positions = np.full((n, 3), np.nan) if T is None else T.reshape(n, 3)
+    rotations = np.full((n, 3, 3), np.nan) if e is None else _rotations(e.reshape(n, 4))
+    return Hands(A, B, L, positions, rotations, np.zeros((n, 0)), {})
+
+
+def _rotations(e: Array) -> Array:
+    """Rotation matrices (n, 3, 3) of quaternions (n, 4), scalar first, of any length but zero."""
+    return np.asarray(Rotation.from_quat(e, scalar_first=True).as_matrix())

@@ -1,0 +1,63 @@
+"""The optimum's motor forces applied to the F1 with all six axes free."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicSpline
+
+from ...compiler.causal import compile_causal
+from ...lang import Model
+from ...results import Status, Trajectory
+
+Array = np.ndarray
+TOLERANCE = 1e-8  # relative and absolute, far below what the sampled forces leave
+AXES = 6
+
+
+@dataclass(frozen=True)
+class FreeRun:
+    """Axes (6,) [m, rad] and their velocities at the end, and the largest |q4 + q5| [rad] at any step; or why not."""
+
+    q: Array
+    velocity: Array
+    uncoupled: float
+    message: str = ""
+
+
+def free_run(
+    robot: Model, run: Trajectory, rows_per_element: int, interrupted: Callable[[], bool] = lambda: False
+) -> FreeRun:
+    """Forward dynamics of all six axes under the forces `tau` of a motion, element by element.
+
+    Nothing holds q4 = -q5 here but the forces. Between its rows a force is a cubic spline, one per element: rows are
+    the start and then `rows_per_element` equally spaced ones of each element. The row at an element's left edge belongs
+    to the element before it, so that a force may jump there.
+    """
+    forward = compile_causal(robot, known="tau", targets="der(q,2)", prefer="q")
+    y = np.concatenate([run["q"][0], run["der(q)"][0]])
+    worst = abs(y[3] + y[4])
+    for first in range(0, len(run) - 1, rows_per_element):
+        own = slice(first + 1, first + rows_per_element + 1)
+        force = CubicSpline(run.time[own], run["tau"][own])
+        trouble: list[str] = []
+
+        def rates(t: float, y: Array, force: CubicSpline = force, trouble: list[str] = trouble) -> Array:
+            a, status = forward(y[:AXES], y[AXES:], force(t))
+            if status != Status.OK and not trouble:
+                trouble.append(f"the dynamics fail after {t:.4g} s: {Status(int(status)).name.lower()}")
+            return np.concatenate([y[AXES:], a])
+
+        span = (run.time[first], run.time[first + rows_per_element])
+        with np.errstate(invalid="ignore"):  # a failed row is nan, and told below
+            done = solve_ivp(rates, span, y, method="DOP853", rtol=TOLERANCE, atol=TOLERANCE)
+        if interrupted():
+            trouble.append("interrupted")
+        if trouble or not done.success:
+            return FreeRun(y[:AXES], y[AXES:], np.inf, (trouble or [str(done.message)])[0])
+        y = done.y[:, -1]
+        worst = max(worst, float(np.max(np.abs(done.y[3] + done.y[4]))))
+    return FreeRun(y[:AXES], y[AXES:], float(worst))

@@ -1,0 +1,224 @@
+"""A motion of the F1, free between two positions of its axes or along a path, as an Optimization with its guess."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ... import lang as gt
+from ...compiler.causal import CausalFunction, compile_causal
+from ...optimize.path import PathMotion, solve_path
+from ...results import ArgumentError, Status, Trajectory
+from ..guard import Guard
+from ..guesses import GUESS_TIME_S
+from ..path_rows import task_along
+from ..task import SHORTEST_TIME_S, dependent
+from .course import Course
+from .problem import AxisProblem
+
+Array = np.ndarray
+GUESS_ROWS = 41
+SLOWER = (1.0, 1.5, 2.0, 3.0, 5.0, 8.0)  # guesses of the time, in the shortest one's
+MOTORS = 6
+CARTS = 3
+# of the coordinates s in the axes q1..q6; with five degrees of freedom q5 = -q4
+COUPLING = {
+    5: np.insert(np.eye(5, dtype=int), 4, [0, 0, 0, -1, 0], axis=0),
+    6: np.eye(6, dtype=int),
+}
+FOLLOWED = ("robot.tau", "robot.q", "der(robot.q)", "der(robot.q,2)", "robot.T", "robot.e")
+ACCELERATION = 10.0  # nominal [m/s2, rad/s2]
+
+
+def coordinates(q: Array, degrees_of_freedom: int) -> Array:
+    """s of axes q (..., 6) that keep the coupling."""
+    return q @ np.linalg.pinv(COUPLING[degrees_of_freedom]).T
+
+
+@dataclass(frozen=True, eq=False)
+class AxisPlan:
+    """A checked problem: robot, ends q (6,) [m, rad], further margins, and the course along a path or None."""
+
+    problem: AxisProblem
+    robot: gt.Model
+    start: Array
+    goal: Array
+    guard: Guard
+    course: Course | None
+    earlier: Trajectory | None
+
+    @property
+    def coupling(self) -> Array:
+        """(6, n): axes q from the coordinates s of a free motion."""
+        return COUPLING[self.problem.degrees_of_freedom]
+
+    @property
+    def order(self) -> int:
+        """The derivative of the coordinates that is the control."""
+        return 2 if self.problem.limits.tcp_jerk is None else 3
+
+    @property
+    def motors(self) -> Array:
+        """Largest motor forces [N] and torques [N.m] (6,)."""
+        limits = self.problem.limits
+        return np.repeat([limits.force, limits.torque], CARTS)
+
+    @cached_property
+    def poses(self) -> CausalFunction:
+        """q -> T, e by Newton from the home pose."""
+        return compile_causal(self.robot, known="q", targets=["T", "e"])
+
+    @cached_property
+    def inverse(self) -> CausalFunction:
+        """q and its two derivatives -> tau."""
+        return compile_causal(self.robot, known="q", targets="tau")
+
+    def margins(self, q: Array) -> Array:
+        """Further margins (1, k) at rest at axes q (6,)."""
+        if not self.guard.margins:
+            return np.zeros((1, 0))
+        f = compile_causal(self.guard.model(self.robot), known="robot.q", targets="margin")
+        found, _ = f(q, *[np.zeros(MOTORS)] * (len(f.inputs) - 1))
+        return found[None]
+
+    @cached_property
+    def following(self) -> CausalFunction:
+        """s and its derivatives -> FOLLOWED, and the margins where there are any."""
+        assert self.course is not None
+        return self.course.function(self.robot, self.guard, *FOLLOWED, *(["margin"] if self.guard.margins else []))
+
+    def held(self, run: Trajectory) -> dict[str, Array]:
+        """Axes and their two derivatives along the path, at the rows of a motion of s; NaN where they cannot be had."""
+        f = self.following
+        given = [
+            run[name] for name in ("s", "der(s)", "der(s,2)", "drive")[: len(f.inputs)]
+        ]  # the third is the control
+        _, *found = f(*given)
+        return dict(zip(("q", "der(q)", "der(q,2)"), found, strict=False))
+
+    @cached_property
+    def strokes(self) -> tuple[Array, Array]:
+        """Least and largest q (6,) [m, rad]; infinite where there is none."""
+        limits = self.problem.limits
+
+        def of_all(carts: list[float] | None, axes: list[float] | None, free: float) -> Array:
+            return np.concatenate([[free] * CARTS if given is None else given for given in (carts, axes)])
+
+        return of_all(limits.cart_low, limits.axis_low, -np.inf), of_all(limits.cart_high, limits.axis_high, np.inf)
+
+    def optimization(self) -> gt.Optimization:
+        """The motion: states s and their velocities, and one control `drive` per coordinate, its second derivative, or
+        its third where the jerk is limited.
+
+        Free, s are the axes but for their coupling, q = coupling s. Along a path the model itself is restricted, and s
+        is the path coordinate (Dressler 2012, section 3.5). The six motor forces follow and keep their limits.
+        """
+        coupling, cost, course, guard, order = self.coupling, self.problem.cost, self.course, self.guard, self.order
+        freedom = self.problem.degrees_of_freedom
+        begin, end = coordinates(self.start, freedom), coordinates(self.goal, freedom)
+        low, high = self.strokes
+        # those of a path are looked at beforehand
+        bounded = [k for k in range(MOTORS) if course is None and (np.isfinite(low[k]) or np.isfinite(high[k]))]
+
+        class AxisMotion(gt.Optimization):
+            robot: Any
+            metre: Any
+            s: Any
+            drive: Any
+            final_time = gt.free(GUESS_TIME_S, min=SHORTEST_TIME_S, unit="s")
+            limit = gt.parameter(self.motors, description="forces of the carts [N], torques of the rotary axes [N.m]")
+            from_s = gt.parameter(begin if course is None else 0.0)
+            to_s = gt.parameter(end if course is None else 1.0)
+
+            def equations(self) -> Any:
+                yield from guard.equations(self)
+                if course is not None:
+                    yield from course.equations(self.robot, self.s, self.metre)
+                else:
+                    for k, row in enumerate(coupling):
+                        (i,) = np.flatnonzero(row)
+                        yield self.robot.q[k] == int(row[i]) * self.s[int(i)]
+                yield self.drive == gt.der(self.s, order)
+
+            def objective(self) -> Any:
+                found = cost.time * self.final_time
+                if cost.energy:
+                    shares = [self.robot.tau[k] / self.limit[k] for k in range(MOTORS)]
+                    found = found + cost.energy * gt.integral(sum(x**2 for x in shares))
+                return found
+
+            def constraints(self) -> Any:
+                yield gt.between(-self.limit, self.robot.tau, self.limit)
+                for k in bounded:
+                    if np.isfinite(low[k]):
+                        yield self.robot.q[k] >= float(low[k])
+                    if np.isfinite(high[k]):
+                        yield self.robot.q[k] <= float(high[k])
+                if course is not None:
+                    yield gt.der(self.s) >= 0
+                yield self.s.at(self.start_time) == self.from_s
+                yield self.s.at(self.final_time) == self.to_s
+                yield gt.der(self.s).at(self.start_time) == 0
+                yield gt.der(self.s).at(self.final_time) == 0
+
+        declared = guard.declarations(dependent(self.robot, "tau"), bounded=True)
+        if course is not None:
+            declared["s"] = gt.variable(unit="1", min=0.0, max=1.0, prefer=3, description="path coordinate")
+            declared["drive"] = gt.input(unit=f"1/s{order}", nominal=ACCELERATION, description="its derivative")
+        else:
+            n = len(begin)
+            declared["s"] = gt.variable(n, start=begin, prefer=3, description="carts [m], then angles [rad]")
+            declared["drive"] = gt.input(n, nominal=ACCELERATION, description="their derivatives")
+        return type("AxisMotion", (AxisMotion,), declared)()
+
+    def guess(self) -> Trajectory:
+        """An earlier result, or a quintic from rest to rest, along the path or all axes on their straight way, poses by
+        Newton; in 1 s, or along a path in so much more time that the further limits hold."""
+        if self.earlier is not None:
+            return self.earlier
+        r = np.linspace(0.0, 1.0, GUESS_ROWS)[:, None]
+        shape = (10 * r**3 - 15 * r**4 + 6 * r**5, 30 * r**2 - 60 * r**3 + 30 * r**4,
+                 60 * r - 180 * r**2 + 120 * r**3, 60 - 360 * r + 360 * r**2)  # fmt: skip
+        duration = GUESS_TIME_S * next((f for f in SLOWER if self._kept(shape, f * GUESS_TIME_S)), SLOWER[-1])
+        profile = [x / duration**k for k, x in enumerate(shape)]
+        if self.course is not None:
+            s = [x[:, 0] for x in profile]
+            _, _, _, _, T, e, *_ = self.following(*s[: len(self.following.inputs)])
+        else:
+            q = self.start + profile[0] * (self.goal - self.start)
+            T, e, status = self.poses(q)
+            if np.any(status != Status.OK):
+                k = int(np.flatnonzero(status != Status.OK)[0])
+                raise ArgumentError(
+                    f"on the straight way of the axes, {100 * r[k, 0]:.0f} % from the start, the plate cannot be "
+                    f"followed: {self.poses.diagnose(q[k])}; give a nearer goal",
+                    "goal",
+                )
+            freedom = self.problem.degrees_of_freedom
+            s = [coordinates(x, freedom) for x in (q, *(p * (self.goal - self.start) for p in profile[1:]))]
+        values = {"s": s[0], "der(s)": s[1], "drive": s[self.order], "robot.T": T, "robot.e": e}
+        if self.order == 3:
+            values["der(s,2)"] = s[2]
+        return Trajectory(duration * r[:, 0], values, {})
+
+    def _kept(self, shape: Sequence[Array], duration: float) -> bool:
+        """Whether that motion along the path keeps the further limits; of a free one nothing is asked."""
+        if self.course is None or not self.guard.margins:
+            return True
+        f = self.following
+        margins = f(*[x[:, 0] / duration**k for k, x in enumerate(shape)][: len(f.inputs)])[-2]
+        return bool(np.all(margins >= 0))
+
+    def by_squared_speeds(self, intervals: int) -> PathMotion:
+        """The motion along the path by the fast engine, limits in the middles of its intervals; not with a jerk."""
+        cost = self.problem.cost
+        curve = lambda s: (s[:, None], np.ones((len(s), 1)), np.zeros((len(s), 1)))  # noqa: E731  # s itself
+        squares = self.motors**-2.0
+        task = task_along(
+            self.following, curve, len(FOLLOWED), self.motors, squares, time=cost.time, energy=cost.energy
+        )
+        return solve_path(task, intervals)

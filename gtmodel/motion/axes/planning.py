@@ -1,0 +1,282 @@
+"""What an axis trajectory problem asks for, checked before anything is optimised."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from ...compiler.causal import CausalFunction, compile_causal
+from ...mechanics.rotation import quaternion_matrix, rotation_about
+from ...results import ArgumentError, Status, Trajectory
+from ...robots import F1
+from ..guard import Carrier, Guard, guard_of
+from ..paths import path_of
+from .course import Course, turning
+from .options import AxisEnd
+from .plan import CARTS, COUPLING, MOTORS, AxisPlan, coordinates
+from .problem import AxisProblem
+
+Array = np.ndarray
+COUPLED = 1e-9  # degrees: typed numbers, so round-off only
+SAME_AXES = 1e-6  # [m, rad] Newton's round-off, amplified near a singularity
+SAMPLES = 201
+X, Y = np.eye(3)[0], np.eye(3)[1]
+LINKS = [("link", k) for k in range(6)]
+
+
+@dataclass(frozen=True)
+class _Place:
+    """An end of a path: tool centre point [m], the plate's R (3, 3), and a tool direction where one is given."""
+
+    T: Array
+    R: Array
+    direction: Array | None
+
+
+def plan_of(problem: AxisProblem) -> AxisPlan:
+    """The plan of a problem. Raises ArgumentError."""
+    robot = problem.robot
+    if not isinstance(robot, F1):
+        raise ArgumentError(
+            f"axis_trajectory moves the six axes of an F1; this is a {type(robot).__name__}; "
+            "kind trajectory moves three-link and six-link robots",
+            "robot",
+        )
+    if problem.degrees_of_freedom not in COUPLING:
+        raise ArgumentError(f"expected 5 or 6; found {problem.degrees_of_freedom}", "degrees_of_freedom")
+    if problem.cost.time == 0.0 and problem.cost.energy == 0.0:
+        raise ArgumentError("both weights are zero, so nothing is minimised; give cost.time or cost.energy", "cost")
+    for which, end in problem.ends:
+        _check_end(problem, end, which)
+    start, goal, course = *(_axes(end) for _, end in problem.ends), None
+    if problem.path is not None:
+        course = _course(problem, robot)
+        start, goal = _ends_of(problem, course.function(robot, Guard([], {}), "robot.q"), start, goal)
+    if np.array_equal(start, goal):
+        raise ArgumentError("the goal equals the start; give another goal", "goal")
+    guard = _guard(problem, robot, start)
+    plan = AxisPlan(problem, robot, start, goal, guard, course, _earlier(problem))
+    _check_strokes(plan)
+    _check_ends(plan)
+    if course is not None:
+        _check_way(plan)
+    return plan
+
+
+def _axes(end: AxisEnd) -> Array:
+    """Axes (6,) [m, rad] as given; NaN where they are not."""
+    if end.carts is None or end.axes is None:
+        return np.full(MOTORS, np.nan)
+    return np.concatenate([end.carts, end.axes])
+
+
+def _check_end(problem: AxisProblem, end: AxisEnd, which: str) -> None:
+    """An end is given by its axes, or on a path by its tool centre point, not by both."""
+    given = [name for name in ("carts", "axes") if getattr(end, name) is not None]
+    if problem.path is None:
+        for name in ("tcp", "tool"):
+            if getattr(end, name) is not None:
+                raise ArgumentError("needs a path; a free motion goes from axes to axes", f"{which}.{name}")
+    elif end.tcp is not None:
+        if given:
+            raise ArgumentError(
+                "is given beside the tool centre point, which determines the axes; remove one of them",
+                f"{which}.{given[0]}",
+            )
+        if end.tool is not None and problem.degrees_of_freedom == 6:
+            raise ArgumentError(
+                "leaves the turn of the plate about it open in six degrees of freedom; give carts and rotary axes",
+                f"{which}.tool",
+            )
+        if end.tool is not None:
+            _unit(np.array(end.tool), f"{which}.tool")
+        return
+    for name in ("carts", "axes"):
+        if name not in given:
+            instead = "" if problem.path is None else "; give carts and rotary axes, or the tool centre point"
+            raise ArgumentError(f"is missing{instead}", f"{which}.{name}")
+    if end.tool is not None:
+        raise ArgumentError("is given beside the axes, which determine it; remove it", f"{which}.tool")
+    q4, q5, _ = np.degrees(_axes(end)[CARTS:])
+    if problem.degrees_of_freedom == 5 and abs(q4 + q5) > COUPLED:
+        raise ArgumentError(
+            f"q5 = {q5:g} is not -q4 = {-q4:g} degrees; give q5 = -q4, or six degrees_of_freedom", f"{which}.axes"
+        )
+
+
+def _course(problem: AxisProblem, robot: F1) -> Course:
+    """The path and how the plate is held on it."""
+    shape, held = problem.path, problem.tool
+    assert shape is not None
+    tool = _unit(np.array(held.axis), "tool.axis")
+    start, goal = (_place(robot, end, which) for which, end in problem.ends)
+    if problem.degrees_of_freedom == 6:
+        if held.through:
+            raise ArgumentError(
+                "leaves the turn of the plate open in six degrees of freedom; remove it", "tool.through"
+            )
+        R = [place.R if end.tcp is None else other.R for place, end, other in
+             ((start, problem.start, goal), (goal, problem.goal, start))]  # fmt: skip
+        e = Rotation.from_matrix(np.array(R)).as_quat(scalar_first=True)
+        return Course(path_of(shape, start.T, goal.T), turning(np.array([0.0, 1.0]), e, "goal"), None)
+    ends = [place.direction if end.tcp is not None else place.R @ tool for place, end in
+            ((start, problem.start), (goal, problem.goal))]  # fmt: skip
+    first = next((d for d in ends if d is not None), start.R @ tool)
+    first, last = (first if d is None else d for d in ends)
+    at = np.array([0.0, *(t.at for t in held.through), 1.0])
+    if np.any(np.diff(at) <= 0):
+        raise ArgumentError("its fractions do not rise along the way", "tool.through")
+    between = [_unit(np.array(t.direction), f"tool.through[{n}].direction") for n, t in enumerate(held.through)]
+    course = turning(at, np.array([first, *between, last]), "tool.through" if held.through else "goal")
+    return Course(path_of(shape, start.T, goal.T), course, tool)
+
+
+def _place(robot: F1, end: AxisEnd, which: str) -> _Place:
+    if end.tcp is not None:
+        direction = None if end.tool is None else _unit(np.array(end.tool), f"{which}.tool")
+        return _Place(np.array(end.tcp), quaternion_matrix(np.asarray(robot.home_e, float)), direction)
+    f = compile_causal(robot, known="q", targets=["T", "R"])
+    T, R, status = f(_axes(end))
+    if status != Status.OK:
+        raise ArgumentError(f"the links cannot close there: {f.diagnose(_axes(end))}", which)
+    return _Place(T, R, None)
+
+
+def _unit(v: Array, argument: str) -> Array:
+    if not np.any(v):
+        raise ArgumentError("is zero; a direction is expected", argument)
+    return v / np.linalg.norm(v)
+
+
+def _ends_of(problem: AxisProblem, following: CausalFunction, start: Array, goal: Array) -> tuple[Array, Array]:
+    """Axes at both ends of the path; those of the problem where it gives them."""
+    found = []
+    for which, s, given in (("start", 0.0, start), ("goal", 1.0, goal)):
+        q, status = following(s)
+        argument = which if np.all(np.isfinite(given)) else f"{which}.tcp"
+        if status != Status.OK:
+            raise ArgumentError(f"no axes hold the plate there: {following.diagnose(s)}", argument)
+        if np.max(np.abs(q - given), initial=0.0, where=np.isfinite(given)) > SAME_AXES:
+            shown = ", ".join(f"{x:.4g}" for x in (*q[:CARTS], *np.degrees(q[CARTS:])))
+            raise ArgumentError(
+                f"the same tool centre point and tool direction are reached with other axes, ({shown}) in m and "
+                "degrees; the path is followed with these: give them, or the tool centre point",
+                argument,
+            )
+        found.append(np.where(np.isfinite(given), given, q))
+    return found[0], found[1]
+
+
+def _guard(problem: AxisProblem, robot: F1, start: Array) -> Guard:
+    """Further limits; strokes are bounds of the axes themselves."""
+    limits = replace(problem.limits, cart_low=None, cart_high=None)
+    return guard_of(limits, LINKS, lambda arm, end: _carrier(robot, start, arm, end))
+
+
+def _carrier(robot: F1, start: Array, arm: int, end: str) -> Carrier | None:
+    """What turns a ball joint: the plate, or the joint plate of arm 2 or 3; raw quaternions scale both sides alike."""
+    if end == "plate":
+        R, _ = compile_causal(robot, known="q", targets="R")(start)
+        return Carrier(lambda m: m.robot.R, R)
+    if arm == 0:
+        return None
+    u2, u3, inner = (quaternion_matrix(np.asarray(u, float)) for u in (robot.u1_2, robot.u1_3, robot.u2_3))
+
+    def turned(q: Any) -> Any:
+        if arm < 3:
+            return u2 @ rotation_about(Y, q[3])
+        return u3 @ rotation_about(Y, q[4]) @ inner @ rotation_about(X, q[5])
+
+    at_start = np.array(
+        u2 @ Rotation.from_rotvec(start[3] * Y).as_matrix() if arm < 3 else
+        u3 @ Rotation.from_rotvec(start[4] * Y).as_matrix() @ inner @ Rotation.from_rotvec(start[5] * X).as_matrix()
+    )  # fmt: skip
+    return Carrier(lambda m: turned(m.robot.q), at_start)
+
+
+def _check_strokes(plan: AxisPlan) -> None:
+    limits = plan.problem.limits
+    for body, shown in (("cart", lambda x: x), ("axis", np.degrees)):
+        low, high = (getattr(limits, f"{body}_{side}") for side in ("low", "high"))
+        if low is not None and high is not None and np.any(np.array(low) >= np.array(high)):
+            k = int(np.argmax(np.array(low) >= np.array(high)))
+            told = f"its number {k + 1}, {shown(low[k]):g}, is not below {shown(high[k]):g} of {body}_high"
+            raise ArgumentError(told, f"limits.{body}_low")
+    for (which, end), q in zip(plan.problem.ends, (plan.start, plan.goal), strict=True):
+        k, told = _beyond(plan, q)
+        if told:
+            raise ArgumentError(told, f"{which}.{'tcp' if end.tcp is not None else 'carts' if k < CARTS else 'axes'}")
+
+
+def _beyond(plan: AxisPlan, q: Array) -> tuple[int, str]:
+    """An axis outside its stroke, and one sentence on it; empty where there is none."""
+    low, high = plan.strokes
+    outside = np.flatnonzero((q < low) | (q > high))
+    if not len(outside):
+        return -1, ""
+    k = int(outside[0])
+    side, bound = ("low", low[k]) if q[k] < low[k] else ("high", high[k])
+    body, value, bound = ("cart", q[k], bound) if k < CARTS else ("axis", np.degrees(q[k]), np.degrees(bound))
+    return k, f"q{k + 1} = {value:g} is {'below' if side == 'low' else 'above'} limits.{body}_{side}, {bound:g}"
+
+
+def _check_ends(plan: AxisPlan) -> None:
+    """At both ends the links close and the motors can hold the robot."""
+    for which, q in (("start", plan.start), ("goal", plan.goal)):
+        _, _, status = plan.poses(q)
+        if status != Status.OK:
+            raise ArgumentError(f"the links cannot close there: {plan.poses.diagnose(q)}", which)
+        tau, status = plan.inverse(q, np.zeros(MOTORS), np.zeros(MOTORS))
+        if status != Status.OK:
+            raise ArgumentError(f"no motor forces hold the robot there: {Status(int(status)).name.lower()}", which)
+        k = int(np.argmax(np.abs(tau) / plan.motors))
+        if abs(tau[k]) > plan.motors[k]:
+            unit, limit = ("N", "force") if k < CARTS else ("N.m", "torque")
+            raise ArgumentError(
+                f"{plan.motors[k]:g} {unit} is not enough: the weight alone needs {abs(tau[k]):.4g} {unit} of motor "
+                f"{k + 1} to stand at {which}",
+                f"limits.{limit}",
+            )
+        if plan.course is None and (broken := plan.guard.broken(plan.margins(q))):  # of a path with all of its way
+            raise ArgumentError(broken[1], which)
+
+
+def _check_way(plan: AxisPlan) -> None:
+    """The whole path can be followed within strokes and the limits of positions."""
+    s = np.linspace(0.0, 1.0, SAMPLES)
+    f = plan.following
+    _, q, *_, status = found = f(s, *[np.zeros(SAMPLES)] * (len(f.inputs) - 1))
+    assert plan.course is not None
+    wanted = plan.course.path(s)[0]
+    for k in range(SAMPLES):
+        shown = f"({', '.join(f'{x:.4g}' for x in wanted[k])}) m, {100 * s[k]:.0f} % of the way"
+        if status[k] != Status.OK:
+            raise ArgumentError(f"the path cannot be followed with this tool direction at {shown}", "path")
+        _, told = _beyond(plan, q[k])
+        if told:
+            raise ArgumentError(f"{told}, at {shown}", "path")
+    if plan.guard.margins and (broken := plan.guard.broken(found[-2])):
+        raise ArgumentError(f"the path {broken[1]}, {100 * s[broken[0]]:.0f} % of the way", "path")
+
+
+def _earlier(problem: AxisProblem) -> Trajectory | None:
+    """An earlier result's motion under the names of the optimisation."""
+    run = problem.earlier
+    if run is None:
+        return None
+    if problem.path is not None:
+        if any(name not in run for name in ("s", "T", "e")):
+            raise ArgumentError("is a free motion; this problem follows a path", "earlier")
+        s = np.maximum.accumulate(run["s"])
+        values, units = {"s": s, "der(s)": np.gradient(s, run.time)}, {"s": run.unit("s")}
+    else:
+        names = {"der(q)": "der(s)", "der(q,2)": "drive", "q": "s"}
+        if any(name not in run for name in (*names, "T", "e")):
+            told = "its trajectory lacks one of q, der(q), der(q,2), T and e; start from another result"
+            raise ArgumentError(told, "earlier")
+        values, units = {new: coordinates(run[old], problem.degrees_of_freedom) for old, new in names.items()}, {}
+    units |= {"robot.T": run.unit("T"), "robot.e": run.unit("e")}
+    return Trajectory(run.time, {**values, "robot.T": run["T"], "robot.e": run["e"]}, units)

@@ -1,0 +1,233 @@
+"""The optimum on one mesh, re-simulated, and its forces applied to the F1 with all six axes free."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from ...compiler.causal import compile_causal
+from ...optimize import Mesh as CollocationMesh
+from ...optimize import Solution, SolverOptions
+from ...optimize import solve as collocate
+from ...optimize.judgement.resimulate import SUBSTEPS, resimulate
+from ...results import Check, SolveStatus, Status, Trajectory, Work, at_most
+from ...results.quantity import converted
+from ...results.trajectory_files import TRAJECTORY
+from ..finer_mesh import how
+from ..guard import clearance
+from .free_run import free_run
+from .plan import AxisPlan
+from .planning import LINKS
+from .result import AxisStudy
+
+SATURATED = 0.99
+MENDED = ("peak_share", "end_error_m", "end_error_deg", "excess", "roads_apart")  # by a finer mesh
+ROADS_AGREE = 0.02  # relative: of the final time along a path; accelerations linear on 20 elements cannot jump
+# forces are bounded at collocation points and are no polynomials: between the points they pass by less than that
+PEAK_SHARE = 1.01
+# the printed accuracy of the F1 is a quarter of a millimetre
+END_ERROR_M = 2.5e-4
+FINER = "use more mesh.elements or mesh.control = linear"
+END_ERROR_DEG = 0.05
+POSE_APART_M = 1e-6  # Newton and collocation solve the same equations
+PATH_M = 1e-6  # round-off of the same equations
+MARGIN_TOLERANCE = 0.01  # further limits hold at collocation points; between them a jump of the force shows
+
+
+@dataclass(frozen=True)
+class Found:
+    """What was found on one mesh."""
+
+    plan: AxisPlan
+    solution: Solution
+    study: AxisStudy
+
+    @property
+    def checks(self) -> Mapping[str, Check]:
+        return self.study.checks
+
+
+def on_this_mesh(plan: AxisPlan, guess: Solution | None, work: Work) -> Found:
+    """The optimum on the plan's mesh and what comes of it."""
+    solution = _optimum(plan, guess, work)
+    return Found(plan, solution, _judged(plan, solution, work))
+
+
+def _judged(plan: AxisPlan, solution: Solution, work: Work) -> AxisStudy:
+    if not solution.status.converged:
+        return _failed(plan, solution, "")
+    tried = resimulate(solution)
+    if tried.trajectory is None:
+        return _failed(plan, solution, f"the optimum cannot be re-simulated: {tried.message}; ")
+    trajectory, apart = _placed(plan, tried.trajectory)
+    if trajectory is None:
+        lead = "forward kinematics from the home pose does not follow the optimum's axes; "
+        return _failed(plan, solution, lead)
+    return _tried(plan, solution, trajectory, apart, tried.defect, work)
+
+
+def _optimum(plan: AxisPlan, guess: Solution | None, work: Work) -> Solution:
+    mesh, solver = plan.problem.mesh, plan.problem.solver
+    return collocate(
+        plan.optimization(),
+        CollocationMesh(mesh.elements, mesh.points, control=mesh.control),
+        guess=guess or plan.guess(),
+        # the study judges the motion by its re-simulation
+        solver=SolverOptions(**asdict(solver), max_seconds=work.seconds_left(), error_bound=None),
+        progress=work.iterations("optimising"),
+        throw=False,
+    )
+
+
+def _failed(plan: AxisPlan, solution: Solution, lead: str) -> AxisStudy:
+    title = plan.problem.title
+    return AxisStudy(
+        status=SolveStatus.FAILED if solution.status.converged else solution.status,
+        message=lead + solution.message,
+        title=title,
+        objective=solution.objective if np.isfinite(solution.objective) else None,
+        iterations=solution.iterations,
+        checks=solution.checks,
+        final_time=solution.free.get("final_time"),
+        trajectory=_renamed(solution.trajectory, f"{title} (not solved: {solution.status.value})".strip()),
+        machine_files=(TRAJECTORY,),
+    )
+
+
+def _renamed(run: Trajectory, title: str) -> Trajectory:
+    """The robot's own names: robot.q becomes q; q and tau have one unit for carts, another for rotary axes."""
+    names = ("q", "der(q)", "der(q,2)", "T", "e", "tau")
+    own = {name: name.replace("q", "robot.q") if "q" in name else f"robot.{name}" for name in names}
+    if "s" in run and np.ndim(run["s"]) == 1:  # along a path
+        own["s"] = "s"
+    own["margin"] = "margin"
+    values = {name: run[old] for name, old in own.items() if old in run}
+    return Trajectory(run.time, values, {"T": "m", "e": "1"}, title=title)
+
+
+def _placed(plan: AxisPlan, run: Trajectory) -> tuple[Trajectory | None, float]:
+    """The re-simulated motion of the axes with poses by Newton and forces by inverse dynamics, None where these fail,
+    and how far the optimum's tool centre points are from those poses [m]."""
+    trajectory = _renamed(run, plan.problem.title or "optimal motion")
+    names = ("q", "der(q)", "der(q,2)")
+    if plan.course is not None:
+        held = plan.held(run)
+        trajectory = trajectory.with_values({name: held[name] for name in names})
+    q, v, a = (trajectory[name] for name in names)
+    T, e, placed = plan.poses(q)
+    tau, moved = plan.inverse(q, v, a)
+    if np.any(placed != Status.OK) or np.any(moved != Status.OK):
+        return None, np.inf
+    apart = np.linalg.norm(T - trajectory["T"], axis=1)[1:]  # at the start the re-simulation's is a step late
+    return trajectory.with_values({"T": T, "e": e, "tau": tau}), float(np.max(apart))
+
+
+def _energy(plan: AxisPlan, solution: Solution) -> float:
+    """By the quadrature of the collocation points [s]."""
+    mesh = solution.nlp.mesh
+    weights = np.outer(mesh.h, mesh.table.weights).reshape(-1) * solution.final_time
+    tau = solution.trajectory["robot.tau"][1 : 1 + len(weights)]
+    return float(weights @ np.sum((tau / plan.motors) ** 2, axis=1))
+
+
+def _angle(a: np.ndarray, b: np.ndarray) -> float:
+    """Angle between two orientations by their unit quaternions [rad]."""
+    nearer = min(float(np.linalg.norm(a - b)), float(np.linalg.norm(a + b)))
+    return float(4 * np.arcsin(min(1.0, nearer / 2)))
+
+
+def _tried(
+    plan: AxisPlan, solution: Solution, trajectory: Trajectory, pose_apart: float, defect: float, work: Work
+) -> AxisStudy:
+    problem = plan.problem
+    work.progress("moving all six axes by the forces", None, {})
+    free = free_run(plan.robot, trajectory, SUBSTEPS, work.interrupted)
+    (T0, T1, T), (e0, e1, e), status = plan.poses(np.array([plan.start, plan.goal, free.q]))
+    reached = not free.message and status[2] == Status.OK
+    share = np.abs(trajectory["tau"]) / plan.motors
+    end, angle = (float(np.linalg.norm(T - T1)), _angle(e, e1)) if reached else (np.inf, np.inf)
+    # at the start what is no state is extrapolated
+    margins = plan.guard.least(trajectory["margin"][1:]) if plan.guard.margins else {}
+    followed = _along(plan, trajectory, work)
+    peaks = np.max(share, axis=0).tolist()
+    bounds = {
+        "peak_share": (max(peaks), PEAK_SHARE),
+        "end_error_m": (end, END_ERROR_M),
+        "end_error_deg": (converted(angle, "rad", "deg"), END_ERROR_DEG),
+        "pose_apart_m": (pose_apart, POSE_APART_M),
+    }
+    if followed:
+        bounds["path_error_m"] = (followed["path_error"], PATH_M)
+    if margins:
+        bounds["excess"] = (max(0.0, -min(margins.values())), MARGIN_TOLERANCE)
+    if followed.get("second_road_time") is not None and problem.cost.energy == 0.0:
+        bounds["roads_apart"] = (abs(followed["second_road_time"] / solution.final_time - 1), ROADS_AGREE)
+    trouble = f"the forces could not be tried on all six axes: {free.message}" if free.message else FINER
+    checks: dict[str, Any] = {"constraint_violation": solution.checks["constraint_violation"]}
+    said = f"{how(solution)}, re-simulated, and tried on all six axes"
+    return AxisStudy(
+        status=SolveStatus.SOLVED,
+        message="; ".join(filter(None, [said, solution.reservation])),
+        title=problem.title,
+        objective=solution.objective,
+        iterations=solution.iterations,
+        checks=checks | {n: at_most(x, bound, trouble) for n, (x, bound) in bounds.items()},
+        final_time=solution.final_time,
+        elements=problem.mesh.elements,
+        energy=_energy(plan, solution),
+        saturation=np.mean(share[1:] >= SATURATED, axis=0).tolist(),  # rows are equally spaced
+        peak_share=peaks,
+        tcp=np.array([T0, T1]),
+        turned=_angle(e0, e1),
+        end_error=end if reached else None,
+        end_angle=angle if reached else None,
+        uncoupled=free.uncoupled if problem.degrees_of_freedom == 5 and reached else None,
+        pose_apart=pose_apart,
+        defect=defect,
+        **followed,
+        margins=margins,
+        clearance=_clearances(plan, trajectory),
+        trajectory=trajectory,
+        figures={"motion": partial(_figure, plan, trajectory)},
+        machine_files=(TRAJECTORY,),
+    )
+
+
+def _along(plan: AxisPlan, run: Trajectory, work: Work) -> dict[str, Any]:
+    """How the path was followed, and how long it takes by the other road; empty for a free motion."""
+    path, second = plan.problem.path, None
+    if path is None or plan.course is None:
+        return {}
+    off = np.linalg.norm(run["T"] - plan.course.path(np.clip(run["s"], 0.0, 1.0))[0], axis=1)
+    if plan.order == 2:
+        work.progress("squared speeds", None, {})
+        motion = plan.by_squared_speeds(path.intervals)
+        second = motion.final_time if motion.status.ok else None
+    return {"path_length": plan.course.path.length, "path_error": float(np.max(off)), "second_road_time": second}
+
+
+def _clearances(plan: AxisPlan, run: Trajectory) -> list[float]:
+    """Distances [m] of tool centre point and links from each obstacle."""
+    obstacles = plan.problem.limits.obstacles
+    if not obstacles:
+        return []
+    names = [f"{part}[{k}].{end}.r" for part, k in LINKS for end in "ab"]
+    *joints, _ = compile_causal(plan.robot, known="q", targets=names)(run["q"])
+    found = []
+    for obstacle in obstacles:
+        box = np.array(obstacle.center), np.array(obstacle.size)
+        links = [clearance(a, b, *box) for a, b in zip(joints[::2], joints[1::2], strict=True)]
+        found.append(min(clearance(run["T"], run["T"], *box, 1), *links))
+    return found
+
+
+def _figure(plan: AxisPlan, trajectory: Trajectory) -> Any:
+    from ...plot.axis_motion import axis_motion_figure
+
+    limits = plan.problem.limits
+    path = None if plan.course is None else plan.course.path(np.linspace(0.0, 1.0, 201))[0]
+    return axis_motion_figure(trajectory, force_limit=limits.force, torque_limit=limits.torque, path=path)
