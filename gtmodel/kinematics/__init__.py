@@ -2,6 +2,7 @@
 
 workspace_study   which tool centre points a robot reaches: a WorkspaceStudy; its options in `workspace`
 causality_study   any causality on many points, and the orientation of the plate: a CausalityStudy; see `causality`
+modes_study       every pose in which six links can be assembled, with certificates: a ModesStudy; see `assembly_modes`
 accuracy_study    greatest positioning errors over a section, from errors of carts and links: an AccuracyStudy; what it
                   is asked for, and its parts, in `accuracy`
 assembly_modes    every pose in which a platform on six legs of given lengths can be assembled
@@ -27,6 +28,7 @@ Orientation of the plate
 
 from . import accuracy, assembly_modes, causality, section, singularity, workspace
 from .accuracy import AccuracyStudy, accuracy_study
+from .assembly_modes import ModesStudy, modes_study
 from .causality import CausalityStudy, causality_study
 from .guideways import GuidewayFit, MeasurementError, fit_guideway
 from .maps import MotionMaps
@@ -44,6 +46,7 @@ __all__ = [
     "GuidewayFit",
     "InverseBranches",
     "MeasurementError",
+    "ModesStudy",
     "MotionMaps",
     "OrientationMap",
     "WorkspaceStudy",
@@ -57,6 +60,7 @@ __all__ = [
     "cyclic_term",
     "fit_guideway",
     "grid",
+    "modes_study",
     "orientation_map",
     "rotation_vector",
     "section",

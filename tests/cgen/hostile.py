@@ -7,10 +7,10 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+from gtmodel.cgen.verification.against_python.box_points import box_points
+from gtmodel.cgen.verification.against_python.comparison import call
 
 from gtmodel import Status
-from gtmodel.cgen.box_points import box_points
-from gtmodel.cgen.comparison import call
 from gtmodel.cgen.interface import Interface
 
 INSIDE = 0.01  # of a box's width, left out at both its ends

@@ -11,10 +11,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from gtmodel.cgen.verification.against_python.comparison import call
 
 import gtmodel as gt
 from gtmodel import Status, cgen
-from gtmodel.cgen.comparison import call
 from gtmodel.cgen.interface import Interface, interfaces
 from gtmodel.cgen.points import HELD, draw, evaluate
 from gtmodel.compiler.causal import CausalFunction

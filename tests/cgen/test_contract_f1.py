@@ -9,11 +9,11 @@ import ctypes
 
 import numpy as np
 import pytest
+from gtmodel.cgen.verification.against_python.box_points import box_points
+from gtmodel.cgen.verification.against_python.comparison import call
 
 import gtmodel as gt
 from gtmodel import Status, cgen
-from gtmodel.cgen.box_points import box_points
-from gtmodel.cgen.comparison import call
 from gtmodel.cgen.interface import Interface, interfaces
 from gtmodel.cgen.points import HELD, evaluate
 from tests.cgen.calls import denormals, shared_library, spoilt_draws

@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from gtmodel.cgen.verification.against_python.comparison import call
 
 import gtmodel as gt
-from gtmodel.cgen.comparison import call
 from gtmodel.cgen.interface import Interface, interfaces
 from gtmodel.cgen.points import draw
 from gtmodel.cgen.real import real_of

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from gtmodel.cgen.verification.against_python.comparison import call
 
 import gtmodel as gt
 from gtmodel import Status, cgen
 from gtmodel.cgen import toolchain
-from gtmodel.cgen.comparison import call
 from gtmodel.cgen.interface import interfaces
 from gtmodel.cgen.points import HELD, draw, evaluate
 from tests.cgen.conftest import Functions, SliderCrank, c_files, copy, run, succeed

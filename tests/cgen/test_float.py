@@ -9,9 +9,9 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 import pytest
+from gtmodel.cgen.verification.against_python.comparison import call
 
 from gtmodel import Status, cgen
-from gtmodel.cgen.comparison import call
 from gtmodel.cgen.interface import interfaces
 from gtmodel.cgen.points import draw, evaluate
 from gtmodel.cgen.proof import prove

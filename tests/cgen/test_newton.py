@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from gtmodel.cgen.verification.against_python.comparison import call
 
 from gtmodel import Status, cgen
-from gtmodel.cgen.comparison import call
 from gtmodel.cgen.interface import Interface, interfaces
 from gtmodel.cgen.newton_stages import samples_of
 from gtmodel.cgen.newton_steps import eliminate, newton

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from gtmodel.cgen.verification.against_python.comparison import call
 
 from gtmodel import Status, cgen
-from gtmodel.cgen.comparison import call
 from gtmodel.cgen.interface import interfaces
 from gtmodel.cgen.points import HELD, draw, evaluate
 from tests.cgen.calls import shared_library

@@ -6,21 +6,38 @@ Modes
     AssemblyModes         real modes R, T, all complex ones, status, message, certificate
     Certificate           found, real, distinct, residual, nearest other mode, retries
 
+The study
+    modes_study           of a robot in one pose or many, or of bare platforms: a ModesStudy
+    Pose, read_poses      poses of the robot, one by one or from a CSV file
+    Hands, bare, draw     legs of platforms, as they are given or drawn by a seed
+
 Start systems
     start_systems         the stored random complex platforms with their 40 solutions each
     StartSystem           one of them; ``make_start_systems``, run as a module, makes them anew
 """
 
 from .certificate import Certificate
+from .hand_poses import Pose, read_poses
+from .modes_of_poses import modes_study
+from .modes_result import ModesStudy
+from .platform_draw import draw
 from .result import AssemblyModes
+from .six_links import Hands, bare
 from .solve import assembly_modes, assembly_modes_batch
 from .start_system import StartSystem, start_systems
 
 __all__ = [
     "AssemblyModes",
     "Certificate",
+    "Hands",
+    "ModesStudy",
+    "Pose",
     "StartSystem",
     "assembly_modes",
     "assembly_modes_batch",
+    "bare",
+    "draw",
+    "modes_study",
+    "read_poses",
     "start_systems",
 ]

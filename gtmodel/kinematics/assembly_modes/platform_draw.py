@@ -6,8 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from . import six_links
-from .six_links import LINKS, Hands
+from .six_links import LINKS, Hands, bare
 
 
 def draw(count: int, seed: int) -> Hands:
@@ -21,5 +20,9 @@ def draw(count: int, seed: int) -> Hands:
     for i in range(count):
         A[i], B[i] = random.uniform(-1.0, 1.0, (LINKS, 3)), random.uniform(-0.5, 0.5, (LINKS, 3))
         T[i], e[i] = random.normal(size=3), random.normal(size=4)
-    hands = six_links.bare(A, B, np.ones((count, LINKS)), T, e)
-    return replace(hands, L=np.linalg.norm(T[:, None] + B @ np.swapaxes(hands.R, 1, 2) - A, axis=2))
+    hands = bare(A, B, np.ones((count, LINKS)), T, e)
+    return replace(
+        hands,
+        synthetic=f"synthetic platforms, seed {seed}",
+        L=np.linalg.norm(T[:, None] + B @ np.swapaxes(hands.R, 1, 2) - A, axis=2),
+    )

@@ -9,11 +9,10 @@ import casadi as ca
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gtmodel.compiler.causal import CausalFunction, compile_causal, flat_of
-from gtmodel.lang import Model, ModelError
-from gtmodel.problem_files.base import InputError
-from gtmodel.results import Status
-from gtmodel.robots import F1, SixLink
+from ...compiler.causal import CausalFunction, compile_causal, flat_of
+from ...lang import Model, ModelError
+from ...results import ArgumentError, Status
+from ...robots import F1, SixLink
 
 Array = np.ndarray
 LINKS = 6
@@ -29,6 +28,7 @@ class Hands:
         q: (n, k) carts [m], then rotary axes [rad]; k = 0 for a bare platform.
         faults: for a pose whose legs could not be had, by its index: why.
         carts: indices of the legs on each cart, or one each. directions: (6, 3) way of each A per q, or None.
+        synthetic: how the legs were drawn, in a few words; "" where they were not.
     """
 
     A: Array
@@ -40,6 +40,7 @@ class Hands:
     faults: dict[int, str]
     carts: tuple[tuple[int, ...], ...] = tuple((k,) for k in range(LINKS))
     directions: Array | None = None
+    synthetic: str = ""
 
     def __len__(self) -> int:
         return len(self.A)
@@ -137,19 +138,19 @@ class SixLinks:
         return groups, by_q[np.arange(LINKS), :, cart]
 
 
-def six_links_of(model: Model, reference: str) -> SixLinks:
-    """The six links of a robot; raises InputError for a robot of another kind."""
+def six_links_of(model: Model) -> SixLinks:
+    """The six links of a robot; raises ArgumentError for a robot of another kind."""
     names = next((names for family, names in _FAMILIES.items() if isinstance(model, family)), None)
     if names is None:
-        raise InputError(
-            f"assembly modes are those of six links; '{reference}' is a {type(model).__name__}, which is neither a "
+        raise ArgumentError(
+            f"assembly modes are those of six links; this is a {type(model).__name__}, which is neither a "
             f"{' nor an '.join(family.__name__ for family in _FAMILIES)}",
             "robot",
         )
     try:
         flat_of(model)
     except ModelError as error:
-        raise InputError(str(error), "robot") from error
+        raise ArgumentError(str(error), "robot") from error
     return SixLinks(model, names)
 
 

@@ -6,9 +6,9 @@ import itertools
 
 import numpy as np
 
-from .interface import Interface
-from .newton_stages import samples_of
-from .points import evaluate, satisfying
+from ..interface import Interface
+from ..newton_stages import samples_of
+from ..points import evaluate, satisfying
 
 CORNERS = 64  # all of up to six inputs; of more, so many drawn at random
 STEPS = 25  # from home to a point of the box, for a function that follows its last solution

@@ -9,24 +9,16 @@ from pathlib import Path
 
 import casadi as ca
 
-from .._version import __version__
-from ..compiler.causal import CausalFunction
+from ..._version import __version__
+from ...compiler.causal import CausalFunction
+from ..errors import GenerationError
+from ..generation import contents
+from ..interface import Interface, interfaces
+from ..manifest import changed_entries, changed_files, interface_entry, lacks, parameters_hash, read, sha256
+from ..real import real_of
+from ..toolchain import Toolchain, find
 from .comparison import compare
-from .errors import GenerationError
-from .generation import contents
-from .interface import Interface, interfaces
-from .manifest import (
-    changed_entries,
-    changed_files,
-    interface_entry,
-    lacks,
-    parameters_hash,
-    read,
-    sha256,
-)
-from .real import real_of
 from .report import Check, CheckReport, at_least, at_most, conclude
-from .toolchain import Toolchain, find
 
 
 def check(folder: Path, functions: Mapping[str, CausalFunction], *, points: int = 1000, seed: int = 0) -> CheckReport:

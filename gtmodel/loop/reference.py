@@ -5,30 +5,30 @@ from __future__ import annotations
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
-from gtmodel.compiler.causal import compile_causal
-from gtmodel.lang import Model
-from gtmodel.loop import Table
-from gtmodel.problem_files.base import InputError
-from gtmodel.results import Status, Trajectory
+from ..compiler.causal import compile_causal
+from ..lang import Model
+from ..results import ArgumentError, Status, Trajectory
+from .table import Table
 
 CYCLE_MS = 4
 REST_CYCLES = 75  # before, between and after the motions: 0.3 s, in which a slow drive comes to rest
 # friction turns its sign on the way back, where the optimum's forces would be exceeded: forces fall with the square
 BACK = 1.5
+_WRITES_ONE = "gtmodel solve --out writes one"
 
 
 def there_and_back(robot: Model, motion: Trajectory, cycles: int, slower: float = 1.0) -> Table:
     """Rows q, der(q), der(q,2), T, der(T), der(T,2) every 4 ms for `cycles` cycles and a little more.
 
     motion: T, der(T) and der(T,2) every 4 ms, from rest to rest; it is made `slower` times as long.
-    Raises InputError where it is none or not reached.
+    Raises ArgumentError about `reference` where it is none or not reached.
     """
     for name in ("T", "der(T)", "der(T,2)"):
         if name not in motion.names or motion[name].shape[1:] != (3,):
-            raise InputError(f"the reference lacks {name} with three components; gtmodel solve --out writes one")
+            raise ArgumentError(f"lacks {name} with three components; {_WRITES_ONE}", "reference")
     step = 1e-3 * CYCLE_MS
     if len(motion) < 2 or not np.allclose(np.diff(motion.time), step, rtol=0, atol=1e-9):
-        raise InputError(f"the reference has to have a row every {step:g} s; gtmodel solve --out writes one")
+        raise ArgumentError(f"has to have a row every {step:g} s; {_WRITES_ONE}", "reference")
     there = np.hstack([motion["T"], motion["der(T)"], motion["der(T,2)"]])
     if slower != 1.0:
         there = _back(motion, slower)[::-1] * np.repeat([1.0, -1.0, 1.0], 3)
@@ -43,7 +43,7 @@ def there_and_back(robot: Model, motion: Trajectory, cycles: int, slower: float 
     )
     bad = np.flatnonzero(status != Status.OK)
     if len(bad):
-        raise InputError(f"the reference at {step * bad[0]:g} s: {Status(int(status[bad[0]])).sentence}")
+        raise ArgumentError(f"at {step * bad[0]:g} s: {Status(int(status[bad[0]])).sentence}", "reference")
     return Table(np.hstack([q, dq, ddq, rows]), CYCLE_MS)
 
 

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gtmodel.kinematics.assembly_modes import AssemblyModes
-from gtmodel.results.status import ModesStatus
-
+from ...results.status import ModesStatus
+from .result import AssemblyModes
 from .six_links import Hands
 
 # commanded pose from its mode, over the size or in rad: two Newton iterations, each to rounding times condition
@@ -64,8 +63,8 @@ class Judged:
         return float(np.max(errors, initial=0.0)) / modes.size if errors.size else 0.0
 
     def commanded_nearest(self, i: int) -> tuple[float, float]:
-        """Distance [mm] and angle [deg] of the real mode nearest the commanded one; NaN or infinite without."""
+        """Distance [m] and angle [deg] of the real mode nearest the commanded one; NaN or infinite without."""
         k = self.commanded[i]
         if k is None:
             return math.nan, math.nan
-        return 1e3 * float(self.results[i].nearest_distance[k]), float(self.results[i].nearest_angle_deg[k])
+        return float(self.results[i].nearest_distance[k]), float(self.results[i].nearest_angle_deg[k])

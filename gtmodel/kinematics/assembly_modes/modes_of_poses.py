@@ -1,20 +1,25 @@
-"""Assembly modes of many poses in numbers, checks and tables, with the commanded mode of each."""
+"""Assembly modes of many poses as a study: certificate, the commanded mode of each, checks, table, pictures."""
 
 from __future__ import annotations
 
 import math
 from collections import Counter
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gtmodel.problem_files.base import Check, Outcome, Row, at_most
-from gtmodel.results import SolveStatus
-from gtmodel.results.status import ModesStatus
-
+from ...lang import Model, ModelError
+from ...results import ArgumentError, Check, SolveStatus, Work, at_most
+from ...results.status import ModesStatus
+from ...results.work import Progress, never, silent
 from .commanded_mode import COMMANDED, Judged
+from .hand_poses import Pose, hands_of
+from .modes_result import ModesStudy
+from .six_links import Hands, six_links_of
+from .solve import assembly_modes_batch
 
 # scaled equations at a mode: rounding of some dozen terms of size one
 RESIDUAL = 1e-12
@@ -22,24 +27,86 @@ RESIDUAL = 1e-12
 LEG_ERROR = 1e-12
 
 
-def outcome(judged: Judged) -> Outcome:
-    """Status, message, checks, values, table and modes.csv; pictures are the kind's own."""
+def modes_study(
+    robot: Model | Hands,
+    poses: Pose | Sequence[Pose] | None = None,
+    *,
+    title: str = "",
+    progress: Progress = silent,
+    max_seconds: float | None = None,
+    stop: Callable[[], bool] = never,
+) -> ModesStudy:
+    """All assembly modes of six links, with a certificate that none is missing, and the commanded one among them.
+
+    Args:
+        robot: with six links of fixed length, or the legs of bare platforms as `bare` and `draw` give them.
+        poses: of the robot, one or many that give the same quantities; its home if left out.
+        progress, max_seconds, stop: see `gtmodel.results.Work`.
+
+    A pose whose legs cannot be had has a status and harms no other. Interrupted, it holds the poses that were
+    searched. Raises ArgumentError.
+
+    >>> import gtmodel as gt
+    >>> from gtmodel.kinematics.assembly_modes import Pose
+    >>> s = gt.kinematics.modes_study(gt.robots.six_link_gantry_tau(), Pose(q=[-0.2, 0.0, -0.2]))
+    >>> s.found, s.real, s.commanded
+    (40, 6, 6)
+    """
+    work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
+    hands = legs_of(robot, poses)
+    if work.interrupted():
+        return ModesStudy(status=SolveStatus.INTERRUPTED, message=SolveStatus.INTERRUPTED.sentence, title=title)
+
+    def told(done: int, count: int) -> bool:
+        work.progress("tracking 40 paths per pose", done / count, {"poses": float(done)})
+        return work.interrupted()
+
+    told(0, len(hands))
+    judged = Judged.of(hands, assembly_modes_batch(hands.A, hands.B, hands.L, progress=told))
+    refused = judged.refused()
+    if len(hands) == 1 and refused:
+        raise ArgumentError(refused[0], "legs" if isinstance(robot, Hands) else _named(poses) if poses else "robot")
+    return _concluded(judged, title)
+
+
+def legs_of(robot: Model | Hands, poses: Pose | Sequence[Pose] | None) -> Hands:
+    """The legs that a study is about. Raises ArgumentError."""
+    if isinstance(robot, Hands):
+        if poses is not None:
+            raise ArgumentError("legs of a platform are where they are; leave the poses out", _named(poses))
+        return robot
+    given = [poses or Pose()] if poses is None or isinstance(poses, Pose) else list(poses)
+    if not given:
+        raise ArgumentError("has no poses", "poses")
+    try:
+        return hands_of(six_links_of(robot), given, _named(poses))
+    except ModelError as error:
+        raise ArgumentError(str(error), "robot") from error
+
+
+def _named(poses: Pose | Sequence[Pose] | None) -> str:
+    return "pose" if poses is None or isinstance(poses, Pose) else "poses"
+
+
+def _concluded(judged: Judged, title: str) -> ModesStudy:
     done = [i for i in range(len(judged.hands)) if judged.done(i)]
     each = [_pose_values(judged, i) for i in range(len(judged.hands))]
-    values = _summary(judged, each, done)
     checks = _checks(judged, done)
     statuses = [r.status for r in judged.results]
     if ModesStatus.INTERRUPTED in statuses:
         status = SolveStatus.INTERRUPTED
     else:
         status = SolveStatus.SOLVED if all(s.ok for s in statuses) else SolveStatus.FAILED
-    return Outcome(
+    figures = {"modes": partial(_panels, judged, title)} if len(each) == 1 else {
+        "real_modes": partial(_statistics, judged, title)}  # fmt: skip
+    return ModesStudy(
         status=status,
         message=_message(judged, status, checks),
+        title=title,
         checks=checks,
-        values=values,
-        rows=_rows_of_one(values, each[0]) if len(each) == 1 else _rows_of_many(values, each),
+        **_summary(judged, each, done),
         files={"modes.csv": _csv(each)},
+        figures=figures,
     )
 
 
@@ -66,7 +133,7 @@ def _pose_values(judged: Judged, i: int) -> dict[str, Any]:
         "nearest_mm": 1e3 * c.nearest_distance,
         "nearest_deg": c.nearest_angle_deg,
         "commanded": None if mine is None else mine + 1,
-        "commanded_nearest_mm": near[0],
+        "commanded_nearest_mm": 1e3 * near[0],
         "commanded_nearest_deg": near[1],
         "q_m": hands.q[i, :3],
         "q_rad": hands.q[i, 3:],
@@ -99,41 +166,38 @@ def _summary(judged: Judged, each: list[dict[str, Any]], done: list[int]) -> dic
         return choose([each[i][name] for i in done]) if done else None
 
     counts = Counter(each[i]["real"] for i in done)
-    near = _nearest(judged, each, done, "nearest")
-    mine = _nearest(judged, each, done, "commanded_nearest")
+    certificates = [r.certificate for r in judged.results]
+    near = _nearest(judged, done, lambda i: (certificates[i].nearest_distance, certificates[i].nearest_angle_deg))
+    mine = _nearest(judged, done, judged.commanded_nearest)
+    only = each[0] if len(each) == 1 else None
     return {
         "poses": len(each),
         "whole": sum(r.status.ok for r in judged.results),
-        **{name: over(min, name) for name in ("found", "distinct", "certified", "real")},
+        **{name: over(min, name) for name in ("found", "distinct", "certified", "real", "conjugate_pairs")},
         "real_most": over(max, "real"),
         "real_counts": {str(n): counts[n] for n in sorted(counts)},
-        "conjugate_pairs": over(min, "conjugate_pairs"),
-        **{name: over(max, name) for name in ("infinite", "multiple", "lost")},
+        **{name: over(max, name) for name in ("infinite", "multiple", "lost", "worst_residual", "worst_leg_error")},
         "retries": over(sum, "retries"),
-        "worst_residual": over(max, "worst_residual"),
-        "worst_leg_error": over(max, "worst_leg_error"),
-        "nearest_mm": near[0],
-        "nearest_deg": near[1],
-        "commanded": each[0]["commanded"] if len(each) == 1 else None,
-        "commanded_nearest_mm": mine[0],
-        "commanded_nearest_deg": mine[1],
-        "modes": each[0]["modes"] if len(each) == 1 else [],
+        "nearest_distance": near[0],
+        "nearest_angle_deg": near[1],
+        "commanded": only["commanded"] if only else None,
+        "commanded_nearest_distance": mine[0],
+        "commanded_nearest_angle_deg": mine[1],
+        "modes": only["modes"] if only else [],
         "each": each,
     }
 
 
-def _nearest(judged: Judged, each: list[dict[str, Any]], done: list[int], name: str) -> tuple[float, float]:
-    """Of the pose where two modes are nearest, as `AssemblyModes` measures it; NaN where no pose has two."""
+def _nearest(judged: Judged, done: list[int], of: Callable[[int], tuple[float, float]]) -> tuple[float, float]:
+    """Distance [m] and angle [deg] of the pose where two modes are nearest, as `AssemblyModes` measures it; NaN where
+    no pose has two."""
 
     def measure(i: int) -> float:
-        distance = each[i][f"{name}_mm"] / (1e3 * judged.results[i].size)
-        return math.hypot(distance, math.radians(each[i][f"{name}_deg"]))
+        distance, angle = of(i)
+        return math.hypot(distance / judged.results[i].size, math.radians(angle))
 
-    several = [i for i in done if math.isfinite(each[i][f"{name}_mm"])]
-    if not several:
-        return math.nan, math.nan
-    best = min(several, key=measure)
-    return each[best][f"{name}_mm"], each[best][f"{name}_deg"]
+    several = [i for i in done if math.isfinite(of(i)[0])]
+    return of(min(several, key=measure)) if several else (math.nan, math.nan)
 
 
 def _checks(judged: Judged, done: list[int]) -> dict[str, Check]:
@@ -173,45 +237,6 @@ def _message(judged: Judged, status: SolveStatus, checks: dict[str, Check]) -> s
     return text
 
 
-def _rows_of_one(values: dict[str, Any], pose: dict[str, Any]) -> list[Row]:
-    rows = [
-        Row("modes found, distinct, certified", f"{pose['found']}, {pose['distinct']}, {pose['certified']}", "of 40"),
-        Row("real", pose["real"]),
-        Row("conjugate pairs", pose["conjugate_pairs"]),
-        Row("at infinity, multiple, lost", f"{pose['infinite']}, {pose['multiple']}, {pose['lost']}", "paths"),
-        Row("tracked again", pose["retries"], "paths"),
-        Row("worst residual", pose["worst_residual"]),
-        Row("worst error of a leg, relative", pose["worst_leg_error"]),
-        *_near_rows("nearest two real modes", pose["nearest_mm"], pose["nearest_deg"]),
-        Row("commanded mode", "none" if pose["commanded"] is None else pose["commanded"]),
-        *_near_rows("nearest to the commanded", pose["commanded_nearest_mm"], pose["commanded_nearest_deg"]),
-    ]
-    for mode in values["modes"]:
-        mark = " (commanded)" if mode["commanded"] else ""
-        rows.append(Row(f"mode {mode['mode']}{mark}", ", ".join(f"{x:.4f}" for x in mode["tcp_m"]), "m"))
-    return rows
-
-
-def _near_rows(label: str, mm: float, deg: float) -> list[Row]:
-    if not math.isfinite(mm):
-        return []
-    return [Row(label, mm, "mm"), Row(f"{label}, angle", deg, "deg")]
-
-
-def _rows_of_many(values: dict[str, Any], each: list[dict[str, Any]]) -> list[Row]:
-    return [
-        Row("poses", values["poses"]),
-        Row("with a whole set of modes", values["whole"]),
-        *(Row(f"with {count} real modes", poses) for count, poses in values["real_counts"].items()),
-        Row("with the commanded pose among them", sum(pose["commanded"] is not None for pose in each)),
-        Row("tracked again", values["retries"], "paths"),
-        Row("worst residual", values["worst_residual"]),
-        Row("worst error of a leg, relative", values["worst_leg_error"]),
-        *_near_rows("nearest two real modes", values["nearest_mm"], values["nearest_deg"]),
-        *_near_rows("nearest to a commanded one", values["commanded_nearest_mm"], values["commanded_nearest_deg"]),
-    ]
-
-
 def _csv(each: list[dict[str, Any]]) -> str:
     """One line per real mode."""
     lines = ["pose,mode,x_m,y_m,z_m,e0,e1,e2,e3,commanded,nearest_mode,nearest_mm,nearest_deg"]
@@ -222,3 +247,24 @@ def _csv(each: list[dict[str, Any]]) -> str:
             cells = [pose["pose"], mode["mode"], *numbers, int(mode["commanded"]), mode["nearest_mode"] or "", *near]
             lines.append(",".join(map(str, cells)))
     return "\n".join(lines) + "\n"
+
+
+def _panels(judged: Judged, title: str) -> Any:
+    from ...plot.assembly_modes import modes_figure
+
+    hands, modes = judged.hands, judged.results[0]
+    return modes_figure(
+        hands.A[0], hands.B[0], modes.R, modes.T,
+        commanded=judged.commanded[0], carts=hands.carts, directions=hands.directions, title=title,
+    )  # fmt: skip
+
+
+def _statistics(judged: Judged, title: str) -> Any:
+    from ...plot.assembly_modes import real_counts_figure
+
+    made = judged.hands.synthetic
+    if made and "synthetic" not in title:
+        title += f" ({made})"
+    done = [i for i in range(len(judged.hands)) if judged.done(i)]
+    near = np.array([judged.commanded_nearest(i) for i in done]).reshape(-1, 2) * [1e3, 1.0]
+    return real_counts_figure([judged.results[i].certificate.real for i in done], near, title=title)

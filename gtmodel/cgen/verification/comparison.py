@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..results.status import Status
+from ...results.status import Status
+from ..interface import Interface, interfaces
+from ..points import awkward, draw, evaluate
+from ..real import DOUBLE, FLOAT_TOLERANCE
 from .box_points import box_points
-from .interface import Interface, interfaces
-from .points import awkward, draw, evaluate
-from .real import DOUBLE, FLOAT_TOLERANCE
 from .report import Check, at_least, at_most
 
 BOX_POINTS = 200  # random ones, beside the corners

@@ -1,0 +1,74 @@
+"""The keys of kind "modes"."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import Field, PositiveFloat
+
+from gtmodel.kinematics.assembly_modes import hand_poses
+from gtmodel.problem_files.base import InputError, Problem, Section
+from gtmodel.problem_files.robot_file import Points
+
+Three = Annotated[list[float], Field(min_length=3, max_length=3)]
+Four = Annotated[list[float], Field(min_length=4, max_length=4)]
+Lengths = Annotated[list[PositiveFloat], Field(min_length=6, max_length=6)]
+
+
+class Pose(Section):
+    """Carts and rotary axes, or a tool pose."""
+
+    q_m: Three | None = Field(default=None, description="coordinates of the three carts")
+    q_rad: Three | None = Field(default=None, description="rotary axes q4, q5, q6 of an F1; zero if left out")
+    q_deg: Three | None = Field(default=None, description="the same in degrees")
+    tcp_m: Three | None = Field(default=None, description="tool centre point, in place of q_m")
+    zyz_deg: Three | None = Field(
+        default=None, description="the plate's angles about z, y, z there, where they are free; home's if left out"
+    )
+    quaternion: Four | None = Field(default=None, description="its unit quaternion instead, scalar first")
+
+    def options(self) -> hand_poses.Pose:
+        """The pose in SI. Raises InputError for angles in both units."""
+        if self.q_rad is not None and self.q_deg is not None:
+            raise InputError("give either q_rad or q_deg", "pose")
+        return hand_poses.Pose(
+            q=self.q_m, axes=self.q_rad if self.q_deg is None else np.radians(self.q_deg).tolist(), tcp=self.tcp_m,
+            zyz=None if self.zyz_deg is None else np.radians(self.zyz_deg).tolist(), quaternion=self.quaternion,
+        )  # fmt: skip
+
+
+class Platform(Section):
+    """Six legs without a robot."""
+
+    A_m: Points = Field(description="joints at the base or at the carts")
+    B_m: Points = Field(description="plate joints in plate coordinates")
+    L_m: Lengths = Field(description="lengths of the legs, not their squares")
+
+
+class Draw(Section):
+    """Random platforms, synthetic: base joints in a cube of side 2 m, plate joints in one of side 1 m."""
+
+    platforms: int = Field(default=20, ge=1, le=100000, description="how many")
+    seed: int = Field(default=1, ge=0, description="of the random numbers")
+
+
+class Schema(Problem):
+    """Assembly modes of a robot with six links, of a platform given by its joints, or of random ones.
+
+    Give robot, platform or draw; with a robot a pose (its home if left out) or poses, with a platform perhaps the
+    pose that is commanded.
+    """
+
+    robot: str | None = Field(default=None, description="catalogue name or TOML robot file, with six links")
+    parameters: dict[str, Any] = Field(
+        default={}, description="modifiers of the model, by its own parameter names, in SI"
+    )
+    pose: Pose | None = Field(default=None)
+    poses: str | None = Field(
+        default=None,
+        description="CSV file of many poses; columns q1_m, q2_m, q3_m, with q4_deg ... or q4_rad ... for an F1, or "
+        "x_m, y_m, z_m, with alpha_deg, beta_deg, gamma_deg (z, y, z) or e0 ... e3",
+    )
+    platform: Platform | None = Field(default=None)
+    draw: Draw | None = Field(default=None)

@@ -1,0 +1,143 @@
+"""Poses of a six-link robot: given one by one, or one row each of a CSV file."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from ...measurements import csv_lines
+from ...results import ArgumentError
+from ...results.options import Long, Options, Unit
+from ..causality.conditions import UNIT_LENGTH
+from .six_links import Hands, SixLinks
+
+# quantities of a pose with their columns in a file, and the number per SI unit
+COLUMNS = {
+    "q": {("q1_m", "q2_m", "q3_m"): 1.0},
+    "axes": {("q4_rad", "q5_rad", "q6_rad"): 1.0, ("q4_deg", "q5_deg", "q6_deg"): math.pi / 180},
+    "tcp": {("x_m", "y_m", "z_m"): 1.0},
+    "zyz": {("alpha_deg", "beta_deg", "gamma_deg"): math.pi / 180},
+    "quaternion": {("e0", "e1", "e2", "e3"): 1.0},
+}
+
+
+@dataclass(frozen=True)
+class Pose(Options):
+    """Carts and rotary axes, or a tool pose; home where nothing is given."""
+
+    q: Annotated[list[float] | None, Unit("m"), Long(3), "coordinates of the three carts"] = None
+    axes: Annotated[
+        list[float] | None, Unit("rad"), Long(3), "rotary axes q4, q5, q6 of an F1; zero if left out"
+    ] = None  # fmt: skip
+    tcp: Annotated[list[float] | None, Unit("m"), Long(3), "tool centre point, in place of q"] = None
+    zyz: Annotated[
+        list[float] | None, Unit("rad", written="deg"), Long(3),
+        "the plate's angles about z, y, z there, where they are free; home's if left out",
+    ] = None  # fmt: skip
+    quaternion: Annotated[list[float] | None, Long(4), "its unit quaternion instead, scalar first"] = None
+
+    def given(self) -> tuple[str, ...]:
+        """The quantities that are there."""
+        return tuple(name for name in COLUMNS if getattr(self, name) is not None)
+
+
+def read_poses(path: str | Path) -> list[Pose]:
+    """The poses of a CSV file, one row each, named columns as in COLUMNS. Raises ArgumentError."""
+    path = Path(path)
+    try:
+        head, rows = _table(path)
+    except ArgumentError as error:
+        raise ArgumentError(error.sentence, "poses") from error
+    wanted = [
+        (name, columns, f) for name, all_ in COLUMNS.items() for columns, f in all_.items() if {*columns} & {*head}
+    ]
+    known = [column for _, columns, _ in wanted for column in columns]
+    missing = [column for column in known if column not in head]
+    if missing or not wanted:
+        expected = ", ".join(missing) or "q1_m, q2_m, q3_m or x_m, y_m, z_m"
+        raise ArgumentError(f"{path.name} lacks the columns {expected}; it has {', '.join(head)}", "poses")
+    foreign = [column for column in head if column not in known]
+    if foreign:
+        raise ArgumentError(f"{path.name} has columns that are none of a pose: {', '.join(foreign)}", "poses")
+    twice = [columns for name, columns, _ in wanted if sum(name == other for other, _, _ in wanted) > 1]
+    if twice:
+        raise ArgumentError(f"{path.name} has {' and '.join(c[0] for c in twice)}; give either", "poses")
+    if not rows:
+        raise ArgumentError(f"{path.name} has no rows", "poses")
+    return [Pose(**{name: [f * row[head.index(c)] for c in columns] for name, columns, f in wanted}) for row in rows]
+
+
+def _table(path: Path) -> tuple[list[str], list[list[float]]]:
+    """Heads and numbers of a CSV file. Raises ArgumentError."""
+    (line, head), kept = csv_lines.lines_of(path, "q1_m,q2_m,q3_m")
+    csv_lines.refuse_twice(head, f"{path.name} line {line}")
+    rows = []
+    for n, row in kept:
+        try:
+            numbers = [csv_lines.number(cell) for cell in row]
+        except ValueError:
+            numbers = []
+        if len(numbers) != len(head) or not all(map(math.isfinite, numbers)):
+            raise ArgumentError(
+                f"{path.name} line {n}: expected {len(head)} finite numbers; found '{','.join(row)}'", "poses"
+            )
+        rows.append(numbers)
+    return head, rows
+
+
+def hands_of(robot: SixLinks, poses: Sequence[Pose], argument: str) -> Hands:
+    """Legs of the robot in poses that give the same quantities. Raises ArgumentError at `argument`."""
+    given = poses[0].given()
+    _check(robot, given, argument)
+    if "q" in given:
+        q = np.array([pose.q for pose in poses])
+        if robot.carts_and_axes[1]:
+            q = np.hstack([q, np.array([pose.axes or [0.0, 0.0, 0.0] for pose in poses])])
+        return robot.at_carts(q)
+    T, e = robot.home
+    if "tcp" in given:
+        return robot.at_poses(np.array([pose.tcp for pose in poses]), orientations(poses, e, argument))
+    return robot.at_poses(T[None], e[None])
+
+
+def orientations(poses: Sequence[Pose], left_out: np.ndarray, argument: str) -> np.ndarray:
+    """Quaternions (n, 4) of length 1 of the poses, `left_out` where they say nothing."""
+    heads = [f"pose {i + 1} " if len(poses) > 1 else "" for i in range(len(poses))]
+    return np.array([_orientation(pose, left_out, argument, head) for pose, head in zip(poses, heads, strict=True)])
+
+
+def _orientation(pose: Pose, left_out: np.ndarray, argument: str, head: str) -> np.ndarray:
+    if pose.quaternion is not None:
+        e = np.array(pose.quaternion)
+        length = float(np.linalg.norm(e))
+        if abs(length - 1.0) > UNIT_LENGTH:
+            raise ArgumentError(
+                f"{head}must be of length 1; found {pose.quaternion} of length {length:.6g}", f"{argument}.quaternion"
+            )
+        return e / length
+    if pose.zyz is not None:
+        return Rotation.from_euler("ZYZ", pose.zyz).as_quat(scalar_first=True)
+    return left_out
+
+
+def _check(robot: SixLinks, given: tuple[str, ...], argument: str) -> None:
+    """Raises ArgumentError for quantities that contradict each other or do not belong to the robot."""
+    if "tcp" in given and "q" in given:
+        raise ArgumentError("give either the carts q_m or tcp_m", argument)
+    turned = [name for name in ("zyz", "quaternion") if name in given]
+    if len(turned) > 1:
+        raise ArgumentError("give either zyz_deg or quaternion", argument)
+    if "axes" in given and not robot.carts_and_axes[1]:
+        raise ArgumentError("the robot has no rotary axes; leave them out", f"{argument}.axes")
+    if turned and not robot.turns:
+        raise ArgumentError("the robot's orientation follows from tcp_m; leave it out", f"{argument}.{turned[0]}")
+    if "axes" in given and "q" not in given:
+        raise ArgumentError("rotary axes need the carts q_m beside them", f"{argument}.axes")
+    if turned and "tcp" not in given:
+        raise ArgumentError("an orientation needs tcp_m beside it", f"{argument}.{turned[0]}")
