@@ -26,7 +26,8 @@ from .directional import mean_directional_matrix
 from .forces import forces, integrated_forces, mean_forces, peak_force, to_world
 from .guideline import Findings, NearMode, choices, frequency_sensitivity, guideline, nearest_mode
 from .lobes import Lobes, stability_lobes
-from .milling_study import MillingStudy, study
+from .milling_result import MillingStudy
+from .milling_study import study
 from .mode_coupling import ModeCoupling, critical_depth, mode_coupling
 from .options import Modal, PathOffset, Search, Tool
 from .oscillators import Oscillators, missing_z

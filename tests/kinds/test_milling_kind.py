@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from gtmodel.milling import PathOffset, study
 from gtmodel.problem_files import Context, InputError
 from gtmodel.problem_files.load import load
 from gtmodel.problem_files.run import answer, explain
 from gtmodel.results import SolveStatus
+from gtmodel.results.as_json import plain
+from gtmodel.robots import kr500, kr500_tables
 from gtmodel.vibration import fit_oscillator_field, oscillator_text
-from tests.milling.thesis import OSCILLATORS
+from tests.milling.shipped import GIVEN, PRINTED_CHOICE, RPM
+from tests.milling.thesis import CUT, CUTTER, OSCILLATORS
 
 PROBLEM = "problems/milling_pose.toml"
 # only the shipped problem does all; the others leave out what they do not ask for
@@ -29,10 +34,17 @@ def refused(key: str, run) -> None:
     assert caught.value.key == key and caught.value.sentence
 
 
-def test_the_shipped_problem_is_solved() -> None:
+def test_the_shipped_problem_gives_what_the_call_gives() -> None:
     found = solved()
     assert found.status is SolveStatus.SOLVED and all(check.passed for check in found.checks.values())
     assert len(found.values["combinations"]) == 10 and len(found.values["printed_mean_mm"]["+x"]) == 12
+    search = replace(
+        PRINTED_CHOICE, refine=3, speeds=[n * RPM for n in (1500, 1725, 2400, 3225)],
+        feed_directions=[[0.0, 1.0, 0.0]], speed_range=[1200 * RPM, 3600 * RPM],
+    )  # fmt: skip
+    options = {**GIVEN, "search": search, "lobes": (600 * RPM, 6000 * RPM), "compensation": PathOffset()}
+    called = study(kr500(), CUTTER, CUT, tests=kr500_tables(), **options)
+    assert plain(found.values) == plain(called.values)
 
 
 ROWS = "".join(

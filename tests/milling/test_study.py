@@ -10,39 +10,19 @@ import pytest
 import gtmodel as gt
 from gtmodel.milling import (
     AngleTable,
-    Coefficients,
-    Cut,
-    Cutter,
     Modal,
     Oscillators,
     PathOffset,
     Search,
-    Tool,
     study,
 )  # fmt: skip
 from gtmodel.results import ArgumentError, SolveStatus
 from gtmodel.robots import kr500_limits, kr500_tables
 from gtmodel.vibration import fit_oscillator_field
-from tests.milling.thesis import OSCILLATORS
+from tests.milling.shipped import ANGLES, GIVEN, MEASURED, PRINTED_CHOICE, RPM, TOOL
+from tests.milling.thesis import CUT, CUTTER, OSCILLATORS, K
 
-K = Coefficients(6089.9, 9.0377e8, 6601.7, 2.9379e8, 1116.9, 2.7783e8)
-CUTTER = Cutter(0.0254, 2, K, np.radians(30.0))
-CUT = Cut("climb", 0.00635, 0.00508, 0.000526)
-TOOL = Tool(tcp=[0.3, 0.0, 0.25], spindle=[1.0, 0.0, 0.0], zero=-np.pi / 2)
-ANGLES = np.radians([49.0, 52.0, 110.0])  # of tests 4, 2 and 1 of Cvitanic 2021, Table 16
-MEASURED = OSCILLATORS[np.array([3, 1, 0])]
-TABLE = AngleTable(ANGLES, MEASURED)
-PRINTED_CHOICE = Search(refine=0, static_choice=np.radians(110.0))
 COARSE = Search(refine=0, step=np.radians(4.0))
-RPM = 1 / 60  # turns per second
-GIVEN = {
-    "place": [-0.01073, -2.40047, 0.30341],
-    "speed": 1935 * RPM,
-    "joint_stiffness": 1e6 * np.array([3.93, 3.46, 2.77, 1.57, 0.24, 0.17]),
-    "tool": TOOL,
-    "dynamics": TABLE,
-    "search": PRINTED_CHOICE,
-}
 
 
 @pytest.fixture(scope="module")
