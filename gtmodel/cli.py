@@ -193,7 +193,7 @@ def loop(
     as_json: Json = False,
 ) -> None:
     """Run the 4 ms loop with generated code against a simulated controller on loopback, its law off and on."""
-    from gtmodel.kinds import loop_run
+    from gtmodel.problem_files import loop_run
     from gtmodel.problem_files.base import Context
 
     with answering(context, as_json, str(folder)) as answer:
@@ -201,8 +201,8 @@ def loop(
         job = Context(name=folder.name)
         with terminal.watching(job, "stopping the loop, nothing will be compared"):
             answer.finished = loop_run.run(
-                folder, peer, seconds, law=law, reference=reference, in_lockstep=lockstep, elastic_Hz=elastic,
-                deceleration_m_s2=deceleration, out=out, context=job,
+                folder, out or folder / "loop", job, reference=reference, peer=peer, seconds=seconds, law=law,
+                in_lockstep=lockstep, elastic=elastic, deceleration=deceleration,
             )  # fmt: skip
 
 

@@ -9,11 +9,15 @@ import sys
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import pytest
 
 from gtmodel import problem_files as kinds
+from gtmodel.cgen import CodeStudy
+from gtmodel.cgen.verification import against_python
+from gtmodel.kinds.codegen import kind as codegen_kind
 from gtmodel.problem_files import fields
 from gtmodel.results.quantity import described
 from gtmodel.results.unit_names import unit_of
@@ -228,20 +232,18 @@ def test_ctrl_c_and_sigterm_keep_the_best_iterate(interrupted: subprocess.Popen[
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no SIGTERM with a handler on Windows")
-@pytest.mark.parametrize("step", ["compile_causal", "check"])
+@pytest.mark.parametrize(("place", "step"), [(codegen_kind, "compile_causal"), (against_python, "check")])
 def test_codegen_stops_between_its_steps(
-    gtmodel: Commands, here: Path, monkeypatch: pytest.MonkeyPatch, step: str
+    gtmodel: Commands, here: Path, monkeypatch: pytest.MonkeyPatch, place: ModuleType, step: str
 ) -> None:
     """What was not done is not said to be: SIGTERM while a function is derived, and while the code is compared."""
-    from gtmodel.kinds import codegen
-
-    work = getattr(codegen, step)
+    work = getattr(place, step)
 
     def stopped(*words: Any, **more: Any) -> Any:
         signal.raise_signal(signal.SIGTERM)
         return work(*words, **more)
 
-    monkeypatch.setattr(codegen, step, stopped)
+    monkeypatch.setattr(place, step, stopped)
     done = gtmodel("codegen", "pendulum_code.toml", "-o", "code", "--check", "--json", "--set", "check.points=5")
     assert done.code == 1 and done.json["status"] == "interrupted"
     assert not (here / "code" / "manifest.json").exists()
@@ -258,16 +260,14 @@ def test_codegen_checks_own_models(gtmodel: Commands, here: Path, problem: str) 
     assert done.json["checks"] and all(check["passed"] for check in done.json["checks"].values())
     values = done.json["values"]
     assert sorted(values["files"]) == sorted(p.name for p in (here / "code").iterdir())
-    assert list(values) == list(kinds.get("codegen").VALUES)
+    assert list(values) == list(described(CodeStudy))
 
 
 def test_code_that_fails_its_check_is_not_written(
     gtmodel: Commands, here: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A constant of the C code differs from that of the model."""
-    from gtmodel.kinds import codegen
-
-    compare = codegen.check
+    compare = against_python.check
 
     def spoilt(folder: Path, functions: Any, **settings: Any) -> Any:
         body = folder / "gt_pendulum_body.c"
@@ -276,7 +276,7 @@ def test_code_that_fails_its_check_is_not_written(
         body.write_text(text.replace("4.905", "4.906"))
         return compare(folder, functions, **settings)
 
-    monkeypatch.setattr(codegen, "check", spoilt)
+    monkeypatch.setattr(against_python, "check", spoilt)
     words = ("codegen", "pendulum_code.toml", "-o", "code", "--check", "--set", "check.points=50")
     done = gtmodel(*words, "--json")
     assert done.code == 1 and done.json["status"] == "check_failed"

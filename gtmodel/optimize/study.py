@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Annotated
+from typing import Annotated, Any
 
 from ..lang import ModelError, Optimization
 from ..results import ArgumentError, Quantity, Row, Study, Trajectory, Work
@@ -114,7 +114,7 @@ def optimization_study(
     )
 
 
-def _tried(solution: Solution) -> tuple[dict[str, float], str]:
+def _tried(solution: Solution) -> tuple[dict[str, Any], str]:
     """What the optimum's input does in an error-controlled integrator, and the message; no numbers if it cannot run."""
     try:
         run = resimulate(solution)
@@ -122,5 +122,5 @@ def _tried(solution: Solution) -> tuple[dict[str, float], str]:
         return {}, f"{solution.message}; not re-simulated: {error}"
     if run.trajectory is None:
         return {}, f"{solution.message}; not re-simulated: {run.message}"
-    numbers = dict(zip(TRIED, (run.defect, run.violation, run.cost_error), strict=True))
+    numbers: dict[str, Any] = dict(zip(TRIED, (run.defect, run.violation, run.cost_error), strict=True))
     return numbers, f"{solution.message}{';' if solution.reservation else ' and'} re-simulated"

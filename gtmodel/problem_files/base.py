@@ -18,8 +18,8 @@ from gtmodel.results.work import Progress, silent
 from .call import Call
 
 __all__ = [
-    "TRAJECTORY", "Calling", "Check", "Context", "InputError", "Kind", "Outcome", "Problem", "Progress", "Row",
-    "Section", "at_least", "at_most", "silent", "unheard",
+    "TRAJECTORY", "Calling", "Check", "Context", "Generating", "InputError", "Kind", "Outcome", "Problem", "Progress",
+    "Row", "Section", "at_least", "at_most", "silent", "unheard",
 ]  # fmt: skip
 
 
@@ -184,3 +184,10 @@ class Calling(Protocol):
     Schema: type[Problem]
 
     def call(self, problem: Any, context: Context) -> Call: ...
+
+
+@runtime_checkable
+class Generating(Protocol):
+    """What a kind offers besides whose study writes a folder of its own, by ``gtmodel codegen``."""
+
+    def write(self, problem: Any, context: Context, out: Path, *, verify: bool, write_failed: bool) -> Study: ...

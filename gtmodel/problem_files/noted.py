@@ -5,7 +5,7 @@ from __future__ import annotations
 from gtmodel.compiler.causal import notes_of
 from gtmodel.results import Study
 
-from .base import Context, InputError, Outcome, Row, at_most
+from .base import Check, Context, InputError, Outcome, Row, at_most
 
 NOTES = "notes"  # in `values`; a kind may have notes of its own there
 NOT_TO_BE_USED = "inputs_not_to_be_used"
@@ -34,11 +34,15 @@ def noted(outcome: Study, context: Context) -> Study:
 
 def checked(outcome: Study, context: Context) -> Study:
     """The outcome with a failed check where it rests on files that are not to be used."""
+    return outcome.judged(doubts(context))
+
+
+def doubts(context: Context) -> dict[str, Check]:
+    """A check that fails where files that are not to be used were taken; empty where there are none."""
     if not context.distrusted:
-        return outcome
-    check = at_most(float(len(context.distrusted)), 0.0, f"make {' and '.join(context.distrusted)} anew")
-    message = outcome.message if outcome.status.ok else f"{outcome.told}; {check.advice}"
-    return outcome.with_(checks={**outcome.checks, NOT_TO_BE_USED: check}, message=message)
+        return {}
+    advice = f"make {' and '.join(context.distrusted)} anew"
+    return {NOT_TO_BE_USED: at_most(float(len(context.distrusted)), 0.0, advice)}
 
 
 def refuse_distrusted(context: Context, what: str) -> None:

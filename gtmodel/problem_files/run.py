@@ -8,7 +8,6 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 from gtmodel.results import ArgumentError, Study
 from gtmodel.results.written import for_machines
@@ -16,7 +15,7 @@ from gtmodel.results.written import for_machines
 from . import output
 from . import start as earlier
 from .arguments import key_of
-from .base import Calling, Context, InputError
+from .base import Calling, Context, Generating, InputError
 from .call import Call
 from .load import Loaded, load
 from .noted import noted
@@ -50,6 +49,8 @@ def context_of(loaded: Loaded, *, max_seconds: float | None = None, start: Path 
 
 def answer(loaded: Loaded, context: Context) -> Study:
     """What the kind gives back. Raises InputError, for an argument that a library refuses at its key."""
+    if isinstance(loaded.kind, Generating):
+        raise InputError("generates code and solves nothing; use gtmodel codegen PROBLEM.toml -o DIR", "kind")
     with keyed(loaded):
         if isinstance(loaded.kind, Calling):
             return loaded.kind.call(loaded.problem, context)(**context.work())
@@ -104,12 +105,12 @@ def solve(
 
 
 def generate(loaded: Loaded, context: Context, out: Path, *, verify: bool, write_failed: bool = False) -> Finished:
-    """Generate the code of a problem of kind codegen; with `verify` and without `write_failed` only code that passed
-    all checks is written. Raises InputError for another kind."""
-    if loaded.problem.kind != "codegen":
+    """Generate the code of a problem of a kind that gives some; with `verify` and without `write_failed` only code that
+    passed all checks is written. Raises InputError for another kind."""
+    if not isinstance(loaded.kind, Generating):
         raise InputError(f"is '{loaded.problem.kind}', which gives no code; use gtmodel solve", "kind")
-    codegen: Any = loaded.kind
-    outcome = codegen.write(loaded.problem, context, out, verify=verify, write_failed=write_failed)
+    with keyed(loaded):
+        outcome = loaded.kind.write(loaded.problem, context, out, verify=verify, write_failed=write_failed)
     return Finished(noted(outcome, context), time.monotonic() - context.began)
 
 

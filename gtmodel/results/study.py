@@ -84,6 +84,12 @@ class Study:
         changed.__post_init__()
         return changed
 
+    def judged(self, more: Mapping[str, Check]) -> Self:
+        """The same study with further checks. What was not solved before keeps its message, with their advice."""
+        advice = [check.advice for check in failed_of(more).values() if check.advice]
+        message = self.message if self.status.ok or not advice else "; ".join([self.told, *advice])
+        return self.with_(checks={**self.checks, **more}, message=message) if more else self
+
     def figure(self, name: str = "") -> Figure:
         """A picture by name, the first if left out. Raises ArgumentError for a name that is not there."""
         there = ", ".join(self.figures) or "none"

@@ -142,7 +142,7 @@ def _concluded(found: Simulation, title: str) -> SimulationStudy:
     checks = {"equations_residual": at_most(found.residual, EQUATIONS, TIGHTER)}
     checks |= {name: at_most(check.value, check.bound or 0.0, check.advice) for name, check in found.checks.items()}
     figures = {"signals": partial(_signals, trajectory, [s.time for s in found.switches])}
-    energies = {}
+    energies: dict[str, Any] = {}
     if found.energy_error is not None:
         figures["energy"] = partial(_energy, trajectory)
         energies = {f"energy_{k}": float(x[-1] - x[0]) for k in ENERGIES for x in [trajectory[f"energy.{k}"]]}

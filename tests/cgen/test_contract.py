@@ -12,9 +12,9 @@ import pytest
 
 import gtmodel as gt
 from gtmodel import Status, cgen
-from gtmodel.cgen.comparison import call
 from gtmodel.cgen.interface import Interface, interfaces
 from gtmodel.cgen.points import HELD
+from gtmodel.cgen.verification.comparison import call
 from tests.cgen.calls import denormals, shared_library, spoilt_draws
 
 # draws of each function, 100,000 in all

@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 
 import gtmodel as gt
-from gtmodel.cgen.comparison import call
 from gtmodel.cgen.interface import Interface, interfaces
 from gtmodel.cgen.points import draw
 from gtmodel.cgen.real import real_of
+from gtmodel.cgen.verification.comparison import call
 from gtmodel.cli import main
 from tests.cgen.calls import shared_library
 from tests.cgen.conftest import c_files, copy, run, succeed

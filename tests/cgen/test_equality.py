@@ -11,9 +11,9 @@ import pytest
 import gtmodel as gt
 from gtmodel import Status, cgen
 from gtmodel.cgen import toolchain
-from gtmodel.cgen.comparison import call
 from gtmodel.cgen.interface import interfaces
 from gtmodel.cgen.points import HELD, draw, evaluate
+from gtmodel.cgen.verification.comparison import call
 from tests.cgen.conftest import Functions, SliderCrank, c_files, copy, run, succeed
 
 POINTS = 1000

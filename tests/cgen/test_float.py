@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 from gtmodel import Status, cgen
-from gtmodel.cgen.comparison import call
 from gtmodel.cgen.interface import interfaces
 from gtmodel.cgen.points import draw, evaluate
 from gtmodel.cgen.proof import prove
 from gtmodel.cgen.real import DOUBLE, FLOAT
 from gtmodel.cgen.single import single
+from gtmodel.cgen.verification.comparison import call
 from gtmodel.cgen.virtual_machine import run as run_in_float
 from tests.bench.callgrind import FLAGS
 from tests.cgen.calls import shared_library

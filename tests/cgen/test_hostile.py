@@ -16,11 +16,11 @@ import pytest
 
 from gtmodel import Status
 from gtmodel.cgen import generate
-from gtmodel.cgen.comparison import call
 from gtmodel.cgen.interface import Interface, interfaces
 from gtmodel.cgen.points import evaluate
 from gtmodel.cgen.real import real_of
-from gtmodel.kinds.codegen import compiled
+from gtmodel.cgen.verification.comparison import call
+from gtmodel.kinds.codegen.kind import functions_of
 from gtmodel.problem_files.base import Context
 from gtmodel.problem_files.load import load
 from tests.cgen.calls import shared_library
@@ -49,7 +49,7 @@ class Made:
     def __init__(self, name: str, place: Path) -> None:
         problem: Any = load(PROBLEMS / f"{name}.toml").problem
         robot = problem.model(Context(name=name))
-        functions = compiled(problem, Context(name=name))
+        functions = functions_of(problem, Context(name=name))
         options: dict[str, Any] = dict(name=problem.name, real=problem.real, box=problem.box)
         self.faces = {f.key: f for f in interfaces(functions, problem.name, (), real_of(problem.real), problem.box)}
         self.library = shared_library(generate(functions, place / "out", **options).folder, place)

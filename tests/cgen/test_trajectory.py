@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from gtmodel import Status, cgen
-from gtmodel.cgen.comparison import call
 from gtmodel.cgen.interface import interfaces
 from gtmodel.cgen.points import HELD, draw, evaluate
+from gtmodel.cgen.verification.comparison import call
 from tests.cgen.calls import shared_library
 from tests.cgen.conftest import Functions, run
 

@@ -154,7 +154,7 @@ def no_work(monkeypatch: pytest.MonkeyPatch) -> None:
         pytest.fail("the work was begun")
 
     monkeypatch.setattr("gtmodel.optimize.study.solve", refuse)
-    monkeypatch.setattr("gtmodel.kinds.codegen.compiled", refuse)
+    monkeypatch.setattr("gtmodel.kinds.codegen.kind.functions_of", refuse)
 
 
 @pytest.mark.usefixtures("no_work")

@@ -18,7 +18,7 @@ from ...results import Check, SolveStatus, Status, Trajectory, Work, at_most
 from ...results.quantity import converted
 from ...results.trajectory_files import TRAJECTORY
 from ..finer_mesh import how
-from ..guard import clearance
+from ..guard import MARGIN_TOLERANCE, clearances
 from .free_run import free_run
 from .plan import AxisPlan
 from .planning import LINKS
@@ -35,7 +35,6 @@ FINER = "use more mesh.elements or mesh.control = linear"
 END_ERROR_DEG = 0.05
 POSE_APART_M = 1e-6  # Newton and collocation solve the same equations
 PATH_M = 1e-6  # round-off of the same equations
-MARGIN_TOLERANCE = 0.01  # further limits hold at collocation points; between them a jump of the force shows
 
 
 @dataclass(frozen=True)
@@ -217,12 +216,7 @@ def _clearances(plan: AxisPlan, run: Trajectory) -> list[float]:
         return []
     names = [f"{part}[{k}].{end}.r" for part, k in LINKS for end in "ab"]
     *joints, _ = compile_causal(plan.robot, known="q", targets=names)(run["q"])
-    found = []
-    for obstacle in obstacles:
-        box = np.array(obstacle.center), np.array(obstacle.size)
-        links = [clearance(a, b, *box) for a, b in zip(joints[::2], joints[1::2], strict=True)]
-        found.append(min(clearance(run["T"], run["T"], *box, 1), *links))
-    return found
+    return clearances(obstacles, run["T"], list(zip(joints[::2], joints[1::2], strict=True)))
 
 
 def _figure(plan: AxisPlan, trajectory: Trajectory) -> Any:

@@ -1,0 +1,232 @@
+"""The study of generated code: a folder of C, compared with Python before it is written, and what it costs."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Annotated, Any
+
+from ..compiler.causal import CausalFunction
+from ..results import Check, Quantity, Row, SolveStatus, Study, Work
+from ..results.folder import Held, others
+from ..results.marks import marked
+from ..results.work import Progress, never, silent
+from . import measurement
+from .costs_file import COSTS, write_costs
+from .errors import GenerationError
+from .folder import held
+from .generation import Generated, generate
+from .measurement import Costs
+from .options import Verification
+from .verification import against_python
+
+Counts = Mapping[str, int]
+_PREFIX = "gtmodel-codegen-"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class CodeStudy(Study):
+    """What was generated, and what it costs; where nothing was compared, nothing was counted.
+
+    real: the numbers that C computes with. missing: one sentence on what could not be counted, or "".
+    """
+
+    real: str = "double"
+    missing: str = ""
+    folder: Annotated[str | None, Quantity("", "where the code was written")] = None
+    functions: Annotated[
+        Mapping[str, Mapping[str, Sequence[str]]] | None,
+        Quantity("", "C name of each function -> its inputs and outputs"),
+    ] = None
+    written: Annotated[Sequence[str] | None, Quantity("", "files written, sorted", key="files")] = None
+    operations: Annotated[
+        Counts | None, Quantity("", "operations and calls of libm in one evaluation of each body")
+    ] = None  # fmt: skip
+    points: Annotated[int | None, Quantity("", "with --check: number of random inputs compared per function")] = None
+    text_bytes: Annotated[Counts | None, Quantity("", "with --check: machine code of each function at -O2")] = None
+    newton_bytes: Annotated[
+        Counts | None, Quantity("", "with --check: of it the Newton blocks and their guards")
+    ] = None  # fmt: skip
+    stack_bytes: Annotated[Counts | None, Quantity("", "with --check: stack of a call")] = None
+    instructions: Annotated[
+        Counts | None, Quantity("", "with --check: instructions of a call with its guards, counted by callgrind")
+    ] = None  # fmt: skip
+    symbols: Annotated[Sequence[str] | None, Quantity("", "with --check: what the folder defines for others")] = None
+
+    @property
+    def values(self) -> Mapping[str, Any]:
+        """The quantities that there are."""
+        return {name: value for name, value in super().values.items() if value is not None}
+
+    @property
+    def rows(self) -> list[Row]:
+        """The table for people."""
+        if self.functions is None:
+            return []
+        rows = [
+            Row("folder", self.folder),
+            Row("files", sum(file != COSTS for file in self.written or ())),
+            Row("numbers", self.real),
+            *(Row(name, _in_words(signature)) for name, signature in self.functions.items()),
+            *(Row(f"{name} costs", self._cost(name)) for name in self.text_bytes or ()),
+        ]
+        return rows + ([Row("costs", self.missing)] if self.missing else [])
+
+    def _cost(self, name: str) -> str:
+        text, stack, instructions = (
+            (found or {}).get(name) for found in (self.text_bytes, self.stack_bytes, self.instructions)
+        )
+        counted = "" if instructions is None else f", {instructions} instructions"
+        return f"{text} bytes of code, {stack} of stack{counted}"
+
+
+def study(
+    functions: Mapping[str, CausalFunction],
+    folder: str | Path | Held,
+    *,
+    name: str,
+    real: str = "double",
+    box: Mapping[str, Sequence[Sequence[float]]] | None = None,
+    along: Collection[str] = (),
+    check: Verification | None = Verification(),  # noqa: B008  # frozen
+    provenance: Mapping[str, str] | None = None,
+    problem: Mapping[str, Any] | None = None,
+    also: Mapping[str, Check] | None = None,
+    write_failed: bool = False,
+    by: str = "write_failed=True",
+    title: str = "",
+    progress: Progress = silent,
+    max_seconds: float | None = None,
+    stop: Callable[[], bool] = never,
+) -> CodeStudy:
+    """C code of causal functions: generated, compiled and compared with Python, its costs counted, then written.
+
+    Args:
+        functions: by the name they get in C, `gt_<name>_<function>`; parameters are folded in.
+        folder: a new or empty one, or one that gtmodel generated; or such a folder already held, see `folder.held`.
+        name, real, box, along, provenance, problem: see `generate`.
+        check: how it is compared; None: it is written as generated, nothing compiled.
+        also: further checks that must pass, such as of the data that the functions rest on.
+        write_failed: write it also where a check failed, marked in the first lines; by: how a person asks for that.
+        progress, max_seconds, stop: see `gtmodel.results.Work`.
+
+    Code that failed a check, or was not checked to the end, is not written. Raises GenerationError, an ArgumentError,
+    for what cannot be generated and for a folder with files of another origin.
+
+    >>> import tempfile
+    >>> import gtmodel as gt
+    >>> fk = gt.robots.gantry_tau("l1_tape").causal(known="q", targets="T")
+    >>> with tempfile.TemporaryDirectory() as place:
+    ...     s = gt.cgen.study({"fk": fk}, place + "/code", name="l1", check=None)
+    >>> s.functions["gt_l1_fk"]["outputs"]
+    ['T [m]']
+    """
+    work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
+    checks = also or {}
+    with _alone(folder) as mine:
+        if work.interrupted():
+            message = "stopped before the code was generated"
+            return CodeStudy(status=SolveStatus.INTERRUPTED, message=message, title=title)
+
+        def make(out: Path | Held, failed: str = "") -> CodeStudy:
+            """The code in a folder, marked where a check failed, and what it is."""
+            made = generate(
+                functions, out, name=name, provenance=provenance, problem=problem, along=along, real=real, box=box,
+                mark=partial(_marked, failed, by) if failed else None,
+            )  # fmt: skip
+            return _study_of(made, functions, real, title)
+
+        work.progress("generating")
+        cost = None
+        if check is None:
+            found = CodeStudy(status=SolveStatus.SOLVED, title=title, real=real)
+        else:
+            with tempfile.TemporaryDirectory(prefix=_PREFIX) as place:
+                scratch = Path(place) / "code"
+                found, cost = _compared(make(scratch), scratch, functions, check, work)
+            found = found.with_(folder=str(mine.path))
+        found = found.judged(checks)
+        if not found.status.ok and not write_failed:
+            kept = "; what an earlier run wrote there stays" if others(mine.path) else ""
+            return found.with_(message=f"{found.message}; the code is not written; {by} writes it, marked{kept}")
+        made = make(mine, "" if found.status.ok else found.message)
+        if cost is not None:
+            write_costs(mine, cost)
+        return made.judged(checks) if check is None else found
+
+
+@contextmanager
+def _alone(folder: str | Path | Held) -> Iterator[Held]:
+    if isinstance(folder, Held):
+        yield folder
+        return
+    with held(Path(folder)) as mine:
+        yield mine
+
+
+def _study_of(made: Generated, functions: Mapping[str, CausalFunction], real: str, title: str) -> CodeStudy:
+    files = sorted(str(f) for f in made.files)
+    return CodeStudy(
+        status=SolveStatus.SOLVED, message=f"generated {len(files)} files", title=title, real=real,
+        folder=str(made.folder), functions={made.functions[name]: _signature(f) for name, f in functions.items()},
+        written=files, operations=made.operations,
+    )  # fmt: skip
+
+
+def _compared(
+    made: CodeStudy, scratch: Path, functions: Mapping[str, CausalFunction], check: Verification, work: Work
+) -> tuple[CodeStudy, Costs | None]:
+    """The code in a folder of its own compared with Python; what it costs where that was counted."""
+    if work.interrupted():
+        return _stopped(made, "generated, but not checked"), None
+    work.progress("compiling and comparing")
+    try:
+        report = against_python.check(scratch, functions, points=check.points, seed=check.seed)
+    except GenerationError as error:
+        return made.with_(status=SolveStatus.FAILED, message=str(error)), None
+    if work.interrupted() and report.passed:
+        return _stopped(made, "generated and compared with Python, but costs were not counted"), None
+    work.progress("counting")
+    cost = measurement.costs(scratch, functions)
+    found = made.with_(
+        status=SolveStatus.SOLVED if report.passed or report.checks else SolveStatus.FAILED,
+        message=report.message,
+        checks={
+            c.name: Check(c.value, c.bound, "" if c.passed else c.detail, c.least, judged=c.passed)
+            for c in report.checks
+        },
+        written=sorted([*(made.written or ()), COSTS]),
+        points=check.points,
+        text_bytes=cost.text_bytes,
+        newton_bytes=cost.newton_bytes,
+        stack_bytes=cost.stack_bytes,
+        instructions=cost.instructions,
+        symbols=list(cost.symbols),
+        missing=cost.missing,
+    )
+    return found, cost
+
+
+def _stopped(made: CodeStudy, done: str) -> CodeStudy:
+    return made.with_(status=SolveStatus.INTERRUPTED, message=f"stopped: {done}")
+
+
+def _marked(message: str, by: str, file: str, text: str) -> str:
+    if not file.endswith((".c", ".h")):
+        return text
+    return marked(file, text.encode(), message, f", written by {by}").decode()
+
+
+def _signature(function: CausalFunction) -> dict[str, list[str]]:
+    return {
+        "inputs": [f"{s.name} [{s.unit}]" for s in function.inputs],
+        "outputs": [f"{s.name} [{s.unit}]" for s in function.outputs],
+    }
+
+
+def _in_words(signature: Mapping[str, Sequence[str]]) -> str:
+    return f"{', '.join(signature['outputs'])} from {', '.join(signature['inputs']) or 'nothing'}"

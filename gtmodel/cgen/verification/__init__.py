@@ -1,0 +1,1 @@
+"""Does generated C compute what Python computes?"""

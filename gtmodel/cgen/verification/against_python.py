@@ -1,0 +1,123 @@
+"""Does a generated folder compute what Python computes? Compile it strictly, run it, compare."""
+
+from __future__ import annotations
+
+import ctypes
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+
+import casadi as ca
+
+from ..._version import __version__
+from ...compiler.causal import CausalFunction
+from ..errors import GenerationError
+from ..generation import contents
+from ..interface import Interface, interfaces
+from ..manifest import changed_entries, changed_files, interface_entry, lacks, parameters_hash, read, sha256
+from ..real import real_of
+from ..toolchain import Toolchain, find
+from .comparison import compare
+from .report import Check, CheckReport, at_least, at_most, conclude
+
+
+def check(folder: Path, functions: Mapping[str, CausalFunction], *, points: int = 1000, seed: int = 0) -> CheckReport:
+    """Compile a generated folder strictly and compare each function with Python at random points.
+
+    Texts and manifest must be what this gtmodel writes: a guard's constant shows at no random point. Values must be
+    equal bit for bit where both say GT_OK, statuses everywhere; in its box of validity every function
+    must answer; and in float the values must be near those of double. Nothing is written into the folder.
+    Without a compiler the report has not passed and says why.
+
+    Args:
+        functions: what the folder was generated from, under the same names.
+        points: random points per function, near consistent ones and far from them.
+        seed: of the random points.
+
+    Raises GenerationError if the folder was not generated, or from functions of other names or shapes.
+    """
+    folder = Path(folder)
+    content = read(folder)
+    if content is None:
+        raise GenerationError(f"'{folder}' {lacks(folder)}; generate it first")
+    box = {signal: rows for entry in content["functions"] for signal, rows in (entry["box"] or {}).items()}
+    along = [entry["name"] for entry in content["functions"] if "along" in entry]
+    faces = interfaces(functions, content["name"], along, real_of(content["real"]), box)
+    _check_same(folder, content, faces)
+    changed = changed_files(folder, content)
+    checks = [
+        at_most("files_changed", len(changed), detail=", ".join(changed)),
+        _same_parameters(content, faces),
+    ]
+    # of another version of gtmodel or of CasADi nothing is known but the parameters
+    same = (content["gtmodel"], content["casadi"]) == (__version__, ca.CasadiMeta.version())
+    texts = contents(faces, content["name"], content["provenance"]) if same else {}
+    otherwise = sorted(file for file, text in texts.items() if content["files"].get(file) != sha256(text))
+    checks.append(at_most("files_not_as_generated", len(otherwise), detail=", ".join(otherwise)))
+    entries = changed_entries(content, faces, same)
+    source = texts.get(f"gt_{content['name']}_body.c")
+    entries += ["body_sha256"] * (source is not None and content["body_sha256"] != sha256(source))
+    checks.append(at_most("manifest_not_as_generated", len(entries), detail=", ".join(entries)))
+    if any(file not in content["files"] for file in otherwise):  # other numbers: its functions would write elsewhere
+        return conclude(checks, {}, {})
+    tools = find()
+    if isinstance(tools, str):
+        return CheckReport((*checks, at_least("compiler_found", 0, 1)), tools, {}, {})
+    rows: dict[str, int] = {}
+    rows_ok: dict[str, int] = {}
+    with tempfile.TemporaryDirectory() as place:
+        library, built = _build(tools, folder, content, Path(place))
+        checks += built
+        if library is not None:
+            failures = int(library[f"gt_{content['name']}_selftest"]())
+            checks.append(at_most("selftest_failures", failures, detail="stored vectors compared by =="))
+            for face in faces:
+                result = compare(library, face, points, seed)
+                checks += result.checks
+                rows[face.key], rows_ok[face.key] = result.rows, result.rows_ok
+    return conclude(checks, rows, rows_ok)
+
+
+def _check_same(folder: Path, content: dict, faces: list[Interface]) -> None:
+    known = {entry["name"]: entry for entry in content["functions"]}
+    for face in faces:
+        here = interface_entry(face)
+        there = known.pop(face.key, None)
+        if there is None or any(there[key] != here[key] for key in here):
+            raise GenerationError(f"'{folder}' was generated from another '{face.key}'; generate it again")
+    if known:
+        raise GenerationError(f"'{folder}' also holds '{next(iter(known))}'; give all functions it was made from")
+
+
+def _same_parameters(content: dict, faces: list[Interface]) -> Check:
+    different = int(content["parameters_sha256"] != parameters_hash(faces))
+    return at_most("parameters_different", different, detail="hash of all names and values")
+
+
+def _build(tools: Toolchain, folder: Path, content: dict, place: Path) -> tuple[ctypes.CDLL | None, list[Check]]:
+    """The shared library of all files, and checks of compiling, linking and symbols."""
+    own = f"gt_{content['name']}"
+    objects: dict[str, Path] = {}
+    failed: dict[str, str] = {}
+    for file in sorted(f for f in content["files"] if f.endswith(".c")):
+        objects[file] = place / f"{file}.o"
+        good, text = tools.compile(folder / file, objects[file])
+        if not good:
+            failed[file] = next((line for line in text.splitlines() if "error" in line), text.strip())
+    checks = [at_most("files_not_compiled", len(failed), detail="; ".join(failed.values()) or "no warnings")]
+    if failed:
+        return None, checks
+    # the program that runs the self-test prints; the functions themselves do not
+    silent = [path for file, path in objects.items() if file != f"{own}_main.c"]
+    good, foreign = tools.foreign_symbols(silent)
+    checks.append(at_most("foreign_symbols", len(foreign) + (not good), detail=", ".join(foreign) or "libm only"))
+    target = place / "library.so"
+    good, text = tools.link_shared(silent, target)
+    library = None
+    if good:
+        try:
+            library = ctypes.CDLL(str(target))
+        except OSError as error:
+            text = str(error)
+    checks.append(at_most("libraries_not_loaded", int(library is None), detail="" if library else text.strip()))
+    return library, checks

@@ -1,0 +1,134 @@
+"""Motions of finitely many unknowns that begin and end at rest: finite Fourier series and splines.
+
+A motion of d coordinates is x(t) = rows(t) @ c with unknowns c (size, d). Both families have zero velocity and
+acceleration at both ends built in, and begin where they end, so that a motion can be repeated.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+from scipy.interpolate import BSpline
+
+from ...results import ArgumentError
+
+Array = np.ndarray
+DEGREE = 5  # of the splines: four continuous derivatives, so that forces and their rates are smooth
+AT_REST = 3  # equal control points at an end make velocity and acceleration vanish there
+
+
+class Basis(Protocol):
+    """A family of motions over one period [s]."""
+
+    @property
+    def period(self) -> float: ...
+
+    @property
+    def size(self) -> int:
+        """Unknowns per coordinate."""
+        ...
+
+    @property
+    def fastest(self) -> float:
+        """Shortest time [s] in which the motion can swing to and fro."""
+        ...
+
+    def rows(self, times: npt.ArrayLike, order: int = 0) -> Array:
+        """(n, size): the derivative of that order at times [s] is rows @ c."""
+        ...
+
+    def still(self) -> Array:
+        """(size,) unknowns of the motion that stands at 1."""
+        ...
+
+
+@dataclass(frozen=True)
+class FourierSeries:
+    """x(t) = x0 + sum over k of a_k cos(k w t) + b_k sin(k w t), k = 1 ... harmonics, w = 2 pi / period.
+
+    Rest at the ends asks for sum k b_k = 0 and sum k^2 a_k = 0. The unknowns are x0 and the weights of differences of
+    neighbouring harmonics, cos(k w t)/k^2 - cos((k + 1) w t)/(k + 1)^2 and sin(k w t)/k - sin((k + 1) w t)/(k + 1),
+    each of which rests there by itself. Raises ArgumentError for a period that is not positive or harmonics below 2.
+    """
+
+    period: float
+    harmonics: int = 5
+
+    def __post_init__(self) -> None:
+        _positive(self.period)
+        if self.harmonics < 2:
+            raise ArgumentError(
+                f"a Fourier series at rest at its ends takes 2 harmonics or more; found {self.harmonics}"
+            )
+
+    @property
+    def size(self) -> int:
+        return 2 * self.harmonics - 1
+
+    @property
+    def fastest(self) -> float:
+        return self.period / self.harmonics
+
+    def rows(self, times: npt.ArrayLike, order: int = 0) -> Array:
+        k = np.arange(1, self.harmonics + 1)
+        w = 2 * np.pi * k / self.period
+        phase = np.outer(np.asarray(times, float), w) + order * np.pi / 2  # each derivative turns by a quarter
+        cosine, sine = np.cos(phase) * w**order / k**2, np.sin(phase) * w**order / k
+        still = np.full((len(phase), 1), 1.0 if order == 0 else 0.0)
+        return np.hstack([still, cosine[:, :-1] - cosine[:, 1:], sine[:, :-1] - sine[:, 1:]])
+
+    def still(self) -> Array:
+        return np.eye(self.size)[0]
+
+    def amplitudes(self, c: Array) -> tuple[Array, Array, Array]:
+        """x0 (d,), a (harmonics, d) and b (harmonics, d) of unknowns c (size, d)."""
+        k = np.arange(1, self.harmonics + 1)[:, None]
+        none = np.zeros((1, c.shape[1]))
+        cosine, sine = np.split(c[1:], 2)
+        a, b = (np.vstack([part, none]) - np.vstack([none, part]) for part in (cosine, sine))
+        return c[0].copy(), a / k**2, b / k
+
+
+@dataclass(frozen=True)
+class ClosedSpline:
+    """B-spline of degree 5 on `intervals` equal intervals; its first and last three control points are one unknown.
+
+    Raises ArgumentError for a period that is not positive or fewer than 2 intervals.
+    """
+
+    period: float
+    intervals: int = 12
+
+    def __post_init__(self) -> None:
+        _positive(self.period)
+        if self.intervals < 2:
+            raise ArgumentError(f"a spline at rest at its ends takes 2 intervals or more; found {self.intervals}")
+
+    @property
+    def size(self) -> int:
+        return self.intervals + DEGREE - 2 * AT_REST + 1
+
+    @property
+    def fastest(self) -> float:
+        return 2 * self.period / self.intervals
+
+    def rows(self, times: npt.ArrayLike, order: int = 0) -> Array:
+        breaks = np.linspace(0.0, self.period, self.intervals + 1)
+        knots = np.concatenate([np.zeros(DEGREE), breaks, np.full(DEGREE, self.period)])
+        controls = self.intervals + DEGREE
+        tied = np.zeros((controls, self.size))
+        tied[:AT_REST, 0] = tied[-AT_REST:, 0] = 1.0
+        tied[AT_REST:-AT_REST, 1:] = np.eye(self.size - 1)
+        inside = np.clip(np.asarray(times, float), 0.0, self.period)  # 3 * 0.1 may ask for the end of 0.3
+        return BSpline(knots, np.eye(controls), DEGREE)(inside, nu=order) @ tied
+
+    def still(self) -> Array:
+        return np.ones(self.size)
+
+
+def _positive(period: float) -> None:
+    if not (np.isfinite(period) and period > 0):
+        raise ArgumentError(f"the period must be positive and finite; found {period:g} s")

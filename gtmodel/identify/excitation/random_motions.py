@@ -1,0 +1,60 @@
+"""Random feasible excitation: the baseline that an optimised one is measured against."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from ...results import ArgumentError
+from .basis import Array
+from .optimise import FINER, ExcitationTask
+
+HALVINGS = 14  # of the interval of the amplitude: found to 1e-4 of itself
+LARGEST = 1.0  # amplitude that a draw begins with, in the coordinate's unit; halved until it fits
+DRAWS_PER_HIT = 20  # draws that may fail for each one asked for
+
+
+def random_excitations(
+    task: ExcitationTask,
+    centre: tuple[Array, Array],
+    count: int,
+    seed: int,
+    progress: Callable[[float], bool] | None = None,
+) -> list[Array]:
+    """Unknowns c (size, d) of `count` random motions that keep all limits, each as large as they let it be.
+
+    A draw takes the place to stand at, uniform within the box `centre`, and a normal weight for every other unknown;
+    the weights are then scaled up, by bisection, to the largest amplitude that keeps every row on the fine grid. Draws
+    whose place itself breaks a limit are dropped. Same seed, same motions.
+
+    centre: (low, high), each (d,). progress: called with the fraction done; True stops, keeping what there is.
+    Raises ArgumentError where hardly any draw is feasible.
+    """
+    rng = np.random.default_rng(seed)
+    coarse, fine = task.times(), task.times(FINER)
+    found: list[Array] = []
+    for _ in range(DRAWS_PER_HIT * count):
+        place = np.outer(task.basis.still(), rng.uniform(*centre))
+        swing = rng.normal(size=place.shape)
+        if np.all(task.excess(place, coarse[:1]) <= 0):
+            found.append(_largest(task, place, swing, coarse, fine))
+        if len(found) == count or (progress is not None and progress(len(found) / count)):
+            return found
+    raise ArgumentError(
+        f"only {len(found)} of {DRAWS_PER_HIT * count} places drawn keep all limits; draw them within a smaller box"
+    )
+
+
+def _largest(task: ExcitationTask, place: Array, swing: Array, coarse: Array, fine: Array) -> Array:
+    """The largest feasible place + amplitude * swing."""
+    low, high = 0.0, LARGEST
+    for _ in range(HALVINGS):
+        middle = (low + high) / 2
+        if np.all(task.excess(place + middle * swing, coarse) <= 0):
+            low = middle
+        else:
+            high = middle
+    while np.any(task.excess(place + low * swing, fine) > 0):  # between the samples: some 1 % at most
+        low *= 0.995
+    return place + low * swing

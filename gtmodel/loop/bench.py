@@ -1,0 +1,131 @@
+"""What a run of the loop needs: the robot, the reference and the program, from a generated folder."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal, cast
+
+import numpy as np
+
+from ..compiler.causal import CausalFunction, compile_causal
+from ..lang import Model
+from ..results import ArgumentError, Trajectory, Work
+from .build import build, built_before
+from .reference import CYCLE_MS, there_and_back
+from .table import Table
+
+Peer = Literal["egm", "rsi"]
+Reference = Trajectory | Callable[[], Trajectory]
+# what the first and the second run of a law are
+LAWS = {
+    "trajectory": ("the reference alone", "with feedforward"),
+    "dynamics": ("the reference alone", "with inverse-dynamics feedforward"),
+    "replay": ("the reference alone", "with a learned table"),
+    "path": ("the programme alone", "with path correction"),
+}
+LONGEST_S = 3600.0
+# of an arm on springs; no values of the prototype are published
+ELASTIC_HZ, ELASTIC_DAMPING = (0.5, 1000.0), 0.05
+# path correction integrates, which is slow beside a time-optimal motion
+SLOWER = {"path": 10.0}
+# as long as the C program holds by itself
+HOLD_CYCLES = 5
+
+
+@dataclass(frozen=True)
+class Stop:
+    """What a cart does when the robot is lost at the reference's greatest speed: it holds, then brakes."""
+
+    speed_m_s: float
+    deceleration_m_s2: float
+
+    @property
+    def distance_m(self) -> float:
+        """Held cycles at full speed, then a ramp in whole cycles."""
+        step = 1e-3 * CYCLE_MS
+        ramp = math.ceil(self.speed_m_s / (self.deceleration_m_s2 * step))
+        return self.speed_m_s * step * (HOLD_CYCLES + max(0, ramp - 1) / 2)
+
+
+@dataclass(frozen=True)
+class Bench:
+    """What both runs share; the reference has a row per cycle, see `there_and_back`.
+
+    program: the loop, built in `place`, the folder of the work, this user's alone.
+    elastic_Hz: of an arm on springs; None for a rigid one.
+    """
+
+    peer: Peer
+    law: str
+    robot: Model
+    forward: CausalFunction
+    program: Path
+    place: Path
+    reference: Table
+    cycles: int
+    in_lockstep: bool
+    elastic_Hz: float | None
+    stop: Stop
+    work: Work
+
+    @property
+    def carts_m(self) -> np.ndarray:
+        """Reference of the carts (cycles, 3) [m]."""
+        return self.reference.rows[: self.cycles, :3]
+
+    @property
+    def tcp_m(self) -> np.ndarray:
+        """Reference of the tool centre point (cycles, 3) [m]."""
+        return self.reference.rows[: self.cycles, 9:12]
+
+
+def refuse(peer: str, seconds: float, law: str, elastic: float | None, deceleration: float | None) -> None:
+    """Raises ArgumentError for what can be known before any work."""
+    if peer not in ("egm", "rsi"):
+        raise ArgumentError(f"{peer}: expected egm or rsi", "peer")
+    if law not in LAWS:
+        raise ArgumentError(f"{law}: expected {', '.join(LAWS)}", "law")
+    if not 0 < seconds <= LONGEST_S or not math.isfinite(seconds):
+        raise ArgumentError(f"{seconds:g}: expected a time above 0 and up to {LONGEST_S:g} s", "seconds")
+    if elastic is not None and not ELASTIC_HZ[0] <= elastic <= ELASTIC_HZ[1]:
+        low, high = ELASTIC_HZ
+        raise ArgumentError(f"{elastic:g}: expected a frequency from {low:g} to {high:g} Hz", "elastic")
+    if deceleration is not None and not 0 < deceleration < math.inf:
+        raise ArgumentError(f"{deceleration:g}: expected an acceleration above 0 m/s2", "deceleration")
+
+
+def prepare(
+    robot: Model,
+    folder: Path,
+    reference: Reference,
+    place: Path,
+    *,
+    peer: str,
+    seconds: float,
+    law: str,
+    in_lockstep: bool,
+    elastic: float | None,
+    deceleration: float | None,
+    built: Path | None,
+    work: Work,
+) -> Bench:
+    """Build the program, make the reference. Raises ArgumentError."""
+    forward = compile_causal(robot, known="q", targets="T")
+    if [s.shape for s in (*forward.inputs, *forward.outputs)] != [(3,), (3,)]:
+        raise ArgumentError("the loop's simulated robots have three carts and a position T; this one has not", "robot")
+    work.progress("building the loop")
+    if built is not None:
+        built_before(built, place)
+    program = build(folder, place, 3)
+    cycles = max(1, round(1000 * seconds / CYCLE_MS))
+    motion = reference if isinstance(reference, Trajectory) else reference()
+    table = there_and_back(robot, motion, cycles, SLOWER.get(law, 1.0))
+    (place / "reference.table").write_bytes(table.to_bytes())
+    rates = np.abs(table.rows[:cycles, 3:9])  # where the carts rest any deceleration will do
+    stop = Stop(float(np.max(rates[:, :3])), deceleration or float(np.max(rates[:, 3:])) or 1.0)
+    return Bench(
+        cast("Peer", peer), law, robot, forward, program, place, table, cycles, in_lockstep, elastic, stop, work
+    )

@@ -1,0 +1,206 @@
+"""The study of the loop: the C loop of a generated folder against a simulated controller, without and with its law."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+
+from ..lang import Model
+from ..results import Check, Quantity, Row, SolveStatus, Status, Study, Trajectory, Work, at_least, at_most
+from ..results.work import Progress, never, silent
+from .bench import HOLD_CYCLES, LAWS, Bench, Reference, prepare, refuse
+from .one_run import OneRun, run_of
+from .process import LoopError
+from .record import STATES, trajectory_of
+from .reference import CYCLE_MS
+from .report import rows_of
+from .rsi_configuration import rsi_configuration
+
+FULL = "the log could not be written whole: make room on the disk"
+# with its law a run has to track this much better; path correction is slow beside the motion and has only to help
+GAINS = {"trajectory": 0.5, "dynamics": 0.5, "replay": 0.5, "path": 1.0}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class LoopStudy(Study):
+    """Two runs of the loop, its law off and on; without quantities where they were not both made.
+
+    in_lockstep: whether they went cycle by cycle, as fast as it goes. said: what the loop said.
+    """
+
+    in_lockstep: bool = False
+    said: Sequence[str] = ()
+    peer: Annotated[str, Quantity("", "protocol of the simulated controller")] = ""
+    law: Annotated[str, Quantity("", "of the second run")] = ""
+    plant: Annotated[str, Quantity("", "what moves the robot")] = ""
+    elastic: Annotated[float | None, Quantity("Hz", "of an arm on springs; null for a rigid one")] = None
+    cycles: Annotated[int, Quantity("", "of each run")] = 0
+    real_time: Annotated[bool, Quantity("", "whether the system granted both runs its real-time priority")] = False
+    hold_cycles: Annotated[int, Quantity("", "held when the robot is lost, before it brakes")] = HOLD_CYCLES
+    deceleration: Annotated[float, Quantity("m/s2", "then, of the fastest cart")] = 0.0
+    greatest_speed: Annotated[float, Quantity("m/s", "of a cart, in the reference")] = 0.0
+    stopping_distance: Annotated[float, Quantity("m", "way to the stop of a lost robot from that speed")] = 0.0
+    runs: Annotated[
+        Sequence[Mapping[str, Any]], Quantity("", "of each run: its errors in mm, and the report of the loop")
+    ] = ()
+
+    @property
+    def values(self) -> Mapping[str, Any]:
+        """The quantities, where both runs were made."""
+        return super().values if self.runs else {}
+
+    @property
+    def rows(self) -> list[Row]:
+        """The table for people."""
+        if not self.runs:
+            return []
+        return [
+            *rows_of(self.runs, self.in_lockstep),
+            *(Row("the loop says", line) for line in self.said),
+            Row("greatest speed of a cart", self.greatest_speed, "m/s"),
+            Row(f"a lost robot: held for {self.hold_cycles} cycles, then braked at", self.deceleration, "m/s2"),
+            Row("a lost robot: way to the stop from that speed", self.stopping_distance, "m"),
+        ]
+
+
+def study(
+    robot: Model,
+    folder: str | Path,
+    reference: Reference,
+    *,
+    peer: str,
+    seconds: float,
+    law: str = "trajectory",
+    in_lockstep: bool = False,
+    elastic: float | None = None,
+    deceleration: float | None = None,
+    built: str | Path | None = None,
+    title: str = "",
+    progress: Progress = silent,
+    max_seconds: float | None = None,
+    stop: Callable[[], bool] = never,
+) -> LoopStudy:
+    """Build the loop with a generated folder and run it on loopback against a simulated controller, its law off and on.
+
+    Args:
+        robot: what is simulated, three carts and a position T; the folder is made from its functions.
+        folder: of `cgen.study` or gtmodel codegen.
+        reference: T, der(T), der(T,2) every 4 ms from rest to rest, or a function that gives it, called once the
+            program is built. It is followed there, and back more slowly, again and again.
+        peer: egm or rsi.
+        seconds: of each of the two runs; with `in_lockstep` they go as fast as the machine allows.
+        law: trajectory, dynamics, replay or path; it chooses the plant: drives of eq. (6.11), or for `dynamics` the
+            rigid-body robot.
+        elastic: the arm hangs on the carts by springs of this frequency [Hz], which no law knows; None: it is rigid.
+        deceleration: of the fastest cart when the robot is lost [m/s2], behind the cycles that are held; the largest
+            that the reference asks of a cart if None.
+        built: folder of an earlier run, whose program is used again if it was built from the same files.
+        progress, max_seconds, stop: see `gtmodel.results.Work`.
+
+    Its `files` are the loop's sources, the program, logs and the reference. Raises ArgumentError, as GenerationError
+    for a folder that is not generated or does not compile.
+
+    >>> import tempfile
+    >>> import numpy as np
+    >>> import gtmodel as gt
+    >>> robot = gt.robots.gantry_tau("l1_tape")
+    >>> rest = np.zeros((2, 3))
+    >>> units = {"T": "m", "der(T)": "m/s", "der(T,2)": "m/s2"}
+    >>> signals = {"T": rest + [0.0, -0.9, 0.1], "der(T)": rest, "der(T,2)": rest}
+    >>> reference = gt.Trajectory([0.0, 0.004], signals, units)
+    >>> with tempfile.TemporaryDirectory() as place:
+    ...     code = gt.cgen.study({"fk": robot.causal(known="q", targets="T")}, place, name="l1", check=None)
+    ...     s = gt.loop.study(robot, place, reference, peer="egm", seconds=0.2, in_lockstep=True)
+    >>> s.cycles, s.checks["on_running_at_the_end"].passed
+    (50, True)
+    """
+    work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
+    refuse(peer, seconds, law, elastic, deceleration)
+    with tempfile.TemporaryDirectory(prefix="gtmodel-loop-") as place:
+        bench = prepare(
+            robot, Path(folder), reference, Path(place), peer=peer, seconds=seconds, law=law, in_lockstep=in_lockstep,
+            elastic=elastic, deceleration=deceleration, built=None if built is None else Path(built), work=work,
+        )  # fmt: skip
+        try:
+            found = _compared(bench, title)
+        except LoopError as error:
+            found = LoopStudy(status=SolveStatus.FAILED, message=str(error), title=title)
+        if found.status is SolveStatus.INTERRUPTED:
+            return found
+        files = {"rsi_configuration.xml": rsi_configuration("127.0.0.1", 49152)} if peer == "rsi" else {}
+        return found.with_(files=files | {path.name: path.read_bytes() for path in sorted(bench.place.iterdir())})
+
+
+def _compared(bench: Bench, title: str) -> LoopStudy:
+    """Both runs, and what they say; their logs are in the folder of the work. Raises LoopError."""
+    runs: list[OneRun] = []
+    for n, label in enumerate(LAWS[bench.law]):
+        bench.work.progress(f"{bench.peer}: {label}", n / 2)
+        runs.append(run_of(bench, label, active=n == 1))
+        if bench.work.interrupted():
+            message = "stopped before both runs were compared"
+            return LoopStudy(status=SolveStatus.INTERRUPTED, message=message, title=title)
+    for name, one in zip(("off", "on"), runs, strict=True):
+        log = trajectory_of(one.log, 3, 1e-3 * CYCLE_MS, title=f"{bench.peer}, {one.label}: log of the loop")
+        log.to_csv(bench.place / f"loop_{name}.csv")
+    return _concluded(bench, runs, title)
+
+
+def _concluded(bench: Bench, runs: list[OneRun], title: str) -> LoopStudy:
+    errors = [_errors(bench, one) for one in runs]
+    plain, active = (e["tcp_rms_mm"] for e in errors)
+    checks: dict[str, Check] = {"rms_error_ratio": at_most(active / plain, GAINS[bench.law])}
+    for name, one in zip(("off", "on"), runs, strict=True):
+        state, why = STATES[one.report["state"]], Status(one.report["status"]).sentence
+        checks[f"{name}_running_at_the_end"] = at_least(float(one.going), 1.0, f"{one.label}: {state}, {why}")
+        checks[f"{name}_log_complete"] = at_least(float(bool(one.report["log_complete"])), 1.0, FULL)
+    real_time_granted = all(one.report["fifo"] and one.report["memory_locked"] for one in runs)
+    timing = "in lock step" if bench.in_lockstep else "in real time" if real_time_granted else "not real-time"
+    stop = bench.stop
+    return LoopStudy(
+        status=SolveStatus.SOLVED,
+        message=f"{bench.peer} on loopback, {timing}; tested against simulators only",
+        title=title,
+        checks=checks,
+        in_lockstep=bench.in_lockstep,
+        said=list(dict.fromkeys(line for one in runs for line in one.said.splitlines())),
+        peer=bench.peer,
+        law=bench.law,
+        plant="rigid body under a servo" if bench.law == "dynamics" else "drives of eq. (6.11)",
+        elastic=bench.elastic_Hz,
+        cycles=bench.cycles,
+        real_time=real_time_granted,
+        deceleration=stop.deceleration_m_s2,
+        greatest_speed=stop.speed_m_s,
+        stopping_distance=stop.distance_m,
+        runs=[{"label": one.label, **e, **one.report} for one, e in zip(runs, errors, strict=True)],
+        figures={"tracking": partial(_figure, bench, runs)},
+    )
+
+
+def _errors(bench: Bench, one: OneRun) -> dict[str, float]:
+    tcp = 1e3 * np.linalg.norm(one.tcp_m - bench.tcp_m[: len(one.tcp_m)], axis=1)
+    carts = 1e3 * np.abs(one.carts_m - bench.carts_m[: len(one.carts_m)])
+    return {
+        "tcp_rms_mm": float(np.sqrt(np.mean(tcp**2))),
+        "tcp_largest_mm": float(tcp.max()),
+        "cart_largest_mm": float(carts.max()),
+    }
+
+
+def _figure(bench: Bench, runs: list[OneRun]) -> Any:
+    from ..plot.tracking import tracking_figure
+
+    time_s = 1e-3 * CYCLE_MS * np.arange(bench.cycles)
+    wanted = Trajectory(time_s, {"T": bench.tcp_m, "q": bench.carts_m}, {"T": "m", "q": "m"})
+    measured = {
+        one.label: Trajectory(time_s[: len(one.tcp_m)], {"T": one.tcp_m, "q": one.carts_m}, {"T": "m", "q": "m"})
+        for one in runs
+    }
+    return tracking_figure(wanted, measured, f"{bench.peer.upper()} on loopback, {bench.law}: simulated controller")

@@ -1,0 +1,169 @@
+"""One run of the C loop against a simulated controller: its command line, its plant, what it leaves."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..compiler.causal import compile_causal
+from ..results import Status
+from ..robots import actuator_closed_loop
+from .bench import ELASTIC_DAMPING, HOLD_CYCLES, Bench
+from .plant import DrivePlant, ElasticPlant, Plant, RigidBodyPlant, Servo
+from .process import LoopError, LoopProcess
+from .record import STATES
+from .reference import CYCLE_MS
+from .robot_side import RobotSide
+from .run import lockstep, real_time
+from .table import Table
+
+# Python and other work share the machine with the simulated controller: where that was silent for longer than the loop
+# may hold, the run says nothing about the loop and is made again
+ATTEMPTS = 5
+STEP_LIMIT_M = 0.1
+REACH_LIMIT_M = 1.0  # beyond the reference: the inverse of a slow drive asks for far more than it gets
+LEARNING, LEARNING_RUNS = 0.9, 30  # gain of Dressler 2012, section 7.3; simulated repetitions
+PATH_GAIN_PER_S, PATH_LIMIT_M = 2.0, 0.03  # slow beside drives of 1.1 Hz with five samples of delay
+# the end of a real-time run finds the loop waiting for the next datagram
+GOING = (STATES.index("running"), STATES.index("holding"))
+
+
+@dataclass(frozen=True)
+class OneRun:
+    """One run: its log, the loop's report, what it said; carts and tool centre point measured (cycles, 3) [m]."""
+
+    label: str
+    log: bytes
+    report: dict[str, Any]
+    said: str
+    carts_m: np.ndarray
+    tcp_m: np.ndarray
+
+    @property
+    def going(self) -> bool:
+        """Whether it was running at the end."""
+        return self.report["state"] in GOING
+
+
+def run_of(bench: Bench, label: str, *, active: bool) -> OneRun:
+    """One run; made again where the simulated controller was silent for longer than the loop may hold. Raises
+    LoopError."""
+    for attempt in range(ATTEMPTS):
+        one, gap_s = _once(bench, label, active=active)
+        held = one.going or gap_s < 1e-3 * CYCLE_MS * HOLD_CYCLES
+        if held or bench.in_lockstep or bench.work.interrupted() or attempt == ATTEMPTS - 1:
+            return one
+        bench.work.progress(f"{bench.peer}: {label}: the simulated controller was {1e3 * gap_s:.0f} ms late, again")
+    raise LoopError(label)
+
+
+def _once(bench: Bench, label: str, *, active: bool) -> tuple[OneRun, float]:
+    plant, programme = _plant(bench), None
+    if bench.elastic_Hz is not None:
+        plant = ElasticPlant(plant, bench.elastic_Hz, ELASTIC_DAMPING, 1e-3 * CYCLE_MS)
+    if bench.law == "path":
+        programme = _programme(bench)
+    robot = RobotSide(bench.peer, plant, cycle_ms=CYCLE_MS, programme=programme)
+    log = bench.place / ("loop_on.log" if active else "loop_off.log")
+    log.unlink(missing_ok=True)  # of an attempt that is made again
+    options = [*_options(bench, active), "--deceleration", repr(bench.stop.deceleration_m_s2), "--log", str(log)]
+    # in real time a late cycle is one more, and the loop ends when it is asked to
+    options += ["--cycles", str(bench.cycles)] if bench.in_lockstep else []
+
+    def stopped(share: float) -> bool:
+        return bench.work.interrupted()
+
+    with LoopProcess(bench.program, options) as process:
+        if bench.in_lockstep:
+            done = lockstep(robot, process.exchange, bench.cycles, stopped=stopped)
+            process.end()
+        else:
+            done = real_time(robot, process, bench.cycles, stopped)
+        found = process.finish()
+        said = process.said
+    tcp, status = bench.forward(done.arm_m)
+    if np.any(status != Status.OK):
+        raise LoopError(f"{label}: the simulated robot left its workspace")
+    return OneRun(label, log.read_bytes(), found, said, done.measured_m, tcp), done.longest_gap_s
+
+
+def _plant(bench: Bench) -> Plant:
+    start = bench.carts_m[0]
+    if bench.law == "dynamics":
+        forward = compile_causal(bench.robot, known="tau", targets="der(T,2)", prefer="T")
+        velocity = compile_causal(bench.robot, known="T", targets=["q", "der(q)"])
+        return RigidBodyPlant(forward, velocity, bench.tcp_m[0].tolist(), Servo(), CYCLE_MS / 1000.0)
+    drives = actuator_closed_loop()
+    return DrivePlant(start.tolist(), drives["a"], drives["b"], drives["delay"])
+
+
+def _options(bench: Bench, active: bool) -> list[str]:
+    """The loop's command line."""
+    drives, servo = actuator_closed_loop(), Servo()
+    lowest = bench.carts_m.min(axis=0) - REACH_LIMIT_M
+    highest = bench.carts_m.max(axis=0) + REACH_LIMIT_M
+    table = str(bench.place / "reference.table")
+    law = bench.law if active or bench.law in ("dynamics", "path") else "trajectory"
+    options = {
+        "--peer": bench.peer,
+        "--law": law,
+        "--feedforward": "on" if active else "off",
+        "--reference": table,
+        "--cycle-ms": str(CYCLE_MS),
+        "--hold": str(HOLD_CYCLES),
+        "--idle-ms": "5000",
+        "--lowest": _text(lowest),
+        "--highest": _text(highest),
+        "--step": repr(STEP_LIMIT_M),
+        "--path-limit": repr(PATH_LIMIT_M),
+        "--delay-ms": str(CYCLE_MS * drives["delay"]),
+        "--a": _text(drives["a"]),
+        "--b": _text(drives["b"]),
+        "--kp": _text([servo.kp_N_m] * 3),
+        "--kd": _text([servo.kd_N_s_m] * 3),
+        # a position without a speed is held for a cycle: half a cycle ahead it is right in the middle
+        "--lead-ms": "0" if bench.peer == "egm" else str(CYCLE_MS // 2),
+        "--gain": repr(PATH_GAIN_PER_S if active else 0.0),
+    }
+    if law == "replay":
+        path = bench.place / "corrections.table"
+        path.write_bytes(_learned(bench).to_bytes())
+        options["--corrections"] = str(path)
+    words = [word for pair in options.items() for word in pair]
+    return [*words, "--live", *(["--lockstep"] if bench.in_lockstep else [])]
+
+
+def _text(values: Sequence[float] | np.ndarray) -> str:
+    return ",".join(repr(float(x)) for x in values)
+
+
+def _learned(bench: Bench) -> Table:
+    """Corrections that repeated simulated runs of the drives leave: u + 0.9 e(k + 5) (Dressler 2012, section 7.3)."""
+    wanted, delay = bench.carts_m, actuator_closed_loop()["delay"]
+    correction = np.zeros_like(wanted)
+    for _ in range(LEARNING_RUNS):
+        plant, measured = _plant(bench), np.zeros_like(wanted)
+        for k, command in enumerate(wanted + correction):
+            measured[k] = plant.position_m
+            plant.step(command.tolist(), [0.0] * 3)
+        error = wanted - measured
+        correction += LEARNING * np.vstack([error[delay:], np.repeat(error[-1:], delay, axis=0)])
+    return Table(correction, CYCLE_MS)
+
+
+def _programme(bench: Bench) -> Callable[[int, Sequence[float]], Sequence[float]]:
+    """The robot's own motion: the reference, its tool centre point moved by the path correction."""
+    inverse = compile_causal(bench.robot, known="T", targets="q")
+
+    def carts(cycle: int, path_m: Sequence[float]) -> Sequence[float]:
+        q, status = inverse(bench.tcp_m[cycle] + np.array(path_m))
+        if status is not Status.OK:
+            raise LoopError(
+                f"the path corrected by {1e3 * np.array(path_m).round(4)} mm leaves the workspace in cycle {cycle}"
+            )
+        return q.tolist()
+
+    return carts

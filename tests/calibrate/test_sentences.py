@@ -1,0 +1,101 @@
+"""What contradicts the poses is named: a prior, a sign, a scale of zero, many outliers; legs on held-out poses."""
+
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from gtmodel.calibrate import Known, made_poses, study
+from gtmodel.calibrate.told import movement
+from gtmodel.inference import identifiability
+from gtmodel.results import ArgumentError
+from tests.calibrate.shipped import L1, fit, measured, robot, shipped, solved, written
+
+
+def test_a_prior_far_from_the_poses_is_named() -> None:
+    noisy = measured("l1", signals={"q": {"noise": 1e-4}, "T": {"noise": 5e-5}})
+    outcome = solved("l1", how=noisy, priors={"L[0]": Known(value=5.0, std=1e-6), "L[1]": Known(std=1.0)})
+    v = outcome.values
+    told = [s for s in v["notes"] if "contradicts the poses" in s]
+    assert len(told) == 1 and told[0].startswith(
+        "the prior L[0] = 5 m +- 1e-06 contradicts the poses, which give 2.047"
+    )
+    assert v["verdict"][-1] == f"prediction not proven: {told[0]}" and v["prediction_proven"] is False
+    fine = solved("l1", how=noisy, priors={"L[0]": Known(std=0.01)}).values
+    assert not any("contradicts" in s for s in fine["notes"])
+
+
+@pytest.mark.parametrize(
+    ("q", "sentence"),
+    [
+        ({"scale": 0.0}, "0 makes all readings the same"),
+        ({"scale": -1.0}, r"q\[0\], q\[1\], q\[2\] look reversed: .* 12\.\d mm with the other sign"),
+    ],
+)
+def test_scales_that_cannot_be(q, sentence) -> None:
+    with pytest.raises(ArgumentError, match=sentence):
+        solved("l1", how=measured("l1", signals={"q": q}))
+
+
+def test_one_cart_that_counts_the_other_way(tmp_path: Path) -> None:
+    path = written(tmp_path, "l1", lambda r: [r[0], str(-float(r[1])), *r[2:]])
+    with pytest.raises(ArgumentError, match=r"the columns q\[1\] look reversed"):
+        solved("l1", path)
+
+
+def test_many_outliers_are_said(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+
+    def spoilt(row: list[str]) -> list[str]:
+        return row if rng.uniform() > 0.3 else [*row[:5], str(float(row[5]) + 5.0 * rng.standard_normal())]
+
+    v = solved("l1", written(tmp_path, "l1", spoilt), loss="cauchy").values
+    assert any("poses" in s and "hold outliers, so many are seldom chance" in s for s in v["notes"])
+    assert not any("seldom chance" in s for s in shipped("l1").values["notes"])
+
+
+def test_legs_on_held_out_poses_are_a_value() -> None:
+    v = shipped("l1").values
+    assert list(v["held_out_link_rms_mm"]) == list(v["link_errors_mm"])
+    for link, rms in v["held_out_link_rms_mm"].items():
+        assert 0.8 * v["link_errors_mm"][link] < rms < 2.0 * v["link_errors_mm"][link]
+    assert solved("l1", held_out=0).values["held_out_link_rms_mm"] is None
+
+
+def test_wandering_carts_alone_keep_their_intervals() -> None:
+    """Synthetic L1, seed 1, without shifts by load: smooth errors explain the residuals, and the truth is inside."""
+    made = made_poses(robot("l1"), replace(L1, load=0.0, point_error=1e-3, poses=120))
+    v = study(robot("l1"), made, fit("l1")).values
+    assert v["intervals_hold"] and v["colour_tested"]
+    assert any(s.startswith("residuals follow the carts' positions") for s in v["notes"])
+    assert any("noise and smooth errors of the carts" in s for s in v["verdict"])
+    inside = [u["interval_95"][0] <= v["truth"][u["name"]] <= u["interval_95"][1] for u in v["unknowns"]]
+    assert sum(inside) >= 18  # of 21 in three arms of some three independent intervals
+
+
+def test_few_poses_are_said_to_be_untested(tmp_path: Path) -> None:
+    v = solved("l1", written(tmp_path, "l1", rows=slice(None, None, 5))).values
+    assert v["poses"]["fitted"] == 20 and not v["colour_tested"] and v["intervals_hold"]
+    assert any("20 fitted poses are too few to test whether residuals are coloured" in s for s in v["notes"])
+    assert "parameters: 95 % intervals cover noise; colour not tested, 20 poses" in v["verdict"]
+
+
+def test_what_is_not_told_is_said_with_the_movement_that_was_found() -> None:
+    """A parameter of a free gauge that moved by 9 m stays near nothing; one that was told is not named."""
+    rng = np.random.default_rng(4)
+    for _ in range(20):
+        names = ("a", "b", "c")
+        J = np.column_stack([np.ones(6), np.ones(6), rng.standard_normal(6)])  # a + b alone is told, and c
+        start, moved = rng.standard_normal(3), 10.0 ** rng.uniform(-3, 1, 3)
+        unknowns = SimpleNamespace(names=names, start=start, units=("m", "m", "rad"))
+        c = SimpleNamespace(x=start + moved, problem=SimpleNamespace(unknowns=unknowns))
+        found = identifiability(1e3 * J, names, scale=np.ones(3))
+        sentence = movement.untold(c, found)  # type: ignore[arg-type]
+        farthest = int(np.argmax(moved[:2]))
+        assert (
+            f"{names[farthest]} moved farthest, by {moved[farthest]:.3g} m" in sentence
+            and "of 2 parameters" in sentence
+        )
+        assert "near" not in sentence
