@@ -26,11 +26,11 @@ _LARGEST = 200  # no write of these tests touches the disk that often
 def solve(elements: int) -> Callable[[Path], None]:
     """A job of `gtmodel solve --out`: another result for another number of elements."""
     from gtmodel.problem_files.load import load
-    from gtmodel.problem_files.run import context_of
+    from gtmodel.problem_files.run import answer, context_of
     from gtmodel.problem_files.run import solve as run
 
     loaded = load("swing.toml", [f"mesh.elements={elements}"])
-    outcome = loaded.kind.solve(loaded.problem, context_of(loaded))
+    outcome = answer(loaded, context_of(loaded))
     kind = type("Solved", (), {"solve": staticmethod(lambda problem, context: outcome)})
     solved = type(loaded)(loaded.path, loaded.content, loaded.settings, kind(), loaded.problem, loaded.shipped)  # type: ignore[arg-type]
 
