@@ -6,7 +6,7 @@ at the least of each over the exported motion.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -15,7 +15,7 @@ import numpy as np
 from .. import lang as gt
 from ..results import ArgumentError
 from ..results.options import declared, written_name
-from .options import JointCone, MotionLimits
+from .options import JointCone, MotionLimits, Obstacle
 
 SHARPNESS_PER_M = (
     200.0  # of the smooth maximum over separating directions: at most log(6) / 200 = 9 mm on the safe side
@@ -263,3 +263,14 @@ def clearance(points: np.ndarray, ends: np.ndarray, center: np.ndarray, size: np
         outside = np.maximum(np.abs(points + f * (ends - points) - center) - size / 2, 0.0)
         least = min(least, float(np.min(np.linalg.norm(outside, axis=1))))
     return least
+
+
+def clearances(
+    obstacles: Iterable[Obstacle], T: np.ndarray, links: Iterable[tuple[np.ndarray, np.ndarray]]
+) -> list[float]:
+    """Least distance [m] of tool centre points T (n, 3) and of links, both ends (n, 3) each, from each obstacle."""
+    found, links = [], list(links)
+    for obstacle in obstacles:
+        box = np.array(obstacle.center), np.array(obstacle.size)
+        found.append(min(clearance(T, T, *box, 1), *(clearance(a, b, *box) for a, b in links)))
+    return found

@@ -17,7 +17,7 @@ from ..results.check import failed_of
 from ..results.work import Progress, never, silent
 from .finer_mesh import how, told
 from .found import Found, NotFound, energy_of, margins_of, on_finer_meshes, on_this_mesh, short_names
-from .guard import clearance
+from .guard import clearances
 from .options import Cost, End, Export, Limits, Mesh, Shape, Solver, Starts
 from .planning import Plan, plan_of
 from .problem import MotionProblem
@@ -286,13 +286,8 @@ def _concluded(asked: MotionProblem, found: Found, iterations: int, finer: str, 
 
 
 def _clearances(plan: Plan, run: Trajectory) -> list[float]:
-    found = []
-    for obstacle in plan.problem.limits.obstacles:
-        center, size = np.array(obstacle.center), np.array(obstacle.size)
-        distances = [clearance(run["T"], run["T"], center, size, 1)]
-        distances += [clearance(a, b, center, size) for a, b in plan.links(run)]
-        found.append(min(distances))
-    return found
+    obstacles = plan.problem.limits.obstacles
+    return clearances(obstacles, run["T"], plan.links(run)) if obstacles else []
 
 
 def _figure(plan: Plan, trajectory: Trajectory, curves: tuple[np.ndarray, np.ndarray] | None) -> Any:

@@ -18,13 +18,13 @@ from ...results import Check, SolveStatus, Status, Trajectory, Work, at_most
 from ...results.quantity import converted
 from ...results.trajectory_files import TRAJECTORY
 from ..finer_mesh import how
-from ..guard import clearance
+from ..found import MARGIN_TOLERANCE, SATURATED, at_points
+from ..guard import clearances
 from .free_run import free_run
 from .plan import AxisPlan
 from .planning import LINKS
 from .result import AxisStudy
 
-SATURATED = 0.99
 MENDED = ("peak_share", "end_error_m", "end_error_deg", "excess", "roads_apart")  # by a finer mesh
 ROADS_AGREE = 0.02  # relative: of the final time along a path; accelerations linear on 20 elements cannot jump
 # forces are bounded at collocation points and are no polynomials: between the points they pass by less than that
@@ -35,7 +35,6 @@ FINER = "use more mesh.elements or mesh.control = linear"
 END_ERROR_DEG = 0.05
 POSE_APART_M = 1e-6  # Newton and collocation solve the same equations
 PATH_M = 1e-6  # round-off of the same equations
-MARGIN_TOLERANCE = 0.01  # further limits hold at collocation points; between them a jump of the force shows
 
 
 @dataclass(frozen=True)
@@ -128,9 +127,7 @@ def _placed(plan: AxisPlan, run: Trajectory) -> tuple[Trajectory | None, float]:
 
 def _energy(plan: AxisPlan, solution: Solution) -> float:
     """By the quadrature of the collocation points [s]."""
-    mesh = solution.nlp.mesh
-    weights = np.outer(mesh.h, mesh.table.weights).reshape(-1) * solution.final_time
-    tau = solution.trajectory["robot.tau"][1 : 1 + len(weights)]
+    tau, weights = at_points(solution)
     return float(weights @ np.sum((tau / plan.motors) ** 2, axis=1))
 
 
@@ -217,12 +214,7 @@ def _clearances(plan: AxisPlan, run: Trajectory) -> list[float]:
         return []
     names = [f"{part}[{k}].{end}.r" for part, k in LINKS for end in "ab"]
     *joints, _ = compile_causal(plan.robot, known="q", targets=names)(run["q"])
-    found = []
-    for obstacle in obstacles:
-        box = np.array(obstacle.center), np.array(obstacle.size)
-        links = [clearance(a, b, *box) for a, b in zip(joints[::2], joints[1::2], strict=True)]
-        found.append(min(clearance(run["T"], run["T"], *box, 1), *links))
-    return found
+    return clearances(obstacles, run["T"], zip(joints[::2], joints[1::2], strict=True))
 
 
 def _figure(plan: AxisPlan, trajectory: Trajectory) -> Any:
