@@ -28,10 +28,16 @@ import numpy as np
 import gtmodel as gt
 from gtmodel.control import Feedback, Feedforward, track
 from gtmodel.identify import LogSimulator, Processing, Regressor, Sensors, identify, rows_of
-from gtmodel.identify.excitation import FINER, ExcitationTask, optimise_excitation
-from gtmodel.identify.excitation_basis import FourierSeries
-from gtmodel.identify.information import condition, predicted_deviations, singular_values
-from gtmodel.identify.random_excitation import random_excitations
+from gtmodel.identify.excitation import (
+    FINER,
+    ExcitationTask,
+    FourierSeries,
+    condition,
+    optimise_excitation,
+    predicted_deviations,
+    random_excitations,
+    singular_values,
+)
 from gtmodel.measurements import Session
 from gtmodel.plot.excitation import information_figure, path_figure
 from gtmodel.plot.identification import efforts_figure

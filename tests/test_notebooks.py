@@ -125,7 +125,7 @@ def test_notebook_runs_from_top_to_bottom(script: Path, kernel: AsyncKernelManag
     warned = [output.text for output in outputs(ran) if output.get("name") == "stderr"]
     assert "RuntimeWarning" not in "".join(warned)
     pictures = sum("image/png" in output.get("data", {}) for output in outputs(ran))
-    drawn = ("Figure(", "_figure(", ".figures[")
+    drawn = ("Figure(", "_figure(", ".figure(", ".figures[")
     assert pictures == sum(any(d in c.source for d in drawn) for c in ran.cells if c.cell_type == "code")
 
 

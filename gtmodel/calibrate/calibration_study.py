@@ -69,6 +69,7 @@ def study(
     placed = recognise_sessions(data, witness)
     if placed and data.pose.device_start is None:
         data = data.with_device(placed)
+    title = title or f"calibration of {origin.name}"
     if data.synthetic and "synthetic" not in title.lower():
         title += " (synthetic)"
     if work.interrupted():

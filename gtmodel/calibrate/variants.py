@@ -21,8 +21,9 @@ SAID = {"three_link": "three links", "six_link": "six links", "f1": "an F1"}
 NAMING = ("fixed", "tied", "unit_quaternions", "priors", "sizes", "free")  # options that hold names of parameters
 
 
-def choice_of(fit: Fit, model: Model, on_points: Sequence[str] = ()) -> Choice:
-    """Without priors; `on_points`: names of guideways through measured points, of which the frame moves.
+def choice_of(fit: Fit, model: Model, known: Sequence[str] = (), on_points: Sequence[str] = ()) -> Choice:
+    """Without priors; `known`: what no fit moves; `on_points`: names of guideways through measured points, of which the
+    frame moves.
 
     Raises ArgumentError for a variant of another family.
     """
@@ -39,7 +40,7 @@ def choice_of(fit: Fit, model: Model, on_points: Sequence[str] = ()) -> Choice:
         if fit.variant == "f1_unit":
             unit += [n for n in QUATERNIONS if n not in unit]
     unit += [f"{g}.u" for g in on_points]
-    fixed = [*fit.fixed, *(f"{g}.{n}" for g in on_points for n in ("at", "points"))]
+    fixed = [*fit.fixed, *known, *(f"{g}.{n}" for g in on_points for n in ("at", "points"))]
     return Choice(fit.free, fixed, tied, unit, (), fit.sizes)
 
 
@@ -49,7 +50,7 @@ def prepared(
     """The equations of the fitted poses. Raises ArgumentError with the option whose name is not understood."""
     m, actuators = data.fitted, data.actuators
     try:
-        choice = choice_of(fit, model, on_points)
+        choice = choice_of(fit, model, data.source.known, on_points)
         first = prepare(model, m, choice, actuators=actuators)
         turn = None if carts is None else carts.turn_std
         known = {f"{g}.u": Known(std=turn) for g in on_points} if turn is not None else {}

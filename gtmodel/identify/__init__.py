@@ -19,6 +19,7 @@ Motion
     work_of                whether friction brakes, and whether the energy balances
     exchanged_efforts      whether another order or sign of the efforts' columns fits far better
 Excitation
+    excitation_study, ExcitationStudy      of a robot; options Family, Experiment, Search, RandomMotions, MonteCarloFits
     optimise_excitation    the motion that tells most of an ExcitationTask within its limits
     FourierSeries, ClosedSpline   families of motions at rest at both ends
     random_excitations     feasible motions to compare with and to start from
@@ -31,8 +32,24 @@ Synthetic
 from .corrected import corrected
 from .delay import Delay, delay_of
 from .exchanged import Exchanged, exchanged_efforts
-from .excitation import Excitation, ExcitationTask, optimise_excitation
-from .excitation_basis import ClosedSpline, FourierSeries
+from .excitation import (
+    ClosedSpline,
+    Excitation,
+    ExcitationStudy,
+    ExcitationTask,
+    Experiment,
+    Family,
+    FourierSeries,
+    MonteCarloFits,
+    RandomMotions,
+    Search,
+    condition,
+    excitation_study,
+    optimise_excitation,
+    predicted_deviations,
+    random_excitations,
+    singular_values,
+)
 from .friction import (
     Coefficients,
     FrictionFit,
@@ -55,9 +72,7 @@ from .friction import (
 from .identification_study import study, synthetic_study
 from .identified import IdentificationStudy
 from .inertia import Identification, LeftOut, Validation, bias_of, identify
-from .information import condition, predicted_deviations, singular_values
 from .options import ClosedLoop, Fitting, SyntheticLog
-from .random_excitation import random_excitations
 from .reference_motion import multisine, read_motion
 from .regressor import Regressor, RegressorRows
 from .repeated import Repeated, repeat_identification
@@ -73,7 +88,10 @@ __all__ = [
     "Delay",
     "Exchanged",
     "Excitation",
+    "ExcitationStudy",
     "ExcitationTask",
+    "Experiment",
+    "Family",
     "Fitting",
     "FourierSeries",
     "FrictionFit",
@@ -84,13 +102,16 @@ __all__ = [
     "LeftOut",
     "LogSimulator",
     "MassByNorm",
+    "MonteCarloFits",
     "Processing",
     "PublishedFriction",
+    "RandomMotions",
     "Regressor",
     "RegressorRows",
     "Repeated",
     "Rows",
     "Runs",
+    "Search",
     "Sensors",
     "Steady",
     "SyntheticLog",
@@ -104,6 +125,7 @@ __all__ = [
     "corrected",
     "delay_of",
     "exchanged_efforts",
+    "excitation_study",
     "friction_study",
     "gravity_pattern",
     "identify",

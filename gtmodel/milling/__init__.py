@@ -1,5 +1,7 @@
 """Milling by a robot that gives way: forces, deflection, where to put the work. Knows no robot; SI units and rad.
 
+study                                         where to mill, by both indices over the angle: `MillingStudy`
+Tool, Search, Modal, PathOffset               what it is asked for besides cutter and cut
 Cutter, Coefficients, Cut                     what cuts, and how
 forces, integrated_forces, force_spectrum     mechanistic forces: over discs, closed form, Fourier coefficients
 mean_forces                                   averaged over a sample, closed form
@@ -24,7 +26,10 @@ from .directional import mean_directional_matrix
 from .forces import forces, integrated_forces, mean_forces, peak_force, to_world
 from .guideline import Findings, NearMode, choices, frequency_sensitivity, guideline, nearest_mode
 from .lobes import Lobes, stability_lobes
+from .milling_result import MillingStudy
+from .milling_study import study
 from .mode_coupling import ModeCoupling, critical_depth, mode_coupling
+from .options import Modal, PathOffset, Search, Tool
 from .oscillators import Oscillators, missing_z
 from .redundant_angle import ANGLES, AngleSweep, angle_sweep, tool_rotations
 from .refine import Refined, Start, refine
@@ -35,10 +40,11 @@ from .stability import certain_depth, proven_depth, spectral_radius, stable_dept
 
 __all__ = [
     "ANGLES", "AngleSweep", "AngleTable", "Coefficients", "Compensation", "Cut", "Cutter", "Deflection", "Findings",
-    "Lobes", "ModeCoupling", "NearMode", "Oscillators", "Refined", "Start", "angle_sweep", "at_angles",
-    "certain_depth", "choices", "compensate", "critical_depth", "cutting_force", "deflections", "force_spectrum",
-    "forces", "frequency_sensitivity", "guideline", "immersion", "integrated_forces", "mean_directional_matrix",
-    "mean_forces", "missing_z", "mode_coupling", "nearest_mode", "path_offset", "peak_force", "proven_depth", "refine",
-    "responses", "smooth_force_function", "spectral_radius", "stability_lobes", "stable_depth", "static_index",
-    "steady_state", "to_world", "tool_error", "tool_rotations", "tooth_frequency",
+    "Lobes", "MillingStudy", "Modal", "ModeCoupling", "NearMode", "Oscillators", "PathOffset", "Refined", "Search",
+    "Start", "Tool", "angle_sweep", "at_angles", "certain_depth", "choices", "compensate", "critical_depth",
+    "cutting_force", "deflections", "force_spectrum", "forces", "frequency_sensitivity", "guideline", "immersion",
+    "integrated_forces", "mean_directional_matrix", "mean_forces", "missing_z", "mode_coupling", "nearest_mode",
+    "path_offset", "peak_force", "proven_depth", "refine", "responses", "smooth_force_function", "spectral_radius",
+    "stability_lobes", "stable_depth", "static_index", "steady_state", "study", "to_world", "tool_error",
+    "tool_rotations", "tooth_frequency",
 ]  # fmt: skip

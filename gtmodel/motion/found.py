@@ -14,6 +14,7 @@ from ..results import Check, Trajectory, at_most
 from ..results.check import failed_of
 from .finer_mesh import finer_problem, refined
 from .follow import sampled
+from .guard import MARGIN_TOLERANCE
 from .planning import Plan
 from .problem import MotionProblem
 from .reference import between_rows
@@ -23,8 +24,7 @@ from .search import Search
 END_ERROR_BOUND_M = 5e-3
 FINER = "use more mesh.elements"
 FORCE_TOLERANCE = 1e-9  # relative: the exported force keeps its limit at every instant
-MARGIN_TOLERANCE = 0.01  # further limits hold at collocation points; between them a jump of the force shows
-SATURATED = 0.99
+SATURATED = 0.99  # of its limit: a motor is at it
 ROADS_AGREE = 1e-3  # relative: of the final time along a path, by collocation and by squared speeds
 MOST_INTERVALS = 3200
 SECOND_ROAD_INTERVALS = 400  # 5e-7 of the time on a line

@@ -6,7 +6,7 @@ at the least of each over the exported motion.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -23,6 +23,7 @@ SHARPNESS_PER_M = (
 ROUNDING_M = 1e-4  # of smooth absolute values
 CARTS, ROTARY = range(3), range(3, 6)  # of the coordinates q
 ROUND_OFF = 1e-9  # of margins
+MARGIN_TOLERANCE = 0.01  # limits hold at collocation points; between them a jump of the force shows
 FAR_M = 1.0  # a separation beyond this is far enough; keeps exponentials finite
 
 
@@ -256,6 +257,17 @@ def _below(x: Any) -> Any:
     return gt.sqrt(x**2 + ROUNDING_M**2) - ROUNDING_M
 
 
+def clearances(
+    obstacles: Sequence[Obstacle], T: np.ndarray, links: Sequence[tuple[np.ndarray, np.ndarray]]
+) -> list[float]:
+    """Least distance [m] of the tool centre point T (n, 3) and of all links, both ends (n, 3) each, from each box."""
+    found = []
+    for obstacle in obstacles:
+        box = np.array(obstacle.center), np.array(obstacle.size)
+        found.append(min(clearance(T, T, *box, 1), *(clearance(a, b, *box) for a, b in links), np.inf))
+    return found
+
+
 def clearance(points: np.ndarray, ends: np.ndarray, center: np.ndarray, size: np.ndarray, samples: int = 401) -> float:
     """Least distance [m] of segments, from points (n, 3) to ends (n, 3), from a box, by sampling: 0 inside."""
     least = np.inf
@@ -263,14 +275,3 @@ def clearance(points: np.ndarray, ends: np.ndarray, center: np.ndarray, size: np
         outside = np.maximum(np.abs(points + f * (ends - points) - center) - size / 2, 0.0)
         least = min(least, float(np.min(np.linalg.norm(outside, axis=1))))
     return least
-
-
-def clearances(
-    obstacles: Iterable[Obstacle], T: np.ndarray, links: Iterable[tuple[np.ndarray, np.ndarray]]
-) -> list[float]:
-    """Least distance [m] of tool centre points T (n, 3) and of links, both ends (n, 3) each, from each obstacle."""
-    found, links = [], list(links)
-    for obstacle in obstacles:
-        box = np.array(obstacle.center), np.array(obstacle.size)
-        found.append(min(clearance(T, T, *box, 1), *(clearance(a, b, *box) for a, b in links)))
-    return found

@@ -148,7 +148,7 @@ def study(
     starts: Starts | None = None,
     solver: Solver | None = None,
     export: Export | None = None,
-    guess: Trajectory | None = None,
+    earlier: Trajectory | None = None,
     title: str = "",
     progress: Progress = silent,
     max_seconds: float | None = None,
@@ -164,7 +164,7 @@ def study(
         cost: weights of time and energy; time alone if left out.
         mesh, starts, solver: how it is searched. Where a check fails that a finer mesh can mend, one is taken.
         export: intervals of reference.csv and motion.mod.
-        guess: an earlier motion, with T [m], to begin from.
+        earlier: the trajectory of an earlier study to start from.
         progress, max_seconds, stop: see `gtmodel.results.Work`.
 
     Interrupted, it holds the best iterate as its trajectory, and no values but a final time. Raises ArgumentError.
@@ -182,13 +182,13 @@ def study(
         mesh=mesh or Mesh(), starts=starts or Starts(), solver=solver or Solver(), export=export or Export(),
         title=title,
     )  # fmt: skip
-    return solved(problem, Work(progress=progress, max_seconds=max_seconds, stop=stop), guess)
+    return solved(problem, Work(progress=progress, max_seconds=max_seconds, stop=stop), earlier)
 
 
-def solved(problem: MotionProblem, work: Work, guess: Trajectory | None = None) -> MotionStudy:
+def solved(problem: MotionProblem, work: Work, earlier: Trajectory | None = None) -> MotionStudy:
     """Optimise, re-simulate, and make the exported motion whose force is bounded at every instant; on a finer mesh
     where a check fails that it can mend. Raises ArgumentError."""
-    plan = plan_of(problem, guess)
+    plan = plan_of(problem, earlier)
     search = plan.search(work)
     solution = search.optimum()
     if not solution.status.converged:
@@ -275,7 +275,7 @@ def _concluded(asked: MotionProblem, found: Found, iterations: int, finer: str, 
         exported_defect=exported.defect,
         exported_link_along_guideway=float(np.min(run["along_guideway"])) if "along_guideway" in run else None,
         exported_margins=margins_of(plan, exported),
-        exported_clearance=_clearances(plan, run),
+        exported_clearance=clearances(problem.limits.obstacles, run["T"], plan.links(run)),
         figures={"motion": partial(_figure, plan, trajectory, curves)},
         files={
             "reference.csv": csv_text(reference, problem.title),
@@ -283,11 +283,6 @@ def _concluded(asked: MotionProblem, found: Found, iterations: int, finer: str, 
         },
         machine_files=("reference.csv", "motion.mod"),
     )
-
-
-def _clearances(plan: Plan, run: Trajectory) -> list[float]:
-    obstacles = plan.problem.limits.obstacles
-    return clearances(obstacles, run["T"], plan.links(run)) if obstacles else []
 
 
 def _figure(plan: Plan, trajectory: Trajectory, curves: tuple[np.ndarray, np.ndarray] | None) -> Any:

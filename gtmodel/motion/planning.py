@@ -104,12 +104,7 @@ class Plan:
         """The exported motion along the path."""
         assert self.problem.path is not None
 
-        def progress(iteration: int, objective: float, violation: float) -> bool:
-            numbers = {"iteration": iteration, "objective": objective, "violation": violation}
-            work.progress("exporting", None, numbers)
-            return work.interrupted()
-
-        return self.follower.within(self.problem.path.intervals, progress, work.seconds_left())
+        return self.follower.within(self.problem.path.intervals, work.iterations("exporting"), work.seconds_left())
 
     def second_road(self, intervals: int) -> float:
         """The final time along the path by squared speeds, limits in the middles of the intervals [s]."""
@@ -121,7 +116,7 @@ class Plan:
         return [(joints[:, k], tips[:, k]) for k in range(joints.shape[1])]
 
 
-def plan_of(problem: MotionProblem, guess: Trajectory | None = None) -> Plan:
+def plan_of(problem: MotionProblem, earlier: Trajectory | None = None) -> Plan:
     """The plan of a problem, which may begin at an earlier motion. Raises ArgumentError."""
     robot, start, goal = problem.robot, problem.begin, problem.end
     if problem.cost.time == 0.0 and problem.cost.energy == 0.0:
@@ -133,7 +128,7 @@ def plan_of(problem: MotionProblem, guess: Trajectory | None = None) -> Plan:
     guard = guard_of(problem.limits, links_of(robot), lambda arm, end: _carrier(robot, end, start))
     _check_statics(problem, guard)
     path = None if problem.path is None else path_of(problem.path, start, goal)
-    plan = Plan(problem, guard, path, None if guess is None else _renamed(guess, path))
+    plan = Plan(problem, guard, path, None if earlier is None else _renamed(earlier, path))
     if path is not None and (trouble := plan.follower.trouble()):
         raise ArgumentError(trouble, "path")
     return plan
@@ -196,11 +191,11 @@ def _renamed(earlier: Trajectory, path: Path | None) -> Trajectory:
     """An earlier result's motion under the names of the optimisation."""
     if "T" not in earlier or np.shape(earlier["T"])[1:] != (3,):
         found = f"has shape {np.shape(earlier['T'])}" if "T" in earlier else "is missing"
-        raise ArgumentError(f"its T {found}; expected three coordinates for each of {len(earlier)} times", "guess")
+        raise ArgumentError(f"its T {found}; expected three coordinates for each of {len(earlier)} times", "earlier")
     names = {"T": "robot.T", "der(T)": "der(robot.T)", "tau": "robot.tau", "der(T,2)": "der(robot.T,2)"}
     if path is not None:
         if "s" not in earlier:
-            raise ArgumentError("is a free motion; this problem follows a path", "guess")
+            raise ArgumentError("is a free motion; this problem follows a path", "earlier")
         s = np.maximum.accumulate(earlier["s"])
         values = {"s": s, "der(s)": np.gradient(s, earlier.time)}
         return Trajectory(earlier.time, values, {"s": earlier.unit("s")})

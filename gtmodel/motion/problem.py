@@ -7,12 +7,15 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..lang import Model, Optimization
+from ..results import ArgumentError
 from .guard import Guard
 from .options import Cost, End, Export, Limits, Mesh, Shape, Solver, Starts
 from .paths import Path
 from .task import MotionTask, motion
 
 NO_GUARD = Guard([], {})
+KINDS = {"robot": Model, "start": End, "goal": End, "limits": Limits, "path": Shape, "cost": Cost, "mesh": Mesh,
+         "starts": Starts, "solver": Solver, "export": Export}  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -22,6 +25,8 @@ class MotionProblem:
     robot: declares T, the tool centre point (3,) [m], and tau, the motor forces (3,) [N].
     start, goal: its ends. limits: what it must keep. path: what it follows; free if None.
     cost, mesh, starts, solver: what is minimised, and how it is searched. export: of the files for a controller.
+
+    Raises ArgumentError for objects of other classes.
     """
 
     robot: Model
@@ -35,6 +40,15 @@ class MotionProblem:
     solver: Solver = field(default_factory=Solver)
     export: Export = field(default_factory=Export)
     title: str = ""
+
+    def __post_init__(self) -> None:
+        for name, cls in KINDS.items():
+            value = getattr(self, name)
+            if not isinstance(value, cls) and not (name == "path" and value is None):
+                found, where = type(value), cls.__module__.removesuffix(".options")
+                raise ArgumentError(
+                    f"is {found.__name__} of {found.__module__}; expected {cls.__name__} of {where}", name
+                )
 
     @property
     def begin(self) -> np.ndarray:

@@ -150,11 +150,6 @@ class Search:
         """One attempt, with a barrier strategy where the problem leaves it open."""
         wanted = control == self.problem.mesh.control
         stage = "optimising" if wanted else "bounding the force between the nodes"
-
-        def progress(iteration: int, objective: float, violation: float) -> bool:
-            self.work.progress(stage, None, {"iteration": iteration, "objective": objective, "violation": violation})
-            return self.work.interrupted()
-
         mesh, solver = self.problem.mesh, self.problem.solver
         solution = collocate(
             model,
@@ -169,7 +164,7 @@ class Search:
                 max_iterations=self.left if most is None else most,
                 max_seconds=self.work.seconds_left(),
             ),
-            progress=progress,
+            progress=self.work.iterations(stage),
             throw=False,
         )
         self.iterations += solution.iterations

@@ -107,6 +107,17 @@ class F1(gt.Model):
         yield gt.branch("below", gt.dot(self.link[0].a.r - self.link[0].b.r, self.v[0]))
 
 
+LINK_ENDS = [f"link[{k}].{end}.r" for k in range(6) for end in "ab"]
+
+
+def link_guideways(robot: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Of each link: its cart's reference point (6, 3) [m] and motion per q (6, 3), its length (6,) [m], and its plate
+    joint (6, 3) [m], plate coordinates."""
+    rows = [arm for arm, links in enumerate(clusters.ROWS) for _ in links]
+    A0, v, L, B = (np.array(getattr(robot, name), float) for name in ("A0", "v", "L", "B"))
+    return A0[rows], v[rows], L, B
+
+
 def _home_q(robot: Any) -> Any:
     """Carts above the plate at the home pose by the first link of each arm, rotary axes at 0."""
     R = quaternion_matrix(robot.home_e)

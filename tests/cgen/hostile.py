@@ -7,11 +7,11 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from gtmodel.cgen.verification.against_python.box_points import box_points
-from gtmodel.cgen.verification.against_python.comparison import call
 
 from gtmodel import Status
 from gtmodel.cgen.interface import Interface
+from gtmodel.cgen.verification.box_points import box_points
+from gtmodel.cgen.verification.comparison import call
 
 INSIDE = 0.01  # of a box's width, left out at both its ends
 POINTS = 400  # random ones of the box that hostile rows start from

@@ -11,12 +11,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from gtmodel.cgen.verification.against_python.comparison import call
 
 import gtmodel as gt
 from gtmodel import Status, cgen
 from gtmodel.cgen.interface import Interface, interfaces
 from gtmodel.cgen.points import HELD, draw, evaluate
+from gtmodel.cgen.verification.comparison import call
 from gtmodel.compiler.causal import CausalFunction
 from tests.bench.callgrind import Call, count
 from tests.cgen.calls import shared_library

@@ -9,12 +9,12 @@ import ctypes
 
 import numpy as np
 import pytest
-from gtmodel.cgen.verification.against_python.comparison import call
 
 import gtmodel as gt
 from gtmodel import Status, cgen
 from gtmodel.cgen.interface import Interface, interfaces
 from gtmodel.cgen.points import HELD
+from gtmodel.cgen.verification.comparison import call
 from tests.cgen.calls import denormals, shared_library, spoilt_draws
 
 # draws of each function, 100,000 in all

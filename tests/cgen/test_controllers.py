@@ -11,12 +11,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from gtmodel.cgen.verification.against_python.comparison import call
 
 import gtmodel as gt
 from gtmodel.cgen.interface import Interface, interfaces
 from gtmodel.cgen.points import draw
 from gtmodel.cgen.real import real_of
+from gtmodel.cgen.verification.comparison import call
 from gtmodel.cli import main
 from tests.cgen.calls import shared_library
 from tests.cgen.conftest import c_files, copy, run, succeed

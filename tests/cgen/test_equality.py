@@ -7,13 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from gtmodel.cgen.verification.against_python.comparison import call
 
 import gtmodel as gt
 from gtmodel import Status, cgen
 from gtmodel.cgen import toolchain
 from gtmodel.cgen.interface import interfaces
 from gtmodel.cgen.points import HELD, draw, evaluate
+from gtmodel.cgen.verification.comparison import call
 from tests.cgen.conftest import Functions, SliderCrank, c_files, copy, run, succeed
 
 POINTS = 1000

@@ -9,7 +9,6 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 import pytest
-from gtmodel.cgen.verification.against_python.comparison import call
 
 from gtmodel import Status, cgen
 from gtmodel.cgen.interface import interfaces
@@ -17,6 +16,7 @@ from gtmodel.cgen.points import draw, evaluate
 from gtmodel.cgen.proof import prove
 from gtmodel.cgen.real import DOUBLE, FLOAT
 from gtmodel.cgen.single import single
+from gtmodel.cgen.verification.comparison import call
 from gtmodel.cgen.virtual_machine import run as run_in_float
 from tests.bench.callgrind import FLAGS
 from tests.cgen.calls import shared_library

@@ -13,13 +13,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from gtmodel.cgen.verification.against_python.comparison import call
 
 from gtmodel import Status
 from gtmodel.cgen import generate
 from gtmodel.cgen.interface import Interface, interfaces
 from gtmodel.cgen.points import evaluate
 from gtmodel.cgen.real import real_of
+from gtmodel.cgen.verification.comparison import call
 from gtmodel.kinds.codegen.kind import functions_of
 from gtmodel.problem_files.base import Context
 from gtmodel.problem_files.load import load

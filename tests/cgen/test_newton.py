@@ -9,13 +9,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from gtmodel.cgen.verification.against_python.comparison import call
 
 from gtmodel import Status, cgen
 from gtmodel.cgen.interface import Interface, interfaces
 from gtmodel.cgen.newton_stages import samples_of
 from gtmodel.cgen.newton_steps import eliminate, newton
 from gtmodel.cgen.points import HELD, draw, evaluate
+from gtmodel.cgen.verification.comparison import call
 from tests.bench.callgrind import FLAGS, Call, count
 from tests.cgen.calls import shared_library
 from tests.cgen.conftest import Functions, c_files, copy, run, succeed

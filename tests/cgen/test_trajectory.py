@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from gtmodel.cgen.verification.against_python.comparison import call
 
 from gtmodel import Status, cgen
 from gtmodel.cgen.interface import interfaces
 from gtmodel.cgen.points import HELD, draw, evaluate
+from gtmodel.cgen.verification.comparison import call
 from tests.cgen.calls import shared_library
 from tests.cgen.conftest import Functions, run
 

@@ -4,10 +4,19 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from gtmodel.identify.excitation import FINER, ExcitationTask, optimise_excitation
-from gtmodel.identify.excitation_basis import ClosedSpline, FourierSeries
-from gtmodel.identify.information import CRITERIA, condition, cost, predicted_deviations, singular_values
-from gtmodel.identify.random_excitation import random_excitations
+from gtmodel.identify.excitation import (
+    CRITERIA,
+    FINER,
+    ClosedSpline,
+    ExcitationTask,
+    FourierSeries,
+    condition,
+    cost,
+    optimise_excitation,
+    predicted_deviations,
+    random_excitations,
+    singular_values,
+)
 from gtmodel.results import SolveStatus
 
 BASES = [FourierSeries(4.0, 5), FourierSeries(0.5, 2), ClosedSpline(4.0, 12), ClosedSpline(3.0, 2)]

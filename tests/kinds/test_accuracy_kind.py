@@ -7,6 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import gtmodel as gt
+from gtmodel.kinematics.accuracy import ErrorSection, LinkErrors, MonteCarlo
 from gtmodel.problem_files import Context, InputError
 from gtmodel.problem_files.load import load
 from gtmodel.problem_files.run import answer, explain
@@ -44,6 +46,17 @@ def test_the_declared_problem_and_the_printed_windows(capsys: pytest.CaptureFixt
     table = np.genfromtxt(tmp_path / "out" / "errors.csv", delimiter=",", names=True)
     assert table["error_1_um"].max() == pytest.approx(one["max_um"], rel=1e-5)
     assert table["error_2_um"].min() == pytest.approx(two["min_um"], rel=1e-5)
+
+
+def test_the_call_on_objects_gives_the_values_of_the_file() -> None:
+    by_file = answer(load(FILE, ["section.step_m=0.2", "monte_carlo.samples=500"]), Context())
+    cases = [
+        LinkErrors("case 1", along=[32e-6, 77e-6, 54e-6], across=[32e-6, 77e-6, 54e-6]),
+        LinkErrors("case 2", along=[11e-6, 58e-6, 1e-6 * 19], across=[28e-6, 1e-6 * 38, 47e-6]),
+    ]
+    robot = gt.robots.gantry_tau("d1_nominal")
+    by_call = gt.kinematics.accuracy_study(robot, cases, section=ErrorSection(step=0.2), monte_carlo=MonteCarlo(500))
+    assert str(by_call.values) == str(by_file.values) and by_call.checks == by_file.checks
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Kind "calibration": the shipped problems, what they find and write, their choices, costs and corrections."""
+"""Kind "calibration": the shipped problems, what they write, and where refusals stand in the file."""
 
 import inspect
 import json
@@ -9,14 +9,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import gtmodel as gt
 from gtmodel.cli import main
 from gtmodel.compiler.sharing import shared
 from gtmodel.kinds.calibration.kind import RESULT
 from gtmodel.problem_files import Context, InputError, robots
+from gtmodel.problem_files.load import load
+from gtmodel.problem_files.run import answer, explain
 from gtmodel.results import SolveStatus
 from gtmodel.results.quantity import described
+from tests.calibrate.shipped import PROBLEMS, data, shipped
 from tests.calibrate.test_closure import Slider
-from tests.kinds.calibration_problems import PROBLEMS, data, keys, shipped, solved, with_signals, written
 from tests.support.commands import Commands
 
 # the thesis's 0.7 and 0.23 mm on our synthetic robots: sizes of the errors are known to that only
@@ -48,24 +51,6 @@ class TestShippedProblems:
         assert {p.name for p in folder.iterdir()} == {
             "result.json", "run.toml", "parameters.toml", "poses.csv", "report.html", "sensitivity.csv"
         }  # fmt: skip
-
-    def test_ideal_guideways_leave_three_times_as_much(self) -> None:
-        v = solved(keys("calibrate_l1", variant="ideal", sensitivity_step=0.0)).values
-        assert len(v["unknowns"]) == 15 and v["held_out_mm"]["mean"] == pytest.approx(0.7, rel=STORY)
-
-    def test_f1_from_some_sixty_millimetres_to_a_quarter(self) -> None:
-        v = shipped("f1").values
-        assert v["a_priori_mm"]["mean"] == pytest.approx(62, rel=STORY)
-        assert v["held_out_mm"]["mean"] == pytest.approx(0.24, rel=STORY)
-        told = v["identifiability_after"]
-        assert len(v["unknowns"]) == 69 and told["redundant"] == 6 and v["orientation_deg"]["max"] < 0.2
-        assert any("r3[1] moves with A0[2,0]" in s for s in told["sentences"])
-        lost = {u["name"] for u in v["unknowns"] if u["std"] is None}
-        assert "r3[1]" in lost and "L[0]" not in lost
-
-    def test_raw_quaternions_have_nine_redundant_parameters(self) -> None:
-        v = solved(keys("calibrate_f1", variant="f1_raw", sensitivity_step=0.0)).values
-        assert len(v["unknowns"]) == 72 and v["identifiability_after"]["redundant"] == 9
 
     @pytest.mark.parametrize("robot", ["l1", "f1"])
     def test_the_loader_reads_parameters_toml_and_its_robot_predicts_the_held_out_poses(
@@ -105,94 +90,113 @@ class TestShippedProblems:
         done = Commands(capsys)("explain", PROBLEMS / "calibrate_l1.toml")
         assert done.code == 0 and "21 unknowns" in done.out and "21 of 21 parameters" in done.out
 
-
-class TestChoices:
-    def test_fixed_tied_and_priors(self, tmp_path: Path) -> None:
-        signals = with_signals(keys("calibrate_l1"), T={"noise": 2e-4}, q={"noise": 1e-4})
-        written(tmp_path, "l1")
-        o = solved(
-            {**signals, "fixed": ["L[0]"], "tied": {"v[1]": "v[0]"}, "priors": {"A[2]": {"std": 1e-6}}}, tmp_path
-        )
-        at = {u["name"]: u["value"] for u in o.values["unknowns"]}
-        p = o.values["parameters"]
-        assert "L[0]" not in at and p["L[0]"] == 2.05 and p["v[1,2]"] == p["v[0,2]"]
-        assert max(abs(at[f"A[2,{k}]"]) for k in range(3)) < 1e-4  # where tape measures have it
-
-    @pytest.mark.parametrize("cost", ["closure", "inverse", "forward"])
-    def test_all_costs_predict_as_well(self, cost: str) -> None:
-        linear, other = shipped("l1"), solved(keys("calibrate_l1", cost=cost, sensitivity_step=0.0))
-        assert other.status is SolveStatus.SOLVED
-        # they weigh systematic errors otherwise, which changes their size by some hundredths
-        assert other.values["held_out_mm"]["rms"] == pytest.approx(linear.values["held_out_mm"]["rms"], rel=0.15)
-
-    def test_an_outlier_is_named_and_borne(self, tmp_path: Path) -> None:
-        head, rows = data("l1")
-        rows[40][3] = str(float(rows[40][3]) + 30.0)  # 30 mm, as a reflection would
-        (tmp_path / "poses.csv").write_text("\n".join([*head, *map(",".join, rows)]) + "\n")
-        problem = with_signals(keys("calibrate_l1", sensitivity_step=0.0))
-        plain, borne = (solved({**problem, "loss": loss}, tmp_path).values for loss in ("linear", "cauchy"))
-        assert borne["outliers"][0]["line"] == 41 + len(head)
-        assert borne["held_out_mm"]["mean"] < 0.25 < plain["held_out_mm"]["mean"]
-
-    def test_offset_and_scale_in_one_line_per_session(self, tmp_path: Path) -> None:
-        """The zero of cart 1 differs by 2 mm in the second half; without the correction it spoils the fit."""
-        head, rows = data("l1")
-        late = [[*r, "b" if k >= 100 else "a"] for k, r in enumerate(rows)]
-        for r in late[100:]:
-            r[0] = str(float(r[0]) + 2.0)
-        head[-1] += ",session"
-        (tmp_path / "poses.csv").write_text("\n".join([*head, *map(",".join, late)]) + "\n")
-        problem = with_signals(keys("calibrate_l1", sensitivity_step=0.0))
-        problem["measurements"]["session"] = "session"
-        spoilt = solved(problem, tmp_path).values
-        problem["measurements"]["signals"]["q"]["offset"] = "estimate"
-        v = solved(problem, tmp_path).values
-        assert spoilt["held_out_mm"]["mean"] > 0.4 > 0.25 > v["held_out_mm"]["mean"]
-        m = v["measurement"]
-        assert m["q.offset in b[0]"] - m["q.offset in a[0]"] == pytest.approx(2e-3, abs=2e-4)
-        assert v["identifiability_after"]["redundant"] == 3  # a common offset is a cart's place at zero
-        lines = (tmp_path / "poses.csv").read_text().splitlines()
-        (tmp_path / "other.csv").write_text("\n".join([*lines[:3], *lines[-20:]]) + "\n")
-        (tmp_path / "poses.csv").write_text("\n".join(lines[:103]) + "\n")
-        with pytest.raises(InputError, match="offsets of q in session 'b' cannot be known"):
-            solved({**problem, "held_out": {"file": "other.csv"}}, tmp_path)
-        del problem["measurements"]["signals"]["q"]["offset"]
-        other = solved({**problem, "held_out": {"file": "other.csv"}}, tmp_path).values
-        assert other["poses"]["held_out"] == 20 and other["held_out_mm"]["mean"] > 1 and not other["prediction_proven"]
-
-    def test_numbers_in_the_same_line_are_applied(self, tmp_path: Path) -> None:
-        written(tmp_path, "l1", lambda r: [*(repr((float(x) + 5.0) / 2) for x in r[:3]), *r[3:]])
-        problem = with_signals(keys("calibrate_l1", sensitivity_step=0.0), q={"scale": 2.0, "offset": 0.005})
-        v, plain = solved(problem, tmp_path).values, shipped("l1").values
-        assert v["parameters"] == pytest.approx(plain["parameters"], abs=1e-9)
-
-    def test_a_device_that_stands_somewhere_else(self, tmp_path: Path) -> None:
-        """Turned and shifted by 3 m; what is told is the same, the frame of the robot is not among it."""
-        c, s = np.cos(0.7), np.sin(0.7)
-        R, t = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1.0]]), np.array([3000.0, -500, 200])
-
-        def seen(row: list[str]) -> list[str]:
-            return [*row[:3], *(f"{x:.6f}" for x in R.T @ (np.array(row[3:6], float) - t))]
-
-        written(tmp_path, "l1", seen)
-        problem = with_signals(keys("calibrate_l1", sensitivity_step=0.0))
-        problem["measurements"]["frame"] = "device"
-        v, plain = solved(problem, tmp_path).values, shipped("l1").values
-        assert v["identifiability_after"]["redundant"] == 6
-        assert v["held_out_mm"]["mean"] == pytest.approx(plain["held_out_mm"]["mean"], rel=1e-3)  # file's digits
-        assert np.allclose([v["measurement"][f"T.device.t[{k}]"] for k in range(3)], t / 1e3, atol=0.03)
-
     def test_a_users_own_mechanism(self, tmp_path: Path) -> None:
         (tmp_path / "slider.py").write_text(f"import gtmodel as gt\n\n\n{inspect.getsource(Slider)}")
         phi = np.linspace(-1.5, 1.5, 40)
         s = 0.41 * np.cos(phi) + np.sqrt(1.23**2 - (0.41 * np.sin(phi) - 0.12) ** 2)
         lines = [f"{1e3 * a:.9f},{b:.9f}" for a, b in zip(s, phi, strict=True)]
         (tmp_path / "poses.csv").write_text("\n".join(["s,phi", *lines]) + "\n")
-        signals = {"phi": {"column": "phi", "unit": "rad"}, "s": {"column": "s", "unit": "mm"}}
-        v = solved({
-            "kind": "calibration", "robot": "slider.py:Slider",
-            "measurements": {"file": "poses.csv", "actuators": "phi", "position": "s", "signals": signals},
-        }, tmp_path)  # fmt: skip
-        assert v.values["parameters"] == pytest.approx({"L": 1.23, "a": 0.41, "h": 0.12}, abs=1e-7)
-        table = tomllib.loads(v.files["parameters.toml"])  # type: ignore[arg-type]
-        assert table["parameters"]["a"] == pytest.approx(0.41, abs=1e-7)
+        (tmp_path / "slider.toml").write_text(
+            'kind = "calibration"\nrobot = "slider.py:Slider"\n[measurements]\nfile = "poses.csv"\n'
+            'actuators = "phi"\nposition = "s"\n[measurements.signals]\nphi = {column = "phi", unit = "rad"}\n'
+            's = {column = "s", unit = "mm"}\n'
+        )
+        found = gt.load(tmp_path / "slider.toml")()
+        assert found.parameters == pytest.approx({"L": 1.23, "a": 0.41, "h": 0.12}, abs=1e-7)
+        table = tomllib.loads(found.files["parameters.toml"])
+        assert table["robot"] == "slider.py:Slider" and table["parameters"]["a"] == pytest.approx(0.41, abs=1e-7)
+
+    def test_nothing_of_the_users_is_overwritten(self, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+        (tmp_path / "parameters.toml").write_text("mine")
+        done = Commands(capsys)("solve", PROBLEMS / "calibrate_l1.toml", "--out", tmp_path)
+        assert done.code == 2 and (tmp_path / "parameters.toml").read_text() == "mine"
+
+
+def solved(name: str, *changes: str, folder: Path = PROBLEMS):
+    return answer(load(PROBLEMS / f"{name}.toml", list(changes)), Context(folder=folder))
+
+
+L1, D1, ARM = "calibrate_l1", "calibrate_d1_model_5", "stiffness_kr500"
+COLUMNS = ('q={column="q", unit="deg"}, force={column="force", unit="N"}, moment={column="moment", unit="N.m"}, '
+           'displacement={column="displacement", unit="mm"}, rotation={column="rotation", unit="rad"}')  # fmt: skip
+TESTS = f'joint_stiffness={{tool_m=[0.1, 0.05, 0.4], measurements={{file="tests.csv", {COLUMNS}}}}}'
+SPRING = "joint_stiffness.compensator={base_m=0.3, lever_m=0.25, rate_N_m=8e5, rest_m=0.2, estimate_rate=true}"
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "key"),
+    [
+        (L1, "variant=f1_unit", "variant"),
+        (L1, 'fixed=["Q"]', "fixed"),
+        (L1, "priors={Z={std=0.1}}", "priors"),
+        (L1, "priors={A={value=1.0, std=0.1}}", "priors.A"),
+        (L1, "sizes={L=-1.0}", "sizes.L"),
+        (L1, "measurements.file=none.csv", "measurements.file"),
+        (L1, "measurements.position=Z", "measurements.position"),
+        (L1, "measurements.signals.T.unit=m", "measurements.file"),
+        (L1, "measurements.signals.T.unit=brick", "measurements.signals.T.unit"),
+        (L1, 'measurements.signals.q.column=["q[1]", "q[2]"]', "measurements.signals.q.column"),
+        (L1, 'measurements.signals.q.column=["q[1]", "q[0]", "q[2]"]', "measurements.signals.q"),
+        (L1, "measurements.signals.q.delay_s=estimate", "measurements.signals.q.rate"),
+        (L1, "measurements.signals.q.scale=0.0", "measurements.signals.q.scale"),
+        (L1, "measurements.sag={payload_kg=1.0, down=[0.0, 0.0, 0.0]}", "measurements.sag.down"),
+        (L1, "measurements.device_per_session=true", "measurements.session"),
+        (L1, "cost=orthogonal", "cost"),
+        (L1, "held_out.every=1", "held_out.every"),
+        (L1, "held_out.file=none.csv", "held_out.file"),
+        (L1, "synthetic={low_m=[0.0, 0.0, 0.0], high_m=[1.0, 1.0, 1.0], counts=[2, 2, 2]}", "measurements"),
+        ("simulate_l1", "synthetic.low_m=[9.0, 9.0, 9.0]", "synthetic.low_m"),
+        ("simulate_l1", "synthetic.poses=4000", "synthetic.poses"),
+        (D1, "cart_points.file=none.csv", "cart_points.file"),
+        (D1, "cart_points.quaternion=[1.0, 1.0, 0.0, 0.0]", "cart_points.quaternion"),
+        (D1, "cart_points.unit=m", "cart_points.file"),
+        (D1, 'robot="f1"', "cart_points"),
+        (ARM, 'robot="l1_tape"', "robot"),
+        (ARM, "joint_stiffness.poses_deg=[[1.0, 2.0]]", "joint_stiffness.poses_deg[0]"),
+        (ARM, "joint_stiffness.load=[{force_N=[0.0,0.0,-4000.0]}]", "joint_stiffness.load"),
+        (ARM, "joint_stiffness.synthetic.stiffness_MNm_rad=[1.0]", "joint_stiffness.synthetic.stiffness_MNm_rad"),
+        (ARM, "joint_stiffness={}", "joint_stiffness"),
+        (ARM, 'cost="inverse"', "cost"),
+        (ARM, f'joint_stiffness.measurements={{file="a.csv", {COLUMNS}}}', "joint_stiffness"),
+        (ARM, TESTS, "joint_stiffness.measurements.file"),
+    ],
+)
+def test_wrong_inputs_name_their_key(name: str, change: str, key: str) -> None:
+    with pytest.raises(InputError) as caught:
+        solved(name, change)
+    assert caught.value.key == key and caught.value.sentence
+
+
+def test_the_rate_of_a_compensator_is_for_complete_poses() -> None:
+    with pytest.raises(InputError) as caught:
+        solved(ARM, 'joint_stiffness.method="decoupled"', SPRING)
+    assert caught.value.key == "joint_stiffness.method"
+
+
+@pytest.fixture(scope="module")
+def shipped_arm():
+    return solved(ARM)
+
+
+class TestJointStiffness:
+    def test_the_shipped_problem_is_solved_and_told(self, shipped_arm) -> None:
+        s = shipped_arm
+        assert s.status is SolveStatus.SOLVED and list(s.values) == list(described(RESULT)) and s.rows
+        assert list(s.values["joint_stiffness"])[:3] == ["method", "stiffness_MNm_rad", "interval_MNm_rad"]
+        assert s.values["synthetic"] == "seed 9, noise 2e-05 m and 0.0001 rad" and s.values["parameters"] is None
+        page = s.files["report.html"]
+        assert "Synthetic load tests: seed 9" in page and 'src="data:image/png' in page
+        assert "do not follow from it" in page and "negative" not in page
+
+    def test_a_measured_file_is_read(self, shipped_arm, tmp_path: Path) -> None:
+        _, head, *lines = shipped_arm.files["load_tests.csv"].splitlines()
+        turned = [",".join([*line.split(",")[:12], *(str(-float(x)) for x in line.split(",")[12:])]) for line in lines]
+        (tmp_path / "tests.csv").write_text("\n".join([head, *turned]) + "\n")
+        found = solved(ARM, TESTS, folder=tmp_path)
+        assert found.values["joint_stiffness"]["softest_N_m"] is None and found.values["synthetic"] is None
+        page = found.files["report.html"]
+        assert 'class="box bad"' in page and "no upper end" not in page and "none: negative" in page
+
+    def test_explain(self) -> None:
+        text = explain(load(PROBLEMS / f"{ARM}.toml"), Context())
+        assert "30 static load tests" in text and "complete pose: 180 rows" in text

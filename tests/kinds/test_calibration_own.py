@@ -4,12 +4,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import tomli_w
 
+import gtmodel as gt
 from gtmodel.calibrate.modifiers import merged
 from gtmodel.compiler.causal import flat_of
 from gtmodel.problem_files import Context, InputError, robots
 from gtmodel.problem_files.explaining import of
-from tests.kinds import calibration_problems
 
 OWN = '''"""Three legs on carts along x hold a point."""
 
@@ -68,7 +69,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def solved(folder: Path, **changes: object):
-    return calibration_problems.solved({**PROBLEM, **changes}, folder)
+    path = folder / "problem.toml"
+    path.write_text(tomli_w.dumps({**PROBLEM, **changes}))
+    return gt.load(path)()
 
 
 def values(model) -> dict[str, float]:

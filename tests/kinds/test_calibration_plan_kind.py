@@ -8,6 +8,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import gtmodel as gt
+from gtmodel.calibrate.plan import (
+    Criteria,
+    PlanLimits,
+    PosesToMeasure,
+    Room,
+    Safety,
+    Simulation,
+    Tracker,
+    plan_study,
+)
+from gtmodel.kinematics.workspace import Bodies, Box
 from gtmodel.problem_files import Context, InputError
 from gtmodel.problem_files.load import load
 from gtmodel.problem_files.run import answer, explain
@@ -55,6 +67,27 @@ def test_the_declared_plan_goes_from_the_room_to_the_robot_program(capsys, tmp_p
     d = values[:, None, 3:] / 1e3 - A - values[:, :3, None] / 1e3 * np.array([1.0, 0, 0])
     np.testing.assert_allclose(np.linalg.norm(d, axis=2), np.tile(L, (25, 1)), atol=1e-6)
     assert "MoveJ GtPoses{i}, v200, fine" in program and "tested against no controller" in program
+
+
+def test_the_call_on_objects_gives_the_values_of_the_file():
+    by_file = answer(load(FILE, [*COARSE, "curve=[]", "simulation.runs=0"]), Context())
+    by_call = plan_study(
+        gt.robots.gantry_tau("l1_tape"),
+        Tracker([1.0, -4.5, 0.8]),
+        Room([0.0, -1.6, -0.2], [2.6, 0.4, 1.8], step=0.2),
+        limits=PlanLimits(actuators=[[-1.0, 1.0]] * 3, cone=np.radians(45.0)),
+        bodies=Bodies(link_radius=0.02, plate_radius=0.15),
+        obstacles=[
+            Box(name="table", low=[0.0, -1.6, -0.2], high=[1.0, -0.9, 0.2]),
+            Box(name="second robot", low=[2.2, -0.5, -0.2], high=[2.6, 0.4, 1.2]),
+        ],
+        safety=Safety(cone=np.radians(5.0)),
+        poses=PosesToMeasure(20, held_out=5, starts=1),
+        curve=[],
+        simulation=Simulation(runs=0),
+        criteria=Criteria(accuracy=5e-5),
+    )
+    assert str(by_call.values) == str(by_file.values) and by_call.checks == by_file.checks
 
 
 @pytest.mark.parametrize(

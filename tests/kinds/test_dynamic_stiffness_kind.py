@@ -9,6 +9,10 @@ from gtmodel.problem_files import Context, InputError
 from gtmodel.problem_files.load import load
 from gtmodel.problem_files.run import answer, explain
 from gtmodel.results import SolveStatus
+from gtmodel.results.as_json import plain
+from gtmodel.robots.kr500_oscillators import table_16
+from gtmodel.vibration import dynamic_stiffness_study
+from gtmodel.vibration.dynamic_stiffness import Process, Synthetic, synthetic_experiments
 
 PROBLEM = "problems/dynamic_stiffness_kr500.toml"
 SMALL = ("synthetic.poses=12", 'synthetic.records="receptance"', "process.starts=1")
@@ -18,9 +22,12 @@ def solved(*changes: str):
     return answer(load(PROBLEM, list(changes)), Context())
 
 
-def test_the_shipped_problem_is_solved_with_fewer_poses() -> None:
+def test_the_shipped_problem_with_fewer_poses_gives_what_the_call_gives() -> None:
     found = solved(*SMALL)
     assert found.status is SolveStatus.SOLVED and len(found.mass) == 36 and found.rows
+    made = synthetic_experiments(table_16(), Synthetic(seed=16, poses=12, records="receptance"))
+    called = dynamic_stiffness_study(made, process=Process(starts=1))
+    assert plain(found.values) == plain(called.values)
 
 
 def measured(folder, poses: int, index: str = "hits.csv"):

@@ -9,8 +9,20 @@ from gtmodel.problem_files import Context, InputError
 from gtmodel.problem_files.load import load
 from gtmodel.problem_files.run import answer, explain
 from gtmodel.results import SolveStatus
-from gtmodel.vibration import Physical, Subspace, step_record, structure_record, study
-from tests.vibration.structures import TS, D, K, M
+from gtmodel.results.as_json import plain
+from gtmodel.vibration import (
+    Impulse,
+    Physical,
+    StepResponse,
+    Subspace,
+    matrices_study,
+    step_record,
+    structure_record,
+    study,
+    synthetic_records,
+)
+from tests.vibration.structures import FEW as OF_TWO
+from tests.vibration.structures import FORCED, HIT, OF_HIT, OF_STEPS, PRINTED, STEPS, TS, TWO, D, K, M
 
 FEW = "synthetic.samples=3000"  # of the shipped 30000, for speed
 SAME = 1e-6  # relative: a log in mm and ms, written with 17 digits, is the same log
@@ -26,6 +38,19 @@ def solved(name: str, *changes: str):
 def test_shipped_problems_are_solved(name, changes) -> None:
     found = solved(name, *changes)
     assert found.status is SolveStatus.SOLVED and found.checks and found.rows
+
+
+@pytest.mark.parametrize(
+    ("name", "changes", "call"),
+    [
+        ("two_mass", [FEW], lambda: study(synthetic_records(TWO, OF_TWO), Subspace(), physical=FORCED, truth=TWO)),
+        ("step", [], lambda: study(synthetic_records(STEPS, OF_STEPS), StepResponse(), truth=STEPS)),
+        ("hammer", [], lambda: study(synthetic_records(HIT, OF_HIT), Impulse(), truth=HIT)),
+        ("table_6_15", [], lambda: matrices_study(PRINTED)),
+    ],
+)
+def test_a_file_and_a_call_give_equal_values(name, changes, call) -> None:
+    assert plain(solved(name, *changes).values) == plain(call().values)
 
 
 def log(path, record, names=("u", "x", "y")) -> None:

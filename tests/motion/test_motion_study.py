@@ -190,7 +190,7 @@ class TestSearch:
         for values in ({"T": [[0.0, 1.0]] * 3}, {"x": [1.0] * 3}):
             with pytest.raises(ArgumentError) as caught:
                 plan_of(asked(**LIGHT), gt.Trajectory([0.0, 0.5, 1.0], values))
-            assert caught.value.argument == "guess" and "expected three coordinates" in caught.value.sentence
+            assert caught.value.argument == "earlier" and "expected three coordinates" in caught.value.sentence
 
     def test_a_stop_keeps_the_iterate(self):
         seen = []
@@ -258,6 +258,12 @@ class TestRefusals:
 
     def test_a_robot_without_three_forces(self):
         assert refused(robot=gt.robots.make("f1")).argument == "robot"
+
+    @pytest.mark.parametrize(
+        ("part", "other"), [("mesh", Mesh(8)), ("robot", "l1_tape"), ("limits", 700.0), ("path", [START, GOAL])]
+    )
+    def test_objects_of_other_classes(self, part, other):
+        assert refused(**{part: other}).argument == part
 
     @pytest.mark.parametrize(
         ("options", "argument"),

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from gtmodel.problem_files import InputError
 from gtmodel.problem_files.arguments import key_of
 from gtmodel.problem_files.base import Problem
+from gtmodel.problem_files.call import Call
 from gtmodel.problem_files.from_options import Made, made_from, section_of
 from gtmodel.problem_files.load import validate
 from gtmodel.results import (
@@ -31,6 +32,7 @@ from gtmodel.results import (
     at_most,
     read,
 )  # fmt: skip
+from gtmodel.results.made_files import made
 from gtmodel.results.quantity import converted, described
 from gtmodel.results.tables import csv_text
 from gtmodel.results.unit_names import named, split
@@ -94,6 +96,70 @@ def test_checks_compare_and_what_is_no_number_fails(value, bound):
     assert at_least(value, bound).passed == (value >= bound)
     assert Check(value).passed == math.isfinite(value)
     assert not Check(value, bound, judged=False).passed
+
+
+def test_notes_of_a_file_join_those_that_a_study_has_under_their_name():
+    @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+    class Doubtful(Study):
+        limits: Annotated[tuple[str, ...], Quantity("", "what limits it", key="notes")] = ()
+        last: Annotated[int, Quantity("", "behind")] = 0
+
+    found = Doubtful(status=SolveStatus.SOLVED, limits=("few",))
+    assert found.values == {"notes": ("few",), "last": 0}
+    assert found.with_(notes=["old file"]).values == {"notes": ["few", "old file"], "last": 0}
+    assert list(found.with_(notes=["old file"]).values) == ["notes", "last"]
+
+
+def test_numbers_by_name_are_written_in_another_unit():
+    assert Quantity("m", written="mm").value({"mean": 2e-3, "max": None}) == {"mean": 2.0, "max": None}
+    stiff = 3926493.2683060767
+    assert Quantity("N.m/rad", written="MN.m/rad").value(stiff) == stiff / 1e6 != 1e-6 * stiff
+
+
+def test_files_are_made_when_they_are_asked_for():
+    asked = []
+    files = made({"a.csv": "1", "b.csv": "2"}).with_("page.html", lambda: asked.append(1) or "page", behind="a.csv")
+    assert list(files) == ["a.csv", "page.html", "b.csv"] and len(files) == 3 and not asked
+    assert dict(files) == {"a.csv": "1", "page.html": "page", "b.csv": "2"} and asked == [1]
+    assert made(files) is files
+
+
+def test_a_call_may_be_finished():
+    call = Call(lambda a, **work: beam(mass=a), 2.0).then(lambda study: study.with_(title="seen"))
+    found = call(stop=lambda: False)
+    assert found.mass == 2.0 and found.title == "seen"
+
+
+@dataclass(frozen=True)
+class _Prior(Options):
+    std: Annotated[float, Unit("m", written="mm"), Within(above=0)] = 1e-3
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.std == 2e-3:
+            raise ArgumentError("is two", "std")
+
+
+@dataclass(frozen=True)
+class _Fit(Options):
+    priors: dict[str, _Prior] = field(default_factory=dict)
+    sizes: Annotated[dict[str, float], Within(above=0)] = field(default_factory=dict)
+    width: Annotated[float | list[float], Long(3)] = 1.0
+
+
+def test_options_by_name_and_in_lists_keep_their_bounds_and_places():
+    table = section_of(_Fit)
+    found = validate(table, {"priors": {"A": {"std_mm": 5.0}}, "sizes": {"A": 2.0}}).options()
+    assert found.priors["A"].std == pytest.approx(5e-3) and found.sizes == {"A": 2.0} and found.width == 1.0
+    with pytest.raises(InputError) as refused:
+        validate(table, {"sizes": {"A": -2.0}})
+    assert refused.value.key == "sizes.A"
+    with pytest.raises(ArgumentError) as caught:
+        validate(table, {"priors": {"A": {"std_mm": 2.0}}}).options()
+    assert caught.value.argument == "priors.A.std"
+    for wrong in ({"sizes": {"A": -1.0}}, {"width": [1.0, 2.0]}):
+        with pytest.raises(ArgumentError):
+            _Fit(**wrong)
 
 
 def test_texts_show_every_row_and_check():

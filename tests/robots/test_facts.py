@@ -83,13 +83,10 @@ def test_a_robot_without_limits_says_so(reached: dict[str, Any]) -> None:
 
 def test_milling_takes_the_limits_from_the_model(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
                                                  capsys: pytest.CaptureFixture[str]) -> None:  # fmt: skip
-    from gtmodel.kinds import milling_task
-
     (tmp_path / "arm.py").write_text(ARM)
     monkeypatch.chdir(tmp_path)
     loaded = load("milling_pose", ["robot=gtmodel.robots:kr500"])
     problem: Any = loaded.problem
-    task = milling_task.task_of(problem, Context(folder=loaded.path.parent))
-    np.testing.assert_array_equal(task.limits, robots.kr500_limits())
+    np.testing.assert_array_equal(loaded.kind.call(problem, Context()).arguments[0].joint_limits, robots.kr500_limits())
     refused = Commands(capsys)("solve", "milling_pose", "--set", f"robot={tmp_path / 'arm.py'}:bare")
     assert refused.code == 2 and "limits_deg" in refused.err

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from gtmodel.vibration import Hit, Matrices, Physical, Sampling, Steps, Structure
+
 M = np.diag([30.0, 12.0])
 D = np.array([[210.0, -60.0], [-60.0, 60.0]])
 K = np.array([[150e3, -90e3], [-90e3, 90e3]])
@@ -46,3 +48,19 @@ def matched(found: np.ndarray, true: np.ndarray) -> float:
 
     cost = np.abs(np.subtract.outer(true, found))
     return float(cost[linear_sum_assignment(cost)].max())
+
+
+# of the shipped problems; FEW of 30000 samples, for speed
+FEW = Sampling(seed=63, noise=1e-5, samples=3000, sample_time=TS)
+TWO = Structure(M.tolist(), D.tolist(), K.tolist(), force=50.0, hold_samples=8)
+FORCED = Physical(force_coordinates=[1])
+STEPS = Steps(a=0.9647, b=0.03527, delay_samples=5, amplitudes=[1e-3, 1.5e-3, 2e-3])
+HIT = Hit(frequency=[7.4, 11.45], damping=[0.03, 0.025], amplitude=[[5e-4, 1e-4], [1e-4, 4e-4]])
+OF_STEPS = Sampling(seed=611, noise=5e-6, samples=400)
+OF_HIT = Sampling(seed=64, noise=1e-5, samples=1000)
+PRINTED = Matrices(  # Dressler 2012, section 6.3, signs included
+    M=[[0.0278, -0.0331], [-0.1759, 0.3086]],
+    D=[[3.7432, -4.7826], [-9.7408, -3.4976]],
+    K=[[-3732.6, -1567.1], [6920.9, 556.0]],
+    published=[14.0, 103.0],
+)

@@ -9,15 +9,10 @@ import pytest
 
 from gtmodel.results import ArgumentError, SolveStatus
 from gtmodel.vibration import (
-    Hit,
     Impulse,
     KnownMass,
-    Matrices,
     Physical,
-    Sampling,
     StepResponse,
-    Steps,
-    Structure,
     Subspace,
     VibrationStudy,
     from_known,
@@ -30,21 +25,8 @@ from gtmodel.vibration import (
     study,
     synthetic_records,
 )
-from tests.vibration.structures import TS, D, K, M
+from tests.vibration.structures import FEW, FORCED, HIT, OF_HIT, OF_STEPS, PRINTED, STEPS, TS, TWO, D, K, M
 
-FEW = Sampling(seed=63, noise=1e-5, samples=3000, sample_time=TS)
-TWO = Structure(M.tolist(), D.tolist(), K.tolist(), force=50.0, hold_samples=8)
-FORCED = Physical(force_coordinates=[1])
-STEPS = Steps(a=0.9647, b=0.03527, delay_samples=5, amplitudes=[1e-3, 1.5e-3, 2e-3])
-HIT = Hit(frequency=[7.4, 11.45], damping=[0.03, 0.025], amplitude=[[5e-4, 1e-4], [1e-4, 4e-4]])
-OF_STEPS = Sampling(seed=611, noise=5e-6, samples=400)
-OF_HIT = Sampling(seed=64, noise=1e-5, samples=1000)
-PRINTED = Matrices(  # Dressler 2012, section 6.3, signs included
-    M=[[0.0278, -0.0331], [-0.1759, 0.3086]],
-    D=[[3.7432, -4.7826], [-9.7408, -3.4976]],
-    K=[[-3732.6, -1567.1], [6920.9, 556.0]],
-    published=[14.0, 103.0],
-)
 EXACT = 1e-12  # relative: the same computation
 
 

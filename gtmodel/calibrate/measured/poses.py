@@ -23,6 +23,7 @@ class Poses:
     measurements: what was measured, in SI units. actuators: the variable that the drives measure.
     lines: (N,) of their files; numbered from 1 if left out. held_out: (N,) those that no fit sees; None leaves the
         choice to the study. columns: signal -> names and units in the file.
+    known: parameters of the measurement that are given, such as "T.sag", which no fit moves.
     synthetic: what a made-up file says of itself. truth: the robot that was made up. files: texts made with it.
     """
 
@@ -31,6 +32,7 @@ class Poses:
     lines: np.ndarray | None = None
     held_out: np.ndarray | None = None
     columns: Mapping[str, Columns] = field(default_factory=dict)
+    known: Sequence[str] = ()
     synthetic: str | None = None
     truth: Model | None = None
     files: Mapping[str, str] = field(default_factory=dict)

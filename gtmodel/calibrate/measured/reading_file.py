@@ -35,13 +35,9 @@ def read_poses(path: Path | str, measured: Measured, held_out: Path | str | None
     lines = np.concatenate([t.lines for t in tables])
     notes = [t.synthetic for t in tables if t.synthetic]
     columns = {n: c for n, c in tables[0].columns.items() if n in measured.signals}
-    return Poses(found, measured.actuators, lines, held, columns, notes[0] if notes else None)
-
-
-def known_parameters(measured: Measured) -> list[str]:
-    """Names of parameters of the measurement whose values are given, which no fit moves."""
-    sag = measured.sag
-    return [f"{measured.position}.sag"] if sag is not None and sag.compliance != ESTIMATE else []
+    given = measured.sag is not None and measured.sag.compliance != ESTIMATE
+    known = [f"{measured.position}.sag"] if given else []
+    return Poses(found, measured.actuators, lines, held, columns, known, notes[0] if notes else None)
 
 
 def _table(path: Path, measured: Measured, key: str = "measured.file") -> SignalTable:

@@ -13,13 +13,12 @@ from ...compiler.causal import compile_causal
 from ...kinematics.mechanism import Mechanism
 from ...kinematics.workspace import InverseKinematics, Limit, Poses, limited_mechanism
 from ...results import ArgumentError, Status
-from ...robots import clusters
+from ...robots.f1 import LINK_ENDS, link_guideways
 from ...robots.families import family_of
 from .options import Tracker
 from .task import Task
 
 Array = np.ndarray
-LINKS = [f"link[{k}].{end}.r" for k in range(6) for end in "ab"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +80,7 @@ def facing(task: Task, turn: Turn) -> list[Limit]:
 
 
 def _mechanism(f1: Any, place: Sequence[float] | None, e: Array) -> Mechanism:
-    function = compile_causal(f1, known=["T", "e"], targets=["q", *LINKS])
+    function = compile_causal(f1, known=["T", "e"], targets=["q", *LINK_ENDS])
 
     def placed(T: Array) -> Any:
         return function(T, np.tile(e, (len(T), 1)))
@@ -93,6 +92,5 @@ def _mechanism(f1: Any, place: Sequence[float] | None, e: Array) -> Mechanism:
         shown = ", ".join(f"{x:g}" for x in T)
         turned = ", ".join(f"{x:.3g}" for x in e)
         raise ArgumentError(f"the home pose ({shown}) m cannot be reached with the plate at ({turned})", "room.turns")
-    rows = [arm for arm, links in enumerate(clusters.ROWS) for _ in links]
-    A, v, L, B = (np.array(getattr(f1, name), float) for name in ("A0", "v", "L", "B"))
-    return Mechanism(f1, inverse, home, A[rows], v[rows], L, np.linalg.norm(B, axis=1), ())
+    A, v, L, B = link_guideways(f1)
+    return Mechanism(f1, inverse, home, A, v, L, np.linalg.norm(B, axis=1), ())

@@ -18,170 +18,84 @@ STIFFNESS = (
 )
 
 
+Numbers = Mapping[str, float] | None
+Table = Mapping[str, Any] | None
+Tables = Sequence[Mapping[str, Any]] | None
+Lines = Sequence[str] | None
+
+
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class CalibrationStudy(Study):
     """Calibrated parameters with their intervals, errors on fitted and held-out poses, and the verdict in words."""
 
-    parameters: Annotated[
-        Mapping[str, float] | None,
-        Quantity(
-            "",
-            "all geometric parameters of the closure equations by name, calibrated ones among them, in SI units",
-        ),
-    ] = None
-    unknowns: Annotated[
-        Sequence[Mapping[str, Any]] | None,
-        Quantity(
-            "",
-            "for each unknown: name, unit, start, value, std and interval_95, null where the poses do not tell "
-            "it; where residuals are no noise (intervals_hold false) interval_95 is null and std but what white "
-            "noise would leave",
-        ),
-    ] = None
-    intervals_hold: Annotated[
-        bool | None,
-        Quantity(
-            "",
-            "whether 95 % intervals are told; the notes say why not, or what they rest on beside noise",
-        ),
-    ] = None
-    colour_tested: Annotated[
-        bool | None,
-        Quantity(
-            "",
-            "whether the poses are enough to test residuals for colour (wandering carts, drift)",
-        ),
-    ] = None
-    measurement: Annotated[
-        Mapping[str, float] | None,
-        Quantity(
-            "",
-            "estimated frames, scales, offsets and delays of the measurement by name, in SI units",
-        ),
-    ] = None
-    poses: Annotated[
-        Mapping[str, int] | None,
-        Quantity(
-            "",
-            "number of poses fitted and held out, and of places that were measured more than once",
-        ),
-    ] = None
-    link_errors: Annotated[
-        Mapping[str, float] | None,
-        Quantity(
-            "m",
-            "mean length error of each link over the fitted poses (Dressler 2012, eq. (5.13))",
-            written="mm",
-        ),
-    ] = None
-    held_out_link_rms: Annotated[
-        Mapping[str, float] | None,
-        Quantity(
-            "m",
-            "root mean square of each link's length errors on the held-out poses; null without any",
-            written="mm",
-        ),
-    ] = None
-    held_out: Annotated[
-        Mapping[str, float] | None,
-        Quantity(
-            "m",
-            "positioning error (5.5) of the held-out poses: mean, max, rms; null without any",
-            written="mm",
-        ),
-    ] = None
-    fitted: Annotated[Mapping[str, float] | None, Quantity("m", "the same of the fitted poses", written="mm")] = None
-    a_priori: Annotated[
-        Mapping[str, float] | None,
-        Quantity(
-            "m",
-            "the same of the robot as it was before, on the held-out poses or the fitted ones",
-            written="mm",
-        ),
-    ] = None
-    orientation: Annotated[
-        Mapping[str, float] | None,
-        Quantity(
-            "rad",
-            "angle between predicted and measured orientation of held-out poses; null where not measured",
-            written="deg",
-        ),
-    ] = None
-    worst: Annotated[
-        Mapping[str, Any] | None,
-        Quantity(
-            "",
-            "the pose with the greatest error: line, measured position_m, error_mm and whether it was held_out",
-        ),
-    ] = None
-    principal: Annotated[
-        Mapping[str, Any] | None,
-        Quantity(
-            "",
-            "rms error rms_mm along each principal direction, the least first, and the directions",
-        ),
-    ] = None
-    identifiability_before: Annotated[
-        Mapping[str, Any] | None,
-        Quantity(
-            "",
-            "rank, redundant, condition, observability indices and sentences, before measuring",
-        ),
-    ] = None
-    identifiability_after: Annotated[
-        Mapping[str, Any] | None,
-        Quantity(
-            "",
-            "the same at the solution, with the noise of the residuals",
-        ),
-    ] = None
-    correlated: Annotated[
-        Sequence[Sequence[Any]] | None,
-        Quantity(
-            "",
-            "pairs of unknowns that correlate by more than 0.95",
-        ),
-    ] = None
-    outliers: Annotated[
-        Sequence[Mapping[str, Any]] | None,
-        Quantity(
-            "",
-            "residuals far beyond the others of their link: line, link, residual_mm, times the robust deviation",
-        ),
-    ] = None
-    repeatability: Annotated[
-        float | None,
-        Quantity(
-            "m",
-            "rms distance of poses at the same actuators from their mean; null without any",
-            written="mm",
-        ),
-    ] = None
-    sensitivity: Annotated[
-        Mapping[str, Mapping[str, float]] | None,
-        Quantity(
-            "",
-            "sums (5.8) of changes by a small step of each unknown: position_mm, orientation_deg, cost_m4; null "
-            "where the pose is not told",
-        ),
-    ] = None
+    parameters: Annotated[Numbers, Quantity("",
+        "all geometric parameters of the closure equations by name, calibrated ones among them, in SI units",
+    )] = None  # fmt: skip
+    unknowns: Annotated[Tables, Quantity("",
+        "for each unknown: name, unit, start, value, std and interval_95, null where the poses do not tell "
+        "it; where residuals are no noise (intervals_hold false) interval_95 is null and std but what white "
+        "noise would leave",
+    )] = None  # fmt: skip
+    intervals_hold: Annotated[bool | None, Quantity("",
+        "whether 95 % intervals are told; the notes say why not, or what they rest on beside noise",
+    )] = None  # fmt: skip
+    colour_tested: Annotated[bool | None, Quantity("",
+        "whether the poses are enough to test residuals for colour (wandering carts, drift)",
+    )] = None  # fmt: skip
+    measurement: Annotated[Numbers, Quantity("",
+        "estimated frames, scales, offsets and delays of the measurement by name, in SI units",
+    )] = None  # fmt: skip
+    poses: Annotated[Mapping[str, int] | None, Quantity("",
+        "number of poses fitted and held out, and of places that were measured more than once",
+    )] = None  # fmt: skip
+    link_errors: Annotated[Numbers, Quantity("m",
+        "mean length error of each link over the fitted poses (Dressler 2012, eq. (5.13))", written="mm",
+    )] = None  # fmt: skip
+    held_out_link_rms: Annotated[Numbers, Quantity("m",
+        "root mean square of each link's length errors on the held-out poses; null without any", written="mm",
+    )] = None  # fmt: skip
+    held_out: Annotated[Numbers, Quantity("m",
+        "positioning error (5.5) of the held-out poses: mean, max, rms; null without any", written="mm",
+    )] = None  # fmt: skip
+    fitted: Annotated[Numbers, Quantity("m", "the same of the fitted poses", written="mm")] = None
+    a_priori: Annotated[Numbers, Quantity("m",
+        "the same of the robot as it was before, on the held-out poses or the fitted ones", written="mm",
+    )] = None  # fmt: skip
+    orientation: Annotated[Numbers, Quantity("rad",
+        "angle between predicted and measured orientation of held-out poses; null where not measured", written="deg",
+    )] = None  # fmt: skip
+    worst: Annotated[Table, Quantity("",
+        "the pose with the greatest error: line, measured position_m, error_mm and whether it was held_out",
+    )] = None  # fmt: skip
+    principal: Annotated[Table, Quantity("",
+        "rms error rms_mm along each principal direction, the least first, and the directions",
+    )] = None  # fmt: skip
+    identifiability_before: Annotated[Table, Quantity("",
+        "rank, redundant, condition, observability indices and sentences, before measuring",
+    )] = None  # fmt: skip
+    identifiability_after: Annotated[Table, Quantity("",
+        "the same at the solution, with the noise of the residuals",
+    )] = None  # fmt: skip
+    correlated: Annotated[Sequence[Sequence[Any]] | None, Quantity("",
+        "pairs of unknowns that correlate by more than 0.95",
+    )] = None  # fmt: skip
+    outliers: Annotated[Tables, Quantity("",
+        "residuals far beyond the others of their link: line, link, residual_mm, times the robust deviation",
+    )] = None  # fmt: skip
+    repeatability: Annotated[float | None, Quantity("m",
+        "rms distance of poses at the same actuators from their mean; null without any", written="mm",
+    )] = None  # fmt: skip
+    sensitivity: Annotated[Mapping[str, Numbers] | None, Quantity("",
+        "sums (5.8) of changes by a small step of each unknown: position_mm, orientation_deg, cost_m4; null "
+        "where the pose is not told",
+    )] = None  # fmt: skip
     numerics_sound: Annotated[bool | None, Quantity("", "whether the iteration arrived")] = None
-    prediction_proven: Annotated[
-        bool | None,
-        Quantity(
-            "",
-            "whether held-out poses are predicted as well as fitted ones; null without any",
-        ),
-    ] = None
-    verdict: Annotated[Sequence[str] | None, Quantity("", "in words, with what it covers")] = None
-    limits: Annotated[Sequence[str] | None, Quantity("", "what limits the numbers, in words", key="notes")] = None
-    truth: Annotated[
-        Mapping[str, float] | None,
-        Quantity(
-            "",
-            "parameters of the robot that was made up; null for measured poses",
-        ),
-    ] = None
+    prediction_proven: Annotated[bool | None, Quantity("",
+        "whether held-out poses are predicted as well as fitted ones; null without any",
+    )] = None  # fmt: skip
+    verdict: Annotated[Lines, Quantity("", "in words, with what it covers")] = None
+    limits: Annotated[Lines, Quantity("", "what limits the numbers, in words", key="notes")] = None
+    truth: Annotated[Numbers, Quantity("", "parameters of the robot that was made up; null for measured poses")] = None
     synthetic: Annotated[str | None, Quantity("", "seed and noise of made-up poses; null for measured ones")] = None
     joint_stiffness: Annotated[Study | None, Quantity("", STIFFNESS)] = None
 

@@ -111,6 +111,7 @@ def stiffness_study(
     setup = setup or Setup()
     work.progress("kinematics", 0.1)
     poses, static, spring = static_tests(robot, tests, setup)
+    title = title or f"joint stiffness of {type(robot).__name__}"
     if tests.synthetic and "synthetic" not in title.lower():
         title += " (synthetic)"
     if work.interrupted():

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from gtmodel import calibrate
-from gtmodel.calibrate import CalibrationStudy, CartPoints, Fit, Origin, Poses
+from gtmodel.calibrate import CalibrationStudy, CartPoints, Origin, Poses
 from gtmodel.calibrate.calibration_study import explained
-from gtmodel.calibrate.measured.reading_file import known_parameters
 from gtmodel.calibrate.modifiers import merged
 from gtmodel.compliance import MeasuredTests, StiffnessStudy, made_load_tests, read_load_tests, stiffness_study
 from gtmodel.compliance.load_tests.stiffness import fitted_rows
@@ -52,7 +50,7 @@ def call(problem: Schema, context: Context) -> Call:
     )
     title = problem.title or f"{NAME} of {problem.robot}"
     return Call(
-        calibrate.study, robot, _poses(problem, robot, context), _fit(problem), held_out=problem.held_out.every,
+        calibrate.study, robot, _poses(problem, robot, context), problem.options(), held_out=problem.held_out.every,
         carts=carts, origin=origin, title=title,
     ).then(partial(page.added, problem=problem, context=context))  # fmt: skip
 
@@ -64,15 +62,9 @@ def explain(problem: Schema, context: Context) -> str:
         lines = fitted_rows(_tests(_stiffness(problem), robot, context))
     else:
         carts, poses = _carts(problem, context), _poses(problem, robot, context)
-        lines = explained(robot, poses, _fit(problem), problem.held_out.every, carts)
+        lines = explained(robot, poses, problem.options(), problem.held_out.every, carts)
     name = NAME if problem.joint_stiffness is None else STIFFNESS
     return "\n".join([f"{problem.title or name}: {lines[0]}", *lines[1:]])
-
-
-def _fit(problem: Schema) -> Fit:
-    fit: Fit = problem.options()
-    known = [] if problem.measurements is None else known_parameters(problem.measurements.options())
-    return replace(fit, fixed=[*fit.fixed, *known])
 
 
 def _poses(problem: Schema, robot: Model, context: Context) -> Poses:

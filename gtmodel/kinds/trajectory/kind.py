@@ -15,7 +15,7 @@ from .keys import Schema
 
 NAME = "trajectory"
 RESULT = MotionStudy
-ARGUMENTS = {**PATH_ARGUMENTS, "guess": "--start"}
+ARGUMENTS = {**PATH_ARGUMENTS, "earlier": "--start"}
 
 
 def call(problem: Schema, context: Context) -> Call:
@@ -23,7 +23,7 @@ def call(problem: Schema, context: Context) -> Call:
     asked = problem.motion(context)
     return Call(
         study, asked.robot, asked.start, asked.goal, limits=asked.limits, path=asked.path, cost=asked.cost,
-        mesh=asked.mesh, starts=asked.starts, solver=asked.solver, export=asked.export, guess=context.guess(),
+        mesh=asked.mesh, starts=asked.starts, solver=asked.solver, export=asked.export, earlier=context.guess(),
         title=asked.title,
     )  # fmt: skip
 

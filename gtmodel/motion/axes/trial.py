@@ -18,8 +18,8 @@ from ...results import Check, SolveStatus, Status, Trajectory, Work, at_most
 from ...results.quantity import converted
 from ...results.trajectory_files import TRAJECTORY
 from ..finer_mesh import how
-from ..found import MARGIN_TOLERANCE, SATURATED, at_points
-from ..guard import clearances
+from ..found import SATURATED, at_points
+from ..guard import MARGIN_TOLERANCE, clearances
 from .free_run import free_run
 from .plan import AxisPlan
 from .planning import LINKS
@@ -214,7 +214,7 @@ def _clearances(plan: AxisPlan, run: Trajectory) -> list[float]:
         return []
     names = [f"{part}[{k}].{end}.r" for part, k in LINKS for end in "ab"]
     *joints, _ = compile_causal(plan.robot, known="q", targets=names)(run["q"])
-    return clearances(obstacles, run["T"], zip(joints[::2], joints[1::2], strict=True))
+    return clearances(obstacles, run["T"], list(zip(joints[::2], joints[1::2], strict=True)))
 
 
 def _figure(plan: AxisPlan, trajectory: Trajectory) -> Any:

@@ -29,7 +29,8 @@ from .options import Fit, Map, Process, Synthetic
 from .oscillator_field import OscillatorField, fit_oscillator_field
 from .oscillator_field_file import load_oscillator_field, oscillator_text
 from .oscillator_field_synthetic import SyntheticField, synthetic_field
-from .stiffness_study import DynamicStiffnessStudy, dynamic_stiffness_study
+from .stiffness_result import DynamicStiffnessStudy
+from .stiffness_study import dynamic_stiffness_study
 from .synthetic_experiments import SyntheticExperiments, synthetic_experiments
 
 __all__ = [

@@ -5,21 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gtmodel.calibrate import Choice, Cost, calibrate, prepare
+from gtmodel.calibrate import CalibrationStudy, Choice, Cost, calibrate, prepare, read_poses, study
 from gtmodel.calibrate.told import findings
-from gtmodel.kinds.calibration import kind
-from gtmodel.problem_files import Context
-from gtmodel.problem_files.load import validate
 from gtmodel.results import SolveStatus
+from tests.calibrate.shipped import MEASURED, fit, path_of, robot, solved
 from tests.calibrate.synthetic import measured, true_robot
-from tests.kinds.calibration_problems import PROBLEMS, keys, solved
 
 
-def stopped_after(asked: int):
+def stopped_after(asked: int) -> CalibrationStudy:
     """The shipped L1, asked to stop once so many questions were answered with no."""
-    call = kind.call(validate(kind.Schema, keys("calibrate_l1")), Context(folder=PROBLEMS))
     answers = iter([False] * asked)
-    return call(stop=lambda: next(answers, True))
+    return study(robot("l1"), read_poses(path_of("l1"), MEASURED["l1"]), fit("l1"), stop=lambda: next(answers, True))
 
 
 def test_a_stopped_fit_keeps_its_best_parameters_and_claims_nothing():
@@ -60,7 +56,7 @@ def test_held_out_poses_that_do_not_close_are_no_proof(monkeypatch: pytest.Monke
 
     predicted = findings._predicted
     monkeypatch.setattr(findings, "_predicted", one_lost)
-    outcome = solved(keys("calibrate_l1", sensitivity_step=0.0))
+    outcome = solved("l1")
     assert outcome.values["prediction_proven"] is False and not outcome.checks["held_out_poses_lost"].passed
     assert any("1 of 100 held-out poses do not close" in s for s in outcome.values["verdict"])
     assert ",," in str(outcome.files["poses.csv"])

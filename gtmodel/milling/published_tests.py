@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from gtmodel.milling import Coefficients, Cut, Cutter, critical_depth, deflections, missing_z, spectral_radius
-from gtmodel.problem_files.base import Check, Row, at_least, at_most
-from gtmodel.robots.kr500 import kr500_tables
+from ..results import Check, Row, at_least, at_most
+from .cutter import Coefficients, Cut, Cutter
+from .deflection import deflections
+from .mode_coupling import critical_depth
+from .oscillators import missing_z
+from .stability import spectral_radius
 
 FEEDS = {"+x": (1.0, 0.0, 0.0), "+y": (0.0, 1.0, 0.0)}
 BEATS = 1.5  # ratio of mean deflections where the dynamic choice is called better
@@ -34,9 +38,8 @@ class Printed(NamedTuple):
     chosen_by: list[str]
 
 
-def printed_tests() -> Printed:
-    """Predicted from the printed oscillators and cutting coefficients."""
-    tables: Any = kr500_tables()
+def printed_tests(tables: Mapping[str, Any]) -> Printed:
+    """Predicted from the printed oscillators and cutting coefficients; tables: `gtmodel.robots.kr500_tables()`."""
     c, t = tables["cutting"], tables["milling_tests"]
     names = ("K_te_N_m", "K_tc_Pa", "K_re_N_m", "K_rc_Pa", "K_ae_N_m", "K_ac_Pa")
     cutter = Cutter(c["diameter_m"], c["teeth"], Coefficients(*(c[k] for k in names)), np.deg2rad(c["helix_deg"]))

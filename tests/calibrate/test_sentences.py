@@ -1,33 +1,29 @@
 """What contradicts the poses is named: a prior, a sign, a scale of zero, many outliers; legs on held-out poses."""
 
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from gtmodel.calibrate import Known, made_poses, study
 from gtmodel.calibrate.told import movement
 from gtmodel.inference import identifiability
-from gtmodel.problem_files.base import InputError
-from tests.kinds.calibration_problems import keys, shipped, solved, with_signals, written
-
-WHOLE = {"file": "data/l1_synthetic.csv"}
-
-
-def _l1(**changes):
-    return keys("calibrate_l1", sensitivity_step=0.0, **changes)
+from gtmodel.results import ArgumentError
+from tests.calibrate.shipped import L1, fit, measured, robot, shipped, solved, written
 
 
 def test_a_prior_far_from_the_poses_is_named() -> None:
-    noisy = with_signals(_l1(), WHOLE["file"], q={"noise": 1e-4}, T={"noise": 5e-5})
-    outcome = solved({**noisy, "priors": {"L[0]": {"value": 5.0, "std": 1e-6}, "L[1]": {"std": 1.0}}})
+    noisy = measured("l1", signals={"q": {"noise": 1e-4}, "T": {"noise": 5e-5}})
+    outcome = solved("l1", how=noisy, priors={"L[0]": Known(value=5.0, std=1e-6), "L[1]": Known(std=1.0)})
     v = outcome.values
     told = [s for s in v["notes"] if "contradicts the poses" in s]
     assert len(told) == 1 and told[0].startswith(
         "the prior L[0] = 5 m +- 1e-06 contradicts the poses, which give 2.047"
     )
     assert v["verdict"][-1] == f"prediction not proven: {told[0]}" and v["prediction_proven"] is False
-    fine = solved({**noisy, "priors": {"L[0]": {"std": 0.01}}}).values
+    fine = solved("l1", how=noisy, priors={"L[0]": Known(std=0.01)}).values
     assert not any("contradicts" in s for s in fine["notes"])
 
 
@@ -39,14 +35,14 @@ def test_a_prior_far_from_the_poses_is_named() -> None:
     ],
 )
 def test_scales_that_cannot_be(q, sentence) -> None:
-    with pytest.raises(InputError, match=sentence):
-        solved(with_signals(_l1(), WHOLE["file"], q=q))
+    with pytest.raises(ArgumentError, match=sentence):
+        solved("l1", how=measured("l1", signals={"q": q}))
 
 
 def test_one_cart_that_counts_the_other_way(tmp_path: Path) -> None:
-    written(tmp_path, "l1", lambda r: [r[0], str(-float(r[1])), *r[2:]])
-    with pytest.raises(InputError, match=r"the columns q\[1\] look reversed"):
-        solved(with_signals(_l1()), tmp_path)
+    path = written(tmp_path, "l1", lambda r: [r[0], str(-float(r[1])), *r[2:]])
+    with pytest.raises(ArgumentError, match=r"the columns q\[1\] look reversed"):
+        solved("l1", path)
 
 
 def test_many_outliers_are_said(tmp_path: Path) -> None:
@@ -55,8 +51,7 @@ def test_many_outliers_are_said(tmp_path: Path) -> None:
     def spoilt(row: list[str]) -> list[str]:
         return row if rng.uniform() > 0.3 else [*row[:5], str(float(row[5]) + 5.0 * rng.standard_normal())]
 
-    written(tmp_path, "l1", spoilt)
-    v = solved(with_signals(_l1(loss="cauchy")), tmp_path).values
+    v = solved("l1", written(tmp_path, "l1", spoilt), loss="cauchy").values
     assert any("poses" in s and "hold outliers, so many are seldom chance" in s for s in v["notes"])
     assert not any("seldom chance" in s for s in shipped("l1").values["notes"])
 
@@ -66,14 +61,13 @@ def test_legs_on_held_out_poses_are_a_value() -> None:
     assert list(v["held_out_link_rms_mm"]) == list(v["link_errors_mm"])
     for link, rms in v["held_out_link_rms_mm"].items():
         assert 0.8 * v["link_errors_mm"][link] < rms < 2.0 * v["link_errors_mm"][link]
-    assert solved(_l1(held_out={"every": 0})).values["held_out_link_rms_mm"] is None
+    assert solved("l1", held_out=0).values["held_out_link_rms_mm"] is None
 
 
 def test_wandering_carts_alone_keep_their_intervals() -> None:
     """Synthetic L1, seed 1, without shifts by load: smooth errors explain the residuals, and the truth is inside."""
-    made = keys("simulate_l1", sensitivity_step=0.0)
-    made["synthetic"] |= {"load_um": 0.0, "point_error_mm": 1.0, "poses": 120}
-    v = solved(made).values
+    made = made_poses(robot("l1"), replace(L1, load=0.0, point_error=1e-3, poses=120))
+    v = study(robot("l1"), made, fit("l1")).values
     assert v["intervals_hold"] and v["colour_tested"]
     assert any(s.startswith("residuals follow the carts' positions") for s in v["notes"])
     assert any("noise and smooth errors of the carts" in s for s in v["verdict"])
@@ -82,8 +76,7 @@ def test_wandering_carts_alone_keep_their_intervals() -> None:
 
 
 def test_few_poses_are_said_to_be_untested(tmp_path: Path) -> None:
-    written(tmp_path, "l1", rows=slice(None, None, 5))
-    v = solved(with_signals(_l1()), tmp_path).values
+    v = solved("l1", written(tmp_path, "l1", rows=slice(None, None, 5))).values
     assert v["poses"]["fitted"] == 20 and not v["colour_tested"] and v["intervals_hold"]
     assert any("20 fitted poses are too few to test whether residuals are coloured" in s for s in v["notes"])
     assert "parameters: 95 % intervals cover noise; colour not tested, 20 poses" in v["verdict"]

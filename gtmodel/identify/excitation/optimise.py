@@ -13,11 +13,11 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from ..optimize.ipopt import Progress, run_ipopt
-from ..optimize.judgement.diagnosis import failure
-from ..optimize.solve import SolverOptions
-from ..results.status import SolveStatus
-from .excitation_basis import Array, Basis
+from ...optimize.ipopt import Progress, run_ipopt
+from ...optimize.judgement.diagnosis import failure
+from ...optimize.solve import SolverOptions
+from ...results.status import SolveStatus
+from .basis import Array, Basis
 from .information import Criterion, cost
 
 PER_SWING = 16  # samples of the shortest swing in the optimisation: limits overshoot by some 2 % between them

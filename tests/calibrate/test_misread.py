@@ -7,11 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gtmodel.calibrate import calibration_study
+from gtmodel.calibrate import Known, Measurements, calibration_study, study
 from gtmodel.calibrate.measured.witness import Witness
-from gtmodel.problem_files import InputError
-from tests.kinds.calibration_problems import PROBLEMS, data, keys, solved, with_signals, written
-from tests.support.commands import Commands
+from gtmodel.results import ArgumentError
+from tests.calibrate.shipped import data, file_of, measured, robot, solved, written
 
 Change = Callable[[list[str]], list[str]]
 
@@ -21,14 +20,12 @@ def order(*columns: int) -> Change:
     return lambda row: [row[k] for k in columns] + row[len(columns) :]
 
 
-def refused(folder: Path, robot: str = "l1", change: Change = list, rows: slice = slice(None), frame: str = "robot",
+def refused(folder: Path, name: str = "l1", change: Change = list, rows: slice = slice(None), frame: str = "robot",
             **signals: dict) -> str:  # fmt: skip
-    """What the kind says of the changed poses."""
-    written(folder, robot, change, rows)
-    problem = with_signals(keys(f"calibrate_{robot}", sensitivity_step=0.0), **signals)
-    problem["measurements"]["frame"] = frame
-    with pytest.raises(InputError) as error:
-        solved(problem, folder)
+    """What the study says of the changed poses."""
+    path = written(folder, name, change, rows)
+    with pytest.raises(ArgumentError) as error:
+        solved(name, path, how=measured(name, signals=signals, frame=frame))
     return str(error.value)
 
 
@@ -36,7 +33,7 @@ class TestUnits:
     def test_millimetres_for_metres(self, tmp_path: Path) -> None:
         said = refused(tmp_path, T={"unit": "m"})
         assert said == (
-            "measurements.signals.T: 'T' spans 2009 m as declared in m, 980 times the robot's 2.05 m; the column is "
+            "poses.values.T: 'T' spans 2009 m as declared in m, 980 times the robot's 2.05 m; the column is "
             "probably in mm"
         )
 
@@ -55,17 +52,19 @@ class TestUnits:
         said = refused(tmp_path, "f1", q={"unit": ["mm"] * 3 + ["rad"] * 3})
         assert "17 turns: it looks like degrees" in said
 
-    def test_the_files_header_contradicts(self, capsys: pytest.CaptureFixture[str]) -> None:
-        done = Commands(capsys)("solve", PROBLEMS / "calibrate_l1.toml", "--set", "measurements.signals.T.unit=m")
-        assert done.code == 2
-        assert "l1_synthetic.csv line 3: 'T[0]' is in mm here and declared in m; correct one of them" in done.sentence
+    def test_the_files_header_contradicts(self) -> None:
+        with pytest.raises(ArgumentError) as error:
+            solved("l1", how=measured("l1", signals={"T": {"unit": "m"}}))
+        assert error.value.sentence == (
+            "l1_synthetic.csv line 3: 'T[0]' is in mm here and declared in m; correct one of them"
+        )
 
 
 class TestAxes:
     @pytest.mark.parametrize(("columns", "read"), [((1, 0, 2), "y, x, z"), ((1, 2, 0), "z, x, y")])
     def test_exchanged(self, tmp_path: Path, columns: tuple[int, ...], read: str) -> None:
         said = refused(tmp_path, change=order(0, 1, 2, *(3 + k for k in columns)))
-        assert said.startswith("measurements.signals.T: the axes of 'T' look swapped")
+        assert said.startswith("poses.values.T: the axes of 'T' look swapped")
         assert f"by 12.2 mm when ({read}) is read as (x, y, z)" in said
         assert ("left-handed" in said) == (columns == (1, 0, 2))  # a cyclic exchange is a turn
 
@@ -101,18 +100,17 @@ class TestColumns:
     ) -> None:
         """With all parameters free the arms of three links only change their names: then what moved far is said."""
         monkeypatch.setattr(calibration_study, "witness_of", lambda model, data: Witness(None, 2.0, False))
-        written(tmp_path, "l1", order(1, 0, 2))
-        problem = with_signals(keys("calibrate_l1", sensitivity_step=0.0))
+        path = written(tmp_path, "l1", order(1, 0, 2))
         with pytest.raises(
-            InputError, match=r"q\[0\], q\[1\] look exchanged: links are left with .* read as q\[1\], q"
+            ArgumentError, match=r"q\[0\], q\[1\] look exchanged: links are left with .* read as q\[1\], q"
         ):
-            solved({**problem, "fixed": ["L"]}, tmp_path)
-        notes = solved(problem, tmp_path).values["notes"]
+            solved("l1", path, fixed=["L"])
+        notes = solved("l1", path).limits
         assert any(re.match(r"A\[\d,1\] moved by -?1\.3\d* m from where it was: are the columns", n) for n in notes)
 
     def test_a_signal_of_another_size(self, tmp_path: Path) -> None:
         said = refused(tmp_path, q={"column": ["q[1]", "q[2]"]})
-        assert said == "measurements.signals.q.column: has 2 columns; 'q' of the robot has 3"
+        assert said == "poses.values.q.column: has 2 columns; 'q' of the robot has 3"
 
 
 class TestRows:
@@ -125,43 +123,62 @@ class TestRows:
         _, rows = data("l1")
         first = rows[20][0]
         said = refused(tmp_path, change=lambda r: [cell if r[0] == first else r[0], *r[1:]])
-        assert said.startswith("measurements.file: poses.csv line 24, column 'q[0]': found " + seen)
+        assert said.startswith("measured.file: poses.csv line 24, column 'q[0]': found " + seen)
 
     def test_copied(self, tmp_path: Path) -> None:
         head, rows = data("l1")
-        (tmp_path / "poses.csv").write_text("\n".join([*head, *map(",".join, [*rows, rows[7]])]) + "\n")
-        with pytest.raises(InputError, match="1 of 201 poses are copies of others in every digit, the first line 204 "):
-            solved(with_signals(keys("calibrate_l1")), tmp_path)
+        path = file_of(tmp_path / "poses.csv", head, [*rows, rows[7]])
+        with pytest.raises(
+            ArgumentError, match="1 of 201 poses are copies of others in every digit, the first line 204 "
+        ):
+            solved("l1", path)
 
     def test_measured_twice_is_repeatability_and_stays_in_one_half(self, tmp_path: Path) -> None:
         head, rows = data("l1")
         rng = np.random.default_rng(4)
         again = [[*r[:3], *(f"{float(x) + 0.02 * rng.standard_normal():.4f}" for x in r[3:])] for r in rows[:40]]
-        (tmp_path / "poses.csv").write_text("\n".join([*head, *map(",".join, [*rows, *again])]) + "\n")
-        o = solved(with_signals(keys("calibrate_l1", sensitivity_step=0.0)), tmp_path)
-        assert o.values["poses"] == {"fitted": 120, "held_out": 120, "repeated": 40}
+        o = solved("l1", file_of(tmp_path / "poses.csv", head, [*rows, *again]))
+        assert o.poses == {"fitted": 120, "held_out": 120, "repeated": 40}
         # two of a pair are each a half of their difference from the mean: 0.02 sqrt(3 / 2) mm
-        assert o.values["repeatability_mm"] == pytest.approx(0.0245, rel=0.25)
+        assert o.repeatability == pytest.approx(0.0245e-3, rel=0.25)
 
 
-class TestKeys:
+class TestOptions:
     @pytest.mark.parametrize(
-        ("setting", "said"),
+        ("changes", "argument"),
         [
-            ("variant=f1_unit", "variant: 'f1_unit' is for robots with an F1; this one has three links"),
-            ('fixed=["Q"]', "fixed: the closure equations of GantryTau hold no parameter 'Q'"),
-            ('priors={Z={std=0.1}}', "priors: names 'Z', which is not free"),
-            ("measurements.file=none.csv", "measurements.file: there is no file 'none.csv'"),
-            ("measurements.position=Z", "measurements.position: names 'Z', which is no signal"),
-            ("measurements.signals.q.delay_s=estimate", "measurements.signals.q.rate: a delay needs the columns"),
-            ("cost=orthogonal", "cost: the cost 'orthogonal' weighs errors by their noise"),
+            ({"variant": "f1_unit"}, "fit.variant"),
+            ({"fixed": ["Q"]}, "fit.fixed"),
+            ({"priors": {"Z": Known(std=0.1)}}, "fit.priors"),
+            ({"cost": "orthogonal"}, "fit.cost"),
+            ({"held_out": 1}, "held_out"),
         ],
-    )  # fmt: skip
-    def test_wrong_ones(self, capsys: pytest.CaptureFixture[str], setting: str, said: str) -> None:
-        done = Commands(capsys)("solve", PROBLEMS / "calibrate_l1.toml", "--set", setting)
-        assert done.code == 2 and said in done.sentence
+    )
+    def test_wrong_ones(self, changes: dict, argument: str) -> None:
+        with pytest.raises(ArgumentError) as caught:
+            solved("l1", **changes)
+        assert caught.value.argument == argument
 
-    def test_nothing_of_the_users_is_overwritten(self, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-        (tmp_path / "parameters.toml").write_text("mine")
-        done = Commands(capsys)("solve", PROBLEMS / "calibrate_l1.toml", "--out", tmp_path)
-        assert done.code == 2 and (tmp_path / "parameters.toml").read_text() == "mine"
+    @pytest.mark.parametrize(
+        ("how", "argument"),
+        [
+            ({"position": "Z"}, "measured.position"),
+            ({"signals": {"q": {"delay": "estimate"}}}, "measured.signals.q.rate"),
+            ({"signals": {"q": {"scale": 0.0}}}, "measured.signals.q.scale"),
+        ],
+    )
+    def test_wrong_ways_to_read(self, how: dict, argument: str) -> None:
+        with pytest.raises(ArgumentError) as caught:
+            solved("l1", how=measured("l1", **how))
+        assert caught.value.argument == argument
+
+    def test_poses_in_memory_are_told_by_their_names(self) -> None:
+        for values, argument in (
+            ({"q": np.ones((9, 3)), "T": np.ones((9, 2))}, "poses.values.T"),
+            ({"q": np.ones((9, 3)), "T": np.ones((9, 3)), "Q": np.ones((9, 3))}, "poses.values.Q"),
+            ({"T": np.ones((9, 3))}, "poses"),
+            ({"q": np.ones((9, 3))}, "poses"),
+        ):
+            with pytest.raises(ArgumentError) as caught:
+                study(robot("l1"), Measurements(values))
+            assert caught.value.argument == argument

@@ -1,4 +1,4 @@
-"""The search of a milling problem: angles, refinement, places, feeds and speeds, and what to do."""
+"""The search of a milling study: angles, refinement, places, feeds and speeds, and what to do."""
 
 from __future__ import annotations
 
@@ -7,11 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from gtmodel.milling import Deflection, Findings, Oscillators, choices, frequency_sensitivity, guideline
-from gtmodel.problem_files.base import Context, InputError
-
-from .milling_keys import Schema
-from .milling_task import Better, Place, Task, deflections_of, place_of, refined, replace_oscillators
+from ..results import ArgumentError, Work
+from ..vibration import OscillatorField
+from .deflection import Deflection
+from .guideline import Findings, choices, frequency_sensitivity, guideline
+from .oscillators import Oscillators
+from .task import Better, Place, Task, deflections_of, place_of, refined, replace_oscillators
 
 
 @dataclass
@@ -32,7 +33,7 @@ class Found:
     said: list[str] = field(default_factory=list)
 
 
-def search(problem: Schema, context: Context, f: Found) -> None:
+def search(work: Work, f: Found) -> None:
     """Dynamic index of all combinations, refinement and guideline."""
     task, place = f.task, f.place
     dynamics = place.dynamics
@@ -41,30 +42,32 @@ def search(problem: Schema, context: Context, f: Found) -> None:
     f.peak = place.spread(f.deflection.peak)
     s_row, d_row = choices(place.static, f.peak)
     angles = place.sweep.angles
-    given = problem.search.static_choice_deg
+    given = task.search.static_choice
     if given is not None:
-        s_row = int(dynamics.rows[np.argmin(np.abs(angles[dynamics.rows] - np.deg2rad(given)))])
-        if abs(angles[s_row] - np.deg2rad(given)) > angles[1] - angles[0]:
-            raise InputError(
-                f"is {given:g}; expected an angle that is reachable and has dynamics", "search.static_choice_deg"
-            )
-    context.progress("refinement", 0.4)
+        s_row = int(dynamics.rows[np.argmin(np.abs(angles[dynamics.rows] - given))])
+        if abs(angles[s_row] - given) > angles[1] - angles[0]:
+            said = f"is {np.rad2deg(given):g}; expected an angle that is reachable and has dynamics"
+            raise ArgumentError(said, "search.static_choice")
+    work.progress("refinement", 0.4)
     try:
-        f.refined = refined(problem, task, place, f.peak)
-        if problem.search.speed_range_rpm is not None:
-            low, high = problem.search.speed_range_rpm
+        f.refined = refined(task, place, f.peak)
+        if task.search.speed_range is not None:
+            low, high = task.search.speed_range
             if low >= high:
-                raise InputError(f"is {low:g} to {high:g}; expected the lower speed first", "search.speed_range_rpm")
-            freed = refined(problem, task, place, f.peak, (low / 60, high / 60))
+                said = f"is {60 * low:g} to {60 * high:g} rpm; expected the lower speed first"
+                raise ArgumentError(said, "search.speed_range")
+            freed = refined(task, place, f.peak, (low, high))
             f.freed = min(freed, key=lambda better: better.peak, default=None)
+    except ArgumentError:
+        raise
     except ValueError as error:
-        raise error if isinstance(error, InputError) else InputError(str(error), "search") from error
+        raise ArgumentError(str(error), "search") from error
     f.angle, f.index = float(angles[d_row]), float(f.peak[d_row])
     for better in f.refined:
         if better.peak < f.index:
             f.angle, f.index = better.angle, better.peak
-    context.progress("speeds", 0.6)
-    by_speed = _combinations(problem, context, f, int(np.flatnonzero(dynamics.rows == s_row)[0]))
+    work.progress("speeds", 0.6)
+    by_speed = _combinations(work, f, int(np.flatnonzero(dynamics.rows == s_row)[0]))
     at_static, at_dynamic = dynamics.at(float(angles[s_row])), dynamics.at(f.angle)
 
     def peaks(oscillators: Oscillators) -> np.ndarray:
@@ -80,31 +83,34 @@ def search(problem: Schema, context: Context, f: Found) -> None:
     f.said = guideline(f.findings)
 
 
-def _combinations(problem: Schema, context: Context, f: Found, static: int) -> list[tuple[float, float, float]]:
+def _combinations(work: Work, f: Found, static: int) -> list[tuple[float, float, float]]:
     """Fills `combinations`; gives speed, least index and that of row `static` at the declared place and feed."""
-    s, k, task = problem.search, problem.cut, f.task
+    task = f.task
+    s = task.search
     by_speed = []
-    for p, where in enumerate([problem.place_m, *s.places_m]):
+    for p, where in enumerate([task.place, *s.places]):
         try:
-            place = f.place if p == 0 else place_of(problem, task, where)
-        except ValueError as error:
-            if isinstance(error, InputError) and error.key != "oscillator_field":
+            place = f.place if p == 0 else place_of(task, where)
+        except ArgumentError as error:
+            if error.argument != "place" and not (
+                error.argument == "dynamics" and isinstance(task.given, OscillatorField)
+            ):
                 raise
-            f.combinations.append({"place_m": where, "reason": str(error)})
+            f.combinations.append({"place_m": where, "reason": error.sentence})
             continue
         dynamics = place.dynamics
         assert dynamics is not None
-        for n, feed in enumerate([k.feed_direction, *s.feed_directions]):
-            for v, rpm in enumerate([k.speed_rpm, *s.speeds_rpm]):
-                if context.interrupted():
+        for n, feed in enumerate([task.feed.tolist(), *s.feed_directions]):
+            for v, speed in enumerate([task.speed, *s.speeds]):
+                if work.interrupted():
                     return by_speed
                 first = p == n == v == 0
-                made = f.deflection if first else deflections_of(task, dynamics, speed=rpm / 60, feed=feed)
+                made = f.deflection if first else deflections_of(task, dynamics, speed=speed, feed=feed)
                 assert made is not None
                 best = int(np.argmin(made.peak))
                 angle = float(np.rad2deg(place.sweep.angles[dynamics.rows[best]]))
-                f.combinations.append({"place_m": where, "feed_direction": feed, "speed_rpm": rpm,
+                f.combinations.append({"place_m": where, "feed_direction": feed, "speed_rpm": 60 * speed,
                                        "index_mm": 1e3 * float(made.peak[best]), "angle_deg": angle})  # fmt: skip
                 if p == n == 0:
-                    by_speed.append((rpm / 60, float(made.peak[best]), float(made.peak[static])))
+                    by_speed.append((speed, float(made.peak[best]), float(made.peak[static])))
     return by_speed

@@ -1,50 +1,55 @@
 """Made-up measurements: shipped files come from shipped problems, say what they are, and tell the thesis's story."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from gtmodel.calibrate import Synthetic
+import gtmodel as gt
+from gtmodel.calibrate import Fit, Known, Poses, Synthetic, made_poses, study
 from gtmodel.calibrate.synthetic import disturbed, make
 from gtmodel.calibrate.synthetic.making import MEAN_DISTANCE
-from gtmodel.kinds.calibration import keys as files
-from gtmodel.problem_files import Context, robots
 from gtmodel.results import ArgumentError
-from tests.kinds.calibration_problems import PROBLEMS, keys, solved
+from tests.calibrate.shipped import L1, PROBLEMS, path_of, robot, shipped, solved
 
 # of the numbers that the thesis prints: our robots have errors of its sizes, but not its robot's
 STORY = 0.3
 SEEDS = range(1, 10)
 
 
-def made(name: str, **changes: Any) -> str:
-    problem = keys(f"simulate_{name}")
-    s = files.Synthetic(**{**problem["synthetic"], **changes}).options()
-    return make(robots.resolve(problem["robot"], Context()), s).text
+def made(**changes: Any) -> str:
+    return make(robot("l1"), replace(L1, **changes)).text
+
+
+def poses(**changes: Any) -> Poses:
+    return made_poses(robot("l1"), replace(L1, **changes))
 
 
 def rows(text: str) -> np.ndarray:
     return np.array([line.split(",") for line in text.splitlines()[3:]], float)
 
 
-@pytest.mark.parametrize(("name", "poses"), [("l1", 200), ("f1", 185)])
-def test_the_shipped_files_are_those_of_the_shipped_problems(name: str, poses: int) -> None:
-    shipped, fresh = (PROBLEMS / "data" / f"{name}_synthetic.csv").read_text(), made(name)
-    head = shipped.splitlines()[:3]
-    assert head == fresh.splitlines()[:3] and rows(shipped).shape[0] == poses
+@pytest.mark.parametrize(("name", "count"), [("l1", 200), ("f1", 185)])
+def test_the_shipped_files_are_those_of_the_shipped_problems(name: str, count: int) -> None:
+    found = gt.load(PROBLEMS / f"simulate_{name}.toml").arguments[1]
+    file, fresh = path_of(name).read_text(), found.files["measurements.csv"]
+    head = file.splitlines()[:3]
+    assert head == fresh.splitlines()[:3] and rows(file).shape[0] == count
     # a unit in the last digit, where another machine rounds otherwise
-    assert np.abs(rows(shipped) - rows(fresh)).max() <= 1.01e-4
+    assert np.abs(rows(file) - rows(fresh)).max() <= 1.01e-4
     for word in ("# synthetic: seed 1,", "noise 10 um", "repeatability 13 um", "guideways apart by 0.1 deg"):
         assert word in head[1] or word in head[0]
+    if name == "l1":
+        assert fresh == made()
 
 
 def test_guideways_are_so_far_apart_as_stated() -> None:
     angles = []
     for seed in range(40):
         s = Synthetic(seed=seed, low=[0.0] * 3, high=[1.0] * 3, counts=[1] * 3, misalignment=np.radians(0.1))
-        v = np.array(disturbed(robots.resolve("l1_tape", Context()), s).v)
+        v = np.array(disturbed(robot("l1"), s).v)
         u = v / np.linalg.norm(v, axis=1, keepdims=True)
         angles += [np.degrees(np.linalg.norm(np.cross(u[a], u[b]))) for a, b in ((0, 1), (0, 2), (1, 2))]
     assert np.sqrt(np.mean(np.square(angles))) == pytest.approx(0.1, rel=0.1)
@@ -52,41 +57,34 @@ def test_guideways_are_so_far_apart_as_stated() -> None:
 
 def test_noise_alone_has_the_stated_size() -> None:
     """No error but the device's and the repeatability: poses differ from those without by both together."""
-    none = {"along_um": [0.0] * 3, "across_um": [0.0] * 3, "cyclic_um": 0.0, "load_um": 0.0}
-    quiet = {"position_noise_um": 1e-3, "repeatability_um": 0.0}
-    still, noisy = (rows(made("l1", **none, **more)) for more in (quiet, {"position_noise_um": 30.0}))
+    none = {"along": [0.0] * 3, "across": [0.0] * 3, "cyclic": 0.0, "load": 0.0}
+    quiet = {"position_noise": 1e-9, "repeatability": 0.0}
+    still, noisy = (rows(made(**none, **more)) for more in (quiet, {"position_noise": 30e-6}))
     off = 1e3 * np.linalg.norm(noisy[:, 3:] - still[:, 3:], axis=1)
     assert np.array_equal(noisy[:, :3], still[:, :3])
     assert off.mean() == pytest.approx(np.hypot(30.0 * MEAN_DISTANCE, 13.0), rel=0.06)  # of 200
 
 
 def test_a_camera_limits_what_a_calibration_can_reach() -> None:
-    s = {**keys("simulate_l1")["synthetic"], "device": "camera", "position_noise_um": [1100.0, 1100.0, 500.0]}
-    v = solved(keys("simulate_l1", synthetic=s, sensitivity_step=0.0)).values
+    v = solved("l1", poses(device="camera", position_noise=[1.1e-3, 1.1e-3, 5e-4])).values
     assert "camera noise 1100, 1100, 500 um" in v["synthetic"] and 1.0 < v["held_out_mm"]["mean"] < 2.0
     assert set(v["truth"]) == set(v["parameters"]) and v["truth"]["L[0]"] != 2.05
 
 
 def test_a_device_that_stands_elsewhere_is_found() -> None:
-    s = {**keys("simulate_l1")["synthetic"], "device_t_m": [3.0, -0.5, 0.2], "device_zyz_deg": [30.0, 20.0, -50.0]}
-    v = solved(keys("simulate_l1", synthetic=s, sensitivity_step=0.0)).values
-    plain = solved(keys("simulate_l1", sensitivity_step=0.0)).values
+    away = {"device_t": [3.0, -0.5, 0.2], "device_zyz": np.radians([30.0, 20.0, -50.0]).tolist()}
+    v, plain = solved("l1", poses(**away)).values, shipped("l1").values
     assert v["identifiability_after"]["redundant"] == 6 and v["prediction_proven"]
     assert v["held_out_mm"]["mean"] == pytest.approx(plain["held_out_mm"]["mean"], rel=0.05)  # other noise by the turn
     assert [v["measurement"][f"T.device.t[{k}]"] for k in range(3)] == pytest.approx([3.0, -0.5, 0.2], abs=0.03)
 
 
 def test_six_links_of_a_plate_that_hardly_turns_need_priors_and_the_verdict_says_so() -> None:
-    s = {"seed": 1, "low_m": [-1.5, -4.7, -0.4], "high_m": [-0.5, -3.9, 0.5], "counts": [8, 4, 5], "load_um": 20.0,
-         "point_error_mm": 0.2, "scale_error": 1e-4, "state_noise": True}  # fmt: skip
-    problem = {
-        "kind": "calibration",
-        "robot": "d1_six_link",
-        "variant": "six_link",
-        "synthetic": s,
-        "sensitivity_step": 0.0,
-    }
-    free, known = (solved({**problem, **more}) for more in ({}, {"priors": {"B": {"std": 5e-4}}}))
+    d1 = gt.robots.make("d1_six_link")
+    s = Synthetic(seed=1, low=[-1.5, -4.7, -0.4], high=[-0.5, -3.9, 0.5], counts=[8, 4, 5], load=20e-6,
+                  point_error=2e-4, scale_error=1e-4, state_noise=True)  # fmt: skip
+    found, six = made_poses(d1, s), Fit(variant="six_link", sensitivity_step=0.0)
+    free, known = (study(d1, found, f) for f in (six, replace(six, priors={"B": Known(std=5e-4)})))
     assert len(free.values["unknowns"]) == 60 and free.values["prediction_proven"] is False
     assert "two links may have come to coincide: give priors" in free.values["verdict"][-1]
     assert not free.checks["held_out_poses_lost"].passed
@@ -95,12 +93,12 @@ def test_six_links_of_a_plate_that_hardly_turns_need_priors_and_the_verdict_says
 
 def test_what_cannot_be_made_is_said() -> None:
     for changes, said in (
-        ({"low_m": [9.0, 9, 9], "high_m": [10.0, 10, 10]}, "none of the 420 grid points is within reach"),
+        ({"low": [9.0, 9, 9], "high": [10.0, 10, 10]}, "none of the 420 grid points is within reach"),
         ({"poses": 4000}, "grid points are within reach; ask for no more"),
-        ({"low_m": [3.0, 0, 0]}, "the least x is 3 m and the greatest 2.4 m"),
+        ({"low": [3.0, 0, 0]}, "the least x is 3 m and the greatest 2.4 m"),
     ):
         with pytest.raises(ArgumentError, match=said):
-            made("l1", **changes)
+            made(**changes)
     with pytest.raises(ArgumentError, match="is for Gantry-Tau robots"):
         make(Path("no robot"), Synthetic(low=[0.0] * 3, high=[1.0] * 3, counts=[2] * 3))  # type: ignore[arg-type]
 
@@ -108,12 +106,9 @@ def test_what_cannot_be_made_is_said() -> None:
 @pytest.mark.proof
 def test_the_thesiss_story() -> None:
     """Nine robots of seeds 1 to 9: ideal about 0.7 mm, modified about 0.23 mm (Dressler 2012, section 5.2)."""
-    problem = keys("simulate_l1", sensitivity_step=0.0)
     found: dict[str, list[float]] = {"ideal": [], "modified": []}
     for variant, means in found.items():
-        for seed in SEEDS:
-            made_up = {**problem, "variant": variant, "synthetic": {**problem["synthetic"], "seed": seed}}
-            means.append(solved(made_up).values["held_out_mm"]["mean"])
+        means += [solved("l1", poses(seed=seed), variant=variant).values["held_out_mm"]["mean"] for seed in SEEDS]
     assert np.mean(found["ideal"]) == pytest.approx(0.7, rel=STORY)
     assert np.mean(found["modified"]) == pytest.approx(0.23, rel=STORY)
     assert min(np.array(found["ideal"]) / found["modified"]) > 2

@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from .excitation import FINER, ExcitationTask
-from .excitation_basis import Array
+from .basis import Array
+from .optimise import FINER, ExcitationTask
 
 HALVINGS = 14  # of the interval of the amplitude: found to 1e-4 of itself
 LARGEST = 1.0  # amplitude that a draw begins with, in the coordinate's unit; halved until it fits

@@ -1,5 +1,6 @@
 """Models 1 to 5 of D1 on the shipped synthetic robot, its cart points, and the sensitivity of model 3."""
 
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -7,15 +8,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gtmodel.calibrate import CalibrationStudy
+import gtmodel as gt
+from gtmodel.calibrate import CalibrationStudy, Poses, made_poses, read_cart_points, study
 from gtmodel.calibrate.basin import basin
 from gtmodel.calibrate.synthetic import Made, make
 from gtmodel.calibrate.told.sensitivity_table import table, text
-from gtmodel.kinds.calibration.keys import Synthetic
-from gtmodel.problem_files import Context, InputError, robots
+from gtmodel.problem_files.load import load
+from gtmodel.results import ArgumentError
 from gtmodel.robots.measured_guideways import D1_MODELS
 from tests.calibrate.runs import ready
-from tests.kinds.calibration_problems import PROBLEMS, keys, solved
+from tests.calibrate.shipped import PROBLEMS
 
 PRINTED = np.array([0.140, 0.120, 0.110, 0.100, 0.090])  # mm, Table 5.3
 STORY = 0.3  # of the printed means: our robot has errors of D1's sizes, but it is not D1
@@ -23,19 +25,39 @@ LAST_DIGIT = 1.01e-4  # mm: where another machine rounds otherwise
 
 
 @cache
+def call(number: int) -> Any:
+    return gt.load(PROBLEMS / f"calibrate_d1_model_{number}.toml")
+
+
+@cache
 def model(number: int) -> CalibrationStudy:
-    return solved(keys(f"calibrate_d1_model_{number}"))
+    return call(number)()
+
+
+@cache
+def six_link() -> Any:
+    """d1_six_link, and what problems/simulate_d1.toml makes of it."""
+    return load(PROBLEMS / "simulate_d1.toml").problem.synthetic.options()
 
 
 def made(**changes: Any) -> Made:
-    problem = keys("simulate_d1")
-    return make(robots.resolve(problem["robot"], Context()), Synthetic(**{**problem["synthetic"], **changes}).options())
+    return make(gt.robots.make("d1_six_link"), replace(six_link(), **changes))
 
 
-def mean_errors(folder: Path, numbers: tuple[int, ...] = (1, 2, 3, 4, 5)) -> np.ndarray:
-    """Held-out means [mm] of models on files in folder/data."""
-    problems = [keys(f"calibrate_d1_model_{n}", sensitivity_step=0.0) for n in numbers]
-    return np.array([solved(p, folder).values["held_out_mm"]["mean"] for p in problems])
+def mean_errors(fresh: Poses, cart_points: Path) -> np.ndarray:
+    """Held-out means [mm] of the five models on other poses and cart points."""
+    found = []
+    for number in D1_MODELS:
+        robot, poses, fit = call(number).arguments
+        carts = call(number).options["carts"]
+        values = {name: fresh.measurements.values[name] for name in poses.measurements.values}
+        measured = replace(poses, measurements=replace(poses.measurements, values=values))
+        if carts is not None:
+            at, points = read_cart_points(cart_points, list(carts.points))
+            carts = replace(carts, at=at, points=points)
+        s = study(robot, measured, replace(fit, sensitivity_step=0.0), carts=carts)
+        found.append(s.values["held_out_mm"]["mean"])
+    return np.array(found)
 
 
 def numbers(csv: str) -> np.ndarray:
@@ -54,9 +76,9 @@ def test_the_shipped_files_are_those_of_the_shipped_problem() -> None:
 
 def test_the_models_are_those_of_the_thesis() -> None:
     for number, arms in D1_MODELS.items():
-        problem = keys(f"calibrate_d1_model_{number}")
-        assert [arm - 1 for arm in problem.get("cart_points", {}).get("arms", [])] == list(arms)
-        assert problem["robot"] == ("d1_nominal" if number < 3 else "d1_six_link")
+        carts, origin = call(number).options["carts"], call(number).options["origin"]
+        assert [arm - 1 for arm in ([] if carts is None else carts.points)] == list(arms)
+        assert origin.name == ("d1_nominal" if number < 3 else "d1_six_link")
 
 
 def test_means_fall_from_model_1_to_5_as_printed() -> None:
@@ -87,29 +109,26 @@ def test_parameters_on_measured_guideways_are_no_robot_file() -> None:
     assert 'family = "six_link"' in str(model(3).files["parameters.toml"])
 
 
-@pytest.mark.parametrize(
-    ("changes", "key", "said"),
-    [
-        ({"file": "none.csv"}, "cart_points.file", "there is no file 'none.csv'"),
-        ({"quaternion": [1.0, 1.0, 0.0, 0.0]}, "cart_points.quaternion", "has the length 1.414"),
-        ({"unit": "m"}, "cart_points.file", "'q' is in mm here and declared in m"),
-    ],
-)
-def test_wrong_cart_points_are_said(changes: dict[str, Any], key: str, said: str) -> None:
-    problem = keys("calibrate_d1_model_5")
-    with pytest.raises(InputError, match=said.replace("(", r"\(")) as caught:
-        solved({**problem, "cart_points": {**problem["cart_points"], **changes}})
-    assert caught.value.key == key
-
-
-def test_cart_points_need_a_gantry_tau_and_coordinates_that_grow(tmp_path: Path) -> None:
-    carts = keys("calibrate_d1_model_5")["cart_points"]
-    with pytest.raises(InputError, match="three or six links"):
-        solved(keys("calibrate_f1", cart_points=carts))
-    lines = (PROBLEMS / carts["file"]).read_text().splitlines()
+def test_wrong_cart_points_are_said(tmp_path: Path) -> None:
+    path = PROBLEMS / "data" / "d1_carts_synthetic.csv"
+    with pytest.raises(ArgumentError, match="'q' is in mm here and declared in m"):
+        read_cart_points(path, [2], "m")
+    lines = path.read_text().splitlines()
     (tmp_path / "twice.csv").write_text("\n".join([*lines, lines[-1]]) + "\n")
-    with pytest.raises(InputError, match="line 32 repeats a coordinate"):
-        solved(keys("calibrate_d1_model_5", cart_points={**carts, "file": "twice.csv"}), tmp_path)
+    with pytest.raises(ArgumentError, match="line 32 repeats a coordinate"):
+        read_cart_points(tmp_path / "twice.csv", [2])
+
+
+def test_cart_points_need_a_gantry_tau_and_a_turn_of_length_one() -> None:
+    robot, poses, fit = call(5).arguments
+    carts = call(5).options["carts"]
+    for model_, changed, argument in (
+        (gt.robots.make("f1"), carts, "carts"),
+        (robot, replace(carts, quaternion=[1.0, 1.0, 0.0, 0.0]), "carts.quaternion"),
+    ):
+        with pytest.raises(ArgumentError) as caught:
+            study(model_, poses, fit, carts=changed)
+        assert caught.value.argument == argument
 
 
 def test_near_starts_end_at_the_optimum_and_far_ones_need_not() -> None:
@@ -125,14 +144,11 @@ def test_near_starts_end_at_the_optimum_and_far_ones_need_not() -> None:
 @pytest.mark.proof
 def test_the_order_holds_in_the_mean_of_other_robots(tmp_path: Path) -> None:
     """Seeds 11 to 18, fixed before they were seen; sizes were set on seeds 1 to 4."""
-    (tmp_path / "data").mkdir()
     found = []
     for seed in range(11, 19):
-        m = made(seed=seed)
-        assert m.carts is not None
-        (tmp_path / "data" / "d1_synthetic.csv").write_text(m.text)
-        (tmp_path / "data" / "d1_carts_synthetic.csv").write_text(m.carts)
-        found.append(mean_errors(tmp_path))
+        fresh = made_poses(gt.robots.make("d1_six_link"), replace(six_link(), seed=seed))
+        (tmp_path / "carts.csv").write_text(fresh.files["carts.csv"])
+        found.append(mean_errors(fresh, tmp_path / "carts.csv"))
     means = np.mean(found, axis=0)
     assert means == pytest.approx(PRINTED, rel=STORY)
     assert np.all(np.diff(means) < 0)

@@ -7,10 +7,9 @@ import pytest
 
 from gtmodel.calibrate import Calibration, calibrate, prepare
 from gtmodel.calibrate.told.intervals import Confidence
-from gtmodel.problem_files.base import InputError
-from gtmodel.results import SolveStatus
+from gtmodel.results import ArgumentError, SolveStatus
+from tests.calibrate.shipped import shipped, solved, written
 from tests.calibrate.synthetic import measured, true_robot
-from tests.kinds.calibration_problems import keys, shipped, solved, with_signals, written
 
 SEEDS = range(20)
 NOISE = {"q": 13e-6, "T": 50e-6}  # m: repeatability and tracker
@@ -47,8 +46,7 @@ def test_wandering_carts_are_seen_in_the_order_of_their_own_positions() -> None:
 
 def test_one_cart_in_other_units_is_no_sound_calibration(tmp_path: Path) -> None:
     """Its direction takes the factor up, so that no held-out error tells it."""
-    written(tmp_path, "l1", lambda r: [str(float(r[0]) / 10), *r[1:]])
-    outcome = solved(with_signals(keys("calibrate_l1", sensitivity_step=0.0)), tmp_path)
+    outcome = solved("l1", written(tmp_path, "l1", lambda r: [str(float(r[0]) / 10), *r[1:]]))
     assert not outcome.checks["moved_too_far"].passed
     assert any("v[0] became 10 times as long" in s for s in outcome.values["notes"])
     assert outcome.values["prediction_proven"] is False
@@ -57,12 +55,13 @@ def test_one_cart_in_other_units_is_no_sound_calibration(tmp_path: Path) -> None
 
 
 def test_holding_every_pose_out_is_refused() -> None:
-    with pytest.raises(InputError, match="1 holds every pose out"):
-        solved(keys("calibrate_l1", held_out={"every": 1}))
+    with pytest.raises(ArgumentError) as caught:
+        solved("l1", held_out=1)
+    assert caught.value.argument == "held_out"
 
 
 def test_one_arm_may_be_calibrated_alone() -> None:
-    outcome = solved(keys("calibrate_l1", free=["L[0]", "A[0]"], sensitivity_step=0.0))
+    outcome = solved("l1", free=["L[0]", "A[0]"])
     assert outcome.status is SolveStatus.CHECK_FAILED and "mean_error_mm" in outcome.message  # the other two are as bad
     assert [u["name"] for u in outcome.values["unknowns"]] == [
         "A[0,0]",
@@ -74,5 +73,5 @@ def test_one_arm_may_be_calibrated_alone() -> None:
 
 
 def test_unlike_units_are_not_tied() -> None:
-    with pytest.raises(InputError, match=r"'A\[0,0\]' in m is tied to 'v\[0,0\]' in 1"):
-        solved(keys("calibrate_l1", tied={"A[0,0]": "v[0,0]"}))
+    with pytest.raises(ArgumentError, match=r"'A\[0,0\]' in m is tied to 'v\[0,0\]' in 1"):
+        solved("l1", tied={"A[0,0]": "v[0,0]"})

@@ -7,10 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from gtmodel.milling import AngleTable, Oscillators, missing_z
-from gtmodel.problem_files.base import Context, InputError
-
-from .milling_keys import OscillatorRow, Schema
+from ..results import ArgumentError
+from ..vibration import OscillatorField
+from .angle_table import AngleTable
+from .options import Modal
+from .oscillators import Oscillators
 
 NEIGHBOURS = 3  # of a grid angle on either side through which a local table is laid
 ROUNDING = 1e-9  # rad, of an angle of the grid
@@ -27,44 +28,21 @@ class Dynamics:
         self.rows, self.oscillators, self.at, self.smooth = rows, oscillators, at, smooth
 
 
-def source(problem: Schema, context: Context) -> tuple[Callable[..., Dynamics] | None, str | None]:
+Given = AngleTable | Modal | OscillatorField
+
+
+def dynamics_of(given: Given | None, where: str) -> tuple[Callable[..., Dynamics] | None, str | None]:
     """(angles, reachable (n,), compliance (n, 3, 3), branch (n,), place) -> Dynamics, and in words where they come
-    from; None where none are given."""
-    keys = ("oscillator", "modal", "oscillator_field")
-    given = [k for k in keys if getattr(problem, k) is not None]
-    if len(given) > 1:
-        raise InputError(f"found {' and '.join(given)}; expected at most one source of dynamics", given[-1])
-    if problem.oscillator is not None:
-        said = "measured at the given angles, monotone cubics of the logarithms between them"
-        return _of_table(_table(problem.oscillator)), said
-    if problem.modal is not None:
+    from; None where none are given. where: what a person calls their source, such as a file."""
+    if given is None:
+        return None, None
+    if isinstance(given, AngleTable):
+        return _of_table(given), "measured at the given angles, monotone cubics of the logarithms between them"
+    if isinstance(given, Modal):
         said = "made from joint stiffness with declared masses: an example, not a measurement"
-        return _of_modal(problem.modal.mass_kg, problem.modal.damping_ratio), said
-    if problem.oscillator_field is not None:
-        return _of_field(problem.oscillator_field, context)
-    return None, None
-
-
-def _table(rows: list[OscillatorRow]) -> AngleTable:
-    if len(rows) < 2:
-        raise InputError(
-            f"holds {len(rows)} angles; expected two or more, between which dynamics are known", "oscillator"
-        )
-    found = []
-    for n, row in enumerate(rows):
-        try:
-            if len(row.c_kg_s) == 3:
-                found.append(Oscillators(*(np.array([x]) for x in (row.m_kg, row.c_kg_s, row.k_N_m))))
-            else:
-                if min(*row.m_kg, *row.c_kg_s, *row.k_N_m) <= 0:
-                    raise ValueError("m, c and k must be positive")
-                found.append(missing_z(row.m_kg, [*row.c_kg_s, 1.0], row.k_N_m))
-        except ValueError as error:
-            raise InputError(str(error), f"oscillator[{n}]") from error
-    try:
-        return AngleTable(np.deg2rad([row.angle_deg for row in rows]), Oscillators.joined(found))
-    except ValueError as error:
-        raise InputError(str(error), "oscillator") from error
+        return _of_modal(given.mass, given.damping_ratio), said
+    made_up = f"; synthetic: {given.synthetic}" if given.synthetic else ""
+    return _of_field(given), f"Gaussian processes over the pose{where and ', '}{where}{made_up}"
 
 
 def _of_table(table: AngleTable) -> Callable[..., Dynamics]:
@@ -72,7 +50,7 @@ def _of_table(table: AngleTable) -> Callable[..., Dynamics]:
         rows = np.flatnonzero(reachable & table.covers(angles))
         if not len(rows):
             low, high = np.rad2deg(table.angles[[0, -1]])
-            raise InputError(f"tells nothing of a reachable angle; it holds {low:g} to {high:g} deg", "oscillator")
+            raise ArgumentError(f"tells nothing of a reachable angle; it holds {low:g} to {high:g} deg", "dynamics")
         smooth = table.casadi_function()
         return Dynamics(rows, table.at(angles[rows]), table.at, lambda row: (smooth, *table.angles[[0, -1]]))
 
@@ -86,7 +64,7 @@ def _of_modal(mass: list[float], zeta: list[float]) -> Callable[..., Dynamics]:
         try:
             found = Oscillators.with_damping_ratio(np.tile(mass, (len(rows), 1)), k, zeta)
         except ValueError as error:
-            raise InputError(str(error), "modal") from error
+            raise ArgumentError(str(error), "dynamics") from error
 
         def near(row: int) -> AngleTable:
             here = [row]
@@ -115,17 +93,8 @@ def _of_modal(mass: list[float], zeta: list[float]) -> Callable[..., Dynamics]:
     return dynamics
 
 
-def _of_field(file: str, context: Context) -> tuple[Callable[..., Dynamics], str]:
+def _of_field(field: OscillatorField) -> Callable[..., Dynamics]:
     import casadi as ca
-
-    from gtmodel.vibration import load_oscillator_field
-
-    path = context.folder / file
-    try:
-        field = load_oscillator_field(path)
-    except ValueError as error:
-        raise InputError(str(error), "oscillator_field") from error
-    context.take("oscillator_field", path)
 
     def dynamics(angles, reachable, compliance, branch, place) -> Dynamics:
         def at(angle: Any) -> Oscillators:
@@ -137,17 +106,16 @@ def _of_field(file: str, context: Context) -> tuple[Callable[..., Dynamics], str
         rows = np.flatnonzero(known)
         if not len(rows):
             where = ", ".join(f"{x:.4g}" for x in place)
-            raise InputError(
+            raise ArgumentError(
                 f"tells nothing of a reachable angle at ({where}) m: too far from the poses that were measured, or too "
                 "few of them; measure nearer to the work",
-                "oscillator_field",
+                "dynamics",
             )
         A = ca.SX.sym("A")
         along = ca.Function("oscillators", [A], field.casadi_function()(ca.vertcat(*place, A)), ["A"], ["m", "c", "k"])
         return Dynamics(rows, at(angles[rows]), at, lambda row: (along, *_run(angles, known, row)))
 
-    made_up = f"; synthetic: {field.synthetic}" if field.synthetic else ""
-    return dynamics, f"Gaussian processes over the pose, {file}{made_up}"
+    return dynamics
 
 
 def _run(angles: np.ndarray, reachable: np.ndarray, row: int) -> tuple[float, float]:

@@ -2,25 +2,24 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from dataclasses import replace
+from typing import Annotated, Any, Literal
 
+import numpy as np
 from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt
 
-from gtmodel.problem_files.base import Section
+from gtmodel.milling import AngleTable, Coefficients, Cut, Cutter, Oscillators, missing_z, options
+from gtmodel.problem_files.base import Context, InputError, Section
+from gtmodel.problem_files.from_options import Made, made_from
 from gtmodel.problem_files.robot_keys import RobotProblem
 
 Three = Annotated[list[float], Field(min_length=3, max_length=3)]
+SOURCES = ("oscillator", "modal", "oscillator_field")  # of dynamics; at most one
 
 
-class Tool(Section):
+@made_from(options.Tool)
+class Tool(Made):
     """Where the tool sits on the flange, and how it is held over the work."""
-
-    tcp_m: Three = Field(default=[0.0] * 3, description="tool centre point in flange coordinates")
-    spindle: Three = Field(default=[0.0, 0.0, 1.0], description="direction from spindle to tip, flange coordinates")
-    axis: Three = Field(default=[0.0, 0.0, -1.0], description="the same direction in world coordinates")
-    zero_deg: float = Field(
-        default=0.0, description="turn about the spindle at A = 0; at turn 0 the flange's z axis points to world x"
-    )
 
 
 class CutterKeys(Section):
@@ -38,6 +37,16 @@ class CutterKeys(Section):
     tooth_angles_deg: list[float] | None = Field(default=None, description="of uneven pitch, rising; even if left out")
     runout_m: list[float] | None = Field(default=None, description="by how much each tooth stands out")
 
+    def cutter(self) -> Cutter:
+        """Raises InputError."""
+        K = Coefficients(self.K_te_N_m, self.K_tc_Pa, self.K_re_N_m, self.K_rc_Pa, self.K_ae_N_m, self.K_ac_Pa)
+        angles = None if self.tooth_angles_deg is None else np.deg2rad(self.tooth_angles_deg)
+        runout = None if self.runout_m is None else np.array(self.runout_m)
+        try:
+            return Cutter(self.diameter_m, self.teeth, K, float(np.deg2rad(self.helix_deg)), angles, runout)
+        except ValueError as error:
+            raise InputError(str(error), "cutter") from error
+
 
 class CutKeys(Section):
     """The cut."""
@@ -48,6 +57,13 @@ class CutKeys(Section):
     feed_per_tooth_m: float = Field(description="more than 0; where to is told by feed_direction")
     speed_rpm: float = Field(description="of the spindle, turns per minute")
     feed_direction: Three = Field(default=[1.0, 0.0, 0.0], description="across the tool axis, world coordinates")
+
+    def cut(self) -> Cut:
+        """Raises InputError."""
+        try:
+            return Cut(self.mode, self.radial_depth_m, self.axial_depth_m, self.feed_per_tooth_m)
+        except ValueError as error:
+            raise InputError(str(error), "cut") from error
 
 
 class OscillatorRow(Section):
@@ -60,28 +76,33 @@ class OscillatorRow(Section):
     )
     k_N_m: Three = Field(description="along x, y, z")
 
+    def oscillators(self) -> Oscillators:
+        """Raises ValueError."""
+        if len(self.c_kg_s) == 3:
+            return Oscillators(*(np.array([x]) for x in (self.m_kg, self.c_kg_s, self.k_N_m)))
+        if min(*self.m_kg, *self.c_kg_s, *self.k_N_m) <= 0:
+            raise ValueError("m, c and k must be positive")
+        return missing_z(self.m_kg, [*self.c_kg_s, 1.0], self.k_N_m)
 
-class Modal(Section):
+
+@made_from(options.Modal)
+class Modal(Made):
     """Dynamics made from joint stiffness: k along x, y, z from the pose's compliance, with these masses."""
 
-    mass_kg: Three = Field(description="along x, y, z, in every pose")
-    damping_ratio: Three = Field(description="along x, y, z, in every pose")
 
-
-class Search(Section):
+@made_from(options.Search, "speeds", "speed_range")
+class Search(Made):
     """What may be chosen besides the angle."""
 
-    step_deg: PositiveFloat = Field(default=1.0, description="of the angle's grid over 360 degrees")
     speeds_rpm: list[float] = Field(default=[], description="spindle speeds to compare with the given one")
-    feed_directions: list[Three] = Field(default=[], description="to compare with the given one")
-    places_m: list[Three] = Field(default=[], description="of the tool centre point, to compare with the given one")
-    static_choice_deg: float | None = Field(
-        default=None, description="angle that a static model chose elsewhere, in print for one, to compare with"
-    )
-    refine: int = Field(default=3, ge=0, description="how many of the best angles are refined by an NLP")
     speed_range_rpm: Annotated[list[PositiveFloat], Field(min_length=2, max_length=2)] | None = Field(
         default=None, description="least and greatest speed of an NLP over angle and speed together; none if left out"
     )
+
+    def options(self) -> Any:
+        """In turns per second."""
+        between = self.speed_range_rpm and [rpm / 60 for rpm in self.speed_range_rpm]
+        return replace(super().options(), speeds=[rpm / 60 for rpm in self.speeds_rpm], speed_range=between)
 
 
 class Lobes(Section):
@@ -91,13 +112,9 @@ class Lobes(Section):
     to_rpm: PositiveFloat = Field(description="highest spindle speed")
 
 
-class CompensationKeys(Section):
+@made_from(options.PathOffset)
+class CompensationKeys(Made):
     """A path offset against the deflection in the chosen pose, the force rising over `entry_s`."""
-
-    bandwidth_Hz: PositiveFloat = Field(default=5.0, description="of offsets that the robot can follow")
-    seconds: PositiveFloat = Field(default=2.0, description="of cutting")
-    entry_s: PositiveFloat = Field(default=0.5, description="from the first chip to the full cut")
-    cycle_s: PositiveFloat = Field(default=0.004, description="between the rows of compensation.csv")
 
 
 class Schema(RobotProblem):
@@ -123,3 +140,42 @@ class Schema(RobotProblem):
     lobes: Lobes | None = Field(default=None, description="stability lobes too")
     compensation: CompensationKeys | None = Field(default=None, description="compensation too")
     printed_tests: bool = Field(default=False, description="predict the twelve tests of Cvitanic 2021 too")
+
+    def dynamics(self, context: Context) -> Any:
+        """Where the dynamics come from; None where none are given. Raises InputError."""
+        given = [k for k in SOURCES if getattr(self, k) is not None]
+        if len(given) > 1:
+            raise InputError(f"found {' and '.join(given)}; expected at most one source of dynamics", given[-1])
+        if self.oscillator is not None:
+            return _table(self.oscillator)
+        if self.modal is not None:
+            return self.modal.options()
+        return None if self.oscillator_field is None else _field(self.oscillator_field, context)
+
+
+def _table(rows: list[OscillatorRow]) -> AngleTable:
+    if len(rows) < 2:
+        said = f"holds {len(rows)} angles; expected two or more, between which dynamics are known"
+        raise InputError(said, "oscillator")
+    found = []
+    for n, row in enumerate(rows):
+        try:
+            found.append(row.oscillators())
+        except ValueError as error:
+            raise InputError(str(error), f"oscillator[{n}]") from error
+    try:
+        return AngleTable(np.deg2rad([row.angle_deg for row in rows]), Oscillators.joined(found))
+    except ValueError as error:
+        raise InputError(str(error), "oscillator") from error
+
+
+def _field(file: str, context: Context) -> Any:
+    from gtmodel.vibration import load_oscillator_field
+
+    path = context.folder / file
+    try:
+        field = load_oscillator_field(path)
+    except ValueError as error:
+        raise InputError(str(error), "oscillator_field") from error
+    context.take("oscillator_field", path)
+    return field

@@ -1,4 +1,4 @@
-"""The pictures of a milling problem."""
+"""The pictures of a milling study."""
 
 from __future__ import annotations
 
@@ -6,19 +6,17 @@ from typing import Any
 
 import numpy as np
 
-from gtmodel.milling import Lobes
-
-from .milling_keys import Schema
-from .milling_printed import Printed
-from .milling_search import Found
-from .milling_task import Task, title_of
+from .angle_search import Found
+from .lobes import Lobes
+from .published_tests import Printed
+from .task import Task
 
 SPEEDS = 121  # of the lobes, each proven
 
 
-def angle(problem: Schema, f: Found) -> Any:
+def angle(f: Found) -> Any:
     """Both indices over the angle."""
-    from gtmodel.plot.milling import angle_figure
+    from ..plot.milling import angle_figure
 
     place, n = f.place, len(f.place.sweep.angles)
     frequency, peak, marks = np.full((n, 3), np.nan), np.full(n, np.nan), {}
@@ -30,22 +28,21 @@ def angle(problem: Schema, f: Found) -> Any:
         marks = {"static choice": place.sweep.angles[int(np.nanargmin(place.static))]}
     tooth = [f.task.speed * f.task.cutter.teeth * n for n in range(1, 6)]
     return angle_figure(place.sweep.angles, place.static, peak, frequency, tooth, reachable=place.sweep.reachable,
-                        choices=marks, title=title_of(problem, f.task))  # fmt: skip
+                        choices=marks, title=f.task.heading)  # fmt: skip
 
 
 def printed_tests(p: Printed) -> Any:
     """Predicted beside measured."""
-    from gtmodel.plot.milling import tests_figure
+    from ..plot.milling import tests_figure
 
     title = "Tests of Cvitanic 2021: predicted from Table 16, measured in Table 5"
     return tests_figure(p.tooth_hz, p.mean_mm, p.measured_mean_mm, p.chosen_by, title=title)
 
 
-def lobes_of(problem: Schema, task: Task, lobes: Lobes) -> Any:
+def lobes_of(task: Task, lobes: Lobes, low: float, high: float) -> Any:
     """Stability over the declared speeds."""
-    from gtmodel.plot.milling import lobes_figure
+    from ..plot.milling import lobes_figure
 
-    assert problem.lobes is not None
-    speed = np.linspace(problem.lobes.from_rpm, problem.lobes.to_rpm, SPEEDS) / 60
-    title = f"{title_of(problem, task)}: stability"
+    speed = np.linspace(low, high, SPEEDS)
+    title = f"{task.heading}: stability"
     return lobes_figure(speed, lobes.depth_at(speed), (task.speed, task.cut.axial_depth), title=title)

@@ -1,4 +1,4 @@
-"""Recordings between which the device was moved, and a payload under which the tool sags, as declared problems."""
+"""Recordings between which the device was moved, and a payload under which the tool sags, by the study."""
 
 from pathlib import Path
 
@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from gtmodel.problem_files.base import InputError
-from tests.kinds.calibration_problems import data, keys, solved
+from gtmodel.calibrate import Sag
+from gtmodel.results import ArgumentError
+from tests.calibrate.shipped import data, measured, solved
 
 MOVED = (np.array([120.0, -300.0, 40.0]), Rotation.from_rotvec([0.05, -0.1, 0.7]))  # mm
 K = 3e-6  # m/N
@@ -34,15 +35,12 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return at
 
 
-def problem(file: str, **measured: object) -> dict:
-    found = keys("calibrate_l1", sensitivity_step=0.0)
-    return {**found, "measurements": {**found["measurements"], "file": file, **measured}}
+EACH = {"frame": "device", "session": "session", "device_per_session": True}
 
 
 def test_two_set_ups_of_the_device_are_calibrated_together(folder: Path) -> None:
-    each = {"frame": "device", "session": "session", "device_per_session": True}
     fixed = {"fixed": ["A[2]", "v[2,1]", "v[2,2]", "A[1,0]"]}  # one frame is a choice of coordinates
-    v = solved({**problem("moved.csv", **each), **fixed}, folder).values
+    v = solved("l1", folder / "moved.csv", how=measured("l1", **EACH), **fixed).values
     assert v["held_out_mm"]["mean"] < 0.3  # 0.18 mm in one frame
     m = v["measurement"]
     t, u = (
@@ -53,41 +51,43 @@ def test_two_set_ups_of_the_device_are_calibrated_together(folder: Path) -> None
     between = first.inv() * second  # of the second set-up in the coordinates of the first: what was put in
     assert (between.inv() * MOVED[1]).magnitude() < FRAME
     np.testing.assert_allclose(first.inv().apply(t[1] - t[0]), MOVED[0] / 1e3, atol=FRAME)
-    one = solved({**problem("moved.csv", frame="device", session="session"), **fixed, "held_out": {"every": 0}}, folder)
-    assert one.values["fitted_mm"] is None or one.values["fitted_mm"]["mean"] > 1.0
+    how = measured("l1", frame="device", session="session")
+    one = solved("l1", folder / "moved.csv", how=how, held_out=0, **fixed)
+    assert one.fitted is None or one.fitted["mean"] > 1e-3
 
 
 def test_the_sag_is_estimated_given_or_told_to_be_unknown(folder: Path) -> None:
-    sag = {"payload_kg": "payload"}
-    v = solved(problem("sunk.csv", sag=sag), folder).values
+    def sunk(sag: Sag | None = None) -> dict:
+        return dict(solved("l1", folder / "sunk.csv", how=measured("l1", sag=sag)).values)
+
+    v = sunk(Sag("payload"))
     entry = next(u for u in v["unknowns"] if u["name"] == "T.sag")
     assert entry["unit"] == "m/N" and entry["value"] == pytest.approx(K, rel=0.05)
-    given = solved(problem("sunk.csv", sag={**sag, "compliance_m_per_N": K}), folder).values
+    given = sunk(Sag("payload", K))
     assert "T.sag" not in [u["name"] for u in given["unknowns"]] and given["measurement"]["T.sag"] == K
-    without = solved(problem("sunk.csv"), folder).values
+    without = sunk()
     assert given["held_out_mm"]["mean"] < 0.7 * without["held_out_mm"]["mean"]
-    constant = solved(problem("sunk.csv", sag={"payload_kg": 10.0}), folder).values
+    constant = sunk(Sag(10.0))
     assert constant["identifiability_after"]["redundant"] == 1
     assert any("T.sag" in s and "moves with" in s for s in constant["identifiability_after"]["sentences"])
 
 
 @pytest.mark.parametrize(
-    ("measured", "sentence"),
+    ("how", "sentence"),
     [
         ({"frame": "device", "device_per_session": True}, "name the column that tells the recording"),
-        ({"sag": {"payload_kg": "weight"}}, "weight"),
-        ({"sag": {"payload_kg": 1.0, "down": [0, 0, 0]}}, "points nowhere"),
+        ({"sag": Sag("weight")}, "weight"),
+        ({"sag": Sag(1.0, down=[0.0, 0.0, 0.0])}, "points nowhere"),
     ],
 )
-def test_wrong_keys_get_a_sentence(folder: Path, measured, sentence) -> None:
-    with pytest.raises(InputError, match=sentence):
-        solved(problem("sunk.csv", **measured), folder)
+def test_wrong_ways_to_read_get_a_sentence(folder: Path, how, sentence) -> None:
+    with pytest.raises(ArgumentError, match=sentence):
+        solved("l1", folder / "sunk.csv", how=measured("l1", **how))
 
 
 def test_frames_of_sessions_that_are_held_out_are_refused(folder: Path) -> None:
     lines = (folder / "moved.csv").read_text().splitlines()
     (folder / "a.csv").write_text("\n".join(line for line in lines if not line.endswith("second")) + "\n")
     (folder / "b.csv").write_text("\n".join(line for line in lines if not line.endswith("first")) + "\n")
-    each = {"frame": "device", "session": "session", "device_per_session": True}
-    with pytest.raises(InputError, match="the frame in session 'second' cannot be known"):
-        solved({**problem("a.csv", **each), "held_out": {"file": "b.csv"}}, folder)
+    with pytest.raises(ArgumentError, match="the frame in session 'second' cannot be known"):
+        solved("l1", folder / "a.csv", how=measured("l1", **EACH), held_out=folder / "b.csv")

@@ -1,0 +1,71 @@
+"""What an excitation is asked to be: family of motions, experiment, search, and what it is compared with."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Annotated, Literal
+
+from ...results.options import Long, Options, Unit, Within
+
+
+@dataclass(frozen=True)
+class Family(Options):
+    """The family of motions of the tool centre point, each from rest to rest at one place."""
+
+    family: Annotated[Literal["fourier", "spline"], "finite Fourier series or spline"] = "fourier"
+    period: Annotated[float, Unit("s"), Within(above=0.0), "of the motion; it may be repeated"] = field(kw_only=True)
+    harmonics: Annotated[int, Within(least=2, most=30), "fourier: number of harmonics"] = 5
+    intervals: Annotated[int, Within(least=2, most=60), "spline: number of polynomial pieces"] = 12
+    place_low: Annotated[
+        list[float], Unit("m"), Long(3), "lower corner of the box in which random motions stand"
+    ] = field(kw_only=True)  # fmt: skip
+    place_high: Annotated[list[float], Unit("m"), Long(3), "upper corner of that box"] = field(kw_only=True)
+
+
+@dataclass(frozen=True)
+class Experiment(Options):
+    """What is identified, and how it will be measured."""
+
+    identified: Annotated[list[str], "parameters to find; arrays by name"] = field(
+        default_factory=lambda: ["m_p", "m_c", "coulomb", "viscous"]
+    )
+    noise: Annotated[
+        float, Unit("N"), Within(above=0.0), "white noise of the measured forces, standard deviation"
+    ] = 30.0  # fmt: skip
+    periods: Annotated[int, Within(least=1), "how often the motion is repeated in an experiment"] = 1
+    sample: Annotated[
+        float, Unit("s"), Within(above=0.0), "sample time of the log and of trajectory.csv"
+    ] = 0.004  # fmt: skip
+    sign_smoothing: Annotated[
+        float, Unit("m/s"), Within(above=0.0),
+        "velocity over which the optimisation smooths the sign of Coulomb friction",
+    ] = 0.02  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Search(Options):
+    """The optimisation."""
+
+    criterion: Annotated[
+        Literal["condition", "determinant", "variance"],
+        "least condition number (a smooth bound of it); largest determinant of the information; least sum "
+        "of the relative variances",
+    ] = "condition"
+    starts: Annotated[int, Within(least=1), "how many of the best random motions it starts from"] = 1
+    max_iterations: Annotated[int, Within(least=1), "limit of iterations for each start"] = 400
+
+
+@dataclass(frozen=True)
+class RandomMotions(Options):
+    """Random feasible motions to compare with, and to start from."""
+
+    draws: Annotated[int, Within(least=1), "number of motions"] = 100
+    seed: Annotated[int, Within(least=0), "of their drawing"] = 1
+
+
+@dataclass(frozen=True)
+class MonteCarloFits(Options):
+    """Synthetic identifications along the optimised and the best random motion."""
+
+    runs: Annotated[int, Within(least=0, most=5000), "number of runs; none if 0"] = 0
+    seed: Annotated[int, Within(least=0), "of the noise"] = 0

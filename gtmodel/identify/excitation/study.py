@@ -1,0 +1,142 @@
+"""The excitation study: the motion from which a robot's masses and friction are identified best, within all limits."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from ...inference import Coverage, coverage, linear_fit
+from ...lang import Model
+from ...motion import Limits
+from ...results import ArgumentError, SolveStatus, Work
+from ...results.work import Progress, never, silent
+from .concluded import Asked, Found, concluded
+from .excited import ExcitationStudy
+from .information import condition
+from .optimise import FINER, Excitation, optimise_excitation
+from .options import Experiment, Family, MonteCarloFits, RandomMotions, Search
+from .random_motions import random_excitations
+from .task import Plan, plan_of
+
+Array = np.ndarray
+
+
+def excitation_study(
+    robot: Model,
+    motion: Family,
+    limits: Limits,
+    *,
+    experiment: Experiment | None = None,
+    search: Search | None = None,
+    random: RandomMotions | None = None,
+    monte_carlo: MonteCarloFits | None = None,
+    start: Array | None = None,
+    title: str = "",
+    progress: Progress = silent,
+    max_seconds: float | None = None,
+    stop: Callable[[], bool] = never,
+) -> ExcitationStudy:
+    """Draw random motions, optimise from the best of them, and compare.
+
+    Args:
+        robot: declares its tool centre point T, carts q and forces tau as vectors of 3; a parameter `velocity_scale` of
+            its friction is set by the study.
+        motion: the family that is searched.
+        limits: what the motion keeps.
+        experiment: what is identified, noise, sample time.
+        search: criterion, starts and iterations.
+        random: the motions to compare with.
+        monte_carlo: synthetic identifications along both; none if left out.
+        start: (size, 3) unknowns of an earlier study, a further start.
+        progress, max_seconds, stop: see `gtmodel.results.Work`.
+
+    Interrupted, it holds the best motion so far, which keeps all limits. Raises ArgumentError.
+
+    >>> import gtmodel as gt
+    >>> from gtmodel.identify import Family, RandomMotions, excitation_study
+    >>> from gtmodel.motion import Limits
+    >>> motion = Family(period=2.0, harmonics=2, place_low=[0.9, -0.9, 0.4], place_high=[1.1, -0.7, 0.6])
+    >>> limits = Limits(force=700.0, tcp_low=[0.5, -1.1, 0.2], tcp_high=[1.5, -0.5, 0.8])
+    >>> s = excitation_study(gt.robots.gantry_tau("l1_tape"), motion, limits, random=RandomMotions(draws=2))
+    >>> bool(s.improvement > 1)
+    True
+    """
+    work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
+    asked = Asked(
+        motion, limits, experiment or Experiment(), search or Search(), random or RandomMotions(),
+        monte_carlo or MonteCarloFits(), title or "excitation",
+    )  # fmt: skip
+    plan = plan_of(robot, motion, limits, asked.experiment, asked.search.criterion)
+    started = [] if start is None else [_started(plan, np.asarray(start, dtype=float))]
+    draws = _draws(plan, asked.random, work)
+    if not draws:
+        return ExcitationStudy(
+            status=SolveStatus.INTERRUPTED, title=title, message="stopped before the first random motion was drawn"
+        )
+    nominal, times = plan.regressor.nominal, plan.times[:-1]
+    stacks = [plan.task.stacked(c, times, plan.sharp) for c in draws]
+    conditions = np.array([condition(W, nominal) for W in stacks])
+    order = np.argsort(conditions, kind="stable")
+    starts = [*started, *(draws[k] for k in order[: asked.search.starts])]
+    found = [_optimise(plan, asked.search, work, c, n, len(starts)) for n, c in enumerate(starts)]
+    best = min(found, key=lambda e: e.objective)
+    first = int(order[0])
+    W = plan.task.stacked(best.c, times, plan.sharp)
+    fits = [_monte_carlo(plan, asked, work, A) for A in (W, stacks[first])]
+    runs = [fit for fit in fits if fit is not None]
+    return concluded(plan, asked, Found(best, W, draws[first], stacks[first], conditions, runs), found)
+
+
+def _started(plan: Plan, given: Array) -> Array:
+    """The unknowns of an earlier result, which keep these limits. Raises ArgumentError."""
+    shape = (plan.task.basis.size, plan.task.dimension)
+    if given.shape != shape:
+        raise ArgumentError(f"its unknowns have the shape {given.shape}; this problem's have {shape}", "start")
+    if np.any(plan.task.excess(given, plan.task.times(FINER)) > 0):
+        raise ArgumentError("its motion breaks a limit of this problem; leave it out", "start")
+    return given
+
+
+def _draws(plan: Plan, random: RandomMotions, work: Work) -> list[Array]:
+    def progress(done: float) -> bool:
+        work.progress("random motions", done)
+        return work.interrupted()
+
+    try:
+        return random_excitations(plan.task, plan.centre, random.draws, random.seed, progress)
+    except ValueError as error:
+        raise ArgumentError(str(error), "motion.place_low") from error
+
+
+def _optimise(plan: Plan, search: Search, work: Work, start: Array, number: int, count: int) -> Excitation:
+    def progress(iteration: int, objective: float, violation: float) -> bool:
+        numbers = {"iteration": iteration, "objective": objective, "violation": violation}
+        work.progress(f"optimising, start {number + 1} of {count}", None, numbers)
+        return work.interrupted()
+
+    return optimise_excitation(
+        plan.task,
+        start,
+        max_iterations=search.max_iterations,
+        max_seconds=work.seconds_left(),
+        progress=progress,
+    )
+
+
+def _monte_carlo(plan: Plan, asked: Asked, work: Work, W: Array) -> tuple[Coverage, Array] | None:
+    """Fits of synthetic forces along a motion: hits of their intervals, and how they scatter (p,); None: not wanted."""
+    keys, regressor, experiment = asked.monte_carlo, plan.regressor, asked.experiment
+    if not keys.runs or work.interrupted():
+        return None
+    rng = np.random.default_rng(keys.seed)
+    A, exact = np.tile(W, (experiment.periods, 1)), np.tile(W @ regressor.nominal, experiment.periods)
+    estimates = []
+    for run in range(keys.runs):
+        work.progress("synthetic identifications", run / keys.runs)
+        if work.interrupted():
+            return None
+        noisy = exact + experiment.noise * rng.normal(size=len(exact))
+        estimates.append(linear_fit(A, noisy, regressor.names, scale=regressor.nominal))
+    truth = dict(zip(regressor.names, regressor.nominal.tolist(), strict=True))
+    return coverage(estimates, truth), np.std([e.values for e in estimates], axis=0, ddof=1)

@@ -1,0 +1,45 @@
+"""Kind "excitation": the motion from which a robot's masses and friction are identified best, within all limits."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gtmodel.identify.excitation import FINER, ExcitationStudy, excitation_study
+from gtmodel.identify.excitation.task import plan_of
+from gtmodel.problem_files.base import Context
+from gtmodel.problem_files.call import Call
+
+from .keys import Schema
+
+NAME = "excitation"
+RESULT = ExcitationStudy
+ARGUMENTS = {"experiment": "", "start": "--start"}
+
+
+def call(problem: Schema, context: Context) -> Call:
+    """The study, from an earlier result too."""
+    start = None
+    if context.start is not None:
+        start = np.array((context.start.get("values") or {}).get("unknowns", []), dtype=float)
+    return Call(
+        excitation_study, problem.model(context), problem.motion.options(), problem.limits.options(),
+        experiment=problem.options(), search=problem.search.options(), random=problem.random.options(),
+        monte_carlo=problem.monte_carlo.options(), start=start,
+        title=problem.title or f"{NAME} of {problem.robot}",
+    )  # fmt: skip
+
+
+def explain(problem: Schema, context: Context) -> str:
+    """What is identified, the unknowns and the bounded rows."""
+    motion, criterion = problem.motion.options(), problem.search.options().criterion
+    plan = plan_of(problem.model(context), motion, problem.limits.options(), problem.options(), criterion)
+    task = plan.task
+    rows = {key: plan.keys.count(key) for key in dict.fromkeys(plan.keys)}
+    return "\n".join([
+        f"{problem.title or NAME}: {len(plan.regressor.names)} parameters "
+        f"({', '.join(plan.regressor.names)})",
+        f"  motion of T: {motion.family}, {task.basis.size} unknowns for each of {task.dimension} coordinates, "
+        f"{task.basis.period:g} s, at rest at both ends",
+        f"  criterion: {criterion}, over {task.points} samples of a period",
+        f"  bounded at each: {', '.join(f'{key} ({n})' for key, n in rows.items())}; checked on {FINER} times as many",
+    ])  # fmt: skip

@@ -1,0 +1,267 @@
+"""The milling study: where to mill, by static and dynamic deflection over the angle about the spindle."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from ..lang import Model
+from ..results import ArgumentError, Check, Row, SolveStatus, Work, at_most
+from ..results.work import Progress, never, silent
+from . import pictures
+from .angle_search import Found
+from .angle_search import search as search_angles
+from .compensated_path import FILE, compensated
+from .cutter import Cut, Cutter
+from .deflection import SECONDS
+from .lobes import stability_lobes
+from .milling_result import MillingStudy
+from .mode_coupling import mode_coupling
+from .options import PathOffset, Search, Tool
+from .oscillators import Oscillators
+from .pose_dynamics import Given
+from .published_tests import checks, printed_tests, rows
+from .stability import spectral_radius
+from .task import deflections_of, place_of, replace_oscillators, task_of
+
+Array = np.ndarray
+SHALLOWER = "the cut chatters: take less depth or another speed"
+DECAYED = 0.05  # of a transient: less is not worth a word
+
+
+def study(
+    robot: Model,
+    cutter: Cutter,
+    cut: Cut,
+    *,
+    place: Sequence[float],
+    speed: float,
+    joint_stiffness: Sequence[float],
+    feed: Sequence[float] = (1.0, 0.0, 0.0),
+    tool: Tool | None = None,
+    dynamics: Given | None = None,
+    source: str = "",
+    limits: Sequence[Sequence[float]] | None = None,
+    search: Search | None = None,
+    lobes: tuple[float, float] | None = None,
+    compensation: PathOffset | None = None,
+    tests: Mapping[str, Any] | None = None,
+    title: str = "",
+    progress: Progress = silent,
+    max_seconds: float | None = None,
+    stop: Callable[[], bool] = never,
+) -> MillingStudy:
+    """Reachable angles about the spindle, static index, dynamic index, the best after refinement, and what to do.
+
+    Args:
+        robot: a serial arm with a spherical wrist.
+        cutter, cut: what cuts, and how.
+        place: (3,) tool centre point [m], world coordinates.
+        speed: of the spindle [1/s].
+        joint_stiffness: (6,) by joint [N.m/rad], for the static index.
+        feed: (3,) direction across the tool axis, world coordinates.
+        tool: where it sits on the flange, and how it is held over the work.
+        dynamics: `AngleTable` of oscillators measured at angles, `Modal` masses on the joints' stiffness, or an
+            `OscillatorField` over the poses; static index only if left out. source: what a person calls their source.
+        limits: (6, 2) of the joints [rad]; those of the robot if left out.
+        search: grid of the angle; places, feeds and speeds to compare; refinement.
+        lobes: lowest and highest speed [1/s] of stability lobes in the chosen pose.
+        compensation: a path offset against the deflection there.
+        tests: tables with milling tests to predict, as `gtmodel.robots.kr500_tables` has them.
+        progress, max_seconds, stop: see `gtmodel.results.Work`.
+
+    Interrupted, it holds what stiffness alone tells. Raises ArgumentError.
+
+    >>> import numpy as np
+    >>> import gtmodel as gt
+    >>> from gtmodel.milling import Coefficients, Cut, Cutter, Search, study
+    >>> cutter = Cutter(0.0254, 2, Coefficients(6.1e3, 9.0e8, 6.6e3, 2.9e8, 1.1e3, 2.8e8))
+    >>> k = 1e6 * np.array([3.93, 3.46, 2.77, 1.57, 0.24, 0.17])
+    >>> s = study(gt.robots.kr500(), cutter, Cut("slot", 0.0254, 0.005, 5e-4), place=[0.0, -2.4, 0.3], speed=30.0,
+    ...           joint_stiffness=k, search=Search(step=0.2))
+    >>> s.static_index > 0
+    True
+    """
+    work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
+    work.progress("kinematics", 0.1)
+    task = task_of(
+        robot, cutter, cut, place=place, speed=speed, feed=feed, joint_stiffness=joint_stiffness, dynamics=dynamics,
+        tool=tool or Tool(), search=search or Search(), limits=limits, source=source, title=title,
+    )  # fmt: skip
+    if dynamics is None and (lobes or compensation):
+        raise ArgumentError("needs dynamics; give some, or leave it out", "lobes" if lobes else "compensation")
+    if lobes is not None and lobes[0] >= lobes[1]:
+        said = f"is {60 * lobes[1]:g} rpm; expected more than the lower end, {60 * lobes[0]:g}"
+        raise ArgumentError(said, "lobes")
+    found = Found(task, place_of(task, task.place))
+    if work.interrupted():
+        return _outcome(found, None, None, None, "stopped before the search")
+    if found.place.dynamics is not None:
+        search_angles(work, found)
+    if work.interrupted():
+        return _outcome(Found(task, found.place), None, None, None, "stopped in the search")
+    return _outcome(found, lobes, compensation, tests)
+
+
+def _outcome(
+    f: Found, lobes: tuple[float, float] | None, compensation: PathOffset | None, tests: Mapping[str, Any] | None,
+    stopped: str = "",
+) -> MillingStudy:  # fmt: skip
+    """The study; `stopped`: by what, then from stiffness alone."""
+    task, place = f.task, f.place
+    angles = place.sweep.angles
+    best = int(np.nanargmin(place.static))
+    runs = _runs(angles, place.sweep.reachable)
+    values: dict[str, Any] = {
+        "reachable": runs,
+        "static_angle": float(angles[best]),
+        "static_index": float(place.static[best]),
+        "dynamics": task.whence,
+    }
+    table = [
+        Row("reachable angles", ", ".join(_degrees(*run) for run in runs), "deg"),
+        Row("least static index (18)", f"{1e3 * place.static[best]:.3g} at {np.rad2deg(angles[best]):.4g} deg", "mm"),
+    ]
+    tested: dict[str, Check] = {}
+    figures: dict[str, Any] = {"angle": partial(pictures.angle, f)}
+    files: dict[str, str | bytes] = {}
+    if place.dynamics is not None and f.findings is not None:
+        found, more, checked = _dynamic(f)
+        values |= found
+        table += more
+        tested |= checked
+        here = place.dynamics.at(f.angle)
+        if lobes is not None:
+            shown = stability_lobes(here, task.cutter, task.cut.mode, task.cut.radial_depth, task.feed, up=task.up)
+            depth = float(shown.depth_at([task.speed])[0])
+            text = f"{1e3 * depth:.3g}" if np.isfinite(depth) else "no limit below 1000"
+            table.append(Row("proven stable depth at this speed", text, "mm"))
+            figures["lobes"] = partial(pictures.lobes_of, task, shown, *lobes)
+        if compensation is not None:
+            offset = compensated(task, here, compensation)
+            values["compensation_rms"] = offset.rms
+            tested["compensated_rms_mm"] = offset.check
+            table += offset.rows
+            files[FILE] = offset.file
+            figures["compensation"] = partial(offset.figure, task.heading)
+    if tests is not None:
+        printed = printed_tests(tests)
+        table += rows(printed)
+        tested |= checks(printed)
+        values["printed_mean"] = {name: mean.tolist() for name, mean in printed.mean_mm.items()}
+        figures["printed_tests"] = partial(pictures.printed_tests, printed)
+    return MillingStudy(
+        status=SolveStatus.INTERRUPTED if stopped else SolveStatus.SOLVED,
+        message=stopped or f"{int(place.sweep.reachable.sum())} of {len(angles)} angles reachable",
+        title=task.title,
+        objective=None if np.isnan(f.index) else 1e3 * f.index,
+        checks=tested,
+        figures=figures,
+        files=files,
+        machine_files=(FILE,),
+        table=table,
+        **values,
+    )
+
+
+def _dynamic(f: Found) -> tuple[dict[str, Any], list[Row], dict[str, Check]]:
+    """Values, rows and checks that the dynamics add."""
+    task, found, dynamics = f.task, f.findings, f.place.dynamics
+    assert found is not None and dynamics is not None
+    s_row, _ = found.choices
+    here = dynamics.at(f.angle)
+    chosen = deflections_of(task, replace_oscillators(dynamics, here))
+    coupling = mode_coupling(here, task.cutter, task.cut, task.feed, up=task.up)
+    tested: dict[str, Check] = {}
+    try:
+        radius = spectral_radius(here, task.cutter, task.cut, task.speed, task.feed, up=task.up)
+        chatter = f"{'none' if radius < 1 else 'to be expected'}: spectral radius {radius:.3f}"
+        # at 1 the tool swings on for ever
+        tested["spectral_radius"] = at_most(radius, float(np.nextafter(1.0, 0.0)), SHALLOWER)
+    except ValueError as error:
+        radius, chatter = None, f"not told: {error}"
+    if task.cutter.runout is not None:
+        chatter += "; without the runout that is declared"
+    freed = f.freed and [np.rad2deg(f.freed.angle), 60 * f.freed.speed, 1e3 * f.freed.peak]
+    values = {
+        "static_choice": float(found.angles[s_row]),
+        "dynamic_angle": f.angle,
+        "dynamic_index": f.index,
+        "dynamic_mean": float(chosen.mean[0]),
+        "static_choice_index": float(f.peak[s_row]),
+        "ratio": found.ratio,
+        "refined": [[np.rad2deg(b.angle), 1e3 * b.peak, b.converged] for b in f.refined],
+        "free_speed": freed,
+        "combinations": f.combinations,
+        "change_1_Hz": [100 * x for x in found.change],
+        "mode_coupling": coupling.sentence,
+        "spectral_radius": radius,
+        "guideline": f.said,
+    }
+    table = [
+        Row("static choice", f"{np.rad2deg(found.angles[s_row]):.4g}, {_whence(f)}", "deg"),
+        Row("least dynamic index (19)", f"{1e3 * f.index:.3g} at {np.rad2deg(f.angle):.4g} deg", "mm"),
+        Row("there, mean deflection", 1e3 * chosen.mean[0], "mm"),
+        *_transients(here),
+    ]
+    if freed:
+        table.append(Row("with the speed free", f"{freed[2]:.3g} at {freed[0]:.4g} deg and {freed[1]:.4g} rpm", "mm"))
+    table += [
+        *(Row("guideline", sentence) for sentence in f.said),
+        Row("mode coupling", coupling.sentence),
+        Row("regenerative chatter", chatter),
+        Row("dynamics", task.whence),
+        *_known(found.angles, f),
+        *(Row(*_combined(c)) for c in f.combinations if len(f.combinations) > 1),
+    ]
+    return values, table, tested
+
+
+def _transients(here: Oscillators) -> list[Row]:
+    """Whether two seconds from rest show the steady deflection."""
+    rate = (np.pi * 2 * here.frequency * here.damping_ratio)[0]
+    axis = int(np.argmin(rate))
+    left = float(np.exp(-rate[axis] * SECONDS))
+    if left < DECAYED:
+        return []
+    return [Row("not steady", f"after {SECONDS:g} s {100 * left:.0f} % of the transient along {'xyz'[axis]} is left: "
+                "near a mode deflections keep growing beyond the index and the mean")]  # fmt: skip
+
+
+def _known(angles: Array, f: Found) -> list[Row]:
+    """Where dynamics are known, if not at every reachable angle."""
+    there = np.isfinite(f.peak)
+    if there.sum() == f.place.sweep.reachable.sum():
+        return []
+    said = ", ".join(_degrees(*run) for run in _runs(angles, there))
+    return [Row("angles with known dynamics", f"{said}; other reachable angles are judged by stiffness alone", "deg")]
+
+
+def _whence(f: Found) -> str:
+    if f.task.search.static_choice is not None:
+        return "given"
+    known = np.isfinite(f.peak[np.nanargmin(f.place.static)])
+    return "least static index" + ("" if known else " where dynamics are known")
+
+
+def _combined(c: Mapping[str, Any]) -> tuple[str, str, str]:
+    where = ", ".join(f"{x:.4g}" for x in c["place_m"])
+    if "reason" in c:
+        return f"at ({where}) m", c["reason"], ""
+    feed = ", ".join(f"{x:g}" for x in c["feed_direction"])
+    label = f"{c['speed_rpm']:.5g} rpm, feed ({feed}), at ({where}) m"
+    return label, f"{c['index_mm']:.3g} at {c['angle_deg']:.4g} deg", "mm"
+
+
+def _degrees(low: float, high: float) -> str:
+    return f"{np.rad2deg(low):.4g} to {np.rad2deg(high):.4g}"
+
+
+def _runs(angles: Array, there: Array) -> Array:
+    """First and last angle of each run (n, 2)."""
+    edges = np.diff(np.concatenate([[0], there, [0]]).astype(int))
+    ends = zip(np.flatnonzero(edges > 0), np.flatnonzero(edges < 0), strict=True)
+    return np.array([[angles[a], angles[b - 1]] for a, b in ends]).reshape(-1, 2)

@@ -1,0 +1,69 @@
+"""What a milling study is asked for besides cutter and cut: tool, search, dynamics from masses, path offsets."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Annotated
+
+from ..results.options import Long, Options, Unit, Within
+
+
+@dataclass(frozen=True)
+class Tool(Options):
+    """Where the tool sits on the flange, and how it is held over the work."""
+
+    tcp: Annotated[list[float], Unit("m"), Long(3), "tool centre point in flange coordinates"] = field(
+        default_factory=lambda: [0.0] * 3
+    )
+    spindle: Annotated[list[float], Long(3), "direction from spindle to tip, flange coordinates"] = field(
+        default_factory=lambda: [0.0, 0.0, 1.0]
+    )
+    axis: Annotated[list[float], Long(3), "the same direction in world coordinates"] = field(
+        default_factory=lambda: [0.0, 0.0, -1.0]
+    )
+    zero: Annotated[
+        float, Unit("rad", written="deg"),
+        "turn about the spindle at A = 0; at turn 0 the flange's z axis points to world x",
+    ] = 0.0  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Modal(Options):
+    """Dynamics made from joint stiffness: k along x, y, z from the pose's compliance, with these masses."""
+
+    mass: Annotated[list[float], Unit("kg"), Long(3), "along x, y, z, in every pose"]
+    damping_ratio: Annotated[list[float], Long(3), "along x, y, z, in every pose"]
+
+
+@dataclass(frozen=True)
+class Search(Options):
+    """What may be chosen besides the angle. Speeds are turns per second."""
+
+    step: Annotated[
+        float, Unit("rad", written="deg"), Within(above=0.0), "of the angle's grid over 360 degrees"
+    ] = math.radians(1.0)  # fmt: skip
+    speeds: Annotated[list[float], "spindle speeds [1/s] to compare with the given one"] = field(default_factory=list)
+    feed_directions: Annotated[list[list[float]], "to compare with the given one"] = field(default_factory=list)
+    places: Annotated[list[list[float]], Unit("m"), "of the tool centre point, to compare with the given one"] = field(
+        default_factory=list
+    )
+    static_choice: Annotated[
+        float | None, Unit("rad", written="deg"),
+        "angle that a static model chose elsewhere, in print for one, to compare with",
+    ] = None  # fmt: skip
+    refine: Annotated[int, Within(least=0), "how many of the best angles are refined by an NLP"] = 3
+    speed_range: Annotated[
+        list[float] | None, Within(above=0.0), Long(2),
+        "least and greatest speed [1/s] of an NLP over angle and speed together; none if left out",
+    ] = None  # fmt: skip
+
+
+@dataclass(frozen=True)
+class PathOffset(Options):
+    """A path offset against the deflection in the chosen pose, the force rising over `entry`."""
+
+    bandwidth: Annotated[float, Unit("Hz"), Within(above=0.0), "of offsets that the robot can follow"] = 5.0
+    seconds: Annotated[float, Within(above=0.0), "of cutting"] = 2.0
+    entry: Annotated[float, Unit("s"), Within(above=0.0), "from the first chip to the full cut"] = 0.5
+    cycle: Annotated[float, Unit("s"), Within(above=0.0), "between the rows of compensation.csv"] = 0.004

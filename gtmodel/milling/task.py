@@ -1,0 +1,245 @@
+"""Cutter, cut and arm of a milling study, and its search over angles, places, feeds and speeds."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..compliance import arm_poses, translational_compliance
+from ..kinematics import WristPartition
+from ..lang import Model
+from ..results import ArgumentError
+from .cutter import Cut, Cutter, immersion, tooth_frequency
+from .deflection import Deflection, deflections, duration, samples_per_turn, static_index
+from .forces import to_world
+from .options import Search, Tool
+from .oscillators import Oscillators
+from .pose_dynamics import Dynamics, Given, dynamics_of
+from .redundant_angle import AngleSweep, angle_sweep
+from .refine import Start, refine
+from .spectrum import force_spectrum
+
+SOFTEST_PA = 1e4  # of cutting coefficients
+LARGEST_M = 1.0  # of a cutter and its depths
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """What a study is asked for, ready to compute with."""
+
+    model: Any
+    arm: WristPartition
+    limits: np.ndarray
+    cutter: Cutter
+    cut: Cut
+    speed: float
+    feed: np.ndarray
+    place: list[float]
+    joint_compliance: np.ndarray
+    tool: Tool
+    search: Search
+    title: str
+    given: Given | None
+    dynamics: Callable[..., Dynamics] | None
+    whence: str | None  # the dynamics come, in words
+
+    @property
+    def up(self) -> np.ndarray:
+        """Against the tool axis."""
+        return -np.array(self.tool.axis)
+
+    @property
+    def heading(self) -> str:
+        """For pictures; says where dynamics are made up."""
+        made_up = self.whence and self.whence.partition("synthetic: ")[2]
+        return (self.title or "milling") + (f"\n(synthetic dynamics: {made_up})" if made_up else "")
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """One place of the tool: its sweep, indices (n,) by angle [m] of the task's feed, NaN where there is none, the
+    solution behind each angle, and its dynamics."""
+
+    sweep: AngleSweep
+    compliance: np.ndarray
+    solution: np.ndarray
+    static: np.ndarray
+    dynamics: Dynamics | None
+
+    def spread(self, value: np.ndarray) -> np.ndarray:
+        """Values of the rows with dynamics, by angle; NaN elsewhere."""
+        found = np.full(len(self.sweep.angles), np.nan)
+        if self.dynamics is not None:
+            found[self.dynamics.rows] = value
+        return found
+
+
+def task_of(
+    robot: Model, cutter: Cutter, cut: Cut, *, place: Sequence[float], speed: float, feed: Sequence[float],
+    joint_stiffness: Sequence[float], dynamics: Given | None, tool: Tool, search: Search,
+    limits: Sequence[Sequence[float]] | None, source: str, title: str,
+) -> Task:  # fmt: skip
+    """Raises ArgumentError."""
+    _plausible(cutter, cut)
+    _made(lambda: immersion(cut.mode, cut.radial_depth, cutter.diameter), "cut.radial_depth")
+    for n, turns in enumerate([speed, *search.speeds]):
+        name = "speed" if n == 0 else f"search.speeds[{n - 1}]"
+        _made(lambda turns=turns: tooth_frequency(turns, cutter.teeth), name)
+        _made(lambda turns=turns: samples_per_turn(turns, cutter.teeth, duration(turns)), name)
+    up = -np.array(tool.axis)
+    for n, direction in enumerate([feed, *search.feed_directions]):
+        name = "feed" if n == 0 else f"search.feed_directions[{n - 1}]"
+        _made(lambda direction=direction: to_world(np.zeros(3), direction, up), name)
+    model: Any = robot
+    within = getattr(model, "joint_limits", None)
+    if limits is not None:
+        within = np.array(_six(limits), float)
+    if within is None:
+        raise ArgumentError("is missing; expected lower and upper limit of six joints", "limits")
+    try:
+        arm = WristPartition.of(model.origins, model.axes)
+    except (ValueError, AttributeError) as error:
+        raise ArgumentError(f"expected a serial arm with a spherical wrist such as kr500; {error}", "robot") from error
+    stiffness = np.array(joint_stiffness, float)
+    if stiffness.shape != (6,) or not np.all(stiffness > 0):
+        raise ArgumentError("expected six positive numbers, one by joint", "joint_stiffness")
+    compliance = 1e-6 / (stiffness / 1e6)  # 1 / 3.93e6 and 1e-6 / 3.93, as tables have it, differ by a rounding
+    return Task(model, arm, within, cutter, cut, speed, np.array(feed, float), list(place), compliance, tool, search,
+                title, dynamics, *dynamics_of(dynamics, source))  # fmt: skip
+
+
+def _plausible(cutter: Cutter, cut: Cut) -> None:
+    """Raises ArgumentError for millimetres in place of metres and N/mm2 in place of pascals."""
+    K_tc = cutter.coefficients.K_tc
+    if 0 <= K_tc < SOFTEST_PA:
+        raise ArgumentError(
+            f"is {K_tc:g} Pa; the softest foam takes more than {SOFTEST_PA:g} Pa: 1 N/mm2 is 1e6 pascals",
+            "cutter.coefficients.K_tc",
+        )
+    lengths = {
+        "cutter.diameter": (cutter.diameter, LARGEST_M), "cut.radial_depth": (cut.radial_depth, LARGEST_M),
+        "cut.axial_depth": (cut.axial_depth, LARGEST_M),
+        "cut.feed_per_tooth": (cut.feed_per_tooth, cutter.diameter / 2),
+    }  # fmt: skip
+    for name, (value, most) in lengths.items():
+        if value >= most:
+            raise ArgumentError(f"is {value:g} m; expected less than {most:g} m, so give metres, not millimetres", name)
+
+
+def place_of(task: Task, place: Sequence[float]) -> Place:
+    """Sweep, static index and dynamics at one place. Raises ArgumentError, also where no angle is reachable."""
+    n = max(2, round(2 * np.pi / task.search.step) + 1)
+    sweep = sweep_of(task, place, np.linspace(-np.pi, np.pi, n))
+    if not sweep.reachable.any():
+        why = "joint limits forbid every angle" if sweep.in_reach.any() else "it is out of reach"
+        said = f"the tool cannot stand at {_list(place)} m at any angle: {why}; move the work or the tool"
+        raise ArgumentError(said, "place")
+    try:
+        poses = arm_poses(task.model, sweep.q, task.tool.tcp)
+        C = translational_compliance(poses.J, task.joint_compliance)
+        found = static_index(C, task.cutter, task.cut, task.feed, up=task.up)
+    except ArgumentError:
+        raise
+    except ValueError as error:
+        raise ArgumentError(str(error), "place") from error
+    static, solution = sweep.least(found)
+    by_angle = np.full((n, 3, 3), np.nan)
+    by_angle[sweep.reachable] = C[solution[sweep.reachable]]
+    branch = np.where(solution >= 0, sweep.branch[solution], -1)
+    dynamics = None
+    if task.dynamics is not None:
+        dynamics = task.dynamics(sweep.angles, sweep.reachable, by_angle, branch, np.array(place))
+    return Place(sweep, by_angle, solution, static, dynamics)
+
+
+def sweep_of(task: Task, place: Any, angles: Any) -> AngleSweep:
+    """All branches over angles [rad]. Raises ArgumentError for a direction without length."""
+    t = task.tool
+    try:
+        return angle_sweep(
+            task.arm, task.limits, place, axis=t.axis, tool=t.tcp, spindle=t.spindle, angles=angles, zero=t.zero
+        )
+    except ValueError as error:
+        raise ArgumentError(str(error), "tool") from error
+
+
+def deflections_of(task: Task, dynamics: Dynamics, *, speed: float | None = None, feed: Any = None) -> Deflection:
+    """Of all angles with dynamics, of the task's speed and feed unless given."""
+    return deflections(
+        dynamics.oscillators, task.cutter, task.cut, task.speed if speed is None else speed,
+        task.feed if feed is None else feed, up=task.up,
+    )  # fmt: skip
+
+
+def replace_oscillators(dynamics: Dynamics, oscillators: Oscillators) -> Dynamics:
+    """The same dynamics with these oscillators in place of the grid's."""
+    return Dynamics(np.arange(len(oscillators)), oscillators, dynamics.at, dynamics.smooth)
+
+
+class Better(NamedTuple):
+    """What the NLP made of a grid angle: angle [rad], spindle speed [1/s], dynamic index [m], whether it converged."""
+
+    angle: float
+    speed: float
+    peak: float
+    converged: bool
+
+
+def refined(task: Task, place: Place, peak: np.ndarray, speed: tuple[float, float] | None = None) -> list[Better]:
+    """The best `search.refine` grid angles after the NLP, which minimises the steady part of the dynamic index.
+
+    speed: least and greatest [1/s] where it is free; then the angle is too, as far as it is reachable without a gap
+    and known. Only angles that some branch reaches are given back. peak (n,): dynamic index on the grid.
+    """
+    dynamics = place.dynamics
+    assert dynamics is not None
+    spectrum = force_spectrum(task.cutter, task.cut, 60 * task.cutter.teeth)
+    world = to_world(np.real(spectrum), task.feed, task.up) + 1j * to_world(np.imag(spectrum), task.feed, task.up)
+    angles, found = place.sweep.angles, []
+    step = 2 * (angles[1] - angles[0])
+    starts: dict[Any, list[Start]] = {}  # one NLP for all starts on the same curve
+    for row in _minima(peak)[: task.search.refine]:
+        try:
+            curve, low, high = dynamics.smooth(row)
+        except ValueError:
+            continue  # an angle that stands alone has nothing to be refined on
+        # the same angle, by whole turns, where the curve is known
+        turned = angles[row] if low <= angles[row] <= high else low + (angles[row] - low) % (2 * np.pi)
+        at = float(np.clip(turned, low, high))
+        ends = (max(low, at - step), min(high, at + step)) if speed is None else (low, high)
+        begin = task.speed if speed is None else float(np.clip(task.speed, *speed))
+        starts.setdefault(curve, []).append(Start(at, *ends, begin))
+    for best in [b for curve, begin in starts.items() for b in refine(curve, world, begin, speed)]:
+        held = sweep_of(task, task.place, [best.angle])
+        if held.reachable[0]:
+            d = deflections(dynamics.at(best.angle), task.cutter, task.cut, best.speed, task.feed, up=task.up)
+            found.append(Better(best.angle, best.speed, float(d.peak[0]), best.converged))
+    return found
+
+
+def _minima(value: np.ndarray) -> list[int]:
+    """Rows of local minima, least first; neighbours without a value count as higher."""
+    padded = np.concatenate([[np.inf], np.where(np.isfinite(value), value, np.inf), [np.inf]])
+    low = np.isfinite(value) & (padded[1:-1] <= padded[:-2]) & (padded[1:-1] <= padded[2:])
+    rows = np.flatnonzero(low)
+    return [int(r) for r in rows[np.argsort(value[rows], kind="stable")]]
+
+
+def _made(make: Callable[[], Any], argument: str) -> Any:
+    try:
+        return make()
+    except ValueError as error:
+        raise ArgumentError(str(error), argument) from error
+
+
+def _six(limits: Sequence[Sequence[float]]) -> Sequence[Sequence[float]]:
+    if len(limits) != 6 or any(len(row) != 2 or row[0] >= row[1] for row in limits):
+        raise ArgumentError("expected six pairs, lower limit before upper", "limits")
+    return limits
+
+
+def _list(numbers: Any) -> str:
+    return ", ".join(f"{x:.4g}" for x in numbers)

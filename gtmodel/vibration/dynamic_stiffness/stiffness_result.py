@@ -1,0 +1,151 @@
+"""What a study of dynamic stiffness returns, and its table."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+import numpy as np
+
+from ...results import Quantity, Row, Study
+from .experiments import Experiment
+from .frequency_modal import ModalFit
+from .oscillator_field import OscillatorField
+from .pose_table import NAMES
+from .synthetic_experiments import NEW_POSES
+
+Array = np.ndarray
+Fits = Sequence[ModalFit | None]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class DynamicStiffnessStudy(Study):
+    """Oscillators by experiment and over the pose. field: m, c and k at any pose; experiments, fits: one by one."""
+
+    poses: Annotated[
+        Array, Quantity("", "x, y, z in m and A in rad of each experiment, in the order of its table")
+    ]  # fmt: skip
+    direction: Annotated[Sequence[str], Quantity("", "x, y or z of each experiment")]
+    mass: Annotated[
+        Array, Quantity("kg", "of the most compliant mode, by experiment; null where no mode was found")
+    ]  # fmt: skip
+    damping: Annotated[Array, Quantity("N.s/m", "likewise", key="damping_N_s_m")]
+    stiffness: Annotated[Array, Quantity("N/m", "likewise")]
+    frequency: Annotated[Array, Quantity("Hz", "undamped natural frequency, likewise")]
+    damping_ratio: Annotated[Array, Quantity("", "likewise")]
+    relative_std: Annotated[
+        Sequence[Sequence[float] | None],
+        Quantity("", "of m, c, k, fn and zeta by experiment, from the noise of its own records"),
+    ]
+    modes: Annotated[Sequence[int], Quantity("", "how many modes were fitted, by experiment")]
+    next_mode: Annotated[
+        Sequence[float | None], Quantity("Hz", "distance to the nearest other mode; null where there is one")
+    ]
+    warnings: Annotated[Sequence[str], Quantity("", "of fits, in words")]
+    scatter: Annotated[
+        float,
+        Quantity("", "standard deviation of a logarithm between experiments at one pose, from the repeatability"),
+    ]
+    repeatability_found: Annotated[
+        float | None,
+        Quantity("", "mean change of m, c and k between experiments at one pose; null where none was repeated"),
+    ] = None
+    noise_of_process: Annotated[
+        Sequence[float] | None,
+        Quantity("", "standard deviation of a logarithm that the processes found, m, c, k of x, y, z in turn"),
+    ] = None
+    lengths: Annotated[
+        Sequence[Any] | None,
+        Quantity(
+            "", "of the processes in units of their scales, x, y, z, A of each direction's m, c, k in turn"
+        ),
+    ] = None  # fmt: skip
+    inflation: Annotated[
+        Sequence[float] | None,
+        Quantity("", "factor on standard deviations, from held-out poses; m, c, k of x, y, z in turn"),
+    ] = None
+    leave_one_out_rms: Annotated[
+        Sequence[float] | None,
+        Quantity("", "errors of logarithms when one pose is left out; m, c, k of x, y, z in turn"),
+    ] = None
+    coverage_leave_one_out: Annotated[
+        float | None, Quantity("", "share of left-out values inside the 95 % intervals before they are widened")
+    ] = None
+    coverage_held_out: Annotated[
+        Sequence[float] | None, Quantity("", "share of held-out values inside, before and after widening")
+    ] = None
+    coverage_of_truth: Annotated[
+        Sequence[float] | None,
+        Quantity("", "share of the true field inside at new poses, before and after; null for measured data"),
+    ] = None
+    lowest: Annotated[
+        Sequence[float] | None,
+        Quantity("Hz", "lowest and highest frequency of the softest direction over the poses"),
+    ] = None
+    printed: Annotated[
+        str | None, Quantity("", "what is said of printed oscillators; null where none are used")
+    ] = None  # fmt: skip
+    synthetic: Annotated[
+        str | None, Quantity("", "seed and noise of made-up records; null for measured ones")
+    ] = None  # fmt: skip
+    field: OscillatorField | None = None
+    experiments: Sequence[Experiment] = ()
+    fits: Fits = ()
+
+    @property
+    def rows(self) -> list[Row]:
+        """The table for people."""
+        rows = _experiment_rows(self.experiments, self.fits)
+        if self.field is not None:
+            rows += self._field_rows()
+        rows += [Row("warning", text) for text in self.warnings[:5]]
+        if len(self.warnings) > 5:
+            rows.append(Row("warnings", f"{len(self.warnings) - 5} more in result.json"))
+        if self.synthetic is not None:
+            rows += [Row("printed oscillators", self.printed), Row("SYNTHETIC", self.synthetic)]
+        return rows
+
+    def _field_rows(self) -> list[Row]:
+        low, high = self.lowest or (np.nan, np.nan)
+        held, truth = self.coverage_held_out or (np.nan, np.nan), self.coverage_of_truth
+        rows = [
+            Row("lowest frequency over the poses", f"{low:.3g} to {high:.3g}", "Hz"),
+            Row("scatter between experiments: stated", f"{self.scatter:.3g} of each logarithm"),
+            Row("scatter: found by the processes", _list(self.noise_of_process)),
+            Row("leave-one-out error, m, c, k of x, y, z", _list(self.leave_one_out_rms)),
+            Row("95 % intervals, values left out: inside", f"{self.coverage_leave_one_out:.1%}"),
+            Row("95 % intervals, values held out: inside", f"{held[0]:.1%}, after widening {held[1]:.1%}"),
+            Row("intervals widened by", _list(self.inflation)),
+        ]
+        if self.repeatability_found is not None:
+            rows.append(Row("repeatability found", f"{self.repeatability_found:.1%}"))
+        if truth is not None:
+            told = f"{truth[0]:.1%}, after widening {truth[1]:.1%}"
+            rows.append(Row(f"true field at {NEW_POSES} new poses: inside", told))
+        return rows
+
+
+def _experiment_rows(experiments: Sequence[Experiment], fits: Fits) -> list[Row]:
+    """Of few experiments each, of many the range by direction."""
+    if len(experiments) <= 12:
+        return [
+            Row(f"{e.source} ({'xyz'[e.direction]})", f"fn {f.fn[0]:.4g} Hz, zeta {f.zeta[0]:.3g}, m {f.m[0]:.4g} kg, "
+                f"c {f.c[0]:.4g} N.s/m, k {f.k[0]:.4g} N/m")
+            for e, f in zip(experiments, fits, strict=True) if f is not None
+        ]  # fmt: skip
+    rows = []
+    for d, name in enumerate("xyz"):
+        own = [f for e, f in zip(experiments, fits, strict=True) if f is not None and e.direction == d]
+        spans = [
+            f"{q} {min(getattr(f, q)[0] for f in own):.3g}..{max(getattr(f, q)[0] for f in own):.3g}" for q in NAMES
+        ]
+        rows.append(Row(f"{len(own)} experiments in {name}", ", ".join(spans)))
+        error = max(f.log_std("k") for f in own)
+        rows.append(Row(f"  largest error of k by noise alone, {name}", f"{error:.2%}"))
+    rows.append(Row("every experiment with its intervals", "poses.csv"))
+    return rows
+
+
+def _list(numbers: Sequence[float] | None) -> str:
+    return ", ".join(f"{x:.3g}" for x in numbers or ())
