@@ -30,12 +30,12 @@ def multisine(
     same velocity amplitude, random phases by `seed`, and the sum stays within `half_range` (k,) of the centre. Over the
     first and last `ramp` seconds it grows and fades with three continuous derivatives.
 
-    Raises ValueError for a ramp that is longer than half of the time.
+    Raises ArgumentError for a ramp that is longer than half of the time.
     """
     time, f = np.asarray(time, dtype=float), np.asarray(frequencies, dtype=float)
     length = float(time[-1] - time[0])
     if not 0 < 2 * ramp <= length:
-        raise ValueError(f"a motion of {length:g} s cannot grow and fade over {ramp:g} s each; take a shorter ramp")
+        raise ArgumentError(f"a motion of {length:g} s cannot grow and fade over {ramp:g} s each; take a shorter ramp")
     rng = np.random.default_rng(seed)
     phases = rng.uniform(0, 2 * np.pi, (len(f), len(centre)))
     # slightly other frequencies on each axis, so that no two axes repeat each other's pattern

@@ -12,7 +12,7 @@ from scipy.signal import lfilter
 from gtmodel.compiler.causal import compile_causal
 from gtmodel.lang import Model, ModelError
 from gtmodel.lang.units import rate_unit
-from gtmodel.results import Status, Trajectory
+from gtmodel.results import ArgumentError, Status, Trajectory
 
 from .tracking import Tracking, smooth_motion
 
@@ -36,7 +36,9 @@ class Sensors:
     def __post_init__(self) -> None:
         sizes = (self.position_step, self.effort_step, *np.atleast_1d(self.effort_noise))
         if min(sizes) < 0 or not 0 <= self.effort_colour < 1:
-            raise ValueError(f"steps and noise must not be negative, and the colour must lie in [0, 1); found {self}")
+            raise ArgumentError(
+                f"steps and noise must not be negative, and the colour must lie in [0, 1); found {self}"
+            )
 
     @property
     def note(self) -> str:
@@ -74,7 +76,7 @@ class LogSimulator:
         reference = np.asarray(reference, dtype=float)
         rows = reference.reshape(len(reference), -1)
         if tracking is not None and not np.isclose(tracking.sample_time, sample_time, rtol=1e-9, atol=0):
-            raise ValueError(
+            raise ArgumentError(
                 f"the tracking was identified at {tracking.sample_time:g} s, the log is to have {sample_time:g} s; "
                 "take the same sample time"
             )

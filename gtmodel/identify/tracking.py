@@ -8,6 +8,8 @@ import numpy as np
 from scipy.interpolate import make_interp_spline
 from scipy.signal import lfilter
 
+from ..results import ArgumentError
+
 Array = np.ndarray
 
 SMOOTH = 5  # degree of the spline through the samples: four continuous derivatives, accelerations without corners
@@ -28,7 +30,7 @@ class Tracking:
 
     def __post_init__(self) -> None:
         if len(self.a) != len(self.b) or self.delay < 0 or not all(abs(a) < 1 for a in self.a):
-            raise ValueError(
+            raise ArgumentError(
                 f"tracking takes as many a, each below 1 in size, as b, and a delay of 0 or more samples; found a = "
                 f"{self.a}, b = {self.b}, delay = {self.delay}"
             )
@@ -37,7 +39,7 @@ class Tracking:
         """Positions (n, axes) of the axes for references (n, axes), at rest before the first row."""
         reference = np.asarray(reference, dtype=float)
         if reference.ndim != 2 or reference.shape[1] != len(self.a):
-            raise ValueError(
+            raise ArgumentError(
                 f"tracking of {len(self.a)} axes takes references (n, {len(self.a)}); found {reference.shape}"
             )
         moved = reference - reference[0]

@@ -44,10 +44,12 @@ class Search(Options):
         float, Unit("rad", written="deg"), Within(above=0.0), "of the angle's grid over 360 degrees"
     ] = math.radians(1.0)  # fmt: skip
     speeds: Annotated[list[float], "spindle speeds [1/s] to compare with the given one"] = field(default_factory=list)
-    feed_directions: Annotated[list[list[float]], "to compare with the given one"] = field(default_factory=list)
-    places: Annotated[list[list[float]], Unit("m"), "of the tool centre point, to compare with the given one"] = field(
+    feed_directions: Annotated[list[list[float]], Long(3), "to compare with the given one"] = field(
         default_factory=list
     )
+    places: Annotated[
+        list[list[float]], Unit("m"), Long(3), "of the tool centre point, to compare with the given one"
+    ] = field(default_factory=list)
     static_choice: Annotated[
         float | None, Unit("rad", written="deg"),
         "angle that a static model chose elsewhere, in print for one, to compare with",

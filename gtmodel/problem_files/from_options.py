@@ -121,6 +121,8 @@ def _hint(hint: Any, marks: tuple[Any, ...]) -> Any:
     if origin in (Union, types.UnionType):
         return Union[tuple(_hint(one, marks) for one in inside)]  # noqa: UP007
     if origin in (list, tuple):
+        if get_origin(inside[0]) in (list, tuple):  # its rows have the length
+            return list[_hint(inside[0], marks)]
         long = next((m for m in marks if isinstance(m, Long)), None)
         listed = list[_hint(inside[0], tuple(m for m in marks if not isinstance(m, Long)))]
         if long is None:

@@ -82,8 +82,10 @@ class Options:
                     if not bound.holds(x):
                         raise ArgumentError(f"must be {bound}; found {x:g}", name)
             for mark in marks:
-                if isinstance(mark, Long) and np.ndim(value) and len(value) != mark.count:
-                    raise ArgumentError(f"expected {mark.count} numbers; found {len(value)}", name)
+                if isinstance(mark, Long) and not isinstance(value, (int, float)):
+                    wrong = [len(x) for x in (value if _deep(type(self))[name] else [value]) if len(x) != mark.count]
+                    if wrong:
+                        raise ArgumentError(f"expected {mark.count} numbers; found {wrong[0]}", name)
 
 
 @cache
@@ -105,6 +107,16 @@ def choices(cls: type) -> dict[str, tuple[str, ...]]:
     """The words that a field takes, empty where it is no word of a few."""
     found = get_type_hints(cls)
     return {f.name: get_args(h) if get_origin(h := found[f.name]) is Literal else () for f in dataclasses.fields(cls)}
+
+
+@cache
+def _deep(cls: type) -> dict[str, bool]:
+    """Whether a field is a list of lists."""
+
+    def depth(hint: Any) -> int:
+        return (get_origin(hint) in (list, tuple)) + max((depth(h) for h in get_args(hint)), default=0)
+
+    return {name: depth(hint) > 1 for name, hint in get_type_hints(cls).items()}
 
 
 def _numbers(value: Any) -> Iterator[float]:

@@ -164,6 +164,7 @@ def test_a_reference_is_no_force(measured) -> None:
         ("two_mass", 'model="impulse"', "physical"),
         ("hammer", 'model="step_response"', "synthetic.hit"),
         ("hammer", "synthetic.hit.damping=[0.1]", "synthetic.hit"),
+        ("step", "synthetic.steps.amplitudes_m=[]", "synthetic.steps"),
         ("table_6_15", "matrices.M_kg=[[1.0]]", "matrices"),
         ("table_6_15", "matrices.published_Hz=[14.0]", "matrices.published_Hz"),
         ("two_mass", "synthetic.structure.coordinate=3", "synthetic.structure.coordinate"),

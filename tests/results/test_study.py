@@ -215,6 +215,23 @@ def test_a_section_is_made_of_options_and_gives_them_back():
 
 
 @dataclass(frozen=True)
+class Places(Options):
+    places: Annotated[list[list[float]], Unit("m"), Long(2), "of it"]
+
+
+def test_the_length_of_a_list_of_lists_is_that_of_its_rows():
+    assert Places([]).places == [] and Places([[0.0, 1.0]] * 3).places
+    with pytest.raises(ArgumentError) as caught:
+        Places([[0.0, 1.0], [0.0]])
+    assert caught.value.argument == "places"
+    made = section_of(Places)
+    assert validate(made, {"places_m": [[0.0, 1.0]] * 3}).options() == Places([[0.0, 1.0]] * 3)
+    with pytest.raises(InputError) as refused:
+        validate(made, {"places_m": [[0.0, 1.0], [0.0]]})
+    assert refused.value.key == "places_m[1]"
+
+
+@dataclass(frozen=True)
 class Scales(Options):
     length: Annotated[float, Unit("m"), "of it"] = 1.0
     angle: Annotated[float, Unit("rad", written="deg", key="scale_deg"), "of it"] = math.pi / 3

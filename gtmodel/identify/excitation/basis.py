@@ -13,6 +13,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.interpolate import BSpline
 
+from ...results import ArgumentError
+
 Array = np.ndarray
 DEGREE = 5  # of the splines: four continuous derivatives, so that forces and their rates are smooth
 AT_REST = 3  # equal control points at an end make velocity and acceleration vanish there
@@ -49,7 +51,7 @@ class FourierSeries:
 
     Rest at the ends asks for sum k b_k = 0 and sum k^2 a_k = 0. The unknowns are x0 and the weights of differences of
     neighbouring harmonics, cos(k w t)/k^2 - cos((k + 1) w t)/(k + 1)^2 and sin(k w t)/k - sin((k + 1) w t)/(k + 1),
-    each of which rests there by itself. Raises ValueError for a period that is not positive or harmonics below 2.
+    each of which rests there by itself. Raises ArgumentError for a period that is not positive or harmonics below 2.
     """
 
     period: float
@@ -58,7 +60,9 @@ class FourierSeries:
     def __post_init__(self) -> None:
         _positive(self.period)
         if self.harmonics < 2:
-            raise ValueError(f"a Fourier series at rest at its ends takes 2 harmonics or more; found {self.harmonics}")
+            raise ArgumentError(
+                f"a Fourier series at rest at its ends takes 2 harmonics or more; found {self.harmonics}"
+            )
 
     @property
     def size(self) -> int:
@@ -92,7 +96,7 @@ class FourierSeries:
 class ClosedSpline:
     """B-spline of degree 5 on `intervals` equal intervals; its first and last three control points are one unknown.
 
-    Raises ValueError for a period that is not positive or fewer than 2 intervals.
+    Raises ArgumentError for a period that is not positive or fewer than 2 intervals.
     """
 
     period: float
@@ -101,7 +105,7 @@ class ClosedSpline:
     def __post_init__(self) -> None:
         _positive(self.period)
         if self.intervals < 2:
-            raise ValueError(f"a spline at rest at its ends takes 2 intervals or more; found {self.intervals}")
+            raise ArgumentError(f"a spline at rest at its ends takes 2 intervals or more; found {self.intervals}")
 
     @property
     def size(self) -> int:
@@ -127,4 +131,4 @@ class ClosedSpline:
 
 def _positive(period: float) -> None:
     if not (np.isfinite(period) and period > 0):
-        raise ValueError(f"the period must be positive and finite; found {period:g} s")
+        raise ArgumentError(f"the period must be positive and finite; found {period:g} s")

@@ -16,7 +16,7 @@ import numpy as np
 from ...optimize.ipopt import Progress, run_ipopt
 from ...optimize.judgement.diagnosis import failure
 from ...optimize.solve import SolverOptions
-from ...results.status import SolveStatus
+from ...results import ArgumentError, SolveStatus
 from .basis import Array, Basis
 from .information import Criterion, cost
 
@@ -42,7 +42,7 @@ class ExcitationTask:
         nominal: (p,) the parameters' nominal values, none zero; columns are scaled by them.
         criterion: "condition", "determinant" or "variance".
 
-    Raises ValueError for shapes that do not fit and for a nominal value of zero.
+    Raises ArgumentError for shapes that do not fit and for a nominal value of zero.
     """
 
     basis: Basis
@@ -56,9 +56,9 @@ class ExcitationTask:
     def __post_init__(self) -> None:
         m, p = self.rows.numel_out(0), self.regressor.size2_out(0)
         if np.shape(self.low) != (m,) or np.shape(self.high) != (m,):
-            raise ValueError(f"there are {m} bounded rows; low and high take as many")
+            raise ArgumentError(f"there are {m} bounded rows; low and high take as many")
         if np.shape(self.nominal) != (p,) or not np.all(np.isfinite(self.nominal)) or np.any(self.nominal == 0):
-            raise ValueError(f"the regressor has {p} columns; nominal takes as many numbers, none of them zero")
+            raise ArgumentError(f"the regressor has {p} columns; nominal takes as many numbers, none of them zero")
 
     @property
     def dimension(self) -> int:

@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from ...results import ArgumentError
 from .basis import Array
 from .optimise import FINER, ExcitationTask
 
@@ -28,7 +29,7 @@ def random_excitations(
     whose place itself breaks a limit are dropped. Same seed, same motions.
 
     centre: (low, high), each (d,). progress: called with the fraction done; True stops, keeping what there is.
-    Raises ValueError where hardly any draw is feasible.
+    Raises ArgumentError where hardly any draw is feasible.
     """
     rng = np.random.default_rng(seed)
     coarse, fine = task.times(), task.times(FINER)
@@ -40,7 +41,7 @@ def random_excitations(
             found.append(_largest(task, place, swing, coarse, fine))
         if len(found) == count or (progress is not None and progress(len(found) / count)):
             return found
-    raise ValueError(
+    raise ArgumentError(
         f"only {len(found)} of {DRAWS_PER_HIT * count} places drawn keep all limits; draw them within a smaller box"
     )
 

@@ -22,7 +22,8 @@ _LINES = {
 
 def arguments(problem: Schema) -> dict[str, str]:
     """Where the study's arguments stand in the file."""
-    return {"model": problem.model, "known": f"synthetic.{KNOWN.get(problem.model, '')}", "records": "measurements"}
+    known = f"synthetic.{KNOWN.get(problem.model, '')}"
+    return {"model": problem.model, "known": known, "records": known if problem.synthetic else "measurements"}
 
 
 def call(problem: Schema, context: Context) -> Call:

@@ -76,7 +76,7 @@ class Synthetic(Options):
         "over which it changes in x, y, z and A, in units of the process's scales; ours",
     ] = field(default_factory=lambda: [2.0, 0.8, 2.0, 0.8])  # fmt: skip
     poses: Annotated[int, Within(least=8, most=1000), "Latin hypercube in the box"] = 60
-    box: Annotated[list[list[float]], Unit("m"), "of x, y, z"] = field(
+    box: Annotated[list[list[float]], Unit("m"), Long(2), "of x, y, z"] = field(
         default_factory=lambda: [[-0.3, 0.9], [-3.1, -2.1], [0.2, 0.4]]
     )
     box_angle: Annotated[list[float], Unit("rad", written="deg", key="box_deg"), Long(2), "of A"] = field(
