@@ -24,7 +24,7 @@ from .search import Search
 END_ERROR_BOUND_M = 5e-3
 FINER = "use more mesh.elements"
 FORCE_TOLERANCE = 1e-9  # relative: the exported force keeps its limit at every instant
-SATURATED = 0.99
+SATURATED = 0.99  # of its limit: a motor is at it
 ROADS_AGREE = 1e-3  # relative: of the final time along a path, by collocation and by squared speeds
 MOST_INTERVALS = 3200
 SECOND_ROAD_INTERVALS = 400  # 5e-7 of the time on a line
@@ -83,7 +83,7 @@ class Found:
     @property
     def saturation(self) -> list[float]:
         """Share of the time in which each motor is at its limit."""
-        tau, weights = _at_points(self.solution)
+        tau, weights = at_points(self.solution)
         limit = self.plan.problem.limits.force
         return (weights @ (np.abs(tau) >= SATURATED * limit) / weights.sum()).tolist()
 
@@ -153,11 +153,11 @@ def short_names(trajectory: Trajectory, title: str) -> Trajectory:
 
 def energy_of(solution: Solution, unit: float) -> float:
     """sum int (F / unit)^2 dt by the quadrature of the collocation points [s]."""
-    tau, weights = _at_points(solution)
+    tau, weights = at_points(solution)
     return float(np.sum(weights[:, None] * (tau / unit) ** 2))
 
 
-def _at_points(solution: Solution) -> tuple[np.ndarray, np.ndarray]:
+def at_points(solution: Solution) -> tuple[np.ndarray, np.ndarray]:
     """Forces at all collocation points and their quadrature weights [s]."""
     mesh = solution.nlp.mesh
     weights = np.outer(mesh.h, mesh.table.weights).reshape(-1) * solution.final_time

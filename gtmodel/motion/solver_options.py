@@ -11,5 +11,5 @@ Barrier = Annotated[
     "how IPOPT lowers its barrier; auto: adaptive, and monotone where that fails",
 ]
 MostElements = Annotated[
-    int, Within(least=1, most=10000), "where a check fails the mesh is refined, to at most so many elements"
+    int, Within(above=0, most=10000), "where a check fails the mesh is refined, to at most so many elements"
 ]

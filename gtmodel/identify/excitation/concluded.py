@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from ...inference import FALSE_ALARM, Coverage, binomial_band
-from ...motion import Limits
 from ...motion.links import link_ends
+from ...motion.options import Limits
 from ...results import SolveStatus, Trajectory, at_most
 from ...results.trajectory_files import TRAJECTORY
 from .basis import FourierSeries

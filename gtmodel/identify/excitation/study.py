@@ -8,7 +8,7 @@ import numpy as np
 
 from ...inference import Coverage, coverage, linear_fit
 from ...lang import Model
-from ...motion import Limits
+from ...motion.options import Limits
 from ...results import ArgumentError, SolveStatus, Work
 from ...results.work import Progress, never, silent
 from .concluded import Asked, Found, concluded

@@ -61,7 +61,7 @@ class AxisCost(Options):
 class AxisMesh(Options):
     """Where the equations are collocated (Radau)."""
 
-    elements: Annotated[int, Within(least=1, most=10000), "number of elements of the horizon"] = 20
+    elements: Annotated[int, Within(above=0, most=10000), "number of elements of the horizon"] = 20
     most_elements: MostElements = 80
     points: Annotated[int, Within(least=1, most=9), "collocation points per element"] = 3
     control: Annotated[
@@ -76,7 +76,7 @@ class AxisSolver(Options):
     """When the solver stops."""
 
     tolerance: Annotated[float, Within(above=0.0), "on the scaled optimality conditions"] = 1e-8
-    max_iterations: Annotated[int, Within(least=1), "limit of iterations, of all attempts together"] = 300
+    max_iterations: Annotated[int, Within(above=0), "limit of iterations, of all attempts together"] = 300
     barrier: Barrier = "auto"
     formulation: Annotated[
         Literal["torn", "dae"],

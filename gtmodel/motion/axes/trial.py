@@ -18,13 +18,13 @@ from ...results import Check, SolveStatus, Status, Trajectory, Work, at_most
 from ...results.quantity import converted
 from ...results.trajectory_files import TRAJECTORY
 from ..finer_mesh import how
+from ..found import SATURATED, at_points
 from ..guard import MARGIN_TOLERANCE, clearances
 from .free_run import free_run
 from .plan import AxisPlan
 from .planning import LINKS
 from .result import AxisStudy
 
-SATURATED = 0.99
 MENDED = ("peak_share", "end_error_m", "end_error_deg", "excess", "roads_apart")  # by a finer mesh
 ROADS_AGREE = 0.02  # relative: of the final time along a path; accelerations linear on 20 elements cannot jump
 # forces are bounded at collocation points and are no polynomials: between the points they pass by less than that
@@ -127,9 +127,7 @@ def _placed(plan: AxisPlan, run: Trajectory) -> tuple[Trajectory | None, float]:
 
 def _energy(plan: AxisPlan, solution: Solution) -> float:
     """By the quadrature of the collocation points [s]."""
-    mesh = solution.nlp.mesh
-    weights = np.outer(mesh.h, mesh.table.weights).reshape(-1) * solution.final_time
-    tau = solution.trajectory["robot.tau"][1 : 1 + len(weights)]
+    tau, weights = at_points(solution)
     return float(weights @ np.sum((tau / plan.motors) ** 2, axis=1))
 
 

@@ -47,7 +47,7 @@ class Cost(Options):
 class Mesh(Options):
     """Where the equations are collocated."""
 
-    elements: Annotated[int, Within(least=1, most=MOST_ELEMENTS), "of the horizon, three points each"] = 40
+    elements: Annotated[int, Within(above=0, most=MOST_ELEMENTS), "of the horizon, three points each"] = 40
     most_elements: MostElements = 160
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ...compiler.causal import CausalFunction, compile_causal
-from ...control import zero_vibration, zero_vibration_derivative
+from ...control.input_shaping import zero_vibration, zero_vibration_derivative
 from ...lang import Model, Optimization
 from ...optimize import Mesh as CollocationMesh
 from ...optimize import Solution, SolverOptions, resimulate

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ...control import residual_vibration
+from ...control.input_shaping import residual_vibration
 from ...optimize import Solution
 from ...results import ArgumentError, Trajectory
 from .options import Tool
