@@ -64,6 +64,14 @@ def test_no_library_needs_matplotlib_before_a_picture(name):
             assert part_of(module) != "plot", f"{path}:{line}: import the picture where it is drawn"
 
 
+@pytest.mark.parametrize("name", LIBRARIES)
+def test_no_arrow_goes_up(name):
+    for path in sorted((HOUSE / name).rglob("*.py")):
+        for module, line in imports(path, nested=False):
+            above = LEVEL.get(part_of(module), 0)
+            assert above <= LEVEL[name], f"{path}:{line} imports {module}, which stands above {name}"
+
+
 def test_robots_are_not_compared_by_name_outside_robots():
     for path in sorted(HOUSE.rglob("*.py")):
         if "robots" in path.relative_to(HOUSE).parts:

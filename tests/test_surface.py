@@ -33,6 +33,11 @@ def test_libraries_are_listed_and_imported_when_first_used() -> None:
     )
 
 
+@pytest.mark.parametrize("name", ["control", "identify", "motion"])  # their folders lean on each other
+def test_any_library_may_be_imported_first(name: str) -> None:
+    run(f"import gtmodel.{name}")
+
+
 def test_every_listed_name_is_there() -> None:
     for name in gt.__all__:
         assert getattr(gt, name) is not None

@@ -19,9 +19,9 @@ import casadi as ca
 import numpy as np
 
 from gtmodel.compiler.causal import CausalFunction, compile_causal
-from gtmodel.identify.tracking import smooth_motion
 from gtmodel.lang import Model, ModelError
 from gtmodel.lang.units import si_unit
+from gtmodel.measurements import smooth_motion
 from gtmodel.results import Status, Trajectory, TrajectoryError
 
 Array = np.ndarray

@@ -12,9 +12,10 @@ from scipy.signal import lfilter
 from gtmodel.compiler.causal import compile_causal
 from gtmodel.lang import Model, ModelError
 from gtmodel.lang.units import rate_unit
+from gtmodel.measurements import smooth_motion
 from gtmodel.results import ArgumentError, Status, Trajectory
 
-from .tracking import Tracking, smooth_motion
+from .tracking import Tracking
 
 Array = np.ndarray
 

@@ -5,14 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import make_interp_spline
 from scipy.signal import lfilter
 
 from ..results import ArgumentError
 
 Array = np.ndarray
-
-SMOOTH = 5  # degree of the spline through the samples: four continuous derivatives, accelerations without corners
 
 
 @dataclass(frozen=True)
@@ -46,10 +43,3 @@ class Tracking:
         late = np.vstack([np.zeros((self.delay, len(self.a))), moved])[: len(moved)]
         columns = [lfilter([b], [1.0, -a], late[:, k]) for k, (a, b) in enumerate(zip(self.a, self.b, strict=True))]
         return np.stack(columns, axis=1) + reference[0]
-
-
-def smooth_motion(time: Array, position: Array) -> tuple[Array, Array, Array]:
-    """Position, velocity and acceleration at `time` of the smooth curve through the samples (n, axes): what a
-    simulated motion is taken to be between them."""
-    spline = make_interp_spline(time, position, k=SMOOTH)
-    return position, spline.derivative(1)(time), spline.derivative(2)(time)

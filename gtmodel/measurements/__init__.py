@@ -25,6 +25,7 @@ Filters
     derivative        central differences, of order two
     second_derivative the same twice, on three rows
     motion            position, velocity and acceleration from measured positions
+    smooth_motion     the same from the smooth curve through exact samples
     decimate          every n-th row
     position_noise    standard deviation of white noise on a smooth motion
     moving            where a velocity is far from zero, and the share dropped
@@ -45,6 +46,7 @@ from .filters import (
 )
 from .log import Column, LogError, Session, read_log, session_of
 from .signals import ESTIMATE, Corrections, Signal, offset_columns, read_signals
+from .smooth import smooth_motion
 
 __all__ = [
     "ESTIMATE",
@@ -70,4 +72,5 @@ __all__ = [
     "read_signals",
     "second_derivative",
     "session_of",
+    "smooth_motion",
 ]
