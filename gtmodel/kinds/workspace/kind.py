@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gtmodel.kinematics.workspace import WorkspaceStudy, workspace_study
-from gtmodel.kinematics.workspace.reached import task_of
+from gtmodel.kinematics.workspace.limited import task_of
 from gtmodel.problem_files.base import Context, InputError
 from gtmodel.problem_files.call import Call
 from gtmodel.problem_files.sentences import listed

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from ...lang import Model
 from ...results import ArgumentError
 from ..mechanism import Mechanism, mechanism_of
+from ..section import CrossSection, Section
 from .clearance import FrameClearance, LinkClearance, Obstacles
 from .limits import ActuatorLimits, BallJointCones, CartesianBox, Limit, Singularities
 from .options import Beam, Bodies, Box, Limits
+from .reach import Reach
 
 Array = np.ndarray
+MOST_POINTS = 2.5e7  # of a section, some 500 MB
 LONGEST_STROKE = 100.0  # in link lengths; a longer one was given in millimetres
 
 
@@ -95,3 +99,43 @@ def refuse_disordered(low: Array, high: Array, argument: str) -> None:
     """Raises ArgumentError unless every lower limit is less than its upper one."""
     if np.any(low >= high):
         raise ArgumentError("every lower limit must be less than its upper one", argument)
+
+
+@dataclass(frozen=True)
+class Task:
+    """What is looked at: the robot, its tests, and the part low <= (u, v) <= high [m] of the section."""
+
+    robot: Mechanism
+    reach: Reach
+    section: Section
+    low: Array
+    high: Array
+
+
+def task_of(
+    robot: Model,
+    limits: Limits,
+    home: Sequence[float] | None,
+    section: CrossSection,
+    bodies: Bodies,
+    obstacles: Sequence[Box],
+    beams: Sequence[Beam],
+) -> Task:
+    """The section is what all links can reach at most, unless it is given. Raises ArgumentError."""
+    found = limited_mechanism(robot, home, bodies)
+    reach = Reach(found.inverse, limits_of(limits, bodies, obstacles, beams, found))
+    plane = found.section(section.along)
+    low, high = found.farthest(plane.pierced(found.anchors, found.directions))
+    low = low if section.low is None else np.array(section.low)
+    high = high if section.high is None else np.array(section.high)
+    refuse_disordered(low, high, "section.high")
+    if np.any(high - low <= section.step):
+        raise ArgumentError(
+            f"the section is {high[0] - low[0]:.4g} m by {high[1] - low[1]:.4g} m, so that no point lies within it; "
+            f"take a step below {np.min(high - low):.3g} m",
+            "section.step",
+        )
+    size = np.prod((high - low) / section.step)
+    if size > MOST_POINTS:
+        raise ArgumentError(f"the grid would have {size:.1e} points; take a larger step", "section.step")
+    return Task(found, reach, plane, low, high)

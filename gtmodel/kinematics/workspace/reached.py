@@ -13,9 +13,9 @@ from ...lang import Model
 from ...results import ArgumentError, Check, SolveStatus, Work, at_most
 from ...results.tables import csv_text
 from ...results.work import Progress, never, silent
-from ..mechanism import Mechanism, home_figure
-from ..section import CrossSection, Section
-from .limited import limited_mechanism, limits_of, refuse_disordered
+from ..mechanism import home_figure
+from ..section import CrossSection
+from .limited import Task, task_of
 from .limits import BallJointCones
 from .options import DEGREE, Beam, Bodies, Box, Limits, Sections
 from .reach import REACHABLE, Reach
@@ -29,7 +29,6 @@ CONVERGENCE = 0.01
 FINER = "use a smaller section.step_m"
 # relative: the same polygons by cells and by loops
 POLYGONS = 1e-9
-MOST_POINTS = 2.5e7  # of a section, some 500 MB
 FEW = 10  # steps across the section; a section not reached at so few points may be reached between them
 
 
@@ -94,46 +93,6 @@ def workspace_study(
             **({} if bare is None else _sizes(bare, "kinematic_")),
         )  # fmt: skip
     return _concluded(title, task, limits, points, main, bare, cones, coarse, volume, solid)
-
-
-@dataclass(frozen=True)
-class Task:
-    """What is looked at: the robot, its tests, and the part low <= (u, v) <= high [m] of the section."""
-
-    robot: Mechanism
-    reach: Reach
-    section: Section
-    low: Array
-    high: Array
-
-
-def task_of(
-    robot: Model,
-    limits: Limits,
-    home: Sequence[float] | None,
-    section: CrossSection,
-    bodies: Bodies,
-    obstacles: Sequence[Box],
-    beams: Sequence[Beam],
-) -> Task:
-    """The section is what all links can reach at most, unless it is given. Raises ArgumentError."""
-    found = limited_mechanism(robot, home, bodies)
-    reach = Reach(found.inverse, limits_of(limits, bodies, obstacles, beams, found))
-    plane = found.section(section.along)
-    low, high = found.farthest(plane.pierced(found.anchors, found.directions))
-    low = low if section.low is None else np.array(section.low)
-    high = high if section.high is None else np.array(section.high)
-    refuse_disordered(low, high, "section.high")
-    if np.any(high - low <= section.step):
-        raise ArgumentError(
-            f"the section is {high[0] - low[0]:.4g} m by {high[1] - low[1]:.4g} m, so that no point lies within it; "
-            f"take a step below {np.min(high - low):.3g} m",
-            "section.step",
-        )
-    size = np.prod((high - low) / section.step)
-    if size > MOST_POINTS:
-        raise ArgumentError(f"the grid would have {size:.1e} points; take a larger step", "section.step")
-    return Task(found, reach, plane, low, high)
 
 
 def _refuse_range(volume: Sections) -> None:
