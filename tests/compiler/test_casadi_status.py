@@ -8,7 +8,6 @@ import pytest
 import gtmodel as gt
 from gtmodel import Status
 from gtmodel.compiler.causal import CausalFunction
-from gtmodel.identify.regressor import Regressor
 
 SAME = 1e-9
 
@@ -83,22 +82,3 @@ def test_no_solution_another_turn_away():
     assert np.all(said[:19] == Status.OK) and difference < SAME
     assert np.all(said[20:23] == Status.NOT_CONVERGED) and said[23] == Status.NOT_FINITE
     assert not np.any((said == Status.OK) & (called != Status.OK))
-
-
-def test_regressors_say_it_too():
-    class Pushed(gt.Model):
-        m = gt.parameter(2.0)
-        x = gt.variable(start=0.4)
-        y = gt.variable(start=0.7)
-        F = gt.variable()
-
-        def equations(self):
-            yield self.x**2 + self.y**2 == 0.65
-            yield self.m * gt.der(self.y, 2) == self.F
-            yield gt.branch("up", self.y)
-
-    regressor = Regressor(Pushed(), ["m"], known="x", targets="F")
-    assert regressor.casadi.name_out() == ["Y", "y0", "status"]
-    for x, code in ((0.4, Status.OK), (0.9, Status.OUT_OF_RANGE), (np.nan, Status.NOT_FINITE)):
-        assert int(regressor.casadi(x, 0.1, 0.2)[2]) == code
-        assert int(regressor([x], [0.1], [0.2]).status[0]) == code

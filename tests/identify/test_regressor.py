@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import gtmodel as gt
-from gtmodel import der
+from gtmodel import Status, der
 from gtmodel.identify import Regressor
 from gtmodel.inference import identifiability
 from tests.support.strategies import columns, random_states
@@ -171,3 +171,22 @@ def test_wrong_rows():
         regressor(np.zeros((4, 3)))
     with pytest.raises(TypeError, match=r"'der\(q\)' takes shape \(n, 3\)"):
         regressor(np.zeros((4, 3)), np.zeros((5, 3)), np.zeros((4, 3)))
+
+
+def test_the_casadi_function_says_its_status_too():
+    class Pushed(gt.Model):
+        m = gt.parameter(2.0)
+        x = gt.variable(start=0.4)
+        y = gt.variable(start=0.7)
+        F = gt.variable()
+
+        def equations(self):
+            yield self.x**2 + self.y**2 == 0.65
+            yield self.m * gt.der(self.y, 2) == self.F
+            yield gt.branch("up", self.y)
+
+    regressor = Regressor(Pushed(), ["m"], known="x", targets="F")
+    assert regressor.casadi.name_out() == ["Y", "y0", "status"]
+    for x, code in ((0.4, Status.OK), (0.9, Status.OUT_OF_RANGE), (np.nan, Status.NOT_FINITE)):
+        assert int(regressor.casadi(x, 0.1, 0.2)[2]) == code
+        assert int(regressor([x], [0.1], [0.2]).status[0]) == code

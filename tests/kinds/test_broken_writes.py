@@ -104,16 +104,18 @@ def test_two_runs_into_one_folder_do_not_mix(tmp_path: Path, monkeypatch: pytest
     first, second = (load("swing.toml", [f"mesh.elements={n}"]) for n in (3, 4))
     said: list[str] = []
 
-    class Meanwhile:
-        @staticmethod
-        def solve(problem: Any, context: Any) -> Any:
-            with pytest.raises(InputError) as refused:
-                solve(second, context_of(second), out=tmp_path / "out")
-            said.append(str(refused.value))
-            return first.kind.solve(problem, context)
+    study = optimization.optimization_study
 
-    both = type(first)(first.path, first.content, first.settings, Meanwhile(), first.problem, False)  # type: ignore[arg-type]
-    solve(both, context_of(first), out=tmp_path / "out")
+    def meanwhile(*arguments: Any, **options: Any) -> Any:
+        monkeypatch.undo()
+        monkeypatch.chdir(tmp_path)
+        with pytest.raises(InputError) as refused:
+            solve(second, context_of(second), out=tmp_path / "out")
+        said.append(str(refused.value))
+        return study(*arguments, **options)
+
+    monkeypatch.setattr(optimization, "optimization_study", meanwhile)
+    solve(first, context_of(first), out=tmp_path / "out")
     assert "another run of gtmodel" in said[0]
     stored = json.loads((tmp_path / "out" / "result.json").read_text())
     assert len(stored["trajectory"]["time_s"]) and not (tmp_path / "out" / ".gtmodel-writing").exists()
