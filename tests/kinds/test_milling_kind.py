@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from gtmodel.milling import PathOffset, study
-from gtmodel.problem_files import Context, InputError
+from gtmodel.problem_files import Context
 from gtmodel.problem_files.load import load
 from gtmodel.problem_files.run import answer, explain
 from gtmodel.results import SolveStatus
@@ -18,6 +18,7 @@ from gtmodel.robots import kr500, kr500_tables
 from gtmodel.vibration import fit_oscillator_field, oscillator_text
 from tests.milling.shipped import GIVEN, PRINTED_CHOICE, RPM
 from tests.milling.thesis import CUT, CUTTER, OSCILLATORS
+from tests.support.refusals import key_of_refusal
 
 PROBLEM = "problems/milling_pose.toml"
 # only the shipped problem does all; the others leave out what they do not ask for
@@ -26,12 +27,6 @@ BARE = ("printed_tests=false", "search.speeds_rpm=[]", "search.feed_directions=[
 
 def solved(*changes: str, context: Context | None = None):
     return answer(load(PROBLEM, list(changes)), context or Context())
-
-
-def refused(key: str, run) -> None:
-    with pytest.raises(InputError) as caught:
-        run()
-    assert caught.value.key == key and caught.value.sentence
 
 
 def test_the_shipped_problem_gives_what_the_call_gives() -> None:
@@ -74,13 +69,13 @@ def test_a_field_in_a_file_is_read_beside_the_problem(tmp_path) -> None:
     assert found.dynamics == "Gaussian processes over the pose, field.toml; synthetic: six poses"
     assert inputs == {"oscillator_field": tmp_path / "field.toml"}
     (tmp_path / "field.toml").unlink()
-    refused("oscillator_field", lambda: written(tmp_path, line))
+    assert key_of_refusal(lambda: written(tmp_path, line)) == "oscillator_field"
 
 
 def test_dynamics_from_masses_and_rows(tmp_path) -> None:
     modal = "[modal]\nmass_kg = [170.0, 100.0, 280.0]\ndamping_ratio = [0.09, 0.1, 0.09]\n"
     assert "not a measurement" in written(tmp_path, modal)[0].dynamics
-    refused("oscillator[1]", lambda: written(tmp_path, ROWS))
+    assert key_of_refusal(lambda: written(tmp_path, ROWS)) == "oscillator[1]"
 
 
 @pytest.mark.parametrize(
@@ -112,7 +107,7 @@ def test_dynamics_from_masses_and_rows(tmp_path) -> None:
     ],
 )
 def test_wrong_inputs_name_their_key(change, key) -> None:
-    refused(key, lambda: solved(*BARE, change))
+    assert key_of_refusal(lambda: solved(*BARE, change)) == key
 
 
 def test_explain_and_time_limit() -> None:

@@ -119,7 +119,7 @@ def test_what_is_no_inertia(I, words):
 
 @pytest.mark.parametrize("I", [np.zeros((3, 3)), np.diag([0.0, 0.2, 0.2]), np.diag([0.0, 0.0, 0.05])])
 def test_points_rods_and_planar_bodies_are_bodies(I):
-    mechanics.RigidBody(m=1.0, I=I)
+    np.testing.assert_array_equal(mechanics.RigidBody(m=1.0, I=I).I, I)
 
 
 def test_inertias_of_drawn_bodies_are_taken_and_those_with_a_negative_moment_are_not():
@@ -127,7 +127,7 @@ def test_inertias_of_drawn_bodies_are_taken_and_those_with_a_negative_moment_are
     for _ in range(50):
         r, m = rng.normal(size=(5, 3)), rng.uniform(0.1, 1.0, 5)
         I = sum(mk * (rk @ rk * np.eye(3) - np.outer(rk, rk)) for rk, mk in zip(r, m, strict=True))
-        mechanics.RigidBody(m=1.0, I=I)
+        np.testing.assert_array_equal(mechanics.RigidBody(m=1.0, I=I).I, I)
         moments, axes = np.linalg.eigh(I)
         moments[0] = -0.01 * moments[2]
         with pytest.raises(gt.ModelError, match="with the eigenvalue"):

@@ -16,11 +16,12 @@ from gtmodel.milling import (
     Search,
     study,
 )  # fmt: skip
-from gtmodel.results import ArgumentError, SolveStatus
+from gtmodel.results import SolveStatus
 from gtmodel.robots import kr500_limits, kr500_tables
 from gtmodel.vibration import fit_oscillator_field
 from tests.milling.shipped import ANGLES, GIVEN, MEASURED, PRINTED_CHOICE, RPM, TOOL
 from tests.milling.thesis import CUT, CUTTER, OSCILLATORS, K
+from tests.support.refusals import argument_of_refusal
 
 COARSE = Search(refine=0, step=np.radians(4.0))
 
@@ -114,7 +115,7 @@ def test_a_field_over_the_poses_says_that_it_is_synthetic(kr500, field) -> None:
 
 def test_nothing_is_answered_where_a_field_knows_little_more_than_the_mean_of_its_poses(kr500, field) -> None:
     away = [1.8, 1.0, 0.5]
-    refused("dynamics", lambda: milled(kr500, dynamics=field, place=away, search=COARSE))
+    assert argument_of_refusal(lambda: milled(kr500, dynamics=field, place=away, search=COARSE)) == "dynamics"
     beside = milled(kr500, dynamics=field, search=replace(COARSE, places=[away])).combinations
     assert "too far from the poses" in beside[1]["reason"] and "index_mm" in beside[0]
 
@@ -124,13 +125,6 @@ def test_places_that_cannot_be_reached_say_why(kr500) -> None:
     found = milled(kr500, search=replace(COARSE, places=places)).combinations
     assert [("index_mm" in c) for c in found] == [True, True, False]
     assert "it is out of reach" in found[2]["reason"]
-
-
-def refused(argument: str, run) -> str:
-    with pytest.raises(ArgumentError) as caught:
-        run()
-    assert caught.value.argument == argument
-    return caught.value.sentence
 
 
 @pytest.mark.parametrize(
@@ -160,13 +154,13 @@ def refused(argument: str, run) -> str:
     ],
 )
 def test_what_cannot_be_used_is_named(kr500, changes, argument) -> None:
-    assert refused(argument, lambda: milled(kr500, **changes))
+    assert argument_of_refusal(lambda: milled(kr500, **changes)) == argument
 
 
 def test_a_robot_that_is_no_arm_is_named() -> None:
     l1 = gt.robots.gantry_tau("l1_tape")
-    refused("limits", lambda: milled(l1))
-    refused("robot", lambda: milled(l1, limits=kr500_limits()))
+    assert argument_of_refusal(lambda: milled(l1)) == "limits"
+    assert argument_of_refusal(lambda: milled(l1, limits=kr500_limits())) == "robot"
 
 
 def test_stopped_it_keeps_what_stiffness_tells(kr500) -> None:
