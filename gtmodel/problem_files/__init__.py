@@ -1,6 +1,6 @@
 """Problems in TOML files: loading, keys, sentences, settings, running, schema, listing."""
 
-from .base import Check, Context, InputError, Kind, Outcome, Problem, Section
+from .base import Check, Context, InputError, Kind, Problem, Section
 from .registry import get, names
 
-__all__ = ["Check", "Context", "InputError", "Kind", "Outcome", "Problem", "Section", "get", "names"]
+__all__ = ["Check", "Context", "InputError", "Kind", "Problem", "Section", "get", "names"]

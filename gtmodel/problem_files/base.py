@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
 import pydantic
 
-from gtmodel.results import Check, Row, Study, Trajectory, at_least, at_most
+from gtmodel.results import Check, Row, Study, Trajectory, Work, at_least, at_most
 from gtmodel.results.marks import is_marked
 from gtmodel.results.trajectory_files import TRAJECTORY
 from gtmodel.results.work import Progress, silent
@@ -18,7 +18,7 @@ from gtmodel.results.work import Progress, silent
 from .call import Call
 
 __all__ = [
-    "TRAJECTORY", "Calling", "Check", "Context", "Generating", "InputError", "Kind", "Outcome", "Problem", "Progress",
+    "TRAJECTORY", "Check", "Context", "Generating", "InputError", "Kind", "Problem", "Progress",
     "Row", "Section", "at_least", "at_most", "silent", "unheard",
 ]  # fmt: skip
 
@@ -61,32 +61,6 @@ class Problem(Section):
         return title
 
 
-class Outcome(Study):
-    """What solving a problem of a kind gives back whose study is no library call yet: a `Study` with
-
-    values: numbers, lists and texts by name, as the kind's VALUES announces them; NaN becomes null.
-    rows: the table for people; made from `values` when empty. A plain tuple (label, value, unit) will do.
-    """
-
-    def __init__(self, *, values: Mapping[str, Any] | None = None, rows: Sequence[Any] = (), **known: Any) -> None:
-        super().__init__(**known)
-        object.__setattr__(self, "_values", {} if values is None else values)
-        object.__setattr__(self, "_rows", list(rows))
-
-    def with_(self, **changes: Any) -> Outcome:
-        """The same outcome with other attributes."""
-        own = {"values": "_values", "rows": "_rows"}
-        return super().with_(**{own.get(name, name): value for name, value in changes.items()})
-
-    @property
-    def values(self) -> Mapping[str, Any]:
-        return self._values  # pyright: ignore[reportAttributeAccessIssue]
-
-    @property
-    def rows(self) -> list[Any]:
-        return self._rows  # pyright: ignore[reportAttributeAccessIssue]
-
-
 def unheard(sentence: str) -> None:
     """Tells nobody."""
 
@@ -124,13 +98,16 @@ class Context:
         """Ask the running solve to end with its best iterate, as Ctrl-C does."""
         self.stop_requested = True
 
+    def clock(self) -> Work:
+        """Progress and end of the run."""
+        return Work(
+            progress=self.progress, max_seconds=self.max_seconds, stop=lambda: self.stop_requested, began=self.began
+        )
+
     def work(self) -> dict[str, Any]:
         """What every study takes of it: progress, max_seconds, stop."""
-        return {
-            "progress": self.progress,
-            "max_seconds": self.seconds_left(),
-            "stop": lambda: self.stop_requested,
-        }
+        clock = self.clock()
+        return {"progress": clock.progress, "max_seconds": clock.seconds_left(), "stop": clock.stop}
 
     def note(self, sentence: str) -> None:
         """Tell a person one sentence that stays in the result; said again it is not heard."""
@@ -152,13 +129,7 @@ class Context:
 
     def interrupted(self) -> bool:
         """True once a stop was requested or the time is over; engines ask once per iteration."""
-        return self.stop_requested or self.seconds_left() == 0.0
-
-    def seconds_left(self) -> float | None:
-        """Time left [s], never negative; None without a limit."""
-        if self.max_seconds is None:
-            return None
-        return max(0.0, self.max_seconds - (time.monotonic() - self.began))
+        return self.clock().interrupted()
 
     def guess(self) -> Trajectory | None:
         """The trajectory of the earlier result, to start from; None without one."""
@@ -167,17 +138,7 @@ class Context:
 
 
 class Kind(Protocol):
-    """What a module of this package offers; see `gtmodel.kinds`."""
-
-    NAME: str
-    Schema: type[Problem]
-
-    def solve(self, problem: Any, context: Context) -> Study: ...
-
-
-@runtime_checkable
-class Calling(Protocol):
-    """What a kind offers whose study is a library call."""
+    """What the module kind.py of a kind offers; see `registry`."""
 
     NAME: str
     RESULT: type[Study]

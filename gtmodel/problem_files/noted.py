@@ -5,7 +5,7 @@ from __future__ import annotations
 from gtmodel.compiler.causal import notes_of
 from gtmodel.results import Study
 
-from .base import Check, Context, InputError, Outcome, Row, at_most
+from .base import Check, Context, InputError, at_most
 
 NOTES = "notes"  # in `values`; a kind may have notes of its own there
 NOT_TO_BE_USED = "inputs_not_to_be_used"
@@ -24,11 +24,7 @@ def noted(outcome: Study, context: Context) -> Study:
         return outcome
     own = list(outcome.values.get(NOTES) or [])
     new = [sentence for sentence in context.notes if sentence not in own]
-    if isinstance(outcome, Outcome):
-        rows = outcome.rows and [*outcome.rows, *(Row("note", sentence) for sentence in new)]
-        outcome = outcome.with_(values={**outcome.values, NOTES: [*own, *new]}, rows=rows)
-    else:
-        outcome = outcome.with_(notes=[*outcome.notes, *new])
+    outcome = outcome.with_(notes=[*outcome.notes, *new])
     return checked(outcome, context) if outcome.machine_files else outcome
 
 

@@ -1,15 +1,14 @@
-"""Problem kinds: the only place where robots and engines meet. One module per kind, or a package with
-keys.py (keys of the file -> options of the study) and kind.py (keys -> study).
+"""Problem kinds: the only place where robots and engines meet. A package per kind, with
+keys.py (keys of the file -> options of the study) and kind.py (keys -> call of the study).
 
-A kind is a module with
+kind.py holds
 
     NAME      its name in a problem file, ``kind = "..."``
     Schema    a `Problem` subclass: every key of the file, described, its unit in its name
-    RESULT    the class of its study, whose quantities ``values`` will hold; VALUES, name -> description, where there is
-              none yet
+    RESULT    the class of its study, whose quantities ``values`` will hold
     ARGUMENTS where the study's arguments stand in the file, if not under their own names: "map" -> "section";
               a function `arguments` (problem) where that depends on the problem
-    solve     (problem, context) -> Study
+    call      (problem, context) -> Call
     explain   optional: (problem, context) -> str
 
 `names` lists the kinds with one line each, `get` imports one; nothing else is imported before it is needed.
@@ -57,7 +56,5 @@ def get(name: str) -> Kind:
         close = difflib.get_close_matches(name, _KINDS, n=1)
         hint = f"did you mean '{close[0]}'?" if close else f"there are {', '.join(_KINDS)}"
         raise InputError(f"there is no kind '{name}'; {hint}")
-    found = import_module(f"gtmodel.kinds.{name}")
-    if hasattr(found, "__path__"):
-        found = import_module(f"gtmodel.kinds.{name}.kind")
-    return found  # type: ignore[return-value]  # a module that is a Kind
+    # a module that is a Kind
+    return import_module(f"gtmodel.kinds.{name}.kind")  # type: ignore[return-value]

@@ -15,7 +15,7 @@ from gtmodel.results.written import for_machines
 from . import output
 from . import start as earlier
 from .arguments import key_of
-from .base import Calling, Context, Generating, InputError
+from .base import Context, Generating, InputError
 from .call import Call
 from .load import Loaded, load
 from .noted import noted
@@ -52,16 +52,12 @@ def answer(loaded: Loaded, context: Context) -> Study:
     if isinstance(loaded.kind, Generating):
         raise InputError("generates code and solves nothing; use gtmodel codegen PROBLEM.toml -o DIR", "kind")
     with keyed(loaded):
-        if isinstance(loaded.kind, Calling):
-            return loaded.kind.call(loaded.problem, context)(**context.work())
-        return loaded.kind.solve(loaded.problem, context)
+        return loaded.kind.call(loaded.problem, context)(**context.work())
 
 
 def call_of(path: str | Path, settings: Iterable[str] = ()) -> Call:
-    """The call that a problem file means. Raises InputError, also for a kind whose study is no library call yet."""
+    """The call that a problem file means. Raises InputError."""
     loaded = load(path, settings)
-    if not isinstance(loaded.kind, Calling):
-        raise InputError(f"the study of kind '{loaded.problem.kind}' is no library call yet", "kind", str(path))
     with keyed(loaded):
         return loaded.kind.call(loaded.problem, context_of(loaded))
 

@@ -27,8 +27,6 @@ def document(kind: str) -> dict[str, Any]:
 
 def values(kind: str) -> dict[str, dict[str, str]]:
     """Name -> unit and description of what `values` will hold."""
-    found = get(kind)
-    result = getattr(found, "RESULT", None)
-    texts = dict(described(result) if result is not None else found.VALUES)  # pyright: ignore[reportAttributeAccessIssue]
+    texts = dict(described(get(kind).RESULT))
     texts.setdefault(NOTES, DESCRIPTION)
     return {name: {"unit": unit_of(name), "description": inspect.cleandoc(text)} for name, text in texts.items()}

@@ -15,15 +15,15 @@ import pytest
 from matplotlib.figure import Figure
 from matplotlib.image import imread
 
-import gtmodel.problem_files as kinds
+import gtmodel as gtmodel_package
 from gtmodel.problem_files import run
-from gtmodel.problem_files.base import Context, Outcome, at_most
+from gtmodel.problem_files.base import Context, at_most
 from gtmodel.problem_files.load import load
-from gtmodel.results import SolveStatus, written
+from gtmodel.results import SolveStatus, Study, written
 from gtmodel.results.marks import marked
 from tests.support.commands import Commands
 
-SOURCES = sorted(Path(kinds.__file__).parent.glob("*.py"))
+SOURCES = sorted(Path(gtmodel_package.__file__).parent.rglob("*.py"))
 SAID = "says in its first line that it is not to be used"
 ROBOT = """family = "three_link"
 A_m = [[0.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, -0.5, 0.9]]
@@ -112,14 +112,16 @@ def test_the_mark_goes_on_to_what_rests_on_it(tmp_path: Path, write_failed: bool
     """A motion planned with a robot that is not to be used must not be driven either."""
     _folder(tmp_path, "robot.toml")
 
-    def solved(problem: Any, context: Context) -> Outcome:
+    def solved(problem: Any, context: Context) -> Study:
         context.take("robot", tmp_path / "robot.toml")
         checks = {"error_mm": at_most(1.0, 2.0)}
-        return Outcome(
+        return Study(
             status=SolveStatus.SOLVED, checks=checks, files={"motion.mod": "MODULE A\n"}, machine_files=("motion.mod",)
         )
 
-    loaded = replace(load("table_3_1.toml"), kind=SimpleNamespace(solve=solved))
+    loaded = replace(
+        load("table_3_1.toml"), kind=SimpleNamespace(call=lambda problem, context: lambda **_: solved(problem, context))
+    )
     heard: list[str] = []
     finished = run.solve(loaded, Context(notice=heard.append), out=tmp_path / "a", write_failed=write_failed)
     assert finished.outcome.status is SolveStatus.CHECK_FAILED and len(heard) == 1
@@ -132,11 +134,13 @@ def test_the_mark_goes_on_to_what_rests_on_it(tmp_path: Path, write_failed: bool
 def test_a_failed_result_on_a_marked_file_names_both(tmp_path: Path) -> None:
     _folder(tmp_path, "robot.toml")
 
-    def solved(problem: Any, context: Context) -> Outcome:
+    def solved(problem: Any, context: Context) -> Study:
         context.take("robot", tmp_path / "robot.toml")
-        return Outcome(status=SolveStatus.SOLVED, checks={"error_mm": at_most(3.0, 2.0)}, machine_files=("motion.mod",))
+        return Study(status=SolveStatus.SOLVED, checks={"error_mm": at_most(3.0, 2.0)}, machine_files=("motion.mod",))
 
-    loaded = replace(load("table_3_1.toml"), kind=SimpleNamespace(solve=solved))
+    loaded = replace(
+        load("table_3_1.toml"), kind=SimpleNamespace(call=lambda problem, context: lambda **_: solved(problem, context))
+    )
     message = run.solve(loaded, Context()).outcome.message
     assert "error_mm" in message and "robot.toml" in message
 
@@ -178,7 +182,7 @@ def _drawn(width: float, height: float) -> Figure:
 
 def _picture(status: SolveStatus, size: tuple[float, float], message: str = "") -> np.ndarray:
     files: dict[str, bytes] = {}
-    outcome = Outcome(status=status, message=message, figures={"a": lambda: _drawn(*size)})
+    outcome = Study(status=status, message=message, figures={"a": lambda: _drawn(*size)})
     assert written.pictured(outcome, files) == []
     return imread(io.BytesIO(files["a.png"]))[..., :3]
 

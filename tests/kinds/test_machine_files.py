@@ -15,10 +15,10 @@ from matplotlib.text import Text
 import gtmodel
 from gtmodel.cli import main
 from gtmodel.problem_files import run
-from gtmodel.problem_files.base import TRAJECTORY, Check, Context, InputError, Outcome, at_least, at_most
+from gtmodel.problem_files.base import TRAJECTORY, Check, Context, InputError, at_least, at_most
 from gtmodel.problem_files.load import load
 from gtmodel.problem_files.settings import apply, refuse_twice
-from gtmodel.results import SolveStatus, Trajectory, written
+from gtmodel.results import SolveStatus, Study, Trajectory, written
 from gtmodel.results.check import verdict
 
 SOURCES = sorted(Path(gtmodel.__file__).parent.rglob("*.py"))
@@ -33,8 +33,8 @@ FOR_PEOPLE = {
 NUMBER = st.floats(1e-9, 1e9)
 
 
-def _outcome(status: SolveStatus, machine: tuple[str, ...], passed: bool = True) -> Outcome:
-    return Outcome(
+def _outcome(status: SolveStatus, machine: tuple[str, ...], passed: bool = True) -> Study:
+    return Study(
         status=status,
         checks={"error_mm": at_most(1.0 if passed else 3.0, 2.0)},
         trajectory=Trajectory([0.0, 0.1], {"x": [1.0, 2.0]}, {"x": "m"}),
@@ -43,8 +43,8 @@ def _outcome(status: SolveStatus, machine: tuple[str, ...], passed: bool = True)
     )
 
 
-def _written(folder: Path, outcome: Outcome, write_failed: bool = False) -> dict[str, str]:
-    loaded = replace(load("table_3_1.toml"), kind=SimpleNamespace(solve=lambda problem, context: outcome))
+def _written(folder: Path, outcome: Study, write_failed: bool = False) -> dict[str, str]:
+    loaded = replace(load("table_3_1.toml"), kind=SimpleNamespace(call=lambda problem, context: lambda **_: outcome))
     run.solve(loaded, Context(), out=folder, write_failed=write_failed)
     return {path.name: path.read_text() for path in folder.iterdir()}
 

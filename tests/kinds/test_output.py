@@ -7,16 +7,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gtmodel.problem_files import Check, Context, InputError, Outcome, output, start
+from gtmodel.problem_files import Check, Context, InputError, output, start
 from gtmodel.problem_files.load import load
-from gtmodel.results import ArgumentError, SolveStatus, Trajectory, as_json, written
+from gtmodel.results import ArgumentError, SolveStatus, Stored, Trajectory, as_json, written
 from tests.support.own_models import FILES
 
 TRAJECTORY = Trajectory([0.0, 0.1, 0.3], {"x": [1.0, 2.0, 0.1]}, {"x": "m"})
 
 
-def outcome(**more: object) -> Outcome:
-    return Outcome(status=SolveStatus.SOLVED, message="done", trajectory=TRAJECTORY, **more)  # type: ignore[arg-type]
+def outcome(**more: object) -> Stored:
+    return Stored(status=SolveStatus.SOLVED, message="done", trajectory=TRAJECTORY, **more)  # type: ignore[arg-type]
 
 
 def write(folder: Path, **more: object) -> list[str]:
@@ -92,7 +92,7 @@ def test_a_file_is_no_folder(tmp_path: Path) -> None:
 def test_numbers_that_are_not_finite_become_null() -> None:
     values = {"a": math.nan, "b": np.array([1.0, math.inf]), "c": np.float64(2.5), "d": {"e": (np.int64(3), None)}}
     checks = {"f": Check(math.nan)}
-    bad = Outcome(status=SolveStatus.NOT_FINITE, objective=math.nan, values=values, checks=checks)
+    bad = Stored(status=SolveStatus.NOT_FINITE, objective=math.nan, stored=values, checks=checks)
     read = json.loads(as_json.line(as_json.summary("p.toml", "test", bad, 0.5)), parse_constant=pytest.fail)
     assert read["values"] == {"a": None, "b": [1.0, None], "c": 2.5, "d": {"e": [3, None]}}
     assert read["objective"] is None and read["status"] == "not_finite" and read["message"]
@@ -100,7 +100,7 @@ def test_numbers_that_are_not_finite_become_null() -> None:
 
 
 def test_a_result_is_read_back_to_start_from(tmp_path: Path) -> None:
-    write(tmp_path / "a", values={"final_time_s": 0.3})
+    write(tmp_path / "a", stored={"final_time_s": 0.3})
     for path in (tmp_path / "a", tmp_path / "a" / "result.json"):
         context = Context(start=start.read(path, "optimization"))
         guess = context.guess()

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gtmodel.problem_files.base import Check, Outcome, at_least, at_most
-from gtmodel.results import SolveStatus, Trajectory
+from gtmodel.problem_files.base import Check, at_least, at_most
+from gtmodel.results import SolveStatus, Study, Trajectory
 from gtmodel.results.marks import marked
 from tests.support.commands import Commands
 
@@ -27,7 +27,7 @@ def gtmodel(capsys: pytest.CaptureFixture[str]) -> Commands:
 @given(st.lists(st.booleans(), max_size=5), st.sampled_from(SolveStatus))
 def test_solved_means_that_every_check_passed(passed: list[bool], status: SolveStatus) -> None:
     checks = {f"check_{n}_mm": Check(1.0, 0.5, "measure again", judged=p) for n, p in enumerate(passed)}
-    outcome = Outcome(status=status, message="as it was", checks=checks)
+    outcome = Study(status=status, message="as it was", checks=checks)
     if status is not SolveStatus.SOLVED or all(passed):
         assert outcome.status is status and outcome.message == "as it was"
         return
