@@ -9,6 +9,7 @@ import numpy as np
 
 from ..lang import Model
 from ..results import ArgumentError, SolveStatus, Work
+from ..results.door import study_function
 from ..results.made_files import MadeFiles
 from ..results.work import Progress, never, silent
 from .measured.cart_points import CartPoints, on_cart_points
@@ -25,6 +26,7 @@ from .told.values import checks_of, values_of
 from .variants import prepared, require_poses
 
 
+@study_function
 def study(
     robot: Model,
     poses: Poses | Measurements,

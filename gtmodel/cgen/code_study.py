@@ -12,6 +12,7 @@ from typing import Annotated, Any
 
 from ..compiler.causal import CausalFunction
 from ..results import Check, Quantity, Row, SolveStatus, Study, Work
+from ..results.door import study_function
 from ..results.folder import Held, others
 from ..results.marks import marked
 from ..results.work import Progress, never, silent
@@ -84,6 +85,7 @@ class CodeStudy(Study):
         return f"{text} bytes of code, {stack} of stack{counted}"
 
 
+@study_function
 def study(
     functions: Mapping[str, CausalFunction],
     folder: str | Path | Held,

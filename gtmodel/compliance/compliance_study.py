@@ -13,6 +13,7 @@ import numpy as np
 from ..kinematics.workspace import section_grid
 from ..lang import Model
 from ..results import ArgumentError, Quantity, Row, SolveStatus, Study, Work, at_most, listed
+from ..results.door import study_function
 from ..results.tables import csv_text
 from ..results.work import Progress, never, silent
 from .cartesian import softest_and_stiffest
@@ -95,6 +96,7 @@ class ComplianceStudy(Study):
         return rows + [Row("assumed", sentence) for sentence in self.assumptions]
 
 
+@study_function
 def study(
     robot: Model,
     springs: Springs | Arm,

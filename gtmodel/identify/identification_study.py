@@ -10,6 +10,7 @@ from ..compiler.causal import flat_of
 from ..lang import Model, ModelError
 from ..measurements import Signal
 from ..results import ArgumentError, SolveStatus, TrajectoryError, Work
+from ..results.door import study_function
 from ..results.work import Progress, never, silent
 from .closed_loop import ClosedLoopRun, follow
 from .concluded import concluded
@@ -26,6 +27,7 @@ Array = np.ndarray
 STOPPED = "stopped before the fit"
 
 
+@study_function
 def study(
     robot: Model,
     log: Log,
@@ -88,6 +90,7 @@ def study(
     return concluded(how, data, found, validation, None, title, told=told, loop=closed_loop, runs=runs)
 
 
+@study_function
 def synthetic_study(
     robot: Model,
     synthetic: SyntheticLog,

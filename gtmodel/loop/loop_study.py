@@ -13,6 +13,7 @@ import numpy as np
 
 from ..lang import Model
 from ..results import Check, Quantity, Row, SolveStatus, Status, Study, Trajectory, Work, at_least, at_most
+from ..results.door import study_function
 from ..results.work import Progress, never, silent
 from .bench import HOLD_CYCLES, LAWS, Bench, Reference, prepare, refuse
 from .one_run import OneRun, run_of
@@ -69,6 +70,7 @@ class LoopStudy(Study):
         ]
 
 
+@study_function
 def study(
     robot: Model,
     folder: str | Path,

@@ -10,6 +10,7 @@ import numpy as np
 
 from ..lang import Model
 from ..results import ArgumentError, Check, Row, SolveStatus, Work, at_most
+from ..results.door import study_function
 from ..results.work import Progress, never, silent
 from . import pictures
 from .angle_search import Found
@@ -32,6 +33,7 @@ SHALLOWER = "the cut chatters: take less depth or another speed"
 DECAYED = 0.05  # of a transient: less is not worth a word
 
 
+@study_function
 def study(
     robot: Model,
     cutter: Cutter,

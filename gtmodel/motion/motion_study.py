@@ -14,6 +14,7 @@ from ..optimize import Solution
 from ..optimize.judgement.overshoot import control_curves
 from ..results import Quantity, Row, SolveStatus, Study, Trajectory, Work
 from ..results.check import failed_of
+from ..results.door import study_function
 from ..results.work import Progress, never, silent
 from .finer_mesh import how, told
 from .found import Found, NotFound, energy_of, margins_of, on_finer_meshes, on_this_mesh, short_names
@@ -136,6 +137,7 @@ def _scaled(factor: float, value: float | None) -> float | None:
     return None if value is None else factor * value
 
 
+@study_function
 def study(
     robot: Model,
     start: Sequence[float] | End,

@@ -8,6 +8,7 @@ from functools import partial
 from typing import Annotated, Any
 
 from ..results import ArgumentError, Quantity, Row, SolveStatus, Study, Trajectory, Work, at_most
+from ..results.door import study_function
 from ..results.options import Options, Unit
 from ..results.work import Progress, never, silent
 from .motion_study import MotionStudy, solved
@@ -88,6 +89,7 @@ def _beside(value: float | None) -> str:
     return "" if value is None else f"published {value:g}"
 
 
+@study_function
 def table_study(
     rows: Sequence[TableRow],
     *,

@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 from ..lang import ModelError, Optimization
 from ..results import ArgumentError, Quantity, Row, Study, Trajectory, Work
+from ..results.door import study_function
 from ..results.work import Progress, never, silent
 from .compiled import CompilerMissing
 from .judgement.resimulate import resimulate
@@ -49,6 +50,7 @@ class OptimizationStudy(Study):
         return rows + [Row(name.replace("_", " "), value) for name, value in tried if value is not None]
 
 
+@study_function
 def optimization_study(
     problem: Optimization,
     mesh: Mesh | None = None,

@@ -23,6 +23,9 @@ __all__ = [
 ]  # fmt: skip
 
 
+SOON = 1e-9  # s: what is left of a time limit that reading the file took
+
+
 class InputError(ValueError):
     """What a person gave is wrong: one plain sentence, with the file and its key where they are known."""
 
@@ -107,7 +110,12 @@ class Context:
     def work(self) -> dict[str, Any]:
         """What every study takes of it: progress, max_seconds, stop."""
         clock = self.clock()
-        return {"progress": clock.progress, "max_seconds": clock.seconds_left(), "stop": clock.stop}
+        left = clock.seconds_left()
+        return {
+            "progress": clock.progress,
+            "max_seconds": left if left is None else max(left, SOON),
+            "stop": clock.stop,
+        }
 
     def note(self, sentence: str) -> None:
         """Tell a person one sentence that stays in the result; said again it is not heard."""

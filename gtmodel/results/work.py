@@ -5,7 +5,9 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Annotated, Protocol
+
+from .agreement import Within
 
 
 class Progress(Protocol):
@@ -37,7 +39,7 @@ class Work:
     """
 
     progress: Progress = silent
-    max_seconds: float | None = None
+    max_seconds: Annotated[float | None, Within(above=0.0)] = None
     stop: Callable[[], bool] = never
     began: float = field(default_factory=time.monotonic)
 

@@ -11,6 +11,7 @@ from ..compiler.causal import flat_of
 from ..lang.model import Model
 from ..lang.source import ModelError
 from ..results import ArgumentError, Quantity, Row, SolveStatus, Study, Trajectory, Work, at_most
+from ..results.door import study_function
 from ..results.work import Progress, never, silent
 from .arguments import MOST_ROWS, MOST_STEPS
 from .result import Simulation
@@ -63,6 +64,7 @@ class SimulationStudy(Study):
         return rows
 
 
+@study_function
 def simulation_study(
     model: Model,
     final_time: float,

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..results import ArgumentError, Check, Row, SolveStatus, at_most
+from ..results.door import study_function
 from ..results.work import Progress, never, silent
 from .definite_form import DefiniteForm, definite_form
 from .modes import Modes, modes, sign_question
@@ -45,6 +46,7 @@ class MatricesStudy(VibrationStudy):
         return rows
 
 
+@study_function
 def matrices_study(
     matrices: Matrices,
     *,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from ..results import ArgumentError, SolveStatus, Work
+from ..results.door import study_function
 from ..results.work import Progress, never, silent
 from .impulse_study import ImpulseStudy, impulse_study
 from .options import Hit, Impulse, Physical, StepResponse, Steps, Structure, Subspace
@@ -17,6 +18,7 @@ _KNOWN = {Subspace: Structure, StepResponse: Steps, Impulse: Hit}
 _STUDIES = {Subspace: SubspaceStudy, StepResponse: StepStudy, Impulse: ImpulseStudy}
 
 
+@study_function
 def study(
     records: Record | Sequence[Record],
     model: Subspace | StepResponse | Impulse,

@@ -12,6 +12,7 @@ from ...kinematics.workspace import Beam, Bodies, Box
 from ...lang import Model
 from ...results import SolveStatus, Work
 from ...results.check import failed_of
+from ...results.door import study_function
 from ...results.work import Progress, never, silent
 from ..pose_numbers import Point
 from ..unknowns import Choice
@@ -27,6 +28,7 @@ from .turns import turns_of
 from .verdict import checks_of, verdict_of
 
 
+@study_function
 def plan_study(
     robot: Model,
     device: AnyDevice,

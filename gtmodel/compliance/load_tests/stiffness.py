@@ -13,6 +13,7 @@ from ...inference import FALSE_ALARM
 from ...lang import Model
 from ...measurements import copies
 from ...results import ArgumentError, Check, Quantity, Row, SolveStatus, Study, Work, at_least, at_most, listed
+from ...results.door import study_function
 from ...results.work import Progress, never, silent
 from ..cartesian import softest_and_stiffest, translational_compliance
 from ..compensated import RATE, with_compensator
@@ -78,6 +79,7 @@ class StiffnessStudy(Study):
         return [] if self.method is None else _rows(self.values, self.adequacy or "", self.synthetic)
 
 
+@study_function
 def stiffness_study(
     robot: Model,
     tests: MeasuredTests,

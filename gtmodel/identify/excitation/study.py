@@ -10,6 +10,7 @@ from ...inference import Coverage, coverage, linear_fit
 from ...lang import Model
 from ...motion.options import Limits
 from ...results import ArgumentError, SolveStatus, Work
+from ...results.door import study_function
 from ...results.work import Progress, never, silent
 from .concluded import Asked, Found, concluded
 from .excited import ExcitationStudy
@@ -22,6 +23,7 @@ from .task import Plan, plan_of
 Array = np.ndarray
 
 
+@study_function
 def excitation_study(
     robot: Model,
     motion: Family,

@@ -11,6 +11,7 @@ import numpy as np
 
 from ...lang import Model
 from ...results import Row, SolveStatus, Work
+from ...results.door import study_function
 from ...results.work import Progress, never, silent
 from .gravity import mass_by_norm
 from .options import Coefficients, HeldPose
@@ -46,6 +47,7 @@ class PublishedFriction(FrictionStudy):
         ]
 
 
+@study_function
 def published_friction_study(
     robot: Model,
     published: Coefficients,

@@ -14,6 +14,7 @@ from ...inference import FALSE_ALARM
 from ...lang import Model
 from ...measurements import Session
 from ...results import ArgumentError, Check, Quantity, Row, SolveStatus, Study, Work, at_least, at_most, listed
+from ...results.door import study_function
 from ...results.work import Progress, never, silent
 from .gravity import Gravity, MassByNorm
 from .levels import FrictionFit, identify_friction
@@ -92,6 +93,7 @@ class FrictionStudy(Study):
         return [Row(label, listed(getattr(self, name)), units[name]) for name, label in LABELS.items()]
 
 
+@study_function
 def friction_study(
     robot: Model,
     runs: Runs | Sequence[Sequence[Session]] | SyntheticRuns,

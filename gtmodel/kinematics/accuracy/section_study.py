@@ -13,6 +13,7 @@ import numpy as np
 
 from ...lang import Model
 from ...results import ArgumentError, Quantity, Row, SolveStatus, Status, Study, Work, listed
+from ...results.door import study_function
 from ...results.tables import csv_text
 from ...results.work import Progress, never, silent
 from ..mechanism import home_figure, mechanism_of
@@ -70,6 +71,7 @@ class AccuracyStudy(Study):
         return rows
 
 
+@study_function
 def accuracy_study(
     robot: Model,
     cases: Sequence[LinkErrors],

@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from ...lang import Model, ModelError
 from ...results import ArgumentError, Check, SolveStatus, Work, at_most
+from ...results.door import study_function
 from ...results.status import ModesStatus
 from ...results.work import Progress, never, silent
 from .commanded_mode import COMMANDED, Judged
@@ -27,6 +28,7 @@ RESIDUAL = 1e-12
 LEG_ERROR = 1e-12
 
 
+@study_function
 def modes_study(
     robot: Model | Hands,
     poses: Pose | Sequence[Pose] | None = None,

@@ -12,6 +12,7 @@ import numpy as np
 from ...compiler.causal import CausalFunction, Signal, compile_causal, flat_of
 from ...lang import Model, ModelError
 from ...results import ArgumentError, SolveStatus, Status, Work
+from ...results.door import study_function
 from ...results.work import Progress, never, silent
 from ..orientation import OrientationMap, grid
 from ..rotations import matrices
@@ -27,6 +28,7 @@ CHUNK = 2000  # rows between two looks at the clock
 MOST_POINTS = 1_000_000
 
 
+@study_function
 def causality_study(
     model: Model,
     known: str | Sequence[str],

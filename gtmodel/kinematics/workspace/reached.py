@@ -11,6 +11,7 @@ import numpy as np
 
 from ...lang import Model
 from ...results import ArgumentError, Check, SolveStatus, Work, at_most
+from ...results.door import study_function
 from ...results.tables import csv_text
 from ...results.work import Progress, never, silent
 from ..mechanism import home_figure
@@ -32,6 +33,7 @@ POLYGONS = 1e-9
 FEW = 10  # steps across the section; a section not reached at so few points may be reached between them
 
 
+@study_function
 def workspace_study(
     robot: Model,
     limits: Limits | None = None,

@@ -9,6 +9,7 @@ from typing import Literal
 from ...lang import Model
 from ...results import Trajectory, Work
 from ...results.check import failed_of
+from ...results.door import study_function
 from ...results.work import Progress, never, silent
 from ..finer_mesh import finer_problem, refined, told
 from ..options import AxisLimits, Shape
@@ -19,6 +20,7 @@ from .result import AxisStudy
 from .trial import MENDED, Found, on_this_mesh
 
 
+@study_function
 def axis_study(
     robot: Model,
     start: AxisEnd,

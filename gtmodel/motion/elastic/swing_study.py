@@ -12,6 +12,7 @@ import numpy as np
 from ...lang import Model
 from ...results import Quantity, Row, SolveStatus, Study, Work
 from ...results.check import failed_of
+from ...results.door import study_function
 from ...results.trajectory_files import TRAJECTORY
 from ...results.work import Progress, never, silent
 from ..finer_mesh import elements_after, refined, told
@@ -90,6 +91,7 @@ class ElasticStudy(Study):
         return rows + [Row("assumed", sentence) for sentence in ASSUMED]
 
 
+@study_function
 def elastic_study(
     robot: Model,
     start: Sequence[float],

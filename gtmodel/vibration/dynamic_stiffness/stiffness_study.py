@@ -12,6 +12,7 @@ from scipy import stats
 
 from ...inference import binomial_band
 from ...results import ArgumentError, Check, SolveStatus, Work, at_least
+from ...results.door import study_function
 from ...results.work import Progress, never, silent
 from . import pictures
 from .experiments import Experiment
@@ -29,6 +30,7 @@ LEVEL = 0.95
 QUANTILE = float(stats.norm.ppf((1 + LEVEL) / 2))
 
 
+@study_function
 def dynamic_stiffness_study(
     experiments: Sequence[Experiment] | SyntheticExperiments,
     *,

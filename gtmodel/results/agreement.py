@@ -1,0 +1,180 @@
+"""Whether a value is what an annotation says: its kind, its words, how long it is, its bounds.
+
+Options and the arguments of study functions are checked by `agree`, so that the annotation is the one place that says
+what may be given.
+"""
+
+from __future__ import annotations
+
+import math
+import numbers
+import types
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
+
+import numpy as np
+
+from .kind_names import expected, found, near
+from .quantity import marks_of
+from .refusal import ArgumentError
+
+Marks = tuple[Any, ...]
+_NUMBERS: dict[Any, Any] = {float: numbers.Real, int: numbers.Integral}
+
+
+@dataclass(frozen=True)
+class Within:
+    """Bounds of a number, or of each number of a list: > above, >= least, <= most, < below."""
+
+    above: float | None = None
+    least: float | None = None
+    most: float | None = None
+    below: float | None = None
+
+    def holds(self, x: float) -> bool:
+        """Whether a number keeps all bounds."""
+        return (
+            (self.above is None or x > self.above)
+            and (self.least is None or x >= self.least)
+            and (self.most is None or x <= self.most)
+            and (self.below is None or x < self.below)
+        )
+
+    def __str__(self) -> str:
+        words = (("more than", self.above), ("at least", self.least), ("at most", self.most), ("less than", self.below))
+        return " and ".join(f"{word} {x:g}" for word, x in words if x is not None)
+
+
+@dataclass(frozen=True)
+class Long:
+    """How many entries a list has, of lists in a list each; one number for all of them is no list."""
+
+    count: int
+
+
+class WrongKind(ArgumentError):
+    """A value of another kind than the annotation says, or a word that is none of its words."""
+
+    def __init__(self, value: Any, hint: Any, argument: str) -> None:
+        super().__init__(f"expected {expected(hint)}; found {found(value)}{near(value, hint)}", argument)
+        self.value = value
+
+
+def agree(value: Any, hint: Any, argument: str, marks: Marks = ()) -> None:
+    """Raises ArgumentError unless a value is what an annotation says; numbers are finite, unless in an array.
+
+    marks: Within and Long of the Annotated that the hint stands in. Where a list is asked for, a tuple or an array does
+    too. What is wrong with an object in a list is said with its place, "cases[1]"; numbers and words stand under the
+    name of the list.
+    """
+    hint, more = _plain(hint)
+    marks = (*marks, *more)
+    origin, inside = get_origin(hint), get_args(hint)
+    kind = origin or hint
+    if kind in (Union, types.UnionType):
+        _one_of(value, inside, argument, marks)
+    elif kind is Literal:
+        if not any(type(value) is type(word) and value == word for word in inside):
+            raise WrongKind(value, hint, argument)
+    elif kind in _NUMBERS:
+        if not isinstance(value, _NUMBERS[kind]) or isinstance(value, bool):
+            raise WrongKind(value, hint, argument)
+        _bounded([float(value)], argument, marks)
+    elif kind is np.ndarray:
+        _array(value, hint, argument, marks)
+    elif kind is Callable or getattr(kind, "_is_protocol", False):
+        if not callable(value) or isinstance(value, type):
+            raise WrongKind(value, hint, argument)
+    elif not isinstance(kind, type):  # Any, a type variable
+        return
+    elif issubclass(kind, Mapping):
+        if not isinstance(value, Mapping):
+            raise WrongKind(value, hint, argument)
+        for key, one in value.items():
+            agree(key, inside[0], argument)
+            agree(one, inside[1], _place(argument, f".{key}", inside[1]), marks)
+    elif inside and issubclass(kind, Iterable):
+        _listed(value, hint, argument, marks)
+    elif not isinstance(value, kind):
+        raise WrongKind(value, hint, argument)
+
+
+def _listed(value: Any, hint: Any, argument: str, marks: Marks) -> None:
+    inside, several = get_args(hint), Sequence if issubclass(get_origin(hint) or hint, Sequence) else Collection
+    no_list = isinstance(value, (str, bytes, Mapping)) or (isinstance(value, np.ndarray) and not value.ndim)
+    if no_list or not isinstance(value, (several, np.ndarray)):
+        raise WrongKind(value, hint, argument)
+    if get_origin(hint) is tuple and Ellipsis not in inside:
+        _long(len(value), len(inside), argument)
+        for k, one in enumerate(value):
+            agree(one, inside[k], _place(argument, f"[{k}]", inside[k]), marks)
+        return
+    if not _holds_lists(inside[0]):
+        for mark in marks:
+            if isinstance(mark, Long):
+                _long(len(value), mark.count, argument)
+        if isinstance(value, np.ndarray) and value.ndim > 1:
+            raise WrongKind(value, hint, argument)
+    for k, one in enumerate(value):
+        agree(one, inside[0], _place(argument, f"[{k}]", inside[0]), marks)
+
+
+def _array(value: Any, hint: Any, argument: str, marks: Marks) -> None:
+    """An array, or lists that make one."""
+    try:
+        array = np.asarray(value)
+    except ValueError:
+        raise ArgumentError("expected rows of one length", argument) from None
+    if array.dtype.kind not in "fiu" or not array.ndim:
+        raise WrongKind(value, hint, argument)
+    for mark in marks:
+        if isinstance(mark, Long):
+            _long(array.shape[-1], mark.count, argument)
+    if array.size:
+        _bounded([float(array.min()), float(array.max())], argument, marks)
+
+
+def _bounded(numbers: Sequence[float], argument: str, marks: Marks) -> None:
+    for x in numbers:
+        if not math.isfinite(x):
+            raise ArgumentError(f"expected finite numbers; found {x:g}", argument)
+        for mark in marks:
+            if isinstance(mark, Within) and not mark.holds(x):
+                raise ArgumentError(f"must be {mark}; found {x:g}", argument)
+
+
+def _one_of(value: Any, hints: Sequence[Any], argument: str, marks: Marks) -> None:
+    """One of several kinds; where the value is of one of them, it is told what that one refuses."""
+    inner = None
+    for hint in hints:
+        try:
+            return agree(value, hint, argument, marks)
+        except ArgumentError as error:
+            if not isinstance(error, WrongKind) or error.value is not value:
+                inner = inner or error
+    if inner is not None:
+        raise inner
+    raise WrongKind(value, Union[tuple(hints)], argument)  # noqa: UP007
+
+
+def _long(count: int, wanted: int, argument: str) -> None:
+    if count != wanted:
+        raise ArgumentError(f"expected {wanted} numbers; found {count}", argument)
+
+
+def _plain(hint: Any) -> tuple[Any, Marks]:
+    """A hint without its Annotated, and what that carried."""
+    return (get_args(hint)[0], marks_of(hint)) if get_origin(hint) is Annotated else (hint, ())
+
+
+@cache
+def _holds_lists(hint: Any) -> bool:
+    kind = get_origin(_plain(hint)[0])
+    return isinstance(kind, type) and issubclass(kind, (Sequence, np.ndarray))
+
+
+def _place(argument: str, entry: str, hint: Any) -> str:
+    """The name of an entry: its own where it is an object."""
+    return argument + entry if isinstance(hint, type) and hint not in (float, int, str, bool) else argument

@@ -1,0 +1,41 @@
+"""The door of a study: every argument is what the signature says, or it is refused before any work."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable
+from functools import cache, wraps
+from typing import Any, ParamSpec, TypeVar, get_type_hints
+
+from .agreement import agree
+from .work import Work
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+
+def study_function(function: Callable[P, R]) -> Callable[P, R]:
+    """A study whose arguments are checked against their annotations: kinds, words, `Long`, `Within`.
+
+    `progress`, `max_seconds` and `stop` are what `Work` says. The annotations are read at the first call. What does not
+    agree is an ArgumentError with the argument's name.
+    """
+
+    @cache
+    def declared() -> tuple[inspect.Signature, dict[str, Any]]:
+        hints = get_type_hints(function, include_extras=True)
+        of_work = get_type_hints(Work, include_extras=True)
+        return inspect.signature(function), {name: of_work.get(name, hint) for name, hint in hints.items()}
+
+    @wraps(function)
+    def checked(*args: P.args, **kwargs: P.kwargs) -> R:
+        signature, hints = declared()
+        try:
+            given = signature.bind(*args, **kwargs).arguments
+        except TypeError:
+            return function(*args, **kwargs)  # Python's own words on names that are missing or not there
+        for name, value in given.items():
+            agree(value, hints[name], name)
+        return function(*args, **kwargs)
+
+    return checked
