@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
+from typing import Annotated
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from ..lang import Model
 from ..results import ArgumentError, SolveStatus, Work
 from ..results.door import study_function
 from ..results.made_files import MadeFiles
+from ..results.options import Within
 from ..results.work import Progress, never, silent
 from .measured.cart_points import CartPoints, on_cart_points
 from .measured.poses import Poses, split
@@ -32,7 +34,7 @@ def study(
     poses: Poses | Measurements,
     fit: Fit | None = None,
     *,
-    held_out: int = 2,
+    held_out: Annotated[int, Within(least=0)] = 2,
     carts: CartPoints | None = None,
     origin: Origin | None = None,
     title: str = "",

@@ -24,10 +24,12 @@ def box_of(function: CausalFunction, box: Mapping[str, Sequence[Sequence[float]]
             return None
         given = [tuple(float(x) for x in interval) for interval in box[s.name]]
         if len(given) not in (1, s.size):
-            raise GenerationError(f"the box gives {len(given)} intervals for '{s.name}'; give {s.size}, or one for all")
+            raise GenerationError(
+                f"the box gives {len(given)} intervals for '{s.name}'; give {s.size}, or one for all", "box"
+            )
         for interval in given * (s.size if len(given) == 1 else 1):
             if len(interval) != 2 or not np.all(np.isfinite(interval)) or interval[0] > interval[1]:
-                raise GenerationError(f"the box gives {list(interval)} for '{s.name}'; give [least, greatest]")
+                raise GenerationError(f"the box gives {list(interval)} for '{s.name}'; give [least, greatest]", "box")
             found.append((interval[0], interval[1]))
     return None if function.plan.uses_time else tuple(found)
 
@@ -38,5 +40,6 @@ def check_names(functions: Mapping[str, CausalFunction], box: Mapping[str, Seque
     for name in box:
         if name not in known:
             raise GenerationError(
-                f"the box speaks of '{name}', which no function takes; it knows {', '.join(sorted(known))}"
+                f"the box speaks of '{name}', which no function takes; it knows {', '.join(sorted(known))}",
+                "box",
             )

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from ..compiler.causal import CausalFunction
 from ..results import Check, Quantity, Row, SolveStatus, Study, Work
@@ -91,7 +91,7 @@ def study(
     folder: str | Path | Held,
     *,
     name: str,
-    real: str = "double",
+    real: Literal["double", "float"] = "double",
     box: Mapping[str, Sequence[Sequence[float]]] | None = None,
     along: Collection[str] = (),
     check: Verification | None = Verification(),  # noqa: B008  # frozen

@@ -27,7 +27,7 @@ def held(out: Path, overwrite: bool = False) -> Iterator[Held]:
             _earlier(out, overwrite)
             yield mine
     except FolderError as error:
-        raise GenerationError(f"'{out}' {error}") from error
+        raise GenerationError(f"'{out}' {error}", "folder") from error
 
 
 def write(out: Path | Held, files: Mapping[str, str], content: Mapping[str, Any], overwrite: bool) -> None:
@@ -44,27 +44,27 @@ def write(out: Path | Held, files: Mapping[str, str], content: Mapping[str, Any]
     earlier = _earlier(place, overwrite)
     strangers = [file for file in sorted(files) if file not in earlier and (place / file).exists()]
     if strangers:
-        raise GenerationError(f"'{place / strangers[0]}' was not written by gtmodel; choose another folder")
+        raise GenerationError(f"'{place / strangers[0]}' was not written by gtmodel; choose another folder", "folder")
     texts = {**files, FILE: json.dumps(content, indent=2) + "\n"}
     gone = earlier | ({COSTS} if ours(place / COSTS) else set())
     try:
         out.write({file: text.encode() for file, text in texts.items()}, remove=gone - set(texts))
     except FolderError as error:
-        raise GenerationError(f"'{place}' {error}") from error
+        raise GenerationError(f"'{place}' {error}", "folder") from error
 
 
 def _earlier(out: Path, overwrite: bool) -> set[str]:
     """Names of the files that an earlier generation wrote; none for a new or empty folder."""
     if out.exists() and not out.is_dir():
-        raise GenerationError(f"'{out}' is a file; give a folder for the generated code")
+        raise GenerationError(f"'{out}' is a file; give a folder for the generated code", "folder")
     if not out.exists() or not others(out):
         return set()
     content = read(out)
     if content is None:
-        raise GenerationError(f"'{out}' is not empty and {lacks(out)}; choose a new or an empty folder")
+        raise GenerationError(f"'{out}' is not empty and {lacks(out)}; choose a new or an empty folder", "folder")
     changed = [file for file in changed_files(out, content) if (out / file).exists()]
     if changed and not overwrite:
         raise GenerationError(
-            f"'{out / changed[0]}' was changed since gtmodel wrote it; move it away, or allow overwriting"
+            f"'{out / changed[0]}' was changed since gtmodel wrote it; move it away, or allow overwriting", "folder"
         )
     return set(content["files"])

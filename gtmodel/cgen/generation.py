@@ -102,7 +102,7 @@ def contents(faces: list[Interface], name: str, provenance: Mapping[str, str]) -
     own = f"gt_{name}"
     shared = (*RUNTIME, NEWTON, TRAJECTORY, STATUS)
     if f"{own}.h".lower() in (*shared, *map(file_name, shared)):
-        raise GenerationError(f"'{name}' cannot name the generated code: {own}.h belongs to the runtime")
+        raise GenerationError(f"'{name}' cannot name the generated code: {own}.h belongs to the runtime", "name")
     source, declarations = body(name, faces)
     about = [f"gtmodel {__version__}, CasADi {ca.CasadiMeta.version()}."]
     about += [f"{key}: {value}" for key, value in provenance.items()]

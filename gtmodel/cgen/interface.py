@@ -124,16 +124,16 @@ def interfaces(
 
     Raises GenerationError for a name that is no identifier, and for two names that meet in C.
     """
-    check_identifier(name, "the name of the generated code")
+    check_identifier(name, "the name of the generated code", "name")
     check_names(functions, box or {})
     unknown = [key for key in along if key not in functions]
     if unknown:
-        raise GenerationError(f"there is no function '{unknown[0]}' to offer along a reference")
+        raise GenerationError(f"there is no function '{unknown[0]}' to offer along a reference", "along")
     if not functions:
-        raise GenerationError("there is no function to generate; give at least one")
+        raise GenerationError("there is no function to generate; give at least one", "functions")
     result = []
     for key, function in functions.items():
-        check_identifier(key, "a function")
+        check_identifier(key, "a function", "functions")
         inputs = [_record(function, s) for s in function.inputs]
         if function.plan.uses_time:
             inputs.append((Signal("time", (), "s", ()), "time", "", ""))
@@ -155,7 +155,8 @@ def interfaces(
         )
         if face.along and (face.newton or function.plan.uses_time or not inputs):
             raise GenerationError(
-                f"'{key}' cannot be offered along a reference: that takes a closed form of inputs without time"
+                f"'{key}' cannot be offered along a reference: that takes a closed form of inputs without time",
+                "along",
             )
         result.append(face)
     _check_distinct(result, name)
@@ -167,11 +168,12 @@ def macro(symbol: str) -> str:
     return symbol.removesuffix("_body").upper()
 
 
-def check_identifier(name: str, what: str) -> None:
+def check_identifier(name: str, what: str, argument: str) -> None:
     """GenerationError unless the name can be part of a C identifier."""
     if not _IDENTIFIER.fullmatch(name):
         raise GenerationError(
-            f"'{name}' cannot name {what}: use letters, digits and single underscores, beginning with a letter"
+            f"'{name}' cannot name {what}: use letters, digits and single underscores, beginning with a letter",
+            argument,
         )
 
 
@@ -219,6 +221,7 @@ def _check_distinct(faces: list[Interface], name: str) -> None:
             if symbol.lower() in taken:
                 other = taken[symbol.lower()]
                 raise GenerationError(
-                    f"the function '{face.key}' needs the C name {symbol}, which {other} has; rename it"
+                    f"the function '{face.key}' needs the C name {symbol}, which {other} has; rename it",
+                    "functions",
                 )
             taken[symbol.lower()] = f"the function '{face.key}'"

@@ -14,6 +14,7 @@ from ..kinematics.workspace import section_grid
 from ..lang import Model
 from ..results import ArgumentError, Quantity, Row, SolveStatus, Study, Work, at_most, listed
 from ..results.door import study_function
+from ..results.options import Long, Within
 from ..results.tables import csv_text
 from ..results.work import Progress, never, silent
 from .cartesian import softest_and_stiffest
@@ -102,9 +103,9 @@ def study(
     springs: Springs | Arm,
     load: Load | None = None,
     *,
-    pose: Sequence[float] | None = None,
+    pose: Annotated[Sequence[float] | None, Long(3)] = None,
     map: Map | None = None,
-    frequencies: int = 3,
+    frequencies: Annotated[int, Within(least=1)] = 3,
     title: str = "",
     progress: Progress = silent,
     max_seconds: float | None = None,

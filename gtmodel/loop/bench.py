@@ -82,21 +82,6 @@ class Bench:
         return self.reference.rows[: self.cycles, 9:12]
 
 
-def refuse(peer: str, seconds: float, law: str, elastic: float | None, deceleration: float | None) -> None:
-    """Raises ArgumentError for what can be known before any work."""
-    if peer not in ("egm", "rsi"):
-        raise ArgumentError(f"{peer}: expected egm or rsi", "peer")
-    if law not in LAWS:
-        raise ArgumentError(f"{law}: expected {', '.join(LAWS)}", "law")
-    if not 0 < seconds <= LONGEST_S or not math.isfinite(seconds):
-        raise ArgumentError(f"{seconds:g}: expected a time above 0 and up to {LONGEST_S:g} s", "seconds")
-    if elastic is not None and not ELASTIC_HZ[0] <= elastic <= ELASTIC_HZ[1]:
-        low, high = ELASTIC_HZ
-        raise ArgumentError(f"{elastic:g}: expected a frequency from {low:g} to {high:g} Hz", "elastic")
-    if deceleration is not None and not 0 < deceleration < math.inf:
-        raise ArgumentError(f"{deceleration:g}: expected an acceleration above 0 m/s2", "deceleration")
-
-
 def prepare(
     robot: Model,
     folder: Path,

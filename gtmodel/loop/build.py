@@ -29,10 +29,14 @@ def manifest_of(folder: Path) -> dict[str, Any]:
     """The manifest of a generated folder that is as gtmodel wrote it. Raises GenerationError."""
     content = read(folder)
     if content is None or unfinished(folder):
-        raise GenerationError(f"'{folder}' {lacks(folder)}; make it with gtmodel codegen PROBLEM.toml -o {folder}")
+        raise GenerationError(
+            f"'{folder}' {lacks(folder)}; make it with gtmodel codegen PROBLEM.toml -o {folder}", "folder"
+        )
     changed = changed_files(folder, content)
     if changed:
-        raise GenerationError(f"'{folder / changed[0]}' was changed since gtmodel wrote it; generate the folder again")
+        raise GenerationError(
+            f"'{folder / changed[0]}' was changed since gtmodel wrote it; generate the folder again", "folder"
+        )
     return content
 
 

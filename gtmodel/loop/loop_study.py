@@ -7,15 +7,16 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 
 from ..lang import Model
 from ..results import Check, Quantity, Row, SolveStatus, Status, Study, Trajectory, Work, at_least, at_most
 from ..results.door import study_function
+from ..results.options import Within
 from ..results.work import Progress, never, silent
-from .bench import HOLD_CYCLES, LAWS, Bench, Reference, prepare, refuse
+from .bench import ELASTIC_HZ, HOLD_CYCLES, LAWS, LONGEST_S, Bench, Reference, prepare
 from .one_run import OneRun, run_of
 from .process import LoopError
 from .record import STATES, trajectory_of
@@ -76,12 +77,12 @@ def study(
     folder: str | Path,
     reference: Reference,
     *,
-    peer: str,
-    seconds: float,
-    law: str = "trajectory",
+    peer: Literal["egm", "rsi"],
+    seconds: Annotated[float, Within(above=0.0, most=LONGEST_S)],
+    law: Literal["trajectory", "dynamics", "replay", "path"] = "trajectory",
     in_lockstep: bool = False,
-    elastic: float | None = None,
-    deceleration: float | None = None,
+    elastic: Annotated[float | None, Within(least=ELASTIC_HZ[0], most=ELASTIC_HZ[1])] = None,
+    deceleration: Annotated[float | None, Within(above=0.0)] = None,
     built: str | Path | None = None,
     title: str = "",
     progress: Progress = silent,
@@ -123,7 +124,6 @@ def study(
     (50, True)
     """
     work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
-    refuse(peer, seconds, law, elastic, deceleration)
     with tempfile.TemporaryDirectory(prefix="gtmodel-loop-") as place:
         bench = prepare(
             robot, Path(folder), reference, Path(place), peer=peer, seconds=seconds, law=law, in_lockstep=in_lockstep,

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
 from ..lang import Model
 from ..results import ArgumentError, Check, Row, SolveStatus, Work, at_most
 from ..results.door import study_function
+from ..results.options import Long, Within
 from ..results.work import Progress, never, silent
 from . import pictures
 from .angle_search import Found
@@ -39,16 +40,16 @@ def study(
     cutter: Cutter,
     cut: Cut,
     *,
-    place: Sequence[float],
-    speed: float,
-    joint_stiffness: Sequence[float],
-    feed: Sequence[float] = (1.0, 0.0, 0.0),
+    place: Annotated[Sequence[float], Long(3)],
+    speed: Annotated[float, Within(above=0.0)],
+    joint_stiffness: Annotated[Sequence[float], Long(6), Within(above=0.0)],
+    feed: Annotated[Sequence[float], Long(3)] = (1.0, 0.0, 0.0),
     tool: Tool | None = None,
     dynamics: Given | None = None,
     source: str = "",
-    limits: Sequence[Sequence[float]] | None = None,
+    limits: Annotated[Sequence[Sequence[float]] | None, Long(2)] = None,
     search: Search | None = None,
-    lobes: tuple[float, float] | None = None,
+    lobes: Annotated[tuple[float, float] | None, Within(above=0.0)] = None,
     compensation: PathOffset | None = None,
     tests: Mapping[str, Any] | None = None,
     title: str = "",

@@ -104,8 +104,6 @@ def task_of(
     except (ValueError, AttributeError) as error:
         raise ArgumentError(f"expected a serial arm with a spherical wrist such as kr500; {error}", "robot") from error
     stiffness = np.array(joint_stiffness, float)
-    if stiffness.shape != (6,) or not np.all(stiffness > 0):
-        raise ArgumentError("expected six positive numbers, one by joint", "joint_stiffness")
     compliance = 1e-6 / (stiffness / 1e6)  # 1 / 3.93e6 and 1e-6 / 3.93, as tables have it, differ by a rounding
     return Task(model, arm, within, cutter, cut, speed, np.array(feed, float), list(place), compliance, tool, search,
                 title, dynamics, *dynamics_of(dynamics, source))  # fmt: skip

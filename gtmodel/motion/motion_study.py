@@ -15,6 +15,7 @@ from ..optimize.judgement.overshoot import control_curves
 from ..results import Quantity, Row, SolveStatus, Study, Trajectory, Work
 from ..results.check import failed_of
 from ..results.door import study_function
+from ..results.options import Long
 from ..results.work import Progress, never, silent
 from .finer_mesh import how, told
 from .found import Found, NotFound, energy_of, margins_of, on_finer_meshes, on_this_mesh, short_names
@@ -140,8 +141,8 @@ def _scaled(factor: float, value: float | None) -> float | None:
 @study_function
 def study(
     robot: Model,
-    start: Sequence[float] | End,
-    goal: Sequence[float] | End,
+    start: Annotated[Sequence[float] | End, Long(3)],
+    goal: Annotated[Sequence[float] | End, Long(3)],
     *,
     limits: Limits,
     path: Shape | None = None,

@@ -136,7 +136,9 @@ class Line(Shape):
 class Polyline(Shape):
     """Straight pieces with blended corners. via: its corners (n, 3) between start and goal [m]."""
 
-    via: Annotated[list[list[float]], Unit("m"), "its corners between start and goal"] = field(default_factory=list)
+    via: Annotated[list[list[float]], Unit("m"), Long(3), "its corners between start and goal"] = field(
+        default_factory=list
+    )
     blend: Annotated[
         float, Unit("m"), Within(above=0.0), "distance from a corner at which its blend begins"
     ] = 0.05  # fmt: skip
@@ -153,14 +155,14 @@ class Arc(Shape):
 class Spline(Shape):
     """The smooth curve through points (n, 3) [m], the first and the last of them start and goal."""
 
-    points: Annotated[np.ndarray, Unit("m"), "on the path, three coordinates each"]
+    points: Annotated[np.ndarray, Unit("m"), Long(3), "on the path, three coordinates each"]
 
 
 @dataclass(frozen=True)
 class Taught(Shape):
     """A recorded path, points (n, 3) [m], smoothed."""
 
-    points: Annotated[np.ndarray, Unit("m"), "as they were recorded, three coordinates each"]
+    points: Annotated[np.ndarray, Unit("m"), Long(3), "as they were recorded, three coordinates each"]
     tolerance: Annotated[
         float, Unit("m"), Within(above=0.0), "root mean square distance left by the smoothing"
     ] = 5e-4  # fmt: skip

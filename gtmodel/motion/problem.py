@@ -7,19 +7,17 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..lang import Model, Optimization
-from ..results import ArgumentError
+from ..results import Options
 from .guard import Guard
 from .options import Cost, End, Export, Limits, Mesh, Shape, Solver, Starts
 from .paths import Path
 from .task import MotionTask, motion
 
 NO_GUARD = Guard([], {})
-KINDS = {"robot": Model, "start": End, "goal": End, "limits": Limits, "path": Shape, "cost": Cost, "mesh": Mesh,
-         "starts": Starts, "solver": Solver, "export": Export}  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class MotionProblem:
+class MotionProblem(Options):
     """A robot's motion from one pose to another.
 
     robot: declares T, the tool centre point (3,) [m], and tau, the motor forces (3,) [N].
@@ -40,15 +38,6 @@ class MotionProblem:
     solver: Solver = field(default_factory=Solver)
     export: Export = field(default_factory=Export)
     title: str = ""
-
-    def __post_init__(self) -> None:
-        for name, cls in KINDS.items():
-            value = getattr(self, name)
-            if not isinstance(value, cls) and not (name == "path" and value is None):
-                found, where = type(value), cls.__module__.removesuffix(".options")
-                raise ArgumentError(
-                    f"is {found.__name__} of {found.__module__}; expected {cls.__name__} of {where}", name
-                )
 
     @property
     def begin(self) -> np.ndarray:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 
 class ArgumentError(ValueError):
     """What a caller gave cannot be used: one plain sentence, and which argument it is.
@@ -17,3 +20,14 @@ class ArgumentError(ValueError):
 
     def __str__(self) -> str:
         return f"{self.argument}: {self.sentence}" if self.argument else self.sentence
+
+
+@contextmanager
+def blaming(argument: str, kind: type[Exception] | tuple[type[Exception], ...] = ValueError) -> Iterator[None]:
+    """What is refused inside without an argument's name, by this or another exception, is said of `argument`."""
+    try:
+        yield
+    except ArgumentError as error:
+        raise error if error.argument else ArgumentError(error.sentence, argument) from error
+    except kind as error:
+        raise ArgumentError(str(error), argument) from error

@@ -12,6 +12,7 @@ from ..lang.model import Model
 from ..lang.source import ModelError
 from ..results import ArgumentError, Quantity, Row, SolveStatus, Study, Trajectory, Work, at_most
 from ..results.door import study_function
+from ..results.options import Within
 from ..results.work import Progress, never, silent
 from .arguments import MOST_ROWS, MOST_STEPS
 from .result import Simulation
@@ -67,15 +68,15 @@ class SimulationStudy(Study):
 @study_function
 def simulation_study(
     model: Model,
-    final_time: float,
+    final_time: Annotated[float, Within(above=0.0)],
     *,
     inputs: Mapping[str, Any] | None = None,
     start: Mapping[str, Any] | None = None,
-    step: float | None = None,
-    max_step: float | None = None,
+    step: Annotated[float | None, Within(above=0.0)] = None,
+    max_step: Annotated[float | None, Within(above=0.0)] = None,
     outputs: Sequence[str] = (),
     prefer: Sequence[str] = (),
-    tolerance: float = 1e-9,
+    tolerance: Annotated[float, Within(least=1e-14, most=0.1)] = 1e-9,
     method: Literal["bdf", "adams"] = "bdf",
     title: str = "",
     progress: Progress = silent,
@@ -129,7 +130,7 @@ def _refuse_steps(final_time: float, step: float | None, max_step: float | None)
     if step is not None and step > final_time:
         raise ArgumentError(f"{step:g} s is longer than the run of {final_time:g} s", "step")
     for argument, value, most in (("step", step, MOST_ROWS), ("max_step", max_step, MOST_STEPS)):
-        if value is not None and value > 0 and final_time / value > most:
+        if value is not None and final_time / value > most:
             raise ArgumentError(f"{value:g} s is too short: the run has at most {most} of them", argument)
 
 

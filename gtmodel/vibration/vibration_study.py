@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import Literal
 
 from ..results import ArgumentError, SolveStatus, Work
 from ..results.door import study_function
@@ -24,7 +25,7 @@ def study(
     model: Subspace | StepResponse | Impulse,
     *,
     physical: Physical | None = None,
-    input_unit: str = "N",
+    input_unit: Literal["N", "m"] = "N",
     truth: Structure | Steps | Hit | None = None,
     title: str = "",
     progress: Progress = silent,

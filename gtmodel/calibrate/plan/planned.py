@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from ...lang import Model
 from ...results import SolveStatus, Work
 from ...results.check import failed_of
 from ...results.door import study_function
+from ...results.options import Long, Within
 from ...results.work import Progress, never, silent
 from ..pose_numbers import Point
 from ..unknowns import Choice
@@ -35,16 +36,16 @@ def plan_study(
     room: Room,
     *,
     choice: Choice | None = None,
-    home: Sequence[float] | None = None,
+    home: Annotated[Sequence[float] | None, Long(3)] = None,
     limits: PlanLimits | None = None,
     bodies: Bodies | None = None,
     obstacles: Sequence[Box] = (),
     beams: Sequence[Beam] = (),
     safety: Safety | None = None,
-    actuator_noise: float | None = None,
-    axis_noise: float | None = None,
+    actuator_noise: Annotated[float | None, Within(least=0.0)] = None,
+    axis_noise: Annotated[float | None, Within(above=0.0)] = None,
     poses: PosesToMeasure | None = None,
-    curve: Sequence[int] | None = None,
+    curve: Annotated[Sequence[int] | None, Within(above=0)] = None,
     evaluation: Evaluation | None = None,
     simulation: Simulation | None = None,
     criteria: Criteria | None = None,

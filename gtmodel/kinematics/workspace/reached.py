@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
 from ...lang import Model
 from ...results import ArgumentError, Check, SolveStatus, Work, at_most
 from ...results.door import study_function
+from ...results.options import Long, Within
 from ...results.tables import csv_text
 from ...results.work import Progress, never, silent
 from ..mechanism import home_figure
@@ -38,14 +39,14 @@ def workspace_study(
     robot: Model,
     limits: Limits | None = None,
     *,
-    home: Sequence[float] | None = None,
+    home: Annotated[Sequence[float] | None, Long(3)] = None,
     section: CrossSection | None = None,
     volume: Sections | None = None,
     bodies: Bodies | None = None,
     obstacles: Sequence[Box] = (),
     beams: Sequence[Beam] = (),
-    compare_cones: Sequence[float] = (),
-    points: Sequence[Sequence[float]] = (),
+    compare_cones: Annotated[Sequence[float], Within(above=0.0)] = (),
+    points: Annotated[Sequence[Sequence[float]], Long(3)] = (),
     title: str = "",
     progress: Progress = silent,
     max_seconds: float | None = None,

@@ -13,6 +13,7 @@ from ...lang import Model
 from ...results import Quantity, Row, SolveStatus, Study, Work
 from ...results.check import failed_of
 from ...results.door import study_function
+from ...results.options import Long, Within
 from ...results.trajectory_files import TRAJECTORY
 from ...results.work import Progress, never, silent
 from ..finer_mesh import elements_after, refined, told
@@ -94,11 +95,11 @@ class ElasticStudy(Study):
 @study_function
 def elastic_study(
     robot: Model,
-    start: Sequence[float],
-    goal: Sequence[float],
+    start: Annotated[Sequence[float], Long(3)],
+    goal: Annotated[Sequence[float], Long(3)],
     tool: Tool,
     *,
-    force: float,
+    force: Annotated[float, Within(above=0.0)],
     cost: Cost | None = None,
     mesh: Mesh | None = None,
     solver: Solver | None = None,

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from scipy import stats
@@ -13,6 +13,7 @@ from scipy import stats
 from ...inference import binomial_band
 from ...results import ArgumentError, Check, SolveStatus, Work, at_least
 from ...results.door import study_function
+from ...results.options import Within
 from ...results.work import Progress, never, silent
 from . import pictures
 from .experiments import Experiment
@@ -37,7 +38,7 @@ def dynamic_stiffness_study(
     fit: Fit | None = None,
     process: Process | None = None,
     map: Map | None = None,
-    repeatability: float = 0.15,
+    repeatability: Annotated[float, Within(above=0.0)] = 0.15,
     title: str = "",
     progress: Progress = silent,
     max_seconds: float | None = None,
