@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 
-MODES = ("climb", "up", "slot")
+from ..results import ArgumentError
+from ..results.agreement import agree
+from ..results.options import Options, Unit, Within
+
+Mode = Literal["climb", "up", "slot"]
 
 
 class Coefficients(NamedTuple):
@@ -33,42 +37,37 @@ class Coefficients(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Cutter:
+class Cutter(Options):
     """A helical end mill with `coefficients` for the material it cuts.
 
     diameter [m]; teeth; helix [rad], right-handed, 0 for straight teeth. tooth_angles (teeth,) [rad]: of the teeth
     at the tip, rising, within one turn; even pitch if left out. runout (teeth,) [m]: by how much each tooth stands
-    out radially. Raises ValueError for impossible values.
+    out radially. Raises ArgumentError for impossible values.
     """
 
-    diameter: float
-    teeth: int
+    diameter: Annotated[float, Unit("m"), Within(above=0.0)]
+    teeth: Annotated[int, Within(least=1)]
     coefficients: Coefficients
-    helix: float = 0.0
+    helix: Annotated[float, Unit("rad"), Within(least=0.0, below=np.pi / 2)] = 0.0
     tooth_angles: np.ndarray | None = None
     runout: np.ndarray | None = None
 
     def __post_init__(self) -> None:
-        if not self.diameter > 0 or not np.isfinite(self.diameter):
-            raise ValueError(f"the diameter is {self.diameter:g} m; expected more than 0")
-        if self.teeth < 1 or self.teeth != int(self.teeth):
-            raise ValueError(f"the cutter has {self.teeth} teeth; expected a whole number from 1 on")
-        if not 0 <= self.helix < np.pi / 2:
-            raise ValueError(f"the helix angle is {np.rad2deg(self.helix):g} deg; expected 0 to less than 90")
-        if not np.all(np.isfinite(self.coefficients)):
-            raise ValueError(f"the cutting coefficients are {tuple(self.coefficients)}; expected finite numbers")
+        super().__post_init__()
+        agree(tuple(self.coefficients), tuple[float, ...], "coefficients")
         k = self.coefficients
         if k.K_tc < 0 or k.K_te < 0:
             name, value = ("K_tc", k.K_tc) if k.K_tc < 0 else ("K_te", k.K_te)
-            raise ValueError(
-                f"{name} is {value:g}; expected 0 or more, for a chip brakes the tooth and does not drive it"
+            raise ArgumentError(
+                f"is {value:g}; expected 0 or more, for a chip brakes the tooth and does not drive it",
+                f"coefficients.{name}",
             )
         for name in ("tooth_angles", "runout"):
             given = getattr(self, name)
             if given is not None and (np.shape(given) != (self.teeth,) or not np.all(np.isfinite(given))):
-                raise ValueError(f"{name} has the shape {np.shape(given)}; expected {self.teeth} finite numbers")
+                raise ArgumentError(f"has the shape {np.shape(given)}; expected {self.teeth} finite numbers", name)
         if np.any(self.pitch <= 0):
-            raise ValueError("tooth_angles must rise and lie within one turn")
+            raise ArgumentError("must rise and lie within one turn", "tooth_angles")
 
     @property
     def radius(self) -> float:
@@ -93,24 +92,18 @@ class Cutter:
 
 
 @dataclass(frozen=True)
-class Cut:
+class Cut(Options):
     """mode "climb" (down), "up" or "slot"; radial_depth a_e, axial_depth a_p and feed_per_tooth f_t, all [m].
 
-    A slot takes the whole diameter, its radial_depth is not read. Raises ValueError for impossible values.
+    A slot takes the whole diameter, its radial_depth is not read. Raises ArgumentError for impossible values.
     """
 
-    mode: str
-    radial_depth: float
-    axial_depth: float
-    feed_per_tooth: float
-
-    def __post_init__(self) -> None:
-        if self.mode not in MODES:
-            raise ValueError(f"the mode is '{self.mode}'; expected one of {', '.join(MODES)}")
-        for name in ("radial_depth", "axial_depth", "feed_per_tooth"):
-            if not getattr(self, name) > 0 or not np.isfinite(getattr(self, name)):
-                said = "; the direction of feed is a vector of its own" if name == "feed_per_tooth" else ""
-                raise ValueError(f"{name} is {getattr(self, name):g} m; expected more than 0{said}")
+    mode: Mode
+    radial_depth: Annotated[float, Unit("m"), Within(above=0.0)]
+    axial_depth: Annotated[float, Unit("m"), Within(above=0.0)]
+    feed_per_tooth: Annotated[
+        float, Unit("m"), Within(above=0.0, advice="the direction of feed is a vector of its own")
+    ]
 
 
 class Teeth(NamedTuple):

@@ -7,12 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..results import ArgumentError
+
 
 @dataclass(frozen=True, eq=False)
 class Oscillators:
     """n poses: m [kg], c [N.s/m], k [N/m], each (n, 3) along x, y, z of the world. All positive.
 
-    One pose may be given as (3,). Raises ValueError for what is not positive or has another shape.
+    One pose may be given as (3,). Raises ArgumentError for what is not positive or has another shape.
     """
 
     m: np.ndarray
@@ -23,12 +25,12 @@ class Oscillators:
         for name, unit in (("m", "kg"), ("c", "N.s/m"), ("k", "N/m")):
             value = np.atleast_2d(np.asarray(getattr(self, name), float))
             if value.ndim != 2 or value.shape[1] != 3 or len(value) != len(np.atleast_2d(self.m)):
-                raise ValueError(f"{name} has the shape {value.shape}; expected (n, 3), x, y and z of n poses")
+                raise ArgumentError(f"has the shape {value.shape}; expected (n, 3), x, y and z of n poses", name)
             if not np.all(value > 0) or not np.all(np.isfinite(value)):
                 pose, axis = np.argwhere(~((value > 0) & np.isfinite(value)))[0]
-                raise ValueError(
-                    f"{name} is {value[pose, axis]:g} {unit} along {'xyz'[axis]} in pose {pose}; "
-                    "expected a positive number"
+                raise ArgumentError(
+                    f"is {value[pose, axis]:g} {unit} along {'xyz'[axis]} in pose {pose}; expected a positive number",
+                    name,
                 )
             object.__setattr__(self, name, value)
 

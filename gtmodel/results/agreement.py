@@ -21,6 +21,7 @@ from .quantity import marks_of
 from .refusal import ArgumentError
 
 Marks = tuple[Any, ...]
+UNEQUAL = "expected rows of one length; these are not"
 _NUMBERS: dict[Any, Any] = {float: numbers.Real, int: numbers.Integral}
 
 
@@ -32,6 +33,7 @@ class Within:
     least: float | None = None
     most: float | None = None
     below: float | None = None
+    advice: str = ""  # said to whom a bound is broken by
 
     def holds(self, x: float) -> bool:
         """Whether a number keeps all bounds."""
@@ -87,7 +89,7 @@ def agree(value: Any, hint: Any, argument: str, marks: Marks = ()) -> None:
     elif kind is Callable or getattr(kind, "_is_protocol", False):
         if not callable(value) or isinstance(value, type):
             raise WrongKind(value, hint, argument)
-    elif not isinstance(kind, type):  # Any, a type variable
+    elif kind is Any or not isinstance(kind, type):  # a type variable
         return
     elif issubclass(kind, Mapping):
         if not isinstance(value, Mapping):
@@ -119,6 +121,8 @@ def _listed(value: Any, hint: Any, argument: str, marks: Marks) -> None:
             raise WrongKind(value, hint, argument)
     for k, one in enumerate(value):
         agree(one, inside[0], _place(argument, f"[{k}]", inside[0]), marks)
+    if hint == list[list[float]] and len({len(row) for row in value}) > 1:
+        raise ArgumentError(UNEQUAL, argument)
 
 
 def _array(value: Any, hint: Any, argument: str, marks: Marks) -> None:
@@ -126,7 +130,7 @@ def _array(value: Any, hint: Any, argument: str, marks: Marks) -> None:
     try:
         array = np.asarray(value)
     except ValueError:
-        raise ArgumentError("expected rows of one length", argument) from None
+        raise ArgumentError(UNEQUAL, argument) from None
     if array.dtype.kind not in "fiu" or not array.ndim:
         raise WrongKind(value, hint, argument)
     for mark in marks:
@@ -142,7 +146,8 @@ def _bounded(numbers: Sequence[float], argument: str, marks: Marks) -> None:
             raise ArgumentError(f"expected finite numbers; found {x:g}", argument)
         for mark in marks:
             if isinstance(mark, Within) and not mark.holds(x):
-                raise ArgumentError(f"must be {mark}; found {x:g}", argument)
+                advice = f"; {mark.advice}" if mark.advice else ""
+                raise ArgumentError(f"must be {mark}; found {x:g}{advice}", argument)
 
 
 def _one_of(value: Any, hints: Sequence[Any], argument: str, marks: Marks) -> None:

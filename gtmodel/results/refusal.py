@@ -28,6 +28,8 @@ def blaming(argument: str, kind: type[Exception] | tuple[type[Exception], ...] =
     try:
         yield
     except ArgumentError as error:
-        raise error if error.argument else ArgumentError(error.sentence, argument) from error
+        if error.argument:
+            raise
+        raise ArgumentError(error.sentence, argument) from error
     except kind as error:
         raise ArgumentError(str(error), argument) from error

@@ -65,7 +65,7 @@ def matrices_study(
     >>> round(float(s.frequency[0]), 3), s.stable
     (1.592, True)
     """
-    M, D, K = (_square(name, getattr(matrices, name)) for name in "MDK")
+    M, D, K = (np.array(getattr(matrices, name), float) for name in "MDK")
     try:
         printed = modes(M, D, K)
         signs = sign_question(M, D, K)
@@ -93,13 +93,6 @@ def matrices_study(
         signs=list(signs),
         definite=definite and {"signs": chosen, "M_kg": definite.M, "D_kg_s": definite.D, "K_N_m": definite.K},
     )
-
-
-def _square(name: str, rows: Any) -> np.ndarray:
-    try:
-        return np.array(rows, float)
-    except ValueError as error:
-        raise ArgumentError("the rows have different lengths", f"matrices.{name}") from error
 
 
 def _passive(

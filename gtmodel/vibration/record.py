@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..results import ArgumentError
+from ..results.agreement import Within, agree
+from ..results.refusal import ArgumentError, blaming
 
 
 class Stopped(Exception):
@@ -35,11 +37,13 @@ class Record:
     synthetic: str | None = None
 
     def __post_init__(self) -> None:
-        u, y = columns(self.u, "inputs"), columns(self.y, "outputs")
+        u, y = columns(self.u, "inputs", "u"), columns(self.y, "outputs", "y")
         object.__setattr__(self, "u", u)
         object.__setattr__(self, "y", y)
         if len(u) != len(y):
-            raise ArgumentError(f"{len(u)} samples of the inputs and {len(y)} of the outputs; give one each per sample")
+            raise ArgumentError(
+                f"{len(u)} samples of the inputs and {len(y)} of the outputs; give one each per sample", "y"
+            )
         check_sample_time(self.sample_time)
 
     def __len__(self) -> int:
@@ -55,23 +59,26 @@ class Record:
         return Record(self.u[start:stop], self.y[start:stop], self.sample_time, self.synthetic)
 
 
-def columns(values: ArrayLike, name: str) -> np.ndarray:
+def columns(values: ArrayLike, name: str, argument: str = "") -> np.ndarray:
     """Values (N,) or (N, k) as finite floats (N, k). Raises ArgumentError."""
-    array = np.asarray(values, float)
+    with blaming(argument, (TypeError, ValueError)):
+        array = np.asarray(values, float)
     array = array[:, None] if array.ndim == 1 else array
     if array.ndim != 2 or array.shape[1] == 0:
-        raise ArgumentError(f"the {name} have the shape {array.shape}; expected one row per sample and some columns")
+        raise ArgumentError(
+            f"the {name} have the shape {array.shape}; expected one row per sample and some columns", argument
+        )
     bad = np.argwhere(~np.isfinite(array))
     if bad.size:
         row, column = bad[0]
         raise ArgumentError(
             f"sample {row} of column {column} of the {name} is {array[row, column]}; expected finite numbers, so cut "
-            "the recording there"
+            "the recording there",
+            argument,
         )
     return array
 
 
 def check_sample_time(sample_time: float) -> None:
     """Raises ArgumentError unless it is a positive number of seconds."""
-    if not (np.isfinite(sample_time) and sample_time > 0):
-        raise ArgumentError(f"the sample time is {sample_time}; expected a positive number of seconds")
+    agree(sample_time, Annotated[float, Within(above=0.0)], "sample_time")

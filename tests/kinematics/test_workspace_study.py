@@ -190,7 +190,6 @@ def test_stopped_it_keeps_what_was_mapped(l1) -> None:
     [
         ({"home": [0.0, 9.0, 0.0]}, "home"),
         ({"limits": Limits(actuators=[[0.0, 1.0]])}, "limits.actuators"),
-        ({"limits": Limits(actuators=[[0.0, 1.0, 2.0]] * 3)}, "limits.actuators"),
         ({"limits": Limits(actuators=[[1.0, 0.0]] * 3)}, "limits.actuators"),
         ({"limits": Limits(actuators=[[-1500.0, 1500.0]] * 3)}, "limits.actuators"),
         ({"limits": Limits(tcp_low=[0, 0, 1.0], tcp_high=[1, 1, 0.0])}, "limits.tcp_high"),

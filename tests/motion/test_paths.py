@@ -214,7 +214,6 @@ class TestRefusals:
             (Polyline([START.tolist()]), "path.via"),
             (Spline(np.array([START, GOAL])), "path.points"),
             (Spline(np.array([START, START, GOAL])), "path.points"),
-            (Spline(np.zeros((3, 2))), "path.points"),
             (Taught(RECORDED[:4]), "path.points"),
             (Spline(np.array([START + np.array([0.1, 0.0, 0.0]), CORNER, GOAL])), "start.tcp"),
         ],
