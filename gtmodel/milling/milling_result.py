@@ -15,21 +15,21 @@ Array = np.ndarray
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class MillingStudy(Study):
-    """Where to mill. What needs dynamics is None without them; `table` is shown to people."""
+    """Where to mill. What needs dynamics is None without them, all is None of one stopped early; `table` is shown to people."""
 
     reachable: Annotated[
-        Array,
+        Array | None,
         Quantity(
             "rad", "runs of the angle that some branch reaches within the joint limits: first and last of each",
             written="deg",
         ),
-    ]  # fmt: skip
+    ] = None  # fmt: skip
     static_angle: Annotated[
-        float, Quantity("rad", "of the least static index among all reachable angles", written="deg")
-    ]
+        float | None, Quantity("rad", "of the least static index among all reachable angles", written="deg")
+    ] = None
     static_index: Annotated[
-        float, Quantity("m", "there, under the peak force; for ranking, not for millimetres", written="mm")
-    ]
+        float | None, Quantity("m", "there, under the peak force; for ranking, not for millimetres", written="mm")
+    ] = None
     static_choice: Annotated[
         float | None,
         Quantity(

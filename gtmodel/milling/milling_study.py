@@ -76,7 +76,7 @@ def study(
         tests: tables with milling tests to predict, as `gtmodel.robots.kr500_tables` has them.
         progress, max_seconds, stop: see `gtmodel.results.Work`.
 
-    Interrupted, it holds what stiffness alone tells. Raises ArgumentError.
+    Interrupted, it holds what stiffness alone tells, and nothing before that. Raises ArgumentError.
 
     >>> import numpy as np
     >>> import gtmodel as gt
@@ -89,7 +89,7 @@ def study(
     True
     """
     work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
-    work.progress("kinematics", 0.1)
+    work.step("kinematics", 0.1)
     task = task_of(
         robot, cutter, cut, place=place, speed=speed, feed=feed, joint_stiffness=joint_stiffness, dynamics=dynamics,
         tool=tool or Tool(), search=search or Search(), limits=limits, source=source, title=title,
@@ -99,6 +99,7 @@ def study(
     if lobes is not None and lobes[0] >= lobes[1]:
         said = f"is {60 * lobes[1]:g} rpm; expected more than the lower end, {60 * lobes[0]:g}"
         raise ArgumentError(said, "lobes")
+    work.step("the static index", 0.2)
     found = Found(task, place_of(task, task.place))
     if work.interrupted():
         return _outcome(found, None, None, None, "stopped before the search")

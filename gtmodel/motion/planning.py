@@ -89,7 +89,7 @@ class Plan:
             k = int(np.argmax(np.max(needed, axis=0)))
             return (
                 f"; a slow motion along the straight line already needs {np.max(needed):.4g} N of motor {k + 1}, "
-                f"limits.force_N is {limit:g}"
+                f"the limit is {limit:g}"
             )
         return ""
 

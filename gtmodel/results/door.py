@@ -8,7 +8,8 @@ from functools import cache, wraps
 from typing import Any, ParamSpec, TypeVar, get_type_hints
 
 from .agreement import agree
-from .work import Work
+from .status import SolveStatus
+from .work import Interrupted, Work
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -18,7 +19,7 @@ def study_function(function: Callable[P, R]) -> Callable[P, R]:
     """A study whose arguments are checked against their annotations: kinds, words, `Long`, `Within`.
 
     `progress`, `max_seconds` and `stop` are what `Work` says. The annotations are read at the first call. What does not
-    agree is an ArgumentError with the argument's name.
+    agree is an ArgumentError with the argument's name. What ends at a `Work.step` is a study of that status alone.
     """
 
     @cache
@@ -36,6 +37,10 @@ def study_function(function: Callable[P, R]) -> Callable[P, R]:
             return function(*args, **kwargs)  # Python's own words on names that are missing or not there
         for name, value in given.items():
             agree(value, hints[name], name)
-        return function(*args, **kwargs)
+        try:
+            return function(*args, **kwargs)
+        except Interrupted as stopped:
+            told = {"message": str(stopped), "title": given.get("title", "")}
+            return hints["return"](status=SolveStatus.INTERRUPTED, **told)
 
     return checked

@@ -21,6 +21,10 @@ class Progress(Protocol):
     ) -> object: ...
 
 
+class Interrupted(Exception):
+    """The work was to end before this step; there is no result yet, so the study tells its status alone."""
+
+
 def silent(stage: str | None = None, fraction: float | None = None, numbers: Mapping[str, float] | None = None) -> None:
     """Shows nothing."""
 
@@ -42,6 +46,13 @@ class Work:
     max_seconds: Annotated[float | None, Within(above=0.0)] = None
     stop: Callable[[], bool] = never
     began: float = field(default_factory=time.monotonic)
+
+    def step(self, stage: str, fraction: float | None = None) -> None:
+        """Tell of a step that cannot be interrupted, such as the making of a model; raises Interrupted if asked to
+        end. A study that ends this way has no values."""
+        if self.interrupted():
+            raise Interrupted(f"stopped before {stage}")
+        self.progress(stage, fraction)
 
     def interrupted(self) -> bool:
         """True once a stop was asked for or the time is over; engines ask once per iteration."""

@@ -136,7 +136,7 @@ def _structure(
     force = None
     if p.force_coordinates:
         if input_unit != "N":
-            raise ArgumentError("the input is no force in newtons; name it as force_N", "physical.force_coordinates")
+            raise ArgumentError("the input is no force in newtons", "physical.force_coordinates")
         inputs = record.u.shape[1]
         if len(p.force_coordinates) != inputs or not all(1 <= c <= coordinates for c in p.force_coordinates):
             raise ArgumentError(

@@ -151,7 +151,7 @@ def friction_study(
     coefficients: dict[str, Any] = {name: getattr(fit, name) for name in LABELS}
     return FrictionStudy(
         status=SolveStatus.SOLVED,
-        message=f"{len(found.pose)} runs, {len(fit.pattern)} poses",
+        message=f"{len(found.pose)} runs, {len(fit.pattern)} pose{'s' if len(fit.pattern) > 1 else ''}",
         title=title,
         checks=_checks(fit, found, truth, gravity == "poses" or directions == "symmetric"),
         mass=fit.mass,

@@ -132,7 +132,7 @@ def _check(robot: SixLinks, given: tuple[str, ...], argument: str) -> None:
         raise ArgumentError("give either the carts q_m or tcp_m", argument)
     turned = [name for name in ("zyz", "quaternion") if name in given]
     if len(turned) > 1:
-        raise ArgumentError("give either zyz_deg or quaternion", argument)
+        raise ArgumentError("give either zyz or quaternion", argument)
     if "axes" in given and not robot.carts_and_axes[1]:
         raise ArgumentError("the robot has no rotary axes; leave them out", f"{argument}.axes")
     if turned and not robot.turns:

@@ -55,9 +55,9 @@ def modes_study(
     (40, 6, 6)
     """
     work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
+    work.step("equations")
     hands = legs_of(robot, poses)
-    if work.interrupted():
-        return ModesStudy(status=SolveStatus.INTERRUPTED, message=SolveStatus.INTERRUPTED.sentence, title=title)
+    work.step("tracking")
 
     def told(done: int, count: int) -> bool:
         work.progress("tracking 40 paths per pose", done / count, {"poses": float(done)})

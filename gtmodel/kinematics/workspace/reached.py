@@ -28,7 +28,7 @@ Array = np.ndarray
 
 # relative change of the area when the step is doubled: boundary crossings are bisected, the rest is of second order
 CONVERGENCE = 0.01
-FINER = "use a smaller section.step_m"
+FINER = "use a smaller step of the section"
 # relative: the same polygons by cells and by loops
 POLYGONS = 1e-9
 FEW = 10  # steps across the section; a section not reached at so few points may be reached between them
@@ -207,7 +207,9 @@ def _concluded(
 def _nothing(main: SectionMap, reasons: Mapping[str, int]) -> str:
     message = f"no point of the section is reached; most often: {max(reasons, key=lambda r: reasons[r])}"
     if min(len(main.u), len(main.v)) <= FEW:
-        message += f"; it was looked at in {len(main.u)} by {len(main.v)} points only, try a smaller section.step_m"
+        message += (
+            f"; it was looked at in {len(main.u)} by {len(main.v)} points only, try a smaller step of the section"
+        )
     return message
 
 

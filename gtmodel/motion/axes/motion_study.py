@@ -68,7 +68,9 @@ def axis_study(
         degrees_of_freedom=degrees_of_freedom, cost=cost or AxisCost(), mesh=mesh or AxisMesh(),
         solver=solver or AxisSolver(), earlier=earlier, title=title,
     )  # fmt: skip
+    work.step("equations")
     plan = plan_of(problem)
+    work.step("transcribing")
     given = on_this_mesh(plan, None, work)
     iterations = given.study.iterations or 0
 

@@ -91,7 +91,7 @@ def _failed(plan: AxisPlan, solution: Solution, lead: str) -> AxisStudy:
         objective=solution.objective if np.isfinite(solution.objective) else None,
         iterations=solution.iterations,
         checks=solution.checks,
-        final_time=solution.free.get("final_time"),
+        final_time=solution.free.get("final_time") if solution.iterations else None,  # the guess's is no result
         trajectory=_renamed(solution.trajectory, f"{title} (not solved: {solution.status.value})".strip()),
         machine_files=(TRAJECTORY,),
     )

@@ -85,9 +85,7 @@ class ElasticStudy(Study):
         for name, m in self.motions.items():
             over = m["peak_force_N"] / self.force - 1
             if over > FORCE_SHARE:
-                said = (
-                    f"by {100 * over:.2g} %: plan with limits.force_N = {self.force / (1 + over):.3g} to stay near it"
-                )
+                said = f"by {100 * over:.2g} %: plan with a limit of {self.force / (1 + over):.3g} N to stay near it"
                 rows.append(Row(f"{name} passes the force limit", said))
         return rows + [Row("assumed", sentence) for sentence in ASSUMED]
 
@@ -134,6 +132,7 @@ def elastic_study(
     task = ElasticTask(
         robot=robot, start=start, goal=goal, tool=tool, force=force, cost=cost or Cost(), solver=solver or Solver()
     )  # fmt: skip
+    work.step("the rigid plan")
     given = plans_on(mesh, task, None, work)
     if isinstance(given, NoPlan):
         return ElasticStudy(status=given.status, message=given.message, title=title, iterations=given.iterations)
