@@ -3,7 +3,7 @@
 study         all of it in one call: generated, compared with Python, costs counted, written -> CodeStudy
 Verification  how it is compared
 
-Its steps. Produce: generate -> Generated. Verify: check -> CheckReport of Checks. Measure: costs -> Costs, write_costs.
+Its steps. Produce: generate -> Generated. Verify: check -> CheckReport. Measure: costs -> Costs, write_costs.
 All raise GenerationError, one plain sentence, for what cannot be generated, written or compared.
 """
 
@@ -14,9 +14,9 @@ from .generation import Generated, generate
 from .measurement import Costs, costs
 from .options import Verification
 from .verification.against_python import check
-from .verification.report import Check, CheckReport
+from .verification.report import CheckReport
 
 __all__ = [
-    "Check", "CheckReport", "CodeStudy", "Costs", "Generated", "GenerationError", "Verification", "check", "costs",
-    "generate", "study", "write_costs",
+    "CheckReport", "CodeStudy", "Costs", "Generated", "GenerationError", "Verification", "check", "costs", "generate",
+    "study", "write_costs",
 ]  # fmt: skip
