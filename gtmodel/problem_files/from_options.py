@@ -35,8 +35,11 @@ class Made(Section, Generic[O]):
 
     def options(self) -> O:
         """The options that the table says, in SI. Raises ArgumentError where they contradict each other."""
-        given = {self.attributes[key]: _given(self, key) for key in self.attributes}
-        return self.made_of(**given)
+        return self.made_of(**self.given())
+
+    def given(self) -> dict[str, Any]:
+        """The fields of these options, in SI."""
+        return {self.attributes[key]: _given(self, key) for key in self.attributes}
 
 
 def _given(table: Made, key: str) -> Any:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from pydantic import Field, PositiveFloat, field_validator
+from pydantic import Field
 
+from gtmodel.calibrate.measured import cart_points as carts
 from gtmodel.calibrate.measured import options as measured
 from gtmodel.calibrate.options import Fit
 from gtmodel.calibrate.synthetic import options as made_up
@@ -14,8 +15,6 @@ from gtmodel.compliance.options import Load
 from gtmodel.problem_files.base import Section
 from gtmodel.problem_files.from_options import Made, made_from
 from gtmodel.problem_files.robot_keys import RobotProblem
-
-Four = Annotated[list[float], Field(min_length=4, max_length=4)]
 
 
 @made_from(measured.Measured)
@@ -30,7 +29,8 @@ class Synthetic(Made):
     """A robot with known errors, measured at poses that its model reaches: a file to try the calibration on."""
 
 
-class CartPoints(Section):
+@made_from(carts.CartPoints, "at", "points")
+class CartPoints(Made):
     """Points of each cart along its guideway, measured in another set-up of the device (Dressler 2012, eq. (5.7))."""
 
     file: str = Field(
@@ -42,13 +42,6 @@ class CartPoints(Section):
         "the second",
         min_length=1,
     )
-    quaternion: Four = Field(
-        default=[1.0, 0.0, 0.0, 0.0],
-        description="turn of that set-up in the frame of the poses, by common reference points, scalar first",
-    )
-    turn_std_rad: PositiveFloat | None = Field(
-        default=None, description="how well it is known; left out, the poses alone tell it, badly about the guideway"
-    )
 
 
 class HeldOut(Section):
@@ -56,13 +49,6 @@ class HeldOut(Section):
 
     every: int = Field(default=2, ge=0, description="every how many-th pose is held out; 0 for none")
     file: str | None = Field(default=None, description="another file of the same columns instead")
-
-    @field_validator("every")
-    @classmethod
-    def _leaves_poses(cls, every: int) -> int:
-        if every == 1:
-            raise ValueError("1 holds every pose out and leaves none to fit; take 2 or more, or 0 for none")
-        return every
 
 
 @made_from(load_tests.LoadTests)
