@@ -14,8 +14,7 @@ from ..results.door import study_function
 from ..results.options import Long, Within
 from ..results.work import Progress, never, silent
 from . import pictures
-from .angle_search import Found
-from .angle_search import search as search_angles
+from .angle_search import Found, search as search_angles
 from .compensated_path import FILE, compensated
 from .cutter import Cut, Cutter
 from .deflection import SECONDS

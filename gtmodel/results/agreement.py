@@ -121,7 +121,7 @@ def _listed(value: Any, hint: Any, argument: str, marks: Marks) -> None:
             raise WrongKind(value, hint, argument)
     for k, one in enumerate(value):
         agree(one, inside[0], _place(argument, f"[{k}]", inside[0]), marks)
-    if hint == list[list[float]] and len({len(row) for row in value}) > 1:
+    if hint == list[list[float]] and len(set(map(len, value))) > 1:  # type: ignore[arg-type]
         raise ArgumentError(UNEQUAL, argument)
 
 

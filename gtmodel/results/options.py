@@ -14,9 +14,7 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any, get_type_hints
 
-from .agreement import Long as Long
-from .agreement import Within as Within
-from .agreement import agree
+from .agreement import Long as Long, Within as Within, agree
 from .quantity import marks_of
 from .unit_names import named
 
