@@ -15,7 +15,7 @@ Array = np.ndarray
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class MillingStudy(Study):
-    """Where to mill. What needs dynamics is None without them; of one stopped early all is. `table` is shown to people."""
+    """Where to mill. What needs dynamics is None without them; all is in one stopped early. `table` is for people."""
 
     reachable: Annotated[
         Array | None,

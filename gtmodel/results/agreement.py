@@ -114,11 +114,11 @@ def _listed(value: Any, hint: Any, argument: str, marks: Marks) -> None:
             agree(one, inside[k], _place(argument, f"[{k}]", inside[k]), marks)
         return
     if not _holds_lists(inside[0]):
+        if isinstance(value, np.ndarray) and value.ndim > 1:
+            raise WrongKind(value, hint, argument)
         for mark in marks:
             if isinstance(mark, Long):
                 _long(len(value), mark.count, argument)
-        if isinstance(value, np.ndarray) and value.ndim > 1:
-            raise WrongKind(value, hint, argument)
     for k, one in enumerate(value):
         agree(one, inside[0], _place(argument, f"[{k}]", inside[0]), marks)
     if hint == list[list[float]] and len(set(map(len, value))) > 1:  # type: ignore[arg-type]

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from gtmodel import cgen
-from gtmodel.cgen import CodeStudy, GenerationError, Verification
+from gtmodel.cgen import CodeStudy, Verification
 from gtmodel.cgen.folder import held
 from gtmodel.cgen.verification import against_python
 from gtmodel.compiler.causal import CausalFunction
@@ -104,10 +104,15 @@ def test_what_a_caller_gave_wrong_is_refused_before_the_folder_is_made(one: Func
     with pytest.raises(ArgumentError) as caught:
         Verification(points=0)
     assert caught.value.argument == "points"
-    wrong: list[dict[str, Any]] = [{"name": "1x"}, {"real": "half"}, {"box": {"psi": [[0.0, 1.0]]}}]
+    wrong: list[dict[str, Any]] = [
+        {"name": "1x"}, {"real": "half"}, {"box": {"psi": [[0.0, 1.0]]}}, {"along": ["none"]}, {"functions": {}},
+        {"folder": __file__},
+    ]  # fmt: skip
     for keys in wrong:
-        with pytest.raises(GenerationError):
-            cgen.study(one, tmp_path / "code", **{"name": "own", "check": None} | keys)
+        given: dict[str, Any] = {"functions": one, "folder": tmp_path / "code", "name": "own", "check": None} | keys
+        with pytest.raises(ArgumentError) as caught:
+            cgen.study(**given)
+        assert caught.value.argument == next(iter(keys))
         assert not (tmp_path / "code").exists()
 
 

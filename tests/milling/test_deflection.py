@@ -197,13 +197,13 @@ def test_refinement_is_at_least_as_good_as_a_fine_grid() -> None:
         (lambda: next(iter(responses(OSCILLATORS[0], np.zeros((9, 3)), 1e-3, hold="cubic"))), "the hold is 'cubic'"),
         (lambda: next(iter(responses(OSCILLATORS[0], np.zeros((9, 2)), 1e-3))), r"the force has the shape \(9, 2\)"),
         (lambda: steady_state(OSCILLATORS[0], np.zeros((9, 3)), 30.0, 16), "16 samples cannot show 8 harmonics"),
-        (lambda: Oscillators(np.ones(3), np.ones(3), np.array([1.0, -1.0, 1.0])), "k is -1 N/m along y in pose 0"),
-        (lambda: Oscillators(np.ones(2), np.ones(2), np.ones(2)), r"m has the shape \(1, 2\)"),
+        (lambda: Oscillators(np.ones(3), np.ones(3), np.array([1.0, -1.0, 1.0])), "k: is -1 N/m along y in pose 0"),
+        (lambda: Oscillators(np.ones(2), np.ones(2), np.ones(2)), r"m: has the shape \(1, 2\)"),
         (lambda: OSCILLATORS.shifted(-7.0), "no positive natural frequency; the lowest is 5.98 Hz"),
         (lambda: AngleTable([0.0], OSCILLATORS[0]), "found 1 angles for 1 oscillators; expected two or more"),
         (lambda: AngleTable([0.0, 0.0], OSCILLATORS[:2]), "the same angle stands twice"),
         (lambda: refine(None, np.zeros((2, 3)), [Start(1.0, 2.0, 3.0, 30.0)]), "is outside 114.592 to 171.887 deg"),
-        (lambda: missing_z([1.0, 1, 1], [1.0, 1, 1], [1.0, 0, 1]), "k is 0 N/m|c is"),
+        (lambda: missing_z([1.0, 1, 1], [1.0, 1, 1], [1.0, 0, 1]), "k: is 0 N/m|c: is"),
     ],
 )  # fmt: skip
 def test_wrong_inputs(make, sentence) -> None:

@@ -166,13 +166,13 @@ def test_peak_and_directions() -> None:
     ("make", "sentence"),
     [
         (lambda: immersion("up", 0.03, 0.0254), "radial depth 0.03 m is more than the diameter 0.0254 m"),
-        (lambda: replace(CUT, feed_per_tooth=-1e-4), "feed_per_tooth is -0.0001 m; expected more than 0"),
-        (lambda: replace(CUT, mode="down"), "the mode is 'down'; expected one of climb, up, slot"),
-        (lambda: Cutter(0.0, 2, K), "diameter is 0 m"),
-        (lambda: Cutter(0.02, 0, K), "0 teeth"),
-        (lambda: Cutter(0.02, 2, K, helix=2.0), "helix angle is 114.592 deg; expected 0 to less than 90"),
+        (lambda: replace(CUT, feed_per_tooth=-1e-4), "feed_per_tooth: must be more than 0; found -0.0001; the direction of feed"),
+        (lambda: replace(CUT, mode="down"), "mode: expected one of climb, up, slot; found 'down'"),
+        (lambda: Cutter(0.0, 2, K), "diameter: must be more than 0; found 0"),
+        (lambda: Cutter(0.02, 0, K), "teeth: must be at least 1; found 0"),
+        (lambda: Cutter(0.02, 2, K, helix=2.0), "helix: must be at least 0 and less than 1.5708; found 2"),
         (lambda: Cutter(0.02, 2, K, tooth_angles=np.array([0.0, 7.0])), "must rise and lie within one turn"),
-        (lambda: Cutter(0.02, 2, K, runout=np.zeros(3)), r"runout has the shape \(3,\); expected 2"),
+        (lambda: Cutter(0.02, 2, K, runout=np.zeros(3)), r"runout: has the shape \(3,\); expected 2"),
         (lambda: Cutter(0.02, 2, Coefficients(*[np.nan] * 6)), "expected finite numbers"),
         (lambda: to_world([1.0, 0, 0], [0, 0, 1.0]), "runs along the tool axis"),
         (lambda: to_world([1.0, 0, 0], [0, 0, 0.0]), "must not be zero"),
@@ -193,5 +193,5 @@ def test_the_printed_lag() -> None:
 
 @pytest.mark.parametrize("name", ["K_tc", "K_te"])
 def test_a_tooth_that_is_driven_by_its_chip_is_refused(name) -> None:
-    with pytest.raises(ValueError, match=f"{name} is -1"):
+    with pytest.raises(ValueError, match=f"coefficients.{name}: is -1"):
         replace(CUTTER, coefficients=K._replace(**{name: -1.0}))

@@ -207,9 +207,7 @@ def _concluded(
 def _nothing(main: SectionMap, reasons: Mapping[str, int]) -> str:
     message = f"no point of the section is reached; most often: {max(reasons, key=lambda r: reasons[r])}"
     if min(len(main.u), len(main.v)) <= FEW:
-        message += (
-            f"; it was looked at in {len(main.u)} by {len(main.v)} points only, try a smaller step"
-        )
+        message += f"; it was looked at in {len(main.u)} by {len(main.v)} points only, try a smaller step"
     return message
 
 
