@@ -94,15 +94,15 @@ def task_of(
         name = "feed" if n == 0 else f"search.feed_directions[{n - 1}]"
         _made(lambda direction=direction: to_world(np.zeros(3), direction, up), name)
     model: Any = robot
+    try:
+        arm = WristPartition.of(model.origins, model.axes)
+    except (ValueError, AttributeError) as error:
+        raise ArgumentError(f"expected a serial arm with a spherical wrist such as kr500; {error}", "robot") from error
     within = getattr(model, "joint_limits", None)
     if limits is not None:
         within = np.array(_six(limits), float)
     if within is None:
         raise ArgumentError("is missing; expected lower and upper limit of six joints", "limits")
-    try:
-        arm = WristPartition.of(model.origins, model.axes)
-    except (ValueError, AttributeError) as error:
-        raise ArgumentError(f"expected a serial arm with a spherical wrist such as kr500; {error}", "robot") from error
     stiffness = np.array(joint_stiffness, float)
     compliance = 1e-6 / (stiffness / 1e6)  # 1 / 3.93e6 and 1e-6 / 3.93, as tables have it, differ by a rounding
     return Task(model, arm, within, cutter, cut, speed, np.array(feed, float), list(place), compliance, tool, search,

@@ -166,7 +166,7 @@ def test_peak_and_directions() -> None:
     ("make", "sentence"),
     [
         (lambda: immersion("up", 0.03, 0.0254), "radial depth 0.03 m is more than the diameter 0.0254 m"),
-        (lambda: replace(CUT, feed_per_tooth=-1e-4), "feed_per_tooth: must be more than 0; found -0.0001; the direction of feed"),
+        (lambda: replace(CUT, feed_per_tooth=-1e-4), "must be more than 0; found -0.0001; the direction of feed"),
         (lambda: replace(CUT, mode="down"), "mode: expected one of climb, up, slot; found 'down'"),
         (lambda: Cutter(0.0, 2, K), "diameter: must be more than 0; found 0"),
         (lambda: Cutter(0.02, 0, K), "teeth: must be at least 1; found 0"),

@@ -97,6 +97,8 @@ def causality_of(
 ) -> CausalFunction:
     """The causality, with the orientation among its targets. Raises ArgumentError."""
     flat = flat_of(model)
+    if not targets:
+        raise ArgumentError("no target is given; name at least one variable to compute", "targets")
     for argument, entries in (("known", known), ("targets", targets)):
         for n, name in enumerate(entries):
             try:
