@@ -20,11 +20,11 @@ from .formulation.dynamic import DynamicProblem
 from .formulation.horizon import require_order
 from .formulation.problem import build
 from .guess import initial_guess
-from .ipopt import Multipliers, Progress
 from .mesh import Mesh, given_mesh
 from .nlp import Nlp, make_nlp
 from .solution import Solution
 from .solve import NotSolved, SolverOptions, scaled_by, solve_nlp
+from .watch import Multipliers, Progress
 
 ATTRIBUTES = ("nominal", "min", "max", "start", "fixed")
 HALVINGS = 4  # a step of a continuation is halved so often before it is given up

@@ -105,6 +105,11 @@ class DynamicProblem:
         return any(r is None for r in self.rates) or bool(self.z_pairs)
 
     @property
+    def arguments(self) -> list[ca.SX]:
+        """What functions of a point take."""
+        return [self.x, self.xd, self.u, self.P, self.t]
+
+    @property
     def state_names(self) -> list[str]:
         own = [self.flat.symbol_name(*p) for p in self.state_pairs]
         return own + [f"integral {k}" for k in range(self.x.numel() - len(own))]
@@ -113,8 +118,7 @@ class DynamicProblem:
     def integrands(self) -> ca.Function:
         """(x, xd, u, P, t) -> those of the quadratures."""
         values = [q.integrand for q in self.quadratures]
-        arguments = [self.x, self.xd, self.u, self.P, self.t]
-        return ca.Function("integrands", arguments, [ca.vertcat(*values) if values else ca.SX(0, 1)])
+        return ca.Function("integrands", self.arguments, [ca.vertcat(*values) if values else ca.SX(0, 1)])
 
     @property
     def quadrature_names(self) -> list[str]:
