@@ -5,6 +5,7 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
+from ..compiler.rewriting import of_expression
 from .nlp import Nlp, instants, placed
 from .rows import on_rows
 from .solution import constants, mesh_fractions, states_and_controls
@@ -100,23 +101,21 @@ def _computed(nlp: Nlp) -> tuple[list[Step], list[ca.SX], ca.SX]:
 
 def _first(expression: ca.SX, given: dict[int, float], infinite_slope: bool) -> str:
     """The first operation of an expression whose arguments are finite, but not its value (or its slope)."""
-    free = ca.symvar(expression)
-    f = ca.Function("walk", [ca.vertcat(*free)] if free else [ca.SX(0, 1)], [ca.densify(expression)])
-    memory: dict[int, float] = {}
-    for k in range(f.n_instructions()):
-        op, into, out = f.instruction_id(k), f.instruction_output(k), f.instruction_input(k)
-        if op == ca.OP_OUTPUT:
-            continue
+    read, free = of_expression(expression)
+    memory: list[float] = []
+    for op, reads, place, constant in read:
+        arguments = [memory[i] for i in reads]
         if op == ca.OP_INPUT:
-            value = given.get(free[out[1]].element_hash(), np.nan)
+            value = given.get(free[place].element_hash(), np.nan)
         elif op == ca.OP_CONST:
-            value = f.instruction_constant(k)
+            value = constant
+        elif op == ca.OP_OUTPUT:
+            value = arguments[0]
         else:
-            arguments = [memory[i] for i in out]
-            value = float(ca.DM.unary(op, arguments[0]) if len(out) == 1 else ca.DM.binary(op, *arguments))
+            value = float(ca.DM.unary(op, arguments[0]) if len(reads) == 1 else ca.DM.binary(op, *arguments))
             if all(np.isfinite(arguments)) and (_steep(op, arguments) if infinite_slope else not np.isfinite(value)):
                 return _written(op, arguments)
-        memory[into[0]] = float(value)
+        memory.append(float(value))
     return ""
 
 
