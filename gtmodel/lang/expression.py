@@ -165,6 +165,7 @@ class Relation:
     lhs: ca.SX
     rhs: ca.SX
     op: str
+    dimension: Dimension | None
     where: SourceLocation
 
     @property
@@ -306,13 +307,13 @@ def aligned(a: Expr, b: Any, op: str) -> tuple[ca.SX, ca.SX, Dimension | None, S
 
 
 def relation(a: Expr, b: Any, op: str) -> Relation:
-    sa, sb, _, shape, _ = aligned(a, b, op)
+    sa, sb, dimension, shape, _ = aligned(a, b, op)
     rows, cols = _columns(shape)
     if sa.shape != (rows, cols):
         sa = ca.repmat(sa, rows, cols)
     if sb.shape != (rows, cols):
         sb = ca.repmat(sb, rows, cols)
-    return Relation(sa, sb, op, here())
+    return Relation(sa, sb, op, dimension, here())
 
 
 def matmul(a: Any, b: Any) -> Expr:

@@ -49,6 +49,11 @@ class Nlp(Program):
         """Where the free constants begin among the unknowns."""
         return self.end + self.element.layout.nl
 
+    @property
+    def free(self) -> slice:
+        """Places of the free constants among the unknowns; behind them stand the tunable parameters."""
+        return slice(self.constants, self.constants + len(self.problem.free_names))
+
     def inputs(self, x: np.ndarray, element: int, local: np.ndarray) -> np.ndarray:
         """Controls and point variables (len(local), n) at fractions of one element."""
         layout = self.element.layout

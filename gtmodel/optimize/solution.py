@@ -71,7 +71,7 @@ class Solution:
     def sensitivity(self) -> dict[str, float]:
         """Slope of the optimal cost with respect to each tunable parameter, in SI units (envelope theorem)."""
         nlp = self.nlp
-        first = nlp.constants + len(self.problem.free_names)
+        first = nlp.free.stop
         slope = np.asarray(nlp.functions["grad_f"](self.x, [])[1]).reshape(-1)[first:]
         jacobian = nlp.functions["jac_g"](self.x, [])[1][:, first:]
         slope = slope + np.asarray((jacobian.T @ ca.DM(self.multipliers)).full()).reshape(-1)

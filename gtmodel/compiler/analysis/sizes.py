@@ -215,7 +215,8 @@ def _errors(
                 else:
                     size, error = np.maximum(a, b), np.maximum(x, y)
                 work.append((size, error + eps * size))
-    return tuple(np.array([found[place][n] for place in sorted(found)]) for n in (0, 1))
+    each = [found[place] for place in sorted(found)]
+    return np.array([size for size, _ in each]), np.array([error for _, error in each])
 
 
 def _unit(plan: Plan, symbol: ca.SX) -> str:

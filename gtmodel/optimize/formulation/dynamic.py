@@ -10,7 +10,7 @@ import numpy as np
 
 from ...compiler.flat import FlatModel
 from ...compiler.plan import Plan
-from ...lang.optimization import Delayed, Optimization
+from ...lang.optimization import Delayed
 from ...lang.scope import Misfit
 from .attributes import Pair
 from .horizon import PointValue
@@ -56,7 +56,6 @@ class DynamicProblem:
     The solver's unknowns are x, u and P divided by `x_scale`, `u_scale` and `P_scale`.
     """
 
-    model: Optimization
     flat: FlatModel
     plan: Plan
     formulation: str
