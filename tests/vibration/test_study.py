@@ -206,7 +206,7 @@ def test_a_system_that_cannot_be_made_up_is_named(known, argument) -> None:
 
 @pytest.mark.parametrize(
     ("change", "argument"),
-    [({"M": [[1.0]]}, "matrices"), ({"published": [14.0]}, "matrices.published"), ({"M": [[1], []]}, "matrices.M")],
+    [({"M": [[1.0]]}, "matrices"), ({"published": [14.0]}, "matrices.published"), ({"M": [[1], []]}, "M")],
 )
 def test_matrices_that_do_not_fit_are_named(change, argument) -> None:
     with pytest.raises(ArgumentError) as caught:

@@ -1,0 +1,40 @@
+/* Guards on numbers, written so that NaN falls into the bad branch. */
+#ifndef GT_GUARD_H
+#define GT_GUARD_H
+
+#include "gt_float.h"
+
+#include <math.h>
+
+/* For what is asked of few calls only: out of line, so that all others do not wait for it. */
+#if defined(__GNUC__)
+#define GT_RARE __attribute__((noinline, cold))
+#else
+#define GT_RARE
+#endif
+
+/* 1 if none of the n numbers at x is NaN or infinite, else 0; denormal numbers are finite. */
+static inline int gt_all_finite(const double *x, int n)
+{
+    int good = 1;
+    int i;
+
+    for (i = 0; i < n; i++) {
+        if (!(fabs(x[i]) <= DBL_MAX)) {
+            good = 0;
+        }
+    }
+    return good;
+}
+
+/* Copies n numbers; the two places must not overlap. */
+static inline void gt_copy(double *to, const double *from, int n)
+{
+    int i;
+
+    for (i = 0; i < n; i++) {
+        to[i] = from[i];
+    }
+}
+
+#endif
