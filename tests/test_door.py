@@ -19,6 +19,7 @@ import pytest
 
 import gtmodel
 import gtmodel as gt
+from gtmodel.problem_files import InputError
 from gtmodel.results import ArgumentError, Long, Options, Study, Within
 
 CLOCK: dict[str, Iterable[Any]] = {  # what every study takes, and what it refuses
@@ -176,3 +177,9 @@ def test_a_study_still_shows_its_signature() -> None:
     assert list(shown.parameters)[:3] == ["robot", "springs", "load"] and shown.parameters["frequencies"].default == 3
     with pytest.raises(TypeError, match="lod"):
         gt.compliance.study(None, None, lod=3)  # type: ignore[call-arg, arg-type]
+
+
+def test_a_file_with_unequal_rows_is_refused_at_its_key() -> None:
+    with pytest.raises(InputError) as caught:
+        gt.load("vibration_table_6_15", "matrices.M_kg=[[1.0], [1.0, 2.0]]")
+    assert caught.value.key == "matrices.M_kg"

@@ -142,9 +142,7 @@ def study(
         table = there_and_back(robot, motion, cycles, SLOWER.get(law, 1.0))
         (place / "reference.table").write_bytes(table.to_bytes())
         lost = Stop.of(table.rows[:cycles], deceleration)
-        bench = Bench(
-            peer, law, robot, forward, program, place, table, cycles, in_lockstep, elastic, lost, work
-        )
+        bench = Bench(peer, law, robot, forward, program, place, table, cycles, in_lockstep, elastic, lost, work)
         try:
             found = _compared(bench, title)
         except LoopError as error:

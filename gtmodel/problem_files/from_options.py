@@ -11,6 +11,7 @@ from typing import Annotated, Any, ClassVar, Generic, TypeVar, Union, get_args, 
 import numpy as np
 import pydantic
 
+from gtmodel.results.agreement import UNEQUAL
 from gtmodel.results.options import Long, Options, Unit, Within, declared, written_name
 from gtmodel.results.quantity import converted
 from gtmodel.results.refusal import ArgumentError
@@ -132,7 +133,7 @@ def _hint(hint: Any, marks: tuple[Any, ...]) -> Any:
         return Union[tuple(_hint(one, marks) for one in inside)]  # noqa: UP007
     if origin in (list, tuple):
         if get_origin(inside[0]) in (list, tuple):  # its rows have the length
-            return list[_hint(inside[0], marks)]
+            return Annotated[list[_hint(inside[0], marks)], pydantic.AfterValidator(_of_one_length)]
         long = next((m for m in marks if isinstance(m, Long)), None)
         listed = list[_hint(inside[0], tuple(m for m in marks if not isinstance(m, Long)))]
         if long is None:
@@ -152,6 +153,12 @@ def _hint(hint: Any, marks: tuple[Any, ...]) -> Any:
     if isinstance(hint, type) and issubclass(hint, Options):
         return section_of(hint)
     return hint
+
+
+def _of_one_length(rows: list[Any]) -> list[Any]:
+    if len(set(map(len, rows))) > 1:
+        raise ValueError(UNEQUAL)
+    return rows
 
 
 def _written(x: float, unit: Unit | None) -> float:

@@ -21,7 +21,7 @@ from .quantity import marks_of
 from .refusal import ArgumentError
 
 Marks = tuple[Any, ...]
-UNEQUAL = "expected rows of one length; these are not"
+UNEQUAL = "expected rows of one length"
 _NUMBERS: dict[Any, Any] = {float: numbers.Real, int: numbers.Integral}
 
 
@@ -122,7 +122,7 @@ def _listed(value: Any, hint: Any, argument: str, marks: Marks) -> None:
     for k, one in enumerate(value):
         agree(one, inside[0], _place(argument, f"[{k}]", inside[0]), marks)
     if hint == list[list[float]] and len(set(map(len, value))) > 1:  # type: ignore[arg-type]
-        raise ArgumentError(UNEQUAL, argument)
+        raise ArgumentError(f"{UNEQUAL}; found {found(value)}", argument)
 
 
 def _array(value: Any, hint: Any, argument: str, marks: Marks) -> None:
@@ -130,7 +130,7 @@ def _array(value: Any, hint: Any, argument: str, marks: Marks) -> None:
     try:
         array = np.asarray(value)
     except ValueError:
-        raise ArgumentError(UNEQUAL, argument) from None
+        raise ArgumentError(f"{UNEQUAL}; found {found(value)}", argument) from None
     if array.dtype.kind not in "fiu" or not array.ndim:
         raise WrongKind(value, hint, argument)
     for mark in marks:
