@@ -31,22 +31,19 @@ class AccuracyStudy(Study):
 
     cases: Annotated[
         Sequence[Mapping[str, Any]],
-        Quantity(
-            "",
-            "for each case: name, errors, method; over the rectangle min_um, max_um, their places min_at_m, max_at_m "
-            "in (u, v), centre_um and nearest_guideway to the maximum (from 1); reached_min_um and reached_max_um over "
-            "all that is reached; monte_carlo_um and its corner_um at the place of the maximum; and shape, the "
-            "parallelepiped at the centre: link_angles_deg, pyramid_angles_deg, faces_um2, longest_diagonal_um",
-        ),
+        "for each case: name, errors, method; over the rectangle min_um, max_um, their places min_at_m, max_at_m "
+        "in (u, v), centre_um and nearest_guideway to the maximum (from 1); reached_min_um and reached_max_um over "
+        "all that is reached; monte_carlo_um and its corner_um at the place of the maximum; and shape, the "
+        "parallelepiped at the centre: link_angles_deg, pyramid_angles_deg, faces_um2, longest_diagonal_um",
     ]
     window: Annotated[
         Array, Quantity("m", "the rectangle that the numbers are about: least and greatest (u, v)")
     ]  # fmt: skip
     guideways: Annotated[Array, Quantity("m", "where the guideways pierce the section, (u, v)")]
-    section: Annotated[Mapping[str, Any], Quantity("", "the section: a point of it, and its normal")]
+    section: Annotated[Mapping[str, Any], "the section: a point of it, and its normal"]
     points: Annotated[
         Mapping[str, Any],
-        Quantity("", "number of grid points in the rectangle, and how many of them have no error, by reason"),
+        "number of grid points in the rectangle, and how many of them have no error, by reason",
     ]
 
     @property
