@@ -153,11 +153,7 @@ def on_springs(
 
 def grid_of(sprung: Sprung, map: Map) -> Any:
     """The points of the section. Raises ArgumentError."""
-    low, high = sprung.window
-    low = low if map.low is None else np.array(map.low)
-    high = high if map.high is None else np.array(map.high)
-    if np.any(low >= high):
-        raise ArgumentError("every lower limit must be less than its upper one", "map.high")
+    low, high = map.window(*sprung.window, "map")
     if np.prod((high - low) / map.step + 1) > MOST_POINTS:
         raise ArgumentError("the grid would have more than a million points; take a larger step", "map.step")
     return section_grid(sprung.section, low, high, map.step)
