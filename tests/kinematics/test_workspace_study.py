@@ -160,7 +160,7 @@ def test_six_links_reach_farther_by_the_plate() -> None:
     robot, section = task.robot, task.section
     pierced, L = section.pierced(robot.anchors, robot.directions), robot.lengths[:, None] + 0.05
     by_links = (pierced - L).max(axis=0), (pierced + L).min(axis=0)
-    u, v = (np.linspace(task.low[k] - 0.2, task.high[k] + 0.2, 61) for k in range(2))
+    u, v = (np.linspace(task.low[k] - 0.2, task.high[k] + 0.2, 31) for k in range(2))
     uv = np.stack(np.meshgrid(u, v), -1).reshape(-1, 2)
     uv = uv[np.any((uv < by_links[0]) | (uv > by_links[1]), axis=1)]
     reachable = uv[robot.inverse(section.points(uv)).status == Status.OK]
