@@ -108,12 +108,7 @@ def accuracy_study(
     errors = [errors_of(case, k, region.robot) for k, case in enumerate(resolved)]
     found: list[JudgedCase] = []
     for case, error in zip(resolved, errors, strict=True):
-
-        def told(fraction: float, name: str = case.name) -> bool:
-            work.progress(name, fraction)
-            return work.interrupted()
-
-        mapped = map_errors(error, region.base_points, region.T, progress=told)
+        mapped = map_errors(error, region.base_points, region.T, progress=work.told(case.name))
         if not mapped.complete or work.interrupted():
             return _study(region, title, found, SolveStatus.INTERRUPTED, SolveStatus.INTERRUPTED.sentence)
         good = region.window & (mapped.status == Status.OK)
@@ -165,7 +160,7 @@ def _through(low: float, high: float, outer_low: float, outer_high: float, step:
 
 def _concluded(region: ErrorRegion, title: str, found: list[JudgedCase]) -> AccuracyStudy:
     status, message = SolveStatus.SOLVED, SolveStatus.SOLVED.sentence
-    lost = [f.name for f in found if any(not math.isfinite(check.value) for check in f.checks.values())]
+    lost = [f.values["name"] for f in found if any(not math.isfinite(check.value) for check in f.checks.values())]
     if lost:
         # the numbers of the first order stand, but no other road leads to them
         status = SolveStatus.FAILED
@@ -224,7 +219,7 @@ def _error_figure(region: ErrorRegion, title: str, f: JudgedCase) -> Any:
     error = f.map.error.reshape(len(region.u), len(region.v))
     return error_figure(
         region.u, region.v, error, region.corners, window=(region.low, region.high),
-        title=f"{title or 'accuracy'}: {f.name}, {f.method}", names=region.plane.names,
+        title=f"{title or 'accuracy'}: {f.values['name']}, {f.values['method']}", names=region.plane.names,
     )  # fmt: skip
 
 
@@ -233,6 +228,6 @@ def _faces_figure(region: ErrorRegion, found: list[JudgedCase]) -> Any:
 
     s = np.linspace(0.0, 1.0, DIAGONAL)
     T = region.plane.points(region.low + s[:, None] * (region.high - region.low))
-    faces = {f.name: map_errors(f.errors, region.base_points, T).faces for f in found}
+    faces = {f.values["name"]: map_errors(f.errors, region.base_points, T).faces for f in found}
     title = "faces of the error's parallelepiped, along the rising diagonal of the rectangle"
     return faces_figure(s * float(np.linalg.norm(region.high - region.low)), faces, title=title)
