@@ -149,7 +149,7 @@ def test_sections_are_as_near_as_an_obstacle_is_thin(l1) -> None:
 
 
 def test_a_volume_may_be_cut_where_the_section_is_not(l1) -> None:
-    s = reached(l1, section=CrossSection(step=0.2), volume=Sections(0.5, 0.7, 2))
+    s = reached(l1, section=CrossSection(step=0.2), volume=Sections(0.5, 0.7, 2, 0.2))
     assert s.volume_on_edge and not s.on_edge
     assert any(row.label == "cut" and "volume" in row.value for row in s.rows)
 
