@@ -33,7 +33,7 @@ STRANGE = object()
 def libraries() -> Iterator[types.ModuleType]:
     """The modules of the libraries; no door of files."""
     for found in pkgutil.walk_packages(gtmodel.__path__, "gtmodel."):
-        if found.name.split(".")[1] not in ("kinds", "problem_files", "cli", "plot"):
+        if found.name.split(".")[1] not in ("kinds", "problem_files", "cli", "plot", "__main__"):
             yield importlib.import_module(found.name)
 
 
