@@ -156,7 +156,7 @@ class TestDraws:
             told.append(fraction)
 
         s = modes_study(draw(17, 1), progress=progress, stop=lambda: any(told))
-        assert told == [0.0, 16 / 17] and s.status is SolveStatus.INTERRUPTED
+        assert told == [None, None, 0.0, 16 / 17] and s.status is SolveStatus.INTERRUPTED
         assert s.message.endswith("16 of 17 poses were searched")
         assert s.whole == 16 and s.found == 40 and s.each[16]["status"] == "interrupted"
 

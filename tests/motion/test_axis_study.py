@@ -164,6 +164,13 @@ def test_an_earlier_motion_is_the_guess(coarse):
 
 
 def test_stopped_it_holds_the_best_iterate():
-    stopped = studied(free(mesh=AxisMesh(6), stop=lambda: True))
+    at_once = studied(free(mesh=AxisMesh(6), stop=lambda: True))  # before the model is made
+    assert at_once.status is SolveStatus.INTERRUPTED and at_once.trajectory is None and at_once.rows == []
+    iterations = [0]
+
+    def progress(stage=None, fraction=None, numbers=None) -> None:
+        iterations.append(int((numbers or {}).get("iteration", 0)))
+
+    stopped = studied(free(mesh=AxisMesh(6), progress=progress, stop=lambda: iterations[-1] >= 2))
     assert stopped.status is SolveStatus.INTERRUPTED and stopped.trajectory is not None
     assert stopped.final_time is not None and [row.label for row in stopped.rows] == ["final time"]
