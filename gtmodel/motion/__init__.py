@@ -8,7 +8,7 @@ axis_study      the optimal motion of a robot with three carts and three rotary 
 table_study     several motions beside published numbers: `MotionTable`; a `TableRow` for each `MotionProblem`
 elastic_study   how an elastic tool swings after motions planned rigid, shaped, and elastic: `ElasticStudy`; its options
                 stand in `gtmodel.motion.elastic`
-motion, MotionTask   the motion as an Optimization
+motion          the motion of a `MotionProblem` as an Optimization
 """
 
 from . import axes, elastic
@@ -45,11 +45,11 @@ from .options import (
 )
 from .paths import read_points
 from .problem import MotionProblem
-from .task import MotionTask, motion
+from .task import motion
 
 __all__ = [
     "Arc", "AxisCost", "AxisEnd", "AxisLimits", "AxisMesh", "AxisSolver", "AxisStudy", "Cost", "ElasticStudy", "End",
-    "Export", "JointCone", "Limits", "Line", "Mesh", "MotionProblem", "MotionStudy", "MotionTable", "MotionTask",
-    "Obstacle", "Polyline", "Published", "Shape", "Solver", "Spline", "Starts", "TableRow", "Taught", "ToolCourse",
+    "Export", "JointCone", "Limits", "Line", "Mesh", "MotionProblem", "MotionStudy", "MotionTable", "Obstacle",
+    "Polyline", "Published", "Shape", "Solver", "Spline", "Starts", "TableRow", "Taught", "ToolCourse",
     "ToolDirection", "axes", "axis_study", "elastic", "elastic_study", "motion", "read_points", "study", "table_study",
 ]  # fmt: skip

@@ -173,14 +173,14 @@ def _resimulated(plan: Plan, exported: Solution, run: Resimulation) -> Exported:
         trajectory = plan.follower.along(trajectory.time, s, v, a).with_values(margins)  # they may need the jerk
     else:
         T, v, a = (trajectory[name] for name in ("T", "der(T)", "der(T,2)"))
-        carts = sampled(plan.robot, trajectory.time, T, v, a, plan.task)["der(q)"]
+        carts = sampled(plan.robot, trajectory.time, T, v, a, plan.guard)["der(q)"]
         trajectory = trajectory.with_values({"der(q)": carts}, {"der(q)": "m/s"})
     peak = float(np.max(np.abs(trajectory["tau"])))
     if not plan.restricted:
         peak = max(peak, _peak(run))
     return Exported(
         trajectory=trajectory,
-        moving=between_rows(plan.robot, plan.task, trajectory),
+        moving=between_rows(plan.robot, plan.guard, plan.problem.order, trajectory),
         final_time=exported.final_time,
         energy=energy_of(exported, plan.problem.cost.force_unit),
         end_error=_distance(trajectory["T"][-1], plan.goal),

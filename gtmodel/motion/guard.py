@@ -97,6 +97,9 @@ class Guard:
         return model
 
 
+NO_GUARD = Guard([], {})
+
+
 @dataclass(frozen=True)
 class Carrier:
     """A body that turns and carries joints: its rotation in a model that has `robot`, and the one at the start."""

@@ -28,9 +28,7 @@ def line_guess(
     t, s, ds, dds = trapezoid(rows)
     step = goal - start
     T, dT, ddT = start + s[:, None] * step, ds[:, None] * step, dds[:, None] * step
-    given = {0: T, 1: dT, 2: ddT}
-    orders = [signal.pairs[0][1] for signal in inverse_dynamics.inputs]
-    tau, *_, status = inverse_dynamics(*(given.get(k, np.zeros_like(T)) for k in orders))
+    tau, *_, status = inverse_dynamics.along(T, dT, ddT)
     tau[status != Status.OK] = 0.0  # the line may leave the workspace; the optimum need not
     values = {"robot.T": T, "der(robot.T)": dT, "der(robot.T,2)": ddT, "robot.tau": np.clip(tau, -force, force)}
     return Trajectory(t, values, {"robot.T": "m", "der(robot.T)": "m/s", "robot.tau": "N"})

@@ -247,7 +247,7 @@ def _concluded(asked: MotionProblem, found: Found, iterations: int, finer: str, 
     if problem.mesh.control == "polynomial" and not plan.restricted:
         curves = control_curves(solution.nlp, solution.x)
     reference, targets = (
-        at_rest(plan.robot, plan.task, exported.final_time, step, exported.moving)
+        at_rest(plan.robot, plan.guard, exported.final_time, step, exported.moving)
         for step in (problem.export.sample, problem.export.target)
     )
     return MotionStudy(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from gtmodel.compiler.causal import compile_causal
-from gtmodel.motion import MotionStudy, study
+from gtmodel.motion import MotionStudy, motion, study
 from gtmodel.motion.planning import plan_of
 from gtmodel.motion.problem import MotionProblem
 from gtmodel.optimize.formulation.problem import build
@@ -36,7 +36,7 @@ def explain(problem: Schema, context: Context) -> str:
 def told(asked: MotionProblem, problem: Schema) -> str:
     """What is optimised for this motion, in the words of its file."""
     plan, mesh, force = plan_of(asked), asked.mesh, asked.limits.force
-    built = build(asked.optimization(guard=plan.guard, path=plan.path))
+    built = build(motion(asked, plan.guard, plan.path))
     head = [
         f"{asked.title or 'motion'}: {built.formulation} form, {mesh.elements} elements x {mesh.points} Radau points",
         f"  states: {', '.join(built.state_names)}",

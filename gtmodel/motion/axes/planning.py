@@ -247,8 +247,7 @@ def _check_ends(plan: AxisPlan) -> None:
 def _check_way(plan: AxisPlan) -> None:
     """The whole path can be followed within strokes and the limits of positions."""
     s = np.linspace(0.0, 1.0, SAMPLES)
-    f = plan.following
-    _, q, *_, status = found = f(s, *[np.zeros(SAMPLES)] * (len(f.inputs) - 1))
+    _, q, *_, status = found = plan.following.along(s)
     assert plan.course is not None
     wanted = plan.course.path(s)[0]
     for k in range(SAMPLES):
