@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..results import ArgumentError
+from ..results.refusal import refused
 from ..vibration import OscillatorField
 from .angle_table import AngleTable
 from .options import Modal
@@ -61,10 +62,8 @@ def _of_modal(mass: list[float], zeta: list[float]) -> Callable[..., Dynamics]:
     def dynamics(angles, reachable, compliance, branch, place) -> Dynamics:
         rows = np.flatnonzero(reachable)
         k = 1 / np.einsum("nii->ni", compliance[rows])
-        try:
+        with refused("dynamics"):
             found = Oscillators.with_damping_ratio(np.tile(mass, (len(rows), 1)), k, zeta)
-        except ValueError as error:
-            raise ArgumentError(str(error), "dynamics") from error
 
         def near(row: int) -> AngleTable:
             here = [row]

@@ -12,6 +12,7 @@ from ..compliance import arm_poses, translational_compliance
 from ..kinematics import WristPartition
 from ..lang import Model
 from ..results import ArgumentError
+from ..results.refusal import refused
 from .cutter import Cut, Cutter, immersion, tooth_frequency
 from .deflection import Deflection, deflections, duration, samples_per_turn, static_index
 from .forces import to_world
@@ -84,15 +85,18 @@ def task_of(
 ) -> Task:  # fmt: skip
     """Raises ArgumentError."""
     _plausible(cutter, cut)
-    _made(lambda: immersion(cut.mode, cut.radial_depth, cutter.diameter), "cut.radial_depth")
+    with refused("cut.radial_depth"):
+        immersion(cut.mode, cut.radial_depth, cutter.diameter)
     for n, turns in enumerate([speed, *search.speeds]):
         name = "speed" if n == 0 else f"search.speeds[{n - 1}]"
-        _made(lambda turns=turns: tooth_frequency(turns, cutter.teeth), name)
-        _made(lambda turns=turns: samples_per_turn(turns, cutter.teeth, duration(turns)), name)
+        with refused(name):
+            tooth_frequency(turns, cutter.teeth)
+            samples_per_turn(turns, cutter.teeth, duration(turns))
     up = -np.array(tool.axis)
     for n, direction in enumerate([feed, *search.feed_directions]):
         name = "feed" if n == 0 else f"search.feed_directions[{n - 1}]"
-        _made(lambda direction=direction: to_world(np.zeros(3), direction, up), name)
+        with refused(name):
+            to_world(np.zeros(3), direction, up)
     model: Any = robot
     within = getattr(model, "joint_limits", None)
     if limits is not None:
@@ -137,14 +141,10 @@ def place_of(task: Task, place: Sequence[float]) -> Place:
         why = "joint limits forbid every angle" if sweep.in_reach.any() else "it is out of reach"
         said = f"the tool cannot stand at {_list(place)} m at any angle: {why}; move the work or the tool"
         raise ArgumentError(said, "place")
-    try:
+    with refused("place"):
         poses = arm_poses(task.model, sweep.q, task.tool.tcp)
         C = translational_compliance(poses.J, task.joint_compliance)
         found = static_index(C, task.cutter, task.cut, task.feed, up=task.up)
-    except ArgumentError:
-        raise
-    except ValueError as error:
-        raise ArgumentError(str(error), "place") from error
     static, solution = sweep.least(found)
     by_angle = np.full((n, 3, 3), np.nan)
     by_angle[sweep.reachable] = C[solution[sweep.reachable]]
@@ -158,12 +158,10 @@ def place_of(task: Task, place: Sequence[float]) -> Place:
 def sweep_of(task: Task, place: Any, angles: Any) -> AngleSweep:
     """All branches over angles [rad]. Raises ArgumentError for a direction without length."""
     t = task.tool
-    try:
+    with refused("tool"):
         return angle_sweep(
             task.arm, task.limits, place, axis=t.axis, tool=t.tcp, spindle=t.spindle, angles=angles, zero=t.zero
         )
-    except ValueError as error:
-        raise ArgumentError(str(error), "tool") from error
 
 
 def deflections_of(task: Task, dynamics: Dynamics, *, speed: float | None = None, feed: Any = None) -> Deflection:
@@ -226,13 +224,6 @@ def _minima(value: np.ndarray) -> list[int]:
     low = np.isfinite(value) & (padded[1:-1] <= padded[:-2]) & (padded[1:-1] <= padded[2:])
     rows = np.flatnonzero(low)
     return [int(r) for r in rows[np.argsort(value[rows], kind="stable")]]
-
-
-def _made(make: Callable[[], Any], argument: str) -> Any:
-    try:
-        return make()
-    except ValueError as error:
-        raise ArgumentError(str(error), argument) from error
 
 
 def _six(limits: Sequence[Sequence[float]]) -> Sequence[Sequence[float]]:

@@ -26,10 +26,18 @@ class Made(Section):
     made_of: ClassVar[type]
     attributes: ClassVar[dict[str, str]]  # key -> field
 
-    def options(self) -> Any:
-        """The options that the table says, in SI. Raises ArgumentError where they contradict each other."""
+    def options(self, **more: Any) -> Any:
+        """The options that the table says, in SI, with fields that are left out of it. Raises ArgumentError where they
+        contradict each other."""
         given = {self.attributes[key]: _given(self, key) for key in self.attributes}
-        return self.made_of(**given)
+        return self.made_of(**given, **more)
+
+
+def options_of(problem: Section, *names: str) -> dict[str, Any]:
+    """The options that tables of a problem say, by the names of these; all of its tables where none are named. Raises
+    ArgumentError, with the table before the name of a field."""
+    tables = {name: getattr(problem, name) for name in names or type(problem).model_fields}
+    return {name: _objects(value, name) for name, value in tables.items() if names or isinstance(value, Made)}
 
 
 def _given(table: Made, key: str) -> Any:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 
 class ArgumentError(ValueError):
     """What a caller gave cannot be used: one plain sentence, and which argument it is.
@@ -17,3 +20,14 @@ class ArgumentError(ValueError):
 
     def __str__(self) -> str:
         return f"{self.argument}: {self.sentence}" if self.argument else self.sentence
+
+
+@contextmanager
+def refused(argument: str) -> Iterator[None]:
+    """A ValueError of what runs inside is a refusal of this argument; one that names its argument stays as it is."""
+    try:
+        yield
+    except ArgumentError:
+        raise
+    except ValueError as error:
+        raise ArgumentError(str(error), argument) from error

@@ -8,29 +8,14 @@ from pydantic import Field
 
 from gtmodel.motion import options
 from gtmodel.motion.axes import options as axes
-from gtmodel.problem_files.base import Section
 from gtmodel.problem_files.from_options import Made, made_from
 from gtmodel.problem_files.path_keys import PathSection, Point
 from gtmodel.problem_files.robot_keys import RobotProblem
-from gtmodel.results.quantity import converted
 
 
-class End(Section):
+@made_from(axes.AxisEnd)
+class End(Made):
     """Where the robot stands at rest: the positions of its axes, or, on a path, its tool centre point."""
-
-    q_m: Point | None = Field(None, description="carts q1, q2, q3")
-    q_deg: Point | None = Field(None, description="rotary axes q4, q5, q6; with five degrees of freedom q5 = -q4")
-    tcp_m: Point | None = Field(None, description="with [path], instead of the axes: tool centre point")
-    tool: Point | None = Field(
-        None,
-        description="with tcp_m and five degrees of freedom: tool direction in the robot's frame; left out, the other "
-        "end's, so that it is constant",
-    )
-
-    def options(self) -> axes.AxisEnd:
-        """As the study takes it."""
-        turned = None if self.q_deg is None else converted(self.q_deg, "deg", "rad").tolist()
-        return axes.AxisEnd(self.q_m, turned, self.tcp_m, self.tool)
 
 
 @made_from(axes.ToolDirection)

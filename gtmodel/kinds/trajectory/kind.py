@@ -20,12 +20,7 @@ ARGUMENTS = {**PATH_ARGUMENTS, "earlier": "--start"}
 
 def call(problem: Schema, context: Context) -> Call:
     """The study of the motion that the file describes."""
-    asked = problem.motion(context)
-    return Call(
-        study, asked.robot, asked.start, asked.goal, limits=asked.limits, path=asked.path, cost=asked.cost,
-        mesh=asked.mesh, starts=asked.starts, solver=asked.solver, export=asked.export, earlier=context.guess(),
-        title=asked.title,
-    )  # fmt: skip
+    return Call(study, **vars(problem.motion(context)), earlier=context.guess())
 
 
 def explain(problem: Schema, context: Context) -> str:
