@@ -25,7 +25,7 @@ from .oscillators import Oscillators
 from .pose_dynamics import Given
 from .published_tests import checks, printed_tests, rows
 from .stability import spectral_radius
-from .task import deflections_of, place_of, replace_oscillators, task_of
+from .task import deflections_of, place_of, task_of
 
 Array = np.ndarray
 SHALLOWER = "the cut chatters: take less depth or another speed"
@@ -173,7 +173,7 @@ def _dynamic(f: Found) -> tuple[dict[str, Any], list[Row], dict[str, Check]]:
     assert found is not None and dynamics is not None
     s_row, _ = found.choices
     here = dynamics.at(f.angle)
-    chosen = deflections_of(task, replace_oscillators(dynamics, here))
+    chosen = deflections_of(task, here)
     coupling = mode_coupling(here, task.cutter, task.cut, task.feed, up=task.up)
     tested: dict[str, Check] = {}
     try:

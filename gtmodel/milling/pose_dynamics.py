@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -18,15 +18,14 @@ NEIGHBOURS = 3  # of a grid angle on either side through which a local table is 
 ROUNDING = 1e-9  # rad, of an angle of the grid
 
 
-class Dynamics:
+class Dynamics(NamedTuple):
     """Oscillators by angle at one place. `rows` of the grid where they are known, `smooth` a CasADi function about a
     row, between the angles `low` and `high` [rad]."""
 
-    def __init__(
-        self, rows: np.ndarray, oscillators: Oscillators, at: Callable[[float], Oscillators],
-        smooth: Callable[[int], tuple[Any, float, float]],
-    ) -> None:  # fmt: skip
-        self.rows, self.oscillators, self.at, self.smooth = rows, oscillators, at, smooth
+    rows: np.ndarray
+    oscillators: Oscillators
+    at: Callable[[float], Oscillators]
+    smooth: Callable[[int], tuple[Any, float, float]]
 
 
 Given = AngleTable | Modal | OscillatorField

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import Any, NamedTuple
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from .options import Search, Tool
 from .oscillators import Oscillators
 from .pose_dynamics import Dynamics, Given, dynamics_of
 from .redundant_angle import AngleSweep, angle_sweep
-from .refine import Start, refine
+from .refine import Refined, Start, refine
 from .spectrum import force_spectrum
 
 SOFTEST_PA = 1e4  # of cutting coefficients
@@ -164,29 +164,15 @@ def sweep_of(task: Task, place: Any, angles: Any) -> AngleSweep:
         )
 
 
-def deflections_of(task: Task, dynamics: Dynamics, *, speed: float | None = None, feed: Any = None) -> Deflection:
-    """Of all angles with dynamics, of the task's speed and feed unless given."""
+def deflections_of(task: Task, at: Oscillators, *, speed: float | None = None, feed: Any = None) -> Deflection:
+    """Of all poses of oscillators, of the task's speed and feed unless given."""
     return deflections(
-        dynamics.oscillators, task.cutter, task.cut, task.speed if speed is None else speed,
+        at, task.cutter, task.cut, task.speed if speed is None else speed,
         task.feed if feed is None else feed, up=task.up,
     )  # fmt: skip
 
 
-def replace_oscillators(dynamics: Dynamics, oscillators: Oscillators) -> Dynamics:
-    """The same dynamics with these oscillators in place of the grid's."""
-    return Dynamics(np.arange(len(oscillators)), oscillators, dynamics.at, dynamics.smooth)
-
-
-class Better(NamedTuple):
-    """What the NLP made of a grid angle: angle [rad], spindle speed [1/s], dynamic index [m], whether it converged."""
-
-    angle: float
-    speed: float
-    peak: float
-    converged: bool
-
-
-def refined(task: Task, place: Place, peak: np.ndarray, speed: tuple[float, float] | None = None) -> list[Better]:
+def refined(task: Task, place: Place, peak: np.ndarray, speed: tuple[float, float] | None = None) -> list[Refined]:
     """The best `search.refine` grid angles after the NLP, which minimises the steady part of the dynamic index.
 
     speed: least and greatest [1/s] where it is free; then the angle is too, as far as it is reachable without a gap
@@ -213,8 +199,8 @@ def refined(task: Task, place: Place, peak: np.ndarray, speed: tuple[float, floa
     for best in [b for curve, begin in starts.items() for b in refine(curve, world, begin, speed)]:
         held = sweep_of(task, task.place, [best.angle])
         if held.reachable[0]:
-            d = deflections(dynamics.at(best.angle), task.cutter, task.cut, best.speed, task.feed, up=task.up)
-            found.append(Better(best.angle, best.speed, float(d.peak[0]), best.converged))
+            d = deflections_of(task, dynamics.at(best.angle), speed=best.speed)
+            found.append(replace(best, peak=float(d.peak[0])))
     return found
 
 

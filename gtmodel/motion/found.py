@@ -12,7 +12,7 @@ from ..optimize import Solution
 from ..optimize.judgement.resimulate import Resimulation, resimulate
 from ..results import Check, Trajectory, at_most
 from ..results.check import failed_of
-from .finer_mesh import finer_problem, refined
+from .finer_mesh import finer_mesh, refined
 from .follow import sampled
 from .guard import MARGIN_TOLERANCE
 from .planning import Plan
@@ -134,7 +134,8 @@ def _finer(found: Found) -> MotionProblem | None:
     problem, checks = found.plan.problem, found.checks
     followed = found.second is not None
     mended = [name for name in checks if name != "constraint_violation" and not (followed and "exported" in name)]
-    finer = finer_problem(problem, checks, mended)
+    mesh = finer_mesh(problem.mesh, checks, mended)
+    finer = None if mesh is None else replace(problem, mesh=mesh)
     if followed and problem.path is not None and any("exported" in name for name in failed_of(checks)):
         intervals = min(2 * problem.path.intervals, MOST_INTERVALS)
         if intervals > problem.path.intervals:

@@ -67,7 +67,8 @@ def test_it_answers_in_words(whole) -> None:
     assert sum(row.label.startswith("test ") for row in s.rows) == 12
 
 
-def test_pictures(whole) -> None:
+def test_pictures(whole, monkeypatch) -> None:
+    monkeypatch.setattr("gtmodel.milling.pictures.SPEEDS", 9)  # of the lobes, each proven
     assert set(whole.figures) == {"angle", "lobes", "compensation", "printed_tests"}
     for name in whole.figures:
         whole.figure(name).canvas.draw()

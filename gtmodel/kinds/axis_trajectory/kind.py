@@ -42,7 +42,7 @@ def explain(problem: Schema, context: Context) -> str:
     """What is optimised: states, controls, unknowns without a closed form, bounds."""
     asked = {name: value for name, value in _asked(problem, context).items() if value is not None}
     plan = plan_of(AxisProblem(**asked))
-    built = build(plan.optimization(), problem.solver.options().formulation)
+    built = build(plan.optimization, problem.solver.options().formulation)
     mesh, (low, high) = plan.problem.mesh, plan.strokes
     further = list(dict.fromkeys(m.key for m in plan.guard.margins))
     strokes = [f"q{k + 1} {_shown(k, low[k])} to {_shown(k, high[k])}" for k in range(len(low))

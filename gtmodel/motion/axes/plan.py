@@ -106,6 +106,7 @@ class AxisPlan:
 
         return of_all(limits.cart_low, limits.axis_low, -np.inf), of_all(limits.cart_high, limits.axis_high, np.inf)
 
+    @cached_property
     def optimization(self) -> gt.Optimization:
         """The motion: states s and their velocities, and one control `drive` per coordinate, its second derivative, or
         its third where the jerk is limited.
