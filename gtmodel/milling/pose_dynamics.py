@@ -13,6 +13,7 @@ from ..vibration import OscillatorField
 from .angle_table import AngleTable
 from .options import Modal
 from .oscillators import Oscillators
+from .redundant_angle import runs_of
 
 NEIGHBOURS = 3  # of a grid angle on either side through which a local table is laid
 ROUNDING = 1e-9  # rad, of an angle of the grid
@@ -118,9 +119,5 @@ def _of_field(field: OscillatorField) -> Callable[..., Dynamics]:
 
 def _run(angles: np.ndarray, reachable: np.ndarray, row: int) -> tuple[float, float]:
     """Ends of the reachable angles around a row without a gap."""
-    low = high = row
-    while low > 0 and reachable[low - 1]:
-        low -= 1
-    while high < len(angles) - 1 and reachable[high + 1]:
-        high += 1
+    low, high = next(run for run in runs_of(reachable) if run[0] <= row <= run[1])
     return float(angles[low]), float(angles[high])

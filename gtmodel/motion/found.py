@@ -70,15 +70,12 @@ class Found:
     checks: dict[str, Check]
 
     @property
-    def rerun(self) -> Trajectory:
-        """The optimum, re-simulated."""
-        assert self.tried.trajectory is not None
-        return self.tried.trajectory
-
-    @property
     def peak(self) -> float:
         """Largest force of the optimum between its collocation points [N]."""
-        return float(np.max(np.abs(self.rerun["robot.tau"]))) if self.plan.restricted else _peak(self.tried)
+        if not self.plan.restricted:
+            return _peak(self.tried)
+        assert self.tried.trajectory is not None
+        return float(np.max(np.abs(self.tried.trajectory["robot.tau"])))
 
     @property
     def saturation(self) -> list[float]:

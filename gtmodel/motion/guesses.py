@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..compiler.causal import CausalFunction
-from ..results import Status, Trajectory
+from ..results import ArgumentError, Status, Trajectory
 
 GUESS_TIME_S = 1.0
 
@@ -47,3 +47,11 @@ def bent_guess(start: np.ndarray, goal: np.ndarray, rng: np.random.Generator, be
     offset = side / np.linalg.norm(side) * rng.uniform(0.3, 1.0) * bend
     T = start + s[:, None] * step + np.sin(np.pi * s)[:, None] * offset
     return Trajectory(t, {"robot.T": T}, {"robot.T": "m"})
+
+
+def progress_of(earlier: Trajectory) -> Trajectory:
+    """Of an earlier motion along a path the path coordinate, never back, and its rate. Raises ArgumentError."""
+    if "s" not in earlier:
+        raise ArgumentError("is a free motion; this problem follows a path", "earlier")
+    s = np.maximum.accumulate(earlier["s"])
+    return Trajectory(earlier.time, {"s": s, "der(s)": np.gradient(s, earlier.time)}, {"s": earlier.unit("s")})

@@ -14,7 +14,7 @@ from ..results import ArgumentError, Status, Trajectory, Work
 from ..robots.links import link_names, links_of
 from .follow import Follower, motion_function
 from .guard import Carrier, Guard, guard_of
-from .guesses import bare_guess, bent_guess, line_guess, trapezoid
+from .guesses import bare_guess, bent_guess, line_guess, progress_of, trapezoid
 from .links import along_guideways, link_ends
 from .paths import Path, path_of
 from .problem import MotionProblem
@@ -186,10 +186,6 @@ def _renamed(earlier: Trajectory, path: Path | None) -> Trajectory:
         raise ArgumentError(f"its T {found}; expected three coordinates for each of {len(earlier)} times", "earlier")
     names = {"T": "robot.T", "der(T)": "der(robot.T)", "tau": "robot.tau", "der(T,2)": "der(robot.T,2)"}
     if path is not None:
-        if "s" not in earlier:
-            raise ArgumentError("is a free motion; this problem follows a path", "earlier")
-        s = np.maximum.accumulate(earlier["s"])
-        values = {"s": s, "der(s)": np.gradient(s, earlier.time)}
-        return Trajectory(earlier.time, values, {"s": earlier.unit("s")})
+        return progress_of(earlier)
     values = {new: earlier[old] for old, new in names.items() if old in earlier}
     return Trajectory(earlier.time, values, {new: earlier.unit(old) for old, new in names.items() if old in earlier})

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Callable
 
 import numpy as np
@@ -11,6 +10,7 @@ from scipy.interpolate import CubicHermiteSpline
 from ..compiler.causal import compile_causal
 from ..lang import Model
 from ..results import Trajectory
+from ..results.tables import csv_text
 from .follow import sampled
 from .guard import Guard
 
@@ -64,16 +64,14 @@ def between_rows(robot: Model, guard: Guard, order: int | None, run: Trajectory)
     return moving
 
 
-def csv_text(reference: Trajectory, title: str) -> str:
+def reference_text(reference: Trajectory, title: str) -> str:
     """reference.csv: a comment line, a header with units, one row per sample; as Trajectory.from_csv reads it."""
-    out = io.StringIO()
-    out.write(f"# title: {title}\n" if title else "")
-    names = [f"{name}[{k}] [{unit}]" for name, unit in COLUMNS for k in range(3)]
-    out.write(",".join(["time [s]", *(f'"{name}"' if "," in name else name for name in names)]) + "\n")
-    table = np.column_stack([reference.time, *(reference[name] for name, _ in COLUMNS)])
-    for row in table:
-        out.write(",".join(f"{x:.12g}" for x in row) + "\n")
-    return out.getvalue()
+    columns = {"time [s]": reference.time}
+    for name, unit in COLUMNS:
+        for k in range(3):
+            head = f"{name}[{k}] [{unit}]"
+            columns[f'"{head}"' if "," in head else head] = reference[name][:, k]
+    return (f"# title: {title}\n" if title else "") + csv_text(columns, digits=12)
 
 
 def rapid_text(reference: Trajectory, title: str, name: str = "GtMotion") -> str:
