@@ -20,7 +20,8 @@ ARGUMENTS = {**PATH_ARGUMENTS, "earlier": "--start"}
 
 def call(problem: Schema, context: Context) -> Call:
     """The study of the motion that the file describes."""
-    return Call(study, **vars(problem.motion(context)), earlier=context.guess())
+    asked = dict(vars(problem.motion(context)))
+    return Call(study, asked.pop("robot"), **asked, earlier=context.guess())
 
 
 def explain(problem: Schema, context: Context) -> str:
