@@ -27,7 +27,7 @@ def refused(argument: str) -> Iterator[None]:
     """A ValueError of what runs inside is a refusal of this argument; one that names its argument stays as it is."""
     try:
         yield
-    except ArgumentError:
-        raise
+    except ArgumentError as error:
+        raise ArgumentError(error.sentence, error.argument or argument) from error
     except ValueError as error:
         raise ArgumentError(str(error), argument) from error
