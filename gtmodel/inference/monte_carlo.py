@@ -38,7 +38,7 @@ def monte_carlo(
     seed: int,
     *,
     processes: int | None = None,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Callable[[int, int], object] | None = None,
     interrupted: Callable[[], bool] | None = None,
     executor: Any = None,
 ) -> MonteCarlo:
@@ -77,7 +77,7 @@ def monte_carlo(
             pool.shutdown(wait=True, cancel_futures=True)
 
 
-def _here(task: Task, seeds: list[np.random.SeedSequence], seed: int, progress: Callable[[int, int], None] | None,
+def _here(task: Task, seeds: list[np.random.SeedSequence], seed: int, progress: Callable[[int, int], object] | None,
           interrupted: Callable[[], bool] | None) -> MonteCarlo:  # fmt: skip
     found: dict[int, Any] = {}
     stopped = False
@@ -100,7 +100,7 @@ def _handed_out(
     task: Task,
     seeds: list[np.random.SeedSequence],
     seed: int,
-    progress: Callable[[int, int], None] | None,
+    progress: Callable[[int, int], object] | None,
     interrupted: Callable[[], bool] | None,
 ) -> MonteCarlo:
     found: dict[int, Any] = {}

@@ -15,6 +15,7 @@ Studies
     Options, Unit, Within, Long   options of a study, checked when made
     Work              progress and end of one run
     ArgumentError     what a caller gave cannot be used: the one refusal of all libraries
+    naming            what is refused inside, as an argument of one's own
 
 What was tested
     Check, at_most, at_least   a number with its bound, and the verdict
@@ -33,7 +34,7 @@ from gtmodel.results.estimate import Estimate
 from gtmodel.results.options import Long, Options, Unit, Within
 from gtmodel.results.quantity import Quantity, Row, listed
 from gtmodel.results.reading import Stored, read
-from gtmodel.results.refusal import ArgumentError
+from gtmodel.results.refusal import ArgumentError, naming
 from gtmodel.results.status import ModesStatus, SolveStatus, Status, c_enum, c_sentences
 from gtmodel.results.study import Study
 from gtmodel.results.trajectory import Trajectory, TrajectoryError, UnknownNameError
@@ -42,5 +43,5 @@ from gtmodel.results.work import Work
 __all__ = [
     "ArgumentError", "Check", "Estimate", "Long", "ModesStatus", "Options", "Quantity", "Row", "SolveStatus", "Status",
     "Stored", "Study", "Trajectory", "TrajectoryError", "Unit", "UnknownNameError", "Within", "Work",
-    "at_least", "at_most", "c_enum", "c_sentences", "listed", "read",
+    "at_least", "at_most", "c_enum", "c_sentences", "listed", "naming", "read",
 ]  # fmt: skip

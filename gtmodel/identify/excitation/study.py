@@ -9,7 +9,7 @@ import numpy as np
 from ...inference import Coverage, coverage, linear_fit
 from ...lang import Model
 from ...motion.options import Limits
-from ...results import ArgumentError, SolveStatus, Work
+from ...results import ArgumentError, SolveStatus, Work, naming
 from ...results.work import Progress, never, silent
 from .concluded import Asked, Found, concluded
 from .excited import ExcitationStudy
@@ -103,10 +103,8 @@ def _draws(plan: Plan, random: RandomMotions, work: Work) -> list[Array]:
         work.progress("random motions", done)
         return work.interrupted()
 
-    try:
+    with naming("motion.place_low", ValueError):
         return random_excitations(plan.task, plan.centre, random.draws, random.seed, progress)
-    except ValueError as error:
-        raise ArgumentError(str(error), "motion.place_low") from error
 
 
 def _optimise(plan: Plan, search: Search, work: Work, start: Array, number: int, count: int) -> Excitation:

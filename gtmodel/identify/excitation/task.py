@@ -13,7 +13,7 @@ from ...compiler.causal import CausalFunction, flat_of
 from ...motion.follow import motion_function
 from ...motion.guard import Guard, Margin, guard_of
 from ...motion.options import Limits
-from ...results import ArgumentError
+from ...results import ArgumentError, naming
 from ...robots.links import links_of
 from ..regressor import Regressor
 from .basis import Basis, ClosedSpline, FourierSeries
@@ -110,10 +110,8 @@ def _regressor(robot: gt.Model, identified: list[str], velocity_scale: float) ->
         chosen = robot.with_(velocity_scale=velocity_scale)
     except gt.ModelError:
         chosen = robot  # which has no such parameter keeps its own smoothing
-    try:
+    with naming("experiment.identified", gt.ModelError):
         regressor = Regressor(chosen, identified, known="T")
-    except gt.ModelError as error:
-        raise ArgumentError(str(error), "experiment.identified") from error
     x = [ca.SX.sym(n, 3) for n in ("x", "v", "a")]
     Y = regressor.casadi.call([x[signal.pairs[0][1]] for signal in regressor.inputs])[0]
     return regressor, ca.Function("Y", x, [Y], {"cse": True})
