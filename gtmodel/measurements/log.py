@@ -49,17 +49,8 @@ class Session(NamedTuple):
 
 def session_of(trajectory: Trajectory, name: str = "log", *, jitter: float = JITTER) -> Session:
     """A recording in memory: its rows as a session. Raises LogError where they are not evenly sampled."""
-    steps = np.diff(trajectory.time)
-    if steps.size < 2:
-        raise LogError(f"'{name}' has {trajectory.time.size} rows; expected at least 3")
-    step = float(np.median(steps))
-    if (bad := np.flatnonzero(np.abs(steps - step) > jitter * step)).size:
-        k = int(bad[0])
-        raise LogError(
-            f"'{name}' row {k + 1}: {_ms(float(steps[k]))} ms after the row before; expected {_ms(step)} ms within "
-            f"{100 * jitter:g} %: resample it, or split it there"
-        )
-    return Session(name, trajectory, float((trajectory.time[-1] - trajectory.time[0]) / steps.size))
+    rows = np.arange(1, len(trajectory.time) + 1)
+    return Session(name, trajectory, _sample_time(trajectory.time, f"'{name}'", "row", rows, None, jitter))
 
 
 def read_log(
@@ -98,7 +89,8 @@ def read_log(
         rows = slice(begin, end)  # views: logs are large
         part = Table(table.columns, table.units, table.values[rows], table.lines[rows], table.notes)
         label = f"{Path(path).name} {session} {values[begin, -1]:g}" if session else Path(path).name
-        step = _sample_time(values[rows, 0], part, path, sample_time, jitter)
+        check_increasing(values[rows, 0], part, path)
+        step = _sample_time(values[rows, 0], str(path), "line", part.lines, sample_time, jitter)
         arrays = {name: values[rows][:, at] if len(at) > 1 else values[rows, at[0]] for name, at in names.items()}
         units = {name: parse_unit(column.unit).si_text for name, column in columns.items()}
         note = "; ".join(table.notes.get("synthetic", []))
@@ -197,17 +189,19 @@ def _refuse_scattered(values: Array, stops: np.ndarray, table: Table, path: Path
         seen.append(number)
 
 
-def _sample_time(time: Array, part: Table, path: PathLike, expected: float | None, jitter: float) -> float:
-    """The sample time of a session [s]. Raises LogError with the line of the first step that is not one."""
-    check_increasing(time, part, path)
+def _sample_time(
+    time: Array, source: str, row: str, numbers: np.ndarray, expected: float | None, jitter: float
+) -> float:
+    """The sample time of a session [s]. Raises LogError for the first step that is not one, with the number of its row,
+    a line of a file or another `row`."""
     steps = np.diff(time)
     if steps.size < 2:
-        raise LogError(f"{path} line {part.lines[0]}: a recording has {time.size} rows; expected at least 3")
+        raise LogError(f"{source} {row} {numbers[0]}: a recording has {time.size} rows; expected at least 3")
     median = float(np.median(steps))
     if expected is not None and abs(median - expected) > jitter * expected:
         raise LogError(
-            f"{path}: the samples are {_ms(median)} ms apart; expected {_ms(expected)} ms; correct the sample time or "
-            "the unit of the time"
+            f"{source}: the samples are {_ms(median)} ms apart; expected {_ms(expected)} ms; correct the sample time "
+            "or the unit of the time"
         )
     step = median if expected is None else expected
     if (bad := np.flatnonzero(np.abs(steps - step) > jitter * step)).size:
@@ -218,7 +212,7 @@ def _sample_time(time: Array, part: Table, path: PathLike, expected: float | Non
             missing = "samples are" if lost > 1 else "sample is"
             what = f"about {lost} {missing} missing, so split the log into sessions there"
         raise LogError(
-            f"{path} line {part.lines[k + 1]}: {_ms(float(steps[k]))} ms after the row before; expected {_ms(step)} ms "
+            f"{source} {row} {numbers[k + 1]}: {_ms(float(steps[k]))} ms after the row before; expected {_ms(step)} ms "
             f"within {100 * jitter:g} %: {what}"
         )
     return float((time[-1] - time[0]) / steps.size)

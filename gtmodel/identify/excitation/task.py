@@ -29,6 +29,7 @@ class Plan:
     """What an excitation is searched with.
 
     Attributes:
+        limits, experiment: as asked for.
         robot: with its own friction; its forces are bounded. inverse: its `motion_function`.
         task: the optimisation; its regressor has a smoothed sign.
         regressor: names, nominal values and units of what is identified. sharp: its ca.Function with the true sign.
@@ -36,6 +37,8 @@ class Plan:
         keys: the name of each bounded row. times: rows of the trajectory [s].
     """
 
+    limits: Limits
+    experiment: Experiment
     robot: gt.Model
     inverse: CausalFunction
     task: ExcitationTask
@@ -66,7 +69,8 @@ def plan_of(robot: gt.Model, motion: Family, limits: Limits, experiment: Experim
     rows, low, high = _rows(inverse, limits.force)
     task = ExcitationTask(_basis(motion), rows, low, high, smooth, regressor.nominal, criterion)
     keys = ["force_N"] * 3 + [margin.key for margin in guard.margins]
-    return Plan(robot, inverse, task, regressor, sharp, _centre(motion), keys, _times(motion, experiment))
+    times = _times(motion, experiment)
+    return Plan(limits, experiment, robot, inverse, task, regressor, sharp, _centre(motion), keys, times)
 
 
 def _basis(motion: Family) -> Basis:
