@@ -103,8 +103,7 @@ def schema(
     as_json: Json = False,
 ) -> None:
     """Show the keys of a kind of problem, with units and defaults, and what its `values` will hold."""
-    from gtmodel.problem_files import names
-    from gtmodel.problem_files import schema as described
+    from gtmodel.problem_files import names, schema as described
 
     with answering(context, as_json, kind or "schema") as answer:
         document = answer.data = {"kinds": names()} if kind is None else described.document(kind)

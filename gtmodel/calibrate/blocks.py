@@ -39,11 +39,12 @@ class Block:
         return r.T, _stacked(J, data.shape[1])
 
     def evaluate_all(
-        self, data: np.ndarray, noise: np.ndarray, latent: np.ndarray, x: np.ndarray
+        self, data: np.ndarray, x: np.ndarray, noise: np.ndarray | None = None, latent: np.ndarray | None = None
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """r (N, m), dr/dx (N, m, n), dr/dnoise (N, m, ny), dr/dlatent (N, m, nz) for noise (N, ny), latent (N, nz)."""
-        n = data.shape[1]
-        r, J, By, Bz = self._mapped("function", [data, noise.T, latent.T, _repeated(x, data)])
+        n, f = data.shape[1], self.function
+        y, z = (np.zeros((f.size1_in(k), n)) if v is None else v.T for k, v in ((1, noise), (2, latent)))
+        r, J, By, Bz = self._mapped("function", [data, y, z, _repeated(x, data)])
         return r.T, _stacked(J, n), _stacked(By, n), _stacked(Bz, n)
 
     def _mapped(self, name: str, columns: list[np.ndarray]) -> list[np.ndarray]:

@@ -23,7 +23,7 @@ from .confidence import Fitted, estimated
 from .implicit import Adjustment, require_noise_enough
 from .measurements import Measurements
 from .modifiers import modifiers
-from .problem import COSTS, Cost, Problem, joined_blocks, noise_covariance, prepare
+from .problem import COSTS, Cost, Problem, noise_covariance, prepare
 from .unknowns import Choice
 
 
@@ -77,10 +77,9 @@ class Calibration:
         """What the forward kinematics of the measured actuators misses, model less measured, per signal of the pose:
         (N, 3) [m], and for quaternions a turn (N, 3) [rad]. NaN where a pose cannot be closed."""
         p = self.problem if measurements is None else self.problem.on(measurements)
-        joined = joined_blocks(p.closure, p.reading, p.unknowns, p.actuators, "forward")
         found = np.full((len(p.measurements), p.reading.noise.numel()), np.nan)
-        for b in joined:
-            S = noise_covariance(p, "forward", unit=True)
+        S = noise_covariance(p, "forward", unit=True)
+        for b in p.blocks_of("forward"):
             y = Adjustment(b, p.reading.data, S, p.reading.latent.numel()).closing(self.x[b.columns])
             touched = [k for k in range(found.shape[1]) if np.any(np.nan_to_num(y[:, k]))]
             found[:, touched] = y[:, touched]
@@ -165,11 +164,8 @@ def _descended(
         first, x = _descended(problem, "length", x, loss, width, limit, stop)
         if any(f.descent.status is SolveStatus.INTERRUPTED for f in first):
             return first, x
-    found = {"squared": problem.squared, "length": problem.lengths}.get(cost) or joined_blocks(
-        problem.closure, read, u, problem.actuators, cost
-    )
     fits = []
-    for b in found:
+    for b in problem.blocks_of(cost):
         if not len(b.columns):  # an arm of which nothing is free
             continue
         own = [p for p in u.priors if p.name in {u.names[k] for k in b.columns}]
@@ -205,11 +201,8 @@ def _level(problem: Problem, block: Block, x: np.ndarray) -> float:
         lacking = [n for n in problem.reading.places if n not in m.noise]
         raise ModelError(f"priors are weighed against the noise: give that of {', '.join(lacking)} too")
     S = noise_covariance(problem, "orthogonal")
-    n = len(m)
-    _, _, By, _ = block.evaluate_all(
-        problem.reading.data, np.zeros((n, S.shape[1])), np.zeros((n, problem.reading.latent.numel())), x[block.columns]
-    )
-    return float(np.sqrt(np.mean(np.einsum("kmi,kij,kmj->km", By, np.broadcast_to(S, (n, *S.shape[1:])), By))))
+    _, _, By, _ = block.evaluate_all(problem.reading.data, x[block.columns])
+    return float(np.sqrt(np.mean(np.einsum("kmi,kij,kmj->km", By, np.broadcast_to(S, (len(m), *S.shape[1:])), By))))
 
 
 def _arrived(fits: Sequence[Fitted]) -> str:

@@ -106,11 +106,9 @@ def _share(problem: Problem, f: Fitted, loss: Loss, width: float) -> _Share:
 
 def _by_noise(problem: Problem, f: Fitted) -> np.ndarray:
     """Slopes of the block's residuals, as the cost has them, in the noise of all signals (N, k, ny)."""
-    read, N = problem.reading, len(problem.measurements)
     if f.adjustment is not None:
         return f.adjustment.by_noise(f.descent.x)
-    y, z = np.zeros((N, read.noise.numel())), np.zeros((N, read.latent.numel()))
-    return f.block.evaluate_all(read.data, y, z, f.descent.x)[2] / f.sigma
+    return f.block.evaluate_all(problem.reading.data, f.descent.x)[2] / f.sigma
 
 
 def _scaled(

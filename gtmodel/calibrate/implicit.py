@@ -48,7 +48,7 @@ class Adjustment:
         floor = FLOOR * float(np.abs(self.data).max(initial=1.0))
         with np.errstate(all="ignore"):
             for _ in range(ROUNDS):
-                r, J, By, Bz = self.block.evaluate_all(self.data, y, z, x)
+                r, J, By, Bz = self.block.evaluate_all(self.data, x, y, z)
                 W = _whitening(By, Bz, S) if np.all(np.isfinite(r)) else None
                 if W is None:
                     break
@@ -79,7 +79,7 @@ class Adjustment:
 
     def by_noise(self, x: np.ndarray) -> np.ndarray:
         """Slopes of the whitened residuals in the noise of all signals (N, k, ny), where the iteration ended."""
-        _, _, By, Bz = self.block.evaluate_all(self.data, self.y, self.z, x)
+        _, _, By, Bz = self.block.evaluate_all(self.data, x, self.y, self.z)
         W = _whitening(By, Bz, np.broadcast_to(self.covariance, (len(self.y), *self.covariance.shape[1:])))
         if W is None:
             raise ModelError("a pose is singular at the solution: its errors have no slopes")
@@ -106,8 +106,7 @@ def _whitening(By: np.ndarray, Bz: np.ndarray, S: np.ndarray) -> np.ndarray | No
 def require_noise_enough(block: Block, data: np.ndarray, covariance: np.ndarray, latent: int, x: np.ndarray,
                          labels: tuple[str, ...]) -> None:  # fmt: skip
     """ModelError where the noise has fewer directions than there are equations to close per pose."""
-    none = np.zeros((1, covariance.shape[1])), np.zeros((1, latent))
-    _, _, By, Bz = block.evaluate_all(data[:, :1], *none, x)
+    _, _, By, Bz = block.evaluate_all(data[:, :1], x)
     blind = np.linalg.qr(Bz[0], mode="complete")[0][:, latent:].T if latent else np.eye(len(block.rows))
     omega = blind @ By[0] @ covariance[0] @ By[0].T @ blind.T
     scale = np.sqrt(np.diag(omega))

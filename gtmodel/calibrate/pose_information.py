@@ -92,7 +92,7 @@ def pose_information(problem: Problem) -> PoseInformation:
     S = noise_covariance(problem, "orthogonal")
     N, n, nz = len(problem.measurements), len(u.names), read.latent.numel()
     found = []
-    for b in problem.joined:
+    for b in problem.blocks_of("orthogonal"):
         labels = tuple(problem.labels[k] for k in b.rows)
         require_noise_enough(b, read.data, S, nz, u.start[b.columns], labels)
         _, J = Adjustment(b, read.data, S, nz).per_pose(u.start[b.columns])

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from ..lang.source import ModelError
 from .pose_information import LEAK, PoseInformation
-from .problem import Problem, joined_blocks
+from .problem import Problem
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,15 +94,21 @@ def positioning(
     `x`: values of the unknowns, their start by default.
     Raises ModelError for singular poses, and where the equations do not give the pose.
     """
+    every = problem.unknowns.names
+    chosen = list(every) if names is None else [n for n in every if n in set(names)]
+    moved = pose_slopes(problem, signal, x)[signal]
+    return Positioning(tuple(chosen), moved[:, :, [every.index(n) for n in chosen]])
+
+
+def pose_slopes(problem: Problem, signal: str = "T", x: ArrayLike | None = None) -> dict[str, np.ndarray]:
+    """Slopes of each signal of the pose in the unknowns (N, k, n), actuators held. Raises ModelError as positioning."""
     J, B, pose = closure_slopes(problem, signal, x)
-    u, places = problem.unknowns, problem.reading.places
     try:
         moved = -np.linalg.solve(B, J)
     except np.linalg.LinAlgError:
         raise ModelError("an evaluation pose is singular: the closure equations do not hold the position") from None
-    at = [pose.index(k) for k in range(places[signal].start, places[signal].stop)]
-    chosen = list(u.names) if names is None else [n for n in u.names if n in set(names)]
-    return Positioning(tuple(chosen), moved[:, at][:, :, [u.names.index(n) for n in chosen]])
+    places = {n: s for n, s in problem.reading.places.items() if n != problem.actuators}
+    return {n: moved[:, [pose.index(k) for k in range(s.start, s.stop)]] for n, s in places.items()}
 
 
 def closure_slopes(
@@ -114,13 +120,8 @@ def closure_slopes(
     if signal not in read.places or read.latent.numel():
         raise ModelError(f"positioning errors are predicted from poses whose '{signal}' and all else is known")
     pose = [k for n, s in read.places.items() if n != problem.actuators for k in range(s.start, s.stop)]
-    m, N = len(problem.labels), len(problem.measurements)
+    m = len(problem.labels)
     if m != len(pose):
         raise ModelError(f"{m} equations close, but the measured pose has {len(pose)} freedoms: no position follows")
-    at_x = u.start if x is None else np.asarray(x, float)
-    J, B = np.zeros((N, m, len(u.names))), np.zeros((N, m, read.noise.numel()))
-    for b in joined_blocks(problem.closure, read, u, problem.actuators, "forward"):
-        _, own, by, _ = b.evaluate_all(read.data, np.zeros(B[:, 0].shape), np.zeros((N, 0)), at_x[b.columns])
-        J[np.ix_(np.arange(N), b.rows, b.columns)] = own
-        B[:, b.rows] = by
+    J, B, _ = problem.all_slopes("forward", u.start if x is None else np.asarray(x, float))
     return J, B[:, :, pose], pose

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Any, Literal
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal, get_args
 
 import casadi as ca
 import numpy as np
@@ -24,7 +24,7 @@ from .reading import Reading, reading
 from .unknowns import Choice, Parameters, Unknowns, unknowns
 
 Cost = Literal["squared", "length", "inverse", "forward", "orthogonal"]
-COSTS = ("squared", "length", "inverse", "forward", "orthogonal")
+COSTS = get_args(Cost)
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,9 +41,32 @@ class Problem:
     reading: Reading
     unknowns: Unknowns
     actuators: str
-    squared: tuple[Block, ...]
-    lengths: tuple[Block, ...]
-    joined: tuple[Block, ...]
+    made: dict[str, tuple[Block, ...]] = field(default_factory=dict, repr=False)
+
+    def blocks_of(self, cost: str) -> tuple[Block, ...]:
+        """What a cost is made of; what shares a noise that it counts is in one block. Made once, for all poses."""
+        if cost not in self.made:
+            places, counted = self.reading.places, () if cost in ("squared", "length") else self.noisy(cost)
+            joined = [k for n in counted for k in range(places[n].start, places[n].stop)]
+            read, u = self.reading, self.unknowns
+            known = [ca.vertcat(*[s for s, _ in read.values])], [ca.vertcat(*[v for _, v in read.values])]
+            rows = self.closure.residuals if cost == "squared" else self.closure.lengths
+            (inside,) = u.substituted(ca.substitute([rows], *known))
+            self.made[cost] = blocks(inside, read.d, read.noise, read.latent, u.x, joined)
+        return self.made[cost]
+
+    @property
+    def squared(self) -> tuple[Block, ...]:
+        return self.blocks_of("squared")
+
+    @property
+    def lengths(self) -> tuple[Block, ...]:
+        return self.blocks_of("length")
+
+    def noisy(self, cost: str) -> list[str]:
+        """Signals whose errors a cost counts."""
+        every = list(self.reading.places)
+        return every if cost == "orthogonal" else [n for n in every if (n == self.actuators) == (cost == "inverse")]
 
     @property
     def labels(self) -> tuple[str, ...]:
@@ -69,15 +92,19 @@ class Problem:
     def slopes(self, x: ArrayLike | None = None) -> np.ndarray:
         """d residuals / d x (N, m, n); of latent variables (N, m - nz, n), combinations of lengths blind to these."""
         x = self.unknowns.start if x is None else np.asarray(x, float)
-        N, ny, nz = len(self.measurements), self.reading.noise.numel(), self.reading.latent.numel()
-        J, Bz = np.zeros((N, len(self.labels), len(x))), np.zeros((N, len(self.labels), nz))
-        for b in self.lengths:
-            own = b.evaluate_all(self.reading.data, np.zeros((N, ny)), np.zeros((N, nz)), x[b.columns])
-            J[np.ix_(np.arange(N), b.rows, b.columns)] = own[1]
-            Bz[:, b.rows] = own[3]
-        if not nz:
-            return J
-        return np.linalg.qr(Bz, mode="complete")[0][:, :, nz:].transpose(0, 2, 1) @ J
+        J, _, Bz = self.all_slopes("length", x)
+        nz = Bz.shape[2]
+        return np.linalg.qr(Bz, mode="complete")[0][:, :, nz:].transpose(0, 2, 1) @ J if nz else J
+
+    def all_slopes(self, cost: str, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Slopes of the closures in the unknowns (N, m, n), in the noise (N, m, ny) and in latent values (N, m, nz)."""
+        N, m, read = len(self.measurements), len(self.labels), self.reading
+        J, By, Bz = (np.zeros((N, m, k)) for k in (len(x), read.noise.numel(), read.latent.numel()))
+        for b in self.blocks_of(cost):
+            _, J[np.ix_(np.arange(N), b.rows, b.columns)], By[:, b.rows], Bz[:, b.rows] = b.evaluate_all(
+                read.data, x[b.columns]
+            )
+        return J, By, Bz
 
     def identifiability(self, x: ArrayLike | None = None, sigma: float = 1.0, **more: Any) -> Identifiability:
         """What these poses tell of each unknown, before or after they are measured: sigma [m] of a length's error.
@@ -135,12 +162,7 @@ def prepare(
     choice = choice or Choice()
     free = [*choice.free, *extra.names] if choice.free else []
     u = unknowns(everything, replace(choice, free=free, unit=[*choice.unit, *read.unit]))
-    args = read.d, read.noise, read.latent, u.x
-    squared, lengths = (expressed(closure, read, u, root) for root in (False, True))
-    return Problem(
-        closure, measurements, read, u, actuators, blocks(squared, *args), blocks(lengths, *args),
-        blocks(lengths, *args, joined=range(read.noise.numel())),
-    )  # fmt: skip
+    return Problem(closure, measurements, read, u, actuators)
 
 
 def latent_starts(closure: Closure) -> dict[str, np.ndarray]:
@@ -155,33 +177,10 @@ def latent_starts(closure: Closure) -> dict[str, np.ndarray]:
     return starts
 
 
-def expressed(closure: Closure, read: Reading, u: Unknowns, root: bool) -> ca.SX:
-    """Residuals in d, noise, latent and x."""
-    known = [ca.vertcat(*[s for s, _ in read.values])], [ca.vertcat(*[v for _, v in read.values])]
-    inside = ca.substitute([closure.lengths if root else closure.residuals], *known)
-    return u.substituted(inside)[0]
-
-
-def noisy(read: Reading, actuators: str, cost: str, m: Measurements | None = None) -> list[str]:
-    """Signals whose errors a cost counts."""
-    if cost == "inverse":
-        return [actuators]
-    if cost == "forward":
-        return [n for n in read.places if n != actuators]
-    return [n for n in read.places if m is None or n in m.noise]
-
-
-def joined_blocks(closure: Closure, read: Reading, u: Unknowns, actuators: str, cost: str) -> tuple[Block, ...]:
-    """Blocks in which what shares a noise that the cost counts is together."""
-    names = noisy(read, actuators, cost)
-    joined = [k for n in names for k in range(read.places[n].start, read.places[n].stop)]
-    return blocks(expressed(closure, read, u, True), read.d, read.noise, read.latent, u.x, joined)
-
-
 def noise_covariance(problem: Problem, cost: str, unit: bool = False) -> np.ndarray:
     """(N or 1, ny, ny) of the noise that a cost counts; unit variances where nothing but ratios is needed."""
     read, m = problem.reading, problem.measurements
-    names = noisy(read, problem.actuators, cost, m)
+    names = [n for n in problem.noisy(cost) if cost != "orthogonal" or n in m.noise]
     if cost == "orthogonal" and not names:
         raise ModelError("the cost 'orthogonal' weighs errors by their noise: give noise to the measured signals")
     lacking = [n for n in names if n not in m.noise]

@@ -63,8 +63,7 @@ def _of_link(c: Calibration, b: Block, position: str) -> SmoothErrors | None:
     places = p.reading.places
     if len(b.rows) != 1 or position not in places:
         return None
-    noise, latent = (np.zeros((len(p.measurements), x.numel())) for x in (p.reading.noise, p.reading.latent))
-    r, J, By, _ = b.evaluate_all(p.reading.data, noise, latent, c.x[b.columns])
+    r, J, By, _ = b.evaluate_all(p.reading.data, c.x[b.columns])
     moving = np.flatnonzero(np.any(By[:, 0, places[p.actuators]] != 0, axis=0))
     if len(moving) != 1:
         return None

@@ -14,7 +14,7 @@ from ..lang.builder import Builder
 from ..lang.model import Model
 from ..lang.source import ModelError
 from .measurements import Measurements
-from .problem import joined_blocks, prepare
+from .problem import prepare
 from .turning import turned
 from .unknowns import Choice
 
@@ -41,7 +41,7 @@ def true_poses(
     names = list(deviations)
     m = Measurements({known: q, **near})
     p = prepare(model, m, Choice(free=names), actuators=known)
-    (b,) = joined_blocks(p.closure, p.reading, p.unknowns, known, "forward")
+    (b,) = p.blocks_of("forward")
     places = {n: s for n, s in p.reading.places.items() if n != known}
     free = [k for s in places.values() for k in range(s.start, s.stop)]
     if len(free) != len(p.labels):

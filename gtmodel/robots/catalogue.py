@@ -14,11 +14,9 @@ import numpy as np
 from ..lang import Model, ModelError
 from ..mechanics import PiecewiseLinearFriction, SignFriction, TanhFriction
 from . import clusters
-from .f1 import EXAMPLE as F1_EXAMPLE
-from .f1 import f1_gantry_tau
+from .f1 import EXAMPLE as F1_EXAMPLE, f1_gantry_tau
 from .kr500 import MASSES, SOURCE, kr500
-from .six_link import EXAMPLE as SIX_LINK_EXAMPLE
-from .six_link import six_link_gantry_tau
+from .six_link import EXAMPLE as SIX_LINK_EXAMPLE, six_link_gantry_tau
 from .three_link import GantryTau
 
 SMOOTHINGS = {"tanh": TanhFriction, "piecewise_linear": PiecewiseLinearFriction, "sign": SignFriction}

@@ -99,7 +99,7 @@ class TestColumns:
         self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         """With all parameters free the arms of three links only change their names: then what moved far is said."""
-        monkeypatch.setattr(calibration_study, "witness_of", lambda model, data: Witness(None, 2.0, False))
+        monkeypatch.setattr(calibration_study, "witness_of", lambda model, data: Witness(None, 2.0))
         path = written(tmp_path, "l1", order(1, 0, 2))
         with pytest.raises(
             ArgumentError, match=r"q\[0\], q\[1\] look exchanged: links are left with .* read as q\[1\], q"

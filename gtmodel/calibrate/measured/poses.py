@@ -90,8 +90,7 @@ class SplitPoses:
         first = next(iter(placed.values()))
         starts = {s: frame for s, frame in placed.items() if s}
         poses = tuple(replace(p, device_start=first, device_starts=starts) if p.device else p for p in self.all.poses)
-        m = self.all
-        return replace(self, all=Measurements(m.values, m.noise, m.sessions, poses, m.corrections))
+        return replace(self, all=replace(self.all, poses=poses))
 
 
 def split(poses: Poses | Measurements, model: Model, every: int) -> SplitPoses:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from itertools import permutations, product
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from gtmodel.measurements.orders import orders
+from ...measurements.orders import orders
+
+Trial = TypeVar("Trial")
 
 # of a signal's spread to the robot's size: beyond, its unit is another one
 LEAST, GREATEST = 5e-3, 30.0
@@ -62,75 +64,61 @@ def scale_sentence(name: str, measured: np.ndarray, predicted: np.ndarray) -> st
     )
 
 
-def stuck_columns(names: Sequence[str], rows: np.ndarray, misfit: float | None, size: float) -> str | None:
+def stuck_columns(names: Sequence[str], rows: np.ndarray, misfit: float, size: float) -> str | None:
     """Columns (N, k) of which some never change while others do: a dead channel, unless the robot's model says that
-    they stood, with `misfit` [m] rms from what was measured (None: most poses are out of its reach)."""
+    they stood, with `misfit` [m] rms from what was measured (infinite: most poses are out of its reach)."""
     still = np.ptp(rows, axis=0) == 0
-    if not still.any() or still.all() or (misfit is not None and misfit <= CLOSE * size):
+    if not still.any() or still.all() or misfit <= CLOSE * size:
         return None
     dead = [names[k] for k in np.flatnonzero(still).tolist()]
     missed = "most poses are out of the model's reach"
-    if misfit is not None:
-        missed = f"the poses miss the model's by {_length(misfit)} rms"
+    if np.isfinite(misfit):
+        missed = f"the poses miss the model's by {length(misfit)} rms"
     return (
         f"{' and '.join(dead)} is {rows[0, np.flatnonzero(still)[0]]:.4g} at all {len(rows)} poses while the others "
         f"change, and {missed}: is its channel recorded?"
     )
 
 
-def exchanged_columns(
-    names: Sequence[str], groups: Sequence[Sequence[int]], predict: Callable[[list[int]], np.ndarray | None],
-    misfit: Callable[[np.ndarray], float], size: float,
-) -> Reading | None:  # fmt: skip
-    """Columns of actuators that belong to each other's arms: `predict(order)` gives the model's positions (N, 3) with
-    the columns in another order, `misfit` their rms distance [m] from the measured ones. `groups`: columns of one unit.
-    """
-    given = list(range(len(names)))
-    as_given = predict(given)
-    before = np.inf if as_given is None else misfit(as_given)
-    if before <= CLOSE * size:
-        return None
-    best, order = before, given
-    for trial in orders(len(names), groups):
-        found = predict(trial)
-        rms = np.inf if found is None else misfit(found)
+def nearest(before: float, left: Callable[[Trial], float], trials: Iterable[Trial]) -> tuple[float, Trial | None]:
+    """Of other readings the one that leaves least, and what it leaves; None where it leaves not much less than
+    `before`."""
+    best, found = before, None
+    for trial in trials:
+        rms = left(trial)
         if rms < best * (1 - 1e-9):
-            best, order = rms, trial
-    if not best * NEARER < before:
-        return None
-    changed = [k for k in given if order[k] != k]
-    read = ", ".join(names[order[k]] for k in changed)
-    return Reading(
-        f"the columns {', '.join(names[k] for k in changed)} look exchanged: poses miss the model's by "
-        f"{_length(before)} rms as given, and by {_length(best)} when read as {read}",
-        best,
-    )
+            best, found = rms, trial
+    return (best, found) if best * NEARER < before else (before, None)
 
 
-def reversed_columns(
-    names: Sequence[str], groups: Sequence[Sequence[int]], predict: Callable[[np.ndarray], np.ndarray | None],
-    misfit: Callable[[np.ndarray], float], size: float,
+def exchanged(names: Sequence[str], order: Sequence[int]) -> tuple[str, str]:
+    """The columns that another order changes, and the columns that are read for them."""
+    changed = [k for k, j in enumerate(order) if j != k]
+    return ", ".join(names[k] for k in changed), ", ".join(names[order[k]] for k in changed)
+
+
+def other_columns(
+    names: Sequence[str], groups: Sequence[Sequence[int]], q: np.ndarray, left: Callable[[np.ndarray], float],
+    size: float,
 ) -> Reading | None:  # fmt: skip
-    """Actuators that count the other way: `predict(signs)` gives the model's positions (N, 3) with columns times +-1;
-    single columns, groups of one unit and all are tried. Otherwise as exchanged_columns()."""
-    n = len(names)
-    as_given = predict(np.ones(n))
-    before = np.inf if as_given is None else misfit(as_given)
+    """Columns of actuators q (N, k) that belong to each other's arms, or count the other way: single columns, groups of
+    one unit and all are tried. `left(q)`: rms distance [m] of the model's positions from the measured ones. `groups`:
+    columns of one unit."""
+    before, every = left(q), list(range(len(names)))
     if before <= CLOSE * size:
         return None
-    best, reversed_ = before, []
-    for trial in [*([k] for k in range(n)), *(list(g) for g in groups), list(range(n))]:
-        found = predict(np.where(np.isin(np.arange(n), trial), -1.0, 1.0))
-        rms = np.inf if found is None else misfit(found)
-        if rms < best * (1 - 1e-9):
-            best, reversed_ = rms, trial
-    if not best * NEARER < before:
+    said = f"poses miss the model's by {length(before)} rms as given, and by"
+    best, order = nearest(before, lambda trial: left(q[:, trial]), orders(len(names), groups))
+    signs = [*([k] for k in every), *map(list, groups), every]
+    turned, backward = nearest(before, lambda trial: left(np.where(np.isin(every, trial), -1.0, 1.0) * q), signs)
+    if backward is not None and (order is None or turned < best):
+        which = ", ".join(names[k] for k in backward)
+        hint = f"{length(turned)} with the other sign; is a scale -1?"
+        return Reading(f"the columns {which} look reversed: {said} {hint}", turned)
+    if order is None:
         return None
-    return Reading(
-        f"the columns {', '.join(names[k] for k in reversed_)} look reversed: poses miss the model's by "
-        f"{_length(before)} rms as given, and by {_length(best)} with the other sign; is a scale -1?",
-        best,
-    )
+    which, read = exchanged(names, order)
+    return Reading(f"the columns {which} look exchanged: {said} {length(best)} when read as {read}", best)
 
 
 def swapped_axes(
@@ -140,32 +128,28 @@ def swapped_axes(
 
     With a frame that is unknown (`free_frame`) only the handedness can be told.
     """
-    before = float(np.sqrt(np.mean(np.sum((measured - predicted) ** 2, axis=1))))
     if free_frame:
         proper, mirrored = (_aligned(measured, predicted, hand)[2] for hand in (1, -1))
         if mirrored * NEARER < proper and proper > CLOSE * size:
             return Reading(
-                f"'{name}' is left-handed: no turn brings it nearer than {_length(proper)} rms to the model's, "
-                f"a mirrored one {_length(mirrored)}; an axis is reversed or two are exchanged",
+                f"'{name}' is left-handed: no turn brings it nearer than {length(proper)} rms to the model's, "
+                f"a mirrored one {length(mirrored)}; an axis is reversed or two are exchanged",
                 mirrored,
             )
         return None
+    before = distance(measured, predicted)
     if before <= CLOSE * size:
         return None
-    best, reading = before, None
-    for order in permutations(range(3)):
-        for signs in product((1.0, -1.0), repeat=3):
-            rms = float(np.sqrt(np.mean(np.sum((measured[:, order] * signs - predicted) ** 2, axis=1))))
-            if rms < best:
-                best, reading = rms, (order, signs)
-    if reading is None or not best * NEARER < before:
+    readings = product(permutations(range(3)), product((1.0, -1.0), repeat=3))
+    best, reading = nearest(before, lambda r: distance(measured[:, r[0]] * r[1], predicted), readings)
+    if reading is None:
         return None
     order, signs = reading
     read = ", ".join(("-" if s < 0 else "") + AXES[k] for k, s in zip(order, signs, strict=True))
-    left = _sign(order) * np.prod(signs) < 0
+    left = np.linalg.det(np.eye(3)[list(order)]) * np.prod(signs) < 0
     return Reading(
-        f"the axes of '{name}' look swapped: poses miss the model's by {_length(before)} rms as given, and by "
-        f"{_length(best)} when ({read}) is read as (x, y, z)" + ("; as given they are left-handed" if left else ""),
+        f"the axes of '{name}' look swapped: poses miss the model's by {length(before)} rms as given, and by "
+        f"{length(best)} when ({read}) is read as (x, y, z)" + ("; as given they are left-handed" if left else ""),
         best,
     )
 
@@ -179,13 +163,14 @@ def _aligned(measured: np.ndarray, predicted: np.ndarray, hand: int) -> tuple[np
     a, b = measured - measured.mean(axis=0), predicted - predicted.mean(axis=0)
     U, _, Vt = np.linalg.svd(a.T @ b)
     R = (U @ np.diag([1.0, 1.0, hand * np.sign(np.linalg.det(U @ Vt))]) @ Vt).T
-    rms = float(np.sqrt(np.mean(np.sum((a @ R.T - b) ** 2, axis=1))))
-    return predicted.mean(axis=0) - R @ measured.mean(axis=0), R, rms
+    return predicted.mean(axis=0) - R @ measured.mean(axis=0), R, distance(a @ R.T, b)
 
 
-def _sign(order: Sequence[int]) -> float:
-    return float(np.linalg.det(np.eye(3)[list(order)]))
+def distance(measured: np.ndarray, predicted: np.ndarray) -> float:
+    """Rms distance [m] of positions (N, 3)."""
+    return float(np.sqrt(np.mean(np.sum((measured - predicted) ** 2, axis=1))))
 
 
-def _length(metres: float) -> str:
+def length(metres: float) -> str:
+    """For a sentence."""
     return f"{1e3 * metres:.3g} mm" if np.isfinite(metres) else "no pose at all"

@@ -11,12 +11,11 @@ from scipy.spatial.transform import Rotation
 from ...compiler.causal import CausalFunction, compile_causal, flat_of
 from ...lang import Model, ModelError
 from ...lang.units import parse_unit
+from ...measurements.orders import orders
 from ...results import ArgumentError
 from ..calibration import calibrate
-from ..measurements import Measurements
 from ..prediction import Prediction
-from ..problem import Problem as Prepared
-from ..problem import prepare
+from ..problem import Problem as Prepared, prepare
 from ..unknowns import Choice
 from .misreading import misreading
 from .poses import SplitPoses
@@ -24,14 +23,16 @@ from .recognition import (
     NEARER,
     aligned,
     angle_sentence,
-    exchanged_columns,
-    orders,
-    reversed_columns,
+    distance,
+    exchanged,
+    length,
+    nearest,
+    other_columns,
     scale_sentence,
     stuck_columns,
     swapped_axes,
     unit_sentence,
-)
+)  # fmt: skip
 
 MOST = 150  # poses that are looked at: enough to tell a metre from a millimetre
 REACHED = 0.5  # share of the poses that the model must reach to be a witness
@@ -46,7 +47,6 @@ class Witness:
 
     forward: CausalFunction | None
     size: float
-    turns: bool
 
     def positions(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Positions (n, 3) and quaternions (n, 4 or 0) of the rows (n,) that are reached."""
@@ -68,7 +68,7 @@ def witness_of(model: Model, data: SplitPoses) -> Witness:
         forward = None
     if forward is not None and forward.outputs[0].shape != (3,):
         forward = None
-    return Witness(forward, max(lengths, default=1.0), pose.orientation is not None)
+    return Witness(forward, max(lengths, default=1.0))
 
 
 def recognise(data: SplitPoses, witness: Witness) -> tuple[np.ndarray, np.ndarray] | None:
@@ -78,42 +78,24 @@ def recognise(data: SplitPoses, witness: Witness) -> tuple[np.ndarray, np.ndarra
     """
     pose = data.pose
     _units(data, witness.size)
-    q, T = data.q, data.T
     if witness.forward is None:
         return None
-    rows = np.unique(np.round(np.linspace(0, len(q) - 1, min(MOST, len(q)))).astype(int))
-    q, T = q[rows], T[rows]
-    device = pose.device
+    rows = np.unique(np.round(np.linspace(0, len(data.q) - 1, min(MOST, len(data.q)))).astype(int))
+    q, T = data.q[rows], data.T[rows]
     predicted, e, good = witness.positions(q)
 
-    def predict(order: list[int]) -> np.ndarray | None:
-        return reached(q[:, order])
-
-    def reached(q: np.ndarray) -> np.ndarray | None:
+    def left(q: np.ndarray) -> float:
         found, _, at = witness.positions(q)
         if len(at) < REACHED * len(q):
-            return None
-        everywhere = np.full(T.shape, np.nan)
-        everywhere[at] = found
-        return everywhere
-
-    def misfit(found: np.ndarray) -> float:
-        at = np.all(np.isfinite(found), axis=1)
-        if device:
-            return aligned(T[at], found[at])[2]
-        return float(np.sqrt(np.mean(np.sum((T[at] - found[at]) ** 2, axis=1))))
+            return np.inf
+        return aligned(T[at], found)[2] if pose.device else distance(T[at], found)
 
     names, groups = _columns(data)
-    as_read = reached(q) if len(q) > 1 else None
-    every = data.q
-    _refuse(stuck_columns(names, every, None if as_read is None else misfit(as_read), witness.size), data.actuators)
+    _refuse(stuck_columns(names, data.q, left(q), witness.size), data.actuators)
     if len(good) >= REACHED * len(q) and len(good) > 3:
         _refuse(scale_sentence(pose.position, T[good], predicted), pose.position)
         _refuse(_upright(data, rows[good], e), pose.orientation or "")
-    columns = exchanged_columns(names, groups, predict, misfit, witness.size)
-    turned = reversed_columns(names, groups, lambda signs: reached(signs * q), misfit, witness.size)
-    if turned is not None and (columns is None or turned.left < columns.left):
-        columns = turned
+    columns = other_columns(names, groups, q, left, witness.size)
     if len(good) < max(4, REACHED * len(q)):
         _refuse(None if columns is None else columns.sentence, data.actuators)
         raise ArgumentError(
@@ -121,12 +103,12 @@ def recognise(data: SplitPoses, witness: Witness) -> tuple[np.ndarray, np.ndarra
             "and zero, or the robot",
             f"poses.values.{data.actuators}",
         )
-    axes = swapped_axes(pose.position, T[good], predicted, witness.size, device)
+    axes = swapped_axes(pose.position, T[good], predicted, witness.size, pose.device)
     if columns is not None and (axes is None or columns.left < axes.left):
         _refuse(columns.sentence, data.actuators)
     elif axes is not None:
         _refuse(axes.sentence, pose.position)
-    if device:
+    if pose.device:
         t, R, _ = aligned(T[good], predicted)
         return t, Rotation.from_matrix(R).as_quat(scalar_first=True)
     return None
@@ -178,25 +160,24 @@ def exchanged_after(data: SplitPoses, prepared: Prepared, fitted: float, size: f
         if sentence is not None:
             return sentence
     m = data.fitted
-    best, order = fitted, list(range(len(names)))
-    for trial in orders(len(names), groups):
-        q = np.asarray(m.values[data.actuators])[:, trial]
-        other = Measurements({**m.values, data.actuators: q}, m.noise, m.sessions, m.poses, m.corrections)
+    q = np.asarray(m.values[data.actuators])
+
+    def left(order: list[int]) -> float:
+        other = replace(m, values={**m.values, data.actuators: q[:, order]})
         try:
             c = calibrate(prepared.on(other), cost="length", limit=TRIALS)
         except (ModelError, ValueError):
-            continue
-        rms = float(np.sqrt(np.mean(c.residuals**2)))
-        if rms < best:
-            best, order = rms, trial
-    if not best * NEARER < fitted:
+            return np.inf
+        return float(np.sqrt(np.mean(c.residuals**2)))
+
+    best, order = nearest(fitted, left, orders(len(names), groups))
+    if order is None:
         return None
-    changed = [k for k in range(len(names)) if order[k] != k]
-    read = ", ".join(names[order[k]] for k in changed)
-    before = f"{1e3 * fitted:.3g} mm rms" if np.isfinite(fitted) else "no solution"
+    which, read = exchanged(names, order)
+    before = f"{length(fitted)} rms" if np.isfinite(fitted) else "no solution"
     return (
-        f"the columns {', '.join(names[k] for k in changed)} look exchanged: links are left with {before} as given and "
-        f"with {1e3 * best:.3g} mm rms when read as {read}"
+        f"the columns {which} look exchanged: links are left with {before} as given and with {length(best)} rms when "
+        f"read as {read}"
     )
 
 

@@ -82,13 +82,11 @@ def plan_study(
     (12, 21, 21)
     """
     given: dict[str, Any] = {
-        "choice": choice, "limits": limits, "bodies": bodies, "safety": safety, "actuator_noise": actuator_noise,
-        "axis_noise": axis_noise, "poses": poses, "curve": curve, "simulation": simulation, "criteria": criteria,
+        "choice": choice, "home": home, "limits": limits, "bodies": bodies, "obstacles": obstacles, "beams": beams,
+        "safety": safety, "actuator_noise": actuator_noise, "axis_noise": axis_noise, "poses": poses, "curve": curve,
+        "evaluation": evaluation, "simulation": simulation, "criteria": criteria, "title": title,
     }  # fmt: skip
-    task = Task(
-        robot, device, room, home=home, obstacles=obstacles, beams=beams, evaluation=evaluation, title=title,
-        **{name: value for name, value in given.items() if value is not None},
-    )  # fmt: skip
+    task = Task(robot, device, room, **{name: value for name, value in given.items() if value is not None})
     work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
     plan = Plan(task, turns_of(task), measuring(task))
 

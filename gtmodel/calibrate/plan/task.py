@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Annotated
 
 from ...kinematics.workspace.options import Beam, Bodies, Box
 from ...lang import Model
-from ...results.options import Long, Options, Within
+from ...results.options import Long, Options, Unit, Within
 from ..unknowns import Choice
 from .options import MICRO, AnyDevice, Criteria, Evaluation, PlanLimits, PosesToMeasure, Room, Safety, Simulation
 
@@ -17,23 +16,33 @@ CURVE = (10, 15, 20, 30, 40, 60, 80, 100)
 
 @dataclass(frozen=True, eq=False)
 class Task(Options):
-    """The arguments of `plan_study`, in its units. Raises ArgumentError for numbers out of bounds."""
+    """The arguments of `plan_study`, from which the keys of its files are made. Raises ArgumentError for numbers out of
+    bounds."""
 
     robot: Model
     device: AnyDevice
-    room: Room
+    room: Annotated[Room, "where poses are looked for"]
     choice: Choice = field(default_factory=Choice)
-    home: Annotated[Sequence[float] | None, Long(3)] = None
+    home: Annotated[
+        list[float] | None, Unit("m"), Long(3), "pose of the cone axes; the robot's own home if left out"
+    ] = None  # fmt: skip
     limits: PlanLimits = field(default_factory=PlanLimits)
     bodies: Bodies = field(default_factory=Bodies)
-    obstacles: Sequence[Box] = ()
-    beams: Sequence[Beam] = ()
+    obstacles: Annotated[list[Box], "boxes that links and plate must not touch, nor hide"] = field(default_factory=list)
+    beams: Annotated[list[Beam], "beams of the frame that links must not touch"] = field(default_factory=list)
     safety: Safety = field(default_factory=Safety)
-    actuator_noise: Annotated[float, Within(least=0.0)] = 13 * MICRO
-    axis_noise: Annotated[float, Within(above=0.0)] = 20 * MICRO
+    actuator_noise: Annotated[
+        float, Unit("m", written="um"), Within(least=0.0), "repeatability of the carts"
+    ] = 13 * MICRO  # fmt: skip
+    axis_noise: Annotated[
+        float, Unit("rad", written="urad"), Within(above=0.0), "of an F1's rotary axes"
+    ] = 20 * MICRO  # fmt: skip
     poses: PosesToMeasure = field(default_factory=PosesToMeasure)
-    curve: Annotated[Sequence[int], Within(above=0)] = CURVE
-    evaluation: Evaluation | None = None
+    curve: Annotated[
+        list[int], Within(above=0),
+        "numbers of poses for the curve of predicted errors, with the number that suffices; [] for none",
+    ] = field(default_factory=lambda: list(CURVE))  # fmt: skip
+    evaluation: Annotated[Evaluation | None, "where the robot must be accurate"] = None
     simulation: Simulation = field(default_factory=Simulation)
     criteria: Criteria = field(default_factory=Criteria)
     title: str = ""

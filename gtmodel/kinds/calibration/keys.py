@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from pydantic import Field, PositiveFloat, field_validator
+from pydantic import Field
 
-from gtmodel.calibrate.measured import options as measured
+from gtmodel.calibrate.measured import cart_points as carts, options as measured
 from gtmodel.calibrate.options import Fit
 from gtmodel.calibrate.synthetic import options as made_up
 from gtmodel.compliance.load_tests import options as load_tests
@@ -14,8 +14,6 @@ from gtmodel.compliance.options import Load
 from gtmodel.problem_files.base import Section
 from gtmodel.problem_files.from_options import Made, made_from
 from gtmodel.problem_files.robot_keys import RobotProblem
-
-Four = Annotated[list[float], Field(min_length=4, max_length=4)]
 
 
 @made_from(measured.Measured)
@@ -25,12 +23,8 @@ class Measured(Made):
     file: str = Field(description="path from the problem's folder")
 
 
-@made_from(made_up.Synthetic)
-class Synthetic(Made):
-    """A robot with known errors, measured at poses that its model reaches: a file to try the calibration on."""
-
-
-class CartPoints(Section):
+@made_from(carts.CartPoints, "at", "points")
+class CartPoints(Made):
     """Points of each cart along its guideway, measured in another set-up of the device (Dressler 2012, eq. (5.7))."""
 
     file: str = Field(
@@ -42,13 +36,6 @@ class CartPoints(Section):
         "the second",
         min_length=1,
     )
-    quaternion: Four = Field(
-        default=[1.0, 0.0, 0.0, 0.0],
-        description="turn of that set-up in the frame of the poses, by common reference points, scalar first",
-    )
-    turn_std_rad: PositiveFloat | None = Field(
-        default=None, description="how well it is known; left out, the poses alone tell it, badly about the guideway"
-    )
 
 
 class HeldOut(Section):
@@ -56,13 +43,6 @@ class HeldOut(Section):
 
     every: int = Field(default=2, ge=0, description="every how many-th pose is held out; 0 for none")
     file: str | None = Field(default=None, description="another file of the same columns instead")
-
-    @field_validator("every")
-    @classmethod
-    def _leaves_poses(cls, every: int) -> int:
-        if every == 1:
-            raise ValueError("1 holds every pose out and leaves none to fit; take 2 or more, or 0 for none")
-        return every
 
 
 @made_from(load_tests.LoadTests)
@@ -72,21 +52,11 @@ class LoadTests(Made):
     file: str = Field(description="CSV, path from the problem's folder")
 
 
-@made_from(load_tests.SyntheticTests)
-class SyntheticTests(Made):
-    """Tests made up from known stiffness, to see what identification gives back."""
-
-
-@made_from(Load)
-class StaticLoad(Made):
-    """One load, world coordinates, hung on the tool in every pose."""
-
-
 class _Hung(Made):
     poses_deg: list[list[float]] | None = Field(
         default=None, description="joint angles of each pose, all loads in each; of synthetic tests"
     )
-    load: list[StaticLoad] | None = Field(default=None, description="one table for each load; of synthetic tests")
+    load: list[Made[Load]] | None = Field(default=None, description="one table for each load; of synthetic tests")
 
 
 @made_from(load_tests.Setup)
@@ -98,7 +68,7 @@ class JointStiffness(_SetUp):
     """Joint stiffness of a serial arm from static load tests. One of measurements and synthetic tells what moved."""
 
     measurements: LoadTests | None = Field(default=None, description="measured tests")
-    synthetic: SyntheticTests | None = Field(default=None, description="made-up tests")
+    synthetic: Made[load_tests.SyntheticTests] | None = Field(default=None, description="made-up tests")
 
 
 @made_from(Fit)
@@ -110,7 +80,7 @@ class Schema(_Fitted):
     """Geometric parameters of a robot from measured poses."""
 
     measurements: Measured | None = Field(default=None, description="measured poses")
-    synthetic: Synthetic | None = Field(default=None, description="made-up poses instead")
+    synthetic: Made[made_up.Synthetic] | None = Field(default=None, description="made-up poses instead")
     cart_points: CartPoints | None = Field(default=None, description="guideways through measured points")
     held_out: HeldOut = HeldOut()
     joint_stiffness: JointStiffness | None = Field(

@@ -29,7 +29,7 @@ ARGUMENTS = {
     "fit": "", "poses.values": "measurements.signals", "poses": "measurements", "measured": "measurements",
     "carts.points": "cart_points.file", "carts": "cart_points",
     "tests": f"{STIFFNESS}.measurements", "truth": f"{STIFFNESS}.synthetic", "load": f"{STIFFNESS}.load",
-    "setup": STIFFNESS,
+    "setup": STIFFNESS, "held_out": "held_out.every",
 }  # fmt: skip
 ALIKE = ("kind", "title", "robot", "parameters", STIFFNESS)
 
@@ -68,9 +68,7 @@ def explain(problem: Schema, context: Context) -> str:
 
 
 def _poses(problem: Schema, robot: Model, context: Context) -> Poses:
-    if (problem.measurements is None) == (problem.synthetic is None):
-        found = "both" if problem.measurements else "none of them"
-        raise InputError(f"expected one of [measurements] and [synthetic]; found {found}", "measurements")
+    _one_of(problem, "measurements")
     other = problem.held_out.file
     held_out = None if other is None else _file(other, "held_out.file", context)
     if problem.synthetic is not None:
@@ -88,7 +86,7 @@ def _carts(problem: Schema, context: Context) -> CartPoints | None:
         at, points = calibrate.read_cart_points(_file(keys.file, "cart_points.file", context), keys.arms, keys.unit)
     except ArgumentError as error:
         raise InputError(error.sentence, "cart_points.file") from error
-    return CartPoints(at, points, keys.quaternion, turn_std=keys.turn_std_rad)
+    return CartPoints(at, points, **keys.given())
 
 
 def _stiffness(problem: Schema) -> JointStiffness:
@@ -100,9 +98,7 @@ def _stiffness(problem: Schema) -> JointStiffness:
 
 
 def _tests(keys: JointStiffness, robot: Model, context: Context) -> MeasuredTests:
-    if (keys.measurements is None) == (keys.synthetic is None):
-        found = "both" if keys.measurements else "none of them"
-        raise InputError(f"expected one of [measurements] and [synthetic]; found {found}", STIFFNESS)
+    _one_of(keys, STIFFNESS)
     if keys.measurements is not None:
         if keys.poses_deg is not None or keys.load is not None:
             name = "load" if keys.poses_deg is None else "poses_deg"
@@ -118,6 +114,12 @@ def _tests(keys: JointStiffness, robot: Model, context: Context) -> MeasuredTest
             raise InputError(sentence, f"{STIFFNESS}.poses_deg[{n}]")
     poses, loads = np.deg2rad(keys.poses_deg), [load.options() for load in keys.load]
     return made_load_tests(robot, keys.synthetic.options(), poses.tolist(), loads, keys.options())
+
+
+def _one_of(keys: Schema | JointStiffness, key: str) -> None:
+    if (keys.measurements is None) == (keys.synthetic is None):
+        found = "both" if keys.measurements else "none of them"
+        raise InputError(f"expected one of [measurements] and [synthetic]; found {found}", key)
 
 
 def _in_the_file(found: StiffnessStudy, problem: Schema, context: Context) -> CalibrationStudy:

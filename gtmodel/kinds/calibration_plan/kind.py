@@ -13,7 +13,7 @@ from gtmodel.calibrate.plan.turns import turns_of
 from gtmodel.problem_files.base import Context, InputError
 from gtmodel.problem_files.call import Call
 
-from .keys import Schema
+from .keys import MOVED, Schema
 
 NAME = "calibration_plan"
 RESULT = PlanStudy
@@ -25,15 +25,9 @@ def call(problem: Schema, context: Context) -> Call:
     if context.start is not None:
         raise InputError("--start: a plan is made from the beginning; leave it out")
     p = problem
-    return Call(
-        plan_study, p.model(context), p.device.options(), p.room.options(),
-        choice=Choice(p.free, p.fixed, p.tied, p.unit_quaternions, sizes=p.sizes), home=p.home_m,
-        limits=p.limits.options(), bodies=p.bodies.options(), obstacles=[box.options() for box in p.obstacles],
-        beams=[beam.options() for beam in p.beams], safety=p.safety.options(),
-        actuator_noise=1e-6 * p.actuator_noise_um, axis_noise=1e-6 * p.axis_noise_urad, poses=p.poses.options(),
-        curve=p.curve, evaluation=p.evaluation and p.evaluation.options(), simulation=p.simulation.options(),
-        criteria=p.criteria.options(), title=p.title,
-    )  # fmt: skip
+    free, fixed, tied, quaternions, sizes = (getattr(p, name) for name in MOVED)
+    choice = Choice(free, fixed, tied, quaternions, sizes=sizes)
+    return Call(plan_study, p.model(context), p.device.options(), choice=choice, title=p.title, **p.given())
 
 
 def explain(problem: Schema, context: Context) -> str:

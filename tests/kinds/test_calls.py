@@ -1,0 +1,71 @@
+"""What a shipped problem file means is one call of a library on objects: nothing of the file is left in it."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pydantic
+import pytest
+
+import gtmodel as gt
+from gtmodel.kinematics.assembly_modes.six_links import Hands
+from gtmodel.problem_files.load import load
+from gtmodel.problem_files.run import answer, context_of
+
+PROBLEMS = sorted((Path(__file__).parents[2] / "problems").glob("*.toml"))
+NO_ROBOT = ("vibration", "dynamic_stiffness", "axis_trajectory", "trajectory_table", "codegen")
+"""Kinds of records, of one machine axis after another, and of several robots."""
+
+
+def _parts(value: Any, path: str = "", seen: set[int] | None = None) -> Iterator[tuple[str, Any]]:
+    """Everything that an argument holds, with its path."""
+    seen = set() if seen is None else seen
+    if id(value) in seen:
+        return
+    seen.add(id(value))
+    yield path, value
+    if isinstance(value, dict):
+        inner = {f"[{key!r}]": one for key, one in value.items()}
+    elif isinstance(value, (list, tuple)):
+        inner = {f"[{k}]": one for k, one in enumerate(value)}
+    elif dataclasses.is_dataclass(value) and not isinstance(value, type):
+        inner = {f".{field.name}": getattr(value, field.name) for field in dataclasses.fields(value)}
+    else:
+        return
+    for name, one in inner.items():
+        yield from _parts(one, path + name, seen)
+
+
+@pytest.mark.parametrize("path", PROBLEMS, ids=lambda p: p.stem)
+def test_a_problem_file_means_a_call_on_objects(path: Path) -> None:
+    call = gt.load(path)
+    library = call.study.__module__.split(".")[1]
+    assert library not in ("kinds", "problem_files") and hasattr(gt, library)
+    for name, value in _parts({"arguments": call.arguments, "options": call.options}):
+        module = type(value).__module__
+        assert not isinstance(value, (pydantic.BaseModel, Path)), name
+        assert not module.startswith(("gtmodel.kinds", "gtmodel.problem_files")), name
+    if load(path).problem.kind not in NO_ROBOT:
+        assert any(isinstance(value, (gt.Model, Hands)) for _, value in _parts(call.arguments))
+
+
+@pytest.mark.proof
+@pytest.mark.parametrize("path", PROBLEMS, ids=lambda p: p.stem)
+def test_file_and_call_give_the_same_values(path: Path) -> None:
+    """A sample of this stands in the libraries' own tests, with calls written by hand."""
+    loaded = load(path)
+    if loaded.problem.kind == "codegen":
+        pytest.skip("gives code and no values: tests/cgen compares the folders")
+    by_file = answer(loaded, context_of(loaded))
+    by_call = gt.load(path)()
+    assert by_call.status == by_file.status and list(by_call.rows) == list(by_file.rows)
+    assert _text(by_call.values) == _text(by_file.values)
+
+
+def _text(values: Any) -> str:
+    return json.dumps(values, default=lambda value: np.asarray(value).tolist(), sort_keys=True)
