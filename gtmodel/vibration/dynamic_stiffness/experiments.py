@@ -82,9 +82,9 @@ def _response(files: Sequence[tuple[str, str]], fit: Fit, paths: Mapping[str, Pa
                 raise ArgumentError(
                     f"{other}: hits of one experiment must have equal columns and lengths, as {name} has"
                 )
-            steps.append(_step(_si(table, "time", "s"), other))
             forces.append(_si(table, "force", "N"))
             responses.append(_si(table, measures, UNITS[measures]))
+            steps.append(_step(_si(table, "time", "s"), other))
         if np.ptp(steps) > JITTER * steps[0]:
             raise ArgumentError(f"{name}: the hits of this experiment were sampled at different rates")
         return frequency_response(
@@ -117,7 +117,7 @@ def _receptance(table: CsvTable, name: str) -> FrequencyResponse:
 def _si(table: CsvTable, name: str, unit: str) -> np.ndarray:
     own = table.units[table.place(name)]
     if not own:
-        raise ArgumentError(f"{table.where}: the column '{name}' has no unit; write it as '{name} [{unit}]'")
+        raise ArgumentError(f"{table.file}: the column '{name}' has no unit; write it as '{name} [{unit}]'")
     try:
         return np.asarray(convert(table.numbers(name), own, unit), float)
     except UnitError as error:
