@@ -3,7 +3,7 @@
 study         all of it in one call: generated, compared with Python, costs counted, written -> CodeStudy
 Verification  how it is compared
 
-Its steps. Produce: generate -> Generated. Verify: check -> CheckReport of Checks. Measure: costs -> Costs, write_costs.
+Its steps. Produce: generate -> Generated. Verify: check -> CheckReport. Measure: costs -> Costs, write_costs.
 All raise GenerationError, one plain sentence, for what cannot be generated, written or compared.
 """
 
@@ -14,4 +14,4 @@ from .generation import Generated as Generated, generate as generate
 from .measurement import Costs as Costs, costs as costs
 from .options import Verification as Verification
 from .verification.against_python import check as check
-from .verification.report import Check as Check, CheckReport as CheckReport
+from .verification.report import CheckReport as CheckReport

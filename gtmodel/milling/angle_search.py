@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from ..results import ArgumentError, Work
-from ..results.refusal import refused
 from ..vibration import OscillatorField
 from .deflection import Deflection
 from .guideline import Findings, choices, frequency_sensitivity, guideline
@@ -50,7 +49,7 @@ def search(work: Work, f: Found) -> None:
             said = f"is {np.rad2deg(given):g}; expected an angle that is reachable and has dynamics"
             raise ArgumentError(said, "search.static_choice")
     work.progress("refinement", 0.4)
-    with refused("search"):
+    try:
         f.refined = refined(task, place, f.peak)
         if task.search.speed_range is not None:
             low, high = task.search.speed_range
@@ -59,6 +58,10 @@ def search(work: Work, f: Found) -> None:
                 raise ArgumentError(said, "search.speed_range")
             freed = refined(task, place, f.peak, (low, high))
             f.freed = min(freed, key=lambda better: better.peak, default=None)
+    except ArgumentError:
+        raise
+    except ValueError as error:
+        raise ArgumentError(str(error), "search") from error
     f.angle, f.index = float(angles[d_row]), float(f.peak[d_row])
     for better in f.refined:
         if better.peak < f.index:

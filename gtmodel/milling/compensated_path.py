@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..results import Check, Row, at_most
-from ..results.refusal import refused
+from ..results.refusal import naming
 from ..results.tables import csv_text
 from .compensation import Compensation, compensate
 from .deflection import cutting_force, duration
@@ -55,12 +55,12 @@ def compensated(task: Task, here: Oscillators, given: PathOffset) -> Offset:
 
     Raises ArgumentError.
     """
-    with refused("compensation.seconds"):
+    with naming("compensation.seconds", ValueError):
         seconds = duration(task.speed, given.seconds, given.entry)  # a whole turn after the entry at least
         F, step = cutting_force(task.cutter, task.cut, task.speed, task.feed, up=task.up, seconds=seconds, rate=RATE)
     time = step * np.arange(len(F))
     F = F * np.clip(time / given.entry, 0, 1)[:, None]
-    with refused("compensation"):
+    with naming("compensation", ValueError):
         made = {name: compensate(here, F, step, model=name) for name in ("static", "dynamic")}
         made[f"dynamic, up to {given.bandwidth:g} Hz"] = compensate(here, F, step, bandwidth=given.bandwidth)
     followed = list(made.values())[-1]

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..results import ArgumentError
-from ..results.refusal import refused
+from ..results.refusal import naming
 from ..vibration import OscillatorField
 from .angle_table import AngleTable
 from .options import Modal
@@ -62,7 +62,7 @@ def _of_modal(mass: list[float], zeta: list[float]) -> Callable[..., Dynamics]:
     def dynamics(angles, reachable, compliance, branch, place) -> Dynamics:
         rows = np.flatnonzero(reachable)
         k = 1 / np.einsum("nii->ni", compliance[rows])
-        with refused("dynamics"):
+        with naming("dynamics", ValueError):
             found = Oscillators.with_damping_ratio(np.tile(mass, (len(rows), 1)), k, zeta)
 
         def near(row: int) -> AngleTable:

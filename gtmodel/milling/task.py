@@ -12,7 +12,7 @@ from ..compliance import arm_poses, translational_compliance
 from ..kinematics import WristPartition
 from ..lang import Model
 from ..results import ArgumentError
-from ..results.refusal import refused
+from ..results.refusal import naming
 from .cutter import Cut, Cutter, immersion, tooth_frequency
 from .deflection import Deflection, deflections, duration, samples_per_turn, static_index
 from .forces import to_world
@@ -85,17 +85,17 @@ def task_of(
 ) -> Task:  # fmt: skip
     """Raises ArgumentError."""
     _plausible(cutter, cut)
-    with refused("cut.radial_depth"):
+    with naming("cut.radial_depth", ValueError):
         immersion(cut.mode, cut.radial_depth, cutter.diameter)
     for n, turns in enumerate([speed, *search.speeds]):
         name = "speed" if n == 0 else f"search.speeds[{n - 1}]"
-        with refused(name):
+        with naming(name, ValueError):
             tooth_frequency(turns, cutter.teeth)
             samples_per_turn(turns, cutter.teeth, duration(turns))
     up = -np.array(tool.axis)
     for n, direction in enumerate([feed, *search.feed_directions]):
         name = "feed" if n == 0 else f"search.feed_directions[{n - 1}]"
-        with refused(name):
+        with naming(name, ValueError):
             to_world(np.zeros(3), direction, up)
     model: Any = robot
     within = getattr(model, "joint_limits", None)
@@ -141,10 +141,14 @@ def place_of(task: Task, place: Sequence[float]) -> Place:
         why = "joint limits forbid every angle" if sweep.in_reach.any() else "it is out of reach"
         said = f"the tool cannot stand at {_list(place)} m at any angle: {why}; move the work or the tool"
         raise ArgumentError(said, "place")
-    with refused("place"):
+    try:
         poses = arm_poses(task.model, sweep.q, task.tool.tcp)
         C = translational_compliance(poses.J, task.joint_compliance)
         found = static_index(C, task.cutter, task.cut, task.feed, up=task.up)
+    except ArgumentError:
+        raise
+    except ValueError as error:
+        raise ArgumentError(str(error), "place") from error
     static, solution = sweep.least(found)
     by_angle = np.full((n, 3, 3), np.nan)
     by_angle[sweep.reachable] = C[solution[sweep.reachable]]
@@ -158,7 +162,7 @@ def place_of(task: Task, place: Sequence[float]) -> Place:
 def sweep_of(task: Task, place: Any, angles: Any) -> AngleSweep:
     """All branches over angles [rad]. Raises ArgumentError for a direction without length."""
     t = task.tool
-    with refused("tool"):
+    with naming("tool", ValueError):
         return angle_sweep(
             task.arm, task.limits, place, axis=t.axis, tool=t.tcp, spindle=t.spindle, angles=angles, zero=t.zero
         )

@@ -23,11 +23,9 @@ class ArgumentError(ValueError):
 
 
 @contextmanager
-def refused(argument: str) -> Iterator[None]:
-    """A ValueError of what runs inside is a refusal of this argument; one that names its argument stays as it is."""
+def naming(argument: str, *kinds: type[Exception]) -> Iterator[None]:
+    """What is refused inside by errors of these kinds is refused as this argument, in the same sentence."""
     try:
         yield
-    except ArgumentError as error:
-        raise ArgumentError(error.sentence, error.argument or argument) from error
-    except ValueError as error:
-        raise ArgumentError(str(error), argument) from error
+    except kinds as error:
+        raise ArgumentError(error.sentence if isinstance(error, ArgumentError) else str(error), argument) from error

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from gtmodel.inference import nonlinear_fit, whiteness
 from gtmodel.results import Estimate
@@ -15,7 +16,7 @@ from ..results import ArgumentError
 from .continuous import NEAR
 from .hankel import block_hankel
 from .noise import REWEIGHTED, settled, weights_of
-from .output_error import central
+from .output_error import central, too_far
 from .record import Record, columns, go_on
 
 if TYPE_CHECKING:
@@ -177,7 +178,7 @@ class _Sines:
 
         def residuals(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             if np.any(x[::2] <= 0) or np.any(np.abs(x[1::2]) >= 1):
-                return np.full(y.size, np.inf), np.full((y.size, len(x)), np.inf)
+                return too_far(y.size, len(x))
             return misfit(x), central(misfit, x)
 
         names = [f"{what}[{k}]" for k in range(len(s)) for what in ("f", "zeta")]
@@ -196,10 +197,8 @@ class _Sines:
         unknowns = len(fit.x) + amplitudes[:, live].size
         freedom = max(y.size - unknowns, 1)
         factor = e.freedom / freedom
-        estimate = Estimate(
-            e.names, e.values, e.covariance * factor, freedom, e.noise * float(np.sqrt(factor)), e.known_noise,
-            e.residuals, (), units=("Hz", "") * len(s),
-        )  # fmt: skip
+        noise, units = e.noise * float(np.sqrt(factor)), ("Hz", "") * len(s)
+        estimate = replace(e, covariance=e.covariance * factor, freedom=freedom, noise=noise, units=units)
         criterion = _criterion(record.y[:, live], fitted[:, live], unknowns)
         return cls(fit.x, estimate, amplitudes, fitted, criterion)
 
@@ -222,11 +221,9 @@ class _Sines:
             blocks.append(decay * np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]))
             B += [1.0, 0.0]
             C += [cosine, sine]
-        A = np.zeros((2 * len(blocks), 2 * len(blocks)))
-        for k, block in enumerate(blocks):
-            A[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = block
         C = np.array(C).T
         # h[k] = C A^(k-1) B: the decay begins one sample after the impulse
+        A = block_diag(*blocks)
         system = control.StateSpace(A, np.array(B)[:, None], C, np.zeros((len(C), 1)), record.sample_time)
         half = np.array([r.frequency_Hz * r.damping for r in found])
         distance = np.diff([r.frequency_Hz for r in found]) / (half[:-1] + half[1:]) if len(found) > 1 else np.zeros(0)

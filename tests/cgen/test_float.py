@@ -44,7 +44,9 @@ def folder(functions: Functions, tmp_path_factory: pytest.TempPathFactory) -> Pa
 def test_equal_to_python_in_float_and_near_to_double(functions: Functions, folder: Path) -> None:
     report = cgen.check(folder, functions, points=POINTS, seed=1)
     assert report.passed, str(report)
-    errors = {c.name.removesuffix("_float_error"): c for c in report.checks if c.name.endswith("_float_error")}
+    errors = {
+        name.removesuffix("_float_error"): c for name, c in report.checks.items() if name.endswith("_float_error")
+    }
     assert set(errors) == set(functions)
     for key, c in errors.items():
         assert c.bound == 1e-5 and 1e-9 < c.value < c.bound, key  # of float it is, and near

@@ -13,6 +13,7 @@ from gtmodel._files import codegen_dir
 from gtmodel.cgen.interface import interfaces
 from gtmodel.cgen.manifest import changed_entries
 from gtmodel.cgen.real import DOUBLE, FLOAT, FLOAT_TOLERANCE
+from gtmodel.results.check import failed_of
 from tests.cgen.conftest import Functions, copy
 
 
@@ -134,7 +135,7 @@ def test_a_box_is_checked(small: Functions, tmp_path: Path) -> None:
     for box, lost in ((good, False), (reach, True)):
         folder = cgen.generate(pendulum, tmp_path / "p", name="p", box=box).folder
         assert json.loads((folder / "manifest.json").read_text())["functions"][0]["box"] == box
-        failed = [c.name for c in cgen.check(folder, pendulum, points=20).checks if not c.passed]
+        failed = list(failed_of(cgen.check(folder, pendulum, points=20).checks))
         assert failed == (["pendulum_box_without_answer"] if lost else [])
     for box, message in (
         ({"y": [[0.0, 1.0]]}, "the box speaks of 'y', which no function takes"),
@@ -160,7 +161,7 @@ def test_a_changed_guard_is_seen_even_where_its_hash_was_mended(
     content["files"]["gt_small.c"] = hashlib.sha256(wrapper.read_bytes()).hexdigest()
     manifest.write_text(json.dumps(content))
     report = cgen.check(folder, small, points=20)
-    assert [c.name for c in report.checks if not c.passed] == ["files_not_as_generated"]
+    assert list(failed_of(report.checks)) == ["files_not_as_generated"]
 
 
 def test_a_manifest_of_other_numbers_loads_nothing(small: Functions, small_folder: Path, tmp_path: Path) -> None:
@@ -220,8 +221,8 @@ def test_a_check_names_the_changed_entry(key: str, small: Functions, small_folde
     else:
         content[key] *= 2
     manifest.write_text(json.dumps(content))
-    failed = [c for c in cgen.check(folder, small, points=20).checks if not c.passed]
-    assert [c.name for c in failed] == ["manifest_not_as_generated"] and key in failed[0].detail
+    failed = failed_of(cgen.check(folder, small, points=20).checks)
+    assert list(failed) == ["manifest_not_as_generated"] and key in failed["manifest_not_as_generated"].advice
 
 
 @pytest.mark.parametrize(

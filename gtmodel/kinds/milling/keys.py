@@ -11,7 +11,7 @@ from gtmodel.milling import AngleTable, Coefficients, Cut, Cutter, Oscillators, 
 from gtmodel.problem_files.base import Context, InputError, Section
 from gtmodel.problem_files.from_options import Made, made_from
 from gtmodel.problem_files.robot_keys import RobotProblem
-from gtmodel.results.refusal import refused
+from gtmodel.results.refusal import naming
 
 Three = Annotated[list[float], Field(min_length=3, max_length=3)]
 SOURCES = ("oscillator", "modal", "oscillator_field")  # of dynamics; at most one
@@ -118,9 +118,9 @@ def _table(rows: list[OscillatorRow]) -> AngleTable:
         raise InputError(said, "oscillator")
     found = []
     for n, row in enumerate(rows):
-        with refused(f"oscillator[{n}]"):
+        with naming(f"oscillator[{n}]", ValueError):
             found.append(row.oscillators())
-    with refused("oscillator"):
+    with naming("oscillator", ValueError):
         return AngleTable(np.deg2rad([row.angle_deg for row in rows]), Oscillators.joined(found))
 
 
@@ -128,7 +128,7 @@ def _field(file: str, context: Context) -> Any:
     from gtmodel.vibration import load_oscillator_field
 
     path = context.folder / file
-    with refused("oscillator_field"):
+    with naming("oscillator_field", ValueError):
         field = load_oscillator_field(path)
     context.take("oscillator_field", path)
     return field
