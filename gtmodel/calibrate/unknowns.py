@@ -57,6 +57,10 @@ class Unknowns:
     priors: tuple[Prior, ...]
     notes: tuple[str, ...] = ()
 
+    def named(self, x: np.ndarray) -> dict[str, float]:
+        """Values x (n,) by name."""
+        return dict(zip(self.names, x.tolist(), strict=True))
+
     def substituted(self, expressions: Sequence[ca.SX]) -> list[ca.SX]:
         """Expressions of parameters in terms of x."""
         old, new = ca.vertcat(*[s for s, _ in self.moved]), ca.vertcat(*[v for _, v in self.moved])

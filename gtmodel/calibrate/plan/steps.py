@@ -258,9 +258,8 @@ def simulate(plan: Plan, stop: Stop) -> None:
             raise Stopped
         rng = np.random.default_rng(seed)
         off = sizes * (told @ (told.T @ (scale * rng.standard_normal(len(scale)) / sizes)))
-        start = dict(zip(u.names, (u.start + off).tolist(), strict=True))
         noisy = plan.measuring.noisy(ready.measurements, rng)
-        c = calibrate(ready.on(noisy), cost="orthogonal", start=start)
+        c = calibrate(ready.on(noisy), cost="orthogonal", start=u.named(u.start + off))
         if c.status.ok and np.all(np.isfinite(c.x)):
             errors.append(c.x - u.start)
         else:
