@@ -3,20 +3,15 @@
 study         all of it in one call: generated, compared with Python, costs counted, written -> CodeStudy
 Verification  how it is compared
 
-Its steps. Produce: generate -> Generated. Verify: check -> CheckReport of Checks. Measure: costs -> Costs, write_costs.
+Its steps. Produce: generate -> Generated. Verify: check -> CheckReport. Measure: costs -> Costs, write_costs.
 All raise GenerationError, one plain sentence, for what cannot be generated, written or compared.
 """
 
-from .code_study import CodeStudy, study
-from .costs_file import write_costs
-from .errors import GenerationError
-from .generation import Generated, generate
-from .measurement import Costs, costs
-from .options import Verification
-from .verification.against_python import check
-from .verification.report import Check, CheckReport
-
-__all__ = [
-    "Check", "CheckReport", "CodeStudy", "Costs", "Generated", "GenerationError", "Verification", "check", "costs",
-    "generate", "study", "write_costs",
-]  # fmt: skip
+from .code_study import CodeStudy as CodeStudy, study as study
+from .costs_file import write_costs as write_costs
+from .errors import GenerationError as GenerationError
+from .generation import Generated as Generated, generate as generate
+from .measurement import Costs as Costs, costs as costs
+from .options import Verification as Verification
+from .verification.against_python import check as check
+from .verification.report import CheckReport as CheckReport

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Collection, Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -127,7 +127,7 @@ def study(
     """
     work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
     checks = also or {}
-    with _alone(folder) as mine:
+    with nullcontext(folder) if isinstance(folder, Held) else held(Path(folder)) as mine:
         if work.interrupted():
             message = "stopped before the code was generated"
             return CodeStudy(status=SolveStatus.INTERRUPTED, message=message, title=title)
@@ -159,15 +159,6 @@ def study(
         return made.judged(checks) if check is None else found
 
 
-@contextmanager
-def _alone(folder: str | Path | Held) -> Iterator[Held]:
-    if isinstance(folder, Held):
-        yield folder
-        return
-    with held(Path(folder)) as mine:
-        yield mine
-
-
 def _study_of(made: Generated, functions: Mapping[str, CausalFunction], real: str, title: str) -> CodeStudy:
     files = sorted(str(f) for f in made.files)
     return CodeStudy(
@@ -195,18 +186,10 @@ def _compared(
     found = made.with_(
         status=SolveStatus.SOLVED if report.passed or report.checks else SolveStatus.FAILED,
         message=report.message,
-        checks={
-            c.name: Check(c.value, c.bound, "" if c.passed else c.detail, c.least, judged=c.passed)
-            for c in report.checks
-        },
+        checks=report.checks,
         written=sorted([*(made.written or ()), COSTS]),
         points=check.points,
-        text_bytes=cost.text_bytes,
-        newton_bytes=cost.newton_bytes,
-        stack_bytes=cost.stack_bytes,
-        instructions=cost.instructions,
-        symbols=list(cost.symbols),
-        missing=cost.missing,
+        **vars(cost),
     )
     return found, cost
 

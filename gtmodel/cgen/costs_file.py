@@ -37,11 +37,9 @@ def write_costs(out: Path | Held, costs: Costs) -> Path:
         "format": _FORMAT,
         "body_sha256": content["body_sha256"],
         "flags": list(STANDARD),
-        "missing": costs.missing,
-        "text_bytes": costs.text_bytes,
-        "newton_bytes": costs.newton_bytes,
-        "stack_bytes": costs.stack_bytes,
-        "instructions": costs.instructions,
+        **{
+            key: getattr(costs, key) for key in ("missing", "text_bytes", "newton_bytes", "stack_bytes", "instructions")
+        },
     }
     out.write({COSTS: (json.dumps(found, indent=2) + "\n").encode()})
     return path

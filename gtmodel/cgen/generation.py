@@ -22,7 +22,6 @@ from .manifest import FILE, manifest, parameters_hash, sha256
 from .readme import makefile, readme
 from .real import FLOAT, real_of
 from .single import file_name, single
-from .status_header import status_header
 from .vectors import selftest
 from .wrapper import wrapper
 
@@ -126,7 +125,7 @@ def contents(faces: list[Interface], name: str, provenance: Mapping[str, str]) -
         made = {file_name(file): text if file == FLOATING else single(text) for file, text in made.items()}
     return {
         **made,
-        STATUS: status_header(),
+        STATUS: (runtime / STATUS).read_text(encoding="utf-8"),
         "Makefile": makefile(name),
         "README.md": readme(name, faces),
     }

@@ -134,25 +134,15 @@ def interfaces(
     result = []
     for key, function in functions.items():
         check_identifier(key, "a function")
-        inputs = [_record(function, s) for s in function.inputs]
-        if function.plan.uses_time:
-            inputs.append((Signal("time", (), "s", ()), "time", "", ""))
-        outputs = [_record(function, s) for s in function.outputs]
+        time = (Signal("time", (), "s", ()),) if function.plan.uses_time else ()
+        inputs = _members(function, (*function.inputs, *time))
         symbol = f"gt_{name}_{key}"
-        cut = stages(function, symbol, real=real) if function.plan.newton else None
-        unknowns = [_record(function, s) for block in cut.newton for s in block.unknowns] if cut else []
+        cut = stages(function, symbol, real) if function.plan.newton else None
+        unknowns = [s for block in cut.newton for s in block.unknowns] if cut else []
         face = Interface(
-            key,
-            symbol,
-            function,
-            _members(inputs),
-            _members(outputs),
-            cut,
-            _members(unknowns),
-            key in along,
-            real,
-            box_of(function, box or {}),
-        )
+            key, symbol, function, inputs, _members(function, function.outputs), cut, _members(function, unknowns),
+            key in along, real, box_of(function, box or {}),
+        )  # fmt: skip
         if face.along and (face.newton or function.plan.uses_time or not inputs):
             raise GenerationError(
                 f"'{key}' cannot be offered along a reference: that takes a closed form of inputs without time"
@@ -160,6 +150,15 @@ def interfaces(
         result.append(face)
     _check_distinct(result, name)
     return result
+
+
+def places(members: Iterable[Member], first: int = 0) -> list[tuple[slice, Member]]:
+    """Where the numbers of each member stand in a row of all, from `first` on."""
+    found = []
+    for m in members:
+        found.append((slice(first, first + m.size), m))
+        first += m.size
+    return found
 
 
 def macro(symbol: str) -> str:
@@ -183,24 +182,20 @@ def unit_suffix(unit: str) -> str:
     return re.sub(r"[^A-Za-z0-9_]+", "", text.replace("/", "_")).strip("_")
 
 
-def _record(function: CausalFunction, s: Signal) -> tuple[Signal, str, str, str]:
-    v = function.flat.variables[s.pairs[0][0]]
-    return s, c_name(s.name), v.description, str(v.where)
-
-
-def _members(records: Iterable[tuple[Signal, str, str, str]]) -> tuple[Member, ...]:
+def _members(function: CausalFunction, signals: Iterable[Signal]) -> tuple[Member, ...]:
     taken: set[str] = set()
     result = []
-    for s, name, description, where in records:
+    for s in signals:
+        v = function.flat.variables[s.pairs[0][0]] if s.pairs else None  # none is that of the time
         suffix = unit_suffix(s.unit)
-        base = _ascii(f"{name}_{suffix}" if suffix else name)
+        base = _ascii(f"{c_name(s.name)}_{suffix}" if suffix else c_name(s.name))
         identifier, n = base, 1
         while identifier in taken or identifier in KEYWORDS:
             n += 1
             identifier = f"{base}_{n}"
         taken.add(identifier)
-        size = len(s.pairs) if s.pairs else 1
-        result.append(Member(identifier, size, bool(s.shape), s.name, s.shape, s.unit, description, where))
+        told = (v.description, str(v.where)) if v else ("", "")
+        result.append(Member(identifier, max(len(s.pairs), 1), bool(s.shape), s.name, s.shape, s.unit, *told))
     return tuple(result)
 
 

@@ -13,6 +13,7 @@ from ..compiler.analysis.sizes import Sizes
 from ..compiler.blocks import Margin
 from ..compiler.causal import CausalFunction, Signal
 from ..compiler.emit import express
+from ..compiler.newton import NewtonKernel
 from ..compiler.plan import Plan
 from ..compiler.rows import map_columns, status_codes
 from ..lang.scope import derivative_name
@@ -57,26 +58,20 @@ class Stages:
     margins: tuple[Margin, ...]
 
 
-def stages(f: CausalFunction, symbol: str, parametric: bool = False, real: Real = DOUBLE) -> Stages:
-    """Cut `f` for the C name `symbol`; parametric: the parameter vector is one more input of `prepare` and `body`.
-    Limits are those of `real`.
+def stages(f: CausalFunction, symbol: str, real: Real = DOUBLE) -> Stages:
+    """Cut `f` for the C name `symbol`; limits are those of `real`.
 
     What a block needs of the inputs is computed once before its steps, and a margin as soon as it can be.
     """
     plan, flat = f.plan, f.flat
     args = [ca.vertcat(*[flat.scope.symbol(*p) for p in s.pairs]) for s in f.inputs]
     args += [flat.scope.time] if plan.uses_time else []
-    args += [flat.p] if parametric else []
     zs = [ca.vertcat(*b.unknowns) for b in plan.newton]
     targets = [ca.vertcat(*[plan.symbol(*p) for p in s.pairs]) for s in f.outputs]
     residuals = [ca.vertcat(*b.residuals) for b in plan.newton]
-    margins = [m.expression for m in f.margins]
-    found = express(plan, [*targets, *residuals, *margins])
-    targets, residuals, margins = (
-        found[: len(targets)],
-        found[len(targets) : len(found) - len(margins)],
-        found[len(found) - len(margins) :],
-    )
+    found = iter(express(plan, [*targets, *residuals, *(m.expression for m in f.margins)]))
+    targets, residuals = ([next(found) for _ in wanted] for wanted in (targets, residuals))
+    margins = list(found)
     due = [_due(e, zs) for e in margins]
 
     def at(k: int) -> tuple[ca.SX, tuple[Margin, ...]]:
@@ -91,7 +86,13 @@ def stages(f: CausalFunction, symbol: str, parametric: bool = False, real: Real 
         given = [*args, *zs[:k]]
         prepare = ca.Function(f"{symbol}_prepare{k}", given, ca.cse([outer, expressions]))
         kernel = ca.Function(f"{symbol}_kernel{k}", [z, constants], ca.cse(inner))
-        blocks.append(_limits(f, k, prepare, kernel, here, z, block.scale, real))
+        pairs = [p for p in map(flat.scope.owner, ca.vertsplit(z)) if p is not None]
+        blocks.append(
+            NewtonStage(
+                prepare, kernel, here, tuple(_signals(plan, pairs)), tuple(samples_of(f, pairs)[0].tolist()),
+                tuple(1.0 / float(x) for x in block.scale), *_limits(f.kernels[k], block.scale, real),
+            )
+        )  # fmt: skip
     expressions, here = at(len(zs))
     body = ca.Function(f"{symbol}_body", [*args, *zs], ca.cse([*map(ca.densify, targets), expressions]))
     return Stages(tuple(blocks), body, here)
@@ -131,34 +132,13 @@ def _hoisted(expressions: list[ca.SX], z: ca.SX) -> tuple[list[ca.SX], ca.SX, ca
     return [ca.densify(p) for p in parts], ca.vertcat(*symbols), ca.densify(ca.vertcat(*outer))
 
 
-def _limits(
-    f: CausalFunction,
-    k: int,
-    prepare: ca.Function,
-    kernel: ca.Function,
-    margins: tuple[Margin, ...],
-    z: ca.SX,
-    nominal: np.ndarray,
-    real: Real,
-) -> NewtonStage:
-    """The stage with its home, and with limits of residual and pivot by what they are there."""
-    plan = f.plan
-    pairs = [p for p in map(f.flat.scope.owner, ca.vertsplit(z)) if p is not None]
-    home = samples_of(f, pairs)[0]
-    known = f.kernels[k]
-    jacobian = np.array(known.residual(known.z0, known.a0)[1].full())
+def _limits(kernel: NewtonKernel, nominal: np.ndarray, real: Real) -> tuple[tuple[float, ...], float]:
+    """Of residuals, inverted, and of pivots, by what they are at home."""
+    jacobian = np.array(kernel.residual(kernel.z0, kernel.a0)[1].full())
     rows = np.abs(jacobian) @ nominal
-    _, _, smallest, _ = eliminate(jacobian[None].copy(), np.zeros((1, len(home))), 0.0)
-    return NewtonStage(
-        prepare,
-        kernel,
-        margins,
-        tuple(_signals(plan, pairs)),
-        tuple(home.tolist()),
-        tuple(1.0 / float(x) for x in nominal),
-        tuple(float(f"{1.0 / (real.residual * x):.3g}") for x in rows),
-        float(f"{real.pivot * float(smallest[0]):.3g}"),
-    )
+    _, _, smallest, _ = eliminate(jacobian[None].copy(), np.zeros((1, len(rows))), 0.0)
+    largest = tuple(float(f"{1.0 / (real.residual * x):.3g}") for x in rows)
+    return largest, float(f"{real.pivot * float(smallest[0]):.3g}")
 
 
 def _signals(plan: Plan, pairs: Sequence[tuple[int, int]]) -> list[Signal]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..compiler.rows import map_columns
 from .body import casadi_functions
-from .interface import Interface
+from .interface import Interface, places
 from .real import DOUBLE
 from .text import hexadecimal
 from .virtual_machine import run
@@ -22,11 +22,8 @@ ROWS = 3  # inputs with a solution of each function
 def part_vectors(face: Interface, inputs: np.ndarray, outputs: np.ndarray) -> list[tuple[list[np.ndarray], np.ndarray]]:
     """Arguments and results (rows, m) of each body at inputs that have a solution; Newton's bodies at the solution."""
     evaluated = map_columns if face.real is DOUBLE else run
-    first, given = 0, []
-    for m in face.inputs:
-        given.append(inputs[:, first : first + m.size].T)
-        first += m.size
-    first, known, found = face.output_size, list(given), []
+    known = [inputs[:, at].T for at, _ in places(face.inputs)]
+    first, found = face.output_size, []
     functions = iter(casadi_functions(face))
     for stage in face.newton:
         z = outputs[:, first : first + stage.size].T
@@ -46,18 +43,13 @@ def _rows(arguments: list[np.ndarray], results: list[np.ndarray]) -> tuple[list[
 def part_comparisons(face: Interface, inputs: np.ndarray, outputs: np.ndarray) -> tuple[str, list[str]]:
     """Text of a static function for each body, with its tables, and the functions' names."""
     text, names = "", []
-    for symbol, (arguments, results), sizes in zip(
-        face.bodies, part_vectors(face, inputs, outputs), _sizes(face), strict=True
-    ):
+    sizes_of = [[g.numel_out(k) for k in range(g.n_out())] for g in casadi_functions(face)]
+    found = part_vectors(face, inputs, outputs)
+    for symbol, (arguments, results), sizes in zip(face.bodies, found, sizes_of, strict=True):
         name = f"{face.key}{symbol.removeprefix(face.symbol)}"
         names.append(f"{name}_differences")
         text += _comparison(symbol, name, arguments, results, sizes)
     return text, names
-
-
-def _sizes(face: Interface) -> list[list[int]]:
-    """How many numbers each result of each body has."""
-    return [[g.numel_out(k) for k in range(g.n_out())] for g in casadi_functions(face)]
 
 
 def _comparison(symbol: str, name: str, arguments: list[np.ndarray], results: np.ndarray, sizes: list[int]) -> str:

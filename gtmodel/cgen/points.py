@@ -9,7 +9,7 @@ from ..compiler.causal import CausalFunction
 from ..compiler.rows import map_columns, status_codes
 from ..results.status import Status
 from .body import casadi_functions
-from .interface import Interface
+from .interface import Interface, places
 from .newton_stages import evaluate_stages, samples_of
 from .real import DOUBLE
 from .virtual_machine import run
@@ -84,13 +84,11 @@ def awkward(face: Interface) -> np.ndarray:
     """Inputs that are singular, overflow or are denormal, (rows, inputs): all at once, then one at a time. The state
     is one of them."""
     point = draw(face, 1, seed=0)[0]
-    rows = [np.full(point.shape, value, face.real.dtype) for value in face.real.awkward]
+    values = face.real.array(face.real.awkward)
+    rows = np.tile(point, (point.size, len(values), 1))
     for column in range(point.size):
-        for value in face.real.awkward:
-            row = point.copy()
-            row[column] = value
-            rows.append(row)
-    return np.array(rows)
+        rows[column, :, column] = values
+    return np.concatenate([np.tile(values[:, None], point.size), rows.reshape(-1 if point.size else 0, point.size)])
 
 
 def evaluate(face: Interface, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -100,19 +98,13 @@ def evaluate(face: Interface, values: np.ndarray) -> tuple[np.ndarray, np.ndarra
     function in float is evaluated in float, operation by operation.
     """
     function = face.function
-    shapes = [s.shape for s in function.inputs] + ([()] if function.plan.uses_time else [])
-    if face.stages is None and not shapes:
+    if face.stages is None and not face.inputs:
         *results, status = function()
         row = np.concatenate([np.ravel(r) for r in results])
         return np.tile(face.real.array(row), (len(values), 1)), np.full(len(values), int(status))
-    arguments = []
-    first = 0
-    for shape in shapes:
-        size = int(np.prod(shape, dtype=int))
-        arguments.append(values[:, first : first + size])
-        first += size
+    arguments = [values[:, at] for at, _ in places(face.inputs)]
     if face.stages is not None:
-        return evaluate_stages(face.stages, arguments, values[:, first:], face.sizes, face.real)
+        return evaluate_stages(face.stages, arguments, values[:, face.input_size :], face.sizes, face.real)
     if face.real is not DOUBLE:
         columns = [a.T for a in arguments]
         results = run(casadi_functions(face)[0], columns)
@@ -120,5 +112,5 @@ def evaluate(face: Interface, values: np.ndarray) -> tuple[np.ndarray, np.ndarra
         found = np.vstack(results[:-1]).T.copy()
         found[status != Status.OK] = np.nan
         return found, status
-    *results, status = function(*[a.reshape(-1, *shape) for a, shape in zip(arguments, shapes, strict=True)])
+    *results, status = function(*[a.reshape(-1, *m.shape) for a, m in zip(arguments, face.inputs, strict=True)])
     return np.concatenate([r.reshape(len(values), -1) for r in results], axis=1), np.asarray(status)

@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..compiler.analysis.sizes import DOUBLE as DOUBLE_PRECISION
-from ..compiler.analysis.sizes import Precision
+from ..compiler.analysis.sizes import DOUBLE as DOUBLE_PRECISION, Precision
 from ..compiler.causal import PIVOT_TOLERANCE
 from .errors import GenerationError
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..results.status import Status
-from .interface import Interface, Member
+from .interface import Interface, Member, places
 from .part_vectors import ROWS, part_comparisons, table
 from .points import awkward, draw, evaluate
 from .text import comment, hexadecimal
@@ -105,17 +105,13 @@ def _comparison(face: Interface) -> str:
 
 def _fill(members: tuple[Member, ...], struct: str, table: str, first: int = 0) -> list[str]:
     return [
-        f"        gt_copy({m.address(struct)}, &{table}[row][{k}], {m.size});\n" for k, m in _offsets(members, first)
+        f"        gt_copy({m.address(struct)}, &{table}[row][{at.start}], {m.size});\n"
+        for at, m in places(members, first)
     ]
 
 
 def _compare(members: tuple[Member, ...], struct: str, table: str, first: int = 0, row: str = "row") -> list[str]:
     return [
-        f"        good &= gt_all_equal({m.address(struct)}, &{table}[{row}][{k}], {m.size}, worst);\n"
-        for k, m in _offsets(members, first)
+        f"        good &= gt_all_equal({m.address(struct)}, &{table}[{row}][{at.start}], {m.size}, worst);\n"
+        for at, m in places(members, first)
     ]
-
-
-def _offsets(members: tuple[Member, ...], first: int) -> list[tuple[int, Member]]:
-    starts = np.cumsum([first, *[m.size for m in members]])[:-1]
-    return list(zip(starts.tolist(), members, strict=True))

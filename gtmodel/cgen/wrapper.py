@@ -6,7 +6,7 @@ from ..compiler.blocks import Margin
 from ..compiler.emit import express
 from ..results.status import Status
 from .errors import GenerationError
-from .interface import Interface, Member, macro
+from .interface import Interface, Member, macro, places
 from .newton_stages import NewtonStage
 from .text import comment, decimal
 
@@ -61,13 +61,11 @@ def _along(face: Interface) -> str:
     """The function at a time of a reference: its row becomes the inputs."""
     if not face.along:
         return ""
-    first, fill = 0, []
-    for m in face.inputs:
-        fill.append(f"    gt_copy({m.address('in.')}, &row[{first}], {m.size});\n")
-        first += m.size
+    size = face.input_size
+    fill = [f"    gt_copy({m.address('in.')}, &row[{at.start}], {m.size});\n" for at, m in places(face.inputs)]
     return (
-        f"{prototype_along(face)}\n{{\n    {face.symbol}_in in;\n    double row[{first}];\n    gt_status status;\n\n"
-        + _guard(f"reference->columns == {first}U", Status.OUT_OF_RANGE)
+        f"{prototype_along(face)}\n{{\n    {face.symbol}_in in;\n    double row[{size}];\n    gt_status status;\n\n"
+        + _guard(f"reference->columns == {size}U", Status.OUT_OF_RANGE)
         + f"    status = gt_traj_at(reference, time_ms, row);\n    if (status != {Status.OK.c_name}) {{\n"
         "        return status;\n    }\n"
         f"{''.join(fill)}    return {face.symbol}(&in, out);\n}}\n\n"
@@ -227,8 +225,8 @@ def _sizes(face: Interface) -> str:
     if not face.inputs:
         return ""
     parts = []
-    for weight, places in face.sizes.groups:
-        squares = _sum([f"({x} * {x})" for n in places for x in elements(face.inputs[n], "in->")], 12, 2)
+    for weight, inputs in face.sizes.groups:
+        squares = _sum([f"({x} * {x})" for n in inputs for x in elements(face.inputs[n], "in->")], 12, 2)
         parts.append(squares if weight == 1.0 else f"({decimal(weight)} * ({squares}))")
     given = [m.address("in->") for m in face.inputs] + [m.address("state->") for m in face.state]
     sizes = [m.size for m in (*face.inputs, *face.state)]

@@ -67,7 +67,7 @@ def _with_settled_roots(plan: Plan, sampler: Sampler, wanted: Mapping[str, int])
         return plan
     names, sides, values = _functions(plan, sampler, roots)
     p = plan.flat.p0
-    slopes = ca.Function("slopes", [sampler.w, plan.flat.p, plan.flat.scope.time], [_column([r.slope for r in roots])])
+    slopes = root_slopes(plan, sampler)
     at_start = np.array([_row(slopes(w, p, sampler.time)) for w in plan.samples])
     signs = np.ones(len(roots))
     settled: list[Root] = []
@@ -206,10 +206,14 @@ def follow(plan: Plan, sampler: Sampler) -> Plan:
     roots = [r for b in plan.blocks for r in b.roots]
     if not roots:
         return plan
-    flat = plan.flat
-    slopes = ca.Function("slopes", [sampler.w, flat.p, flat.scope.time], [_column([r.slope for r in roots])])
-    found = _row(slopes(plan.samples[0], flat.p0, sampler.time)).tolist()
+    found = _row(root_slopes(plan, sampler)(plan.samples[0], plan.flat.p0, sampler.time)).tolist()
     return _with_roots(plan, [replace(r, value=1 if x >= 0 else -1) for r, x in zip(roots, found, strict=True)])
+
+
+def root_slopes(plan: Plan, sampler: Sampler) -> ca.Function:
+    """(point over the plan's pairs, parameters, time) -> slopes, which tell the signs of the roots there."""
+    column = _column([r.slope for b in plan.blocks for r in b.roots])
+    return ca.Function("slopes", [sampler.w, plan.flat.p, plan.flat.scope.time], [column])
 
 
 def _functions(

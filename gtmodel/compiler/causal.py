@@ -415,9 +415,7 @@ def _compile(
     for text in targets:
         shape, group, order = flat.lookup(text)
         base = text if not text.startswith("der(") else _base(flat, group, shape)
-        outputs.append(
-            Signal(derivative_name(base, order), shape, flat.unit_of(group[0], order), tuple((i, order) for i in group))
-        )
+        outputs.append(_signal(flat, base, shape, group, order))
     preferred = [i for text in prefer for i in flat.lookup(text)[1]]
     pairs = [p for s in outputs for p in s.pairs]
     numbers = ca.SX(ca.DM(flat.require_values()))
@@ -430,25 +428,18 @@ def input_signals(plan: Plan, groups: list[Group]) -> list[Signal]:
     """States first, then the known variables with their derivatives as far as anything reads them."""
     flat = plan.flat
     known = {i for _, _, g in groups for i in g}
-    signals: list[Signal] = []
-    for order, name, shape, indices in _state_groups(plan, [p for p in plan.inputs if p[0] not in known]):
-        signals.append(
-            Signal(
-                derivative_name(name, order), shape, flat.unit_of(indices[0], order), tuple((i, order) for i in indices)
-            )
-        )
+    states = _state_groups(plan, [p for p in plan.inputs if p[0] not in known])
+    signals = [_signal(flat, name, shape, indices, order) for order, name, shape, indices in states]
     for name, shape, indices in groups:
         top = max([order for i, order in plan.inputs if i in indices], default=-1)
-        for order in range(top + 1):
-            signals.append(
-                Signal(
-                    derivative_name(name, order),
-                    shape,
-                    flat.unit_of(indices[0], order),
-                    tuple((i, order) for i in indices),
-                )
-            )
+        signals += [_signal(flat, name, shape, indices, order) for order in range(top + 1)]
     return signals
+
+
+def _signal(flat: FlatModel, name: str, shape: tuple[int, ...], indices: list[int], order: int) -> Signal:
+    """Of the variables of that name, differentiated."""
+    unit = flat.unit_of(indices[0], order)
+    return Signal(derivative_name(name, order), shape, unit, tuple((i, order) for i in indices))
 
 
 def _state_groups(plan: Plan, states: list[Pair]) -> list[tuple[int, str, tuple[int, ...], list[int]]]:

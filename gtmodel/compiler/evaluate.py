@@ -9,8 +9,7 @@ import casadi as ca
 import numpy as np
 
 from .analysis.sizes import sizes_of
-from .analysis.whole import judged
-from .analysis.whole import whole as followed
+from .analysis.whole import judged, whole as followed
 from .emit import express
 from .newton import NewtonKernel
 from .plan import Plan

@@ -249,7 +249,7 @@ def _scalars(item: Relation, path: str, scope: Scope) -> Iterable[ca.SX]:
     """Scalar residuals of a relation, row by row; trivial ones are errors."""
     if item.op != "==":
         raise ModelError(f"'{item.op}' is no equation; put inequalities into constraints()", item.where)
-    residual = ca.vec((item.lhs - item.rhs).T)
+    residual = item.residual
     for k in range(residual.numel()):
         r = residual[k]
         if not scope.symbols_in(r):

@@ -102,10 +102,6 @@ class _Entries:
         for (key, e), size in zip(new.items(), self._signs.sizes(list(new.values())), strict=True):
             self.known[key] = (e, self._signs.kind(e), size)
 
-    def __call__(self, e: ca.SX) -> tuple[str | None, float]:
-        """("constant" | "parameter" | None: may it be divided by, size)."""
-        return self.known[id(e)][1:]
-
 
 def _difference(a: ca.SX, b: ca.SX) -> ca.SX:
     """a - b; exactly zero where two constants cancel but for round-off."""

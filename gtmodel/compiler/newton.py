@@ -129,7 +129,7 @@ class NewtonKernel:
             if rows.size == 0:
                 break
             r, jacobian = self._evaluate(z[:, rows], a[:, rows])
-            step = _solve_rows(jacobian * self.scale, -r.T)
+            step = solve_rows(jacobian * self.scale, -r.T)
             size = np.max(np.abs(step), axis=1)
             most = np.maximum(CONTRACTION * last[rows], 1e3 * CONVERGED)
             bad = ~(size <= np.where(np.isinf(last[rows]), REACH, most))
@@ -144,18 +144,20 @@ class NewtonKernel:
 
     def _tangent(self, z: np.ndarray, a: np.ndarray, way: np.ndarray) -> np.ndarray:
         """Change of z (m, n) along `way`, a direction of a for each column; NaN where dr/dz is singular."""
-        n, m, k = z.shape[1], z.shape[0], a.shape[0]
         _, jacobian = self._evaluate(z, a)
+        return solve_rows(jacobian, -np.einsum("mnk,kn->nm", self._by_given(z, a), way)).T
+
+    def _by_given(self, z: np.ndarray, a: np.ndarray) -> np.ndarray:
+        """dr/da (m, n, k)."""
+        n = z.shape[1]
         f = self.sensitivity if n == 1 else self.sensitivity.map(n)
-        by_a = np.array(f(ca.DM(z), ca.DM(a)).full()).reshape(m, n, k)
-        return _solve_rows(jacobian, -np.einsum("mnk,kn->nm", by_a, way)).T
+        return np.array(f(ca.DM(z), ca.DM(a)).full()).reshape(len(z), n, len(a))
 
     def derivative(self, z: np.ndarray, a: np.ndarray) -> np.ndarray:
         """dz/da (n, m, k) by the implicit function theorem."""
         n, m, k = z.shape[1], z.shape[0], a.shape[0]
         _, jacobian = self._evaluate(z, a)
-        f = self.sensitivity if n == 1 else self.sensitivity.map(n)
-        by_a = np.array(f(ca.DM(z), ca.DM(a)).full()).reshape(m, n, k).transpose(1, 0, 2)
+        by_a = self._by_given(z, a).transpose(1, 0, 2)
         result = np.full((n, m, k), np.nan)
         for i in range(n):
             if np.all(np.isfinite(jacobian[i])) and np.all(np.isfinite(by_a[i])):
@@ -163,7 +165,7 @@ class NewtonKernel:
         return result
 
 
-def _solve_rows(matrices: np.ndarray, rhs: np.ndarray) -> np.ndarray:
+def solve_rows(matrices: np.ndarray, rhs: np.ndarray) -> np.ndarray:
     """Solutions of many small systems; NaN where a matrix is singular or not finite."""
     result = np.full(rhs.shape, np.nan)
     ok = np.all(np.isfinite(matrices), axis=(1, 2)) & np.all(np.isfinite(rhs), axis=1)

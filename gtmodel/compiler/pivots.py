@@ -29,7 +29,7 @@ class SignAnalysis:
         for q in flat.parameters:
             sign = UNKNOWN
             if q.nonzero:
-                sign = (POSITIVE if q.value > 0 else NEGATIVE) if _declared_positive(flat, q.name) else NONZERO
+                sign = (POSITIVE if q.value > 0 else NEGATIVE) if q.name in flat.positive else NONZERO
             self._symbols[q.symbol.element_hash()] = sign
 
     def kind(self, e: ca.SX) -> str | None:
@@ -81,10 +81,6 @@ def pivot_cost(kind: str, fill: int, size: float, largest: float) -> float:
     if not size > 0 or not math.isfinite(largest):
         return math.inf
     return fill + PARAMETER_COST * (kind == "parameter") + DIGIT_COST * math.floor(math.log10(largest / size))
-
-
-def _declared_positive(flat: FlatModel, name: str) -> bool:
-    return name in flat.positive
 
 
 def _product(a: str, b: str) -> str:

@@ -14,8 +14,7 @@ from .blocks import Margin, SolvedBlock
 from .branch import check_branches, follow, settle, sides
 from .consistency.home import Moved, home_of, moved, starts_of
 from .consistency.points import Sampler
-from .differentiation import differentiate, pairs_of, stage_residuals, system_of
-from .differentiation import folded as folded_into
+from .differentiation import differentiate, folded as folded_into, pairs_of, stage_residuals, system_of
 from .flat import FlatEquation, FlatModel
 from .graph import strong_components
 from .newton import NewtonBlock

@@ -144,7 +144,10 @@ def _pencil(
         if _depends(h, unknowns):
             raise NoClosedForm
         hessians.append(ca.densify(h))
-    reference = _reference(hessians)
+    curved = [i for i, h in enumerate(hessians) if not all(x.is_zero() for x in elements(h))]
+    if not curved:
+        raise NoClosedForm
+    reference = curved[0]
     mu = [_ratio(h, hessians[reference]) for h in hessians]
     others = [i for i in range(n) if i != reference]
     row, hessian = residuals[reference], hessians[reference]
@@ -186,13 +189,6 @@ def _centre(row: ca.SX, v: ca.SX, hessian: ca.SX, signs: SignAnalysis) -> tuple[
     diagonal = all(hessian[i, j].is_zero() for i in range(n) for j in range(n) if i != j)
     central = [diagonal and not hessian[k, k].is_zero() and signs.kind(hessian[k, k]) is not None for k in range(n)]
     return ca.vertcat(*[-slope[k] / hessian[k, k] if central[k] else ca.SX(0) for k in range(n)]), central
-
-
-def _reference(hessians: list[ca.SX]) -> int:
-    for i, h in enumerate(hessians):
-        if not all(x.is_zero() for x in elements(h)):
-            return i
-    raise NoClosedForm
 
 
 def _ratio(h: ca.SX, reference: ca.SX) -> ca.SX:

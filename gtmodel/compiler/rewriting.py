@@ -1,16 +1,27 @@
-"""Rewriting of expressions instruction by instruction: what the passes over generated code share."""
+"""Expressions instruction by instruction: reading them, and writing them anew as the passes over generated code do."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any, Protocol, TypeVar
+from typing import Any, NamedTuple, Protocol, TypeVar
 
 import casadi as ca
 
 LARGEST = 50_000  # operations; beyond, the time of a pass would be noticed
 
-# the outputs of a function of these symbols, one by one; None to leave everything as it is
-Rewrite = Callable[[ca.Function, list[ca.SX]], list[ca.SX] | None]
+
+class Instruction(NamedTuple):
+    """An operation, the numbers of the instructions that it reads, the entry of an input or output, and the value of a
+    constant."""
+
+    op: int
+    reads: Sequence[int] = ()
+    place: int = -1
+    constant: float = 0.0
+
+
+# the outputs, in symbols of the inputs; None to leave everything as it is
+Rewrite = Callable[[list[Instruction], list[ca.SX]], list[ca.SX] | None]
 
 Form = TypeVar("Form")  # how a pass writes down what an instruction gives
 
@@ -27,21 +38,44 @@ class Forms(Protocol[Form]):
     def whole(self, form: Form) -> ca.SX: ...
 
 
-def walked(f: ca.Function, symbols: Sequence[ca.SX], forms: Forms[Form]) -> list[ca.SX]:
-    """The outputs of a function of these symbols, one by one, each instruction written as `forms` makes it."""
-    work: dict[int, Form] = {}
-    results = [ca.SX(0)] * f.numel_out(0)
+def instructions(f: ca.Function) -> list[Instruction]:
+    """Of a function of one column, by what they read: places of the work vector are used again and again."""
+    written: dict[int, int] = {}
+    found: list[Instruction] = []
     for k in range(f.n_instructions()):
         op, given, put = f.instruction_id(k), f.instruction_input(k), f.instruction_output(k)
-        if op == ca.OP_OUTPUT:
-            results[put[1]] = forms.whole(work[given[0]])
-        elif op == ca.OP_INPUT:
-            work[put[0]] = forms.leaf(symbols[given[1]])
+        if op == ca.OP_INPUT:
+            found.append(Instruction(op, place=given[1]))
         elif op == ca.OP_CONST:
-            work[put[0]] = forms.leaf(ca.SX(f.instruction_constant(k)))
+            found.append(Instruction(op, constant=float(f.instruction_constant(k))))
         else:
-            work[put[0]] = forms.operation(k, op, [work[i] for i in given])
-    return results
+            reads = [written[i] for i in given]
+            found.append(Instruction(op, reads, put[1]) if op == ca.OP_OUTPUT else Instruction(op, reads))
+        if op != ca.OP_OUTPUT:
+            written[put[0]] = k
+    return found
+
+
+def of_expression(expression: ca.SX) -> tuple[list[Instruction], list[ca.SX]]:
+    """Its instructions, and the symbols that they take in."""
+    symbols = ca.symvar(expression)
+    column = ca.vertcat(*symbols) if symbols else ca.SX(0, 1)
+    return instructions(ca.Function("f", [column], [ca.densify(expression)])), symbols
+
+
+def walked(read: Sequence[Instruction], symbols: Sequence[ca.SX], forms: Forms[Form]) -> list[ca.SX]:
+    """The outputs, one by one, in these symbols, each instruction written as `forms` makes it."""
+    made: list[Form] = []
+    results: dict[int, ca.SX] = {}
+    for k, (op, reads, place, constant) in enumerate(read):
+        if op == ca.OP_OUTPUT:
+            results[place] = forms.whole(made[reads[0]])
+            made.append(made[reads[0]])
+        elif op in (ca.OP_INPUT, ca.OP_CONST):
+            made.append(forms.leaf(symbols[place] if op == ca.OP_INPUT else ca.SX(constant)))
+        else:
+            made.append(forms.operation(k, op, [made[i] for i in reads]))
+    return [results[place] for place in sorted(results)]
 
 
 def applied(op: int, parts: Sequence[ca.SX]) -> ca.SX:
@@ -56,7 +90,7 @@ def rewritten(expressions: Sequence[ca.SX], rewrite: Rewrite) -> list[ca.SX]:
     if not symbols:
         return list(expressions)
     f = ca.Function("f", [ca.vertcat(*symbols)], [ca.vertcat(*numbers)])
-    made = rewrite(f, symbols) if f.n_instructions() <= LARGEST else None
+    made = rewrite(instructions(f), symbols) if f.n_instructions() <= LARGEST else None
     if made is None:
         return list(expressions)
     results = iter(made)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
+from .branch import root_slopes
 from .emit import express
 from .plan import Plan
 
@@ -14,9 +15,8 @@ def on_branch(plan: Plan, w: np.ndarray, time: float) -> bool:
     roots = [r for b in plan.blocks for r in b.roots]
     if not roots:
         return True
-    flat, slopes = plan.flat, ca.vertcat(*[r.slope for r in roots])
-    f = ca.Function("slopes", [plan.sampler.w, flat.p, flat.scope.time], [slopes])
-    return bool(np.all(np.asarray(f(w, flat.p0, time).full()).reshape(-1) * [r.value for r in roots] > 0))
+    slopes = root_slopes(plan, plan.sampler)(w, plan.flat.p0, time)
+    return bool(np.all(np.asarray(slopes.full()).reshape(-1) * [r.value for r in roots] > 0))
 
 
 def moved_to_branch(plan: Plan, w: np.ndarray, time: float) -> np.ndarray:

@@ -45,14 +45,10 @@ def choose(
     for k in range(lowest, 1):
         rows = [i for i in range(len(structure.c)) if structure.c[i] + k >= 0]
         cols = [j for j in range(len(structure.d)) if structure.d[j] + k >= 0]
-        if rows:
-            scaled = [_scaled(flat, structure, m, rows, cols) for m in jacobians]
-            groups = _groups(flat, structure, k, cols, solved, preferred)
-            chosen = _best(flat, structure, k, rows, cols, scaled, groups)
-        else:
-            chosen = []
-        solved = chosen
-        stages.append(Stage(k, rows, cols, _match(rows, chosen, pattern, structure, k)))
+        scaled = [_scaled(flat, structure, m, rows, cols) for m in jacobians if rows]
+        groups = _groups(flat, structure, k, cols, solved, preferred)
+        solved = _best(flat, structure, k, rows, cols, scaled, groups) if rows else []
+        stages.append(Stage(k, rows, cols, _match(rows, solved, pattern, structure)))
     return stages
 
 
@@ -169,9 +165,7 @@ def _redundant(flat: FlatModel, structure: Structure, k: int, rows: list[int], s
     return f"{flat.title}: {len(rows)} equations of rank {rank} in stage {k} ({level}): these {what}: {shown}; {advice}"
 
 
-def _match(
-    rows: list[int], chosen: list[int], pattern: set[tuple[int, int]], structure: Structure, k: int
-) -> dict[int, int]:
+def _match(rows: list[int], chosen: list[int], pattern: set[tuple[int, int]], structure: Structure) -> dict[int, int]:
     """Row -> chosen column, only where the equation holds the column at its leading order."""
     if not rows:
         return {}

@@ -146,20 +146,15 @@ def overdetermined_and_underdetermined(
     for i, j in keys:
         by_row.setdefault(i, []).append(j)
         by_col.setdefault(j, []).append(i)
-    over = {i for i in range(rows) if col_of_row[i] < 0}
-    stack = sorted(over)
+    return _alternating(col_of_row, by_row, row_of_col), _alternating(row_of_col, by_col, col_of_row)
+
+
+def _alternating(match: np.ndarray, neighbours: dict[int, list[int]], back: np.ndarray) -> list[int]:
+    """What alternating paths reach from the unmatched; `back` leads from the other side over to this one."""
+    found = set(np.flatnonzero(match < 0).tolist())
+    stack = sorted(found)
     while stack:
-        for j in by_row.get(stack.pop(), []):
-            i = int(row_of_col[j])
-            if i >= 0 and i not in over:
-                over.add(i)
-                stack.append(i)
-    under = {j for j in range(cols) if row_of_col[j] < 0}
-    stack = sorted(under)
-    while stack:
-        for i in by_col.get(stack.pop(), []):
-            j = int(col_of_row[i])
-            if j >= 0 and j not in under:
-                under.add(j)
-                stack.append(j)
-    return sorted(over), sorted(under)
+        fresh = {int(back[j]) for j in neighbours.get(stack.pop(), []) if back[j] >= 0} - found
+        found |= fresh
+        stack += fresh
+    return sorted(found)

@@ -9,20 +9,11 @@ zero_vibration, zero_vibration_derivative, Shaper   motions shaped so that a fle
 residual_vibration    how far a mass on a spring swings after a motion
 """
 
-from .feedforward import ComputedTorque, Feedback, Feedforward, Law
-from .input_shaping import Shaper, residual_vibration, zero_vibration, zero_vibration_derivative
-from .tracking_loop import Tracked, track, tracking_loop
-
-__all__ = [
-    "ComputedTorque",
-    "Feedback",
-    "Feedforward",
-    "Law",
-    "Shaper",
-    "Tracked",
-    "residual_vibration",
-    "track",
-    "tracking_loop",
-    "zero_vibration",
-    "zero_vibration_derivative",
-]
+from .feedforward import ComputedTorque as ComputedTorque, Feedback as Feedback, Feedforward as Feedforward, Law as Law
+from .input_shaping import (
+    Shaper as Shaper,
+    residual_vibration as residual_vibration,
+    zero_vibration as zero_vibration,
+    zero_vibration_derivative as zero_vibration_derivative,
+)
+from .tracking_loop import Tracked as Tracked, track as track, tracking_loop as tracking_loop

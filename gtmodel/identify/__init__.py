@@ -29,121 +29,60 @@ Synthetic
     repeat_identification  many of them: unbiased, and do intervals hold?
 """
 
-from .corrected import corrected
-from .delay import Delay, delay_of
-from .exchanged import Exchanged, exchanged_efforts
+from .corrected import corrected as corrected
+from .delay import Delay as Delay, delay_of as delay_of
+from .exchanged import Exchanged as Exchanged, exchanged_efforts as exchanged_efforts
 from .excitation import (
-    ClosedSpline,
-    Excitation,
-    ExcitationStudy,
-    ExcitationTask,
-    Experiment,
-    Family,
-    FourierSeries,
-    MonteCarloFits,
-    RandomMotions,
-    Search,
-    condition,
-    excitation_study,
-    optimise_excitation,
-    predicted_deviations,
-    random_excitations,
-    singular_values,
+    ClosedSpline as ClosedSpline,
+    Excitation as Excitation,
+    ExcitationStudy as ExcitationStudy,
+    ExcitationTask as ExcitationTask,
+    Experiment as Experiment,
+    Family as Family,
+    FourierSeries as FourierSeries,
+    MonteCarloFits as MonteCarloFits,
+    RandomMotions as RandomMotions,
+    Search as Search,
+    condition as condition,
+    excitation_study as excitation_study,
+    optimise_excitation as optimise_excitation,
+    predicted_deviations as predicted_deviations,
+    random_excitations as random_excitations,
+    singular_values as singular_values,
 )
 from .friction import (
-    Coefficients,
-    FrictionFit,
-    FrictionStudy,
-    HeldPose,
-    MassByNorm,
-    PublishedFriction,
-    Runs,
-    Steady,
-    SyntheticRuns,
-    constant_velocity_log,
-    friction_study,
-    gravity_pattern,
-    identify_friction,
-    joined,
-    mass_by_norm,
-    published_friction_study,
-    steady_runs,
+    Coefficients as Coefficients,
+    FrictionFit as FrictionFit,
+    FrictionStudy as FrictionStudy,
+    HeldPose as HeldPose,
+    MassByNorm as MassByNorm,
+    PublishedFriction as PublishedFriction,
+    Runs as Runs,
+    Steady as Steady,
+    SyntheticRuns as SyntheticRuns,
+    constant_velocity_log as constant_velocity_log,
+    friction_study as friction_study,
+    gravity_pattern as gravity_pattern,
+    identify_friction as identify_friction,
+    joined as joined,
+    mass_by_norm as mass_by_norm,
+    published_friction_study as published_friction_study,
+    steady_runs as steady_runs,
 )
-from .identification_study import study, synthetic_study
-from .identified import IdentificationStudy
-from .inertia import Identification, LeftOut, Validation, bias_of, identify
-from .options import ClosedLoop, Fitting, SyntheticLog
-from .reference_motion import multisine, read_motion
-from .regressor import Regressor, RegressorRows
-from .repeated import Repeated, repeat_identification
-from .rows import Processing, Rows, rows_of, with_offsets
-from .simulated_log import LogSimulator, Sensors
-from .tracking import Tracking
-from .work import Work, work_of
-
-__all__ = [
-    "ClosedLoop",
-    "ClosedSpline",
-    "Coefficients",
-    "Delay",
-    "Exchanged",
-    "Excitation",
-    "ExcitationStudy",
-    "ExcitationTask",
-    "Experiment",
-    "Family",
-    "Fitting",
-    "FourierSeries",
-    "FrictionFit",
-    "FrictionStudy",
-    "HeldPose",
-    "Identification",
-    "IdentificationStudy",
-    "LeftOut",
-    "LogSimulator",
-    "MassByNorm",
-    "MonteCarloFits",
-    "Processing",
-    "PublishedFriction",
-    "RandomMotions",
-    "Regressor",
-    "RegressorRows",
-    "Repeated",
-    "Rows",
-    "Runs",
-    "Search",
-    "Sensors",
-    "Steady",
-    "SyntheticLog",
-    "SyntheticRuns",
-    "Tracking",
-    "Validation",
-    "Work",
-    "bias_of",
-    "condition",
-    "constant_velocity_log",
-    "corrected",
-    "delay_of",
-    "exchanged_efforts",
-    "excitation_study",
-    "friction_study",
-    "gravity_pattern",
-    "identify",
-    "identify_friction",
-    "joined",
-    "mass_by_norm",
-    "multisine",
-    "optimise_excitation",
-    "predicted_deviations",
-    "published_friction_study",
-    "random_excitations",
-    "read_motion",
-    "repeat_identification",
-    "rows_of",
-    "singular_values",
-    "steady_runs",
-    "study",
-    "synthetic_study",
-    "with_offsets",
-    "work_of",
-]
+from .identification_study import study as study, synthetic_study as synthetic_study
+from .identified import IdentificationStudy as IdentificationStudy
+from .inertia import (
+    Identification as Identification,
+    LeftOut as LeftOut,
+    Validation as Validation,
+    bias_of as bias_of,
+    identify as identify,
+)
+from .options import ClosedLoop as ClosedLoop, Fitting as Fitting, SyntheticLog as SyntheticLog
+from .reference_motion import multisine as multisine, read_motion as read_motion
+from .regressor import Regressor as Regressor, RegressorRows as RegressorRows
+from .repeated import Repeated as Repeated, repeat_identification as repeat_identification
+from .rows import Processing as Processing, Rows as Rows, rows_of as rows_of, with_offsets as with_offsets
+from .simulated_log import LogSimulator as LogSimulator, Sensors as Sensors
+from .tracking import Tracking as Tracking
+from .work import Work as Work, work_of as work_of

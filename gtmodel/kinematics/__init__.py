@@ -26,46 +26,26 @@ Orientation of the plate
     rotation_vector     small turns from a reference
 """
 
-from . import accuracy, assembly_modes, causality, section, singularity, workspace
-from .accuracy import AccuracyStudy, accuracy_study
-from .assembly_modes import ModesStudy, modes_study
-from .causality import CausalityStudy, causality_study
-from .guideways import GuidewayFit, MeasurementError, fit_guideway
-from .maps import MotionMaps
-from .orientation import OrientationMap, grid, orientation_map
-from .rotations import rotation_vector, zyz
-from .transmission import Backlash, CyclicTerm, backlash, cyclic_term
-from .workspace import WorkspaceStudy, workspace_study
-from .wrist_partition import InverseBranches, WristPartition
-
-__all__ = [
-    "AccuracyStudy",
-    "Backlash",
-    "CausalityStudy",
-    "CyclicTerm",
-    "GuidewayFit",
-    "InverseBranches",
-    "MeasurementError",
-    "ModesStudy",
-    "MotionMaps",
-    "OrientationMap",
-    "WorkspaceStudy",
-    "WristPartition",
-    "accuracy",
-    "accuracy_study",
-    "assembly_modes",
-    "backlash",
-    "causality",
-    "causality_study",
-    "cyclic_term",
-    "fit_guideway",
-    "grid",
-    "modes_study",
-    "orientation_map",
-    "rotation_vector",
-    "section",
-    "singularity",
-    "workspace",
-    "workspace_study",
-    "zyz",
-]
+from . import (
+    accuracy as accuracy,
+    assembly_modes as assembly_modes,
+    causality as causality,
+    section as section,
+    singularity as singularity,
+    workspace as workspace,
+)
+from .accuracy import AccuracyStudy as AccuracyStudy, accuracy_study as accuracy_study
+from .assembly_modes import ModesStudy as ModesStudy, modes_study as modes_study
+from .causality import CausalityStudy as CausalityStudy, causality_study as causality_study
+from .guideways import GuidewayFit as GuidewayFit, MeasurementError as MeasurementError, fit_guideway as fit_guideway
+from .maps import MotionMaps as MotionMaps
+from .orientation import OrientationMap as OrientationMap, grid as grid, orientation_map as orientation_map
+from .rotations import rotation_vector as rotation_vector, zyz as zyz
+from .transmission import (
+    Backlash as Backlash,
+    CyclicTerm as CyclicTerm,
+    backlash as backlash,
+    cyclic_term as cyclic_term,
+)
+from .workspace import WorkspaceStudy as WorkspaceStudy, workspace_study as workspace_study
+from .wrist_partition import InverseBranches as InverseBranches, WristPartition as WristPartition

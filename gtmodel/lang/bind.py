@@ -11,10 +11,11 @@ import numpy as np
 
 from .bound import check_bound
 from .declare import Declaration, Each, Free, Outer, Parameter, Part, Port, Variable
-from .expression import ONE, Expr, gathered, operand
+from .expression import Expr, gathered, operand
 from .model import Connector, Model, check_modifiers, walk_declarations
 from .scope import Scope
 from .source import ModelError, SourceLocation
+from .units import SECOND
 from .values import check_parameter, fits, shape_text
 
 
@@ -109,7 +110,7 @@ def _bind(
     bound = object.__new__(cls)
     values: dict[str, Any] = {}
     bound.__dict__.update(_path=path, _parent=parent, _values=values, _scope=tree.scope)
-    bound.__dict__["_time"] = Expr(tree.scope.time, (), _second(), tree.scope)
+    bound.__dict__["_time"] = Expr(tree.scope.time, (), SECOND, tree.scope)
     modifiers = {**config.__dict__["_modifiers"], **extra}
     if parent is not None:
         modifiers = _resolve(modifiers, parent)
@@ -147,12 +148,6 @@ def _class_of(given: Any) -> type | None:
     if isinstance(given, Model):
         return type(given)
     return given if isinstance(given, type) else None
-
-
-def _second() -> Any:
-    from .units import parse_unit
-
-    return parse_unit("s").dimension
 
 
 def element_names(name: str, shape: tuple[int, ...]) -> list[str]:
@@ -207,7 +202,7 @@ def _free(item: Free, full: str, path: str, tree: Tree) -> Expr:
     indices = list(range(first, first + len(names)))
     record = ParameterRecord(full, item, path, ca.vertcat(*symbols), indices, values, item.shape, item.where)
     tree.parameters.append(record)
-    dimension = item.dimension if item.unit is not None else (_second() if full.endswith("_time") else None)
+    dimension = item.dimension if item.unit is not None else (SECOND if full.endswith("_time") else None)
     return Expr(_assemble(symbols, item.shape), item.shape, dimension, tree.scope)
 
 
@@ -318,19 +313,18 @@ class Redeclared:
     modifiers: dict[str, Any]
 
 
+def _redeclared(value: Any) -> Any:
+    """A class or a model as what it redeclares; everything else as it is."""
+    if isinstance(value, Model):
+        return Redeclared(type(value), value.__dict__["_modifiers"])
+    return Redeclared(value, {}) if isinstance(value, type) else value
+
+
 def _merge(old: Any, new: Any) -> Any:
     """Modifiers of an inner declaration overlaid by those of an outer one: the outer one wins."""
     if new is None:
         return old
-    if isinstance(new, Model):
-        new = Redeclared(type(new), new.__dict__["_modifiers"])
-    if isinstance(old, Model):
-        old = Redeclared(type(old), old.__dict__["_modifiers"])
-    if isinstance(old, type):
-        old = Redeclared(old, {})
-    if isinstance(new, type):
-        inner = old if isinstance(old, dict) else old.modifiers if isinstance(old, Redeclared) else {}
-        return Redeclared(new, inner)
+    new, old = _redeclared(new), _redeclared(old)
     if isinstance(new, Redeclared):
         inner = old if isinstance(old, dict) else old.modifiers if isinstance(old, Redeclared) else {}
         return Redeclared(new.cls, _merge(inner, new.modifiers))
@@ -363,6 +357,3 @@ def _element(value: Any, i: int, count: int, name: str, where: SourceLocation) -
             where,
         )
     return value[i]
-
-
-__all__ = ["ONE", "ParameterRecord", "Tree", "VariableRecord", "bind", "element_names", "join"]

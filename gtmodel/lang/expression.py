@@ -165,15 +165,13 @@ class Relation:
     lhs: ca.SX
     rhs: ca.SX
     op: str
-    shape: Shape
     dimension: Dimension | None
-    scope: Scope
     where: SourceLocation
 
     @property
     def residual(self) -> ca.SX:
-        """lhs - rhs, a column."""
-        return ca.vec(self.lhs - self.rhs)
+        """lhs - rhs, a column, row by row."""
+        return ca.vec((self.lhs - self.rhs).T)
 
     def __bool__(self) -> bool:
         raise ModelError(
@@ -309,13 +307,13 @@ def aligned(a: Expr, b: Any, op: str) -> tuple[ca.SX, ca.SX, Dimension | None, S
 
 
 def relation(a: Expr, b: Any, op: str) -> Relation:
-    sa, sb, dim, shape, scope = aligned(a, b, op)
+    sa, sb, dimension, shape, _ = aligned(a, b, op)
     rows, cols = _columns(shape)
     if sa.shape != (rows, cols):
         sa = ca.repmat(sa, rows, cols)
     if sb.shape != (rows, cols):
         sb = ca.repmat(sb, rows, cols)
-    return Relation(sa, sb, op, shape, dim, scope, here())
+    return Relation(sa, sb, op, dimension, here())
 
 
 def matmul(a: Any, b: Any) -> Expr:

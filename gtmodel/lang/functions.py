@@ -10,7 +10,7 @@ import numpy as np
 
 from .expression import ONE, UFUNCS, Expr, aligned, dimension_of, gathered, operand, scope_of, times
 from .source import ModelError, here
-from .units import parse_unit
+from .units import SECOND
 
 
 def der(x: Any, order: int = 1) -> Expr:
@@ -22,35 +22,33 @@ def der(x: Any, order: int = 1) -> Expr:
         raise ModelError(f"der() takes an expression of the model; found {x!r}", here())
     if order < 0:
         raise ModelError(f"der() takes an order of 0 or more; found {order}", here())
-    second = parse_unit("s").dimension
     for _ in range(order):
-        dim = None if x.dimension is None else x.dimension / second
+        dim = None if x.dimension is None else x.dimension / SECOND
         x = Expr(x.scope.derivative(x.sx), x.shape, dim, x.scope)
     return x
 
 
-def dot(a: Any, b: Any) -> Expr:
-    """Scalar product of two vectors of equal length."""
+def _product(name: str, a: Any, b: Any, shape: tuple[int, ...]) -> Expr:
+    """A product of two vectors, which both have the shape of the result where that is no scalar."""
     a, b = gathered(a), gathered(b)
     scope = scope_of(a, b)
     if scope is None:
-        raise ModelError("gt.dot takes at least one expression of the model; use numpy.dot on numbers", here())
+        raise ModelError(f"gt.{name} takes at least one expression of the model; use numpy.{name} on numbers", here())
     (sa, shape_a), (sb, shape_b) = operand(a, scope), operand(b, scope)
-    if len(shape_a) != 1 or shape_a != shape_b:
-        raise ModelError(f"dot() takes two vectors of equal length; found {shape_a} and {shape_b}", here())
-    return Expr(ca.dot(sa, sb), (), times(dimension_of(a), dimension_of(b)), scope)
+    if len(shape_a) != 1 or shape_a != shape_b or (shape and shape_a != shape):
+        wanted = f"length {shape[0]}" if shape else "equal length"
+        raise ModelError(f"{name}() takes two vectors of {wanted}; found {shape_a} and {shape_b}", here())
+    return Expr(getattr(ca, name)(sa, sb), shape, times(dimension_of(a), dimension_of(b)), scope)
+
+
+def dot(a: Any, b: Any) -> Expr:
+    """Scalar product of two vectors of equal length."""
+    return _product("dot", a, b, ())
 
 
 def cross(a: Any, b: Any) -> Expr:
     """Vector product of two vectors of length 3."""
-    a, b = gathered(a), gathered(b)
-    scope = scope_of(a, b)
-    if scope is None:
-        raise ModelError("gt.cross takes at least one expression; use numpy.cross on numbers", here())
-    (sa, shape_a), (sb, shape_b) = operand(a, scope), operand(b, scope)
-    if shape_a != (3,) or shape_b != (3,):
-        raise ModelError(f"cross() takes two vectors of length 3; found {shape_a} and {shape_b}", here())
-    return Expr(ca.cross(sa, sb), (3,), times(dimension_of(a), dimension_of(b)), scope)
+    return _product("cross", a, b, (3,))
 
 
 def sqrt(x: Any) -> Any:
@@ -106,13 +104,11 @@ def _pair(a: Any, b: Any, fun: Callable[[Any, Any], Any], numeric: Any, name: st
     a, b = gathered(a), gathered(b)
     if not isinstance(a, Expr) and not isinstance(b, Expr):
         return numeric(a, b)
-    if not isinstance(a, Expr):
-        a, b = b, a
-        swapped = True
+    if isinstance(a, Expr):
+        sa, sb, dim, shape, scope = aligned(a, b, name)
     else:
-        swapped = False
-    sa, sb, dim, shape, scope = aligned(a, b, name)
-    return Expr(fun(sb, sa) if swapped else fun(sa, sb), shape, dim, scope)
+        sb, sa, dim, shape, scope = aligned(b, a, name)
+    return Expr(fun(sa, sb), shape, dim, scope)
 
 
 def minimum(a: Any, b: Any) -> Any:
@@ -140,7 +136,6 @@ UFUNCS |= {
     "add": lambda a, b: b + a if isinstance(b, Expr) else a + b,
     "subtract": lambda a, b: b.__rsub__(a) if isinstance(b, Expr) and not isinstance(a, Expr) else a - b,
     "multiply": lambda a, b: b * a if isinstance(b, Expr) else a * b,
-    "true_divide": lambda a, b: b.__rtruediv__(a) if isinstance(b, Expr) and not isinstance(a, Expr) else a / b,
     "divide": lambda a, b: b.__rtruediv__(a) if isinstance(b, Expr) and not isinstance(a, Expr) else a / b,
     "matmul": lambda a, b: b.__rmatmul__(a) if isinstance(b, Expr) and not isinstance(a, Expr) else a @ b,
     "equal": lambda a, b: b == a if isinstance(b, Expr) else a == b,

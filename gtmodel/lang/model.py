@@ -112,13 +112,8 @@ class Connector(Model):
 def walk_declarations(cls: type[Model]) -> Iterator[tuple[str, Declaration]]:
     """Declarations in the order in which they can be bound: parameters, free constants, variables and
     ports, then outer references and parts."""
-    rank = {Parameter: 0, Free: 1, Variable: 2, Port: 3}
-    items = list(cls._declared.items())
-    yield from sorted(items, key=lambda kv: next((r for t, r in rank.items() if isinstance(kv[1], t)), _late(kv[1])))
-
-
-def _late(item: Declaration) -> int:
-    return 5 if isinstance(item, Part) else 4
+    order = (Parameter, Free, Variable, Port, Outer, Part)
+    yield from sorted(cls._declared.items(), key=lambda kv: [isinstance(kv[1], kind) for kind in order].index(True))
 
 
 def _merged(old: dict[str, Any], new: dict[str, Any]) -> dict[str, Any]:

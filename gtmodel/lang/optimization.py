@@ -8,12 +8,12 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from .declare import Free, Variable
+from .declare import Variable
 from .expression import ONE, Expr
 from .model import Model
 from .scope import Instant, Misfit
 from .source import ModelError, here
-from .units import parse_unit
+from .units import SECOND
 
 
 class Optimization(Model):
@@ -55,13 +55,8 @@ def integral(integrand: Any) -> Expr:
     scope = integrand.scope
     symbol = ca.SX.sym(f"integral{len(scope.instants)}")
     scope.instants.append(Instant(symbol, integrand.sx, None))
-    dim = None if integrand.dimension is None else integrand.dimension * parse_unit("s").dimension
+    dim = None if integrand.dimension is None else integrand.dimension * SECOND
     return Expr(symbol, (), dim, scope)
-
-
-def is_free(value: Any) -> bool:
-    """True for a horizon end that the optimisation chooses."""
-    return isinstance(value, Free)
 
 
 class Delayed(Variable):

@@ -325,6 +325,9 @@ for _name, _scaled in _SCALED.items():
     _SYMBOLS[_name] = _Reader(_scaled.si).read() * _Value(DIMENSIONLESS, _scaled.factor, _scaled.pi_power)
 
 
+SECOND = _BASE["s"]
+
+
 @functools.lru_cache(maxsize=1024)
 def _parse(text: str) -> Unit:
     value = _Reader(text).read() if text else _Value(DIMENSIONLESS)

@@ -7,22 +7,20 @@ RigidBodyPlant, either in an ElasticPlant; Channel with Faults. The loop in Pyth
 was tested against simulators only.
 """
 
-from .build import build
-from .exchange import Command, Exchange, Feedback
-from .faults import Channel, Faults, expected_counters
-from .laws import DynamicsLaw, PathLaw, ReplayLaw, TrajectoryLaw
-from .loop_study import LoopStudy, study
-from .plant import DrivePlant, ElasticPlant, RigidBodyPlant, Servo
-from .process import LoopError, LoopProcess
-from .robot_side import RobotSide
-from .rsi_configuration import rsi_configuration
-from .run import Run, lockstep, real_time
-from .table import Table
-from .twin import Limits, Settings, Twin
-
-__all__ = [
-    "Channel", "Command", "DrivePlant", "DynamicsLaw", "ElasticPlant", "Exchange", "Faults", "Feedback", "Limits",
-    "LoopError", "LoopProcess", "LoopStudy", "PathLaw", "ReplayLaw", "RigidBodyPlant", "RobotSide", "Run", "Servo",
-    "Settings", "Table", "TrajectoryLaw", "Twin", "build", "expected_counters", "lockstep", "real_time",
-    "rsi_configuration", "study",
-]  # fmt: skip
+from .build import build as build
+from .exchange import Command as Command, Exchange as Exchange, Feedback as Feedback
+from .faults import Channel as Channel, Faults as Faults, expected_counters as expected_counters
+from .laws import DynamicsLaw as DynamicsLaw, PathLaw as PathLaw, ReplayLaw as ReplayLaw, TrajectoryLaw as TrajectoryLaw
+from .loop_study import LoopStudy as LoopStudy, study as study
+from .plant import (
+    DrivePlant as DrivePlant,
+    ElasticPlant as ElasticPlant,
+    RigidBodyPlant as RigidBodyPlant,
+    Servo as Servo,
+)
+from .process import LoopError as LoopError, LoopProcess as LoopProcess
+from .robot_side import RobotSide as RobotSide
+from .rsi_configuration import rsi_configuration as rsi_configuration
+from .run import Run as Run, lockstep as lockstep, real_time as real_time
+from .table import Table as Table
+from .twin import Limits as Limits, Settings as Settings, Twin as Twin

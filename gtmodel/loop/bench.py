@@ -6,15 +6,14 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, cast
+from typing import Literal, Self
 
 import numpy as np
 
-from ..compiler.causal import CausalFunction, compile_causal
+from ..compiler.causal import CausalFunction
 from ..lang import Model
 from ..results import ArgumentError, Trajectory, Work
-from .build import build, built_before
-from .reference import CYCLE_MS, there_and_back
+from .reference import CYCLE_MS
 from .table import Table
 
 Peer = Literal["egm", "rsi"]
@@ -41,6 +40,13 @@ class Stop:
 
     speed_m_s: float
     deceleration_m_s2: float
+
+    @classmethod
+    def of(cls, reference: np.ndarray, deceleration: float | None) -> Self:
+        """From rows of a reference: its greatest speed, and its greatest deceleration where none is given."""
+        speeds, accelerations = np.abs(reference[:, 3:6]), np.abs(reference[:, 6:9])
+        # where the carts rest any deceleration will do
+        return cls(float(np.max(speeds)), deceleration or float(np.max(accelerations)) or 1.0)
 
     @property
     def distance_m(self) -> float:
@@ -95,37 +101,3 @@ def refuse(peer: str, seconds: float, law: str, elastic: float | None, decelerat
         raise ArgumentError(f"{elastic:g}: expected a frequency from {low:g} to {high:g} Hz", "elastic")
     if deceleration is not None and not 0 < deceleration < math.inf:
         raise ArgumentError(f"{deceleration:g}: expected an acceleration above 0 m/s2", "deceleration")
-
-
-def prepare(
-    robot: Model,
-    folder: Path,
-    reference: Reference,
-    place: Path,
-    *,
-    peer: str,
-    seconds: float,
-    law: str,
-    in_lockstep: bool,
-    elastic: float | None,
-    deceleration: float | None,
-    built: Path | None,
-    work: Work,
-) -> Bench:
-    """Build the program, make the reference. Raises ArgumentError."""
-    forward = compile_causal(robot, known="q", targets="T")
-    if [s.shape for s in (*forward.inputs, *forward.outputs)] != [(3,), (3,)]:
-        raise ArgumentError("the loop's simulated robots have three carts and a position T; this one has not", "robot")
-    work.progress("building the loop")
-    if built is not None:
-        built_before(built, place)
-    program = build(folder, place, 3)
-    cycles = max(1, round(1000 * seconds / CYCLE_MS))
-    motion = reference if isinstance(reference, Trajectory) else reference()
-    table = there_and_back(robot, motion, cycles, SLOWER.get(law, 1.0))
-    (place / "reference.table").write_bytes(table.to_bytes())
-    rates = np.abs(table.rows[:cycles, 3:9])  # where the carts rest any deceleration will do
-    stop = Stop(float(np.max(rates[:, :3])), deceleration or float(np.max(rates[:, 3:])) or 1.0)
-    return Bench(
-        cast("Peer", peer), law, robot, forward, program, place, table, cycles, in_lockstep, elastic, stop, work
-    )

@@ -3,58 +3,39 @@
 from __future__ import annotations
 
 import math
+import re
 from functools import lru_cache
 
 DIGITS_MOST = 18
 POWER_MOST = 22
 WRITE_LIMIT = 1e9
 SCALE = 1_000_000
-_DIGITS = frozenset(b"0123456789")
+_NUMBER = re.compile(rb"[+-]?(?P<whole>[0-9]*)(?:\.(?P<part>[0-9]*))?(?:[eE](?P<exponent>[+-]?[0-9]{1,3}))?")
+_DIGITS = re.compile(rb"[0-9]{1,19}")
 
 
 @lru_cache(maxsize=4096)  # most numbers of a telegram stand still
 def read_decimal(text: bytes) -> float | None:
     """[+-]digits[.digits][e[+-]digits] as a number, None for anything else; see gt_decimal.h for what is cut."""
-    at, negative = (1, text[:1] == b"-") if text[:1] in (b"+", b"-") else (0, False)
-    seen = kept = mantissa = power = 0
-    point = False
-    while at < len(text) and (text[at] in _DIGITS or (text[at] == ord(".") and not point)):
-        if text[at] == ord("."):
-            point = True
-        else:
-            seen += 1
-            if kept < DIGITS_MOST:
-                mantissa = 10 * mantissa + text[at] - ord("0")
-                kept += mantissa > 0
-                power -= point
-            elif not point:
-                return None
-        at += 1
-    if seen == 0:
+    found = _NUMBER.fullmatch(text)
+    if found is None or not (found["whole"] or found["part"]):
         return None
-    if at < len(text) and text[at] in b"eE":
-        exponent = _exponent(text[at + 1 :])
-        if exponent is None:
-            return None
-        power += exponent
-        at = len(text)
-    if at != len(text) or abs(power) > POWER_MOST:
+    whole, part = found["whole"].lstrip(b"0"), found["part"] or b""
+    if len(whole) > DIGITS_MOST:
+        return None
+    zeros = 0 if whole else len(part) - len(part.lstrip(b"0"))
+    part = part[: DIGITS_MOST - len(whole) + zeros]
+    mantissa, power = int(whole + part or b"0"), int(found["exponent"] or 0) - len(part)
+    if abs(power) > POWER_MOST:
         return None
     scale = float(10 ** abs(power))
     value = float(mantissa) / scale if power < 0 else float(mantissa) * scale
-    return -value if negative else value
-
-
-def _exponent(text: bytes) -> int | None:
-    digits = text[1:] if text[:1] in (b"+", b"-") else text
-    if not 1 <= len(digits) <= 3 or not _DIGITS.issuperset(digits):
-        return None
-    return -int(digits) if text[:1] == b"-" else int(digits)
+    return -value if text[:1] == b"-" else value
 
 
 def read_digits(text: bytes) -> int | None:
     """One to nineteen digits as a number, None for anything else."""
-    return int(text) if 1 <= len(text) <= 19 and _DIGITS.issuperset(text) else None
+    return int(text) if _DIGITS.fullmatch(text) else None
 
 
 def write_decimal(value: float) -> bytes:

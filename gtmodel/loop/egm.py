@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 import struct
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
 from .wire import (
@@ -77,24 +78,17 @@ def decode_robot(data: bytes) -> Robot:
     if len(data) > DATAGRAM_MAX:
         raise WireError("the datagram is too long")
     robot = Robot()
-    has: set[int] = set()
+    counted: dict[int, dict[int, int]] = {1: {}, 4: {}, 5: {}, 8: {}}
     for number, kind, value in fields(data):
         if kind == VARINT and number == 6:
             robot.convergence_met = value != 0
-        if not isinstance(value, bytes) or kind != BYTES:
-            continue
-        if number == 1:
-            _header(value, robot, has)
-        elif number in (2, 3):
-            _pose(value, robot.feedback if number == 2 else robot.planned)
-        elif number == 4:
-            robot.motor_state = _state(value, robot.motor_state)
-        elif number == 5:
-            robot.mci_state = _state(value, robot.mci_state)
-        elif number == 8:
-            robot.rapid_state = _state(value, robot.rapid_state)
-    if not {1, 2} <= has:
-        raise WireError("the header lacks number or time")
+        elif kind == BYTES and isinstance(value, bytes):
+            if number in (2, 3):
+                _pose(value, robot.feedback if number == 2 else robot.planned)
+            elif number in counted:
+                counted[number] |= _varints(value)
+    robot.sequence, robot.time_ms, robot.type = _header(counted[1])
+    robot.motor_state, robot.mci_state, robot.rapid_state = (counted[n].get(1, 0) for n in (4, 5, 8))
     for pose in (robot.feedback, robot.planned):
         if not all(map(math.isfinite, _numbers_of(pose))):
             raise WireError("a number is not finite")
@@ -105,13 +99,11 @@ def encode_robot(robot: Robot, *, packed: bool = False) -> bytes:
     """EgmRobot as a robot sends it: doubles unpacked, as in proto2, unless `packed`."""
     out = message_field(1, _header_bytes(robot.sequence, robot.time_ms, robot.type or TYPE_DATA))
     for number, pose in ((2, robot.feedback), (3, robot.planned)):
-        cartesian = b""
-        if pose.has_position:
-            cartesian += message_field(1, _numbered(pose.position_mm))
-        if pose.has_quaternion:
-            cartesian += message_field(2, _numbered(pose.quaternion))
-        if pose.has_euler:
-            cartesian += message_field(3, _numbered(pose.euler_deg))
+        parts = (
+            (pose.has_position, pose.position_mm), (pose.has_quaternion, pose.quaternion),
+            (pose.has_euler, pose.euler_deg),
+        )  # fmt: skip
+        cartesian = b"".join(message_field(n, _numbered(x)) for n, (given, x) in enumerate(parts, 1) if given)
         content = doubles_field(1, pose.joints_deg, packed=packed)
         content += message_field(2, cartesian) if cartesian else b""
         content += doubles_field(3, pose.external_mm, packed=packed)
@@ -136,23 +128,14 @@ def encode_sensor(sensor: Sensor) -> bytes:
 
 def decode_sensor(data: bytes) -> Sensor:
     """What a robot reads from the loop's answer. Raises WireError."""
-    robot, sensor = Robot(), Sensor()
-    has: set[int] = set()
-    parts: dict[int, bytes] = {}
-    for number, kind, value in fields(data):
-        if kind == BYTES and isinstance(value, bytes):
-            parts[number] = value
-    _header(parts.get(1, b""), robot, has)
-    if not {1, 2} <= has:
-        raise WireError("the header lacks number or time")
-    sensor.sequence, sensor.time_ms, sensor.type = robot.sequence, robot.time_ms, robot.type
+    parts = dict(_messages(data))
+    sensor = Sensor(*_header(_varints(parts.get(1, b""))))
     if sensor.type == TYPE_PATH_CORRECTION:
         sensor.path_mm = [0.0] * 3
-        for number, kind, value in fields(parts.get(2, b"")):
-            if number == 1 and isinstance(value, bytes):
-                _numbered_into(value, sensor.path_mm)
-            elif number == 2 and kind == VARINT:
-                sensor.age_ms = uint32(int(value))  # type: ignore[arg-type]
+        for number, position in _messages(parts.get(2, b"")):
+            if number == 1:
+                _numbered_into(position, sensor.path_mm)
+        sensor.age_ms = _varints(parts.get(2, b"")).get(2, 0)
         return sensor
     planned, speed = Pose(), Pose()
     _pose(parts.get(2, b""), planned)
@@ -166,23 +149,25 @@ def _header_bytes(sequence: int, time_ms: int, kind: int) -> bytes:
     return varint_field(1, sequence) + varint_field(2, time_ms) + varint_field(3, kind)
 
 
-def _header(data: bytes, robot: Robot, has: set[int]) -> None:
-    for number, kind, value in fields(data):
-        if kind != VARINT or not isinstance(value, int):
-            continue
-        has.add(number)
-        if number == 1:
-            robot.sequence = uint32(value)
-        elif number == 2:
-            robot.time_ms = uint32(value)
-        elif number == 3:
-            robot.type = uint32(value)
+def _header(found: Mapping[int, int]) -> tuple[int, int, int]:
+    """Number, time and type."""
+    if not {1, 2} <= found.keys():
+        raise WireError("the header lacks number or time")
+    return found[1], found[2], found.get(3, 0)
+
+
+def _messages(data: bytes) -> Iterator[tuple[int, bytes]]:
+    """Embedded messages by number."""
+    return ((number, value) for number, kind, value in fields(data) if kind == BYTES and isinstance(value, bytes))
+
+
+def _varints(data: bytes) -> dict[int, int]:
+    """The last varint of each number."""
+    return {n: uint32(value) for n, kind, value in fields(data) if kind == VARINT and isinstance(value, int)}
 
 
 def _pose(data: bytes, pose: Pose) -> None:
-    for number, kind, value in fields(data):
-        if kind != BYTES or not isinstance(value, bytes):
-            continue
+    for number, value in _messages(data):
         if number == 1:
             _joints(value, pose.joints_deg)
         elif number == 2:
@@ -192,18 +177,15 @@ def _pose(data: bytes, pose: Pose) -> None:
 
 
 def _cartesian(data: bytes, pose: Pose) -> None:
-    for number, kind, value in fields(data):
-        if kind != BYTES or not isinstance(value, bytes):
-            continue
-        if number == 1:
-            pose.has_position = True
-            _numbered_into(value, pose.position_mm)
-        elif number == 2:
-            pose.has_quaternion = True
-            _numbered_into(value, pose.quaternion)
-        elif number == 3:
-            pose.has_euler = True
-            _numbered_into(value, pose.euler_deg)
+    given = set()
+    parts = {1: pose.position_mm, 2: pose.quaternion, 3: pose.euler_deg}
+    for number, value in _messages(data):
+        if number in parts:
+            given.add(number)
+            _numbered_into(value, parts[number])
+    pose.has_position |= 1 in given
+    pose.has_quaternion |= 2 in given
+    pose.has_euler |= 3 in given
 
 
 def _joints(data: bytes, kept: list[float]) -> None:
@@ -227,14 +209,6 @@ def _numbered_into(data: bytes, values: list[float]) -> None:
     for number, kind, value in fields(data):
         if kind == FIXED64 and number <= len(values) and isinstance(value, float):
             values[number - 1] = value
-
-
-def _state(data: bytes, before: int) -> int:
-    state = before
-    for number, kind, value in fields(data):
-        if number == 1 and kind == VARINT and isinstance(value, int):
-            state = uint32(value)
-    return state
 
 
 def _numbers_of(pose: Pose) -> list[float]:

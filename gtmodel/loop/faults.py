@@ -20,14 +20,6 @@ class Faults:
 
 
 @dataclass
-class Delivered:
-    """A datagram as it arrives: its number, None for garbage."""
-
-    number: int | None
-    data: bytes
-
-
-@dataclass
 class Channel:
     """One direction. `put` takes a datagram in its cycle, `due` gives what arrives in a cycle, oldest sending first."""
 
@@ -36,7 +28,7 @@ class Channel:
 
     def __post_init__(self) -> None:
         self._random = random.Random(self.faults.seed)
-        self._waiting: list[tuple[int, Delivered]] = []
+        self._waiting: list[tuple[int, int | None, bytes]] = []  # due in this cycle; number, None for garbage; bytes
 
     def put(self, cycle: int, number: int, data: bytes) -> None:
         """Send a datagram."""
@@ -44,18 +36,18 @@ class Channel:
         lost, delayed, repeated, garbage = (draw() < share for share in (f.lost, f.delayed, f.repeated, f.garbage))
         delay = self._random.randint(1, f.longest_delay) if delayed else 0
         if garbage:
-            self._waiting.append((cycle, Delivered(None, self._spoilt(data))))
+            self._waiting.append((cycle, None, self._spoilt(data)))
         if not lost:
-            self._waiting.append((cycle + delay, Delivered(number, data)))
+            self._waiting.append((cycle + delay, number, data))
         if repeated and not lost:
-            self._waiting.append((cycle + delay + self._random.randint(0, f.longest_delay), Delivered(number, data)))
+            self._waiting.append((cycle + delay + self._random.randint(0, f.longest_delay), number, data))
 
     def due(self, cycle: int) -> list[bytes]:
         """Datagrams that arrive in this cycle."""
-        here = [d for at, d in self._waiting if at <= cycle]
-        self._waiting = [(at, d) for at, d in self._waiting if at > cycle]
-        self.history.append([d.number for d in here])
-        return [d.data for d in here]
+        here = [d for d in self._waiting if d[0] <= cycle]
+        self._waiting = [d for d in self._waiting if d[0] > cycle]
+        self.history.append([number for _, number, _ in here])
+        return [data for _, _, data in here]
 
     def _spoilt(self, data: bytes) -> bytes:
         """Random bytes or a datagram that is cut; neither can be read as a whole one."""

@@ -7,18 +7,20 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, cast
 
 import numpy as np
 
+from ..compiler.causal import compile_causal
 from ..lang import Model
-from ..results import Check, Quantity, Row, SolveStatus, Status, Study, Trajectory, Work, at_least, at_most
+from ..results import ArgumentError, Quantity, Row, SolveStatus, Status, Study, Trajectory, Work, at_least, at_most
 from ..results.work import Progress, never, silent
-from .bench import HOLD_CYCLES, LAWS, Bench, Reference, prepare, refuse
+from .bench import HOLD_CYCLES, LAWS, SLOWER, Bench, Peer, Reference, Stop, refuse
+from .build import build, built_before
 from .one_run import OneRun, run_of
 from .process import LoopError
 from .record import STATES, trajectory_of
-from .reference import CYCLE_MS
+from .reference import CYCLE_MS, there_and_back
 from .report import rows_of
 from .rsi_configuration import rsi_configuration
 
@@ -122,11 +124,23 @@ def study(
     """
     work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
     refuse(peer, seconds, law, elastic, deceleration)
-    with tempfile.TemporaryDirectory(prefix="gtmodel-loop-") as place:
-        bench = prepare(
-            robot, Path(folder), reference, Path(place), peer=peer, seconds=seconds, law=law, in_lockstep=in_lockstep,
-            elastic=elastic, deceleration=deceleration, built=None if built is None else Path(built), work=work,
-        )  # fmt: skip
+    forward = compile_causal(robot, known="q", targets="T")
+    if [s.shape for s in (*forward.inputs, *forward.outputs)] != [(3,), (3,)]:
+        raise ArgumentError("the loop's simulated robots have three carts and a position T; this one has not", "robot")
+    with tempfile.TemporaryDirectory(prefix="gtmodel-loop-") as name:
+        place = Path(name)
+        work.progress("building the loop")
+        if built is not None:
+            built_before(Path(built), place)
+        program = build(Path(folder), place, 3)
+        cycles = max(1, round(1000 * seconds / CYCLE_MS))
+        motion = reference if isinstance(reference, Trajectory) else reference()
+        table = there_and_back(robot, motion, cycles, SLOWER.get(law, 1.0))
+        (place / "reference.table").write_bytes(table.to_bytes())
+        lost = Stop.of(table.rows[:cycles], deceleration)
+        bench = Bench(
+            cast("Peer", peer), law, robot, forward, program, place, table, cycles, in_lockstep, elastic, lost, work
+        )
         try:
             found = _compared(bench, title)
         except LoopError as error:
@@ -134,7 +148,7 @@ def study(
         if found.status is SolveStatus.INTERRUPTED:
             return found
         files = {"rsi_configuration.xml": rsi_configuration("127.0.0.1", 49152)} if peer == "rsi" else {}
-        return found.with_(files=files | {path.name: path.read_bytes() for path in sorted(bench.place.iterdir())})
+        return found.with_(files=files | {path.name: path.read_bytes() for path in sorted(place.iterdir())})
 
 
 def _compared(bench: Bench, title: str) -> LoopStudy:
@@ -146,17 +160,12 @@ def _compared(bench: Bench, title: str) -> LoopStudy:
         if bench.work.interrupted():
             message = "stopped before both runs were compared"
             return LoopStudy(status=SolveStatus.INTERRUPTED, message=message, title=title)
+    errors = [_errors(bench, one) for one in runs]
+    plain, active = (e["tcp_rms_mm"] for e in errors)
+    checks = {"rms_error_ratio": at_most(active / plain, GAINS[bench.law])}
     for name, one in zip(("off", "on"), runs, strict=True):
         log = trajectory_of(one.log, 3, 1e-3 * CYCLE_MS, title=f"{bench.peer}, {one.label}: log of the loop")
         log.to_csv(bench.place / f"loop_{name}.csv")
-    return _concluded(bench, runs, title)
-
-
-def _concluded(bench: Bench, runs: list[OneRun], title: str) -> LoopStudy:
-    errors = [_errors(bench, one) for one in runs]
-    plain, active = (e["tcp_rms_mm"] for e in errors)
-    checks: dict[str, Check] = {"rms_error_ratio": at_most(active / plain, GAINS[bench.law])}
-    for name, one in zip(("off", "on"), runs, strict=True):
         state, why = STATES[one.report["state"]], Status(one.report["status"]).sentence
         checks[f"{name}_running_at_the_end"] = at_least(float(one.going), 1.0, f"{one.label}: {state}, {why}")
         checks[f"{name}_log_complete"] = at_least(float(bool(one.report["log_complete"])), 1.0, FULL)

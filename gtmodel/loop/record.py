@@ -40,11 +40,8 @@ def trajectory_of(log: bytes, axes: int, cycle_s: float, title: str = "") -> Tra
     """A log over the loop's own cycles: carts measured and commanded, state and counters."""
     rows = rows_of(log)
     column = {name: rows[:, n] for n, name in enumerate(COLUMNS)}
-    values = {
-        "measured": np.stack([column[f"measured[{n}]"] for n in range(axes)], axis=1),
-        "command": np.stack([column[f"command[{n}]"] for n in range(axes)], axis=1),
-        "speed": np.stack([column[f"speed[{n}]"] for n in range(axes)], axis=1),
-        **{name: column[name] for name in ("state", *COUNTERS)},
-    }
-    units = {"measured": "m", "command": "m", "speed": "m/s", **dict.fromkeys(("state", *COUNTERS), "1")}
-    return Trajectory(cycle_s * (column["cycle"] - 1), values, units, title=title)
+    units = {"measured": "m", "command": "m", "speed": "m/s"}
+    values = {name: np.stack([column[f"{name}[{n}]"] for n in range(axes)], axis=1) for name in units}
+    counted = ("state", *COUNTERS)
+    values |= {name: column[name] for name in counted}
+    return Trajectory(cycle_s * (column["cycle"] - 1), values, units | dict.fromkeys(counted, "1"), title=title)

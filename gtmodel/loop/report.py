@@ -24,7 +24,7 @@ def rows_of(runs: Sequence[Mapping[str, Any]], in_lockstep: bool) -> list[Row]:
         if not in_lockstep:
             rows += [
                 Row(f"{label}: replies later than a cycle", str(one["missed_deadlines"])),
-                Row(f"{label}: worst reply, worst period", " ".join(_worst_ms(one)), "ms"),
+                Row(f"{label}: worst reply, worst period", _worst_ms(one), "ms"),
                 Row(f"{label}: longest computing of a cycle", f"{one['compute_worst_us']}", "us"),
                 Row(f"{label}: computing", _histogram(one["compute_below_us"], COMPUTING_US)),
                 Row(f"{label}: replies", _histogram(one["reply_below_us"], REPLIES_US)),
@@ -33,8 +33,8 @@ def rows_of(runs: Sequence[Mapping[str, Any]], in_lockstep: bool) -> list[Row]:
     return rows
 
 
-def _worst_ms(found: Mapping[str, Any]) -> list[str]:
-    return [f"{found[f'{what}_worst_us'] / 1000:.2f}" for what in ("reply", "period")]
+def _worst_ms(found: Mapping[str, Any]) -> str:
+    return " ".join(f"{found[f'{what}_worst_us'] / 1000:.2f}" for what in ("reply", "period"))
 
 
 def _histogram(below_us: dict[str, int], edges_us: Sequence[int]) -> str:

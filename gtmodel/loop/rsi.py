@@ -5,14 +5,14 @@ mm and degrees; corrections count from the start pose. Tested against simulators
 
 from __future__ import annotations
 
-import string
+import re
 from dataclasses import dataclass, field
 
 from .decimals import read_decimal, read_digits, write_decimal
 from .wire import DATAGRAM_MAX
 
-_SPACE = b" \t\r\n"
-_LETTERS = (string.ascii_letters + string.digits + "_").encode()
+_SPACES = re.compile(rb"[ \t\r\n]*")
+_WORD = re.compile(rb"[A-Za-z0-9_]*")
 _CARTESIAN = (b"X", b"Y", b"Z", b"A", b"B", b"C")
 _JOINTS = tuple(b"A%d" % n for n in range(1, 7))
 _EXTERNAL = tuple(b"E%d" % n for n in range(1, 7))
@@ -106,9 +106,7 @@ class _Scanner:
             self._spaces() if depth == 0 else self._to(b"<")
             self._need(b"<")
             if self._over(b"/"):
-                name = self._word()
-                self._spaces()
-                self._need(b">")
+                name = self._end()
                 depth -= 1
                 if depth < 0 or (name == b"Rob") != (depth == 0):
                     raise TelegramError("an element ends that was not open")
@@ -190,17 +188,20 @@ class _Scanner:
         self._spaces()
         self._need(b"<")
         self._need(b"/")
-        name = self._word()
-        self._spaces()
-        self._need(b">")
         ipoc = read_digits(digits)
-        if ipoc is None or name != b"IPOC":
+        if self._end() != b"IPOC" or ipoc is None:
             raise TelegramError("IPOC is no number")
         robot.ipoc, robot.stamp = ipoc, digits
 
+    def _end(self) -> bytes:
+        """The name of the element that ends here."""
+        name = self._word()
+        self._spaces()
+        self._need(b">")
+        return name
+
     def _spaces(self) -> None:
-        while self.at < len(self.data) and self.data[self.at] in _SPACE:
-            self.at += 1
+        self._past(_SPACES)
 
     def _over(self, byte: bytes) -> bool:
         found = self.data[self.at : self.at + 1] == byte
@@ -216,10 +217,14 @@ class _Scanner:
         self.at = len(self.data) if found < 0 else found
 
     def _word(self) -> bytes:
-        begin = self.at
-        while self.at < len(self.data) and self.data[self.at] in _LETTERS:
-            self.at += 1
-        return self.data[begin : self.at]
+        return self._past(_WORD)
+
+    def _past(self, pattern: re.Pattern[bytes]) -> bytes:
+        """What of the pattern, which may be nothing, stands here."""
+        found = pattern.match(self.data, self.at)
+        assert found is not None
+        self.at = found.end()
+        return found[0]
 
 
 def _element(name: bytes, attributes: tuple[bytes, ...], values: list[float]) -> bytes:

@@ -43,18 +43,16 @@ def lockstep(
 ) -> Run:
     """Cycle by cycle: the robot sends, the loop (`exchange` of a LoopProcess or of a Twin) answers, the robot moves."""
     out, back = to_loop or Channel(), to_robot or Channel()
-    measured, arm, planned = [], [], []
+    seen = []
     for cycle in range(cycles):
-        measured.append(np.array(robot.plant.position_m))
-        arm.append(np.array(robot.plant.arm_m))
-        planned.append(list(robot.planned_m))
+        seen.append(_carts(robot))
         out.put(cycle, robot.number, robot.datagram())
         for answer in answering(out.due(cycle)):
             back.put(cycle, robot.number, answer)
         robot.step(back.due(cycle))
         if stopped(cycle / cycles):
             break
-    return Run(np.array(measured), np.array(arm), np.array(planned), out, back)
+    return Run(*np.stack(seen, axis=1), to_loop=out, to_robot=back)
 
 
 def real_time(robot: RobotSide, loop: LoopProcess, cycles: int, stopped: Stopped = _never) -> Run:
@@ -62,13 +60,11 @@ def real_time(robot: RobotSide, loop: LoopProcess, cycles: int, stopped: Stopped
 
     Then the loop is asked to end, and the robot, no longer measured, follows it to its stop.
     """
-    measured, arm, planned = [], [], []
+    seen = []
     begin, step = time.monotonic(), robot.cycle_ms / 1000.0
     sent, gap = begin, 0.0
     for cycle in range(cycles):
-        measured.append(np.array(robot.plant.position_m))
-        arm.append(np.array(robot.plant.arm_m))
-        planned.append(list(robot.planned_m))
+        seen.append(_carts(robot))
         loop.send(robot.datagram())
         now = time.monotonic()
         sent, gap = now, max(gap, now - sent)
@@ -82,4 +78,9 @@ def real_time(robot: RobotSide, loop: LoopProcess, cycles: int, stopped: Stopped
         loop.send(robot.datagram())
         time.sleep(step)
         robot.step(loop.received())
-    return Run(np.array(measured), np.array(arm), np.array(planned), longest_gap_s=gap)
+    return Run(*np.stack(seen, axis=1), longest_gap_s=gap)
+
+
+def _carts(robot: RobotSide) -> np.ndarray:
+    """(3, n): measured, on the arm's side, planned."""
+    return np.array([robot.plant.position_m, robot.plant.arm_m, robot.planned_m])

@@ -3,114 +3,57 @@
 Connectors: PointFrame, Frame, Flange, Shaft. World holds gravity; Ground, Anchor, FixedFlange, FixedShaft stand still.
 """
 
-from .anchors import Anchor, FixedFlange, FixedShaft, Ground
-from .attitude import AnyQuaternion, Attitude, UnitQuaternion, ZYZAngles
-from .ball_screw import BallScrew
-from .bodies import FreeBody, PointMass, RigidBody
-from .drive import Gear, Inertia, Mass, RackAndPinion
-from .fixed import Fixed, FixedTranslation, PointOnFrame
-from .frames import Flange, Frame, PointFrame, Shaft, World
+from .anchors import Anchor as Anchor, FixedFlange as FixedFlange, FixedShaft as FixedShaft, Ground as Ground
+from .attitude import (
+    AnyQuaternion as AnyQuaternion,
+    Attitude as Attitude,
+    UnitQuaternion as UnitQuaternion,
+    ZYZAngles as ZYZAngles,
+)
+from .ball_screw import BallScrew as BallScrew
+from .bodies import FreeBody as FreeBody, PointMass as PointMass, RigidBody as RigidBody
+from .drive import Gear as Gear, Inertia as Inertia, Mass as Mass, RackAndPinion as RackAndPinion
+from .fixed import Fixed as Fixed, FixedTranslation as FixedTranslation, PointOnFrame as PointOnFrame
+from .frames import Flange as Flange, Frame as Frame, PointFrame as PointFrame, Shaft as Shaft, World as World
 from .friction import (
-    DirectionalPiecewiseLinearFriction,
-    DirectionalSignFriction,
-    DirectionalTanhFriction,
-    Friction,
-    Frictionless,
-    PiecewiseLinearFriction,
-    SignFriction,
-    StribeckFriction,
-    TanhFriction,
+    DirectionalPiecewiseLinearFriction as DirectionalPiecewiseLinearFriction,
+    DirectionalSignFriction as DirectionalSignFriction,
+    DirectionalTanhFriction as DirectionalTanhFriction,
+    Friction as Friction,
+    Frictionless as Frictionless,
+    PiecewiseLinearFriction as PiecewiseLinearFriction,
+    SignFriction as SignFriction,
+    StribeckFriction as StribeckFriction,
+    TanhFriction as TanhFriction,
 )
 from .friction_rotational import (
-    RotationalDirectionalPiecewiseLinearFriction,
-    RotationalDirectionalTanhFriction,
-    RotationalFriction,
-    RotationalPiecewiseLinearFriction,
-    RotationalStribeckFriction,
-    RotationalTanhFriction,
+    RotationalDirectionalPiecewiseLinearFriction as RotationalDirectionalPiecewiseLinearFriction,
+    RotationalDirectionalTanhFriction as RotationalDirectionalTanhFriction,
+    RotationalFriction as RotationalFriction,
+    RotationalPiecewiseLinearFriction as RotationalPiecewiseLinearFriction,
+    RotationalStribeckFriction as RotationalStribeckFriction,
+    RotationalTanhFriction as RotationalTanhFriction,
 )
-from .guideway import CompliantGuideway, Guideway
-from .guideway_curves import CurvedGuideway, PiecewiseLinearCyclicGuideway, PiecewiseLinearGuideway, SplineGuideway
-from .guideway_measured import MeasuredGuideway
-from .guideway_saddle import SaddleGuideway
-from .joints import Prismatic, Revolute, Spherical, Universal
-from .load import FrameLoad, PointLoad
-from .motor import ForceMotor, GearedMotor, TorqueMotor
-from .plane import Plane
-from .plate import RigidPlate
-from .rod import ElasticRod, MidpointRod, Rod, UniformRod
-from .spring_damper import FlangeSpringDamper, PointSpringDamper, ShaftSpringDamper, SpringDamper
-from .strut import Strut
-from .wrist import Wrist, WristAxis
-
-__all__ = [
-    "Anchor",
-    "AnyQuaternion",
-    "Attitude",
-    "BallScrew",
-    "CompliantGuideway",
-    "CurvedGuideway",
-    "DirectionalPiecewiseLinearFriction",
-    "DirectionalSignFriction",
-    "DirectionalTanhFriction",
-    "ElasticRod",
-    "Fixed",
-    "FixedFlange",
-    "FixedShaft",
-    "FixedTranslation",
-    "Flange",
-    "FlangeSpringDamper",
-    "ForceMotor",
-    "Frame",
-    "FrameLoad",
-    "FreeBody",
-    "Friction",
-    "Frictionless",
-    "Gear",
-    "GearedMotor",
-    "Ground",
-    "Guideway",
-    "Inertia",
-    "Mass",
-    "MeasuredGuideway",
-    "MidpointRod",
-    "PiecewiseLinearCyclicGuideway",
-    "PiecewiseLinearFriction",
-    "PiecewiseLinearGuideway",
-    "Plane",
-    "PointFrame",
-    "PointLoad",
-    "PointMass",
-    "PointOnFrame",
-    "PointSpringDamper",
-    "Prismatic",
-    "RackAndPinion",
-    "Revolute",
-    "RigidBody",
-    "RigidPlate",
-    "Rod",
-    "RotationalDirectionalPiecewiseLinearFriction",
-    "RotationalDirectionalTanhFriction",
-    "RotationalFriction",
-    "RotationalPiecewiseLinearFriction",
-    "RotationalStribeckFriction",
-    "RotationalTanhFriction",
-    "SaddleGuideway",
-    "Shaft",
-    "ShaftSpringDamper",
-    "SignFriction",
-    "Spherical",
-    "SplineGuideway",
-    "SpringDamper",
-    "StribeckFriction",
-    "Strut",
-    "TanhFriction",
-    "TorqueMotor",
-    "UniformRod",
-    "UnitQuaternion",
-    "Universal",
-    "World",
-    "Wrist",
-    "WristAxis",
-    "ZYZAngles",
-]
+from .guideway import CompliantGuideway as CompliantGuideway, Guideway as Guideway
+from .guideway_curves import (
+    CurvedGuideway as CurvedGuideway,
+    PiecewiseLinearCyclicGuideway as PiecewiseLinearCyclicGuideway,
+    PiecewiseLinearGuideway as PiecewiseLinearGuideway,
+    SplineGuideway as SplineGuideway,
+)
+from .guideway_measured import MeasuredGuideway as MeasuredGuideway
+from .guideway_saddle import SaddleGuideway as SaddleGuideway
+from .joints import Prismatic as Prismatic, Revolute as Revolute, Spherical as Spherical, Universal as Universal
+from .load import FrameLoad as FrameLoad, PointLoad as PointLoad
+from .motor import ForceMotor as ForceMotor, GearedMotor as GearedMotor, TorqueMotor as TorqueMotor
+from .plane import Plane as Plane
+from .plate import RigidPlate as RigidPlate
+from .rod import ElasticRod as ElasticRod, MidpointRod as MidpointRod, Rod as Rod, UniformRod as UniformRod
+from .spring_damper import (
+    FlangeSpringDamper as FlangeSpringDamper,
+    PointSpringDamper as PointSpringDamper,
+    ShaftSpringDamper as ShaftSpringDamper,
+    SpringDamper as SpringDamper,
+)
+from .strut import Strut as Strut
+from .wrist import Wrist as Wrist, WristAxis as WristAxis

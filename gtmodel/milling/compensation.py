@@ -28,7 +28,7 @@ class Compensation:
         return a, b
 
 
-def offset(
+def path_offset(
     oscillators: Oscillators, F: ArrayLike, step: float, *, model: str = "dynamic", bandwidth: float | None = None
 ) -> np.ndarray:
     """Offset b (t, 3) [m] of the path for a known force F (t, 3) [N], world coordinates, every `step` [s].
@@ -83,7 +83,7 @@ def compensate(
     true: Oscillators | None = None,
 ) -> Compensation:  # fmt: skip
     """The offset, and what it leaves on the robot `true` (the model itself if left out), by simulation."""
-    b = offset(oscillators, F, step, model=model, bandwidth=bandwidth)
+    b = path_offset(oscillators, F, step, model=model, bandwidth=bandwidth)
     robot = oscillators if true is None else true
     return Compensation(b, tool_error(robot, F, step), tool_error(robot, F, step, b))
 

@@ -12,8 +12,7 @@ from ..lang import Model
 from ..results import ArgumentError, Check, Row, SolveStatus, Work, at_most
 from ..results.work import Progress, never, silent
 from . import pictures
-from .angle_search import Found
-from .angle_search import search as search_angles
+from .angle_search import Found, search as search_angles
 from .compensated_path import FILE, compensated
 from .cutter import Cut, Cutter
 from .deflection import SECONDS

@@ -11,45 +11,43 @@ elastic_study   how an elastic tool swings after motions planned rigid, shaped, 
 motion, MotionTask   the motion as an Optimization
 """
 
-from . import axes, elastic
+from . import axes as axes, elastic as elastic
 from .axes import (
-    AxisCost,
-    AxisEnd,
-    AxisMesh,
-    AxisSolver,
-    AxisStudy,
-    ToolCourse,
-    ToolDirection,
-    axis_study,
+    AxisCost as AxisCost,
+    AxisEnd as AxisEnd,
+    AxisMesh as AxisMesh,
+    AxisSolver as AxisSolver,
+    AxisStudy as AxisStudy,
+    ToolCourse as ToolCourse,
+    ToolDirection as ToolDirection,
+    axis_study as axis_study,
 )
-from .elastic import ElasticStudy, elastic_study
-from .motion_study import MotionStudy, study
-from .motion_table import MotionTable, Published, TableRow, table_study
+from .elastic import ElasticStudy as ElasticStudy, elastic_study as elastic_study
+from .motion_study import MotionStudy as MotionStudy, study as study
+from .motion_table import (
+    MotionTable as MotionTable,
+    Published as Published,
+    TableRow as TableRow,
+    table_study as table_study,
+)
 from .options import (
-    Arc,
-    AxisLimits,
-    Cost,
-    End,
-    Export,
-    JointCone,
-    Limits,
-    Line,
-    Mesh,
-    Obstacle,
-    Polyline,
-    Shape,
-    Solver,
-    Spline,
-    Starts,
-    Taught,
+    Arc as Arc,
+    AxisLimits as AxisLimits,
+    Cost as Cost,
+    End as End,
+    Export as Export,
+    JointCone as JointCone,
+    Limits as Limits,
+    Line as Line,
+    Mesh as Mesh,
+    Obstacle as Obstacle,
+    Polyline as Polyline,
+    Shape as Shape,
+    Solver as Solver,
+    Spline as Spline,
+    Starts as Starts,
+    Taught as Taught,
 )
-from .paths import read_points
-from .problem import MotionProblem
-from .task import MotionTask, motion
-
-__all__ = [
-    "Arc", "AxisCost", "AxisEnd", "AxisLimits", "AxisMesh", "AxisSolver", "AxisStudy", "Cost", "ElasticStudy", "End",
-    "Export", "JointCone", "Limits", "Line", "Mesh", "MotionProblem", "MotionStudy", "MotionTable", "MotionTask",
-    "Obstacle", "Polyline", "Published", "Shape", "Solver", "Spline", "Starts", "TableRow", "Taught", "ToolCourse",
-    "ToolDirection", "axes", "axis_study", "elastic", "elastic_study", "motion", "read_points", "study", "table_study",
-]  # fmt: skip
+from .paths import read_points as read_points
+from .problem import MotionProblem as MotionProblem
+from .task import MotionTask as MotionTask, motion as motion

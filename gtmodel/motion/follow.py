@@ -10,8 +10,8 @@ import numpy as np
 
 from ..compiler.causal import CausalFunction, compile_causal
 from ..lang import Model
-from ..optimize.ipopt import Progress
 from ..optimize.path import PathMotion, solve_path
+from ..optimize.watch import Progress
 from ..results import SolveStatus, Status, Trajectory
 from ..robots.links import link_names
 from .guard import Guard

@@ -9,8 +9,7 @@ from typing import Any, Literal, cast
 import numpy as np
 
 from ..lang import Optimization
-from ..optimize import Mesh, Solution, SolverOptions
-from ..optimize import solve as collocate
+from ..optimize import Mesh, Solution, SolverOptions, solve as collocate
 from ..optimize.judgement.resimulate import Resimulation, resimulate
 from ..results import SolveStatus, Trajectory, Work
 from .guard import Guard

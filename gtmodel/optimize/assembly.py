@@ -9,6 +9,7 @@ import casadi as ca
 import numpy as np
 
 from .nlp import Nlp, placed
+from .rows import on_rows
 from .solution import constants, horizon, mesh_fractions, states_and_controls
 
 # a branch expression this small beside its largest value is zero: the solution touches the border of the branch
@@ -44,11 +45,9 @@ def wrong_branch(nlp: Nlp, x: np.ndarray) -> str:
     if not branches:
         return ""
     expressions = problem.builder.express([b.expression for b in branches])
-    arguments = [problem.x, problem.xd, problem.u, problem.P, problem.t]
     xs, rates, us, times = states_and_controls(nlp, x, mesh_fractions(placed(nlp, x))[1:])
-    f = ca.Function("branches", arguments, [ca.vertcat(*expressions)]).map(len(times))
-    columns = [ca.DM(a.T) for a in (xs, rates, us)]
-    values = f(*columns, ca.repmat(ca.DM(constants(nlp, x)), 1, len(times)), ca.DM(times).T).full()
+    f = ca.Function("branches", problem.arguments, [ca.vertcat(*expressions)])
+    (values,) = on_rows(f, (xs, rates, us), constants(nlp, x), times)
     for b, row in zip(branches, values, strict=True):
         sign = problem.branches.get(b.name, 1)
         wrong = np.flatnonzero(~(sign * row > -TOUCHES * np.max(np.abs(row), initial=0.0)))

@@ -98,7 +98,7 @@ def pointwise(problem: DynamicProblem) -> ca.Function:
     rates = [r for r in problem.rates if r is not None]
     return ca.Function(
         "point",
-        [problem.x, problem.xd, problem.u, problem.P, problem.t],
+        problem.arguments,
         [
             ca.vertcat(*rates) if rates else ca.SX(0, 1),
             problem.algebraic,

@@ -8,11 +8,12 @@ import casadi as ca
 import numpy as np
 
 from ..lang.source import ModelError
-from .ipopt import Multipliers, Run
+from .ipopt import Run
 from .nlp import Nlp
+from .watch import Multipliers, Program
 
 
-class Staged:
+class Staged(Program):
     """The same NLP with the signs of its links turned round, and rows at the start moved to the first element.
 
     fatrop finds the stages by itself.

@@ -2,42 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import casadi as ca
 import numpy as np
 
+from ..compiler.rewriting import of_expression
 from .nlp import Nlp, instants, placed
+from .rows import on_rows
 from .solution import constants, mesh_fractions, states_and_controls
 
-NAMES = {
-    getattr(ca, f"OP_{n.upper()}"): n
-    for n in [
-        "sqrt",
-        "log",
-        "log1p",
-        "exp",
-        "expm1",
-        "acos",
-        "asin",
-        "atan2",
-        "tan",
-        "acosh",
-        "atanh",
-        "sinh",
-        "cosh",
-        "inv",
-    ]
-}
 SIGNS = {ca.OP_DIV: "/", ca.OP_MUL: "*", ca.OP_ADD: "+", ca.OP_SUB: "-", ca.OP_POW: "**", ca.OP_CONSTPOW: "**"}
 
 
-@dataclass(frozen=True, eq=False)
-class _Step:
-    """Something that is computed at a point: its name and its expression in symbols whose values are known."""
-
-    label: str
-    expression: ca.SX
+Step = tuple[str, ca.SX]  # something that is computed at a point: its name, and it in symbols of known values
 
 
 def not_finite(nlp: Nlp, x: np.ndarray) -> str:
@@ -50,11 +26,10 @@ def not_finite(nlp: Nlp, x: np.ndarray) -> str:
     xs, rates, us, times = states_and_controls(nlp, x, s)
     P = constants(nlp, x)
     problem = nlp.problem
-    arguments = [problem.x, problem.xd, problem.u, problem.P, problem.t]
-    columns = [ca.DM(a.T) for a in (xs, rates, us)] + [ca.repmat(ca.DM(P), 1, len(times)), ca.DM(times).T]
+    arguments = problem.arguments
     steps, symbols, values = _computed(nlp)
     everything = ca.Function("computed", arguments, [values, ca.jacobian(values, ca.vertcat(*arguments[:3])).nz[:]])
-    numbers, slopes = (v.full() for v in everything.map(len(times))(*columns))
+    numbers, slopes = on_rows(everything, (xs, rates, us), P, times)
     for infinite_slope in (False, True):
         table = slopes if infinite_slope else numbers
         bad = np.flatnonzero(~np.all(np.isfinite(table), axis=0))
@@ -62,15 +37,15 @@ def not_finite(nlp: Nlp, x: np.ndarray) -> str:
             continue
         k = int(bad[0])
         given = dict(zip((v.element_hash() for v in symbols), numbers[:, k], strict=True))
-        for column, row in zip(arguments, [c[:, k] for c in columns], strict=True):
+        for column, row in zip(arguments, (xs[k], rates[k], us[k], P, times[k : k + 1]), strict=True):
             own = ca.vertsplit(ca.vec(column)) if column.numel() else []
-            given |= dict(zip((v.element_hash() for v in own), np.asarray(row).reshape(-1), strict=True))
-        for step in steps:
-            found = _first(step.expression, given, infinite_slope)
+            given |= dict(zip((v.element_hash() for v in own), row, strict=True))
+        for label, expression in steps:
+            found = _first(expression, given, infinite_slope)
             if found:
                 slope = "the slope of " if infinite_slope else ""
                 element = min(mesh.elements, int(np.searchsorted(mesh.edges, s[k] - 1e-12, side="right")))
-                return f"{slope}{found} in {step.label} at {times[k]:.4g} s (element {element}) is not finite"
+                return f"{slope}{found} in {label} at {times[k]:.4g} s (element {element}) is not finite"
     return _at_instants(nlp, x)
 
 
@@ -91,42 +66,34 @@ def _at_instants(nlp: Nlp, x: np.ndarray) -> str:
     return ""
 
 
-def _computed(nlp: Nlp) -> tuple[list[_Step], list[ca.SX], ca.SX]:
+def _computed(nlp: Nlp) -> tuple[list[Step], list[ca.SX], ca.SX]:
     """What is computed at a point in order; symbols of intermediate results, and these with the rows as expressions of
     the problem's own symbols."""
     problem = nlp.problem
     builder, plan, flat = problem.builder, problem.plan, problem.flat
-    steps: list[_Step] = []
+    steps: list[Step] = []
     symbols: list[ca.SX] = []
     if builder.kind != "dae":
-        signs = [r for b in plan.blocks for r in b.roots]
-        old = [flat.p, *[r.sign for r in signs]] if flat.parameters else [r.sign for r in signs]
-        new = (
-            [plan.parameters, *[ca.SX(r.value) for r in signs]] if flat.parameters else [ca.SX(r.value) for r in signs]
-        )
         taken = {p: e for p, e in builder.rates.items()}
         taken |= {p: sign * builder.u[n] for p, (n, sign) in builder.control_symbols.items()}
         computed = {flat.scope.symbol(*p).element_hash() for p in taken}
+        pairs = [(flat.p, plan.parameters)] if flat.parameters else []
+        pairs += [(r.sign, ca.SX(r.value)) for b in plan.blocks for r in b.roots]
+        pairs += [(flat.scope.symbol(*p), v) for p, v in taken.items()]
+        old, new = (ca.vertcat(*side) for side in zip(*pairs, strict=True)) if pairs else (ca.SX(0, 1), ca.SX(0, 1))
         for block in plan.blocks:
+            equations = "; ".join(dict.fromkeys(block.equations))
             for symbol, expression in block.assignments:
-                if symbol.element_hash() in computed and builder.kind != "inverse":
-                    continue
-                e = expression
-                pairs = [*zip(old, new, strict=True), *((flat.scope.symbol(*p), v) for p, v in taken.items())]
-                if pairs:
-                    e = ca.substitute([e], [ca.vertcat(*[a for a, _ in pairs])], [ca.vertcat(*[b for _, b in pairs])])[
-                        0
-                    ]
-                equations = "; ".join(dict.fromkeys(block.equations))
-                steps.append(_Step(f"'{equations}'", e))
-                symbols.append(symbol)
+                if symbol.element_hash() not in computed or builder.kind == "inverse":
+                    steps.append((f"'{equations}'", ca.substitute([expression], [old], [new])[0]))
+                    symbols.append(symbol)
     own = builder.express(symbols, with_controls=builder.kind != "inverse") if symbols else []
     named = zip(problem.state_names, problem.rates, strict=True)
     rows: list[tuple[str, ca.SX]] = [(f"the rate of {n}", r) for n, r in named if r is not None]
     rows += [(f"'{label}'", problem.algebraic[n]) for n, label in enumerate(problem.algebraic_labels)]
     rows += [(f"'{r.label}'", r.expression) for r in problem.path]
     rows += [("an integral of the objective", e) for _, e, _ in problem.integrals]
-    steps += [_Step(label, e) for label, e in rows]
+    steps += rows
     values = ca.vertcat(*own, *[e for _, e in rows]) if own or rows else ca.SX(0, 1)
     symbols += [ca.SX.sym("row") for _ in rows]
     return steps, symbols, values
@@ -134,23 +101,21 @@ def _computed(nlp: Nlp) -> tuple[list[_Step], list[ca.SX], ca.SX]:
 
 def _first(expression: ca.SX, given: dict[int, float], infinite_slope: bool) -> str:
     """The first operation of an expression whose arguments are finite, but not its value (or its slope)."""
-    free = ca.symvar(expression)
-    f = ca.Function("walk", [ca.vertcat(*free)] if free else [ca.SX(0, 1)], [ca.densify(expression)])
-    memory: dict[int, float] = {}
-    for k in range(f.n_instructions()):
-        op, into, out = f.instruction_id(k), f.instruction_output(k), f.instruction_input(k)
-        if op == ca.OP_OUTPUT:
-            continue
+    read, free = of_expression(expression)
+    memory: list[float] = []
+    for op, reads, place, constant in read:
+        arguments = [memory[i] for i in reads]
         if op == ca.OP_INPUT:
-            value = given.get(free[out[1]].element_hash(), np.nan)
+            value = given.get(free[place].element_hash(), np.nan)
         elif op == ca.OP_CONST:
-            value = f.instruction_constant(k)
+            value = constant
+        elif op == ca.OP_OUTPUT:
+            value = arguments[0]
         else:
-            arguments = [memory[i] for i in out]
-            value = float(ca.DM.unary(op, arguments[0]) if len(out) == 1 else ca.DM.binary(op, *arguments))
+            value = float(ca.DM.unary(op, arguments[0]) if len(reads) == 1 else ca.DM.binary(op, *arguments))
             if all(np.isfinite(arguments)) and (_steep(op, arguments) if infinite_slope else not np.isfinite(value)):
                 return _written(op, arguments)
-        memory[into[0]] = float(value)
+        memory.append(float(value))
     return ""
 
 
@@ -170,4 +135,6 @@ def _written(op: int, a: list[float]) -> str:
         return f"({a[0]:.4g}) {SIGNS[op]} ({a[1]:.4g})"
     if op == ca.OP_INV:
         return f"1 / ({a[0]:.4g})"
-    return f"{NAMES.get(op, 'an operation')}({', '.join(f'{v:.4g}' for v in a)})"
+    x = [ca.SX.sym("x") for _ in a]
+    name = str(ca.SX.unary(op, *x) if len(a) == 1 else ca.SX.binary(op, *x)).partition("(")[0]
+    return f"{name or 'an operation'}({', '.join(f'{v:.4g}' for v in a)})"

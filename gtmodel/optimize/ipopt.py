@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, replace
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 import numpy as np
@@ -13,7 +13,8 @@ from ..results.status import SolveStatus
 from .quiet import without_warnings
 from .watch import FEASIBLE, NEARER, Iterate, Multipliers, Program, Progress, Watch
 
-__all__ = ["BARRIERS", "HESSIANS", "Iterate", "Limits", "Multipliers", "Program", "Progress", "Run", "run_ipopt"]
+if TYPE_CHECKING:
+    from .solve import SolverOptions
 
 HESSIANS = {"exact": "exact", "lbfgs": "limited-memory"}
 STRATEGIES = ("adaptive", "monotone")  # IPOPT's mu_strategy; where one fails the other may need a tenth of iterations
@@ -26,23 +27,6 @@ WARM_PUSH, WARM_BARRIER = 1e-3, 1e-6
 LOST = 150
 # ends after which the other strategy is tried: what stopped the run was neither the caller nor a limit of his
 TRIED_AGAIN = (SolveStatus.FAILED, SolveStatus.INFEASIBLE, SolveStatus.DIVERGED, SolveStatus.NOT_FINITE)
-
-
-class Limits(Protocol):
-    """What IPOPT needs of the solver's options."""
-
-    @property
-    def tolerance(self) -> float: ...
-    @property
-    def max_iterations(self) -> int: ...
-    @property
-    def max_seconds(self) -> float | None: ...
-    @property
-    def hessian(self) -> str: ...
-    @property
-    def barrier(self) -> str: ...
-    @property
-    def patience(self) -> int | None: ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +73,7 @@ class Run:
 def run_ipopt(
     program: Program,
     x0: np.ndarray,
-    options: Limits,
+    options: SolverOptions,
     progress: Progress | None = None,
     warm: Multipliers | None = None,
     scale: float = 1.0,
@@ -122,9 +106,7 @@ def _either(program: Program, first: Run, second: Run) -> Run:
     seconds = {name: first.seconds[name] + second.seconds[name] for name in first.seconds}
 
     def violation(run: Run) -> float:
-        g = run.at_best().g
-        worst = float(np.max(np.maximum(program.lbg - g, g - program.ubg), initial=0.0))
-        return np.inf if np.isnan(worst) else max(worst, FEASIBLE)
+        return max(program.violation(run.at_best().g), FEASIBLE)
 
     nearer = second.status.ok or violation(second) < NEARER * violation(first)
     kept, other = (second, first) if nearer else (first, second)
@@ -137,7 +119,7 @@ def _either(program: Program, first: Run, second: Run) -> Run:
 def _once(
     program: Program,
     x0: np.ndarray,
-    options: Limits,
+    options: SolverOptions,
     strategy: str,
     watch: Watch,
     warm: Multipliers | None,
@@ -169,7 +151,7 @@ def _once(
         "show_eval_warnings": False,
         **program.functions,
     }
-    plugin = getattr(options, "solver", "ipopt")
+    plugin = options.solver
     if plugin == "fatrop":
         settings.pop("ipopt")
         settings.pop("iteration_callback")  # fatrop has none

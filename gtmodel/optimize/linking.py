@@ -18,7 +18,8 @@ from ..lang.units import parse_unit
 from .element import value_at
 from .formulation.relations import Row, relation_rows
 from .formulation.sizes import scale_of
-from .nlp import Nlp, scatter
+from .nlp import Nlp, functions_of, scatter
+from .watch import Program
 
 Link = Callable[["End", "End"], Iterable[Any]]
 
@@ -55,6 +56,9 @@ class Border:
     def __init__(self, nlp: Nlp, scope: Scope, place: float) -> None:
         self._nlp, self._scope, self._place = nlp, scope, place
         self._taken: list[tuple[ca.SX, list[tuple[int, int]]]] = []
+        layout = nlp.element.layout
+        self.y, self.last = ca.SX.sym("y", layout.size), ca.SX.sym("last", layout.nl)
+        self.P = ca.SX.sym("P", len(nlp.p_scale))
 
     def take(self, name: str) -> Expr:
         """The value of a name here, as an expression. Raises ModelError for a name that the phase does not know."""
@@ -78,7 +82,7 @@ class Border:
         if not self._nlp.mesh.is_point(self._place):
             off = problem.builder.off_points(asked, expressions)
             expressions = [e if o is None else o for e, o in zip(expressions, off, strict=True)]
-        f = ca.Function("end", [problem.x, problem.xd, problem.u, problem.P, problem.t], [ca.vertcat(*expressions)])
+        f = ca.Function("end", problem.arguments, [ca.vertcat(*expressions)])
         return symbols, f(*self._point())
 
     def _point(self) -> tuple[ca.SX, ...]:
@@ -91,24 +95,6 @@ class Border:
         return x, xd, u, P, t
 
     @property
-    def y(self) -> ca.SX:
-        return self._symbol("y", self._nlp.element.layout.size)
-
-    @property
-    def last(self) -> ca.SX:
-        return self._symbol("last", self._nlp.element.layout.nl)
-
-    @property
-    def P(self) -> ca.SX:
-        return self._symbol("P", len(self._nlp.p_scale))
-
-    def _symbol(self, name: str, size: int) -> ca.SX:
-        key = f"_sx_{name}"
-        if key not in self.__dict__:
-            self.__dict__[key] = ca.SX.sym(name, size)
-        return self.__dict__[key]
-
-    @property
     def unknowns(self) -> tuple[ca.SX, np.ndarray]:
         """Symbols and their places among the phase's unknowns."""
         nlp = self._nlp
@@ -119,22 +105,15 @@ class Border:
     def times(self) -> tuple[ca.SX, ca.SX]:
         """Start and end of this phase's horizon."""
         p = self._nlp.problem
-        f = ca.Function("times", [p.P], [p.t0, p.tf])
-        t0, tf = f(self.P * ca.DM(self._nlp.p_scale))
+        t0, tf = ca.Function("times", [p.P], [p.t0, p.tf])(self.P * ca.DM(self._nlp.p_scale))
         return t0, tf
 
 
 @dataclass(eq=False)
-class Joined:
+class Joined(Program):
     """The NLP of all phases: theirs one after the other, and the rows that link them."""
 
     nlps: dict[str, Nlp]
-    functions: dict[str, ca.Function]
-    nlp: ca.Function
-    lbx: np.ndarray
-    ubx: np.ndarray
-    lbg: np.ndarray
-    ubg: np.ndarray
     links: list[Row]
     at: np.ndarray
     rows: np.ndarray
@@ -177,18 +156,12 @@ def join(model: Links, nlps: dict[str, Nlp]) -> Joined:
         r, c = (np.array(a, int) for a in hessian.sparsity().get_triplet())
         values = curvature(zx, lams[int(rows[-1]) :])
         hess = hess + scatter(index[r], index[c], values, (total, total))
-    functions = {
-        "jac_g": ca.Function("nlp_jac_g", [X, p], [g, jac], ["x", "p"], ["g", "jac_g_x"]),
-        "grad_f": ca.Function("nlp_grad_f", [X, p], [f, grad], ["x", "p"], ["f", "grad_f_x"]),
-        "hess_lag": ca.Function(
-            "nlp_hess_l", [X, p, sigma, lams], [hess], ["x", "p", "lam_f", "lam_g"], ["triu_hess_gamma_x_x"]
-        ),
-    }
+    functions = functions_of(X, p, sigma, lams, f, g, grad, jac, hess)
     nlp = ca.Function("nlp", [X, p], [f, g], ["x", "p"], ["f", "g"])
     low = np.concatenate([*[n.lbg for n in each], [r.low for r in links]])
     high = np.concatenate([*[n.ubg for n in each], [r.high for r in links]])
     lbx, ubx = np.concatenate([n.lbx for n in each]), np.concatenate([n.ubx for n in each])
-    return Joined(nlps, functions, nlp, lbx, ubx, low, high, links, at, rows, model.shared)
+    return Joined(functions, nlp, lbx, ubx, low, high, nlps, links, at, rows, model.shared)
 
 
 def _links(model: Links, nlps: dict[str, Nlp], at: np.ndarray) -> tuple[ca.SX, np.ndarray, list[Row]]:

@@ -6,12 +6,12 @@ IPOPT ends where slopes are below its tolerance: an objective in micrometres squ
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Protocol
 
 import casadi as ca
 import numpy as np
 
 from ..lang.scope import Misfit
+from .watch import Program
 
 SMALL = 1e-4  # slopes per nominal below this are scaled up; IPOPT itself scales down those above LARGE
 LARGE = 100.0
@@ -19,13 +19,7 @@ MOST = 1e20  # more says that the objective is none
 SEED, TRIALS = 0, 2
 
 
-class Sized(Protocol):
-    functions: dict[str, ca.Function]
-    lbx: np.ndarray
-    ubx: np.ndarray
-
-
-def objective_scale(program: Sized, x0: np.ndarray, misfits: Iterable[Misfit]) -> float:
+def objective_scale(program: Program, x0: np.ndarray, misfits: Iterable[Misfit]) -> float:
     """What the objective is to be multiplied by: 1, or more where all its slopes are small about a nominal away from
     the guess, or where it holds measured values of unknown noise and these scatter little."""
     slope = program.functions["grad_f"]

@@ -119,7 +119,7 @@ def _distances(a: Solution, b: Solution) -> tuple[float, float, float]:
     each = []
     for columns in (layout.x.ravel(), layout.u.ravel()):
         each.append(float(np.sqrt(np.mean((ya - yb)[:, columns] ** 2))) if columns.size else 0.0)
-    free = slice(nlp.constants, nlp.constants + len(nlp.problem.free_names))
+    free = nlp.free
     pa, pb, room = a.x[free], b.x[free], _room(nlp, free, np.maximum(np.abs(a.x[free]), np.abs(b.x[free])))
     size = np.maximum(np.maximum(np.abs(pa), np.abs(pb)), NOTHING * room)
     return each[0], each[1], float(np.max(np.abs(pa - pb) / size, initial=0.0))
@@ -154,7 +154,7 @@ def _perturbed(nlp: Nlp, x0: np.ndarray, spread: float, rng: np.random.Generator
         column = int(layout.u[-1, j])
         f = wave(nlp.lbx[column], nlp.ubx[column])
         blocks[:, layout.u[:, j]] += f(places)
-    free = slice(nlp.constants, nlp.constants + len(nlp.problem.free_names))
+    free = nlp.free
     low, high, p, change = nlp.lbx[free], nlp.ubx[free], x[free], spread * rng.standard_normal(len(x[free]))
     # a factor changes no sign and no zero
     added = (p == 0.0) | ((low < 0) & (high > 0) & np.isfinite(high - low))

@@ -18,10 +18,11 @@ from .element import Element, Layout, make_element, value_at
 from .formulation.delays import DelayRows, delay_rows
 from .formulation.dynamic import DynamicProblem
 from .mesh import Mesh
+from .watch import Program
 
 
 @dataclass(eq=False)
-class Nlp:
+class Nlp(Program):
     """Functions for nlpsol, bounds, and where each unknown and row stands.
 
     Unknowns X = [y_0, ..., y_(N-1), right end, P], scaled by nominals (P by its own scale).
@@ -30,12 +31,6 @@ class Nlp:
     problem: DynamicProblem
     mesh: Mesh
     element: Element
-    functions: dict[str, ca.Function]
-    nlp: ca.Function
-    lbx: np.ndarray
-    ubx: np.ndarray
-    lbg: np.ndarray
-    ubg: np.ndarray
     p_scale: np.ndarray
     linear_names: list[str]
     compile_seconds: float | None = None  # None: CasADi's virtual machine evaluates the elements
@@ -53,6 +48,16 @@ class Nlp:
     def constants(self) -> int:
         """Where the free constants begin among the unknowns."""
         return self.end + self.element.layout.nl
+
+    @property
+    def free(self) -> slice:
+        """Places of the free constants among the unknowns; behind them stand the tunable parameters."""
+        return slice(self.constants, self.constants + len(self.problem.free_names))
+
+    def inputs(self, x: np.ndarray, element: int, local: np.ndarray) -> np.ndarray:
+        """Controls and point variables (len(local), n) at fractions of one element."""
+        layout = self.element.layout
+        return layout.inputs(x[element * layout.size : (element + 1) * layout.size] * layout.scale, local)
 
     def row_name(self, row: int) -> str:
         """What a constraint row says, with element and collocation point."""
@@ -150,18 +155,25 @@ def make_nlp(problem: DynamicProblem, mesh: Mesh, machine_code: bool = False) ->
 
     parameters = ca.MX.sym("p", 0)
     nlp = ca.Function("nlp", [X, parameters], [f, g], ["x", "p"], ["f", "g"])
-    functions = {
-        "jac_g": ca.Function("nlp_jac_g", [X, parameters], [g, jac], ["x", "p"], ["g", "jac_g_x"]),
-        "grad_f": ca.Function("nlp_grad_f", [X, parameters], [f, grad_f], ["x", "p"], ["f", "grad_f_x"]),
-        "hess_lag": ca.Function(
-            "nlp_hess_l", [X, parameters, sigma, lam_all], [hess], ["x", "p", "lam_f", "lam_g"], ["triu_hess_gamma_x_x"]
-        ),
-    }
+    functions = functions_of(X, parameters, sigma, lam_all, f, g, grad_f, jac, hess)
     lbx, ubx = _bounds(problem, element, mesh, p_scale)
     lbg = np.concatenate([np.tile(element.low, N), [r.low / r.scale for r in problem.points], delays.value])
     ubg = np.concatenate([np.tile(element.high, N), [r.high / r.scale for r in problem.points], delays.value])
     _step_bounds(problem, mesh, element.layout, m, lbg, ubg)
-    return Nlp(problem, mesh, element, functions, nlp, lbx, ubx, lbg, ubg, p_scale, delays.names, compile_seconds)
+    return Nlp(functions, nlp, lbx, ubx, lbg, ubg, problem, mesh, element, p_scale, delays.names, compile_seconds)
+
+
+def functions_of(
+    X: ca.MX, p: ca.MX, sigma: ca.MX, lam: ca.MX, f: ca.MX, g: ca.MX, gradient: ca.MX, jacobian: ca.MX, hessian: ca.MX
+) -> dict[str, ca.Function]:
+    """Derivatives by the names of nlpsol's options; the Hessian of sigma f + lam g is its upper triangle."""
+    return {
+        "jac_g": ca.Function("nlp_jac_g", [X, p], [g, jacobian], ["x", "p"], ["g", "jac_g_x"]),
+        "grad_f": ca.Function("nlp_grad_f", [X, p], [f, gradient], ["x", "p"], ["f", "grad_f_x"]),
+        "hess_lag": ca.Function(
+            "nlp_hess_l", [X, p, sigma, lam], [hessian], ["x", "p", "lam_f", "lam_g"], ["triu_hess_gamma_x_x"]
+        ),
+    }
 
 
 def _check_names(problem: DynamicProblem, mesh: Mesh) -> None:
@@ -239,7 +251,6 @@ def instants(problem: DynamicProblem, mesh: Mesh, layout: Layout, p_scale: np.nd
     xN = ca.SX.sym("xN", nx)
     Ps = ca.SX.sym("Ps", nP)
     P = Ps * ca.DM(p_scale) if nP else Ps
-    arguments = [problem.x, problem.xd, problem.u, problem.P, problem.t]
     points: dict[float, tuple[ca.SX, ...]] = {}  # several values may be asked for at one instant
     values = []
     for i, k in zip(problem.instants, where, strict=True):
@@ -250,7 +261,7 @@ def instants(problem: DynamicProblem, mesh: Mesh, layout: Layout, p_scale: np.nd
                 x = xN[: layout.nx] * ca.DM(problem.x_scale)
             points[i.s] = (x, xd, u, P, t)
         e = i.expression if i.off is None or mesh.is_point((i.s - edges[k]) / h[k]) else i.off
-        values.append(ca.Function("instant", arguments, [e])(*points[i.s]))
+        values.append(ca.Function("instant", problem.arguments, [e])(*points[i.s]))
     old = ca.vertcat(*[i.symbol for i in problem.instants], problem.P)
     new = ca.vertcat(*values, P)
     index = np.concatenate(

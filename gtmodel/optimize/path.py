@@ -15,9 +15,11 @@ import casadi as ca
 import numpy as np
 
 from ..results.status import SolveStatus
-from .ipopt import Progress, run_ipopt
+from .ipopt import run_ipopt
 from .judgement.diagnosis import failure
+from .nlp import functions_of, scatter
 from .solve import SolverOptions
+from .watch import Program, Progress
 
 ROOT = 1e-12  # added under the root: its slope at rest stays finite
 LEAST_GUESS = 1e-3  # of b, in squares of the path per second
@@ -80,18 +82,6 @@ class PathMotion:
         return np.clip(self.s[k] + v * tau + a * tau**2 / 2, 0.0, 1.0), np.maximum(v + a * tau, 0.0), a
 
 
-@dataclass(eq=False)
-class _Program:
-    """The path's NLP as `run_ipopt` takes it."""
-
-    functions: dict[str, ca.Function]
-    nlp: dict[str, ca.MX]
-    lbx: np.ndarray
-    ubx: np.ndarray
-    lbg: np.ndarray
-    ubg: np.ndarray
-
-
 def cosine_nodes(intervals: int) -> np.ndarray:
     """(intervals + 1,) fractions from 0 to 1, closest at both ends."""
     return (1 - np.cos(np.pi * np.arange(intervals + 1) / intervals)) / 2
@@ -121,13 +111,13 @@ def solve_path(
     s = cosine_nodes(intervals)
     interval, data, per = _interval(task, s, bounded)
     count = per * rows
-    nlp = _assemble(interval, data, intervals, count)
+    nlp, derivatives = _assemble(interval, data, intervals, count)
     low_b, high_b = np.zeros(intervals + 1), np.full(intervals + 1, np.inf)
     for end, rests in zip((0, -1), task.rest, strict=True):
         if rests:
             high_b[end] = 0.0
     low, high = (np.tile(bound / _scale(task), per * intervals) for bound in (task.low, task.high))
-    program = _Program(nlp[1], nlp[0], low_b, high_b, low, high)
+    program = Program(derivatives, nlp, low_b, high_b, low, high)
     options = SolverOptions(tolerance=tolerance, max_iterations=max_iterations, max_seconds=max_seconds)
     run = run_ipopt(program, _guess(s), options, progress).at_best()
     b = np.maximum(run.x, 0.0)
@@ -191,23 +181,12 @@ def _assemble(interval: ca.Function, data: ca.DM, N: int, m: int) -> tuple[dict[
     k = np.arange(N)
     columns = (k[:, None, None] + np.arange(2)[None, :, None] + np.zeros((1, 1, m), int)).reshape(-1)
     lines = (k[:, None, None] * m + np.zeros((1, 2, 1), int) + np.arange(m)[None, None, :]).reshape(-1)
-    jacobian = _scatter(lines, columns, ca.vec(J), (N * m, N + 1))
+    jacobian = scatter(lines, columns, ca.vec(J), (N * m, N + 1))
     sg, lg = ca.MX.sym("sg"), ca.MX.sym("lg", N * m)
     h = bend(Y, data, ca.repmat(sg, 1, N), ca.reshape(lg, m, N))
     diagonal = ca.vertcat(h[0, :].T, 0) + ca.vertcat(0, h[2, :].T)
     n = np.arange(N + 1)
     entries = ca.vertcat(diagonal, h[1, :].T)
-    hessian = _scatter(np.concatenate([n, k]), np.concatenate([n, k + 1]), entries, (N + 1, N + 1))
-    functions = {
-        "grad_f": ca.Function("grad_f", [x, none], [f, gradient], ["x", "p"], ["f", "grad_f_x"]),
-        "jac_g": ca.Function("jac_g", [x, none], [g, jacobian], ["x", "p"], ["g", "jac_g_x"]),
-        "hess_lag": ca.Function(
-            "hess_lag", [x, none, sg, lg], [hessian], ["x", "p", "lam_f", "lam_g"], ["triu_hess_gamma_x_x"]
-        ),
-    }
+    hessian = scatter(np.concatenate([n, k]), np.concatenate([n, k + 1]), entries, (N + 1, N + 1))
+    functions = functions_of(x, none, sg, lg, f, g, gradient, jacobian, hessian)
     return {"x": x, "p": none, "f": f, "g": g}, functions
-
-
-def _scatter(rows: np.ndarray, cols: np.ndarray, values: ca.MX, shape: tuple[int, int]) -> ca.MX:
-    order = np.lexsort((rows, cols))
-    return ca.MX(ca.Sparsity.triplet(*shape, rows.tolist(), cols.tolist()), values[order.tolist()])

@@ -17,7 +17,7 @@ from .equalities import check_equalities
 from .finite import not_finite
 from .formulation.problem import build
 from .guess import initial_guess
-from .ipopt import Multipliers, Progress, Run, run_ipopt
+from .ipopt import Run, run_ipopt
 from .judgement.diagnosis import failure, named_row, solved_word, violated
 from .judgement.discretisation import judged
 from .linking import Joined, Link, join
@@ -26,6 +26,7 @@ from .mesh import Mesh, given_mesh
 from .nlp import Nlp, make_nlp
 from .solution import Solution, read_solution
 from .solve import NotSolved, SolverOptions
+from .watch import Multipliers, Progress
 
 
 class Phases:
@@ -152,19 +153,7 @@ def _read(joined: Joined, run: Run, options: SolverOptions, throw: bool, scale: 
         x = run.x[columns]
         multipliers = Multipliers(run.multipliers.rows[rows], run.multipliers.bounds[columns])
         cost = float(nlp.nlp(x, [])[0])
-        own = Run(
-            x,
-            run.g[rows],
-            cost,
-            multipliers,
-            run.iterations,
-            status,
-            run.word,
-            run.seconds,
-            None,
-            run.miss,
-            curved=run.curved,
-        )
+        own = replace(run, x=x, g=run.g[rows], objective=cost, multipliers=multipliers, status=status)
         solution = replace(read_solution(nlp, own, status, message), linked=True)
         solutions[name] = judged(solution, options.error_bound, scale=scale)
     failed = [f"phase '{n}': {s.message}" for n, s in solutions.items() if s.status is not status]

@@ -7,46 +7,34 @@ from the integrator, with its sensitivities. Bounds and path constraints hold at
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 import numpy as np
 
 from ..lang.source import ModelError
-from .ipopt import Iterate, Limits, Multipliers, Progress, Run, run_ipopt
+from .ipopt import Run, run_ipopt
 from .judgement.resimulate import make_integrator
 from .magnitude import objective_scale
 from .nlp import Nlp
+from .watch import Iterate, Multipliers, Program, Progress
+
+if TYPE_CHECKING:
+    from .solve import SolverOptions
 
 TOLERANCE = 1e-10  # of the integrator: far below what IPOPT resolves
 
 
-@dataclass(frozen=True)
-class _Limits:
-    tolerance: float
-    max_iterations: int
-    max_seconds: float | None
-    barrier: str
-    patience: int | None
-    hessian: str = "lbfgs"  # second derivatives of an integrator are dear
-
-
 @dataclass(eq=False)
-class _Shooting:
+class _Shooting(Program):
     """The NLP in the unknowns `kept` of the collocation NLP; `rows` of its rows remain."""
 
-    functions: dict[str, ca.Function]
-    nlp: ca.Function
-    lbx: np.ndarray
-    ubx: np.ndarray
-    lbg: np.ndarray
-    ubg: np.ndarray
     kept: np.ndarray
     rows: np.ndarray
     full: ca.Function
 
 
-def run_shooting(nlp: Nlp, x0: np.ndarray, options: Limits, progress: Progress | None) -> Run:
+def run_shooting(nlp: Nlp, x0: np.ndarray, options: SolverOptions, progress: Progress | None) -> Run:
     """Optimise by multiple shooting, and answer in the unknowns and rows of collocation.
 
     Raises ModelError for what this road does not take: Gauss points, algebraic unknowns, delays.
@@ -61,9 +49,9 @@ def run_shooting(nlp: Nlp, x0: np.ndarray, options: Limits, progress: Progress |
             f"'{problem.formulation}'"
         )
     shooting = _transcribe(nlp)
-    limits = _Limits(options.tolerance, options.max_iterations, options.max_seconds, options.barrier, options.patience)
     scale = objective_scale(nlp, x0, problem.misfits)
-    run = run_ipopt(shooting, x0[shooting.kept], limits, progress, scale=scale)
+    # second derivatives of an integrator are dear
+    run = run_ipopt(shooting, x0[shooting.kept], replace(options, hessian="lbfgs"), progress, scale=scale)
 
     def lifted(of: Run | Iterate) -> dict[str, Any]:
         """Unknowns, rows and multipliers of collocation."""

@@ -19,6 +19,7 @@ from .formulation.system import System
 from .ipopt import Run
 from .mesh import ROUND_OFF, Mesh
 from .nlp import Nlp, placed
+from .rows import on_rows
 from .tables import basis, basis_slope
 
 if TYPE_CHECKING:
@@ -70,7 +71,7 @@ class Solution:
     def sensitivity(self) -> dict[str, float]:
         """Slope of the optimal cost with respect to each tunable parameter, in SI units (envelope theorem)."""
         nlp = self.nlp
-        first = nlp.constants + len(self.problem.free_names)
+        first = nlp.free.stop
         slope = np.asarray(nlp.functions["grad_f"](self.x, [])[1]).reshape(-1)[first:]
         jacobian = nlp.functions["jac_g"](self.x, [])[1][:, first:]
         slope = slope + np.asarray((jacobian.T @ ca.DM(self.multipliers)).full()).reshape(-1)
@@ -195,13 +196,11 @@ def read_solution(nlp: Nlp, run: Run, status: SolveStatus, message: str) -> Solu
 
 def mesh_fractions(mesh: Mesh) -> np.ndarray:
     """Fractions of the horizon of the start and all collocation points (and the end, for Gauss)."""
-    s = [0.0]
-    for k in range(mesh.elements):
-        s += (mesh.edges[k] + mesh.h[k] * mesh.table.points).tolist()
+    s = np.append(0.0, mesh.edges[:-1, None] + mesh.h[:, None] * mesh.table.points)
     if s[-1] < 1.0 - 1e-12:
-        s.append(1.0)
+        s = np.append(s, 1.0)
     s[-1] = 1.0
-    return np.array(s)
+    return s
 
 
 def constants(nlp: Nlp, x: np.ndarray) -> np.ndarray:
@@ -265,11 +264,9 @@ def totals(nlp: Nlp, x: np.ndarray, s: np.ndarray) -> np.ndarray:
         return np.zeros((len(s), 0))
     points = (mesh.edges[:-1, None] + mesh.h[:, None] * mesh.table.points).ravel()
     xs, rates, us, times = states_and_controls(nlp, x, points)
-    columns = [ca.DM(a.T) for a in (xs, rates, us)]
-    n = len(points)
-    values = problem.integrands.map(n)(*columns, ca.repmat(ca.DM(constants(nlp, x)), 1, n), ca.DM(times).T)
+    (values,) = on_rows(problem.integrands, (xs, rates, us), constants(nlp, x), times)
     t0, tf = horizon(nlp, x)
-    return summed(problem, mesh, values.full().T.reshape(mesh.elements, mesh.points, -1), s, tf - t0)
+    return summed(problem, mesh, values.T.reshape(mesh.elements, mesh.points, -1), s, tf - t0)
 
 
 def at_points(mesh: Mesh, s: np.ndarray) -> np.ndarray:
@@ -289,10 +286,7 @@ def named(
     summed_up: values of the costs that are written as states, see totals().
     """
     names, f = _outputs(problem)
-    n = len(times)
-    columns = [ca.DM(a.T) for a in (xs, rates, us)]
-    values = f.map(n)(*columns, ca.repmat(ca.DM(P), 1, n), ca.DM(times).T, ca.DM(summed_up.T))
-    values = np.asarray(values.full())
+    (values,) = on_rows(f, (xs, rates, us), P, times, summed_up)
     result: dict[str, np.ndarray] = {}
     units: dict[str, str] = {}
     row = 0
@@ -332,8 +326,7 @@ def _outputs(problem: DynamicProblem) -> tuple[list[tuple[str, Any, int, str]], 
     asked = [p for _, _, pairs in entries for p in pairs]
     expressed = iter(builder.express([flat.scope.symbol(*p) for p in asked if p not in apart]))
     expressions = [apart[p] if p in apart else next(expressed) for p in asked]
-    arguments = [problem.x, problem.xd, problem.u, problem.P, problem.t, sums]
-    f = ca.Function("outputs", arguments, [ca.vertcat(*expressions)])
+    f = ca.Function("outputs", [*problem.arguments, sums], [ca.vertcat(*expressions)])
     table = [(n, shape, len(pairs), flat.unit_of(pairs[0][0], pairs[0][1])) for n, shape, pairs in entries]
     problem.cache["outputs"] = (table, f)
     return table, f

@@ -20,7 +20,7 @@ from .fatrop import Staged
 from .formulation.problem import FORMULATIONS, build
 from .formulation.sizes import of_trajectory
 from .guess import initial_guess
-from .ipopt import BARRIERS, HESSIANS, Multipliers, Progress, Run, run_ipopt
+from .ipopt import BARRIERS, HESSIANS, Run, run_ipopt
 from .judgement.diagnosis import sentence
 from .judgement.discretisation import BOUND, judged
 from .magnitude import objective_scale
@@ -28,6 +28,7 @@ from .mesh import Mesh, given_mesh
 from .nlp import Nlp, make_nlp
 from .shooting import run_shooting
 from .solution import Solution, read_solution
+from .watch import Multipliers, Progress
 
 SOLVERS = ("ipopt", "fatrop")
 METHODS = ("collocation", "shooting")

@@ -20,11 +20,11 @@ from .formulation.dynamic import DynamicProblem
 from .formulation.horizon import require_order
 from .formulation.problem import build
 from .guess import initial_guess
-from .ipopt import Multipliers, Progress
 from .mesh import Mesh, given_mesh
 from .nlp import Nlp, make_nlp
 from .solution import Solution
 from .solve import NotSolved, SolverOptions, scaled_by, solve_nlp
+from .watch import Multipliers, Progress
 
 ATTRIBUTES = ("nominal", "min", "max", "start", "fixed")
 HALVINGS = 4  # a step of a continuation is halved so often before it is given up
@@ -96,8 +96,7 @@ class Transcription:
         warm = None
         if start is not None and start.nlp.functions is self.nlp.functions:
             x0, warm = start.x.copy(), Multipliers(start.multipliers, start.bound_multipliers)
-            first = nlp.constants + len(self.problem.free_names)
-            x0[first:] = nlp.lbx[first:]
+            x0[nlp.free.stop :] = nlp.lbx[nlp.free.stop :]
         else:
             x0 = self.first_guess(nlp, guess if start is None else start)
         return solve_nlp(nlp, x0, solver or self.options, progress, throw, warm)
@@ -105,8 +104,7 @@ class Transcription:
     def first_guess(self, nlp: Nlp, guess: Trajectory | Solution | None) -> np.ndarray:
         """Scaled unknowns from a guess, with the parameters that the NLP holds."""
         x0 = initial_guess(nlp, guess)
-        first = nlp.constants + len(self.problem.free_names)
-        x0[first:] = nlp.lbx[first:]
+        x0[nlp.free.stop :] = nlp.lbx[nlp.free.stop :]
         return x0
 
     def continuation(
@@ -167,11 +165,12 @@ class Transcription:
         changed.require_values()
         self._check_attributes(changed, ", ".join(parameters))
         values = {q.name: q.value for q in changed.parameters}
-        first = nlp.constants + len(problem.free_names)
         symbols, numbers = problem.P[len(problem.free_names) :], ca.SX([values[n] for n in problem.tunable])
         require_order(problem.flat.title, *ca.substitute([problem.t0, problem.tf], [symbols], [numbers]))
         low, high = nlp.lbx.copy(), nlp.ubx.copy()
-        low[first:] = high[first:] = [values[n] for n in problem.tunable] / nlp.p_scale[len(problem.free_names) :]
+        low[nlp.free.stop :] = high[nlp.free.stop :] = [values[n] for n in problem.tunable] / nlp.p_scale[
+            len(problem.free_names) :
+        ]
         return replace(nlp, lbx=low, ubx=high)
 
     def _check_attributes(self, changed: FlatModel, names: str) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -17,8 +17,9 @@ NEARER = 0.5  # of the violation: an earlier iterate of a failed run is kept if 
 CLOSER, CHEAPER = 0.9, 1e-4
 
 
-class Program(Protocol):
-    """What IPOPT needs of an NLP: functions by nlpsol's names and bounds."""
+@dataclass(eq=False)
+class Program:
+    """What IPOPT needs of an NLP: derivatives by nlpsol's names, and bounds."""
 
     functions: dict[str, ca.Function]
     nlp: Any  # a function, or the expressions of one by their names
@@ -26,6 +27,11 @@ class Program(Protocol):
     ubx: np.ndarray
     lbg: np.ndarray
     ubg: np.ndarray
+
+    def violation(self, g: np.ndarray) -> float:
+        """Largest excess of a row over its bounds; infinite where a row is no number."""
+        worst = float(np.max(np.maximum(self.lbg - g, g - self.ubg), initial=0.0))
+        return np.inf if np.isnan(worst) else worst
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,8 +95,7 @@ class Watch(ca.Callback):
         self.stalled = ""
         self.raised: BaseException | None = None
         self.best: Iterate | None = None
-        self.nx, self.ng = len(nlp.lbx), len(nlp.lbg)
-        self.lbx, self.ubx, self.lbg, self.ubg = nlp.lbx, nlp.ubx, nlp.lbg, nlp.ubg
+        self.program = nlp
         self.construct("watch", {})
 
     def get_n_in(self) -> int:
@@ -106,7 +111,8 @@ class Watch(ca.Callback):
         return "ret"
 
     def get_sparsity_in(self, i: int) -> ca.Sparsity:
-        size = {"f": 1, "x": self.nx, "lam_x": self.nx, "g": self.ng, "lam_g": self.ng}.get(ca.nlpsol_out(i), 0)
+        nx, ng = len(self.program.lbx), len(self.program.lbg)
+        size = {"f": 1, "x": nx, "lam_x": nx, "g": ng, "lam_g": ng}.get(ca.nlpsol_out(i), 0)
         return ca.Sparsity.dense(size, 1)
 
     def eval(self, arg: Sequence[ca.DM]) -> list[float]:
@@ -115,11 +121,12 @@ class Watch(ca.Callback):
         asked = False
         outputs = dict(zip(ca.nlpsol_out(), arg, strict=True))
         g, f = np.asarray(outputs["g"]).reshape(-1), float(outputs["f"])
-        violation = self.violation(g)
+        violation = self.program.violation(g)
         better = self.best is None or rank(violation, f) < rank(self.best.violation, self.best.objective)
         if count > self.done and better and np.isfinite([violation, f]).all():  # the guess itself is no answer
             x, rows, bounds = (np.array(outputs[n]).reshape(-1) for n in ("x", "lam_g", "lam_x"))
-            x = np.clip(x, self.lbx, self.ubx)  # IPOPT brings only its last iterate back to the bounds that it relaxed
+            # IPOPT brings only its last iterate back to the bounds that it relaxed
+            x = np.clip(x, self.program.lbx, self.program.ubx)
             self.best = Iterate(count, x, g.copy(), f, Multipliers(rows, bounds), violation)
         if self.progress is not None:
             try:
@@ -135,14 +142,9 @@ class Watch(ca.Callback):
             return [1]
         return [0]
 
-    def violation(self, g: np.ndarray) -> float:
-        """Largest excess of a row over its bounds; infinite where a row is no number."""
-        worst = float(np.max(np.maximum(self.lbg - g, g - self.ubg), initial=0.0))
-        return np.inf if np.isnan(worst) else worst
-
     def better_than(self, g: np.ndarray, f: float) -> Iterate | None:
         """The best iterate where it is clearly better than the last one, given by its rows and objective."""
-        last, best = self.violation(g), self.best
+        last, best = self.program.violation(g), self.best
         if best is None or rank(best.violation, best.objective) >= rank(last, f):
             return None
         return best if last <= FEASIBLE or best.violation <= NEARER * last else None

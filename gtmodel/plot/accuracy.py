@@ -10,6 +10,7 @@ from matplotlib.patches import Rectangle
 from matplotlib.text import Text
 
 from .colours import COLOURS
+from .panels import with_panels
 from .workspace import mark_guideways
 
 STYLES = ("-", "-.", "--")
@@ -35,8 +36,7 @@ def error_figure(
         window: lower left and upper right corner of the rectangle that the numbers are about [m].
         names: of the two coordinates.
     """
-    figure = Figure(figsize=(7.5, 6.5), layout="constrained")
-    axes = figure.add_subplot()
+    figure, (axes,) = with_panels(7.5, 6.5, grid=False)
     micrometres = np.ma.masked_invalid(1e6 * error).T
     if micrometres.count():
         filled = axes.contourf(u, v, micrometres, LEVELS, cmap="viridis")
@@ -67,14 +67,11 @@ def faces_figure(distance: np.ndarray, faces: Mapping[str, np.ndarray], *, title
     Args:
         distance: (n,) along the line [m]. faces: case -> (n, 3) areas orthogonal to links 1 to 3 [m2].
     """
-    figure = Figure(figsize=(8.0, 1.0 + 2.6 * len(faces)), layout="constrained")
-    panels = np.atleast_1d(figure.subplots(len(faces), 1, sharex=True, squeeze=True))
+    figure, panels = with_panels(8.0, 1.0 + 2.6 * len(faces), len(faces), title=title, sharex=True)
     for axes, (name, areas) in zip(panels, faces.items(), strict=True):
         for i in range(areas.shape[1]):
             axes.plot(distance, 1e12 * areas[:, i], STYLES[i], color=COLOURS[i], label=f"orthogonal to link {i + 1}")
         axes.set(ylabel="area [µm²]", title=name)
-        axes.grid(alpha=0.3)
         axes.legend(fontsize="small", loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
     panels[-1].set_xlabel("along the line [m]")
-    figure.suptitle(title)
     return figure

@@ -12,6 +12,7 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.ticker import MaxNLocator
 
 from .colours import COLOURS
+from .panels import with_panels
 from .robot3d import draw_robot, from_the_side, pieces
 
 MARKED = "#b00020"
@@ -70,8 +71,7 @@ def real_counts_figure(counts: Sequence[int], nearest: np.ndarray, *, title: str
     counts: real modes of each pose. nearest: (n, 2) distance [mm] and angle [deg]; rows that are not finite are left
     out.
     """
-    figure = Figure(figsize=(9.0, 3.8), layout="constrained")
-    left, right = figure.subplots(1, 2)
+    figure, (left, right) = with_panels(9.0, 3.8, columns=2, title=title)
     found = Counter(counts)
     left.bar(list(found), list(found.values()), width=1.4, color=COLOURS[0])
     left.set(xlabel="real modes", ylabel="poses", title="real modes per pose")
@@ -83,9 +83,6 @@ def real_counts_figure(counts: Sequence[int], nearest: np.ndarray, *, title: str
     right.set(xlabel="distance [mm]", ylabel="angle [deg]", title="nearest other mode to the commanded one")
     right.set_xlim(left=0.0)
     right.set_ylim(bottom=0.0)
-    for axes in (left, right):
-        axes.grid(alpha=0.3)
-    figure.suptitle(title)
     return figure
 
 

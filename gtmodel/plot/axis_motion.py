@@ -7,6 +7,7 @@ from matplotlib.figure import Figure
 
 from ..results.trajectory import Trajectory
 from .colours import COLOURS
+from .panels import with_panels
 from .path import draw_path, head
 
 
@@ -20,8 +21,8 @@ def axis_motion_figure(
         force_limit: of the carts [N]; torque_limit: of the rotary axes [N.m].
         path: (n, 3) [m], the path to follow, drawn in place of the straight line.
     """
-    figure = Figure(figsize=(13.0, 7.0), layout="constrained")
-    panels = figure.subplots(2, 3)
+    figure, panels = with_panels(13.0, 7.0, 2, 3)
+    panels = panels.reshape(2, 3)
     draw_path(panels[0, 0], trajectory["T"], "xz", path)
     draw_path(panels[1, 0], trajectory["T"], "yz", path)
     panels[0, 0].set_title("path of the tool centre point")
@@ -41,7 +42,6 @@ def axis_motion_figure(
         axes.set_title(title)
         axes.set_xlabel("time [s]")
         axes.set_ylabel(unit)
-        axes.grid(alpha=0.3)
         axes.legend(fontsize="small")
     head(figure, trajectory)
     return figure

@@ -9,7 +9,8 @@ import numpy as np
 from matplotlib.collections import PathCollection
 from matplotlib.figure import Figure
 
-from .signals import COLOURS
+from .colours import COLOURS
+from .panels import with_panels
 
 BINS = 30
 MANY = 40  # names that still can be read on an axis
@@ -22,18 +23,15 @@ def pose_errors_figure(errors: dict[str, np.ndarray], title: str = "", worst: in
         errors: name -> (N,) [m] of the same poses, drawn in one panel each, for they differ by powers of ten.
         worst: pose of the first ones to be marked.
     """
-    figure = Figure(figsize=(8.0, 0.8 + 2.3 * len(errors)), layout="constrained")
-    panels = np.atleast_1d(figure.subplots(len(errors), 1, sharex=True, squeeze=True))
+    figure, panels = with_panels(8.0, 0.8 + 2.3 * len(errors), len(errors), title=title, sharex=True)
     for n, (axes, (name, e)) in enumerate(zip(panels, errors.items(), strict=True)):
         axes.plot(np.arange(1, len(e) + 1), 1e3 * e, ".-", color=COLOURS[n % len(COLOURS)], linewidth=0.8, markersize=3)
         axes.axhline(1e3 * float(np.nanmean(e)), color="0.4", linestyle="--", linewidth=0.8)
         axes.set(ylabel="error [mm]", ylim=(0, None))
         axes.set_title(f"{name}: mean {1e3 * float(np.nanmean(e)):.3g} mm", fontsize="medium", loc="left")
-        axes.grid(alpha=0.3)
         if n == 0 and worst is not None:
             axes.plot(worst + 1, 1e3 * e[worst], "o", markerfacecolor="none", markeredgecolor="black")
     panels[-1].set_xlabel("pose")
-    figure.suptitle(title)
     return figure
 
 
@@ -42,8 +40,7 @@ def length_errors_figure(residuals: np.ndarray, labels: Sequence[str], title: st
     m = len(labels)
     columns = min(3, m)
     rows = -(-m // columns)
-    figure = Figure(figsize=(2.9 * columns, 1.0 + 2.2 * rows), layout="constrained")
-    panels = figure.subplots(rows, columns, squeeze=False).reshape(-1)
+    figure, panels = with_panels(2.9 * columns, 1.0 + 2.2 * rows, rows, columns, title=title)
     for k, axes in enumerate(panels):
         if k >= m:
             axes.set_axis_off()
@@ -54,16 +51,13 @@ def length_errors_figure(residuals: np.ndarray, labels: Sequence[str], title: st
         left = f", {len(residuals) - known.size} left out" if known.size < len(residuals) else ""
         axes.set_title(f"{labels[k]}: {mean}{left}", fontsize="small")
         axes.set_xlabel("length error [mm]", fontsize="small")
-        axes.grid(alpha=0.3)
-    figure.suptitle(title)
     return figure
 
 
 def workspace_errors_figure(positions: np.ndarray, sizes: np.ndarray, title: str = "") -> Figure:
     """Errors (N,) [m] at positions (N, 3) [m], seen along each axis; the greatest lie on top."""
     order = np.argsort(np.nan_to_num(sizes, nan=-1.0), kind="stable")
-    figure = Figure(figsize=(11.0, 4.2), layout="constrained")
-    panels = figure.subplots(1, 3)
+    figure, panels = with_panels(11.0, 4.2, columns=3, title=title)
     drawn: PathCollection | None = None
     for axes, (a, b) in zip(panels, ((0, 1), (0, 2), (1, 2)), strict=True):
         drawn = axes.scatter(positions[order, a], positions[order, b], c=1e3 * sizes[order], s=22, cmap="viridis")
@@ -71,10 +65,8 @@ def workspace_errors_figure(positions: np.ndarray, sizes: np.ndarray, title: str
         axes.plot(positions[worst, a], positions[worst, b], "o", markerfacecolor="none", markeredgecolor="red", ms=11)
         axes.set(xlabel=f"{'xyz'[a]} [m]", ylabel=f"{'xyz'[b]} [m]")
         axes.set_aspect("equal", adjustable="datalim")
-        axes.grid(alpha=0.3)
     assert drawn is not None
     figure.colorbar(drawn, ax=list(panels), label="positioning error [mm]")
-    figure.suptitle(title)
     return figure
 
 
@@ -82,8 +74,8 @@ def deviations_figure(names: Sequence[str], std: np.ndarray, units: Sequence[str
     """Standard deviations (n,) of unknowns in SI, a bar each; what the poses do not tell has none and is hatched."""
     known = np.isfinite(std)
     top = float(np.max(std[known])) if known.any() else 1.0
-    figure = Figure(figsize=(7.5, 1.2 + 0.17 * len(names)), layout="constrained")
-    axes = figure.add_subplot()
+    said = textwrap.fill(title, 60)
+    figure, (axes,) = with_panels(7.5, 1.2 + 0.17 * len(names), grid=False, title=said, fontsize="medium")
     at = np.arange(len(names))
     colours = [COLOURS[0] if u == "m" else COLOURS[1] if u == "1" else COLOURS[2] for u in units]
     axes.barh(at[known], std[known], color=[c for c, k in zip(colours, known, strict=True) if k])
@@ -97,7 +89,6 @@ def deviations_figure(names: Sequence[str], std: np.ndarray, units: Sequence[str
     axes.set_ylim(len(names) - 0.4, -0.6)
     axes.set_xlabel("standard deviation; hatched: not told by these poses")
     axes.grid(alpha=0.3, axis="x", which="both")
-    figure.suptitle(textwrap.fill(title, 60), fontsize="medium")
     return figure
 
 

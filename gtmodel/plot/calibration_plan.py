@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import ScalarFormatter
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
+from .panels import with_panels
 from .robot3d import draw_links, finish
 
 # colour, size, opacity; other layers are what the picture is about
@@ -70,8 +71,7 @@ def room_figure(
 
 def curve_figure(selected: Sequence[Any], grids: Sequence[Any], accuracy: float, *, title: str = "") -> Figure:
     """Predicted errors [m] against the number of poses; points are (poses, rms, greatest)."""
-    figure = Figure(figsize=(7.5, 5.2), layout="constrained")
-    axes = figure.add_subplot()
+    figure, (axes,) = with_panels(7.5, 5.2, grid=False)
     for points, name, colour in ((selected, "selected", "#d55e00"), (grids, "regular grid", "#0072b2")):
         if points:
             n, rms, worst = np.array(points, float).T
@@ -95,8 +95,7 @@ def parameters_figure(
 ) -> Figure:
     """Standard deviation of each parameter, predicted and of simulated (synthetic) calibrations [1e-6]; those that are
     not told, infinite or NaN, have grey names and nothing else."""
-    figure = Figure(figsize=(min(max(6.0, 0.36 * len(names) + 2), 16.0), 4.8), layout="constrained")
-    axes = figure.add_subplot()
+    figure, (axes,) = with_panels(min(max(6.0, 0.36 * len(names) + 2), 16.0), 4.8, grid=False)
     told = np.flatnonzero(np.isfinite(predicted))
     axes.bar(told, 1e6 * predicted[told], color="#8db3d9", label="predicted")
     if simulated is not None:

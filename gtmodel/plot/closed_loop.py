@@ -8,7 +8,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from ..results.trajectory import Trajectory
-from .signals import COLOURS
+from .colours import COLOURS
+from .panels import with_panels
 
 
 def closed_loop_figure(runs: Sequence[tuple[str, Trajectory]], *, title: str = "") -> Figure:
@@ -16,8 +17,8 @@ def closed_loop_figure(runs: Sequence[tuple[str, Trajectory]], *, title: str = "
 
     runs: name and trajectory with "measured" and "simulated", (n,) or (n, axes) each.
     """
-    figure = Figure(figsize=(8.5, 1.0 + 3.8 * len(runs)), layout="constrained")
-    panels = figure.subplots(2 * len(runs), 1, squeeze=False, height_ratios=[2, 1] * len(runs))[:, 0]
+    n = len(runs)
+    figure, panels = with_panels(8.5, 1.0 + 3.8 * n, 2 * n, title=title, height_ratios=[2, 1] * n)
     for k, (name, trajectory) in enumerate(runs):
         motion, error = panels[2 * k], panels[2 * k + 1]
         motion.sharex(error)
@@ -36,10 +37,7 @@ def closed_loop_figure(runs: Sequence[tuple[str, Trajectory]], *, title: str = "
         error.set(ylabel=f"error [µ{unit}]", title=f"simulated - measured, {rms:.3g} µ{unit} rms")
         error.title.set_fontsize("small")
         for axes in (motion, error):
-            axes.grid(alpha=0.3)
             axes.margins(x=0.0)
         motion.legend(fontsize="small", loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
     panels[-1].set_xlabel("time [s]")
-    if title:
-        figure.suptitle(title)
     return figure

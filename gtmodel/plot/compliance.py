@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from .colours import COLOURS
+from .panels import with_panels
 from .workspace import mark_guideways
 
 LEVELS = 12
@@ -40,8 +41,7 @@ def map_figure(
             as dashes.
         point: (2,) the pose whose numbers are reported.
     """
-    figure = Figure(figsize=(7.5, 6.0), layout="constrained")
-    axes = figure.add_subplot()
+    figure, (axes,) = with_panels(7.5, 6.0, grid=False)
     shown = np.ma.masked_invalid(values).T
     if shown.count():
         top = float(np.percentile(shown.compressed(), TAIL))
@@ -76,8 +76,7 @@ def map_figure(
 
 def shares_figure(shares: Mapping[str, float], *, title: str = "") -> Figure:
     """Parts of a load's work, 0 to 1, by what gives way."""
-    figure = Figure(figsize=(7.5, 2.6), layout="constrained")
-    axes = figure.subplots()
+    figure, (axes,) = with_panels(7.5, 2.6, grid=False)
     names = list(shares)[::-1]
     bars = axes.barh(names, [100 * shares[n] for n in names], color=COLOURS[0])
     axes.bar_label(bars, fmt="%.0f %%", padding=3)

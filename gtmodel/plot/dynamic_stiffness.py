@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from .colours import COLOURS
+from .panels import with_panels
 
 UNITS = {"m": ("kg", 1.0), "c": ("kN s/m", 1e-3), "k": ("MN/m", 1e-6)}
 Q95 = 1.96  # standard deviations of a 95 % interval
@@ -20,8 +21,9 @@ def response_figure(shown: Sequence[tuple[str, Any, Any]], *, title: str = "") -
 
     shown: name, gtmodel.vibration.FrequencyResponse and ModalFit of it. The fitted lines are dark, modes are marked.
     """
-    figure = Figure(figsize=(4.4 * len(shown), 5.6), layout="constrained")
-    axes = figure.subplots(2, len(shown), squeeze=False, sharex="col", height_ratios=[2, 1])
+    figure, axes = with_panels(4.4 * len(shown), 5.6, 2, len(shown), title=title, fontsize="medium", sharex="col",
+                               height_ratios=[2, 1])  # fmt: skip
+    axes = axes.reshape(2, -1)
     for column, (name, response, fit) in zip(axes.T, shown, strict=True):
         top = 3 * float(fit.response.frequency[-1])
         rows = response.frequency <= top
@@ -37,7 +39,6 @@ def response_figure(shown: Sequence[tuple[str, Any, Any]], *, title: str = "") -
             )
             for k, mode in enumerate(fit.fn):
                 axis.axvline(mode, color="black", linestyle=":", linewidth=0.8, label="modes" if k == 0 else None)
-            axis.grid(alpha=0.3)
         size = 1e6 * np.abs(H)
         column[0].set(yscale="log", title=name, ylim=(size[size > 0].min() / 2, 3 * 1e6 * np.abs(model).max()))
         low, high = fit.interval("fn")
@@ -47,8 +48,6 @@ def response_figure(shown: Sequence[tuple[str, Any, Any]], *, title: str = "") -
     axes[0, 0].set_ylabel("receptance [um/N]")
     axes[1, 0].set_ylabel("phase [deg]")
     axes[0, 0].legend(fontsize="small", loc="lower left")
-    if title:
-        figure.suptitle(title, fontsize="medium")
     return figure
 
 
@@ -60,8 +59,7 @@ def lowest_frequency_figure(
 
     Beside it its relative 95 % error; poses (n, 2): where was measured, whatever the other coordinates.
     """
-    figure = Figure(figsize=(10.5, 4.6), layout="constrained")
-    left, right = figure.subplots(1, 2, sharey=True)
+    figure, (left, right) = with_panels(10.5, 4.6, 1, 2, title=title, grid=False, fontsize="medium", sharey=True)
     for axis, values, label, colours in (
         (left, frequency, "lowest natural frequency [Hz]", "viridis"),
         (right, 100 * relative, "its 95 % error [%]", "magma_r"),
@@ -79,8 +77,6 @@ def lowest_frequency_figure(
         axis.set_xlabel(names[0])
     left.set_ylabel(names[1])
     figure.legend(*left.get_legend_handles_labels(), fontsize="small", loc="outside lower center", frameon=False)
-    if title:
-        figure.suptitle(title, fontsize="medium")
     return figure
 
 
@@ -91,8 +87,7 @@ def held_out_figure(panels: Mapping[str, tuple[np.ndarray, np.ndarray, np.ndarra
     """
     columns = 3
     rows = -(-len(panels) // columns)
-    figure = Figure(figsize=(3.5 * columns, 3.1 * rows), layout="constrained")
-    axes = figure.subplots(rows, columns, squeeze=False).ravel()
+    figure, axes = with_panels(3.5 * columns, 3.1 * rows, rows, columns, title=title, fontsize="medium")
     for axis, (name, (predicted, measured, std)) in zip(axes, panels.items(), strict=False):
         unit, scale = UNITS[name[0]]
         predicted, measured = scale * predicted, scale * measured
@@ -110,11 +105,8 @@ def held_out_figure(panels: Mapping[str, tuple[np.ndarray, np.ndarray, np.ndarra
             ticks.set_major_formatter(StrMethodFormatter("{x:g}"))
             ticks.set_minor_formatter(NullFormatter())
         axis.legend(fontsize="x-small", loc="upper left")
-        axis.grid(alpha=0.3)
     for axis in axes[len(panels) :]:
         axis.set_axis_off()
     figure.supxlabel("measured, held out")
     figure.supylabel("predicted, with its 95 % interval")
-    if title:
-        figure.suptitle(title, fontsize="medium")
     return figure

@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from .colours import curve
+from .panels import with_panels
 
 
 def swing_figure(
@@ -24,8 +25,7 @@ def swing_figure(
             drawn.
         ratios: (r,) true to planned frequency. residuals: motion -> amplitudes (r,) [m] after the motion.
     """
-    figure = Figure(figsize=(8.0, 7.0), layout="constrained")
-    upper, lower = figure.subplots(2, 1)
+    figure, (upper, lower) = with_panels(8.0, 7.0, 2)
     largest = max(swings.values(), key=lambda s: np.abs(s[1]).max())[1]
     k = int(np.argmax(np.abs(largest).max(axis=0)))
     for n, (name, (t, x)) in enumerate(swings.items()):
@@ -34,6 +34,5 @@ def swing_figure(
     upper.set(xlabel="time [s]", ylabel=f"tool against plate, {'xyz'[k]} [mm]", title=title)
     lower.set(xlabel="true frequency / planned frequency", ylabel="swing after the motion [mm]", ylim=(0, None))
     for axes in (upper, lower):
-        axes.grid(alpha=0.3)
         axes.legend(fontsize="small")
     return figure

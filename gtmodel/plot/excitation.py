@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from .colours import COLOURS, colour
+from .panels import with_panels
 from .robot3d import draw_robot, finish, pieces
 
 WIDTH = 0.76  # of a group of bars, of their distance
@@ -35,8 +36,7 @@ def information_figure(
         frequency: of the first harmonic [Hz].
     """
     count = 2 if amplitudes is None else 3
-    figure = Figure(figsize=(9.0, 2.8 * count), layout="constrained")
-    panels = figure.subplots(count, 1, squeeze=True)
+    figure, panels = with_panels(9.0, 2.8 * count, count, title=title)
     for k, (name, s) in enumerate(singular_values.items()):
         panels[0].semilogy(np.arange(1, len(s) + 1), s, "o-", color=colour(k), label=f"{name}: {s[0] / s[-1]:.4g}")
     panels[0].set(xlabel="number", ylabel="singular value [N]", title="scaled regressor, and its condition number")
@@ -62,10 +62,6 @@ def information_figure(
         panels[2].set_xticks(harmonics)
         panels[2].set(xlabel="frequency [Hz]", ylabel="amplitude [mm]", title="harmonics of the optimised motion")
         panels[2].legend(fontsize="small")
-    for axes in panels:
-        axes.grid(alpha=0.3)
-    if title:
-        figure.suptitle(title)
     return figure
 
 

@@ -7,6 +7,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
+from .panels import with_panels
+
 MARKERS = ("*", "s", "o", "D", "+", "x", "^", "v")
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
 FASTEST = 1.0  # m/s, where there are no points
@@ -27,8 +29,7 @@ def friction_figure(
         lines: by actuator, velocity -> modelled force [N]; not called at zero.
         gravity: (carts,) dotted level [N].
     """
-    figure = Figure(figsize=(4.2 * len(lines), 4.2), layout="constrained")
-    panels = np.atleast_1d(figure.subplots(1, len(lines), squeeze=True))
+    figure, panels = with_panels(4.2 * len(lines), 4.2, columns=len(lines), title=title, fontsize="medium")
     moving = np.concatenate([np.abs(v[np.isfinite(v)]) for _, v, _ in points] or [np.zeros(0)])
     fastest = float(moving.max()) if moving.size else FASTEST
     ahead = np.linspace(1e-6, 1.05 * fastest, 50)
@@ -48,9 +49,6 @@ def friction_figure(
                 label=name,
             )
         axes.set(title=f"actuator {i + 1}", xlabel="velocity [m/s]")
-        axes.grid(alpha=0.3)
     panels[0].set_ylabel("force at constant velocity [N]")
     panels[-1].legend(fontsize="small", loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
-    if title:
-        figure.suptitle(title, fontsize="medium")
     return figure

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter, StrMethodFormatter
 
 from .colours import COLOURS, curve
+from .panels import with_panels
 
 STATIC, DYNAMIC, AXES = "#d55e00", "#0072b2", ("#0072b2", "#009e73", "#cc79a7")
 ORDER: tuple[dict[str, Any], ...] = tuple(dict(color=c) for c in ("#56b4e9", STATIC, "black"))  # light below dark
@@ -24,8 +25,7 @@ def angle_figure(
     angles (n,) [rad]; static, dynamic (n,) [m], frequency (n, 3) [Hz], NaN where there is none; tooth: frequencies
     [Hz] to mark, the tooth frequency first, then its harmonics; reachable (n,); choices: name -> angle [rad].
     """
-    figure = Figure(figsize=(8.5, 6.2), layout="constrained")
-    top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
+    figure, (top, bottom) = with_panels(8.5, 6.2, 2, sharex=True, height_ratios=(3, 2))
     a = np.rad2deg(angles)
     top.semilogy(a, 1e3 * static, color=STATIC, label="static index (18), under the peak force")
     if np.isfinite(dynamic).any():
@@ -49,7 +49,6 @@ def angle_figure(
         half = (a[1] - a[0]) / 2
         for first, end in zip(np.flatnonzero(edges > 0), np.flatnonzero(edges < 0), strict=True):
             axes.axvspan(a[first] - half, a[end - 1] + half, color="0.88", linewidth=0)
-        axes.grid(alpha=0.3)
         axes.set_xlim(a[0], a[-1])
     top.plot([], [], color="0.88", linewidth=8, label="not reachable")
     top.set(ylabel="deflection [mm]", title=title)
@@ -77,8 +76,7 @@ def tests_figure(
     title: str = "",
 ) -> Figure:  # fmt: skip
     """Mean deflection of each test [mm]: predicted bars by feed direction, measured ones beside them (NaN: none)."""
-    figure = Figure(figsize=(8.5, 4.0), layout="constrained")
-    axes = figure.subplots()
+    figure, (axes,) = with_panels(8.5, 4.0, grid=False)
     place, colours = np.arange(1, len(tooth) + 1), ("#56b4e9", "#0072b2")
     width = 0.8 / (len(predicted) + 1)
     for n, (name, values) in enumerate(predicted.items()):
@@ -100,8 +98,7 @@ def lobes_figure(speed: np.ndarray, depth: np.ndarray, cut: tuple[float, float],
 
     Where the depth is infinite nothing is shaded, where it is NaN, not known, everything.
     """
-    figure = Figure(figsize=(8.0, 4.0), layout="constrained")
-    axes = figure.subplots()
+    figure, (axes,) = with_panels(8.0, 4.0)
     shown = np.where(np.isfinite(depth), 1e3 * depth, np.nan)
     top = 1.3 * max(1e3 * cut[1], float(np.nanpercentile(shown, 90)) if np.isfinite(shown).any() else 0.0)
     proven = np.where(np.isnan(depth), 0.0, np.where(np.isfinite(shown), shown, top))
@@ -112,7 +109,6 @@ def lobes_figure(speed: np.ndarray, depth: np.ndarray, cut: tuple[float, float],
     axes.plot(60 * cut[0], 1e3 * cut[1], "o", color="#0072b2", label=f"declared cut{beyond}")
     axes.set(xlabel="spindle speed [rpm]", ylabel="axial depth [mm]", ylim=(0, top), title=title)
     axes.set_xlim(60 * speed[0], 60 * speed[-1])
-    axes.grid(alpha=0.3)
     axes.legend(fontsize="small")
     return figure
 
@@ -121,8 +117,7 @@ def compensation_figure(
     time: np.ndarray, before: np.ndarray, after: Mapping[str, np.ndarray], *, title: str = ""
 ) -> Figure:
     """Norm of the tool's error (t,) [m] over time [s], without and with offsets, by name."""
-    figure = Figure(figsize=(8.0, 4.0), layout="constrained")
-    axes = figure.subplots()
+    figure, (axes,) = with_panels(8.0, 4.0)
     axes.plot(time, 1e3 * before, color="0.6", linewidth=0.7, label="not compensated")
     # largest first, so that none hides another
     order = sorted(after, key=lambda name: -float(np.square(after[name]).mean()))
@@ -137,6 +132,5 @@ def compensation_figure(
     axes.set(xlabel="time [s]", ylabel="error of the tool [mm]", title=title)
     axes.set_xlim(time[0], time[-1])
     axes.set_ylim(bottom=0)
-    axes.grid(alpha=0.3)
     axes.legend(fontsize="small", loc="center right")
     return figure

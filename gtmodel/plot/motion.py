@@ -10,6 +10,7 @@ from matplotlib.patches import Rectangle
 
 from ..results.trajectory import Trajectory
 from .colours import COLOURS, colour
+from .panels import with_panels
 from .path import draw_path, head
 
 
@@ -33,8 +34,7 @@ def motion_figure(
         path: (n, 3) [m], the path to follow, drawn in place of the straight line.
         constant: forces are constant per element, and drawn as steps.
     """
-    figure = Figure(figsize=(10.5, 7.0), layout="constrained")
-    side, front, speed, force = figure.subplots(2, 2).ravel()
+    figure, (side, front, speed, force) = with_panels(10.5, 7.0, 2, 2)
     T = trajectory["T"]
     for axes, plane in ((side, "xz"), (front, "yz")):
         a, b = map("xyz".index, plane)
@@ -65,7 +65,6 @@ def motion_figure(
     force.set_ylabel("force [N]")
     for axes in (speed, force):
         axes.set_xlabel("time [s]")
-        axes.grid(alpha=0.3)
         axes.legend(fontsize="small", ncols=3, loc="lower right")
     head(figure, trajectory)
     return figure
@@ -78,19 +77,16 @@ def force_figure(runs: Sequence[tuple[str, Trajectory]], *, force_limit: float) 
         runs: (label, motion) with tau [N].
         force_limit: [N].
     """
-    figure = Figure(figsize=(8.0, 7.0), layout="constrained")
-    panels = figure.subplots(runs[0][1]["tau"].shape[1], 1, sharex=True, squeeze=False)[:, 0]
+    figure, panels = with_panels(8.0, 7.0, runs[0][1]["tau"].shape[1], title="motor forces", sharex=True)
     for k, axes in enumerate(panels):
         for n, (label, run) in enumerate(runs):
             axes.plot(run.time, run["tau"][:, k], color=COLOURS[n % len(COLOURS)], linewidth=1.0, label=label)
         for sign in (-1, 1):
             axes.axhline(sign * force_limit, color="0.4", linestyle=":")
         axes.set_ylabel(f"motor {k + 1} [N]")
-        axes.grid(alpha=0.3)
     panels[-1].set_xlabel("time [s]")
     if len(runs) > 1:
         figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize="small")
-    figure.suptitle("motor forces")
     return figure
 
 

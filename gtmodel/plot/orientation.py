@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 
 from ..kinematics.orientation import OrientationMap
 from .colours import COLOURS
+from .panels import with_panels
 
 ANGLES = ("alpha", "beta", "gamma")
 MOST_LAYERS = 6  # more cannot be seen beside each other
@@ -34,8 +35,8 @@ def layers_figure(
     offsets = [
         np.linspace(-h, h, n) if n > 1 else np.zeros(1) for h, n in zip(half_width, degrees.shape[:3], strict=True)
     ]
-    figure = Figure(figsize=(1.8 + 1.9 * len(layers), 6.6), layout="constrained")
-    panels = figure.subplots(3, len(layers), sharex=True, sharey=True, squeeze=False)
+    figure, panels = with_panels(1.8 + 1.9 * len(layers), 6.6, 3, len(layers), grid=False, sharex=True, sharey=True)
+    panels = panels.reshape(3, -1)
     names = [_direction(d) for d in directions]
     for angle in range(3):
         shown = degrees[..., angle] - np.nanmean(degrees[..., angle])
@@ -74,17 +75,15 @@ def sequence_figure(orientation: OrientationMap, title: str = "") -> Figure:
     degrees = np.degrees(orientation.zyz)
     order = _serpentine(degrees.shape[:-1])
     degrees = degrees.reshape(-1, 3)[order]
-    figure = Figure(figsize=(9.0, 6.0), layout="constrained")
-    stack = figure.subplots(3, 1, sharex=True)
+    said = f"{title}: ZYZ angles along the points" if title else "ZYZ angles along the points"
+    figure, stack = with_panels(9.0, 6.0, 3, title=said, sharex=True)
     size = len(order) // orientation.zyz.shape[0]
     for angle, axes in enumerate(stack):
         mean = float(np.nanmean(degrees[:, angle]))
         axes.plot(degrees[:, angle] - mean, color=COLOURS[angle], linewidth=0.8, marker=".", markersize=2)
         axes.set_ylabel(f"{ANGLES[angle]} {-mean:+.2f} [deg]")
-        axes.grid(alpha=0.3)
         _part(axes, size, len(order))
     stack[-1].set_xlabel("point")
-    figure.suptitle(f"{title}: ZYZ angles along the points" if title else "ZYZ angles along the points")
     return figure
 
 

@@ -25,7 +25,6 @@ def draw_path(axes: Any, T: np.ndarray, plane: str, path: np.ndarray | None = No
     axes.plot(T[-1, a], T[-1, b], "o", color="black", label="goal")
     axes.set(xlabel=f"{plane[0]} [m]", ylabel=f"{plane[1]} [m]")
     axes.set_aspect("equal", adjustable="datalim")
-    axes.grid(alpha=0.3)
 
 
 def head(figure: Figure, trajectory: Trajectory) -> None:

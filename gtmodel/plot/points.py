@@ -8,14 +8,14 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from .colours import COLOURS
+from .panels import with_panels
 from .signals import PANEL_HEIGHT
 
 
 def points_figure(signals: Sequence[tuple[str, str, np.ndarray]], ok: np.ndarray, title: str = "") -> Figure:
     """Stacked panels over the row number, one for each (name, unit, values (rows, ...)); rows without a solution are
     marked below by a grey line."""
-    figure = Figure(figsize=(8.5, 1.2 + PANEL_HEIGHT * len(signals)), layout="constrained")
-    stack = np.atleast_1d(figure.subplots(len(signals), 1, sharex=True, squeeze=True))
+    figure, stack = with_panels(8.5, 1.2 + PANEL_HEIGHT * len(signals), len(signals), title=title, sharex=True)
     missing = np.flatnonzero(~ok)
     for axes, (name, unit, values) in zip(stack, signals, strict=True):
         flat = values.reshape(len(ok), -1)
@@ -26,9 +26,6 @@ def points_figure(signals: Sequence[tuple[str, str, np.ndarray]], ok: np.ndarray
             rug = axes.get_xaxis_transform()
             axes.vlines(missing, 0.0, 0.05, color="0.5", transform=rug, linewidth=0.6, label="no solution")
         axes.set_ylabel(f"[{unit}]" if unit else name)
-        axes.grid(alpha=0.3)
         axes.legend(fontsize="small", loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
     stack[-1].set_xlabel("row")
-    if title:
-        figure.suptitle(title)
     return figure

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ..results.trajectory import Trajectory
 from .colours import COLOURS, STYLES
+from .panels import with_panels
 
 ENERGIES = ("energy.stored", "energy.supplied", "energy.dissipated")
 PANEL_HEIGHT = 2.1  # inches
@@ -28,8 +28,8 @@ def signals_figure(
     panels: dict[str, list[str]] = {}
     for name in chosen:
         panels.setdefault(trajectory.unit(name), []).append(name)
-    figure = Figure(figsize=(8.5, 1.2 + PANEL_HEIGHT * max(1, len(panels))), layout="constrained")
-    stack = np.atleast_1d(figure.subplots(max(1, len(panels)), 1, sharex=True, squeeze=True))
+    count = max(1, len(panels))
+    figure, stack = with_panels(8.5, 1.2 + PANEL_HEIGHT * count, count, title=trajectory.title, sharex=True)
     for axes, (unit, members) in zip(stack, panels.items(), strict=False):
         for k, name in enumerate(members):
             _draw(axes, trajectory, name, k)
@@ -37,8 +37,6 @@ def signals_figure(
         for time in marks:
             axes.axvline(time, color="0.75", linewidth=0.6, zorder=0)
     stack[-1].set_xlabel("time [s]")
-    if trajectory.title:
-        figure.suptitle(trajectory.title)
     return figure
 
 
@@ -48,8 +46,7 @@ def energy_figure(trajectory: Trajectory) -> Figure:
     The trajectory holds energy.stored, energy.supplied and energy.dissipated [J].
     """
     stored, supplied, dissipated = (trajectory[name] for name in ENERGIES)
-    figure = Figure(figsize=(8.5, 5.4), layout="constrained")
-    terms, error = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
+    figure, (terms, error) = with_panels(8.5, 5.4, 2, title=trajectory.title, sharex=True, height_ratios=(2, 1))
     rows = {"stored, since the start": stored - stored[0], "supplied": supplied, "dissipated": dissipated}
     for (label, row), colour in zip(rows.items(), COLOURS, strict=False):
         terms.plot(trajectory.time, row, color=colour, label=label)
@@ -58,10 +55,7 @@ def energy_figure(trajectory: Trajectory) -> Figure:
     error.plot(trajectory.time, stored - stored[0] - supplied + dissipated, color="black")
     error.set_title("stored - supplied + dissipated: error of the balance")
     error.set_ylabel("[J]")
-    error.grid(alpha=0.3)
     error.set_xlabel("time [s]")
-    if trajectory.title:
-        figure.suptitle(trajectory.title)
     return figure
 
 
@@ -83,6 +77,5 @@ def _draw(axes: Axes, trajectory: Trajectory, name: str, n: int) -> None:
 
 def _finish(axes: Axes, unit: str) -> None:
     axes.set_ylabel(f"[{unit}]")
-    axes.grid(alpha=0.3)
     axes.margins(x=0.0)
     axes.legend(fontsize="small", loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)

@@ -7,6 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
+from .panels import with_panels
+
 MARKERS, COLOURS = ("o", "s", "D"), ("#0072b2", "#d55e00", "#009e73")
 APART = 0.16  # of a joint's width, between methods
 
@@ -19,8 +21,7 @@ def stiffness_figure(
     found: name of a method, stiffness (k,) and intervals (k, 2) [N.m/rad]; true (k,): that of synthetic tests. What is
     not positive cannot be drawn and is left out; an interval without an upper end is drawn as an arrow.
     """
-    figure = Figure(figsize=(7.0, 4.2), layout="constrained")
-    axes = figure.subplots()
+    figure, (axes,) = with_panels(7.0, 4.2)
     for m, (name, K, ends) in enumerate(found):
         place = np.arange(1, len(K) + 1) + APART * (m - (len(found) - 1) / 2)
         K, ends = K / 1e6, ends / 1e6
@@ -34,6 +35,5 @@ def stiffness_figure(
         k = np.arange(1, len(true) + 1)
         axes.hlines(true / 1e6, k - 0.3, k + 0.3, color="black", linewidth=0.8, label="true")
     axes.set(xlabel="joint", ylabel="stiffness [MN m/rad]", yscale="log", title=title)
-    axes.grid(alpha=0.3)
     axes.legend()
     return figure

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 
 from ..results.trajectory import Trajectory
 from .colours import COLOURS, STYLES, colour, curve
+from .panels import with_panels
 
 _AXES = "xyz"
 SMALLEST_MM = 1e-3  # what no measurement would show; zero has no logarithm
@@ -22,8 +23,7 @@ def tracking_figure(wanted: Trajectory, runs: Mapping[str, Trajectory], title: s
         wanted: T (n, 3) [m] and q (n, k) [m], a row per cycle.
         runs: by label; T and q of the cycles that a run lasted.
     """
-    figure = Figure(figsize=(8.5, 9.0), layout="constrained")
-    panels = figure.subplots(5, 1, sharex=True)
+    figure, panels = with_panels(8.5, 9.0, 5, sharex=True)
     for k, axes in enumerate(panels[:3]):
         axes.plot(wanted.time, wanted["T"][:, k], color="black", linewidth=1.0, label="reference")
         for n, (label, run) in enumerate(runs.items(), 1):
@@ -38,8 +38,6 @@ def tracking_figure(wanted: Trajectory, runs: Mapping[str, Trajectory], title: s
         axes.set_ylim(bottom=SMALLEST_MM / 2)
         axes.set_ylabel("error of T [mm]" if name == "T" else "worst cart [mm]")
     panels[0].set_xlim(wanted.time[0], wanted.time[-1])
-    for axes in panels:
-        axes.grid(alpha=0.3)
     figure.align_ylabels(panels)
     figure.legend(
         *panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=len(runs) + 1, fontsize="small"

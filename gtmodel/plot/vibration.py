@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from .colours import COLOURS, colour
+from .panels import with_panels
 
 BLUE, ORANGE, GREEN = COLOURS[:3]
 GREY = "#777777"
@@ -22,8 +23,7 @@ def order_figure(
     singular_values: np.ndarray, trials: Sequence[tuple[int, float | None]], chosen: int, *, title: str = ""
 ) -> Figure:
     """Singular values, and the rms error [m] on held-out samples by order; an unstable order (None) is a cross."""
-    figure = Figure(figsize=(8.0, 3.8), layout="constrained")
-    left, right = figure.subplots(1, 2)
+    figure, (left, right) = with_panels(8.0, 3.8, columns=2, title=title)
     count = min(len(singular_values), 2 * max(n for n, _ in trials))
     shown = np.maximum(singular_values[:count], 1e-16 * singular_values[0])
     left.semilogy(np.arange(1, count + 1), shown, "o", color=BLUE, markersize=4)
@@ -39,9 +39,6 @@ def order_figure(
     right.set(xlabel="order", ylabel="held-out error, rms [um]")
     right.xaxis.get_major_locator().set_params(integer=True)
     right.legend()
-    for axes in (left, right):
-        axes.grid(alpha=0.3)
-    figure.suptitle(title)
     return figure
 
 
@@ -50,16 +47,13 @@ def prediction_figure(
 ) -> Figure:
     """Measured and predicted outputs (N, p) [m] at the beginning of the held-out samples; `fit` (p,) in percent."""
     rows = slice(first, min(len(time), first + max(int(WINDOW / (time[1] - time[0])), 2)))
-    figure = Figure(figsize=(8.0, 1.2 + 2.0 * y.shape[1]), layout="constrained")
-    panels = figure.subplots(y.shape[1], 1, sharex=True, squeeze=False)[:, 0]
+    figure, panels = with_panels(8.0, 1.2 + 2.0 * y.shape[1], y.shape[1], title=title, sharex=True)
     for k, axes in enumerate(panels):
         axes.plot(time[rows], 1e3 * y[rows, k], ".", color=GREY, markersize=3, label="measured")
         axes.plot(time[rows], 1e3 * predicted[rows, k], color=BLUE, linewidth=1, label=f"predicted, fit {fit[k]:.4g} %")
         axes.set(ylabel=f"position {k + 1} [mm]")
-        axes.grid(alpha=0.3)
         axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, frameon=False, borderaxespad=0.1)
     panels[-1].set(xlabel="time [s]")
-    figure.suptitle(title)
     return figure
 
 
@@ -73,8 +67,7 @@ def response_figure(
     f = _lines(np.linalg.eigvals(A), sample_time, np.geomspace(low, 0.999 * nyquist, POINTS))
     z = np.exp(2j * np.pi * f * sample_time)
     G = C @ np.linalg.solve(z[:, None, None] * np.eye(len(A)) - A, B.astype(complex)) + D
-    figure = Figure(figsize=(8.0, 5.4), layout="constrained")
-    size, phase = figure.subplots(2, 1, sharex=True, height_ratios=[2, 1])
+    figure, (size, phase) = with_panels(8.0, 5.4, 2, title=title, grid=False, sharex=True, height_ratios=[2, 1])
     for i in range(G.shape[1]):
         for j in range(G.shape[2]):
             label = f"position {i + 1}" + (f", input {j + 1}" if G.shape[2] > 1 else "")
@@ -92,7 +85,6 @@ def response_figure(
     for axes in (size, phase):
         axes.grid(alpha=0.3, which="both")
     size.legend()
-    figure.suptitle(title)
     return figure
 
 
@@ -113,8 +105,7 @@ def step_figure(
     title: str = "",
 ) -> Figure:
     """Recordings (time, reference, measured, model; (N,) [s, m]) and the rms error [m] by delay tried."""
-    figure = Figure(figsize=(8.0, 4.0), layout="constrained")
-    left, right = figure.subplots(1, 2, width_ratios=[2, 1])
+    figure, (left, right) = with_panels(8.0, 4.0, columns=2, title=title, width_ratios=[2, 1])
     for n, (time, u, y, model) in enumerate(runs):
         left.plot(time, 1e3 * u, color=GREY, linewidth=0.8, label="reference" if n == 0 else None)
         left.plot(time, 1e3 * y, ".", color=BLUE, markersize=2, label="measured" if n == 0 else None)
@@ -125,9 +116,6 @@ def step_figure(
     right.axvline(delay, color=ORANGE, linestyle="--", linewidth=1, label=f"delay {delay}")
     right.set(xlabel="delay [samples]", ylabel="error, rms [um]", yscale="log")
     right.legend()
-    for axes in (left, right):
-        axes.grid(alpha=0.3)
-    figure.suptitle(title)
     return figure
 
 
@@ -136,8 +124,8 @@ def decay_figure(
 ) -> Figure:
     """Decays (N, p) [m] with the fit, and their spectra with the peaks found."""
     p = y.shape[1]
-    figure = Figure(figsize=(9.0, 1.4 + 1.9 * p), layout="constrained")
-    panels = figure.subplots(p, 2, squeeze=False, sharex="col")
+    figure, panels = with_panels(9.0, 1.4 + 1.9 * p, p, 2, title=title, sharex="col")
+    panels = panels.reshape(p, 2)
     f = np.fft.rfftfreq(len(time), time[1] - time[0])
     top = min(f[-1], 4 * max(peaks_Hz))
     for k, (left, right) in enumerate(panels):
@@ -150,8 +138,6 @@ def decay_figure(
         for peak in peaks_Hz:
             right.axvline(peak, color=ORANGE, linestyle="--", linewidth=1)
         right.set(ylabel="spectrum [m s]", xlim=(0, top))
-        for axes in (left, right):
-            axes.grid(alpha=0.3)
     for n, peak in enumerate(peaks_Hz):
         panels[0, 1].annotate(
             f"{peak:.4g} Hz", (peak, 0.03 + 0.08 * (n % 3)), xycoords=("data", "axes fraction"), xytext=(3, 0),
@@ -160,14 +146,12 @@ def decay_figure(
     panels[0, 0].legend()
     panels[-1, 0].set(xlabel="time [s]")
     panels[-1, 1].set(xlabel="frequency [Hz]")
-    figure.suptitle(title)
     return figure
 
 
 def poles_figure(poles: Mapping[str, np.ndarray], circles_Hz: np.ndarray, *, title: str = "") -> Figure:
     """Poles [1/s] by name in the complex plane, scaled by 2 pi; circles at undamped frequencies."""
-    figure = Figure(figsize=(6.6, 6.4), layout="constrained")
-    axes = figure.subplots()
+    figure, (axes,) = with_panels(6.6, 6.4)
     angle = np.linspace(0, 2 * np.pi, 361)
     for radius in circles_Hz:
         axes.plot(radius * np.cos(angle), radius * np.sin(angle), color=GREY, linewidth=0.8, linestyle=":")
@@ -179,6 +163,5 @@ def poles_figure(poles: Mapping[str, np.ndarray], circles_Hz: np.ndarray, *, tit
         axes.plot(real, imaginary, marker, linestyle="none", color=c, label=name, markersize=8, markerfacecolor=fill)
     axes.axvline(0, color="black", linewidth=0.8)
     axes.set(xlabel="real part / 2 pi [Hz]", ylabel="imaginary part / 2 pi [Hz]", title=title, aspect="equal")
-    axes.grid(alpha=0.3)
     figure.legend(loc="outside lower center", ncols=3)
     return figure

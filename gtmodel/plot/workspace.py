@@ -11,6 +11,7 @@ from matplotlib.patches import PathPatch
 from matplotlib.path import Path
 
 from ..kinematics.workspace.cross_section import Region
+from .panels import with_panels
 
 # from the largest region to the smallest: light to dark
 SHADES = ("#e3e9f0", "#bcd0e5", "#8db3d9", "#5a8fc4", "#2d6aa8", "#124a83")
@@ -26,8 +27,7 @@ def section_figure(
         guideways: (m, 2) where they pierce the section [m].
         names: of the two coordinates.
     """
-    figure = Figure(figsize=(7.5, 6.5), layout="constrained")
-    axes = figure.add_subplot()
+    figure, (axes,) = with_panels(7.5, 6.5)
     for k, (label, region) in enumerate(layers.items()):
         shade = SHADES[min(k, len(SHADES) - 1)]
         if not region.loops:
@@ -40,7 +40,6 @@ def section_figure(
     axes.autoscale_view()
     axes.set(xlabel=f"{names[0]} [m]", ylabel=f"{names[1]} [m]", title=title or "cross-section of the workspace")
     axes.set_aspect("equal", adjustable="datalim")
-    axes.grid(alpha=0.3)
     figure.legend(loc="outside lower center", fontsize="small", frameon=False)
     return figure
 

@@ -1,6 +1,11 @@
 """Problems in TOML files: loading, keys, sentences, settings, running, schema, listing."""
 
-from .base import Check, Context, InputError, Kind, Problem, Section
-from .registry import get, names
-
-__all__ = ["Check", "Context", "InputError", "Kind", "Problem", "Section", "get", "names"]
+from .base import (
+    Check as Check,
+    Context as Context,
+    InputError as InputError,
+    Kind as Kind,
+    Problem as Problem,
+    Section as Section,
+)
+from .registry import get as get, names as names

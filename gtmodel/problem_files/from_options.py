@@ -6,7 +6,7 @@ import dataclasses
 import inspect
 import types
 from collections.abc import Callable
-from typing import Annotated, Any, ClassVar, TypeVar, Union, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, ClassVar, Generic, TypeVar, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 import pydantic
@@ -17,16 +17,23 @@ from gtmodel.results.refusal import ArgumentError
 
 from .base import Section
 
-S = TypeVar("S", bound="Made")
+S = TypeVar("S", bound="Made[Any]")
+O = TypeVar("O")
 
 
-class Made(Section):
-    """A table whose keys are the fields of an options class; `options` gives the object back."""
+class Made(Section, Generic[O]):
+    """A table whose keys are the fields of an options class, as `Made[Limits]`; `options` gives the object back.
+
+    A table with keys of its own besides is a subclass, decorated with `made_from`.
+    """
 
     made_of: ClassVar[type]
     attributes: ClassVar[dict[str, str]]  # key -> field
 
-    def options(self) -> Any:
+    def __class_getitem__(cls, options: Any) -> Any:  # pyright: ignore[reportIncompatibleMethodOverride]
+        return section_of(options)
+
+    def options(self) -> O:
         """The options that the table says, in SI. Raises ArgumentError where they contradict each other."""
         return self.made_of(**self.given())
 

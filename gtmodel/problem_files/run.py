@@ -12,8 +12,7 @@ from pathlib import Path
 from gtmodel.results import ArgumentError, Study
 from gtmodel.results.written import for_machines
 
-from . import output
-from . import start as earlier
+from . import output, start as earlier
 from .arguments import key_of
 from .base import Context, Generating, InputError
 from .call import Call

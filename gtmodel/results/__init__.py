@@ -15,6 +15,7 @@ Studies
     Options, Unit, Within, Long   options of a study, checked when made
     Work              progress and end of one run
     ArgumentError     what a caller gave cannot be used: the one refusal of all libraries
+    naming            what is refused inside, refused as an argument of one's own
 
 What was tested
     Check, at_most, at_least   a number with its bound, and the verdict
@@ -28,19 +29,23 @@ Time series
     UnknownNameError  a signal name that is not there
 """
 
-from gtmodel.results.check import Check, at_least, at_most
-from gtmodel.results.estimate import Estimate
-from gtmodel.results.options import Long, Options, Unit, Within
-from gtmodel.results.quantity import Quantity, Row, listed
-from gtmodel.results.reading import Stored, read
-from gtmodel.results.refusal import ArgumentError
-from gtmodel.results.status import ModesStatus, SolveStatus, Status, c_enum, c_sentences
-from gtmodel.results.study import Study
-from gtmodel.results.trajectory import Trajectory, TrajectoryError, UnknownNameError
-from gtmodel.results.work import Work
-
-__all__ = [
-    "ArgumentError", "Check", "Estimate", "Long", "ModesStatus", "Options", "Quantity", "Row", "SolveStatus", "Status",
-    "Stored", "Study", "Trajectory", "TrajectoryError", "Unit", "UnknownNameError", "Within", "Work",
-    "at_least", "at_most", "c_enum", "c_sentences", "listed", "read",
-]  # fmt: skip
+from gtmodel.results.check import Check as Check, at_least as at_least, at_most as at_most
+from gtmodel.results.estimate import Estimate as Estimate
+from gtmodel.results.options import Long as Long, Options as Options, Unit as Unit, Within as Within
+from gtmodel.results.quantity import Quantity as Quantity, Row as Row, listed as listed
+from gtmodel.results.reading import Stored as Stored, read as read
+from gtmodel.results.refusal import ArgumentError as ArgumentError, naming as naming
+from gtmodel.results.status import (
+    ModesStatus as ModesStatus,
+    SolveStatus as SolveStatus,
+    Status as Status,
+    c_enum as c_enum,
+    c_sentences as c_sentences,
+)
+from gtmodel.results.study import Study as Study
+from gtmodel.results.trajectory import (
+    Trajectory as Trajectory,
+    TrajectoryError as TrajectoryError,
+    UnknownNameError as UnknownNameError,
+)
+from gtmodel.results.work import Work as Work

@@ -3,24 +3,9 @@
 simulate gives a Simulation; simulation_study adds checks, table and pictures: a SimulationStudy.
 """
 
-from .arguments import MOST_ROWS, MOST_STEPS
-from .certificate import explain_simulation
-from .linearize import Mode, linearize, modes
-from .result import NotSimulated, Simulation, Switch
-from .run import simulate
-from .study import SimulationStudy, simulation_study
-
-__all__ = [
-    "MOST_ROWS",
-    "MOST_STEPS",
-    "Mode",
-    "NotSimulated",
-    "Simulation",
-    "SimulationStudy",
-    "Switch",
-    "explain_simulation",
-    "linearize",
-    "modes",
-    "simulate",
-    "simulation_study",
-]
+from .arguments import MOST_ROWS as MOST_ROWS, MOST_STEPS as MOST_STEPS
+from .certificate import explain_simulation as explain_simulation
+from .linearize import Mode as Mode, linearize as linearize, modes as modes
+from .result import NotSimulated as NotSimulated, Simulation as Simulation, Switch as Switch
+from .run import simulate as simulate
+from .study import SimulationStudy as SimulationStudy, simulation_study as simulation_study

@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from ..compiler.analysis.pace import Pace
-from ..compiler.consistency.initial import Initial
 from ..results.status import SolveStatus
 from .audit import Audit
 from .choice import LARGEST_CHANGE, SWITCH_BELOW, Reference
 from .ending import Ended, wall
-from .inputs import Inputs
 from .jumping import after_jump
-from .record import Recorder
 from .result import Progress, Switch
 from .small import History
 from .step import CHUNKS
-from .systems import System, Systems
+from .systems import System
+
+if TYPE_CHECKING:
+    from .run import Ready
 
 # an interval this much shorter than the whole run means that the motion leads nowhere
 SHORTEST = 1e-8
@@ -32,24 +34,15 @@ class Course:
     """Where a simulation is, and with which states. `rows` are the times to record, start and end included; `grid`
     holds them and further times that intervals end at; `pace` bounds the integrator's own steps."""
 
-    def __init__(
-        self,
-        systems: Systems,
-        inputs: Inputs,
-        recorder: Recorder,
-        start: Initial,
-        system: System,
-        rows: np.ndarray,
-        grid: np.ndarray,
-        pace: Pace,
-    ) -> None:
-        self._systems, self._inputs, self._recorder, self._rows, self._grid = systems, inputs, recorder, rows, grid
-        self._pace = pace
-        self.audit = Audit(systems.plan)
+    def __init__(self, ready: Ready, rows: np.ndarray, grid: np.ndarray, pace: Pace) -> None:
+        self._systems, self._inputs, self._recorder = ready.systems, ready.inputs, ready.recorder
+        self._rows, self._grid, self._pace = rows, grid, pace
+        system = ready.system
+        self.audit = Audit(ready.systems.plan)
         self.system = system
         self.switches: list[Switch] = []
         self.history = History()
-        self._x, self._z = system.reduced.from_point(start.w)
+        self._x, self._z = system.reduced.from_point(ready.initial.w)
         self._work = np.zeros(2)
         # of any state so far, in nominals: absolute tolerances mean nothing for a motion that is smaller
         self.largest = float(np.max(np.abs(self._x) / system.stepper.x_scale, initial=0.0))
@@ -60,7 +53,7 @@ class Course:
         self._reference: Reference | None = None
         self._switch_below = SWITCH_BELOW
         self._last_span = np.inf
-        self._p = inputs.piece(self._time)
+        self._p = ready.inputs.piece(self._time)
         follower = system.follower
         if follower is not None:
             better = follower.correct(self._z, follower.place(self._x, self._time, self._p))
@@ -251,6 +244,4 @@ class Course:
 
     def _wall(self) -> Ended:
         """Why it does not go on from here."""
-        system = self.system
-        here = self._x, self._z, self._time, self._p
-        return wall(system.reduced, system.follower, system.stepper.x_scale, *here, self._shortest)
+        return wall(self.system, self._x, self._z, self._time, self._p, self._shortest)

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..results.status import SolveStatus
-from .follow import Follower
-from .reduced import Reduced
+from .systems import System
 
 # where a run ends, a state of so many nominals has grown without bound
 UNBOUNDED = 1e6
@@ -24,19 +23,11 @@ class Ended(Exception):
         self.status = status
 
 
-def wall(
-    reduced: Reduced,
-    follower: Follower | None,
-    x_scale: np.ndarray,
-    x: np.ndarray,
-    z: np.ndarray,
-    time: float,
-    p: np.ndarray,
-    shortest: float,
-) -> Ended:
+def wall(system: System, x: np.ndarray, z: np.ndarray, time: float, p: np.ndarray, shortest: float) -> Ended:
     """Why a motion does not go on from a point, where intervals of `shortest` [s] do not help."""
+    reduced, follower = system.reduced, system.follower
     at = f"the motion ends at {time:.6g} s"
-    if np.any(np.abs(x) > UNBOUNDED * x_scale):
+    if np.any(np.abs(x) > UNBOUNDED * system.stepper.x_scale):
         return Ended(SolveStatus.DIVERGED, f"{at}: the state grows without bound")
     numbers = np.asarray(reduced.margins(x, z, time, p).full()).reshape(-1)
     margins = [m for b in reduced.plan.blocks for m in b.margins]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
+from ..compiler.newton import solve_rows
 from .reduced import Reduced
 
 CORRECTIONS = 12
@@ -41,14 +42,14 @@ class Follower:
     def tangent(self, z: np.ndarray, a: np.ndarray, along: np.ndarray) -> np.ndarray:
         """How far z goes, to first order, while a goes `along`; NaN where the equations are singular."""
         rate, jacobian = (np.asarray(v.full()) for v in self._tangent(z, a, along))
-        return -_solve(jacobian, rate.reshape(-1))
+        return -solve_rows(jacobian[None], rate.T)[0]
 
     def correct(self, z: np.ndarray, a: np.ndarray) -> np.ndarray | None:
         """The solution right beside z, to round-off; None where Newton does not contract to one."""
         last = REACH
         for n in range(CORRECTIONS):
             r, jacobian = (np.asarray(v.full()) for v in self._newton(z, a))
-            step = _solve(jacobian, -r.reshape(-1))
+            step = solve_rows(jacobian[None], -r.T)[0]
             size = self.apart(z, z + step)
             if not size <= max(last * (CONTRACTION if n else 1.0), ROUND_OFF):
                 return None
@@ -79,12 +80,3 @@ class Follower:
 
     def _size(self, z: np.ndarray) -> np.ndarray:
         return np.maximum(self._scale, np.abs(z))
-
-
-def _solve(matrix: np.ndarray, rhs: np.ndarray) -> np.ndarray:
-    if not (np.all(np.isfinite(matrix)) and np.all(np.isfinite(rhs))):
-        return np.full(rhs.shape, np.nan)
-    try:
-        return np.linalg.solve(matrix, rhs)
-    except np.linalg.LinAlgError:
-        return np.full(rhs.shape, np.nan)

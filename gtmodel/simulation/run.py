@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ..compiler.analysis.pace import Pace, pace_of
+from ..compiler.analysis.pace import pace_of
 from ..compiler.causal import flat_of
 from ..compiler.consistency.initial import Initial, initial_point, start_values
 from ..lang.model import Model
@@ -90,7 +90,7 @@ def simulate(
     watched = (final_time - start_time) / OUTPUT_STEPS if ready.system.roots else np.inf
     grid = _grid(rows, min(max_step, watched))
     pace = pace_of(ready.systems.driven(), ready.inputs.t, start_time, final_time)
-    course = ready.course(rows, grid, pace)
+    course = Course(ready, rows, grid, pace)
     status, message = SolveStatus.SOLVED, "simulated"
     try:
         course.run(progress)
@@ -106,7 +106,7 @@ def simulate(
     checks = balance(energy_error, moved) | resolution(course.largest, tolerance)
     said = ""
     if status.ok and FINER * tolerance >= FINEST and (pairs := small(course.history, tolerance)):
-        finer = prepared(FINER * tolerance).course(rows, grid, pace)
+        finer = Course(prepared(FINER * tolerance), rows, grid, pace)
         # a run that ends early tells nothing
         with suppress(Ended):
             finer.run(None if progress is None else lambda _: progress(final_time))
@@ -140,10 +140,6 @@ class Ready:
     initial: Initial
     system: System
     chosen: dict[str, float]
-
-    def course(self, rows: np.ndarray, grid: np.ndarray, pace: Pace) -> Course:
-        """The way from here; arguments as of `Course`."""
-        return Course(self.systems, self.inputs, self.recorder, self.initial, self.system, rows, grid, pace)
 
     def symbol_name(self, pair: tuple[int, int]) -> str:
         """Of a state."""

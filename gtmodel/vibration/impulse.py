@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from gtmodel.inference import nonlinear_fit, whiteness
 from gtmodel.results import Estimate
@@ -15,7 +16,7 @@ from ..results import ArgumentError
 from .continuous import NEAR
 from .hankel import block_hankel
 from .noise import REWEIGHTED, settled, weights_of
-from .output_error import central
+from .output_error import central, too_far
 from .record import Record, columns, go_on
 
 if TYPE_CHECKING:
@@ -90,9 +91,11 @@ def identify_impulse(
     if min(wanted, default=0) < 1:
         raise ArgumentError(f"{modes if modes is not None else largest} resonances were asked for; expected at least 1")
     fits: dict[int, _Sines] = {}
-    for k in wanted:
+    decay = record.y - record.y[-max(len(record) // REST, 1) :].mean(axis=0)
+    realised = realisations(decay, [2 * k for k in wanted])
+    for _ in wanted:
         go_on(interrupted)
-        poles = realise(record.y - record.y[-max(len(record) // REST, 1) :].mean(axis=0), 2 * k)[3]
+        poles = next(realised)[3]
         s = np.log(poles[np.imag(poles) > 0].astype(complex)) / record.sample_time
         s = s[(s.real < 0) & (s.imag > 2 * np.pi / (record.sample_time * len(record)))]
         found = _Sines.fit(record, s) if len(s) else None
@@ -113,25 +116,27 @@ def identify_impulse(
     return fits[best].model(record, {k: f.criterion for k, f in sorted(fits.items())})
 
 
-def realise(
-    y: np.ndarray, order: int, rows: int | None = None
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """A (n, n), C (p, n), x0 (n,) and the poles of y[k] = C A^k x0 by the eigensystem realisation.
+def realisations(
+    y: np.ndarray, orders: Iterable[int], rows: int | None = None
+) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]]:
+    """A (n, n), C (p, n), x0 (n,) and the poles of y[k] = C A^k x0 by the eigensystem realisation, by order n.
 
-    y (N, p) or (N,). Source: Juang and Pappa 1985. Raises ArgumentError: too few samples for the order.
+    y (N, p) or (N,). Source: Juang and Pappa 1985. Raises ArgumentError: too few samples for an order.
     """
     y = columns(y, "outputs")
     p = y.shape[1]
     blocks = min(len(y) // ROWS, MOST_ROWS) if rows is None else rows
-    if blocks < 2 or (blocks - 1) * p < order or len(y) - blocks + 1 < order:
-        raise ArgumentError(
-            f"{len(y)} samples are too few for the order {order}; expected at least {ROWS * (order // p + 2)}: record "
-            "longer, or lower the order"
-        )
-    U, s, Vt = np.linalg.svd(block_hankel(y, blocks), full_matrices=False)
-    G = U[:, :order] * np.sqrt(s[:order])
-    A = np.linalg.lstsq(G[:-p], G[p:], rcond=None)[0]
-    return A, G[:p], np.sqrt(s[:order]) * Vt[:order, 0], np.linalg.eigvals(A)
+    factors = None
+    for order in orders:
+        if blocks < 2 or (blocks - 1) * p < order or len(y) - blocks + 1 < order:
+            raise ArgumentError(
+                f"{len(y)} samples are too few for the order {order}; expected at least {ROWS * (order // p + 2)}: "
+                "record longer, or lower the order"
+            )
+        U, s, Vt = factors = factors or np.linalg.svd(block_hankel(y, blocks), full_matrices=False)
+        G = U[:, :order] * np.sqrt(s[:order])
+        A = np.linalg.lstsq(G[:-p], G[p:], rcond=None)[0]
+        yield A, G[:p], np.sqrt(s[:order]) * Vt[:order, 0], np.linalg.eigvals(A)
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,7 +182,7 @@ class _Sines:
 
         def residuals(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             if np.any(x[::2] <= 0) or np.any(np.abs(x[1::2]) >= 1):
-                return np.full(y.size, np.inf), np.full((y.size, len(x)), np.inf)
+                return too_far(y.size, len(x))
             return misfit(x), central(misfit, x)
 
         names = [f"{what}[{k}]" for k in range(len(s)) for what in ("f", "zeta")]
@@ -196,10 +201,8 @@ class _Sines:
         unknowns = len(fit.x) + amplitudes[:, live].size
         freedom = max(y.size - unknowns, 1)
         factor = e.freedom / freedom
-        estimate = Estimate(
-            e.names, e.values, e.covariance * factor, freedom, e.noise * float(np.sqrt(factor)), e.known_noise,
-            e.residuals, (), units=("Hz", "") * len(s),
-        )  # fmt: skip
+        noise, units = e.noise * float(np.sqrt(factor)), ("Hz", "") * len(s)
+        estimate = replace(e, covariance=e.covariance * factor, freedom=freedom, noise=noise, units=units)
         criterion = _criterion(record.y[:, live], fitted[:, live], unknowns)
         return cls(fit.x, estimate, amplitudes, fitted, criterion)
 
@@ -222,11 +225,9 @@ class _Sines:
             blocks.append(decay * np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]))
             B += [1.0, 0.0]
             C += [cosine, sine]
-        A = np.zeros((2 * len(blocks), 2 * len(blocks)))
-        for k, block in enumerate(blocks):
-            A[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = block
         C = np.array(C).T
         # h[k] = C A^(k-1) B: the decay begins one sample after the impulse
+        A = block_diag(*blocks)
         system = control.StateSpace(A, np.array(B)[:, None], C, np.zeros((len(C), 1)), record.sample_time)
         half = np.array([r.frequency_Hz * r.damping for r in found])
         distance = np.diff([r.frequency_Hz for r in found]) / (half[:-1] + half[1:]) if len(found) > 1 else np.zeros(0)

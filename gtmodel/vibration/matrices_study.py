@@ -12,12 +12,11 @@ import numpy as np
 from ..results import ArgumentError, Check, Row, SolveStatus, at_most
 from ..results.work import Progress, never, silent
 from .definite_form import DefiniteForm, definite_form
-from .modes import Modes, modes, sign_question
+from .modes import SIGNS, Modes, modes, sign_question
 from .options import Matrices
 from .vibration_result import VibrationStudy, numbers, pairs_of, rows_of
 
-# signs of D and K that are tried for a passive structure, the printed ones first
-_SIGNS = {"as printed": (1, 1), "D and K flipped": (-1, -1), "K flipped": (1, -1), "D flipped": (-1, 1)}
+_TRIED = ("as printed", "D and K flipped", "K flipped", "D flipped")  # for a passive structure, in this order
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -69,7 +68,7 @@ def matrices_study(
         signs = sign_question(M, D, K)
     except ValueError as error:
         raise ArgumentError(str(error), "matrices") from error
-    others = {name: modes(M, d * D, k * K) for name, (d, k) in _SIGNS.items()}
+    others = {name: modes(M, d * D, k * K) for name in _TRIED for d, k in [SIGNS[name]]}
     chosen, definite, refused = _passive(M, D, K, others)
     words = [*printed.words, *(definite.words if definite else [refused])]
     if definite and chosen != "as printed":
@@ -107,7 +106,7 @@ def _passive(
     stable = [name for name, m in found.items() if m.stable]
     if not stable:
         return "", None, "no choice of signs of D and K is stable: no passive structure is offered"
-    d, k = _SIGNS[stable[0]]
+    d, k = SIGNS[stable[0]]
     try:
         return stable[0], definite_form(M, d * D, k * K), ""
     except ArgumentError as error:

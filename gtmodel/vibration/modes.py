@@ -15,6 +15,8 @@ from ..results import ArgumentError
 REAL = 1e-9  # relative: imaginary, or real, parts below are rounding
 FREE = 1e-7  # of the largest pole: the two poles of a free motion are accurate to the root of rounding only
 SYMMETRIC = 1e-9  # relative asymmetry that is rounding
+# changes of sign of D and K, the printed ones first
+SIGNS = {"as printed": (1, 1), "K flipped": (1, -1), "D flipped": (-1, 1), "D and K flipped": (-1, -1)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,7 +146,7 @@ def sign_question(M: ArrayLike, D: ArrayLike, K: ArrayLike) -> tuple[str, ...]:
     """Which of the changes of sign of D, K or both make M s^2 + D s + K stable, each in a sentence with its poles."""
     M, D, K = matrices(M, D, K)
     said = []
-    for name, d, k in (("as printed", 1, 1), ("K flipped", 1, -1), ("D flipped", -1, 1), ("D and K flipped", -1, -1)):
+    for name, (d, k) in SIGNS.items():
         found = modes(M, d * D, k * K)
         at = ", ".join(f"{f:.4g}" for f in _distinct(found.pole_Hz))
         said.append(f"{name}: {'stable' if found.stable else 'unstable'}, poles at {at} Hz")

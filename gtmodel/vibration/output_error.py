@@ -78,8 +78,7 @@ def output_error(
         try:
             return misfit(x), central(misfit, x)
         except (np.linalg.LinAlgError, ValueError):
-            # a trial far off; the iteration takes a shorter step
-            return np.full(record.y.size, np.inf), np.full((record.y.size, len(x)), np.inf)
+            return too_far(record.y.size, len(x))
 
     ones = np.ones(len(packing.scale))
     raw = [f"x[{k}]" for k in range(len(ones))]
@@ -126,6 +125,11 @@ def central(function: Callable[[np.ndarray], np.ndarray], x: np.ndarray, step: f
         e[k] = step * max(abs(x[k]), 1.0)
         found.append((function(x + e) - function(x - e)) / (2 * e[k]))
     return np.stack(found, axis=1)
+
+
+def too_far(rows: int, n: int) -> tuple[np.ndarray, np.ndarray]:
+    """Residuals and slopes of a trial far off: the iteration takes a shorter step."""
+    return np.full(rows, np.inf), np.full((rows, n), np.inf)
 
 
 def second_order_states(
@@ -176,8 +180,7 @@ class _Symmetric:
                 ) from None
         self.factors = np.concatenate(parts)
         # an entry near zero moves in units of its matrix
-        sizes = np.repeat([np.abs(x).max() for x in parts], len(parts[0]))
-        self.scale = sizes
+        self.scale = np.repeat([np.abs(x).max() for x in parts], len(parts[0]))
         self.entries = [(X, i, j) for X in "MDK" for i in range(self.p) for j in range(i, self.p)]
 
     def unpack(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -16,7 +16,7 @@ from gtmodel.measurements import copied_stretch
 from gtmodel.results import Estimate
 
 from ..results import ArgumentError
-from .output_error import central
+from .output_error import central, too_far
 from .record import Record, go_on
 
 if TYPE_CHECKING:
@@ -102,7 +102,7 @@ def identify_step(
 
     def residuals(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         if abs(x[0]) >= 1:
-            return np.full(count, np.inf), np.full((count, 2), np.inf)
+            return too_far(count, 2)
         return misfit(x), central(misfit, x)
 
     a0 = scans[best][0]

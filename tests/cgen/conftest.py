@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import shutil
 import subprocess
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 import gtmodel as gt
 from gtmodel import cgen
+from gtmodel.cgen.toolchain import Toolchain
 from gtmodel.compiler.causal import CausalFunction
 from tests.bench.callgrind import missing
 
@@ -48,6 +50,28 @@ class SliderCrank(gt.Model):
         yield (self.x - self.p[0]) ** 2 + self.p[1] ** 2 == self.rod**2
         yield self.wobble == self.x + self.r * gt.sin(self.omega * self.time)
         yield gt.branch("ahead", self.x - self.p[0])
+
+
+@pytest.fixture(scope="session", autouse=True)
+def compiled_once() -> Iterator[None]:
+    """What `check` compiles: the same source beside the same headers gives the same object, so it is made once."""
+    made: dict[object, tuple[bool, str, bytes]] = {}
+    real = Toolchain.compile
+
+    def compile_once(tools: Toolchain, source: Path, target: Path) -> tuple[bool, str]:
+        headers = [(p.name, p.read_bytes()) for p in sorted(source.parent.glob("*.h"))]
+        key = (tools.cc, source.name, source.read_bytes(), *headers)
+        if key not in made:
+            good, text = real(tools, source, target)
+            made[key] = good, text, target.read_bytes() if good else b""
+        good, text, content = made[key]
+        if good:
+            target.write_bytes(content)
+        return good, text
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Toolchain, "compile", compile_once)
+        yield
 
 
 @pytest.fixture(scope="session")

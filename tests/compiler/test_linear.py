@@ -7,8 +7,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
-from hypothesis import assume, given
-from hypothesis import strategies as st
+from hypothesis import assume, given, strategies as st
 
 import gtmodel as gt
 from tests.support.compare import relative_error

@@ -6,8 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from gtmodel.problem_files.base import Check, at_least, at_most
 from gtmodel.results import SolveStatus, Study, Trajectory

@@ -22,8 +22,7 @@ from gtmodel.vibration import (
     synthetic_records,
 )
 from tests.support.refusals import key_of_refusal
-from tests.vibration.structures import FEW as OF_TWO
-from tests.vibration.structures import FORCED, HIT, OF_HIT, OF_STEPS, PRINTED, STEPS, TS, TWO, D, K, M
+from tests.vibration.structures import FEW as OF_TWO, FORCED, HIT, OF_HIT, OF_STEPS, PRINTED, STEPS, TS, TWO, D, K, M
 
 FEW = "synthetic.samples=3000"  # of the shipped 30000, for speed
 SAME = 1e-6  # relative: a log in mm and ms, written with 17 digits, is the same log

@@ -1,8 +1,7 @@
 """Distances against brute force: many points on the segments, and a minimiser that knows no geometry."""
 
 import numpy as np
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from scipy.optimize import minimize
 
 from gtmodel.kinematics.workspace.distances import between_segments, segment_to_box

@@ -5,8 +5,7 @@ from __future__ import annotations
 import ctypes
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from gtmodel.loop import egm
 from gtmodel.loop.wire import DATAGRAM_MAX, WireError

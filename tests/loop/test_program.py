@@ -16,7 +16,7 @@ from gtmodel._files import codegen_dir
 from gtmodel.cgen import GenerationError, generate
 from gtmodel.compiler.causal import CausalFunction
 from gtmodel.loop import LoopError, LoopProcess, build
-from gtmodel.loop.build import PROGRAM, adapter, manifest_of
+from gtmodel.loop.build import PROGRAM, adapter, built_before, manifest_of
 from tests.loop.bench import Bench, text
 from tests.loop.conftest import STRICT
 
@@ -174,14 +174,19 @@ def test_build_refuses_a_changed_folder(generated: Path, tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize("spoilt", ["planted", "of others"])
-def test_a_program_that_others_could_have_planted_is_built_anew(generated: Path, tmp_path: Path, spoilt: str) -> None:
-    program = build(generated, tmp_path / "loop", 3)
-    whole = program.read_bytes()
+def test_a_program_that_others_could_have_planted_is_built_anew(
+    bench: Bench, generated: Path, tmp_path: Path, spoilt: str
+) -> None:
+    built_before(bench.place, tmp_path)  # with its stamp: built here, it would be the same
+    program = build(generated, tmp_path, 3)
+    whole, made = program.read_bytes(), program.stat().st_mtime_ns
+    assert build(generated, tmp_path, 3).stat().st_mtime_ns == made, "a whole program is used again"
     if spoilt == "of others":
         program.chmod(0o777)
     else:
         program.write_bytes(b"#!/bin/sh\necho planted\n")
-    again = build(generated, tmp_path / "loop", 3)
+    again = build(generated, tmp_path, 3)
+    assert again.stat().st_mtime_ns != made
     assert again.read_bytes() == whole and again.stat().st_mode & 0o022 == 0
 
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 import gtmodel as gt
-from gtmodel import Status
-from gtmodel import mechanics as m
+from gtmodel import Status, mechanics as m
 from tests.mechanics.balance import power_balance
 from tests.support.compare import relative_error
 from tests.support.residuals import original_residuals

@@ -8,12 +8,10 @@ from scipy.optimize import brentq
 
 import gtmodel as gt
 from gtmodel import SolveStatus
-from gtmodel.motion import Cost, End, Limits, MotionStudy, Obstacle, study
-from gtmodel.motion import Mesh as MeshOptions
+from gtmodel.motion import Cost, End, Limits, Mesh as MeshOptions, MotionStudy, Obstacle, study
 from gtmodel.motion.motion_study import solved
 from gtmodel.motion.planning import plan_of
-from gtmodel.optimize import Mesh, SolverOptions
-from gtmodel.optimize import solve as collocate
+from gtmodel.optimize import Mesh, SolverOptions, solve as collocate
 from gtmodel.results import ArgumentError, Work
 from gtmodel.results.quantity import described
 from tests.support.motions import GOAL, START, asked, l1, solution

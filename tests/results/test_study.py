@@ -8,8 +8,7 @@ from typing import Annotated, Literal
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from gtmodel.problem_files import InputError
 from gtmodel.problem_files.arguments import key_of

@@ -26,8 +26,7 @@ _LARGEST = 200  # no write of these tests touches the disk that often
 def solve(elements: int) -> Callable[[Path], None]:
     """A job of `gtmodel solve --out`: another result for another number of elements."""
     from gtmodel.problem_files.load import load
-    from gtmodel.problem_files.run import answer, context_of
-    from gtmodel.problem_files.run import solve as run
+    from gtmodel.problem_files.run import answer, context_of, solve as run
 
     loaded = load("swing.toml", [f"mesh.elements={elements}"])
     outcome = answer(loaded, context_of(loaded))

@@ -8,8 +8,14 @@ import numpy as np
 import pytest
 
 from gtmodel.inference import binomial_band, monte_carlo
-from gtmodel.vibration import FrequencyResponse, fit_modes, frequency_response, receptance, synthetic_hits
-from gtmodel.vibration import synthetic_receptance as made
+from gtmodel.vibration import (
+    FrequencyResponse,
+    fit_modes,
+    frequency_response,
+    receptance,
+    synthetic_hits,
+    synthetic_receptance as made,
+)
 from gtmodel.vibration.dynamic_stiffness.frequency_modes import linear_start, log_slopes
 
 M, C, K = 174.8, 4047.9, 2.79e6  # Cvitanic 2021, Table 16, test 2, x

@@ -6,11 +6,7 @@ Poses             poses with what is known of their file
 CartPoints, read_cart_points   guideways through measured points of the carts
 """
 
-from .cart_points import CartPoints, read_cart_points
-from .options import FrameStart, Measured, MeasuredSignal, Sag
-from .poses import Poses
-from .reading_file import read_poses
-
-__all__ = [
-    "CartPoints", "FrameStart", "Measured", "MeasuredSignal", "Poses", "Sag", "read_cart_points", "read_poses",
-]  # fmt: skip
+from .cart_points import CartPoints as CartPoints, read_cart_points as read_cart_points
+from .options import FrameStart as FrameStart, Measured as Measured, MeasuredSignal as MeasuredSignal, Sag as Sag
+from .poses import Poses as Poses
+from .reading_file import read_poses as read_poses

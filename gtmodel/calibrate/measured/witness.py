@@ -15,8 +15,7 @@ from ...measurements.orders import orders
 from ...results import ArgumentError
 from ..calibration import calibrate
 from ..prediction import Prediction
-from ..problem import Problem as Prepared
-from ..problem import prepare
+from ..problem import Problem as Prepared, prepare
 from ..unknowns import Choice
 from .misreading import misreading
 from .poses import SplitPoses

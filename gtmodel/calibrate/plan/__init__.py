@@ -7,22 +7,17 @@ PosesToMeasure, Evaluation, Simulation, Criteria   how many poses, where the rob
 """
 
 from .options import (
-    Criteria,
-    Evaluation,
-    Gauge,
-    PatternCamera,
-    PlanLimits,
-    PosesToMeasure,
-    Room,
-    Safety,
-    Simulation,
-    Tracker,
-    Wire,
+    Criteria as Criteria,
+    Evaluation as Evaluation,
+    Gauge as Gauge,
+    PatternCamera as PatternCamera,
+    PlanLimits as PlanLimits,
+    PosesToMeasure as PosesToMeasure,
+    Room as Room,
+    Safety as Safety,
+    Simulation as Simulation,
+    Tracker as Tracker,
+    Wire as Wire,
 )
-from .planned import plan_study
-from .result import PlanStudy
-
-__all__ = [
-    "Criteria", "Evaluation", "Gauge", "PatternCamera", "PlanLimits", "PlanStudy", "PosesToMeasure", "Room", "Safety",
-    "Simulation", "Tracker", "Wire", "plan_study",
-]  # fmt: skip
+from .planned import plan_study as plan_study
+from .result import PlanStudy as PlanStudy

@@ -6,8 +6,6 @@ make, Made     the texts alone
 disturbed      the robot that is measured
 """
 
-from .making import Made, disturbed, make
-from .options import Synthetic
-from .poses import made_poses
-
-__all__ = ["Made", "Synthetic", "disturbed", "made_poses", "make"]
+from .making import Made as Made, disturbed as disturbed, make as make
+from .options import Synthetic as Synthetic
+from .poses import made_poses as made_poses

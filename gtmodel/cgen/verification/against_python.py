@@ -11,6 +11,7 @@ import casadi as ca
 
 from ..._version import __version__
 from ...compiler.causal import CausalFunction
+from ...results import Check, at_least, at_most
 from ..errors import GenerationError
 from ..generation import contents
 from ..interface import Interface, interfaces
@@ -18,7 +19,7 @@ from ..manifest import changed_entries, changed_files, interface_entry, lacks, p
 from ..real import real_of
 from ..toolchain import Toolchain, find
 from .comparison import compare
-from .report import Check, CheckReport, at_least, at_most, conclude
+from .report import CheckReport, conclude
 
 
 def check(folder: Path, functions: Mapping[str, CausalFunction], *, points: int = 1000, seed: int = 0) -> CheckReport:
@@ -45,36 +46,36 @@ def check(folder: Path, functions: Mapping[str, CausalFunction], *, points: int 
     faces = interfaces(functions, content["name"], along, real_of(content["real"]), box)
     _check_same(folder, content, faces)
     changed = changed_files(folder, content)
-    checks = [
-        at_most("files_changed", len(changed), detail=", ".join(changed)),
-        _same_parameters(content, faces),
-    ]
+    parameters_different = int(content["parameters_sha256"] != parameters_hash(faces))
+    checks = {
+        "files_changed": at_most(len(changed), 0, ", ".join(changed)),
+        "parameters_different": at_most(parameters_different, 0, "hash of all names and values"),
+    }
     # of another version of gtmodel or of CasADi nothing is known but the parameters
     same = (content["gtmodel"], content["casadi"]) == (__version__, ca.CasadiMeta.version())
     texts = contents(faces, content["name"], content["provenance"]) if same else {}
     otherwise = sorted(file for file, text in texts.items() if content["files"].get(file) != sha256(text))
-    checks.append(at_most("files_not_as_generated", len(otherwise), detail=", ".join(otherwise)))
+    checks["files_not_as_generated"] = at_most(len(otherwise), 0, ", ".join(otherwise))
     entries = changed_entries(content, faces, same)
     source = texts.get(f"gt_{content['name']}_body.c")
     entries += ["body_sha256"] * (source is not None and content["body_sha256"] != sha256(source))
-    checks.append(at_most("manifest_not_as_generated", len(entries), detail=", ".join(entries)))
+    checks["manifest_not_as_generated"] = at_most(len(entries), 0, ", ".join(entries))
     if any(file not in content["files"] for file in otherwise):  # other numbers: its functions would write elsewhere
         return conclude(checks, {}, {})
     tools = find()
     if isinstance(tools, str):
-        return CheckReport((*checks, at_least("compiler_found", 0, 1)), tools, {}, {})
+        return CheckReport(checks | {"compiler_found": at_least(0, 1)}, tools, {}, {})
     rows: dict[str, int] = {}
     rows_ok: dict[str, int] = {}
     with tempfile.TemporaryDirectory() as place:
         library, built = _build(tools, folder, content, Path(place))
-        checks += built
+        checks |= built
         if library is not None:
             failures = int(library[f"gt_{content['name']}_selftest"]())
-            checks.append(at_most("selftest_failures", failures, detail="stored vectors compared by =="))
+            checks["selftest_failures"] = at_most(failures, 0, "stored vectors compared by ==")
             for face in faces:
-                result = compare(library, face, points, seed)
-                checks += result.checks
-                rows[face.key], rows_ok[face.key] = result.rows, result.rows_ok
+                found, rows[face.key], rows_ok[face.key] = compare(library, face, points, seed)
+                checks |= found
     return conclude(checks, rows, rows_ok)
 
 
@@ -89,12 +90,7 @@ def _check_same(folder: Path, content: dict, faces: list[Interface]) -> None:
         raise GenerationError(f"'{folder}' also holds '{next(iter(known))}'; give all functions it was made from")
 
 
-def _same_parameters(content: dict, faces: list[Interface]) -> Check:
-    different = int(content["parameters_sha256"] != parameters_hash(faces))
-    return at_most("parameters_different", different, detail="hash of all names and values")
-
-
-def _build(tools: Toolchain, folder: Path, content: dict, place: Path) -> tuple[ctypes.CDLL | None, list[Check]]:
+def _build(tools: Toolchain, folder: Path, content: dict, place: Path) -> tuple[ctypes.CDLL | None, dict[str, Check]]:
     """The shared library of all files, and checks of compiling, linking and symbols."""
     own = f"gt_{content['name']}"
     objects: dict[str, Path] = {}
@@ -104,13 +100,13 @@ def _build(tools: Toolchain, folder: Path, content: dict, place: Path) -> tuple[
         good, text = tools.compile(folder / file, objects[file])
         if not good:
             failed[file] = next((line for line in text.splitlines() if "error" in line), text.strip())
-    checks = [at_most("files_not_compiled", len(failed), detail="; ".join(failed.values()) or "no warnings")]
+    checks = {"files_not_compiled": at_most(len(failed), 0, "; ".join(failed.values()) or "no warnings")}
     if failed:
         return None, checks
     # the program that runs the self-test prints; the functions themselves do not
     silent = [path for file, path in objects.items() if file != f"{own}_main.c"]
     good, foreign = tools.foreign_symbols(silent)
-    checks.append(at_most("foreign_symbols", len(foreign) + (not good), detail=", ".join(foreign) or "libm only"))
+    checks["foreign_symbols"] = at_most(len(foreign) + (not good), 0, ", ".join(foreign) or "libm only")
     target = place / "library.so"
     good, text = tools.link_shared(silent, target)
     library = None
@@ -119,5 +115,5 @@ def _build(tools: Toolchain, folder: Path, content: dict, place: Path) -> tuple[
             library = ctypes.CDLL(str(target))
         except OSError as error:
             text = str(error)
-    checks.append(at_most("libraries_not_loaded", int(library is None), detail="" if library else text.strip()))
+    checks["libraries_not_loaded"] = at_most(int(library is None), 0, "" if library else text.strip())
     return library, checks

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import ctypes
-from dataclasses import dataclass
 
 import numpy as np
 
+from ...results import Check, at_least, at_most
 from ...results.status import Status
-from ..interface import Interface, interfaces
+from ..interface import Interface, interfaces, places
 from ..points import awkward, draw, evaluate
 from ..real import DOUBLE, FLOAT_TOLERANCE
 from .box_points import box_points
-from .report import Check, at_least, at_most
 
 BOX_POINTS = 200  # random ones, beside the corners
 NEAR = 0.1  # typical sizes from a consistent point
@@ -20,17 +19,11 @@ FLAT = 1e-30  # a signal that is zero everywhere
 MARKS = 3  # doubles behind the unknowns in the state of a function with Newton blocks
 
 
-@dataclass(frozen=True)
-class Comparison:
-    """Checks of one function and how many points they rest on."""
+def compare(library: ctypes.CDLL, face: Interface, points: int, seed: int) -> tuple[dict[str, Check], int, int]:
+    """Compare at random and at awkward points and in the box of validity, then with NaN and infinity in every input.
 
-    checks: list[Check]
-    rows: int
-    rows_ok: int
-
-
-def compare(library: ctypes.CDLL, face: Interface, points: int, seed: int) -> Comparison:
-    """Compare at random and at awkward points and in the box of validity, then with NaN and infinity in every input."""
+    Checks by name, how many points they rest on, and at how many of them there is a solution.
+    """
     inside = box_points(face, BOX_POINTS, seed)
     inputs = np.concatenate([draw(face, points, seed), awkward(face), inside])
     expected, wanted = evaluate(face, inputs)
@@ -40,28 +33,23 @@ def compare(library: ctypes.CDLL, face: Interface, points: int, seed: int) -> Co
     touched = np.any(outputs != face.real.array(face.real.held), axis=1) & (status != Status.OK)
     refused, total, held = _not_finite(library, face, inputs[np.argmax(ok)])
     key = face.key
-    checks = [
-        at_most(f"{key}_values_different", int(different.sum()), detail=_detail(inputs, expected, outputs, different)),
-        at_most(f"{key}_statuses_different", int(np.sum(wanted != status)), detail=_statuses(wanted, status)),
-        at_least(
-            f"{key}_points_ok",
-            int(ok.sum()),
-            1,
-            f"of {points} random points and {len(inputs) - points} awkward or in the box",
+    checks = {
+        f"{key}_values_different": at_most(int(different.sum()), 0, _detail(inputs, expected, outputs, different)),
+        f"{key}_statuses_different": at_most(int(np.sum(wanted != status)), 0, _statuses(wanted, status)),
+        f"{key}_points_ok": at_least(
+            int(ok.sum()), 1, f"of {points} random points and {len(inputs) - points} awkward or in the box"
         ),
-        at_most(f"{key}_not_finite_accepted", total - refused, detail=f"calls, of {total} with NaN or infinity"),
-        at_most(
-            f"{key}_outputs_not_held",
-            int(touched.sum()) + total - held,
-            detail="calls that wrote outputs without GT_OK",
+        f"{key}_not_finite_accepted": at_most(total - refused, 0, f"calls, of {total} with NaN or infinity"),
+        f"{key}_outputs_not_held": at_most(
+            int(touched.sum()) + total - held, 0, "calls that wrote outputs without GT_OK"
         ),
-    ]
+    }
     if face.box is not None:
         lost = int(np.sum(wanted[len(inputs) - len(inside) :] != Status.OK))
-        checks.append(at_most(f"{key}_box_without_answer", lost, detail=f"of {len(inside)} points of the box"))
+        checks[f"{key}_box_without_answer"] = at_most(lost, 0, f"of {len(inside)} points of the box")
     if face.real is not DOUBLE:
-        checks += _beside_double(face, points, seed)
-    return Comparison(checks, len(inputs), int(ok.sum()))
+        checks |= _beside_double(face, points, seed)
+    return checks, len(inputs), int(ok.sum())
 
 
 def call(library: ctypes.CDLL, face: Interface, inputs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -89,7 +77,7 @@ def call(library: ctypes.CDLL, face: Interface, inputs: np.ndarray) -> tuple[np.
     return np.column_stack([outputs, after]), status
 
 
-def _beside_double(face: Interface, points: int, seed: int) -> list[Check]:
+def _beside_double(face: Interface, points: int, seed: int) -> dict[str, Check]:
     """How far the function in float is from the same in double, over the range of each signal.
 
     Judged in the box of validity, or without one near consistent points: where a pose is nearly singular, no float
@@ -103,19 +91,16 @@ def _beside_double(face: Interface, points: int, seed: int) -> list[Check]:
         wide, np.column_stack([inputs[:, : face.input_size], outputs[:, face.output_size :]]).astype(float)
     )
     also = status == Status.OK
-    worst, first, where = 0.0, 0, face.outputs[0].signal
-    for m in face.outputs:
-        part = slice(first, first + m.size)
+    worst, where = 0.0, face.outputs[0].signal
+    for part, m in places(face.outputs):
         far = np.max(np.abs(outputs[also, part] - exact[also, part]), initial=0.0)
         share = float(far / max(np.max(np.abs(exact[also, part]), initial=0.0), FLAT))
         worst, where = (share, m.signal) if share > worst else (worst, where)
-        first += m.size
-    return [
-        at_most(
-            f"{face.key}_float_error", worst, FLOAT_TOLERANCE, f"of the range of {where}, at {int(also.sum())} points"
-        ),
-        at_most(f"{face.key}_float_only", int(np.sum(~also)), detail="answers that double has not"),
-    ]
+    range_of = f"of the range of {where}, at {int(also.sum())} points"
+    return {
+        f"{face.key}_float_error": at_most(worst, FLOAT_TOLERANCE, range_of),
+        f"{face.key}_float_only": at_most(int(np.sum(~also)), 0, "answers that double has not"),
+    }
 
 
 def _not_finite(library: ctypes.CDLL, face: Interface, good: np.ndarray) -> tuple[int, int, int]:

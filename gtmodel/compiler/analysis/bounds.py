@@ -8,11 +8,12 @@ Bounds are not rounded outwards: what they are compared with is far above round-
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
 import numpy as np
+
+from ..rewriting import Instruction, instructions
 
 Bounds = tuple[Any, Any]
 # (value, rate), each with a lower and an upper bound over every cell
@@ -231,29 +232,20 @@ def _chain(operation: int, a: Dual) -> Dual:
     return value(a[0]), _times(slope(a[0]), a[1])
 
 
-@dataclass(frozen=True)
-class Step:
-    """One operation: places of its arguments among the steps, or a constant."""
-
-    operation: int
-    arguments: tuple[int, ...] = ()
-    constant: float = 0.0
-
-
-def bounds(steps: Sequence[Step], low: np.ndarray, high: np.ndarray) -> Dual:
+def bounds(steps: Sequence[Instruction], low: np.ndarray, high: np.ndarray) -> Dual:
     """Bounds of the last of `steps`, and of its rate, over cells of time from `low` to `high` (n,), as arrays (n,)."""
     found: list[Dual] = []
     with np.errstate(all="ignore"):
-        for step in steps:
-            arguments = [found[k] for k in step.arguments]
-            if step.operation == ca.OP_INPUT:
+        for op, reads, _, constant in steps:
+            arguments = [found[k] for k in reads]
+            if op == ca.OP_INPUT:
                 value: Dual = (low, high), (1.0, 1.0)
-            elif step.operation == ca.OP_CONST:
-                value = (step.constant, step.constant), ZERO
-            elif step.operation in UNARY:
-                value = _chain(step.operation, arguments[0])
-            elif step.operation in BINARY:
-                value = BINARY[step.operation](arguments[0], arguments[1])
+            elif op == ca.OP_CONST:
+                value = (constant, constant), ZERO
+            elif op in UNARY:
+                value = _chain(op, arguments[0])
+            elif op in BINARY:
+                value = BINARY[op](arguments[0], arguments[1])
             else:
                 value = ANYTHING, ANYTHING
             found.append(value)
@@ -265,46 +257,29 @@ def bounds(steps: Sequence[Step], low: np.ndarray, high: np.ndarray) -> Dual:
     return (a, b), (np.where(unknown, -np.inf, da), np.where(unknown, np.inf, db))
 
 
-def functions_of_time(column: ca.SX, t: ca.SX) -> list[list[Step]]:
+def functions_of_time(column: ca.SX, t: ca.SX) -> list[list[Instruction]]:
     """The largest parts of expressions that depend on t and on nothing else, as steps; each part once."""
     rest = [s for s in ca.symvar(column) if not ca.is_equal(s, t)]
-    f = ca.Function("parts", [t, ca.vertcat(*rest)], [column])
-    steps: list[Step] = []
+    steps = instructions(ca.Function("parts", [ca.vertcat(t, *rest)], [column]))
     alone: list[bool] = []  # a step depends on nothing but t
     moves: list[bool] = []
-    place: dict[int, int] = {}  # of a register's value among the steps
     parts: dict[int, None] = {}
-    for k in range(f.n_instructions()):
-        operation, into, out = f.instruction_id(k), f.instruction_output(k), f.instruction_input(k)
-        if operation == ca.OP_OUTPUT:
-            n = place[out[0]]
-            if alone[n] and moves[n]:
-                parts[n] = None
-            continue
-        if operation == ca.OP_INPUT:
-            step, is_alone, is_moving = Step(operation), out[0] == 0, out[0] == 0
-        elif operation == ca.OP_CONST:
-            step, is_alone, is_moving = Step(operation, (), float(f.instruction_constant(k))), True, False
-        else:
-            arguments = tuple(place[i] for i in out)
-            step = Step(operation, arguments)
-            is_alone, is_moving = all(alone[n] for n in arguments), any(moves[n] for n in arguments)
-            if not is_alone:
-                parts |= dict.fromkeys(n for n in arguments if alone[n] and moves[n])
-        place[into[0]] = len(steps)
-        steps.append(step)
-        alone.append(is_alone)
-        moves.append(is_moving)
+    for op, reads, place, _ in steps:
+        inside = place == 0 if op == ca.OP_INPUT else all(alone[n] for n in reads)
+        if op == ca.OP_OUTPUT or not inside:
+            parts |= dict.fromkeys(n for n in reads if alone[n] and moves[n])
+        alone.append(inside)
+        moves.append(inside if op == ca.OP_INPUT else any(moves[n] for n in reads))
     return [_with_ancestors(steps, n) for n in parts]
 
 
-def _with_ancestors(steps: list[Step], last: int) -> list[Step]:
+def _with_ancestors(steps: list[Instruction], last: int) -> list[Instruction]:
     """The steps that one of them needs, it last."""
     needed, todo = {last}, [last]
     while todo:
-        fresh = [n for n in steps[todo.pop()].arguments if n not in needed]
+        fresh = [n for n in steps[todo.pop()].reads if n not in needed]
         needed.update(fresh)
         todo += fresh
     order = sorted(needed)
     place = {n: k for k, n in enumerate(order)}
-    return [Step(steps[n].operation, tuple(place[a] for a in steps[n].arguments), steps[n].constant) for n in order]
+    return [steps[n]._replace(reads=[place[a] for a in steps[n].reads]) for n in order]

@@ -19,7 +19,7 @@ Factored = tuple[float, ca.SX]  # +-2^k and what it multiplies
 
 def without_factors(expressions: Sequence[ca.SX]) -> list[ca.SX]:
     """The expressions with fewer operations; each with the sparsity it had."""
-    return rewritten(expressions, _rewritten)
+    return rewritten(expressions, lambda read, symbols: walked(read, symbols, _FORMS))
 
 
 class _Factors:
@@ -30,11 +30,14 @@ class _Factors:
         return _operation(op, given)
 
     def whole(self, form: Factored) -> ca.SX:
-        return _whole(form)
+        c, x = form
+        if c == 1.0:
+            return x
+        return -x if c == -1.0 else c * x
 
 
-def _rewritten(f: ca.Function, symbols: list[ca.SX]) -> list[ca.SX]:
-    return walked(f, symbols, _Factors())
+_FORMS = _Factors()
+_whole = _FORMS.whole
 
 
 def _operation(op: int, given: list[Factored]) -> Factored:
@@ -85,10 +88,3 @@ def _sum(c: float, x: ca.SX, d: float, y: ca.SX) -> ca.SX:
     if c < 0:
         return _whole((d, y)) - _whole((-c, x))
     return _whole((c, x)) + _whole((d, y))
-
-
-def _whole(factored: Factored) -> ca.SX:
-    c, x = factored
-    if c == 1.0:
-        return x
-    return -x if c == -1.0 else c * x

@@ -13,7 +13,8 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from .bounds import Step, bounds, functions_of_time
+from ..rewriting import Instruction
+from .bounds import bounds, functions_of_time
 
 # of a function's range: what leaves a straight line by more is followed
 SEEN = 1e-4
@@ -56,7 +57,7 @@ def edges_of(column: ca.SX, t: ca.SX, start: float, end: float) -> np.ndarray:
     return np.unique(np.concatenate([np.zeros(0), *map(np.array, ends)]))
 
 
-def _pace(steps: Sequence[Step], start: float, end: float) -> Pace:
+def _pace(steps: Sequence[Instruction], start: float, end: float) -> Pace:
     """Pieces of time in which the straight stretches of a function are of one length, up to RATIO."""
     lengths, ends = _stretches(steps, start, end)
     knots: list[float] = []
@@ -74,7 +75,7 @@ def _pace(steps: Sequence[Step], start: float, end: float) -> Pace:
     return Pace(np.array(knots), np.array([*longest, STRETCHES * least if len(lengths) > 1 else np.inf]))
 
 
-def _stretches(steps: Sequence[Step], start: float, end: float) -> tuple[list[float], list[float]]:
+def _stretches(steps: Sequence[Instruction], start: float, end: float) -> tuple[list[float], list[float]]:
     """Lengths and ends of stretches, one after another, on each of which a function is a straight line to SEEN."""
     low, high, (a, b), (da, db), seen = _cells(steps, start, end)
     lengths: list[float] = []
@@ -97,7 +98,7 @@ def _stretches(steps: Sequence[Step], start: float, end: float) -> tuple[list[fl
 
 
 def _cells(
-    steps: Sequence[Step], start: float, end: float
+    steps: Sequence[Instruction], start: float, end: float
 ) -> tuple[np.ndarray, np.ndarray, tuple[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray], float]:
     """Cells from `start` to `end` over which bounds tell that a function is a straight line, the bounds of its value
     and rate over them, and the distance from the line that counts."""
@@ -122,7 +123,7 @@ def _cells(
         table = np.concatenate([table[:, ~split], fresh], axis=1)
 
 
-def _evaluated(steps: Sequence[Step], low: np.ndarray, high: np.ndarray) -> np.ndarray:
+def _evaluated(steps: Sequence[Instruction], low: np.ndarray, high: np.ndarray) -> np.ndarray:
     """Rows: cells, bounds of the value, bounds of the rate, value in the middle."""
     (a, b), (da, db) = bounds(steps, low, high)
     middle = 0.5 * (low + high)

@@ -14,6 +14,7 @@ import numpy as np
 
 from ..blocks import SolvedBlock
 from ..plan import Plan
+from ..rewriting import Instruction, of_expression
 
 Pair = tuple[int, int]
 
@@ -134,20 +135,16 @@ def _outside(expression: ca.SX, symbols: Sequence[ca.SX]) -> frozenset[int]:
     """Which symbols stand in an expression outside periodic functions."""
     if not symbols:
         return frozenset()
-    f = _function(expression)
-    work: dict[int, frozenset[int]] = {}
-    free = ca.symvar(expression)
-    nothing: frozenset[int] = frozenset()
-    found = nothing
-    for k in range(f.n_instructions()):
-        op, given, put = f.instruction_id(k), f.instruction_input(k), f.instruction_output(k)
-        if op == ca.OP_OUTPUT:
-            found |= work[given[0]]
-        elif op == ca.OP_INPUT:
-            work[put[0]] = frozenset([free[given[1]].element_hash()])
+    read, free = of_expression(expression)
+    work: list[frozenset[int]] = []
+    found = nothing = frozenset[int]()
+    for op, reads, place, _ in read:
+        if op == ca.OP_INPUT:
+            work.append(frozenset([free[place].element_hash()]))
         else:
-            through = op != ca.OP_CONST and op not in _PERIODIC
-            work[put[0]] = nothing.union(*[work[i] for i in given]) if through else nothing
+            work.append(nothing if op in _PERIODIC else nothing.union(*[work[i] for i in reads]))
+        if op == ca.OP_OUTPUT:
+            found |= work[-1]
     return found & {s.element_hash() for s in symbols}
 
 
@@ -174,9 +171,9 @@ def _limit(plan: Plan, reach: _Reach, k: int, keys: frozenset[int], precision: P
         key = s.element_hash()
         magnitude = size if key in moved else np.full_like(size, value)
         given.append((magnitude, eps * (size if key in turned else magnitude)))
-    f = _function(closures)
-    noise = _errors(f, given, eps)[1]
-    lengths = _errors(f, [(np.zeros(1), np.zeros(1))] * len(symbols), 0.0)[0]
+    read, _ = of_expression(closures)
+    noise = _errors(read, given, eps)[1]
+    lengths = _errors(read, [(np.zeros(1), np.zeros(1))] * len(symbols), 0.0)[0]
     bad = np.any((lengths > 0.0) & ~(noise <= precision.share * lengths), axis=0)
     held = size[np.argmax(bad) - 1] if bad.any() else np.inf
     typical = max([v for s, v in zip(symbols, values, strict=True) if s.element_hash() in moved], default=0.0)
@@ -184,25 +181,25 @@ def _limit(plan: Plan, reach: _Reach, k: int, keys: frozenset[int], precision: P
 
 
 def _errors(
-    f: ca.Function, given: Sequence[tuple[np.ndarray, np.ndarray]], eps: float
+    read: Sequence[Instruction], given: Sequence[tuple[np.ndarray, np.ndarray]], eps: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Magnitudes and round-off of a column, (rows, sizes), from those of its symbols: sums of magnitudes, whatever
     cancels. What is no sum and no product is taken for the larger of its arguments."""
-    work: dict[int, tuple[np.ndarray, np.ndarray]] = {}
+    work: list[tuple[np.ndarray, np.ndarray]] = []
     none = np.zeros_like(given[0][0])
-    found = [(none, none)] * f.numel_out(0)
+    found: dict[int, tuple[np.ndarray, np.ndarray]] = {}
     with np.errstate(all="ignore"):
-        for k in range(f.n_instructions()):
-            op, places, put = f.instruction_id(k), f.instruction_input(k), f.instruction_output(k)
+        for op, reads, place, constant in read:
             if op == ca.OP_OUTPUT:
-                found[put[1]] = work[places[0]]
+                work.append(work[reads[0]])
+                found[place] = work[-1]
             elif op == ca.OP_INPUT:
-                work[put[0]] = given[places[1]]
+                work.append(given[place])
             elif op == ca.OP_CONST:
-                c = abs(f.instruction_constant(k))
-                work[put[0]] = none + c, none + eps * c
+                c = abs(constant)
+                work.append((none + c, none + eps * c))
             else:
-                (a, x), (b, y) = work[places[0]], work[places[-1]]
+                (a, x), (b, y) = work[reads[0]], work[reads[-1]]
                 if op in (ca.OP_ADD, ca.OP_SUB, ca.OP_TWICE):
                     size, error = a + b, x + y
                 elif op in (ca.OP_MUL, ca.OP_SQ):
@@ -217,13 +214,9 @@ def _errors(
                     size, error = none + 1.0, np.minimum(x + y, 2.0)
                 else:
                     size, error = np.maximum(a, b), np.maximum(x, y)
-                work[put[0]] = size, error + eps * size
-    return np.array([size for size, _ in found]), np.array([error for _, error in found])
-
-
-def _function(expression: ca.SX) -> ca.Function:
-    symbols = ca.symvar(expression)
-    return ca.Function("f", [ca.vertcat(*symbols) if symbols else ca.SX(0, 1)], [ca.densify(expression)])
+                work.append((size, error + eps * size))
+    each = [found[place] for place in sorted(found)]
+    return np.array([size for size, _ in each]), np.array([error for _, error in each])
 
 
 def _unit(plan: Plan, symbol: ca.SX) -> str:

@@ -6,11 +6,17 @@ MeasuredTests, read_load_tests, LoadTests, Column   tests in memory, and from a 
 made_load_tests, SyntheticTests   made-up tests of an arm with known stiffness
 """
 
-from .options import Column, GravityCompensator, LoadTests, Noise, Setup, SyntheticTests
-from .reading import MeasuredTests, made_load_tests, read_load_tests
-from .stiffness import StiffnessStudy, stiffness_study
-
-__all__ = [
-    "Column", "GravityCompensator", "LoadTests", "MeasuredTests", "Noise", "Setup", "StiffnessStudy", "SyntheticTests",
-    "made_load_tests", "read_load_tests", "stiffness_study",
-]  # fmt: skip
+from .options import (
+    Column as Column,
+    GravityCompensator as GravityCompensator,
+    LoadTests as LoadTests,
+    Noise as Noise,
+    Setup as Setup,
+    SyntheticTests as SyntheticTests,
+)
+from .reading import (
+    MeasuredTests as MeasuredTests,
+    made_load_tests as made_load_tests,
+    read_load_tests as read_load_tests,
+)
+from .stiffness import StiffnessStudy as StiffnessStudy, stiffness_study as stiffness_study

@@ -1,15 +1,27 @@
 """Excitation: the motion from which a robot's masses and friction are identified best, within all limits."""
 
-from .basis import Basis, ClosedSpline, FourierSeries
-from .excited import ExcitationStudy
-from .information import CRITERIA, Criterion, condition, cost, predicted_deviations, singular_values
-from .optimise import FINER, Excitation, ExcitationTask, optimise_excitation
-from .options import Experiment, Family, MonteCarloFits, RandomMotions, Search
-from .random_motions import random_excitations
-from .study import excitation_study
-
-__all__ = [
-    "CRITERIA", "FINER", "Basis", "ClosedSpline", "Criterion", "Excitation", "ExcitationStudy", "ExcitationTask",
-    "Experiment", "Family", "FourierSeries", "MonteCarloFits", "RandomMotions", "Search", "condition", "cost",
-    "excitation_study", "optimise_excitation", "predicted_deviations", "random_excitations", "singular_values",
-]  # fmt: skip
+from .basis import Basis as Basis, ClosedSpline as ClosedSpline, FourierSeries as FourierSeries
+from .excited import ExcitationStudy as ExcitationStudy
+from .information import (
+    CRITERIA as CRITERIA,
+    Criterion as Criterion,
+    condition as condition,
+    cost as cost,
+    predicted_deviations as predicted_deviations,
+    singular_values as singular_values,
+)
+from .optimise import (
+    FINER as FINER,
+    Excitation as Excitation,
+    ExcitationTask as ExcitationTask,
+    optimise_excitation as optimise_excitation,
+)
+from .options import (
+    Experiment as Experiment,
+    Family as Family,
+    MonteCarloFits as MonteCarloFits,
+    RandomMotions as RandomMotions,
+    Search as Search,
+)
+from .random_motions import random_excitations as random_excitations
+from .study import excitation_study as excitation_study

@@ -7,15 +7,16 @@ samples the limits are looked at again, and tightened by what was seen there unt
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import casadi as ca
 import numpy as np
 
-from ...optimize.ipopt import Progress, run_ipopt
+from ...optimize.ipopt import run_ipopt
 from ...optimize.judgement.diagnosis import failure
 from ...optimize.solve import SolverOptions
+from ...optimize.watch import Program, Progress
 from ...results import ArgumentError, SolveStatus
 from .basis import Array, Basis
 from .information import Criterion, cost
@@ -204,17 +205,11 @@ class _Patience:
 
 
 @dataclass(eq=False)
-class _Program:
+class _Program(Program):
     """The excitation's NLP: unknowns column by column of c, rows in their size."""
 
-    nlp: dict[str, ca.MX]
     value: ca.Function
     rows: int
-    functions: dict[str, ca.Function] = field(default_factory=dict)
-    lbx: Array = field(default_factory=lambda: np.zeros(0))
-    ubx: Array = field(default_factory=lambda: np.zeros(0))
-    lbg: Array = field(default_factory=lambda: np.zeros(0))
-    ubg: Array = field(default_factory=lambda: np.zeros(0))
 
     def within(self, task: ExcitationTask, reserve: Array) -> _Program:
         """Bounds of every row at every sample, drawn in by a reserve in its size."""
@@ -237,4 +232,5 @@ def _assemble(task: ExcitationTask) -> _Program:
     M = ca.reshape(ca.sum2(ca.reshape(information.map(n)(*motion[:3]), p * p, n)), p, p)
     f = cost(task.criterion, p)(M)
     g = ca.vec(scaled.map(n)(*motion))
-    return _Program({"x": unknown, "f": f, "g": g}, ca.Function("value", [unknown], [f]), n)
+    none, value = np.zeros(0), ca.Function("value", [unknown], [f])
+    return _Program({}, {"x": unknown, "f": f, "g": g}, none, none, none, none, value, n)

@@ -9,7 +9,7 @@ from pydantic import Field
 from gtmodel.motion import options
 from gtmodel.motion.axes import options as axes
 from gtmodel.problem_files.base import Section
-from gtmodel.problem_files.from_options import Made, made_from
+from gtmodel.problem_files.from_options import Made
 from gtmodel.problem_files.path_keys import PathSection, Point
 from gtmodel.problem_files.robot_keys import RobotProblem
 from gtmodel.results.quantity import converted
@@ -33,16 +33,11 @@ class End(Section):
         return axes.AxisEnd(self.q_m, turned, self.tcp_m, self.tool)
 
 
-@made_from(axes.ToolDirection)
-class ToolDirection(Made):
-    """A tool direction on the way."""
-
-
 class AxisPathSection(PathSection):
     """The path to follow, from start to goal, and how the tool is held."""
 
     tool_axis: Point = Field([1.0, 0.0, 0.0], description="direction of the tool in plate coordinates")
-    tool: list[ToolDirection] = Field(
+    tool: list[Made[axes.ToolDirection]] = Field(
         [], description="tool directions between start and goal; the tool turns smoothly from each to the next"
     )
 
@@ -51,34 +46,14 @@ class AxisPathSection(PathSection):
         return axes.ToolCourse(self.tool_axis, [one.options() for one in self.tool])
 
 
-@made_from(options.AxisLimits)
-class Limits(Made):
-    """What the motion must keep; what is left out is unlimited."""
-
-
-@made_from(axes.AxisCost)
-class Cost(Made):
-    """What is minimised: time * T + energy * sum over the motors of int (tau / limit)^2 dt."""
-
-
-@made_from(axes.AxisMesh)
-class Mesh(Made):
-    """Where the equations are collocated (Radau)."""
-
-
-@made_from(axes.AxisSolver)
-class Solver(Made):
-    """When the solver stops."""
-
-
 class Schema(RobotProblem):
     """Optimal motion of the F1 from rest to rest, free between two positions of its axes or along a path."""
 
     degrees_of_freedom: Literal[5, 6] = Field(5, description="5 keeps q4 = -q5 all the way, 6 leaves all axes free")
     start: End
     goal: End
-    limits: Limits
+    limits: Made[options.AxisLimits]
     path: AxisPathSection | None = Field(default=None, description="the path to follow; free if it is left out")
-    cost: Cost = Cost()
-    mesh: Mesh = Mesh()
-    solver: Solver = Solver()
+    cost: Made[axes.AxisCost] = Made[axes.AxisCost]()
+    mesh: Made[axes.AxisMesh] = Made[axes.AxisMesh]()
+    solver: Made[axes.AxisSolver] = Made[axes.AxisSolver]()

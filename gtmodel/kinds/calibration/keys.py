@@ -6,8 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from gtmodel.calibrate.measured import cart_points as carts
-from gtmodel.calibrate.measured import options as measured
+from gtmodel.calibrate.measured import cart_points as carts, options as measured
 from gtmodel.calibrate.options import Fit
 from gtmodel.calibrate.synthetic import options as made_up
 from gtmodel.compliance.load_tests import options as load_tests
@@ -22,11 +21,6 @@ class Measured(Made):
     """Measured poses in a CSV file."""
 
     file: str = Field(description="path from the problem's folder")
-
-
-@made_from(made_up.Synthetic)
-class Synthetic(Made):
-    """A robot with known errors, measured at poses that its model reaches: a file to try the calibration on."""
 
 
 @made_from(carts.CartPoints, "at", "points")
@@ -58,21 +52,11 @@ class LoadTests(Made):
     file: str = Field(description="CSV, path from the problem's folder")
 
 
-@made_from(load_tests.SyntheticTests)
-class SyntheticTests(Made):
-    """Tests made up from known stiffness, to see what identification gives back."""
-
-
-@made_from(Load)
-class StaticLoad(Made):
-    """One load, world coordinates, hung on the tool in every pose."""
-
-
 class _Hung(Made):
     poses_deg: list[list[float]] | None = Field(
         default=None, description="joint angles of each pose, all loads in each; of synthetic tests"
     )
-    load: list[StaticLoad] | None = Field(default=None, description="one table for each load; of synthetic tests")
+    load: list[Made[Load]] | None = Field(default=None, description="one table for each load; of synthetic tests")
 
 
 @made_from(load_tests.Setup)
@@ -84,7 +68,7 @@ class JointStiffness(_SetUp):
     """Joint stiffness of a serial arm from static load tests. One of measurements and synthetic tells what moved."""
 
     measurements: LoadTests | None = Field(default=None, description="measured tests")
-    synthetic: SyntheticTests | None = Field(default=None, description="made-up tests")
+    synthetic: Made[load_tests.SyntheticTests] | None = Field(default=None, description="made-up tests")
 
 
 @made_from(Fit)
@@ -96,7 +80,7 @@ class Schema(_Fitted):
     """Geometric parameters of a robot from measured poses."""
 
     measurements: Measured | None = Field(default=None, description="measured poses")
-    synthetic: Synthetic | None = Field(default=None, description="made-up poses instead")
+    synthetic: Made[made_up.Synthetic] | None = Field(default=None, description="made-up poses instead")
     cart_points: CartPoints | None = Field(default=None, description="guideways through measured points")
     held_out: HeldOut = HeldOut()
     joint_stiffness: JointStiffness | None = Field(

@@ -8,7 +8,7 @@ from pydantic import Field
 
 from gtmodel.cgen import options
 from gtmodel.problem_files.base import Section
-from gtmodel.problem_files.from_options import Made, made_from
+from gtmodel.problem_files.from_options import Made
 from gtmodel.problem_files.robot_keys import RobotProblem
 
 
@@ -23,11 +23,6 @@ class Function(Section):
     trajectory: bool = Field(default=False, description="offer it along a sampled reference too, as NAME_at")
 
 
-@made_from(options.Verification)
-class Verification(Made):
-    """What --check does besides compiling: the C code and Python on the same random inputs."""
-
-
 class Schema(RobotProblem):
     """C code of functions of one robot."""
 
@@ -37,4 +32,4 @@ class Schema(RobotProblem):
     box: dict[str, list[list[float]]] = Field(
         default={}, description='intervals by input, such as "der(T)" = [[-1.5, 1.5]]: inside every function answers'
     )
-    check: Verification = Verification()
+    check: Made[options.Verification] = Made[options.Verification]()

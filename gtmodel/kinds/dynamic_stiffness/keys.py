@@ -11,21 +11,6 @@ from gtmodel.problem_files.from_options import Made, made_from
 from gtmodel.vibration.dynamic_stiffness import options
 
 
-@made_from(options.Fit)
-class Fit(Made):
-    """How modes are fitted to a frequency response."""
-
-
-@made_from(options.Process)
-class Process(Made):
-    """The Gaussian processes of log m, log c and log k over the pose."""
-
-
-@made_from(options.Map)
-class Map(Made):
-    """The picture of the lowest frequency over two coordinates of the pose."""
-
-
 class Measured(Section):
     """Measured records, listed in a CSV file."""
 
@@ -48,8 +33,8 @@ class Schema(Problem):
     repeatability: NonNegativeFloat = Field(
         default=0.15, description="mean change of m, c and k between experiments at one pose; Cvitanic 2021 states 15 %"
     )
-    fit: Fit = Fit()
-    process: Process = Process()
-    map: Map = Map()
+    fit: Made[options.Fit] = Made[options.Fit]()
+    process: Made[options.Process] = Made[options.Process]()
+    map: Made[options.Map] = Made[options.Map]()
     measured: Measured | None = Field(default=None, description="measured records")
     synthetic: Synthetic | None = Field(default=None, description="made-up records")

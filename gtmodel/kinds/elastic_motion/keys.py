@@ -8,7 +8,7 @@ from pydantic import Field, PositiveFloat
 
 from gtmodel.motion.elastic import options
 from gtmodel.problem_files.base import Section
-from gtmodel.problem_files.from_options import Made, made_from
+from gtmodel.problem_files.from_options import Made
 from gtmodel.problem_files.robot_keys import RobotProblem
 
 
@@ -26,33 +26,13 @@ class Limits(Section):
     force_N: PositiveFloat = Field(description="largest force of each motor")
 
 
-@made_from(options.Tool)
-class Tool(Made):
-    """A mass on a spring at the plate, alike in all directions."""
-
-
-@made_from(options.Cost)
-class Cost(Made):
-    """Final time plus weighted energy."""
-
-
-@made_from(options.Mesh)
-class Mesh(Made):
-    """Where the equations are collocated."""
-
-
-@made_from(options.Solver)
-class Solver(Made):
-    """How the plans are found."""
-
-
 class Schema(RobotProblem):
     """Residual vibration of an elastic tool of a three-link robot."""
 
     start: Place
     goal: Place
     limits: Limits
-    tool: Tool
-    cost: Cost = Cost()
-    mesh: Mesh = Mesh()
-    solver: Solver = Solver()
+    tool: Made[options.Tool]
+    cost: Made[options.Cost] = Made[options.Cost]()
+    mesh: Made[options.Mesh] = Made[options.Mesh]()
+    solver: Made[options.Solver] = Made[options.Solver]()

@@ -27,16 +27,6 @@ class Log(LogSampling, Made):
     force_N: MeasuredSignal = Field(description="forces of the motors")
 
 
-@made_from(options.Coefficients)
-class Coefficients(Made):
-    """Friction by cart."""
-
-
-@made_from(options.SyntheticRuns)
-class Synthetic(Made):
-    """Logs made up from known friction, to see what identification gives back."""
-
-
 class Schema(RobotProblem):
     """Friction from constant-velocity runs. One of [log], [synthetic] and [printed] gives the forces."""
 
@@ -49,7 +39,7 @@ class Schema(RobotProblem):
     )
     pose: list[Pose] = Field(min_length=1, description="one table for each; the first is the picture's")
     log: Log | None = Field(default=None, description="measured logs")
-    synthetic: Synthetic | None = Field(default=None, description="made-up logs")
-    printed: Coefficients | None = Field(
+    synthetic: Made[options.SyntheticRuns] | None = Field(default=None, description="made-up logs")
+    printed: Made[options.Coefficients] | None = Field(
         default=None, description="published lines; their mass is the one that was chosen, and is found anew"
     )

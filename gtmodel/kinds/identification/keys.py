@@ -51,11 +51,6 @@ class Synthetic(Made):
     parameters: dict[str, Any] = Field(default={}, description="of the plant where other than the model's, in SI")
 
 
-@made_from(Processing)
-class Filter(Made):
-    """The zero-phase low pass on position, efforts and regressor, and which rows are used."""
-
-
 @made_from(options.ClosedLoop, "model", "inputs")
 class ClosedLoop(Made):
     """Simulation of the controlled model from the measured reference, with the identified parameters."""
@@ -98,7 +93,7 @@ class Schema(RobotProblem, Made):
         default=None, description="of a three-link robot: model_1 to model_4 of Table 6.3, or links (thirteen)"
     )
     friction: SharpFriction = SharpFriction()  # pyright: ignore[reportIncompatibleVariableOverride]
-    filter: Filter = Filter()
+    filter: Made[Processing] = Made[Processing]()
     log: Log | None = Field(default=None, description="measured logs")
     synthetic: Synthetic | None = Field(default=None, description="or a log made up")
     published: dict[str, float] = Field(default={}, description="numbers to compare with, by parameter, in SI")

@@ -7,21 +7,8 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from gtmodel.kinematics.causality import options
-from gtmodel.problem_files.from_options import Made, made_from
+from gtmodel.problem_files.from_options import Made
 from gtmodel.problem_files.robot_keys import RobotProblem
-
-
-@made_from(options.PointGrid)
-class Grid(Made):
-    """A box of points for the one known vector of three, in SI units."""
-
-
-@made_from(options.Orientation)
-class Orientation(Made):
-    """Adds the orientation to the table: ZYZ angles in degrees, and on request the turn from the middle point.
-
-    Keep the joints among the targets: an arm that has no say in the orientation still limits what can be reached.
-    """
 
 
 class Schema(RobotProblem):
@@ -33,5 +20,7 @@ class Schema(RobotProblem):
     points: str = Field(
         default="", description="CSV file with a column for each component, such as T[0] [m]; from the problem's folder"
     )
-    grid: Grid | None = Field(default=None, description="points of a box, instead of a file")
-    orientation: Orientation | None = Field(default=None, description="orientation of the plate in degrees")
+    grid: Made[options.PointGrid] | None = Field(default=None, description="points of a box, instead of a file")
+    orientation: Made[options.Orientation] | None = Field(
+        default=None, description="orientation of the plate in degrees"
+    )

@@ -17,11 +17,6 @@ Three = Annotated[list[float], Field(min_length=3, max_length=3)]
 SOURCES = ("oscillator", "modal", "oscillator_field")  # of dynamics; at most one
 
 
-@made_from(options.Tool)
-class Tool(Made):
-    """Where the tool sits on the flange, and how it is held over the work."""
-
-
 class CutterKeys(Section):
     """A helical end mill, with cutting coefficients for the material."""
 
@@ -85,11 +80,6 @@ class OscillatorRow(Section):
         return missing_z(self.m_kg, [*self.c_kg_s, 1.0], self.k_N_m)
 
 
-@made_from(options.Modal)
-class Modal(Made):
-    """Dynamics made from joint stiffness: k along x, y, z from the pose's compliance, with these masses."""
-
-
 @made_from(options.Search, "speeds", "speed_range")
 class Search(Made):
     """What may be chosen besides the angle."""
@@ -112,11 +102,6 @@ class Lobes(Section):
     to_rpm: PositiveFloat = Field(description="highest spindle speed")
 
 
-@made_from(options.PathOffset)
-class CompensationKeys(Made):
-    """A path offset against the deflection in the chosen pose, the force rising over `entry_s`."""
-
-
 class Schema(RobotProblem):
     """Where to mill: the angle about the spindle by static and dynamic deflection.
 
@@ -124,7 +109,7 @@ class Schema(RobotProblem):
     """
 
     place_m: Three = Field(description="of the tool centre point, world coordinates")
-    tool: Tool = Tool()
+    tool: Made[options.Tool] = Made[options.Tool]()
     cutter: CutterKeys
     cut: CutKeys
     joint_stiffness_MNm_rad: list[PositiveFloat] = Field(
@@ -132,13 +117,13 @@ class Schema(RobotProblem):
     )
     limits_deg: list[list[float]] | None = Field(default=None, description="of the joints; those of the KR 500-3 else")
     oscillator: list[OscillatorRow] | None = Field(default=None, description="one table for each known angle")
-    modal: Modal | None = Field(default=None, description="dynamics from joint stiffness")
+    modal: Made[options.Modal] | None = Field(default=None, description="dynamics from joint stiffness")
     oscillator_field: str | None = Field(
         default=None, description="file of a Gaussian-process field over the poses, as kind dynamic_stiffness writes it"
     )
     search: Search = Search()
     lobes: Lobes | None = Field(default=None, description="stability lobes too")
-    compensation: CompensationKeys | None = Field(default=None, description="compensation too")
+    compensation: Made[options.PathOffset] | None = Field(default=None, description="compensation too")
     printed_tests: bool = Field(default=False, description="predict the twelve tests of Cvitanic 2021 too")
 
     def dynamics(self, context: Context) -> Any:

@@ -6,7 +6,7 @@ import numpy as np
 
 from gtmodel.lang import Optimization
 from gtmodel.optimize import Mesh, OptimizationStudy, SolverOptions, optimization_study
-from gtmodel.optimize.formulation.problem import Bounds
+from gtmodel.optimize.formulation.dynamic import Bounds
 from gtmodel.problem_files import python_models
 from gtmodel.problem_files.base import Context
 from gtmodel.problem_files.call import Call

@@ -7,19 +7,13 @@ from typing import Any
 import tomli_w
 from pydantic import Field
 
-from gtmodel.motion import Published as PublishedOptions
-from gtmodel.motion import TableRow
+from gtmodel.motion import Published as PublishedOptions, TableRow
 from gtmodel.problem_files.base import Context, InputError, Section
-from gtmodel.problem_files.from_options import Made, made_from
+from gtmodel.problem_files.from_options import Made
 from gtmodel.problem_files.load import validate
 from gtmodel.problem_files.settings import apply
 
 from ..trajectory import keys as trajectory
-
-
-@made_from(PublishedOptions)
-class Published(Made):
-    """What a source prints for a row; compared by eye, never a check: its poses and limits are unpublished."""
 
 
 class RowKeys(Section):
@@ -28,7 +22,7 @@ class RowKeys(Section):
     name: str = Field(description="what the row is called")
     set: dict[str, Any] = Field({}, description='keys that this row changes, such as {"cost.energy" = 0.01}')
     most_iterations: int | None = Field(None, description="bound on the iterations of the attempt that found it")
-    published: Published | None = Field(None, description="what the source prints")
+    published: Made[PublishedOptions] | None = Field(None, description="what the source prints")
 
 
 class Schema(trajectory.Schema):

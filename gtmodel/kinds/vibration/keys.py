@@ -66,28 +66,13 @@ class Measurements(LogFiles):
         return found
 
 
-@made_from(options.Structure)
-class Structure(Made):
-    """Masses, dampers and springs under a pseudo-random force."""
-
-
-@made_from(options.Steps)
-class Steps(Made):
-    """Steps of the reference through b q^-delay / (1 - a q^-1), each a recording of its own."""
-
-
-@made_from(options.Hit)
-class Hit(Made):
-    """Free decay after the hit of a hammer."""
-
-
 @made_from(options.Sampling)
 class Synthetic(Made):
     """A made-up recording of a known system, to see what identification gives back."""
 
-    structure: Structure | None = Field(default=None, description='for model = "subspace"')
-    steps: Steps | None = Field(default=None, description='for model = "step_response"')
-    hit: Hit | None = Field(default=None, description='for model = "impulse"')
+    structure: Made[options.Structure] | None = Field(default=None, description='for model = "subspace"')
+    steps: Made[options.Steps] | None = Field(default=None, description='for model = "step_response"')
+    hit: Made[options.Hit] | None = Field(default=None, description='for model = "impulse"')
 
     def known(self, model: str) -> Any:
         """The options that the recordings are made of. Raises InputError."""
@@ -98,42 +83,19 @@ class Synthetic(Made):
         return getattr(self, name).options()
 
 
-@made_from(options.Matrices)
-class Matrices(Made):
-    """Printed matrices of M x'' + D x' + K x = f."""
-
-
-@made_from(options.Subspace)
-class SubspaceKeys(Made):
-    """How the state-space model is found."""
-
-
-@made_from(options.Physical)
-class Physical(Made):
-    """The physical form: what is known beside the recording."""
-
-
-@made_from(options.StepResponse)
-class StepKeys(Made):
-    """How the step response is fitted."""
-
-
-@made_from(options.Impulse)
-class ImpulseKeys(Made):
-    """How the decay is fitted."""
-
-
 class Schema(Problem):
     """Vibration: one of [measurements], [synthetic] and [matrices] gives the data."""
 
     model: Literal["subspace", "step_response", "impulse", "matrices"] = Field(description="what is looked for")
     measurements: Measurements | None = Field(default=None, description="a measured log")
     synthetic: Synthetic | None = Field(default=None, description="a made-up recording")
-    matrices: Matrices | None = Field(default=None, description='printed matrices, for model = "matrices"')
-    subspace: SubspaceKeys = SubspaceKeys()
-    physical: Physical | None = Field(default=None, description="M, D, K from the subspace model")
-    step_response: StepKeys = StepKeys()
-    impulse: ImpulseKeys = ImpulseKeys()
+    matrices: Made[options.Matrices] | None = Field(
+        default=None, description='printed matrices, for model = "matrices"'
+    )
+    subspace: Made[options.Subspace] = Made[options.Subspace]()
+    physical: Made[options.Physical] | None = Field(default=None, description="M, D, K from the subspace model")
+    step_response: Made[options.StepResponse] = Made[options.StepResponse]()
+    impulse: Made[options.Impulse] = Made[options.Impulse]()
 
     def data(self, context: Context) -> tuple[list[Record], Any]:
         """The recordings for the model asked for, and what made-up ones were made of. Raises InputError."""

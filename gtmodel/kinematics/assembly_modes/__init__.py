@@ -16,28 +16,12 @@ Start systems
     StartSystem           one of them; ``make_start_systems``, run as a module, makes them anew
 """
 
-from .certificate import Certificate
-from .hand_poses import Pose, read_poses
-from .modes_of_poses import modes_study
-from .modes_result import ModesStudy
-from .platform_draw import draw
-from .result import AssemblyModes
-from .six_links import Hands, bare
-from .solve import assembly_modes, assembly_modes_batch
-from .start_system import StartSystem, start_systems
-
-__all__ = [
-    "AssemblyModes",
-    "Certificate",
-    "Hands",
-    "ModesStudy",
-    "Pose",
-    "StartSystem",
-    "assembly_modes",
-    "assembly_modes_batch",
-    "bare",
-    "draw",
-    "modes_study",
-    "read_poses",
-    "start_systems",
-]
+from .certificate import Certificate as Certificate
+from .hand_poses import Pose as Pose, read_poses as read_poses
+from .modes_of_poses import modes_study as modes_study
+from .modes_result import ModesStudy as ModesStudy
+from .platform_draw import draw as draw
+from .result import AssemblyModes as AssemblyModes
+from .six_links import Hands as Hands, bare as bare
+from .solve import assembly_modes as assembly_modes, assembly_modes_batch as assembly_modes_batch
+from .start_system import StartSystem as StartSystem, start_systems as start_systems

@@ -4,19 +4,8 @@ The study: causality_study, a CausalityStudy; points may be a PointGrid, Orienta
 Conditions: which rows of known values keep them. point_table: points as a CSV file.
 """
 
-from . import point_table
-from .conditions import UNIT_LENGTH, Conditions
-from .evaluated import causality_of, causality_study
-from .options import Orientation, PointGrid
-from .result import CausalityStudy
-
-__all__ = [
-    "UNIT_LENGTH",
-    "CausalityStudy",
-    "Conditions",
-    "Orientation",
-    "PointGrid",
-    "causality_of",
-    "causality_study",
-    "point_table",
-]
+from . import point_table as point_table
+from .conditions import UNIT_LENGTH as UNIT_LENGTH, Conditions as Conditions
+from .evaluated import causality_of as causality_of, causality_study as causality_study
+from .options import Orientation as Orientation, PointGrid as PointGrid
+from .result import CausalityStudy as CausalityStudy

@@ -6,53 +6,28 @@ CartesianBox, Singularities, Obstacles, LinkClearance, FrameClearance. Maps: Rea
 Shapes: Region, region. Robots under limits: limited_mechanism, limits_of.
 """
 
-from ..poses import InverseKinematics, Poses
-from ..section import CrossSection
-from .clearance import FrameClearance, LinkClearance, Obstacles
-from .cross_section import Region, region
-from .grid import Grid, box_grid, section_grid
-from .limited import limited_mechanism, limits_of
-from .limits import ActuatorLimits, BallJointCones, CartesianBox, Limit, Singularities
-from .options import Beam, Bodies, Box, Limits, Sections
-from .reach import FIRST_LIMIT, NOT_LOOKED_AT, REACHABLE, Reach, ReachMap, map_grid
-from .reached import workspace_study
-from .result import WorkspaceStudy
-from .volume import SectionMap, Volume, map_section, map_volume
-
-__all__ = [
-    "FIRST_LIMIT",
-    "NOT_LOOKED_AT",
-    "REACHABLE",
-    "ActuatorLimits",
-    "BallJointCones",
-    "Beam",
-    "Bodies",
-    "Box",
-    "CartesianBox",
-    "CrossSection",
-    "FrameClearance",
-    "Grid",
-    "InverseKinematics",
-    "Limit",
-    "Limits",
-    "LinkClearance",
-    "Obstacles",
-    "Poses",
-    "Reach",
-    "ReachMap",
-    "Region",
-    "SectionMap",
-    "Sections",
-    "Singularities",
-    "Volume",
-    "WorkspaceStudy",
-    "box_grid",
-    "limited_mechanism",
-    "limits_of",
-    "map_grid",
-    "map_section",
-    "map_volume",
-    "region",
-    "section_grid",
-    "workspace_study",
-]
+from ..poses import InverseKinematics as InverseKinematics, Poses as Poses
+from ..section import CrossSection as CrossSection
+from .clearance import FrameClearance as FrameClearance, LinkClearance as LinkClearance, Obstacles as Obstacles
+from .cross_section import Region as Region, region as region
+from .grid import Grid as Grid, box_grid as box_grid, section_grid as section_grid
+from .limited import limited_mechanism as limited_mechanism, limits_of as limits_of
+from .limits import (
+    ActuatorLimits as ActuatorLimits,
+    BallJointCones as BallJointCones,
+    CartesianBox as CartesianBox,
+    Limit as Limit,
+    Singularities as Singularities,
+)
+from .options import Beam as Beam, Bodies as Bodies, Box as Box, Limits as Limits, Sections as Sections
+from .reach import (
+    FIRST_LIMIT as FIRST_LIMIT,
+    NOT_LOOKED_AT as NOT_LOOKED_AT,
+    REACHABLE as REACHABLE,
+    Reach as Reach,
+    ReachMap as ReachMap,
+    map_grid as map_grid,
+)
+from .reached import workspace_study as workspace_study
+from .result import WorkspaceStudy as WorkspaceStudy
+from .volume import SectionMap as SectionMap, Volume as Volume, map_section as map_section, map_volume as map_volume

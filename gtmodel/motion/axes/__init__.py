@@ -8,16 +8,18 @@ Course, turning      the way of a plate along a path, as equations
 free_run             forces of a motion applied with all axes free
 """
 
-from .course import Course, turning
-from .free_run import FreeRun, free_run
-from .motion_study import axis_study
-from .options import AxisCost, AxisEnd, AxisMesh, AxisSolver, ToolCourse, ToolDirection
-from .plan import AxisPlan
-from .planning import plan_of
-from .problem import AxisProblem
-from .result import AxisStudy
-
-__all__ = [
-    "AxisCost", "AxisEnd", "AxisMesh", "AxisPlan", "AxisProblem", "AxisSolver", "AxisStudy", "Course", "FreeRun",
-    "ToolCourse", "ToolDirection", "axis_study", "free_run", "plan_of", "turning",
-]  # fmt: skip
+from .course import Course as Course, turning as turning
+from .free_run import FreeRun as FreeRun, free_run as free_run
+from .motion_study import axis_study as axis_study
+from .options import (
+    AxisCost as AxisCost,
+    AxisEnd as AxisEnd,
+    AxisMesh as AxisMesh,
+    AxisSolver as AxisSolver,
+    ToolCourse as ToolCourse,
+    ToolDirection as ToolDirection,
+)
+from .plan import AxisPlan as AxisPlan
+from .planning import plan_of as plan_of
+from .problem import AxisProblem as AxisProblem
+from .result import AxisStudy as AxisStudy

@@ -10,9 +10,7 @@ from typing import Any
 import numpy as np
 
 from ...compiler.causal import compile_causal
-from ...optimize import Mesh as CollocationMesh
-from ...optimize import Solution, SolverOptions
-from ...optimize import solve as collocate
+from ...optimize import Mesh as CollocationMesh, Solution, SolverOptions, solve as collocate
 from ...optimize.judgement.resimulate import SUBSTEPS, resimulate
 from ...results import Check, SolveStatus, Status, Trajectory, Work, at_most
 from ...results.quantity import converted

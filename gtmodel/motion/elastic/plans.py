@@ -12,9 +12,7 @@ import numpy as np
 from ...compiler.causal import CausalFunction, compile_causal
 from ...control.input_shaping import zero_vibration, zero_vibration_derivative
 from ...lang import Model, Optimization
-from ...optimize import Mesh as CollocationMesh
-from ...optimize import Solution, SolverOptions, resimulate
-from ...optimize import solve as collocate
+from ...optimize import Mesh as CollocationMesh, Solution, SolverOptions, resimulate, solve as collocate
 from ...results import ArgumentError, Check, SolveStatus, Status, Work, at_most
 from ...robots import GantryTau
 from .models import ElasticMotion, RigidMotion

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import casadi as ca
 import numpy as np
@@ -18,15 +18,6 @@ from .relations import Row
 from .sizes import Slopes, of_constants, scale_of, within
 
 
-@dataclass(frozen=True, eq=False)
-class _Constants:
-    """Free constants and, behind them, the parameters that may change: bounds, guess, size."""
-
-    bounds: Bounds
-    guess: np.ndarray
-    scale: np.ndarray
-
-
 def assembled(
     b: Builder, objective: Expr, constraints: list[Row], quadratures: Sequence[Quadrature], branches: dict[str, int]
 ) -> DynamicProblem:
@@ -36,17 +27,18 @@ def assembled(
     limits = limits_of(b, constraints, instants, {q.index for q in quadratures})
     written = limits.path
     path = _expressed(b, limits, instants)
-    constants = _constants(b)
-    shortest = shortest_length(b.flat, ends, constraints, constants.guess, b.P[b.n_free :])
-    if shortest and not bounded_end(b, ends, shortest, constants.bounds):
+    names, bounds_P, guess = _constants(b)
+    shortest = shortest_length(b.flat, ends, constraints, guess, b.P[b.n_free :])
+    if shortest and not bounded_end(b, ends, shortest, bounds_P):
         limits.points.append(Row(ends.length, shortest, np.inf, "the horizon's shortest length", None))
-    check_bounds(b, limits.x, limits.u, constants.bounds, limits.start, limits.end)
+    check_bounds(b, limits.x, limits.u, bounds_P, limits.start, limits.end)
     rates, algebraic, labels = b.dynamics()
     integrands = b.express([q.integrand for q in quadratures]) if quadratures else []
-    constants = _sized(b, constants)
+    sizes = zip(names, of_constants(guess, bounds_P.low, bounds_P.high), strict=True)
+    scale_P = np.array([b.told.get(n, s) for n, s in sizes])
     x_scale = within(b.nominals(b.states), limits.x.low, limits.x.high)
     u_scale = within(b.nominals(b.input_pairs), limits.u.low, limits.u.high)
-    slopes = b.slopes(x_scale, u_scale, constants.guess)
+    slopes = b.slopes(x_scale, u_scale, guess)
     _size(path, slopes)
     at_start = rows_at_start(b, written, path, limits.x, limits.u, limits.start, ends.t0)
     scale = slopes.at_one(algebraic)
@@ -54,22 +46,22 @@ def assembled(
         scale[: len(b.controls)] = u_scale[: len(b.controls)]
     cost = cost_of(
         b, objective, [*limits.points, *(row for _, row in at_start)], [*instants, *(value for value, _ in at_start)],
-        slopes, ends, constants.guess, constants.scale,
+        slopes, ends, guess, scale_P,
     )  # fmt: skip
     more = cost.states
     for bounds, reach in ((limits.x, np.inf), (limits.start, 0.0), (limits.end, np.inf)):
         bounds.low = np.append(bounds.low, [-reach] * len(more))
         bounds.high = np.append(bounds.high, [reach] * len(more))
     return DynamicProblem(
-        model=b.model, flat=b.flat, plan=b.plan, formulation=b.kind, state_pairs=b.states, control_indices=b.controls,
+        flat=b.flat, plan=b.plan, formulation=b.kind, state_pairs=b.states, control_indices=b.controls,
         x=ca.vertcat(b.x, *[q for q, _, _ in more]),
         xd=ca.vertcat(b.xd, *[ca.SX.sym("rate_integral") for _ in more]),
         u=b.u, P=b.P, t=b.flat.scope.time, t0=ends.t0, tf=ends.tf, rates=[*rates, *(e for _, e, _ in more)],
         algebraic=algebraic, algebraic_labels=labels, algebraic_scale=scale, path=path, x_bounds=limits.x,
-        u_bounds=limits.u, P_bounds=constants.bounds, P_guess=constants.guess, start_bounds=limits.start,
+        u_bounds=limits.u, P_bounds=bounds_P, P_guess=guess, start_bounds=limits.start,
         end_bounds=limits.end, integrals=cost.integrals, instants=cost.instants, mayer=cost.mayer, points=cost.points,
         builder=b, base=b.base, x_scale=np.append(x_scale, [size for _, _, size in more]), u_scale=u_scale,
-        P_scale=constants.scale, delayed=list(b.delayed.values()), delayed_indices=list(b.delayed), z_pairs=b.z_pairs,
+        P_scale=scale_P, delayed=list(b.delayed.values()), delayed_indices=list(b.delayed), z_pairs=b.z_pairs,
         tunable=b.tunable, branches=branches, misfits=cost.misfits, shortest=shortest,
         quadratures=[Quadrature(q.index, e, q.start) for q, e in zip(quadratures, integrands, strict=True)],
     )  # fmt: skip
@@ -84,18 +76,13 @@ def _expressed(b: Builder, limits: Limits, instants: list[PointValue]) -> list[R
     return [replace(r, expression=e) for r, e in zip(limits.path, values[len(instants) :], strict=True)]
 
 
-def _constants(b: Builder) -> _Constants:
+def _constants(b: Builder) -> tuple[list[str], Bounds, np.ndarray]:
+    """Free constants and, behind them, the parameters that may change: names, bounds, guess."""
     value = {q.name: q.value for q in b.flat.parameters}
     held = [value[n] for n in b.tunable]
     free = [q for q in b.flat.parameters if q.free]
     bounds = Bounds(np.array([q.min for q in free] + held), np.array([q.max for q in free] + held))
-    return _Constants(bounds, np.array([q.value for q in free] + held), np.ones(0))
-
-
-def _sized(b: Builder, constants: _Constants) -> _Constants:
-    names = [*(q.name for q in b.flat.parameters if q.free), *b.tunable]
-    scale = of_constants(constants.guess, constants.bounds.low, constants.bounds.high)
-    return replace(constants, scale=np.array([b.told.get(n, s) for n, s in zip(names, scale, strict=True)]))
+    return [*(q.name for q in free), *b.tunable], bounds, np.array([q.value for q in free] + held)
 
 
 def _size(path: list[Row], slopes: Slopes) -> None:

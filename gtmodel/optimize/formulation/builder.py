@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
@@ -11,7 +11,7 @@ import numpy as np
 from ...compiler.emit import express
 from ...compiler.flat import FlatModel
 from ...compiler.plan import Plan, differentiated
-from ...lang.optimization import Delayed, Optimization
+from ...lang.optimization import Delayed
 from ...lang.source import ModelError
 from .attributes import Pair, names_of, nominal_of
 from .sizes import Slopes
@@ -29,43 +29,40 @@ class Explicit:
     residuals: list[ca.SX]
 
 
+@dataclass(eq=False)
 class Builder:
-    """Writes expressions of original names in states, rates, controls, free constants and time."""
+    """Writes expressions of original names in states, rates, controls, free constants and time.
 
-    def __init__(
-        self,
-        model: Optimization,
-        root: Optimization,
-        flat: FlatModel,
-        plan: Plan,
-        kind: str,
-        states: list[Pair],
-        controls: list[int],
-        base: Plan,
-        fold: ca.SX,
-        tunable: tuple[str, ...] = (),
-        delayed: dict[int, tuple[int, Delayed]] | None = None,
-        told: Mapping[str, float] | None = None,
-    ) -> None:
-        """told: sizes by the names of variables and free constants, in place of their nominals."""
-        self.told = dict(told or {})
-        self.base = base
-        self.model, self.root, self.flat, self.plan, self.kind = model, root, flat, plan, kind
-        self.states, self.controls, self.tunable = states, controls, tunable
-        self.delayed = delayed or {}
+    base: the plan of the explicit form. parameters: what stands in place of the parameters. delayed: variable index ->
+    (control that it follows, declaration). told: sizes by the names of variables and free constants, in place of their
+    nominals.
+    """
+
+    flat: FlatModel
+    plan: Plan
+    kind: str
+    states: list[Pair]
+    controls: list[int]
+    base: Plan
+    parameters: ca.SX
+    tunable: tuple[str, ...]
+    delayed: dict[int, tuple[int, Delayed]]
+    told: Mapping[str, float]
+
+    def __post_init__(self) -> None:
+        flat, states = self.flat, self.states
         scope = flat.scope
         self.x = ca.vertcat(*[scope.symbol(*p) for p in states]) if states else ca.SX(0, 1)
         self.xd = ca.vertcat(*[ca.SX.sym(f"rate_{n}") for n in range(len(states))]) if states else ca.SX(0, 1)
         free = [q.symbol for q in flat.parameters if q.free]
         named = {q.name: q.symbol for q in flat.parameters}
         self.n_free = len(free)
-        self.P = ca.vertcat(*free, *[named[n] for n in tunable]) if free or tunable else ca.SX(0, 1)
-        self.parameters = fold
+        self.P = ca.vertcat(*free, *[named[n] for n in self.tunable]) if free or self.tunable else ca.SX(0, 1)
         # in these forms the rates of the top states are xd
-        implicit = kind in ("inverse", "dae")
+        implicit = self.kind in ("inverse", "dae")
         top = [(i, k + 1, n) for n, (i, k) in enumerate(states) if implicit and (i, k + 1) not in states]
         self.rates = {(i, k): self.xd[n] for i, k, n in top}
-        inputs = [*controls, *self.delayed]
+        inputs = [*self.controls, *self.delayed]
         self.z_pairs = self._point_unknowns({(i, 0) for i in inputs})
         z = [scope.symbol(*p) for p in self.z_pairs]
         u = [ca.SX.sym(flat.variables[i].name) for i in inputs]
@@ -74,7 +71,7 @@ class Builder:
         # a control is a variable of its own in all forms
         self.control_symbols: dict[Pair, tuple[int, int]] = {}
         for n, i in enumerate(inputs):
-            sign, kept, order = plan.alias.resolve(i, 0)
+            sign, kept, order = self.plan.alias.resolve(i, 0)
             self.control_symbols[(kept, order)] = (n, sign)
 
     def _point_unknowns(self, inputs: set[Pair]) -> list[Pair]:
@@ -149,11 +146,7 @@ class Builder:
 
     def other(self) -> Builder:
         """The same problem in its explicit form."""
-        base = self.base
-        return Builder(
-            self.model, self.root, self.flat, base, "torn" if base.newton else "explicit", self.states, self.controls,
-            base, self.parameters, self.tunable, self.delayed, self.told,
-        )  # fmt: skip
+        return replace(self, plan=self.base, kind="torn" if self.base.newton else "explicit")
 
     def dynamics(self) -> tuple[list[ca.SX | None], ca.SX, list[str]]:
         """Rates, algebraic rows that vanish, and what these rows say."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from ...compiler.flat import FlatModel
 from ...compiler.plan import Plan
-from ...lang.optimization import Delayed, Optimization
+from ...lang.optimization import Delayed
 from ...lang.scope import Misfit
 from .attributes import Pair
 from .horizon import PointValue
@@ -56,7 +56,6 @@ class DynamicProblem:
     The solver's unknowns are x, u and P divided by `x_scale`, `u_scale` and `P_scale`.
     """
 
-    model: Optimization
     flat: FlatModel
     plan: Plan
     formulation: str
@@ -105,6 +104,11 @@ class DynamicProblem:
         return any(r is None for r in self.rates) or bool(self.z_pairs)
 
     @property
+    def arguments(self) -> list[ca.SX]:
+        """What functions of a point take."""
+        return [self.x, self.xd, self.u, self.P, self.t]
+
+    @property
     def state_names(self) -> list[str]:
         own = [self.flat.symbol_name(*p) for p in self.state_pairs]
         return own + [f"integral {k}" for k in range(self.x.numel() - len(own))]
@@ -113,8 +117,7 @@ class DynamicProblem:
     def integrands(self) -> ca.Function:
         """(x, xd, u, P, t) -> those of the quadratures."""
         values = [q.integrand for q in self.quadratures]
-        arguments = [self.x, self.xd, self.u, self.P, self.t]
-        return ca.Function("integrands", arguments, [ca.vertcat(*values) if values else ca.SX(0, 1)])
+        return ca.Function("integrands", self.arguments, [ca.vertcat(*values) if values else ca.SX(0, 1)])
 
     @property
     def quadrature_names(self) -> list[str]:

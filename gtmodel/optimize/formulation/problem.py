@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
 
 import casadi as ca
 
@@ -16,12 +17,10 @@ from .assembled import assembled
 from .attributes import Pair
 from .builder import Builder
 from .delays import delays_of
-from .dynamic import Bounds, DynamicProblem, Quadrature
+from .dynamic import DynamicProblem, Quadrature
 from .horizon import end_of, initial_rows
 from .quadratures import set_apart
 from .relations import Row, relations
-
-__all__ = ["FORMULATIONS", "Bounds", "DynamicProblem", "build"]
 
 FORMULATIONS = ("auto", "inverse", "explicit", "torn", "dae")
 
@@ -55,24 +54,74 @@ def build(
     """
     if formulation not in FORMULATIONS:
         raise ValueError(f"formulation is one of {', '.join(FORMULATIONS)}; found '{formulation}'")
-    flat = flat_of(model)
-    wanted = dict(branches or {})
-    key = ("problem", formulation, tuple(prefer), tuple(sorted(wanted.items())), tuple(tunable), sizes, linked)
-    if key not in flat.cache:
-        flat.cache[key] = _build(model, flat, formulation, prefer, wanted, tuple(tunable), sizes, linked)
-    return flat.cache[key]
+    flat, wanted = flat_of(model), tuple(sorted(dict(branches or {}).items()))
+    asked = _Asked(formulation, tuple(prefer), wanted, tuple(tunable), sizes, linked)
+    if asked not in flat.cache:
+        flat.cache[asked] = _build(flat, asked)
+    return flat.cache[asked]
 
 
-def _build(
-    model: Optimization,
-    flat: FlatModel,
-    formulation: str,
-    prefer: Sequence[str],
-    branches: dict[str, int],
-    tunable: tuple[str, ...],
-    sizes: tuple[tuple[str, float], ...],
-    linked: bool,
-) -> DynamicProblem:
+@dataclass(frozen=True)
+class _Asked:
+    """What is asked of a model; see `build`."""
+
+    formulation: str
+    prefer: tuple[str, ...]
+    branches: tuple[tuple[str, int], ...]
+    tunable: tuple[str, ...]
+    sizes: tuple[tuple[str, float], ...]
+    linked: bool
+
+
+def _build(flat: FlatModel, asked: _Asked) -> DynamicProblem:
+    objective, constraints = _stated(flat)
+    inputs = [v.index for v in flat.variables if v.role == "input"]
+    delays, branches = delays_of(flat), dict(asked.branches)
+    controls = [i for i in inputs if i not in delays]
+    preferred = [i for name in asked.prefer for i in flat.lookup(name)[1]]
+    fold = _fold(flat, asked.tunable)
+    quadratures: list[Quadrature] = []
+    if not asked.linked:
+        cost, quadratures = set_apart(flat, objective.sx, constraints, preferred, end_of(flat, "final_time"))
+        objective = Expr(cost, (), objective.dimension, objective.scope)
+    apart = {q.index for q in quadratures}
+    pairs = _all_pairs(flat, constraints, apart)
+    base = make_plan(flat, inputs, pairs, preferred, branches, rates=True, fold=fold, apart=apart)
+    if asked.formulation == "dae" and (idle := _idle(flat, base)):
+        # all equations are rows here, also those that nothing asked for
+        base = make_plan(flat, inputs, sorted({*pairs, *idle}), preferred, branches, rates=True, fold=fold)
+    steep = [flat.symbol_name(i, k) for i, k in base.inputs if i in inputs and k > 0]
+    if steep:
+        raise ModelError(
+            f"{flat.title} needs {', '.join(steep)}, but a control may jump; make it a state and its derivative "
+            "the control"
+        )
+    # without a closed form of the states' equations there is none of their inverse either
+    hopeless = bool(delays) or (asked.formulation == "auto" and bool(base.newton))
+    inverse = None
+    if asked.formulation in ("auto", "inverse") and not hopeless:
+        inverse = _inverse_plan(flat, controls, base.states, pairs, branches, fold, apart)
+    plan, kind = _formulated(flat, asked.formulation, controls, base, inverse)
+    delayed = {i: (controls.index(source), item) for i, (source, item) in delays.items()}
+
+    def made(plan: Plan, kind: str) -> DynamicProblem:
+        told = dict(asked.sizes)
+        b = Builder(flat, plan, kind, base.states, controls, base, fold, asked.tunable, delayed, told)
+        return assembled(b, objective, constraints, quadratures, branches)
+
+    problem = made(plan, kind)
+    if (
+        asked.formulation == "auto"
+        and kind == "inverse"
+        and any(i.off is not None and i.s < 1.0 for i in problem.instants)
+    ):
+        # a rate off the points ties the controls, not the motion: the explicit form finds it from any guess
+        return made(base, "explicit")
+    return problem
+
+
+def _stated(flat: FlatModel) -> tuple[Expr, list[Row]]:
+    """The objective and the constraints, with the initial equations. Raises ModelError."""
     root = flat.root
     if not isinstance(root, Optimization):
         raise ModelError(f"{flat.title} is no Optimization; give it an objective and a horizon")
@@ -83,57 +132,26 @@ def _build(
         raise ModelError(f"{flat.title}.objective() must return a scalar expression; found {objective!r}")
     if not flat.variables:
         raise ModelError(f"{flat.title} has no variable, so there is no trajectory to optimise; declare one")
-    constraints = relations(root.constraints(), flat) + initial_rows(flat)
-    inputs = [v.index for v in flat.variables if v.role == "input"]
-    delays = delays_of(flat)
-    controls = [i for i in inputs if i not in delays]
-    preferred = [i for name in prefer for i in flat.lookup(name)[1]]
-    fold = _fold(flat, tunable)
-    quadratures: list[Quadrature] = []
-    if not linked:
-        cost, quadratures = set_apart(flat, objective.sx, constraints, preferred, end_of(flat, "final_time"))
-        objective = Expr(cost, (), objective.dimension, objective.scope)
-    apart = {q.index for q in quadratures}
-    asked = _all_pairs(flat, constraints, apart)
-    base = make_plan(flat, inputs, asked, preferred, branches, rates=True, fold=fold, apart=apart)
-    if formulation == "dae" and (idle := _idle(flat, base)):
-        # all equations are rows here, also those that nothing asked for
-        base = make_plan(flat, inputs, sorted({*asked, *idle}), preferred, branches, rates=True, fold=fold)
-    states = base.states
-    steep = [flat.symbol_name(i, k) for i, k in base.inputs if i in inputs and k > 0]
-    if steep:
-        raise ModelError(
-            f"{flat.title} needs {', '.join(steep)}, but a control may jump; make it a state and its derivative "
-            "the control"
-        )
+    return objective, relations(root.constraints(), flat) + initial_rows(flat)
+
+
+def _formulated(
+    flat: FlatModel, formulation: str, controls: list[int], base: Plan, inverse: Plan | None
+) -> tuple[Plan, str]:
+    """The plan of a formulation, and its kind. Raises ModelError for one that the model does not have."""
+    if formulation == "dae":
+        return base, "dae"
     if formulation == "explicit":
         _refuse_newton(flat, base)
-    plan, kind = base, "torn" if base.newton else "explicit"
-    if formulation in ("auto", "inverse"):
-        # without a closed form of the states' equations there is none of their inverse either
-        hopeless = bool(delays) or (formulation == "auto" and bool(base.newton))
-        inverse = None if hopeless else _inverse_plan(flat, controls, states, asked, branches, fold, apart)
-        divides = inverse is not None and _pivots(inverse) and not _pivots(base)
-        if inverse is not None and (formulation == "inverse" or not divides):
-            plan, kind = inverse, "inverse"
-        elif formulation == "inverse":
-            raise ModelError(
-                f"{flat.title}: the controls are not determined by the motion of the states "
-                f"({len(controls)} controls for {len({i for i, _ in states})} coordinates); use formulation 'explicit'"
-            )
-    elif formulation == "dae":
-        kind = "dae"
-    delayed = {i: (controls.index(source), item) for i, (source, item) in delays.items()}
-
-    def made(plan: Plan, kind: str) -> DynamicProblem:
-        b = Builder(model, root, flat, plan, kind, states, controls, base, fold, tunable, delayed, dict(sizes))
-        return assembled(b, objective, constraints, quadratures, branches)
-
-    problem = made(plan, kind)
-    if formulation == "auto" and kind == "inverse" and any(i.off is not None and i.s < 1.0 for i in problem.instants):
-        # a rate off the points ties the controls, not the motion: the explicit form finds it from any guess
-        return made(base, "explicit")
-    return problem
+    divides = inverse is not None and _pivots(inverse) and not _pivots(base)
+    if inverse is not None and (formulation == "inverse" or not divides):
+        return inverse, "inverse"
+    if formulation == "inverse":
+        raise ModelError(
+            f"{flat.title}: the controls are not determined by the motion of the states "
+            f"({len(controls)} controls for {len({i for i, _ in base.states})} coordinates); use formulation 'explicit'"
+        )
+    return base, "torn" if base.newton else "explicit"
 
 
 def _idle(flat: FlatModel, plan: Plan) -> list[Pair]:

@@ -48,7 +48,7 @@ def relation_rows(source: Iterable[Any], title: str, word: str = "constraint") -
                 f"{title} yielded {type(item).__name__}, which is no relation; expected '==', '<=', '>=' or gt.between"
             )
         low, high = {"==": (0.0, 0.0), "<=": (-np.inf, 0.0), ">=": (0.0, np.inf)}[item.op]
-        residual = ca.vec((item.lhs - item.rhs).T)
+        residual = item.residual
         for k in range(residual.numel()):
             if not ca.symvar(residual[k]):
                 raise ModelError(f"a {word} holds no variable: {residual[k]} {item.op} 0", item.where)

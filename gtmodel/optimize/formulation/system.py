@@ -7,8 +7,10 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from ..rows import on_rows
 from .dynamic import DynamicProblem
 
+STEPS = 20
 NEWTON_DONE = 1e-12  # relative: corrections this small are round-off
 
 
@@ -70,38 +72,26 @@ class System:
     def slopes(self, x: np.ndarray, given: np.ndarray, z: np.ndarray, P: np.ndarray, t: np.ndarray) -> np.ndarray:
         """Slopes (n, nx, nx) of the rates by the states, the unknowns following; NaN where they cannot."""
         n, nx = x.shape
-        rows = [ca.DM(a.T) for a in (x, given, z)]
-        rest = [ca.repmat(ca.DM(P), 1, n), ca.DM(t).T]
-
-        def stacked(value: ca.DM, width: int) -> np.ndarray:
-            full = value.full()
-            return full.reshape(full.shape[0], n, width).transpose(1, 0, 2)
-
-        direct, moved, through = self.slope.map(n)(*rows, *rest)
-        slopes = stacked(direct, nx)
+        direct, moved, through = on_rows(self.slope, (x, given, z), P, t)
+        slopes = _stacked(direct, n, nx)
         if self.count:
-            matrix = stacked(self.residual.map(n)(*rows, *rest)[1], self.count)
+            matrix = _stacked(on_rows(self.residual, (x, given, z), P, t)[1], n, self.count)
             try:
-                follow = np.linalg.solve(matrix, stacked(moved, nx))
+                follow = np.linalg.solve(matrix, _stacked(moved, n, nx))
             except np.linalg.LinAlgError:
                 return np.full(slopes.shape, np.nan)
-            slopes = slopes - stacked(through, self.count) @ follow
+            slopes = slopes - _stacked(through, n, self.count) @ follow
         return slopes
 
-    def solved(
-        self, x: np.ndarray, given: np.ndarray, z: np.ndarray, P: np.ndarray, t: np.ndarray, steps: int = 20
-    ) -> np.ndarray:
+    def solved(self, x: np.ndarray, given: np.ndarray, z: np.ndarray, P: np.ndarray, t: np.ndarray) -> np.ndarray:
         """The unknowns without a closed form (n, count) by Newton from z; NaN where that does not converge."""
         n = len(t)
         if not self.count:
             return z
-        f = self.residual.map(n)
-        rows = [ca.DM(a.T) for a in (x, given)]
-        rest = [ca.repmat(ca.DM(P), 1, n), ca.DM(t).T]
         done = np.zeros(n, bool)
-        for _ in range(steps):
-            r, slope = (v.full() for v in f(*rows, ca.DM(z.T), *rest))
-            slopes = slope.reshape(self.count, n, self.count).transpose(1, 0, 2)
+        for _ in range(STEPS):
+            r, slope = on_rows(self.residual, (x, given, z), P, t)
+            slopes = _stacked(slope, n, self.count)
             finite = np.all(np.isfinite(slopes), axis=(1, 2)) & np.all(np.isfinite(r), axis=0)
             step = np.full(z.shape, np.nan)
             try:
@@ -119,7 +109,10 @@ class System:
         self, x: np.ndarray, given: np.ndarray, z: np.ndarray, P: np.ndarray, t: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         """Rates and whole inputs (n, ...) for rows."""
-        n = len(t)
-        rows = [ca.DM(a.T) for a in (x, given, z)]
-        rates, point = self.values.map(n)(*rows, ca.repmat(ca.DM(P), 1, n), ca.DM(t).T)
-        return rates.full().T, np.hstack([given, point.full().T])
+        rates, point = on_rows(self.values, (x, given, z), P, t)
+        return rates.T, np.hstack([given, point.T])
+
+
+def _stacked(side_by_side: np.ndarray, n: int, width: int) -> np.ndarray:
+    """Matrices (r, n * width) as (n, r, width)."""
+    return side_by_side.reshape(len(side_by_side), n, width).transpose(1, 0, 2)

@@ -18,6 +18,7 @@ from ..formulation.dynamic import DynamicProblem
 from ..formulation.system import System
 from ..mesh import Mesh
 from ..nlp import Nlp, placed
+from ..rows import on_rows
 from ..shooting import TOLERANCE
 from ..solution import Check, Solution, constants, horizon
 from ..tables import Table, basis, basis_slope, table
@@ -220,9 +221,7 @@ def _along(nlp: Nlp, x: np.ndarray, mesh: Mesh, t0: float, duration: float) -> _
 
     def integrated(*rows: np.ndarray, times: np.ndarray) -> np.ndarray:
         """Integrands (rows, q) for rows of states, rates and inputs."""
-        count = len(times)
-        columns = [ca.DM(a.T) for a in rows]
-        return f.map(count)(*columns, ca.repmat(ca.DM(P), 1, count), ca.DM(times).T).full().T
+        return on_rows(f, rows, P, times)[0].T
 
     integrands = integrated(rows, rates, whole, times=times) if problem.integrals else np.zeros((N * n, 0))
     chosen = (np.arange(N)[:, None] * n + np.arange(first, n)).ravel()
@@ -249,8 +248,7 @@ def _along(nlp: Nlp, x: np.ndarray, mesh: Mesh, t0: float, duration: float) -> _
 
 
 def _integrands(problem: DynamicProblem) -> ca.Function:
-    arguments = [problem.x, problem.xd, problem.u, problem.P, problem.t]
-    return ca.Function("integrals", arguments, [ca.vertcat(ca.SX(0, 1), *[e for _, e, _ in problem.integrals])])
+    return ca.Function("integrals", problem.arguments, [ca.vertcat(ca.SX(0, 1), *[e for _, e, _ in problem.integrals])])
 
 
 def _errors(fine: Table, missed: np.ndarray, slopes: np.ndarray) -> _Grid | None:

@@ -45,6 +45,4 @@ def control_curves(nlp: Nlp, x: np.ndarray, per_element: int = 15) -> tuple[np.n
 
 def controls_of(nlp: Nlp, x: np.ndarray, element: int, local: np.ndarray) -> np.ndarray:
     """Controls (len(local), nu) of one element at fractions of it."""
-    layout = nlp.element.layout
-    y = x[element * layout.size : (element + 1) * layout.size] * layout.scale
-    return layout.inputs(y, local)[:, : layout.nu]
+    return nlp.inputs(x, element, local)[:, : nlp.element.layout.nu]

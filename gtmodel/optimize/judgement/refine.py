@@ -15,6 +15,7 @@ from ..element import of_states
 from ..formulation.system import System
 from ..mesh import Mesh, given_mesh
 from ..nlp import placed
+from ..rows import on_rows
 from ..solution import Solution, constants, states_and_controls
 from ..solve import NotSolved, solve
 from .discretisation import COST, NAME, discretisation
@@ -110,9 +111,8 @@ def element_excess(solution: Solution) -> np.ndarray:
     s = (mesh.edges[:-1, None] + mesh.h[:, None] * INSIDE).ravel()
     xs, _, _, times = states_and_controls(nlp, solution.x, s)
     arguments = [problem.x, problem.P, problem.t]
-    f = ca.Function("limited", arguments, [ca.vertcat(problem.x, *[r.expression for r in rows])]).map(len(times))
-    P = ca.repmat(ca.DM(constants(nlp, solution.x)), 1, len(times))
-    values = f(ca.DM(xs.T), P, ca.DM(times).T).full()
+    f = ca.Function("limited", arguments, [ca.vertcat(problem.x, *[r.expression for r in rows])])
+    (values,) = on_rows(f, (xs,), constants(nlp, solution.x), times)
     low = np.concatenate([problem.x_bounds.low, [r.low for r in rows]])[:, None]
     high = np.concatenate([problem.x_bounds.high, [r.high for r in rows]])[:, None]
     room = np.where(np.isfinite(high - low) & (high > low), high - low, np.ptp(values, axis=1)[:, None])

@@ -17,6 +17,7 @@ from ..formulation.dynamic import DynamicProblem
 from ..formulation.system import System
 from ..mesh import Mesh
 from ..nlp import Nlp, placed
+from ..rows import on_rows
 from ..solution import Solution, constants, horizon, named, states_and_controls, totals
 from .overshoot import control_range
 
@@ -105,9 +106,7 @@ def resimulate(solution: Solution, tolerance: float = INTEGRATOR_TOLERANCE) -> R
 
 def _given(nlp: Nlp, x: np.ndarray, element: int, local: np.ndarray) -> np.ndarray:
     """Controls and delayed inputs (len(local), n) of one element."""
-    layout = nlp.element.layout
-    y = x[element * layout.size : (element + 1) * layout.size] * layout.scale
-    return layout.inputs(y, local)[:, : layout.nu + len(nlp.problem.delayed)]
+    return nlp.inputs(x, element, local)[:, : nlp.element.layout.nu + len(nlp.problem.delayed)]
 
 
 def _integrate(
@@ -151,22 +150,19 @@ def _first_unknowns(solution: Solution, x: np.ndarray, t0: float, P: np.ndarray)
     system = System.of(problem)
     if not system.count:
         return np.zeros(0)
-    layout, first = nlp.element.layout, placed(nlp, solution.x).h[0] * nlp.mesh.table.points[0]
+    first = placed(nlp, solution.x).h[0] * nlp.mesh.table.points[0]
     _, slope, inputs, _ = states_and_controls(nlp, solution.x, np.array([first]))
     z = system.near(problem, inputs, slope)
-    given = layout.inputs(solution.x[: layout.size] * layout.scale, np.zeros(1))
-    given = given[:, : layout.nu + len(problem.delayed)]
-    return system.solved(x[None], given, z, P, np.array([t0]))[0]
+    return system.solved(x[None], _given(nlp, solution.x, 0, np.zeros(1)), z, P, np.array([t0]))[0]
 
 
 def _mayer(solution: Solution, integrated: Callable[[float], tuple[np.ndarray, ...]], P: np.ndarray) -> float:
     """The cost that is no integral, from the values at the instants it needs."""
     problem = solution.problem
-    inputs = [problem.x, problem.xd, problem.u, problem.P, problem.t]
     values = []
     for i in problem.instants:
         x, rate, u, t = integrated(i.s)
-        values.append(float(ca.Function("instant", inputs, [i.expression])(x, rate, u, P, t)))
+        values.append(float(ca.Function("instant", problem.arguments, [i.expression])(x, rate, u, P, t)))
     symbols = ca.vertcat(*[i.symbol for i in problem.instants]) if values else ca.SX(0, 1)
     return float(ca.Function("mayer", [symbols, problem.P], [problem.mayer])(values, P))
 
@@ -247,10 +243,7 @@ def _violation(
     problem: DynamicProblem, xs: np.ndarray, rates: np.ndarray, us: np.ndarray, times: np.ndarray, P: np.ndarray,
     u_low: np.ndarray, u_high: np.ndarray,
 ) -> tuple[float, str]:  # fmt: skip
-    n = len(times)
-    path = pointwise(problem).map(n)(
-        ca.DM(xs.T), ca.DM(rates.T), ca.DM(us.T), ca.repmat(ca.DM(P), 1, n), ca.DM(times).T
-    )[2].full().T  # fmt: skip
+    path = on_rows(pointwise(problem), (xs, rates, us), P, times)[2].T
     nu = len(u_low)  # the controls' extremes are exact, all else is sampled
     lowest, highest = (
         np.concatenate([f(xs, axis=0), u, f(us[:, nu:], axis=0), f(path, axis=0) if path.size else []])

@@ -186,7 +186,7 @@ def _ordered(e: Estimate, theta: np.ndarray, lines: FrequencyResponse, stated: b
     r = e.residuals
     n = len(r) // 2
     misfit = float(r @ r) if e.known_noise else 2 * n * float(np.log(r @ r / (2 * n)))
-    estimate = replace(e, values=theta[rows], covariance=lines.wider**2 * e.covariance[np.ix_(rows, rows)])
+    estimate = replace(e, values=theta[rows], covariance=lines.wider**2 * e.covariance[rows][:, rows])
     # real and imaginary parts of a line are independent: one row after the other
     white = whiteness(np.concatenate([r[:n], r[n:]]))
     return ModalFit(

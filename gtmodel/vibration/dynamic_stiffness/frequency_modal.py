@@ -8,15 +8,8 @@ import numpy as np
 
 from ...inference import Verdict
 from ...results.estimate import Estimate
-from .frequency_modes import receptance
+from .frequency_modes import ADDED, SHARES, receptance
 from .frequency_response import FrequencyResponse
-
-# shares of log m, log c, log k in the logs of what follows from them
-_OF = {
-    "m": (1.0, 0.0, 0.0), "c": (0.0, 1.0, 0.0), "k": (0.0, 0.0, 1.0),
-    "fn": (-0.5, 0.0, 0.5), "zeta": (-0.5, 1.0, -0.5),
-}  # fmt: skip
-_CONSTANT = {"fn": -np.log(2 * np.pi), "zeta": -np.log(2.0)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,9 +48,8 @@ class ModalFit:
 
     def interval(self, name: str, mode: int = 0, level: float = 0.95) -> tuple[float, float]:
         """Confidence interval of "m", "c", "k", "fn" [Hz] or "zeta", always positive. Raises ValueError."""
-        value, low, high = self.estimate.combination(self._weights(name, mode), level)
-        del value
-        shift = _CONSTANT.get(name, 0.0)
+        _, low, high = self.estimate.combination(self._weights(name, mode), level)
+        shift = ADDED.get(name, 0.0)
         return float(np.exp(low + shift)), float(np.exp(high + shift))
 
     def log_std(self, name: str, mode: int = 0) -> float:
@@ -71,8 +63,8 @@ class ModalFit:
         return receptance(s, self.m, self.c, self.k)
 
     def _weights(self, name: str, mode: int) -> dict[str, float]:
-        if name not in _OF or not 0 <= mode < len(self.m):
+        if name not in SHARES or not 0 <= mode < len(self.m):
             raise ValueError(
-                f"there is no '{name}' of mode {mode}; expected {', '.join(_OF)} of 0 to {len(self.m) - 1}"
+                f"there is no '{name}' of mode {mode}; expected {', '.join(SHARES)} of 0 to {len(self.m) - 1}"
             )
-        return dict(zip((f"log {p}[{mode}]" for p in "mck"), _OF[name], strict=True))
+        return dict(zip((f"log {p}[{mode}]" for p in "mck"), SHARES[name], strict=True))

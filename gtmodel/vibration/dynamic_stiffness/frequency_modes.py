@@ -6,6 +6,12 @@ import numpy as np
 
 ROUNDS = 6  # of the reweighted linear fit; it settles in three or does not settle
 LEAST = 1e-3  # of the largest: the smallest compliance and damping that a start may have
+# shares of log m, log c, log k in the logarithms of what follows from them, and what is added there
+SHARES = {
+    "m": (1.0, 0.0, 0.0), "c": (0.0, 1.0, 0.0), "k": (0.0, 0.0, 1.0),
+    "fn": (-0.5, 0.0, 0.5), "zeta": (-0.5, 1.0, -0.5),
+}  # fmt: skip
+ADDED = {"fn": -np.log(2 * np.pi), "zeta": -np.log(2.0)}
 
 
 def receptance(s: np.ndarray, m: np.ndarray, c: np.ndarray, k: np.ndarray) -> np.ndarray:

@@ -80,9 +80,7 @@ def fit_gaussian_processes(
         raise ValueError(f"{different} different poses for a process over {d} inputs; measure {d + 2} or more")
     p = len(Y)
     levels = [level_of(y) for y in Y]
-    spread = np.array(
-        [level / levels_unit for (_, level), levels_unit in zip(levels, [_unit_level()] * p, strict=True)]
-    )
+    spread = np.array([level / _unit_level() for _, level in levels])
     coordinates = inputs.coordinates(X)
     problem = _Problem(
         square_distances(coordinates, coordinates, inputs.owners),

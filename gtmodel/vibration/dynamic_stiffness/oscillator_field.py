@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from .frequency_modes import ADDED, SHARES
 from .gaussian_process import GaussianProcess, quantile
 from .gaussian_process_fit import STARTS, fit_gaussian_processes, held_out
 from .gaussian_process_kernel import Inputs, Shape
@@ -15,9 +16,6 @@ from .gaussian_process_kernel import Inputs, Shape
 DIRECTIONS, QUANTITIES = ("x", "y", "z"), ("m", "c", "k")
 SCALES = (0.5, 0.5, 0.5, 1.0)  # m, m, m, rad: over which an arm of three metres changes
 UNTOLD = 0.5  # share of the variance of measured values: where more is left, they tell too little
-# shares of log m, log c, log k
-_OF = {"m": (1, 0, 0), "c": (0, 1, 0), "k": (0, 0, 1), "fn": (-0.5, 0, 0.5), "zeta": (-0.5, 1, -0.5)}
-_CONSTANT = {"fn": -np.log(2 * np.pi), "zeta": -np.log(2.0)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,16 +89,16 @@ class OscillatorField:
         return stacked[:, :, 0].transpose(0, 2, 1), stacked[:, :, 1].transpose(0, 2, 1)
 
     def _log(self, name: str, pose: Any, of: str = "field") -> tuple[np.ndarray, np.ndarray]:
-        if name not in _OF:
-            raise ValueError(f"there is no '{name}' of an oscillator; expected {', '.join(_OF)}")
+        if name not in SHARES:
+            raise ValueError(f"there is no '{name}' of an oscillator; expected {', '.join(SHARES)}")
         poses = np.asarray(pose, float)
         if poses.shape[-1:] != (4,) or poses.ndim > 2:
             raise ValueError(f"the pose has the shape {poses.shape}; expected (4,) or (n, 4): x, y, z [m] and A [rad]")
         if not np.all(np.isfinite(poses)):
             raise ValueError("a pose is not finite")
         mean, std = self._logs(np.atleast_2d(poses), of)
-        shares = np.array(_OF[name], float)
-        log = np.tensordot(shares, mean, 1) + _CONSTANT.get(name, 0.0)
+        shares = np.array(SHARES[name])
+        log = np.tensordot(shares, mean, 1) + ADDED.get(name, 0.0)
         size = np.sqrt(np.tensordot(shares**2, std**2, 1))
         return (log, size) if poses.ndim > 1 else (log[0], size[0])
 

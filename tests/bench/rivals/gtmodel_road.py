@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import gtmodel as gt
-from gtmodel.motion.task import MotionTask
-from gtmodel.motion.task import motion as declare
+from gtmodel.motion.task import MotionTask, motion as declare
 from gtmodel.optimize import Mesh, SolverOptions
 from gtmodel.optimize.formulation.problem import build
 from gtmodel.optimize.guess import initial_guess
