@@ -63,6 +63,10 @@ class Problem:
     def lengths(self) -> tuple[Block, ...]:
         return self.blocks_of("length")
 
+    @property
+    def joined(self) -> tuple[Block, ...]:
+        return self.blocks_of("orthogonal")
+
     def noisy(self, cost: str) -> list[str]:
         """Signals whose errors a cost counts."""
         every = list(self.reading.places)
