@@ -8,8 +8,17 @@ load("problem.toml") gives the study that a problem file means, as a call on obj
 """
 
 import importlib
+import os as _os
+import signal as _signal
+import sys as _sys
+from contextlib import suppress as _suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+# as a command, Ctrl-C during the imports ends the process and shows no traceback; cli.main takes over from here
+if _sys.argv and _os.path.basename(_sys.argv[0]) in ("-m", "gtmodel", "gtmodel.exe"):
+    with _suppress(ValueError):  # not the main thread
+        _signal.signal(_signal.SIGINT, _signal.SIG_DFL)
 
 from . import lang as _lang
 from ._version import __version__ as __version__

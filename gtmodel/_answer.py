@@ -78,4 +78,9 @@ def answering(context: typer.Context, as_json: bool, asked: str) -> Iterator[Ans
 def print_json(data: dict[str, Any]) -> None:
     from gtmodel.results.as_json import line
 
-    print(line(data))
+    text = line(data)
+    try:
+        text.encode(sys.stdout.encoding or "utf-8")
+    except UnicodeEncodeError:  # JSON has its own spelling of a sign
+        text = line(data, ascii_only=True)
+    print(text)

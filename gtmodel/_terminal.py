@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import codecs
 import ctypes
+import io
 import os
 import signal
 import sys
+import unicodedata
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stdout, suppress
 from typing import Any
@@ -20,7 +23,39 @@ from gtmodel.problem_files import Context
 from gtmodel.results import Study
 from gtmodel.results.table import HEAD, cells, number, plain
 
+_SPELLING = {"─": "-", "│": "|", "µ": "u", "μ": "u", "°": "deg", "·": "*", "×": "x", "√": "sqrt", "≤": "<=", "≥": ">="}
 _STOPS = ("SIGINT", "SIGTERM", "SIGHUP")
+
+
+def printable() -> None:
+    """From here on what the terminal's encoding lacks is spelled with what it has: a result is never lost to a sign."""
+    codecs.register_error("spelled", _spelled)
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="spelled")
+
+
+def _spelled(error: UnicodeError) -> tuple[str, int]:
+    if not isinstance(error, UnicodeEncodeError):
+        raise error
+    signs = error.object[error.start : error.end]
+    return "".join(_SPELLING.get(sign) or _plain_letters(sign) for sign in signs), error.end
+
+
+def _plain_letters(sign: str) -> str:
+    return unicodedata.normalize("NFKD", sign).encode("ascii", "ignore").decode() or "?"
+
+
+def interruptible() -> None:
+    """Ctrl-C is an exception again; `gtmodel/__init__.py` let it end the process while the imports ran."""
+    if signal.getsignal(signal.SIGINT) is signal.SIG_DFL:
+        with suppress(ValueError):  # not the main thread
+            signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def hush() -> None:
+    """Let nothing more be said on a stdout that is closed or full, not even when Python ends."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]], title: str = "") -> None:

@@ -24,13 +24,39 @@ from gtmodel.results import SolveStatus
 app = typer.Typer(
     help="Kinematics, dynamics, optimal motions and C code of parallel robots, from one set of equations.",
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
 
+
+def _problems(begun: str) -> list[str]:
+    """What a shell completes a problem to: TOML files here, and the shipped names."""
+    from gtmodel.problem_files.load import shipped_names
+
+    here = sorted(str(path) for path in Path().glob(f"{begun}*.toml"))
+    return here + [name for name in shipped_names() if name.startswith(begun)]
+
+
+def _kinds(begun: str) -> list[str]:
+    from gtmodel.problem_files import names
+
+    return [name for name in names() if name.startswith(begun)]
+
+
+def _folder(given: Path | None) -> Path | None:
+    """A folder; an option in its place is more likely a folder forgotten."""
+    if given is not None and str(given).startswith("-"):
+        raise typer.BadParameter(f"expected a folder, found '{given}'; a folder of that name is written ./{given}")
+    return given
+
+
 Json = Annotated[bool, typer.Option("--json", help="Print exactly one JSON object on stdout.")]
-Problem = Annotated[str, typer.Argument(metavar="PROBLEM.toml", help="Problem file, or the name of a shipped one.")]
+Problem = Annotated[
+    str,
+    typer.Argument(
+        metavar="PROBLEM.toml", help="Problem file, or the name of a shipped one.", autocompletion=_problems
+    ),
+]
 Set = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="KEY=VALUE", help="Change a key of the file, as limits.force_N=500; repeatable."),
@@ -71,11 +97,11 @@ def list_(
 
     with answering(context, as_json, what) as answer:
         found = answer.data = listing.of(what)
-        for n, (name, entries) in enumerate(found.items() if not as_json else ()):
-            if n:
-                print()
-            head = (name.removesuffix("s"), *listing.HEADS[name])
-            terminal.table(head, [(key, *map(str, texts.values())) for key, texts in entries.items()])
+    for n, (name, entries) in enumerate(found.items() if not as_json else ()):
+        if n:
+            print()
+        head = (name.removesuffix("s"), *listing.HEADS[name])
+        terminal.table(head, [(key, *map(str, texts.values())) for key, texts in entries.items()])
 
 
 @app.command()
@@ -87,19 +113,25 @@ def explain(
     prefer: Annotated[list[str] | None, typer.Option(help="Variables to keep as states.")] = None,
     settings: Set = None,
 ) -> None:
-    """Show how a robot's variables follow from the known ones, or what a problem asks for."""
+    """Show how a robot's variables follow from the known ones, or what a problem asks for.
+
+    A robot or a problem that names a Python file has that file run.
+    """
     from gtmodel.problem_files import explaining
     from gtmodel.problem_files.settings import refuse_twice
 
     with answering(context, False, what):
         refuse_twice(settings or ())
-        print(explaining.of(what, known or (), targets or (), prefer or (), settings or ()))
+        told = explaining.of(what, known or (), targets or (), prefer or (), settings or ())
+    print(told)
 
 
 @app.command()
 def schema(
     context: typer.Context,
-    kind: Annotated[str | None, typer.Argument(metavar="KIND", help="Without it: the kinds.")] = None,
+    kind: Annotated[
+        str | None, typer.Argument(metavar="KIND", help="Without it: the kinds.", autocompletion=_kinds)
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Show the keys of a kind of problem, with units and defaults, and what its `values` will hold."""
@@ -107,19 +139,19 @@ def schema(
 
     with answering(context, as_json, kind or "schema") as answer:
         document = answer.data = {"kinds": names()} if kind is None else described.document(kind)
-        if as_json:
-            return
-        if kind is None:
-            terminal.table(("kind", "what it is"), names().items())
-            return
-        terminal.table(
-            ("key", "type", "unit", "default", "description"),
-            [tuple(key.values()) for key in document["keys"]],
-            f"{kind}: {document['description']}",
-        )
-        print()
-        rows = [(name, about["unit"], about["description"]) for name, about in document["values"].items()]
-        terminal.table(("in values", "unit", "description"), rows)
+    if as_json:
+        return
+    if kind is None:
+        terminal.table(("kind", "what it is"), names().items())
+        return
+    terminal.table(
+        ("key", "type", "unit", "default", "description"),
+        [tuple(key.values()) for key in document["keys"]],
+        f"{kind}: {document['description']}",
+    )
+    print()
+    rows = [(name, about["unit"], about["description"]) for name, about in document["values"].items()]
+    terminal.table(("in values", "unit", "description"), rows)
 
 
 @app.command()
@@ -127,7 +159,9 @@ def solve(
     context: typer.Context,
     problem: Problem,
     settings: Set = None,
-    out: Annotated[Path | None, typer.Option(metavar="DIR", help="Write the result into this folder.")] = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Write the result into this folder.", callback=_folder)
+    ] = None,
     as_json: Json = False,
     plot: Annotated[bool, typer.Option("--plot", help="Draw pictures; without --out into ./NAME-result.")] = False,
     max_seconds: Annotated[float | None, typer.Option(metavar="S", help="Stop then, keeping the best iterate.")] = None,
@@ -153,7 +187,9 @@ def solve(
 def codegen(
     context: typer.Context,
     problem: Problem,
-    out: Annotated[Path, typer.Option("-o", "--out", metavar="DIR", help="Folder to write the code into.")],
+    out: Annotated[
+        Path, typer.Option("-o", "--out", metavar="DIR", help="Folder to write the code into.", callback=_folder)
+    ],
     check: Annotated[bool, typer.Option("--check", help="Compile it and compare it with Python.")] = False,
     settings: Set = None,
     as_json: Json = False,
@@ -188,7 +224,9 @@ def loop(
         float | None,
         typer.Option(metavar="M_S2", help="Braking of a lost robot; the largest that the reference asks if left out."),
     ] = None,
-    out: Annotated[Path | None, typer.Option("--out", metavar="OUT", help="Results; DIR/loop by default.")] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="OUT", help="Results; DIR/loop by default.", callback=_folder)
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Run the 4 ms loop with generated code against a simulated controller on loopback, its law off and on."""
@@ -203,6 +241,10 @@ def loop(
                 folder, out or folder / "loop", job, reference=reference, peer=peer, seconds=seconds, law=law,
                 in_lockstep=lockstep, elastic=elastic, deceleration=deceleration,
             )  # fmt: skip
+
+
+def _commands() -> set[str]:
+    return {c.name or c.callback.__name__ for c in app.registered_commands if c.callback is not None}
 
 
 def _load(problem: str, settings: Sequence[str] | None, answer: Answer) -> Any:
@@ -221,7 +263,9 @@ def _load(problem: str, settings: Sequence[str] | None, answer: Answer) -> Any:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit code."""
     words = list(sys.argv[1:] if arguments is None else arguments)
+    terminal.printable()
     try:
+        terminal.interruptible()
         code = app(args=words, prog_name="gtmodel", standalone_mode=False)
         sys.stdout.flush()
     except TyperException as error:  # a wrong option, or no command at all
@@ -230,7 +274,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             print(sentence)
             return error.exit_code
         asked = " ".join(["gtmodel", *words[:1]])
-        print(f"{asked}: {sentence}; '{asked} --help' shows the options.", file=sys.stderr)
+        helped = asked if words[0] in _commands() else "gtmodel"
+        print(f"{asked}: {sentence}; '{helped} --help' shows the options.", file=sys.stderr)
         if "--json" in words:
             from gtmodel.results import Study
             from gtmodel.results.as_json import summary
@@ -238,7 +283,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
             print_json(summary("", None, Study(status=SolveStatus.BAD_INPUT, message=sentence), 0.0))
         return 2
     except BrokenPipeError:  # `gtmodel list | head`: the reader has seen enough
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        terminal.hush()
+        return 1
+    except OSError as error:  # what a command does answers for its own files: this is the terminal, pipe or disk
+        terminal.hush()
+        print(f"gtmodel: the output cannot be printed: {error.strerror or error}", file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        print("gtmodel: stopped before there was a result", file=sys.stderr)
         return 1
     return code if isinstance(code, int) else 0
 

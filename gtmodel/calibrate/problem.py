@@ -154,13 +154,10 @@ def prepare(
         raise ModelError(f"the actuators '{actuators}' are not among the measured {', '.join(known)}")
     closure = closure_equations(flat, known, latent)
     read = reading(closure, measurements, latent_starts(closure))
-    own = Parameters.of(flat, closure.touched)
-    p, extra = own, read.parameters
-    everything = Parameters(
-        p.title, p.names + extra.names, p.symbols + extra.symbols, p.values + extra.values, p.units + extra.units
-    )
+    everything = Parameters.of(flat, closure.touched)
+    everything.extend(read.parameters)
     choice = choice or Choice()
-    free = [*choice.free, *extra.names] if choice.free else []
+    free = [*choice.free, *read.parameters.names] if choice.free else []
     u = unknowns(everything, replace(choice, free=free, unit=[*choice.unit, *read.unit]))
     return Problem(closure, measurements, read, u, actuators)
 

@@ -39,33 +39,26 @@ class ComplianceStudy(Study):
     """How a robot gives way: at one pose, and over a section of its workspace."""
 
     pose: Annotated[Array, Quantity("m", "tool centre point that the next numbers are about")]
-    compliance: Annotated[
-        Array, Quantity("", "at the tool, displacement by load: m/N, and rad/N, rad/(N.m) where the plate turns")
-    ]
+    compliance: Annotated[Array, "at the tool, displacement by load: m/N, and rad/N, rad/(N.m) where the plate turns"]
     stiffness: Annotated[
         Array, Quantity("N/m", "along the principal directions of its translational part, softest first")
     ]
-    directions: Annotated[Array, Quantity("", "these directions")]
+    directions: Annotated[Array, "these directions"]
     deflection: Annotated[Array, Quantity("m", "of the tool centre point under the load")]
     rotation: Annotated[Array | None, Quantity("rad", "of the plate under the load; null where it has none")]
     work: Annotated[float | None, Quantity("J", "that the load does")] = None
-    shares: Annotated[
-        Mapping[str, float] | None, Quantity("", "parts of this work by what gives way; null without a load")
-    ]
+    shares: Annotated[Mapping[str, float] | None, "parts of this work by what gives way; null without a load"]
     sag: Annotated[
         Array | None, Quantity("m", "of the tool centre point by all weights; null for robots without masses")
     ]
     frequencies: Annotated[Array | None, Quantity("Hz", "lowest natural frequencies; null for robots without masses")]
     map: Annotated[
         Mapping[str, Any],
-        Quantity(
-            "",
-            "over the section: points, and for softest_N_m, deflection_m and frequency_Hz least and greatest with "
-            "their places in (u, v)",
-        ),
+        "over the section: points, and for softest_N_m, deflection_m and frequency_Hz least and greatest with "
+        "their places in (u, v)",
     ]
-    reasons: Annotated[Mapping[str, int], Quantity("", "number of grid points left out, by reason")]
-    assumptions: Annotated[Sequence[str], Quantity("", "what was assumed, in sentences")]
+    reasons: Annotated[Mapping[str, int], "number of grid points left out, by reason"]
+    assumptions: Annotated[Sequence[str], "what was assumed, in sentences"]
 
     @property
     def rows(self) -> list[Row]:
@@ -160,11 +153,7 @@ def on_springs(
 
 def grid_of(sprung: Sprung, map: Map) -> Any:
     """The points of the section. Raises ArgumentError."""
-    low, high = sprung.window
-    low = low if map.low is None else np.array(map.low)
-    high = high if map.high is None else np.array(map.high)
-    if np.any(low >= high):
-        raise ArgumentError("every lower limit must be less than its upper one", "map.high")
+    low, high = map.window(*sprung.window, "map")
     if np.prod((high - low) / map.step + 1) > MOST_POINTS:
         raise ArgumentError("the grid would have more than a million points; take a larger step", "map.step")
     return section_grid(sprung.section, low, high, map.step)

@@ -2,39 +2,33 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..compiler.causal import CausalFunction, compile_causal, flat_of
+from ..kinematics.poses import Poses
 from ..lang import Model, ModelError
 from ..results import Status
+from ..robots.links import rod_names
 
 Array = np.ndarray
-_LINK = re.compile(r"(.+)\.a\.r")
 STANDS = 1e-6  # of the greatest motion of a cart joint by an axis: less is none
 
 
 @dataclass(frozen=True, eq=False)
-class LinkPoses:
+class LinkPoses(Poses):
     """n poses of a plate on m links, with p driven axes q on k carts. World coordinates.
 
-    T (n, 3) tool centre point, q (n, p) [m or rad], R (n, 3, 3) of the plate, None where it has no orientation of its
-    own; a, b (n, m, 3) cart and plate joints [m]; moved (n, m, 3, p) motion of each cart joint per axis [m per unit];
-    stands_on (m,) the cart of each link. The first k axes move the carts, all others turn joint plates on them.
-    status (n,) codes of `Status`: other rows than OK are NaN.
+    R (n, 3, 3) of the plate, None where it has no orientation of its own; moved (n, m, 3, p) motion of each cart joint
+    per axis [m per unit]; stands_on (m,) the cart of each link. The first k axes move the carts, all others turn joint
+    plates on them.
     """
 
-    T: Array
-    q: Array
     R: Array | None
-    a: Array
-    b: Array
     moved: Array
     stands_on: tuple[int, ...]
-    status: Array
 
     @property
     def carts(self) -> int:
@@ -72,8 +66,7 @@ class LinkGeometry:
 
     def __init__(self, model: Model) -> None:
         flat = flat_of(model)
-        found = [m[1] for m in map(_LINK.fullmatch, flat.groups) if m]
-        self.links = tuple(n for n in found if f"{n}.tension" in flat.groups and f"{n}.L" in flat.bindings)
+        self.links = tuple(rod_names(model))
         missing = [name for name in ("q", "T") if name not in flat.groups]
         if not self.links or missing:
             what = f"it has no {' and no '.join(missing)}" if missing else "it has no links"
@@ -105,7 +98,7 @@ class LinkGeometry:
             moved[good] = slopes.reshape(len(slopes), len(self.links), 3, p)
             status = np.array(status)
             status[good] = code
-        return LinkPoses(T, q, R, a, b, moved, self._stands_on, status)
+        return LinkPoses(T, q, a, b, status, R, moved, self._stands_on)
 
     def _carts(self, axes: int) -> tuple[int, ...]:
         slopes, _ = self._joints.jacobian(np.zeros(axes))

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, field
 from typing import Annotated
 
+from ..kinematics.section import CrossSection
 from ..results.options import Long, Options, Unit, Within
 
 Three = Annotated[list[float], Long(3)]
@@ -90,7 +91,7 @@ class Load(Options):
 
 
 @dataclass(frozen=True)
-class Map(Options):
+class Map(CrossSection):
     """The cross-section that is mapped: across the guideways, or the vertical plane in which an arm stands."""
 
     along: Annotated[
@@ -98,7 +99,6 @@ class Map(Options):
     ] = None  # fmt: skip
     step: Annotated[float, Unit("m"), Within(above=0.0), "of the grid"] = 0.05
     low: Annotated[list[float] | None, Unit("m"), Long(2), "least (u, v); all that may be reached if left out"] = None
-    high: Annotated[list[float] | None, Unit("m"), Long(2), "greatest (u, v)"] = None
     cone: Annotated[
         float | None, Unit("rad", written="deg"), Within(above=0.0, most=math.pi / 2),
         "links stay so near to their directions at the reported pose: limits of ball joints",

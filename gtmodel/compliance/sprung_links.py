@@ -8,8 +8,8 @@ from typing import Protocol
 
 import numpy as np
 
-from ..kinematics.section import Section, across_guideways
-from ..kinematics.workspace import BallJointCones, Poses
+from ..kinematics.section import UP, Section, section_of
+from ..kinematics.workspace import BallJointCones
 from ..lang import Model, ModelError
 from ..results import ArgumentError, Status
 from .link_masses import LinkMasses
@@ -78,20 +78,13 @@ class SprungLinks:
         self.structure(self.at_home)
         self.masses = LinkMasses.of(model) if hasattr(model, "m_p") else None
         cone = chosen.cone
-        self.cones = None if cone is None else BallJointCones.about_home(_poses(self.at_home), cone)
+        self.cones = None if cone is None else BallJointCones.about_home(self.at_home, cone)
         axes = self.at_home.cart_motion[0]
         first = [self.at_home.stands_on.index(i) for i in range(len(axes))]
         anchors = self.at_home.a[0, first]
         vertical = abs(axes[0, 2]) > VERTICAL * np.linalg.norm(axes[0])
-        try:
-            plane = across_guideways(
-                anchors, axes, self.home.tolist(), (0.0, 1.0, 0.0) if vertical else (0.0, 0.0, 1.0)
-            )
-        except ValueError as error:
-            raise ArgumentError(str(error), "robot") from error
-        along = chosen.along
-        self.section = plane if along is None else Section(
-            along * plane.normal, plane.across, plane.up, plane.normal)  # fmt: skip
+        up = (0.0, 1.0, 0.0) if vertical else UP
+        self.section = section_of(anchors, axes, self.home, chosen.along, up)
         self.marks = self.section.pierced(anchors, axes)
 
     @property
@@ -131,17 +124,13 @@ class SprungLinks:
                 raise ArgumentError(str(error), "robot") from error
         reason = ["" if code == Status.OK else Status(int(code)).sentence for code in poses.status]
         singular = np.asarray(~np.isfinite(s.U).all(axis=(1, 2)))
-        margins = np.zeros(len(T)) if self.cones is None else self.cones.margins(_poses(poses)).min(axis=1)
+        margins = np.zeros(len(T)) if self.cones is None else self.cones.margins(poses).min(axis=1)
         reason = [
             r or (SINGULAR if lost else BEYOND if not margin >= 0 else "")
             for r, lost, margin in zip(reason, singular, margins.tolist(), strict=True)
         ]
         shares = s.shares(load) if np.any(load) else None
         return Found(s.compliance(), s.deflection(load), reason, frequencies, sag, shares)
-
-
-def _poses(p: LinkPoses) -> Poses:
-    return Poses(p.T, p.q, p.a, p.b, p.status)
 
 
 def _springs(given: Springs, load: Load, home: LinkPoses) -> LinkSprings:

@@ -13,7 +13,7 @@ from ..lang import Model, ModelError
 from ..results import ArgumentError, Status
 from ..robots.links import link_names
 from .poses import InverseKinematics, Poses
-from .section import Section, across_guideways
+from .section import Section, section_of
 
 Array = np.ndarray
 MARGIN_M = 0.05  # around what the links can reach at most
@@ -43,13 +43,7 @@ class Mechanism:
 
     def section(self, along: float | None = None) -> Section:
         """The section across the guideways through the home pose, or at `along` [m]. Raises ArgumentError."""
-        try:
-            found = across_guideways(self.anchors, self.directions, self.home.T[0])
-        except ValueError as error:
-            raise ArgumentError(str(error), "robot") from error
-        if along is None:
-            return found
-        return Section(along * found.normal, found.across, found.up, found.normal)
+        return section_of(self.anchors, self.directions, self.home.T[0], along)
 
     def farthest(self, pierced: Array) -> tuple[Array, Array]:
         """Least and greatest (u, v) [m] that any tool centre point of a section may have, and a little more.

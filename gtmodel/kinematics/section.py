@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
 
+from ..results import ArgumentError
 from ..results.options import Long, Options, Unit, Within
 
 Array = np.ndarray
@@ -48,6 +49,10 @@ class Section:
         moved = np.broadcast_to(np.asarray(along, dtype=float), uv.shape[:1])
         return self.origin + uv[:, :1] * self.across + uv[:, 1:] * self.up + moved[:, None] * self.normal
 
+    def moved(self, along: float) -> Section:
+        """The section `along` [m] farther along its normal."""
+        return replace(self, origin=self.origin + along * self.normal)
+
     def coordinates(self, points: Array) -> Array:
         """Plane coordinates (n, 2) [m] of the feet of points (n, 3)."""
         d = np.asarray(points, dtype=float) - self.origin
@@ -70,6 +75,30 @@ class CrossSection(Options):
         list[float] | None, Unit("m"), Long(2), "least (u, v); all that the links may reach if left out"
     ] = None  # fmt: skip
     high: Annotated[list[float] | None, Unit("m"), Long(2), "greatest (u, v)"] = None
+
+    def window(self, low: Array, high: Array, argument: str = "section") -> tuple[Array, Array]:
+        """Least and greatest (u, v) [m]: those given, otherwise low and high. Raises ArgumentError at `argument`."""
+        low = low if self.low is None else np.array(self.low)
+        high = high if self.high is None else np.array(self.high)
+        refuse_disordered(low, high, f"{argument}.high")
+        return low, high
+
+
+def refuse_disordered(low: Array, high: Array, argument: str) -> None:
+    """Raises ArgumentError unless every lower limit is less than its upper one."""
+    if np.any(low >= high):
+        raise ArgumentError("every lower limit must be less than its upper one", argument)
+
+
+def section_of(
+    anchors: Array, directions: Array, through: Array, along: float | None = None, up: Sequence[float] = UP
+) -> Section:
+    """The section across a robot's guideways through a point, or at `along` [m]. Raises ArgumentError."""
+    try:
+        found = across_guideways(anchors, directions, through.tolist(), up)
+    except ValueError as error:
+        raise ArgumentError(str(error), "robot") from error
+    return found if along is None else replace(found, origin=along * found.normal)
 
 
 def across_guideways(anchors: Array, directions: Array, through: Sequence[float], up: Sequence[float] = UP) -> Section:

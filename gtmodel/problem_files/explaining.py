@@ -9,7 +9,7 @@ from gtmodel.compiler.causal import compile_causal, flat_of
 
 from . import run
 from .base import Context, InputError
-from .load import load, parse, read
+from .load import load, parse, read, shipped_names
 from .robot_file import is_robot_file
 from .robots import resolve
 
@@ -54,7 +54,7 @@ def split(texts: Iterable[str]) -> list[str]:
 def _is_problem(what: str) -> bool:
     """A TOML file is a problem unless it is plainly a robot file."""
     if not what.endswith(".toml"):
-        return False
+        return what in shipped_names()
     try:
         data = parse(read(Path(what)))
     except InputError:

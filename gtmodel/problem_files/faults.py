@@ -13,12 +13,26 @@ from gtmodel.results import SolveStatus, TrajectoryError, UnknownNameError
 from .base import InputError
 from .python_models import fault, sentence_of
 
+LONGEST = 300
 _PACKAGE = str(Path(__file__).resolve().parents[1]) + os.sep
 _NOBODYS = (_PACKAGE + "lang" + os.sep, sysconfig.get_path("stdlib") + os.sep, "<")
 
 
 def describe(error: BaseException, path: str = "") -> tuple[SolveStatus, str]:
-    """Status and sentence; `path` is the problem file."""
+    """Status and sentence of at most `LONGEST` characters; `path` is the problem file."""
+    status, sentence = _described(error, shortened(path, LONGEST // 2))
+    return status, shortened(sentence, LONGEST)
+
+
+def shortened(text: str, most: int) -> str:
+    """A text of at most `most` characters: what it begins with, and its end, which says what to do."""
+    if len(text) <= most:
+        return text
+    end = most // 3
+    return f"{text[: most - end - 5]} ... {text[-end:]}"
+
+
+def _described(error: BaseException, path: str) -> tuple[SolveStatus, str]:
     if isinstance(error, InputError):
         about_an_option = error.sentence.startswith("--") and not error.key
         return SolveStatus.BAD_INPUT, str(error if about_an_option else error.within(path))
@@ -27,12 +41,15 @@ def describe(error: BaseException, path: str = "") -> tuple[SolveStatus, str]:
         return SolveStatus.BAD_INPUT, prefix + sentence_of(error)
     if isinstance(error, (UnitError, TrajectoryError, UnknownNameError)):
         return SolveStatus.BAD_INPUT, f"{prefix}{error}"
+    if isinstance(error, OSError) and error.filename is not None:
+        return SolveStatus.BAD_INPUT, f"{prefix}{error.filename}: {error.strerror}"
     if isinstance(error, KeyboardInterrupt):
         return SolveStatus.INTERRUPTED, f"{prefix}stopped before there was a result"
     if _in_persons_code(error):
         return SolveStatus.BAD_INPUT, prefix + fault(error, "the model")
+    text = shortened(" ".join(str(error).split()), LONGEST // 2)
     return SolveStatus.FAILED, (
-        f"{prefix}internal error: {type(error).__name__}: {_one_line(error)}; please report it, with the traceback "
+        f"{prefix}internal error: {type(error).__name__}: {text}; please report it, with the traceback "
         "that gtmodel --debug shows"
     )
 
@@ -45,8 +62,3 @@ def _in_persons_code(error: BaseException) -> bool:
         if not name.startswith(_NOBODYS) and "site-packages" not in name:
             owner = name
     return bool(owner) and not owner.startswith(_PACKAGE)
-
-
-def _one_line(error: BaseException) -> str:
-    text = " ".join(str(error).split())
-    return text if len(text) <= 300 else f"{text[:300]} ..."

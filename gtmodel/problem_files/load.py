@@ -20,6 +20,7 @@ from .registry import get, names
 from .sentences import sentence_for, shown
 from .settings import apply
 
+_TOO_DEEP = "holds arrays or tables inside one another, hundreds deep; no key of any kind goes deeper than five"
 S = TypeVar("S", bound=pydantic.BaseModel)
 
 
@@ -53,6 +54,8 @@ def load(path: str | Path, settings: Iterable[str] = ()) -> Loaded:
         kind, problem = check(data)
     except InputError as error:
         raise error.within(str(path)) from None
+    except RecursionError:
+        raise InputError(_TOO_DEEP, file=str(path)) from None
     return Loaded(found, content, settings, kind, problem, shipped)
 
 
@@ -61,7 +64,11 @@ def find(path: str | Path) -> tuple[Path, bool]:
     asked = Path(path)
     if not asked.stem.isprintable():  # it titles files and pictures
         raise InputError("the name of a problem file has to be one line of printable characters", file=repr(str(path)))
-    if asked.exists():
+    try:
+        there = asked.exists()
+    except OSError as error:  # such as a name that is too long
+        raise InputError(f"cannot be read: {error.strerror}", file=str(path)) from error
+    if there:
         return asked, False
     folder = problems_dir()
     if asked.parent in (Path(), Path("problems")):
@@ -90,10 +97,12 @@ def read(path: Path) -> bytes:
 def parse(content: bytes) -> dict[str, Any]:
     """TOML as plain data. Raises InputError with the line."""
     try:
-        return tomllib.loads(content.decode("utf-8"))
+        return tomllib.loads(content.decode("utf-8-sig"))
     except UnicodeDecodeError as error:
         line = content[: error.start].count(b"\n") + 1
         raise InputError(f"line {line}: not UTF-8 text; save the file as UTF-8") from error
+    except RecursionError:
+        raise InputError(_TOO_DEEP) from None
     except tomllib.TOMLDecodeError as error:
         reason = str(error).partition(" (at ")[0]
         place = re.search(r"at line (\d+)", str(error))  # else at the end

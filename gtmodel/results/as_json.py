@@ -28,9 +28,9 @@ def result(problem: str, kind: str | None, study: Study) -> bytes:
     return (json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode()
 
 
-def line(data: Mapping[str, Any]) -> str:
-    """One JSON object on one line."""
-    return json.dumps(plain(data), ensure_ascii=False, allow_nan=False)
+def line(data: Mapping[str, Any], *, ascii_only: bool = False) -> str:
+    """One JSON object on one line; `ascii_only` escapes every other sign, as "\\u00b0"."""
+    return json.dumps(plain(data), ensure_ascii=ascii_only, allow_nan=False)
 
 
 def _facts(problem: str, kind: str | None, study: Study) -> dict[str, Any]:

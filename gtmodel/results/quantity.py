@@ -26,6 +26,8 @@ class Row(NamedTuple):
 class Quantity:
     """What an attribute of a study is: `stiffness: Annotated[Array, Quantity("N/m", "along the axes", "stiffness")]`.
 
+    A text alone is the description of one without a unit: `lost: Annotated[int, "paths that ended nowhere"]`.
+
     unit: of the attribute, SI; "" for none.
     description: for `gtmodel schema`, in a few words.
     label: its row in the table; no row of its own if empty.
@@ -81,7 +83,8 @@ def quantities(cls: type) -> dict[str, Quantity]:
     order = list(dict.fromkeys(name for c in cls.__mro__ for name in reversed(inspect.get_annotations(c))))
     order.reverse()
     found = {name: marks_of(hints[name]) for name in order if name in hints}
-    return {name: q for name, marks in found.items() for q in marks if isinstance(q, Quantity)}
+    declared = {name: q for name, marks in found.items() for q in marks if isinstance(q, (Quantity, str))}
+    return {name: Quantity(description=q) if isinstance(q, str) else q for name, q in declared.items()}
 
 
 def marks_of(hint: Any) -> tuple[Any, ...]:

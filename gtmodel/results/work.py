@@ -45,6 +45,15 @@ class Work:
         """True once a stop was asked for or the time is over; engines ask once per iteration."""
         return self.stop() or self.seconds_left() == 0.0
 
+    def told(self, stage: str) -> Callable[[float], bool]:
+        """What a long loop calls with the fraction done; True ends it."""
+
+        def progress(fraction: float) -> bool:
+            self.progress(stage, fraction)
+            return self.interrupted()
+
+        return progress
+
     def iterations(self, stage: str) -> Callable[[int, float, float], bool]:
         """What an optimiser calls once per iteration, with objective and constraint violation; True ends it."""
 

@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import difflib
-import tomllib
 from collections.abc import Callable
-from functools import cache
-from importlib.resources import files
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,6 +14,7 @@ from . import clusters
 from .f1 import EXAMPLE as F1_EXAMPLE, f1_gantry_tau
 from .kr500 import MASSES, SOURCE, kr500
 from .six_link import EXAMPLE as SIX_LINK_EXAMPLE, six_link_gantry_tau
+from .tables import printed
 from .three_link import GantryTau
 
 SMOOTHINGS = {"tanh": TanhFriction, "piecewise_linear": PiecewiseLinearFriction, "sign": SignFriction}
@@ -38,18 +36,13 @@ class Entry(NamedTuple):
 FAMILIES = {"three_link": 3, "six_link": 3, "f1": 6, "serial": 6}  # with their degrees of freedom
 
 
-@cache
-def _table(name: str) -> dict[str, Any]:
-    return tomllib.loads(files("gtmodel.robots").joinpath("data", name).read_text(encoding="utf-8"))
-
-
 def dynamics_table() -> dict[str, Any]:
     """The printed figures of dynamics and friction of the L1 (Dressler 2012, chapters 3, 6 and 7)."""
-    return _table("gantry_tau_dynamics.toml")
+    return printed("gantry_tau_dynamics.toml")
 
 
 def _geometries() -> dict[str, dict[str, Any]]:
-    return {name: table for name, table in _table("gantry_tau.toml").items() if "prototype" in table}
+    return {name: table for name, table in printed("gantry_tau.toml").items() if "prototype" in table}
 
 
 def _family(table: dict[str, Any]) -> str:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
-from importlib.resources import files
 from typing import Any
 
 import numpy as np
@@ -15,6 +13,7 @@ from . import clusters, f1_geometry
 from .cart import PointCart, behind_and_ahead, cart_friction
 from .f1_closed_form import F1FiveDof, F1Rotation
 from .joint_plates import TiltingPlate, TurningPlate
+from .tables import printed
 
 
 class RotaryAxis(gt.Model):
@@ -143,12 +142,12 @@ EXAMPLE = dict(
 HOME = (-0.2, 2.3, 0.0)  # about the middle of the workspace, q = (0.72, 0.26, 0.21) m and small angles
 
 
-def printed(name: str = "f1") -> dict[str, Any]:
-    """Geometry of a printed F1 as parameters of F1, metres; raises ModelError for another name than "f1"."""
+def _geometry(name: str, parallel: bool) -> dict[str, Any]:
+    """Geometry of a printed F1, or the parallel one near it, as parameters of F1, metres. Raises ModelError."""
     if name != "f1":
         raise gt.ModelError(f"there is no F1 robot '{name}'; there is f1")
-    text = files("gtmodel.robots").joinpath("data", "gantry_tau.toml").read_text(encoding="utf-8")
-    return f1_geometry.of_table(tomllib.loads(text)[name])
+    found = f1_geometry.of_table(printed("gantry_tau.toml")[name])
+    return f1_geometry.parallel(found) if parallel else found
 
 
 def f1_gantry_tau(name: str = "f1", parallel: bool = False, **modifiers: Any) -> F1:
@@ -163,26 +162,19 @@ def f1_gantry_tau(name: str = "f1", parallel: bool = False, **modifiers: Any) ->
 
     Raises ModelError for another name.
     """
-    geometry = printed(name)
-    if parallel:
-        geometry = f1_geometry.parallel(geometry)
+    geometry = _geometry(name, parallel)
     home_e = clusters.quaternion_of(f1_geometry.home_rotation(geometry)[0])
     return F1(**{**EXAMPLE, **geometry, "home": np.array(HOME), "home_e": home_e, **modifiers})
 
 
 def f1_five_dof(name: str = "f1", parallel: bool = False, **modifiers: Any) -> F1FiveDof:
     """Closed-form kinematics of the F1 with q4 = -q5; arguments as for `f1_gantry_tau`, modifiers of F1FiveDof."""
-    geometry = printed(name)
-    if parallel:
-        geometry = f1_geometry.parallel(geometry)
-    return F1FiveDof(**{**f1_geometry.five_dof(geometry), "home": np.array(HOME), **modifiers})
+    return F1FiveDof(**{**f1_geometry.five_dof(_geometry(name, parallel)), "home": np.array(HOME), **modifiers})
 
 
 def f1_rotation(name: str = "f1", parallel: bool = False) -> F1Rotation:
     """Rotary axes of the 5-DOF F1 from the plate's orientation; arguments as for `f1_gantry_tau`."""
-    geometry = printed(name)
-    if parallel:
-        geometry = f1_geometry.parallel(geometry)
+    geometry = _geometry(name, parallel)
     five = f1_geometry.five_dof(geometry)
     values = {k: five[k] for k in ("u1_3", "u2_3", "e_c")}
     return F1Rotation(**values, home_R=f1_geometry.home_rotation(geometry)[0])

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import tomllib
-from functools import cache
-from importlib.resources import files
 from typing import Any
 
 import numpy as np
 
 from .. import lang as gt
 from ..mechanics import Fixed, FixedTranslation, Frame, FrameLoad, Ground, Revolute, TorqueMotor
+from .tables import printed
 
 SOURCE = "maker's data sheet; Cvitanic 2021, Tables 1 and 2, Fig. 42"
 MASSES = "none printed"
@@ -110,7 +108,6 @@ def kr500_limits() -> np.ndarray:
     return np.deg2rad(np.array(kr500_tables()["geometry"]["limits_deg"], float))
 
 
-@cache
 def kr500_tables() -> dict[str, Any]:
     """The printed figures of the KR 500-3 (Cvitanic 2021) as tables; c_z of the milling tests is missing in print."""
-    return tomllib.loads(files("gtmodel.robots").joinpath("data", "kr500.toml").read_text(encoding="utf-8"))
+    return printed("kr500.toml")

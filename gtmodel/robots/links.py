@@ -1,4 +1,4 @@
-"""Links of a robot that run on guideways, by their names in the model."""
+"""Links of a robot by their names in the model: all of them, and those that run on guideways."""
 
 from __future__ import annotations
 
@@ -7,7 +7,15 @@ import re
 from ..compiler.causal import flat_of
 from ..lang import Model
 
+_ROD = re.compile(r"(.+)\.a\.r")
 _LINK = re.compile(r"(?P<part>\w+)\[(?P<index>\d+)\]\.rod\.a\.r")
+
+
+def rod_names(robot: Model) -> list[str]:
+    """Names of all parts with ends a and b, a length L and a `tension`, as mechanics.Rod: "link[0].rod"."""
+    flat = flat_of(robot)
+    names = [m[1] for m in map(_ROD.fullmatch, flat.groups) if m]
+    return [name for name in names if f"{name}.tension" in flat.groups and f"{name}.L" in flat.bindings]
 
 
 def link_names(robot: Model) -> list[str]:

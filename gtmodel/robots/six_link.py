@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Sequence
-from importlib.resources import files
 from typing import Any, ClassVar
 
 import numpy as np
@@ -14,6 +12,7 @@ from ..mechanics import Flange, Guideway, MidpointRod, PointFrame, RigidPlate
 from ..mechanics.rotation import quaternion_matrix
 from .cart import Cart, behind_and_ahead, cart_friction
 from .clusters import zyz_quaternion
+from .tables import printed
 
 LINKS = ("1", "2a", "2b", "3a", "3b", "3c")
 ARM = (0, 1, 1, 2, 2, 2)  # the cart on which each link stands
@@ -152,9 +151,7 @@ def six_link_gantry_tau(name: str = "d1_six_link", **modifiers: Any) -> SixLink:
     """
     if name != "d1_six_link":
         raise gt.ModelError(f"there is no six-link robot '{name}'; there is d1_six_link")
-    text = files("gtmodel.robots").joinpath("data", "gantry_tau.toml").read_text(encoding="utf-8")
-    table = tomllib.loads(text)[name]
-    A, v, L, B = (np.array(table[k], dtype=float) for k in ("A_m", "v", "L_m", "B_m"))
+    A, v, L, B = (np.array(printed("gantry_tau.toml")[name][k], dtype=float) for k in ("A_m", "v", "L_m", "B_m"))
     home = A.mean(axis=0) + 0.85 * L.mean() * v.mean(axis=0)
     values = dict(A=A, v=v, L=L, B=B, home=home, home_e=zyz_quaternion(*np.radians(D1_ZYZ_DEG)), **EXAMPLE)
     return SixLink(**{**values, **modifiers})

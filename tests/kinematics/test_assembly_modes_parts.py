@@ -18,13 +18,7 @@ from gtmodel.kinematics.assembly_modes.result import rotation_angle
 from gtmodel.kinematics.assembly_modes.self_motion import on_a_curve
 from gtmodel.kinematics.assembly_modes.sorting import residuals
 from gtmodel.kinematics.assembly_modes.start_system import FILE, from_text, to_text
-from gtmodel.kinematics.assembly_modes.study import (
-    basis,
-    gradients,
-    leg_rows,
-    quaternion_product,
-    rotation_and_position,
-)
+from gtmodel.kinematics.assembly_modes.study import basis, gradients, leg_rows, rotation_and_position
 from gtmodel.kinematics.assembly_modes.tracker import track
 from gtmodel.results import ModesStatus
 from tests.kinematics.support.platforms import griffis_duffy_platforms
@@ -35,7 +29,7 @@ SEED = 5
 def study_point(R: Rotation, T: np.ndarray) -> np.ndarray:
     """The point z (8,) of a pose: x its quaternion, y = T x / 2."""
     x = np.roll(R.as_quat(), 1)
-    return np.concatenate([x, 0.5 * quaternion_product(np.concatenate([[0.0], T]), x)])
+    return np.concatenate([x, [-T @ x[1:] / 2], (x[0] * T + np.cross(T, x[1:])) / 2])
 
 
 def test_a_pose_goes_to_study_coordinates_and_back_at_any_scale() -> None:

@@ -149,7 +149,7 @@ def test_sections_are_as_near_as_an_obstacle_is_thin(l1) -> None:
 
 
 def test_a_volume_may_be_cut_where_the_section_is_not(l1) -> None:
-    s = reached(l1, section=CrossSection(step=0.2), volume=Sections(0.5, 0.7, 2))
+    s = reached(l1, section=CrossSection(step=0.2), volume=Sections(0.5, 0.7, 2, 0.2))
     assert s.volume_on_edge and not s.on_edge
     assert any(row.label == "cut" and "volume" in row.value for row in s.rows)
 
@@ -160,7 +160,7 @@ def test_six_links_reach_farther_by_the_plate() -> None:
     robot, section = task.robot, task.section
     pierced, L = section.pierced(robot.anchors, robot.directions), robot.lengths[:, None] + 0.05
     by_links = (pierced - L).max(axis=0), (pierced + L).min(axis=0)
-    u, v = (np.linspace(task.low[k] - 0.2, task.high[k] + 0.2, 61) for k in range(2))
+    u, v = (np.linspace(task.low[k] - 0.2, task.high[k] + 0.2, 31) for k in range(2))
     uv = np.stack(np.meshgrid(u, v), -1).reshape(-1, 2)
     uv = uv[np.any((uv < by_links[0]) | (uv > by_links[1]), axis=1)]
     reachable = uv[robot.inverse(section.points(uv)).status == Status.OK]

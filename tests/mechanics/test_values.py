@@ -10,6 +10,7 @@ import pytest
 
 import gtmodel as gt
 from gtmodel import mechanics, robots
+from gtmodel.compiler.causal import flat_of
 from gtmodel.lang.declare import Parameter
 from gtmodel.lang.values import check_parameter
 from gtmodel.mechanics import filters
@@ -66,7 +67,7 @@ def test_every_default_and_shipped_robot_is_accepted() -> None:
             if isinstance(item, Parameter) and item.default is not None:
                 check_parameter(item, item.default, key)
     for name in robots.names():
-        robots.make(name).causal("q", "T")
+        flat_of(robots.make(name))
 
 
 def turned(digits: int) -> np.ndarray:

@@ -44,7 +44,7 @@ SAID = (*PRINTED, MOMENT)
 class StiffnessStudy(Study):
     """Joint stiffness with 95 % intervals, the other method beside it, and doubts about the tests."""
 
-    method: Annotated[str | None, Quantity("", "the one whose stiffness is told first")] = None
+    method: Annotated[str | None, "the one whose stiffness is told first"] = None
     stiffness: Annotated[Array | None, Quantity("N.m/rad", "by joint", written="MN.m/rad")] = None
     interval: Annotated[
         Array | None,
@@ -54,23 +54,23 @@ class StiffnessStudy(Study):
     other_method: Annotated[Array | None, Quantity("N.m/rad", "stiffness by the other method", written="MN.m/rad")] = (
         None
     )
-    agree: Annotated[Sequence[bool] | None, Quantity("", "whether the intervals of both methods overlap")] = None
+    agree: Annotated[Sequence[bool] | None, "whether the intervals of both methods overlap"] = None
     compensator_rate: Annotated[
         Sequence[float] | None, Quantity("N/m", "estimated rate of the spring, and its std")
     ] = None
-    chi_squared_p: Annotated[float | None, Quantity("", "of the residuals by the stated noise")] = None
-    adequacy: Annotated[str | None, Quantity("", "the same in words")] = None
-    adequate: Annotated[bool | None, Quantity("", "whether the residuals are noise of the stated size")] = None
+    chi_squared_p: Annotated[float | None, "of the residuals by the stated noise"] = None
+    adequacy: Annotated[str | None, "the same in words"] = None
+    adequate: Annotated[bool | None, "whether the residuals are noise of the stated size"] = None
     observability: Annotated[float | None, Quantity("", "O1 of the tests", key="observability_O1")] = None
     sentences: Annotated[Sequence[str], Quantity("", "what the tests tell, in sentences", key="told")] = ()
-    best_tests: Annotated[Sequence[int], Quantity("", "lines of those that tell most")] = ()
+    best_tests: Annotated[Sequence[int], "lines of those that tell most"] = ()
     softest: Annotated[Array | None, Quantity("N/m", "of the tool by test; null for a negative compliance")] = None
     stiffest: Annotated[Array | None, Quantity("N/m", "the same of the stiffest direction")] = None
     said: Annotated[
         Sequence[str],
-        Quantity("", "doubts about the tests, and what the print claims and the model does not support"),
+        "doubts about the tests, and what the print claims and the model does not support",
     ] = ()
-    synthetic: Annotated[str | None, Quantity("", "seed and noise of made-up tests; null for measured ones")] = None
+    synthetic: Annotated[str | None, "seed and noise of made-up tests; null for measured ones"] = None
 
     @property
     def rows(self) -> list[Row]:
@@ -120,9 +120,9 @@ def stiffness_study(
         fits = _fits(setup, static, spring, poses.q)
         fit = fits[setup.method]
         best = select(static, min(setup.best, len(static.J)), fit.compliance).chosen
-    except ArgumentError:
-        raise
     except ValueError as error:
+        if isinstance(error, ArgumentError) and error.argument:
+            raise
         raise ArgumentError(str(error), "tests" if tests.truth is None else "load") from error
     files = {"parameters.toml": _parameters(fit, tests.synthetic)}
     if tests.truth is not None:

@@ -9,33 +9,26 @@ from pydantic import Field, PositiveFloat
 
 from gtmodel.kinematics.assembly_modes import hand_poses
 from gtmodel.problem_files.base import InputError, Problem, Section
+from gtmodel.problem_files.from_options import Made, made_from
 from gtmodel.problem_files.robot_file import Points
 
 Three = Annotated[list[float], Field(min_length=3, max_length=3)]
-Four = Annotated[list[float], Field(min_length=4, max_length=4)]
 Lengths = Annotated[list[PositiveFloat], Field(min_length=6, max_length=6)]
 
 
-class Pose(Section):
+@made_from(hand_poses.Pose, "axes")
+class Pose(Made):
     """Carts and rotary axes, or a tool pose."""
 
-    q_m: Three | None = Field(default=None, description="coordinates of the three carts")
     q_rad: Three | None = Field(default=None, description="rotary axes q4, q5, q6 of an F1; zero if left out")
     q_deg: Three | None = Field(default=None, description="the same in degrees")
-    tcp_m: Three | None = Field(default=None, description="tool centre point, in place of q_m")
-    zyz_deg: Three | None = Field(
-        default=None, description="the plate's angles about z, y, z there, where they are free; home's if left out"
-    )
-    quaternion: Four | None = Field(default=None, description="its unit quaternion instead, scalar first")
 
     def options(self) -> hand_poses.Pose:
         """The pose in SI. Raises InputError for angles in both units."""
         if self.q_rad is not None and self.q_deg is not None:
             raise InputError("give either q_rad or q_deg", "pose")
-        return hand_poses.Pose(
-            q=self.q_m, axes=self.q_rad if self.q_deg is None else np.radians(self.q_deg).tolist(), tcp=self.tcp_m,
-            zyz=None if self.zyz_deg is None else np.radians(self.zyz_deg).tolist(), quaternion=self.quaternion,
-        )  # fmt: skip
+        axes = self.q_rad if self.q_deg is None else np.radians(self.q_deg).tolist()
+        return hand_poses.Pose(axes=axes, **self.given())
 
 
 class Platform(Section):

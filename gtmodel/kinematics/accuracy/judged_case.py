@@ -61,8 +61,6 @@ class ErrorRegion:
 class JudgedCase:
     """One case with its results."""
 
-    name: str
-    method: str
     errors: ErrorCase
     map: ErrorMap
     values: Mapping[str, Any]
@@ -159,7 +157,7 @@ def judged(
     }
     checks = _checks(region, errors, found, good, drawn / float(at[0]), draws.samples)
     named = {f"{word}_{name}": check for name, check in checks.items()}
-    return JudgedCase(case.name, method_of(case), errors, found, values, named)
+    return JudgedCase(errors, found, values, named)
 
 
 def _checks(

@@ -31,22 +31,19 @@ class AccuracyStudy(Study):
 
     cases: Annotated[
         Sequence[Mapping[str, Any]],
-        Quantity(
-            "",
-            "for each case: name, errors, method; over the rectangle min_um, max_um, their places min_at_m, max_at_m "
-            "in (u, v), centre_um and nearest_guideway to the maximum (from 1); reached_min_um and reached_max_um over "
-            "all that is reached; monte_carlo_um and its corner_um at the place of the maximum; and shape, the "
-            "parallelepiped at the centre: link_angles_deg, pyramid_angles_deg, faces_um2, longest_diagonal_um",
-        ),
+        "for each case: name, errors, method; over the rectangle min_um, max_um, their places min_at_m, max_at_m "
+        "in (u, v), centre_um and nearest_guideway to the maximum (from 1); reached_min_um and reached_max_um over "
+        "all that is reached; monte_carlo_um and its corner_um at the place of the maximum; and shape, the "
+        "parallelepiped at the centre: link_angles_deg, pyramid_angles_deg, faces_um2, longest_diagonal_um",
     ]
     window: Annotated[
         Array, Quantity("m", "the rectangle that the numbers are about: least and greatest (u, v)")
     ]  # fmt: skip
     guideways: Annotated[Array, Quantity("m", "where the guideways pierce the section, (u, v)")]
-    section: Annotated[Mapping[str, Any], Quantity("", "the section: a point of it, and its normal")]
+    section: Annotated[Mapping[str, Any], "the section: a point of it, and its normal"]
     points: Annotated[
         Mapping[str, Any],
-        Quantity("", "number of grid points in the rectangle, and how many of them have no error, by reason"),
+        "number of grid points in the rectangle, and how many of them have no error, by reason",
     ]
 
     @property
@@ -111,12 +108,7 @@ def accuracy_study(
     errors = [errors_of(case, k, region.robot) for k, case in enumerate(resolved)]
     found: list[JudgedCase] = []
     for case, error in zip(resolved, errors, strict=True):
-
-        def told(fraction: float, name: str = case.name) -> bool:
-            work.progress(name, fraction)
-            return work.interrupted()
-
-        mapped = map_errors(error, region.base_points, region.T, progress=told)
+        mapped = map_errors(error, region.base_points, region.T, progress=work.told(case.name))
         if not mapped.complete or work.interrupted():
             return _study(region, title, found, SolveStatus.INTERRUPTED, SolveStatus.INTERRUPTED.sentence)
         good = region.window & (mapped.status == Status.OK)
@@ -146,10 +138,7 @@ def region_of(model: Model, cases: Sequence[LinkErrors], section: ErrorSection) 
             )
     plane = robot.section(section.along)
     corners = plane.pierced(robot.anchors, robot.directions)
-    low = corners.min(axis=0) if section.low is None else np.array(section.low)
-    high = corners.max(axis=0) if section.high is None else np.array(section.high)
-    if np.any(low >= high):
-        raise ArgumentError("every lower limit must be less than its upper one", "section.high")
+    low, high = section.window(corners.min(axis=0), corners.max(axis=0))
     least, greatest = robot.farthest(corners)
     outer_low, outer_high = np.minimum(low, least), np.maximum(high, greatest)
     u, v = (_through(low[k], high[k], outer_low[k], outer_high[k], section.step) for k in range(2))
@@ -171,7 +160,7 @@ def _through(low: float, high: float, outer_low: float, outer_high: float, step:
 
 def _concluded(region: ErrorRegion, title: str, found: list[JudgedCase]) -> AccuracyStudy:
     status, message = SolveStatus.SOLVED, SolveStatus.SOLVED.sentence
-    lost = [f.name for f in found if any(not math.isfinite(check.value) for check in f.checks.values())]
+    lost = [f.values["name"] for f in found if any(not math.isfinite(check.value) for check in f.checks.values())]
     if lost:
         # the numbers of the first order stand, but no other road leads to them
         status = SolveStatus.FAILED
@@ -230,7 +219,7 @@ def _error_figure(region: ErrorRegion, title: str, f: JudgedCase) -> Any:
     error = f.map.error.reshape(len(region.u), len(region.v))
     return error_figure(
         region.u, region.v, error, region.corners, window=(region.low, region.high),
-        title=f"{title or 'accuracy'}: {f.name}, {f.method}", names=region.plane.names,
+        title=f"{title or 'accuracy'}: {f.values['name']}, {f.values['method']}", names=region.plane.names,
     )  # fmt: skip
 
 
@@ -239,6 +228,6 @@ def _faces_figure(region: ErrorRegion, found: list[JudgedCase]) -> Any:
 
     s = np.linspace(0.0, 1.0, DIAGONAL)
     T = region.plane.points(region.low + s[:, None] * (region.high - region.low))
-    faces = {f.name: map_errors(f.errors, region.base_points, T).faces for f in found}
+    faces = {f.values["name"]: map_errors(f.errors, region.base_points, T).faces for f in found}
     title = "faces of the error's parallelepiped, along the rising diagonal of the rectangle"
     return faces_figure(s * float(np.linalg.norm(region.high - region.low)), faces, title=title)

@@ -25,6 +25,10 @@ from .solve import assembly_modes_batch
 RESIDUAL = 1e-12
 # leg lengths over the size: rounding too, larger by the condition near a singularity
 LEG_ERROR = 1e-12
+# numbers of a pose that are those of its certificate, and of which the least, or the greatest, is told of many
+LEAST = ("found", "distinct", "certified", "real", "conjugate_pairs")
+GREATEST = ("infinite", "multiple", "lost")
+CERTIFIED = (*LEAST, *GREATEST, "retries", "worst_residual")
 
 
 def modes_study(
@@ -119,16 +123,7 @@ def _pose_values(judged: Judged, i: int) -> dict[str, Any]:
         "pose": i + 1,
         "status": modes.status.value,
         "message": judged.message(i),
-        "found": c.found,
-        "distinct": c.distinct,
-        "certified": c.certified,
-        "real": c.real,
-        "conjugate_pairs": c.conjugate_pairs,
-        "infinite": c.infinite,
-        "multiple": c.multiple,
-        "lost": c.lost,
-        "retries": c.retries,
-        "worst_residual": c.worst_residual,
+        **{name: getattr(c, name) for name in CERTIFIED},
         "worst_leg_error": judged.leg_error(i),
         "nearest_mm": 1e3 * c.nearest_distance,
         "nearest_deg": c.nearest_angle_deg,
@@ -173,10 +168,10 @@ def _summary(judged: Judged, each: list[dict[str, Any]], done: list[int]) -> dic
     return {
         "poses": len(each),
         "whole": sum(r.status.ok for r in judged.results),
-        **{name: over(min, name) for name in ("found", "distinct", "certified", "real", "conjugate_pairs")},
+        **{name: over(min, name) for name in LEAST},
         "real_most": over(max, "real"),
         "real_counts": {str(n): counts[n] for n in sorted(counts)},
-        **{name: over(max, name) for name in ("infinite", "multiple", "lost", "worst_residual", "worst_leg_error")},
+        **{name: over(max, name) for name in (*GREATEST, "worst_residual", "worst_leg_error")},
         "retries": over(sum, "retries"),
         "nearest_distance": near[0],
         "nearest_angle_deg": near[1],

@@ -14,39 +14,29 @@ from ...results import Quantity, Row, Study
 class ModesStudy(Study):
     """Assembly modes of one pose or platform, or of many. Angles are in degrees, as in `AssemblyModes`."""
 
-    poses: Annotated[int, Quantity("", "number of poses or platforms")] = 0
-    whole: Annotated[
-        int, Quantity("", "how many of them have a whole set: every finite mode is known, and none is multiple")
-    ] = 0
-    found: Annotated[int | None, Quantity("", "finite modes found over the complex numbers, least over the poses")] = (
-        None
-    )
+    poses: Annotated[int, "number of poses or platforms"] = 0
+    whole: Annotated[int, "how many of them have a whole set: every finite mode is known, and none is multiple"] = 0
+    found: Annotated[int | None, "finite modes found over the complex numbers, least over the poses"] = None
     distinct: Annotated[
-        int | None, Quantity("", "those of them outside the radius of uniqueness of every other, least over the poses")
+        int | None, "those of them outside the radius of uniqueness of every other, least over the poses"
     ] = None
-    certified: Annotated[
-        int | None, Quantity("", "those that pass the Newton-Kantorovich test, least over the poses")
-    ] = None
-    real: Annotated[int | None, Quantity("", "modes with a real pose, least over the poses")] = None
-    real_most: Annotated[int | None, Quantity("", "the same, most over the poses")] = None
-    real_counts: Annotated[Mapping[str, int], Quantity("", "number of poses by their number of real modes")] = field(
+    certified: Annotated[int | None, "those that pass the Newton-Kantorovich test, least over the poses"] = None
+    real: Annotated[int | None, "modes with a real pose, least over the poses"] = None
+    real_most: Annotated[int | None, "the same, most over the poses"] = None
+    real_counts: Annotated[Mapping[str, int], "number of poses by their number of real modes"] = field(
         default_factory=dict
     )
-    conjugate_pairs: Annotated[int | None, Quantity("", "pairs of complex conjugate modes, least over the poses")] = (
+    conjugate_pairs: Annotated[int | None, "pairs of complex conjugate modes, least over the poses"] = None
+    infinite: Annotated[int | None, "paths that ended at infinity, most over the poses"] = None
+    multiple: Annotated[int | None, "paths that ended in singular modes, most over the poses"] = None
+    lost: Annotated[int | None, "paths that ended nowhere, most over the poses"] = None
+    retries: Annotated[int | None, "paths tracked again from another start system, sum over the poses"] = None
+    worst_residual: Annotated[float | None, "largest scaled equation at a mode found; 1 is the size of the terms"] = (
         None
     )
-    infinite: Annotated[int | None, Quantity("", "paths that ended at infinity, most over the poses")] = None
-    multiple: Annotated[int | None, Quantity("", "paths that ended in singular modes, most over the poses")] = None
-    lost: Annotated[int | None, Quantity("", "paths that ended nowhere, most over the poses")] = None
-    retries: Annotated[
-        int | None, Quantity("", "paths tracked again from another start system, sum over the poses")
-    ] = None
-    worst_residual: Annotated[
-        float | None, Quantity("", "largest scaled equation at a mode found; 1 is the size of the terms")
-    ] = None
     worst_leg_error: Annotated[
         float | None,
-        Quantity("", "largest error of a leg length at a real mode, by the legs as given, over the platform's size"),
+        "largest error of a leg length at a real mode, by the legs as given, over the platform's size",
     ] = None
     nearest_distance: Annotated[
         float,
@@ -62,11 +52,8 @@ class ModesStudy(Study):
     nearest_angle_deg: Annotated[float, Quantity("deg", "the angle between these two", key="nearest_deg")] = math.nan
     commanded: Annotated[
         int | None,
-        Quantity(
-            "",
-            "number of the commanded mode among the real ones, from 1; null for several poses, and "
-            "where no pose was commanded or Newton found none",
-        ),
+        "number of the commanded mode among the real ones, from 1; null for several poses, and "
+        "where no pose was commanded or Newton found none",
     ] = None
     commanded_nearest_distance: Annotated[
         float,
@@ -82,19 +69,13 @@ class ModesStudy(Study):
     ] = math.nan
     modes: Annotated[
         Sequence[Mapping[str, Any]],
-        Quantity(
-            "",
-            "real modes of an only pose: mode (from 1), tcp_m, quaternion (scalar first), "
-            "nearest_mode, nearest_mm, nearest_deg, commanded; empty for several",
-        ),
+        "real modes of an only pose: mode (from 1), tcp_m, quaternion (scalar first), "
+        "nearest_mode, nearest_mm, nearest_deg, commanded; empty for several",
     ] = ()
     each: Annotated[
         Sequence[Mapping[str, Any]],
-        Quantity(
-            "",
-            "for each pose: pose (from 1), status, message, the numbers above, q_m and q_rad, the "
-            "commanded tcp_m and quaternion, and its modes",
-        ),
+        "for each pose: pose (from 1), status, message, the numbers above, q_m and q_rad, the "
+        "commanded tcp_m and quaternion, and its modes",
     ] = ()
 
     @property

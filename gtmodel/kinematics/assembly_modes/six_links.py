@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from ...compiler.causal import CausalFunction, compile_causal, flat_of
 from ...lang import Model, ModelError
 from ...results import ArgumentError, Status
-from ...robots import F1, SixLink
+from ...robots.links import rod_names
 
 Array = np.ndarray
 LINKS = 6
@@ -47,27 +47,11 @@ class Hands:
 
 
 @dataclass(frozen=True)
-class _Names:
-    """How a family calls what the legs are made of: rods, plate joints, and what a tool pose consists of."""
-
-    rod: str
-    plate_joints: str
-    pose: tuple[str, ...]
-
-
-# one line per family; robots of a user's own that derive from one of them are found too
-_FAMILIES: dict[type[Model], _Names] = {
-    SixLink: _Names("link[{}].rod", "B", ("T",)),
-    F1: _Names("link[{}]", "B", ("T", "e")),
-}
-
-
-@dataclass(frozen=True)
 class SixLinks:
-    """A robot with six links of fixed length between carts and a plate."""
+    """A robot with six links of fixed length between carts and a plate whose joints are B; rods: their names."""
 
     model: Model
-    names: _Names
+    rods: list[str]
 
     @cached_property
     def carts_and_axes(self) -> tuple[int, int]:
@@ -78,7 +62,7 @@ class SixLinks:
     @property
     def turns(self) -> bool:
         """True when the plate's orientation is free, and not a consequence of T."""
-        return "e" in self.names.pose
+        return self.carts_and_axes[1] == 3
 
     @property
     def home(self) -> tuple[Array, Array]:
@@ -110,19 +94,17 @@ class SixLinks:
     @cached_property
     def inverse(self) -> CausalFunction:
         """T, and e where the orientation is free, -> q, R."""
-        return compile_causal(self.model, known=list(self.names.pose), targets=["q", "R"])
+        return compile_causal(self.model, known=["T", "e"] if self.turns else ["T"], targets=["q", "R"])
 
     @cached_property
     def _joints(self) -> CausalFunction:
-        rods = [self.names.rod.format(k) for k in range(LINKS)]
-        return compile_causal(self.model, known="q", targets=[f"{rod}.a.r" for rod in rods])
+        return compile_causal(self.model, known="q", targets=[f"{rod}.a.r" for rod in self.rods])
 
     def _hands(self, q: Array, T: Array, R: Array, faults: dict[int, str]) -> Hands:
         flat = flat_of(self.model)
-        rods = [self.names.rod.format(k) for k in range(LINKS)]
-        lengths = [flat.bindings[f"{rod}.L"] for rod in rods]
-        joints = flat.bindings[self.names.plate_joints]  # row by row
-        values = ca.Function("p", [flat.p], [ca.vertcat(*lengths), ca.vec(joints)])(flat.p0)
+        lengths = [flat.bindings[f"{rod}.L"] for rod in self.rods]
+        # plate joints row by row
+        values = ca.Function("p", [flat.p], [ca.vertcat(*lengths), ca.vec(flat.bindings["B"])])(flat.p0)
         L, B = (np.array(v).ravel() for v in values)
         n = len(q)
         A = np.stack(self._joints(q)[:-1], axis=1)
@@ -140,18 +122,17 @@ class SixLinks:
 
 def six_links_of(model: Model) -> SixLinks:
     """The six links of a robot; raises ArgumentError for a robot of another kind."""
-    names = next((names for family, names in _FAMILIES.items() if isinstance(model, family)), None)
-    if names is None:
-        raise ArgumentError(
-            f"assembly modes are those of six links; this is a {type(model).__name__}, which is neither a "
-            f"{' nor an '.join(family.__name__ for family in _FAMILIES)}",
-            "robot",
-        )
     try:
-        flat_of(model)
+        rods = rod_names(model)
     except ModelError as error:
         raise ArgumentError(str(error), "robot") from error
-    return SixLinks(model, names)
+    if len(rods) != LINKS or "B" not in flat_of(model).bindings:
+        raise ArgumentError(
+            "assembly modes are those of six links of fixed length on a plate with the joints B; this is a "
+            f"{type(model).__name__} with {len(rods)} of them",
+            "robot",
+        )
+    return SixLinks(model, rods)
 
 
 def bare(A: Array, B: Array, L: Array, T: Array | None = None, e: Array | None = None) -> Hands:

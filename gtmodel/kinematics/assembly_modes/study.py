@@ -98,10 +98,3 @@ def rotation_and_position(z: Array) -> tuple[Array, Array]:
     b = basis(z)
     n = b[..., 0, None]
     return (b[..., 7:16] / n).reshape(*b.shape[:-1], 3, 3), 2 * b[..., 1:4] / n
-
-
-def quaternion_product(a: Array, b: Array) -> Array:
-    """Product of quaternions (..., 4), scalar first."""
-    scalar = a[..., :1] * b[..., :1] - np.sum(a[..., 1:] * b[..., 1:], axis=-1, keepdims=True)
-    vector = a[..., :1] * b[..., 1:] + b[..., :1] * a[..., 1:] + np.cross(a[..., 1:], b[..., 1:])
-    return np.concatenate([scalar, vector], axis=-1)

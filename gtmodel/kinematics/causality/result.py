@@ -34,17 +34,14 @@ class CausalityStudy(Study):
     count: Annotated[int, Quantity("", "number of points", key="rows")]
     statuses: Annotated[
         Mapping[str, int],
-        Quantity(
-            "",
-            "number of rows by status: ok, out_of_range, not_converged (no solution where Newton looks for one, as "
-            "beyond a six-link robot's reach), wrong_branch (Newton's solution lies on another than a declared "
-            "branch), singular, not_finite, inconsistent_known_values (such as a quaternion that is not of length 1), "
-            "not_computed",
-        ),
+        "number of rows by status: ok, out_of_range, not_converged (no solution where Newton looks for one, as "
+        "beyond a six-link robot's reach), wrong_branch (Newton's solution lies on another than a declared "
+        "branch), singular, not_finite, inconsistent_known_values (such as a quaternion that is not of length 1), "
+        "not_computed",
     ]
     ranges: Annotated[
         Mapping[str, Mapping[str, Any]],
-        Quantity("", "least and greatest value of each target over the rows that are ok, in SI units"),
+        "least and greatest value of each target over the rows that are ok, in SI units",
     ]
     zyz_range: Annotated[
         Array | None,
@@ -59,12 +56,10 @@ class CausalityStudy(Study):
     ] = None
     layer_difference: Annotated[
         Array | None,
-        Quantity(
-            "", "how far the layers are from one pattern, as a fraction of zyz_range_deg; null without a grid"
-        ),
+        "how far the layers are from one pattern, as a fraction of zyz_range_deg; null without a grid",
     ] = None  # fmt: skip
     zyz_singular_rows: Annotated[
-        int | None, Quantity("", "number of rows where ZYZ is singular, beta = 0 or pi; null without [orientation]")
+        int | None, "number of rows where ZYZ is singular, beta = 0 or pi; null without [orientation]"
     ] = None
 
     @property

@@ -10,7 +10,7 @@ import numpy as np
 from ...lang import Model
 from ...results import ArgumentError
 from ..mechanism import Mechanism, mechanism_of
-from ..section import CrossSection, Section
+from ..section import CrossSection, Section, refuse_disordered
 from .clearance import FrameClearance, LinkClearance, Obstacles
 from .limits import ActuatorLimits, BallJointCones, CartesianBox, Limit, Singularities
 from .options import Beam, Bodies, Box, Limits
@@ -95,12 +95,6 @@ def _frame(beams: Sequence[Beam], radius: Array) -> FrameClearance:
     return FrameClearance(ends, np.array([beam.radius for beam in beams]), radius, skip)
 
 
-def refuse_disordered(low: Array, high: Array, argument: str) -> None:
-    """Raises ArgumentError unless every lower limit is less than its upper one."""
-    if np.any(low >= high):
-        raise ArgumentError("every lower limit must be less than its upper one", argument)
-
-
 @dataclass(frozen=True)
 class Task:
     """What is looked at: the robot, its tests, and the part low <= (u, v) <= high [m] of the section."""
@@ -125,10 +119,7 @@ def task_of(
     found = limited_mechanism(robot, home, bodies)
     reach = Reach(found.inverse, limits_of(limits, bodies, obstacles, beams, found))
     plane = found.section(section.along)
-    low, high = found.farthest(plane.pierced(found.anchors, found.directions))
-    low = low if section.low is None else np.array(section.low)
-    high = high if section.high is None else np.array(section.high)
-    refuse_disordered(low, high, "section.high")
+    low, high = section.window(*found.farthest(plane.pierced(found.anchors, found.directions)))
     if np.any(high - low <= section.step):
         raise ArgumentError(
             f"the section is {high[0] - low[0]:.4g} m by {high[1] - low[1]:.4g} m, so that no point lies within it; "

@@ -116,7 +116,7 @@ class _Maps:
 
     def __call__(self, reach: Reach, stage: str, step: float | None = None) -> SectionMap:
         t = self.task
-        found = map_section(reach, t.section, t.low, t.high, step or self.step, progress=self._told(stage))
+        found = map_section(reach, t.section, t.low, t.high, step or self.step, progress=self.work.told(stage))
         if not found.complete or self.work.interrupted():
             raise _Stopped
         return found
@@ -126,18 +126,11 @@ class _Maps:
         along = np.linspace(given.low, given.high, count) - float(t.section.origin @ t.section.normal)
         found = map_volume(
             t.reach, t.section, t.low, t.high, along, self.step, tolerance=given.tolerance / 2,
-            most=given.most_sections, coarse=True, progress=self._told("sections"),
+            most=given.most_sections, coarse=True, progress=self.work.told("sections"),
         )  # fmt: skip
         if not found.complete:
             raise _Stopped
         return found
-
-    def _told(self, stage: str) -> Callable[[float], bool]:
-        def progress(fraction: float) -> bool:
-            self.work.progress(stage, fraction)
-            return self.work.interrupted()
-
-        return progress
 
 
 def _to_begin_with(volume: Sections, task: Task, boxes: Sequence[Box], beams: Sequence[Beam]) -> int:

@@ -24,16 +24,13 @@ class WorkspaceStudy(Study):
     kinematic_height: Annotated[float | None, Quantity("m", "its height")] = None
     cones: Annotated[
         Sequence[Mapping[str, float]],
-        Quantity(
-            "",
-            "for each angle of compare_cones_deg: angle_deg, area_m2, width_m, height_m under ball-joint cones alone",
-        ),
+        "for each angle of compare_cones_deg: angle_deg, area_m2, width_m, height_m under ball-joint cones alone",
     ] = ()
     guideway_rectangle: Annotated[
         float | None,
         Quantity("m2", "area of the upright rectangle that the guideways span in the section: the footprint"),
     ] = None
-    area_ratio: Annotated[float | None, Quantity("", "area_m2 to that footprint")] = None
+    area_ratio: Annotated[float | None, "area_m2 to that footprint"] = None
     volume: Annotated[
         float | None, Quantity("m3", "volume of the workspace along the guideways; null without [volume]")
     ] = None
@@ -41,32 +38,25 @@ class WorkspaceStudy(Study):
         float | None,
         Quantity("m3", "its error as the sections tell it; null without [volume], and where none is reached"),
     ] = None
-    volume_sections: Annotated[int | None, Quantity("", "number of sections that were mapped for it")] = None
+    volume_sections: Annotated[int | None, "number of sections that were mapped for it"] = None
     volume_ratio: Annotated[
         float | None,
-        Quantity(
-            "", "volume_m3 to the footprint times the longest stroke of limits.actuators_m; null without them"
-        ),
+        "volume_m3 to the footprint times the longest stroke of limits.actuators_m; null without them",
     ] = None  # fmt: skip
     reasons: Annotated[
         Mapping[str, int],
-        Quantity("", "number of grid points of the section by reason, the first limit that fails"),
+        "number of grid points of the section by reason, the first limit that fails",
     ] = field(default_factory=dict)
-    points: Annotated[
-        Sequence[Mapping[str, Any]], Quantity("", "for each of points_m: tcp_m, reachable, sentence")
-    ] = ()
-    on_edge: Annotated[
-        bool | None, Quantity("", "whether the cross-section reaches the edge of the grid and is cut off there")
-    ] = None
+    points: Annotated[Sequence[Mapping[str, Any]], "for each of points_m: tcp_m, reachable, sentence"] = ()
+    on_edge: Annotated[bool | None, "whether the cross-section reaches the edge of the grid and is cut off there"] = (
+        None
+    )
     volume_on_edge: Annotated[
         bool | None,
-        Quantity(
-            "",
-            "whether the volume reaches the first or last section, or the edge of one; null without [volume]",
-        ),
+        "whether the volume reaches the first or last section, or the edge of one; null without [volume]",
     ] = None
     assumptions: Annotated[
-        Sequence[str], Quantity("", "what was assumed about joints and bodies, in sentences")
+        Sequence[str], "what was assumed about joints and bodies, in sentences"
     ] = ()  # fmt: skip
 
     @property

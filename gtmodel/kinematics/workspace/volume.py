@@ -114,7 +114,7 @@ def map_volume(
 
     def add(position: float) -> None:
         nonlocal stopped
-        here = Section(section.origin + position * section.normal, section.across, section.up, section.normal)
+        here = section.moved(position)
         found = map_section(reach, here, low, high, step, chunk=chunk, client=client)
         rough = np.nan
         if coarse:

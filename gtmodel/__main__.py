@@ -1,0 +1,7 @@
+"""``python -m gtmodel``: the command line."""
+
+import sys
+
+from gtmodel.cli import main
+
+sys.exit(main())

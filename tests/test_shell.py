@@ -1,0 +1,127 @@
+"""The command line in shells as they are: other encodings, full disks, Ctrl-C too soon, names that no disk takes."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from gtmodel.problem_files.faults import LONGEST
+from tests.support.commands import Commands, command, environment, process
+
+LONG = "a" * 300
+SOLVE = ("solve", "compliance_l1", "--set", "section.step_m=0.4")
+
+
+@pytest.fixture
+def gtmodel(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Commands:
+    monkeypatch.chdir(tmp_path)
+    return Commands(capsys)
+
+
+@pytest.mark.parametrize(("encoding", "title"), [("cp1252", "Größe u"), ("ascii", "Gro?e u")])
+def test_a_sign_that_the_encoding_lacks_is_spelled(encoding: str, title: str, tmp_path: Path) -> None:
+    done = subprocess.run(
+        command(*SOLVE, "--set", 'title="Größe μ"'), cwd=tmp_path, env=environment(PYTHONIOENCODING=encoding),
+        capture_output=True, timeout=240,
+    )  # fmt: skip
+    printed = done.stdout.decode(encoding)
+    assert done.returncode == 0 and printed.startswith(title) and "---" in printed
+
+
+def test_json_escapes_what_the_encoding_lacks(tmp_path: Path) -> None:
+    (tmp_path / "größe.toml").write_text('kind = "modes"\n', encoding="utf-8")
+    done = process("solve", "größe.toml", "--json", cwd=tmp_path, PYTHONIOENCODING="ascii")
+    assert done.out.isascii() and json.loads(done.out)["problem"] == "größe.toml"
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full on this system")
+@pytest.mark.parametrize("words", [("list",), ("schema", "modes"), ("--help",), SOLVE], ids=lambda w: w[0])
+def test_a_full_disk_behind_stdout_is_a_sentence(words: tuple[str, ...], tmp_path: Path) -> None:
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(
+            [sys.executable, "-m", "gtmodel", *words], cwd=tmp_path, env=environment(), stdout=full,
+            stderr=subprocess.PIPE, text=True, timeout=120,
+        )  # fmt: skip
+    assert done.returncode == 1 and "Traceback" not in done.stderr and "internal error" not in done.stderr
+    assert "printed" in done.stderr.splitlines()[-1]
+
+
+@pytest.mark.skipif(os.name == "nt", reason="SIGINT cannot be sent to one process there")
+@pytest.mark.parametrize("after_s", [0.4, 0.8])
+def test_ctrl_c_during_the_imports_shows_no_traceback(after_s: float, tmp_path: Path) -> None:
+    started = subprocess.Popen(
+        [sys.executable, "-m", "gtmodel", "list"], cwd=tmp_path, env=environment(), stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    imported = False
+    while started.poll() is None and not imported:  # Python itself has started once NumPy is mapped
+        imported = "numpy" in Path(f"/proc/{started.pid}/maps").read_text() if Path("/proc").exists() else True
+        time.sleep(0.01)
+    time.sleep(after_s - 0.4)
+    started.send_signal(signal.SIGINT)
+    _, said = started.communicate(timeout=60)
+    assert "Traceback" not in said and len(said.splitlines()) <= 1
+
+
+@pytest.mark.parametrize(
+    "words",
+    [("solve", LONG), ("explain", LONG), ("solve", "table_3_1", "--out", LONG), ("schema", LONG), ("list", LONG)],
+)
+def test_a_name_longer_than_any_file_is_bad_input(gtmodel: Commands, words: tuple[str, ...]) -> None:
+    done = gtmodel(*words)
+    assert done.code == 2 and len(done.err.splitlines()[-1]) <= LONGEST and "internal" not in done.err
+
+
+@pytest.mark.parametrize(
+    "text", ["kind = 'modes'\na = " + "[" * 3000 + "]" * 3000, "[" + ".".join("a" * 4000) + "]\nx = 1"]
+)
+def test_toml_of_any_depth_is_bad_input(gtmodel: Commands, text: str) -> None:
+    Path("deep.toml").write_text(text)
+    done = gtmodel("solve", "deep.toml")
+    assert done.code == 2 and done.sentence.startswith("deep.toml")
+
+
+def test_a_byte_order_mark_is_no_part_of_the_text(gtmodel: Commands) -> None:
+    Path("marked.toml").write_bytes(b"\xef\xbb\xbf" + b'kind = "nothing"\n')
+    assert "marked.toml: kind" in gtmodel("solve", "marked.toml").sentence
+
+
+@pytest.mark.parametrize("given", ["-x", "--json"])
+def test_an_option_is_no_folder(gtmodel: Commands, given: str) -> None:
+    done = gtmodel("solve", "table_3_1", "--out", given)
+    assert done.code == 2 and f"./{given}" in done.err and not Path(given).exists()
+
+
+def test_a_mistyped_command_names_the_help_that_is_there(gtmodel: Commands) -> None:
+    assert "'gtmodel --help'" in gtmodel("slove", "--help").sentence
+    assert "'gtmodel solve --help'" in gtmodel("solve", "--hepl").sentence
+
+
+def test_python_m_gtmodel_is_the_command(tmp_path: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "gtmodel", "--version"], cwd=tmp_path, env=environment(), capture_output=True, text=True
+    )
+    assert done.returncode == 0 and done.stdout.startswith("gtmodel ")
+
+
+@pytest.mark.parametrize(("words", "there"), [("solve compl", "compliance_l1"), ("schema m", "milling")])
+def test_a_shell_completes_names(words: str, there: str, tmp_path: Path) -> None:
+    done = process(
+        cwd=tmp_path,
+        _GTMODEL_COMPLETE="complete_bash",
+        COMP_WORDS=f"gtmodel {words}",
+        COMP_CWORD=str(words.count(" ") + 1),
+    )
+    assert there in done.out.split()
+
+
+def test_explain_takes_a_shipped_name_and_says_that_it_runs_python(gtmodel: Commands) -> None:
+    assert gtmodel("explain", "vibration_two_mass").code == 0
+    assert "file run" in " ".join(gtmodel("explain", "--help").out.split())
