@@ -16,7 +16,7 @@ from ..lang import Model
 from ..results import ArgumentError, Quantity, Row, SolveStatus, Status, Study, Trajectory, Work, at_least, at_most
 from ..results.door import study_function
 from ..results.options import Within
-from ..results.refusal import blaming
+from ..results.refusal import naming
 from ..results.work import Progress, never, silent
 from .bench import ELASTIC_HZ, HOLD_CYCLES, LAWS, LONGEST_S, SLOWER, Bench, Reference, Stop
 from .build import build, built_before
@@ -127,7 +127,7 @@ def study(
     (50, True)
     """
     work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
-    with blaming("robot"):
+    with naming("robot", ValueError):
         forward = compile_causal(robot, known="q", targets="T")
     if [s.shape for s in (*forward.inputs, *forward.outputs)] != [(3,), (3,)]:
         raise ArgumentError("the loop's simulated robots have three carts and a position T; this one has not", "robot")

@@ -23,13 +23,9 @@ class ArgumentError(ValueError):
 
 
 @contextmanager
-def blaming(argument: str, kind: type[Exception] | tuple[type[Exception], ...] = ValueError) -> Iterator[None]:
-    """What is refused inside without an argument's name, by this or another exception, is said of `argument`."""
+def naming(argument: str, *kinds: type[Exception]) -> Iterator[None]:
+    """What is refused inside by errors of these kinds is refused as this argument, in the same sentence."""
     try:
         yield
-    except ArgumentError as error:
-        if error.argument:
-            raise
-        raise ArgumentError(error.sentence, argument) from error
-    except kind as error:
-        raise ArgumentError(str(error), argument) from error
+    except kinds as error:
+        raise ArgumentError(error.sentence if isinstance(error, ArgumentError) else str(error), argument) from error

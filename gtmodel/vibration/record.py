@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..results.agreement import Within, agree
-from ..results.refusal import ArgumentError, blaming
+from ..results.refusal import ArgumentError, naming
 
 
 class Stopped(Exception):
@@ -61,7 +61,7 @@ class Record:
 
 def columns(values: ArrayLike, name: str, argument: str = "") -> np.ndarray:
     """Values (N,) or (N, k) as finite floats (N, k). Raises ArgumentError."""
-    with blaming(argument, (TypeError, ValueError)):
+    with naming(argument, TypeError, ValueError):
         array = np.asarray(values, float)
     array = array[:, None] if array.ndim == 1 else array
     if array.ndim != 2 or array.shape[1] == 0:

@@ -79,7 +79,7 @@ class AxisStudy(Study):
     @property
     def rows(self) -> list[Row]:
         """The table for people."""
-        rows = [Row("final time", self.final_time, "s")]
+        rows = [Row("final time", self.final_time, "s")] if self.final_time is not None else []
         if self.turned is None:
             return rows
         rows += [
