@@ -92,7 +92,7 @@ def test_dynamics_from_masses_and_rows(tmp_path) -> None:
         ("limits_deg=[[-1,1],[-1,1],[-1,1],[-1,1],[-1,1],[-1,1]]", "place_m"),
         ("limits_deg=[[1,-1]]", "limits_deg"),
         ("tool.spindle=[0.0,0.0,0.0]", "tool"),
-        ('robot="l1_tape"', "limits_deg"),
+        ('robot="l1_tape"', "robot"),
         ("oscillator=[]", "oscillator"),
         ("search.static_choice_deg=0.0", "search.static_choice_deg"),
         ("cutter.tooth_angles_deg=[0.0]", "cutter.tooth_angles_deg"),
