@@ -27,6 +27,6 @@ def basin(
     for _ in range(starts):
         at = x + times * size * rng.standard_normal(len(x))
         squares += float(np.mean(problem.residuals(at) ** 2)) / starts
-        c = calibrate(problem, start=dict(zip(names, at.tolist(), strict=True)))
+        c = calibrate(problem, start=problem.unknowns.named(at))
         reached += bool(c.status.ok and np.sum(c.residuals**2) <= best * (1 + SAME))
     return reached, float(np.sqrt(squares))

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..lang.source import ModelError
 from .pose_information import PoseInformation
-from .pose_selection import Criterion, Selection, exchange
+from .pose_selection import Criterion, exchange
 from .positioning import Positioning
 
 
@@ -24,10 +24,9 @@ class Point(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ErrorCurve:
-    """Points in the order of their number of poses, and the poses of each; `complete` False after a stop."""
+    """Points in the order of their number of poses; `complete` False after a stop."""
 
     points: tuple[Point, ...]
-    selections: tuple[Selection, ...]
     complete: bool = True
 
 
@@ -44,15 +43,14 @@ def error_curve(
 ) -> ErrorCurve:
     """Predicted errors with selected poses, for each of `numbers`. `stop(fraction)`: True ends with what is done."""
     moment = target.moment(info)
-    points, chosen, wanted = [], [], sorted(set(numbers))
+    points, wanted = [], sorted(set(numbers))
     for k, number in enumerate(wanted):
         if stop is not None and stop(k / len(wanted)):
-            return ErrorCurve(tuple(points), tuple(chosen), complete=False)
+            return ErrorCurve(tuple(points), complete=False)
         s = exchange(info, number, criterion, moment, repeats=repeats, starts=starts, seed=seed)
         e = target.errors(info, s.indices)
         points.append(Point(number, e.rms, e.greatest))
-        chosen.append(s)
-    return ErrorCurve(tuple(points), tuple(chosen))
+    return ErrorCurve(tuple(points))
 
 
 def grid_point(info: PoseInformation, target: Positioning) -> Point:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from ..lang.source import ModelError
 from .pose_information import PoseInformation
 
 Criterion = Literal["D", "E", "I"]
-CRITERIA = ("D", "E", "I")
+CRITERIA = get_args(Criterion)
 GAIN = 1e-4  # relative fall of the score for which a pose is exchanged
 SWEEPS = 50
 SHORT_LIST = 24  # candidates for E that are evaluated in full: those that see the weakest combination best

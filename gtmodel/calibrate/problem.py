@@ -63,6 +63,10 @@ class Problem:
     def lengths(self) -> tuple[Block, ...]:
         return self.blocks_of("length")
 
+    @property
+    def joined(self) -> tuple[Block, ...]:
+        return self.blocks_of("orthogonal")
+
     def noisy(self, cost: str) -> list[str]:
         """Signals whose errors a cost counts."""
         every = list(self.reading.places)
@@ -154,13 +158,10 @@ def prepare(
         raise ModelError(f"the actuators '{actuators}' are not among the measured {', '.join(known)}")
     closure = closure_equations(flat, known, latent)
     read = reading(closure, measurements, latent_starts(closure))
-    own = Parameters.of(flat, closure.touched)
-    p, extra = own, read.parameters
-    everything = Parameters(
-        p.title, p.names + extra.names, p.symbols + extra.symbols, p.values + extra.values, p.units + extra.units
-    )
+    everything = Parameters.of(flat, closure.touched)
+    everything.extend(read.parameters)
     choice = choice or Choice()
-    free = [*choice.free, *extra.names] if choice.free else []
+    free = [*choice.free, *read.parameters.names] if choice.free else []
     u = unknowns(everything, replace(choice, free=free, unit=[*choice.unit, *read.unit]))
     return Problem(closure, measurements, read, u, actuators)
 

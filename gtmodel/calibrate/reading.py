@@ -81,7 +81,7 @@ class _Reader:
         self.noise: list[ca.SX] = []
         self.places: dict[str, slice] = {}
         self.latent: list[ca.SX] = []
-        self.parameters = Parameters(title, [], [], [], [])
+        self.parameters = Parameters(title)
         self.unit: list[str] = []
 
     def symbol(self, name: str, columns: np.ndarray) -> ca.SX:
@@ -92,13 +92,7 @@ class _Reader:
 
     def parameter(self, name: str, start: np.ndarray, unit: str, scalar: bool = False) -> ca.SX:
         names = [name] if scalar else [f"{name}[{k}]" for k in range(len(start))]
-        symbols = [ca.SX.sym(n) for n in names]
-        p = self.parameters
-        p.names.extend(names)
-        p.symbols.extend(symbols)
-        p.values.extend(float(v) for v in start)
-        p.units.extend([unit] * len(names))
-        return ca.vertcat(*symbols)
+        return ca.vertcat(*[self.parameters.add(n, unit, v) for n, v in zip(names, start, strict=True)])
 
     def read(self, name: str, quaternion: bool) -> ca.SX:
         given = np.asarray(self.m.values[name])

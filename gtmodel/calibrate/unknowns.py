@@ -57,6 +57,10 @@ class Unknowns:
     priors: tuple[Prior, ...]
     notes: tuple[str, ...] = ()
 
+    def named(self, x: np.ndarray) -> dict[str, float]:
+        """Values x (n,) by name."""
+        return dict(zip(self.names, x.tolist(), strict=True))
+
     def substituted(self, expressions: Sequence[ca.SX]) -> list[ca.SX]:
         """Expressions of parameters in terms of x."""
         old, new = ca.vertcat(*[s for s, _ in self.moved]), ca.vertcat(*[v for _, v in self.moved])
@@ -68,18 +72,30 @@ class Parameters:
     """Scalar parameters that a problem has: names, symbols, values, units; of the model and of the measurement."""
 
     title: str
-    names: list[str]
-    symbols: list[ca.SX]
-    values: list[float]
-    units: list[str]
+    names: list[str] = field(default_factory=list)
+    symbols: list[ca.SX] = field(default_factory=list)
+    values: list[float] = field(default_factory=list)
+    units: list[str] = field(default_factory=list)
 
     @classmethod
     def of(cls, flat: FlatModel, touched: Sequence[int]) -> Parameters:
-        chosen = [flat.parameters[k] for k in touched]
-        return cls(
-            flat.title, [q.name for q in chosen], [q.symbol for q in chosen], [q.value for q in chosen],
-            [q.unit or "" for q in chosen],
-        )  # fmt: skip
+        found = cls(flat.title)
+        for q in (flat.parameters[k] for k in touched):
+            found.add(q.name, q.unit or "", q.value, q.symbol)
+        return found
+
+    def add(self, name: str, unit: str, value: float, symbol: ca.SX | None = None) -> ca.SX:
+        """One more; its symbol."""
+        self.names.append(name)
+        self.units.append(unit)
+        self.values.append(float(value))
+        self.symbols.append(ca.SX.sym(name) if symbol is None else symbol)
+        return self.symbols[-1]
+
+    def extend(self, other: Parameters) -> None:
+        """All of another one's."""
+        for name, unit, value, symbol in zip(other.names, other.units, other.values, other.symbols, strict=True):
+            self.add(name, unit, value, symbol)
 
     def indices(self, name: str) -> list[int]:
         """Of a scalar, or of all whose names go on with an index. Raises ModelError where there is none."""
@@ -102,11 +118,10 @@ def unknowns(parameters: Parameters, choice: Choice) -> Unknowns:
     missing = [p.names[k] for k in sorted(free) if not np.isfinite(p.values[k]) and k not in follows]
     if missing:
         raise ModelError(f"parameter '{missing[0]}' of {p.title} has no value; give it one to start from")
-    found = _Found()
+    found = _Found(p.title)
     in_quaternions = {k for indices in quaternions.values() for k in indices}
     for k in sorted(free - set(follows) - in_quaternions):
-        found.add(p.names[k], p.units[k], p.values[k])
-        found.moved[k] = found.symbols[-1]
+        found.moved[k] = found.add(p.names[k], p.units[k], p.values[k])
     still = {name for name in choice.fixed if TURN in name}
     for name, indices in quaternions.items():
         if set(indices) <= free:
@@ -121,27 +136,17 @@ def unknowns(parameters: Parameters, choice: Choice) -> Unknowns:
         raise ModelError(f"nothing is left free to calibrate in {p.title}: all parameters are fixed or tied")
     sizes = _sizes(p, choice, found)
     return Unknowns(
-        tuple(found.names), tuple(found.units), ca.vertcat(*found.symbols), np.array(found.start),
+        tuple(found.names), tuple(found.units), ca.vertcat(*found.symbols), np.array(found.values),
         np.array([sizes[n] for n in found.names]), tuple(everything), tuple(choice.priors), tuple(found.notes),
     )  # fmt: skip
 
 
-@dataclass
-class _Found:
-    """Unknowns as they are found; `moved`: what stands for a parameter, by its place."""
+@dataclass(frozen=True, eq=False)
+class _Found(Parameters):
+    """Unknowns as they are found, at their start; `moved`: what stands for a parameter, by its place."""
 
-    names: list[str] = field(default_factory=list)
-    units: list[str] = field(default_factory=list)
-    symbols: list[ca.SX] = field(default_factory=list)
-    start: list[float] = field(default_factory=list)
     moved: dict[int, ca.SX] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
-
-    def add(self, name: str, unit: str, start: float) -> None:
-        self.names.append(name)
-        self.units.append(unit)
-        self.symbols.append(ca.SX.sym(name))
-        self.start.append(start)
 
 
 def _free(p: Parameters, choice: Choice) -> set[int]:
@@ -165,13 +170,8 @@ def _turn(p: Parameters, name: str, indices: list[int], still: set[str], found: 
         raise ModelError(f"the quaternion '{name}' is zero; give it a start value")
     if abs(length - 1) > 1e-6:
         found.notes.append(f"{name} starts from its direction: its length was {length:.4f}")
-    turn: list[ca.SX] = []
-    for own in (f"{name}{TURN}{axis}" for axis in "xyz"):
-        if own in still:
-            turn.append(ca.SX(0))
-        else:
-            found.add(own, "rad", 0.0)
-            turn.append(found.symbols[-1])
+    axes = [f"{name}{TURN}{axis}" for axis in "xyz"]
+    turn = [ca.SX(0) if own in still else found.add(own, "rad", 0.0) for own in axes]
     direction = ca.SX(ca.DM(reference / length))
     for k, component in zip(indices, ca.vertsplit(turned(direction, ca.vertcat(*turn))), strict=True):
         found.moved[k] = component

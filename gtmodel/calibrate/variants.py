@@ -58,9 +58,9 @@ def prepared(
             return first
         priors = _priors({**known, **fit.priors}, first.unknowns)
         return prepare(model, m, replace(choice, priors=priors), actuators=actuators)
-    except ArgumentError:
-        raise
     except (ModelError, ValueError) as error:
+        if isinstance(error, ArgumentError) and error.argument:
+            raise
         raise ArgumentError(str(error), _naming(fit, str(error))) from error
 
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from ..inference import FALSE_ALARM, binomial_band
 from ..results import Check, at_least, at_most
+from .asked import Asked
 from .exchanged import exchanged_efforts
 from .inertia import Identification, Validation
 from .recordings import Recordings
@@ -20,10 +21,12 @@ TINY = np.finfo(float).tiny
 PILED = 5.0  # times as many samples as at the reading next to it: a coarse reading of a smooth peak has up to 2.5
 
 
-def checks_of(
-    data: Recordings, found: Identification, validation: Validation | None, repeated: Repeated | None
-) -> dict[str, Check]:
-    """By name, as they stand in the result."""
+def judged(
+    asked: Asked, data: Recordings, found: Identification, validation: Validation | None, repeated: Repeated | None
+) -> tuple[dict[str, Check], list[str]]:
+    """Checks by name, as they stand in the result; and sentences on signs, units, order of columns and saturation that
+    the log is suspected of."""
+    rows, said = found.rows, list[str]()
     checks = {"undetermined": at_most(float(found.identifiability.redundant), 0.0, LOOK)}
     # what was left out shifts the others: then the truth is not what the fit is after
     whole = all(t.passed for t in found.left_out)
@@ -35,8 +38,16 @@ def checks_of(
         told = max(validation.judged, key=lambda h: h.ratio / h.bound)
         bound = told.bound if np.isfinite(told.bound) else None
         checks["held_out_over_fitted_noise"] = Check(told.ratio, bound, LOOK, judged=told.passed)
-    share = float(np.max(_unexplained(found)))
-    checks["unexplained_share"] = at_most(share, UNEXPLAINED, LOOK)
+    shares = np.sqrt(np.mean(found.residuals**2, axis=0) / np.mean(rows.effort**2, axis=0))
+    checks["unexplained_share"] = at_most(float(np.max(shares)), UNEXPLAINED, LOOK)
+    said += [
+        f"{t}: {100 * share:.3g} % of its rms are left unexplained; check sign, order and units of the columns"
+        for t, share in zip(rows.targets, shares, strict=True)
+        if share > UNEXPLAINED
+    ]
+    order = exchanged_efforts(found)
+    if order is not None and not order.passed:
+        said.append(order.sentence(rows.targets))
     work = work_of(found)
     if work is not None:
         if np.any(work.friction):  # some friction is free
@@ -46,15 +57,17 @@ def checks_of(
             checks["work_of_friction_J"] = at_least(float(work.friction[worst]), min(least, 0.0), LOOK)
         other = work if validation is None else work_of(found, validation.rows) or work
         checks["energy_balance"] = Check(other.balance, other.bound, LOOK, judged=other.balanced)
+        said += work.driving(rows.targets) + other.unbalanced()
     delay = found.delay
     if delay is not None:
         checks["delay_moves_a_parameter"] = Check(delay.moves, delay.bound, LOOK, judged=delay.passed)
-    order = exchanged_efforts(found)
     if order is not None:
         checks["exchanged_columns"] = Check(order.ratio, order.bound, LOOK, judged=order.passed)
-    checks["parameters_far_off"] = at_most(float(len(_far_off(found))), 0.0, LOOK)
-    piled = max((share for *_, share in _piled(data, found.rows.targets[0].partition("[")[0])), default=0.0)
-    checks["saturated_share"] = at_most(piled, SATURATED, LOOK)
+    far = _far_off(found)
+    checks["parameters_far_off"] = at_most(float(len(far)), 0.0, LOOK)
+    piled = _piled(data, asked.how.targets)
+    checks["saturated_share"] = at_most(max((share for share, _ in piled), default=0.0), SATURATED, LOOK)
+    said += [*far, *(sentence for share, sentence in piled if share > SATURATED)]
     if found.left_out:
         told = min(found.left_out, key=lambda t: t.p * t.tests)
         least = FALSE_ALARM / told.tests
@@ -64,28 +77,7 @@ def checks_of(
         low, high = binomial_band(seen.runs, seen.level, 1 - FALSE_ALARM / len(seen.names))
         outside = int(np.count_nonzero((seen.hits < low) | (seen.hits > high))) + len(seen.biased)
         checks["parameters_outside_the_binomial_band"] = at_most(float(outside), 0.0)
-    return checks
-
-
-def suspicions(data: Recordings, found: Identification, validation: Validation | None, targets: str) -> list[str]:
-    """Sentences on signs, units, order of columns and saturation that the log is suspected of."""
-    rows, work = found.rows, work_of(found)
-    lines = [
-        f"{t}: {100 * share:.3g} % of its rms are left unexplained; check sign, order and units of the columns"
-        for t, share in zip(rows.targets, _unexplained(found), strict=True)
-        if share > UNEXPLAINED
-    ]
-    order = exchanged_efforts(found)
-    if order is not None and not order.passed:
-        lines.append(order.sentence(rows.targets))
-    if work is not None:
-        other = None if validation is None else work_of(found, validation.rows)
-        lines += work.driving(rows.targets) + (work if other is None else other).unbalanced()
-    return lines + _far_off(found) + _saturated(data, targets)
-
-
-def _unexplained(found: Identification) -> np.ndarray:
-    return np.sqrt(np.mean(found.residuals**2, axis=0) / np.mean(found.rows.effort**2, axis=0))
+    return checks, said
 
 
 def _far_off(found: Identification) -> list[str]:
@@ -107,17 +99,8 @@ def _student(tests: int, freedom: float) -> float:
     return float(stats.t.isf(FALSE_ALARM / 2 / max(tests, 1), freedom))
 
 
-def _saturated(data: Recordings, targets: str) -> list[str]:
-    return [
-        f"{name} of {recording} stands at its {end} value, {value:.5g} {unit}, in {100 * share:.2g} % of the samples; "
-        "if the sensor saturates there, the numbers are off"
-        for name, recording, end, value, unit, share in _piled(data, targets)
-        if share > SATURATED
-    ]
-
-
-def _piled(data: Recordings, targets: str) -> list[tuple[str, str, str, float, str, float]]:
-    """Component, recording, end, reading, unit and share of the samples there, of readings that pile up at an end."""
+def _piled(data: Recordings, targets: str) -> list[tuple[float, str]]:
+    """Share of the samples and a sentence, of readings that pile up at an end."""
     found = []
     for session in data.fitted:
         unit = session.trajectory.unit(targets)
@@ -130,5 +113,9 @@ def _piled(data: Recordings, targets: str) -> list[tuple[str, str, str, float, s
             for end, at, beside in (("largest", -1, -2), ("smallest", 0, 1)):
                 if counts[at] > PILED * counts[beside]:
                     share = float(counts[at] / len(column))
-                    found.append((name, session.name, end, float(levels[at]), unit, share))
+                    sentence = (
+                        f"{name} of {session.name} stands at its {end} value, {levels[at]:.5g} {unit}, in "
+                        f"{100 * share:.2g} % of the samples; if the sensor saturates there, the numbers are off"
+                    )
+                    found.append((share, sentence))
     return found

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..lang import Model, ModelError
 from ..measurements import Session, derivative
-from ..results import ArgumentError, Check, Row, Trajectory, TrajectoryError, Work, at_most
+from ..results import ArgumentError, Check, Row, Trajectory, TrajectoryError, Work, at_most, naming
 from ..simulation import simulate
 from .options import ClosedLoop
 
@@ -62,10 +62,8 @@ def follow(
     be simulated.
     """
     given = _gathered(parameters)
-    try:
+    with naming("closed_loop.model", ModelError):
         model = loop.model.with_(**given) if isinstance(loop.model, Model) else loop.model(**given)
-    except ModelError as error:
-        raise ArgumentError(str(error), "closed_loop.model") from error
     runs = []
     for n, session in enumerate(sessions):
         raw = session.trajectory
@@ -81,7 +79,7 @@ def follow(
             work.progress("simulating in closed loop", (n + at / end) / len(sessions), {"time_s": at})
             return work.interrupted()
 
-        try:
+        with naming("closed_loop", ModelError, TrajectoryError):
             done = simulate(
                 model,
                 float(time[-1]),
@@ -93,8 +91,6 @@ def follow(
                 progress=progress,
                 throw=False,
             )
-        except (ModelError, TrajectoryError) as error:
-            raise ArgumentError(str(error), "closed_loop") from error
         rows = len(done.trajectory)
         if not done.status.ok and rows < 2:
             raise ArgumentError(f"the closed loop could not be simulated: {done.message}", "closed_loop")

@@ -2,39 +2,39 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
 import tomli_w
 
 from ..results import SolveStatus, Trajectory
-from .checks import checks_of, suspicions
+from .asked import Asked
+from .checks import judged
 from .closed_loop import ClosedLoopRun, within_bound
 from .identified import IdentificationStudy
 from .inertia import Identification, Validation
-from .options import ClosedLoop, Fitting
+from .options import ClosedLoop
 from .recordings import Recordings
 from .repeated import Repeated
+from .rows import Rows
 
 
 def concluded(
-    how: Fitting,
+    asked: Asked,
     data: Recordings,
     found: Identification,
     validation: Validation | None,
-    repeated: Repeated | None,
-    title: str,
     *,
-    told: Mapping[str, float],
+    repeated: Repeated | None = None,
     loop: ClosedLoop | None = None,
     runs: Sequence[ClosedLoopRun] = (),
 ) -> IdentificationStudy:
     """The study of a fit."""
-    e, rows = found.estimate, found.rows
-    names = [*e.names, *e.held]
-    parameters = {n: e.value(n) for n in rows.names if n in names and n not in rows.signed}
-    told = {name: number for name, number in told.items() if name in parameters}
+    e, rows, title, parameters = found.estimate, found.rows, asked.title, found.numbers
+    told = {name: number for name, number in asked.published.items() if name in parameters}
+    checks, suspicions = judged(asked, data, found, validation, repeated)
     shown = (title or "identification") + (" (synthetic)" if rows.synthetic else "")
     stopped = repeated is not None and repeated.runs.interrupted
     coverage = None
@@ -48,9 +48,9 @@ def concluded(
         message=f"{len(e.names)} parameters from {len(rows)} rows",
         title=title,
         objective=float(np.sum((found.residuals / found.noise) ** 2)),
-        checks=checks_of(data, found, validation, repeated) | within_bound(loop, runs),
+        checks=checks | within_bound(loop, runs),
         parameters=parameters,
-        units={n: u for n, u in zip(rows.names, rows.units, strict=True) if n in names},
+        units={n: u for n, u in zip(rows.names, rows.units, strict=True) if n in (*e.names, *e.held)},
         intervals={n: list(e.interval(n)) for n in e.names},
         at_bound=list(e.held),
         corrections=data.corrections | {n: e.value(n) for n in rows.signed},
@@ -69,7 +69,7 @@ def concluded(
         coverage=coverage,
         sentences=[
             rows.filter_sentence,
-            *suspicions(data, found, validation, how.targets),
+            *suspicions,
             *found.sentences,
             *([f"intervals take the estimated {known} as known"] if known else []),
         ],
@@ -79,7 +79,7 @@ def concluded(
         fit=found,
         numbers=told,
         closed_loop=runs,
-        trajectory=_trajectory(found, shown),
+        trajectory=_trajectory(found, asked.how.targets, shown),
         figures=_figures(found, validation, shown, runs, title),
         files={"parameters.toml": _file(found, shown)},
         machine_files=("parameters.toml",),
@@ -91,14 +91,14 @@ def _of_runs(runs: Sequence[ClosedLoopRun]) -> dict[str, Any]:
     return {f"closed_loop_{word}": [getattr(run, word) for run in runs] or None for word in words}
 
 
-def _trajectory(found: Identification, title: str) -> Trajectory:
+def _trajectory(found: Identification, name: str, title: str) -> Trajectory:
     """Measured and modelled efforts of the first recording."""
     rows = found.rows
     end = rows.starts[1] if len(rows.starts) > 1 else len(rows)
     part = slice(0, end)
-    name, unit = rows.targets[0].partition("[")[0], rows.effort_unit
     signals = {f"{name}.measured": rows.effort[part], f"{name}.modelled": found.modelled()[part]}
-    return Trajectory(rows.time[part], signals, dict.fromkeys(signals, unit), title=title, synthetic=rows.synthetic)
+    units = dict.fromkeys(signals, rows.effort_unit)
+    return Trajectory(rows.time[part], signals, units, title=title, synthetic=rows.synthetic)
 
 
 def _file(found: Identification, title: str) -> str:
@@ -107,9 +107,8 @@ def _file(found: Identification, title: str) -> str:
     table: dict[str, Any] = {"title": title}
     if found.rows.synthetic:
         table["synthetic"] = found.rows.synthetic
-    for n in found.rows.names:
+    for n, unit in zip(found.rows.names, found.rows.units, strict=True):
         if n in e.names or n in e.held:
-            unit = found.rows.units[found.rows.names.index(n)]
             entry: dict[str, Any] = {"value": e.value(n), "unit": unit}
             entry |= {"at_bound": True} if n in e.held else {"interval_95": list(e.interval(n))}
             table[n] = entry
@@ -119,22 +118,12 @@ def _file(found: Identification, title: str) -> str:
 def _figures(
     found: Identification, validation: Validation | None, title: str, runs: Sequence[ClosedLoopRun], plain: str
 ) -> dict[str, Any]:
-    rows = found.rows
-    fit = found.modelled()
+    rows, fit = found.rows, found.modelled()
 
-    def efforts() -> Any:
+    def efforts(of: Rows, modelled: np.ndarray, title: str) -> Any:
         from ..plot.identification import efforts_figure
 
-        return efforts_figure(rows.time, rows.effort, fit, rows.targets, rows.effort_unit, title)
-
-    def held_out() -> Any:
-        from ..plot.identification import efforts_figure
-
-        assert validation is not None
-        modelled = validation.effort - validation.errors
-        return efforts_figure(
-            validation.time, validation.effort, modelled, rows.targets, rows.effort_unit, f"{title}, held out"
-        )
+        return efforts_figure(of.time, of.effort, modelled, rows.targets, rows.effort_unit, title)
 
     def friction() -> Any:
         from ..plot.identification import friction_figure
@@ -151,9 +140,10 @@ def _figures(
         said = f"{plain or 'identification'}: closed loop simulated from the reference"
         return closed_loop_figure([(run.name, run.trajectory) for run in runs], title=said)
 
-    figures: dict[str, Any] = {"efforts": efforts}
+    figures: dict[str, Any] = {"efforts": partial(efforts, rows, fit, title)}
     if validation is not None:
-        figures["held_out"] = held_out
+        other = validation.rows
+        figures["held_out"] = partial(efforts, other, other.effort - validation.errors, f"{title}, held out")
     at = [k for k, n in enumerate(rows.names) if any(word in n for word in ("coulomb", "viscous"))]
     if at and rows.velocity.shape[1] == len(rows.targets):
         figures["friction"] = friction

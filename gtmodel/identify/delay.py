@@ -64,8 +64,7 @@ def delay_of(found: Identification) -> Delay | None:
         return None
     at = [rows.names.index(n) for n in e.names]
     size = found.noise
-    base = rows.Y[:, :, at] / size[None, :, None]
-    J = np.concatenate([base, (-rows.effort_rate / size)[:, :, None]], axis=2)
+    J = np.concatenate([rows.columns(at, size), (-rows.effort_rate / size)[:, :, None]], axis=2)
     n, m, k = J.shape
     if n * m <= k:
         return None

@@ -3,27 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from ..compiler.causal import flat_of
 from ..lang import Model, ModelError
-from ..measurements import Signal
-from ..results import ArgumentError, SolveStatus, TrajectoryError, Work
+from ..measurements import Session, Signal
+from ..results import ArgumentError, SolveStatus, TrajectoryError, Work, naming
 from ..results.work import Progress, never, silent
+from .asked import Asked, asked_for
 from .closed_loop import ClosedLoopRun, follow
 from .concluded import concluded
 from .identified import IdentificationStudy
 from .inertia import Identification, Validation, identify
 from .options import ClosedLoop, Fitting, SyntheticLog
-from .parameter_names import scalar_parameters
-from .recordings import Log, Recordings, made_up, measured, scalars_of, sessions_of
-from .regressor import Regressor
+from .parameter_names import among
+from .recordings import Log, Recordings, made_up, measured, sessions_of
 from .repeated import Repeated, repeat_identification
-from .rows import Processing, rows_of, with_offsets
+from .rows import Processing, Rows, rows_of, with_offsets
 
 Array = np.ndarray
-STOPPED = "stopped before the fit"
 
 
 def study(
@@ -68,24 +67,16 @@ def study(
     9.13
     """
     work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
-    how, processing = fitting or Fitting(), processing or Processing()
-    regressor = regressor_of(robot, free, how)
-    told = _told(robot, published or {})
-    work.progress("reading", 0.1)
-    recordings, others = sessions_of(log, "log"), sessions_of(held_out, "held_out")
-    data = measured(recordings, others, signals, regressor, processing, free, how.known, how.targets)
+    asked = asked_for(robot, free, fitting, processing, published, title, work)
+    data = measured(asked, sessions_of(log, "log"), sessions_of(held_out, "held_out"), signals)
     _check_inputs(closed_loop, data)
     if work.interrupted():
-        return IdentificationStudy(status=SolveStatus.INTERRUPTED, message=STOPPED, title=title)
-    work.progress("fitting", 0.3)
-    found, validation = _fitted(how, processing, regressor, data, free, "log")
+        return _stopped(title)
+    found, validation = _fitted(asked, data, "log")
     runs: list[ClosedLoopRun] = []
     if closed_loop is not None:
-        e = found.estimate
-        names = [n for n in found.rows.names if n in (*e.names, *e.held) and n not in found.rows.signed]
-        numbers = {n: e.value(n) for n in names}
-        runs = follow(closed_loop, numbers, data.fitted + data.held_out, how.known, how.targets, work)
-    return concluded(how, data, found, validation, None, title, told=told, loop=closed_loop, runs=runs)
+        runs = follow(closed_loop, found.numbers, data.fitted + data.held_out, *asked.names, work)
+    return concluded(asked, data, found, validation, loop=closed_loop, runs=runs)
 
 
 def synthetic_study(
@@ -117,47 +108,16 @@ def synthetic_study(
     Interrupted while it repeats, it keeps the runs that ended. Raises ArgumentError.
     """
     work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
-    how, processing = fitting or Fitting(), processing or Processing()
-    regressor = regressor_of(robot, free, how)
-    told = _told(robot, published or {})
-    work.progress("reading", 0.1)
-    data = made_up(plant or robot, synthetic, motion, regressor, how.known, how.targets)
+    asked = asked_for(robot, free, fitting, processing, published, title, work)
+    data = made_up(asked, plant or robot, synthetic, motion)
     if work.interrupted():
-        return IdentificationStudy(status=SolveStatus.INTERRUPTED, message=STOPPED, title=title)
-    work.progress("fitting", 0.3)
-    found, validation = _fitted(how, processing, regressor, data, free, "synthetic")
-    repeated = _repeated(how, processing, synthetic, regressor, data, free, work)
-    return concluded(how, data, found, validation, repeated, title, told=told)
+        return _stopped(title)
+    found, validation = _fitted(asked, data, "synthetic")
+    return concluded(asked, data, found, validation, repeated=_repeated(asked, data, synthetic))
 
 
-def regressor_of(robot: Model, free: Sequence[str], how: Fitting) -> Regressor:
-    """The regressor of what is free and what is watched. Raises ArgumentError."""
-    flat = flat_of(robot)
-    for name in ("known", "targets"):
-        try:
-            flat.lookup(getattr(how, name))
-        except ModelError as error:
-            raise ArgumentError(str(error), f"fitting.{name}") from error
-    try:
-        found = Regressor(robot, [*free, *how.watch], how.known, how.targets)
-    except ModelError as error:
-        at = "fitting.watch" if any(f"'{n}" in str(error) for n in how.watch) else "free"
-        raise ArgumentError(str(error), at) from error
-    if not isinstance(how.nonnegative, bool):
-        try:
-            scalars_of(found, how.nonnegative)
-        except ModelError as error:
-            raise ArgumentError(str(error), "fitting.nonnegative") from error
-    return found
-
-
-def _told(robot: Model, published: Mapping[str, float]) -> Mapping[str, float]:
-    for name in published:
-        try:
-            scalar_parameters(flat_of(robot), [name])
-        except ModelError as error:
-            raise ArgumentError(str(error), f"published.{name}") from error
-    return published
+def _stopped(title: str) -> IdentificationStudy:
+    return IdentificationStudy(status=SolveStatus.INTERRUPTED, message="stopped before the fit", title=title)
 
 
 def _check_inputs(loop: ClosedLoop | None, data: Recordings) -> None:
@@ -167,59 +127,39 @@ def _check_inputs(loop: ClosedLoop | None, data: Recordings) -> None:
                 raise ArgumentError(f"'{session.name}' holds no '{name}'", "closed_loop.inputs")
 
 
-def _fitted(
-    how: Fitting, processing: Processing, regressor: Regressor, data: Recordings, free: Sequence[str], place: str
-) -> tuple[Identification, Validation | None]:
-    try:
-        rows = rows_of(data.fitted, regressor, processing, how.known, how.targets)
-        if data.offsets is not None:
-            rows = with_offsets(rows, how.targets, per_session=data.offsets == "session")
-        found = identify(
-            rows, [*free, *rows.signed], nonnegative=how.nonnegative, confidence=how.confidence
-        )  # fmt: skip
+def _fitted(asked: Asked, data: Recordings, place: str) -> tuple[Identification, Validation | None]:
+    asked.work.progress("fitting", 0.3)
+    how, used = asked.how, asked.processing
+
+    def rows_from(sessions: Sequence[Session], processing: Processing, per_session: bool) -> Rows:
+        rows = rows_of(sessions, asked.regressor, processing, *asked.names)
+        return rows if data.offsets is None else with_offsets(rows, how.targets, per_session=per_session)
+
+    with naming(place, ModelError, TrajectoryError):
+        rows = rows_from(data.fitted, used, data.offsets == "session")
+        found = identify(rows, [*asked.free, *rows.signed], nonnegative=how.nonnegative, confidence=how.confidence)
         if not data.held_out:
             return found, None
-        fixed = Processing(
-            rows.cutoff_Hz, processing.order, rows.every, processing.position_step, processing.mask_steps
-        )
-        others = rows_of(data.held_out, regressor, fixed, how.known, how.targets)
-        if data.offsets is not None:
-            others = with_offsets(others, how.targets, per_session=False)
-        return found, found.validate(others)
-    except (ModelError, TrajectoryError) as error:
-        raise ArgumentError(str(error), place) from error
+        fixed = replace(used, cutoff=rows.cutoff_Hz, every=rows.every)
+        return found, found.validate(rows_from(data.held_out, fixed, False))
 
 
-def _repeated(
-    how: Fitting,
-    processing: Processing,
-    s: SyntheticLog,
-    regressor: Regressor,
-    data: Recordings,
-    free: Sequence[str],
-    work: Work,
-) -> Repeated | None:
+def _repeated(asked: Asked, data: Recordings, s: SyntheticLog) -> Repeated | None:
     if s.runs == 0 or data.simulator is None:
         return None
-
-    def progress(done: int, runs: int) -> None:
-        work.progress("repeating", done / runs, {"runs": float(done)})
-
-    truth = {n: data.truth[n] for n in scalars_of(regressor, free)}
-    try:
+    regressor, work = asked.regressor, asked.work
+    with naming("synthetic.runs", RuntimeError, ValueError):
         return repeat_identification(
             data.simulator,
             regressor,
-            truth,
+            {regressor.names[k]: data.truth[regressor.names[k]] for k in among(regressor.names, asked.free)},
             data.sensors,
             s.runs,
             s.seed,
-            free=free,
-            processing=processing,
-            confidence=how.confidence,
+            free=asked.free,
+            processing=asked.processing,
+            confidence=asked.how.confidence,
             processes=s.processes,
-            progress=progress,
+            progress=lambda done, runs: work.progress("repeating", done / runs, {"runs": float(done)}),
             interrupted=work.interrupted,
         )
-    except (RuntimeError, ValueError) as error:
-        raise ArgumentError(str(error), "synthetic.runs") from error

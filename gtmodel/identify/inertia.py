@@ -89,6 +89,12 @@ class Identification:
             [self.fixed[n] if n in self.fixed else self.estimate.value(n) for n in self.rows.names], dtype=float
         )
 
+    @property
+    def numbers(self) -> dict[str, float]:
+        """What was estimated of the model, at its bound or not, by name in the order of the rows."""
+        known = {*self.estimate.names, *self.estimate.held} - {*self.rows.signed}
+        return {n: self.estimate.value(n) for n in self.rows.names if n in known}
+
     def modelled(self, rows: Rows | None = None) -> Array:
         """Modelled efforts (n, m) of these rows, or of others (Dressler 2012, Figs. 6.5 and 6.6)."""
         rows = self.rows if rows is None else rows
@@ -98,15 +104,7 @@ class Identification:
         """Errors on a motion that the fit has not seen."""
         if rows.names != self.rows.names:
             raise ModelError("the other motion was prepared with another regressor; use the same one")
-        return Validation(
-            rows.time,
-            rows.effort - self.modelled(rows),
-            rows.effort,
-            self.noise,
-            rows.targets,
-            rows,
-            self._judged(rows),
-        )
+        return Validation(rows, rows.effort - self.modelled(rows), self.noise, self._judged(rows))
 
     def _judged(self, rows: Rows) -> tuple[HeldOut, ...]:
         """Held-out rms error over the noise of the fit, by target, against what a sound model has."""
@@ -146,29 +144,21 @@ class Identification:
         lines += [t.sentence for t in self.left_out if not t.passed]
         if self.delay is not None and not self.delay.passed:
             lines.append(self.delay.sentence)
-        for name, low, high in self.insignificant():
-            lines.append(f"{name} is not told from zero: {low:.3g} to {high:.3g}")
-        return lines
-
-    def insignificant(self) -> list[tuple[str, float, float]]:
-        """Parameters whose 95 % interval holds zero."""
         limits = [(n, *self.estimate.interval(n)) for n in self.estimate.names]
-        return [(n, low, high) for n, low, high in limits if low <= 0 <= high]
+        told = "{} is not told from zero: {:.3g} to {:.3g}"
+        return lines + [told.format(n, low, high) for n, low, high in limits if low <= 0 <= high]
 
 
 @dataclass(frozen=True, eq=False)
 class Validation:
-    """Errors (n, m) on another motion, `rows`, at times (n,) [s], beside the effort's own size and the fit's noise.
+    """Errors (n, m) on the `rows` of another motion, beside the fit's noise.
 
     judged (m,): their size over the fit's noise, against what a sound model has."""
 
-    time: Array
-    errors: Array
-    effort: Array
-    noise: Array
-    targets: tuple[str, ...]
     rows: Rows
-    judged: tuple[HeldOut, ...] = ()
+    errors: Array
+    noise: Array
+    judged: tuple[HeldOut, ...]
 
     @property
     def rms(self) -> Array:
@@ -178,13 +168,13 @@ class Validation:
     @property
     def relative(self) -> Array:
         """rms error over rms effort (m,)."""
-        return self.rms / np.sqrt(np.mean(self.effort**2, axis=0))
+        return self.rms / np.sqrt(np.mean(self.rows.effort**2, axis=0))
 
     @property
     def sentence(self) -> str:
         each = ", ".join(
             f"{t} {e:.3g} ({100 * r:.2g} %, {e / s:.3g} times the fit's own)"
-            for t, e, r, s in zip(self.targets, self.rms, self.relative, self.noise, strict=True)
+            for t, e, r, s in zip(self.rows.targets, self.rms, self.relative, self.noise, strict=True)
         )
         return f"held-out error, rms: {each}"
 
@@ -214,68 +204,92 @@ def identify(
     together).
     """
     at = among(rows.names, rows.names if free is None else free)
-    rest = [k for k in range(len(rows.names)) if k not in at]
-    names = tuple(rows.names[k] for k in at)
-    A = rows.Y[:, :, at]
-    b = rows.effort - rows.y0 - rows.Y[:, :, rest] @ rows.nominal[rest]
-    bounded = () if nonnegative is False else tuple(n for n in names if n not in rows.signed)
-    if not isinstance(nonnegative, bool):
-        bounded = tuple(rows.names[k] for k in among(rows.names, nonnegative) if k in at)
-    units = [rows.units[k] for k in at]
-    scale = _scale(rows.nominal[at], units)
-    options = dict(scale=scale, units=units)
-    size = np.ones(b.shape[1]) if noise is None else np.asarray(noise, dtype=float)
+    names = [rows.names[k] for k in at]
     idle = [t for t, column in zip(rows.targets, rows.effort.T, strict=True) if not np.any(column)]
     if idle:
         raise ModelError(f"{', '.join(idle)} is zero all the time; check which column holds the measured effort")
-
-    def fit(size: Array, bounds: dict[str, tuple[float, float]]) -> Estimate:
-        sizes = np.tile(size, len(b))
-        weighted = dict(sigma=sizes) if noise is not None else dict(weights=1 / sizes**2)
-        try:
-            return linear_fit(A.reshape(-1, len(at)), b.reshape(-1), names, bounds=bounds, **weighted, **options)  # pyright: ignore[reportArgumentType]
-        except ValueError as error:
-            raise ModelError(f"the motion does not tell the parameters: {error}") from error
-
-    unbounded = fit(size, {})
+    least = _LeastSquares(rows, at, noise is not None)
+    size = np.ones(len(rows.targets)) if noise is None else np.asarray(noise, dtype=float)
+    unbounded = least.fit(size)
     for _ in range(0 if noise is not None else WEIGHTINGS):
-        size = _spread(b - A @ unbounded.values, len(at))
-        unbounded = fit(size, {})
-    negative = [n for n in bounded if unbounded.value(n) < 0]
-    estimate = fit(size, {n: (0.0, np.inf) for n in bounded}) if negative else unbounded
+        size = _spread(least.left(unbounded), len(at))
+        unbounded = least.fit(size)
+    bounded = _bounded(rows, names, nonnegative)
+    negative = any(unbounded.value(n) < 0 for n in bounded)
+    estimate = least.fit(size, bounded) if negative else unbounded
     if not estimate.names:
         raise ModelError(
             f"every parameter would be negative ({', '.join(f'{n} = {unbounded.value(n):.3g}' for n in names[:3])}"
             f"{', ...' if len(names) > 3 else ''}); check the signs of the efforts and of the position"
         )
-    values = np.array([estimate.value(n) for n in names])
-    residuals = b - A @ values
+    residuals = least.left(estimate)
     verdicts = tuple(whiteness(r) for r in residuals.T)
     coloured = confidence == "newey_west" or (confidence == "auto" and not all(v.passed for v in verdicts))
     if coloured:
-        estimate = _sandwich(estimate, names, A, residuals, size, rows.starts)
-        unbounded = _sandwich(unbounded, names, A, b - A @ unbounded.values, size, rows.starts)
-    groups = _groups(rows, rest) if test is None else [among(rows.names, group) for group in test]
-    groups = [group for group in groups if group]
-    weighted = A / size[None, :, None]
+        unbounded = least.sandwich(unbounded, size)
+        estimate = least.sandwich(estimate, size) if negative else unbounded
+    groups = _groups(rows, least.rest) if test is None else [g for g in (among(rows.names, g) for g in test) if g]
+    weighted = rows.columns(at, size)
     return Identification(
         rows,
-        {rows.names[k]: float(rows.nominal[k]) for k in rest},
+        {rows.names[k]: float(rows.nominal[k]) for k in least.rest},
         estimate,
-        unbounded if negative else estimate,
+        unbounded,
         size,
         residuals,
         verdicts,
         "newey_west" if coloured else "white",
         # the triangle of the QR has the singular values and the null space of the rows
         identifiability(
-            np.linalg.qr(weighted.reshape(-1, len(at)), mode="r"),
-            names,
-            scale=scale,
-            poses=len(rows),
+            np.linalg.qr(weighted.reshape(-1, len(at)), mode="r"), names, scale=least.scale, poses=len(rows)
         ),
         tuple(_left_out(rows, group, weighted, residuals / size, size, coloured, len(groups)) for group in groups),
     )
+
+
+class _LeastSquares:
+    """Rows as equations of the parameters at some places, the others at their nominal values."""
+
+    def __init__(self, rows: Rows, at: Sequence[int], known: bool) -> None:
+        self.rest = [k for k in range(len(rows.names)) if k not in at]
+        self.A = rows.Y[:, :, at]
+        self.b = rows.effort - rows.y0 - rows.Y[:, :, self.rest] @ rows.nominal[self.rest]
+        self.names, self.units = [rows.names[k] for k in at], [rows.units[k] for k in at]
+        self.scale, self.starts, self.known = _scale(rows.nominal[at], self.units), rows.starts, known
+
+    def fit(self, size: Array, nonnegative: Sequence[str] = ()) -> Estimate:
+        """Targets weigh by their sizes (m,), which are the noise itself where it is known."""
+        sizes = np.tile(size, len(self.b))
+        try:
+            return linear_fit(
+                self.A.reshape(-1, len(self.names)),
+                self.b.reshape(-1),
+                self.names,
+                bounds={n: (0.0, np.inf) for n in nonnegative},
+                sigma=sizes if self.known else None,
+                weights=None if self.known else 1 / sizes**2,
+                scale=self.scale,
+                units=self.units,
+            )
+        except ValueError as error:
+            raise ModelError(f"the motion does not tell the parameters: {error}") from error
+
+    def left(self, estimate: Estimate) -> Array:
+        """Residuals (n, m)."""
+        return self.b - self.A @ np.array([estimate.value(n) for n in self.names])
+
+    def sandwich(self, estimate: Estimate, size: Array) -> Estimate:
+        """With the covariance of coloured residuals."""
+        kept = [self.names.index(n) for n in estimate.names]
+        covariance = newey_west(self.A[:, :, kept] / size[:, None], self.left(estimate) / size, starts=self.starts)
+        return replace(estimate, covariance=covariance)
+
+
+def _bounded(rows: Rows, names: Sequence[str], nonnegative: bool | Sequence[str]) -> list[str]:
+    """Which of these parameters must not be negative."""
+    if isinstance(nonnegative, bool):
+        return [n for n in names if nonnegative and n not in rows.signed]
+    return [n for n in (rows.names[k] for k in among(rows.names, nonnegative)) if n in names]
 
 
 def bias_of(rows: Rows, free: Sequence[str], truth: dict[str, float], noise: Array | None = None) -> dict[str, float]:
@@ -285,7 +299,7 @@ def bias_of(rows: Rows, free: Sequence[str], truth: dict[str, float], noise: Arr
     """
     at, out = among(rows.names, free), among(rows.names, list(truth))
     size = np.ones(rows.effort.shape[1]) if noise is None else noise
-    A, B = ((rows.Y[:, :, k] / size[None, :, None]).reshape(-1, len(k)) for k in (at, out))
+    A, B = (rows.columns(k, size).reshape(-1, len(k)) for k in (at, out))
     missing = np.array([truth[rows.names[k]] for k in out]) - rows.nominal[out]
     shift = np.linalg.lstsq(A, B @ missing, rcond=None)[0]
     return {rows.names[k]: float(s) for k, s in zip(at, shift, strict=True)}
@@ -306,14 +320,6 @@ def _scale(nominal: Array, units: Sequence[str]) -> Array:
     return sizes
 
 
-def _sandwich(
-    estimate: Estimate, names: Sequence[str], A: Array, residuals: Array, size: Array, starts: tuple[int, ...]
-) -> Estimate:
-    kept = [names.index(n) for n in estimate.names]
-    J = A[:, :, kept] / size[None, :, None]
-    return replace(estimate, covariance=newey_west(J, residuals / size, starts=starts))
-
-
 def _groups(rows: Rows, rest: Sequence[int]) -> list[list[int]]:
     """Fixed parameters gathered by the array that they are entries of."""
     groups: dict[str, list[int]] = {}
@@ -330,7 +336,7 @@ def _left_out(
     from scipy import stats  # here: it alone takes as long to import as all of gtmodel
 
     A = weighted.reshape(-1, weighted.shape[2])
-    B = (rows.Y[:, :, list(group)] / size[None, :, None]).reshape(len(A), -1)
+    B = rows.columns(group, size).reshape(len(A), -1)
     Q = np.linalg.qr(A)[0]
     beyond = B - Q @ (Q.T @ B)
     r = residuals.reshape(-1)

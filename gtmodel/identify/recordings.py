@@ -11,14 +11,12 @@ import numpy as np
 from ..compiler.causal import flat_of
 from ..lang import Model, ModelError
 from ..measurements import ESTIMATE, Corrections, Session, Signal, session_of
-from ..results import ArgumentError, Trajectory, TrajectoryError
+from ..results import ArgumentError, Trajectory, TrajectoryError, naming
 from ..robots import actuator_closed_loop
+from .asked import Asked
 from .corrected import corrected
 from .options import SyntheticLog
-from .parameter_names import among
 from .reference_motion import reference_motion
-from .regressor import Regressor
-from .rows import Processing
 from .simulated_log import LogSimulator, Sensors
 from .tracking import Tracking
 
@@ -44,23 +42,14 @@ def sessions_of(log: Log, argument: str) -> tuple[Session, ...]:
     """One recording or several, as sessions. Raises ArgumentError with that argument."""
     # a session is a tuple itself
     several = [log] if isinstance(log, (Session, Trajectory)) else list(log)
-    try:
+    with naming(argument, TrajectoryError):
         return tuple(
             one if isinstance(one, Session) else session_of(one, f"recording {n}") for n, one in enumerate(several, 1)
         )
-    except TrajectoryError as error:
-        raise ArgumentError(error.sentence, argument) from error
 
 
 def measured(
-    raw: tuple[Session, ...],
-    others: tuple[Session, ...],
-    signals: Mapping[str, Signal] | None,
-    regressor: Regressor,
-    processing: Processing,
-    free: Sequence[str],
-    known: str,
-    targets: str,
+    asked: Asked, raw: tuple[Session, ...], others: tuple[Session, ...], signals: Mapping[str, Signal] | None
 ) -> Recordings:
     """Recordings with their columns corrected; those without signals hold the quantities already.
 
@@ -68,6 +57,7 @@ def measured(
     """
     if not raw:
         raise ArgumentError("is empty; expected a recording or more", "log")
+    regressor, (known, targets) = asked.regressor, asked.names
     wanted = next(s for s in regressor.inputs if s.name == known)
     for name, shape, what in ((known, wanted.shape, "known"), (targets, regressor.outputs[0].shape, "targets")):
         missing = next((s.name for s in (*raw, *others) if name not in s.trajectory), None)
@@ -88,13 +78,11 @@ def measured(
         if offsets == "session" and others:
             raise _by_session("offset", targets)
         given[targets] = dataclasses.replace(effort, offset=0.0)
-    try:
+    with naming("log", TrajectoryError, ModelError):
         fitted, values = corrected(
-            Corrections(given, raw), regressor, processing, free, known, targets, offsets=offsets is not None
+            Corrections(given, raw), regressor, asked.processing, asked.free, known, targets, offsets is not None
         )
         return Recordings(fitted, _held_out(given, others, values) if others else (), values, offsets)
-    except (TrajectoryError, ModelError) as error:
-        raise ArgumentError(str(error), "log") from error
 
 
 def _held_out(signals: dict[str, Signal], others: tuple[Session, ...], values: dict[str, float]) -> tuple[Session, ...]:
@@ -115,36 +103,22 @@ def _by_session(what: str, signal: str) -> ArgumentError:
     )
 
 
-def made_up(
-    plant: Model, s: SyntheticLog, motion: Array | None, regressor: Regressor, known: str, targets: str
-) -> Recordings:
+def made_up(asked: Asked, plant: Model, s: SyntheticLog, motion: Array | None) -> Recordings:
     """A log of the plant to fit and one of another motion to hold out. Raises ArgumentError."""
     noise = tuple(s.effort_noise) if isinstance(s.effort_noise, list) else float(s.effort_noise)
-    wanted = len(regressor.columns)
+    wanted = len(asked.regressor.columns)
     if isinstance(noise, tuple) and len(noise) != wanted:
         raise ArgumentError(f"has {len(noise)} numbers; expected one, or {wanted}", "synthetic.effort_noise")
     sensors = Sensors(s.position_step, noise, s.effort_colour, s.effort_step)
-    simulators = []
-    for seed, given in ((s.motion_seed, motion), (s.motion_seed + 1, None)):
-        reference = reference_motion(known, s, plant, seed, given)
-        tracking = None
-        if s.tracking == "dressler_2012":
-            tracking = Tracking(**actuator_closed_loop())
-            if reference.shape[1:] != (3,):
-                raise ArgumentError('is for three carts; take "exact" for this robot', "synthetic.tracking")
-        try:
-            simulators.append(LogSimulator(plant, reference, s.sample_time, known, targets, tracking))
-        except (ModelError, ValueError) as error:
-            raise ArgumentError(str(error), "synthetic") from error
-    logs = [
-        Session(f"synthetic log {k + 1}", simulator.draw(s.seed + k, sensors), s.sample_time)
-        for k, simulator in enumerate(simulators)
-    ]
+    tracking = Tracking(**actuator_closed_loop()) if s.tracking == "dressler_2012" else None
+    simulators, logs = [], []
+    for k, given in enumerate((motion, None)):
+        reference = reference_motion(asked.how.known, s, plant, s.motion_seed + k, given)
+        if tracking is not None and reference.shape[1:] != (3,):
+            raise ArgumentError('is for three carts; take "exact" for this robot', "synthetic.tracking")
+        with naming("synthetic", ModelError, ValueError):
+            simulators.append(LogSimulator(plant, reference, s.sample_time, *asked.names, tracking))
+        logs.append(Session(f"synthetic log {k + 1}", simulators[k].draw(s.seed + k, sensors), s.sample_time))
     values = {q.name: q.value for q in flat_of(plant).parameters}
-    truth = {n: values[n] for n in regressor.names if n in values}
+    truth = {n: values[n] for n in asked.regressor.names if n in values}
     return Recordings((logs[0],), (logs[1],), truth=truth, simulator=simulators[0], sensors=sensors)
-
-
-def scalars_of(regressor: Regressor, names: Sequence[str]) -> list[str]:
-    """Scalar names of what is free, in the regressor's order."""
-    return [regressor.names[k] for k in among(regressor.names, names)]

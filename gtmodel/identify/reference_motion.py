@@ -7,7 +7,7 @@ import numpy as np
 from ..compiler.causal import flat_of
 from ..lang import Model, ModelError
 from ..measurements import Column, read_log
-from ..results import ArgumentError, Status
+from ..results import ArgumentError, Status, naming
 from ..results.trajectory_files import PathLike
 from .options import SyntheticLog
 
@@ -55,17 +55,19 @@ def _rise(x: Array) -> Array:
 def read_motion(path: PathLike, robot: Model, synthetic: SyntheticLog) -> Array:
     """The rows (n, ...) of the reference variable from a CSV or MATLAB file with its columns in SI, such as the
     trajectory.csv of an excitation. Raises ArgumentError: no such variable, no such column, another sample time."""
-    flat = flat_of(robot)
-    try:
-        _, indices, order = flat.lookup(synthetic.reference)
-        columns = {synthetic.reference: Column(synthetic.reference, flat.unit_of(indices[0], order))}
-    except ModelError as error:
-        raise ArgumentError(str(error), "synthetic.reference") from error
-    try:
+    _, unit = _reference(robot, synthetic)
+    columns = {synthetic.reference: Column(synthetic.reference, unit)}
+    with naming("motion", ValueError):  # the log's, or that of a unit
         recordings = read_log(path, columns, sample_time=synthetic.sample_time)
-    except ValueError as error:  # the log's, or that of a unit
-        raise ArgumentError(str(error), "motion") from error
     return recordings[0].trajectory[synthetic.reference]
+
+
+def _reference(robot: Model, synthetic: SyntheticLog) -> tuple[tuple[int, ...], str]:
+    """Shape and unit of the reference variable. Raises ArgumentError."""
+    flat = flat_of(robot)
+    with naming("synthetic.reference", ModelError):
+        shape, indices, order = flat.lookup(synthetic.reference)
+    return shape, flat.unit_of(indices[0], order)
 
 
 def reference_motion(known: str, s: SyntheticLog, plant: Model, seed: int, motion: Array | None = None) -> Array:
@@ -74,22 +76,13 @@ def reference_motion(known: str, s: SyntheticLog, plant: Model, seed: int, motio
 
     Raises ArgumentError: a variable that there is not, rows of another shape, a motion that leaves the reach.
     """
-    flat = flat_of(plant)
-    try:
-        shape, indices, order = flat.lookup(s.reference)
-    except ModelError as error:
-        raise ArgumentError(str(error), "synthetic.reference") from error
-    if motion is None:
-        rows = _sines(s, shape, plant, seed)
-    else:
-        rows = _repeated(s, np.asarray(motion, dtype=float), shape, flat.unit_of(indices[0], order))
+    shape, unit = _reference(plant, s)
+    rows = _sines(s, shape, plant, seed) if motion is None else _repeated(s, np.asarray(motion, float), shape, unit)
     if s.reference == known:
         return rows
-    try:
+    with naming("synthetic.reference", ModelError, TypeError):
         function = plant.causal(known=s.reference, targets=known)
         found, status = function(rows)
-    except (ModelError, TypeError) as error:
-        raise ArgumentError(str(error), "synthetic.reference") from error
     bad = np.flatnonzero(status != Status.OK)
     if bad.size:
         argument, hint = ("motion", "take it nearer to the home") if motion is not None else (
@@ -132,9 +125,7 @@ def _sines(s: SyntheticLog, shape: tuple[int, ...], plant: Model, seed: int) -> 
     if not s.frequencies:
         raise ArgumentError("is empty; expected one frequency or more", "synthetic.frequencies")
     time = s.sample_time * np.arange(round(s.duration / s.sample_time))
-    try:
+    with naming("synthetic.ramp", ValueError):
         rows = multisine(time, np.asarray(centre, dtype=float), np.broadcast_to(half, (count,)),
                          np.array(s.frequencies), seed, s.ramp)  # fmt: skip
-    except ValueError as error:
-        raise ArgumentError(str(error), "synthetic.ramp") from error
     return rows.reshape(len(rows), *shape)

@@ -43,7 +43,7 @@ def repeat_identification(
     confidence: Confidence = "auto",
     level: float = 0.95,
     processes: int | None = None,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Callable[[int, int], object] | None = None,
     interrupted: Callable[[], bool] | None = None,
 ) -> Repeated:
     """Draw, prepare and fit `runs` logs with generators spawned from `seed`, in parallel processes.

@@ -96,12 +96,9 @@ class Rows:
     def __len__(self) -> int:
         return len(self.time)
 
-    def part(self, rows: Array) -> Rows:
-        """Some of the rows, by index."""
-        chosen = {k: getattr(self, k)[rows] for k in ("Y", "y0", "effort", "time", "position", "velocity")}
-        if self.effort_rate is not None:
-            chosen["effort_rate"] = self.effort_rate[rows]
-        return replace(self, starts=(0,), **chosen)
+    def columns(self, at: Sequence[int], size: Array) -> Array:
+        """Columns (n, m, k) of some parameters, each target over its size (m,)."""
+        return self.Y[:, :, at] / size[:, None]
 
     @property
     def filter_sentence(self) -> str:

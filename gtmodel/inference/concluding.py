@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..results.refusal import ArgumentError
 from .words import listed
 
 # of the largest singular value of the scaled slopes: directions below are in the null space
@@ -45,7 +46,7 @@ def scales(values: np.ndarray | None, n: int, J: np.ndarray) -> np.ndarray:
     """Column scales (n,): those given, or the inverse norm of each column where there is none or zero."""
     given = np.zeros(n) if values is None else np.abs(np.asarray(values, float)).reshape(-1)
     if given.shape != (n,) or not np.all(np.isfinite(given)):
-        raise ValueError(f"scale has the shape {given.shape}; expected {n} finite numbers, one per parameter")
+        raise ArgumentError(f"scale has the shape {given.shape}; expected {n} finite numbers, one per parameter")
     norms = np.linalg.norm(J, axis=0) / np.sqrt(max(len(J), 1))
     # what no row sees stays a column of zeros, whatever its scale
     return np.where(given > 0, given, 1 / np.where(norms > 0, norms, 1.0))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..results.refusal import ArgumentError
 from .residuals import autocorrelation, insignificant
 
 # a correlation counted with both signs of the lag needs this many multiples of itself in the log to be averaged
@@ -91,7 +92,9 @@ def decimated(J: np.ndarray, residuals: np.ndarray, *, every: int | None = None)
     n = J.shape[-1]
     rest = J.reshape(*r.shape, n)[::k].reshape(-1, n)
     if len(rest) <= n:
-        raise ValueError(f"every {k}-th of {len(r)} samples leaves {len(rest)} rows for {n} parameters; measure longer")
+        raise ArgumentError(
+            f"every {k}-th of {len(r)} samples leaves {len(rest)} rows for {n} parameters; measure longer"
+        )
     freedom = r.size - n
     return white(rest, float(np.sum(r**2)) / freedom, scale=_column_scale(rest))
 

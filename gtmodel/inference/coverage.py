@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..results.estimate import Estimate
+from ..results.refusal import ArgumentError
 
 BAND = 0.999  # two-sided: one perfect interval in a thousand falls outside
 POOLED = (0.94, 0.96)
@@ -68,27 +69,16 @@ class Coverage:
         return "\n".join([head, f"{'':{width}s}  {'hits':>5s}  {'bias':>6s}", *rows])
 
 
-def coverage(
-    estimates: Sequence[Estimate],
-    truth: Mapping[str, float],
-    *,
-    level: float = 0.95,
-    combinations: Mapping[str, Mapping[str, float]] | None = None,
-) -> Coverage:
-    """Of the names in `truth`, or of `combinations` of them (label -> name -> weight) where single ones are not told.
-
-    Raises ValueError for no runs, or a name that was not estimated.
-    """
+def coverage(estimates: Sequence[Estimate], truth: Mapping[str, float], *, level: float = 0.95) -> Coverage:
+    """Of the names in `truth`. Raises ArgumentError for no runs, ValueError for a name that was not estimated."""
     if not estimates:
-        raise ValueError("coverage needs runs; found none")
-    asked = combinations or {name: {name: 1.0} for name in truth}
-    hits, errors = np.zeros(len(asked), int), np.zeros((len(estimates), len(asked)))
-    for k, weights in enumerate(asked.values()):
-        true = sum(w * truth[n] for n, w in weights.items())
+        raise ArgumentError("coverage needs runs; found none", "estimates")
+    hits, errors = np.zeros(len(truth), int), np.zeros((len(estimates), len(truth)))
+    for k, (name, true) in enumerate(truth.items()):
         for run, e in enumerate(estimates):
-            value, low, high = e.combination(weights, level)
+            value, low, high = e.combination({name: 1.0}, level)
             hits[k] += low <= true <= high
             errors[run, k] = value - true
-    spread = errors.std(axis=0, ddof=1) if len(estimates) > 1 else np.ones(len(asked))
+    spread = errors.std(axis=0, ddof=1) if len(estimates) > 1 else np.ones(len(truth))
     bias = errors.mean(axis=0) / np.where(spread > 0, spread, 1.0) * np.sqrt(len(estimates))
-    return Coverage(tuple(asked), hits, len(estimates), level, bias)
+    return Coverage(tuple(truth), hits, len(estimates), level, bias)

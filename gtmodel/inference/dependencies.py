@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..results.refusal import ArgumentError
 from .words import listed
 
 # columns whose remaining lengths differ by less than this part tie; the name decides
@@ -28,9 +29,11 @@ class Dependencies:
     coefficients: dict[str, dict[str, float]]
 
     def base(self, name: str) -> dict[str, float]:
-        """The base parameter of an independent name: name -> factor. Raises ValueError for a dependent one."""
+        """The base parameter of an independent name: name -> factor. Raises ArgumentError for a dependent one."""
         if name not in self.independent:
-            raise ValueError(f"'{name}' depends on others; base parameters are those of {', '.join(self.independent)}")
+            raise ArgumentError(
+                f"'{name}' depends on others; base parameters are those of {', '.join(self.independent)}"
+            )
         more = {d: c[name] for d, c in self.coefficients.items() if name in c}
         return {name: 1.0, **more}
 

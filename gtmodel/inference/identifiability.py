@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..results.refusal import ArgumentError
 from .concluding import scales, spectrum
 from .dependencies import Dependencies, dependencies
 from .observability import Observability, observability
@@ -139,13 +140,13 @@ def identifiability(
     these units (missing or zero: the column's norm). `poses`: for the observability indices, default the rows.
     `keep`: names that are preferred as independent ones. With `known_noise` False rows are in units of an unknown
     noise: `std` is then per unit of it, and nothing is called near. The order of the columns changes nothing.
-    Raises ValueError for a wrong shape, values that are not finite, or slopes that are all zero.
+    Raises ArgumentError for a wrong shape, values that are not finite, or slopes that are all zero.
     """
     J, names = np.asarray(J, float), tuple(names)
     if J.ndim != 2 or J.shape[1] != len(names):
-        raise ValueError(f"the slopes have the shape {J.shape}; expected (rows, {len(names)})")
+        raise ArgumentError(f"the slopes have the shape {J.shape}; expected (rows, {len(names)})")
     if not np.all(np.isfinite(J)):
-        raise ValueError(f"the slopes of '{names[int(np.argwhere(~np.isfinite(J))[0, 1])]}' are not finite")
+        raise ArgumentError(f"the slopes of '{names[int(np.argwhere(~np.isfinite(J))[0, 1])]}' are not finite")
     # sorted by name: sums are then formed in one order
     order = sorted(range(len(names)), key=lambda k: names[k])
     back = np.argsort(order)
@@ -155,7 +156,7 @@ def identifiability(
     size = scales(given, len(names), J)
     s = spectrum(J * size, tolerance)
     if s.rank == 0:
-        raise ValueError("nothing measured moves with any of the parameters")
+        raise ArgumentError("nothing measured moves with any of the parameters")
     null, V = s.null, s.V
     moving = np.abs(null).max(axis=1, initial=0.0) > 1e-8
     cov = s.inverse * np.outer(size, size)

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 from scipy.optimize import lsq_linear
 
 from ..results.estimate import Estimate
+from ..results.refusal import ArgumentError
 from .concluding import RANK, effective_parameters, moved_together, scales, spectrum
 from .weighting import Prior, prior_rows, weighting
 
@@ -42,9 +43,9 @@ def linear_fit(
     weighting(); with weights or none of them, the residuals tell it. `bounds`: name -> (low, high); what ends at a
     bound is `held` there and leaves the covariance. `priors` act as further measurements.
 
-    What the data do not determine is refused with ValueError naming it; with `hold_undetermined` it stays nearest to
-    zero in units of the scales, and the Estimate says so. Raises ValueError too for wrong shapes, values that are not
-    finite, or too few rows.
+    What the data do not determine is refused and named; with `hold_undetermined` it stays nearest to zero in units of
+    the scales, and the Estimate says so. Raises ArgumentError for that, wrong shapes, values that are not finite, or
+    too few rows.
     """
     A, b = np.asarray(A, float), np.asarray(b, float).reshape(-1)
     names, priors = tuple(names), tuple(priors)
@@ -85,12 +86,11 @@ def conclude(
     prior_noise: float = 1.0,
     hold_undetermined: bool = False,
     rank_tolerance: float = RANK,
-    notes: tuple[str, ...] = (),
 ) -> Estimate:
     """The Estimate at an optimum x (n,) with whitened residuals r (rows,) and slopes J (rows, n).
 
     `free` (n,) tells which are not held; P (k, n) whitened prior rows, times `prior_noise` in units of r.
-    Raises ValueError for too few rows, and for what is not determined unless `hold_undetermined`.
+    Raises ArgumentError for too few rows, and for what is not determined unless `hold_undetermined`.
     """
     kept = np.flatnonzero(free)
     own = tuple(names[k] for k in kept)
@@ -98,12 +98,12 @@ def conclude(
     s = spectrum(np.vstack([data, prior_noise * P[:, kept] * size]), rank_tolerance)
     null = moved_together(s.null, own)
     if null and not hold_undetermined:
-        raise ValueError("; ".join(null))
+        raise ArgumentError("; ".join(null))
     freedom = len(r) - effective_parameters(data, s.inverse)
     if abs(freedom - round(freedom)) < 1e-6:  # a whole number but for rounding
         freedom = float(round(freedom))
     if freedom < 0 or (freedom == 0 and not known):
-        raise ValueError(f"{len(r)} measured values for {len(kept)} unknowns; measure more, or give sigma")
+        raise ArgumentError(f"{len(r)} measured values for {len(kept)} unknowns; measure more, or give sigma")
     noise = float(np.sqrt(r @ r / freedom)) if freedom else 1.0
     cov = s.inverse * np.outer(size, size) * (1.0 if known else noise**2)
     held = np.flatnonzero(~free)
@@ -111,7 +111,7 @@ def conclude(
     return Estimate(
         own, x[kept], (cov + cov.T) / 2, freedom, noise, known, r, tuple(names[k] for k in held),
         held_values=tuple(float(x[k]) for k in held), units=tuple(units[k] for k in kept) if units else (),
-        notes=(*notes, *null), null_space=null_space,
+        notes=tuple(null), null_space=null_space,
     )  # fmt: skip
 
 
@@ -141,22 +141,22 @@ def _solve(A: np.ndarray, b: np.ndarray, low: np.ndarray, high: np.ndarray, tole
 def _limits(bounds: Mapping[str, tuple[float, float]], names: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray]:
     unknown = [n for n in bounds if n not in names]
     if unknown:
-        raise ValueError(f"bounds name '{unknown[0]}', which is not free; these are: {', '.join(names)}")
+        raise ArgumentError(f"bounds name '{unknown[0]}', which is not free; these are: {', '.join(names)}")
     pairs = [bounds.get(n, (-np.inf, np.inf)) for n in names]
     for name, (low, high) in zip(names, pairs, strict=True):
         if not low <= high:
-            raise ValueError(f"the bounds of '{name}' are {low:g} and {high:g}; expected low <= high")
+            raise ArgumentError(f"the bounds of '{name}' are {low:g} and {high:g}; expected low <= high")
     return np.array([p[0] for p in pairs], float), np.array([p[1] for p in pairs], float)
 
 
 def _check(A: np.ndarray, b: np.ndarray, names: tuple[str, ...]) -> None:
     if A.shape != (len(b), len(names)):
-        raise ValueError(f"A has the shape {A.shape}; expected ({len(b)}, {len(names)}): a row per measured value, "
+        raise ArgumentError(f"A has the shape {A.shape}; expected ({len(b)}, {len(names)}): a row per measured value, "
                          "a column per name")  # fmt: skip
     if len(set(names)) < len(names):
         twice = next(n for n in names if names.count(n) > 1)
-        raise ValueError(f"'{twice}' names two parameters; give each its own name")
+        raise ArgumentError(f"'{twice}' names two parameters; give each its own name")
     for what, values in (("A", A), ("b", b)):
         if not np.all(np.isfinite(values)):
             row = int(np.argwhere(~np.isfinite(values))[0, 0])
-            raise ValueError(f"{what} is not finite in row {row}; remove the row or mend the data")
+            raise ArgumentError(f"{what} is not finite in row {row}; remove the row or mend the data")

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..results.refusal import ArgumentError
+
 
 @dataclass(frozen=True)
 class Loss:
@@ -49,7 +51,7 @@ LOSSES = {
 
 
 def loss_named(name: str) -> Loss:
-    """Raises ValueError for a name that is none of scipy's."""
+    """Raises ArgumentError for a name that is none of scipy's."""
     if name not in LOSSES:
-        raise ValueError(f"there is no loss '{name}'; these are: {', '.join(LOSSES)}")
+        raise ArgumentError(f"there is no loss '{name}'; these are: {', '.join(LOSSES)}")
     return LOSSES[name]

@@ -14,6 +14,8 @@ from typing import Any
 
 import numpy as np
 
+from ..results.refusal import ArgumentError
+
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 LOOK = 0.2  # s between looks at `interrupted`
 AHEAD = 4  # runs handed out per process beyond those at work: little is left to cancel
@@ -38,7 +40,7 @@ def monte_carlo(
     seed: int,
     *,
     processes: int | None = None,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Callable[[int, int], object] | None = None,
     interrupted: Callable[[], bool] | None = None,
     executor: Any = None,
 ) -> MonteCarlo:
@@ -53,7 +55,7 @@ def monte_carlo(
     the task failed.
     """
     if runs < 1:
-        raise ValueError(f"a Monte Carlo needs at least one run; found {runs}")
+        raise ArgumentError(f"a Monte Carlo needs at least one run; found {runs}")
     seeds = np.random.SeedSequence(seed).spawn(runs)
     if hasattr(executor, "get_executor"):  # a client of Dask, which is no dependency
         executor = executor.get_executor()
@@ -77,7 +79,7 @@ def monte_carlo(
             pool.shutdown(wait=True, cancel_futures=True)
 
 
-def _here(task: Task, seeds: list[np.random.SeedSequence], seed: int, progress: Callable[[int, int], None] | None,
+def _here(task: Task, seeds: list[np.random.SeedSequence], seed: int, progress: Callable[[int, int], object] | None,
           interrupted: Callable[[], bool] | None) -> MonteCarlo:  # fmt: skip
     found: dict[int, Any] = {}
     stopped = False
@@ -100,7 +102,7 @@ def _handed_out(
     task: Task,
     seeds: list[np.random.SeedSequence],
     seed: int,
-    progress: Callable[[int, int], None] | None,
+    progress: Callable[[int, int], object] | None,
     interrupted: Callable[[], bool] | None,
 ) -> MonteCarlo:
     found: dict[int, Any] = {}

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..results.estimate import Estimate
+from ..results.refusal import ArgumentError
 from ..results.status import SolveStatus
 from .concluding import RANK, scales
 from .least_squares import conclude
@@ -16,7 +17,6 @@ from .losses import Loss, loss_named
 from .weighting import Prior, Weighting, prior_rows, weighting
 
 Residuals = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
-Retraction = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 STEP = 1e-13  # the norm of a full step in units of the scales: the iteration has arrived
 ROUNDING = 1e-8  # likewise: a step that the rounding of the residuals alone may ask for
@@ -27,21 +27,8 @@ QUIET = 1e-3  # a full step that changes the cost by less than this part is take
 
 
 @dataclass(frozen=True, eq=False)
-class NonlinearFit:
-    """x (n,) where the iteration ended, why (`status`, `message`), and the `estimate` there; None unless solved."""
-
-    x: np.ndarray
-    status: SolveStatus
-    message: str
-    iterations: int
-    evaluations: int
-    cost: float
-    estimate: Estimate | None
-
-
-@dataclass(frozen=True, eq=False)
 class Descent:
-    """Where the iteration ended: x, whitened residuals and slopes there, and how it went."""
+    """Where the iteration ended: x (n,), whitened residuals and slopes there, and how it went (`status`, `message`)."""
 
     x: np.ndarray
     r: np.ndarray
@@ -51,6 +38,13 @@ class Descent:
     message: str
     iterations: int
     evaluations: int
+
+
+@dataclass(frozen=True, eq=False)
+class NonlinearFit(Descent):
+    """The iteration's end, and the `estimate` there; None unless solved."""
+
+    estimate: Estimate | None = None
 
 
 def nonlinear_fit(
@@ -74,24 +68,23 @@ def nonlinear_fit(
 
     Noise, priors, scales and what is not determined as in linear_fit(); priors need a known noise (sigma or
     covariance). `loss` of whitened residuals: linear, huber, soft_l1 or cauchy as in scipy, with its `width`; the
-    covariance is then Huber's. Raises ValueError for bad shapes; a failing iteration is a status.
+    covariance is then Huber's. Raises ArgumentError for bad shapes; a failing iteration is a status.
     """
     x, names, priors = np.asarray(start, float).reshape(-1), tuple(names), tuple(priors)
     if len(names) != len(x):
-        raise ValueError(f"{len(names)} names for {len(x)} starting values; give one each")
+        raise ArgumentError(f"{len(names)} names for {len(x)} starting values; give one each")
     r, J = residuals(x)
     if J.shape != (len(r), len(x)):
-        raise ValueError(f"the slopes have the shape {J.shape}; expected ({len(r)}, {len(x)})")
+        raise ArgumentError(f"the slopes have the shape {J.shape}; expected ({len(r)}, {len(x)})")
     w = weighting(len(r), sigma=sigma, weights=weights, covariance=covariance)
     if priors and not w.known:
-        raise ValueError("priors need the size of the noise to be weighed against: give sigma or covariance")
+        raise ArgumentError("priors need the size of the noise to be weighed against: give sigma or covariance")
     size = scales(None if scale is None else np.asarray(scale, float), len(x), w(J))
     P, p = prior_rows(priors, names)
     d = descend(residuals, x, size, w, P=P, p=p, loss=loss_named(loss), width=width, rank_tolerance=rank_tolerance,
                 limit=limit)  # fmt: skip
-    fit = NonlinearFit(d.x, d.status, d.message, d.iterations, d.evaluations, d.cost, None)
     if not d.status.ok:
-        return fit
+        return NonlinearFit(**vars(d))
     told = conclude(
         d.x, d.r, d.J, names, size, np.ones(len(x), bool), P, w.known, units=tuple(units),
         hold_undetermined=hold_undetermined, rank_tolerance=rank_tolerance,
@@ -99,7 +92,7 @@ def nonlinear_fit(
     if loss != "linear" and told.freedom:
         factor = loss_named(loss).variance_factor(d.r, width, told.freedom)
         told = replace(told, covariance=told.covariance / (1.0 if w.known else told.noise**2) * factor)
-    return replace(fit, estimate=told)
+    return NonlinearFit(**vars(d), estimate=told)
 
 
 def descend(
@@ -110,7 +103,6 @@ def descend(
     *,
     P: np.ndarray | None = None,
     p: np.ndarray | None = None,
-    retract: Retraction | None = None,
     loss: Loss | None = None,
     width: float = 1.0,
     rank_tolerance: float = RANK,
@@ -119,11 +111,9 @@ def descend(
 ) -> Descent:
     """Gauss-Newton with damping only where a full step does not help.
 
-    `retract(x, step)` moves x on a manifold (default: adds); slopes are then in the step's coordinates. Along null
-    directions nothing moves: steps are of least norm in units of the scales. `stop` is asked before each iteration and
-    ends it with the best x so far, status INTERRUPTED.
+    Along null directions nothing moves: steps are of least norm in units of the scales. `stop` is asked before each
+    iteration and ends it with the best x so far, status INTERRUPTED.
     """
-    move = retract or np.add
     robust = loss or loss_named("linear")
     n = len(scale)
     P = np.zeros((0, n)) if P is None else P
@@ -164,7 +154,7 @@ def descend(
             return ended(SolveStatus.SOLVED, f"arrived after {iterations} iterations")
         while True:
             step = -Vt[told].T @ (projected * s[told] / (s[told] ** 2 + damping * s[0] ** 2)) * scale
-            trial = move(x, step)
+            trial = x + step
             r_new, J_new, cost_new = at(trial)
             evaluations += 1
             finite = np.isfinite(cost_new) and np.all(np.isfinite(J_new))

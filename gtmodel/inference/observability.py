@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..results.refusal import ArgumentError
+
 
 @dataclass(frozen=True)
 class Observability:
@@ -30,10 +32,10 @@ class Observability:
 
 
 def observability(singular: np.ndarray, rank: int, poses: int, scaling: str) -> Observability:
-    """Of singular values in falling order, of which the first `rank` count. Raises ValueError for none."""
+    """Of singular values in falling order, of which the first `rank` count. Raises ArgumentError for none."""
     s = np.asarray(singular, float)[:rank]
     if rank < 1 or poses < 1 or not np.all(s > 0):
-        raise ValueError(f"observability needs a rank and poses of at least one; found {rank} and {poses}")
+        raise ArgumentError(f"observability needs a rank and poses of at least one; found {rank} and {poses}")
     o1 = float(np.exp(np.mean(np.log(s))) / np.sqrt(poses))
     return Observability(
         o1, float(s[-1] / s[0]), float(s[-1]), float(s[-1] ** 2 / s[0]), float(1 / np.sum(1 / s)), rank, poses, scaling

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..results.estimate import Estimate
+from ..results.refusal import ArgumentError
 
 SMALL_P = 0.01  # a test with a smaller p-value speaks against its hypothesis
 
@@ -49,7 +50,7 @@ def whiteness(r: np.ndarray, *, lags: int | None = None, parameters: int = 0) ->
     T = len(r)
     K = min(20, T // 5) if lags is None else int(lags)
     if K <= parameters:
-        raise ValueError(
+        raise ArgumentError(
             f"{T} residuals and {K} lags are too few to test whiteness; take at least {parameters + 1} lags"
         )
     c = autocorrelation(r, K)[1:]
@@ -83,11 +84,14 @@ def normality(r: np.ndarray) -> Verdict:
 
 
 def noise_size(estimate: Estimate) -> Verdict:
-    """Chi-squared test of whitened residuals against a known noise, both sides. Raises ValueError if it is unknown."""
+    """Chi-squared test of whitened residuals against a known noise, both sides.
+
+    Raises ArgumentError if that is unknown.
+    """
     from scipy import stats  # here: it alone takes as long to import as all of gtmodel
 
     if not estimate.known_noise:
-        raise ValueError("the noise was not given, so that the residuals cannot be compared with it; give sigma")
+        raise ArgumentError("the noise was not given, so that the residuals cannot be compared with it; give sigma")
     chi2 = float(estimate.residuals @ estimate.residuals)
     p = 2 * float(min(stats.chi2.sf(chi2, estimate.freedom), stats.chi2.cdf(chi2, estimate.freedom)))
     ratio = estimate.noise
@@ -125,9 +129,9 @@ def cross_validation(
     fit: Callable[[np.ndarray], object], errors: Callable[[object, np.ndarray], np.ndarray], parts: Sequence[np.ndarray]
 ) -> CrossValidation:
     """`fit(rows)` fits on some rows (indices), `errors(fitted, rows)` tells its errors on others; `parts` are held out
-    in turn: see contiguous() and alternate(). Raises ValueError for fewer than two parts."""
+    in turn: see contiguous() and alternate(). Raises ArgumentError for fewer than two parts."""
     if len(parts) < 2:
-        raise ValueError("cross-validation needs at least two parts: one to fit and one to hold out")
+        raise ArgumentError("cross-validation needs at least two parts: one to fit and one to hold out")
     every = np.sort(np.concatenate(parts))
     found = np.concatenate([np.asarray(errors(fit(np.setdiff1d(every, part)), part)).reshape(-1) for part in parts])
     inside = np.asarray(errors(fit(every), every)).reshape(-1)

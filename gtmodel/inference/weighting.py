@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..results.refusal import ArgumentError
+
 
 @dataclass(frozen=True)
 class Prior:
@@ -19,7 +21,7 @@ class Prior:
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.value) and np.isfinite(self.std) and self.std > 0):
-            raise ValueError(
+            raise ArgumentError(
                 f"the prior of '{self.name}' needs a finite value and a positive standard deviation; found "
                 f"{self.value:g} and {self.std:g}"
             )
@@ -55,42 +57,42 @@ def weighting(
     """From at most one of: `sigma`, standard deviations (one or per row); `weights`, inverse variances up to a common
     factor that the residuals tell; `covariance` (rows, rows), or (blocks, k, k) for independent blocks of k rows.
 
-    Raises ValueError for more than one, a wrong shape, or what is not positive.
+    Raises ArgumentError for more than one, a wrong shape, or what is not positive.
     """
     given = [n for n, v in (("sigma", sigma), ("weights", weights), ("covariance", covariance)) if v is not None]
     if len(given) > 1:
-        raise ValueError(f"give one of sigma, weights and covariance; found {' and '.join(given)}")
+        raise ArgumentError(f"give one of sigma, weights and covariance; found {' and '.join(given)}")
     if covariance is not None:
         return Weighting(_inverse_factors(np.asarray(covariance, float), rows), True)
     if not given:
         return Weighting(None, False)
     values = np.asarray(sigma if sigma is not None else weights, float)
     if values.shape not in ((), (1,), (rows,)):
-        raise ValueError(f"{given[0]} has the shape {values.shape}; expected one number or {rows}, one per row")
+        raise ArgumentError(f"{given[0]} has the shape {values.shape}; expected one number or {rows}, one per row")
     if not np.all(np.isfinite(values)) or np.any(values <= 0):
-        raise ValueError(f"{given[0]} must be finite and positive; found {values.min():g}")
+        raise ArgumentError(f"{given[0]} must be finite and positive; found {values.min():g}")
     return Weighting(1 / values if sigma is not None else np.sqrt(values), sigma is not None)
 
 
 def _inverse_factors(covariance: np.ndarray, rows: int) -> np.ndarray:
     blocks = covariance[None] if covariance.ndim == 2 else covariance
     if blocks.ndim != 3 or blocks.shape[1] != blocks.shape[2] or blocks.shape[0] * blocks.shape[1] != rows:
-        raise ValueError(
+        raise ArgumentError(
             f"covariance has the shape {covariance.shape}; expected ({rows}, {rows}), or (blocks, k, k) with "
             f"blocks * k = {rows}"
         )
     try:
         return np.linalg.inv(np.linalg.cholesky(blocks))
     except np.linalg.LinAlgError:
-        raise ValueError("covariance is not positive definite; give a variance above zero to every row") from None
+        raise ArgumentError("covariance is not positive definite; give a variance above zero to every row") from None
 
 
 def prior_rows(priors: tuple[Prior, ...], names: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray]:
-    """Priors as whitened rows (k, n) and right sides (k,). Raises ValueError for a name that is not free."""
+    """Priors as whitened rows (k, n) and right sides (k,). Raises ArgumentError for a name that is not free."""
     place: Mapping[str, int] = {n: i for i, n in enumerate(names)}
     P, p = np.zeros((len(priors), len(names))), np.zeros(len(priors))
     for row, prior in enumerate(priors):
         if prior.name not in place:
-            raise ValueError(f"a prior names '{prior.name}', which is not free; these are: {', '.join(names)}")
+            raise ArgumentError(f"a prior names '{prior.name}', which is not free; these are: {', '.join(names)}")
         P[row, place[prior.name]], p[row] = 1 / prior.std, prior.value / prior.std
     return P, p

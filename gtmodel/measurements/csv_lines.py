@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Sequence
 from pathlib import Path
 
 from ..results.refusal import ArgumentError
@@ -42,14 +41,6 @@ def number(cell: str) -> float:
     if "_" in cell:
         raise ValueError(f"'{cell}' is no number")
     return float(cell)
-
-
-def refuse_twice(names: Sequence[str], where: str) -> None:
-    """Raises ArgumentError for a column name that is there twice: which one is meant cannot be told. "" may be."""
-    for k, name in enumerate(names):
-        if name and name in names[:k]:
-            columns = f"columns {names.index(name) + 1} and {k + 1}"
-            raise ArgumentError(f"{where}: '{name}' is there twice, in {columns}; leave one of them out")
 
 
 def _cells(line: str, where: str) -> list[str]:

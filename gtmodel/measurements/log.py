@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Mapping, Sequence
 from functools import partial
 from itertools import pairwise
@@ -12,10 +11,12 @@ from typing import NamedTuple
 import numpy as np
 
 from ..lang.units import UnitError, convert, parse_unit
+from ..results.refusal import ArgumentError
 from ..results.trajectory import Trajectory
-from ..results.trajectory_csv import HEADER_CELL, Header, Table, check_increasing, read_table
-from ..results.trajectory_errors import COLUMN, Array, TrajectoryError
+from ..results.trajectory_csv import Header, Table, check_increasing, read_table
+from ..results.trajectory_errors import Array, TrajectoryError
 from ..results.trajectory_files import PathLike
+from .csv_table import Heads
 
 JITTER = 0.1  # of the sample time: central differences of an uneven grid are off by about as much
 MISSING = 0.5  # of a sample time beyond the next row: a sample is missing, not late
@@ -48,17 +49,8 @@ class Session(NamedTuple):
 
 def session_of(trajectory: Trajectory, name: str = "log", *, jitter: float = JITTER) -> Session:
     """A recording in memory: its rows as a session. Raises LogError where they are not evenly sampled."""
-    steps = np.diff(trajectory.time)
-    if steps.size < 2:
-        raise LogError(f"'{name}' has {trajectory.time.size} rows; expected at least 3")
-    step = float(np.median(steps))
-    if (bad := np.flatnonzero(np.abs(steps - step) > jitter * step)).size:
-        k = int(bad[0])
-        raise LogError(
-            f"'{name}' row {k + 1}: {_ms(float(steps[k]))} ms after the row before; expected {_ms(step)} ms within "
-            f"{100 * jitter:g} %: resample it, or split it there"
-        )
-    return Session(name, trajectory, float((trajectory.time[-1] - trajectory.time[0]) / steps.size))
+    rows = np.arange(1, len(trajectory.time) + 1)
+    return Session(name, trajectory, _sample_time(trajectory.time, f"'{name}'", "row", rows, None, jitter))
 
 
 def read_log(
@@ -97,7 +89,8 @@ def read_log(
         rows = slice(begin, end)  # views: logs are large
         part = Table(table.columns, table.units, table.values[rows], table.lines[rows], table.notes)
         label = f"{Path(path).name} {session} {values[begin, -1]:g}" if session else Path(path).name
-        step = _sample_time(values[rows, 0], part, path, sample_time, jitter)
+        check_increasing(values[rows, 0], part, path)
+        step = _sample_time(values[rows, 0], str(path), "line", part.lines, sample_time, jitter)
         arrays = {name: values[rows][:, at] if len(at) > 1 else values[rows, at[0]] for name, at in names.items()}
         units = {name: parse_unit(column.unit).si_text for name, column in columns.items()}
         note = "; ".join(table.notes.get("synthetic", []))
@@ -127,59 +120,21 @@ def _columns_of(
     cells: Sequence[str], where: str, wanted: Mapping[str, Column], session: str | None, names: dict[str, list[int]]
 ) -> Header:
     """The declared columns of a header; where each quantity stands among them goes into `names`."""
-    there: dict[str, tuple[int, str]] = {}
-    for place, cell in enumerate(cells):
-        match = HEADER_CELL.fullmatch(cell)
-        name, unit = (match["name"], match["unit"].strip()) if match else (cell, "")
-        if not name:  # a spreadsheet's empty columns; nobody can declare them
-            continue
-        if name in there:
-            first = there[name][0] + 1
-            raise LogError(
-                f"{where}: '{name}' is there twice, in columns {first} and {place + 1}; leave one of them out"
-            )
-        there[name] = place, unit
-    found, units, places = [], [], []
-    everything = {**wanted, **({session: Column(session, "1")} if session else {})}
-    for quantity, column in everything.items():
-        members = _members(column.name, there, where)
-        if quantity != "time" and quantity in wanted:
-            names[quantity] = list(range(len(found), len(found) + len(members)))
-        for member in members:
-            place, unit = there[member]
-            _refuse_other_unit(member, unit, column.unit, where)
-            found.append(member)
-            units.append(column.unit)
-            places.append(place)
-    return found, units, places
-
-
-def _members(name: str | Sequence[str], there: Mapping[str, object], where: str) -> list[str]:
-    """The columns that a declared name means. Raises LogError where one is not there."""
-    members = [name] if isinstance(name, str) else list(name)
-    if isinstance(name, str) and name not in there:
-        indexed = [m for c in there if (m := COLUMN.fullmatch(c)) and m["base"] == name]
-        members = [f"{name}[{k}]" for k in range(len(indexed))] or members
-    for member in members:
-        if member not in there:
-            close = difflib.get_close_matches(member, there, n=1, cutoff=0.5)
-            hint = f"did you mean '{close[0]}'?" if close else f"it has {', '.join(there) or 'none'}"
-            raise LogError(f"{where}: there is no column '{member}'; {hint}")
-    return members
-
-
-def _refuse_other_unit(name: str, found: str, declared: str, where: str) -> None:
-    if not found:
-        return
+    heads = Heads(cells, where)
+    found, units, places = list[str](), list[str](), list[int]()
     try:
-        same = parse_unit(found)
-        wanted = parse_unit(declared)
-    except UnitError as error:
-        raise LogError(f"{where}, column '{name}': {error}") from error
-    if (same.dimension, same.factor, same.pi_power) != (wanted.dimension, wanted.factor, wanted.pi_power):
-        raise LogError(
-            f"{where}, column '{name}': the file says {found} and the declaration {declared}; correct the wrong one"
-        )
+        for quantity, column in {**wanted, **({session: Column(session, "1")} if session else {})}.items():
+            members = heads.members(column.name)
+            if quantity != "time" and quantity in wanted:
+                names[quantity] = list(range(len(found), len(found) + len(members)))
+            for member in members:
+                heads.refuse_other_unit(member, column.unit)
+                found.append(member)
+                units.append(column.unit)
+                places.append(heads.place(member))
+    except ArgumentError as error:
+        raise LogError(error.sentence) from error
+    return found, units, places
 
 
 def _from_mat(path: PathLike, wanted: Mapping[str, Column], session: str | None) -> tuple[Table, dict[str, list[int]]]:
@@ -234,17 +189,19 @@ def _refuse_scattered(values: Array, stops: np.ndarray, table: Table, path: Path
         seen.append(number)
 
 
-def _sample_time(time: Array, part: Table, path: PathLike, expected: float | None, jitter: float) -> float:
-    """The sample time of a session [s]. Raises LogError with the line of the first step that is not one."""
-    check_increasing(time, part, path)
+def _sample_time(
+    time: Array, source: str, row: str, numbers: np.ndarray, expected: float | None, jitter: float
+) -> float:
+    """The sample time of a session [s]. Raises LogError for the first step that is not one, with the number of its row,
+    a line of a file or another `row`."""
     steps = np.diff(time)
     if steps.size < 2:
-        raise LogError(f"{path} line {part.lines[0]}: a recording has {time.size} rows; expected at least 3")
+        raise LogError(f"{source} {row} {numbers[0]}: a recording has {time.size} rows; expected at least 3")
     median = float(np.median(steps))
     if expected is not None and abs(median - expected) > jitter * expected:
         raise LogError(
-            f"{path}: the samples are {_ms(median)} ms apart; expected {_ms(expected)} ms; correct the sample time or "
-            "the unit of the time"
+            f"{source}: the samples are {_ms(median)} ms apart; expected {_ms(expected)} ms; correct the sample time "
+            "or the unit of the time"
         )
     step = median if expected is None else expected
     if (bad := np.flatnonzero(np.abs(steps - step) > jitter * step)).size:
@@ -255,7 +212,7 @@ def _sample_time(time: Array, part: Table, path: PathLike, expected: float | Non
             missing = "samples are" if lost > 1 else "sample is"
             what = f"about {lost} {missing} missing, so split the log into sessions there"
         raise LogError(
-            f"{path} line {part.lines[k + 1]}: {_ms(float(steps[k]))} ms after the row before; expected {_ms(step)} ms "
+            f"{source} {row} {numbers[k + 1]}: {_ms(float(steps[k]))} ms after the row before; expected {_ms(step)} ms "
             f"within {100 * jitter:g} %: {what}"
         )
     return float((time[-1] - time[0]) / steps.size)

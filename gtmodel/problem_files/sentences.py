@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import pydantic
@@ -178,11 +178,6 @@ def a(text: str) -> str:
     return f"a {text}" if text.startswith(("number", "whole number", "text", "list", "table")) else text
 
 
-def listed(numbers: Iterable[float]) -> str:
-    """The numbers of a vector, such as "1, 0.25, 0"."""
-    return ", ".join(f"{x + 0.0:.4g}" for x in numbers)  # -0 is 0
-
-
 def shown(value: Any) -> str:
     """A value of a TOML file in words."""
     if isinstance(value, bool):
@@ -196,6 +191,3 @@ def shown(value: Any) -> str:
     if isinstance(value, list):
         return f"a list of {len(value)}" if len(repr(value)) > 60 else f"{value!r}"
     return f"{value}"
-
-
-__all__ = ["dotted", "sentence_for", "shown"]

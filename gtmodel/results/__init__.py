@@ -15,6 +15,7 @@ Studies
     Options, Unit, Within, Long   options of a study, checked when made
     Work              progress and end of one run
     ArgumentError     what a caller gave cannot be used: the one refusal of all libraries
+    naming            what is refused inside, refused as an argument of one's own
 
 What was tested
     Check, at_most, at_least   a number with its bound, and the verdict
@@ -33,7 +34,7 @@ from gtmodel.results.estimate import Estimate as Estimate
 from gtmodel.results.options import Long as Long, Options as Options, Unit as Unit, Within as Within
 from gtmodel.results.quantity import Quantity as Quantity, Row as Row, listed as listed
 from gtmodel.results.reading import Stored as Stored, read as read
-from gtmodel.results.refusal import ArgumentError as ArgumentError
+from gtmodel.results.refusal import ArgumentError as ArgumentError, naming as naming
 from gtmodel.results.status import (
     ModesStatus as ModesStatus,
     SolveStatus as SolveStatus,

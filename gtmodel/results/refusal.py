@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 
 class ArgumentError(ValueError):
     """What a caller gave cannot be used: one plain sentence, and which argument it is.
@@ -17,3 +20,12 @@ class ArgumentError(ValueError):
 
     def __str__(self) -> str:
         return f"{self.argument}: {self.sentence}" if self.argument else self.sentence
+
+
+@contextmanager
+def naming(argument: str, *kinds: type[Exception]) -> Iterator[None]:
+    """What is refused inside by errors of these kinds is refused as this argument, in the same sentence."""
+    try:
+        yield
+    except kinds as error:
+        raise ArgumentError(error.sentence if isinstance(error, ArgumentError) else str(error), argument) from error

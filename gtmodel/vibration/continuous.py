@@ -19,13 +19,11 @@ ZERO = 1e-12  # modulus of a pole whose logarithm has no meaning
 
 
 class Continuous(NamedTuple):
-    """x' = A x + B u that gives the discrete model under held inputs; `fastest_Hz` of its poles (imaginary part over
-    2 pi), `nyquist_Hz`, and `said` in words where the fastest is near it (empty: far)."""
+    """x' = A x + B u that gives the discrete model under held inputs; `said` in words where its fastest pole is near
+    the Nyquist frequency (empty: far)."""
 
     A: np.ndarray
     B: np.ndarray
-    fastest_Hz: float
-    nyquist_Hz: float
     said: str
 
 
@@ -70,4 +68,4 @@ def continuous(A: np.ndarray, B: np.ndarray, sample_time: float) -> Continuous:
             f"a mode at {fastest:.4g} Hz is near the Nyquist frequency of {nyquist:.4g} Hz: these samples cannot tell "
             f"it from one at {2 * nyquist - fastest:.4g} Hz"
         )
-    return Continuous(A_c, B_c, fastest, nyquist, said)
+    return Continuous(A_c, B_c, said)

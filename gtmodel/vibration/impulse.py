@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -91,9 +91,11 @@ def identify_impulse(
     if min(wanted, default=0) < 1:
         raise ArgumentError(f"{modes if modes is not None else largest} resonances were asked for; expected at least 1")
     fits: dict[int, _Sines] = {}
-    for k in wanted:
+    decay = record.y - record.y[-max(len(record) // REST, 1) :].mean(axis=0)
+    realised = realisations(decay, [2 * k for k in wanted])
+    for _ in wanted:
         go_on(interrupted)
-        poles = realise(record.y - record.y[-max(len(record) // REST, 1) :].mean(axis=0), 2 * k)[3]
+        poles = next(realised)[3]
         s = np.log(poles[np.imag(poles) > 0].astype(complex)) / record.sample_time
         s = s[(s.real < 0) & (s.imag > 2 * np.pi / (record.sample_time * len(record)))]
         found = _Sines.fit(record, s) if len(s) else None
@@ -114,25 +116,27 @@ def identify_impulse(
     return fits[best].model(record, {k: f.criterion for k, f in sorted(fits.items())})
 
 
-def realise(
-    y: np.ndarray, order: int, rows: int | None = None
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """A (n, n), C (p, n), x0 (n,) and the poles of y[k] = C A^k x0 by the eigensystem realisation.
+def realisations(
+    y: np.ndarray, orders: Iterable[int], rows: int | None = None
+) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]]:
+    """A (n, n), C (p, n), x0 (n,) and the poles of y[k] = C A^k x0 by the eigensystem realisation, by order n.
 
-    y (N, p) or (N,). Source: Juang and Pappa 1985. Raises ArgumentError: too few samples for the order.
+    y (N, p) or (N,). Source: Juang and Pappa 1985. Raises ArgumentError: too few samples for an order.
     """
     y = columns(y, "outputs")
     p = y.shape[1]
     blocks = min(len(y) // ROWS, MOST_ROWS) if rows is None else rows
-    if blocks < 2 or (blocks - 1) * p < order or len(y) - blocks + 1 < order:
-        raise ArgumentError(
-            f"{len(y)} samples are too few for the order {order}; expected at least {ROWS * (order // p + 2)}: record "
-            "longer, or lower the order"
-        )
-    U, s, Vt = np.linalg.svd(block_hankel(y, blocks), full_matrices=False)
-    G = U[:, :order] * np.sqrt(s[:order])
-    A = np.linalg.lstsq(G[:-p], G[p:], rcond=None)[0]
-    return A, G[:p], np.sqrt(s[:order]) * Vt[:order, 0], np.linalg.eigvals(A)
+    factors = None
+    for order in orders:
+        if blocks < 2 or (blocks - 1) * p < order or len(y) - blocks + 1 < order:
+            raise ArgumentError(
+                f"{len(y)} samples are too few for the order {order}; expected at least {ROWS * (order // p + 2)}: "
+                "record longer, or lower the order"
+            )
+        U, s, Vt = factors = factors or np.linalg.svd(block_hankel(y, blocks), full_matrices=False)
+        G = U[:, :order] * np.sqrt(s[:order])
+        A = np.linalg.lstsq(G[:-p], G[p:], rcond=None)[0]
+        yield A, G[:p], np.sqrt(s[:order]) * Vt[:order, 0], np.linalg.eigvals(A)
 
 
 @dataclass(frozen=True, eq=False)

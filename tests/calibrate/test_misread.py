@@ -93,7 +93,9 @@ class TestColumns:
         assert f"by 12.2 mm when read as {', '.join(f'q[{k}]' for k in back)}" in said
 
     def test_rotary_axes_of_the_f1(self, tmp_path: Path) -> None:
-        assert "the columns q[3], q[4] look exchanged" in refused(tmp_path, "f1", change=order(0, 1, 2, 4, 3))
+        every_third = slice(None, None, 3)
+        said = refused(tmp_path, "f1", change=order(0, 1, 2, 4, 3), rows=every_third)
+        assert "the columns q[3], q[4] look exchanged" in said
 
     def test_without_forward_kinematics_residuals_tell_where_lengths_are_known(
         self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

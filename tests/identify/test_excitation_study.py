@@ -124,9 +124,9 @@ class TestChoices:
         s = small(l1, stop=lambda: next(looks) >= 6)
         assert s.status is SolveStatus.INTERRUPTED
         assert s.trajectory is not None and s.checks["limits_excess_on_fine_grid"].passed
-        begin = time.monotonic()
+        begin = time.process_time()  # of its own: others may keep the machine busy
         s = small(l1, max_seconds=1e-9)
-        assert s.status is SolveStatus.INTERRUPTED and time.monotonic() - begin < 5.0
+        assert s.status is SolveStatus.INTERRUPTED and time.process_time() - begin < 5.0
         assert s.condition is None or s.trajectory is not None
 
     @pytest.mark.parametrize(("motion", "limits", "identified", "argument"), [

@@ -14,6 +14,7 @@ def mean_of_ten(rng: np.random.Generator, k: int):
 
 
 def own_seed(rng: np.random.Generator, k: int) -> tuple[int, int, str | None]:
+    time.sleep(0.1)  # so that a signal meets the others at work
     return k, int(rng.integers(1 << 30)), os.environ.get("OPENBLAS_NUM_THREADS")
 
 
@@ -25,11 +26,6 @@ def third_fails(rng: np.random.Generator, k: int) -> int:
 
 def slow(rng: np.random.Generator, k: int) -> int:
     time.sleep(60 if k else 0)
-    return k
-
-
-def nap(rng: np.random.Generator, k: int) -> int:
-    time.sleep(0.2)
     return k
 
 

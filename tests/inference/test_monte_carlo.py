@@ -15,7 +15,7 @@ import pytest
 from scipy.special import comb
 
 from gtmodel.inference import binomial_band, coverage, monte_carlo
-from tests.inference.runs import mean_of_ten, nap, own_seed, slow, third_fails
+from tests.inference.runs import mean_of_ten, own_seed, slow, third_fails
 from tests.support.commands import environment
 
 
@@ -38,19 +38,39 @@ def test_students_intervals_hold_and_normal_ones_would_not():
         coverage([], {"m": 3.0})
 
 
-def test_processes_change_nothing_and_have_one_thread_each():
+@pytest.fixture(scope="module")
+def two():
+    """Runs in two processes whose group is asked to stop after each, and what they told and left behind."""
+    told: list[int] = []
     before = dict(os.environ)
-    seen: list[int] = []
+
+    def progress(done: int, of: int) -> None:
+        told.append(done)
+        for worker in multiprocessing.active_children() if sys.platform != "win32" else ():
+            os.kill(worker.pid or 0, signal.SIGTERM)
+            os.kill(worker.pid or 0, signal.SIGINT)
+
+    found = monte_carlo(own_seed, 5, 42, processes=2, progress=progress)
+    return SimpleNamespace(found=found, told=told, environment_kept=dict(os.environ) == before)
+
+
+def test_processes_change_nothing_and_have_one_thread_each(two):
     here = monte_carlo(own_seed, 5, 42, processes=0)
-    two = monte_carlo(own_seed, 5, 42, processes=2, progress=lambda done, of: seen.append(done))
     threads = monte_carlo(own_seed, 5, 42, executor=ThreadPoolExecutor(3))
     client = SimpleNamespace(get_executor=lambda: ThreadPoolExecutor(2))  # as a Dask client has it
     cluster = monte_carlo(own_seed, 5, 42, executor=client)
-    assert [r[:2] for r in two.results] == [r[:2] for r in here.results] == [r[:2] for r in threads.results]
+    results = two.found.results
+    assert [r[:2] for r in results] == [r[:2] for r in here.results] == [r[:2] for r in threads.results]
     assert [r[:2] for r in cluster.results] == [r[:2] for r in here.results]
-    assert {r[2] for r in two.results} == {"1"} and seen == [1, 2, 3, 4, 5]
-    assert len({r[1] for r in here.results}) == 5 and not two.interrupted
-    assert dict(os.environ) == before
+    assert {r[2] for r in results} == {"1"} and two.told == [1, 2, 3, 4, 5]
+    assert len({r[1] for r in here.results}) == 5 and not two.found.interrupted
+    assert two.environment_kept
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no such signals on Windows")
+def test_signals_to_the_whole_group_leave_the_workers_to_the_parent(two):
+    """A batch system, or Ctrl-C, reaches every process of the group: the runs at work are not lost for it."""
+    assert not two.found.interrupted and two.found.indices == tuple(range(5))
 
 
 def test_a_failing_run_is_named():
@@ -73,19 +93,6 @@ def test_ctrl_c_keeps_what_is_done():
 
     found = monte_carlo(own_seed, 6, 1, processes=0, progress=stop)
     assert found.interrupted and found.indices == (0, 1, 2)
-
-
-@pytest.mark.skipif(sys.platform == "win32", reason="no such signals on Windows")
-def test_signals_to_the_whole_group_leave_the_workers_to_the_parent():
-    """A batch system, or Ctrl-C, reaches every process of the group: the runs at work are not lost for it."""
-
-    def signal_workers(done: int, of: int) -> None:
-        for worker in multiprocessing.active_children():
-            os.kill(worker.pid or 0, signal.SIGTERM)
-            os.kill(worker.pid or 0, signal.SIGINT)
-
-    found = monte_carlo(nap, 6, 42, processes=2, progress=signal_workers)
-    assert not found.interrupted and found.indices == tuple(range(6))
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no SIGKILL on Windows")

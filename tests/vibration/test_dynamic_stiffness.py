@@ -171,7 +171,7 @@ def test_measured_records_with_their_units(measured) -> None:
         ("0,0,0,0,x,bare.csv,", r"bare.csv: the column 'force' has no unit; write it as 'force \[N\]'"),
         ("0,0,0,0,x,uneven.csv,", r"uneven.csv: the samples are not evenly spaced"),
         ("0,0,0,0,x,index.csv,", r"index.csv: expected the columns time \[s\],force \[N\],acceleration"),
-        ("0,0,0,0,x,words.csv,", r"words.csv line 2: expected 3 numbers; found 0, a, 1"),
+        ("0,0,0,0,x,words.csv,", r"words.csv line 2, column 'force': found 'a'; expected a number"),
     ],
 )
 def test_wrong_records_are_one_sentence(measured, tmp_path, lines, said) -> None:

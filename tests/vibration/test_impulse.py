@@ -9,7 +9,7 @@ import pytest
 from gtmodel.inference import binomial_band
 from gtmodel.results import ArgumentError
 from gtmodel.vibration import Record, hammer_record, identify_impulse
-from gtmodel.vibration.impulse import realise
+from gtmodel.vibration.impulse import realisations
 from tests.vibration.structures import TS, matched, random_system
 
 TRUE = dict(frequency_Hz=[7.4, 11.45], damping=[0.03, 0.025], amplitude=[[5e-4, 1e-4], [1e-4, 4e-4]])
@@ -24,7 +24,7 @@ def hit(samples: int = 600, noise: float = 1e-5, seed: int = 3, **changes) -> Re
 def test_realisation_equals_control() -> None:
     A, B, C, _ = random_system(4, 4, 1, 2)
     Y = np.stack([C @ np.linalg.matrix_power(A, k) @ B for k in range(80)])[:, :, 0]
-    ours = realise(Y, 4, rows=20)
+    ours = next(realisations(Y, [4], rows=20))
     np.testing.assert_allclose(ours[1] @ ours[2], Y[0], atol=1e-10)
     markov = np.concatenate([np.zeros((2, 1, 1)), Y.T[:, None, :]], axis=2)
     theirs, _ = control.eigensys_realization(markov, r=4, m=20, n=40, dt=TS)

@@ -98,15 +98,13 @@ def exchanged(names: Sequence[str], order: Sequence[int]) -> tuple[str, str]:
 
 
 def other_columns(
-    names: Sequence[str], groups: Sequence[Sequence[int]], q: np.ndarray, left: Callable[[np.ndarray], float],
-    size: float,
+    names: Sequence[str], groups: Sequence[Sequence[int]], q: np.ndarray, before: float,
+    left: Callable[[np.ndarray], float],
 ) -> Reading | None:  # fmt: skip
     """Columns of actuators q (N, k) that belong to each other's arms, or count the other way: single columns, groups of
-    one unit and all are tried. `left(q)`: rms distance [m] of the model's positions from the measured ones. `groups`:
-    columns of one unit."""
-    before, every = left(q), list(range(len(names)))
-    if before <= CLOSE * size:
-        return None
+    one unit and all are tried. `left(q)`: rms distance [m] of the model's positions from the measured ones, `before` as
+    given. `groups`: columns of one unit."""
+    every = list(range(len(names)))
     said = f"poses miss the model's by {length(before)} rms as given, and by"
     best, order = nearest(before, lambda trial: left(q[:, trial]), orders(len(names), groups))
     signs = [*([k] for k in every), *map(list, groups), every]

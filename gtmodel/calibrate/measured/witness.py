@@ -20,6 +20,7 @@ from ..unknowns import Choice
 from .misreading import misreading
 from .poses import SplitPoses
 from .recognition import (
+    CLOSE,
     NEARER,
     aligned,
     angle_sentence,
@@ -84,18 +85,20 @@ def recognise(data: SplitPoses, witness: Witness) -> tuple[np.ndarray, np.ndarra
     q, T = data.q[rows], data.T[rows]
     predicted, e, good = witness.positions(q)
 
-    def left(q: np.ndarray) -> float:
-        found, _, at = witness.positions(q)
-        if len(at) < REACHED * len(q):
+    def misfit(found: np.ndarray, _: np.ndarray, at: np.ndarray) -> float:
+        if len(at) < REACHED * len(T):
             return np.inf
         return aligned(T[at], found)[2] if pose.device else distance(T[at], found)
 
     names, groups = _columns(data)
-    _refuse(stuck_columns(names, data.q, left(q), witness.size), data.actuators)
+    before = misfit(predicted, e, good)
+    _refuse(stuck_columns(names, data.q, before, witness.size), data.actuators)
     if len(good) >= REACHED * len(q) and len(good) > 3:
         _refuse(scale_sentence(pose.position, T[good], predicted), pose.position)
         _refuse(_upright(data, rows[good], e), pose.orientation or "")
-    columns = other_columns(names, groups, q, left, witness.size)
+    columns = None
+    if before > CLOSE * witness.size:
+        columns = other_columns(names, groups, q, before, lambda trial: misfit(*witness.positions(trial)))
     if len(good) < max(4, REACHED * len(q)):
         _refuse(None if columns is None else columns.sentence, data.actuators)
         raise ArgumentError(

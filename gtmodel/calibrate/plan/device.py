@@ -69,16 +69,10 @@ class Measuring:
     def placed(self, T: Array) -> tuple[Array, Array | None, Array]:
         """Actuators, quaternions of a plate that turns, and status of commanded poses: rows of T [m], of an F1 with
         its quaternion behind."""
-        if T.shape[1] == 7:
-            q, status = compile_causal(self.task.robot, known=["T", "e"], targets=["q"])(T[:, :3], T[:, 3:])
-            return q, T[:, 3:], status
-        q, *e, status = compile_causal(self.task.robot, known=["T"], targets=["q", *self.turns])(T)
-        return q, e[0] if e else None, status
-
-    @property
-    def turns(self) -> list[str]:
-        """The orientation, where the robot's plate has one."""
-        return ["e"] if "e" in flat_of(self.task.robot).groups else []
+        known = {"T": T[:, :3]} | ({"e": T[:, 3:]} if T.shape[1] == 7 else {})
+        targets = ["q", *(n for n in orientation(self.task.robot) if n not in known)]
+        q, *e, status = compile_causal(self.task.robot, known=list(known), targets=targets)(*known.values())
+        return q, e[0] if e else known.get("e"), status
 
     def noise(self, T: Array) -> dict[str, Any]:
         """Standard deviations and covariances of these."""
@@ -88,7 +82,7 @@ class Measuring:
             found["T"] = self.device.covariance(T[:, :3])
         else:
             found[self.signal] = device.noise
-        if isinstance(device, Tracker) and device.orientation_noise is not None and self.turns:
+        if isinstance(device, Tracker) and device.orientation_noise is not None and orientation(task.robot):
             found["e"] = device.orientation_noise
         if task.actuator_noise > 0:
             rotary = 3 if T.shape[1] == 7 else 0
@@ -131,52 +125,48 @@ class Measuring:
         return Measurements(values, m.noise)
 
 
+def orientation(robot: Model) -> list[str]:
+    """The variable of a plate's turn, where the robot has one."""
+    return ["e"] if "e" in flat_of(robot).groups else []
+
+
 def measuring(task: Task) -> Measuring:
     """The device of a task. Raises ArgumentError."""
-    robot, asked = task.robot, task.device
-    turns = ["e"] if "e" in flat_of(robot).groups else []
+    robot, asked, latent = task.robot, task.device, orientation(task.robot)
     try:
+        if isinstance(asked, Wire | Gauge):
+            signal, model, at, span = _distance(robot, asked) if isinstance(asked, Wire) else _height(robot, asked)
+            return Measuring(task, model, signal, ("T", *latent), (span,), at, span.read)
+        at = np.array(asked.at)
         if isinstance(asked, Tracker):
-            at = np.array(asked.at)
             device = LaserTracker(
                 at, asked.range_noise, asked.range_noise_per_metre, asked.angle_noise, 0.0, asked.nearest,
                 asked.farthest, asked.elevation,
             )  # fmt: skip
-            latent = turns if asked.orientation_noise is None else []
+            latent = latent if asked.orientation_noise is None else []
             if asked.target_axis is not None and not np.linalg.norm(asked.target_axis) > 0:
                 raise ArgumentError("is zero and looks nowhere", "device.target_axis")
-            return Measuring(task, robot, "T", tuple(latent), (device, *_sight(task, at)), at, device)
-        if isinstance(asked, PatternCamera):
-            at = np.array(asked.at)
-            camera = Camera(
+        else:
+            device = Camera(
                 at, np.array(asked.looks_at), asked.focal_pixel, asked.width_pixel, asked.height_pixel, asked.pattern,
                 asked.marks, asked.pixel_noise,
             )  # fmt: skip
-            _ = camera.axes  # a wrong direction is told here
-            return Measuring(task, robot, "T", tuple(turns), (camera, *_sight(task, at)), at, camera)
-        if isinstance(asked, Wire):
-            at = np.array(asked.at)
-
-            def distance(T: Array) -> Array:
-                return np.linalg.norm(T - at, axis=1)
-
-            span = Span(distance, asked.nearest, asked.farthest, "range of the distance")
-            model = seen_by_distance(robot, at)
-            return Measuring(task, model, "distance", ("T", *turns), (span,), at, distance)
-        return _over_plane(task, asked, turns)
+            _ = device.axes  # a wrong direction is told here
+        return Measuring(task, robot, "T", tuple(latent), (device, *_sight(task, at)), at, device)
     except ModelError as error:
         raise ArgumentError(str(error), "device") from error
 
 
-def _over_plane(task: Task, asked: Gauge, turns: list[str]) -> Measuring:
-    model = seen_by_plane(task.robot, asked.normal, asked.point)
+def _distance(robot: Model, asked: Wire) -> tuple[str, Model, Array, Span]:
+    at = np.array(asked.at)
+    span = Span(lambda T: np.linalg.norm(T - at, axis=1), asked.nearest, asked.farthest, "range of the distance")
+    return "distance", seen_by_distance(robot, at), at, span
+
+
+def _height(robot: Model, asked: Gauge) -> tuple[str, Model, None, Span]:
+    model, point = seen_by_plane(robot, asked.normal, asked.point), np.array(asked.point)
     normal = np.array(asked.normal) / np.linalg.norm(asked.normal)
-
-    def height(T: Array) -> Array:
-        return (T - np.array(asked.point)) @ normal
-
-    span = Span(height, asked.low, asked.high, "range of the height")
-    return Measuring(task, model, "height", ("T", *turns), (span,), None, height)
+    return "height", model, None, Span(lambda T: (T - point) @ normal, asked.low, asked.high, "range of the height")
 
 
 def _sight(task: Task, at: Array) -> list[Limit]:

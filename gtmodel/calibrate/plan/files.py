@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from ...motion.reference import robtargets
+from ...results.tables import csv_text
 
 Array = np.ndarray
 FIT, HELD_OUT = "calibrate", "verify"
@@ -20,15 +23,14 @@ def in_order(poses: Array, held_out: Array, seed: int) -> tuple[Array, list[str]
 
 def poses_csv(T: Array, q: Array, purpose: list[str], title: str) -> str:
     """One row per pose, in the order in which they are measured."""
-    axes = [f"q[{k}] [{'mm' if k < 3 else 'deg'}]" for k in range(q.shape[1])]
-    turned = [f"e[{k}]" for k in range(T.shape[1] - 3)]
-    lines = ["# commanded poses of a calibration plan; nothing here is measured"]
-    lines += [f"# title: {title}"] if title else []
-    lines.append(",".join(["pose", "purpose", *axes, *(f"T[{k}] [mm]" for k in range(3)), *turned]))
-    for k, (t, c, p) in enumerate(zip(T, q, purpose, strict=True), 1):
-        numbers = [*(1e3 * c[:3]), *np.degrees(c[3:]), *(1e3 * t[:3])]
-        lines.append(",".join([str(k), p, *(f"{x:.4f}" for x in numbers), *(f"{x:.9f}" for x in t[3:])]))
-    return "\n".join(lines) + "\n"
+    carts, axes = 1e3 * q[:, :3], np.degrees(q[:, 3:])
+    columns: dict[str, Any] = {f"q[{k}] [mm]": x for k, x in enumerate(carts.T)}
+    columns |= {f"q[{k}] [deg]": x for k, x in enumerate(axes.T, 3)}
+    columns |= {f"T[{k}] [mm]": x for k, x in enumerate(1e3 * T[:, :3].T)}
+    turned = {f"e[{k}]": x for k, x in enumerate(T[:, 3:].T)}
+    forms = dict.fromkeys(columns, ".4f") | dict.fromkeys(turned, ".9f")
+    notes = ["commanded poses of a calibration plan; nothing here is measured", *([f"title: {title}"] if title else [])]
+    return csv_text({"pose": range(1, len(T) + 1), "purpose": purpose} | columns | turned, forms, notes)
 
 
 def rapid_program(T: Array, q: Array, title: str, settle: float) -> str:

@@ -129,7 +129,7 @@ def _known(plan: Plan) -> dict[str, Any]:
     """The quantities of the steps that are done."""
     assert plan.found is not None
     counts, told, info = plan.found.counts, plan.told, plan.chosen
-    e = plan.target.errors(info) if plan.target and info and not plan.unpredicted else None
+    e = plan.target.errors(info) if info and not plan.unpredicted else None
     runs = plan.each_simulated() if e is not None and len(plan.errors) else None
     found: dict[str, Any] = {
         "stages": counts,

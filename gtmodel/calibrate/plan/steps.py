@@ -45,9 +45,9 @@ class Plan:
     measuring: Measuring
     found: Candidates | None = None
     pool: Array = field(default_factory=lambda: np.zeros((0, 3)))
-    info: PoseInformation | None = None
+    info: PoseInformation = field(init=False)
     evaluation: Array = field(default_factory=lambda: np.zeros((0, 3)))
-    target: Positioning | None = None
+    target: Positioning = field(init=False)
     curve: ErrorCurve | None = None
     grids: tuple[Point, ...] = ()
     enough: int | None = None
@@ -72,12 +72,11 @@ class Plan:
 
     def each_predicted(self) -> Array:
         """Predicted rms error [m] at each evaluation pose."""
-        assert self.target is not None and self.chosen is not None
+        assert self.chosen is not None
         return self.target.errors(self.chosen).each
 
     def each_simulated(self) -> Array:
         """The same over the simulated calibrations."""
-        assert self.target is not None
         moved = np.einsum("mij,kj->kmi", self.target.slopes, self.errors)
         return np.sqrt(np.mean(np.sum(moved**2, axis=2), axis=0))
 
@@ -168,7 +167,6 @@ def grid_poses(plan: Plan, number: int) -> Array:
 
 def draw_curve(plan: Plan, stop: Stop) -> None:
     """Predicted error against the number of poses, selected and on grids, and the number that suffices."""
-    assert plan.info is not None and plan.target is not None
     wanted = plan.task.poses
     if not plan.task.curve:
         return
@@ -199,7 +197,6 @@ def draw_curve(plan: Plan, stop: Stop) -> None:
 
 def select(plan: Plan, number: int, stop: Stop) -> None:
     """Poses to measure, and others held out. Raises ArgumentError where there are too few candidates."""
-    assert plan.info is not None
     wanted, info = plan.task.poses, plan.info
     try:
         if wanted.method == "grid":
@@ -210,8 +207,7 @@ def select(plan: Plan, number: int, stop: Stop) -> None:
                 s = condition_removal(info, number, one_by_one=wanted.method != "condition",
                                       stop=lambda f: stop("poses", f))  # fmt: skip
             else:
-                blind = bool(plan.unpredicted) or plan.target is None
-                moment = None if blind or plan.target is None else plan.target.moment(info)
+                moment = None if plan.unpredicted else plan.target.moment(info)
                 s = exchange(
                     info, number, "D" if moment is None else wanted.method, moment, repeats=wanted.repeats,
                     starts=wanted.starts, seed=wanted.seed, stop=lambda f: stop("poses", f),
@@ -221,7 +217,7 @@ def select(plan: Plan, number: int, stop: Stop) -> None:
             taken = s.indices
             plan.poses = plan.pool[taken]
         plan.chosen = pose_information(plan.measuring.prepared(plan.poses))
-        if not plan.unpredicted and plan.target is not None:
+        if not plan.unpredicted:
             plan.target.moment(plan.chosen)  # few poses of a grid may tell too little
     except ModelError as error:
         raise ArgumentError(str(error), "poses.number") from error
@@ -258,9 +254,8 @@ def simulate(plan: Plan, stop: Stop) -> None:
             raise Stopped
         rng = np.random.default_rng(seed)
         off = sizes * (told @ (told.T @ (scale * rng.standard_normal(len(scale)) / sizes)))
-        start = dict(zip(u.names, (u.start + off).tolist(), strict=True))
         noisy = plan.measuring.noisy(ready.measurements, rng)
-        c = calibrate(ready.on(noisy), cost="orthogonal", start=start)
+        c = calibrate(ready.on(noisy), cost="orthogonal", start=u.named(u.start + off))
         if c.status.ok and np.all(np.isfinite(c.x)):
             errors.append(c.x - u.start)
         else:

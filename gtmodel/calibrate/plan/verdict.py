@@ -24,7 +24,6 @@ def checks_of(plan: Plan) -> dict[str, Check]:
         checks["inverse_of_o4"] = at_most(1 / told.indices.o4, 1 / criteria.noise_amplification)
     if plan.unpredicted:
         return checks
-    assert plan.target is not None
     rms = plan.target.errors(plan.chosen).rms
     checks["predicted_error_m"] = at_most(rms, criteria.accuracy)
     if len(plan.errors):

@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 from ...compiler.causal import compile_causal
 from ...lang import Model, ModelError
 from ...results import ArgumentError
+from ...results.tables import csv_text
 from ...robots import clusters
 from ..true_poses import moved, rows_of, true_poses
 from .cart_errors import cart_points, levers, tilts
@@ -89,7 +90,7 @@ def make(model: Model, s: Synthetic) -> Made:
     q, near = _commanded(model, s, rng)
     names = ["mm"] * 3 + ["deg"] * (q.shape[1] - 3)
     shown = {"q": (_in_units(q, names), names)}
-    q = _si(*shown["q"])
+    q = shown["q"][0] / np.array([PER_SI[u] for u in names])
     wandering = _wanderings(truth, carts, s, q)
     tilting, points = tilts(s, wandering), np.array(getattr(truth, carts.points), float)
     deviations: dict[str, np.ndarray] = {}
@@ -217,22 +218,16 @@ def _note(s: Synthetic, poses: int) -> str:
 
 
 def _text(shown: dict[str, tuple[np.ndarray, list[str]]], note: str, what: str = "calibration poses") -> str:
-    heads = [
-        (f"{name}[{k}]" if len(units) > 1 else name) + (f" [{unit}]" if unit != "1" else "")
-        for name, (_, units) in shown.items()
-        for k, unit in enumerate(units)
-    ]
-    columns = [(rows[:, k], DECIMALS[unit]) for rows, units in shown.values() for k, unit in enumerate(units)]
-    lines = [",".join(f"{column[n]:.{digits}f}" for column, digits in columns) for n in range(len(columns[0][0]))]
-    return "\n".join([f"# title: {what}", f"# synthetic: {note}", ",".join(heads), *lines]) + "\n"
+    columns, forms = {}, {}
+    for name, (rows, units) in shown.items():
+        for k, unit in enumerate(units):
+            head = (f"{name}[{k}]" if len(units) > 1 else name) + (f" [{unit}]" if unit != "1" else "")
+            columns[head], forms[head] = rows[:, k], f".{DECIMALS[unit]}f"
+    return csv_text(columns, forms, [f"title: {what}", f"synthetic: {note}"])
 
 
 def _in_units(rows: np.ndarray, units: Sequence[str]) -> np.ndarray:
     return np.column_stack([np.round(rows[:, k] * PER_SI[u], DECIMALS[u]) for k, u in enumerate(units)])
-
-
-def _si(rows: np.ndarray, units: Sequence[str]) -> np.ndarray:
-    return rows / np.array([PER_SI[u] for u in units])
 
 
 def _any(model: Model) -> Any:

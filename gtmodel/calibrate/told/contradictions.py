@@ -12,6 +12,7 @@ from ..calibration import Calibration, calibrate
 
 FAR = 5.0  # standard deviations of prior and fit together
 MOST = 3  # are named
+STEPS = 40  # of the fit without priors, from the one with them: what needs more is not told without
 
 
 def contradicted_priors(c: Calibration) -> list[str]:
@@ -21,7 +22,8 @@ def contradicted_priors(c: Calibration) -> list[str]:
     if not u.priors or (c.estimate is not None and (c.estimate.noise <= 1 or noise_size(c.estimate).passed)):
         return []
     try:
-        alone = calibrate(replace(c.problem, unknowns=replace(u, priors=())), cost=c.cost).estimate
+        without = replace(c.problem, unknowns=replace(u, priors=()))
+        alone = calibrate(without, cost=c.cost, start=u.named(c.x), limit=STEPS).estimate
     except (ModelError, ValueError, np.linalg.LinAlgError):
         return []
     if alone is None:

@@ -108,8 +108,8 @@ def found_of(
         c = calibrate(prepared, cost=cost, stop=stop)
         if fit.loss != "linear" and c.status.ok:
             c = calibrate(
-                prepared, cost=cost, loss=fit.loss, width=width or HUBER * _scale(c), start=dict(_start(c)),
-                stop=stop,
+                prepared, cost=cost, loss=fit.loss, width=width or HUBER * _scale(c), stop=stop,
+                start=c.problem.unknowns.named(c.x),
             )  # fmt: skip
         before = prepared.identifiability(sigma=length_noise(prepared))
     except (ModelError, ValueError) as error:
@@ -199,10 +199,6 @@ def _scale(c: Calibration) -> float:
     else:
         r = np.asarray(c.estimate.residuals) if c.estimate is not None else np.ones(1)
     return max(MAD * float(np.median(np.abs(r))), 1e-12)
-
-
-def _start(c: Calibration) -> list[tuple[str, float]]:
-    return list(zip(c.problem.unknowns.names, c.x.tolist(), strict=True))
 
 
 def length_noise(p: Prepared) -> float:

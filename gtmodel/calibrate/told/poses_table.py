@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...results.tables import csv_text
 from .findings import Found
 
 
@@ -12,10 +13,8 @@ def text(found: Found) -> str:
     empty where a pose cannot be closed."""
     name = found.position
     T = found.data.T
-    labels = found.problem.labels
-    heads = ["line", "part", *(f"{name}[{k}] [m]" for k in range(T.shape[1])),
-             *(f"error {axis} [mm]" for axis in "xyz"), "error [mm]", *(f"{x} [mm]" for x in labels)]  # fmt: skip
     held = found.data.held_out
+    labels = found.problem.labels
     errors, lengths = np.full((len(T), 3), np.nan), np.full((len(T), len(labels)), np.nan)
     for part, prediction in ((~held, found.fitted), (held, found.held_out)):
         if name in prediction:
@@ -23,16 +22,12 @@ def text(found: Found) -> str:
     lengths[~held] = found.calibration.residuals
     if found.data.kept is not None:
         lengths[held] = found.calibration.on(found.data.kept)
+    places = {f"{name}[{k}] [m]": x for k, x in enumerate(T.T)}
+    heads = [*(f"error {axis} [mm]" for axis in "xyz"), "error [mm]", *(f"{x} [mm]" for x in labels)]
     numbers = np.column_stack([1e3 * errors, 1e3 * np.linalg.norm(errors, axis=1), 1e3 * lengths])
-    lines = [f"# synthetic: {found.data.synthetic}"] if found.data.synthetic else []
-    lines.append(",".join(heads))
-    for k in range(len(T)):
-        part = "held out" if held[k] else "fitted"
-        cells = [
-            str(found.data.lines[k]),
-            part,
-            *(f"{x:.7f}" for x in T[k]),
-            *("" if np.isnan(x) else f"{x:.5f}" for x in numbers[k]),
-        ]
-        lines.append(",".join(cells))
-    return "\n".join(lines) + "\n"
+    return csv_text(
+        {"line": found.data.lines, "part": np.where(held, "held out", "fitted"), **places}
+        | dict(zip(heads, numbers.T, strict=True)),
+        dict.fromkeys(places, ".7f") | dict.fromkeys(heads, ".5f"),
+        [f"synthetic: {found.data.synthetic}"] if found.data.synthetic else (),
+    )

@@ -7,6 +7,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from ...results.tables import csv_text
+
 _OF_A_LINK = re.compile(r"(?P<name>\w+)\[(?P<link>\d+)(,(?P<axis>[012]))?\]")
 _TITLES = {
     "position_mm": "position change, mm",
@@ -31,11 +33,10 @@ def table(sums: Mapping[str, Mapping[str, float]], of: str) -> tuple[list[str], 
 
 def text(sums: Mapping[str, Mapping[str, float]]) -> str:
     """All three tables under each other, a line per parameter and a column per link."""
-    lines = []
+    parts = []
     for of, title in _TITLES.items():
         order, values = table(sums, of)
-        if not order:
-            continue
-        lines.append(",".join([title, *(f"link {k}" for k in range(values.shape[1]))]))
-        lines += [",".join([row, *(f"{x:.4g}" for x in own)]) for row, own in zip(order, values, strict=True)]
-    return "\n".join(lines) + "\n"
+        if order:
+            links = {f"link {k}": [f"{x:.4g}" for x in own] for k, own in enumerate(values.T)}
+            parts.append(csv_text({title: order} | links))
+    return "".join(parts) or "\n"

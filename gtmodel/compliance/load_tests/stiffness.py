@@ -120,9 +120,9 @@ def stiffness_study(
         fits = _fits(setup, static, spring, poses.q)
         fit = fits[setup.method]
         best = select(static, min(setup.best, len(static.J)), fit.compliance).chosen
-    except ArgumentError:
-        raise
     except ValueError as error:
+        if isinstance(error, ArgumentError) and error.argument:
+            raise
         raise ArgumentError(str(error), "tests" if tests.truth is None else "load") from error
     files = {"parameters.toml": _parameters(fit, tests.synthetic)}
     if tests.truth is not None:

@@ -11,32 +11,18 @@ import numpy as np
 
 from ...inference import FALSE_ALARM, Coverage, binomial_band
 from ...motion.links import link_ends
-from ...motion.options import Limits
 from ...results import SolveStatus, Trajectory, at_most
 from ...results.trajectory_files import TRAJECTORY
 from .basis import FourierSeries
 from .excited import ExcitationStudy
 from .information import condition, predicted_deviations, singular_values
 from .optimise import Excitation
-from .options import Experiment, Family, MonteCarloFits, RandomMotions, Search
+from .options import Search
 from .task import Plan
 
 Array = np.ndarray
 
 STILL_BETTER = 1.0  # of the best random one: the condition number that the search must at least reach
-
-
-@dataclass(frozen=True)
-class Asked:
-    """What the study was asked for."""
-
-    motion: Family
-    limits: Limits
-    experiment: Experiment
-    search: Search
-    random: RandomMotions
-    monte_carlo: MonteCarloFits
-    title: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,11 +37,11 @@ class Found:
     runs: list[tuple[Coverage, np.ndarray]]
 
 
-def concluded(plan: Plan, asked: Asked, found: Found, runs: Sequence[Excitation]) -> ExcitationStudy:
+def concluded(plan: Plan, search: Search, title: str, found: Found, runs: Sequence[Excitation]) -> ExcitationStudy:
     """The study of the best motion."""
     best = found.best
-    trajectory = _trajectory(plan, best.c, asked.title)
-    values = _values(plan, asked, found)
+    trajectory = _trajectory(plan, best.c, title)
+    values = _values(plan, search, found)
     worst = float(np.max(best.excess))
     checks = {
         "limits_excess_on_fine_grid": at_most(worst, 0.0, "raise starts"),
@@ -67,13 +53,13 @@ def concluded(plan: Plan, asked: Asked, found: Found, runs: Sequence[Excitation]
         checks["coverage_outside_band"] = at_most(float(np.count_nonzero((seen.hits < low) | (seen.hits > high))), 0.0)
     status = SolveStatus.INTERRUPTED if SolveStatus.INTERRUPTED in [e.status for e in runs] else best.status
     return ExcitationStudy(
-        status=status, message=best.message, title=asked.title, objective=best.objective,
+        status=status, message=best.message, title=title, objective=best.objective,
         iterations=sum(e.iterations for e in runs), checks=checks, **values, trajectory=trajectory,
         machine_files=(TRAJECTORY,),
         figures={
             "motion": partial(_motion_figure, trajectory),
-            "information": partial(_information_figure, asked, values),
-            "workspace": partial(_workspace_figure, plan, asked, found, trajectory),
+            "information": partial(_information_figure, plan, values, title),
+            "workspace": partial(_workspace_figure, plan, found, trajectory),
         },
     )  # fmt: skip
 
@@ -91,8 +77,8 @@ def _trajectory(plan: Plan, c: Array, title: str) -> Trajectory:
     )
 
 
-def _values(plan: Plan, asked: Asked, found: Found) -> dict[str, Any]:
-    experiment = asked.experiment
+def _values(plan: Plan, search: Search, found: Found) -> dict[str, Any]:
+    experiment = plan.experiment
     regressor, basis, c = plan.regressor, plan.task.basis, found.best.c
     share = 1 / np.sqrt(experiment.periods)
     deviations, of_random = (share * predicted_deviations(W, experiment.noise) for W in (found.W, found.W_random))
@@ -119,7 +105,7 @@ def _values(plan: Plan, asked: Asked, found: Found) -> dict[str, Any]:
         "condition": value,
         "random_condition": {"best": float(found.conditions.min()), "median": float(np.median(found.conditions))},
         "improvement": float(found.conditions.min() / value),
-        "criterion": asked.search.criterion,
+        "criterion": search.criterion,
         "parameters": parameters,
         "coverage": seen,
         "singular_values": {
@@ -139,7 +125,7 @@ def _motion_figure(trajectory: Trajectory) -> Any:
     return signals_figure(trajectory, ["T", "der(T)", "der(T,2)", "q", "der(q)", "tau"])
 
 
-def _information_figure(asked: Asked, values: dict[str, Any]) -> Any:
+def _information_figure(plan: Plan, values: dict[str, Any], title: str) -> Any:
     from ...plot.excitation import information_figure
 
     cosine, sine = (values["coefficients"].get(key) for key in ("cosine_m", "sine_m"))
@@ -151,17 +137,17 @@ def _information_figure(asked: Asked, values: dict[str, Any]) -> Any:
             "best random": [p["random_deviation"] / abs(p["nominal"]) for p in values["parameters"]],
         },
         amplitudes=None if cosine is None else np.hypot(cosine, sine),
-        frequency=1 / asked.motion.period,
-        title=f"{asked.title}: {asked.search.criterion}",
+        frequency=1 / plan.task.basis.period,
+        title=f"{title}: {values['criterion']}",
     )
 
 
-def _workspace_figure(plan: Plan, asked: Asked, found: Found, trajectory: Trajectory) -> Any:
+def _workspace_figure(plan: Plan, found: Found, trajectory: Trajectory) -> Any:
     from ...plot.excitation import path_figure
 
     joints, tips, _ = link_ends(plan.robot, trajectory["T"][:1])
     random = plan.task.motion(found.random, plan.times, 1)[0]
-    limits = asked.limits
+    limits = plan.limits
     box = None if None in (limits.tcp_low, limits.tcp_high) else np.array([limits.tcp_low, limits.tcp_high])
     return path_figure({"optimised": trajectory["T"], "best random": random}, joints[0], tips[0], box=box,
-                       title=asked.title)  # fmt: skip
+                       title=trajectory.title)  # fmt: skip

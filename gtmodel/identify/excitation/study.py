@@ -9,12 +9,12 @@ import numpy as np
 from ...inference import Coverage, coverage, linear_fit
 from ...lang import Model
 from ...motion.options import Limits
-from ...results import ArgumentError, SolveStatus, Work
+from ...results import ArgumentError, SolveStatus, Work, naming
 from ...results.work import Progress, never, silent
-from .concluded import Asked, Found, concluded
+from .concluded import Found, concluded
 from .excited import ExcitationStudy
 from .information import condition
-from .optimise import FINER, Excitation, optimise_excitation
+from .optimise import FINER, optimise_excitation
 from .options import Experiment, Family, MonteCarloFits, RandomMotions, Search
 from .random_motions import random_excitations
 from .task import Plan, plan_of
@@ -63,13 +63,10 @@ def excitation_study(
     True
     """
     work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
-    asked = Asked(
-        motion, limits, experiment or Experiment(), search or Search(), random or RandomMotions(),
-        monte_carlo or MonteCarloFits(), title or "excitation",
-    )  # fmt: skip
-    plan = plan_of(robot, motion, limits, asked.experiment, asked.search.criterion)
+    search, title = search or Search(), title or "excitation"
+    plan = plan_of(robot, motion, limits, experiment or Experiment(), search.criterion)
     started = [] if start is None else [_started(plan, np.asarray(start, dtype=float))]
-    draws = _draws(plan, asked.random, work)
+    draws = _draws(plan, random or RandomMotions(), work)
     if not draws:
         return ExcitationStudy(
             status=SolveStatus.INTERRUPTED, title=title, message="stopped before the first random motion was drawn"
@@ -78,14 +75,23 @@ def excitation_study(
     stacks = [plan.task.stacked(c, times, plan.sharp) for c in draws]
     conditions = np.array([condition(W, nominal) for W in stacks])
     order = np.argsort(conditions, kind="stable")
-    starts = [*started, *(draws[k] for k in order[: asked.search.starts])]
-    found = [_optimise(plan, asked.search, work, c, n, len(starts)) for n, c in enumerate(starts)]
-    best = min(found, key=lambda e: e.objective)
+    starts = [*started, *(draws[k] for k in order[: search.starts])]
+    runs = [
+        optimise_excitation(
+            plan.task,
+            c,
+            max_iterations=search.max_iterations,
+            max_seconds=work.seconds_left(),
+            progress=work.iterations(f"optimising, start {n} of {len(starts)}"),
+        )
+        for n, c in enumerate(starts, 1)
+    ]
+    best = min(runs, key=lambda e: e.objective)
     first = int(order[0])
     W = plan.task.stacked(best.c, times, plan.sharp)
-    fits = [_monte_carlo(plan, asked, work, A) for A in (W, stacks[first])]
-    runs = [fit for fit in fits if fit is not None]
-    return concluded(plan, asked, Found(best, W, draws[first], stacks[first], conditions, runs), found)
+    fits = [_monte_carlo(plan, monte_carlo or MonteCarloFits(), work, A) for A in (W, stacks[first])]
+    seen = [fit for fit in fits if fit is not None]
+    return concluded(plan, search, title, Found(best, W, draws[first], stacks[first], conditions, seen), runs)
 
 
 def _started(plan: Plan, given: Array) -> Array:
@@ -103,30 +109,13 @@ def _draws(plan: Plan, random: RandomMotions, work: Work) -> list[Array]:
         work.progress("random motions", done)
         return work.interrupted()
 
-    try:
+    with naming("motion.place_low", ValueError):
         return random_excitations(plan.task, plan.centre, random.draws, random.seed, progress)
-    except ValueError as error:
-        raise ArgumentError(str(error), "motion.place_low") from error
 
 
-def _optimise(plan: Plan, search: Search, work: Work, start: Array, number: int, count: int) -> Excitation:
-    def progress(iteration: int, objective: float, violation: float) -> bool:
-        numbers = {"iteration": iteration, "objective": objective, "violation": violation}
-        work.progress(f"optimising, start {number + 1} of {count}", None, numbers)
-        return work.interrupted()
-
-    return optimise_excitation(
-        plan.task,
-        start,
-        max_iterations=search.max_iterations,
-        max_seconds=work.seconds_left(),
-        progress=progress,
-    )
-
-
-def _monte_carlo(plan: Plan, asked: Asked, work: Work, W: Array) -> tuple[Coverage, Array] | None:
+def _monte_carlo(plan: Plan, keys: MonteCarloFits, work: Work, W: Array) -> tuple[Coverage, Array] | None:
     """Fits of synthetic forces along a motion: hits of their intervals, and how they scatter (p,); None: not wanted."""
-    keys, regressor, experiment = asked.monte_carlo, plan.regressor, asked.experiment
+    regressor, experiment = plan.regressor, plan.experiment
     if not keys.runs or work.interrupted():
         return None
     rng = np.random.default_rng(keys.seed)

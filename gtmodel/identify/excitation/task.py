@@ -13,7 +13,7 @@ from ...compiler.causal import CausalFunction, flat_of
 from ...motion.follow import motion_function
 from ...motion.guard import Guard, Margin, guard_of
 from ...motion.options import Limits
-from ...results import ArgumentError
+from ...results import ArgumentError, naming
 from ...robots.links import links_of
 from ..regressor import Regressor
 from .basis import Basis, ClosedSpline, FourierSeries
@@ -29,6 +29,7 @@ class Plan:
     """What an excitation is searched with.
 
     Attributes:
+        limits, experiment: as asked for.
         robot: with its own friction; its forces are bounded. inverse: its `motion_function`.
         task: the optimisation; its regressor has a smoothed sign.
         regressor: names, nominal values and units of what is identified. sharp: its ca.Function with the true sign.
@@ -36,6 +37,8 @@ class Plan:
         keys: the name of each bounded row. times: rows of the trajectory [s].
     """
 
+    limits: Limits
+    experiment: Experiment
     robot: gt.Model
     inverse: CausalFunction
     task: ExcitationTask
@@ -66,7 +69,8 @@ def plan_of(robot: gt.Model, motion: Family, limits: Limits, experiment: Experim
     rows, low, high = _rows(inverse, limits.force)
     task = ExcitationTask(_basis(motion), rows, low, high, smooth, regressor.nominal, criterion)
     keys = ["force_N"] * 3 + [margin.key for margin in guard.margins]
-    return Plan(robot, inverse, task, regressor, sharp, _centre(motion), keys, _times(motion, experiment))
+    times = _times(motion, experiment)
+    return Plan(limits, experiment, robot, inverse, task, regressor, sharp, _centre(motion), keys, times)
 
 
 def _basis(motion: Family) -> Basis:
@@ -110,10 +114,8 @@ def _regressor(robot: gt.Model, identified: list[str], velocity_scale: float) ->
         chosen = robot.with_(velocity_scale=velocity_scale)
     except gt.ModelError:
         chosen = robot  # which has no such parameter keeps its own smoothing
-    try:
+    with naming("experiment.identified", gt.ModelError):
         regressor = Regressor(chosen, identified, known="T")
-    except gt.ModelError as error:
-        raise ArgumentError(str(error), "experiment.identified") from error
     x = [ca.SX.sym(n, 3) for n in ("x", "v", "a")]
     Y = regressor.casadi.call([x[signal.pairs[0][1]] for signal in regressor.inputs])[0]
     return regressor, ca.Function("Y", x, [Y], {"cse": True})

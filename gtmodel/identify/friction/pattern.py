@@ -9,7 +9,7 @@ import numpy as np
 
 from ...compiler.causal import flat_of
 from ...lang import Model, ModelError
-from ...results import ArgumentError, Status
+from ...results import ArgumentError, Status, naming
 from .options import HeldPose
 
 Weighed = Callable[[Sequence[float]], np.ndarray]
@@ -38,10 +38,8 @@ def _holding(pose: HeldPose, argument: str, weigh: Callable[[], Weighed]) -> np.
         raise ArgumentError("expected either tcp or holding with holding_mass", argument)
     if pose.tcp is not None:
         weighed = weigh()
-        try:
+        with naming(f"{argument}.tcp", ValueError):
             return weighed(pose.tcp)
-        except ValueError as error:
-            raise ArgumentError(str(error), f"{argument}.tcp") from error
     if pose.holding_mass is None:
         raise ArgumentError("is missing; expected the mass that holding holds, in kg", f"{argument}.holding_mass")
     return np.array(pose.holding) / pose.holding_mass

@@ -13,7 +13,7 @@ import tomli_w
 from ...inference import FALSE_ALARM
 from ...lang import Model
 from ...measurements import Session
-from ...results import ArgumentError, Check, Quantity, Row, SolveStatus, Study, Work, at_least, at_most, listed
+from ...results import ArgumentError, Check, Quantity, Row, SolveStatus, Study, Work, at_least, at_most, listed, naming
 from ...results.work import Progress, never, silent
 from .gravity import Gravity, MassByNorm
 from .levels import FrictionFit, identify_friction
@@ -219,13 +219,11 @@ def _steady(logs: Sequence[Sequence[Session]], pattern: Array, steady: Steady) -
             width = force.reshape(len(force), -1).shape[1]
             if width != carts:
                 raise ArgumentError(f"has {width} columns; the robot has {carts} carts", "runs.force")
-            try:
+            with naming(f"runs[{pose}]", ArgumentError):
                 found.append(steady_runs(
                     session, pose=pose, cutoff_Hz=steady.cutoff, steady=steady.steady_acceleration,
                     slow=steady.slowest, shortest=steady.shortest_run,
                 ))  # fmt: skip
-            except ArgumentError as error:
-                raise ArgumentError(error.sentence, f"runs[{pose}]") from error
     if not found:
         raise ArgumentError("is empty; expected a recording or more", "runs")
     return joined(found)

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import base64
-import hashlib
 from collections.abc import Callable, Mapping, Sequence
+from hashlib import sha256
 from html import escape
 from typing import Any
 
 import numpy as np
 
-from gtmodel.calibrate import CalibrationStudy, Fit
+from gtmodel.calibrate import CalibrationStudy
 from gtmodel.problem_files.base import Context
 from gtmodel.results.made_files import made
 from gtmodel.results.written import png, versions
@@ -51,10 +51,9 @@ def text(study: CalibrationStudy, problem: Schema, context: Context) -> str:
     if values["synthetic"]:
         parts.append(f'<p class="made">Synthetic measurements: {escape(values["synthetic"])}</p>')
     good = values["numerics_sound"] and values["prediction_proven"] is not False
-    sentences = "".join(f"<li>{escape(s)}</li>" for s in values["verdict"])
-    parts.append(f'<h2>Verdict</h2><ul class="box {"good" if good else "bad"}">{sentences}</ul>')
+    parts.append("<h2>Verdict</h2>" + items(values["verdict"], good))
     if values["notes"]:
-        parts.append("<h2>Notes</h2><ul>" + "".join(f"<li>{escape(s)}</li>" for s in values["notes"]) + "</ul>")
+        parts.append("<h2>Notes</h2>" + items(values["notes"]))
     parts.append("<h2>Accuracy</h2>" + _accuracy(values))
     for name in ("pose_errors", "workspace_errors"):
         parts.append(picture(figures, name, CAPTIONS[name]))
@@ -67,7 +66,7 @@ def text(study: CalibrationStudy, problem: Schema, context: Context) -> str:
     parts.append("<h2>What the poses tell</h2>" + _told(values))
     parts.append(_outliers(values))
     parts.append(_sensitivity(values, problem))
-    parts.append("<h2>Where this comes from</h2>" + _provenance(values["poses"], problem, context))
+    parts.append("<h2>Where this comes from</h2>" + _provenance(problem, context, values["poses"]))
     return whole(title, parts)
 
 
@@ -78,9 +77,8 @@ def stiffness_text(study: CalibrationStudy, problem: Schema, context: Context) -
     parts = [f"<h1>{escape(title)}</h1>"]
     if values["synthetic"]:
         parts.append(f'<p class="made">Synthetic load tests: {escape(values["synthetic"])}</p>')
-    sound = "good" if v["adequate"] and all(K > 0 for K in v["stiffness_MNm_rad"]) else "bad"
-    sentences = "".join(f"<li>{escape(s)}</li>" for s in (v["adequacy"], *v["said"]))
-    parts.append(f'<h2>Verdict</h2><ul class="box {sound}">{sentences}</ul>')
+    sound = bool(v["adequate"]) and all(K > 0 for K in v["stiffness_MNm_rad"])
+    parts.append("<h2>Verdict</h2>" + items((v["adequacy"], *v["said"]), sound))
     rows = [
         (
             f"joint {j + 1}",
@@ -98,12 +96,9 @@ def stiffness_text(study: CalibrationStudy, problem: Schema, context: Context) -
         parts.append(table(("by the other method", "stiffness [MN m/rad]", "intervals overlap"), rows))
     if v["compensator_rate_N_m"] is not None:
         parts.append(table(("gravity compensator", "rate [N/m]", "std"), [("joint 2", *v["compensator_rate_N_m"])]))
-    told = "".join(f"<li>{escape(s)}</li>" for s in v["told"])
-    parts.append(f"<h2>What the tests tell</h2><ul>{told}</ul><p>O1 = {v['observability_O1']:.4g}.</p>")
+    parts.append(f"<h2>What the tests tell</h2>{items(v['told'])}<p>O1 = {v['observability_O1']:.4g}.</p>")
     parts.append(f"<p>The tests that tell most: {', '.join(map(str, v['best_tests']))} (lines of the file).</p>")
-    rows = [("problem", context.name), ("robot", problem.robot), *inputs(context)]
-    rows += [(n, x) for n, x in versions().items() if n != "platform"]
-    parts += ["<h2>Where this comes from</h2>", table(("what", ""), rows)]
+    parts += ["<h2>Where this comes from</h2>", _provenance(problem, context)]
     return whole(title, parts)
 
 
@@ -114,12 +109,6 @@ def whole(title: str, parts: Sequence[str]) -> str:
         f'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8"><title>{escape(title)}</title>'
         f"<style>{STYLE}</style></head><body>\n{body}\n</body></html>\n"
     )
-
-
-def inputs(context: Context) -> list[Sequence[Any]]:
-    """The files that were read, with their hashes."""
-    paths = ((key, path) for key, path in context.inputs.items() if path.is_file())
-    return [(f"{key}: {path.name}", "sha256 " + hashlib.sha256(path.read_bytes()).hexdigest()) for key, path in paths]
 
 
 def _accuracy(values: Mapping[str, Any]) -> str:
@@ -160,12 +149,9 @@ def _told(values: Mapping[str, Any]) -> str:
         told = values[key]
         if told is None:
             continue
-        sentences = "".join(f"<li>{escape(s)}</li>" for s in told["sentences"])
         indices = ", ".join(f"{n} = {v:.4g}" for n, v in told["observability"].items())
-        found += (
-            f"<h3>{said}</h3><ul>{sentences}</ul><p>Observability {indices} (r = {told['rank']}, {told['scaling']})."
-        )
-        found += f" Condition {told['condition']:.4g}.</p>"
+        found += f"<h3>{said}</h3>{items(told['sentences'])}<p>Observability {indices} (r = {told['rank']}, "
+        found += f"{told['scaling']}). Condition {told['condition']:.4g}.</p>"
     if values["correlated"]:
         found += "<h3>Correlated</h3>" + table(("unknown", "and", "correlation"), values["correlated"])
     return found
@@ -184,18 +170,27 @@ def _sensitivity(values: Mapping[str, Any], problem: Schema) -> str:
         return ""
     heads = list(next(iter(slopes.values())))
     rows = [(name, *(entry[h] for h in heads)) for name, entry in slopes.items()]
-    fit: Fit = problem.options()
-    said = f"Sums over the fitted poses of the changes by {fit.sensitivity_step:g} up and down (Dressler 2012, (5.8))."
+    step = problem.options().sensitivity_step
+    said = f"Sums over the fitted poses of the changes by {step:g} up and down (Dressler 2012, (5.8))."
     return f"<h2>Sensitivity</h2><p>{said}</p>" + table(("unknown", *heads), rows)
 
 
-def _provenance(poses: Mapping[str, int], problem: Schema, context: Context) -> str:
-    fit: Fit = problem.options()
-    rows: list[Sequence[Any]] = [("problem", context.name), ("robot", problem.robot), ("cost", fit.cost)]
-    rows += inputs(context)
-    rows.append(("keys of the problem", "sha256 " + hashlib.sha256(problem.model_dump_json().encode()).hexdigest()))
-    rows += [(n, v) for n, v in versions().items() if n != "platform"]
-    return table(("what", ""), [*rows, ("poses", f"{poses['fitted']} fitted, {poses['held_out']} held out")])
+def _provenance(problem: Schema, context: Context, poses: Mapping[str, int] | None = None) -> str:
+    rows: list[Sequence[Any]] = [("problem", context.name), ("robot", problem.robot)]
+    named = (path for path in context.inputs.items() if path[1].is_file())
+    read = [(f"{key}: {path.name}", f"sha256 {sha256(path.read_bytes()).hexdigest()}") for key, path in named]
+    used = [(n, v) for n, v in versions().items() if n != "platform"]
+    if poses is None:
+        return table(("what", ""), [*rows, *read, *used])
+    keys = ("keys of the problem", "sha256 " + sha256(problem.model_dump_json().encode()).hexdigest())
+    counts = ("poses", f"{poses['fitted']} fitted, {poses['held_out']} held out")
+    return table(("what", ""), [*rows, ("cost", problem.options().cost), *read, keys, *used, counts])
+
+
+def items(sentences: Sequence[str], sound: bool | None = None) -> str:
+    """A list of sentences; of a verdict, in a box that says whether it is a good one."""
+    box = "" if sound is None else f' class="box {"good" if sound else "bad"}"'
+    return f"<ul{box}>{''.join(f'<li>{escape(s)}</li>' for s in sentences)}</ul>"
 
 
 def table(heads: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:

@@ -9,8 +9,8 @@ import numpy as np
 
 from gtmodel.compiler.causal import flat_of
 from gtmodel.identify import IdentificationStudy, read_motion, study, synthetic_study
-from gtmodel.identify.identification_study import regressor_of
-from gtmodel.identify.recordings import scalars_of
+from gtmodel.identify.asked import regressor_of
+from gtmodel.identify.parameter_names import among
 from gtmodel.lang import Model, ModelError
 from gtmodel.measurements import Signal
 from gtmodel.problem_files.base import Context, InputError
@@ -63,9 +63,10 @@ def explain(problem: Schema, context: Context) -> str:
     """What is free and fixed, and how the regressor is computed."""
     model, free = problem.fitted(context)
     regressor = regressor_of(model, free, problem.options())
+    at = among(regressor.names, free)
     lines = [f"{problem.title or 'identification'}: {', '.join(regressor.columns)} linear in"]
-    for name, value, unit in zip(regressor.names, regressor.nominal, regressor.units, strict=True):
-        role = "free" if name in scalars_of(regressor, free) else "watched"
+    for k, (name, value, unit) in enumerate(zip(regressor.names, regressor.nominal, regressor.units, strict=True)):
+        role = "free" if k in at else "watched"
         lines.append(f"  {name} [{unit}], {role}, nominal {value:g}")
     lines.append(f"from {', '.join(s.name for s in regressor.inputs)}; every other parameter keeps its number")
     return "\n".join(lines)

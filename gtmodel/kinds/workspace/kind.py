@@ -8,7 +8,7 @@ from gtmodel.kinematics.workspace import WorkspaceStudy, workspace_study
 from gtmodel.kinematics.workspace.limited import task_of
 from gtmodel.problem_files.base import Context, InputError
 from gtmodel.problem_files.call import Call
-from gtmodel.problem_files.sentences import listed
+from gtmodel.results import listed
 
 from .keys import Schema
 

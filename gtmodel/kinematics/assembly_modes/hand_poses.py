@@ -11,8 +11,8 @@ from typing import Annotated
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from ...measurements import csv_lines
-from ...results import ArgumentError
+from ...measurements.csv_table import CsvTable
+from ...results import ArgumentError, naming
 from ...results.options import Long, Options, Unit
 from ..causality.conditions import UNIT_LENGTH
 from .six_links import Hands, SixLinks
@@ -50,10 +50,9 @@ class Pose(Options):
 def read_poses(path: str | Path) -> list[Pose]:
     """The poses of a CSV file, one row each, named columns as in COLUMNS. Raises ArgumentError."""
     path = Path(path)
-    try:
-        head, rows = _table(path)
-    except ArgumentError as error:
-        raise ArgumentError(error.sentence, "poses") from error
+    with naming("poses", ArgumentError):
+        table = CsvTable(path, "q1_m,q2_m,q3_m")
+    head = table.names
     wanted = [
         (name, columns, f) for name, all_ in COLUMNS.items() for columns, f in all_.items() if {*columns} & {*head}
     ]
@@ -68,27 +67,12 @@ def read_poses(path: str | Path) -> list[Pose]:
     twice = [columns for name, columns, _ in wanted if sum(name == other for other, _, _ in wanted) > 1]
     if twice:
         raise ArgumentError(f"{path.name} has {' and '.join(c[0] for c in twice)}; give either", "poses")
-    if not rows:
-        raise ArgumentError(f"{path.name} has no rows", "poses")
-    return [Pose(**{name: [f * row[head.index(c)] for c in columns] for name, columns, f in wanted}) for row in rows]
-
-
-def _table(path: Path) -> tuple[list[str], list[list[float]]]:
-    """Heads and numbers of a CSV file. Raises ArgumentError."""
-    (line, head), kept = csv_lines.lines_of(path, "q1_m,q2_m,q3_m")
-    csv_lines.refuse_twice(head, f"{path.name} line {line}")
-    rows = []
-    for n, row in kept:
-        try:
-            numbers = [csv_lines.number(cell) for cell in row]
-        except ValueError:
-            numbers = []
-        if len(numbers) != len(head) or not all(map(math.isfinite, numbers)):
-            raise ArgumentError(
-                f"{path.name} line {n}: expected {len(head)} finite numbers; found '{','.join(row)}'", "poses"
-            )
-        rows.append(numbers)
-    return head, rows
+    with naming("poses", ArgumentError):
+        numbers = {c: table.numbers(c).tolist() for c in known}
+    return [
+        Pose(**{name: [f * numbers[c][k] for c in columns] for name, columns, f in wanted})
+        for k in range(len(table.lines))
+    ]
 
 
 def hands_of(robot: SixLinks, poses: Sequence[Pose], argument: str) -> Hands:

@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 import csv
-import difflib
 import io
-import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from ...compiler.causal import Signal
 from ...lang.units import UnitError, convert, parse_unit
-from ...measurements import csv_lines
+from ...measurements.csv_table import CsvTable
 from ...results import ArgumentError
-
-_CELL = re.compile(r"(?P<name>\S+)(\s+\[(?P<unit>[^\[\]]+)\])?")  # the blank tells e[1] from e [1]
 
 
 def read(path: Path, signals: Sequence[Signal]) -> list[np.ndarray]:
@@ -27,25 +23,9 @@ def read(path: Path, signals: Sequence[Signal]) -> list[np.ndarray]:
     comments. Raises ArgumentError with the line: a column missing or there twice, a unit that does not fit, a cell that
     is no number.
     """
-    (number, cells), rows = csv_lines.lines_of(path, ",".join(columns(signals[0])))
-    matches = [_CELL.fullmatch(c) for c in cells]
-    found = {m["name"]: (k, m["unit"]) for k, m in enumerate(matches) if m is not None}
-    wanted = [(name, signal) for signal in signals for name in columns(signal)]
-    places = [_place(name, signal.unit, found, f"{path.name} line {number}") for name, signal in wanted]
-    needed = {name for name, _ in wanted}
-    names = ["" if m is None or m["name"] not in needed else m["name"] for m in matches]
-    csv_lines.refuse_twice(names, f"{path.name} line {number}")
-    if not rows:
-        raise ArgumentError(f"{path.name} has a header but no rows")
-    table = np.array([_row(row, len(cells), [k for k, _ in places], f"{path.name} line {n}") for n, row in rows])
-    for j, ((_, signal), (_, unit)) in enumerate(zip(wanted, places, strict=True)):
-        if unit:
-            table[:, j] = convert(table[:, j], unit, signal.unit)
-    arrays, first = [], 0
-    for signal in signals:
-        arrays.append(table[:, first : first + signal.size].reshape(len(table), *signal.shape))
-        first += signal.size
-    return arrays
+    table = CsvTable(path, ",".join(columns(signals[0])))
+    found = [[_in_units_of(signal, table, name) for name in columns(signal)] for signal in signals]
+    return [np.stack(c, axis=1).reshape(-1, *signal.shape) for c, signal in zip(found, signals, strict=True)]
 
 
 def columns(signal: Signal) -> list[str]:
@@ -65,34 +45,16 @@ def text(table: Sequence[tuple[Sequence[str], str, np.ndarray]], status: Sequenc
     return out.getvalue()
 
 
-def _place(name: str, declared: str, found: Mapping[str, tuple[int, str | None]], where: str) -> tuple[int, str]:
-    """Column of a name and the unit to convert from, "" for none."""
-    if name not in found:
-        close = difflib.get_close_matches(name, found, n=1)
-        hint = f"did you mean '{close[0]}'?" if close else f"it has {', '.join(found) or 'none'}"
-        raise ArgumentError(f"{where}: there is no column '{name}'; {hint}")
-    place, unit = found[name]
+def _in_units_of(signal: Signal, table: CsvTable, name: str) -> np.ndarray:
+    """Numbers of a column in the unit that the model declares."""
+    unit, values = table.units[table.place(name)], table.numbers(name, gaps=True)
     if not unit:
-        return place, ""
+        return values
+    where = f"{table.where}, column '{name}'"
     try:
-        fits = not declared or parse_unit(unit).dimension == parse_unit(declared).dimension
+        fits = not signal.unit or parse_unit(unit).dimension == parse_unit(signal.unit).dimension
     except UnitError as error:
-        raise ArgumentError(f"{where}, column '{name}': {error}") from error
+        raise ArgumentError(f"{where}: {error}") from error
     if not fits:
-        raise ArgumentError(f"{where}, column '{name}': the unit {unit} does not fit; the model has it in {declared}")
-    return place, unit if declared else ""
-
-
-def _row(cells: Sequence[str], width: int, places: Sequence[int], where: str) -> list[float]:
-    if len(cells) != width:
-        raise ArgumentError(f"{where}: found {len(cells)} cells; expected {width}, one for each column of the header")
-    row = []
-    for k in places:
-        cell = cells[k]
-        try:
-            row.append(csv_lines.number(cell) if cell else np.nan)
-        except ValueError:
-            raise ArgumentError(
-                f"{where}, column {k + 1}: found '{cell}'; expected a number, or nothing for none"
-            ) from None
-    return row
+        raise ArgumentError(f"{where}: the unit {unit} does not fit; the model has it in {signal.unit}")
+    return np.asarray(convert(values, unit, signal.unit), float) if signal.unit else values

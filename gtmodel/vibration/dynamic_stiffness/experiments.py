@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -10,12 +9,11 @@ from pathlib import Path
 import numpy as np
 
 from ...lang.units import UnitError, convert, parse_unit
-from ...measurements import csv_lines
+from ...measurements.csv_table import CsvTable
 from ...results import ArgumentError
 from .frequency_response import ORDER, UNITS, FrequencyResponse, frequency_response
 from .options import Fit
 
-_HEAD = re.compile(r"(?P<name>\S+)(\s+\[(?P<unit>[^\[\]]+)\])?")
 _PLACE = {"x": "m", "y": "m", "z": "m", "A": "rad"}
 _INDEX = "x [m],y [m],z [m],A [deg],direction,file"
 _RECORD = "time [s],force [N],acceleration [m/s2]"
@@ -46,24 +44,18 @@ def read_experiments(index: str | Path, fit: Fit | None = None) -> list[Experime
     then in the working directory. fit: estimator and windows of hits. Raises ArgumentError.
     """
     path, fit = Path(index), fit or Fit()
-    head, rows = csv_lines.lines_of(path, _INDEX)
-    columns = _columns(head[1], f"{path.name} line {head[0]}")
+    table = CsvTable(path, _INDEX)
     for name in (*_PLACE, "direction", "file"):
-        if name not in columns:
-            raise ArgumentError(f"{path.name} line {head[0]}: there is no column '{name}'; expected {_INDEX}")
+        if name not in table.names:
+            raise ArgumentError(f"{table.where}: there is no column '{name}'; expected {_INDEX}")
+    poses = np.column_stack([_si(table, name, unit) for name, unit in _PLACE.items()])
+    names = table.texts("experiment") if "experiment" in table.names else [""] * len(poses)
     groups: dict[tuple[object, ...], list[tuple[str, str]]] = {}
-    for line, cells in rows:
-        where = f"{path.name} line {line}"
-        if len(cells) != len(head[1]):
-            raise ArgumentError(f"{where}: found {len(cells)} cells; expected {len(head[1])}")
-        pose = tuple(_number(cells, columns, name, unit, where) for name, unit in _PLACE.items())
-        direction = cells[columns["direction"][0]]
+    for k, (direction, file) in enumerate(zip(table.texts("direction"), table.texts("file"), strict=True)):
+        where = f"{path.name} line {table.lines[k]}"
         if direction not in ("x", "y", "z"):
             raise ArgumentError(f"{where}: found the direction '{direction}'; expected x, y or z")
-        name = cells[columns["experiment"][0]] if "experiment" in columns else ""
-        groups.setdefault((*pose, direction, name), []).append((cells[columns["file"][0]], where))
-    if not groups:
-        raise ArgumentError(f"{path.name} has a header but no rows")
+        groups.setdefault((*poses[k].tolist(), direction, names[k]), []).append((file, where))
     found = []
     for key, files in groups.items():
         paths = {name: _found(name, path.parent, where) for name, where in files}
@@ -74,25 +66,25 @@ def read_experiments(index: str | Path, fit: Fit | None = None) -> list[Experime
 
 def _response(files: Sequence[tuple[str, str]], fit: Fit, paths: Mapping[str, Path]) -> FrequencyResponse:
     """Of the hits of one experiment, or the one receptance."""
-    tables = [_table(paths[name]) for name, _ in files]
-    (name, where), (columns, values) = files[0], tables[0]
+    tables = [CsvTable(paths[name], _RECORD) for name, _ in files]
+    (name, where), first = files[0], tables[0]
     try:
-        if "frequency" in columns:
+        if "frequency" in first.names:
             if len(files) > 1:
                 raise ArgumentError(f"{where}: {name} is a frequency response; name one for each experiment")
-            return _receptance(columns, values, name)
-        measures = next((m for m in ORDER if m in columns), None)
-        if measures is None or "force" not in columns or "time" not in columns:
+            return _receptance(first, name)
+        measures = next((m for m in ORDER if m in first.names), None)
+        if measures is None or "force" not in first.names or "time" not in first.names:
             raise ArgumentError(f"{name}: expected the columns {_RECORD} (or velocity, displacement), or {_RESPONSE}")
         forces, responses, steps = [], [], []
-        for (other, _), (heads, numbers) in zip(files, tables, strict=True):
-            if measures not in heads or len(numbers) != len(values):
+        for (other, _), table in zip(files, tables, strict=True):
+            if measures not in table.names or len(table.lines) != len(first.lines):
                 raise ArgumentError(
                     f"{other}: hits of one experiment must have equal columns and lengths, as {name} has"
                 )
-            steps.append(_step(_si(heads, numbers, "time", "s", other), other))
-            forces.append(_si(heads, numbers, "force", "N", other))
-            responses.append(_si(heads, numbers, measures, UNITS[measures], other))
+            forces.append(_si(table, "force", "N"))
+            responses.append(_si(table, measures, UNITS[measures]))
+            steps.append(_step(_si(table, "time", "s"), other))
         if np.ptp(steps) > JITTER * steps[0]:
             raise ArgumentError(f"{name}: the hits of this experiment were sampled at different rates")
         return frequency_response(
@@ -105,11 +97,10 @@ def _response(files: Sequence[tuple[str, str]], fit: Fit, paths: Mapping[str, Pa
         raise ArgumentError(f"{name}: {error}") from error
 
 
-def _receptance(columns: dict[str, tuple[int, str]], values: np.ndarray, name: str) -> FrequencyResponse:
-    if "real" not in columns or "imaginary" not in columns:
+def _receptance(table: CsvTable, name: str) -> FrequencyResponse:
+    if "real" not in table.names or "imaginary" not in table.names:
         raise ArgumentError(f"{name}: expected the columns {_RESPONSE}")
-    f = _si(columns, values, "frequency", "Hz", name)
-    unit = columns["real"][1]
+    f, unit = _si(table, "frequency", "Hz"), table.units[table.place("real")]
     try:
         order = next(
             (n for u, n in PER_FORCE.items() if parse_unit(u).dimension == parse_unit(unit or "m/N").dimension), None
@@ -119,48 +110,18 @@ def _receptance(columns: dict[str, tuple[int, str]], values: np.ndarray, name: s
     if order is None:
         raise ArgumentError(f"{name}, column 'real': the unit {unit} is none of {', '.join(PER_FORCE)}")
     to = next(u for u, n in PER_FORCE.items() if n == order)
-    H = _si(columns, values, "real", to, name) + 1j * _si(columns, values, "imaginary", to, name)
+    H = _si(table, "real", to) + 1j * _si(table, "imaginary", to)
     return FrequencyResponse(f, H / (2j * np.pi * f) ** order)
 
 
-def _table(path: Path) -> tuple[dict[str, tuple[int, str]], np.ndarray]:
-    (line, head), rows = csv_lines.lines_of(path, _RECORD)
-    columns = _columns(head, f"{path.name} line {line}")
-    numbers = np.empty((len(rows), len(head)))
-    for k, (n, cells) in enumerate(rows):
-        try:
-            numbers[k] = [csv_lines.number(c) for c in cells]
-        except ValueError:
-            raise ArgumentError(
-                f"{path.name} line {n}: expected {len(head)} numbers; found {', '.join(cells)}"
-            ) from None
-    return columns, numbers
-
-
-def _columns(head: Sequence[str], where: str) -> dict[str, tuple[int, str]]:
-    matches = [_HEAD.fullmatch(cell) for cell in head]
-    names = [m["name"] if m else "" for m in matches]
-    csv_lines.refuse_twice(names, where)
-    return {m["name"]: (k, m["unit"] or "") for k, m in enumerate(matches) if m}
-
-
-def _si(columns: dict[str, tuple[int, str]], values: np.ndarray, name: str, unit: str, file: str) -> np.ndarray:
-    place, own = columns[name]
+def _si(table: CsvTable, name: str, unit: str) -> np.ndarray:
+    own = table.units[table.place(name)]
     if not own:
-        raise ArgumentError(f"{file}: the column '{name}' has no unit; write it as '{name} [{unit}]'")
+        raise ArgumentError(f"{table.file}: the column '{name}' has no unit; write it as '{name} [{unit}]'")
     try:
-        return np.asarray(convert(values[:, place], own, unit), float)
+        return np.asarray(convert(table.numbers(name), own, unit), float)
     except UnitError as error:
-        raise ArgumentError(f"{file}, column '{name}': {error}") from error
-
-
-def _number(cells: list[str], columns: dict[str, tuple[int, str]], name: str, unit: str, where: str) -> float:
-    place, own = columns[name]
-    try:
-        value = csv_lines.number(cells[place])
-    except ValueError:
-        raise ArgumentError(f"{where}, column '{name}': found '{cells[place]}'; expected a number") from None
-    return float(_si({name: (0, own)}, np.array([[value]]), name, unit, where)[0])
+        raise ArgumentError(f"{table.where}, column '{name}': {error}") from error
 
 
 def _step(t: np.ndarray, name: str) -> float:

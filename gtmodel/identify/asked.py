@@ -1,0 +1,67 @@
+"""What an identification is asked for, carried from the study's call to its result."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from ..compiler.causal import flat_of
+from ..lang import Model, ModelError
+from ..results import ArgumentError, Work, naming
+from .options import Fitting
+from .parameter_names import among, scalar_parameters
+from .regressor import Regressor
+from .rows import Processing
+
+
+@dataclass(frozen=True, eq=False)
+class Asked:
+    """What is free and how it is fitted, the regressor of what is free and watched, numbers to compare with."""
+
+    free: Sequence[str]
+    how: Fitting
+    processing: Processing
+    regressor: Regressor
+    published: Mapping[str, float]
+    title: str
+    work: Work
+
+    @property
+    def names(self) -> tuple[str, str]:
+        """Of the known variable and of the efforts."""
+        return self.how.known, self.how.targets
+
+
+def asked_for(
+    robot: Model,
+    free: Sequence[str],
+    fitting: Fitting | None,
+    processing: Processing | None,
+    published: Mapping[str, float] | None,
+    title: str,
+    work: Work,
+) -> Asked:
+    """From the arguments of a study. Raises ArgumentError."""
+    how = fitting or Fitting()
+    regressor = regressor_of(robot, free, how)
+    for name in published or {}:
+        with naming(f"published.{name}", ModelError):
+            scalar_parameters(flat_of(robot), [name])
+    work.progress("reading", 0.1)
+    return Asked(free, how, processing or Processing(), regressor, published or {}, title, work)
+
+
+def regressor_of(robot: Model, free: Sequence[str], how: Fitting) -> Regressor:
+    """The regressor of what is free and what is watched. Raises ArgumentError."""
+    for name in ("known", "targets"):
+        with naming(f"fitting.{name}", ModelError):
+            flat_of(robot).lookup(getattr(how, name))
+    try:
+        found = Regressor(robot, [*free, *how.watch], how.known, how.targets)
+    except ModelError as error:
+        at = "fitting.watch" if any(f"'{n}" in str(error) for n in how.watch) else "free"
+        raise ArgumentError(str(error), at) from error
+    if not isinstance(how.nonnegative, bool):
+        with naming("fitting.nonnegative", ModelError):
+            among(found.names, how.nonnegative)
+    return found
