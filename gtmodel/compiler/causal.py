@@ -170,6 +170,16 @@ class CausalFunction:
                     Status(int(status[0])))  # fmt: skip
         return (*shaped, status)
 
+    def arguments_along(self, *motion: Any) -> list[Any]:
+        """Arguments of a call for a motion of the one known variable: itself, its rate and so on, as far as given; zero
+        beyond."""
+        orders = [s.pairs[0][1] for s in self.inputs]
+        return [motion[k] if k < len(motion) else np.zeros_like(motion[0]) for k in orders]
+
+    def along(self, *motion: Any) -> Any:
+        """The call for a motion of the one known variable: itself, its rate and so on; what is not given is zero."""
+        return self(*self.arguments_along(*motion))
+
     def jacobian(self, *arguments: Any) -> tuple[np.ndarray, Any]:
         """d targets / d inputs, (outputs, inputs) or (n, outputs, inputs), and the status."""
         columns, rows = self._columns(arguments)

@@ -75,7 +75,7 @@ class _InverseDynamics:
 
     def needed(self, *motion: Any) -> tuple[Array, Any]:
         """Forces (n, m) for rows of position, velocity and acceleration (n, k) each, and the status of each row."""
-        return self.inverse(*(motion[s.pairs[0][1]] for s in self.inverse.inputs))
+        return self.inverse.along(*motion)
 
     def modelled(self, motion: Trajectory) -> Trajectory:
         """The model's forces along a motion: a signal of the targets' name on the same rows.
@@ -110,7 +110,7 @@ class _InverseDynamics:
                 f"{self.inverse.name} of {self.inverse.flat.title} is solved by Newton's method and makes no "
                 "expression of a model; give its forces for the reference as an input instead, see modelled()"
             )
-        return self.inverse.casadi.call([motion[s.pairs[0][1]] for s in self.inverse.inputs])[0]
+        return self.inverse.casadi.call(self.inverse.arguments_along(*motion))[0]
 
 
 class Feedforward(_InverseDynamics):

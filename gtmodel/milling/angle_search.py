@@ -12,7 +12,8 @@ from ..vibration import OscillatorField
 from .deflection import Deflection
 from .guideline import Findings, choices, frequency_sensitivity, guideline
 from .oscillators import Oscillators
-from .task import Better, Place, Task, deflections_of, place_of, refined, replace_oscillators
+from .refine import Refined
+from .task import Place, Task, deflections_of, place_of, refined
 
 
 @dataclass
@@ -22,12 +23,11 @@ class Found:
     task: Task
     place: Place
     deflection: Deflection | None = None
-    static: np.ndarray = field(default_factory=lambda: np.zeros(0))
     peak: np.ndarray = field(default_factory=lambda: np.zeros(0))
     angle: float = np.nan
     index: float = np.nan
-    refined: list[Better] = field(default_factory=list)
-    freed: Better | None = None
+    refined: list[Refined] = field(default_factory=list)
+    freed: Refined | None = None
     combinations: list[dict[str, Any]] = field(default_factory=list)
     findings: Findings | None = None
     said: list[str] = field(default_factory=list)
@@ -38,7 +38,7 @@ def search(work: Work, f: Found) -> None:
     task, place = f.task, f.place
     dynamics = place.dynamics
     assert dynamics is not None
-    f.deflection = deflections_of(task, dynamics)
+    f.deflection = deflections_of(task, dynamics.oscillators)
     f.peak = place.spread(f.deflection.peak)
     s_row, d_row = choices(place.static, f.peak)
     angles = place.sweep.angles
@@ -69,11 +69,8 @@ def search(work: Work, f: Found) -> None:
     work.progress("speeds", 0.6)
     by_speed = _combinations(work, f, int(np.flatnonzero(dynamics.rows == s_row)[0]))
     at_static, at_dynamic = dynamics.at(float(angles[s_row])), dynamics.at(f.angle)
-
-    def peaks(oscillators: Oscillators) -> np.ndarray:
-        return deflections_of(task, replace_oscillators(dynamics, oscillators)).peak
-
-    lower, higher = frequency_sensitivity(Oscillators.joined([at_dynamic, at_static]), peaks)
+    both = Oscillators.joined([at_dynamic, at_static])
+    lower, higher = frequency_sensitivity(both, lambda oscillators: deflections_of(task, oscillators).peak)
     speeds, best, static = np.array(by_speed).reshape(-1, 3).T
     f.findings = Findings(
         angles, place.static, f.peak, at_static, at_dynamic, task.speed, task.cutter.teeth,
@@ -105,7 +102,7 @@ def _combinations(work: Work, f: Found, static: int) -> list[tuple[float, float,
                 if work.interrupted():
                     return by_speed
                 first = p == n == v == 0
-                made = f.deflection if first else deflections_of(task, dynamics, speed=speed, feed=feed)
+                made = f.deflection if first else deflections_of(task, dynamics.oscillators, speed=speed, feed=feed)
                 assert made is not None
                 best = int(np.argmin(made.peak))
                 angle = float(np.rad2deg(place.sweep.angles[dynamics.rows[best]]))

@@ -7,7 +7,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..results import ArgumentError, Check, Row, at_most
+from ..results import Check, Row, at_most
+from ..results.refusal import naming
 from ..results.tables import csv_text
 from .compensation import Compensation, compensate
 from .deflection import cutting_force, duration
@@ -54,23 +55,14 @@ def compensated(task: Task, here: Oscillators, given: PathOffset) -> Offset:
 
     Raises ArgumentError.
     """
-    try:
+    with naming("compensation.seconds", ValueError):
         seconds = duration(task.speed, given.seconds, given.entry)  # a whole turn after the entry at least
         F, step = cutting_force(task.cutter, task.cut, task.speed, task.feed, up=task.up, seconds=seconds, rate=RATE)
-    except ValueError as error:
-        raise ArgumentError(str(error), "compensation.seconds") from error
     time = step * np.arange(len(F))
     F = F * np.clip(time / given.entry, 0, 1)[:, None]
-    try:
-        made = {
-            "static": compensate(here, F, step, model="static"),
-            "dynamic": compensate(here, F, step, model="dynamic"),
-            f"dynamic, up to {given.bandwidth:g} Hz": compensate(
-                here, F, step, model="dynamic", bandwidth=given.bandwidth
-            ),
-        }
-    except ValueError as error:
-        raise ArgumentError(str(error), "compensation") from error
+    with naming("compensation", ValueError):
+        made = {name: compensate(here, F, step, model=name) for name in ("static", "dynamic")}
+        made[f"dynamic, up to {given.bandwidth:g} Hz"] = compensate(here, F, step, bandwidth=given.bandwidth)
     followed = list(made.values())[-1]
     at = np.arange(0.0, time[-1], given.cycle)
     offset = np.column_stack([np.interp(at, time, followed.offset[:, j]) for j in range(3)])

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from scipy.signal import butter, lfilter, sosfiltfilt
 
 from .oscillators import Oscillators
-from .response import recursion, responses
+from .response import checked_force, recursion, responses
 
 MODELS = ("static", "dynamic")
 
@@ -39,7 +39,7 @@ def path_offset(
     order each way) before the offset is made, for the process is known ahead. Raises ValueError for another model
     or a bandwidth beyond half the sample rate.
     """
-    force = _force(F, step)
+    force = checked_force(F, step)
     if model not in MODELS:
         raise ValueError(f"the model is '{model}'; expected one of {', '.join(MODELS)}")
     if bandwidth is not None:
@@ -63,7 +63,7 @@ def tool_error(oscillators: Oscillators, F: ArrayLike, step: float, b: ArrayLike
     m y'' + c (y' - b') + k (y - b) = F, straight lines between samples, starting in balance with the first of them.
     Raises ValueError for wrong shapes.
     """
-    F = _force(F, step)
+    F = checked_force(F, step)
     moved = np.zeros_like(F) if b is None else np.asarray(b, float)
     if moved.shape != F.shape:
         raise ValueError(f"the offset has the shape {moved.shape}; expected {F.shape} like the force")
@@ -86,12 +86,3 @@ def compensate(
     b = path_offset(oscillators, F, step, model=model, bandwidth=bandwidth)
     robot = oscillators if true is None else true
     return Compensation(b, tool_error(robot, F, step), tool_error(robot, F, step, b))
-
-
-def _force(F: ArrayLike, step: float) -> np.ndarray:
-    F = np.asarray(F, float)
-    if F.ndim != 2 or F.shape[1] != 3 or len(F) < 2 or not np.all(np.isfinite(F)):
-        raise ValueError(f"the force has the shape {F.shape}; expected (t, 3), finite, with two times or more")
-    if not step > 0:
-        raise ValueError(f"the step is {step:g} s; expected more than 0")
-    return F

@@ -4,22 +4,30 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 
-MODES = ("climb", "up", "slot")
+from ..results import ArgumentError, Options, Unit, Within
+
+Mode = Literal["climb", "up", "slot"]
+PER_DEPTH = "edge force per depth"
+PER_CHIP = "cutting force per depth and chip thickness"
 
 
-class Coefficients(NamedTuple):
-    """Edge (e) [N/m] and cutting (c) [N/m2] coefficients, tangential, radial and axial (Cvitanic 2021, Table 3)."""
+@dataclass(frozen=True)
+class Coefficients(Options):
+    """Edge (e) [N/m] and cutting (c) [N/m2] coefficients, tangential, radial and axial (Cvitanic 2021, Table 3).
 
-    K_te: float
-    K_tc: float
-    K_re: float
-    K_rc: float
-    K_ae: float
-    K_ac: float
+    A chip brakes the tooth and does not drive it: the tangential ones are not negative.
+    """
+
+    K_te: Annotated[float, Unit("N/m"), Within(least=0.0), f"{PER_DEPTH}, tangential"]
+    K_tc: Annotated[float, Unit("Pa"), Within(least=0.0), f"{PER_CHIP}, tangential"]
+    K_re: Annotated[float, Unit("N/m"), f"{PER_DEPTH}, radial"]
+    K_rc: Annotated[float, Unit("Pa"), f"{PER_CHIP}, radial"]
+    K_ae: Annotated[float, Unit("N/m"), f"{PER_DEPTH}, axial"] = 0.0
+    K_ac: Annotated[float, Unit("Pa"), f"{PER_CHIP}, axial"] = 0.0
 
     @property
     def edge(self) -> np.ndarray:
@@ -33,42 +41,33 @@ class Coefficients(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Cutter:
-    """A helical end mill with `coefficients` for the material it cuts.
+class Cutter(Options):
+    """A helical end mill, right-handed, with cutting coefficients for the material.
 
-    diameter [m]; teeth; helix [rad], right-handed, 0 for straight teeth. tooth_angles (teeth,) [rad]: of the teeth
-    at the tip, rising, within one turn; even pitch if left out. runout (teeth,) [m]: by how much each tooth stands
-    out radially. Raises ValueError for impossible values.
+    tooth_angles, runout (teeth,): of the teeth at the tip. Raises ArgumentError for impossible values.
     """
 
-    diameter: float
-    teeth: int
+    diameter: Annotated[float, Unit("m"), Within(above=0.0), "of the cutter"]
+    teeth: Annotated[int, Within(least=1), "how many"]
     coefficients: Coefficients
-    helix: float = 0.0
-    tooth_angles: np.ndarray | None = None
-    runout: np.ndarray | None = None
+    helix: Annotated[
+        float, Unit("rad", written="deg"), Within(least=0.0, below=np.pi / 2), "helix angle; 0 for straight teeth"
+    ] = 0.0  # fmt: skip
+    tooth_angles: Annotated[
+        list[float] | None, Unit("rad", written="deg"), "of uneven pitch, rising; even if left out"
+    ] = None  # fmt: skip
+    runout: Annotated[list[float] | None, Unit("m"), "by how much each tooth stands out"] = None
 
     def __post_init__(self) -> None:
-        if not self.diameter > 0 or not np.isfinite(self.diameter):
-            raise ValueError(f"the diameter is {self.diameter:g} m; expected more than 0")
-        if self.teeth < 1 or self.teeth != int(self.teeth):
-            raise ValueError(f"the cutter has {self.teeth} teeth; expected a whole number from 1 on")
-        if not 0 <= self.helix < np.pi / 2:
-            raise ValueError(f"the helix angle is {np.rad2deg(self.helix):g} deg; expected 0 to less than 90")
-        if not np.all(np.isfinite(self.coefficients)):
-            raise ValueError(f"the cutting coefficients are {tuple(self.coefficients)}; expected finite numbers")
-        k = self.coefficients
-        if k.K_tc < 0 or k.K_te < 0:
-            name, value = ("K_tc", k.K_tc) if k.K_tc < 0 else ("K_te", k.K_te)
-            raise ValueError(
-                f"{name} is {value:g}; expected 0 or more, for a chip brakes the tooth and does not drive it"
-            )
+        super().__post_init__()
+        if self.teeth != int(self.teeth):
+            raise ArgumentError(f"is {self.teeth}; expected a whole number", "teeth")
         for name in ("tooth_angles", "runout"):
             given = getattr(self, name)
-            if given is not None and (np.shape(given) != (self.teeth,) or not np.all(np.isfinite(given))):
-                raise ValueError(f"{name} has the shape {np.shape(given)}; expected {self.teeth} finite numbers")
+            if given is not None and np.shape(given) != (self.teeth,):
+                raise ArgumentError(f"has the shape {np.shape(given)}; expected {self.teeth} numbers", name)
         if np.any(self.pitch <= 0):
-            raise ValueError("tooth_angles must rise and lie within one turn")
+            raise ArgumentError("must rise and lie within one turn", "tooth_angles")
 
     @property
     def radius(self) -> float:
@@ -93,24 +92,17 @@ class Cutter:
 
 
 @dataclass(frozen=True)
-class Cut:
-    """mode "climb" (down), "up" or "slot"; radial_depth a_e, axial_depth a_p and feed_per_tooth f_t, all [m].
+class Cut(Options):
+    """The cut. A slot takes the whole diameter. Raises ArgumentError for impossible values."""
 
-    A slot takes the whole diameter, its radial_depth is not read. Raises ValueError for impossible values.
-    """
-
-    mode: str
-    radial_depth: float
-    axial_depth: float
-    feed_per_tooth: float
-
-    def __post_init__(self) -> None:
-        if self.mode not in MODES:
-            raise ValueError(f"the mode is '{self.mode}'; expected one of {', '.join(MODES)}")
-        for name in ("radial_depth", "axial_depth", "feed_per_tooth"):
-            if not getattr(self, name) > 0 or not np.isfinite(getattr(self, name)):
-                said = "; the direction of feed is a vector of its own" if name == "feed_per_tooth" else ""
-                raise ValueError(f"{name} is {getattr(self, name):g} m; expected more than 0{said}")
+    mode: Annotated[Mode, "climb is also called down milling"]
+    radial_depth: Annotated[
+        float, Unit("m"), Within(above=0.0), "width of the cut; at most the diameter; a slot does not read it"
+    ]
+    axial_depth: Annotated[float, Unit("m"), Within(above=0.0), "depth of the cut along the tool"]
+    feed_per_tooth: Annotated[
+        float, Unit("m"), Within(above=0.0), "more than 0; where to is told by the direction of feed"
+    ]
 
 
 class Teeth(NamedTuple):

@@ -59,7 +59,6 @@ def cutting_force(
     Each sample is the mean over one step about it: no impulse is lost between samples, nor counted twice.
     speed [1/s]; feed (3), up (3): see `to_world`. Raises ValueError for impossible values.
     """
-    tooth_frequency(speed, cutter.teeth)
     if not (seconds > 0 and rate > 0):
         raise ValueError(f"found {seconds:g} s at {rate:g} samples per second; expected more than 0")
     turn = samples_per_turn(speed, cutter.teeth, seconds, rate)

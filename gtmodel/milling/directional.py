@@ -9,8 +9,6 @@ from .cutter import Cutter, immersion
 from .forces import to_world
 from .oscillators import Oscillators
 
-POINTS = 2000
-
 
 def directional_matrix(cutter: Cutter, phi: ArrayLike, start: float, end: float) -> np.ndarray:
     """D (n, 2, 2) [N/m2] of one tooth at angles phi (n,) [rad]: force in feed and transverse direction per depth of

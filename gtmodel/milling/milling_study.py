@@ -23,8 +23,9 @@ from .options import PathOffset, Search, Tool
 from .oscillators import Oscillators
 from .pose_dynamics import Given
 from .published_tests import checks, printed_tests, rows
+from .redundant_angle import runs_of
 from .stability import spectral_radius
-from .task import deflections_of, place_of, replace_oscillators, task_of
+from .task import deflections_of, place_of, task_of
 
 Array = np.ndarray
 SHALLOWER = "the cut chatters: take less depth or another speed"
@@ -113,7 +114,7 @@ def _outcome(
     task, place = f.task, f.place
     angles = place.sweep.angles
     best = int(np.nanargmin(place.static))
-    runs = _runs(angles, place.sweep.reachable)
+    runs = angles[runs_of(place.sweep.reachable)]
     values: dict[str, Any] = {
         "reachable": runs,
         "static_angle": float(angles[best]),
@@ -172,7 +173,7 @@ def _dynamic(f: Found) -> tuple[dict[str, Any], list[Row], dict[str, Check]]:
     assert found is not None and dynamics is not None
     s_row, _ = found.choices
     here = dynamics.at(f.angle)
-    chosen = deflections_of(task, replace_oscillators(dynamics, here))
+    chosen = deflections_of(task, here)
     coupling = mode_coupling(here, task.cutter, task.cut, task.feed, up=task.up)
     tested: dict[str, Check] = {}
     try:
@@ -235,7 +236,7 @@ def _known(angles: Array, f: Found) -> list[Row]:
     there = np.isfinite(f.peak)
     if there.sum() == f.place.sweep.reachable.sum():
         return []
-    said = ", ".join(_degrees(*run) for run in _runs(angles, there))
+    said = ", ".join(_degrees(*run) for run in angles[runs_of(there)])
     return [Row("angles with known dynamics", f"{said}; other reachable angles are judged by stiffness alone", "deg")]
 
 
@@ -257,10 +258,3 @@ def _combined(c: Mapping[str, Any]) -> tuple[str, str, str]:
 
 def _degrees(low: float, high: float) -> str:
     return f"{np.rad2deg(low):.4g} to {np.rad2deg(high):.4g}"
-
-
-def _runs(angles: Array, there: Array) -> Array:
-    """First and last angle of each run (n, 2)."""
-    edges = np.diff(np.concatenate([[0], there, [0]]).astype(int))
-    ends = zip(np.flatnonzero(edges > 0), np.flatnonzero(edges < 0), strict=True)
-    return np.array([[angles[a], angles[b - 1]] for a, b in ends]).reshape(-1, 2)

@@ -3,29 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..results import ArgumentError
+from ..results.refusal import naming
 from ..vibration import OscillatorField
 from .angle_table import AngleTable
 from .options import Modal
 from .oscillators import Oscillators
+from .redundant_angle import runs_of
 
 NEIGHBOURS = 3  # of a grid angle on either side through which a local table is laid
 ROUNDING = 1e-9  # rad, of an angle of the grid
 
 
-class Dynamics:
+class Dynamics(NamedTuple):
     """Oscillators by angle at one place. `rows` of the grid where they are known, `smooth` a CasADi function about a
     row, between the angles `low` and `high` [rad]."""
 
-    def __init__(
-        self, rows: np.ndarray, oscillators: Oscillators, at: Callable[[float], Oscillators],
-        smooth: Callable[[int], tuple[Any, float, float]],
-    ) -> None:  # fmt: skip
-        self.rows, self.oscillators, self.at, self.smooth = rows, oscillators, at, smooth
+    rows: np.ndarray
+    oscillators: Oscillators
+    at: Callable[[float], Oscillators]
+    smooth: Callable[[int], tuple[Any, float, float]]
 
 
 Given = AngleTable | Modal | OscillatorField
@@ -61,10 +62,8 @@ def _of_modal(mass: list[float], zeta: list[float]) -> Callable[..., Dynamics]:
     def dynamics(angles, reachable, compliance, branch, place) -> Dynamics:
         rows = np.flatnonzero(reachable)
         k = 1 / np.einsum("nii->ni", compliance[rows])
-        try:
+        with naming("dynamics", ValueError):
             found = Oscillators.with_damping_ratio(np.tile(mass, (len(rows), 1)), k, zeta)
-        except ValueError as error:
-            raise ArgumentError(str(error), "dynamics") from error
 
         def near(row: int) -> AngleTable:
             here = [row]
@@ -120,9 +119,5 @@ def _of_field(field: OscillatorField) -> Callable[..., Dynamics]:
 
 def _run(angles: np.ndarray, reachable: np.ndarray, row: int) -> tuple[float, float]:
     """Ends of the reachable angles around a row without a gap."""
-    low = high = row
-    while low > 0 and reachable[low - 1]:
-        low -= 1
-    while high < len(angles) - 1 and reachable[high + 1]:
-        high += 1
+    low, high = next(run for run in runs_of(reachable) if run[0] <= row <= run[1])
     return float(angles[low]), float(angles[high])

@@ -25,14 +25,12 @@ NOTE = (
 
 
 class Printed(NamedTuple):
-    """Tests 1 to 12: tooth frequency [Hz], predicted mean and largest deflection by feed, measured ones [mm] (NaN:
-    not printed), spectral radius of the linear model by feed, and what the poses were chosen by."""
+    """Tests 1 to 12: tooth frequency [Hz], predicted mean deflection by feed, measured one [mm] (NaN: not printed),
+    spectral radius of the linear model and critical depth by feed, and what the poses were chosen by."""
 
     tooth_hz: np.ndarray
     mean_mm: dict[str, np.ndarray]
-    peak_mm: dict[str, np.ndarray]
     measured_mean_mm: np.ndarray
-    measured_max_mm: np.ndarray
     radius: dict[str, np.ndarray]
     depth_mm: dict[str, np.ndarray]
     chosen_by: list[str]
@@ -46,15 +44,14 @@ def printed_tests(tables: Mapping[str, Any]) -> Printed:
     cut = Cut(c["mode"], c["radial_depth_m"], c["axial_depth_m"], c["feed_per_tooth_m"])
     hz = np.array(t["tooth_frequency_Hz"])
     o = missing_z(t["m_kg"], t["c_N_s_m"], 1e6 * np.array(t["k_MN_m"]))
-    mean, peak, radius, depth = {}, {}, {}, {}
+    mean, radius, depth = {}, {}, {}
     for name, feed in FEEDS.items():
         runs = [deflections(o[i], cutter, cut, f / cutter.teeth, feed) for i, f in enumerate(hz)]
         mean[name] = 1e3 * np.array([d.mean[0] for d in runs])
-        peak[name] = 1e3 * np.array([d.peak[0] for d in runs])
         radius[name] = np.array([spectral_radius(o[i], cutter, cut, f / cutter.teeth, feed) for i, f in enumerate(hz)])
         depth[name] = 1e3 * np.array([critical_depth(o[i], cutter, cut, feed) for i in range(len(hz))])
-    measured = [np.pad(t[k], (0, 2), constant_values=np.nan) for k in ("deflection_mean_mm", "deflection_max_mm")]
-    return Printed(hz, mean, peak, measured[0], measured[1], radius, depth, t["optimised_with"])
+    measured = np.pad(t["deflection_mean_mm"], (0, 2), constant_values=np.nan)
+    return Printed(hz, mean, measured, radius, depth, t["optimised_with"])
 
 
 def rows(p: Printed) -> list[Row]:

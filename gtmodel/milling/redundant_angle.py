@@ -41,6 +41,12 @@ class AngleSweep:
         return best, which
 
 
+def runs_of(there: np.ndarray) -> np.ndarray:
+    """First and last row (n, 2) of each run of rows that are `there`."""
+    edges = np.diff(np.concatenate([[0], there, [0]]).astype(int))
+    return np.column_stack([np.flatnonzero(edges > 0), np.flatnonzero(edges < 0) - 1])
+
+
 def tool_rotations(angles: ArrayLike, axis: ArrayLike, spindle: ArrayLike, zero: float = 0.0) -> np.ndarray:
     """Flange orientations (n, 3, 3) that point the spindle along `axis` (3), world, turned about it by angles (n,).
 

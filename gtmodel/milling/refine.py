@@ -26,12 +26,14 @@ class Start:
 
 @dataclass(frozen=True)
 class Refined:
-    """angle [rad], speed [1/s] and largest norm of the steady deflection there [m]; whether the solver converged."""
+    """angle [rad], speed [1/s] and largest norm of the steady deflection there [m]; whether the solver converged; peak:
+    dynamic index there [m], where it was computed."""
 
     angle: float
     speed: float
     steady_peak: float
     converged: bool
+    peak: float = np.nan
 
 
 def refine(

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 from scipy.linalg import expm
 from scipy.signal import lfilter
 
+from .cutter import tooth_frequency
 from .oscillators import Oscillators
 
 HOLDS = ("zero", "linear")
@@ -21,15 +22,9 @@ def responses(oscillators: Oscillators, F: ArrayLike, step: float, *, hold: str 
     of second order in the step for other forces. Raises ValueError for another hold, shape or step, and for a force
     that is not finite.
     """
-    F = np.asarray(F, float)
     if hold not in HOLDS:
         raise ValueError(f"the hold is '{hold}'; expected one of {', '.join(HOLDS)}")
-    if F.ndim != 2 or F.shape[1] != 3 or len(F) < 2:
-        raise ValueError(f"the force has the shape {F.shape}; expected (t, 3) with two times or more")
-    if not np.all(np.isfinite(F)):
-        raise ValueError("the force holds a number that is not finite; expected finite numbers")
-    if not step > 0:
-        raise ValueError(f"the step is {step:g} s; expected more than 0")
+    F = checked_force(F, step)
     o = oscillators
     A, B = np.zeros((len(o), 3, 2, 2)), np.zeros((len(o), 3, 2))
     A[..., 0, 1] = 1
@@ -41,6 +36,18 @@ def responses(oscillators: Oscillators, F: ArrayLike, step: float, *, hold: str 
         for j in range(3):
             x[j], _ = lfilter(b[pose, j], a[pose, j], rows[j], zi=start[pose, j] * rows[j, 0])
         yield x.T
+
+
+def checked_force(F: ArrayLike, step: float) -> np.ndarray:
+    """F (t, 3) as an array. Raises ValueError for another shape, a number that is not finite, or no step."""
+    F = np.asarray(F, float)
+    if F.ndim != 2 or F.shape[1] != 3 or len(F) < 2:
+        raise ValueError(f"the force has the shape {F.shape}; expected (t, 3) with two times or more")
+    if not np.all(np.isfinite(F)):
+        raise ValueError("the force holds a number that is not finite; expected finite numbers")
+    if not step > 0:
+        raise ValueError(f"the step is {step:g} s; expected more than 0")
+    return F
 
 
 def recursion(A: np.ndarray, B: np.ndarray, step: float, hold: str = "linear") -> tuple[np.ndarray, ...]:
@@ -70,8 +77,7 @@ def steady_state(oscillators: Oscillators, spectrum: np.ndarray, speed: float, s
     ValueError for a speed that is not positive, a spectrum that is not finite, or fewer samples than twice the
     harmonics.
     """
-    if not speed > 0:
-        raise ValueError(f"the spindle speed is {60 * speed:g} rpm; expected more than 0")
+    tooth_frequency(speed, 1)
     if not np.all(np.isfinite(spectrum)):
         raise ValueError("the spectrum holds a number that is not finite; expected finite numbers")
     n = np.arange(len(spectrum))

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, get_args
 
 import casadi as ca
 import numpy as np
 
-from .cutter import MODES, Cutter
+from .cutter import Cutter, Mode
 
 WIDTH = 0.02  # of the gate, in cosines of the angle
 
@@ -20,8 +20,8 @@ def smooth_force_function(cutter: Cutter, mode: str, *, width: float = WIDTH, di
     the diameter (a slot reads no a_e). Runout is left out, chips are not clipped. Raises ValueError for an unknown
     mode, a width that is not positive, or a cutter with runout.
     """
-    if mode not in MODES:
-        raise ValueError(f"the mode is '{mode}'; expected one of {', '.join(MODES)}")
+    if mode not in get_args(Mode):
+        raise ValueError(f"the mode is '{mode}'; expected one of {', '.join(get_args(Mode))}")
     if not width > 0 or discs < 1:
         raise ValueError(f"found a width of {width:g} and {discs} discs; expected more than 0 and at least 1")
     if cutter.runout is not None and np.any(cutter.runout):

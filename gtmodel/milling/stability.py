@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -53,7 +54,7 @@ def stable_depth(
     """
 
     def radius(depth: float) -> float:
-        deeper = Cut(cut.mode, cut.radial_depth, depth, cut.feed_per_tooth)
+        deeper = replace(cut, axial_depth=depth)
         return spectral_radius(oscillators, cutter, deeper, speed, feed, up=up, intervals=intervals)
 
     if radius(low) >= 1 or radius(high) < 1:

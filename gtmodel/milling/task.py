@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import Any, NamedTuple
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from ..compliance import arm_poses, translational_compliance
 from ..kinematics import WristPartition
 from ..lang import Model
 from ..results import ArgumentError
+from ..results.refusal import naming
 from .cutter import Cut, Cutter, immersion, tooth_frequency
 from .deflection import Deflection, deflections, duration, samples_per_turn, static_index
 from .forces import to_world
@@ -19,7 +20,7 @@ from .options import Search, Tool
 from .oscillators import Oscillators
 from .pose_dynamics import Dynamics, Given, dynamics_of
 from .redundant_angle import AngleSweep, angle_sweep
-from .refine import Start, refine
+from .refine import Refined, Start, refine
 from .spectrum import force_spectrum
 
 SOFTEST_PA = 1e4  # of cutting coefficients
@@ -84,15 +85,18 @@ def task_of(
 ) -> Task:  # fmt: skip
     """Raises ArgumentError."""
     _plausible(cutter, cut)
-    _made(lambda: immersion(cut.mode, cut.radial_depth, cutter.diameter), "cut.radial_depth")
+    with naming("cut.radial_depth", ValueError):
+        immersion(cut.mode, cut.radial_depth, cutter.diameter)
     for n, turns in enumerate([speed, *search.speeds]):
         name = "speed" if n == 0 else f"search.speeds[{n - 1}]"
-        _made(lambda turns=turns: tooth_frequency(turns, cutter.teeth), name)
-        _made(lambda turns=turns: samples_per_turn(turns, cutter.teeth, duration(turns)), name)
+        with naming(name, ValueError):
+            tooth_frequency(turns, cutter.teeth)
+            samples_per_turn(turns, cutter.teeth, duration(turns))
     up = -np.array(tool.axis)
     for n, direction in enumerate([feed, *search.feed_directions]):
         name = "feed" if n == 0 else f"search.feed_directions[{n - 1}]"
-        _made(lambda direction=direction: to_world(np.zeros(3), direction, up), name)
+        with naming(name, ValueError):
+            to_world(np.zeros(3), direction, up)
     model: Any = robot
     within = getattr(model, "joint_limits", None)
     if limits is not None:
@@ -158,37 +162,21 @@ def place_of(task: Task, place: Sequence[float]) -> Place:
 def sweep_of(task: Task, place: Any, angles: Any) -> AngleSweep:
     """All branches over angles [rad]. Raises ArgumentError for a direction without length."""
     t = task.tool
-    try:
+    with naming("tool", ValueError):
         return angle_sweep(
             task.arm, task.limits, place, axis=t.axis, tool=t.tcp, spindle=t.spindle, angles=angles, zero=t.zero
         )
-    except ValueError as error:
-        raise ArgumentError(str(error), "tool") from error
 
 
-def deflections_of(task: Task, dynamics: Dynamics, *, speed: float | None = None, feed: Any = None) -> Deflection:
-    """Of all angles with dynamics, of the task's speed and feed unless given."""
+def deflections_of(task: Task, at: Oscillators, *, speed: float | None = None, feed: Any = None) -> Deflection:
+    """Of all poses of oscillators, of the task's speed and feed unless given."""
     return deflections(
-        dynamics.oscillators, task.cutter, task.cut, task.speed if speed is None else speed,
+        at, task.cutter, task.cut, task.speed if speed is None else speed,
         task.feed if feed is None else feed, up=task.up,
     )  # fmt: skip
 
 
-def replace_oscillators(dynamics: Dynamics, oscillators: Oscillators) -> Dynamics:
-    """The same dynamics with these oscillators in place of the grid's."""
-    return Dynamics(np.arange(len(oscillators)), oscillators, dynamics.at, dynamics.smooth)
-
-
-class Better(NamedTuple):
-    """What the NLP made of a grid angle: angle [rad], spindle speed [1/s], dynamic index [m], whether it converged."""
-
-    angle: float
-    speed: float
-    peak: float
-    converged: bool
-
-
-def refined(task: Task, place: Place, peak: np.ndarray, speed: tuple[float, float] | None = None) -> list[Better]:
+def refined(task: Task, place: Place, peak: np.ndarray, speed: tuple[float, float] | None = None) -> list[Refined]:
     """The best `search.refine` grid angles after the NLP, which minimises the steady part of the dynamic index.
 
     speed: least and greatest [1/s] where it is free; then the angle is too, as far as it is reachable without a gap
@@ -215,8 +203,8 @@ def refined(task: Task, place: Place, peak: np.ndarray, speed: tuple[float, floa
     for best in [b for curve, begin in starts.items() for b in refine(curve, world, begin, speed)]:
         held = sweep_of(task, task.place, [best.angle])
         if held.reachable[0]:
-            d = deflections(dynamics.at(best.angle), task.cutter, task.cut, best.speed, task.feed, up=task.up)
-            found.append(Better(best.angle, best.speed, float(d.peak[0]), best.converged))
+            d = deflections_of(task, dynamics.at(best.angle), speed=best.speed)
+            found.append(replace(best, peak=float(d.peak[0])))
     return found
 
 
@@ -226,13 +214,6 @@ def _minima(value: np.ndarray) -> list[int]:
     low = np.isfinite(value) & (padded[1:-1] <= padded[:-2]) & (padded[1:-1] <= padded[2:])
     rows = np.flatnonzero(low)
     return [int(r) for r in rows[np.argsort(value[rows], kind="stable")]]
-
-
-def _made(make: Callable[[], Any], argument: str) -> Any:
-    try:
-        return make()
-    except ValueError as error:
-        raise ArgumentError(str(error), argument) from error
 
 
 def _six(limits: Sequence[Sequence[float]]) -> Sequence[Sequence[float]]:

@@ -8,7 +8,7 @@ axis_study      the optimal motion of a robot with three carts and three rotary 
 table_study     several motions beside published numbers: `MotionTable`; a `TableRow` for each `MotionProblem`
 elastic_study   how an elastic tool swings after motions planned rigid, shaped, and elastic: `ElasticStudy`; its options
                 stand in `gtmodel.motion.elastic`
-motion, MotionTask   the motion as an Optimization
+motion          the motion of a `MotionProblem` as an Optimization
 """
 
 from . import axes as axes, elastic as elastic
@@ -50,4 +50,4 @@ from .options import (
 )
 from .paths import read_points as read_points
 from .problem import MotionProblem as MotionProblem
-from .task import MotionTask as MotionTask, motion as motion
+from .task import motion as motion

@@ -12,6 +12,7 @@ ORDER = 2
 SPARE = 1.2  # beyond what that order asks for
 LEAST, MOST = 1.5, 4.0  # times as many elements at once
 PASSES = 4
+M = TypeVar("M", bound=Any)
 BETTER = 0.9  # of the worst excess over a bound before: a mesh that leaves more is not what the check lacks
 
 
@@ -23,24 +24,16 @@ def missed(checks: Mapping[str, Any], mended: Iterable[str]) -> float:
     )
 
 
-def elements_after(elements: int, most: int, checks: Mapping[str, Any], mended: Iterable[str]) -> int | None:
-    """So many elements instead, at most `most`, where one of the checks named in `mended` failed; else None."""
+def finer_mesh(mesh: M, checks: Mapping[str, Any], mended: Iterable[str]) -> M | None:
+    """A mesh with more elements, at most `most_elements`, where one of the checks named in `mended` failed; else None.
+
+    mesh: a dataclass with `elements` and `most_elements`.
+    """
     times = missed(checks, mended)
-    if not times or elements >= most:
+    if not times or mesh.elements >= mesh.most_elements:
         return None
     factor = min(max(SPARE * times ** (1 / ORDER), LEAST), MOST)
-    return min(int(elements * factor) + 1, most)
-
-
-def finer_problem(problem: Any, checks: Mapping[str, Any], mended: Iterable[str]) -> Any | None:
-    """The problem on a finer mesh, at most `mesh.most_elements`, where one of the checks named failed; else None.
-
-    problem: a dataclass with a field `mesh`, one with `elements` and `most_elements`.
-    """
-    elements = elements_after(problem.mesh.elements, problem.mesh.most_elements, checks, mended)
-    if elements is None:
-        return None
-    return replace(problem, mesh=replace(problem.mesh, elements=elements))
+    return replace(mesh, elements=min(int(mesh.elements * factor) + 1, mesh.most_elements))
 
 
 def helped(before: Mapping[str, Any], after: Mapping[str, Any]) -> bool:

@@ -19,7 +19,7 @@ from .guesses import trapezoid
 from .links import along_guideways, link_ends
 from .path_rows import task_along
 from .paths import Path
-from .task import MotionTask
+from .problem import MotionProblem
 
 FORCE_RESERVE = 1e-5  # of the limit: what the root's rounding at rest and the curvature between nodes may take
 TIGHTENINGS = 4  # each takes what the curvature of the path adds between nodes, some 0.1 %, off the limit
@@ -29,29 +29,28 @@ DEGREE = 5  # of the polynomial that stands for a force within one interval when
 
 @dataclass(frozen=True, eq=False)
 class Follower:
-    """A robot that follows a path within a task's limits."""
+    """The robot of a problem, which follows a path within its limits and further margins."""
 
-    robot: Model
-    task: MotionTask
+    problem: MotionProblem
+    guard: Guard
     path: Path
 
     def trouble(self, samples: int = 401) -> str:
         """One sentence on a place that the path cannot pass; empty where there is none."""
         s = np.linspace(0.0, 1.0, samples)
         T = self.path(s)[0]
-        joints, tips, status = link_ends(self.robot, T)
-        least_along = np.min(along_guideways(self.robot, tips, joints), axis=1, initial=np.inf)
+        joints, tips, status = link_ends(self.problem.robot, T)
+        least_along = np.min(along_guideways(self.problem.robot, tips, joints), axis=1, initial=np.inf)
         bad = np.flatnonzero(status != Status.OK)
-        least = self.task.link_margin or 0.0
+        least = self.problem.limits.link_along_guideway
         for k in range(samples):
             shown = f"({', '.join(f'{x:.4g}' for x in T[k])}) m, {100 * s[k]:.0f} % of the way"
             if bad.size and k == bad[0]:
                 return f"the path leaves the workspace at {shown}"
             if least_along[k] < least:
                 return f"the path comes to the edge of reach at {shown}: a link stands {least_along[k]:.3g} m along"
-        f = motion_function(self.robot, self.task.guard)
-        margins = f(T, *[np.zeros_like(T)] * (len(f.inputs) - 1))[3:-1]
-        broken = self.task.guard.broken(margins[0]) if margins else None
+        margins = motion_function(self.problem.robot, self.guard).along(T)[3:-1]
+        broken = self.guard.broken(margins[0]) if margins else None
         return f"the path {broken[1]}, {100 * s[broken[0]]:.0f} % of the way" if broken else ""
 
     def guess(self) -> Trajectory:
@@ -68,17 +67,13 @@ class Follower:
         reserve: float = 0.0,
     ) -> PathMotion:
         """The optimal motion; its limits hold on both sides of every node, and so in between, or in the middles."""
-        f = motion_function(self.robot, self.task.guard)
+        problem, cost = self.problem, self.problem.cost
         task = task_along(
-            f,
-            self.path,
-            3,
-            np.full(3, self.task.force * (1 - reserve)),
-            np.full(3, self.task.force_unit**-2),
-            time=self.task.weight_time,
-            energy=self.task.weight_energy,
-            rest=("velocity" in self.task.start_rest, "velocity" in self.task.goal_rest),
-        )
+            motion_function(problem.robot, self.guard), self.path, 3,
+            np.full(3, problem.limits.force * (1 - reserve)), np.full(3, cost.force_unit**-2),
+            time=cost.time, energy=cost.energy,
+            rest=("velocity" in problem.start.rest, "velocity" in problem.goal.rest),
+        )  # fmt: skip
         return solve_path(task, intervals, bounded=bounded, progress=progress, max_seconds=max_seconds)
 
     def within(self, intervals: int, progress: Progress | None = None, max_seconds: float | None = None) -> PathMotion:
@@ -87,9 +82,9 @@ class Follower:
         motion = self.fastest(intervals, progress, max_seconds, reserve=reserve)
         for _ in range(TIGHTENINGS):
             peak = float(np.max(np.abs(self.trajectory(motion)["tau"]))) if motion.status.ok else 0.0
-            if peak <= self.task.force:
+            if peak <= self.problem.limits.force:
                 break
-            reserve += peak / self.task.force - 1 + FORCE_RESERVE
+            reserve += peak / self.problem.limits.force - 1 + FORCE_RESERVE
             motion = self.fastest(intervals, progress, max_seconds, reserve=reserve)
         return motion
 
@@ -102,7 +97,7 @@ class Follower:
         x, slope, bend = self.path(s)
         T, dT = x, slope * v[:, None]
         ddT = bend * v[:, None] ** 2 + slope * a[:, None]
-        return sampled(self.robot, times, T, dT, ddT, self.task).with_values({"s": s})
+        return sampled(self.problem.robot, times, T, dT, ddT, self.guard).with_values({"s": s})
 
     def trajectory(self, motion: PathMotion) -> Trajectory:
         """The motion at its nodes and between them; at a node what holds just after it."""
@@ -119,7 +114,7 @@ class Follower:
         tau = self.sample(motion, times.reshape(-1))["tau"].reshape(len(steps), DEGREE + 1, 3)
         power = np.linalg.inv(np.vander(nodes, increasing=True))
         c = np.einsum("pn,knm->kpm", power, tau)
-        forward = compile_causal(self.robot, known="tau", targets="der(T,2)", prefer="T")
+        forward = compile_causal(self.problem.robot, known="tau", targets="der(T,2)", prefer="T")
         X: Any = ca.SX if forward.casadi.is_a("SXFunction") else ca.MX  # root finders are no SX
         state, r = X.sym("state", 6), X.sym("r")
         p = X.sym("p", 1 + 3 * (DEGREE + 1))
@@ -147,14 +142,11 @@ def motion_function(robot: Model, guard: Guard) -> CausalFunction:
 
 
 def sampled(
-    robot: Model, times: np.ndarray, T: np.ndarray, dT: np.ndarray, ddT: np.ndarray, task: MotionTask
+    robot: Model, times: np.ndarray, T: np.ndarray, dT: np.ndarray, ddT: np.ndarray, guard: Guard
 ) -> Trajectory:
     """A TCP motion with carts, forces, links and margins, by inverse kinematics and dynamics."""
-    p = task.guard.prefix
-    f = motion_function(robot, task.guard)
-    zero = np.zeros_like(T)
-    orders = {0: T, 1: dT, 2: ddT}
-    *found, status = f(*(orders.get(signal.pairs[0][1], zero) for signal in f.inputs))
+    p, f = guard.prefix, motion_function(robot, guard)
+    *found, status = f.along(T, dT, ddT)
     assert np.all(status == Status.OK), SolveStatus.NOT_FINITE
     values = {signal.name: value for signal, value in zip(f.outputs, found, strict=True)}
     result = {"T": T, "der(T)": dT, "der(T,2)": ddT, "tau": values[f"{p}tau"], "q": values[f"{p}q"],

@@ -12,7 +12,7 @@ from ..optimize import Solution
 from ..optimize.judgement.resimulate import Resimulation, resimulate
 from ..results import Check, Trajectory, at_most
 from ..results.check import failed_of
-from .finer_mesh import finer_problem, refined
+from .finer_mesh import finer_mesh, refined
 from .follow import sampled
 from .guard import MARGIN_TOLERANCE
 from .planning import Plan
@@ -70,15 +70,12 @@ class Found:
     checks: dict[str, Check]
 
     @property
-    def rerun(self) -> Trajectory:
-        """The optimum, re-simulated."""
-        assert self.tried.trajectory is not None
-        return self.tried.trajectory
-
-    @property
     def peak(self) -> float:
         """Largest force of the optimum between its collocation points [N]."""
-        return float(np.max(np.abs(self.rerun["robot.tau"]))) if self.plan.restricted else _peak(self.tried)
+        if not self.plan.restricted:
+            return _peak(self.tried)
+        assert self.tried.trajectory is not None
+        return float(np.max(np.abs(self.tried.trajectory["robot.tau"])))
 
     @property
     def saturation(self) -> list[float]:
@@ -134,7 +131,8 @@ def _finer(found: Found) -> MotionProblem | None:
     problem, checks = found.plan.problem, found.checks
     followed = found.second is not None
     mended = [name for name in checks if name != "constraint_violation" and not (followed and "exported" in name)]
-    finer = finer_problem(problem, checks, mended)
+    mesh = finer_mesh(problem.mesh, checks, mended)
+    finer = None if mesh is None else replace(problem, mesh=mesh)
     if followed and problem.path is not None and any("exported" in name for name in failed_of(checks)):
         intervals = min(2 * problem.path.intervals, MOST_INTERVALS)
         if intervals > problem.path.intervals:
@@ -173,14 +171,14 @@ def _resimulated(plan: Plan, exported: Solution, run: Resimulation) -> Exported:
         trajectory = plan.follower.along(trajectory.time, s, v, a).with_values(margins)  # they may need the jerk
     else:
         T, v, a = (trajectory[name] for name in ("T", "der(T)", "der(T,2)"))
-        carts = sampled(plan.robot, trajectory.time, T, v, a, plan.task)["der(q)"]
+        carts = sampled(plan.robot, trajectory.time, T, v, a, plan.guard)["der(q)"]
         trajectory = trajectory.with_values({"der(q)": carts}, {"der(q)": "m/s"})
     peak = float(np.max(np.abs(trajectory["tau"])))
     if not plan.restricted:
         peak = max(peak, _peak(run))
     return Exported(
         trajectory=trajectory,
-        moving=between_rows(plan.robot, plan.task, trajectory),
+        moving=between_rows(plan.robot, plan.guard, plan.problem.order, trajectory),
         final_time=exported.final_time,
         energy=energy_of(exported, plan.problem.cost.force_unit),
         end_error=_distance(trajectory["T"][-1], plan.goal),

@@ -97,6 +97,9 @@ class Guard:
         return model
 
 
+NO_GUARD = Guard([], {})
+
+
 @dataclass(frozen=True)
 class Carrier:
     """A body that turns and carries joints: its rotation in a model that has `robot`, and the one at the start."""
@@ -144,15 +147,10 @@ def guard_of(limits: MotionLimits, arms: list[tuple[str, int]], carriers: Carrie
                     Margin(name, "1", lambda m, i=i: 1.0 - (gt.der(m.robot.q[i], order) / getattr(m, name)) ** 2)
                 )
 
-    def between(what: str, body: str, value: Callable[[Any, int], Any]) -> None:
-        low, high = getattr(limits, f"{body}_low"), getattr(limits, f"{body}_high")
-        if low is not None and high is not None and not np.all(np.array(low) < np.array(high)):
-            k = int(np.argmax(np.array(low) >= np.array(high)))
-            raise ArgumentError(
-                f"{what} {k} has the lower bound {low[k]:g} m, not below the upper one {high[k]:g} m",
-                f"limits.{body}_low",
-            )
-        for side, sign, bound in (("low", 1.0, low), ("high", -1.0, high)):
+    def between(body: str, value: Callable[[Any, int], Any]) -> None:
+        check_strokes(limits, body)
+        for side, sign in (("low", 1.0), ("high", -1.0)):
+            bound = getattr(limits, f"{body}_{side}")
             if bound is not None:
                 name = parameter(known(f"{body}_{side}"), bound, "m")
                 for i in range(3):
@@ -167,8 +165,8 @@ def guard_of(limits: MotionLimits, arms: list[tuple[str, int]], carriers: Carrie
     axes("cart_acceleration", 2, "m/s2", CARTS)
     axes("axis_velocity", 1, "rad/s", ROTARY)
     axes("axis_acceleration", 2, "rad/s2", ROTARY)
-    between("cart", "cart", lambda m, i: m.robot.q[i])
-    between("coordinate", "tcp", lambda m, i: m.robot.T[i])
+    between("cart", lambda m, i: m.robot.q[i])
+    between("tcp", lambda m, i: m.robot.T[i])
     for n, cone in enumerate(limits.joint_cones):
         margins.append(_cone(f"joint_cones[{n}]", cone, arms, carriers, parameter))
     for n, obstacle in enumerate(limits.obstacles):
@@ -185,6 +183,19 @@ def guard_of(limits: MotionLimits, arms: list[tuple[str, int]], carriers: Carrie
                 )
             )
     return Guard(margins, p)
+
+
+def check_strokes(limits: MotionLimits, *bodies: str) -> None:
+    """Raises ArgumentError where a lower bound of "cart", "axis" or "tcp" is not below the upper one."""
+    for body in bodies:
+        low, high = (getattr(limits, f"{body}_{side}") for side in ("low", "high"))
+        if low is not None and high is not None and not np.all(apart := np.array(low) < np.array(high)):
+            k = int(np.argmin(apart))
+            shown, unit = (np.degrees, "deg") if body == "axis" else (float, "m")
+            raise ArgumentError(
+                f"its number {k + 1}, {shown(low[k]):g} {unit}, is not below {shown(high[k]):g} of {body}_high",
+                f"limits.{body}_low",
+            )
 
 
 def _link(model: Any, arm: tuple[str, int]) -> Any:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..compiler.causal import CausalFunction
-from ..results import Status, Trajectory
+from ..results import ArgumentError, Status, Trajectory
 
 GUESS_TIME_S = 1.0
 
@@ -28,9 +28,7 @@ def line_guess(
     t, s, ds, dds = trapezoid(rows)
     step = goal - start
     T, dT, ddT = start + s[:, None] * step, ds[:, None] * step, dds[:, None] * step
-    given = {0: T, 1: dT, 2: ddT}
-    orders = [signal.pairs[0][1] for signal in inverse_dynamics.inputs]
-    tau, *_, status = inverse_dynamics(*(given.get(k, np.zeros_like(T)) for k in orders))
+    tau, *_, status = inverse_dynamics.along(T, dT, ddT)
     tau[status != Status.OK] = 0.0  # the line may leave the workspace; the optimum need not
     values = {"robot.T": T, "der(robot.T)": dT, "der(robot.T,2)": ddT, "robot.tau": np.clip(tau, -force, force)}
     return Trajectory(t, values, {"robot.T": "m", "der(robot.T)": "m/s", "robot.tau": "N"})
@@ -49,3 +47,11 @@ def bent_guess(start: np.ndarray, goal: np.ndarray, rng: np.random.Generator, be
     offset = side / np.linalg.norm(side) * rng.uniform(0.3, 1.0) * bend
     T = start + s[:, None] * step + np.sin(np.pi * s)[:, None] * offset
     return Trajectory(t, {"robot.T": T}, {"robot.T": "m"})
+
+
+def progress_of(earlier: Trajectory) -> Trajectory:
+    """Of an earlier motion along a path the path coordinate, never back, and its rate. Raises ArgumentError."""
+    if "s" not in earlier:
+        raise ArgumentError("is a free motion; this problem follows a path", "earlier")
+    s = np.maximum.accumulate(earlier["s"])
+    return Trajectory(earlier.time, {"s": s, "der(s)": np.gradient(s, earlier.time)}, {"s": earlier.unit("s")})

@@ -21,7 +21,7 @@ from .guard import clearances
 from .options import Cost, End, Export, Limits, Mesh, Shape, Solver, Starts
 from .planning import Plan, plan_of
 from .problem import MotionProblem
-from .reference import at_rest, csv_text, rapid_text
+from .reference import at_rest, rapid_text, reference_text
 from .search import Search
 
 SAME_OPTIMUM = 1e-5  # relative: costs nearer than that are one optimum
@@ -247,7 +247,7 @@ def _concluded(asked: MotionProblem, found: Found, iterations: int, finer: str, 
     if problem.mesh.control == "polynomial" and not plan.restricted:
         curves = control_curves(solution.nlp, solution.x)
     reference, targets = (
-        at_rest(plan.robot, plan.task, exported.final_time, step, exported.moving)
+        at_rest(plan.robot, plan.guard, exported.final_time, step, exported.moving)
         for step in (problem.export.sample, problem.export.target)
     )
     return MotionStudy(
@@ -278,7 +278,7 @@ def _concluded(asked: MotionProblem, found: Found, iterations: int, finer: str, 
         exported_clearance=clearances(problem.limits.obstacles, run["T"], plan.links(run)),
         figures={"motion": partial(_figure, plan, trajectory, curves)},
         files={
-            "reference.csv": csv_text(reference, problem.title),
+            "reference.csv": reference_text(reference, problem.title),
             "motion.mod": rapid_text(targets, problem.title),
         },
         machine_files=("reference.csv", "motion.mod"),

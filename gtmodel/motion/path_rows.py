@@ -28,7 +28,7 @@ def rows_along(f: CausalFunction, curve: Curve) -> tuple[ca.Function, Curve]:
     _check(f, curve)
     zs, _ = _unknowns(f, curve, MIDDLE, moving=False)
     z = [ca.SX.sym(f"z{k}", part.shape[1]) for k, part in enumerate(zs)]
-    found = f.closed.call([*(x[signal.pairs[0][1]] for signal in f.inputs), *z])
+    found = f.closed.call([*f.arguments_along(*x), *z])
     rows = ca.Function("rows", [*x, *z], found[: len(f.outputs)], {"cse": True})
 
     def along(s: np.ndarray) -> tuple[np.ndarray, ...]:
@@ -63,8 +63,7 @@ def task_along(
 def _unknowns(f: CausalFunction, curve: Curve, s: np.ndarray, moving: bool) -> tuple[list[np.ndarray], np.ndarray]:
     """At rest, or with the path's slope as velocity."""
     x, slope, _ = curve(s)
-    given = {0: x, 1: slope if moving else np.zeros_like(x)}
-    arguments = [given.get(signal.pairs[0][1], np.zeros_like(x)) for signal in f.inputs]
+    arguments = f.arguments_along(*((x, slope) if moving else (x,)))
     shaped = [a if signal.shape else a[:, 0] for a, signal in zip(arguments, f.inputs, strict=True)]
     return f.unknowns(*shaped)
 

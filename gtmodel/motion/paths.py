@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import csv
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path as FilePath
 from typing import Any, Protocol
@@ -11,7 +11,8 @@ import numpy as np
 from scipy.interpolate import CubicSpline, PPoly, make_splprep
 
 from .. import lang as gt
-from ..results import ArgumentError
+from ..results import ArgumentError, TrajectoryError
+from ..results.trajectory_csv import Header, read_table
 from .options import Arc, Line, Polyline, Shape, Spline, Taught
 
 SAME_M = 1e-6  # a path that begins further from the start is another path
@@ -109,30 +110,21 @@ def _points(shape: Spline | Taught) -> np.ndarray:
 def read_points(file: str | FilePath) -> np.ndarray:
     """Points (n, 3) [m] of a CSV file with the columns x_m, y_m and z_m; lines that begin with # are comments.
 
-    Raises ArgumentError: not to be read, a column missing, a cell that is no number.
+    Raises ArgumentError: not to be read, a column missing, a cell that is no finite number.
     """
-    name = FilePath(file).name
     try:
-        text = FilePath(file).read_bytes().decode("utf-8")
+        return read_table(file, _coordinates).values
     except OSError as error:
-        raise ArgumentError(f"{name} cannot be read: {error.strerror}", "file") from error
-    except UnicodeDecodeError as error:
-        raise ArgumentError(f"{name} is no UTF-8 text; save it as CSV with commas", "file") from error
-    rows = [row for row in csv.reader(text.splitlines()) if row and not row[0].startswith("#")]
-    header, body = [cell.strip() for cell in rows[0]] if rows else [], rows[1:]
-    missing = [column for column in COLUMNS if column not in header]
+        raise ArgumentError(f"{FilePath(file).name} cannot be read: {error.strerror}", "file") from error
+    except TrajectoryError as error:
+        raise ArgumentError(error.sentence, "file") from error
+
+
+def _coordinates(cells: Sequence[str], where: str) -> Header:
+    missing = [column for column in COLUMNS if column not in cells]
     if missing:
-        raise ArgumentError(f"{name} has no column '{missing[0]}'; expected {', '.join(COLUMNS)}", "file")
-    columns = [header.index(column) for column in COLUMNS]
-    points = np.zeros((len(body), 3))
-    for n, row in enumerate(body):
-        try:
-            points[n] = [float(row[k]) for k in columns]
-        except (ValueError, IndexError):
-            raise ArgumentError(f"{name}, point {n + 1}: expected three numbers; found {row}", "file") from None
-    if not np.all(np.isfinite(points)):
-        raise ArgumentError(f"{name} holds a number that is not finite", "file")
-    return points
+        raise TrajectoryError(f"{where} has no column '{missing[0]}'; expected {', '.join(COLUMNS)}")
+    return list(COLUMNS), ["m"] * 3, [cells.index(column) for column in COLUMNS]
 
 
 def line(start: np.ndarray, goal: np.ndarray) -> Path:

@@ -14,12 +14,11 @@ from ..results import ArgumentError, Status, Trajectory, Work
 from ..robots.links import link_names, links_of
 from .follow import Follower, motion_function
 from .guard import Carrier, Guard, guard_of
-from .guesses import bare_guess, bent_guess, line_guess, trapezoid
+from .guesses import bare_guess, bent_guess, line_guess, progress_of, trapezoid
 from .links import along_guideways, link_ends
 from .paths import Path, path_of
 from .problem import MotionProblem
 from .search import Search
-from .task import MotionTask
 
 SLOW_M_S = 0.1  # of a motion that only friction and weight resist
 
@@ -57,13 +56,9 @@ class Plan:
         return self.problem.order is not None
 
     @cached_property
-    def task(self) -> MotionTask:
-        return self.problem.task(True, guard=self.guard, path=self.path)
-
-    @cached_property
     def follower(self) -> Follower:
         assert self.path is not None
-        return Follower(self.robot, self.task, self.path)
+        return Follower(self.problem, self.guard, self.path)
 
     def search(self, work: Work) -> Search:
         """The search, from an earlier result or from the trapezoid along the line or the path."""
@@ -81,9 +76,7 @@ class Plan:
         step = self.goal - self.start
         T = self.start + s[:, None] * step
         velocity = np.broadcast_to(SLOW_M_S * step / np.linalg.norm(step), T.shape)
-        f = motion_function(self.robot, self.guard)
-        zero = np.zeros_like(T)
-        tau, *_, status = f(*({0: T, 1: velocity}.get(signal.pairs[0][1], zero) for signal in f.inputs))
+        tau, *_, status = motion_function(self.robot, self.guard).along(T, velocity)
         needed = np.abs(tau[status == Status.OK])
         if needed.size and np.max(needed) > limit:
             k = int(np.argmax(np.max(needed, axis=0)))
@@ -157,7 +150,7 @@ def _check_reach(problem: MotionProblem) -> None:
         if status[0] != Status.OK:
             names = [name for name in ("q", "tau") if name in flat_of(robot).groups]
             inverse = compile_causal(robot, known="T", targets=names[0])
-            told = inverse.diagnose(point, *[np.zeros(3)] * (len(inverse.inputs) - 1))
+            told = inverse.diagnose(*inverse.arguments_along(point))
             raise ArgumentError(f"the pose ({shown}) m cannot be reached: {told}", key)
         along = along_guideways(robot, tips, joints)[0]
         if np.any(along < least):
@@ -172,10 +165,9 @@ def _check_reach(problem: MotionProblem) -> None:
 
 def _check_statics(problem: MotionProblem, guard: Guard) -> None:
     """At both ends the robot can stand still, and keeps the limits that hold for positions."""
-    f = motion_function(problem.robot, guard)
-    zero, limit = np.zeros(3), problem.limits.force
+    limit = problem.limits.force
     for key, point in (("start.tcp", problem.begin), ("goal.tcp", problem.end)):
-        tau, _, _, *margins, _ = f(point, *[zero] * (len(f.inputs) - 1))
+        tau, _, _, *margins, _ = motion_function(problem.robot, guard).along(point)
         k = int(np.argmax(np.abs(tau)))
         if abs(tau[k]) > limit:
             raise ArgumentError(
@@ -194,10 +186,6 @@ def _renamed(earlier: Trajectory, path: Path | None) -> Trajectory:
         raise ArgumentError(f"its T {found}; expected three coordinates for each of {len(earlier)} times", "earlier")
     names = {"T": "robot.T", "der(T)": "der(robot.T)", "tau": "robot.tau", "der(T,2)": "der(robot.T,2)"}
     if path is not None:
-        if "s" not in earlier:
-            raise ArgumentError("is a free motion; this problem follows a path", "earlier")
-        s = np.maximum.accumulate(earlier["s"])
-        values = {"s": s, "der(s)": np.gradient(s, earlier.time)}
-        return Trajectory(earlier.time, values, {"s": earlier.unit("s")})
+        return progress_of(earlier)
     values = {new: earlier[old] for old, new in names.items() if old in earlier}
     return Trajectory(earlier.time, values, {new: earlier.unit(old) for old, new in names.items() if old in earlier})

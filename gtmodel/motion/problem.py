@@ -6,14 +6,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..lang import Model, Optimization
+from ..lang import Model
 from ..results import ArgumentError
-from .guard import Guard
 from .options import Cost, End, Export, Limits, Mesh, Shape, Solver, Starts
-from .paths import Path
-from .task import MotionTask, motion
 
-NO_GUARD = Guard([], {})
 KINDS = {"robot": Model, "start": End, "goal": End, "limits": Limits, "path": Shape, "cost": Cost, "mesh": Mesh,
          "starts": Starts, "solver": Solver, "export": Export}  # fmt: skip
 
@@ -71,29 +67,3 @@ class MotionProblem:
             return 3
         rates = (limits.tcp_velocity, limits.cart_velocity, limits.tcp_acceleration, limits.cart_acceleration)
         return 2 if self.path is not None or any(limit is not None for limit in rates) else None
-
-    def task(
-        self, guarded: bool = False, energy: float | None = None, guard: Guard = NO_GUARD, path: Path | None = None
-    ) -> MotionTask:
-        """The task of the optimisation, with or without the bound that keeps links off the edge of reach; energy: a
-        weight instead of the cost's."""
-        return MotionTask(
-            start=self.begin,
-            goal=self.end,
-            start_rest=list(self.start.rest),
-            goal_rest=list(self.goal.rest),
-            force=self.limits.force,
-            force_unit=self.cost.force_unit,
-            weight_time=self.cost.time,
-            weight_energy=self.cost.energy if energy is None else energy,
-            link_margin=self.limits.link_along_guideway if guarded else None,
-            guard=guard,
-            path=path,
-            order=self.order,
-        )
-
-    def optimization(
-        self, guarded: bool = False, energy: float | None = None, guard: Guard = NO_GUARD, path: Path | None = None
-    ) -> Optimization:
-        """The motion as an Optimization; see `task`."""
-        return motion(self.robot, self.task(guarded, energy, guard, path))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Callable
 
 import numpy as np
@@ -11,8 +10,9 @@ from scipy.interpolate import CubicHermiteSpline
 from ..compiler.causal import compile_causal
 from ..lang import Model
 from ..results import Trajectory
+from ..results.tables import csv_text
 from .follow import sampled
-from .task import MotionTask
+from .guard import Guard
 
 ROUND_OFF = 1e-9  # of sample times
 COLUMNS = (("T", "m"), ("der(T)", "m/s"), ("der(T,2)", "m/s2"), ("q", "m"), ("der(q)", "m/s"), ("tau", "N"))
@@ -24,7 +24,7 @@ def grid(final_time: float, step: float) -> np.ndarray:
 
 
 def at_rest(
-    robot: Model, task: MotionTask, final_time: float, step: float, moving: Callable[[np.ndarray], Trajectory]
+    robot: Model, guard: Guard, final_time: float, step: float, moving: Callable[[np.ndarray], Trajectory]
 ) -> Trajectory:
     """The motion at multiples of `step` [s]; from its end on the robot stands where the motion ends."""
     times = grid(final_time, step)
@@ -33,14 +33,17 @@ def at_rest(
     last = moving(np.array([np.nextafter(final_time, 0.0)]))["T"]
     still = times[len(on_the_way) :]
     zero = np.zeros((len(still), 3))
-    end = sampled(robot, still, np.repeat(last, len(still), axis=0), zero, zero, task)
+    end = sampled(robot, still, np.repeat(last, len(still), axis=0), zero, zero, guard)
     values = {name: np.concatenate([run[name], end[name]]) for name, _ in COLUMNS}
     return Trajectory(times, values, dict(COLUMNS))
 
 
-def between_rows(robot: Model, task: MotionTask, run: Trajectory) -> Callable[[np.ndarray], Trajectory]:
+def between_rows(robot: Model, guard: Guard, order: int | None, run: Trajectory) -> Callable[[np.ndarray], Trajectory]:
     """A re-simulated motion at any instant: cubic between its rows; the force is that of the row after the instant
-    where forces are the control, constant per element, and the acceleration follows from it."""
+    where forces are the control, constant per element, and the acceleration follows from it.
+
+    order: of the derivative of the motion that is the control, None where forces are.
+    """
     T, dT = run["T"], run["der(T)"]
     curve = CubicHermiteSpline(run.time, T, dT)
     forward = compile_causal(robot, known="tau", targets="der(T,2)", prefer="T")
@@ -49,28 +52,26 @@ def between_rows(robot: Model, task: MotionTask, run: Trajectory) -> Callable[[n
         x, v = curve(times), curve(times, 1)
         row = np.maximum(np.searchsorted(run.time, times, side="left"), 1)
         row = np.minimum(row, len(run) - 1)
-        if task.order == 3:
+        if order == 3:
             a = np.stack([np.interp(times, run.time, c) for c in run["der(T,2)"].T], axis=1)
-        elif task.order == 2:
+        elif order == 2:
             a = run["der(T,2)"][row]
         else:
             given = {("T", 0): x, ("T", 1): v, ("tau", 0): run["tau"][row]}
             a, _ = forward(*(given["T" if "T" in s.name else "tau", s.pairs[0][1]] for s in forward.inputs))
-        return sampled(robot, times, x, v, a, task)
+        return sampled(robot, times, x, v, a, guard)
 
     return moving
 
 
-def csv_text(reference: Trajectory, title: str) -> str:
+def reference_text(reference: Trajectory, title: str) -> str:
     """reference.csv: a comment line, a header with units, one row per sample; as Trajectory.from_csv reads it."""
-    out = io.StringIO()
-    out.write(f"# title: {title}\n" if title else "")
-    names = [f"{name}[{k}] [{unit}]" for name, unit in COLUMNS for k in range(3)]
-    out.write(",".join(["time [s]", *(f'"{name}"' if "," in name else name for name in names)]) + "\n")
-    table = np.column_stack([reference.time, *(reference[name] for name, _ in COLUMNS)])
-    for row in table:
-        out.write(",".join(f"{x:.12g}" for x in row) + "\n")
-    return out.getvalue()
+    columns = {"time [s]": reference.time}
+    for name, unit in COLUMNS:
+        for k in range(3):
+            head = f"{name}[{k}] [{unit}]"
+            columns[f'"{head}"' if "," in head else head] = reference[name][:, k]
+    return (f"# title: {title}\n" if title else "") + csv_text(columns, digits=12)
 
 
 def rapid_text(reference: Trajectory, title: str, name: str = "GtMotion") -> str:

@@ -12,9 +12,10 @@ from ..lang import Optimization
 from ..optimize import Mesh, Solution, SolverOptions, solve as collocate
 from ..optimize.judgement.resimulate import Resimulation, resimulate
 from ..results import SolveStatus, Trajectory, Work
-from .guard import Guard
+from .guard import NO_GUARD, Guard
 from .paths import Path
-from .problem import NO_GUARD, MotionProblem
+from .problem import MotionProblem
+from .task import motion
 
 # iterations without progress after which an attempt has lost its way, and another one is the better bet: of 200 drawn
 # attempts that ended in an optimum one waited longer, those that ended in none mostly never came back
@@ -50,14 +51,11 @@ class Search:
 
     @cached_property
     def plain(self) -> Optimization:
-        return self._motion(False)
+        return motion(self.problem, self.guard, self.path)
 
     @cached_property
     def guarded(self) -> Optimization:
-        return self._motion(True)
-
-    def _motion(self, guarded: bool, energy: float | None = None) -> Optimization:
-        return self.problem.optimization(guarded, energy, self.guard, self.path)
+        return motion(self.problem, self.guard, self.path, guarded=True)
 
     def go_on(self, problem: MotionProblem, guess: Solution) -> None:
         """From here on with another mesh, from what was found; iterations are counted on."""
@@ -79,7 +77,8 @@ class Search:
         for weight in CONTINUATION:
             energy = weight * (problem.cost.time or 1.0)
             if energy > problem.cost.energy:
-                step = self._attempt(self._motion(True, energy), control, start)
+                heavier = replace(problem, cost=replace(problem.cost, energy=energy))
+                step = self._attempt(motion(heavier, self.guard, self.path, guarded=True), control, start)
                 if self._over(step):
                     return self._best(tried)  # a step is no optimum of the problem itself
                 start = step if step.status.converged else start

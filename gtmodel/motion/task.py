@@ -2,57 +2,32 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from typing import Any
-
-import numpy as np
 
 from .. import lang as gt
 from ..robots.links import links_of
-from .guard import Guard
+from .guard import NO_GUARD, Guard
 from .guesses import GUESS_TIME_S
 from .paths import Path
+from .problem import MotionProblem
 
 SHORTEST_TIME_S = 0.05  # a free final time needs a lower bound; no motion of these robots is shorter
 
 
-@dataclass(frozen=True, kw_only=True)
-class MotionTask:
-    """What a motion is: from where to where, within what, at which cost.
-
-    start, goal: TCP positions [m]. Rest lists name what vanishes at an end: "velocity", "acceleration".
-    force: limit of every motor [N]. The cost is weight_time * T + weight_energy * int |tau / force_unit|^2 dt.
-    link_margin: lower bound [m] of the links' components along their guideways; None leaves them free.
-    guard: further margins. path: the path to follow, or None. order: None where the forces are the control, else the
-    derivative of T, or of the path coordinate, that is: 2 an acceleration, 3 a jerk, so that forces are continuous.
-    """
-
-    start: np.ndarray
-    goal: np.ndarray
-    start_rest: list[str] = field(default_factory=lambda: ["velocity"])
-    goal_rest: list[str] = field(default_factory=lambda: ["velocity"])
-    force: float
-    force_unit: float = 1.0
-    weight_time: float = 1.0
-    weight_energy: float = 0.0
-    link_margin: float | None = None
-    guard: Guard = field(default_factory=lambda: Guard([], {}))
-    path: Path | None = None
-    order: int | None = None
-
-
-def motion(robot: gt.Model, task: MotionTask) -> gt.Optimization:
-    """The optimal motion as an Optimization.
+def motion(
+    problem: MotionProblem, guard: Guard = NO_GUARD, path: Path | None = None, *, guarded: bool = False
+) -> gt.Optimization:
+    """The optimal motion as an Optimization, within the margins of `guard` and along `path`, or free; guarded: with the
+    bound that keeps links off the edge of reach.
 
     The robot must declare T (TCP position, m) and tau (motor forces, N). `along_guideway` are the components [m] of the
     links along their guideways, from cart to plate: at 0 the robot stands at the edge of its reach; `margin` those of
     the guard. Free, the control is tau. Along a path the model itself is restricted: T == path(s), and the one control
     `drive` is the second or third derivative of the path coordinate s (Dressler 2012, section 3.5); all forces follow.
-    They also follow where the task has an order without a path: `drive` is that derivative of T then.
+    They also follow where the problem has an order without a path: `drive` is that derivative of T then.
     """
+    robot, limits, cost, order = problem.robot, problem.limits, problem.cost, problem.order
     links = links_of(robot)
-    guard, path, order = task.guard, task.path, task.order
-    restricted = order is not None
 
     class Motion(gt.Optimization):
         robot: Any
@@ -62,10 +37,10 @@ def motion(robot: gt.Model, task: MotionTask) -> gt.Optimization:
         drive: Any
         metre: Any
         final_time = gt.free(GUESS_TIME_S, min=SHORTEST_TIME_S, unit="s")
-        force_limit = gt.parameter(task.force, unit="N", positive=True)
-        force_unit_N = gt.parameter(task.force_unit, unit="N", positive=True)
-        from_T = gt.parameter(task.start, unit="m")
-        to_T = gt.parameter(task.goal, unit="m")
+        force_limit = gt.parameter(limits.force, unit="N", positive=True)
+        force_unit_N = gt.parameter(cost.force_unit, unit="N", positive=True)
+        from_T = gt.parameter(problem.begin, unit="m")
+        to_T = gt.parameter(problem.end, unit="m")
 
         def equations(self) -> Any:
             for k, (part, i) in enumerate(links):
@@ -78,11 +53,11 @@ def motion(robot: gt.Model, task: MotionTask) -> gt.Optimization:
                 yield self.drive == gt.der(self.s if path is not None else self.robot.T, order)
 
         def objective(self) -> Any:
-            cost = task.weight_time * self.final_time
-            if task.weight_energy:
+            found = cost.time * self.final_time
+            if cost.energy:
                 tau = self.robot.tau
-                cost = cost + task.weight_energy * gt.integral(gt.dot(tau, tau) / self.force_unit_N**2)
-            return cost
+                found = found + cost.energy * gt.integral(gt.dot(tau, tau) / self.force_unit_N**2)
+            return found
 
         def constraints(self) -> Any:
             yield gt.between(-self.force_limit, self.robot.tau, self.force_limit)
@@ -92,18 +67,19 @@ def motion(robot: gt.Model, task: MotionTask) -> gt.Optimization:
             yield moved.at(self.final_time) == end
             if path is not None:
                 yield gt.der(self.s) >= 0
-            for instant, rest in ((self.start_time, task.start_rest), (self.final_time, task.goal_rest)):
+            for instant, rest in ((self.start_time, problem.start.rest), (self.final_time, problem.goal.rest)):
                 for k, name in ((1, "velocity"), (2, "acceleration")):
                     if name in rest:
                         yield gt.der(moved, k).at(instant) == 0
 
-    declared = guard.declarations(dependent(robot, "tau") if restricted else robot, bounded=True)
+    declared = guard.declarations(robot if order is None else dependent(robot, "tau"), bounded=True)
     if links:
-        declared["along_guideway"] = gt.variable(len(links), unit="m", min=task.link_margin)
+        least = limits.link_along_guideway if guarded else None
+        declared["along_guideway"] = gt.variable(len(links), unit="m", min=least)
     if path is not None:
         declared["s"] = gt.variable(unit="1", min=0.0, max=1.0, prefer=2, description="path coordinate")
         declared["drive"] = gt.input(unit=f"1/s{order}", description="derivative of the path coordinate")
-    elif restricted:
+    elif order is not None:
         declared["drive"] = gt.input(3, unit=f"m/s{order}", nominal=10.0, description="derivative of T")
     return type("Motion", (Motion,), declared)()
 

@@ -42,6 +42,13 @@ class Made(Section, Generic[O]):
         return {self.attributes[key]: _given(self, key) for key in self.attributes}
 
 
+def options_of(problem: Section, *names: str) -> dict[str, Any]:
+    """The options that tables of a problem say, by the names of these; all of its tables where none are named. Raises
+    ArgumentError, with the table before the name of a field."""
+    tables = {name: getattr(problem, name) for name in names or type(problem).model_fields}
+    return {name: _objects(value, name) for name, value in tables.items() if names or isinstance(value, Made)}
+
+
 def _given(table: Made, key: str) -> Any:
     value = _objects(getattr(table, key), table.attributes[key])
     unit = next((m for m in declared(table.made_of)[table.attributes[key]] if isinstance(m, Unit)), None)

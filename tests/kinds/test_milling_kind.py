@@ -83,7 +83,7 @@ def test_dynamics_from_masses_and_rows(tmp_path) -> None:
     [
         ("cutter.diameter_mm=25.4", "cutter.diameter_mm"),
         ("cut.radial_depth_m=0.03", "cut.radial_depth_m"),
-        ("cut.feed_per_tooth_m=-0.0005", "cut"),
+        ("cut.feed_per_tooth_m=-0.0005", "cut.feed_per_tooth_m"),
         ("cut.speed_rpm=0.0", "cut.speed_rpm"),
         ("search.speeds_rpm=[100.0, -1.0]", "search.speeds_rpm[1]"),
         ("cut.feed_direction=[0.0, 0.0, 1.0]", "cut.feed_direction"),
@@ -95,7 +95,7 @@ def test_dynamics_from_masses_and_rows(tmp_path) -> None:
         ('robot="l1_tape"', "limits_deg"),
         ("oscillator=[]", "oscillator"),
         ("search.static_choice_deg=0.0", "search.static_choice_deg"),
-        ("cutter.tooth_angles_deg=[0.0]", "cutter"),
+        ("cutter.tooth_angles_deg=[0.0]", "cutter.tooth_angles_deg"),
         ("modal={mass_kg=[1.0,1.0,1.0],damping_ratio=[0.1,0.1,0.1]}", "modal"),
         ("search.speed_range_rpm=[3000.0, 1000.0]", "search.speed_range_rpm"),
         ("lobes.to_rpm=100.0", "lobes.to_rpm"),

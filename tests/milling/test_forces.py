@@ -28,7 +28,7 @@ ROUNDING = 1e-12  # relative; sums of a hundred terms
 # Simpson or midpoint sums over gates that open within one step: first order in the step
 TURN = np.linspace(0, 2 * np.pi, 100_001)[:-1] + np.pi / 100_000
 STRAIGHT = Cutter(CUTTER.diameter, 1, K)
-EDGE = K._replace(K_tc=0.0, K_rc=0.0, K_ac=0.0)
+EDGE = replace(K, K_tc=0.0, K_rc=0.0, K_ac=0.0)
 
 
 def impulse(cutter: Cutter, cut: Cut) -> np.ndarray:
@@ -85,7 +85,7 @@ def test_helix_zero_is_the_limit_of_small_helices() -> None:
 
 @pytest.mark.parametrize("part", ["tangential", "radial"])
 def test_up_against_climb_straight_teeth(part) -> None:
-    k = K._replace(K_re=0.0, K_rc=0.0) if part == "tangential" else K._replace(K_te=0.0, K_tc=0.0)
+    k = replace(K, K_re=0.0, K_rc=0.0) if part == "tangential" else replace(K, K_te=0.0, K_tc=0.0)
     cutter = Cutter(CUTTER.diameter, 1, k)
     phi = np.linspace(0, np.pi, 777)
     up = integrated_forces(cutter, replace(CUT, mode="up"), phi)
@@ -127,7 +127,7 @@ def test_pitch_and_runout_share_the_feed() -> None:
     phi = np.linspace(0, 2 * np.pi, 600)
     assert np.abs(forces(odd, CUT, phi, 400) - integrated_forces(odd, CUT, phi)).max() < 4e-3 * 2000
     slot = replace(CUT, mode="slot")
-    no_edge = replace(odd, coefficients=K._replace(K_te=0.0, K_re=0.0, K_ae=0.0))
+    no_edge = replace(odd, coefficients=replace(K, K_te=0.0, K_re=0.0, K_ae=0.0))
     even = replace(no_edge, tooth_angles=None, runout=None)
     mild = replace(no_edge, runout=np.array([1e-9, 0.0]))
     # what one tooth takes more the other takes less
@@ -166,14 +166,14 @@ def test_peak_and_directions() -> None:
     ("make", "sentence"),
     [
         (lambda: immersion("up", 0.03, 0.0254), "radial depth 0.03 m is more than the diameter 0.0254 m"),
-        (lambda: replace(CUT, feed_per_tooth=-1e-4), "feed_per_tooth is -0.0001 m; expected more than 0"),
-        (lambda: replace(CUT, mode="down"), "the mode is 'down'; expected one of climb, up, slot"),
-        (lambda: Cutter(0.0, 2, K), "diameter is 0 m"),
-        (lambda: Cutter(0.02, 0, K), "0 teeth"),
-        (lambda: Cutter(0.02, 2, K, helix=2.0), "helix angle is 114.592 deg; expected 0 to less than 90"),
-        (lambda: Cutter(0.02, 2, K, tooth_angles=np.array([0.0, 7.0])), "must rise and lie within one turn"),
-        (lambda: Cutter(0.02, 2, K, runout=np.zeros(3)), r"runout has the shape \(3,\); expected 2"),
-        (lambda: Cutter(0.02, 2, Coefficients(*[np.nan] * 6)), "expected finite numbers"),
+        (lambda: replace(CUT, feed_per_tooth=-1e-4), "feed_per_tooth: must be more than 0; found -0.0001"),
+        (lambda: replace(CUT, mode="down"), "mode: expected one of climb, up, slot; found 'down'"),
+        (lambda: Cutter(0.0, 2, K), "diameter: must be more than 0"),
+        (lambda: Cutter(0.02, 0, K), "teeth: must be at least 1"),
+        (lambda: Cutter(0.02, 2, K, helix=2.0), "helix: must be at least 0 and less than 1.5708; found 2"),
+        (lambda: Cutter(0.02, 2, K, tooth_angles=np.array([0.0, 7.0])), "tooth_angles: must rise"),
+        (lambda: Cutter(0.02, 2, K, runout=np.zeros(3)), r"runout: has the shape \(3,\); expected 2"),
+        (lambda: Coefficients(*[np.nan] * 6), "K_te: expected finite numbers"),
         (lambda: to_world([1.0, 0, 0], [0, 0, 1.0]), "runs along the tool axis"),
         (lambda: to_world([1.0, 0, 0], [0, 0, 0.0]), "must not be zero"),
         (lambda: forces(CUTTER, CUT, 0.0, discs=0), "0 discs"),
@@ -193,5 +193,5 @@ def test_the_printed_lag() -> None:
 
 @pytest.mark.parametrize("name", ["K_tc", "K_te"])
 def test_a_tooth_that_is_driven_by_its_chip_is_refused(name) -> None:
-    with pytest.raises(ValueError, match=f"{name} is -1"):
-        replace(CUTTER, coefficients=K._replace(**{name: -1.0}))
+    with pytest.raises(ValueError, match=f"{name}: must be at least 0; found -1"):
+        replace(CUTTER, coefficients=replace(K, **{name: -1.0}))

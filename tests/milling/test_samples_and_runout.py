@@ -98,7 +98,7 @@ def test_chips_are_those_of_the_surface_that_is_left() -> None:
     for _ in range(25):
         teeth = int(rng.integers(1, 7))
         angles = np.sort(rng.uniform(0, 2 * np.pi, teeth)) if rng.integers(2) else None
-        cutter = Cutter(0.02, teeth, K._replace(K_te=0.0, K_re=0.0, K_ae=0.0), tooth_angles=angles,
+        cutter = Cutter(0.02, teeth, replace(K, K_te=0.0, K_re=0.0, K_ae=0.0), tooth_angles=angles,
                         runout=rng.choice([1e-6, 2e-5, 3e-4]) * rng.normal(size=teeth))  # fmt: skip
         cut = Cut(("slot", "climb", "up")[rng.integers(3)], 0.004, 1e-3, 5e-5)
         rows = teeth_in_cut(cutter, cut)

@@ -24,7 +24,7 @@ from gtmodel.milling.directional import directional_matrix
 from tests.milling.thesis import CUT, CUTTER, OSCILLATORS, TOOTH_HZ, K, X, Y
 
 # the two-tooth example that the literature on lobes shares: 922 Hz, 1.1 % damping, 39.93 g, 600 and 200 N/mm2
-SHARED = K._replace(K_tc=6e8, K_rc=2e8, K_te=0.0, K_re=0.0, K_ae=0.0, K_ac=0.0)
+SHARED = replace(K, K_tc=6e8, K_rc=2e8, K_te=0.0, K_re=0.0, K_ae=0.0, K_ac=0.0)
 EXAMPLE = Cutter(0.02, 2, SHARED)
 W = 2 * np.pi * 922.0
 M = np.full((1, 3), 0.03993)

@@ -67,7 +67,8 @@ def test_it_answers_in_words(whole) -> None:
     assert sum(row.label.startswith("test ") for row in s.rows) == 12
 
 
-def test_pictures(whole) -> None:
+def test_pictures(whole, monkeypatch) -> None:
+    monkeypatch.setattr("gtmodel.milling.pictures.SPEEDS", 9)  # of the lobes, each proven
     assert set(whole.figures) == {"angle", "lobes", "compensation", "printed_tests"}
     for name in whole.figures:
         whole.figure(name).canvas.draw()
@@ -147,7 +148,7 @@ def test_places_that_cannot_be_reached_say_why(kr500) -> None:
         ({"lobes": (2.0, 10.0), "dynamics": None}, "lobes"),
         ({"compensation": PathOffset(), "dynamics": None}, "compensation"),
         ({"dynamics": AngleTable(np.radians([150.0, 151.0, 152.0]), MEASURED)}, "dynamics"),
-        ({"cutter": replace(CUTTER, coefficients=K._replace(K_tc=903.77))}, "cutter.coefficients.K_tc"),
+        ({"cutter": replace(CUTTER, coefficients=replace(K, K_tc=903.77))}, "cutter.coefficients.K_tc"),
         ({"cutter": replace(CUTTER, diameter=25.4)}, "cutter.diameter"),
         ({"cut": replace(CUT, feed_per_tooth=0.526)}, "cut.feed_per_tooth"),
         ({"cut": replace(CUT, axial_depth=5.08)}, "cut.axial_depth"),

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from gtmodel.motion.finer_mesh import PASSES, elements_after, refined
+from gtmodel.motion.finer_mesh import PASSES, finer_mesh, refined
 from gtmodel.results import Check, at_most
 
 BOUND = 1e-3
@@ -18,6 +18,7 @@ MOST = 400
 class Found:
     elements: int
     checks: dict[str, Check]
+    most_elements: int = MOST
 
 
 def on(elements: int, order: float, floor: float = 0.0) -> Found:
@@ -26,7 +27,8 @@ def on(elements: int, order: float, floor: float = 0.0) -> Found:
 
 
 def finer(found: Found) -> int | None:
-    return elements_after(found.elements, MOST, found.checks, ("error",))
+    mesh = finer_mesh(found, found.checks, ("error",))
+    return mesh and mesh.elements
 
 
 def search(elements: int, again, interrupted=lambda: False) -> tuple[Found, str, list[int]]:

@@ -167,7 +167,7 @@ class TestRefusals:
         ("changes", "argument", "words"),
         [
             ({"limits__tcp_low": [0.0, 0.0, 0.0], "limits__tcp_high": [1.0, -1.0, 1.0]}, "limits.tcp_low",
-             "coordinate 1 has the lower bound 0 m, not below the upper one -1 m"),
+             "its number 2, 0 m, is not below -1 of tcp_high"),
             ({"limits__tcp_high": [0.5, 0.0, 1.0]}, "goal.tcp", "breaks limits.tcp_high_m by 0.4 m"),
             ({"limits__joint_cones": [JointCone(3, "cart", [1.0, 0.0, 0.0], 0.8)]}, "limits.joint_cones[0].arm",
              "the robot has the arms 0 to 2"),

@@ -8,7 +8,7 @@ from scipy.optimize import brentq
 
 import gtmodel as gt
 from gtmodel import SolveStatus
-from gtmodel.motion import Cost, End, Limits, Mesh as MeshOptions, MotionStudy, Obstacle, study
+from gtmodel.motion import Cost, End, Limits, Mesh as MeshOptions, MotionStudy, Obstacle, motion, study
 from gtmodel.motion.motion_study import solved
 from gtmodel.motion.planning import plan_of
 from gtmodel.optimize import Mesh, SolverOptions, solve as collocate
@@ -123,7 +123,7 @@ class TestMotion:
     def test_rest_acceleration_of_the_optimum_itself(self):
         earlier = solution(**LIGHT).trajectory
         guess = gt.Trajectory(earlier.time, {"robot.T": earlier["T"], "der(robot.T)": earlier["der(T)"]})
-        model = asked(**LIGHT, goal__rest=AT_REST, start__rest=AT_REST).optimization()
+        model = motion(asked(**LIGHT, goal__rest=AT_REST, start__rest=AT_REST))
         found = collocate(model, Mesh(15, 3), guess=guess)
         velocity, acceleration = (found.trajectory[n] for n in ("der(robot.T)", "der(robot.T,2)"))
         for end in (0, -1):
@@ -213,7 +213,7 @@ class TestSearch:
     def test_unreachable_end_is_told_by_rows(self):
         """700 N carry the robot 0.97 m in no less than 0.89 s; in 0.5 s they do not."""
 
-        class Hasty(type(asked().optimization())):
+        class Hasty(type(motion(asked()))):
             final_time = 0.5
 
             def objective(self):

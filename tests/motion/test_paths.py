@@ -226,9 +226,9 @@ class TestRefusals:
         ("text", "words"),
         [
             ("x_m,y_m\n0,1\n", "has no column 'z_m'"),
-            ("x_m,y_m,z_m\n0,1,two\n", "point 1: expected three numbers"),
-            ("x_m,y_m,z_m\n0,1,nan\n0,1,2\n1,1,1\n", "not finite"),
-            ("\xff", "no UTF-8"),
+            ("x_m,y_m,z_m\n0,1,two\n", "line 2, column 'z_m': found 'two'"),
+            ("x_m,y_m,z_m\n0,1,nan\n0,1,2\n1,1,1\n", "line 2, column 'z_m': found 'nan'"),
+            ("\xff", "not a UTF-8 text file"),
         ],
     )
     def test_wrong_files(self, tmp_path, text, words):

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 import gtmodel as gt
+from gtmodel.motion import Cost, End, Limits, MotionProblem
 from gtmodel.motion.guesses import line_guess
-from gtmodel.motion.task import MotionTask, motion
+from gtmodel.motion.task import motion
 from gtmodel.optimize import Mesh
 from gtmodel.optimize.formulation.problem import build
 from gtmodel.optimize.guess import initial_guess
@@ -109,19 +110,11 @@ def robot_motion():
     """The motion of problems/l1_min_time.toml with energy and a goal at zero acceleration, and its guess."""
     robot = gt.robots.gantry_tau("l1_tape")
     start, goal = np.array([0.0, -0.9, 0.1]), np.array([0.9, -0.9, 0.45])
-    model = motion(
-        robot,
-        MotionTask(
-            start=start,
-            goal=goal,
-            start_rest=["velocity"],
-            goal_rest=["velocity", "acceleration"],
-            force=700.0,
-            force_unit=112.9,
-            weight_time=1.0,
-            weight_energy=0.01,
-        ),
-    )
+    problem = MotionProblem(
+        robot=robot, start=End(start.tolist()), goal=End(goal.tolist(), ["velocity", "acceleration"]),
+        limits=Limits(700.0), cost=Cost(energy=0.01, force_unit=112.9),
+    )  # fmt: skip
+    model = motion(problem)
     return model, line_guess(robot.causal(known="T", targets="tau"), start, goal, 700.0)
 
 

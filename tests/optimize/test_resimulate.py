@@ -10,8 +10,9 @@ from scipy.integrate import solve_ivp
 
 import gtmodel as gt
 from gtmodel import SolveStatus, der
+from gtmodel.motion import Cost, End, Limits, MotionProblem
 from gtmodel.motion.guesses import line_guess
-from gtmodel.motion.task import MotionTask, motion
+from gtmodel.motion.task import motion
 from gtmodel.optimize import Mesh, SolverOptions, solve
 from gtmodel.optimize.judgement.resimulate import SUBSTEPS, resimulate
 from tests.optimize import features, problems
@@ -26,19 +27,11 @@ START, GOAL = np.array([0.0, -0.9, 0.1]), np.array([0.9, -0.9, 0.45])
 @cache
 def l1():
     robot = gt.robots.gantry_tau("l1_tape")
-    model = motion(
-        robot,
-        MotionTask(
-            start=START,
-            goal=GOAL,
-            start_rest=["velocity"],
-            goal_rest=["velocity"],
-            force=FORCE,
-            force_unit=UNIT,
-            weight_time=1.0,
-            weight_energy=0.0,
-        ),
-    )
+    problem = MotionProblem(
+        robot=robot, start=End(START.tolist()), goal=End(GOAL.tolist()), limits=Limits(FORCE),
+        cost=Cost(force_unit=UNIT),
+    )  # fmt: skip
+    model = motion(problem)
     return robot, model, line_guess(robot.causal(known="T", targets="tau"), START, GOAL, FORCE)
 
 

@@ -11,6 +11,7 @@ from gtmodel.motion.axes.plan import CARTS
 from gtmodel.optimize.formulation.problem import build
 from gtmodel.problem_files.base import Context
 from gtmodel.problem_files.call import Call
+from gtmodel.problem_files.from_options import options_of
 from gtmodel.problem_files.path_keys import PATH_ARGUMENTS
 
 from .keys import Schema
@@ -31,11 +32,9 @@ def call(problem: Schema, context: Context) -> Call:
 def _asked(problem: Schema, context: Context) -> dict[str, Any]:
     path = problem.path
     return dict(
-        robot=problem.model(context), start=problem.start.options(), goal=problem.goal.options(),
-        limits=problem.limits.options(), path=None if path is None else path.options(context),
+        robot=problem.model(context), path=None if path is None else path.options(context),
         tool=None if path is None else path.held(), degrees_of_freedom=problem.degrees_of_freedom,
-        cost=problem.cost.options(), mesh=problem.mesh.options(), solver=problem.solver.options(),
-        earlier=context.guess(), title=problem.title,
+        **options_of(problem), earlier=context.guess(), title=problem.title,
     )  # fmt: skip
 
 
@@ -43,7 +42,7 @@ def explain(problem: Schema, context: Context) -> str:
     """What is optimised: states, controls, unknowns without a closed form, bounds."""
     asked = {name: value for name, value in _asked(problem, context).items() if value is not None}
     plan = plan_of(AxisProblem(**asked))
-    built = build(plan.optimization(), problem.solver.options().formulation)
+    built = build(plan.optimization, problem.solver.options().formulation)
     mesh, (low, high) = plan.problem.mesh, plan.strokes
     further = list(dict.fromkeys(m.key for m in plan.guard.margins))
     strokes = [f"q{k + 1} {_shown(k, low[k])} to {_shown(k, high[k])}" for k in range(len(low))

@@ -7,6 +7,7 @@ from gtmodel.motion.elastic.plans import three_link
 from gtmodel.motion.elastic.swing_study import ASSUMED
 from gtmodel.problem_files.base import Context, InputError
 from gtmodel.problem_files.call import Call
+from gtmodel.problem_files.from_options import options_of
 
 from .keys import Schema
 
@@ -20,9 +21,8 @@ def call(problem: Schema, context: Context) -> Call:
     if context.start is not None:
         raise InputError("--start: the elastic plan starts from the rigid one; leave it out")
     return Call(
-        elastic_study, problem.model(context), problem.start.tcp_m, problem.goal.tcp_m, problem.tool.options(),
-        force=problem.limits.force_N, cost=problem.cost.options(), mesh=problem.mesh.options(),
-        solver=problem.solver.options(), title=problem.title or f"vibration of {problem.robot}",
+        elastic_study, problem.model(context), problem.start.tcp_m, problem.goal.tcp_m, force=problem.limits.force_N,
+        **options_of(problem), title=problem.title or f"vibration of {problem.robot}",
     )  # fmt: skip
 
 

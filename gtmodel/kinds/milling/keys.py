@@ -2,63 +2,37 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import numpy as np
-from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt
+from pydantic import Field, PositiveFloat
 
 from gtmodel.milling import AngleTable, Coefficients, Cut, Cutter, Oscillators, missing_z, options
 from gtmodel.problem_files.base import Context, InputError, Section
 from gtmodel.problem_files.from_options import Made, made_from
 from gtmodel.problem_files.robot_keys import RobotProblem
+from gtmodel.results.refusal import naming
 
 Three = Annotated[list[float], Field(min_length=3, max_length=3)]
 SOURCES = ("oscillator", "modal", "oscillator_field")  # of dynamics; at most one
 
 
-class CutterKeys(Section):
+@made_from(Cutter, "coefficients")
+class CutterKeys(Made[Coefficients]):
     """A helical end mill, with cutting coefficients for the material."""
 
-    diameter_m: float = Field(description="of the cutter")
-    teeth: PositiveInt = Field(description="how many")
-    helix_deg: NonNegativeFloat = Field(default=0.0, description="helix angle; 0 for straight teeth")
-    K_te_N_m: float = Field(description="edge force per depth, tangential")
-    K_tc_Pa: float = Field(description="cutting force per depth and chip thickness, tangential")
-    K_re_N_m: float = Field(description="edge force per depth, radial")
-    K_rc_Pa: float = Field(description="cutting force per depth and chip thickness, radial")
-    K_ae_N_m: float = Field(default=0.0, description="edge force per depth, axial")
-    K_ac_Pa: float = Field(default=0.0, description="cutting force per depth and chip thickness, axial")
-    tooth_angles_deg: list[float] | None = Field(default=None, description="of uneven pitch, rising; even if left out")
-    runout_m: list[float] | None = Field(default=None, description="by how much each tooth stands out")
-
-    def cutter(self) -> Cutter:
-        """Raises InputError."""
-        K = Coefficients(self.K_te_N_m, self.K_tc_Pa, self.K_re_N_m, self.K_rc_Pa, self.K_ae_N_m, self.K_ac_Pa)
-        angles = None if self.tooth_angles_deg is None else np.deg2rad(self.tooth_angles_deg)
-        runout = None if self.runout_m is None else np.array(self.runout_m)
-        try:
-            return Cutter(self.diameter_m, self.teeth, K, float(np.deg2rad(self.helix_deg)), angles, runout)
-        except ValueError as error:
-            raise InputError(str(error), "cutter") from error
+    def options(self) -> Any:
+        """The cutter."""
+        K = {name: getattr(self, key) for key, name in Made[Coefficients].attributes.items()}
+        return Cutter(**self.given(), coefficients=Coefficients(**K))
 
 
-class CutKeys(Section):
+@made_from(Cut)
+class CutKeys(Made):
     """The cut."""
 
-    mode: Literal["climb", "up", "slot"] = Field(description="climb is also called down milling")
-    radial_depth_m: float = Field(description="width of the cut; at most the diameter; a slot does not read it")
-    axial_depth_m: float = Field(description="depth of the cut along the tool")
-    feed_per_tooth_m: float = Field(description="more than 0; where to is told by feed_direction")
     speed_rpm: float = Field(description="of the spindle, turns per minute")
     feed_direction: Three = Field(default=[1.0, 0.0, 0.0], description="across the tool axis, world coordinates")
-
-    def cut(self) -> Cut:
-        """Raises InputError."""
-        try:
-            return Cut(self.mode, self.radial_depth_m, self.axial_depth_m, self.feed_per_tooth_m)
-        except ValueError as error:
-            raise InputError(str(error), "cut") from error
 
 
 class OscillatorRow(Section):
@@ -92,7 +66,7 @@ class Search(Made):
     def options(self) -> Any:
         """In turns per second."""
         between = self.speed_range_rpm and [rpm / 60 for rpm in self.speed_range_rpm]
-        return replace(super().options(), speeds=[rpm / 60 for rpm in self.speeds_rpm], speed_range=between)
+        return options.Search(**self.given(), speeds=[rpm / 60 for rpm in self.speeds_rpm], speed_range=between)
 
 
 class Lobes(Section):
@@ -144,23 +118,17 @@ def _table(rows: list[OscillatorRow]) -> AngleTable:
         raise InputError(said, "oscillator")
     found = []
     for n, row in enumerate(rows):
-        try:
+        with naming(f"oscillator[{n}]", ValueError):
             found.append(row.oscillators())
-        except ValueError as error:
-            raise InputError(str(error), f"oscillator[{n}]") from error
-    try:
+    with naming("oscillator", ValueError):
         return AngleTable(np.deg2rad([row.angle_deg for row in rows]), Oscillators.joined(found))
-    except ValueError as error:
-        raise InputError(str(error), "oscillator") from error
 
 
 def _field(file: str, context: Context) -> Any:
     from gtmodel.vibration import load_oscillator_field
 
     path = context.folder / file
-    try:
+    with naming("oscillator_field", ValueError):
         field = load_oscillator_field(path)
-    except ValueError as error:
-        raise InputError(str(error), "oscillator_field") from error
     context.take("oscillator_field", path)
     return field

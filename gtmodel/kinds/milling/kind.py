@@ -8,6 +8,7 @@ from gtmodel.milling import MillingStudy, study
 from gtmodel.milling.task import task_of
 from gtmodel.problem_files.base import Context
 from gtmodel.problem_files.call import Call
+from gtmodel.problem_files.from_options import options_of
 from gtmodel.robots.kr500 import kr500_tables
 
 from .keys import SOURCES, Schema
@@ -23,7 +24,7 @@ def arguments(problem: Schema) -> dict[str, str]:
         "speed": "cut.speed_rpm",
         "feed": "cut.feed_direction",
         "search.speeds": "search.speeds_rpm",
-        "cutter.coefficients.K_tc": "cutter.K_tc_Pa",
+        "cutter.coefficients": "cutter",
         "dynamics": source,
         "lobes": "lobes.to_rpm" if source else "lobes",
     }
@@ -31,15 +32,15 @@ def arguments(problem: Schema) -> dict[str, str]:
 
 def call(problem: Schema, context: Context) -> Call:
     """The study of the declared place, and of what it is compared with."""
-    limits, lobes, compensation = problem.limits_deg, problem.lobes, problem.compensation
+    limits, lobes = problem.limits_deg, problem.lobes
+    made = options_of(problem, "cutter", "cut", "tool", "search", "compensation")
     return Call(
-        study, problem.model(context), problem.cutter.cutter(), problem.cut.cut(), place=problem.place_m,
+        study, problem.model(context), made.pop("cutter"), made.pop("cut"), place=problem.place_m,
         speed=problem.cut.speed_rpm / 60, feed=problem.cut.feed_direction,
-        joint_stiffness=[1e6 * k for k in problem.joint_stiffness_MNm_rad], tool=problem.tool.options(),
+        joint_stiffness=[1e6 * k for k in problem.joint_stiffness_MNm_rad], **made,
         dynamics=problem.dynamics(context), source=problem.oscillator_field or "",
-        limits=limits and [np.deg2rad(row).tolist() for row in limits], search=problem.search.options(),
+        limits=limits and [np.deg2rad(row).tolist() for row in limits],
         lobes=lobes and (lobes.from_rpm / 60, lobes.to_rpm / 60),
-        compensation=compensation and compensation.options(),
         tests=kr500_tables() if problem.printed_tests else None, title=problem.title,
     )  # fmt: skip
 

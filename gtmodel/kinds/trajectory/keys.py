@@ -7,7 +7,7 @@ from pydantic import Field
 from gtmodel.motion import options
 from gtmodel.motion.problem import MotionProblem
 from gtmodel.problem_files.base import Context
-from gtmodel.problem_files.from_options import Made
+from gtmodel.problem_files.from_options import Made, options_of
 from gtmodel.problem_files.path_keys import PathSection
 from gtmodel.problem_files.robot_keys import RobotProblem
 
@@ -28,8 +28,6 @@ class Schema(RobotProblem):
     def motion(self, context: Context) -> MotionProblem:
         """The motion that the file describes. Raises InputError, and ArgumentError."""
         return MotionProblem(
-            robot=self.model(context), start=self.start.options(), goal=self.goal.options(),
-            limits=self.limits.options(), path=None if self.path is None else self.path.options(context),
-            cost=self.cost.options(), mesh=self.mesh.options(), starts=self.starts.options(),
-            solver=self.solver.options(), export=self.export.options(), title=self.title,
+            robot=self.model(context), path=None if self.path is None else self.path.options(context),
+            **options_of(self), title=self.title,
         )  # fmt: skip

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from gtmodel.compiler.causal import compile_causal
-from gtmodel.motion import MotionStudy, study
+from gtmodel.motion import MotionStudy, motion, study
 from gtmodel.motion.planning import plan_of
 from gtmodel.motion.problem import MotionProblem
 from gtmodel.optimize.formulation.problem import build
@@ -20,12 +20,8 @@ ARGUMENTS = {**PATH_ARGUMENTS, "earlier": "--start"}
 
 def call(problem: Schema, context: Context) -> Call:
     """The study of the motion that the file describes."""
-    asked = problem.motion(context)
-    return Call(
-        study, asked.robot, asked.start, asked.goal, limits=asked.limits, path=asked.path, cost=asked.cost,
-        mesh=asked.mesh, starts=asked.starts, solver=asked.solver, export=asked.export, earlier=context.guess(),
-        title=asked.title,
-    )  # fmt: skip
+    asked = dict(vars(problem.motion(context)))
+    return Call(study, asked.pop("robot"), **asked, earlier=context.guess())
 
 
 def explain(problem: Schema, context: Context) -> str:
@@ -36,7 +32,7 @@ def explain(problem: Schema, context: Context) -> str:
 def told(asked: MotionProblem, problem: Schema) -> str:
     """What is optimised for this motion, in the words of its file."""
     plan, mesh, force = plan_of(asked), asked.mesh, asked.limits.force
-    built = build(asked.optimization(guard=plan.guard, path=plan.path))
+    built = build(motion(asked, plan.guard, plan.path))
     head = [
         f"{asked.title or 'motion'}: {built.formulation} form, {mesh.elements} elements x {mesh.points} Radau points",
         f"  states: {', '.join(built.state_names)}",

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Literal
 
 from ...lang import Model
 from ...results import Trajectory, Work
 from ...results.check import failed_of
 from ...results.work import Progress, never, silent
-from ..finer_mesh import finer_problem, refined, told
+from ..finer_mesh import finer_mesh, refined, told
 from ..options import AxisLimits, Shape
 from .options import AxisCost, AxisEnd, AxisMesh, AxisSolver, ToolCourse
 from .planning import plan_of
@@ -67,24 +66,22 @@ def axis_study(
         solver=solver or AxisSolver(), earlier=earlier, title=title,
     )  # fmt: skip
     plan = plan_of(problem)
-    given = on_this_mesh(plan, None, work)
+    given = on_this_mesh(plan, problem.mesh, None, work)
     iterations = given.study.iterations or 0
 
-    def finer(found: Found) -> AxisProblem | None:
-        return finer_problem(found.plan.problem, found.checks, MENDED) if found.study.status.converged else None
+    def finer(found: Found) -> AxisMesh | None:
+        return finer_mesh(found.mesh, found.checks, MENDED) if found.study.status.converged else None
 
-    def again(before: Found, problem: AxisProblem) -> Found | str:
+    def again(before: Found, mesh: AxisMesh) -> Found | str:
         nonlocal iterations
-        after = on_this_mesh(replace(plan, problem=problem), before.solution, work)
+        after = on_this_mesh(plan, mesh, before.solution, work)
         iterations += after.study.iterations or 0
-        if after.study.status.converged:
-            return after
-        return f"on {problem.mesh.elements} elements: {after.study.message}"
+        return after if after.study.status.converged else f"on {mesh.elements} elements: {after.study.message}"
 
     found, trouble = refined(given, finer, again, work.interrupted)
     study, message = found.study, found.study.message
     if found is not given:
         end = "" if study.status.ok else ";"
-        message += end + told(problem.mesh.elements, found.plan.problem.mesh.elements, failed_of(given.checks))
+        message += end + told(problem.mesh.elements, found.mesh.elements, failed_of(given.checks))
     message = "; ".join(filter(None, [message, trouble]))
     return study.with_(iterations=iterations, message=message, refined=found is not given)

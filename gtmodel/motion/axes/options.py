@@ -13,9 +13,9 @@ from ..solver_options import Barrier, MostElements
 class AxisEnd(Options):
     """Where the robot stands at rest: the positions of its axes, or, on a path, its tool centre point."""
 
-    carts: Annotated[list[float] | None, Unit("m"), Long(3), "positions q1, q2, q3"] = None
+    carts: Annotated[list[float] | None, Unit("m", key="q_m"), Long(3), "carts q1, q2, q3"] = None
     axes: Annotated[
-        list[float] | None, Unit("rad", written="deg"), Long(3),
+        list[float] | None, Unit("rad", written="deg", key="q_deg"), Long(3),
         "rotary axes q4, q5, q6; with five degrees of freedom q5 = -q4",
     ] = None  # fmt: skip
     tcp: Annotated[

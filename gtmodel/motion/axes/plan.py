@@ -82,8 +82,7 @@ class AxisPlan:
         if not self.guard.margins:
             return np.zeros((1, 0))
         f = compile_causal(self.guard.model(self.robot), known="robot.q", targets="margin")
-        found, _ = f(q, *[np.zeros(MOTORS)] * (len(f.inputs) - 1))
-        return found[None]
+        return f.along(q)[0][None]
 
     @cached_property
     def following(self) -> CausalFunction:
@@ -93,11 +92,8 @@ class AxisPlan:
 
     def held(self, run: Trajectory) -> dict[str, Array]:
         """Axes and their two derivatives along the path, at the rows of a motion of s; NaN where they cannot be had."""
-        f = self.following
-        given = [
-            run[name] for name in ("s", "der(s)", "der(s,2)", "drive")[: len(f.inputs)]
-        ]  # the third is the control
-        _, *found = f(*given)
+        orders = len(self.following.inputs)
+        _, *found = self.following.along(*(run[name] for name in ("s", "der(s)", "der(s,2)", "drive")[:orders]))
         return dict(zip(("q", "der(q)", "der(q,2)"), found, strict=False))
 
     @cached_property
@@ -110,6 +106,7 @@ class AxisPlan:
 
         return of_all(limits.cart_low, limits.axis_low, -np.inf), of_all(limits.cart_high, limits.axis_high, np.inf)
 
+    @cached_property
     def optimization(self) -> gt.Optimization:
         """The motion: states s and their velocities, and one control `drive` per coordinate, its second derivative, or
         its third where the jerk is limited.
@@ -187,7 +184,7 @@ class AxisPlan:
         profile = [x / duration**k for k, x in enumerate(shape)]
         if self.course is not None:
             s = [x[:, 0] for x in profile]
-            _, _, _, _, T, e, *_ = self.following(*s[: len(self.following.inputs)])
+            _, _, _, _, T, e, *_ = self.following.along(*s)
         else:
             q = self.start + profile[0] * (self.goal - self.start)
             T, e, status = self.poses(q)
@@ -209,9 +206,8 @@ class AxisPlan:
         """Whether that motion along the path keeps the further limits; of a free one nothing is asked."""
         if self.course is None or not self.guard.margins:
             return True
-        f = self.following
-        margins = f(*[x[:, 0] / duration**k for k, x in enumerate(shape)][: len(f.inputs)])[-2]
-        return bool(np.all(margins >= 0))
+        motion = (x[:, 0] / duration**k for k, x in enumerate(shape))
+        return bool(np.all(self.following.along(*motion)[-2] >= 0))
 
     def by_squared_speeds(self, intervals: int) -> PathMotion:
         """The motion along the path by the fast engine, limits in the middles of its intervals; not with a jerk."""

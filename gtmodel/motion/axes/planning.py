@@ -12,7 +12,8 @@ from ...compiler.causal import CausalFunction, compile_causal
 from ...mechanics.rotation import quaternion_matrix, rotation_about
 from ...results import ArgumentError, Status, Trajectory
 from ...robots import F1
-from ..guard import Carrier, Guard, guard_of
+from ..guard import NO_GUARD, Carrier, Guard, check_strokes, guard_of
+from ..guesses import progress_of
 from ..paths import path_of
 from .course import Course, turning
 from .options import AxisEnd
@@ -54,7 +55,7 @@ def plan_of(problem: AxisProblem) -> AxisPlan:
     start, goal, course = *(_axes(end) for _, end in problem.ends), None
     if problem.path is not None:
         course = _course(problem, robot)
-        start, goal = _ends_of(problem, course.function(robot, Guard([], {}), "robot.q"), start, goal)
+        start, goal = _ends_of(problem, course.function(robot, NO_GUARD, "robot.q"), start, goal)
     if np.array_equal(start, goal):
         raise ArgumentError("the goal equals the start; give another goal", "goal")
     guard = _guard(problem, robot, start)
@@ -190,21 +191,11 @@ def _carrier(robot: F1, start: Array, arm: int, end: str) -> Carrier | None:
             return u2 @ rotation_about(Y, q[3])
         return u3 @ rotation_about(Y, q[4]) @ inner @ rotation_about(X, q[5])
 
-    at_start = np.array(
-        u2 @ Rotation.from_rotvec(start[3] * Y).as_matrix() if arm < 3 else
-        u3 @ Rotation.from_rotvec(start[4] * Y).as_matrix() @ inner @ Rotation.from_rotvec(start[5] * X).as_matrix()
-    )  # fmt: skip
-    return Carrier(lambda m: turned(m.robot.q), at_start)
+    return Carrier(lambda m: turned(m.robot.q), np.array(turned(start)))
 
 
 def _check_strokes(plan: AxisPlan) -> None:
-    limits = plan.problem.limits
-    for body, shown in (("cart", lambda x: x), ("axis", np.degrees)):
-        low, high = (getattr(limits, f"{body}_{side}") for side in ("low", "high"))
-        if low is not None and high is not None and np.any(np.array(low) >= np.array(high)):
-            k = int(np.argmax(np.array(low) >= np.array(high)))
-            told = f"its number {k + 1}, {shown(low[k]):g}, is not below {shown(high[k]):g} of {body}_high"
-            raise ArgumentError(told, f"limits.{body}_low")
+    check_strokes(plan.problem.limits, "cart", "axis")
     for (which, end), q in zip(plan.problem.ends, (plan.start, plan.goal), strict=True):
         k, told = _beyond(plan, q)
         if told:
@@ -247,8 +238,7 @@ def _check_ends(plan: AxisPlan) -> None:
 def _check_way(plan: AxisPlan) -> None:
     """The whole path can be followed within strokes and the limits of positions."""
     s = np.linspace(0.0, 1.0, SAMPLES)
-    f = plan.following
-    _, q, *_, status = found = f(s, *[np.zeros(SAMPLES)] * (len(f.inputs) - 1))
+    _, q, *_, status = found = plan.following.along(s)
     assert plan.course is not None
     wanted = plan.course.path(s)[0]
     for k in range(SAMPLES):
@@ -267,16 +257,11 @@ def _earlier(problem: AxisProblem) -> Trajectory | None:
     run = problem.earlier
     if run is None:
         return None
-    if problem.path is not None:
-        if any(name not in run for name in ("s", "T", "e")):
-            raise ArgumentError("is a free motion; this problem follows a path", "earlier")
-        s = np.maximum.accumulate(run["s"])
-        values, units = {"s": s, "der(s)": np.gradient(s, run.time)}, {"s": run.unit("s")}
-    else:
-        names = {"der(q)": "der(s)", "der(q,2)": "drive", "q": "s"}
-        if any(name not in run for name in (*names, "T", "e")):
-            told = "its trajectory lacks one of q, der(q), der(q,2), T and e; start from another result"
-            raise ArgumentError(told, "earlier")
-        values, units = {new: coordinates(run[old], problem.degrees_of_freedom) for old, new in names.items()}, {}
-    units |= {"robot.T": run.unit("T"), "robot.e": run.unit("e")}
-    return Trajectory(run.time, {**values, "robot.T": run["T"], "robot.e": run["e"]}, units)
+    names = {} if problem.path is not None else {"der(q)": "der(s)", "der(q,2)": "drive", "q": "s"}
+    if any(name not in run for name in (*names, "T", "e")):
+        told = "its trajectory lacks one of q, der(q), der(q,2), T and e; start from another result"
+        raise ArgumentError(told, "earlier")
+    values = {new: coordinates(run[old], problem.degrees_of_freedom) for old, new in names.items()}
+    guess = Trajectory(run.time, values, {}) if values else progress_of(run)
+    pose = {"robot.T": "T", "robot.e": "e"}
+    return guess.with_values({new: run[old] for new, old in pose.items()}, {n: run.unit(o) for n, o in pose.items()})

@@ -19,6 +19,7 @@ from ..finer_mesh import how
 from ..found import SATURATED, at_points
 from ..guard import MARGIN_TOLERANCE, clearances
 from .free_run import free_run
+from .options import AxisMesh
 from .plan import AxisPlan
 from .planning import LINKS
 from .result import AxisStudy
@@ -39,7 +40,7 @@ PATH_M = 1e-6  # round-off of the same equations
 class Found:
     """What was found on one mesh."""
 
-    plan: AxisPlan
+    mesh: AxisMesh
     solution: Solution
     study: AxisStudy
 
@@ -48,13 +49,21 @@ class Found:
         return self.study.checks
 
 
-def on_this_mesh(plan: AxisPlan, guess: Solution | None, work: Work) -> Found:
-    """The optimum on the plan's mesh and what comes of it."""
-    solution = _optimum(plan, guess, work)
-    return Found(plan, solution, _judged(plan, solution, work))
+def on_this_mesh(plan: AxisPlan, mesh: AxisMesh, guess: Solution | None, work: Work) -> Found:
+    """The optimum on a mesh and what comes of it."""
+    solution = collocate(
+        plan.optimization,
+        CollocationMesh(mesh.elements, mesh.points, control=mesh.control),
+        guess=guess or plan.guess(),
+        # the study judges the motion by its re-simulation
+        solver=SolverOptions(**asdict(plan.problem.solver), max_seconds=work.seconds_left(), error_bound=None),
+        progress=work.iterations("optimising"),
+        throw=False,
+    )
+    return Found(mesh, solution, _judged(plan, mesh, solution, work))
 
 
-def _judged(plan: AxisPlan, solution: Solution, work: Work) -> AxisStudy:
+def _judged(plan: AxisPlan, mesh: AxisMesh, solution: Solution, work: Work) -> AxisStudy:
     if not solution.status.converged:
         return _failed(plan, solution, "")
     tried = resimulate(solution)
@@ -64,20 +73,7 @@ def _judged(plan: AxisPlan, solution: Solution, work: Work) -> AxisStudy:
     if trajectory is None:
         lead = "forward kinematics from the home pose does not follow the optimum's axes; "
         return _failed(plan, solution, lead)
-    return _tried(plan, solution, trajectory, apart, tried.defect, work)
-
-
-def _optimum(plan: AxisPlan, guess: Solution | None, work: Work) -> Solution:
-    mesh, solver = plan.problem.mesh, plan.problem.solver
-    return collocate(
-        plan.optimization(),
-        CollocationMesh(mesh.elements, mesh.points, control=mesh.control),
-        guess=guess or plan.guess(),
-        # the study judges the motion by its re-simulation
-        solver=SolverOptions(**asdict(solver), max_seconds=work.seconds_left(), error_bound=None),
-        progress=work.iterations("optimising"),
-        throw=False,
-    )
+    return _tried(plan, mesh, solution, trajectory, apart, tried.defect, work)
 
 
 def _failed(plan: AxisPlan, solution: Solution, lead: str) -> AxisStudy:
@@ -136,8 +132,9 @@ def _angle(a: np.ndarray, b: np.ndarray) -> float:
 
 
 def _tried(
-    plan: AxisPlan, solution: Solution, trajectory: Trajectory, pose_apart: float, defect: float, work: Work
-) -> AxisStudy:
+    plan: AxisPlan, mesh: AxisMesh, solution: Solution, trajectory: Trajectory, pose_apart: float, defect: float,
+    work: Work,
+) -> AxisStudy:  # fmt: skip
     problem = plan.problem
     work.progress("moving all six axes by the forces", None, {})
     free = free_run(plan.robot, trajectory, SUBSTEPS, work.interrupted)
@@ -172,7 +169,7 @@ def _tried(
         iterations=solution.iterations,
         checks=checks | {n: at_most(x, bound, trouble) for n, (x, bound) in bounds.items()},
         final_time=solution.final_time,
-        elements=problem.mesh.elements,
+        elements=mesh.elements,
         energy=_energy(plan, solution),
         saturation=np.mean(share[1:] >= SATURATED, axis=0).tolist(),  # rows are equally spaced
         peak_share=peaks,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from typing import Annotated, Any
 
@@ -14,7 +14,7 @@ from ...results import Quantity, Row, SolveStatus, Study, Work
 from ...results.check import failed_of
 from ...results.trajectory_files import TRAJECTORY
 from ...results.work import Progress, never, silent
-from ..finer_mesh import elements_after, refined, told
+from ..finer_mesh import finer_mesh, refined, told
 from .options import Cost, Mesh, Solver, Tool
 from .plans import MENDED, OFF, ElasticTask, NoPlan, Plans, plans_on, too_coarse
 from .plate_motion import PlateMotion, swing
@@ -136,17 +136,13 @@ def elastic_study(
         return ElasticStudy(status=given.status, message=given.message, title=title, iterations=given.iterations)
     iterations = given.iterations
 
-    def finer(found: Plans) -> Mesh | None:
-        elements = elements_after(found.mesh.elements, found.mesh.most_elements, found.checks, MENDED)
-        return None if elements is None else replace(found.mesh, elements=elements)
-
     def again(before: Plans, mesh: Mesh) -> Plans | str:
         nonlocal iterations
         after = plans_on(mesh, task, before, work)
         iterations += after.iterations
         return f"on {mesh.elements} elements: {after.message}" if isinstance(after, NoPlan) else after
 
-    found, trouble = refined(given, finer, again, work.interrupted)
+    found, trouble = refined(given, lambda p: finer_mesh(p.mesh, p.checks, MENDED), again, work.interrupted)
     mended = told(mesh.elements, found.mesh.elements, failed_of(given.checks))
     return _concluded(found, iterations, mended.strip(), trouble, title)
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import gtmodel as gt
-from gtmodel.motion.task import MotionTask, motion as declare
+from gtmodel.motion import Cost, End, Limits, MotionProblem
+from gtmodel.motion.task import motion as declare
 from gtmodel.optimize import Mesh, SolverOptions
 from gtmodel.optimize.formulation.problem import build
 from gtmodel.optimize.guess import initial_guess
@@ -17,8 +18,9 @@ from .timing import TOLERANCE, Clock, Result
 
 def declared(motion: Motion) -> gt.Optimization:
     """The problem of problems/l1_min_time.toml with the weight of the motion."""
-    task = MotionTask(start=START, goal=GOAL, force=FORCE, force_unit=FORCE_UNIT, weight_energy=motion.weight)
-    return declare(motion.robot, task)
+    cost = Cost(energy=motion.weight, force_unit=FORCE_UNIT)
+    ends = {"start": End(START.tolist()), "goal": End(GOAL.tolist())}
+    return declare(MotionProblem(robot=motion.robot, **ends, limits=Limits(FORCE), cost=cost))
 
 
 def compile_seconds(motion: Motion) -> float:
