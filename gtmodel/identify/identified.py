@@ -25,42 +25,40 @@ class IdentificationStudy(Study):
     simulated recordings.
     """
 
-    parameters: Annotated[Numbers | None, Quantity("", "estimates by name, in SI units")] = None
-    units: Annotated[Mapping[str, str] | None, Quantity("", "their units")] = None
+    parameters: Annotated[Numbers | None, "estimates by name, in SI units"] = None
+    units: Annotated[Mapping[str, str] | None, "their units"] = None
     intervals: Annotated[
         Mapping[str, Sequence[float]] | None,
-        Quantity("", "95 % intervals by name; none for what is held at its bound"),
+        "95 % intervals by name; none for what is held at its bound",
     ] = None
     at_bound: Annotated[
-        Sequence[str] | None, Quantity("", "names held at zero, which would otherwise be negative")
+        Sequence[str] | None, "names held at zero, which would otherwise be negative"
     ] = None  # fmt: skip
     corrections: Annotated[
-        Numbers | None, Quantity("", "estimated delays, scales and offsets of the signals by name, in SI units")
+        Numbers | None, "estimated delays, scales and offsets of the signals by name, in SI units"
     ] = None
     confidence: Annotated[
-        str | None, Quantity("", "what the intervals assume of the residuals: white, newey_west")
+        str | None, "what the intervals assume of the residuals: white, newey_west"
     ] = None  # fmt: skip
     noise: Annotated[
-        Array | None, Quantity("", "standard deviation of what is left, by target, in SI units")
+        Array | None, "standard deviation of what is left, by target, in SI units"
     ] = None  # fmt: skip
-    residual_share: Annotated[
-        Array | None, Quantity("", "rms of what is left over rms of the measured effort, by target")
-    ] = None
+    residual_share: Annotated[Array | None, "rms of what is left over rms of the measured effort, by target"] = None
     held_out_rms: Annotated[
         Array | None,
-        Quantity("", "rms error on the motion held out, by target, in SI units; null without one"),
+        "rms error on the motion held out, by target, in SI units; null without one",
     ] = None
-    held_out_share: Annotated[Array | None, Quantity("", "the same over the rms of its effort")] = None
+    held_out_share: Annotated[Array | None, "the same over the rms of its effort"] = None
     row_count: Annotated[int | None, Quantity("", "rows that were fitted", key="rows")] = None
-    dropped_share: Annotated[float | None, Quantity("", "share of the samples left out as too slow")] = None
+    dropped_share: Annotated[float | None, "share of the samples left out as too slow"] = None
     cutoff: Annotated[float | None, Quantity("Hz", "of the zero-phase low pass")] = None
     condition: Annotated[
         float | None,
-        Quantity("", "condition number of the weighted regressor, columns in nominal values (0: least of its unit)"),
+        "condition number of the weighted regressor, columns in nominal values (0: least of its unit)",
     ] = None
     left_out: Annotated[
         Numbers | None,
-        Quantity("", "p-value by watched group of fixed parameters: small where the residuals show their traces"),
+        "p-value by watched group of fixed parameters: small where the residuals show their traces",
     ] = None
     delay: Annotated[
         Sequence[float] | None,
@@ -69,35 +67,33 @@ class IdentificationStudy(Study):
             written="ms",
         ),
     ] = None  # fmt: skip
-    truth: Annotated[Numbers | None, Quantity("", "of a synthetic plant; null for measured logs")] = None
+    truth: Annotated[Numbers | None, "of a synthetic plant; null for measured logs"] = None
     coverage: Annotated[
         Mapping[str, Any] | None,
-        Quantity("", "hits of the intervals by name over the repeated runs, pooled, and the band; null without runs"),
+        "hits of the intervals by name over the repeated runs, pooled, and the band; null without runs",
     ] = None
-    sentences: Annotated[Sequence[str] | None, Quantity("", "what limits the numbers, in words")] = None
+    sentences: Annotated[Sequence[str] | None, "what limits the numbers, in words"] = None
     synthetic: Annotated[
-        str | None, Quantity("", "seed and noise of a made-up log; null for a measured one")
+        str | None, "seed and noise of a made-up log; null for a measured one"
     ] = None  # fmt: skip
     published: Annotated[
         Numbers | None,
-        Quantity(
-            "", "relative difference from published numbers by name; of what was estimated; null where none are given"
-        ),
+        "relative difference from published numbers by name; of what was estimated; null where none are given",
     ] = None
     closed_loop_rms: Annotated[
         Sequence[float] | None,
-        Quantity("", f"error of the simulated motion, rms by recording, in the unit of the position; {LOOP}"),
+        f"error of the simulated motion, rms by recording, in the unit of the position; {LOOP}",
     ] = None
     closed_loop_maximum: Annotated[
-        Sequence[float] | None, Quantity("", f"its largest size, by recording; {LOOP}")
+        Sequence[float] | None, f"its largest size, by recording; {LOOP}"
     ] = None  # fmt: skip
     closed_loop_relative: Annotated[
         Sequence[float] | None,
-        Quantity("", f"its rms over that of the motion itself, mean taken off, by recording; {LOOP}"),
+        f"its rms over that of the motion itself, mean taken off, by recording; {LOOP}",
     ] = None
     closed_loop_effort: Annotated[
         Sequence[float] | None,
-        Quantity("", f"rms error of the simulated efforts over the rms of the measured ones, unfiltered; {LOOP}"),
+        f"rms error of the simulated efforts over the rms of the measured ones, unfiltered; {LOOP}",
     ] = None
     fit: Identification | None = None
     numbers: Numbers | None = None

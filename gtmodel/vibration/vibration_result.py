@@ -19,22 +19,20 @@ class VibrationStudy(Study):
     """How a structure vibrates. What this model does not tell is None."""
 
     words: Annotated[
-        Sequence[str] | None, Quantity("", "what limits the result: identifiability, residuals, signs, in sentences")
+        Sequence[str] | None, "what limits the result: identifiability, residuals, signs, in sentences"
     ] = None
     frequency: Annotated[Sequence[float] | Array | None, Quantity("Hz", "undamped, by mode")] = None
     frequency_interval: Annotated[
         Sequence[Sequence[float]] | None, Quantity("Hz", "95 % intervals by mode, where they are fitted")
     ] = None
-    damping: Annotated[Sequence[float] | Array | None, Quantity("", "ratio by mode")] = None
-    damping_interval: Annotated[
-        Sequence[Sequence[float]] | None, Quantity("", "95 % intervals by mode, where they are fitted")
-    ] = None
-    distance: Annotated[
-        Array | None, Quantity("", "of neighbouring resonances in half-power widths; below 1 they overlap")
-    ] = None
-    order: Annotated[int | None, Quantity("", "number of states")] = None
-    order_by_gap: Annotated[int | None, Quantity("", "where the singular values fall most")] = None
-    singular_values: Annotated[Array | None, Quantity("", "of the weighted projection")] = None
+    damping: Annotated[Sequence[float] | Array | None, "ratio by mode"] = None
+    damping_interval: Annotated[Sequence[Sequence[float]] | None, "95 % intervals by mode, where they are fitted"] = (
+        None
+    )
+    distance: Annotated[Array | None, "of neighbouring resonances in half-power widths; below 1 they overlap"] = None
+    order: Annotated[int | None, "number of states"] = None
+    order_by_gap: Annotated[int | None, "where the singular values fall most"] = None
+    singular_values: Annotated[Array | None, "of the weighted projection"] = None
     held_out_fit: Annotated[Array | None, Quantity("%", "by output, of samples that were not fitted; 100 is exact")] = (
         None
     )
@@ -55,24 +53,20 @@ class VibrationStudy(Study):
     K: Annotated[Array | None, Quantity("N/m", "stiffness, likewise")] = None
     intervals: Annotated[
         Mapping[str, Sequence[float]] | None,
-        Quantity("", "95 % intervals by name: M[0,0] and so on, or a and b"),
+        "95 % intervals by name: M[0,0] and so on, or a and b",
     ] = None
-    stable: Annotated[bool | None, Quantity("", "whether all poles decay")] = None
-    signs: Annotated[Sequence[str] | None, Quantity("", "which change of signs makes printed matrices stable")] = None
-    definite: Annotated[
-        Mapping[str, Any] | None, Quantity("", "M_kg, D_kg_s, K_N_m of the nearest passive structure")
-    ] = None
-    a: Annotated[float | None, Quantity("", "pole of the step response")] = None
-    b: Annotated[float | None, Quantity("", "numerator of the step response")] = None
-    delay_samples: Annotated[int | None, Quantity("", "delay of the step response")] = None
-    delay_sure: Annotated[bool | None, Quantity("", "whether its neighbours are rejected at 1 %")] = None
-    gain: Annotated[Sequence[float] | None, Quantity("", "b / (1 - a), with its interval")] = None
+    stable: Annotated[bool | None, "whether all poles decay"] = None
+    signs: Annotated[Sequence[str] | None, "which change of signs makes printed matrices stable"] = None
+    definite: Annotated[Mapping[str, Any] | None, "M_kg, D_kg_s, K_N_m of the nearest passive structure"] = None
+    a: Annotated[float | None, "pole of the step response"] = None
+    b: Annotated[float | None, "numerator of the step response"] = None
+    delay_samples: Annotated[int | None, "delay of the step response"] = None
+    delay_sure: Annotated[bool | None, "whether its neighbours are rejected at 1 %"] = None
+    gain: Annotated[Sequence[float] | None, "b / (1 - a), with its interval"] = None
     bandwidth: Annotated[
         Sequence[float | None] | None, Quantity("Hz", "-3 dB of the step response, with its interval")
     ] = None
-    synthetic: Annotated[str | None, Quantity("", "seed and noise of made-up recordings; null for measured ones")] = (
-        None
-    )
+    synthetic: Annotated[str | None, "seed and noise of made-up recordings; null for measured ones"] = None
 
     @property
     def rows(self) -> list[Row]:

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from ...results import Quantity, Row, Study
+from ...results import Row, Study
 
 Array = np.ndarray
 
@@ -19,45 +19,37 @@ class ExcitationStudy(Study):
 
     condition: Annotated[
         float | None,
-        Quantity("", "condition number of the regressor along the optimised motion, columns scaled by nominal values"),
+        "condition number of the regressor along the optimised motion, columns scaled by nominal values",
     ] = None
-    random_condition: Annotated[Mapping[str, float] | None, Quantity("", "of the random motions: best, median")] = None
+    random_condition: Annotated[Mapping[str, float] | None, "of the random motions: best, median"] = None
     improvement: Annotated[
-        float | None, Quantity("", "best random condition number over the optimised one")
+        float | None, "best random condition number over the optimised one"
     ] = None  # fmt: skip
-    criterion: Annotated[str | None, Quantity("", "what was optimised")] = None
+    criterion: Annotated[str | None, "what was optimised"] = None
     parameters: Annotated[
         Sequence[Mapping[str, Any]] | None,
-        Quantity(
-            "",
-            "for each: name, nominal, unit, deviation (predicted standard deviation in an experiment), "
-            "random_deviation (along the best random motion), ratio of the two; and, with monte_carlo, seen_deviation, "
-            "random_seen_deviation and hits of its 95 % interval along the optimised motion",
-        ),
+        "for each: name, nominal, unit, deviation (predicted standard deviation in an experiment), "
+        "random_deviation (along the best random motion), ratio of the two; and, with monte_carlo, seen_deviation, "
+        "random_seen_deviation and hits of its 95 % interval along the optimised motion",
     ] = None
     coverage: Annotated[
         Mapping[str, Any] | None,
-        Quantity(
-            "", "with monte_carlo: runs, band of hits, pooled share of 95 % intervals that hold the truth; or null"
-        ),
+        "with monte_carlo: runs, band of hits, pooled share of 95 % intervals that hold the truth; or null",
     ] = None
     singular_values: Annotated[
         Mapping[str, Array] | None,
-        Quantity("", "of the scaled regressor per root of samples, largest first: optimised and random"),
+        "of the scaled regressor per root of samples, largest first: optimised and random",
     ] = None
     limits: Annotated[
         Mapping[str, float] | None,
-        Quantity("", "by key: the least margin on the fine grid, relative to the bound, or in m for places"),
+        "by key: the least margin on the fine grid, relative to the bound, or in m for places",
     ] = None
     coefficients: Annotated[
         Mapping[str, Array] | None,
-        Quantity(
-            "",
-            "of the optimised motion: place_m, cosine_m and sine_m (harmonics, 3); of a spline controls_m",
-        ),
+        "of the optimised motion: place_m, cosine_m and sine_m (harmonics, 3); of a spline controls_m",
     ] = None
-    unknowns: Annotated[Array | None, Quantity("", "what --start takes")] = None
-    draws: Annotated[int | None, Quantity("", "number of random motions")] = None
+    unknowns: Annotated[Array | None, "what --start takes"] = None
+    draws: Annotated[int | None, "number of random motions"] = None
 
     @property
     def rows(self) -> list[Row]:

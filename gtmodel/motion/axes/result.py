@@ -19,18 +19,16 @@ class AxisStudy(Study):
     alone. refined: on a finer mesh than the given one."""
 
     final_time: Annotated[float | None, Quantity("s", "final time of the optimum")] = None
-    elements: Annotated[
-        int | None, Quantity("", "elements of the mesh: those of the file, or more where a check failed on them")
-    ] = None
+    elements: Annotated[int | None, "elements of the mesh: those of the file, or more where a check failed on them"] = (
+        None
+    )
     energy: Annotated[
         float | None, Quantity("s", "sum over motors of int (tau / limit)^2 dt [s]", key="energy")
     ] = None  # fmt: skip
-    saturation: Annotated[
-        Sequence[float], Quantity("", "share of the time in which each motor is within 1 % of its limit")
-    ] = ()
+    saturation: Annotated[Sequence[float], "share of the time in which each motor is within 1 % of its limit"] = ()
     peak_share: Annotated[
         Sequence[float],
-        Quantity("", "largest force over its limit at any instant of the re-simulated motion, of each motor"),
+        "largest force over its limit at any instant of the re-simulated motion, of each motor",
     ] = ()
     tcp: Annotated[Array | None, Quantity("m", "tool centre point at start and goal")] = None
     turned: Annotated[
@@ -54,7 +52,7 @@ class AxisStudy(Study):
     ] = None
     defect: Annotated[
         float | None,
-        Quantity("", "largest difference of re-simulated and collocated states at an element's edge, in nominals"),
+        "largest difference of re-simulated and collocated states at an element's edge, in nominals",
     ] = None
     path_length: Annotated[
         float | None, Quantity("m", "length of the path to follow; null for a free motion")
@@ -69,7 +67,7 @@ class AxisStudy(Study):
     ] = None
     margins: Annotated[
         Mapping[str, float] | None,
-        Quantity("", "least margin to each further limit, by key: in m for positions, else a share of the limit"),
+        "least margin to each further limit, by key: in m for positions, else a share of the limit",
     ] = None
     clearance: Annotated[
         Sequence[float], Quantity("m", "least distance of tool centre point and links from each obstacle")

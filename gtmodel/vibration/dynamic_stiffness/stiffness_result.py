@@ -24,70 +24,68 @@ class DynamicStiffnessStudy(Study):
     """Oscillators by experiment and over the pose. field: m, c and k at any pose; experiments, fits: one by one."""
 
     poses: Annotated[
-        Array, Quantity("", "x, y, z in m and A in rad of each experiment, in the order of its table")
+        Array, "x, y, z in m and A in rad of each experiment, in the order of its table"
     ]  # fmt: skip
-    direction: Annotated[Sequence[str], Quantity("", "x, y or z of each experiment")]
+    direction: Annotated[Sequence[str], "x, y or z of each experiment"]
     mass: Annotated[
         Array, Quantity("kg", "of the most compliant mode, by experiment; null where no mode was found")
     ]  # fmt: skip
     damping: Annotated[Array, Quantity("N.s/m", "likewise", key="damping_N_s_m")]
     stiffness: Annotated[Array, Quantity("N/m", "likewise")]
     frequency: Annotated[Array, Quantity("Hz", "undamped natural frequency, likewise")]
-    damping_ratio: Annotated[Array, Quantity("", "likewise")]
+    damping_ratio: Annotated[Array, "likewise"]
     relative_std: Annotated[
         Sequence[Sequence[float] | None],
-        Quantity("", "of m, c, k, fn and zeta by experiment, from the noise of its own records"),
+        "of m, c, k, fn and zeta by experiment, from the noise of its own records",
     ]
-    modes: Annotated[Sequence[int], Quantity("", "how many modes were fitted, by experiment")]
+    modes: Annotated[Sequence[int], "how many modes were fitted, by experiment"]
     next_mode: Annotated[
         Sequence[float | None], Quantity("Hz", "distance to the nearest other mode; null where there is one")
     ]
-    warnings: Annotated[Sequence[str], Quantity("", "of fits, in words")]
+    warnings: Annotated[Sequence[str], "of fits, in words"]
     scatter: Annotated[
         float,
-        Quantity("", "standard deviation of a logarithm between experiments at one pose, from the repeatability"),
+        "standard deviation of a logarithm between experiments at one pose, from the repeatability",
     ]
     repeatability_found: Annotated[
         float | None,
-        Quantity("", "mean change of m, c and k between experiments at one pose; null where none was repeated"),
+        "mean change of m, c and k between experiments at one pose; null where none was repeated",
     ] = None
     noise_of_process: Annotated[
         Sequence[float] | None,
-        Quantity("", "standard deviation of a logarithm that the processes found, m, c, k of x, y, z in turn"),
+        "standard deviation of a logarithm that the processes found, m, c, k of x, y, z in turn",
     ] = None
     lengths: Annotated[
         Sequence[Any] | None,
-        Quantity(
-            "", "of the processes in units of their scales, x, y, z, A of each direction's m, c, k in turn"
-        ),
+        "of the processes in units of their scales, x, y, z, A of each direction's m, c, k in turn",
     ] = None  # fmt: skip
     inflation: Annotated[
         Sequence[float] | None,
-        Quantity("", "factor on standard deviations, from held-out poses; m, c, k of x, y, z in turn"),
+        "factor on standard deviations, from held-out poses; m, c, k of x, y, z in turn",
     ] = None
     leave_one_out_rms: Annotated[
         Sequence[float] | None,
-        Quantity("", "errors of logarithms when one pose is left out; m, c, k of x, y, z in turn"),
+        "errors of logarithms when one pose is left out; m, c, k of x, y, z in turn",
     ] = None
     coverage_leave_one_out: Annotated[
-        float | None, Quantity("", "share of left-out values inside the 95 % intervals before they are widened")
+        float | None, "share of left-out values inside the 95 % intervals before they are widened"
     ] = None
     coverage_held_out: Annotated[
-        Sequence[float] | None, Quantity("", "share of held-out values inside, before and after widening")
+        Sequence[float] | None, "share of held-out values inside, before and after widening"
     ] = None
     coverage_of_truth: Annotated[
         Sequence[float] | None,
-        Quantity("", "share of the true field inside at new poses, before and after; null for measured data"),
+        "share of the true field inside at new poses, before and after; null for measured data",
     ] = None
     lowest: Annotated[
         Sequence[float] | None,
         Quantity("Hz", "lowest and highest frequency of the softest direction over the poses"),
     ] = None
     printed: Annotated[
-        str | None, Quantity("", "what is said of printed oscillators; null where none are used")
+        str | None, "what is said of printed oscillators; null where none are used"
     ] = None  # fmt: skip
     synthetic: Annotated[
-        str | None, Quantity("", "seed and noise of made-up records; null for measured ones")
+        str | None, "seed and noise of made-up records; null for measured ones"
     ] = None  # fmt: skip
     field: OscillatorField | None = None
     experiments: Sequence[Experiment] = ()
