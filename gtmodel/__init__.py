@@ -7,6 +7,7 @@ measurements, mechanics, milling, motion, optimize, plot, results, robots, simul
 load("problem.toml") gives the study that a problem file means, as a call on objects.
 """
 
+import difflib
 import importlib
 import os as _os
 import signal as _signal
@@ -106,7 +107,9 @@ def load(path: str | Path, *settings: str) -> Any:
 def __getattr__(name: str) -> Any:
     if name in _LIBRARIES:
         return importlib.import_module(f".{name}", __name__)
-    raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
+    close = difflib.get_close_matches(name, __dir__(), n=1)
+    hint = f"; did you mean '{close[0]}'?" if close else ""
+    raise AttributeError(f"module '{__name__}' has no attribute '{name}'{hint}")
 
 
 def __dir__() -> list[str]:

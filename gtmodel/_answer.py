@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 import time
 import traceback
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
@@ -42,7 +43,9 @@ def answering(context: typer.Context, as_json: bool, asked: str) -> Iterator[Ans
     began = time.monotonic()
     answer = Answer(Path(asked).name)
     try:
-        with terminal.nothing_on_stdout() if as_json else nullcontext():
+        with terminal.nothing_on_stdout() if as_json else nullcontext(), warnings.catch_warnings():
+            if not context.obj:  # what NumPy remarks on the way stands, where it matters, in the status of the result
+                warnings.simplefilter("ignore", RuntimeWarning)
             yield answer
     except (typer.Exit, BrokenPipeError):
         raise

@@ -13,6 +13,7 @@ import numpy as np
 from ..lang.builder import Builder
 from ..lang.model import Model
 from ..lang.scope import derivative_name
+from ..lang.slips import named, shortened
 from ..lang.source import ModelError
 from ..results.status import Status
 from .analysis.sizes import DOUBLE, Precision, Sizes, sizes_of
@@ -130,8 +131,13 @@ class CausalFunction:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What a user should know: that start values do not satisfy the equations, and where the home pose is."""
-        return tuple(filter(None, [said(self.flat, self.plan.moved)]))
+        """What a user should know: that start values do not satisfy the equations, where the home pose is, and what
+        was preferred as a state and is none."""
+        states = {index for index, _ in self.plan.states}
+        others = [i for i in self.preferred if self.plan.alias.resolve(i, 0)[1] not in states]
+        names = ", ".join(f"'{self.flat.variables[i].name}'" for i in others)
+        preferred = f"preferred as a state, and no state of this causality: {names}" if others else ""
+        return tuple(filter(None, [said(self.flat, self.plan.moved), preferred]))
 
     @property
     def parameter_names(self) -> list[str]:
@@ -312,7 +318,12 @@ class CausalFunction:
         rows: int | None = None
         arrays = []
         for (name, shape), value in zip(wanted, arguments, strict=True):
-            a = np.asarray(value, dtype=float)
+            try:
+                a = np.asarray(value, dtype=float)
+            except (TypeError, ValueError):
+                raise TypeError(
+                    f"{self.name}: '{name}' takes numbers of shape {shape} or (n, ...); found {shortened(value)}"
+                ) from None
             if a.ndim == len(shape) + 1 and a.shape[1:] == shape:
                 if rows is not None and rows != a.shape[0]:
                     raise TypeError(f"{self.name}: '{name}' has {a.shape[0]} rows, another argument {rows}")
@@ -358,6 +369,7 @@ def c_name(name: str) -> str:
     return f"f_{text}" if text in ("jac", "null", "hess") or text[0].isdigit() else text
 
 
+@named
 def compile_causal(
     model: Model | Builder | FlatModel,
     known: str | Sequence[str] = (),

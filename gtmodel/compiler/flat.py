@@ -18,6 +18,7 @@ from ..lang.declare import Declaration
 from ..lang.expression import Relation
 from ..lang.model import Model
 from ..lang.scope import Scope, derivative_name
+from ..lang.slips import each_of, persons_code
 from ..lang.source import ModelError, SourceLocation, of_frame
 from ..lang.units import rate_unit
 from .connections import connection_equations
@@ -172,7 +173,7 @@ def flatten(model: Model | Builder) -> FlatModel:
     for component in tree.components:
         path = component.__dict__["_path"]
         count = 0
-        for item, where in _items(component.equations(), component):
+        for item, where in _items(component, "equations"):
             if isinstance(item, Relation):
                 for residual in _scalars(item, path, tree.scope):
                     count += 1
@@ -188,7 +189,7 @@ def flatten(model: Model | Builder) -> FlatModel:
                 energies.append(FlatEnergy(item.kind, path, item.expression.sx))
             else:
                 raise _no_equation(item, component, where)
-        for item, where in _items(component.initial_equations(), component, "initial_equations"):
+        for item, where in _items(component, "initial_equations"):
             if not isinstance(item, Relation) or item.op != "==":
                 raise _no_equation(item, component, where)
             for k, residual in enumerate(_scalars(item, path, tree.scope)):
@@ -218,18 +219,19 @@ def _label(path: str, count: int, component: Model) -> str:
     return f"{path or type(component).__name__} equation {count}"
 
 
-def _items(
-    source: Iterable[Any], component: Model, method: str = "equations"
-) -> Iterable[tuple[Any, SourceLocation | None]]:
-    """Items of a generator with the line of its current yield."""
+def _items(component: Model, method: str) -> Iterable[tuple[Any, SourceLocation | None]]:
+    """Items of a component's generator with the line of its current yield."""
+    what = f"{method}() of {type(component).__name__}"
+    with persons_code(what):
+        source = getattr(component, method)()
     if source is None or isinstance(source, (Relation, Connection, Branch)):
         found = "nothing" if source is None else f"one {type(source).__name__.lower()}"
         code = getattr(type(component), method).__code__
         raise ModelError(
-            f"{method}() of {type(component).__name__} returned {found}; expected 'yield' in front of each equation",
+            f"{what} returned {found}; expected 'yield' in front of each equation",
             of_frame(code.co_filename, code.co_firstlineno),
         )
-    for item in source:
+    for item in each_of(source, what):
         frame = getattr(source, "gi_frame", None)
         where = of_frame(frame.f_code.co_filename, frame.f_lineno) if frame is not None else None
         for single in flatten_items(item):
@@ -250,6 +252,12 @@ def _scalars(item: Relation, path: str, scope: Scope) -> Iterable[ca.SX]:
     if item.op != "==":
         raise ModelError(f"'{item.op}' is no equation; put inequalities into constraints()", item.where)
     residual = item.residual
+    if scope.instants and ca.depends_on(residual, ca.vertcat(*[ca.vec(i.symbol) for i in scope.instants])):
+        raise ModelError(
+            ".at() belongs to objective() and constraints() of an Optimization; an equation holds at every time, a "
+            "start value stands in initial_equations() or in start=...",
+            item.where,
+        )
     for k in range(residual.numel()):
         r = residual[k]
         if not scope.symbols_in(r):

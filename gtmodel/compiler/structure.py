@@ -109,9 +109,20 @@ def _unbalanced(
     if cols:
         names = ", ".join(flat.variables[unknowns[j]].name for j in cols[:6]) + (", ..." if len(cols) > 6 else "")
         text += f"; not determined: {names} (too few equations or too few known variables)"
+        inputs = [v for v in (flat.variables[unknowns[j]] for j in cols) if v.role == "input"]
+        if inputs and not rows:
+            text += f"; inputs are known where they are named: known=[{', '.join(repr(v.name) for v in inputs[:6])}]"
     if rows:
         text += f"; too many equations or knowns among: {_listed([equations[i] for i in rows])}"
+    if loose := _unconnected(flat):
+        text += f"; connected to nothing, so that their flows are 0: {', '.join(loose[:6])}"
     return text
+
+
+def _unconnected(flat: FlatModel) -> list[str]:
+    """Ports of components that no connection joins: the sum of flows in their equation is of one port."""
+    alone = (e.label for e in flat.equations if e.label.startswith("flow ") and " ~ " not in e.label)
+    return list(dict.fromkeys(name for label in alone if "." in (name := label.partition(" of ")[2])))
 
 
 def _count(n: int, word: str) -> str:

@@ -110,7 +110,7 @@ class _InverseDynamics:
                 f"{self.inverse.name} of {self.inverse.flat.title} is solved by Newton's method and makes no "
                 "expression of a model; give its forces for the reference as an input instead, see modelled()"
             )
-        return self.inverse.casadi.call(self.inverse.arguments_along(*motion))[0]
+        return ca.SX(self.inverse.casadi.call(self.inverse.arguments_along(*motion))[0])
 
 
 class Feedforward(_InverseDynamics):

@@ -9,6 +9,7 @@ from typing import Any
 from .declare import Port
 from .expression import Expr, Relation
 from .model import Connector
+from .slips import named
 from .source import ModelError, SourceLocation, here
 from .units import si_unit
 
@@ -91,6 +92,7 @@ def energy(*, stored: Any = None, supplied: Any = None, dissipated: Any = None) 
     return result
 
 
+@named
 def connect(a: Any, b: Any) -> Connection | list[Any]:
     """Join two ports of the same connector class (or two equally long arrays of ports).
 

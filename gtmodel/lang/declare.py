@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 
+from .slips import named
 from .source import ModelError, SourceLocation, here
 from .units import UnitError, si_unit
 
@@ -107,7 +108,8 @@ class Part(Declaration):
     def __init__(self, cls: type[Model], count: int | None, modifiers: dict[str, Any]) -> None:
         super().__init__()
         if not isinstance(cls, type):
-            raise ModelError(f"a part takes a Model class; found {cls!r}", self.where)
+            order = "; parts() takes the count first: gt.parts(3, Arm)" if isinstance(count, type) else ""
+            raise ModelError(f"a part takes a Model class; found {cls!r}{order}", self.where)
         self.cls = cls
         self.count = count
         self.modifiers = modifiers
@@ -145,6 +147,7 @@ def as_shape(shape: int | Shape | None) -> Shape:
     return tuple(-1 if n is None else int(n) for n in shape)
 
 
+@named
 def variable(
     shape: int | Shape | None = None,
     *,
@@ -170,6 +173,7 @@ def variable(
     return Variable(shape, unit, description, "variable", _attributes(nominal, min, max, start, fixed, prefer))
 
 
+@named
 def input(
     shape: int | Shape | None = None,
     *,
@@ -188,6 +192,7 @@ def input(
     return Variable(shape, unit, description, "input", _attributes(nominal, min, max, start, False, prefer))
 
 
+@named
 def potential(
     shape: int | Shape | None = None, *, unit: str | None = None, prefer: int = 0, description: str = ""
 ) -> Any:
@@ -195,11 +200,13 @@ def potential(
     return Variable(shape, unit, description, "potential", _attributes(None, None, None, None, False, prefer))
 
 
+@named
 def flow(shape: int | Shape | None = None, *, unit: str | None = None, description: str = "") -> Any:
     """A connector variable that sums to zero over connected ports, positive into the component."""
     return Variable(shape, unit, description, "flow", _attributes(None, None, None, None, False, 0))
 
 
+@named
 def parameter(
     default: Any = None,
     *,
@@ -227,6 +234,7 @@ def parameter(
     return Parameter(default, shape, unit, description, positive, nonzero, min, max, increasing, kind)
 
 
+@named
 def free(guess: Any, *, min: Any = None, max: Any = None, unit: str | None = None, description: str = "") -> Any:
     """A constant for the optimisation to choose: `final_time = gt.free(guess=1.0, min=0.2)`."""
     return Free(guess, min, max, unit, description)
@@ -251,16 +259,19 @@ def parts(count: int, cls: type[Model], **modifiers: Any) -> Any:
     return Part(cls, count, modifiers)
 
 
+@named
 def port(cls: type[Model]) -> Any:
     """A connector at the border of a component."""
     return Port(cls, None)
 
 
+@named
 def ports(count: int, cls: type[Model]) -> Any:
     """An array of connectors."""
     return Port(cls, count)
 
 
+@named
 def outer(cls: type[Model]) -> Any:
     """The nearest enclosing part of this class; a default one is made at the root if there is none."""
     return Outer(cls)

@@ -55,6 +55,15 @@ class Expr:
             return NotImplemented
         return fun(*inputs)
 
+    def __float__(self) -> float:
+        raise ModelError(
+            f"'{self.sx}' has no number while a model is being built; in place of functions of math use those of gt, "
+            "such as gt.sin",
+            here(),
+        )
+
+    __int__ = __index__ = __float__  # type: ignore[assignment]
+
     def __len__(self) -> int:
         if not self.shape:
             raise TypeError("a scalar expression has no length")

@@ -10,6 +10,7 @@ import numpy as np
 
 from .declare import ATTRIBUTES, Declaration, Each, Free, Outer, Parameter, Part, Port, Variable
 from .expression import Expr
+from .slips import near
 from .source import ModelError, SourceLocation, here
 from .values import check_parameter
 
@@ -53,6 +54,11 @@ class Model:
 
     def __setattr__(self, name: str, value: Any) -> None:
         raise ModelError(f"models are immutable: '{name}' cannot be assigned; use model.with_({name}=...)", here())
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("_"):  # Python's own questions, such as for __array__
+            raise AttributeError(f"'{type(self).__name__}' has no attribute '{name}'")
+        raise AttributeError(f"{type(self).__name__} has no declaration '{name}'{near(name, type(self)._declared)}")
 
     def __delattr__(self, name: str) -> None:
         raise ModelError(f"models are immutable: '{name}' cannot be deleted", here())

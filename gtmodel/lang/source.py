@@ -7,8 +7,8 @@ import sys
 from dataclasses import dataclass, field
 from pathlib import Path
 
-_LANG = str(Path(__file__).resolve().parent)
-_OURS = str(Path(_LANG).parent) + os.sep
+LANG = str(Path(__file__).resolve().parent)
+_OURS = str(Path(LANG).parent) + os.sep
 
 
 @dataclass(frozen=True, order=True)
@@ -44,7 +44,7 @@ def _notebook_cell(filename: str) -> str | None:
 def here() -> SourceLocation:
     """Location of the innermost calling frame outside the language package itself."""
     frame = sys._getframe(1)
-    while frame.f_back is not None and frame.f_code.co_filename.startswith(_LANG):
+    while frame.f_back is not None and frame.f_code.co_filename.startswith(LANG):
         frame = frame.f_back
     return of_frame(frame.f_code.co_filename, frame.f_lineno)
 

@@ -30,8 +30,9 @@ def lines_of(path: Path, header: str) -> tuple[Line, list[Line]]:
     if not kept:
         raise ArgumentError(f"{path.name} is empty; expected a header such as '{header}' and rows")
     number, first = kept[0]
-    if "," not in first and ";" in first:
-        raise ArgumentError(f"{path.name} line {number}: the columns are not separated by ','; save it with commas")
+    for sign, word in ((";", "semicolons"), ("\t", "tabs"), ("|", "bars")):
+        if "," not in first and sign in first:
+            raise ArgumentError(f"{path.name} line {number}: the columns are separated by {word}; save it with commas")
     found = [(n, _cells(line, f"{path.name} line {n}")) for n, line in kept]
     return found[0], found[1:]
 

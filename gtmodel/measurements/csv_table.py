@@ -34,7 +34,7 @@ class Heads:
         members = [name] if isinstance(name, str) else list(name)
         if isinstance(name, str) and name not in self.names:
             indexed = [n for n in self.names if re.fullmatch(rf"{re.escape(name)}\[\d+\]", n)]
-            members = [f"{name}[{k}]" for k in range(len(indexed))] or members
+            members = [f"{name}[{k}]" for k in range(len(set(indexed)))] or members
         for member in members:
             self.place(member)
         return members

@@ -11,6 +11,7 @@ import numpy as np
 
 from ..lang.model import Model
 from ..lang.optimization import Optimization
+from ..lang.slips import named
 from ..lang.source import ModelError
 from ..results.status import SolveStatus
 from ..results.trajectory import Trajectory
@@ -113,6 +114,7 @@ class NotSolved(RuntimeError):
         self.solution = solution
 
 
+@named
 def solve(
     model: Optimization,
     mesh: Mesh | None = None,

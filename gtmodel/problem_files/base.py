@@ -123,6 +123,20 @@ class Context:
             self.notes.append(sentence)
             self.notice(sentence)
 
+    def find(self, name: str | Path) -> Path | None:
+        """A file by its path from the problem's folder, or from the working directory; None where there is none."""
+        return next((p for p in (self.folder / name, Path(name)) if p.is_file()), None)
+
+    def file(self, name: str, key: str, entered: str = "", what: str = "file") -> Path:
+        """A file that `key` names, entered among the inputs as `entered`. Raises InputError where there is none."""
+        path = self.find(name)
+        if path is None:
+            if any(p.is_dir() for p in (self.folder / name, Path(name))):
+                raise InputError(f"'{name}' is a folder; expected a {what}", key)
+            raise InputError(f"there is no {what} '{name}' in {self.folder} or here", key)
+        self.take(entered or key, path)
+        return path
+
     def take(self, key: str, path: Path) -> None:
         """Enter a file that is read for `key`; one marked as not to be used is taken, but not without a word."""
         self.inputs[key] = path

@@ -15,7 +15,7 @@ from .python_models import fault, sentence_of
 
 LONGEST = 300
 _PACKAGE = str(Path(__file__).resolve().parents[1]) + os.sep
-_NOBODYS = (_PACKAGE + "lang" + os.sep, sysconfig.get_path("stdlib") + os.sep, "<")
+_NOBODYS = (_PACKAGE + "lang" + os.sep, _PACKAGE + "__init__.py", sysconfig.get_path("stdlib") + os.sep, "<")
 
 
 def describe(error: BaseException, path: str = "") -> tuple[SolveStatus, str]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Literal
 
 from pydantic import Field, PositiveFloat
@@ -16,7 +15,6 @@ from gtmodel.results import TrajectoryError
 from gtmodel.results.unit_names import unit_of
 
 from .base import Context, InputError, Section
-from .robots import file_of
 
 Free = Literal["estimate"]
 
@@ -73,10 +71,7 @@ class LogSampling(Section):
             raise InputError("is empty; name a CSV or .mat file", key)
         for n, name in enumerate(names):
             place = f"{key}[{n}]"
-            path = file_of(name, context)
-            if path is None:
-                raise InputError(f"there is no file '{name}' in {context.folder} or here", place)
-            context.take(place, Path(path))
+            path = context.file(name, place)
             try:
                 found += read_signals(
                     [path],

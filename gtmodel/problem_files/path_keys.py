@@ -12,7 +12,6 @@ from gtmodel.motion.paths import read_points
 from gtmodel.results import ArgumentError
 
 from .base import Context, InputError, Section
-from .robots import file_of
 
 Point = Annotated[list[float], Field(min_length=3, max_length=3)]
 OWN = {
@@ -61,11 +60,9 @@ class PathSection(Section):
         return Taught(self._points(context), self.tolerance_m, intervals=self.intervals)
 
     def _points(self, context: Context) -> np.ndarray:
-        file = file_of(self.file, context) if self.file else None
-        if file is None:
-            what = f"there is no file '{self.file}' in {context.folder} or here" if self.file else "is missing"
-            raise InputError(what, "path.file")
-        context.take("path", file)
+        if not self.file:
+            raise InputError("is missing", "path.file")
+        file = context.file(self.file, "path.file", "path")
         try:
             return read_points(file)
         except ArgumentError as error:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import difflib
 from collections.abc import Mapping
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 from gtmodel.calibrate.modifiers import merged
@@ -95,10 +94,7 @@ def _refuse_options(parameters: Mapping[str, Any], given: Mapping[str, Any]) -> 
 
 
 def _file(reference: str, context: Context, key: str) -> dict[str, Any]:
-    path = file_of(reference, context)
-    if path is None:
-        raise InputError(f"there is no robot file '{reference}' in {context.folder} or here", key)
-    context.take("robot", path)
+    path = context.file(reference, key, "robot", "robot file")
     try:
         return parse(read(path))
     except InputError as error:
@@ -117,7 +113,7 @@ def _calibrated(
     if given:
         raise InputError(f"applies to robots of the catalogue and their files only; '{reference}' is a model in Python",
                          _WORDS[next(iter(given))])  # fmt: skip
-    path = file_of(reference, context)
+    path = context.find(reference)
     beside = replace(context, folder=path.resolve().parent) if path is not None else context
     place = data["robot"].rpartition(":")[0]
     near = beside if (beside.folder / place).is_file() else context
@@ -138,14 +134,9 @@ def _from_file(
 
 def in_python(reference: str, context: Context) -> tuple[str, dict[str, Any]]:
     """What class and parameters a robot file of a model in Python names; the reference itself without one."""
-    path = file_of(reference, context) if reference.endswith(".toml") else None
+    path = context.find(reference) if reference.endswith(".toml") else None
     data = parse(read(path)) if path is not None else {}
     return (data["robot"], data.get("parameters", {})) if is_python_robot(data) else (reference, {})
-
-
-def file_of(reference: str, context: Context) -> Path | None:
-    """The file of that name in the problem's folder or the working directory; None where there is none."""
-    return next((p for p in (context.folder / reference, Path(reference)) if p.is_file()), None)
 
 
 def _unknown(reference: str) -> str:

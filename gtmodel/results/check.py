@@ -27,6 +27,13 @@ class Check:
     judged: bool | None = None
 
     @property
+    def compares(self) -> bool:
+        """Whether the verdict is the comparison with the bound, so that the bound explains it."""
+        if self.bound is None or not math.isfinite(self.value):
+            return self.bound is not None
+        return self.passed == (self.value >= self.bound if self.least else self.value <= self.bound)
+
+    @property
     def passed(self) -> bool:
         """The verdict; what is no number fails."""
         if self.judged is not None:
@@ -63,7 +70,7 @@ def _numbers(name: str, check: Check) -> str:
     _, unit = split(name)
     unit = f" {unit}" if unit else ""
     value = f"{check.value:.{_digits(check)}g}{unit}" if math.isfinite(check.value) else "no value"
-    if check.bound is None:
+    if not check.compares:
         return value
     return f"{value}, {bound_in_words(check)}{unit}"
 

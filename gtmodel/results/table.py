@@ -39,7 +39,7 @@ def _value(check: Check) -> float | None:
 
 
 def _verdict(check: Check) -> str:
-    bound = "" if check.bound is None else f" ({bound_in_words(check)})"
+    bound = f" ({bound_in_words(check)})" if check.compares else ""
     return f"{'passed' if check.passed else 'FAILED'}{bound}"
 
 

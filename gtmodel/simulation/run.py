@@ -13,6 +13,7 @@ from ..compiler.analysis.pace import pace_of
 from ..compiler.causal import flat_of
 from ..compiler.consistency.initial import Initial, initial_point, start_values
 from ..lang.model import Model
+from ..lang.slips import named
 from ..lang.source import ModelError
 from ..results.status import SolveStatus
 from .advance import Course, Ended
@@ -31,6 +32,7 @@ OUTPUT_STEPS = 500
 ROUND_OFF = 1e-9  # a chosen start value below so many nominals is reported as zero
 
 
+@named
 def simulate(
     model: Model,
     final_time: float,

@@ -247,10 +247,11 @@ class TestRefusals:
         assert "port 'load.a.p' is neither a port of 'Refused' nor of one of its parts" in self.refused(body, equations)
 
     def test_flow_without_a_connector_of_its_own(self):
-        # the law of a component refers to its own ports only; a typing error in a name is an AttributeError
+        # the law of a component refers to its own ports only; a typing error in a name is told with its line
         class Odd(TwoPins):
             def law(self):
                 return self.v == self.q.v
 
-        with pytest.raises(AttributeError, match="q"):
+        with pytest.raises(gt.ModelError, match="'q'.*test_connections") as caught:
             flat_of(Odd())
+        assert isinstance(caught.value.__cause__, AttributeError)

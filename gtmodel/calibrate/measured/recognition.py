@@ -32,15 +32,24 @@ class Reading(NamedTuple):
 
 def unit_sentence(name: str, rows: np.ndarray, size: float, unit: str) -> str | None:
     """Of lengths (N, k) [m] of a robot of a `size` [m], whose columns were declared in `unit`; None where they fit."""
-    spread = float(np.max(np.ptp(rows, axis=0)))
+    spread = _spread(rows)
     if LEAST * size <= spread <= GREATEST * size or spread == 0:
         return None
+    if len(rows) > 3 and spread > GREATEST * size:
+        far = int(np.argmax(np.linalg.norm(rows - np.median(rows, axis=0), axis=1)))
+        others = _spread(np.delete(rows, far, axis=0))
+        if LEAST * size <= others <= GREATEST * size:
+            return f"'{name}' at pose {far + 1} is {spread:.4g} m from others, which span {others:.4g} m: mend its line"
     large = spread > size
     meant = (SMALLER if large else LARGER).get(unit)
     thousand = LEAST * size <= spread * (1e-3 if large else 1e3) <= GREATEST * size
     hint = f"the column is probably in {meant}" if thousand and meant else "check its unit"
     times = f"{spread / size:.3g} times the robot's {size:.3g} m"
     return f"'{name}' spans {spread:.4g} m as declared in {unit}, {times}; {hint}"
+
+
+def _spread(rows: np.ndarray) -> float:
+    return float(np.max(np.ptp(rows, axis=0)))
 
 
 def angle_sentence(name: str, rows: np.ndarray, unit: str) -> str | None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 
@@ -70,11 +69,11 @@ def explain(problem: Schema, context: Context) -> str:
 def _poses(problem: Schema, robot: Model, context: Context) -> Poses:
     _one_of(problem, "measurements")
     other = problem.held_out.file
-    held_out = None if other is None else _file(other, "held_out.file", context)
+    held_out = None if other is None else context.file(other, "held_out.file")
     if problem.synthetic is not None:
         return calibrate.made_poses(robot, problem.synthetic.options(), held_out)
     assert problem.measurements is not None
-    path = _file(problem.measurements.file, "measurements.file", context)
+    path = context.file(problem.measurements.file, "measurements.file")
     return calibrate.read_poses(path, problem.measurements.options(), held_out)
 
 
@@ -83,7 +82,7 @@ def _carts(problem: Schema, context: Context) -> CartPoints | None:
     if keys is None:
         return None
     try:
-        at, points = calibrate.read_cart_points(_file(keys.file, "cart_points.file", context), keys.arms, keys.unit)
+        at, points = calibrate.read_cart_points(context.file(keys.file, "cart_points.file"), keys.arms, keys.unit)
     except ArgumentError as error:
         raise InputError(error.sentence, "cart_points.file") from error
     return CartPoints(at, points, **keys.given())
@@ -103,7 +102,7 @@ def _tests(keys: JointStiffness, robot: Model, context: Context) -> MeasuredTest
         if keys.poses_deg is not None or keys.load is not None:
             name = "load" if keys.poses_deg is None else "poses_deg"
             raise InputError("belongs to synthetic tests; measured ones have it in their file", f"{STIFFNESS}.{name}")
-        path = _file(keys.measurements.file, f"{STIFFNESS}.measurements.file", context)
+        path = context.file(keys.measurements.file, f"{STIFFNESS}.measurements.file")
         return read_load_tests(path, keys.measurements.options())
     assert keys.synthetic is not None
     if not keys.poses_deg or not keys.load:
@@ -130,11 +129,3 @@ def _in_the_file(found: StiffnessStudy, problem: Schema, context: Context) -> Ca
         joint_stiffness=found if found.method else None,
     )  # fmt: skip
     return page.added(study, problem, context)
-
-
-def _file(name: str, key: str, context: Context) -> Path:
-    path = robots.file_of(name, context)
-    if path is None:
-        raise InputError(f"there is no file '{name}' in {context.folder} or here", key)
-    context.take(key, path)
-    return path

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from gtmodel.problem_files.base import Context, InputError
 from gtmodel.problem_files.call import Call
-from gtmodel.problem_files.robots import file_of
 from gtmodel.robots.kr500_oscillators import NOTE, table_16
 from gtmodel.vibration import DynamicStiffnessStudy, dynamic_stiffness_study
 from gtmodel.vibration.dynamic_stiffness import (
@@ -49,10 +46,7 @@ def _made(problem: Schema) -> SyntheticExperiments:
 
 
 def _read(problem: Schema, index: str, context: Context) -> list[Experiment]:
-    path = file_of(index, context)
-    if path is None:
-        raise InputError(f"there is no file '{index}' in {context.folder} or here", "measured.index")
-    context.take("measured.index", Path(path))
+    path = context.file(index, "measured.index")
     experiments = read_experiments(path, problem.fit.options())
     # run.toml keeps the hash of every file that was read
     for name, file in (pair for e in experiments for pair in e.files.items()):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,7 +14,6 @@ from gtmodel.lang import Model, ModelError
 from gtmodel.measurements import Signal
 from gtmodel.problem_files.base import Context, InputError
 from gtmodel.problem_files.call import Call
-from gtmodel.problem_files.robots import file_of
 
 from .keys import Log, Schema, Synthetic
 
@@ -75,11 +73,7 @@ def explain(problem: Schema, context: Context) -> str:
 def _motion(s: Synthetic, plant: Model, context: Context) -> np.ndarray | None:
     if s.reference_file is None:
         return None
-    key = "synthetic.reference_file"
-    path = file_of(s.reference_file, context)
-    if path is None:
-        raise InputError(f"there is no file '{s.reference_file}' in {context.folder} or here", key)
-    context.take(key, Path(path))
+    path = context.file(s.reference_file, "synthetic.reference_file")
     return read_motion(path, plant, s.options())
 
 

@@ -8,7 +8,6 @@ from typing import Any
 from gtmodel.kinematics.causality import CausalityStudy, causality_of, causality_study
 from gtmodel.problem_files.base import Context, InputError
 from gtmodel.problem_files.call import Call
-from gtmodel.problem_files.robots import file_of
 
 from .keys import Schema
 
@@ -43,8 +42,4 @@ def _points(problem: Schema, context: Context) -> Path | Any:
         raise InputError(f"give either points = a CSV file or a [grid]; found {found}", "points")
     if problem.grid is not None:
         return problem.grid.options()
-    path = file_of(problem.points, context)
-    if path is None:
-        raise InputError(f"there is no file '{problem.points}' in {context.folder} or here", "points")
-    context.take("points", path)
-    return path
+    return context.file(problem.points, "points")

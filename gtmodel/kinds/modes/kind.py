@@ -73,11 +73,7 @@ def _asked(problem: Schema, context: Context) -> tuple[Any, Any]:
     model = robots.resolve(problem.robot, context, parameters=problem.parameters)
     if problem.poses is None:
         return model, None if problem.pose is None else problem.pose.options()
-    path = robots.file_of(problem.poses, context)
-    if path is None:
-        raise InputError(f"there is no file '{problem.poses}' in {context.folder} or here", "poses")
-    context.take("poses", path)
-    return model, read_poses(path)
+    return model, read_poses(context.file(problem.poses, "poses"))
 
 
 def _legs(platform: Platform, pose: Pose | None) -> Hands:

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 from gtmodel.problem_files.base import Context, InputError
 from gtmodel.problem_files.call import Call
-from gtmodel.problem_files.robots import file_of
 from gtmodel.results import Trajectory, TrajectoryError
 from gtmodel.simulation import SimulationStudy, explain_simulation, simulation_study
 from gtmodel.simulation.study import refuse_unknown
@@ -51,10 +49,7 @@ def _inputs(problem: Schema, context: Context) -> dict[str, Any]:
             found[name] = value
             continue
         key = f"inputs.{name}.file"
-        path = file_of(value.file, context)
-        if path is None:
-            raise InputError(f"there is no file '{value.file}' in {context.folder} or here", key)
-        context.take(f"inputs.{name}", Path(path))
+        path = context.file(value.file, key, f"inputs.{name}")
         signal = value.signal or name
         try:
             trajectory = Trajectory.from_csv(path)

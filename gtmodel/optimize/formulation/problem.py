@@ -12,6 +12,7 @@ from ...compiler.flat import FlatModel
 from ...compiler.plan import Plan, make_plan
 from ...lang.expression import Expr
 from ...lang.optimization import Optimization
+from ...lang.slips import persons_code
 from ...lang.source import ModelError
 from .assembled import assembled
 from .attributes import Pair
@@ -127,7 +128,8 @@ def _stated(flat: FlatModel) -> tuple[Expr, list[Row]]:
         raise ModelError(f"{flat.title} is no Optimization; give it an objective and a horizon")
     flat.scope.instants.clear()  # those of another formulation of the same model
     flat.scope.misfits.clear()
-    objective = root.objective()
+    with persons_code(f"objective() of {flat.title}"):
+        objective = root.objective()
     if not isinstance(objective, Expr) or objective.shape != ():
         raise ModelError(f"{flat.title}.objective() must return a scalar expression; found {objective!r}")
     if not flat.variables:

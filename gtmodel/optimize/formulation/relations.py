@@ -12,6 +12,7 @@ import numpy as np
 from ...compiler.flat import FlatModel
 from ...lang.connect import flatten_items
 from ...lang.expression import Relation
+from ...lang.slips import each_of
 from ...lang.source import ModelError, SourceLocation
 
 
@@ -42,7 +43,7 @@ def relations(source: Iterable[Any] | None, flat: FlatModel) -> list[Row]:
 def relation_rows(source: Iterable[Any], title: str, word: str = "constraint") -> list[Row]:
     """Rows of relations. Raises ModelError for what is no relation."""
     rows: list[Row] = []
-    for count, item in enumerate(flatten_items(list(source)), 1):
+    for count, item in enumerate(flatten_items(list(each_of(source, title))), 1):
         if not isinstance(item, Relation):
             raise ModelError(
                 f"{title} yielded {type(item).__name__}, which is no relation; expected '==', '<=', '>=' or gt.between"

@@ -1,0 +1,163 @@
+"""What people mistype in a model: each slip is an error of its kind, at the line where it was written."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import gtmodel as gt
+from gtmodel.lang.slips import CallError
+
+SYMBOL = ca.SX.sym("x")
+FUNCTION = ca.Function("square", [SYMBOL], [SYMBOL**2])
+
+
+class Pendulum(gt.Model):
+    length = gt.parameter(1.0)
+    q = gt.variable()
+    tau = gt.input()
+
+    def equations(self) -> Any:
+        yield self.length * gt.der(gt.der(self.q)) == self.tau - 9.81 * gt.sin(self.q)
+
+
+class Joint(gt.Connector):
+    phi = gt.potential()
+    tau = gt.flow()
+
+
+class Disc(gt.Model):
+    a = gt.port(Joint)
+    b = gt.port(Joint)
+
+    def equations(self) -> Any:
+        yield self.a.phi == self.b.phi
+        yield gt.der(gt.der(self.a.phi)) == self.a.tau + self.b.tau
+
+
+class Chain(gt.Model):
+    first = gt.part(Disc)
+    second = gt.part(Disc)
+    tau = gt.input()
+
+    def equations(self) -> Any:
+        yield gt.connect(self.first.b, self.second.a)
+        yield self.first.a.tau == self.tau
+
+
+def model_with(line: Any) -> gt.Model:
+    """A pendulum whose equations end with what a person mistyped."""
+
+    class Mistyped(Pendulum):
+        def equations(self) -> Any:
+            yield from super().equations()
+            yield line(self)
+
+    return Mistyped()
+
+
+IN_EQUATIONS = {
+    "a name that gt lacks": (lambda m: gt.vertcat(m.q, 1), "vertcat"),
+    "a misspelt name of gt": (lambda m: gt.sinn(m.q) == 0, "'sin'"),
+    "a function of math": (lambda m: math.sin(m.q) == 0, "gt.sin"),
+    "float of an expression": (lambda m: float(m.q) == 0, "gt"),
+    "an expression as an index": (lambda m: [1, 2][m.q] == 0, "gt"),
+    "round": (lambda m: int(m.q) == 0, "gt"),
+    "an instant": (lambda m: m.q.at(1.0) == 0, "constraints"),
+    "an undeclared name": (lambda m: m.qq == 0, "'q'"),
+    "three ports": (lambda m: gt.connect(m.q, m.q, m.q), "connect"),
+    "a CasADi function": (lambda m: FUNCTION(m.q) == 0, "CasADi"),
+    "a sine of CasADi": (lambda m: ca.sin(m.q) == 0, "gt.sin"),
+    "a division by zero": (lambda m: m.q == 1 / 0, "ZeroDivisionError"),
+    "a length of a scalar": (lambda m: m.q == len(m.q), "length"),
+    "an unknown option": (lambda m: gt.der(m.q, oder=2) == 0, "oder"),
+}
+
+
+@pytest.mark.parametrize("line", IN_EQUATIONS)
+def test_a_slip_in_equations_names_its_line(line: str) -> None:
+    mistyped, word = IN_EQUATIONS[line]
+    with pytest.raises(gt.ModelError) as caught:
+        model_with(mistyped).causal(known=["q"], targets=["tau"])
+    assert word in str(caught.value)
+    where = caught.value.where
+    assert where is not None and where.file == "lang/test_slips.py" and where.line == mistyped.__code__.co_firstlineno
+
+
+CALLS = {
+    "know": (lambda: Pendulum().causal(know="q", targets="tau"), "'known'"),
+    "class": (lambda: Pendulum.causal(known="q", targets="tau"), "()"),
+    "surplus": (lambda: gt.connect(1, 2, 3), "connect"),
+    "option of a variable": (lambda: gt.variable(units="m"), "'unit'"),
+    "option of a parameter": (lambda: gt.parameter(1.0, minimum=2), "minimum"),
+    "option of simulate": (lambda: Pendulum().simulate(1.0, input={"tau": 0}), "'inputs'"),
+    "missing": (lambda: gt.port(), "cls"),
+}
+
+
+@pytest.mark.parametrize("call", CALLS)
+def test_a_call_with_wrong_arguments_names_the_callers_line(call: str) -> None:
+    wrong, word = CALLS[call]
+    with pytest.raises(CallError) as caught:
+        wrong()
+    assert word in str(caught.value) and caught.value.where is not None
+    assert caught.value.where.file == "lang/test_slips.py"
+    assert isinstance(caught.value, TypeError)
+
+
+def test_a_type_error_inside_a_called_function_is_its_own() -> None:
+    class Odd(Pendulum):
+        def equations(self) -> Any:
+            yield self.q == np.array(["a"]) @ np.array([1.0])
+
+    with pytest.raises(gt.ModelError) as caught:
+        Odd().causal(known="q", targets="tau")
+    assert not isinstance(caught.value, CallError)
+
+
+def test_a_misspelt_name_of_the_package_is_near_one_that_is_there() -> None:
+    with pytest.raises(AttributeError, match="'variable'"):
+        gt.varaible  # noqa: B018
+
+
+def test_parts_takes_the_count_first() -> None:
+    with pytest.raises(gt.ModelError, match="count first"):
+        gt.parts(Pendulum, 3)
+
+
+def test_a_port_that_is_connected_to_nothing_is_named() -> None:
+    with pytest.raises(gt.ModelError) as caught:
+        Chain().causal(known=["tau"], targets=["der(first.a.phi,2)"])
+    assert "first.a" in str(caught.value).partition("nothing")[2]
+
+
+def test_an_ode_without_known_inputs_names_them() -> None:
+    with pytest.raises(gt.ModelError, match=r"known=\['tau'\]"):
+        Pendulum().causal(targets=["der(q,2)"])
+
+
+def test_what_is_preferred_and_no_state_is_told() -> None:
+    assert any("'q'" in note for note in Pendulum().causal(known="q", targets="tau", prefer="q").notes)
+    assert not Pendulum().causal(known="tau", targets="der(q,2)", prefer="q").notes
+
+
+def test_a_text_is_no_number_for_a_function() -> None:
+    inverse = Pendulum().causal(known="q", targets="tau")
+    with pytest.raises(TypeError, match="'abc'"):
+        inverse("abc", 0.0, 0.0)
+
+
+def test_a_correct_part_of_equations_goes_on_working_with_arrays() -> None:
+    class Pair(gt.Model):
+        x = gt.variable(2)
+        u = gt.input(2)
+
+        def equations(self) -> Any:
+            yield np.array([[1.0, 2.0], [0.0, 1.0]]) @ self.x == self.u
+
+    values, status = Pair().causal(known="u", targets="x")(np.array([1.0, 1.0]))
+    assert status is gt.Status.OK and np.allclose(values, [-1.0, 1.0])
