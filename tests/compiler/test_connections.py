@@ -252,6 +252,6 @@ class TestRefusals:
             def law(self):
                 return self.v == self.q.v
 
-        with pytest.raises(gt.ModelError, match="'q'.*test_connections") as caught:
+        with pytest.raises(gt.ModelError, match=r"'q'.*test_connections") as caught:
             flat_of(Odd())
         assert isinstance(caught.value.__cause__, AttributeError)
