@@ -58,7 +58,7 @@ def dynamic_stiffness_study(
     >>> from gtmodel.robots.kr500_oscillators import table_16
     >>> from gtmodel.vibration.dynamic_stiffness import Process, Synthetic, synthetic_experiments
     >>> made = synthetic_experiments(table_16(), Synthetic(seed=1, poses=12, records="receptance"))
-    >>> s = dynamic_stiffness_study(made, process=Process(starts=1))
+    >>> s = gt.vibration.dynamic_stiffness_study(made, process=Process(starts=1))
     >>> s.field.at(made.poses[0])[0].shape
     (3,)
     """

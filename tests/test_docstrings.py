@@ -1,0 +1,71 @@
+"""What `gt.` offers is documented where it stands: each public object has a docstring, and each example runs."""
+
+from __future__ import annotations
+
+import doctest
+import inspect
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import gtmodel as gt
+
+LIBRARIES = [
+    "calibrate", "cgen", "compliance", "control", "identify", "inference", "kinematics", "loop", "measurements",
+    "mechanics", "milling", "motion", "optimize", "results", "robots", "simulation", "vibration",
+]  # fmt: skip
+LACKING = Path(__file__).parent / "suites" / "without_example.txt"
+"""Names that a user calls directly and whose docstring holds no example yet; the list may only become shorter."""
+
+
+def public(library: str) -> dict[str, Any]:
+    """Functions and classes of gtmodel that a library, or gt itself where the name is "", offers by name."""
+    holder = getattr(gt, library) if library else gt
+    names = getattr(holder, "__all__", None) or [n for n in vars(holder) if not n.startswith("_")]
+    found = {name: getattr(holder, name) for name in names}
+    return {
+        name: item
+        for name, item in found.items()
+        if (inspect.isclass(item) or callable(item)) and getattr(item, "__module__", "").startswith("gtmodel")
+    }
+
+
+def called_directly(item: Any) -> bool:
+    """A function, or a class whose objects a user makes: not what only comes back from a study or a fit."""
+    if not inspect.isclass(item):
+        return True
+    made = (gt.Model, gt.results.Options)
+    return issubclass(item, made) and item.__module__.split(".")[1] != "kinds"
+
+
+@pytest.mark.parametrize("library", ["", *LIBRARIES])
+def test_every_public_object_has_a_docstring(library: str) -> None:
+    bare = [name for name, item in public(library).items() if not (inspect.getdoc(item) or "").strip()]
+    assert not bare
+
+
+@pytest.mark.parametrize("library", ["", *LIBRARIES])
+def test_examples_run(library: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    finder, failed = doctest.DocTestFinder(recurse=True), []
+    runner = doctest.DocTestRunner(optionflags=doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE, verbose=False)
+    for name, item in public(library).items():
+        told: list[str] = []
+        for example in finder.find(item, name, globs={"gt": gt, "np": np}):
+            if runner.run(example, out=told.append).failed:
+                failed.append("".join(told))
+    assert not failed, "\n".join(failed)
+
+
+def test_the_list_of_what_lacks_an_example_becomes_shorter() -> None:
+    lacking = {
+        f"{library}.{name}".lstrip(".")
+        for library in ["", *LIBRARIES]
+        for name, item in public(library).items()
+        if called_directly(item) and ">>>" not in (item.__doc__ or "")
+    }
+    listed = set(LACKING.read_text(encoding="utf-8").split())
+    assert not lacking - listed, "give these an example"
+    assert not listed - lacking, "these have one now: take them off the list"
