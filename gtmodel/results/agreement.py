@@ -73,8 +73,8 @@ def agree(value: Any, hint: Any, argument: str, marks: Marks = ()) -> None:
     """Raises ArgumentError unless a value is what an annotation says; numbers are finite, unless `AnyNumber` is said.
 
     marks: Within, Long and AnyNumber of the Annotated that the hint stands in. Where a list is asked for, a tuple or
-    an array does too. What is wrong with an object in a list is said with its place, "cases[1]"; numbers and words stand under the
-    name of the list.
+    an array does too. What is wrong with an object in a list is said with its place, "cases[1]"; numbers and words
+    stand under the name of the list.
     """
     hint, more = _plain(hint)
     marks = (*marks, *more)
