@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..inference import Identifiability, identifiability
-from ..inference.concluding import effective_parameters, moved_together, spectrum
 from ..inference.losses import Loss
+from ..inference.make_estimate import effective_parameters, moved_together, spectrum
 from ..inference.nonlinear import Descent
 from ..results.estimate import Estimate
 from .blocks import Block

@@ -7,8 +7,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from ..inference import FALSE_ALARM, HeldOut, freedom_of, held_out_ratio
-from ..inference.concluding import spectrum
 from ..inference.held_out import MATTERS
+from ..inference.make_estimate import spectrum
 from ..inference.weighting import prior_rows
 from ..lang.source import ModelError
 from .calibration import Calibration

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from ..lang.source import ModelError
 from .closure import Closure
 from .measurements import Correction, Measurements, Pose
-from .turning import product, rotated, turned
+from .quaternions import product, rotated, turned
 from .unknowns import Parameters
 
 IDENTITY = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))

@@ -12,7 +12,7 @@ import numpy as np
 from ..compiler.flat import FlatModel
 from ..inference import Prior
 from ..lang.source import ModelError
-from .turning import turned
+from .quaternions import turned
 
 # expected size of a parameter's error before calibration, by its unit: a millimetre, and as much at a metre's distance
 SIZE = 1e-3

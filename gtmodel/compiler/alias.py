@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import casadi as ca
 
 from ..lang.source import ModelError
-from .analysis.kinks import has_kinks, kinked_in
+from .analysis.nonsmooth import has_kinks, kinked_in
 from .flat import FlatEquation, FlatModel
 from .sparse import triplets
 

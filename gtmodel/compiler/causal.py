@@ -22,10 +22,10 @@ from .consistency.home import said
 from .evaluate import Built, build
 from .explain import explain
 from .flat import FlatModel
+from .flat_cache import flat_of
 from .newton import NewtonKernel
 from .plan import Plan, make_plan
 from .rows import PIVOT_TOLERANCE, map_columns, status_codes
-from .sharing import flat_of
 
 Pair = tuple[int, int]
 Group = tuple[str, tuple[int, ...], list[int]]

@@ -21,8 +21,8 @@ from ..lang.scope import Scope, derivative_name
 from ..lang.slips import each_of, persons_code
 from ..lang.source import ModelError, SourceLocation, of_frame
 from ..lang.units import rate_unit
+from .connection_graph import check_trees
 from .connections import connection_equations
-from .trees import check_trees
 
 _DER = re.compile(r"^der\((?P<inner>.+?)(?:,\s*(?P<order>\d+))?\)$")
 

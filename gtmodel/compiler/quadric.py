@@ -5,7 +5,7 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
-from .analysis.kinks import kinked_in
+from .analysis.nonsmooth import kinked_in
 from .blocks import Margin, Root
 from .pivots import SignAnalysis, pivot_cost
 from .sparse import elements, triplets

@@ -5,7 +5,7 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
-from .analysis.kinks import has_kinks, kinked_in
+from .analysis.nonsmooth import has_kinks, kinked_in
 from .blocks import SolvedBlock
 from .flat import FlatModel
 from .linear import solve_linear

@@ -14,9 +14,9 @@ from ..results.door import study_function
 from ..results.work import Progress, never, silent
 from .asked import Asked, asked_for
 from .closed_loop import ClosedLoopRun, follow
-from .concluded import concluded
 from .identified import IdentificationStudy
 from .inertia import Identification, Validation, identify
+from .make_estimate import concluded
 from .options import ClosedLoop, Fitting, SyntheticLog
 from .parameter_names import among
 from .recordings import Log, Recordings, made_up, measured, sessions_of

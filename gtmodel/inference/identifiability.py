@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..results.refusal import ArgumentError
-from .concluding import scales, spectrum
 from .dependencies import Dependencies, dependencies
+from .make_estimate import scales, spectrum
 from .observability import Observability, observability
 from .words import listed
 

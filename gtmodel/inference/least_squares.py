@@ -10,7 +10,7 @@ from scipy.optimize import lsq_linear
 
 from ..results.estimate import Estimate
 from ..results.refusal import ArgumentError
-from .concluding import RANK, effective_parameters, moved_together, scales, spectrum
+from .make_estimate import RANK, effective_parameters, moved_together, scales, spectrum
 from .weighting import Prior, prior_rows, weighting
 
 # with priors and an unknown noise, the two weigh each other: rounds until the noise stands still to this part

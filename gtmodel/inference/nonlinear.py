@@ -11,9 +11,9 @@ from numpy.typing import ArrayLike
 from ..results.estimate import Estimate
 from ..results.refusal import ArgumentError
 from ..results.status import SolveStatus
-from .concluding import RANK, scales
 from .least_squares import conclude
 from .losses import Loss, loss_named
+from .make_estimate import RANK, scales
 from .weighting import Prior, Weighting, prior_rows, weighting
 
 Residuals = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]

@@ -19,8 +19,8 @@ from .plant import (
     Servo as Servo,
 )
 from .process import LoopError as LoopError, LoopProcess as LoopProcess
+from .python_loop import Limits as Limits, Settings as Settings, Twin as Twin
 from .robot_side import RobotSide as RobotSide
 from .rsi_configuration import rsi_configuration as rsi_configuration
 from .run import Run as Run, lockstep as lockstep, real_time as real_time
 from .table import Table as Table
-from .twin import Limits as Limits, Settings as Settings, Twin as Twin

@@ -18,8 +18,8 @@ from ..results.door import study_function
 from ..results.options import Long
 from ..results.work import Progress, never, silent
 from .finer_mesh import how, told
-from .found import Found, NotFound, energy_of, margins_of, on_finer_meshes, on_this_mesh, short_names
 from .guard import clearances
+from .motion_result import Found, NotFound, energy_of, margins_of, on_finer_meshes, on_this_mesh, short_names
 from .options import Cost, End, Export, Limits, Mesh, Shape, Solver, Starts
 from .planning import Plan, plan_of
 from .problem import MotionProblem

@@ -12,10 +12,10 @@ from ..compiler.causal import compile_causal, flat_of
 from ..optimize.path import PathMotion
 from ..results import ArgumentError, Status, Trajectory, Work
 from ..robots.links import link_names, links_of
-from .follow import Follower, motion_function
 from .guard import Carrier, Guard, guard_of
 from .guesses import bare_guess, bent_guess, line_guess, progress_of, trapezoid
 from .links import along_guideways, link_ends
+from .path_parametrization import Follower, motion_function
 from .paths import Path, path_of
 from .problem import MotionProblem
 from .search import Search

@@ -11,8 +11,8 @@ from ..compiler.causal import compile_causal
 from ..lang import Model
 from ..results import Trajectory
 from ..results.tables import csv_text
-from .follow import sampled
 from .guard import Guard
+from .path_parametrization import sampled
 
 ROUND_OFF = 1e-9  # of sample times
 COLUMNS = (("T", "m"), ("der(T)", "m/s"), ("der(T,2)", "m/s2"), ("q", "m"), ("der(q)", "m/s"), ("tau", "N"))

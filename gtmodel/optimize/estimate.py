@@ -13,8 +13,8 @@ from ..lang.scope import Misfit
 from ..lang.source import ModelError
 from ..results.estimate import Estimate
 from .linking import Joined, is_of
-from .magnitude import objective_scale
 from .nlp import Nlp, instants, placed
+from .objective_scaling import objective_scale
 from .phases import PhasesSolution
 from .solution import Solution
 

@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 
 from ..results.status import SolveStatus
-from .quiet import without_warnings
+from .casadi_warnings import without_warnings
 from .watch import FEASIBLE, NEARER, Iterate, Multipliers, Program, Progress, Watch
 
 if TYPE_CHECKING:

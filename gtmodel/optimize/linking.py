@@ -17,7 +17,7 @@ from ..lang.source import ModelError
 from ..lang.units import parse_unit
 from .element import value_at
 from .formulation.relations import Row, relation_rows
-from .formulation.sizes import scale_of
+from .formulation.row_scaling import scale_of
 from .nlp import Nlp, functions_of, scatter
 from .watch import Program
 

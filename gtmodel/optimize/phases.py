@@ -21,9 +21,9 @@ from .ipopt import Run, run_ipopt
 from .judgement.diagnosis import failure, named_row, solved_word, violated
 from .judgement.discretisation import judged
 from .linking import Joined, Link, join
-from .magnitude import objective_scale
 from .mesh import Mesh, given_mesh
 from .nlp import Nlp, make_nlp
+from .objective_scaling import objective_scale
 from .solution import Solution, read_solution
 from .solve import NotSolved, SolverOptions
 from .watch import Multipliers, Progress

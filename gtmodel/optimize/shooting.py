@@ -15,8 +15,8 @@ import numpy as np
 from ..lang.source import ModelError
 from .ipopt import Run, run_ipopt
 from .judgement.resimulate import make_integrator
-from .magnitude import objective_scale
 from .nlp import Nlp
+from .objective_scaling import objective_scale
 from .watch import Iterate, Multipliers, Program, Progress
 
 if TYPE_CHECKING:

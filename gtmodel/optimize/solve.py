@@ -19,14 +19,14 @@ from .assembly import astray
 from .equalities import check_equalities
 from .fatrop import Staged
 from .formulation.problem import FORMULATIONS, build
-from .formulation.sizes import of_trajectory
+from .formulation.row_scaling import of_trajectory
 from .guess import initial_guess
 from .ipopt import BARRIERS, HESSIANS, Run, run_ipopt
 from .judgement.diagnosis import sentence
 from .judgement.discretisation import BOUND, judged
-from .magnitude import objective_scale
 from .mesh import Mesh, given_mesh
 from .nlp import Nlp, make_nlp
+from .objective_scaling import objective_scale
 from .shooting import run_shooting
 from .solution import Solution, read_solution
 from .watch import Multipliers, Progress

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import casadi as ca
 
-from ..compiler.analysis.kinks import has_kinks, kinked_in
+from ..compiler.analysis.nonsmooth import has_kinks, kinked_in
 from ..compiler.flat import FlatModel
 from ..lang.source import ModelError
 

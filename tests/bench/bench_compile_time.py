@@ -16,7 +16,7 @@ import numpy as np
 
 import gtmodel as gt
 from gtmodel.compiler.causal import CausalFunction, flat_of
-from gtmodel.compiler.sharing import shared
+from gtmodel.compiler.flat_cache import shared
 from tests.bench.chains import angle_chain, cartesian_chain
 
 LENGTHS = (1, 2, 5, 10, 20, 50)

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from gtmodel.calibrate import Measurements, prepare
-from gtmodel.calibrate.measured.recognition import aligned
+from gtmodel.calibrate.measured.column_checks import aligned
+from gtmodel.calibrate.perturbed_kinematics import rows_of, true_poses
 from gtmodel.calibrate.prediction import Prediction, outliers
 from gtmodel.calibrate.sensitivity import sensitivity
-from gtmodel.calibrate.synthetic.wandering import Wandering
-from gtmodel.calibrate.true_poses import rows_of, true_poses
+from gtmodel.calibrate.synthetic.guideway_errors import Wandering
 from gtmodel.mechanics.rotation import quaternion_matrix
 from tests.calibrate.synthetic import poses, true_robot
 

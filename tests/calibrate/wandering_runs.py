@@ -10,7 +10,7 @@ import numpy as np
 from gtmodel.calibrate import Calibration, Measurements, calibrate, prepare
 from gtmodel.calibrate.problem import Problem
 from gtmodel.calibrate.smooth_errors import with_smooth_errors
-from gtmodel.calibrate.synthetic.wandering import Wandering
+from gtmodel.calibrate.synthetic.guideway_errors import Wandering
 from gtmodel.inference.covariance import automatic_lag, fixed_b
 from gtmodel.results import Estimate
 from tests.calibrate.synthetic import poses, true_robot

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import gtmodel as gt
-from gtmodel.compiler.analysis.kinks import has_kinks
+from gtmodel.compiler.analysis.nonsmooth import has_kinks
 from gtmodel.compiler.causal import flat_of
 
 

@@ -10,7 +10,7 @@ import pytest
 import gtmodel as gt
 from gtmodel import der
 from gtmodel.compiler.causal import flat_of
-from gtmodel.compiler.sharing import KEPT, shared
+from gtmodel.compiler.flat_cache import KEPT, shared
 
 
 class Law(gt.Model):

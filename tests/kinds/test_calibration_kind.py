@@ -11,7 +11,7 @@ import pytest
 
 import gtmodel as gt
 from gtmodel.cli import main
-from gtmodel.compiler.sharing import shared
+from gtmodel.compiler.flat_cache import shared
 from gtmodel.kinds.calibration.kind import RESULT
 from gtmodel.problem_files import Context, InputError, robots
 from gtmodel.problem_files.load import load

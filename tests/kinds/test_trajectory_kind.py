@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 
-from gtmodel.compiler.sharing import shared
+from gtmodel.compiler.flat_cache import shared
 from gtmodel.problem_files import InputError
 from gtmodel.problem_files.load import load
 from gtmodel.problem_files.run import answer, context_of, explain, keyed, solve

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import gtmodel as gt
-from gtmodel.compiler.sharing import shared
+from gtmodel.compiler.flat_cache import shared
 from gtmodel.kinematics.mechanism import mechanism_of
 from gtmodel.kinematics.workspace import Beam, Bodies, Box, CrossSection, Limits, Sections, workspace_study
 from gtmodel.kinematics.workspace.limited import task_of

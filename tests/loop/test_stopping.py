@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from gtmodel.loop import Faults, LoopProcess, Table, TrajectoryLaw
+from gtmodel.loop.python_loop import STOPPED
 from gtmodel.loop.record import STATES, rows_of
-from gtmodel.loop.twin import STOPPED
 from gtmodel.results import Status
 from tests.loop.bench import HOLD, RAMP, STEP, Bench, text
 

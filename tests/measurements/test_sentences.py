@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gtmodel.calibrate.measured.recognition import unit_sentence
+from gtmodel.calibrate.measured.column_checks import unit_sentence
 from gtmodel.measurements.csv_table import CsvTable
 from gtmodel.results import Check, Study
 from gtmodel.results.refusal import ArgumentError

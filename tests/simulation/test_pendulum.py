@@ -73,7 +73,7 @@ def test_rows_far_apart_hide_no_singular_pose(step):
 
 
 def test_a_choice_made_before_costs_nothing(monkeypatch):
-    from gtmodel.compiler.sharing import shared
+    from gtmodel.compiler.flat_cache import shared
     from gtmodel.simulation import systems
 
     made = []

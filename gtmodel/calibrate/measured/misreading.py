@@ -14,7 +14,7 @@ from ...lang.source import ModelError
 from ..calibration import calibrate
 from ..measurements import Measurements
 from ..problem import Problem
-from .recognition import NEARER, exchanged, length
+from .column_checks import NEARER, exchanged, length
 
 THOUSANDS = ((1e-3, "large", "divided", "in millimetres"), (1e3, "small", "multiplied", "in metres"))
 STEPS = 20  # of each fit: a few unknowns near their start need fewer

@@ -17,9 +17,7 @@ from ..calibration import calibrate
 from ..prediction import Prediction
 from ..problem import Problem as Prepared, prepare
 from ..unknowns import Choice
-from .misreading import misreading
-from .poses import SplitPoses
-from .recognition import (
+from .column_checks import (
     CLOSE,
     NEARER,
     aligned,
@@ -33,7 +31,9 @@ from .recognition import (
     stuck_columns,
     swapped_axes,
     unit_sentence,
-)  # fmt: skip
+)
+from .misreading import misreading
+from .poses import SplitPoses
 
 MOST = 150  # poses that are looked at: enough to tell a metre from a millimetre
 REACHED = 0.5  # share of the poses that the model must reach to be a witness

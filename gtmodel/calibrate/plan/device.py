@@ -15,8 +15,8 @@ from ...results import ArgumentError
 from ..devices import Camera, LaserTracker, LineOfSight, sampled
 from ..measurements import Measurements
 from ..partial_devices import seen_by_distance, seen_by_plane
+from ..perturbed_kinematics import moved
 from ..problem import Problem, prepare
-from ..true_poses import moved
 from .options import Gauge, PatternCamera, Tracker, Wire
 from .task import Task
 

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from .guideway_errors import Wandering
 from .options import Synthetic
-from .wandering import Wandering
 
 REFLECTOR = np.array([0.03, 0.03, 0.03])  # m from the last joint of its cart; ours
 MARGIN = 0.01  # m beyond the poses, as guideway errors are made

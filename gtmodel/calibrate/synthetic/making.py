@@ -14,10 +14,10 @@ from ...lang import Model, ModelError
 from ...results import ArgumentError
 from ...results.tables import csv_text
 from ...robots import clusters
-from ..true_poses import moved, rows_of, true_poses
+from ..perturbed_kinematics import moved, rows_of, true_poses
 from .cart_errors import cart_points, levers, tilts
+from .guideway_errors import Wandering
 from .options import Synthetic
-from .wandering import Wandering
 
 KEY = "synthetic"
 # mean distance of a normal error in space, in standard deviations along an axis: 2 sqrt(2 / pi)

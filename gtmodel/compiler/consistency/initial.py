@@ -12,7 +12,7 @@ from ...lang.source import ModelError
 from ..differentiation import condition_order
 from ..pivoted import pivoted_qr
 from ..plan import Plan
-from ..sides import moved_to_branch, on_branch
+from ..root_signs import moved_to_branch, on_branch
 
 Pair = tuple[int, int]
 

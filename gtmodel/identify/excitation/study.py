@@ -12,7 +12,7 @@ from ...motion.options import Limits
 from ...results import ArgumentError, SolveStatus, Work, naming
 from ...results.door import study_function
 from ...results.work import Progress, never, silent
-from .concluded import Found, concluded
+from .excitation_result import Found, concluded
 from .excited import ExcitationStudy
 from .information import condition
 from .optimise import FINER, optimise_excitation

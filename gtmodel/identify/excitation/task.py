@@ -10,9 +10,9 @@ import numpy as np
 
 from ... import lang as gt
 from ...compiler.causal import CausalFunction, flat_of
-from ...motion.follow import motion_function
 from ...motion.guard import Guard, Margin, guard_of
 from ...motion.options import Limits
+from ...motion.path_parametrization import motion_function
 from ...results import ArgumentError, naming
 from ...robots.links import links_of
 from ..regressor import Regressor

@@ -20,8 +20,8 @@ from ..rotations import matrices
 from . import point_table
 from .conditions import Conditions
 from .options import Orientation, PointGrid
+from .report import csv_of, figures_of
 from .result import INCONSISTENT, NOT_COMPUTED, CausalityStudy, words_of
-from .told import csv_of, figures_of
 
 Array = np.ndarray
 Points = Mapping[str, Any] | PointGrid | Path | str | Array

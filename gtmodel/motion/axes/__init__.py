@@ -8,7 +8,6 @@ Course, turning      the way of a plate along a path, as equations
 free_run             forces of a motion applied with all axes free
 """
 
-from .course import Course as Course, turning as turning
 from .free_run import FreeRun as FreeRun, free_run as free_run
 from .motion_study import axis_study as axis_study
 from .options import (
@@ -19,6 +18,7 @@ from .options import (
     ToolCourse as ToolCourse,
     ToolDirection as ToolDirection,
 )
+from .path_orientation import Course as Course, turning as turning
 from .plan import AxisPlan as AxisPlan
 from .planning import plan_of as plan_of
 from .problem import AxisProblem as AxisProblem

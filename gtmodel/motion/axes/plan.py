@@ -17,7 +17,7 @@ from ..guard import Guard
 from ..guesses import GUESS_TIME_S
 from ..path_rows import task_along
 from ..task import SHORTEST_TIME_S, dependent
-from .course import Course
+from .path_orientation import Course
 from .problem import AxisProblem
 
 Array = np.ndarray

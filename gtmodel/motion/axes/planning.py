@@ -15,8 +15,8 @@ from ...robots import F1
 from ..guard import NO_GUARD, Carrier, Guard, check_strokes, guard_of
 from ..guesses import progress_of
 from ..paths import path_of
-from .course import Course, turning
 from .options import AxisEnd
+from .path_orientation import Course, turning
 from .plan import CARTS, COUPLING, MOTORS, AxisPlan, coordinates
 from .problem import AxisProblem
 

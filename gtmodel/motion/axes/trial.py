@@ -16,8 +16,8 @@ from ...results import Check, SolveStatus, Status, Trajectory, Work, at_most
 from ...results.quantity import converted
 from ...results.trajectory_files import TRAJECTORY
 from ..finer_mesh import how
-from ..found import SATURATED, at_points
 from ..guard import MARGIN_TOLERANCE, clearances
+from ..motion_result import SATURATED, at_points
 from .free_run import free_run
 from .options import AxisMesh
 from .plan import AxisPlan

@@ -15,7 +15,7 @@ from .dynamic import Bounds, DynamicProblem, Quadrature
 from .horizon import PointValue, horizon, point_values, shortest_length
 from .limits import Limits, bounded_end, check_bounds, limits_of, rows_at_start
 from .relations import Row
-from .sizes import Slopes, of_constants, scale_of, within
+from .row_scaling import Slopes, of_constants, scale_of, within
 
 
 def assembled(

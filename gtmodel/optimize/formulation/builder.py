@@ -14,7 +14,7 @@ from ...compiler.plan import Plan, differentiated
 from ...lang.optimization import Delayed
 from ...lang.source import ModelError
 from .attributes import Pair, names_of, nominal_of
-from .sizes import Slopes
+from .row_scaling import Slopes
 
 STEPS = 3  # Newton's, from a polynomial's value: from a tenth off to round-off
 

@@ -13,7 +13,7 @@ from ...lang.source import ModelError
 from .builder import Builder
 from .horizon import Horizon, PointValue
 from .relations import Row
-from .sizes import Slopes, scale_of
+from .row_scaling import Slopes, scale_of
 
 
 @dataclass(eq=False)

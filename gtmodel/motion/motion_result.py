@@ -13,8 +13,8 @@ from ..optimize.judgement.resimulate import Resimulation, resimulate
 from ..results import Check, Trajectory, at_most
 from ..results.check import failed_of
 from .finer_mesh import finer_mesh, refined
-from .follow import sampled
 from .guard import MARGIN_TOLERANCE
+from .path_parametrization import sampled
 from .planning import Plan
 from .problem import MotionProblem
 from .reference import between_rows

@@ -15,7 +15,7 @@ from ..lang.model import Model
 from ..lang.source import ModelError
 from .measurements import Measurements
 from .problem import prepare
-from .turning import turned
+from .quaternions import turned
 from .unknowns import Choice
 
 ROUNDS = 50
