@@ -1,4 +1,4 @@
-"""Functions of a calibration: residuals and exact slopes per pose, in blocks that share no unknown."""
+"""Functions of a calibration: residuals and exact derivatives per pose, in blocks that share no unknown."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from ..compiler.rows import map_columns
 class Block:
     """Rows of the closure and unknowns that have nothing to do with the others.
 
-    `rows`, `columns`: their indices. `function`: (d, noise, latent, x) -> r (m,), slopes in x (m, n), in the noise
+    `rows`, `columns`: their indices. `function`: (d, noise, latent, x) -> r (m,), derivatives in x (m, n), in the noise
     (m, ny), in the latent values (m, nz); `plain` (d, x) computes the first two, `alone` r only, both without noise.
     """
 
@@ -54,7 +54,8 @@ class Block:
 def blocks(
     residuals: ca.SX, d: ca.SX, noise: ca.SX, latent: ca.SX, x: ca.SX, joined: Sequence[int] = ()
 ) -> tuple[Block, ...]:
-    """Split by the sparsity of the slopes: rows that share an unknown, a latent value, or one of the noises `joined`.
+    """Split by the sparsity of the derivatives: rows that share an unknown, a latent value, or one of the noises
+    `joined`.
 
     Blocks come in the order of their first row; an unknown that no row holds is in the first block.
     """
@@ -71,13 +72,13 @@ def blocks(
         inside = [j for j in range(x.numel()) if label[m + j] == k or (k == order[0] and label[m + j] not in order)]
         columns = np.array(inside, int)
         part, own = residuals[rows.tolist()], x[columns.tolist()]
-        slopes = [ca.densify(ca.jacobian(part, s)) for s in (own, noise, latent)]
+        jacobian = [ca.densify(ca.jacobian(part, s)) for s in (own, noise, latent)]
         none = [noise, latent], [ca.DM.zeros(noise.numel(), 1), ca.DM.zeros(latent.numel(), 1)]
-        quiet = ca.cse(ca.substitute([ca.densify(part), slopes[0]], *none))
+        quiet = ca.cse(ca.substitute([ca.densify(part), jacobian[0]], *none))
         found.append(
             Block(
                 rows, columns, ca.Function("closure", [d, own], quiet[:1]), ca.Function("closure", [d, own], quiet),
-                ca.Function("closure", [d, noise, latent, own], ca.cse([ca.densify(part), *slopes])),
+                ca.Function("closure", [d, noise, latent, own], ca.cse([ca.densify(part), *jacobian])),
             )
         )  # fmt: skip
     return tuple(found)

@@ -102,8 +102,8 @@ def calibrate(
     limit: int = 100,
     stop: Callable[[], bool] | None = None,
 ) -> Calibration:
-    """Parameters that bring the model nearest to measured poses, by Gauss-Newton on exact slopes, arm by arm where arms
-    share nothing.
+    """Parameters that bring the model nearest to measured poses, by Gauss-Newton on exact derivatives, arm by arm
+    where arms share nothing.
 
     `cost`: see Problem. `loss` and its `width` as in gtmodel.inference.nonlinear_fit(), in units of the noise where it
     is known and of the residual otherwise. `start`: other start values by unknown. With noise for all measured signals

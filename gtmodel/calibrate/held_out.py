@@ -13,7 +13,7 @@ from ..inference.weighting import prior_rows
 from ..lang.source import ModelError
 from .calibration import Calibration
 from .measurements import Measurements
-from .positioning import closure_slopes
+from .positioning import closure_jacobians
 
 UNWEIGHTED = ("length", "squared")  # costs that count all residuals alike, whatever the noise of the pose is
 
@@ -61,8 +61,8 @@ def _covariances(
     c: Calibration, kept: Measurements, fitted: Mapping[str, np.ndarray], signal: str
 ) -> tuple[np.ndarray, np.ndarray]:
     """Of all position errors at fitted poses (3 N, 3 N) and at held-out ones (3 M, 3 M), for pose noise of size one."""
-    J, B, pose = closure_slopes(c.problem, signal, c.x)
-    K, Bk, _ = closure_slopes(c.problem.on(kept), signal, c.x)
+    J, B, pose = closure_jacobians(c.problem, signal, c.x)
+    K, Bk, _ = closure_jacobians(c.problem.on(kept), signal, c.x)
     own = [n for n in c.problem.reading.places if n != c.problem.actuators]
     if any(n not in fitted for n in own):
         raise ModelError(f"the errors of {', '.join(n for n in own if n not in fitted)} are not known")

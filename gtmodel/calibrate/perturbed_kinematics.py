@@ -55,8 +55,8 @@ def true_poses(
     with np.errstate(all="ignore"):
         for _ in range(ROUNDS):
             r, _, By, _ = map_columns(b.function, [p.reading.data, y.T, latent, x[b.columns]])
-            slopes = By.reshape(len(p.labels), len(q), -1).transpose(1, 0, 2)[:, :, free]
-            step = _solved(slopes, r.T)
+            jacobian = By.reshape(len(p.labels), len(q), -1).transpose(1, 0, 2)[:, :, free]
+            step = _solved(jacobian, r.T)
             y[:, free] -= step
             if np.nanmax(np.abs(step), initial=0.0) <= ARRIVED:
                 break
@@ -78,10 +78,10 @@ def rows_of(array: np.ndarray, name: str, rows: Sequence[int]) -> dict[str, np.n
     return {f"{name}[{i},{k}]": array[:, k] for i in rows for k in range(array.shape[1])}
 
 
-def _solved(slopes: np.ndarray, r: np.ndarray) -> np.ndarray:
+def _solved(jacobian: np.ndarray, r: np.ndarray) -> np.ndarray:
     """Newton steps pose by pose; NaN where singular."""
-    good = np.all(np.isfinite(slopes), axis=(1, 2)) & np.all(np.isfinite(r), axis=1)
-    good[good] = np.abs(np.linalg.det(slopes[good])) > 0
+    good = np.all(np.isfinite(jacobian), axis=(1, 2)) & np.all(np.isfinite(r), axis=1)
+    good[good] = np.abs(np.linalg.det(jacobian[good])) > 0
     step = np.full(r.shape, np.nan)
-    step[good] = np.linalg.solve(slopes[good], r[good][..., None])[..., 0]
+    step[good] = np.linalg.solve(jacobian[good], r[good][..., None])[..., 0]
     return step

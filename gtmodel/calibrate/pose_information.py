@@ -1,4 +1,4 @@
-"""What each pose would tell of the unknowns, before anything is measured: whitened slopes, pose by pose."""
+"""What each pose would tell of the unknowns, before anything is measured: whitened derivatives, pose by pose."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ..lang.source import ModelError
 from .implicit import Adjustment, require_noise_enough
 from .problem import Problem, noise_covariance
 
-# of a prediction's slopes along what no pose tells, relative: more means that it cannot be predicted
+# of a prediction's derivatives along what no pose tells, relative: more means that it cannot be predicted
 LEAK = 1e-6
 
 
@@ -23,9 +23,9 @@ LEAK = 1e-6
 class PoseInformation:
     """Of N candidate poses and n unknowns `names`, in units of `sizes`, their expected errors.
 
-    `rows` (N, k, n): slopes of what a pose tells, divided by the noise; `priors` (p, n) likewise. `told` (n, r): an
-    orthonormal basis of the combinations that all poses together tell. The information of poses is the sum of
-    rows' rows: J' (B S B')^-1 J with slopes J in the unknowns and B in the noise, whose covariance is S.
+    `rows` (N, k, n): derivatives of what a pose tells, divided by the noise; `priors` (p, n) likewise. `told` (n, r):
+    an orthonormal basis of the combinations that all poses together tell. The information of poses is the sum of
+    rows' rows: J' (B S B')^-1 J with derivatives J in the unknowns and B in the noise, whose covariance is S.
     """
 
     names: tuple[str, ...]

@@ -89,7 +89,7 @@ def exchange(
 def condition_removal(
     info: PoseInformation, number: int, *, one_by_one: bool = False, stop: Callable[[float], bool] | None = None
 ) -> Selection:
-    """The `number` of poses without which the condition number of the slopes is worst (Dressler 2012, eq. (5.9)).
+    """The `number` of poses without which the condition number of the derivatives is worst (Dressler 2012, eq. (5.9)).
 
     C_k is the condition number, in units of the expected errors, without pose k; poses with the largest C_k stay.
     `one_by_one`: after each removal all C_k are taken anew. `stop(fraction)`: True ends with more poses than wanted.
@@ -171,7 +171,7 @@ def _swept(chosen: np.ndarray, rows: np.ndarray, constant: np.ndarray, score: _S
 
 
 def _conditions(information: np.ndarray) -> np.ndarray:
-    """Condition numbers (k,) of slopes whose information is given (k, r, r)."""
+    """Condition numbers (k,) of derivatives whose information is given (k, r, r)."""
     values = np.linalg.eigvalsh(information)
     with np.errstate(divide="ignore"):
         return np.sqrt(values[:, -1] / np.maximum(values[:, 0], 0.0))

@@ -37,14 +37,15 @@ class PredictedErrors:
 
 @dataclass(frozen=True, eq=False)
 class Positioning:
-    """Slopes (M, 3, n) [m] of the tool centre point in the unknowns `names`, in their own units, actuators held."""
+    """Derivatives (M, 3, n) [m] of the tool centre point in the unknowns `names`, in their own units, actuators
+    held."""
 
     names: tuple[str, ...]
-    slopes: np.ndarray
+    jacobian: np.ndarray
 
     def moment(self, info: PoseInformation) -> np.ndarray:
-        """Mean over the poses of slopes' slopes (r, r) in the combinations that `info` has: trace(C moment) is the
-        mean square error for their covariance C."""
+        """Mean over the poses of J'J (r, r), J the derivatives, in the combinations that `info` has: trace(C moment)
+        is the mean square error for their covariance C."""
         P = self._scaled(info)
         return np.einsum("kip,kiq->pq", P, P) / len(P)
 
@@ -64,12 +65,13 @@ class Positioning:
         return float(np.sqrt(np.trace(CM @ CM) / (2 * runs)) / np.trace(CM))
 
     def _columns(self, info: PoseInformation) -> np.ndarray:
-        """Slopes with the columns of `info`; zero for unknowns that do not move the robot, such as a device's frame."""
+        """Derivatives with the columns of `info`; zero for unknowns that do not move the robot, such as a device's
+        frame."""
         unknown = [n for n in self.names if n not in info.names]
         if unknown:
             raise ModelError(f"the poses say nothing of '{unknown[0]}', on which the position depends; free it there")
-        full = np.zeros((*self.slopes.shape[:2], len(info.names)))
-        full[:, :, [info.names.index(n) for n in self.names]] = self.slopes
+        full = np.zeros((*self.jacobian.shape[:2], len(info.names)))
+        full[:, :, [info.names.index(n) for n in self.names]] = self.jacobian
         return full
 
     def _scaled(self, info: PoseInformation) -> np.ndarray:
@@ -96,13 +98,14 @@ def positioning(
     """
     every = problem.unknowns.names
     chosen = list(every) if names is None else [n for n in every if n in set(names)]
-    moved = pose_slopes(problem, signal, x)[signal]
+    moved = pose_jacobians(problem, signal, x)[signal]
     return Positioning(tuple(chosen), moved[:, :, [every.index(n) for n in chosen]])
 
 
-def pose_slopes(problem: Problem, signal: str = "T", x: ArrayLike | None = None) -> dict[str, np.ndarray]:
-    """Slopes of each signal of the pose in the unknowns (N, k, n), actuators held. Raises ModelError as positioning."""
-    J, B, pose = closure_slopes(problem, signal, x)
+def pose_jacobians(problem: Problem, signal: str = "T", x: ArrayLike | None = None) -> dict[str, np.ndarray]:
+    """Derivatives of each signal of the pose in the unknowns (N, k, n), actuators held. Raises ModelError as
+    positioning."""
+    J, B, pose = closure_jacobians(problem, signal, x)
     try:
         moved = -np.linalg.solve(B, J)
     except np.linalg.LinAlgError:
@@ -111,11 +114,12 @@ def pose_slopes(problem: Problem, signal: str = "T", x: ArrayLike | None = None)
     return {n: moved[:, [pose.index(k) for k in range(s.start, s.stop)]] for n, s in places.items()}
 
 
-def closure_slopes(
+def closure_jacobians(
     problem: Problem, signal: str = "T", x: ArrayLike | None = None
 ) -> tuple[np.ndarray, np.ndarray, list[int]]:
-    """Slopes of the lengths' closures in the unknowns (N, m, n) and in the whole pose (N, m, m), of which `signal` is a
-    part, and where the components of the pose stand among the signals. Raises ModelError where they do not give it."""
+    """Derivatives of the lengths' closures in the unknowns (N, m, n) and in the whole pose (N, m, m), of which
+    `signal` is a part, and where the components of the pose stand among the signals. Raises ModelError where they do
+    not give it."""
     read, u = problem.reading, problem.unknowns
     if signal not in read.places or read.latent.numel():
         raise ModelError(f"positioning errors are predicted from poses whose '{signal}' and all else is known")
@@ -123,5 +127,5 @@ def closure_slopes(
     m = len(problem.labels)
     if m != len(pose):
         raise ModelError(f"{m} equations close, but the measured pose has {len(pose)} freedoms: no position follows")
-    J, B, _ = problem.all_slopes("forward", u.start if x is None else np.asarray(x, float))
+    J, B, _ = problem.all_jacobians("forward", u.start if x is None else np.asarray(x, float))
     return J, B[:, :, pose], pose

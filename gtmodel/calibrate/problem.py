@@ -93,15 +93,16 @@ class Problem:
             r[:, b.rows] = b.residuals(self.reading.data, x[b.columns])
         return r
 
-    def slopes(self, x: ArrayLike | None = None) -> np.ndarray:
+    def jacobian(self, x: ArrayLike | None = None) -> np.ndarray:
         """d residuals / d x (N, m, n); of latent variables (N, m - nz, n), combinations of lengths blind to these."""
         x = self.unknowns.start if x is None else np.asarray(x, float)
-        J, _, Bz = self.all_slopes("length", x)
+        J, _, Bz = self.all_jacobians("length", x)
         nz = Bz.shape[2]
         return np.linalg.qr(Bz, mode="complete")[0][:, :, nz:].transpose(0, 2, 1) @ J if nz else J
 
-    def all_slopes(self, cost: str, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Slopes of the closures in the unknowns (N, m, n), in the noise (N, m, ny) and in latent values (N, m, nz)."""
+    def all_jacobians(self, cost: str, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Derivatives of the closures in the unknowns (N, m, n), in the noise (N, m, ny) and in latent values (N, m,
+        nz)."""
         N, m, read = len(self.measurements), len(self.labels), self.reading
         J, By, Bz = (np.zeros((N, m, k)) for k in (len(x), read.noise.numel(), read.latent.numel()))
         for b in self.blocks_of(cost):
@@ -115,7 +116,7 @@ class Problem:
 
         Priors count as rows. Further arguments as for gtmodel.inference.identifiability().
         """
-        J = self.slopes(x)
+        J = self.jacobian(x)
         P, _ = prior_rows(self.unknowns.priors, self.unknowns.names)
         rows = np.vstack([J.reshape(-1, J.shape[2]) / sigma, P])
         return identifiability(rows, self.unknowns.names, scale=self.unknowns.sizes, poses=len(J), **more)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .positioning import pose_slopes
+from .positioning import pose_jacobians
 from .problem import Problem
 
 
@@ -31,7 +31,7 @@ def sensitivity(problem: Problem, x: np.ndarray, step: float = 5e-5) -> Sensitiv
     Raises ModelError where the pose is not told by the closure equations, and where it is singular.
     """
     position = next((n for n in problem.reading.places if n != problem.actuators), "T")
-    moves = pose_slopes(problem, position, x)
+    moves = pose_jacobians(problem, position, x)
     sums = {n: 2 * np.sum(np.linalg.norm(step * own, axis=1), axis=0) for n, own in moves.items()}
     return Sensitivity(problem.unknowns.names, step, sums, _cost_changes(problem, x, step))
 

@@ -75,8 +75,8 @@ def satisfying(
             result = np.clip(result, low, high)
         r, jacobian = map_columns(f, [result.T])
         m, width = r.shape[0], len(pairs)
-        slopes = jacobian.reshape(m, len(result), width).transpose(1, 0, 2)
-        result -= (np.linalg.pinv(slopes) @ r.T[:, :, None])[:, :, 0]
+        jacobians = jacobian.reshape(m, len(result), width).transpose(1, 0, 2)
+        result -= (np.linalg.pinv(jacobians) @ r.T[:, :, None])[:, :, 0]
     return result
 
 

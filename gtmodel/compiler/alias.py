@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import casadi as ca
 
 from ..lang.source import ModelError
-from .analysis.nonsmooth import has_kinks, kinked_in
+from .analysis.nonsmooth import is_nonsmooth, kinked_in
 from .flat import FlatEquation, FlatModel
 from .sparse import triplets
 
@@ -91,7 +91,7 @@ def _sums(flat: FlatModel, equations: list[FlatEquation]) -> list[Terms | None]:
             found[row] = (a, float(va)), (b, float(vb))
     candidates = [row for row, terms in enumerate(found) if terms is not None]
     # sign() vanishes at zero and has no derivative: what holds one only looks like x == y
-    if candidates and has_kinks(flat):
+    if candidates and is_nonsmooth(flat):
         inside = kinked_in([equations[row].residual for row in candidates], ca.vertsplit(symbols))
         for row, kinked in zip(candidates, inside, strict=True):
             if kinked:

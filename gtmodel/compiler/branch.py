@@ -67,8 +67,8 @@ def _with_settled_roots(plan: Plan, sampler: Sampler, wanted: Mapping[str, int])
         return plan
     names, sides, values = _functions(plan, sampler, roots)
     p = plan.flat.p0
-    slopes = root_slopes(plan, sampler)
-    at_start = np.array([_row(slopes(w, p, sampler.time)) for w in plan.samples])
+    jacobian = root_derivatives(plan, sampler)
+    at_start = np.array([_row(jacobian(w, p, sampler.time)) for w in plan.samples])
     signs = np.ones(len(roots))
     settled: list[Root] = []
     for n, root in enumerate(roots):
@@ -96,7 +96,7 @@ def _with_settled_roots(plan: Plan, sampler: Sampler, wanted: Mapping[str, int])
         w[computed] = _row(numbers(w, p, sampler.time, signs))
         if not np.all(np.isfinite(w)) or sampler.correct(w) > RESIDUAL_TOLERANCE:
             continue
-        if np.all(_row(slopes(w, p, sampler.time)) * signs > 0):
+        if np.all(_row(jacobian(w, p, sampler.time)) * signs > 0):
             found.append(w)
     if not found:
         raise ModelError(
@@ -206,14 +206,14 @@ def follow(plan: Plan, sampler: Sampler) -> Plan:
     roots = [r for b in plan.blocks for r in b.roots]
     if not roots:
         return plan
-    found = _row(root_slopes(plan, sampler)(plan.samples[0], plan.flat.p0, sampler.time)).tolist()
+    found = _row(root_derivatives(plan, sampler)(plan.samples[0], plan.flat.p0, sampler.time)).tolist()
     return _with_roots(plan, [replace(r, value=1 if x >= 0 else -1) for r, x in zip(roots, found, strict=True)])
 
 
-def root_slopes(plan: Plan, sampler: Sampler) -> ca.Function:
-    """(point over the plan's pairs, parameters, time) -> slopes, which tell the signs of the roots there."""
+def root_derivatives(plan: Plan, sampler: Sampler) -> ca.Function:
+    """(point over the plan's pairs, parameters, time) -> derivatives, which tell the signs of the roots there."""
     column = _column([r.slope for b in plan.blocks for r in b.roots])
-    return ca.Function("slopes", [sampler.w, plan.flat.p, plan.flat.scope.time], [column])
+    return ca.Function("derivatives", [sampler.w, plan.flat.p, plan.flat.scope.time], [column])
 
 
 def _functions(

@@ -120,9 +120,9 @@ def _own_size(flat: FlatModel, residual: ca.SX, sampler: Sampler, samples: np.nd
     if np.isfinite(constant) and constant > 0:
         return constant
     nominal = max(flat.variables[i].nominal for i, _ in flat.scope.symbols_in(residual))
-    slopes = [np.linalg.norm(f(w[at], p, time)[1]) for w in samples]
+    jacobian = [np.linalg.norm(f(w[at], p, time)[1]) for w in samples]
     values = [max(float(np.linalg.norm(w[at])), nominal) for w in samples]
-    size = 0.5 * float(np.median(np.multiply(slopes, values)))
+    size = 0.5 * float(np.median(np.multiply(jacobian, values)))
     return float(f"{size:.3g}") if np.isfinite(size) and size > 0 else 1.0
 
 

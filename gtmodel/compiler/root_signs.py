@@ -5,7 +5,7 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
-from .branch import root_slopes
+from .branch import root_derivatives
 from .emit import express
 from .plan import Plan
 
@@ -15,8 +15,8 @@ def on_branch(plan: Plan, w: np.ndarray, time: float) -> bool:
     roots = [r for b in plan.blocks for r in b.roots]
     if not roots:
         return True
-    slopes = root_slopes(plan, plan.sampler)(w, plan.flat.p0, time)
-    return bool(np.all(np.asarray(slopes.full()).reshape(-1) * [r.value for r in roots] > 0))
+    jacobian = root_derivatives(plan, plan.sampler)(w, plan.flat.p0, time)
+    return bool(np.all(np.asarray(jacobian.full()).reshape(-1) * [r.value for r in roots] > 0))
 
 
 def moved_to_branch(plan: Plan, w: np.ndarray, time: float) -> np.ndarray:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
-from .analysis.nonsmooth import has_kinks, kinked_in
+from .analysis.nonsmooth import is_nonsmooth, kinked_in
 from .blocks import SolvedBlock
 from .flat import FlatModel
 from .linear import solve_linear
@@ -35,7 +35,7 @@ def solve_block(
     equations = [f"{structure.equations[i].label}{chr(39) * m} ({structure.equations[i].where})" for i, m in rows]
     label = names[0] if len(names) == 1 else f"{names[0]}..{names[-1]}"
     jacobian = ca.jacobian(ca.vertcat(*residuals), ca.vertcat(*unknowns))
-    kinked = has_kinks(flat) and any(kinked_in(residuals, unknowns))
+    kinked = is_nonsmooth(flat) and any(kinked_in(residuals, unknowns))
     keys = {s.element_hash() for s in unknowns}
     if not kinked and not any(s.element_hash() in keys for s in ca.symvar(jacobian)):
         assignments, margins, how = solve_linear(residuals, unknowns, signs, label)

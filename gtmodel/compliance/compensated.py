@@ -8,7 +8,7 @@ import numpy as np
 
 from ..inference import nonlinear_fit
 from .complementary import Compensator
-from .joint_stiffness import UNIT, StiffnessFit, complete_pose, concluded, names_of
+from .joint_stiffness import UNIT, StiffnessFit, complete_pose, names_of, stiffness_fit
 from .static_tests import StaticTests
 
 Array = np.ndarray
@@ -50,4 +50,4 @@ def with_compensator(tests: StaticTests, spring: Compensator, q: Array) -> Stiff
     )  # fmt: skip
     if fit.estimate is None:
         raise ValueError(f"joint stiffness with the compensator's rate: {fit.message}")
-    return concluded("complete pose, compensator", fit.estimate, residuals(fit.x)[1], tests.covariance, n)
+    return stiffness_fit("complete pose, compensator", fit.estimate, residuals(fit.x)[1], tests.covariance, n)

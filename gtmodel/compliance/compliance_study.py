@@ -142,7 +142,7 @@ def study(
             )
         parts.append(_columns(sprung(T[begin : begin + CHUNK]), load))
     columns = {name: np.concatenate([p[name] for p in parts]) for name in parts[0]}
-    return _concluded(title, sprung, found, load, grid, T, columns)
+    return _study_of(title, sprung, found, load, grid, T, columns)
 
 
 def on_springs(
@@ -194,7 +194,7 @@ def _pose_values(sprung: Sprung, pose: Found) -> dict[str, Any]:
     }
 
 
-def _concluded(
+def _study_of(
     title: str, sprung: Sprung, pose: Found, given: Load, grid: Any, T: Array, columns: dict[str, Array]
 ) -> ComplianceStudy:
     load = np.array([*given.force, *given.moment])[: pose.C.shape[1]]

@@ -21,15 +21,15 @@ UNIT = "rad/(N.m)"
 class StiffnessFit:
     """Compliances c[0].. [rad/(N.m)] as an Estimate, what the tests tell of each, and whether residuals are noise.
 
-    `slopes` (rows, k) of the measured rows by c, `assumed` the covariance by which they were weighted, as blocks or
-    whole.
+    `derivatives` (rows, k) of the measured rows by c, `assumed` the covariance by which they were weighted, as blocks
+    or whole.
     """
 
     method: str
     estimate: Estimate
     told: Identifiability
     adequacy: Verdict
-    slopes: np.ndarray
+    jacobian: np.ndarray
     assumed: np.ndarray
 
     @property
@@ -67,7 +67,7 @@ def complete_pose(tests: StaticTests, *, rotation_weight: float = 1.0) -> Stiffn
         return fit
     scale = np.repeat([1.0, 1 / rotation_weight], 3)
     weighted = _complete(tests, tests.covariance * np.outer(scale, scale))
-    gain = weighted.estimate.covariance @ _whitened_transpose(weighted.slopes, weighted.assumed)
+    gain = weighted.estimate.covariance @ _whitened_transpose(weighted.jacobian, weighted.assumed)
     spread = gain @ _rows(tests.covariance) @ gain.T
     estimate = replace(weighted.estimate, covariance=(spread + spread.T) / 2)
     return replace(weighted, estimate=estimate, told=fit.told, adequacy=fit.adequacy)
@@ -85,7 +85,7 @@ def _complete(tests: StaticTests, covariance: np.ndarray) -> StiffnessFit:
         if tests.K_c is None or still:
             break
         before, torque = e.values, loaded_torque(tests, e.values)
-    return concluded("complete pose", e, A, covariance, n)  # pyright: ignore[reportPossiblyUnboundVariable]
+    return stiffness_fit("complete pose", e, A, covariance, n)  # pyright: ignore[reportPossiblyUnboundVariable]
 
 
 def decoupled(tests: StaticTests, *, moment: bool = True) -> StiffnessFit:
@@ -138,7 +138,7 @@ def _decoupled(tests: StaticTests, torque: np.ndarray, moment: bool) -> Stiffnes
     whole = np.block([[A_w, np.zeros((3 * n, k - ARM))], [A_a, A_b]])
     zero = np.zeros((3 * n, 3 * n))
     noise = np.block([[_rows(S_w), zero], [zero, _rows(tests.covariance[:, :3, :3])]])
-    return concluded("decoupled", both, whole, noise, n)
+    return stiffness_fit("decoupled", both, whole, noise, n)
 
 
 def loaded_torque(tests: StaticTests, c: np.ndarray) -> np.ndarray:
@@ -176,7 +176,7 @@ def without_noise(tests: StaticTests, c: np.ndarray) -> StaticTests:
     )
 
 
-def concluded(method: str, e: Estimate, A: np.ndarray, covariance: np.ndarray, poses: int) -> StiffnessFit:
+def stiffness_fit(method: str, e: Estimate, A: np.ndarray, covariance: np.ndarray, poses: int) -> StiffnessFit:
     """What the rows tell of each unknown, in units of itself, and whether residuals are noise."""
     # in whitened rows, each compliance in units of itself
     blocks = covariance if covariance.ndim == 3 else covariance[None]

@@ -94,15 +94,15 @@ class LinkGeometry:
         good = status == Status.OK
         moved = np.full((n, len(self.links), 3, p), np.nan)
         if good.any():
-            slopes, code = self._joints.jacobian(q[good])
-            moved[good] = slopes.reshape(len(slopes), len(self.links), 3, p)
+            jacobian, code = self._joints.jacobian(q[good])
+            moved[good] = jacobian.reshape(len(jacobian), len(self.links), 3, p)
             status = np.array(status)
             status[good] = code
         return LinkPoses(T, q, a, b, status, R, moved, self._stands_on)
 
     def _carts(self, axes: int) -> tuple[int, ...]:
-        slopes, _ = self._joints.jacobian(np.zeros(axes))
-        size = np.abs(slopes.reshape(len(self.links), 3, axes)).max(axis=1)
+        jacobian, _ = self._joints.jacobian(np.zeros(axes))
+        size = np.abs(jacobian.reshape(len(self.links), 3, axes)).max(axis=1)
         on = size > STANDS * size.max()
         carts = [int(np.argmax(row)) for row in on]
         if not on.any(axis=1).all() or sorted(set(carts)) != list(range(max(carts) + 1)):

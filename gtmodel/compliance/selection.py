@@ -15,7 +15,7 @@ from .static_tests import StaticTests
 
 @dataclass(frozen=True, eq=False)
 class Selection:
-    """Chosen tests, ascending, the indices of their slopes, and those of all candidates."""
+    """Chosen tests, ascending, the indices of their derivatives, and those of all candidates."""
 
     chosen: tuple[int, ...]
     indices: Observability

@@ -13,10 +13,10 @@ from ..results import ArgumentError, SolveStatus, TrajectoryError, Work, naming
 from ..results.door import study_function
 from ..results.work import Progress, never, silent
 from .asked import Asked, asked_for
+from .assembled_study import assembled_study
 from .closed_loop import ClosedLoopRun, follow
 from .identified import IdentificationStudy
 from .inertia import Identification, Validation, identify
-from .make_estimate import concluded
 from .options import ClosedLoop, Fitting, SyntheticLog
 from .parameter_names import among
 from .recordings import Log, Recordings, made_up, measured, sessions_of
@@ -78,7 +78,7 @@ def study(
     runs: list[ClosedLoopRun] = []
     if closed_loop is not None:
         runs = follow(closed_loop, found.numbers, data.fitted + data.held_out, *asked.names, work)
-    return concluded(asked, data, found, validation, loop=closed_loop, runs=runs)
+    return assembled_study(asked, data, found, validation, loop=closed_loop, runs=runs)
 
 
 @study_function
@@ -116,7 +116,7 @@ def synthetic_study(
     if work.interrupted():
         return _stopped(title)
     found, validation = _fitted(asked, data, "synthetic")
-    return concluded(asked, data, found, validation, repeated=_repeated(asked, data, synthetic))
+    return assembled_study(asked, data, found, validation, repeated=_repeated(asked, data, synthetic))
 
 
 def _stopped(title: str) -> IdentificationStudy:

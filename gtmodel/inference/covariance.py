@@ -12,7 +12,7 @@ LONGEST = 4
 
 
 def white(J: np.ndarray, sigma2: float, *, scale: np.ndarray | None = None) -> np.ndarray:
-    """sigma2 (J'J)^-1 (n, n) of whitened slopes (rows, n); columns in units of `scale` while inverting."""
+    """sigma2 (J'J)^-1 (n, n) of whitened derivatives (rows, n); columns in units of `scale` while inverting."""
     n = J.shape[1]
     s = np.ones(n) if scale is None else np.abs(scale)
     R = np.linalg.qr(J * s, mode="r")

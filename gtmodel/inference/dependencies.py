@@ -60,7 +60,7 @@ def dependencies(
     tolerance: float = 1e-9,
     keep: Sequence[str] = (),
 ) -> Dependencies:
-    """Of slopes J (rows, n), rows whitened, columns in units of `scale` (n,).
+    """Of derivatives J (rows, n), rows whitened, columns in units of `scale` (n,).
 
     Pivots: first the names in `keep` in that order as far as they are independent, then always the column with the
     longest remainder; lengths within 1e-6 of it tie, and the name that sorts first wins. A column depends whose

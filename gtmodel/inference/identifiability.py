@@ -134,19 +134,19 @@ def identifiability(
     near: float = NEAR,
     keep: Sequence[str] = (),
 ) -> Identifiability:
-    """Of slopes J (rows, n) whose rows are whitened (divided by the noise), priors included as rows where wanted.
+    """Of derivatives J (rows, n) whose rows are whitened (divided by the noise), priors included as rows where wanted.
 
     `scale` (n,): expected size of each parameter's error, or its nominal value; ranks and indices refer to columns in
     these units (missing or zero: the column's norm). `poses`: for the observability indices, default the rows.
     `keep`: names that are preferred as independent ones. With `known_noise` False rows are in units of an unknown
     noise: `std` is then per unit of it, and nothing is called near. The order of the columns changes nothing.
-    Raises ArgumentError for a wrong shape, values that are not finite, or slopes that are all zero.
+    Raises ArgumentError for a wrong shape, values that are not finite, or derivatives that are all zero.
     """
     J, names = np.asarray(J, float), tuple(names)
     if J.ndim != 2 or J.shape[1] != len(names):
-        raise ArgumentError(f"the slopes have the shape {J.shape}; expected (rows, {len(names)})")
+        raise ArgumentError(f"the derivatives have the shape {J.shape}; expected (rows, {len(names)})")
     if not np.all(np.isfinite(J)):
-        raise ArgumentError(f"the slopes of '{names[int(np.argwhere(~np.isfinite(J))[0, 1])]}' are not finite")
+        raise ArgumentError(f"the derivatives of '{names[int(np.argwhere(~np.isfinite(J))[0, 1])]}' are not finite")
     # sorted by name: sums are then formed in one order
     order = sorted(range(len(names)), key=lambda k: names[k])
     back = np.argsort(order)

@@ -62,7 +62,7 @@ def linear_fit(
         near = AT_BOUND * size
         free = (x > low + near) & (x < high - near)
         before = noise
-        estimate = conclude(
+        estimate = make_estimate(
             x, bw - Aw @ x, Aw, names, size, free, P, w.known, units=tuple(units), prior_noise=noise,
             hold_undetermined=hold_undetermined, rank_tolerance=rank_tolerance,
         )  # fmt: skip
@@ -72,7 +72,7 @@ def linear_fit(
     return estimate  # pyright: ignore[reportPossiblyUnboundVariable]
 
 
-def conclude(
+def make_estimate(
     x: np.ndarray,
     r: np.ndarray,
     J: np.ndarray,
@@ -87,7 +87,7 @@ def conclude(
     hold_undetermined: bool = False,
     rank_tolerance: float = RANK,
 ) -> Estimate:
-    """The Estimate at an optimum x (n,) with whitened residuals r (rows,) and slopes J (rows, n).
+    """The Estimate at an optimum x (n,) with whitened residuals r (rows,) and derivatives J (rows, n).
 
     `free` (n,) tells which are not held; P (k, n) whitened prior rows, times `prior_noise` in units of r.
     Raises ArgumentError for too few rows, and for what is not determined unless `hold_undetermined`.

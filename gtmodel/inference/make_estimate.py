@@ -1,4 +1,5 @@
-"""From whitened residuals and slopes at the optimum to an Estimate: covariance, freedom, noise, what is not told."""
+"""From whitened residuals and derivatives at the optimum to an Estimate: covariance, freedom, noise, what is not
+told."""
 
 from __future__ import annotations
 
@@ -9,13 +10,13 @@ import numpy as np
 from ..results.refusal import ArgumentError
 from .words import listed
 
-# of the largest singular value of the scaled slopes: directions below are in the null space
+# of the largest singular value of the scaled derivatives: directions below are in the null space
 RANK = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
 class Spectrum:
-    """Singular values and right vectors of whitened, scaled slopes (priors included), split at the rank."""
+    """Singular values and right vectors of whitened, scaled derivatives (priors included), split at the rank."""
 
     singular: np.ndarray
     V: np.ndarray
@@ -33,7 +34,7 @@ class Spectrum:
 
 
 def spectrum(scaled: np.ndarray, tolerance: float = RANK) -> Spectrum:
-    """Of slopes (rows, n) with columns in units of the scales; linear in the rows (QR first)."""
+    """Of derivatives (rows, n) with columns in units of the scales; linear in the rows (QR first)."""
     n = scaled.shape[1]
     R = np.linalg.qr(scaled, mode="r") if scaled.shape[0] > n else scaled
     _, s, Vt = np.linalg.svd(R, full_matrices=True)

@@ -1,4 +1,4 @@
-"""Nonlinear least squares by Gauss-Newton steps on exact slopes, damped as Levenberg and Marquardt did."""
+"""Nonlinear least squares by Gauss-Newton steps on exact derivatives, damped as Levenberg and Marquardt did."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from ..results.estimate import Estimate
 from ..results.refusal import ArgumentError
 from ..results.status import SolveStatus
-from .least_squares import conclude
+from .least_squares import make_estimate
 from .losses import Loss, loss_named
 from .make_estimate import RANK, scales
 from .weighting import Prior, Weighting, prior_rows, weighting
@@ -20,7 +20,7 @@ Residuals = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 STEP = 1e-13  # the norm of a full step in units of the scales: the iteration has arrived
 ROUNDING = 1e-8  # likewise: a step that the rounding of the residuals alone may ask for
-LEVEL = 1e-5  # cosine of the residuals with the slopes: below, the cost is level to 1e-10 and cannot judge a step
+LEVEL = 1e-5  # cosine of the residuals with the derivatives: below, the cost is level to 1e-10 and cannot judge a step
 # damping begins below what the data tell least, or weak directions would creep; all relative to the largest
 DAMPING, EASIER, HARDER, STUCK = 0.1, 0.1, 10.0, 1e16
 QUIET = 1e-3  # a full step that changes the cost by less than this part is taken undamped
@@ -28,7 +28,8 @@ QUIET = 1e-3  # a full step that changes the cost by less than this part is take
 
 @dataclass(frozen=True, eq=False)
 class Descent:
-    """Where the iteration ended: x (n,), whitened residuals and slopes there, and how it went (`status`, `message`)."""
+    """Where the iteration ended: x (n,), whitened residuals and derivatives there, and how it went (`status`,
+    `message`)."""
 
     x: np.ndarray
     r: np.ndarray
@@ -75,7 +76,7 @@ def nonlinear_fit(
         raise ArgumentError(f"{len(names)} names for {len(x)} starting values; give one each")
     r, J = residuals(x)
     if J.shape != (len(r), len(x)):
-        raise ArgumentError(f"the slopes have the shape {J.shape}; expected ({len(r)}, {len(x)})")
+        raise ArgumentError(f"the derivatives have the shape {J.shape}; expected ({len(r)}, {len(x)})")
     w = weighting(len(r), sigma=sigma, weights=weights, covariance=covariance)
     if priors and not w.known:
         raise ArgumentError("priors need the size of the noise to be weighed against: give sigma or covariance")
@@ -85,7 +86,7 @@ def nonlinear_fit(
                 limit=limit)  # fmt: skip
     if not d.status.ok:
         return NonlinearFit(**vars(d))
-    told = conclude(
+    told = make_estimate(
         d.x, d.r, d.J, names, size, np.ones(len(x), bool), P, w.known, units=tuple(units),
         hold_undetermined=hold_undetermined, rank_tolerance=rank_tolerance,
     )  # fmt: skip
@@ -131,7 +132,7 @@ def descend(
     r, J, cost = at(x)
     damping, before, iterations, evaluations = 0.0, np.inf, 0, 1
     if not (np.isfinite(cost) and np.all(np.isfinite(J))):
-        return ended(SolveStatus.NOT_FINITE, "the residuals or their slopes are not finite at the start")
+        return ended(SolveStatus.NOT_FINITE, "the residuals or their derivatives are not finite at the start")
     while iterations < limit:
         if stop is not None and stop():
             return ended(SolveStatus.INTERRUPTED, f"stopped after {iterations} iterations; the best parameters so far")
@@ -170,6 +171,6 @@ def descend(
             damping = max(damping * HARDER, least)
             if damping > STUCK:
                 return ended(
-                    SolveStatus.FAILED, "no step along the gradient lowers the residuals; are the slopes right?"
+                    SolveStatus.FAILED, "no step along the gradient lowers the residuals; are the derivatives right?"
                 )
     return ended(SolveStatus.ITERATION_LIMIT, f"no end after {limit} iterations; start nearer, or scale the parameters")

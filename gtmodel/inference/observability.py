@@ -11,7 +11,7 @@ from ..results.refusal import ArgumentError
 
 @dataclass(frozen=True)
 class Observability:
-    """Indices of the scaled slopes with singular values s1 >= .. >= sr, r of them, and n poses.
+    """Indices of the scaled derivatives with singular values s1 >= .. >= sr, r of them, and n poses.
 
     o1 = (s1 .. sr)^(1/r) / sqrt(n), o2 = sr / s1, o3 = sr, o4 = sr^2 / s1 (noise amplification; eq. (5.14) of Dressler
     2012 is misprinted), o5 = 1 / sum(1 / si). `scaling` says what columns and rows were divided by.

@@ -71,8 +71,8 @@ def _linear(at: ca.SX, values: ca.SX) -> list[list[ca.SX]]:
     """Per piece: where it begins, value there, slope. The end pieces go on for ever."""
     n = at.numel()
     rows = [values[k, :].T for k in range(n)]
-    slopes = [(rows[k + 1] - rows[k]) / (at[k + 1] - at[k]) for k in range(n - 1)]
-    return [[at[k] for k in range(n - 1)], rows[: n - 1], slopes]
+    jacobian = [(rows[k + 1] - rows[k]) / (at[k + 1] - at[k]) for k in range(n - 1)]
+    return [[at[k] for k in range(n - 1)], rows[: n - 1], jacobian]
 
 
 def _cubic(at: ca.SX, values: ca.SX) -> list[list[ca.SX]]:

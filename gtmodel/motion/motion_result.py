@@ -12,8 +12,8 @@ from ..optimize import Solution
 from ..optimize.judgement.resimulate import Resimulation, resimulate
 from ..results import Check, Trajectory, at_most
 from ..results.check import failed_of
+from .constraints import MARGIN_TOLERANCE
 from .finer_mesh import finer_mesh, refined
-from .guard import MARGIN_TOLERANCE
 from .path_parametrization import sampled
 from .planning import Plan
 from .problem import MotionProblem
@@ -25,9 +25,9 @@ END_ERROR_BOUND_M = 5e-3
 FINER = "use more mesh.elements"
 FORCE_TOLERANCE = 1e-9  # relative: the exported force keeps its limit at every instant
 SATURATED = 0.99  # of its limit: a motor is at it
-ROADS_AGREE = 1e-3  # relative: of the final time along a path, by collocation and by squared speeds
+CROSS_CHECK_TOLERANCE = 1e-3  # relative: of the final time along a path, by collocation and by squared speeds
 MOST_INTERVALS = 3200
-SECOND_ROAD_INTERVALS = 400  # 5e-7 of the time on a line
+CROSS_CHECK_INTERVALS = 400  # 5e-7 of the time on a line
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,7 +92,7 @@ def on_this_mesh(plan: Plan, search: Search, solution: Solution, optima: list[fl
         return NotFound(solution=solution, lead=f"the optimum cannot be re-simulated: {tried.message}; ")
     second = None
     if plan.path is not None and not plan.smooth:
-        motion, second = plan.followed(search.work), plan.second_road(SECOND_ROAD_INTERVALS)
+        motion, second = plan.followed(search.work), plan.cross_check(CROSS_CHECK_INTERVALS)
         search.iterations += motion.iterations
         if not motion.status.converged:
             lead = f"the optimum was found, but not the exportable motion: {motion.message}; "
@@ -225,7 +225,7 @@ def _checks(
     if margins := margins_of(plan, exported):
         checks["exported_excess"] = at_most(max(0.0, -min(margins.values())), MARGIN_TOLERANCE, FINER)
     if second is not None and problem.cost.energy == 0.0:
-        checks["roads_apart"] = at_most(abs(second / solution.final_time - 1), ROADS_AGREE, FINER)
+        checks["cross_check_difference"] = at_most(abs(second / solution.final_time - 1), CROSS_CHECK_TOLERANCE, FINER)
     return checks
 
 

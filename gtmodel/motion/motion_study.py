@@ -17,8 +17,8 @@ from ..results.check import failed_of
 from ..results.door import study_function
 from ..results.options import Long
 from ..results.work import Progress, never, silent
+from .constraints import clearances
 from .finer_mesh import how, told
-from .guard import clearances
 from .motion_result import Found, NotFound, energy_of, margins_of, on_finer_meshes, on_this_mesh, short_names
 from .options import Cost, End, Export, Limits, Mesh, Shape, Solver, Starts
 from .planning import Plan, plan_of
@@ -69,7 +69,7 @@ class MotionStudy(Study):
     path_length: Annotated[
         float | None, Quantity("m", "length of the path to follow; null for a free motion")
     ] = None  # fmt: skip
-    second_road_time: Annotated[
+    cross_check_time: Annotated[
         float | None,
         Quantity("s", "final time along the path with squared speeds as unknowns; null without a path"),
     ] = None
@@ -125,8 +125,8 @@ class MotionStudy(Study):
         ]
         if self.asked.starts.count:
             rows += [Row(f"optimum {n}: cost", cost) for n, cost in enumerate(self.optima or (), 1)]
-        if self.second_road_time is not None:
-            rows.append(Row("optimum: final time by squared speeds", self.second_road_time, "s"))
+        if self.cross_check_time is not None:
+            rows.append(Row("optimum: final time by squared speeds", self.cross_check_time, "s"))
         if self.asked.mesh.control != "constant":
             rows.append(Row("optimum: largest force between its points", self.peak_force_between_nodes, "N"))
         if self.elements != self.asked.mesh.elements:
@@ -215,7 +215,7 @@ def solved(problem: MotionProblem, work: Work, earlier: Trajectory | None = None
     if trouble:
         told_of.append(trouble)
     finer = told(problem.mesh.elements, found.plan.problem.mesh.elements, failed)
-    return _concluded(problem, found, search.iterations, finer, told_of)
+    return _study_of(problem, found, search.iterations, finer, told_of)
 
 
 def _different(solutions: list[Solution]) -> list[float]:
@@ -240,7 +240,7 @@ def _failed(search: Search, missed: NotFound) -> MotionStudy:
     )
 
 
-def _concluded(asked: MotionProblem, found: Found, iterations: int, finer: str, more: list[str]) -> MotionStudy:
+def _study_of(asked: MotionProblem, found: Found, iterations: int, finer: str, more: list[str]) -> MotionStudy:
     """finer: what is to be said of a refined mesh. more: further sentences of the message."""
     plan, solution, exported = found.plan, found.solution, found.exported
     problem = plan.problem
@@ -270,7 +270,7 @@ def _concluded(asked: MotionProblem, found: Found, iterations: int, finer: str, 
         elements=problem.mesh.elements,
         attempt_iterations=solution.iterations,
         path_length=plan.path.length if plan.path is not None else None,
-        second_road_time=found.second,
+        cross_check_time=found.second,
         exported_final_time=exported.final_time,
         exported_energy=exported.energy,
         exported_end_error=exported.end_error,

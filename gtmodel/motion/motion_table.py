@@ -129,10 +129,10 @@ def table_study(
         done.append(solved(row.problem, work))
         if not done[-1].status.converged:
             break
-    return _concluded(rows, done, title)
+    return _study_of(rows, done, title)
 
 
-def _concluded(rows: Sequence[TableRow], done: list[MotionStudy], title: str) -> MotionTable:
+def _study_of(rows: Sequence[TableRow], done: list[MotionStudy], title: str) -> MotionTable:
     first, last = done[0], done[-1]
     entries = []
     for row, s in zip(rows, done, strict=False):

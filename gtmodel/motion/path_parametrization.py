@@ -14,7 +14,7 @@ from ..optimize.path import PathMotion, solve_path
 from ..optimize.watch import Progress
 from ..results import SolveStatus, Status, Trajectory
 from ..robots.links import link_names
-from .guard import Guard
+from .constraints import MotionConstraints
 from .guesses import trapezoid
 from .links import along_guideways, link_ends
 from .path_rows import task_along
@@ -28,11 +28,11 @@ DEGREE = 5  # of the polynomial that stands for a force within one interval when
 
 
 @dataclass(frozen=True, eq=False)
-class Follower:
+class PathParametrization:
     """The robot of a problem, which follows a path within its limits and further margins."""
 
     problem: MotionProblem
-    guard: Guard
+    guard: MotionConstraints
     path: Path
 
     def trouble(self, samples: int = 401) -> str:
@@ -134,7 +134,7 @@ def _base(name: str) -> str:
     return name.removeprefix("der(").partition(",")[0].rstrip(")")
 
 
-def motion_function(robot: Model, guard: Guard) -> CausalFunction:
+def motion_function(robot: Model, guard: MotionConstraints) -> CausalFunction:
     """(T, T', T'') -> forces, carts, their speeds and the guard's margins; one function for all questions."""
     p = guard.prefix
     names = [f"{p}tau", f"{p}q", f"der({p}q)", *(["margin"] if guard.margins else [])]
@@ -142,7 +142,7 @@ def motion_function(robot: Model, guard: Guard) -> CausalFunction:
 
 
 def sampled(
-    robot: Model, times: np.ndarray, T: np.ndarray, dT: np.ndarray, ddT: np.ndarray, guard: Guard
+    robot: Model, times: np.ndarray, T: np.ndarray, dT: np.ndarray, ddT: np.ndarray, guard: MotionConstraints
 ) -> Trajectory:
     """A TCP motion with carts, forces, links and margins, by inverse kinematics and dynamics."""
     p, f = guard.prefix, motion_function(robot, guard)

@@ -12,10 +12,10 @@ from ..compiler.causal import compile_causal, flat_of
 from ..optimize.path import PathMotion
 from ..results import ArgumentError, Status, Trajectory, Work
 from ..robots.links import link_names, links_of
-from .guard import Carrier, Guard, guard_of
+from .constraints import Carrier, MotionConstraints, guard_of
 from .guesses import bare_guess, bent_guess, line_guess, progress_of, trapezoid
 from .links import along_guideways, link_ends
-from .path_parametrization import Follower, motion_function
+from .path_parametrization import PathParametrization, motion_function
 from .paths import Path, path_of
 from .problem import MotionProblem
 from .search import Search
@@ -28,7 +28,7 @@ class Plan:
     """A checked problem: its margins and path, and the guess to start from."""
 
     problem: MotionProblem
-    guard: Guard
+    guard: MotionConstraints
     path: Path | None
     earlier: Trajectory | None
 
@@ -56,9 +56,9 @@ class Plan:
         return self.problem.order is not None
 
     @cached_property
-    def follower(self) -> Follower:
+    def follower(self) -> PathParametrization:
         assert self.path is not None
-        return Follower(self.problem, self.guard, self.path)
+        return PathParametrization(self.problem, self.guard, self.path)
 
     def search(self, work: Work) -> Search:
         """The search, from an earlier result or from the trapezoid along the line or the path."""
@@ -99,7 +99,7 @@ class Plan:
 
         return self.follower.within(self.problem.path.intervals, work.iterations("exporting"), work.seconds_left())
 
-    def second_road(self, intervals: int) -> float:
+    def cross_check(self, intervals: int) -> float:
         """The final time along the path by squared speeds, limits in the middles of the intervals [s]."""
         return self.follower.fastest(intervals, bounded="middle").final_time
 
@@ -163,7 +163,7 @@ def _check_reach(problem: MotionProblem) -> None:
             )
 
 
-def _check_statics(problem: MotionProblem, guard: Guard) -> None:
+def _check_statics(problem: MotionProblem, guard: MotionConstraints) -> None:
     """At both ends the robot can stand still, and keeps the limits that hold for positions."""
     limit = problem.limits.force
     for key, point in (("start.tcp", problem.begin), ("goal.tcp", problem.end)):

@@ -11,7 +11,7 @@ from ..compiler.causal import compile_causal
 from ..lang import Model
 from ..results import Trajectory
 from ..results.tables import csv_text
-from .guard import Guard
+from .constraints import MotionConstraints
 from .path_parametrization import sampled
 
 ROUND_OFF = 1e-9  # of sample times
@@ -24,7 +24,7 @@ def grid(final_time: float, step: float) -> np.ndarray:
 
 
 def at_rest(
-    robot: Model, guard: Guard, final_time: float, step: float, moving: Callable[[np.ndarray], Trajectory]
+    robot: Model, guard: MotionConstraints, final_time: float, step: float, moving: Callable[[np.ndarray], Trajectory]
 ) -> Trajectory:
     """The motion at multiples of `step` [s]; from its end on the robot stands where the motion ends."""
     times = grid(final_time, step)
@@ -38,7 +38,9 @@ def at_rest(
     return Trajectory(times, values, dict(COLUMNS))
 
 
-def between_rows(robot: Model, guard: Guard, order: int | None, run: Trajectory) -> Callable[[np.ndarray], Trajectory]:
+def between_rows(
+    robot: Model, guard: MotionConstraints, order: int | None, run: Trajectory
+) -> Callable[[np.ndarray], Trajectory]:
     """A re-simulated motion at any instant: cubic between its rows; the force is that of the row after the instant
     where forces are the control, constant per element, and the acceleration follows from it.
 

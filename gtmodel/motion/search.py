@@ -12,7 +12,7 @@ from ..lang import Optimization
 from ..optimize import Mesh, Solution, SolverOptions, solve as collocate
 from ..optimize.judgement.resimulate import Resimulation, resimulate
 from ..results import SolveStatus, Trajectory, Work
-from .guard import NO_GUARD, Guard
+from .constraints import NO_GUARD, MotionConstraints
 from .paths import Path
 from .problem import MotionProblem
 from .task import motion
@@ -44,7 +44,7 @@ class Search:
     work: Work
     guess: Trajectory | Solution
     bare: Trajectory
-    guard: Guard = NO_GUARD
+    guard: MotionConstraints = NO_GUARD
     path: Path | None = None
     iterations: int = 0
     started: int = field(default=0, init=False)

@@ -6,7 +6,7 @@ from typing import Any
 
 from .. import lang as gt
 from ..robots.links import links_of
-from .guard import NO_GUARD, Guard
+from .constraints import NO_GUARD, MotionConstraints
 from .guesses import GUESS_TIME_S
 from .paths import Path
 from .problem import MotionProblem
@@ -15,7 +15,7 @@ SHORTEST_TIME_S = 0.05  # a free final time needs a lower bound; no motion of th
 
 
 def motion(
-    problem: MotionProblem, guard: Guard = NO_GUARD, path: Path | None = None, *, guarded: bool = False
+    problem: MotionProblem, guard: MotionConstraints = NO_GUARD, path: Path | None = None, *, guarded: bool = False
 ) -> gt.Optimization:
     """The optimal motion as an Optimization, within the margins of `guard` and along `path`, or free; guarded: with the
     bound that keeps links off the edge of reach.

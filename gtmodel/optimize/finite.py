@@ -29,9 +29,9 @@ def not_finite(nlp: Nlp, x: np.ndarray) -> str:
     arguments = problem.arguments
     steps, symbols, values = _computed(nlp)
     everything = ca.Function("computed", arguments, [values, ca.jacobian(values, ca.vertcat(*arguments[:3])).nz[:]])
-    numbers, slopes = on_rows(everything, (xs, rates, us), P, times)
+    numbers, jacobian = on_rows(everything, (xs, rates, us), P, times)
     for infinite_slope in (False, True):
-        table = slopes if infinite_slope else numbers
+        table = jacobian if infinite_slope else numbers
         bad = np.flatnonzero(~np.all(np.isfinite(table), axis=0))
         if not bad.size:
             continue

@@ -216,8 +216,10 @@ def _sized(row: Row) -> Row:
     unknowns = ca.vertcat(*ca.symvar(row.expression))
     if row.scale != 1.0 or not unknowns.numel():
         return row
-    slopes = np.abs(ca.Function("slopes", [unknowns], [ca.densify(ca.gradient(row.expression, unknowns))])(1.0).full())
-    scale = scale_of(float(np.max(np.where(np.isfinite(slopes), slopes, 0.0))))
+    jacobian = np.abs(
+        ca.Function("derivatives", [unknowns], [ca.densify(ca.gradient(row.expression, unknowns))])(1.0).full()
+    )
+    scale = scale_of(float(np.max(np.where(np.isfinite(jacobian), jacobian, 0.0))))
     return replace(row, expression=row.expression / scale, low=row.low / scale, high=row.high / scale, scale=scale)
 
 

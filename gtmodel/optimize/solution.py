@@ -242,8 +242,8 @@ def states_and_controls(
 
 
 def evaluate(nlp: Nlp, x: np.ndarray, s: np.ndarray) -> Trajectory:
-    """All top-level names at fractions s: states and controls by their polynomials; off the collocation points slopes
-    of states and algebraic variables by the model's equations, where these give a number there."""
+    """All top-level names at fractions s: states and controls by their polynomials; off the collocation points
+    derivatives of states and algebraic variables by the model's equations, where these give a number there."""
     problem, P = nlp.problem, constants(nlp, x)
     xs, rates, us, times = states_and_controls(nlp, x, s)
     off = np.flatnonzero(~at_points(placed(nlp, x), s))

@@ -82,7 +82,7 @@ def basis_slope(nodes: np.ndarray, at: np.ndarray) -> np.ndarray:
     """Derivatives (len(at), len(nodes)) of the Lagrange polynomials, by the product rule."""
     at = np.asarray(at, float)
     n = len(nodes)
-    slopes = np.zeros((len(at), n))
+    jacobian = np.zeros((len(at), n))
     for j in range(n):
         for m in range(n):
             if m == j:
@@ -91,5 +91,5 @@ def basis_slope(nodes: np.ndarray, at: np.ndarray) -> np.ndarray:
             for k in range(n):
                 if k not in (j, m):
                     term *= (at - nodes[k]) / (nodes[j] - nodes[k])
-            slopes[:, j] += term
-    return slopes
+            jacobian[:, j] += term
+    return jacobian

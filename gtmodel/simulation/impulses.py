@@ -11,7 +11,7 @@ from .inputs import Inputs
 AT_REST = 1e-3
 
 
-def refuse_impulses(inputs: Inputs, needed: Sequence[tuple[int, int]], start: float, end: float) -> None:
+def refuse_impulsive_inputs(inputs: Inputs, needed: Sequence[tuple[int, int]], start: float, end: float) -> None:
     """Raises ModelError for a table whose end inside the run makes a derivative jump that another one is needed of.
 
     needed: (index, order) of the derivatives that the model reads.

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import casadi as ca
 
-from ..compiler.analysis.nonsmooth import has_kinks, kinked_in
+from ..compiler.analysis.nonsmooth import is_nonsmooth, kinked_in
 from ..compiler.flat import FlatModel
 from ..lang.source import ModelError
 
 
-def refuse_jumps(flat: FlatModel) -> None:
+def refuse_discontinuities(flat: FlatModel) -> None:
     """Raises ModelError, with file and line, for an equation that holds sign() of something that moves."""
-    if not has_kinks(flat):
+    if not is_nonsmooth(flat):
         return
     fixed = {q.symbol.element_hash() for q in flat.parameters}
     residuals = [e.residual for e in flat.equations]

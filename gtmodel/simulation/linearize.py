@@ -16,7 +16,7 @@ from ..lang.model import Model
 from ..lang.source import ModelError
 from .arguments import by_name, names, numbers
 from .inputs import Inputs
-from .jumps import refuse_jumps
+from .jumps import refuse_discontinuities
 from .systems import Systems
 
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ def linearize(
     Raises ModelError for a wrong name, an input whose derivative is needed, sign() of a variable, or a singular point.
     """
     flat = flat_of(model)
-    refuse_jumps(flat)
+    refuse_discontinuities(flat)
     start, input_values = by_name("start", start), by_name("input_values", input_values)
     prefer = names("prefer", prefer)
     known = _inputs(flat, names("inputs", inputs))

@@ -18,9 +18,9 @@ from ..lang.source import ModelError
 from ..results.status import SolveStatus
 from .advance import Course, Ended
 from .arguments import by_name, longest_step, names, number, output_step, span
-from .impulses import refuse_impulses
+from .impulses import refuse_impulsive_inputs
 from .inputs import Inputs, read_inputs
-from .jumps import refuse_jumps
+from .jumps import refuse_discontinuities
 from .record import Recorder
 from .resolution import resolution, unresolved
 from .result import NotSimulated, Progress, Simulation
@@ -86,7 +86,7 @@ def simulate(
         return prepare(model, inputs, start, start_time, outputs, prefer, tolerance, method, bounded)
 
     ready = prepared(tolerance)
-    refuse_impulses(ready.inputs, ready.system.plan.inputs, start_time, final_time)
+    refuse_impulsive_inputs(ready.inputs, ready.system.plan.inputs, start_time, final_time)
     rows = _rows(start_time, final_time, step)
     # roots are watched from one time to the next: as often as rows are recorded by default
     watched = (final_time - start_time) / OUTPUT_STEPS if ready.system.roots else np.inf
@@ -169,7 +169,7 @@ def prepare(
     flat = flat_of(model)
     if not flat.variables:
         raise ModelError(f"{flat.title} declares no variable; there is nothing to simulate")
-    refuse_jumps(flat)
+    refuse_discontinuities(flat)
     given = read_inputs(flat, inputs)
     recorder = Recorder(flat, outputs)
     preferred = [i for name in prefer for i in flat.lookup(name)[1]]

@@ -111,7 +111,7 @@ def simulation_study(
         model, final_time, inputs=inputs, start=start, step=step, max_step=max_step, outputs=outputs, prefer=prefer,
         tolerance=tolerance, method=method, progress=told, throw=False,
     )  # fmt: skip
-    return _concluded(found, title)
+    return _study_of(found, title)
 
 
 def refuse_unknown(model: Model, **lists: Mapping[str, Any] | Sequence[str]) -> None:
@@ -134,7 +134,7 @@ def _refuse_steps(final_time: float, step: float | None, max_step: float | None)
             raise ArgumentError(f"{value:g} s is too short: the run has at most {most} of them", argument)
 
 
-def _concluded(found: Simulation, title: str) -> SimulationStudy:
+def _study_of(found: Simulation, title: str) -> SimulationStudy:
     recorded = found.trajectory
     whole = found.status.converged  # its failed checks are the study's
     if not found.status.ok:

@@ -24,10 +24,10 @@ Pair = tuple[int, int]
 
 @dataclass(frozen=True, eq=False)
 class Branch:
-    """A plan for one choice of states, with the signs of its roots; `slopes` tell the signs at any point."""
+    """A plan for one choice of states, with the signs of its roots; `derivatives` tell the signs at any point."""
 
     plan: Plan
-    slopes: ca.Function
+    jacobian: ca.Function
     signs: tuple[int, ...]
 
 
@@ -92,7 +92,7 @@ class Systems:
         if choice is None:
             return None
         known = self._branches.setdefault(choice, [])
-        branch = next((b for b in known if _signs(b.slopes, w, time) == b.signs), None)
+        branch = next((b for b in known if _signs(b.jacobian, w, time) == b.signs), None)
         if branch is None:
             branch = self._branch(self.watch.states(choice), w, time)
             known.append(branch)
@@ -119,8 +119,8 @@ class Systems:
         roots = [r for b in plan.blocks for r in b.roots]
         column = ca.vertcat(*[r.slope for r in roots]) if roots else ca.SX(0, 1)
         folded = ca.substitute(column, self._flat.p, self._fold) if self._flat.parameters else column
-        slopes = ca.Function("slopes", [plan.sampler.w, self._flat.scope.time], [folded])
-        return Branch(plan, slopes, tuple(root.value for root in roots))
+        jacobian = ca.Function("derivatives", [plan.sampler.w, self._flat.scope.time], [folded])
+        return Branch(plan, jacobian, tuple(root.value for root in roots))
 
     def _first_plan(self, targets: list[Pair]) -> Plan:
         given = set(self._inputs.known)
@@ -146,5 +146,5 @@ class Systems:
         return make_plan(self._flat, self._inputs.known, targets, prefer, rates=rates, fold=self._fold, at=at)
 
 
-def _signs(slopes: ca.Function, w: np.ndarray, time: float) -> tuple[int, ...]:
-    return tuple(1 if s >= 0 else -1 for s in np.asarray(slopes(w, time).full()).reshape(-1))
+def _signs(jacobian: ca.Function, w: np.ndarray, time: float) -> tuple[int, ...]:
+    return tuple(1 if s >= 0 else -1 for s in np.asarray(jacobian(w, time).full()).reshape(-1))

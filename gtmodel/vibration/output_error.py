@@ -102,10 +102,10 @@ def output_error(
         found = dict(zip("MDK", packing.unpack(x), strict=True))
         return np.array([found[X][i, j] for X, i, j in packing.entries])
 
-    slopes = central(flat, fit.x)
+    jacobian = central(flat, fit.x)
     e = fit.estimate
     estimate = Estimate(
-        tuple(names), flat(fit.x), slopes @ e.covariance @ slopes.T, e.freedom, e.noise, e.known_noise, e.residuals,
+        tuple(names), flat(fit.x), jacobian @ e.covariance @ jacobian.T, e.freedom, e.noise, e.known_noise, e.residuals,
         (), units=tuple({"M": "kg", "D": "N.s/m", "K": "N/m"}[X] for X, _, _ in packing.entries),
     )  # fmt: skip
     M, D, K = packing.unpack(fit.x)
@@ -118,7 +118,7 @@ def output_error(
 
 
 def central(function: Callable[[np.ndarray], np.ndarray], x: np.ndarray, step: float = SLOPE) -> np.ndarray:
-    """Slopes (rows, n) of a function of x (n,) by central differences of a relative step (of 1 where x is 0)."""
+    """Derivatives (rows, n) of a function of x (n,) by central differences of a relative step (of 1 where x is 0)."""
     found = []
     for k in range(len(x)):
         e = np.zeros(len(x))
@@ -128,7 +128,7 @@ def central(function: Callable[[np.ndarray], np.ndarray], x: np.ndarray, step: f
 
 
 def too_far(rows: int, n: int) -> tuple[np.ndarray, np.ndarray]:
-    """Residuals and slopes of a trial far off: the iteration takes a shorter step."""
+    """Residuals and derivatives of a trial far off: the iteration takes a shorter step."""
     return np.full(rows, np.inf), np.full((rows, n), np.inf)
 
 

@@ -63,7 +63,7 @@ def test_lengths_and_squares_are_those_written_by_hand(kind):
 @pytest.mark.parametrize("kind", ["three_link", "six_link", "f1"])
 def test_slopes_are_those_of_finite_differences(kind):
     problem = prepare(true_robot(kind), Measurements(poses(kind, 5)))
-    x, J = problem.unknowns.start, problem.slopes()
+    x, J = problem.unknowns.start, problem.jacobian()
     rng = np.random.default_rng(0)
     for _ in range(4):  # a wrong entry shows in almost every direction
         way, step = rng.standard_normal(len(x)), 1e-6
@@ -96,4 +96,4 @@ def test_the_order_in_which_signals_are_named_changes_nothing():
     once = prepare(true_robot("three_link"), Measurements(data), Choice())
     other = prepare(true_robot("three_link"), Measurements(dict(reversed(data.items()))), Choice())
     assert once.unknowns.names == other.unknowns.names
-    assert np.array_equal(once.slopes(), other.slopes())
+    assert np.array_equal(once.jacobian(), other.jacobian())

@@ -22,7 +22,7 @@ from gtmodel.calibrate import (
     closure_equations,
     prepare,
 )
-from gtmodel.calibrate.measured.misreading import misreading
+from gtmodel.calibrate.measured.misread_columns import misread_columns
 from gtmodel.compiler.causal import flat_of
 from gtmodel.inference import Prior
 from tests.calibrate.hexapod import (
@@ -111,7 +111,7 @@ def test_one_recording_tells_all_48_parameters_in_the_capture_frame():
     told = prepare(hexapod(), measured(FIRST), actuators="n").identifiability(calibrate(capture()).x)
     assert len(told.names) == told.rank == 48
     assert {told.ranks[t] for t in (1e-12, 1e-8, 1e-4)} == {48}
-    J = capture().slopes(fitted().x).reshape(-1, 48)
+    J = capture().jacobian(fitted().x).reshape(-1, 48)
     assert 150 < np.linalg.cond(J / np.linalg.norm(J, axis=0)) < 250
     framed = prepare(hexapod(), measured(FIRST, poses=FRAMES), actuators="n").identifiability()
     assert len(framed.names) == 60 and framed.redundant == 12  # two frames that the joints could make good
@@ -211,7 +211,7 @@ def read_right():
     """Synthetic legs, and their problem, in which nothing is misread."""
     data = synthetic(disturbed(hexapod(), LEGS, 2e-3, 4), 40, 5)
     p = prepare(hexapod(), Measurements(data, poses=FRAMES), aligned(), actuators="n")
-    assert misreading(p, ["T"]) is None
+    assert misread_columns(p, ["T"]) is None
     return data, p
 
 
@@ -219,7 +219,7 @@ def read_right():
 def test_legs_in_another_order_are_recognised_in_one_sentence(order, read_right):
     data, p = read_right
     wrong = Measurements(data | {"n": data["n"][:, order]}, poses=FRAMES)
-    sentence = misreading(p.on(wrong), ["T"])
+    sentence = misread_columns(p.on(wrong), ["T"])
     moved = [k for k in range(6) if order[k] != k]
     meant = [order.index(k) for k in moved]
     assert sentence is not None and sentence.count(". ") == 0
@@ -231,10 +231,10 @@ def test_legs_in_another_order_are_recognised_in_one_sentence(order, read_right)
 @pytest.mark.parametrize(("name", "order"), [(FIRST, (0, 2, 1, 3, 4, 5)), (SECOND, (1, 2, 3, 4, 5, 0))])
 def test_measured_legs_in_another_order_are_recognised(name, order):
     p = prepare(hexapod(), measured(name, poses=FRAMES), aligned(), actuators="n")
-    assert misreading(p, ["T"]) is None
+    assert misread_columns(p, ["T"]) is None
     wrong = p.on(Measurements(recording(name) | {"n": recording(name)["n"][:, order]}, NOISE, poses=FRAMES))
     moved = [k for k in range(6) if order[k] != k]
-    said = str(misreading(wrong, ["T"]))
+    said = str(misread_columns(wrong, ["T"]))
     assert f"n[{moved[0]}], n[{moved[1]}]" in said
     assert f"read as {', '.join(f'n[{order.index(k)}]' for k in moved)}" in said
 
@@ -242,7 +242,7 @@ def test_measured_legs_in_another_order_are_recognised(name, order):
 def test_a_quaternion_with_its_scalar_last_is_recognised(read_right):
     data, p = read_right
     wrong = p.on(Measurements(data | {"e": np.roll(data["e"], -1, axis=1)}, poses=FRAMES))
-    assert str(misreading(wrong, ["T"])).startswith("'e' looks written with its scalar last: links miss by ")
+    assert str(misread_columns(wrong, ["T"])).startswith("'e' looks written with its scalar last: links miss by ")
 
 
 @present
@@ -250,6 +250,6 @@ def test_a_quaternion_with_its_scalar_last_is_recognised(read_right):
 def test_millimetres_for_metres_are_recognised(factor, text):
     p = prepare(hexapod(), measured(FIRST, poses=FRAMES), aligned(), actuators="n")
     wrong = p.on(Measurements(recording(FIRST) | {"T": factor * recording(FIRST)["T"]}, NOISE, poses=FRAMES))
-    sentence = str(misreading(wrong, ["T"]))
+    sentence = str(misread_columns(wrong, ["T"]))
     assert sentence.startswith(f"'T' looks {text}: links miss by ")
     assert ("millimetres" if factor > 1 else "in metres") in sentence

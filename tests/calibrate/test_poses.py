@@ -53,7 +53,7 @@ def test_information_and_positioning_are_those_written_out():
     expected = sum(j.T @ np.linalg.solve(b @ b.T, j) for j, b in zip(J, B, strict=True)) / 4e-10
     found = sum(r.T @ r for r in info.rows) / np.outer(info.sizes, info.sizes)
     np.testing.assert_allclose(found, expected, rtol=1e-7, atol=1e-7 * np.abs(expected).max())
-    np.testing.assert_allclose(positioning(problem(T, {})).slopes, -np.linalg.solve(B, J), atol=ROUNDING)
+    np.testing.assert_allclose(positioning(problem(T, {})).jacobian, -np.linalg.solve(B, J), atol=ROUNDING)
     C = info.covariance()
     np.testing.assert_allclose(C @ expected, np.eye(21), atol=1e-5)
     e = positioning(problem(T, {})).errors(info)
@@ -152,7 +152,7 @@ def _compared(runs: int, whole_only: bool) -> tuple[np.ndarray, np.ndarray]:
     errors = np.array(monte_carlo(one, runs, SEED, processes=0 if whole_only else None).results)
     info, target = pose_information(thirty()), workspace()
     C = info.covariance()
-    moved = np.einsum("mij,kj->kmi", target.slopes, errors)
+    moved = np.einsum("mij,kj->kmi", target.jacobian, errors)
     if whole_only:
         size = np.sqrt(np.mean(np.sum(errors * np.linalg.solve(C, errors.T).T, axis=1) / 21))
         return np.array([size, np.sqrt(np.mean(np.sum(moved**2, axis=2)))]), np.array([1.0, target.errors(info).rms])

@@ -84,7 +84,7 @@ def with_drift(rng: np.random.Generator, k: int, number: int) -> tuple[Estimate,
     q, T = placed(number, grid=True)
     c = fit(Measurements({"q": q, "T": T + size * e}), grid=True)
     assert c.estimate is not None
-    J, moves = c.problem.slopes(c.x), np.zeros((number, len(c.x)))
+    J, moves = c.problem.jacobian(c.x), np.zeros((number, len(c.x)))
     for i in range(3):
         columns = np.flatnonzero(np.any(J[:, i] != 0, axis=0))
         moves[:, columns] = c.residuals[:, [i]] * np.linalg.pinv(J[:, i][:, columns]).T

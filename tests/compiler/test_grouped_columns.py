@@ -7,7 +7,7 @@ import pytest
 from gtmodel.compiler.rows import BLOCK, GROUP, SMALL, map_columns
 
 
-def length_and_slopes(operations: int) -> ca.Function:
+def length_and_derivatives(operations: int) -> ca.Function:
     d, x = ca.SX.sym("d", 2), ca.SX.sym("x", 3)
     r = ca.sqrt(ca.dot(d, d) + x[0] ** 2) - x[1] * ca.sin(x[2])
     for _ in range(operations):
@@ -18,7 +18,7 @@ def length_and_slopes(operations: int) -> ca.Function:
 @pytest.mark.parametrize("operations", [0, SMALL])
 @pytest.mark.parametrize("n", [1, GROUP - 1, GROUP, GROUP + 1, BLOCK, 2 * BLOCK + 3 * GROUP + 5])
 def test_kept_functions_give_the_same_numbers(n, operations):
-    f = length_and_slopes(operations)
+    f = length_and_derivatives(operations)
     rng = np.random.default_rng(n)
     columns = [rng.standard_normal((2, n)), rng.standard_normal((3, n))]
     made: dict[int, ca.Function] = {}

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import gtmodel as gt
-from gtmodel.compiler.analysis.nonsmooth import has_kinks
+from gtmodel.compiler.analysis.nonsmooth import is_nonsmooth
 from gtmodel.compiler.causal import flat_of
 
 
@@ -66,5 +66,5 @@ def test_known_values_inside_cost_nothing():
 
 
 def test_models_without_them_are_told_at_once():
-    assert has_kinks(flat_of(Sign()))
-    assert not has_kinks(flat_of(gt.robots.gantry_tau("l1_tape")))
+    assert is_nonsmooth(flat_of(Sign()))
+    assert not is_nonsmooth(flat_of(gt.robots.gantry_tau("l1_tape")))

@@ -1,4 +1,4 @@
-"""Rank, words and indices of slopes that are made so that the answer is known."""
+"""Rank, words and indices of derivatives that are made so that the answer is known."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ from gtmodel.inference import dependencies, identifiability, observability
 NAMES = ("A_2.x", "A_2.y", "A_2a.y", "A_2b.y", "L", "v_1")
 
 
-def slopes(rows: int = 30, seed: int = 7) -> np.ndarray:
+def jacobian(rows: int = 30, seed: int = 7) -> np.ndarray:
     """A_2b.y = A_2.y + 2 A_2a.y, and v_1 moves nothing."""
     J = np.random.default_rng(seed).standard_normal((rows, 6))
     J[:, 3] = J[:, 1] + 2 * J[:, 2]
@@ -18,7 +18,7 @@ def slopes(rows: int = 30, seed: int = 7) -> np.ndarray:
 
 
 def test_the_gauge_and_the_unseen_are_named():
-    found = identifiability(slopes(), NAMES, keep=("A_2.y", "A_2a.y"))
+    found = identifiability(jacobian(), NAMES, keep=("A_2.y", "A_2a.y"))
     assert found.rank == 4 and found.redundant == 2
     assert set(found.ranks.values()) == {4}
     said = found.sentences()
@@ -33,7 +33,7 @@ def test_the_gauge_and_the_unseen_are_named():
 
 
 def test_null_directions_leave_all_rows_alone():
-    J = slopes()
+    J = jacobian()
     found = identifiability(J, NAMES)
     for direction in found.null:
         v = np.array([direction.weights.get(n, 0.0) for n in NAMES])
@@ -44,7 +44,7 @@ def test_null_directions_leave_all_rows_alone():
 @given(st.permutations(range(6)), st.integers(0, 3))
 def test_the_order_of_columns_and_the_signs_of_rows_change_nothing(order, turned):
     """Property: names decide, neither places nor an orthogonal mixing of the rows, as another BLAS would make it."""
-    J = slopes()
+    J = jacobian()
     first = identifiability(J, NAMES, scale=np.ones(6))
     Q, _ = np.linalg.qr(np.random.default_rng(turned).standard_normal((30, 30)))
     names = tuple(NAMES[k] for k in order)
@@ -63,7 +63,7 @@ def test_ties_go_to_the_first_name():
 
 
 def test_dependencies_in_other_units_are_the_same():
-    J, f = slopes(), np.array([1, 1e3, 1, 1e-3, 1, 1])
+    J, f = jacobian(), np.array([1, 1e3, 1, 1e-3, 1, 1])
     once = dependencies(J, NAMES, keep=NAMES[:3])
     other = dependencies(J / f, NAMES, scale=f, keep=NAMES[:3])  # parameters p f, told in units of f
     expected = {n: c * f[NAMES.index(n)] / f[3] for n, c in once.coefficients["A_2b.y"].items()}
@@ -98,11 +98,11 @@ def test_observability_indices_by_hand():
 
 
 def test_wrong_slopes_get_a_sentence():
-    with pytest.raises(ValueError, match=r"the slopes have the shape \(30, 6\); expected \(rows, 2\)"):
-        identifiability(slopes(), "ab")
+    with pytest.raises(ValueError, match=r"the derivatives have the shape \(30, 6\); expected \(rows, 2\)"):
+        identifiability(jacobian(), "ab")
     with pytest.raises(ValueError, match="nothing measured moves"):
         identifiability(np.zeros((3, 2)), "ab")
-    with pytest.raises(ValueError, match="the slopes of 'b' are not finite"):
+    with pytest.raises(ValueError, match="the derivatives of 'b' are not finite"):
         identifiability([[1.0, np.nan]], "ab")
 
 

@@ -95,7 +95,7 @@ def test_ends_that_are_no_solution_are_a_status():
     stopped = nonlinear_fit(rosenbrock, [-1.9, 2.0], "xy", sigma=1.0, limit=3)
     assert stopped.status is SolveStatus.ITERATION_LIMIT and stopped.estimate is None
     wrong = nonlinear_fit(lambda p: (decay(p)[0], -decay(p)[1]), [1.0, 1.0, 0.0], "abc")
-    assert wrong.status is SolveStatus.FAILED and "slopes right" in wrong.message
+    assert wrong.status is SolveStatus.FAILED and "derivatives right" in wrong.message
 
 
 def test_wrong_arguments_get_a_sentence():

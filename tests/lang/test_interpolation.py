@@ -75,9 +75,9 @@ def test_it_goes_on_straight_beyond_the_points(method):
 
 
 def test_at_a_point_the_slope_is_that_of_the_piece_to_its_right():
-    slopes = np.diff(VALUES, axis=0) / np.diff(AT)[:, None]
+    jacobian = np.diff(VALUES, axis=0) / np.diff(AT)[:, None]
     found, rate = at(AT, "linear_slope", "der(linear)", **{"der(x)": 1.0})
-    assert np.max(np.abs(found - np.vstack([slopes, slopes[-1]]))) < 1e-12 * np.max(np.abs(slopes))
+    assert np.max(np.abs(found - np.vstack([jacobian, jacobian[-1]]))) < 1e-12 * np.max(np.abs(jacobian))
     assert np.array_equal(found, rate)  # one piece counts at its ends, not two
 
 
@@ -150,10 +150,10 @@ def test_points_close_together_leave_the_others_their_digits(method):
     assert np.all(status == gt.Status.OK)
     if method == "linear":
         expected = np.column_stack([np.interp(inside, x, y[:, k]) for k in range(3)])
-        slopes = (np.diff(y, axis=0) / np.diff(x)[:, None])[np.searchsorted(x, inside) - 1]
+        jacobian = (np.diff(y, axis=0) / np.diff(x)[:, None])[np.searchsorted(x, inside) - 1]
     else:
         spline = CubicSpline(x, y, bc_type="natural")
-        expected, slopes = spline(inside), spline(inside, 1)
+        expected, jacobian = spline(inside), spline(inside, 1)
     size = np.max(np.abs(expected), axis=1, keepdims=True)
     assert np.max(np.abs(found - expected) / size) < ROUND_OFF
-    assert np.max(np.abs(slope - slopes) / np.max(np.abs(slopes), axis=1, keepdims=True)) < ROUND_OFF
+    assert np.max(np.abs(slope - jacobian) / np.max(np.abs(jacobian), axis=1, keepdims=True)) < ROUND_OFF

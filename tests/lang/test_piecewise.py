@@ -59,9 +59,9 @@ def test_each_piece_has_all_its_digits(breaks, coefficients):
         def equations(self):
             yield self.y == gt.piecewise(self.x, breaks, coefficients)
 
-    slopes, values = np.array(coefficients)
+    jacobian, values = np.array(coefficients)
     middles = (breaks[1:] + breaks[:-1]) / 2
     found, status = Pieces().causal("x", "y")(middles)
     assert np.all(status == 0)
     # Horner in the order of the curve: not a digit is lost
-    assert np.array_equal(found, slopes * (middles - breaks[:-1]) + values)
+    assert np.array_equal(found, jacobian * (middles - breaks[:-1]) + values)

@@ -159,7 +159,7 @@ def test_limits_and_courses(changes: dict[str, Any]):
     """Ten elements: found, on the path, and within half a tenth of the motion by squared speeds."""
     o = studied(along(mesh=AxisMesh(10), **changes))
     assert o.status is SolveStatus.SOLVED and o.path_error is not None and o.path_error < SAME_PLACE
-    second = o.second_road_time
+    second = o.cross_check_time
     jerk = changes.get("limits") is not None and changes["limits"].tcp_jerk is not None
     assert (second is None) == jerk
     assert second is None or 0 <= (o.final_time or 0.0) / second - 1 < 0.05

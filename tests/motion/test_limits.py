@@ -8,7 +8,7 @@ import pytest
 import gtmodel as gt
 from gtmodel import SolveStatus
 from gtmodel.motion import JointCone, Limits, Line, Obstacle
-from gtmodel.motion.guard import clearance
+from gtmodel.motion.constraints import clearance
 from gtmodel.motion.motion_study import solved
 from gtmodel.motion.planning import plan_of
 from gtmodel.results import ArgumentError, Work
@@ -118,11 +118,11 @@ class TestLimits:
         o = outcome(path=Line(intervals=120), cost__energy=0.0, limits__tcp_velocity=0.7, mesh__elements=30)
         assert o.status is SolveStatus.SOLVED
         assert np.max(np.linalg.norm(o.trajectory["der(T)"], axis=1)) == pytest.approx(0.7, rel=1e-3)
-        assert o.second_road_time == pytest.approx(o.final_time, rel=2e-3)
+        assert o.cross_check_time == pytest.approx(o.final_time, rel=2e-3)
 
     def test_jerk_along_a_path(self):
         o = outcome(path=Line(), limits__tcp_jerk=60.0)
-        assert o.status is SolveStatus.SOLVED and o.second_road_time is None
+        assert o.status is SolveStatus.SOLVED and o.cross_check_time is None
         assert (1 - ACTIVE) * 60 < np.max(MAGNITUDES["tcp_jerk"][1](o.trajectory)) < (1 + KEPT) * 60
 
 

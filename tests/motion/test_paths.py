@@ -155,7 +155,7 @@ class TestLine:
         assert o.status is SolveStatus.SOLVED and o.message.startswith("solved and re-simulated")
         assert o.objective == pytest.approx(LINE, rel=PRINTED)
         assert o.iterations <= 40  # the optimum and the motion exported, at most 20 each
-        assert o.second_road_time == pytest.approx(LINE_BY_SPEEDS, rel=2 * PRINTED)
+        assert o.cross_check_time == pytest.approx(LINE_BY_SPEEDS, rel=2 * PRINTED)
 
     def test_exported_motion_stays_on_the_line_and_within_the_force(self):
         o = outcome()
@@ -181,7 +181,7 @@ class TestOtherPaths:
     def test_solved_by_two_roads(self, path):
         o = outcome(path, mesh__elements=30)
         assert o.status is SolveStatus.SOLVED
-        assert o.second_road_time == pytest.approx(o.final_time, rel=COARSE)
+        assert o.cross_check_time == pytest.approx(o.final_time, rel=COARSE)
         assert o.exported_peak_force <= 700.0 and o.exported_end_error < 1e-4
         assert o.path_length > np.linalg.norm(GOAL - START)
 

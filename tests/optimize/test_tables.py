@@ -87,9 +87,9 @@ class TestTable:
     def test_differentiation_is_exact_on_polynomials(self, scheme, count):
         t = table(scheme, count)
         for k in range(count + 1):
-            slopes = t.nodes**k @ t.derivative
+            jacobian = t.nodes**k @ t.derivative
             expected = k * t.points ** max(0, k - 1)
-            assert slopes == pytest.approx(expected, abs=SLOPE_ROUND_OFF)
+            assert jacobian == pytest.approx(expected, abs=SLOPE_ROUND_OFF)
 
     def test_end_row(self, scheme, count):
         t = table(scheme, count)

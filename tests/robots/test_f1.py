@@ -262,12 +262,12 @@ class TestDynamics:
         T, _, R = ok(*forward()(q))
         tau = ok(*robot().causal("q", "tau")(q, rest, rest))
         for n in range(len(q)):
-            slopes = [
+            jacobian = [
                 (by_hand.potential_energy(q[n] + s, *by_hand.pose(q[n] + s, T[n], R[n]))
                  - by_hand.potential_energy(q[n] - s, *by_hand.pose(q[n] - s, T[n], R[n]))) / (2 * step)
                 for s in step * np.eye(6)
             ]  # fmt: skip
-            assert relative_error(tau[n], slopes) < DIFFERENCES
+            assert relative_error(tau[n], jacobian) < DIFFERENCES
 
     def test_power_balance(self):
         # SI sizes of 1e3 W; the accelerations come out of a linear solve

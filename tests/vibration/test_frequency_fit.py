@@ -16,7 +16,7 @@ from gtmodel.vibration import (
     synthetic_hits,
     synthetic_receptance as made,
 )
-from gtmodel.vibration.dynamic_stiffness.frequency_modes import linear_start, log_slopes
+from gtmodel.vibration.dynamic_stiffness.frequency_modes import linear_start, log_derivatives
 
 M, C, K = 174.8, 4047.9, 2.79e6  # Cvitanic 2021, Table 16, test 2, x
 TRUE = {"m": M, "c": C, "k": K, "fn": float(np.sqrt(K / M)) / (2 * np.pi), "zeta": C / (2 * np.sqrt(K * M))}
@@ -58,8 +58,8 @@ def test_slopes_are_those_of_finite_differences() -> None:
     H = lambda t: receptance(s, *np.exp(t.reshape(-1, 3).T))  # noqa: E731
     h = 1e-6
     numeric = np.stack([(H(theta + h * e) - H(theta - h * e)) / (2 * h) for e in np.eye(6)], axis=1)
-    slopes = log_slopes(s, *np.exp(theta.reshape(-1, 3).T))
-    np.testing.assert_allclose(slopes, numeric, atol=1e-8 * np.abs(slopes).max())
+    jacobian = log_derivatives(s, *np.exp(theta.reshape(-1, 3).T))
+    np.testing.assert_allclose(jacobian, numeric, atol=1e-8 * np.abs(jacobian).max())
 
 
 def test_five_percent_of_noise_gives_half_to_two_percent() -> None:

@@ -32,7 +32,7 @@ from .column_checks import (
     swapped_axes,
     unit_sentence,
 )
-from .misreading import misreading
+from .misread_columns import misread_columns
 from .poses import SplitPoses
 
 MOST = 150  # poses that are looked at: enough to tell a metre from a millimetre
@@ -159,7 +159,7 @@ def exchanged_after(data: SplitPoses, prepared: Prepared, fitted: float, size: f
         # with nothing but the frames free no link can take up another's column, in whatever order they are
         own = [prepared.closure.flat.parameters[k].name for k in prepared.closure.touched]
         alone = prepare(prepared.closure.flat, prepared.measurements, Choice(fixed=own), actuators=prepared.actuators)
-        sentence = misreading(alone, columns=names)
+        sentence = misread_columns(alone, columns=names)
         if sentence is not None:
             return sentence
     m = data.fitted

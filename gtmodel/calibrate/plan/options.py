@@ -153,7 +153,7 @@ class Criteria(Options):
         "rms positioning error over the workspace that noise may cause",
     ] = 1e-4  # fmt: skip
     condition: Annotated[
-        float | None, Within(above=0.0), "greatest condition number of the slopes in units of the expected errors"
+        float | None, Within(above=0.0), "greatest condition number of the derivatives in units of the expected errors"
     ] = None  # fmt: skip
     noise_amplification: Annotated[
         float | None, Within(above=0.0),

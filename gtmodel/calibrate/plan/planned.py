@@ -110,7 +110,7 @@ def plan_study(
             status=SolveStatus.INTERRUPTED, title=title, **_known(plan), verdict="stopped before the end",
             figures=pictures(plan),
         )  # fmt: skip
-    return _concluded(plan)
+    return _study_of(plan)
 
 
 def _until_approved(plan: Plan, stop: Stop) -> None:
@@ -167,7 +167,7 @@ def _points(points: Sequence[Point]) -> list[dict[str, float]]:
     return [{"poses": p.poses, "predicted_error_m": p.rms, "greatest_m": p.greatest} for p in points]
 
 
-def _concluded(plan: Plan) -> PlanStudy:
+def _study_of(plan: Plan) -> PlanStudy:
     checks, title = checks_of(plan), plan.task.title
     failed = failed_of(checks)
     verdict = verdict_of(plan, list(failed))

@@ -40,7 +40,7 @@ class PlanStudy(Study):
         int | None, Quantity("", "how many of these they tell no better than they were known")
     ] = None  # fmt: skip
     condition: Annotated[
-        float | None, Quantity("", "condition number of the slopes, in expected errors per noise")
+        float | None, Quantity("", "condition number of the derivatives, in expected errors per noise")
     ] = None  # fmt: skip
     o1: Annotated[
         float | None,

@@ -77,7 +77,7 @@ class Plan:
 
     def each_simulated(self) -> Array:
         """The same over the simulated calibrations."""
-        moved = np.einsum("mij,kj->kmi", self.target.slopes, self.errors)
+        moved = np.einsum("mij,kj->kmi", self.target.jacobian, self.errors)
         return np.sqrt(np.mean(np.sum(moved**2, axis=2), axis=0))
 
 

@@ -15,9 +15,9 @@ from .movement import moved_too_far
 
 LEAST_POSES = 30  # for a test of whiteness
 MEASURED = "as measured"
-# of its expected error: an unknown that is told no better is too far off for slopes at the solution, and noise in them
-# is no small part of what tells it. Synthetic D1 with plate joints free, 500 seeds: arm 1, at 10, holds; arms 2 and 3,
-# at 50, have 57 to 477 hits.
+# of its expected error: an unknown that is told no better is too far off for derivatives at the solution, and noise in
+# them is no small part of what tells it. Synthetic D1 with plate joints free, 500 seeds: arm 1, at 10, holds; arms 2
+# and 3, at 50, have 57 to 477 hits.
 WEAK = 15.0
 
 

@@ -19,7 +19,7 @@ from ..manifest import changed_entries, changed_files, interface_entry, lacks, p
 from ..real import real_of
 from ..toolchain import Toolchain, find
 from .comparison import compare
-from .report import CheckReport, conclude
+from .report import CheckReport, check_report
 
 
 def check(folder: Path, functions: Mapping[str, CausalFunction], *, points: int = 1000, seed: int = 0) -> CheckReport:
@@ -61,7 +61,7 @@ def check(folder: Path, functions: Mapping[str, CausalFunction], *, points: int 
     entries += ["body_sha256"] * (source is not None and content["body_sha256"] != sha256(source))
     checks["manifest_not_as_generated"] = at_most(len(entries), 0, ", ".join(entries))
     if any(file not in content["files"] for file in otherwise):  # other numbers: its functions would write elsewhere
-        return conclude(checks, {}, {})
+        return check_report(checks, {}, {})
     tools = find()
     if isinstance(tools, str):
         return CheckReport(checks | {"compiler_found": at_least(0, 1)}, tools, {}, {})
@@ -76,7 +76,7 @@ def check(folder: Path, functions: Mapping[str, CausalFunction], *, points: int 
             for face in faces:
                 found, rows[face.key], rows_ok[face.key] = compare(library, face, points, seed)
                 checks |= found
-    return conclude(checks, rows, rows_ok)
+    return check_report(checks, rows, rows_ok)
 
 
 def _check_same(folder: Path, content: dict, faces: list[Interface]) -> None:

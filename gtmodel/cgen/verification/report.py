@@ -25,7 +25,7 @@ class CheckReport:
         return not failed_of(self.checks)
 
 
-def conclude(checks: Mapping[str, Check], rows: Mapping[str, int], rows_ok: Mapping[str, int]) -> CheckReport:
+def check_report(checks: Mapping[str, Check], rows: Mapping[str, int], rows_ok: Mapping[str, int]) -> CheckReport:
     """A report with the sentence that its checks imply."""
     failed = failed_of(checks)
     equal = (

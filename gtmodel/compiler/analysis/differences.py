@@ -25,7 +25,7 @@ def with_differences(expressions: Sequence[ca.SX]) -> list[ca.SX]:
 
 def _rewritten(read: list[Instruction], symbols: list[ca.SX]) -> list[ca.SX] | None:
     count = 0
-    for search in (_better, _slopes):
+    for search in (_better, _derivatives_of):
         found = search(read)
         count += len(found)
         for k, instruction in found.items():
@@ -76,7 +76,7 @@ def _depends(read: list[Instruction], k: int, on: int) -> bool:
     return False
 
 
-def _slopes(read: list[Instruction]) -> dict[int, Instruction]:
+def _derivatives_of(read: list[Instruction]) -> dict[int, Instruction]:
     """s or -s in place of sums of (x - q y) y, where q is (sum of x y -+ s) over (sum of y y)."""
     found: dict[int, Instruction] = {}
     for k, (op, *_) in enumerate(read):

@@ -19,7 +19,7 @@ KINKED = frozenset(
 )  # fmt: skip
 
 
-def has_kinks(flat: FlatModel) -> bool:
+def is_nonsmooth(flat: FlatModel) -> bool:
     """True if some equation holds such an operation; most models have none, and all else here is then skipped."""
     if "kinks" not in flat.cache:
         column = ca.vertcat(*[e.residual for e in flat.equations]) if flat.equations else ca.SX(0, 1)

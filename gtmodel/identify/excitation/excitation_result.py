@@ -37,7 +37,9 @@ class Found:
     runs: list[tuple[Coverage, np.ndarray]]
 
 
-def concluded(plan: Plan, search: Search, title: str, found: Found, runs: Sequence[Excitation]) -> ExcitationStudy:
+def study_of_motion(
+    plan: Plan, search: Search, title: str, found: Found, runs: Sequence[Excitation]
+) -> ExcitationStudy:
     """The study of the best motion."""
     best = found.best
     trajectory = _trajectory(plan, best.c, title)

@@ -12,7 +12,7 @@ from ...motion.options import Limits
 from ...results import ArgumentError, SolveStatus, Work, naming
 from ...results.door import study_function
 from ...results.work import Progress, never, silent
-from .excitation_result import Found, concluded
+from .excitation_result import Found, study_of_motion
 from .excited import ExcitationStudy
 from .information import condition
 from .optimise import FINER, optimise_excitation
@@ -93,7 +93,7 @@ def excitation_study(
     W = plan.task.stacked(best.c, times, plan.sharp)
     fits = [_monte_carlo(plan, monte_carlo or MonteCarloFits(), work, A) for A in (W, stacks[first])]
     seen = [fit for fit in fits if fit is not None]
-    return concluded(plan, search, title, Found(best, W, draws[first], stacks[first], conditions, seen), runs)
+    return study_of_motion(plan, search, title, Found(best, W, draws[first], stacks[first], conditions, seen), runs)
 
 
 def _started(plan: Plan, given: Array) -> Array:

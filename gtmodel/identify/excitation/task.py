@@ -10,7 +10,7 @@ import numpy as np
 
 from ... import lang as gt
 from ...compiler.causal import CausalFunction, flat_of
-from ...motion.guard import Guard, Margin, guard_of
+from ...motion.constraints import Constraint, MotionConstraints, guard_of
 from ...motion.options import Limits
 from ...motion.path_parametrization import motion_function
 from ...results import ArgumentError, naming
@@ -79,19 +79,19 @@ def _basis(motion: Family) -> Basis:
     return ClosedSpline(motion.period, motion.intervals)
 
 
-def _guard(limits: Limits, robot: gt.Model) -> Guard:
+def _guard(limits: Limits, robot: gt.Model) -> MotionConstraints:
     """The margins of the limits, and the distance from the edge of reach."""
     links = links_of(robot)
     guard, least = guard_of(limits, links), limits.link_along_guideway
 
-    def along(part: str, i: int) -> Margin:
+    def along(part: str, i: int) -> Constraint:
         def expression(m: Any) -> Any:
             arm = getattr(m.robot, part)[i]
             return gt.dot(arm.rod.b.r - arm.rod.a.r, arm.v) / gt.norm(arm.v) - least * m.metre
 
-        return Margin("link_along_guideway_m", "m", expression)
+        return Constraint("link_along_guideway_m", "m", expression)
 
-    return Guard([*guard.margins, *(along(*link) for link in links)], guard.parameters)
+    return MotionConstraints([*guard.margins, *(along(*link) for link in links)], guard.parameters)
 
 
 def _rows(inverse: CausalFunction, force: float) -> tuple[ca.Function, np.ndarray, np.ndarray]:

@@ -165,11 +165,11 @@ def _outliers(values: Mapping[str, Any]) -> str:
 
 
 def _sensitivity(values: Mapping[str, Any], problem: Schema) -> str:
-    slopes = values["sensitivity"]
-    if not slopes:
+    jacobian = values["sensitivity"]
+    if not jacobian:
         return ""
-    heads = list(next(iter(slopes.values())))
-    rows = [(name, *(entry[h] for h in heads)) for name, entry in slopes.items()]
+    heads = list(next(iter(jacobian.values())))
+    rows = [(name, *(entry[h] for h in heads)) for name, entry in jacobian.items()]
     step = problem.options().sensitivity_step
     said = f"Sums over the fitted poses of the changes by {step:g} up and down (Dressler 2012, (5.8))."
     return f"<h2>Sensitivity</h2><p>{said}</p>" + table(("unknown", *heads), rows)

@@ -120,7 +120,7 @@ def accuracy_study(
             message = f"no point of the rectangle has an error; most often: {most}"
             return _study(region, title, found, SolveStatus.INFEASIBLE, message)
         found.append(judged(region, case, _word(case.name), error, mapped, good, draws))
-    return _concluded(region, title, found)
+    return _study_of(region, title, found)
 
 
 def region_of(model: Model, cases: Sequence[LinkErrors], section: ErrorSection) -> ErrorRegion:
@@ -160,7 +160,7 @@ def _through(low: float, high: float, outer_low: float, outer_high: float, step:
     return low + size * np.arange(first, last + 1)
 
 
-def _concluded(region: ErrorRegion, title: str, found: list[JudgedCase]) -> AccuracyStudy:
+def _study_of(region: ErrorRegion, title: str, found: list[JudgedCase]) -> AccuracyStudy:
     status, message = SolveStatus.SOLVED, SolveStatus.SOLVED.sentence
     lost = [f.values["name"] for f in found if any(not math.isfinite(check.value) for check in f.checks.values())]
     if lost:

@@ -72,7 +72,7 @@ def modes_study(
     refused = judged.refused()
     if len(hands) == 1 and refused:
         raise ArgumentError(refused[0], "legs" if isinstance(robot, Hands) else _named(poses) if poses else "robot")
-    return _concluded(judged, title)
+    return _study_of(judged, title)
 
 
 def legs_of(robot: Model | Hands, poses: Pose | Sequence[Pose] | None) -> Hands:
@@ -94,7 +94,7 @@ def _named(poses: Pose | Sequence[Pose] | None) -> str:
     return "pose" if poses is None or isinstance(poses, Pose) else "poses"
 
 
-def _concluded(judged: Judged, title: str) -> ModesStudy:
+def _study_of(judged: Judged, title: str) -> ModesStudy:
     done = [i for i in range(len(judged.hands)) if judged.done(i)]
     each = [_pose_values(judged, i) for i in range(len(judged.hands))]
     checks = _checks(judged, done)

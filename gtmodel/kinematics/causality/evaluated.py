@@ -78,7 +78,7 @@ def causality_study(
         R, T = matrices(found[place]), np.hstack([a.reshape(len(codes), -1) for a in inputs])
         turned = OrientationMap(T.reshape(*shape, -1), R.reshape(*shape, 3, 3), codes.reshape(shape))
     box = points if isinstance(points, PointGrid) else None
-    whole = _concluded(function, inputs, targets, found, codes, turned, box is not None)
+    whole = _study_of(function, inputs, targets, found, codes, turned, box is not None)
     pairs = [(s, values) for s, values in zip(function.outputs, found, strict=True) if s.name in targets]
     given = list(zip(function.inputs, inputs, strict=True))
     return whole.with_(
@@ -228,7 +228,7 @@ def _evaluate(
     return targets, codes
 
 
-def _concluded(
+def _study_of(
     function: CausalFunction,
     inputs: list[Array],
     wanted: list[str],

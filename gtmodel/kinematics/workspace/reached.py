@@ -95,7 +95,7 @@ def workspace_study(
             status=SolveStatus.INTERRUPTED, title=title, cones=_cones(cones),
             **({} if bare is None else _sizes(bare, "kinematic_")),
         )  # fmt: skip
-    return _concluded(title, task, limits, points, main, bare, cones, coarse, volume, solid)
+    return _study_of(title, task, limits, points, main, bare, cones, coarse, volume, solid)
 
 
 def _refuse_range(volume: Sections) -> None:
@@ -147,7 +147,7 @@ def _to_begin_with(volume: Sections, task: Task, boxes: Sequence[Box], beams: Se
     return min(max(volume.sections, enough), volume.most_sections)
 
 
-def _concluded(
+def _study_of(
     title: str,
     task: Task,
     limits: Limits,

@@ -4,7 +4,7 @@ axis_study           the optimal motion of the F1, tried with all six axes free:
 AxisEnd, ToolDirection, ToolCourse, AxisCost, AxisMesh, AxisSolver   what it is asked to be, besides `AxisLimits`
 
 AxisProblem, plan_of, AxisPlan   all that is asked; checked, as an Optimization with its guess
-Course, turning      the way of a plate along a path, as equations
+PathOrientation, turning      the way of a plate along a path, as equations
 free_run             forces of a motion applied with all axes free
 """
 
@@ -18,7 +18,7 @@ from .options import (
     ToolCourse as ToolCourse,
     ToolDirection as ToolDirection,
 )
-from .path_orientation import Course as Course, turning as turning
+from .path_orientation import PathOrientation as PathOrientation, turning as turning
 from .plan import AxisPlan as AxisPlan
 from .planning import plan_of as plan_of
 from .problem import AxisProblem as AxisProblem

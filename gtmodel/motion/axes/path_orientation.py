@@ -12,7 +12,7 @@ from scipy.interpolate import CubicSpline, PPoly
 from ... import lang as gt
 from ...compiler.causal import CausalFunction, compile_causal
 from ...results import ArgumentError
-from ..guard import Guard
+from ..constraints import MotionConstraints
 from ..paths import Path
 
 Array = np.ndarray
@@ -20,7 +20,7 @@ WIDEST_DEG = 100.0  # between declared directions that follow one another: their
 
 
 @dataclass(frozen=True, eq=False)
-class Course:
+class PathOrientation:
     """A path and how the plate is held on it.
 
     turning: s -> tool direction (3,) in the robot's frame, for five degrees of freedom, or the plate's quaternion (4,),
@@ -54,7 +54,7 @@ class Course:
         directions = directions / np.linalg.norm(directions, axis=1)[:, None]
         return np.eye(3)[int(np.argmin(np.max(np.abs(directions), axis=0)))]
 
-    def function(self, robot: gt.Model, guard: Guard, *targets: str) -> CausalFunction:
+    def function(self, robot: gt.Model, guard: MotionConstraints, *targets: str) -> CausalFunction:
         """s and its derivatives as far as needed -> targets, of the robot as `robot` and of the guard's margins."""
         course = self
 

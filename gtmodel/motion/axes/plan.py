@@ -13,11 +13,11 @@ from ... import lang as gt
 from ...compiler.causal import CausalFunction, compile_causal
 from ...optimize.path import PathMotion, solve_path
 from ...results import ArgumentError, Status, Trajectory
-from ..guard import Guard
+from ..constraints import MotionConstraints
 from ..guesses import GUESS_TIME_S
 from ..path_rows import task_along
 from ..task import SHORTEST_TIME_S, dependent
-from .path_orientation import Course
+from .path_orientation import PathOrientation
 from .problem import AxisProblem
 
 Array = np.ndarray
@@ -47,8 +47,8 @@ class AxisPlan:
     robot: gt.Model
     start: Array
     goal: Array
-    guard: Guard
-    course: Course | None
+    guard: MotionConstraints
+    course: PathOrientation | None
     earlier: Trajectory | None
 
     @property

@@ -12,11 +12,11 @@ from ...compiler.causal import CausalFunction, compile_causal
 from ...mechanics.rotation import quaternion_matrix, rotation_about
 from ...results import ArgumentError, Status, Trajectory
 from ...robots import F1
-from ..guard import NO_GUARD, Carrier, Guard, check_strokes, guard_of
+from ..constraints import NO_GUARD, Carrier, MotionConstraints, check_strokes, guard_of
 from ..guesses import progress_of
 from ..paths import path_of
 from .options import AxisEnd
-from .path_orientation import Course, turning
+from .path_orientation import PathOrientation, turning
 from .plan import CARTS, COUPLING, MOTORS, AxisPlan, coordinates
 from .problem import AxisProblem
 
@@ -108,7 +108,7 @@ def _check_end(problem: AxisProblem, end: AxisEnd, which: str) -> None:
         )
 
 
-def _course(problem: AxisProblem, robot: F1) -> Course:
+def _course(problem: AxisProblem, robot: F1) -> PathOrientation:
     """The path and how the plate is held on it."""
     shape, held = problem.path, problem.tool
     assert shape is not None
@@ -122,7 +122,7 @@ def _course(problem: AxisProblem, robot: F1) -> Course:
         R = [place.R if end.tcp is None else other.R for place, end, other in
              ((start, problem.start, goal), (goal, problem.goal, start))]  # fmt: skip
         e = Rotation.from_matrix(np.array(R)).as_quat(scalar_first=True)
-        return Course(path_of(shape, start.T, goal.T), turning(np.array([0.0, 1.0]), e, "goal"), None)
+        return PathOrientation(path_of(shape, start.T, goal.T), turning(np.array([0.0, 1.0]), e, "goal"), None)
     ends = [place.direction if end.tcp is not None else place.R @ tool for place, end in
             ((start, problem.start), (goal, problem.goal))]  # fmt: skip
     first = next((d for d in ends if d is not None), start.R @ tool)
@@ -132,7 +132,7 @@ def _course(problem: AxisProblem, robot: F1) -> Course:
         raise ArgumentError("its fractions do not rise along the way", "tool.through")
     between = [_unit(np.array(t.direction), f"tool.through[{n}].direction") for n, t in enumerate(held.through)]
     course = turning(at, np.array([first, *between, last]), "tool.through" if held.through else "goal")
-    return Course(path_of(shape, start.T, goal.T), course, tool)
+    return PathOrientation(path_of(shape, start.T, goal.T), course, tool)
 
 
 def _place(robot: F1, end: AxisEnd, which: str) -> _Place:
@@ -171,7 +171,7 @@ def _ends_of(problem: AxisProblem, following: CausalFunction, start: Array, goal
     return found[0], found[1]
 
 
-def _guard(problem: AxisProblem, robot: F1, start: Array) -> Guard:
+def _guard(problem: AxisProblem, robot: F1, start: Array) -> MotionConstraints:
     """Further limits; strokes are bounds of the axes themselves."""
     limits = replace(problem.limits, cart_low=None, cart_high=None)
     return guard_of(limits, LINKS, lambda arm, end: _carrier(robot, start, arm, end))

@@ -61,7 +61,7 @@ class AxisStudy(Study):
         float | None,
         Quantity("m", "largest distance of the tool centre point from the path at its s; null for a free motion"),
     ] = None
-    second_road_time: Annotated[
+    cross_check_time: Annotated[
         float | None,
         Quantity("s", "final time along the path with squared speeds as unknowns; null if free or with a jerk"),
     ] = None
@@ -94,8 +94,8 @@ class AxisStudy(Study):
             ]
         if self.path_length is not None:
             rows.append(Row("length of the path", self.path_length, "m"))
-        if self.second_road_time is not None:
-            rows.append(Row("final time by squared speeds", self.second_road_time, "s"))
+        if self.cross_check_time is not None:
+            rows.append(Row("final time by squared speeds", self.cross_check_time, "s"))
         rows += [Row(f"margin to {name}", x, "") for name, x in (self.margins or {}).items()]
         rows += [Row(f"distance from obstacle {n}", 1e3 * x, "mm") for n, x in enumerate(self.clearance)]
         if self.uncoupled is not None:

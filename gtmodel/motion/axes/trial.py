@@ -15,8 +15,8 @@ from ...optimize.judgement.resimulate import SUBSTEPS, resimulate
 from ...results import Check, SolveStatus, Status, Trajectory, Work, at_most
 from ...results.quantity import converted
 from ...results.trajectory_files import TRAJECTORY
+from ..constraints import MARGIN_TOLERANCE, clearances
 from ..finer_mesh import how
-from ..guard import MARGIN_TOLERANCE, clearances
 from ..motion_result import SATURATED, at_points
 from .free_run import free_run
 from .options import AxisMesh
@@ -24,8 +24,10 @@ from .plan import AxisPlan
 from .planning import LINKS
 from .result import AxisStudy
 
-MENDED = ("peak_share", "end_error_m", "end_error_deg", "excess", "roads_apart")  # by a finer mesh
-ROADS_AGREE = 0.02  # relative: of the final time along a path; accelerations linear on 20 elements cannot jump
+MENDED = ("peak_share", "end_error_m", "end_error_deg", "excess", "cross_check_difference")  # by a finer mesh
+CROSS_CHECK_TOLERANCE = (
+    0.02  # relative: of the final time along a path; accelerations linear on 20 elements cannot jump
+)
 # forces are bounded at collocation points and are no polynomials: between the points they pass by less than that
 PEAK_SHARE = 1.01
 # the printed accuracy of the F1 is a quarter of a millimetre
@@ -156,8 +158,11 @@ def _tried(
         bounds["path_error_m"] = (followed["path_error"], PATH_M)
     if margins:
         bounds["excess"] = (max(0.0, -min(margins.values())), MARGIN_TOLERANCE)
-    if followed.get("second_road_time") is not None and problem.cost.energy == 0.0:
-        bounds["roads_apart"] = (abs(followed["second_road_time"] / solution.final_time - 1), ROADS_AGREE)
+    if followed.get("cross_check_time") is not None and problem.cost.energy == 0.0:
+        bounds["cross_check_difference"] = (
+            abs(followed["cross_check_time"] / solution.final_time - 1),
+            CROSS_CHECK_TOLERANCE,
+        )
     trouble = f"the forces could not be tried on all six axes: {free.message}" if free.message else FINER
     checks: dict[str, Any] = {"constraint_violation": solution.checks["constraint_violation"]}
     said = f"{how(solution)}, re-simulated, and tried on all six axes"
@@ -199,7 +204,7 @@ def _along(plan: AxisPlan, run: Trajectory, work: Work) -> dict[str, Any]:
         work.progress("squared speeds", None, {})
         motion = plan.by_squared_speeds(path.intervals)
         second = motion.final_time if motion.status.ok else None
-    return {"path_length": plan.course.path.length, "path_error": float(np.max(off)), "second_road_time": second}
+    return {"path_length": plan.course.path.length, "path_error": float(np.max(off)), "cross_check_time": second}
 
 
 def _clearances(plan: AxisPlan, run: Trajectory) -> list[float]:

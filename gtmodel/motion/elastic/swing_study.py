@@ -146,10 +146,10 @@ def elastic_study(
 
     found, trouble = refined(given, lambda p: finer_mesh(p.mesh, p.checks, MENDED), again, work.interrupted)
     mended = told(mesh.elements, found.mesh.elements, failed_of(given.checks))
-    return _concluded(found, iterations, mended.strip(), trouble, title)
+    return _study_of(found, iterations, mended.strip(), trouble, title)
 
 
-def _concluded(found: Plans, iterations: int, mended: str, trouble: str, title: str) -> ElasticStudy:
+def _study_of(found: Plans, iterations: int, mended: str, trouble: str, title: str) -> ElasticStudy:
     """mended: what is to be said of a refined mesh. trouble: what ended its refinement."""
     task, elastic, tool = found.task, found.elastic, found.task.tool
     ends = "; ".join(f"{n} {t['final_time_s']:.4g} s, {t['residual_mm']:.3g} mm" for n, t in found.table.items())

@@ -15,7 +15,7 @@ from .dynamic import Bounds, DynamicProblem, Quadrature
 from .horizon import PointValue, horizon, point_values, shortest_length
 from .limits import Limits, bounded_end, check_bounds, limits_of, rows_at_start
 from .relations import Row
-from .row_scaling import Slopes, of_constants, scale_of, within
+from .row_scaling import Jacobians, of_constants, scale_of, within
 
 
 def assembled(
@@ -38,15 +38,15 @@ def assembled(
     scale_P = np.array([b.told.get(n, s) for n, s in sizes])
     x_scale = within(b.nominals(b.states), limits.x.low, limits.x.high)
     u_scale = within(b.nominals(b.input_pairs), limits.u.low, limits.u.high)
-    slopes = b.slopes(x_scale, u_scale, guess)
-    _size(path, slopes)
+    jacobian = b.jacobian(x_scale, u_scale, guess)
+    _size(path, jacobian)
     at_start = rows_at_start(b, written, path, limits.x, limits.u, limits.start, ends.t0)
-    scale = slopes.at_one(algebraic)
+    scale = jacobian.at_one(algebraic)
     if b.kind == "inverse":
         scale[: len(b.controls)] = u_scale[: len(b.controls)]
     cost = cost_of(
         b, objective, [*limits.points, *(row for _, row in at_start)], [*instants, *(value for value, _ in at_start)],
-        slopes, ends, guess, scale_P,
+        jacobian, ends, guess, scale_P,
     )  # fmt: skip
     more = cost.states
     for bounds, reach in ((limits.x, np.inf), (limits.start, 0.0), (limits.end, np.inf)):
@@ -85,8 +85,8 @@ def _constants(b: Builder) -> tuple[list[str], Bounds, np.ndarray]:
     return [*(q.name for q in free), *b.tunable], bounds, np.array([q.value for q in free] + held)
 
 
-def _size(path: list[Row], slopes: Slopes) -> None:
+def _size(path: list[Row], jacobian: Jacobians) -> None:
     """Give each row its size: its own bounds' where these tell one."""
-    for row, size in zip(path, slopes.typical([r.expression for r in path]), strict=True):
+    for row, size in zip(path, jacobian.typical([r.expression for r in path]), strict=True):
         nominal = float(within(np.array(row.scale), np.array(row.low), np.array(row.high)))
         row.scale = scale_of(nominal if nominal != 1.0 else float(size))

@@ -14,7 +14,7 @@ from ...compiler.plan import Plan, differentiated
 from ...lang.optimization import Delayed
 from ...lang.source import ModelError
 from .attributes import Pair, names_of, nominal_of
-from .row_scaling import Slopes
+from .row_scaling import Jacobians
 
 STEPS = 3  # Newton's, from a polynomial's value: from a tenth off to round-off
 
@@ -109,8 +109,9 @@ class Builder:
         return symbol in {s.element_hash() for b in self.plan.blocks for s, _ in b.assignments}
 
     def off_points(self, written: list[ca.SX], values: list[ca.SX]) -> list[ca.SX | None]:
-        """What expressions of original names are between the collocation points, where slopes of states and algebraic
-        variables follow from the equations; None for those that hold neither. `values` are they at the points."""
+        """What expressions of original names are between the collocation points, where derivatives of states and
+        algebraic variables follow from the equations; None for those that hold neither. `values` are they at the
+        points."""
         loose = {s.element_hash() for s in ca.vertsplit(ca.vertcat(self.xd, self.u[self.given.numel() :]))}
         needed = [n for n, e in enumerate(values) if loose & {s.element_hash() for s in ca.symvar(e)}]
         result: list[ca.SX | None] = [None] * len(values)
@@ -200,13 +201,13 @@ class Builder:
         """Sizes of several."""
         return np.array([self.nominal(p) for p in pairs])
 
-    def slopes(self, x_scale: np.ndarray, u_scale: np.ndarray, P: np.ndarray) -> Slopes:
-        """Slopes of rows per size of the states, their rates and the inputs."""
+    def jacobian(self, x_scale: np.ndarray, u_scale: np.ndarray, P: np.ndarray) -> Jacobians:
+        """Derivatives of rows per size of the states, their rates and the inputs."""
         tops = [(i, k + 1) for i, k in self.states]
         inputs = self.input_pairs
         arguments = [self.x, self.xd, self.u, self.P, self.flat.scope.time]
         nominal = np.concatenate([x_scale, self.nominals(tops), u_scale])
-        return Slopes(self.base, arguments, (self.states, tops, inputs), nominal, P)
+        return Jacobians(self.base, arguments, (self.states, tops, inputs), nominal, P)
 
     def numbers(self, e: ca.SX) -> ca.SX:
         """An expression with the numbers of all parameters that are not free."""

@@ -13,7 +13,7 @@ from ...lang.source import ModelError
 from .builder import Builder
 from .horizon import Horizon, PointValue
 from .relations import Row
-from .row_scaling import Slopes, scale_of
+from .row_scaling import Jacobians, scale_of
 
 
 @dataclass(eq=False)
@@ -30,7 +30,7 @@ class Cost:
 
 
 def cost_of(
-    b: Builder, objective: Expr, points: list[Row], instants: list[PointValue], slopes: Slopes, ends: Horizon,
+    b: Builder, objective: Expr, points: list[Row], instants: list[PointValue], jacobian: Jacobians, ends: Horizon,
     guess: np.ndarray, scale: np.ndarray,
 ) -> Cost:  # fmt: skip
     """Split the objective; guess, scale: of the free constants. Raises ModelError for an objective or a row that holds
@@ -51,7 +51,7 @@ def cost_of(
             cost = ca.substitute([cost], [instant.symbol], [ca.SX(0)])[0]
             continue
         q = ca.SX.sym(f"integral_{b.x.numel() + len(found.states)}")
-        found.states.append((q, integrand, scale_of(float(slopes.typical([length * integrand])[0]))))
+        found.states.append((q, integrand, scale_of(float(jacobian.typical([length * integrand])[0]))))
         found.instants.append(PointValue(instant.symbol, q, 1.0))
         told[instant.symbol.element_hash()] = length * integrand
     at_points = [b.P, *(i.symbol for i in found.instants)]
@@ -66,7 +66,7 @@ def cost_of(
         found.points.append(replace(r, expression=e))
     values = [told[i.symbol.element_hash()] for i in found.instants]
     symbols = ca.vertcat(*[i.symbol for i in found.instants])
-    sizes = slopes.of_points([r.expression for r in found.points], symbols, values, b.P, scale)
+    sizes = jacobian.of_points([r.expression for r in found.points], symbols, values, b.P, scale)
     for r, size in zip(found.points, sizes, strict=True):
         r.scale = scale_of(float(size)) if r.scale == 1.0 else r.scale
     return found

@@ -24,8 +24,8 @@ SHORTEST = 1e-3
 class PointValue:
     """An expression needed at one instant, s in [0, 1] of the horizon, known there as `symbol`.
 
-    `off`: the same by the model's equations alone, where slopes of states and algebraic variables stand in it: off the
-    collocation points the polynomials do not keep the equations.
+    `off`: the same by the model's equations alone, where derivatives of states and algebraic variables stand in it:
+    off the collocation points the polynomials do not keep the equations.
     """
 
     symbol: ca.SX
@@ -110,14 +110,14 @@ def shortest_length(
             return float(end), float(end)
         # an affine expression of free constants between its extremes
         symbols = ca.symvar(end)
-        slopes = ca.gradient(end, ca.vertcat(*symbols))
-        if not slopes.is_constant():
+        jacobian = ca.gradient(end, ca.vertcat(*symbols))
+        if not jacobian.is_constant():
             raise ModelError(
                 f"{flat.title}: an end of the horizon is no sum of free constants; found {end}; declare it as "
                 "gt.free(...) and write the relation in constraints()"
             )
         low = high = float(ca.substitute([end], [ca.vertcat(*symbols)], [ca.SX.zeros(len(symbols))])[0])
-        for s, a in zip(symbols, np.asarray(ca.DM(slopes)).reshape(-1).tolist(), strict=True):
+        for s, a in zip(symbols, np.asarray(ca.DM(jacobian)).reshape(-1).tolist(), strict=True):
             q = free[s.element_hash()]
             reach = sorted([a * q.min, a * q.max]) if a else [0.0, 0.0]
             low, high = low + reach[0], high + reach[1]
@@ -140,11 +140,11 @@ def shortest_length(
 
 def _shortest(row: Row, h: Horizon) -> float:
     """Lower bound of the horizon's length that a constraint a * length + b gives; -inf where it gives none."""
-    slopes = ca.vertcat(ca.gradient(row.expression, h.P), ca.gradient(h.length, h.P))
+    jacobian = ca.vertcat(ca.gradient(row.expression, h.P), ca.gradient(h.length, h.P))
     known = {s.element_hash() for s in ca.vertsplit(h.P)}
-    if not slopes.is_constant() or not {s.element_hash() for s in ca.symvar(row.expression)} <= known:
+    if not jacobian.is_constant() or not {s.element_hash() for s in ca.symvar(row.expression)} <= known:
         return -np.inf
-    row_slope, length_slope = np.array(ca.DM(slopes)).reshape(2, -1)
+    row_slope, length_slope = np.array(ca.DM(jacobian)).reshape(2, -1)
     a = float(row_slope @ length_slope / (length_slope @ length_slope))
     if a == 0.0 or np.max(np.abs(row_slope - a * length_slope)) > ROUND_OFF:
         return -np.inf

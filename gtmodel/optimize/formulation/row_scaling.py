@@ -1,4 +1,4 @@
-"""How large unknowns and rows are: nominals, bounds far smaller than these, and slopes of rows per nominal."""
+"""How large unknowns and rows are: nominals, bounds far smaller than these, and derivatives of rows per nominal."""
 
 from __future__ import annotations
 
@@ -56,8 +56,8 @@ def scale_of(size: float) -> float:
 
 
 @dataclass(eq=False)
-class Slopes:
-    """Slopes of expressions in x, xd, u, P and t, per nominal of x, xd and u, at consistent points of a plan."""
+class Jacobians:
+    """Derivatives of expressions in x, xd, u, P and t, per nominal of x, xd and u, at consistent points of a plan."""
 
     plan: Plan
     arguments: list[ca.SX]
@@ -75,11 +75,11 @@ class Slopes:
 
     def largest(self, rows: ca.SX, count: int | None = None) -> np.ndarray:
         """Largest slope of each row, (samples, rows); 0 where none is finite."""
-        f = ca.Function("slopes", self.arguments, [ca.jacobian(rows, ca.vertcat(*self.arguments[:3]))])
+        f = ca.Function("derivatives", self.arguments, [ca.jacobian(rows, ca.vertcat(*self.arguments[:3]))])
         found = []
         for point in self._points(count):
-            slopes = np.abs(np.asarray(f(*point).full())) * self.nominal
-            found.append(np.max(np.where(np.isfinite(slopes), slopes, 0.0), axis=1, initial=0.0))
+            jacobian = np.abs(np.asarray(f(*point).full())) * self.nominal
+            found.append(np.max(np.where(np.isfinite(jacobian), jacobian, 0.0), axis=1, initial=0.0))
         return np.array(found)
 
     def typical(self, rows: list[ca.SX]) -> np.ndarray:
@@ -102,12 +102,12 @@ class Slopes:
         if not rows:
             return np.ones(0)
         size = self.typical(values)
-        slopes = ca.Function("slopes", [symbols, P], [ca.jacobian(ca.vertcat(*rows), ca.vertcat(symbols, P))])
+        jacobian = ca.Function("derivatives", [symbols, P], [ca.jacobian(ca.vertcat(*rows), ca.vertcat(symbols, P))])
         here = ca.Function("values", self.arguments, [ca.vertcat(*values) if values else ca.SX(0, 1)])
         found = np.zeros(len(rows))
         for point in self._points(1):
             v = np.asarray(here(*point).full()).reshape(-1)
             for at in (v, v + size):
-                each = np.abs(np.asarray(slopes(at, self.P).full())) * np.concatenate([size, p_size])
+                each = np.abs(np.asarray(jacobian(at, self.P).full())) * np.concatenate([size, p_size])
                 found = np.maximum(found, np.max(np.where(np.isfinite(each), each, 0.0), axis=1, initial=0.0))
         return np.where(found > 0, found, 1.0)

@@ -1,4 +1,4 @@
-"""The equations of a problem as an ordinary differential one, whatever form was transcribed: values and slopes."""
+"""The equations of a problem as an ordinary differential one, whatever form was transcribed: values and derivatives."""
 
 from __future__ import annotations
 
@@ -52,11 +52,11 @@ class System:
         arguments = [problem.x, problem.builder.given, unknowns, problem.P, problem.t]
         rates = ca.vertcat(*rates, *extra)
         values = ca.Function("values", arguments, [rates, ca.vertcat(*found.point) if found.point else ca.SX(0, 1)])
-        slopes = ca.Function("residual", arguments, [residual, ca.densify(ca.jacobian(residual, unknowns))])
+        jacobian = ca.Function("residual", arguments, [residual, ca.densify(ca.jacobian(residual, unknowns))])
         by_state = [ca.densify(ca.jacobian(e, problem.x)) for e in (rates, residual)]
         slope = ca.Function("slope", arguments, [*by_state, ca.densify(ca.jacobian(rates, unknowns))], {"cse": True})
         pairs = [p for p in map(problem.flat.scope.owner, found.unknowns) if p is not None]
-        return cls(values, slopes, slope, pairs)
+        return cls(values, jacobian, slope, pairs)
 
     def near(self, problem: DynamicProblem, inputs: np.ndarray, rates: np.ndarray) -> np.ndarray:
         """Start values (n, count) of the unknowns from rows of whole inputs and state rates; 0 for what is neither."""
@@ -69,19 +69,19 @@ class System:
                 z[:, n] = rows[:, column]
         return z
 
-    def slopes(self, x: np.ndarray, given: np.ndarray, z: np.ndarray, P: np.ndarray, t: np.ndarray) -> np.ndarray:
-        """Slopes (n, nx, nx) of the rates by the states, the unknowns following; NaN where they cannot."""
+    def jacobian(self, x: np.ndarray, given: np.ndarray, z: np.ndarray, P: np.ndarray, t: np.ndarray) -> np.ndarray:
+        """Derivatives (n, nx, nx) of the rates by the states, the unknowns following; NaN where they cannot."""
         n, nx = x.shape
         direct, moved, through = on_rows(self.slope, (x, given, z), P, t)
-        slopes = _stacked(direct, n, nx)
+        jacobian = _stacked(direct, n, nx)
         if self.count:
             matrix = _stacked(on_rows(self.residual, (x, given, z), P, t)[1], n, self.count)
             try:
                 follow = np.linalg.solve(matrix, _stacked(moved, n, nx))
             except np.linalg.LinAlgError:
-                return np.full(slopes.shape, np.nan)
-            slopes = slopes - _stacked(through, n, self.count) @ follow
-        return slopes
+                return np.full(jacobian.shape, np.nan)
+            jacobian = jacobian - _stacked(through, n, self.count) @ follow
+        return jacobian
 
     def solved(self, x: np.ndarray, given: np.ndarray, z: np.ndarray, P: np.ndarray, t: np.ndarray) -> np.ndarray:
         """The unknowns without a closed form (n, count) by Newton from z; NaN where that does not converge."""
@@ -91,14 +91,14 @@ class System:
         done = np.zeros(n, bool)
         for _ in range(STEPS):
             r, slope = on_rows(self.residual, (x, given, z), P, t)
-            slopes = _stacked(slope, n, self.count)
-            finite = np.all(np.isfinite(slopes), axis=(1, 2)) & np.all(np.isfinite(r), axis=0)
+            jacobian = _stacked(slope, n, self.count)
+            finite = np.all(np.isfinite(jacobian), axis=(1, 2)) & np.all(np.isfinite(r), axis=0)
             step = np.full(z.shape, np.nan)
             try:
-                step[finite] = np.linalg.solve(slopes[finite], -r.T[finite, :, None])[..., 0]
+                step[finite] = np.linalg.solve(jacobian[finite], -r.T[finite, :, None])[..., 0]
             except np.linalg.LinAlgError:
                 for k in np.flatnonzero(finite):
-                    step[k] = np.linalg.lstsq(slopes[k], -r[:, k], rcond=None)[0]
+                    step[k] = np.linalg.lstsq(jacobian[k], -r[:, k], rcond=None)[0]
             z = z + step
             done = np.max(np.abs(step), axis=1) <= NEWTON_DONE * (1 + np.max(np.abs(z), axis=1))
             if np.all(done | ~finite):

@@ -119,16 +119,16 @@ def discretisation(nlp: Nlp, x: np.ndarray, scale: float = 1.0) -> Discretisatio
 
 def _estimate(along: _Along, problem: DynamicProblem, mesh: Mesh, t0: float, duration: float) -> Discretisation | None:
     fine, length, rule, K = along.fine, along.length, mesh.table, mesh.points
-    scale, (xs, rates, slopes) = problem.x_scale, (along.states, along.rates, along.slopes)
+    scale, (xs, rates, jacobian) = problem.x_scale, (along.states, along.rates, along.jacobian)
     size = np.maximum(ranges(problem, xs.reshape(-1, len(scale))), NOTHING * scale)
     # what the solver left in the rows of the collocation points is no error of the mesh
     at_points = np.einsum("nix,ij->njx", xs[:, [K, *range(K)]], rule.derivative)
     noise = np.einsum("c,ncx->x", rule.weights, np.abs(at_points - length[:, None, None] * rates[:, :K])) / size
     missed = np.einsum("nix,ij->njx", xs[:, K:], fine.derivative) - length[:, None, None] * rates[:, K + 1 :]
-    missed, slopes = missed / scale, slopes * (scale / scale[:, None]) * length[:, None, None, None]
+    missed, jacobian = missed / scale, jacobian * (scale / scale[:, None]) * length[:, None, None, None]
     for k, (more, _) in along.unseen.items():  # what it brings about on the same element
-        missed[k] -= np.einsum("jxy,jy->jx", slopes[k], more / scale)
-    grid = _errors(fine, missed, slopes)
+        missed[k] -= np.einsum("jxy,jy->jx", jacobian[k], more / scale)
+    grid = _errors(fine, missed, jacobian)
     if grid is None:
         return None
     for k, (more, _) in along.unseen.items():
@@ -186,7 +186,7 @@ def ranges(problem: DynamicProblem, xs: np.ndarray) -> np.ndarray:
 class _Along:
     """What the model gives along a solution, at the mesh's points, the elements' left ends and the nodes of the finer
     rule (P = K + 1 + M places): states and the model's rates (N, P, nx), integrands (N, P, integrals), and at the nodes
-    the slopes of the rates by the states (N, M, nx, nx). length: of the elements [s]. unseen: by element, what the
+    the derivatives of the rates by the states (N, M, nx, nx). length: of the elements [s]. unseen: by element, what the
     finer rule passes over of functions of time in the states at its nodes (M, nx), and the whole integrals (q,)."""
 
     fine: Table
@@ -194,7 +194,7 @@ class _Along:
     states: np.ndarray
     rates: np.ndarray
     integrands: np.ndarray
-    slopes: np.ndarray
+    jacobian: np.ndarray
     unseen: dict[int, tuple[np.ndarray, np.ndarray]]
 
 
@@ -225,9 +225,9 @@ def _along(nlp: Nlp, x: np.ndarray, mesh: Mesh, t0: float, duration: float) -> _
 
     integrands = integrated(rows, rates, whole, times=times) if problem.integrals else np.zeros((N * n, 0))
     chosen = (np.arange(N)[:, None] * n + np.arange(first, n)).ravel()
-    slopes = np.zeros((0, nx, nx))
+    jacobian = np.zeros((0, nx, nx))
     if nx:
-        slopes = system.slopes(rows[chosen], given[chosen], z[chosen], P, times[chosen])
+        jacobian = system.jacobian(rows[chosen], given[chosen], z[chosen], P, times[chosen])
     rates, length = rates.reshape(N, n, nx), mesh.h * duration
 
     def at(element: int, where: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -244,19 +244,19 @@ def _along(nlp: Nlp, x: np.ndarray, mesh: Mesh, t0: float, duration: float) -> _
         k: passed_over(bent, fine, float(length[k]), rates[k, first:], k, at)
         for k, bent in bends(system, f, P, mesh.edges, t0, duration).items()
     }
-    return _Along(fine, length, xs, rates, integrands.reshape(N, n, -1), slopes.reshape(N, n - first, nx, nx), unseen)
+    return _Along(fine, length, xs, rates, integrands.reshape(N, n, -1), jacobian.reshape(N, n - first, nx, nx), unseen)
 
 
 def _integrands(problem: DynamicProblem) -> ca.Function:
     return ca.Function("integrals", problem.arguments, [ca.vertcat(ca.SX(0, 1), *[e for _, e, _ in problem.integrals])])
 
 
-def _errors(fine: Table, missed: np.ndarray, slopes: np.ndarray) -> _Grid | None:
-    """One Newton step of the finer rule from what is missed (N, M, nx), with slopes (N, M, nx, nx) per element."""
+def _errors(fine: Table, missed: np.ndarray, jacobian: np.ndarray) -> _Grid | None:
+    """One Newton step of the finer rule from what is missed (N, M, nx), with derivatives (N, M, nx, nx) per element."""
     N, M, nx = missed.shape
     matrix = np.einsum("ji,xy->ixjy", fine.derivative[1:], np.eye(nx))[None].repeat(N, 0)
     for j in range(M):
-        matrix[:, j, :, j] -= slopes[:, j]
+        matrix[:, j, :, j] -= jacobian[:, j]
     right = np.concatenate(
         [-missed[..., None], np.broadcast_to(-fine.derivative[0][:, None, None] * np.eye(nx), (N, M, nx, nx))], axis=-1
     )

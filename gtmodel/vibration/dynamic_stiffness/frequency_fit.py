@@ -11,7 +11,7 @@ from ...inference import Verdict, noise_size, nonlinear_fit, whiteness
 from ...inference.nonlinear import Residuals
 from ...results.estimate import Estimate
 from .frequency_modal import ModalFit
-from .frequency_modes import linear_start, log_slopes, receptance
+from .frequency_modes import linear_start, log_derivatives, receptance
 from .frequency_response import FrequencyResponse
 
 BAND = (0.7, 1.3)  # of the peak's frequency: where one mode is fitted
@@ -145,8 +145,8 @@ def _residuals(lines: FrequencyResponse, unit: float) -> Residuals:
 
     def at(theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         p = _split(theta)
-        error, slopes = (receptance(s, *p) - H) / unit, log_slopes(s, *p) / unit
-        return np.concatenate([error.real, error.imag]), np.vstack([slopes.real, slopes.imag])
+        error, jacobian = (receptance(s, *p) - H) / unit, log_derivatives(s, *p) / unit
+        return np.concatenate([error.real, error.imag]), np.vstack([jacobian.real, jacobian.imag])
 
     return at
 

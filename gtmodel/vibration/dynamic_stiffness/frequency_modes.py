@@ -1,4 +1,4 @@
-"""Sums of second-order receptances: their values, slopes in log parameters, and a linear start."""
+"""Sums of second-order receptances: their values, derivatives in log parameters, and a linear start."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def parts(s: np.ndarray, m: np.ndarray, c: np.ndarray, k: np.ndarray) -> np.ndar
     return 1 / (s * (m * s + c) + k)
 
 
-def log_slopes(s: np.ndarray, m: np.ndarray, c: np.ndarray, k: np.ndarray) -> np.ndarray:
+def log_derivatives(s: np.ndarray, m: np.ndarray, c: np.ndarray, k: np.ndarray) -> np.ndarray:
     """dH / d(log m, log c, log k) of every mode (n, 3 modes), mode by mode."""
     H2 = parts(s, m, c, k) ** 2
     s = s[:, None]

@@ -21,7 +21,7 @@ from .repeated import Repeated
 from .rows import Rows
 
 
-def concluded(
+def assembled_study(
     asked: Asked,
     data: Recordings,
     found: Identification,

@@ -21,7 +21,7 @@ STEPS = 20  # of each fit: a few unknowns near their start need fewer
 POSES = 40  # that are looked at: enough to tell an order from another
 
 
-def misreading(problem: Problem, lengths: Sequence[str] = (), columns: Sequence[str] = ()) -> str | None:
+def misread_columns(problem: Problem, lengths: Sequence[str] = (), columns: Sequence[str] = ()) -> str | None:
     """One sentence with the residuals seen where another reading of the columns closes the links much better, or None.
 
     `problem`: prepared with little left free, such as the frames and an offset per actuator, so that a wrong reading

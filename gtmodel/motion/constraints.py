@@ -28,7 +28,7 @@ FAR_M = 1.0  # a separation beyond this is far enough; keeps exponentials finite
 
 
 @dataclass(frozen=True)
-class Margin:
+class Constraint:
     """One scalar margin: the limit it comes from, by its name in results, its unit, and its expression in a model that
     has `robot`."""
 
@@ -38,10 +38,10 @@ class Margin:
 
 
 @dataclass(frozen=True)
-class Guard:
+class MotionConstraints:
     """Margins and the parameters that their expressions use."""
 
-    margins: list[Margin]
+    margins: list[Constraint]
     parameters: dict[str, Any]
     made: dict[int, tuple[gt.Model, gt.Model]] = field(default_factory=dict, repr=False, compare=False)
 
@@ -97,7 +97,7 @@ class Guard:
         return model
 
 
-NO_GUARD = Guard([], {})
+NO_GUARD = MotionConstraints([], {})
 
 
 @dataclass(frozen=True)
@@ -111,7 +111,9 @@ class Carrier:
 Carriers = Callable[[int, str], Carrier | None]
 
 
-def guard_of(limits: MotionLimits, arms: list[tuple[str, int]], carriers: Carriers = lambda arm, end: None) -> Guard:
+def guard_of(
+    limits: MotionLimits, arms: list[tuple[str, int]], carriers: Carriers = lambda arm, end: None
+) -> MotionConstraints:
     """The margins of these limits.
 
     Args:
@@ -121,7 +123,7 @@ def guard_of(limits: MotionLimits, arms: list[tuple[str, int]], carriers: Carrie
     Raises ArgumentError for bounds that cross or name what the robot has not.
     """
     p: dict[str, Any] = {}
-    margins: list[Margin] = []
+    margins: list[Constraint] = []
 
     def parameter(name: str, value: Any, unit: str) -> str:
         p[name] = gt.parameter(np.asarray(value, float), unit=unit)
@@ -135,7 +137,7 @@ def guard_of(limits: MotionLimits, arms: list[tuple[str, int]], carriers: Carrie
         if value is not None:
             name = parameter(known(limit), value, unit)
             margins.append(
-                Margin(name, "1", lambda m: 1.0 - gt.dot(v := gt.der(m.robot.T, order), v) / getattr(m, name) ** 2)
+                Constraint(name, "1", lambda m: 1.0 - gt.dot(v := gt.der(m.robot.T, order), v) / getattr(m, name) ** 2)
             )
 
     def axes(limit: str, order: int, unit: str, which: range) -> None:
@@ -144,7 +146,7 @@ def guard_of(limits: MotionLimits, arms: list[tuple[str, int]], carriers: Carrie
             name = parameter(known(limit), value, unit)
             for i in which:
                 margins.append(
-                    Margin(name, "1", lambda m, i=i: 1.0 - (gt.der(m.robot.q[i], order) / getattr(m, name)) ** 2)
+                    Constraint(name, "1", lambda m, i=i: 1.0 - (gt.der(m.robot.q[i], order) / getattr(m, name)) ** 2)
                 )
 
     def between(body: str, value: Callable[[Any, int], Any]) -> None:
@@ -155,7 +157,7 @@ def guard_of(limits: MotionLimits, arms: list[tuple[str, int]], carriers: Carrie
                 name = parameter(known(f"{body}_{side}"), bound, "m")
                 for i in range(3):
                     margins.append(
-                        Margin(name, "m", lambda m, i=i, s=sign, n=name: s * (value(m, i) - getattr(m, n)[i]))
+                        Constraint(name, "m", lambda m, i=i, s=sign, n=name: s * (value(m, i) - getattr(m, n)[i]))
                     )
 
     magnitude("tcp_velocity", 1, "m/s")
@@ -174,7 +176,7 @@ def guard_of(limits: MotionLimits, arms: list[tuple[str, int]], carriers: Carrie
         half = np.array(obstacle.size) / 2
         for point, link in [(True, None), *((False, arm) for arm in arms)]:
             margins.append(
-                Margin(
+                Constraint(
                     f"obstacles[{n}]",
                     "m",
                     lambda m, c=center, link=link, point=point, half=half, o=obstacle: (
@@ -182,7 +184,7 @@ def guard_of(limits: MotionLimits, arms: list[tuple[str, int]], carriers: Carrie
                     ),
                 )
             )
-    return Guard(margins, p)
+    return MotionConstraints(margins, p)
 
 
 def check_strokes(limits: MotionLimits, *bodies: str) -> None:
@@ -210,7 +212,7 @@ def _cone(
     arms: list[tuple[str, int]],
     carriers: Carriers,
     parameter: Callable[[str, Any, str], str],
-) -> Margin:
+) -> Constraint:
     if cone.arm >= len(arms):
         raise ArgumentError(f"is {cone.arm}; the robot has the arms 0 to {len(arms) - 1}", f"limits.{key}.arm")
     axis = np.array(cone.axis)
@@ -227,7 +229,7 @@ def _cone(
         now = getattr(m, name) if carrier is None else carrier.rotation(m) @ getattr(m, name)
         return gt.dot(rod.b.r - rod.a.r, now) / rod.L - least
 
-    return Margin(key, "1", expression)
+    return Constraint(key, "1", expression)
 
 
 def _separation(model: Any, arm: tuple[str, int] | None, center: Any, half: np.ndarray) -> Any:
