@@ -22,7 +22,7 @@
 # of several solutions you mean.
 #
 # Three mechanisms: a pendulum, a four-bar, and a parallel robot. Each part ends in an `assert` that answers the
-# question by another road: a formula that was not used before.
+# question in another way: a formula that was not used before.
 
 # %%
 # %matplotlib inline
@@ -266,7 +266,7 @@ axes.legend()
 figure
 
 # %% [markdown]
-# The other road is school geometry: the law of cosines in the triangle $BCD$.
+# The other way is school geometry: the law of cosines in the triangle $BCD$.
 
 # %%
 a, b, c, d = (float(value) for value in (fourbar.a, fourbar.b, fourbar.c, fourbar.d))
@@ -403,7 +403,7 @@ tau_spread, *_ = spread.causal(**question)(T, Td, Tdd)
 print("largest difference of the motor forces [N]:", np.max(np.abs(tau_spread - tau_lumped), axis=0).round(2))
 
 # %% [markdown]
-# The other road is virtual work. Turning a uniform rod costs the force $\frac{m_a}{12}(\ddot r_a - \ddot r_b)$ at its
+# The other way is virtual work. Turning a uniform rod costs the force $\frac{m_a}{12}(\ddot r_a - \ddot r_b)$ at its
 # cart end $a$, and the opposite one at its plate end $b$. When cart $j$ moves by $\delta q_j$, the cart end of rod $i$
 # moves by $v_i\,\delta_{ij}\,\delta q_j$, the plate end by column $j$ of $J$. The sum over the rods is the difference.
 
@@ -421,7 +421,7 @@ np.testing.assert_allclose(tau_spread - tau_lumped, expected, atol=1e-10)
 # ## Answer
 #
 # Yes. The pendulum was written once and gave accelerations, a simulation and the motor torque. The four-bar gave both
-# ways to assemble it, the robot its kinematics, Jacobian and dynamics in both directions. Each was confirmed by a road
+# ways to assemble it, the robot its kinematics, Jacobian and dynamics in both directions. Each was confirmed in a way
 # that did not use gtmodel. What has no answer was said in a sentence.
 #
 # Next: `02_playing_with_the_optimal_motion` lets the robot move as fast as it can.

@@ -357,7 +357,7 @@ for axes in (angle, torque):
 figure
 
 # %% [markdown]
-# The other road: it stands still at the end, so the work of the motor is all in the height, $2mgL$. The torque is
+# The other way: it stands still at the end, so the work of the motor is all in the height, $2mgL$. The torque is
 # constant on each element, so its work is a plain sum.
 
 # %%

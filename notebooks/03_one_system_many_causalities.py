@@ -21,7 +21,7 @@
 # given and what is asked. Textbooks solve them once for each question, by hand: forward kinematics, inverse
 # kinematics, Jacobian, inverse dynamics, forward dynamics. Here the equations of the L1 prototype are written once,
 # and every question is one line. After each answer stands how it was found (`explain`), and an `assert` that checks
-# it by another road.
+# it in another way.
 
 # %%
 # %matplotlib inline
@@ -174,7 +174,7 @@ outcome.figures["signals"]()
 outcome.figures["energy"]()
 
 # %% [markdown]
-# Two more roads to the same motion. Backwards: the inverse dynamics of its accelerations must say that the motors are
+# Two more ways to the same motion. Backwards: the inverse dynamics of its accelerations must say that the motors are
 # off. And by differences: the recorded velocities must be the slopes of the recorded positions.
 
 # %%

@@ -84,7 +84,7 @@ print("lengths [m]", L.round(4))
 print("pushes [N]", force.round(2))
 
 # %% [markdown]
-# By another road: leg vectors by plain geometry, and the six pushes must carry the weight and its moment.
+# In another way: leg vectors by plain geometry, and the six pushes must carry the weight and its moment.
 
 # %%
 legs = pose["r"] + JOINTS @ R.T - FEET

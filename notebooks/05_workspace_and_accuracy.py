@@ -117,7 +117,7 @@ assert 75 < micrometres.min() < micrometres.max() < 180
 assert np.argmin(nearest) == 1 and nearest[1] < 0.1  # beside guideway 2
 
 # %% [markdown]
-# By another road: synthetic errors, drawn with a seed from the surfaces of the ellipsoids and put through exact
+# In another way: synthetic errors, drawn with a seed from the surfaces of the ellipsoids and put through exact
 # kinematics. The eight corners of the first-order body must bound the cloud, and not by much.
 
 # %%

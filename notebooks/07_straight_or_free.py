@@ -56,10 +56,10 @@ print("motors at their limit:", " ".join(f"{100 * x:.0f} %" for x in line.satura
 # %% [markdown]
 # One motor is at its limit all the way, and along a line that is enough: it holds the other two back.
 #
-# ### The same by another road
+# ### The same in another way
 #
 # With $b = \dot s^2$ as the unknown, time vanishes from the problem: $\ddot s = b'/2$. One number per point of the path
-# is all there is to find. If both roads are right they meet as the points get closer.
+# is all there is to find. If both ways are right they meet as the points get closer.
 
 # %%
 follower = plan_of(line.asked).follower

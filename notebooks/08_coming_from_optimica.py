@@ -264,7 +264,7 @@ print(f"99 %: {low:.4f} to {high:.4f}, true {TRUE_MU}")
 
 # %% [markdown]
 # The measured instants need not lie on the mesh. With `sigma` the covariance is that of the noise; the true value must
-# lie in the interval, and the residuals must look like the noise. A second road: SciPy's integrator in place of the
+# lie in the interval, and the residuals must look like the noise. A cross-check: SciPy's integrator in place of the
 # collocation, and a plain search for the best constant.
 
 # %%

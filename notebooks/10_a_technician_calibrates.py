@@ -102,7 +102,7 @@ plan.figures["7_predicted_error"]()
 # ## 2 The measurements
 #
 # The plan wrote `poses.csv` and the RAPID program `poses.mod`. The robot goes to each pose, in random order, and the
-# tracker says where it stands. Here the robot is made up: points and lengths 5 mm off, guideways turned by 0.1 deg.
+# tracker says where it stands. Here the robot is synthetic: points and lengths 5 mm off, guideways turned by 0.1 deg.
 
 # %%
 known = gt.robots.gantry_tau("l1_tape")
@@ -179,5 +179,5 @@ assert 0.3 * predicted < error < 2 * predicted
 # ## Answer
 #
 # Yes: from two files. The plan said beforehand what the calibration would be worth, and the calibrated robot keeps it,
-# on held-out poses and, since this robot is made up, against the truth. On a real robot guideways wander by more than
+# on held-out poses and, since this robot is synthetic, against the truth. On a real robot guideways wander by more than
 # the tracker's noise; the error on the held-out poses then stays above the prediction, and the verdict says so.

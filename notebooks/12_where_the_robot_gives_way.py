@@ -13,13 +13,13 @@
 # ---
 
 # %% [markdown]
-# # Where the robot gives way
+# # Where the robot is compliant
 #
 # **Which part should be made stiffer, and can the stiffness of joints be measured?**
 #
 # A Gantry-Tau carries loads by pulling and pushing its links, which is why it is stiff. This notebook puts springs
 # into links, ball joints, drives and frame of the L1, and asks which of them a milling force bends. Then it turns to
-# a serial arm, the KR 500-3, whose joints give way, and identifies them from load tests.
+# a serial arm, the KR 500-3, whose joints are compliant, and identifies them from load tests.
 
 # %%
 # %matplotlib inline
@@ -47,7 +47,7 @@ from gtmodel.plot.stiffness import stiffness_figure
 # ## 1 Springs of the L1
 #
 # With the unit vectors of the links as rows of $U$, link forces $n$ balance a load by $U^T n = F$, and a link
-# lengthens by $n/k$: $C = U^{-1} \mathrm{diag}(1/k)\, U^{-T}$. Carts that give way move the ends of the links, which
+# lengthens by $n/k$: $C = U^{-1} \mathrm{diag}(1/k)\, U^{-T}$. Compliant carts move the ends of the links, which
 # adds a second sum of the same form. Of all springs only the ball joints' 115 kN/mm are printed (Dressler 2012,
 # section 2.3); the rest is an example of ours. Arms 1, 2 and 3 have one, two and three links side by side.
 
@@ -61,10 +61,10 @@ rods = tube(120e9, 0.040, 0.034, home.lengths[0])
 structure = LinkStructure(home, LinkSprings(link=rods, **springs))
 force = np.array([300.0, 200.0, -300.0])
 moved = structure.deflection(force)[0]
-print(f"under {force} N the tool gives way by {np.round(1e6 * moved, 1)} um")
+print(f"under {force} N the tool deflects by {np.round(1e6 * moved, 1)} um")
 
 # %% [markdown]
-# Two roads to the work of the load: by the displacement, and by the energy in every spring.
+# Two ways to the work of the load: by the displacement, and by the energy in every spring.
 
 # %%
 in_springs = structure.total @ structure.spring_forces(force)[0] ** 2 / 2
@@ -127,7 +127,7 @@ map_figure(
 # %% [markdown]
 # ## 4 Joints of a serial arm
 #
-# The KR 500-3 gives way in its joints. Loads hang on its flange, a tracker measures what moves, and $dX = J\,
+# The KR 500-3 is compliant in its joints. Loads hang on its flange, a tracker measures what moves, and $dX = J\,
 # \mathrm{diag}(J^T F)\, c$ is linear in the compliances $c = 1/K$ (Cvitanic 2021, eqs. (2) to (7)). Its displacements
 # are not public: these are **synthetic**, of the printed stiffness, seed 9, noise 20 µm and 0.1 mrad.
 
@@ -167,6 +167,6 @@ assert fits[0].adequacy.passed and not complete_pose(tilting).adequacy.passed
 # ## Answer
 #
 # In this example the frame of the L1 takes the largest part of the load's work, so bracing it helps
-# more than thicker rods; the tool gives way most along one direction that turns little over the workspace. The joints
+# more than thicker rods; the tool deflects most along one direction that turns little over the workspace. The joints
 # of a serial arm can be measured to a per cent from a few loads, and the residuals tell whether joints are all that
-# gives way.
+# is compliant.

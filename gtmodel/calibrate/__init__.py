@@ -3,7 +3,7 @@
 study, CalibrationStudy   a robot on measured poses: were they read right, fit, held-out errors, intervals, verdict
 Fit, Known                which parameters move, what is known of them before
 Poses, read_poses, Measured, MeasuredSignal, FrameStart, Sag   measured poses, and how they stand in a CSV file
-Synthetic, made_poses     made-up measurements of a robot with known errors
+Synthetic, made_poses     synthetic measurements of a robot with known errors
 CartPoints, read_cart_points   guideways through measured points
 Origin                    where a robot comes from, for its calibrated file
 

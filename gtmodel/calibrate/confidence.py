@@ -33,13 +33,14 @@ class Fitted:
 @dataclass(frozen=True, eq=False)
 class _Share:
     """What one block adds: `gain` (N, k, n) moves of all unknowns per unit of its residuals, psi (N, k) these with the
-    loss's slope, `by_prior` (n, p) moves per unit of its priors, null directions (n, z), data's freedom."""
+    loss's slope, `by_prior` (n, p) moves per unit of its priors, null directions (n, z), the data's degrees of
+    freedom."""
 
     gain: np.ndarray
     psi: np.ndarray
     by_prior: np.ndarray
     null: np.ndarray
-    freedom: float
+    degrees_of_freedom: float
     sentences: list[str]
 
 
@@ -59,7 +60,7 @@ def estimated(
     notes = [s for share in shares for s in share.sentences]
     if notes and not hold:
         raise ValueError("; ".join(notes))
-    freedom, least = sum(s.freedom for s in shares), min(s.freedom for s in shares)
+    degrees_of_freedom, least = sum(s.degrees_of_freedom for s in shares), min(s.degrees_of_freedom for s in shares)
     psi = np.hstack([s.psi for s in shares])
     if least < 0 or (least == 0 and not known):
         raise ValueError(f"{psi.size} closure residuals for {n} unknowns; measure more poses, or fix some")
@@ -68,18 +69,18 @@ def estimated(
         S, B = noise_covariance(problem, "orthogonal"), np.concatenate([_by_noise(problem, f) for f in fits], axis=1)
         omega = B @ S @ B.transpose(0, 2, 1)
     else:
-        # residuals of a row have lost the part of the freedom that its block's unknowns took
-        part = np.concatenate([np.full(s.psi.shape[1], s.freedom / s.psi.shape[1]) for s in shares])
+        # residuals of a row have lost the part of the degrees of freedom that its block's unknowns took
+        part = np.concatenate([np.full(s.psi.shape[1], s.degrees_of_freedom / s.psi.shape[1]) for s in shares])
         omega = (psi.T @ psi / np.sqrt(np.outer(part, part)))[None]
     cov = np.einsum("kci,kcj->ij", gain, np.broadcast_to(omega, (N, *omega.shape[1:])) @ gain)
     by_prior = np.hstack([s.by_prior for s in shares])
     cov = cov + by_prior @ by_prior.T
-    scaled = _scaled(problem, fits, omega, gain, cov, freedom) if known else psi
-    noise = float(np.sqrt(np.sum(scaled**2) / freedom)) if freedom > 0 else 1.0
+    scaled = _scaled(problem, fits, omega, gain, cov, degrees_of_freedom) if known else psi
+    noise = float(np.sqrt(np.sum(scaled**2) / degrees_of_freedom)) if degrees_of_freedom > 0 else 1.0
     null = np.hstack([s.null for s in shares])
     estimate = Estimate(
         u.names, np.concatenate([f.descent.x for f in fits])[_order(fits)], (cov + cov.T) / 2,
-        freedom if known else least, noise, known, scaled.reshape(-1), (), units=u.units,
+        degrees_of_freedom if known else least, noise, known, scaled.reshape(-1), (), units=u.units,
         notes=(*notes, *u.notes), null_space=null if null.shape[1] else np.zeros((0, 0)),
     )  # fmt: skip
     return estimate, _told(problem, fits, 1.0 if known else noise, N)
@@ -97,11 +98,11 @@ def _share(problem: Problem, f: Fitted, loss: Loss, width: float) -> _Share:
     gain[:, :, columns] = (d.J @ inverse).reshape(N, -1, len(columns))
     null[columns] = np.where(np.abs(s.null) > PART, s.null, 0.0) * size[:, None]
     by_prior[columns] = (f.P @ inverse).T
-    freedom = len(d.r) - effective_parameters(weighted, s.inverse)
-    if abs(freedom - round(freedom)) < 1e-6:  # a whole number but for rounding
-        freedom = float(round(freedom))
+    degrees_of_freedom = len(d.r) - effective_parameters(weighted, s.inverse)
+    if abs(degrees_of_freedom - round(degrees_of_freedom)) < 1e-6:  # a whole number but for rounding
+        degrees_of_freedom = float(round(degrees_of_freedom))
     sentences = moved_together(s.null, tuple(u.names[k] for k in columns))
-    return _Share(gain, (d.r * loss.slope(z)).reshape(N, -1), by_prior, null, freedom, sentences)
+    return _Share(gain, (d.r * loss.slope(z)).reshape(N, -1), by_prior, null, degrees_of_freedom, sentences)
 
 
 def _by_noise(problem: Problem, f: Fitted) -> np.ndarray:
@@ -112,9 +113,14 @@ def _by_noise(problem: Problem, f: Fitted) -> np.ndarray:
 
 
 def _scaled(
-    problem: Problem, fits: Sequence[Fitted], omega: np.ndarray, gain: np.ndarray, cov: np.ndarray, freedom: float
+    problem: Problem,
+    fits: Sequence[Fitted],
+    omega: np.ndarray,
+    gain: np.ndarray,
+    cov: np.ndarray,
+    degrees_of_freedom: float,
 ) -> np.ndarray:
-    """Residuals (N, k) in units of their noise, such that their squares sum to `freedom` on average.
+    """Residuals (N, k) in units of their noise, such that their squares sum to `degrees_of_freedom` on average.
 
     What is left of noise e is e - J G'e: its expected squares are those of e less what the fit took, which differs from
     the number of unknowns where the cost does not weigh as the noise does.
@@ -134,7 +140,7 @@ def _scaled(
     expected = N * J.shape[1] - 2 * float(np.sum(taken * J))
     expected += np.einsum("kin,nm,kim->", J, cov, J, optimize=True)
     r = np.hstack([f.descent.r.reshape(N, -1) for f in fits]) / size
-    return r * np.sqrt(freedom / expected) if freedom > 0 and expected > 0 and n else r
+    return r * np.sqrt(degrees_of_freedom / expected) if degrees_of_freedom > 0 and expected > 0 and n else r
 
 
 def _order(fits: Sequence[Fitted]) -> np.ndarray:

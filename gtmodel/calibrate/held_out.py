@@ -47,13 +47,12 @@ def judge_held_out(
         equations = N * max(len(c.problem.labels), 1)
         told = len(c.x) if c.estimate is None else len(c.x) - c.estimate.null_space.shape[1]
         growth = (equations + told) / (equations - told) if equations > told else np.inf
-        freedoms = float(equations - told), 3.0 * M
+        degrees_of_freedom = float(equations - told), 3.0 * M
     else:
         growth = np.trace(held) / len(held) / (np.trace(fit) / len(fit)) if np.trace(fit) > 0 else np.inf
-        freedoms = tuple(freedom_of(float(np.trace(S)), float(np.sum(S * S))) for S in (fit, held))
+        degrees_of_freedom = tuple(freedom_of(float(np.trace(S)), float(np.sum(S * S))) for S in (fit, held))
     return held_out_ratio(
-        ratio, float(growth), freedoms[0] / correlated, freedoms[1] / correlated, false_alarm=false_alarm,
-        matters=matters,
+        ratio, float(growth), *(n / correlated for n in degrees_of_freedom), false_alarm=false_alarm, matters=matters
     )  # fmt: skip
 
 

@@ -45,7 +45,9 @@ def true_poses(
     places = {n: s for n, s in p.reading.places.items() if n != known}
     free = [k for s in places.values() for k in range(s.start, s.stop)]
     if len(free) != len(p.labels):
-        raise ModelError(f"{len(p.labels)} equations close, but the pose {', '.join(places)} has {len(free)} freedoms")
+        raise ModelError(
+            f"{len(p.labels)} equations close, but the pose {', '.join(places)} has {len(free)} degrees of freedom"
+        )
     x = np.repeat(p.unknowns.start[:, None], len(q), axis=1)
     for name, off in deviations.items():
         x[p.unknowns.names.index(name)] += np.asarray(off, float)

@@ -126,6 +126,8 @@ def closure_jacobians(
     pose = [k for n, s in read.places.items() if n != problem.actuators for k in range(s.start, s.stop)]
     m = len(problem.labels)
     if m != len(pose):
-        raise ModelError(f"{m} equations close, but the measured pose has {len(pose)} freedoms: no position follows")
+        raise ModelError(
+            f"{m} equations close, but the measured pose has {len(pose)} degrees of freedom: no position follows"
+        )
     J, B, _ = problem.all_jacobians("forward", u.start if x is None else np.asarray(x, float))
     return J, B[:, :, pose], pose

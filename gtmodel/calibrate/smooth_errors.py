@@ -45,17 +45,19 @@ def with_smooth_errors(c: Calibration, position: str = "T") -> tuple[Estimate, d
         return None
     N, n, found = len(p.measurements), len(c.x), {}
     covariance = np.zeros((n, n))
-    freedom = N - max((len(b.columns) for b in p.lengths), default=0)
+    degrees_of_freedom = N - max((len(b.columns) for b in p.lengths), default=0)
     for b in p.lengths:
         one = _of_link(c, b, position)
-        if one is None or freedom < 1:
+        if one is None or degrees_of_freedom < 1:
             return None
         found[p.labels[b.rows[0]]] = one
         covariance[np.ix_(b.columns, b.columns)] = one.covariance
     # few poses may see no error where there is one, or less noise than there is: never less than white noise leaves
     wider = np.maximum(1.0, np.sqrt(np.diag(c.estimate.covariance) / np.diag(covariance)))
     covariance *= np.outer(wider, wider)
-    return replace(c.estimate, covariance=covariance, known_noise=False, freedom=float(freedom)), found
+    return replace(
+        c.estimate, covariance=covariance, known_noise=False, degrees_of_freedom=float(degrees_of_freedom)
+    ), found
 
 
 def _of_link(c: Calibration, b: Block, position: str) -> SmoothErrors | None:

@@ -28,7 +28,7 @@ but libm is called.
     make check                   # the same with warnings, and libgt_{name}.a
 
 In a project, compile every `.c` file of this folder with your own and include `gt_{name}.h`. The `main` in
-`gt_{name}_main.c` is weak and gives way to yours; with a compiler that has no weak symbols define `GT_NO_MAIN`.
+`gt_{name}_main.c` is weak and yields to yours; with a compiler that has no weak symbols define `GT_NO_MAIN`.
 
 - Compile with `-ffp-contract=off`: then every result equals Python's bit for bit, and the self-test says `==`.
 - Never compile with `-ffast-math` or `-Ofast`: they remove the tests for NaN. The headers refuse them.

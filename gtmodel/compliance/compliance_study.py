@@ -1,4 +1,4 @@
-"""The compliance study: how a robot gives way under load and weight, and its lowest frequencies, over its workspace."""
+"""The compliance study: how a robot deflects under load and weight, and its lowest frequencies, over its workspace."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ MAPPED = {"softest_N_m": ("stiffness along the softest direction", 1e-6, "N/µm"
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class ComplianceStudy(Study):
-    """How a robot gives way: at one pose, and over a section of its workspace."""
+    """How a robot deflects: at one pose, and over a section of its workspace."""
 
     pose: Annotated[Array, Quantity("m", "tool centre point that the next numbers are about")]
     compliance: Annotated[Array, "at the tool, displacement by load: m/N, and rad/N, rad/(N.m) where the plate turns"]
@@ -49,7 +49,7 @@ class ComplianceStudy(Study):
     deflection: Annotated[Array, Quantity("m", "of the tool centre point under the load")]
     rotation: Annotated[Array | None, Quantity("rad", "of the plate under the load; null where it has none")]
     work: Annotated[float | None, Quantity("J", "that the load does")] = None
-    shares: Annotated[Mapping[str, float] | None, "parts of this work by what gives way; null without a load"]
+    shares: Annotated[Mapping[str, float] | None, "parts of this work by what is compliant; null without a load"]
     sag: Annotated[
         Array | None, Quantity("m", "of the tool centre point by all weights; null for robots without masses")
     ]

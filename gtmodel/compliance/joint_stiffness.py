@@ -132,8 +132,10 @@ def _decoupled(tests: StaticTests, torque: np.ndarray, moment: bool) -> Stiffnes
     cross = (gain @ _rows(S_tw).T - arm.covariance @ A_a.T) @ back.T
     both = Estimate(
         (*arm.names, *wrist.names), np.concatenate([arm.values, wrist.values]),
-        np.block([[arm.covariance, cross], [cross.T, wrist.covariance]]), arm.freedom + wrist.freedom,
-        _pooled(arm, wrist), True, np.concatenate([arm.residuals, wrist.residuals]), (), units=arm.units + wrist.units,
+        np.block([[arm.covariance, cross], [cross.T, wrist.covariance]]),
+        arm.degrees_of_freedom + wrist.degrees_of_freedom,
+        _pooled(arm, wrist), True, np.concatenate([arm.residuals, wrist.residuals]),
+        (), units=arm.units + wrist.units,
     )  # fmt: skip
     whole = np.block([[A_w, np.zeros((3 * n, k - ARM))], [A_a, A_b]])
     zero = np.zeros((3 * n, 3 * n))
@@ -187,9 +189,9 @@ def stiffness_fit(method: str, e: Estimate, A: np.ndarray, covariance: np.ndarra
 
 
 def _pooled(*estimates: Estimate) -> float:
-    freedom = sum(e.freedom for e in estimates)
+    degrees_of_freedom = sum(e.degrees_of_freedom for e in estimates)
     chi2 = sum(float(e.residuals @ e.residuals) for e in estimates)
-    return float(np.sqrt(chi2 / freedom)) if freedom else 1.0
+    return float(np.sqrt(chi2 / degrees_of_freedom)) if degrees_of_freedom else 1.0
 
 
 def _rows(blocks: np.ndarray) -> np.ndarray:

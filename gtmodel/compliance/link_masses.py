@@ -39,7 +39,7 @@ class LinkMasses:
     def matrix(self, s: LinkStructure) -> Array:
         """M (n, d + s, d + s) in the coordinates of the structure."""
         plate, mid, carts = self._motions(s)
-        d = s.freedoms
+        d = s.degrees_of_freedom
         M = self.m_p * np.swapaxes(plate, 1, 2) @ plate
         M += np.einsum("m,nmis,nmit->nst", self.m_a, mid, mid) + np.einsum("k,nkis,nkit->nst", self.m_c, carts, carts)
         if s.poses.R is not None:
@@ -59,16 +59,16 @@ class LinkMasses:
     def sag(self, s: LinkStructure, g: Any = GRAVITY) -> Array:
         """Displacement of the plate (n, d) [m, rad] by all weights."""
         f = self.weight(s, g)
-        return s.deflection(f[:, : s.freedoms], f[:, s.freedoms :])
+        return s.deflection(f[:, : s.degrees_of_freedom], f[:, s.degrees_of_freedom :])
 
     def frequencies(self, s: LinkStructure, count: int = 3) -> Array:
         """The `count` lowest natural frequencies (n, count) [Hz] with all axes held by their drives' springs.
 
         K x = w^2 M x of plate, carts and rotary axes; rigid supports stand still. Raises ValueError for rigid links and
-        for a coordinate that gives way without a mass.
+        for a coordinate that is compliant and has no mass.
         """
         K, M = s.stiffness(), self.matrix(s)
-        moving = np.concatenate([np.full(s.freedoms, True), s.total[s.freedoms :] > 0])
+        moving = np.concatenate([np.full(s.degrees_of_freedom, True), s.total[s.degrees_of_freedom :] > 0])
         K, M = K[:, moving][:, :, moving], M[:, moving][:, :, moving]
         found = np.full((len(K), min(count, K.shape[1])), np.nan)
         good = np.isfinite(K).all(axis=(1, 2))
@@ -77,7 +77,7 @@ class LinkMasses:
         try:
             L = np.linalg.cholesky(M[good])
         except np.linalg.LinAlgError as error:
-            raise ValueError("a part that gives way has no mass; give plate, carts and rotary axes theirs") from error
+            raise ValueError("a compliant part has no mass; give plate, carts and rotary axes theirs") from error
         half = np.linalg.solve(L, K[good])
         whole = np.linalg.solve(L, np.swapaxes(half, 1, 2))
         values = np.linalg.eigvalsh((whole + np.swapaxes(whole, 1, 2)) / 2)
@@ -87,7 +87,7 @@ class LinkMasses:
     def _motions(self, s: LinkStructure) -> tuple[Array, Array, Array]:
         """Motion per coordinate of the plate's centre of mass (n, 3, .), the links' middles (n, m, 3, .) and the carts
         (n, k, 3, .)."""
-        p, d = s.poses, s.freedoms
+        p, d = s.poses, s.degrees_of_freedom
         n, m, _, supports = s.support.shape
         if self.m_a.shape != (m,) or self.m_c.shape != (p.carts,):
             raise ValueError(

@@ -40,7 +40,7 @@ class LinkSprings:
             raise ValueError(f"parallel counts rods side by side, 1 or more; found {self.parallel}")
 
     def by_group(self, links: int, carts: int, axes: int) -> dict[str, Array]:
-        """Compliances (links + 3 carts + axes,) by what gives way: links, then along, across and across each cart's
+        """Compliances (links + 3 carts + axes,) by what is compliant: links, then along, across and across each cart's
         guideway, then rotary axes. Their sum is the compliance of each coordinate."""
         sizes = (links, 3 * carts, axes)
         found = {name: [np.zeros(size) for size in sizes] for name in GROUPS}

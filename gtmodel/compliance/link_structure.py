@@ -1,4 +1,4 @@
-"""How a plate on links gives way: from springs of links, joints, drives, carts and frame to compliance at the tool."""
+"""How a plate on links deflects: from springs of links, joints, drives, carts and frame to compliance at the tool."""
 
 from __future__ import annotations
 
@@ -17,15 +17,17 @@ SINGULAR = 1e-9  # least to greatest singular value of U below which a pose hold
 
 @dataclass(frozen=True, eq=False)
 class LinkStructure:
-    """n poses of a robot whose plate hangs on as many links as it has freedoms d: 3 for a point mass, 6 with moments.
+    """n poses of a robot whose plate hangs on as many links as it has degrees of freedom d: 3 for a point mass, 6 with
+    moments.
 
     With the unit link vectors as rows of U (d, d), link forces n balance a load F on the plate, U'n = F, and links
-    give way by n/k: C = U^-1 diag(1/k) U^-T. What a cart gives way by moves the ends of its links, which adds
+    yield by n/k: C = U^-1 diag(1/k) U^-T. What a cart yields by moves the ends of its links, which adds
     U^-1 G diag(1/k) G' U^-T with G (d, s) the lengthening of links per motion of a support. First order, about the
     unloaded pose: the turning of links under their own force, n/L beside k, is left out. Axes hold still.
 
     Coordinates: of the plate [m, rad], then along, across and across each guideway [m], then rotary axes [rad].
-    Poses without a solution, and singular ones, are NaN. Raises ValueError where links and freedoms differ in number.
+    Poses without a solution, and singular ones, are NaN. Raises ValueError where links and degrees of freedom differ
+    in number.
     """
 
     poses: LinkPoses
@@ -42,7 +44,9 @@ class LinkStructure:
             turned = np.cross(np.eye(3)[:, None, None], p.arms)  # of each joint per rotation about an axis
             plate = np.concatenate([plate, np.moveaxis(turned, 0, -1)], axis=3)
         if m != plate.shape[3]:
-            raise ValueError(f"found {m} links on a plate with {plate.shape[3]} freedoms; expected as many of both")
+            raise ValueError(
+                f"found {m} links on a plate with {plate.shape[3]} degrees of freedom; expected as many of both"
+            )
         w = p.cart_motion
         size = np.linalg.norm(w, axis=2)
         frames = _frames(w / size[..., None])
@@ -56,7 +60,7 @@ class LinkStructure:
             object.__setattr__(self, name, value)
 
     @property
-    def freedoms(self) -> int:
+    def degrees_of_freedom(self) -> int:
         return self.plate.shape[3]
 
     @cached_property
@@ -64,8 +68,8 @@ class LinkStructure:
         """(n, d, d) lengthening of the links per motion of the plate; NaN where singular."""
         U = np.einsum("nmi,nmid->nmd", self.poses.directions, self.plate)
         finite = np.isfinite(U).all(axis=(1, 2))
-        size = np.ones(self.freedoms)
-        if finite.any() and self.freedoms > 3:  # rotations in the size of the plate
+        size = np.ones(self.degrees_of_freedom)
+        if finite.any() and self.degrees_of_freedom > 3:  # rotations in the size of the plate
             size[3:] = 1 / max(np.linalg.norm(self.poses.arms[finite], axis=2).max(), 1e-12)
         s = np.linalg.svd(np.where(finite[:, None, None], U, 0.0) * size, compute_uv=False)
         return np.where((finite & (s[:, -1] > SINGULAR * s[:, 0]))[:, None, None], U, np.nan)
@@ -77,7 +81,7 @@ class LinkStructure:
 
     @cached_property
     def by_group(self) -> dict[str, Array]:
-        """Compliances by what gives way; one for each link and support."""
+        """Compliances by what is compliant; one for each link and support."""
         p = self.poses
         return self.springs.by_group(p.a.shape[1], p.carts, p.q.shape[1] - p.carts)
 
@@ -92,7 +96,7 @@ class LinkStructure:
         U = self.U
         good = np.isfinite(U).all(axis=(1, 2))
         found = np.full((*U.shape[:2], len(self.total)), np.nan)
-        eye = np.broadcast_to(np.eye(self.freedoms), U[good].shape)
+        eye = np.broadcast_to(np.eye(self.degrees_of_freedom), U[good].shape)
         found[good] = np.linalg.solve(U[good], np.concatenate([eye, self.G[good]], axis=2))
         return found
 
@@ -110,7 +114,7 @@ class LinkStructure:
         if len(bad):
             raise ValueError(f"the load of pose {bad[0]} is {load[bad[0]].tolist()}; expected finite numbers")
         f = np.einsum("nds,nd->ns", self.carried, load)
-        f[:, self.freedoms :] += on_supports
+        f[:, self.degrees_of_freedom :] += on_supports
         return f
 
     def deflection(self, wrench: ArrayLike, on_supports: ArrayLike = 0.0) -> Array:
@@ -119,7 +123,7 @@ class LinkStructure:
 
     def shares(self, wrench: ArrayLike) -> dict[str, Array]:
         """Which part of the work of that load (n,) each group of springs takes; they sum to 1, and are NaN where
-        nothing gives way."""
+        nothing is compliant."""
         f = self.spring_forces(wrench) ** 2
         whole = f @ self.total
         return {name: f @ self.by_group[name] / whole for name in GROUPS}
@@ -127,7 +131,7 @@ class LinkStructure:
     def stiffness(self) -> Array:
         """K (n, d + s, d + s) of plate and supports; a rigid support has no number: its rows are infinite on the
         diagonal. Raises ValueError for rigid links."""
-        d = self.freedoms
+        d = self.degrees_of_freedom
         if np.any(self.total[:d] == 0):
             raise ValueError("links that are rigid have no stiffness; give each a compliance above 0")
         W = np.concatenate([self.U, -self.G], axis=2)

@@ -59,7 +59,7 @@ class Frame(Options):
 
 @dataclass(frozen=True)
 class Springs(Options):
-    """What gives way in a parallel robot."""
+    """What is compliant in a parallel robot."""
 
     links: Links
     carts: Carts = Carts()

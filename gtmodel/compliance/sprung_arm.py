@@ -53,7 +53,7 @@ class SprungArm:
     def assumptions(self) -> list[str]:
         endless = ["no joint limits are known of this robot: poses beyond them count as reachable"]
         return [
-            "joints give way about their axes alone, motors hold still; links and bearings are rigid",
+            "joints are compliant about their axes alone, motors hold still; links and bearings are rigid",
             "the tool keeps the orientation of arm.pose_deg, the arm its branch",
             *(endless if self.limits is None else []),
         ]

@@ -1,4 +1,4 @@
-"""A parallel robot on its springs: how it gives way at rows of tool centre points."""
+"""A parallel robot on its springs: how it deflects at rows of tool centre points."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ class SprungLinks:
 
     @property
     def assumptions(self) -> list[str]:
-        said = ["axes hold still; what their servo loops give way by is part of the drives' springs"]
+        said = ["axes hold still; what their servo loops yield is part of the drives' springs"]
         if self.at_home.R is None:
             said.append("the plate keeps its orientation and is a point for forces: moments are not carried")
         elif self.at_home.q.shape[1] > self.at_home.carts:
@@ -114,7 +114,7 @@ class SprungLinks:
     def __call__(self, T: Array) -> Found:
         poses = self.geometry(T)
         s = self.structure(poses)
-        d = s.freedoms
+        d = s.degrees_of_freedom
         load = np.array([*self.load.force, *self.load.moment])[:d]
         frequencies = sag = None
         if self.masses is not None:

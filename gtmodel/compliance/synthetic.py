@@ -1,4 +1,4 @@
-"""Made-up static tests, to see what identification gives back."""
+"""Synthetic static tests, to see what identification gives back."""
 
 from __future__ import annotations
 

@@ -33,7 +33,9 @@ def judged(
     if data.truth and whole:
         e = found.estimate
         off = [abs(e.value(n) - data.truth[n]) / s for n, s in zip(e.names, e.std, strict=True) if n in data.truth]
-        checks["error_in_standard_deviations"] = at_most(float(max(off, default=0.0)), _student(len(off), e.freedom))
+        checks["error_in_standard_deviations"] = at_most(
+            float(max(off, default=0.0)), _student(len(off), e.degrees_of_freedom)
+        )
     if validation is not None:
         told = max(validation.judged, key=lambda h: h.ratio / h.bound)
         bound = told.bound if np.isfinite(told.bound) else None
@@ -92,11 +94,11 @@ def _far_off(found: Identification) -> list[str]:
     return [f"{far[0]} is {ratios[far[0]]:.3g} times its nominal value; check the units of time, position and efforts"]
 
 
-def _student(tests: int, freedom: float) -> float:
+def _student(tests: int, degrees_of_freedom: float) -> float:
     """Bound on the largest of so many errors in standard deviations."""
     from scipy import stats  # here: it alone takes as long to import as all of gtmodel
 
-    return float(stats.t.isf(FALSE_ALARM / 2 / max(tests, 1), freedom))
+    return float(stats.t.isf(FALSE_ALARM / 2 / max(tests, 1), degrees_of_freedom))
 
 
 def _piled(data: Recordings, targets: str) -> list[tuple[float, str]]:

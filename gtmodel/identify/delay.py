@@ -78,11 +78,11 @@ def delay_of(found: Identification) -> Delay | None:
         return None
     change = x / scale
     left = b - J @ change
-    freedom = n * m - k
+    degrees_of_freedom = n * m - k
     if found.confidence == "newey_west":
         covariance = newey_west(J, left, starts=rows.starts)
     else:
-        covariance = white(J.reshape(-1, k), float(np.sum(left**2)) / freedom, scale=1 / scale)
+        covariance = white(J.reshape(-1, k), float(np.sum(left**2)) / degrees_of_freedom, scale=1 / scale)
     std = np.sqrt(np.diag(covariance))
     if not std[-1] > 0:  # efforts without noise
         return None
@@ -91,11 +91,11 @@ def delay_of(found: Identification) -> Delay | None:
     moves = [abs(c) / own[n] if n in own and own[n] > 0 else 0.0 for n, c in zip(e.names, change[:-1], strict=True)]
     worst = int(np.argmax(moves))
     deviations = abs(float(change[-1])) / float(std[-1])
-    by_chance = float(stats.t.isf(FALSE_ALARM / 2, freedom)) / max(deviations, np.finfo(float).tiny)
+    by_chance = float(stats.t.isf(FALSE_ALARM / 2, degrees_of_freedom)) / max(deviations, np.finfo(float).tiny)
     return Delay(
         float(change[-1]),
         float(std[-1]),
-        2 * float(stats.t.sf(deviations, freedom)),
+        2 * float(stats.t.sf(deviations, degrees_of_freedom)),
         e.names[worst],
         float(moves[worst]),
         max(MATTERS, float(moves[worst]) * by_chance),

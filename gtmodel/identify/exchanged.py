@@ -56,13 +56,14 @@ class Exchanged(NamedTuple):
 
 
 def exchanged(
-    left: Callable[[list[int], list[int]], float], columns: int, freedom: float, size: float
+    left: Callable[[list[int], list[int]], float], columns: int, degrees_of_freedom: float, size: float
 ) -> Exchanged | None:
     """Compare columns as given with all other orders, and with one of them reversed; None for a single column.
 
-    left: sum of squares that is left with an order and signs. freedom: of the residuals. size: rms of the efforts.
+    left: sum of squares that is left with an order and signs. degrees_of_freedom: of the residuals. size: rms of the
+    efforts.
     """
-    if columns < 2 or freedom < 1:
+    if columns < 2 or degrees_of_freedom < 1:
         return None
     from scipy import stats  # here: it alone takes as long to import as all of gtmodel
 
@@ -71,8 +72,10 @@ def exchanged(
     trials += [(whole, [-1 if k == r else 1 for k in whole]) for r in whole]
     order, signs = min(trials, key=lambda trial: left(*trial))
     least = ROUND_OFF * max(size, np.finfo(float).tiny)
-    given, other = (max(float(np.sqrt(max(left(*t), 0.0) / freedom)), least) for t in ((whole, same), (order, signs)))
-    chance = float(stats.f.isf(FALSE_ALARM / len(trials), freedom, freedom))
+    given, other = (
+        max(float(np.sqrt(max(left(*t), 0.0) / degrees_of_freedom)), least) for t in ((whole, same), (order, signs))
+    )
+    chance = float(stats.f.isf(FALSE_ALARM / len(trials), degrees_of_freedom, degrees_of_freedom))
     return Exchanged(order, signs, given, other, max(NEARER, float(np.sqrt(chance))))
 
 

@@ -97,7 +97,7 @@ def synthetic_study(
     max_seconds: float | None = None,
     stop: Callable[[], bool] = never,
 ) -> IdentificationStudy:
-    """What `study` gives back from a log that is made up: values against the truth, and with runs its coverage.
+    """What `study` gives back from a synthetic log: values against the truth, and with runs its coverage.
 
     Args:
         robot: the model that is fitted.

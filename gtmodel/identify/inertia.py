@@ -341,7 +341,7 @@ def _left_out(
     beyond = B - Q @ (Q.T @ B)
     r = residuals.reshape(-1)
     W, R = np.linalg.qr(beyond)
-    k, freedom = len(group), len(r) - A.shape[1] - len(group)
+    k, degrees_of_freedom = len(group), len(r) - A.shape[1] - len(group)
     names = tuple(rows.names[i] for i in group)
     along = W.T @ r
     if coloured and np.linalg.matrix_rank(R) == k:
@@ -350,5 +350,5 @@ def _left_out(
         F = float(along @ np.linalg.solve(covariance, along)) / k
     else:
         explained = float(np.sum(along**2))
-        F = explained / k / max(float(r @ r - explained) / freedom, np.finfo(float).tiny)
-    return LeftOut(names, F, float(stats.f.sf(F, k, freedom)), tests)
+        F = explained / k / max(float(r @ r - explained) / degrees_of_freedom, np.finfo(float).tiny)
+    return LeftOut(names, F, float(stats.f.sf(F, k, degrees_of_freedom)), tests)

@@ -1,4 +1,5 @@
-"""What an identification asks for: what is measured and free, a log made up, the controlled model to validate with."""
+"""What an identification asks for: what is measured and free, a synthetic log, the controlled model to validate
+with."""
 
 from __future__ import annotations
 
@@ -28,7 +29,7 @@ class Fitting(Options):
 
 @dataclass(frozen=True)
 class SyntheticLog(Options):
-    """A log made up from a plant, to see what identification gives back: sines, tracking, sensors, noise."""
+    """A synthetic log of a plant, to see what identification gives back: sines, tracking, sensors, noise."""
 
     seed: Annotated[int, Within(least=0), "of the noise"] = 0
     motion_seed: Annotated[

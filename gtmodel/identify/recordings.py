@@ -1,4 +1,4 @@
-"""What an identification works on: recordings measured, with their corrections, or made up, with their truth."""
+"""What an identification works on: recordings measured, with their corrections, or synthetic, with their truth."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ Log = Session | Trajectory | Sequence[Session | Trajectory]
 
 @dataclass
 class Recordings:
-    """Recordings to fit and to hold out, corrections found on the way, and for made-up ones the plant's truth."""
+    """Recordings to fit and to hold out, corrections found on the way, and for synthetic ones the plant's truth."""
 
     fitted: tuple[Session, ...]
     held_out: tuple[Session, ...] = ()

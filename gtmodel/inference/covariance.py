@@ -95,8 +95,8 @@ def decimated(J: np.ndarray, residuals: np.ndarray, *, every: int | None = None)
         raise ArgumentError(
             f"every {k}-th of {len(r)} samples leaves {len(rest)} rows for {n} parameters; measure longer"
         )
-    freedom = r.size - n
-    return white(rest, float(np.sum(r**2)) / freedom, scale=_column_scale(rest))
+    degrees_of_freedom = r.size - n
+    return white(rest, float(np.sum(r**2)) / degrees_of_freedom, scale=_column_scale(rest))
 
 
 def block_bootstrap(

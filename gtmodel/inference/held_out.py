@@ -60,7 +60,7 @@ def held_out_ratio(
         tests: how many such ratios are judged together, each getting its part of the false alarms.
 
     The fit and the errors it has not seen are independent, so that ratio^2 / growth has the F distribution; exact for
-    linear models and white normal noise. With no freedom left the bound is infinite: nothing can be judged.
+    linear models and white normal noise. With no degrees of freedom left the bound is infinite: nothing can be judged.
     """
     from scipy import stats  # here: it alone takes as long to import as all of gtmodel
 

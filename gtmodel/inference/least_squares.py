@@ -99,17 +99,17 @@ def make_estimate(
     null = moved_together(s.null, own)
     if null and not hold_undetermined:
         raise ArgumentError("; ".join(null))
-    freedom = len(r) - effective_parameters(data, s.inverse)
-    if abs(freedom - round(freedom)) < 1e-6:  # a whole number but for rounding
-        freedom = float(round(freedom))
-    if freedom < 0 or (freedom == 0 and not known):
+    degrees_of_freedom = len(r) - effective_parameters(data, s.inverse)
+    if abs(degrees_of_freedom - round(degrees_of_freedom)) < 1e-6:  # a whole number but for rounding
+        degrees_of_freedom = float(round(degrees_of_freedom))
+    if degrees_of_freedom < 0 or (degrees_of_freedom == 0 and not known):
         raise ArgumentError(f"{len(r)} measured values for {len(kept)} unknowns; measure more, or give sigma")
-    noise = float(np.sqrt(r @ r / freedom)) if freedom else 1.0
+    noise = float(np.sqrt(r @ r / degrees_of_freedom)) if degrees_of_freedom else 1.0
     cov = s.inverse * np.outer(size, size) * (1.0 if known else noise**2)
     held = np.flatnonzero(~free)
     null_space = np.where(np.abs(s.null) > PART, s.null, 0.0) * size[:, None] if null else np.zeros((0, 0))
     return Estimate(
-        own, x[kept], (cov + cov.T) / 2, freedom, noise, known, r, tuple(names[k] for k in held),
+        own, x[kept], (cov + cov.T) / 2, degrees_of_freedom, noise, known, r, tuple(names[k] for k in held),
         held_values=tuple(float(x[k]) for k in held), units=tuple(units[k] for k in kept) if units else (),
         notes=tuple(null), null_space=null_space,
     )  # fmt: skip

@@ -26,12 +26,12 @@ class Loss:
         """What r is multiplied by so that its square has the loss's gradient."""
         return np.sqrt(self.slope((r / width) ** 2))
 
-    def variance_factor(self, r: np.ndarray, width: float, freedom: float) -> float:
-        """Huber's variance of a unit slope: sum psi^2 / freedom / (mean psi')^2, psi = r rho'."""
+    def variance_factor(self, r: np.ndarray, width: float, degrees_of_freedom: float) -> float:
+        """Huber's variance of a unit slope: sum psi^2 / degrees_of_freedom / (mean psi')^2, psi = r rho'."""
         z = (r / width) ** 2
         psi = r * self.slope(z)
         sharp = float(np.mean(self.slope(z) + 2 * z * self.bend(z)))
-        return float(psi @ psi) / freedom / sharp**2
+        return float(psi @ psi) / degrees_of_freedom / sharp**2
 
 
 LOSSES = {

@@ -1,5 +1,5 @@
-"""From whitened residuals and derivatives at the optimum to an Estimate: covariance, freedom, noise, what is not
-told."""
+"""From whitened residuals and derivatives at the optimum to an Estimate: covariance, degrees of freedom, noise, what
+is not told."""
 
 from __future__ import annotations
 

@@ -90,8 +90,8 @@ def nonlinear_fit(
         d.x, d.r, d.J, names, size, np.ones(len(x), bool), P, w.known, units=tuple(units),
         hold_undetermined=hold_undetermined, rank_tolerance=rank_tolerance,
     )  # fmt: skip
-    if loss != "linear" and told.freedom:
-        factor = loss_named(loss).variance_factor(d.r, width, told.freedom)
+    if loss != "linear" and told.degrees_of_freedom:
+        factor = loss_named(loss).variance_factor(d.r, width, told.degrees_of_freedom)
         told = replace(told, covariance=told.covariance / (1.0 if w.known else told.noise**2) * factor)
     return NonlinearFit(**vars(d), estimate=told)
 

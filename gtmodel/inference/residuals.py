@@ -93,7 +93,9 @@ def noise_size(estimate: Estimate) -> Verdict:
     if not estimate.known_noise:
         raise ArgumentError("the noise was not given, so that the residuals cannot be compared with it; give sigma")
     chi2 = float(estimate.residuals @ estimate.residuals)
-    p = 2 * float(min(stats.chi2.sf(chi2, estimate.freedom), stats.chi2.cdf(chi2, estimate.freedom)))
+    p = 2 * float(
+        min(stats.chi2.sf(chi2, estimate.degrees_of_freedom), stats.chi2.cdf(chi2, estimate.degrees_of_freedom))
+    )
     ratio = estimate.noise
     said = "residuals are as large as the stated noise"
     if p < SMALL_P:
@@ -103,7 +105,9 @@ def noise_size(estimate: Estimate) -> Verdict:
             if ratio > 1
             else f"residuals are {ratio:.2f} times the stated noise: it was stated too large"
         )
-    return Verdict(chi2, p, p >= SMALL_P, f"{said} (chi-squared {chi2:.4g} for {estimate.freedom:.4g}, p = {p:.2g})")
+    return Verdict(
+        chi2, p, p >= SMALL_P, f"{said} (chi-squared {chi2:.4g} for {estimate.degrees_of_freedom:.4g}, p = {p:.2g})"
+    )
 
 
 @dataclass(frozen=True, eq=False)

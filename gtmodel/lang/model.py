@@ -102,8 +102,8 @@ class Connector(Model):
     """A set of potentials and flows at which components are joined.
 
     `overdetermined` is the reason, told in errors, why such connectors may not be joined in a loop: a potential with
-    more numbers than freedoms, such as a rotation matrix. Components tell with gt.tree_edge and gt.tree_root which
-    port follows from which. Empty: loops are fine.
+    more numbers than degrees of freedom, such as a rotation matrix. Components tell with gt.tree_edge and gt.tree_root
+    which port follows from which. Empty: loops are fine.
     """
 
     overdetermined: ClassVar[str] = ""

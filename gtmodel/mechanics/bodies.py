@@ -63,7 +63,7 @@ class RigidBody(gt.Model):
 
 
 class FreeBody(RigidBody):
-    """A rigid body with six freedoms of its own: position frame.r and orientation by `attitude`.
+    """A rigid body with six degrees of freedom of its own: position frame.r and orientation by `attitude`.
 
     It is a root: it says how its frame is oriented. Whatever hangs on it by rods or spherical joints leaves it so.
     """

@@ -1,4 +1,4 @@
-"""A massless slide along a straight guideway, rigid or giving way."""
+"""A massless slide along a straight guideway, rigid or compliant."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Guideway(gt.Model):
 
 
 class CompliantGuideway(Guideway):
-    """A guideway that gives way: frame.r = A + q v + offset, where the force f [N] on the frame is K offset.
+    """A compliant guideway: frame.r = A + q v + offset, where the force f [N] on the frame is K offset.
 
     K (3, 3) [N/m], symmetric, world axes: drive, bearings and machine frame in series, along the guideway and across.
     q stays where the drive holds it.

@@ -1,4 +1,4 @@
-"""Rods between spherical joints: rigid ones of length L, and one that gives way along itself."""
+"""Rods between spherical joints: rigid ones of length L, and one compliant along itself."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class MidpointRod(Rod):
 
 
 class ElasticRod(MidpointRod):
-    """A MidpointRod that gives way along itself: length = L + n/k under the pull n = tension * length [N].
+    """A MidpointRod compliant along itself: length = L + n/k under the pull n = tension * length [N].
 
     k [N/m]: of the rod and the joints at its ends in series, 1/k = L/(E A) + 1/k_a + 1/k_b. It bends no more than a
     rigid one: its joints pass no moment.

@@ -1,4 +1,4 @@
-"""A path that is offset so that the tool, giving way, goes where it should."""
+"""A path that is offset so that the tool, deflecting, goes where it should."""
 
 from __future__ import annotations
 

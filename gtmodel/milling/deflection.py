@@ -1,4 +1,4 @@
-"""How far the tool gives way while it cuts: the static index (18) and the dynamic one (19)."""
+"""How far the tool deflects while it cuts: the static index (18) and the dynamic one (19)."""
 
 from __future__ import annotations
 

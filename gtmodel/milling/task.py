@@ -54,7 +54,7 @@ class Task:
 
     @property
     def heading(self) -> str:
-        """For pictures; says where dynamics are made up."""
+        """For pictures; says where dynamics are synthetic."""
         made_up = self.whence and self.whence.partition("synthetic: ")[2]
         return (self.title or "milling") + (f"\n(synthetic dynamics: {made_up})" if made_up else "")
 

@@ -85,9 +85,9 @@ def estimate(solution: Solution | PhasesSolution) -> Estimate:
     A, variables = _active(fit)
     J, n = csc_matrix(J[:, variables]), len(variables)
     held_rows = A.get_shape()[0]
-    freedom = len(r) - (n - held_rows)
+    degrees_of_freedom = len(r) - (n - held_rows)
     known = fit.misfits[0].known
-    if freedom < 0 or (freedom == 0 and not known):
+    if degrees_of_freedom < 0 or (degrees_of_freedom == 0 and not known):
         raise ModelError(f"{title}: {len(r)} measured values for {n - held_rows} unknowns; measure more, or give sigma")
     names, columns, scale, values, held = _quantities(fit, variables)
     if not names:
@@ -104,9 +104,9 @@ def estimate(solution: Solution | PhasesSolution) -> Estimate:
             f"{title}: the constraints are redundant at the solution; remove those that repeat others"
         ) from None
     _require_told(title, covariance, small, names)
-    noise = float(np.sqrt(r @ r / freedom)) if freedom else 1.0
+    noise = float(np.sqrt(r @ r / degrees_of_freedom)) if degrees_of_freedom else 1.0
     covariance = (covariance + covariance.T) / 2 * np.outer(scale, scale) * (1.0 if known else noise**2)
-    return Estimate(tuple(names), values, covariance, freedom, noise, known, r, tuple(held))
+    return Estimate(tuple(names), values, covariance, degrees_of_freedom, noise, known, r, tuple(held))
 
 
 def _data(misfits: list[Misfit]) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""How a robot gives way: maps over a section, and what takes the work of a load."""
+"""How a robot deflects: maps over a section, and what takes the work of a load."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def map_figure(
 
 
 def shares_figure(shares: Mapping[str, float], *, title: str = "") -> Figure:
-    """Parts of a load's work, 0 to 1, by what gives way."""
+    """Parts of a load's work, 0 to 1, by what is compliant."""
     figure, (axes,) = with_panels(7.5, 2.6, grid=False)
     names = list(shares)[::-1]
     bars = axes.barh(names, [100 * shares[n] for n in names], color=COLOURS[0])

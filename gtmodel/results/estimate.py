@@ -16,18 +16,18 @@ class Estimate:
     """Estimated quantities with their covariance, in SI units.
 
     `names`: free constants, and states at the start as "x at the start". `covariance` (n, n) is that of linearised
-    least squares (Gauss-Newton), `freedom` the number of measured values beyond the estimated quantities, `noise` the
-    standard deviation of the residuals (1 expected where sigma was given). `held` stand at a bound, at `held_values`:
-    no covariance. `null_space` (n, k), one column per direction in which the data say nothing, zero where a name has
-    no part: values stand where the fit was told to leave them, `covariance` is that of the rest, and intervals of
-    names that move along one are infinite. `units` per name (empty: not told); `notes`: sentences on what limits the
-    numbers.
+    least squares (Gauss-Newton), `degrees_of_freedom` the number of measured values beyond the estimated quantities,
+    `noise` the standard deviation of the residuals (1 expected where sigma was given). `held` stand at a bound, at
+    `held_values`: no covariance. `null_space` (n, k), one column per direction in which the data say nothing, zero
+    where a name has no part: values stand where the fit was told to leave them, `covariance` is that of the rest, and
+    intervals of names that move along one are infinite. `units` per name (empty: not told); `notes`: sentences on what
+    limits the numbers.
     """
 
     names: tuple[str, ...]
     values: np.ndarray
     covariance: np.ndarray
-    freedom: float
+    degrees_of_freedom: float
     noise: float
     known_noise: bool
     residuals: np.ndarray
@@ -62,7 +62,8 @@ class Estimate:
         return float(self.values[self._index(name)])
 
     def interval(self, name: str, level: float = 0.95) -> tuple[float, float]:
-        """Confidence interval: normal where sigma was given, else Student's t with `freedom`. Raises ValueError."""
+        """Confidence interval: normal where sigma was given, else Student's t with `degrees_of_freedom`. Raises
+        ValueError."""
         k = self._index(name)
         q = self._quantile(level)
         return float(self.values[k] - q * self.std[k]), float(self.values[k] + q * self.std[k])
@@ -98,7 +99,9 @@ class Estimate:
         if not 0 < level < 1:
             raise ValueError(f"a confidence level lies between 0 and 1; found {level:g}")
         return float(
-            stats.norm.ppf((1 + level) / 2) if self.known_noise else stats.t.ppf((1 + level) / 2, self.freedom)
+            stats.norm.ppf((1 + level) / 2)
+            if self.known_noise
+            else stats.t.ppf((1 + level) / 2, self.degrees_of_freedom)
         )
 
     def __str__(self) -> str:

@@ -39,7 +39,7 @@ class SphericalWristArm(gt.Model):
 
     T [m] and R are origin and orientation of the flange (its z axis points out of it), v [m/s] and w [rad/s] their
     rates, W [m] the wrist centre with its velocity v_W. The flange carries `load.force` [N] and `load.torque` [N.m],
-    world coordinates; `tau` [N.m] holds it, tau = -J'F (the motors' part; joints give way by +J'F). Links are
+    world coordinates; `tau` [N.m] holds it, tau = -J'F (the motors' part; joints deflect by +J'F). Links are
     massless: no masses are printed. `known="q"` with targets v and w at der(q) gives the geometric Jacobian. All
     branches of the inverse: `kinematics.WristPartition`.
     """

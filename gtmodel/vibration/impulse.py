@@ -196,13 +196,15 @@ class _Sines:
         F = _columns(t, fit.x)
         amplitudes = np.linalg.lstsq(F, record.y, rcond=None)[0]
         fitted = F @ amplitudes
-        # amplitudes take freedom too
+        # amplitudes take degrees of freedom too
         e = fit.estimate
         unknowns = len(fit.x) + amplitudes[:, live].size
-        freedom = max(y.size - unknowns, 1)
-        factor = e.freedom / freedom
+        degrees_of_freedom = max(y.size - unknowns, 1)
+        factor = e.degrees_of_freedom / degrees_of_freedom
         noise, units = e.noise * float(np.sqrt(factor)), ("Hz", "") * len(s)
-        estimate = replace(e, covariance=e.covariance * factor, freedom=freedom, noise=noise, units=units)
+        estimate = replace(
+            e, covariance=e.covariance * factor, degrees_of_freedom=degrees_of_freedom, noise=noise, units=units
+        )
         criterion = _criterion(record.y[:, live], fitted[:, live], unknowns)
         return cls(fit.x, estimate, amplitudes, fitted, criterion)
 
@@ -258,7 +260,7 @@ def _at_rest(record: Record) -> float:
 
 
 def _live(y: np.ndarray) -> np.ndarray:
-    """(p,) which outputs move at all: a dead one has no noise, and its samples are no freedom."""
+    """(p,) which outputs move at all: a dead one has no noise, and its samples are no degrees of freedom."""
     return np.ptp(y, axis=0) > 0
 
 

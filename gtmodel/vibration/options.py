@@ -1,4 +1,4 @@
-"""What a vibration study is asked for: which model, what is known beside the recording, made-up data."""
+"""What a vibration study is asked for: which model, what is known beside the recording, synthetic data."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ class Matrices(Options):
 
 @dataclass(frozen=True)
 class Sampling(Options):
-    """A made-up recording of a known system, to see what identification gives back."""
+    """A synthetic recording of a known system, to see what identification gives back."""
 
     seed: Annotated[int, Within(least=0), "of the noise, and of the pseudo-random force"]
     noise: Annotated[float, Unit("m"), Within(least=0.0), "white noise on the positions, standard deviation"]

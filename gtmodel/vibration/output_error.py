@@ -105,8 +105,8 @@ def output_error(
     jacobian = central(flat, fit.x)
     e = fit.estimate
     estimate = Estimate(
-        tuple(names), flat(fit.x), jacobian @ e.covariance @ jacobian.T, e.freedom, e.noise, e.known_noise, e.residuals,
-        (), units=tuple({"M": "kg", "D": "N.s/m", "K": "N/m"}[X] for X, _, _ in packing.entries),
+        tuple(names), flat(fit.x), jacobian @ e.covariance @ jacobian.T, e.degrees_of_freedom, e.noise, e.known_noise,
+        e.residuals, (), units=tuple({"M": "kg", "D": "N.s/m", "K": "N/m"}[X] for X, _, _ in packing.entries),
     )  # fmt: skip
     M, D, K = packing.unpack(fit.x)
     fitted = _predict(record, M, D, K, start.F, weights)

@@ -226,5 +226,5 @@ def _through(e: Estimate, function) -> tuple[float, tuple[float, float]]:
     """A function of (a, b) and its 95 % interval by its slope."""
     value = float(function(e.values))
     slope = central(lambda x: np.array([function(x)]), e.values)[0]
-    half = float(stats.t.ppf(0.975, e.freedom) * np.sqrt(slope @ e.covariance @ slope))
+    half = float(stats.t.ppf(0.975, e.degrees_of_freedom) * np.sqrt(slope @ e.covariance @ slope))
     return value, (value - half, value + half)

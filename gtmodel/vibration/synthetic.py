@@ -1,4 +1,5 @@
-"""Made-up recordings of known structures: pseudo-random force, steps, hammer hits. Every one carries seed and noise."""
+"""Synthetic recordings of known structures: pseudo-random force, steps, hammer hits. Every one carries seed and
+noise."""
 
 from __future__ import annotations
 
@@ -17,7 +18,7 @@ from .response import held, simulate
 
 
 def synthetic_records(known: Structure | Steps | Hit, sampling: Sampling) -> list[Record]:
-    """Made-up recordings of a known system: one, or of steps one each. Raises ArgumentError.
+    """Synthetic recordings of a known system: one, or of steps one each. Raises ArgumentError.
 
     >>> from gtmodel.vibration import Sampling, Steps, synthetic_records
     >>> steps = Steps(a=0.9, b=0.1, delay_samples=2, amplitudes=[1e-3, 2e-3])

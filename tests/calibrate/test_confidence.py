@@ -55,7 +55,7 @@ def test_the_stated_noise_is_judged_and_told_by_the_residuals():
     stated = calibrate(true_robot("three_link"), m, cost="orthogonal").estimate
     alone = calibrate(true_robot("three_link"), Measurements(m.values)).estimate
     assert stated is not None and alone is not None
-    assert noise_size(stated).passed and stated.freedom == 60 * 3 - 21
+    assert noise_size(stated).passed and stated.degrees_of_freedom == 60 * 3 - 21
     assert alone.noise == pytest.approx(np.hypot(NOISE["T"], 0.9 * NOISE["q"]), rel=0.15) and not alone.known_noise
     np.testing.assert_allclose(alone.std, calibrate(true_robot("three_link"), m).estimate.std, rtol=0.35)  # pyright: ignore
     half = Measurements(m.values, {n: s / 2 for n, s in m.noise.items()})

@@ -113,7 +113,7 @@ def test_positions_alone_calibrate_six_links_with_the_orientation_latent():
     m = Measurements({"q": data["q"], "T": data["T"]}, {"q": 1e-6, "T": 1e-6})
     start = disturbed(true, ("L",), 5e-4, 9)
     c = calibrate(start, m, Choice(free=("L",)), cost="orthogonal", latent=("e",))
-    assert c.status.ok and c.estimate is not None and c.estimate.freedom == 60 * 3 - 6
+    assert c.status.ok and c.estimate is not None and c.estimate.degrees_of_freedom == 60 * 3 - 6
     assert max(abs(c.values[n] - v) for n, v in geometry(true, ("L",)).items()) < RECOVERED
     np.testing.assert_allclose(c.positioning_errors()["T"], 0.0, atol=RECOVERED)
 

@@ -64,9 +64,9 @@ class TestSigmaMethod:
 
     @pytest.mark.parametrize("name", MODELS)
     def test_freedom_and_index(self, name):
-        model, known, freedom, index = MODELS[name]
+        model, known, degrees_of_freedom, index = MODELS[name]
         s = structure(model, *known)
-        assert (s.degrees_of_freedom, s.index) == (freedom, index)
+        assert (s.degrees_of_freedom, s.index) == (degrees_of_freedom, index)
 
     @pytest.mark.parametrize("name", MODELS)
     def test_offsets_are_a_certificate(self, name):

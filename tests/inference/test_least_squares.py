@@ -24,7 +24,7 @@ def test_a_straight_line_is_that_of_linregress():
     assert e.value("slope") == pytest.approx(known.slope, rel=ROUNDING)
     assert e.std[1] == pytest.approx(known.stderr, rel=ROUNDING)
     assert e.std[0] == pytest.approx(known.intercept_stderr, rel=ROUNDING)
-    assert e.freedom == 38 and not e.known_noise
+    assert e.degrees_of_freedom == 38 and not e.known_noise
     low, high = e.interval("slope")
     assert (high - low) / 2 == pytest.approx(stats.t.ppf(0.975, 38) * known.stderr, rel=ROUNDING)
     assert "N.s/m" in str(e)
@@ -69,7 +69,7 @@ def test_a_prior_is_a_further_row():
     more = linear_fit(np.vstack([A, [0, 1]]), np.append(b, 1.9), "ab", sigma=np.append(np.full(40, 0.1), 0.02))
     np.testing.assert_allclose(e.values, more.values, rtol=ROUNDING)
     np.testing.assert_allclose(e.covariance, more.covariance, rtol=1e-9)
-    assert len(e.residuals) == 40 and 38 < e.freedom < 39  # the prior tells part of one parameter
+    assert len(e.residuals) == 40 and 38 < e.degrees_of_freedom < 39  # the prior tells part of one parameter
 
 
 def test_with_a_prior_and_no_sigma_the_residuals_weigh_it():
@@ -88,7 +88,7 @@ def test_nonnegative_masses_are_those_of_nnls_and_the_held_one_leaves_the_covari
     e = linear_fit(A, b, names, bounds=dict.fromkeys(names, (0.0, np.inf)))
     expected, _ = nnls(A, b)
     assert e.held == ("m3",) and e.held_values == (0.0,) and e.value("m3") == 0.0
-    assert e.names == ("m1", "m2", "m4") and e.freedom == 57
+    assert e.names == ("m1", "m2", "m4") and e.degrees_of_freedom == 57
     np.testing.assert_allclose(e.values, expected[[0, 1, 3]], rtol=1e-10)
     rest = linear_fit(A[:, [0, 1, 3]], b, e.names)
     np.testing.assert_allclose(e.covariance, rest.covariance, rtol=1e-9)
@@ -117,7 +117,7 @@ def test_what_is_not_told_is_refused_or_stays_and_says_so():
     value, low, high = e.combination({"b": 1.0, "c": 3.0})  # what the data do tell
     assert (value, low, high) == pytest.approx((rest.value("b"), *rest.interval("b")), rel=1e-9)
     assert e.combination({"b": 1.0, "c": 1.0})[1:] == (-np.inf, np.inf)
-    assert e.freedom == 38 and "apart from each other" in e.notes[0]
+    assert e.degrees_of_freedom == 38 and "apart from each other" in e.notes[0]
 
 
 @pytest.mark.parametrize(

@@ -35,7 +35,7 @@ def test_the_optimum_and_the_covariance_are_scipys():
     assert fit.status.ok and fit.estimate is not None
     np.testing.assert_allclose(fit.x, popt, rtol=1e-7)
     np.testing.assert_allclose(fit.estimate.covariance, pcov, rtol=1e-5)  # curve_fit's slopes are differences
-    assert fit.estimate.freedom == 57
+    assert fit.estimate.degrees_of_freedom == 57
 
 
 def test_a_linear_problem_is_that_of_linear_fit():

@@ -75,7 +75,7 @@ class TestLinear:
         assert e.names == ("b", "x at the start")
         assert e.values == pytest.approx(best, rel=1e-7)
         assert e.covariance == pytest.approx(covariance, rel=1e-6)
-        assert e.freedom == len(TIMES) - 2 and e.known_noise is (sigma is not None)
+        assert e.degrees_of_freedom == len(TIMES) - 2 and e.known_noise is (sigma is not None)
         low, high = e.interval("b", 0.9)
         q = 1.6448536269514722 if sigma else student.ppf(0.95, 23)
         assert (high - low) / 2 == pytest.approx(q * np.sqrt(covariance[0, 0]), rel=1e-6)
@@ -95,7 +95,7 @@ class TestLinear:
         held = line(data, constraints=lambda self: [self.x.at(0.0) == self.b / 4])
         e = estimate(solve(held, Mesh(4, 2), solver=TIGHT))
         column = TIMES + 0.25
-        assert e.freedom == len(TIMES) - 1
+        assert e.degrees_of_freedom == len(TIMES) - 1
         assert e.std == pytest.approx(e.noise / np.linalg.norm(column) * np.array([1.0, 0.25]), rel=1e-6)
         assert abs(e.correlation[0, 1]) == pytest.approx(1.0, abs=1e-6)
 

@@ -120,13 +120,13 @@ class TestPhases:
         a, b = self.model("A", 0, 10, final_time=1.0), self.model("B", 10, 30, start_time=1.0, final_time=3.0)
         s = solve_phases(Phases({"a": a, "b": b}, shared=["k"]), Mesh(5))
         e = estimate(s)
-        assert e.names == ("a: k", "a: x at the start") and e.freedom == whole.freedom == 28
+        assert e.names == ("a: k", "a: x at the start") and e.degrees_of_freedom == whole.degrees_of_freedom == 28
         assert e.values == pytest.approx(whole.values, rel=1e-6)
         assert e.covariance == pytest.approx(whole.covariance, rel=1e-5)
         with pytest.raises(ModelError, match="A is one of several phases, whose links and shared constants"):
             estimate(s["a"])
         own = estimate(solve_phases(Phases({"a": a, "b": b}, free={"b": ["x"]}), Mesh(5)))
-        assert own.names == ("a: k", "a: x at the start", "b: k", "b: x at the start") and own.freedom == 26
+        assert own.names == ("a: k", "a: x at the start", "b: k", "b: x at the start") and own.degrees_of_freedom == 26
 
 
 class TestStarts:

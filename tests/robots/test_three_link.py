@@ -327,7 +327,7 @@ class TestOriginalEquations:
         assert np.max(np.abs(residuals)) < self.HOLDS
 
     @pytest.mark.parametrize("known, freedom", [("q", 0), ("T", 0), ("tau", 6)])
-    def test_structure(self, known, freedom):
+    def test_structure(self, known, degrees_of_freedom):
         flat = flat_of(robot())
         given_ = set(flat.lookup(known)[1])
         kept = eliminate(flat, frozenset(given_))
@@ -336,7 +336,7 @@ class TestOriginalEquations:
         column = set(unknowns)
         pairs = [{p for p in flat.scope.symbols_in(e.residual) if p[0] in column} for e in kept.equations]
         assert structure.c.tolist() == differentiation_counts(pairs)
-        assert (structure.degrees_of_freedom, structure.index) == (freedom, 3)
+        assert (structure.degrees_of_freedom, structure.index) == (degrees_of_freedom, 3)
 
 
 class TestProperties:

@@ -1,4 +1,4 @@
-"""The study of dynamic stiffness, called on objects: made-up experiments, measured records, what is refused."""
+"""The study of dynamic stiffness, called on objects: synthetic experiments, measured records, what is refused."""
 
 from __future__ import annotations
 

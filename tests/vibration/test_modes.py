@@ -1,4 +1,4 @@
-"""Modes of printed and made-up matrices; the question of the signs."""
+"""Modes of printed and synthetic matrices; the question of the signs."""
 
 from __future__ import annotations
 

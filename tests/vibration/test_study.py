@@ -1,4 +1,4 @@
-"""The vibration study, called on objects: made-up recordings of a known structure, steps, hits, printed matrices."""
+"""The vibration study, called on objects: synthetic recordings of a known structure, steps, hits, printed matrices."""
 
 from __future__ import annotations
 

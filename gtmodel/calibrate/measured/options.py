@@ -43,7 +43,7 @@ class FrameStart(Options):
 
 @dataclass(frozen=True)
 class Sag(Options):
-    """How far the tool gives way under a payload: k times its weight, along it."""
+    """How far the tool deflects under a payload: k times its weight, along it."""
 
     payload: Annotated[
         float | str, Unit("kg"), Within(least=0), "mass at the tool, one, or the column of each pose's"

@@ -1,4 +1,4 @@
-"""How a cart leaves its straight guideway, made up: smooth bends, a cyclic error of the transmission."""
+"""How a cart leaves its straight guideway, synthetic: smooth bends, a cyclic error of the transmission."""
 
 from __future__ import annotations
 

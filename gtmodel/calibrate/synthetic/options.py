@@ -1,4 +1,4 @@
-"""What made-up calibration measurements are asked for: a robot with known errors, a grid, a device."""
+"""What synthetic calibration measurements are asked for: a robot with known errors, a grid, a device."""
 
 from __future__ import annotations
 

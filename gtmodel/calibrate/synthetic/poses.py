@@ -1,4 +1,4 @@
-"""Made-up poses read back from their own text, as a person would read the file."""
+"""Synthetic poses read back from their own text, as a person would read the file."""
 
 from __future__ import annotations
 

@@ -137,7 +137,7 @@ def verdict(found: Found, accuracy: float | None) -> tuple[bool, bool | None, li
     if c.estimate.known_noise:
         size = noise_size(c.estimate)
         sentences.append(size.sentence)
-    if c.estimate.freedom > 0:
+    if c.estimate.degrees_of_freedom > 0:
         sentences.append(found.confidence.scope)
     lost = found.lost
     if found.priors:
@@ -221,5 +221,5 @@ def _sensitivity(fit: Fit, c: Calibration) -> Sensitivity | None:
 def _repeatability(data: SplitPoses) -> float | None:
     T = data.T
     spread = [T[g] - T[g].mean(axis=0) for g in data.repeated]
-    freedom = sum(len(s) - 1 for s in spread)
-    return float(np.sqrt(sum(np.sum(s**2) for s in spread) / freedom)) if freedom else None
+    degrees_of_freedom = sum(len(s) - 1 for s in spread)
+    return float(np.sqrt(sum(np.sum(s**2) for s in spread) / degrees_of_freedom)) if degrees_of_freedom else None

@@ -139,7 +139,7 @@ class Confidence:
         if c.estimate is None:
             return []
         found = [f"{label}, poses in the order {name}: {said}" for label, name, said in self._coloured]
-        if c.estimate.known_noise and c.estimate.freedom > 0:
+        if c.estimate.known_noise and c.estimate.degrees_of_freedom > 0:
             size = noise_size(c.estimate)
             if not size.passed and c.estimate.noise > 1:
                 found.append(size.sentence)

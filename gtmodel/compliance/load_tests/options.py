@@ -1,4 +1,4 @@
-"""What a calibration of joint stiffness asks for: the arm's set-up, columns of measured tests, made-up tests."""
+"""What a calibration of joint stiffness asks for: the arm's set-up, columns of measured tests, synthetic tests."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ class LoadTests(Options):
 
 @dataclass(frozen=True, kw_only=True)
 class SyntheticTests(Options):
-    """Tests made up from known stiffness, to see what identification gives back."""
+    """Synthetic tests from known stiffness, to see what identification gives back."""
 
     stiffness: Annotated[list[float], Unit("N.m/rad", written="MN.m/rad"), Within(above=0), "by joint"]
     tilt: Annotated[

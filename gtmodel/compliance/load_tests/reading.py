@@ -1,4 +1,4 @@
-"""Static load tests for a study: read from a file or made up."""
+"""Static load tests for a study: read from a file or synthetic."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from ..synthetic import synthetic_tests
 from .options import LoadTests, Setup, SyntheticTests
 
 Array = np.ndarray
-HEAD = 3  # line of the first made-up test
+HEAD = 3  # line of the first synthetic test
 UNITS = {"q": "deg", "force": "N", "moment": "N.m", "displacement": "mm", "rotation": "rad", "wrist": "mm"}
 SCALE = {"q": 180 / np.pi, "force": 1.0, "moment": 1.0, "displacement": 1e3, "rotation": 1.0, "wrist": 1e3}
 
@@ -30,8 +30,9 @@ class MeasuredTests:
 
     q: (n, 6) joint angles [rad]. wrench: (n, 6) on the tool centre point [N, N.m]. displacement: (n, 6) of it with the
         load less without [m, rad]. wrist: (n, 3) displacement of a target at the wrist centre [m]; by the pose if None.
-    lines: (n,) of their file; numbered from 1 if left out. synthetic: what made-up tests say of themselves. truth: the
-        stiffness of made-up joints [N.m/rad].
+    lines: (n,) of their file; numbered from 1 if left out. synthetic: what synthetic tests say of themselves. truth:
+    the
+        stiffness of synthetic joints [N.m/rad].
     """
 
     q: Array

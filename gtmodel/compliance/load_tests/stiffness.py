@@ -34,8 +34,8 @@ PRINTED = (
     "weighting rotations by 10 repairs nothing: it widens the intervals, and in the print even raises joint 4",
 )
 LACKS = (
-    "the residuals are larger than the stated noise: links or bearings give way too, and the stiffness of the joints "
-    "then takes up some of what they do"
+    "the residuals are larger than the stated noise: links or bearings are compliant too, and the stiffness of the "
+    "joints then takes up some of what they do"
 )
 MOMENT = "the arm's torque holds the moment of the load about the wrist centre, which the print leaves out"
 SAID = (*PRINTED, MOMENT)
@@ -71,7 +71,7 @@ class StiffnessStudy(Study):
         Sequence[str],
         "doubts about the tests, and what the print claims and the model does not support",
     ] = ()
-    synthetic: Annotated[str | None, "seed and noise of made-up tests; null for measured ones"] = None
+    synthetic: Annotated[str | None, "seed and noise of synthetic tests; null for measured ones"] = None
 
     @property
     def rows(self) -> list[Row]:
@@ -166,7 +166,7 @@ def _fits(setup: Setup, tests: StaticTests, spring: Any, q: Array) -> dict[str, 
 
 def _checks(tests: MeasuredTests, static: StaticTests, fit: StiffnessFit) -> dict[str, Check]:
     # noise that was stated too large makes intervals wide, not wrong
-    small = fit.adequacy.statistic <= fit.estimate.freedom
+    small = fit.adequacy.statistic <= fit.estimate.degrees_of_freedom
     least = min(FALSE_ALARM, fit.adequacy.p) if small else FALSE_ALARM
     checks = {"chi_squared_p": at_least(fit.adequacy.p, least, "the notes say what the residuals may hold")}
     again = copies(np.column_stack([tests.q, static.wrench, static.displacement]))

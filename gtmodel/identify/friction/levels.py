@@ -117,10 +117,10 @@ def identify_friction(
     T = np.array(list(rows.values()))
     found = dict(zip(rows, T @ values, strict=True))
     residuals = np.concatenate([line.residuals for line in lines])
-    freedom = min(line.freedom for line in lines)
+    degrees_of_freedom = min(line.degrees_of_freedom for line in lines)
     estimate = Estimate(
-        tuple(rows), T @ values, T @ covariance @ T.T, freedom, float(np.sqrt(np.mean(residuals**2))), False, residuals,
-        (), units=tuple({"m": "kg", "c": "N", "v": "kg/s"}[name[0]] for name in rows),
+        tuple(rows), T @ values, T @ covariance @ T.T, degrees_of_freedom, float(np.sqrt(np.mean(residuals**2))), False,
+        residuals, (), units=tuple({"m": "kg", "c": "N", "v": "kg/s"}[name[0]] for name in rows),
     )  # fmt: skip
 
     refuse_driving(runs, estimate, carts, symmetric)

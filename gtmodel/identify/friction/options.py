@@ -1,4 +1,4 @@
-"""What a friction study asks for: where the tool was held, what counts as steady, friction known or made up."""
+"""What a friction study asks for: where the tool was held, what counts as steady, friction known or synthetic."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class Coefficients(Options):
 
 @dataclass(frozen=True)
 class SyntheticRuns(Coefficients):
-    """Logs made up from known friction, to see what identification gives back."""
+    """Synthetic logs of known friction, to see what identification gives back."""
 
     velocities: Annotated[list[float], Unit("m/s"), Within(above=0.0), "two or more; each is run forth and back"]
     moved_mass: Annotated[

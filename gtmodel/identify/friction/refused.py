@@ -82,8 +82,8 @@ def refuse_exchanged(runs: Runs, pattern: Array, symmetric: bool) -> bool:
         f = without_friction(runs.force[:, order] * signs)
         return float(f @ f - ((f @ gravity) ** 2 / (gravity @ gravity) if told else 0.0))
 
-    freedom = count * carts - sum(Q.shape[1] for Q in bases) - int(told)
-    found = exchanged(left, carts, freedom, float(np.sqrt(np.mean(runs.force**2))))
+    degrees_of_freedom = count * carts - sum(Q.shape[1] for Q in bases) - int(told)
+    found = exchanged(left, carts, degrees_of_freedom, float(np.sqrt(np.mean(runs.force**2))))
     if found is not None and not found.passed:
         names = [f"force {k + 1}" for k in range(carts)]
         raise ArgumentError(f"{found.sentence(names, 'N')}; check order and signs of the columns", "runs")

@@ -66,7 +66,7 @@ class FrictionStudy(Study):
     runs: Annotated[int | None, Quantity("", "number of runs at constant velocity")] = None
     undetermined: Annotated[Sequence[str] | None, Quantity("", "what the runs cannot tell, in words")] = None
     synthetic: Annotated[
-        str | None, Quantity("", "seed and noise of made-up logs; null for measured ones")
+        str | None, Quantity("", "seed and noise of synthetic logs; null for measured ones")
     ] = None  # fmt: skip
 
     @property
@@ -250,7 +250,7 @@ def _checks(fit: FrictionFit, runs: Runs, truth: SyntheticRuns | None, told: boo
 
     e, std = fit.estimate, dict(zip(fit.estimate.names, fit.estimate.std, strict=True))
     errors = {n: abs(e.value(n) / x - 1) for n, x in true.items()}
-    chance = float(stats.t.isf(FALSE_ALARM / 2 / len(true), e.freedom))
+    chance = float(stats.t.isf(FALSE_ALARM / 2 / len(true), e.degrees_of_freedom))
     bounds = {n: max(SLOPE_ERROR, chance * std[n] / x) for n, x in true.items()}
     # each against its own bound: the largest error may be the noise of the flattest line
     worst = max(errors, key=lambda n: errors[n] / bounds[n])

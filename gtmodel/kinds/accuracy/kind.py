@@ -16,7 +16,7 @@ RESULT = AccuracyStudy
 
 
 def call(problem: Schema, context: Context) -> Call:
-    """Every case over all that is reached, tested by other roads."""
+    """Every case over all that is reached, tested in other ways."""
     if context.start is not None:
         raise InputError("--start: an accuracy map is computed from the beginning; leave it out")
     return Call(

@@ -68,7 +68,7 @@ class JointStiffness(_SetUp):
     """Joint stiffness of a serial arm from static load tests. One of measurements and synthetic tells what moved."""
 
     measurements: LoadTests | None = Field(default=None, description="measured tests")
-    synthetic: Made[load_tests.SyntheticTests] | None = Field(default=None, description="made-up tests")
+    synthetic: Made[load_tests.SyntheticTests] | None = Field(default=None, description="synthetic tests")
 
 
 @made_from(Fit)
@@ -80,7 +80,7 @@ class Schema(_Fitted):
     """Geometric parameters of a robot from measured poses."""
 
     measurements: Measured | None = Field(default=None, description="measured poses")
-    synthetic: Made[made_up.Synthetic] | None = Field(default=None, description="made-up poses instead")
+    synthetic: Made[made_up.Synthetic] | None = Field(default=None, description="synthetic poses instead")
     cart_points: CartPoints | None = Field(default=None, description="guideways through measured points")
     held_out: HeldOut = HeldOut()
     joint_stiffness: JointStiffness | None = Field(

@@ -12,7 +12,7 @@ from gtmodel.problem_files.robot_keys import RobotProblem
 
 
 class Schema(RobotProblem):
-    """How a robot gives way: stiffness, deflection, natural frequencies. [links] for a parallel robot, [arm] for a
+    """How a robot deflects: stiffness, deflection, natural frequencies. [links] for a parallel robot, [arm] for a
     serial one."""
 
     links: Made[options.Links] | None = Field(default=None, description="of a parallel robot")

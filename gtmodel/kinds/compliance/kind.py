@@ -1,4 +1,4 @@
-"""Kind "compliance": how a robot gives way under load and weight, and its lowest frequencies, over its workspace."""
+"""Kind "compliance": how a robot deflects under load and weight, and its lowest frequencies, over its workspace."""
 
 from __future__ import annotations
 
@@ -62,5 +62,5 @@ def _springs(problem: Schema) -> Springs | Arm:
     useless = [k for k in ("carts", "frame", "frequencies") if k in own[0]]
     useless += [f"section.{k}" for k in ("along_m", "cone_deg") if k in own[1]]
     if useless:
-        raise InputError("is for parallel robots; an [arm] gives way in its joints alone: leave it out", useless[0])
+        raise InputError("is for parallel robots; an [arm] is compliant in its joints alone: leave it out", useless[0])
     return problem.arm.options()

@@ -22,7 +22,7 @@ class Measured(Section):
 
 @made_from(options.Synthetic)
 class Synthetic(Made):
-    """Made-up experiments on a smooth field near printed oscillators."""
+    """Synthetic experiments on a smooth field near printed oscillators."""
 
     near: Literal["table_16"] = Field(description="whose values the field passes near: Cvitanic 2021, Table 16")
 
@@ -37,4 +37,4 @@ class Schema(Problem):
     process: Made[options.Process] = Made[options.Process]()
     map: Made[options.Map] = Made[options.Map]()
     measured: Measured | None = Field(default=None, description="measured records")
-    synthetic: Synthetic | None = Field(default=None, description="made-up records")
+    synthetic: Synthetic | None = Field(default=None, description="synthetic records")

@@ -24,7 +24,7 @@ ARGUMENTS = {
 
 
 def call(problem: Schema, context: Context) -> Call:
-    """The study of the logs, read or made up, or of the published lines."""
+    """The study of the logs, read or synthetic, or of the published lines."""
     given = [k for k in ("log", "synthetic", "printed") if getattr(problem, k) is not None]
     if len(given) != 1:
         raise InputError(

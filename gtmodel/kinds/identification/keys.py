@@ -41,7 +41,7 @@ class Log(LogFiles):
 
 @made_from(options.SyntheticLog)
 class Synthetic(Made):
-    """A log made up from a plant, to see what identification gives back: sines, tracking, sensors, noise."""
+    """A synthetic log of a plant, to see what identification gives back: sines, tracking, sensors, noise."""
 
     reference_file: str | None = Field(
         default=None,
@@ -95,7 +95,7 @@ class Schema(RobotProblem, Made):
     friction: SharpFriction = SharpFriction()  # pyright: ignore[reportIncompatibleVariableOverride]
     filter: Made[Processing] = Made[Processing]()
     log: Log | None = Field(default=None, description="measured logs")
-    synthetic: Synthetic | None = Field(default=None, description="or a log made up")
+    synthetic: Synthetic | None = Field(default=None, description="or a synthetic log")
     published: dict[str, float] = Field(default={}, description="numbers to compare with, by parameter, in SI")
     closed_loop: ClosedLoop | None = Field(default=None, description="validation by simulating the controlled model")
 

@@ -14,7 +14,11 @@ from gtmodel.problem_files.log_keys import LogFiles, MeasuredSignal
 from gtmodel.results import ArgumentError, TrajectoryError
 from gtmodel.vibration import Record, options, synthetic_records
 
-KNOWN = {"subspace": "structure", "step_response": "steps", "impulse": "hit"}  # what made-up data are made of, by model
+KNOWN = {
+    "subspace": "structure",
+    "step_response": "steps",
+    "impulse": "hit",
+}  # what synthetic data are made of, by model
 
 
 class Measurements(LogFiles):
@@ -68,7 +72,7 @@ class Measurements(LogFiles):
 
 @made_from(options.Sampling)
 class Synthetic(Made):
-    """A made-up recording of a known system, to see what identification gives back."""
+    """A synthetic recording of a known system, to see what identification gives back."""
 
     structure: Made[options.Structure] | None = Field(default=None, description='for model = "subspace"')
     steps: Made[options.Steps] | None = Field(default=None, description='for model = "step_response"')
@@ -88,7 +92,7 @@ class Schema(Problem):
 
     model: Literal["subspace", "step_response", "impulse", "matrices"] = Field(description="what is looked for")
     measurements: Measurements | None = Field(default=None, description="a measured log")
-    synthetic: Synthetic | None = Field(default=None, description="a made-up recording")
+    synthetic: Synthetic | None = Field(default=None, description="a synthetic recording")
     matrices: Made[options.Matrices] | None = Field(
         default=None, description='printed matrices, for model = "matrices"'
     )
@@ -98,7 +102,7 @@ class Schema(Problem):
     impulse: Made[options.Impulse] = Made[options.Impulse]()
 
     def data(self, context: Context) -> tuple[list[Record], Any]:
-        """The recordings for the model asked for, and what made-up ones were made of. Raises InputError."""
+        """The recordings for the model asked for, and what synthetic ones were made of. Raises InputError."""
         given = [name for name in ("measurements", "synthetic", "matrices") if getattr(self, name) is not None]
         if self.model == "matrices" or len(given) != 1 or given[0] == "matrices":
             raise InputError(

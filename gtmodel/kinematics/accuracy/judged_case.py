@@ -1,4 +1,4 @@
-"""One case of errors on a robot: its numbers, and its corners by other roads."""
+"""One case of errors on a robot: its numbers, and its corners in other ways."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from .spheres import common_point
 # relative difference of first-order and exact corners: errors over link lengths, some 1e-4, magnified some times
 EXACT = 1e-3
 # closed form and Newton for the same corner [m]: rounding of lengths of metres
-TWO_ROADS = 1e-9
+TWO_WAYS = 1e-9
 # a draw may exceed the first-order corners by second-order terms only
 ABOVE = 1.001
 NEAR = 0.1  # of the corner: how near the farthest draw of many comes at least, or what so few come, see nearest()
@@ -175,8 +175,8 @@ def _checks(
     )
     checks = {}
     all_found = not status.any() and not met.any()
-    roads = float(np.max(np.abs(exact - newton.reshape(exact.shape)))) if all_found else np.inf
-    checks["closed_form_against_newton_m"] = at_most(roads, TWO_ROADS)
+    apart = float(np.max(np.abs(exact - newton.reshape(exact.shape)))) if all_found else np.inf
+    checks["closed_form_against_newton_m"] = at_most(apart, TWO_WAYS)
     if errors.ellipsoids is None or errors.method == "support":
         greatest = largest(exact - poses.T[:, None])
         difference = float(np.max(np.abs(found.error[good] / greatest - 1.0))) if all_found else np.inf

@@ -92,7 +92,7 @@ def accuracy_study(
         monte_carlo: synthetic draws beside the corners.
         progress, max_seconds, stop: see `gtmodel.results.Work`.
 
-    Every case is tested by other roads: corners by the robot's equations, by Newton, and by the draws. Interrupted, it
+    Every case is tested in other ways: corners by the robot's equations, by Newton, and by the draws. Interrupted, it
     holds the cases that are done. Raises ArgumentError.
 
     >>> import gtmodel as gt
@@ -164,7 +164,7 @@ def _study_of(region: ErrorRegion, title: str, found: list[JudgedCase]) -> Accur
     status, message = SolveStatus.SOLVED, SolveStatus.SOLVED.sentence
     lost = [f.values["name"] for f in found if any(not math.isfinite(check.value) for check in f.checks.values())]
     if lost:
-        # the numbers of the first order stand, but no other road leads to them
+        # the numbers of the first order stand, but no other way leads to them
         status = SolveStatus.FAILED
         message = (
             f"{' and '.join(lost)}: at some points of the rectangle a robot with the greatest errors cannot be "

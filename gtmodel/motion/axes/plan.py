@@ -115,8 +115,8 @@ class AxisPlan:
         is the path coordinate (Dressler 2012, section 3.5). The six motor forces follow and keep their limits.
         """
         coupling, cost, course, guard, order = self.coupling, self.problem.cost, self.course, self.guard, self.order
-        freedom = self.problem.degrees_of_freedom
-        begin, end = coordinates(self.start, freedom), coordinates(self.goal, freedom)
+        degrees_of_freedom = self.problem.degrees_of_freedom
+        begin, end = coordinates(self.start, degrees_of_freedom), coordinates(self.goal, degrees_of_freedom)
         low, high = self.strokes
         # those of a path are looked at beforehand
         bounded = [k for k in range(MOTORS) if course is None and (np.isfinite(low[k]) or np.isfinite(high[k]))]
@@ -195,8 +195,8 @@ class AxisPlan:
                     f"followed: {self.poses.diagnose(q[k])}; give a nearer goal",
                     "goal",
                 )
-            freedom = self.problem.degrees_of_freedom
-            s = [coordinates(x, freedom) for x in (q, *(p * (self.goal - self.start) for p in profile[1:]))]
+            degrees_of_freedom = self.problem.degrees_of_freedom
+            s = [coordinates(x, degrees_of_freedom) for x in (q, *(p * (self.goal - self.start) for p in profile[1:]))]
         values = {"s": s[0], "der(s)": s[1], "drive": s[self.order], "robot.T": T, "robot.e": e}
         if self.order == 3:
             values["der(s,2)"] = s[2]

@@ -197,11 +197,11 @@ def _ordered(e: Estimate, theta: np.ndarray, lines: FrequencyResponse, stated: b
 
 def _adequacy(e: Estimate, lines: FrequencyResponse, stated: bool) -> Verdict:
     """Residuals against the noise, which repeated hits tell with few degrees of freedom themselves."""
-    if stated or not np.isfinite(lines.freedom):
+    if stated or not np.isfinite(lines.degrees_of_freedom):
         return noise_size(e)
     # correlated lines are fewer than they look
-    ratio, own = float(e.residuals @ e.residuals) / e.freedom, e.freedom / lines.wider**2
-    p = float(stats.f.sf(ratio, own, lines.freedom))
+    ratio, own = float(e.residuals @ e.residuals) / e.degrees_of_freedom, e.degrees_of_freedom / lines.wider**2
+    p = float(stats.f.sf(ratio, own, lines.degrees_of_freedom))
     said = (
         "are as large as the hits' own noise"
         if p >= SMALL_P

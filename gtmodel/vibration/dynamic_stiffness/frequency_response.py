@@ -28,7 +28,7 @@ class FrequencyResponse:
     `variance` (n,): expected squared size of the error of H [m2/N2], None where nothing tells it; `coherence` (n,).
     `decay` [1/s]: of an exponential window on force and response, H is then that at s = j omega + decay, exactly.
     `wider`: by how much standard errors grow since that window correlates neighbouring lines. `hits`: averaged ones.
-    `freedom`: how many numbers told each variance. `synthetic`: seed and noise of made-up data.
+    `degrees_of_freedom`: how many numbers told each variance. `synthetic`: seed and noise of synthetic data.
     """
 
     frequency: np.ndarray
@@ -38,7 +38,7 @@ class FrequencyResponse:
     decay: float = 0.0
     wider: float = 1.0
     hits: int = 1
-    freedom: float = np.inf
+    degrees_of_freedom: float = np.inf
     synthetic: str | None = None
 
     def __post_init__(self) -> None:
@@ -71,7 +71,7 @@ class FrequencyResponse:
         own = [None if a is None else a[rows] for a in (self.variance, self.coherence)]
         return FrequencyResponse(
             self.frequency[rows], self.receptance[rows], own[0], own[1],
-            self.decay, self.wider, self.hits, self.freedom, self.synthetic,
+            self.decay, self.wider, self.hits, self.degrees_of_freedom, self.synthetic,
         )  # fmt: skip
 
 
@@ -140,8 +140,8 @@ def frequency_response(
         else:
             variance = _level(GFF * noise) / (hits * GFF) * np.abs(H) ** 2
     wider = float(np.sqrt(T / np.sum(window**2)))
-    freedom = 2.0 * (hits - 1) * min(POOL, len(f)) / wider**2
-    return FrequencyResponse(f, H, variance, coherence, decay, wider, hits, freedom, synthetic)
+    degrees_of_freedom = 2.0 * (hits - 1) * min(POOL, len(f)) / wider**2
+    return FrequencyResponse(f, H, variance, coherence, decay, wider, hits, degrees_of_freedom, synthetic)
 
 
 def command_force(command: ArrayLike, cycle: float) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Made-up hits and receptances of known modes, to see what fits give back."""
+"""Synthetic hits and receptances of known modes, to see what fits give back."""
 
 from __future__ import annotations
 

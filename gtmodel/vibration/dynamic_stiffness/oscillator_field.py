@@ -23,7 +23,7 @@ class OscillatorField:
     """m x'' + c x' + k x = F in x, y, z with m, c, k the exponentials of nine Gaussian processes over the pose.
 
     A pose is (x, y, z, A): tool centre point [m] and rotation about the spindle [rad] (Cvitanic 2021, section 3.2.2).
-    `processes`: (direction, quantity) -> process of the logarithm. `synthetic`: seed and noise of made-up data.
+    `processes`: (direction, quantity) -> process of the logarithm. `synthetic`: seed and noise of synthetic data.
     """
 
     processes: Mapping[tuple[str, str], GaussianProcess]

@@ -1,4 +1,4 @@
-"""A made-up oscillator field near given values, smooth between them: a truth for fields identified from samples."""
+"""A synthetic oscillator field near given values, smooth between them: a truth for fields identified from samples."""
 
 from __future__ import annotations
 
