@@ -124,7 +124,7 @@ class Model:
         return type(self)(**_merged(self.__dict__["_modifiers"], modifiers))
 
     def equations(self) -> Iterable[Any]:
-        """Yield equations (`a == b`), connections, branches and energies; a subclass may go on from super().equations()."""
+        """Yield equations (`a == b`), connections, branches and energies; `super().equations()` has a base class's."""
         return ()
 
     def initial_equations(self) -> Iterable[Any]:
