@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
 from ...compiler.causal import CausalFunction, Signal, compile_causal, flat_of
 from ...lang import Model, ModelError
 from ...results import ArgumentError, SolveStatus, Status, Work
+from ...results.agreement import AnyNumber
 from ...results.door import study_function
 from ...results.work import Progress, never, silent
 from ..orientation import OrientationMap, grid
@@ -33,7 +34,7 @@ def causality_study(
     model: Model,
     known: str | Sequence[str],
     targets: str | Sequence[str],
-    points: Points,
+    points: Annotated[Points, AnyNumber()],
     *,
     branches: Mapping[str, int] | None = None,
     orientation: Orientation | None = None,
