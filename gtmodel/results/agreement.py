@@ -56,6 +56,11 @@ class Long:
     count: int
 
 
+@dataclass(frozen=True)
+class AnyNumber:
+    """Numbers need not be finite: data of many evaluations, of which each has a status."""
+
+
 class WrongKind(ArgumentError):
     """A value of another kind than the annotation says, or a word that is none of its words."""
 
@@ -65,11 +70,11 @@ class WrongKind(ArgumentError):
 
 
 def agree(value: Any, hint: Any, argument: str, marks: Marks = ()) -> None:
-    """Raises ArgumentError unless a value is what an annotation says; numbers are finite, unless in an array.
+    """Raises ArgumentError unless a value is what an annotation says; numbers are finite, unless `AnyNumber` is said.
 
-    marks: Within and Long of the Annotated that the hint stands in. Where a list is asked for, a tuple or an array does
-    too. What is wrong with an object in a list is said with its place, "cases[1]"; numbers and words stand under the
-    name of the list.
+    marks: Within, Long and AnyNumber of the Annotated that the hint stands in. Where a list is asked for, a tuple or
+    an array does too. What is wrong with an object in a list is said with its place, "cases[1]"; numbers and words
+    stand under the name of the list.
     """
     hint, more = _plain(hint)
     marks = (*marks, *more)
@@ -143,6 +148,8 @@ def _array(value: Any, hint: Any, argument: str, marks: Marks) -> None:
 def _bounded(numbers: Sequence[float], argument: str, marks: Marks) -> None:
     for x in numbers:
         if not math.isfinite(x):
+            if any(isinstance(mark, AnyNumber) for mark in marks):
+                continue
             raise ArgumentError(f"expected finite numbers; found {x:g}", argument)
         for mark in marks:
             if isinstance(mark, Within) and not mark.holds(x):

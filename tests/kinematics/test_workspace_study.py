@@ -117,7 +117,7 @@ def test_nothing_is_reached(l1) -> None:
 def test_few_points_of_a_section_not_reached(l1) -> None:
     limits = Limits(tcp_low=[0.0, -0.5, 0.7], tcp_high=[9.0, -0.45, 0.75])
     s = reached(l1, limits, section=CrossSection(step=0.5))
-    assert s.status is SolveStatus.INFEASIBLE and s.message.endswith("try a smaller section.step_m")
+    assert s.status is SolveStatus.INFEASIBLE and s.message.endswith("try a smaller step")
 
 
 def test_what_leaves_the_window_says_so(l1) -> None:
@@ -174,7 +174,7 @@ def test_a_coarse_grid_says_so(l1) -> None:
     s = reached(l1, section=CrossSection(step=0.4))
     assert not s.checks["area_change_at_double_step"].passed
     assert s.status is SolveStatus.CHECK_FAILED and "area_change_at_double_step" in s.message
-    assert s.message.endswith("; use a smaller section.step_m")
+    assert s.message.endswith("; use a smaller step of the section")
 
 
 def test_stopped_it_keeps_what_was_mapped(l1) -> None:

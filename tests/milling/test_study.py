@@ -160,20 +160,22 @@ def test_what_cannot_be_used_is_named(kr500, changes, argument) -> None:
 
 def test_a_robot_that_is_no_arm_is_named() -> None:
     l1 = gt.robots.gantry_tau("l1_tape")
-    assert argument_of_refusal(lambda: milled(l1)) == "limits"
+    assert argument_of_refusal(lambda: milled(l1)) == "robot"
     assert argument_of_refusal(lambda: milled(l1, limits=kr500_limits())) == "robot"
 
 
-def test_stopped_it_keeps_what_stiffness_tells(kr500) -> None:
-    for after in (0, 1):
-        asked: list[None] = []
+@pytest.mark.parametrize(("after", "known"), [(0, False), (2, True), (3, True)])
+def test_stopped_it_keeps_what_stiffness_tells(kr500, after: int, known: bool) -> None:
+    """The first look is before the arm's model is made: then there is nothing to keep."""
+    asked: list[None] = []
 
-        def stop(asked=asked, after=after) -> bool:
-            asked.append(None)
-            return len(asked) > after
+    def stop() -> bool:
+        asked.append(None)
+        return len(asked) > after
 
-        found = milled(kr500, search=COARSE, stop=stop)
-        assert found.status is SolveStatus.INTERRUPTED and found.static_index > 0 and found.guideline is None
+    found = milled(kr500, search=COARSE, stop=stop)
+    assert found.status is SolveStatus.INTERRUPTED and found.guideline is None
+    assert (found.static_index is not None and found.static_index > 0) is known
 
 
 def test_what_the_report_leaves_open_is_said(kr500) -> None:
