@@ -20,8 +20,11 @@ ROUND_OFF = 1e-9  # of the efforts: what is left is nothing
 
 
 class Exchanged(NamedTuple):
-    """What is left of the efforts [rms, their unit] as given and as best read otherwise, `order[k]` with the
-    sign `signs[k]` for the k-th, round-off at least; beyond `bound` times the other the given is not believed.
+    """How the columns of efforts as given compare with the best other reading of them.
+
+    `given` and `other` are the residuals, rms in the unit of the efforts, of the columns as they are and of column
+    `order[k]` with the sign `signs[k]` in place of the k-th; both are at least round-off. The columns as given are not
+    believed where they leave more than `bound` times what the other reading leaves.
     """
 
     order: list[int]
@@ -32,10 +35,12 @@ class Exchanged(NamedTuple):
 
     @property
     def ratio(self) -> float:
+        """Residuals as given over those of the other reading."""
         return self.given / self.other
 
     @property
     def passed(self) -> bool:
+        """Whether the columns are believed as they are given."""
         return self.ratio <= self.bound
 
     @property
@@ -77,7 +82,16 @@ def exchanged(
 
 
 def exchanged_efforts(found: Identification) -> Exchanged | None:
-    """Of the columns of efforts of an identification, with the parameters that were free; None for one column."""
+    """Whether another order or sign of the columns of efforts would fit far better; None for a single column.
+
+    The parameters that were free in the identification are free in every reading.
+
+    >>> variant = gt.robots.inertia_variant("model_2")
+    >>> s = gt.identify.synthetic_study(variant.robot, gt.identify.SyntheticLog(duration=8.0), variant.free)
+    >>> order = gt.identify.exchanged_efforts(s.fit)
+    >>> order.passed, order.given < order.other
+    (True, True)
+    """
     rows, e = found.rows, found.estimate
     n, m = rows.effort.shape
     free = [rows.names.index(name) for name in e.names]
