@@ -31,10 +31,10 @@ SAME_OPTIMUM = 1e-5  # relative: costs nearer than that are one optimum
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class MotionStudy(Study):
-    """An optimal motion; no values but a final time where none was found.
+    """An optimal motion; where none was found, all values but the final time are None.
 
-    The trajectory and the files are the exported motion, which keeps its force at every instant; what the optimisation
-    found keeps it at the collocation points only. asked: the problem, its mesh as it was given.
+    The trajectory and the files are those of the exported motion, whose motor forces keep their limit at every instant;
+    the optimum itself keeps it at the collocation points only. asked: the problem, with its mesh as it was given.
     """
 
     asked: MotionProblem
