@@ -1,7 +1,7 @@
 """Identification of dynamics from motion: friction from constant velocities, regressors, weighted least squares.
 
 Friction
-    friction_study, FrictionStudy          from logs, runs or made-up ones; options HeldPose, Steady, SyntheticRuns
+    friction_study, FrictionStudy          from logs, runs or synthetic ones; options HeldPose, Steady, SyntheticRuns
     published_friction_study               the mass of printed lines; Coefficients, PublishedFriction
     gravity_pattern        forces that hold one kilogram, by pose
     identify_friction      coefficients by direction and the mass held, from runs at constant velocity
@@ -10,7 +10,7 @@ Friction
     constant_velocity_log  a synthetic log of such runs
 Motion
     study, IdentificationStudy             masses and friction from a recording; options Fitting, Processing, ClosedLoop
-    synthetic_study        the same from a log made up, against its truth; SyntheticLog, read_motion
+    synthetic_study        the same from a synthetic log, against its truth; SyntheticLog, read_motion
     Regressor              efforts as a linear function of parameters
     Processing, rows_of    logs as filtered rows of a regressor
     corrected              delays, scales and offsets estimated beside the parameters
@@ -20,10 +20,10 @@ Motion
     exchanged_efforts      whether another order or sign of the efforts' columns fits far better
 Excitation
     excitation_study, ExcitationStudy      of a robot; options Family, Experiment, Search, RandomMotions, MonteCarloFits
-    optimise_excitation    the motion that tells most of an ExcitationTask within its limits
+    optimise_excitation    the most informative motion of an ExcitationTask within its limits
     FourierSeries, ClosedSpline   families of motions at rest at both ends
     random_excitations     feasible motions to compare with and to start from
-    condition, singular_values, predicted_deviations   what a stacked regressor tells
+    condition, singular_values, predicted_deviations   what a stacked regressor determines, and how well
 Synthetic
     LogSimulator, Sensors  logs of a motion, by seed; multisine and Tracking make the motion
     repeat_identification  many of them: unbiased, and do intervals hold?

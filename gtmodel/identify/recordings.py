@@ -1,4 +1,4 @@
-"""What an identification works on: recordings measured, with their corrections, or made up, with their truth."""
+"""What an identification works on: recordings measured, with their corrections, or synthetic, with their truth."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ Log = Session | Trajectory | Sequence[Session | Trajectory]
 
 @dataclass
 class Recordings:
-    """Recordings to fit and to hold out, corrections found on the way, and for made-up ones the plant's truth."""
+    """Recordings to fit and to hold out, corrections found on the way, and for synthetic ones the plant's truth."""
 
     fitted: tuple[Session, ...]
     held_out: tuple[Session, ...] = ()
@@ -53,7 +53,7 @@ def measured(
 ) -> Recordings:
     """Recordings with their columns corrected; those without signals hold the quantities already.
 
-    Raises ArgumentError: a quantity that is missing or of another width, corrections that cannot be told.
+    Raises ArgumentError for a quantity that is missing or of another width, and corrections that are undetermined.
     """
     if not raw:
         raise ArgumentError("is empty; expected a recording or more", "log")

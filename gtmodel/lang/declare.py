@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 
-from .slips import named
+from .slips import floats, named, shortened
 from .source import ModelError, SourceLocation, here
 from .units import UnitError, si_unit
 
@@ -26,6 +26,9 @@ class Declaration:
         self.where = here()
         self.description = description
 
+    def __repr__(self) -> str:
+        return f"{type(self).__name__.lower()} '{self.name}'"
+
     def __set_name__(self, owner: type, name: str) -> None:
         self.name = name
 
@@ -43,7 +46,11 @@ class Declaration:
 class _Quantity(Declaration):
     def __init__(self, shape: int | Shape | None, unit: str | None, description: str) -> None:
         super().__init__(description)
-        self.shape = as_shape(shape)
+        try:
+            self.shape = as_shape(shape)
+        except (TypeError, ValueError):
+            meant = f"; write unit={shape!r}" if isinstance(shape, str) else ""
+            raise ModelError(f"a shape is a whole number or several; found {shape!r}{meant}", self.where) from None
         self.unit = unit
         try:
             self.dimension = None if unit is None else si_unit(unit).dimension
@@ -96,7 +103,11 @@ class Free(_Quantity):
     """A constant that an optimisation chooses, e.g. a free final time."""
 
     def __init__(self, guess: Any, low: Any, high: Any, unit: str | None, description: str) -> None:
-        super().__init__(np.shape(guess), unit, description)
+        try:
+            size = floats(guess).shape
+        except (TypeError, ValueError):
+            raise ModelError(f"a guess takes numbers; found {guess!r}", here()) from None
+        super().__init__(size, unit, description)
         self.guess = guess
         self.low = low
         self.high = high
@@ -110,6 +121,9 @@ class Part(Declaration):
         if not isinstance(cls, type):
             order = "; parts() takes the count first: gt.parts(3, Arm)" if isinstance(count, type) else ""
             raise ModelError(f"a part takes a Model class; found {cls!r}{order}", self.where)
+        if not hasattr(cls, "_declared"):
+            raise ModelError(f"a part takes a Model class; found the class {cls.__name__}", self.where)
+        _check_count(count, self.where)
         self.cls = cls
         self.count = count
         self.modifiers = modifiers
@@ -120,6 +134,9 @@ class Port(Declaration):
 
     def __init__(self, cls: type[Model], count: int | None) -> None:
         super().__init__()
+        if not hasattr(cls, "_signature") or not isinstance(cls, type):
+            raise ModelError(f"a port takes a class of gt.Connector; found {shortened(cls)}", self.where)
+        _check_count(count, self.where)
         self.cls = cls
         self.count = count
 
@@ -476,9 +493,17 @@ ATTRIBUTES = ("nominal", "min", "max", "start", "fixed", "prefer")
 
 
 def _attributes(nominal: Any, low: Any, high: Any, start: Any, fixed: bool, prefer: int) -> dict[str, Any]:
+    for name, value in zip(ATTRIBUTES, (nominal, low, high, start), strict=False):
+        if isinstance(value, str):
+            raise ModelError(f"{name} takes numbers; found {value!r}", here())
     if nominal is not None and np.any(np.asarray(nominal, float) <= 0):
         raise ModelError(f"a nominal is a magnitude and must be positive; found {nominal}", here())
     return dict(zip(ATTRIBUTES, (nominal, low, high, start, fixed, prefer), strict=True))
+
+
+def _check_count(count: Any, where: SourceLocation) -> None:
+    if count is not None and (not isinstance(count, (int, np.integer)) or isinstance(count, bool) or count < 0):
+        raise ModelError(f"the count of parts or ports is a whole number and not negative; found {count!r}", where)
 
 
 def _check_kind(kind: Kind, shape: Shape, where: SourceLocation) -> None:

@@ -11,6 +11,7 @@ import casadi as ca
 import numpy as np
 
 from .scope import Scope
+from .slips import floats
 from .source import ModelError, SourceLocation, here
 from .units import Dimension, UnitError
 
@@ -150,6 +151,9 @@ class Expr:
         dim = None if self.dimension is None else self.dimension**power
         return Expr(self.sx**power, self.shape, dim, self.scope)
 
+    def __xor__(self, power: Any) -> Expr:
+        raise ModelError("'^' is no power; write **", here())
+
     def __matmul__(self, other: Any) -> Expr:
         return matmul(self, other)
 
@@ -201,7 +205,8 @@ class Relation:
     def __bool__(self) -> bool:
         raise ModelError(
             f"an equation or inequality ('{self.op}') has no truth value while a model is being built; "
-            "expected it to be yielded; for a <= x <= b use gt.between(a, x, b)",
+            "expected it to be yielded; for a <= x <= b use gt.between(a, x, b), in place of if, and, or gt.branch or "
+            "gt.maximum",
             self.where,
         )
 
@@ -299,7 +304,7 @@ def operand(value: Any, scope: Scope) -> tuple[ca.SX, Shape]:
             raise ModelError("expressions of two different models were combined; connect them as parts", here())
         return value.sx, value.shape
     try:
-        array = np.asarray(value, dtype=float)
+        array = floats(value)
     except (TypeError, ValueError):
         kind = type(value).__name__
         raise ModelError(f"expected an expression, a number or an array; found {kind} {value!r}", here()) from None

@@ -29,6 +29,8 @@ def der(x: Any, order: int = 1) -> Expr:
     """
     if not isinstance(x, Expr):
         raise ModelError(f"der() takes an expression of the model; found {x!r}", here())
+    if isinstance(order, bool) or not isinstance(order, (int, np.integer)):
+        raise ModelError(f"der() takes an order that is a whole number; found {order!r}", here())
     if order < 0:
         raise ModelError(f"der() takes an order of 0 or more; found {order}", here())
     for _ in range(order):

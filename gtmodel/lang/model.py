@@ -72,6 +72,12 @@ class Model:
                     del declared[name]
                 elif name in declared:
                     raise ModelError(f"'{name}' in {cls.__name__} hides a declaration of the same name")
+        for name, item in vars(cls).items():
+            if isinstance(item, Model) and "where" in item.__dict__:
+                made = type(item).__name__
+                raise ModelError(
+                    f"'{name}' is no part yet; write {name} = gt.part({made}, ...)", item.__dict__["where"]
+                )
         for name, item in declared.items():
             if name.startswith("_"):
                 raise ModelError(f"declared names may not start with an underscore; found '{name}'", item.where)

@@ -12,9 +12,14 @@ from ..results import ArgumentError
 
 @dataclass(frozen=True, eq=False)
 class Oscillators:
-    """n poses: m [kg], c [N.s/m], k [N/m], each (n, 3) along x, y, z of the world. All positive.
+    """Dynamics of the tool in n poses: m [kg], c [N.s/m], k [N/m], each (n, 3) along x, y, z of the world, all
+    positive.
 
     One pose may be given as (3,). Raises ArgumentError for what is not positive or has another shape.
+
+    >>> robot = gt.milling.Oscillators(m=[350, 350, 250], c=[1500, 1500, 1000], k=[2e6, 1.5e6, 3e6])
+    >>> robot.frequency.round(1), robot.damping_ratio.round(3)  # [Hz], [1]
+    (array([[12. , 10.4, 17.4]]), array([[0.028, 0.033, 0.018]]))
     """
 
     m: np.ndarray
@@ -57,7 +62,9 @@ class Oscillators:
         return self.c / (2 * np.sqrt(self.k * self.m))
 
     def shifted(self, hertz: float) -> Oscillators:
-        """The same stiffness and damping ratio with all natural frequencies changed by `hertz`."""
+        """The same stiffness and damping ratio with all natural frequencies changed by `hertz`. ValueError where none
+        is left.
+        """
         f = self.frequency + hertz
         if np.any(f <= 0):
             raise ValueError(f"a shift of {hertz:g} Hz leaves no positive natural frequency; the lowest is "
@@ -77,7 +84,13 @@ class Oscillators:
 
 
 def missing_z(m: ArrayLike, c: ArrayLike, k: ArrayLike) -> Oscillators:
-    """Oscillators (n, 3) whose c_z is missing (Table 16): zeta_z becomes the mean of zeta_x and zeta_y."""
+    """Oscillators (n, 3) whose c_z is missing, as in Cvitanic 2021, Table 16: zeta_z becomes the mean of zeta_x and
+    zeta_y.
+
+    >>> robot = gt.milling.missing_z(m=[350, 350, 250], c=[1000, 1500, 0], k=[2e6, 1.5e6, 3e6])
+    >>> robot.damping_ratio.round(3)
+    array([[0.019, 0.033, 0.026]])
+    """
     m, c, k = (np.atleast_2d(np.asarray(x, float)) for x in (m, c, k))
     zeta = c / (2 * np.sqrt(m * k))
     zeta = np.column_stack([zeta[:, :2], zeta[:, :2].mean(axis=1)])

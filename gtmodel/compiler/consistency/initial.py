@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from ...lang.slips import floats
 from ...lang.source import ModelError
 from ..differentiation import condition_order
 from ..pivoted import pivoted_qr
@@ -326,7 +327,7 @@ def start_values(
     for name, value in (given or {}).items():
         _, indices, order = flat.lookup(name)
         try:
-            array = np.asarray(value, dtype=float).reshape(-1)
+            array = floats(value).reshape(-1)
         except (TypeError, ValueError):
             raise ModelError(f"the start of '{name}' takes numbers; found {value!r}") from None
         if array.size not in (1, len(indices)):

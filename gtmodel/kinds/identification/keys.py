@@ -41,7 +41,7 @@ class Log(LogFiles):
 
 @made_from(options.SyntheticLog)
 class Synthetic(Made):
-    """A log made up from a plant, to see what identification gives back: sines, tracking, sensors, noise."""
+    """A synthetic log of a plant, to see what identification gives back: sines, tracking, sensors, noise."""
 
     reference_file: str | None = Field(
         default=None,
