@@ -60,11 +60,30 @@ class _Fit:
 
 
 def estimate(solution: Solution | PhasesSolution) -> Estimate:
-    """Covariance of what an Optimization with gt.misfit(...) as its objective has estimated, or linked phases together.
+    """What the data say of the constants that an Optimization has estimated: values with their covariance.
 
-    In phases, names are "phase: name"; a shared constant stands under the first of its phases. Raises ModelError if
-    the solve failed, the objective is no misfit or holds more, too few values were measured, or the data do not
-    determine some of the quantities; these are named. So it does for a single one of linked phases.
+    solution: of an Optimization whose objective is gt.misfit(...) and nothing else, or of linked phases together. In
+    phases, names are "phase: name"; a shared constant stands under the first of its phases.
+
+    Raises ModelError if the solve failed, the objective is no misfit or holds more, too few values were measured, or
+    the data do not determine some of the quantities; these are named. So it does for a single one of linked phases.
+
+    >>> times = np.linspace(0.1, 1.0, 10)
+    >>> rng = np.random.default_rng(3)
+    >>> measured = np.exp(-2.0 * times) + 0.01 * rng.standard_normal(10)  # synthetic: seed 3
+    >>> class Decay(gt.Optimization):
+    ...     rate = gt.free(1.0, min=0.0, unit="1/s")
+    ...     x = gt.variable(start=1.0, fixed=True)
+    ...     def equations(self):
+    ...         yield gt.der(self.x) == -self.rate * self.x
+    ...     def objective(self):
+    ...         return gt.misfit(self.x, times, measured)
+    >>> found = gt.estimate(gt.solve(Decay(), gt.Mesh(4)))
+    >>> found.names, found.values.shape, found.covariance.shape
+    (('rate',), (1,), (1, 1))
+    >>> low, high = found.interval("rate")  # of 95 %
+    >>> bool(low < 2.0 < high)
+    True
     """
     fit = _Fit.of(solution)
     title = fit.title

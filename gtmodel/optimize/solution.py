@@ -28,11 +28,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """Result of solve().
+    """What `solve` returns.
 
-    `trajectory` holds every top-level quantity at the mesh edges and collocation points; a control polynomial
-    is extrapolated to the start. `free` are the constants the optimisation chose; `seconds` is wall time.
-    `reservation`: what a solved problem leaves open, such as whether a stationary point is a minimum; empty for none.
+    `trajectory` holds every top-level quantity at the mesh edges and collocation points, in SI units; a control
+    polynomial is extrapolated to the start. `free` are the constants the optimisation chose, by name; `seconds` is wall
+    time. `status` and `message` say how it ended, `checks` what was tested. `reservation`: what a solved problem leaves
+    open, such as whether a stationary point is a minimum; empty for none.
     """
 
     status: SolveStatus
