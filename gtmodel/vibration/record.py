@@ -28,7 +28,7 @@ class Record:
     """Inputs u (N, m) and outputs y (N, p), one row per sample, every `sample_time` [s]; units are the caller's.
 
     The input is held between samples (zero-order hold); y[k] is read before u[k] acts. `synthetic`: seed and noise of
-    made-up data, None for measured ones. One-dimensional arrays are one column. Raises ArgumentError.
+    synthetic data, None for measured ones. One-dimensional arrays are one column. Raises ArgumentError.
     """
 
     u: np.ndarray

@@ -102,12 +102,12 @@ def interval(ends: tuple[float, float] | None, form: str = ".5g") -> str:
 
 
 def entitled(title: str, synthetic: str | None) -> str:
-    """A picture's title, with the word where the data are made up."""
+    """A picture's title, with the word SYNTHETIC where the data are."""
     return f"{title}\n(synthetic: {synthetic})" if synthetic else title
 
 
 def commented(text: str, synthetic: str | None) -> str:
-    """A TOML file, which says in its first line where the data are made up."""
+    """A TOML file, which says in its first line where the data are synthetic."""
     return (f"# synthetic: {synthetic}\n" if synthetic else "") + text
 
 
