@@ -106,7 +106,7 @@ def _share(problem: Problem, f: Fitted, loss: Loss, width: float) -> _Share:
 
 
 def _by_noise(problem: Problem, f: Fitted) -> np.ndarray:
-    """Derivatives of the block's residuals, as the cost has them, in the noise of all signals (N, k, ny)."""
+    """Jacobian of the block's residuals, as the cost has them, in the noise of all signals (N, k, ny)."""
     if f.adjustment is not None:
         return f.adjustment.by_noise(f.descent.x)
     return f.block.evaluate_all(problem.reading.data, f.descent.x)[2] / f.sigma

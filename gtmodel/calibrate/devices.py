@@ -32,7 +32,12 @@ class LaserTracker:
 
     `at` (3,): its centre [m]. Standard deviations: `range_noise` [m] and `range_per_m` of the distance, `angle_noise`
     [rad] of each angle, `fixed_noise` [m] of the reflector in all directions. It sees from `nearest` to `farthest` [m]
-    and up to `elevation` [rad] above and below the horizontal plane of its `axis`.
+    and up to `elevation` [rad] above and below the plane across its `axis`.
+
+    >>> tracker = gt.calibrate.LaserTracker(at=np.zeros(3))
+    >>> C = tracker.covariance(np.array([[10.0, 0.0, 0.0]]))[0]
+    >>> 1e6 * np.sqrt(np.diag(C))  # um at 10 m: along the ray, and across it
+    array([10., 70., 70.])
     """
 
     at: Array
@@ -148,8 +153,10 @@ class Camera:
 
 @dataclass(frozen=True)
 class LineOfSight:
-    """Nothing stands between a device at `at` (3,) and the tool centre point: boxes with sides along the axes, corners
-    `low`, `high` (k, 3) [m], stay `clearance` [m] from the line."""
+    """A limit: nothing stands between a device at `at` (3,) [m] and the tool centre point.
+
+    Boxes with sides along the axes, corners `low`, `high` (k, 3) [m], stay `clearance` [m] away from that line.
+    """
 
     at: Array
     low: Array

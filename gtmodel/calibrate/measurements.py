@@ -22,8 +22,8 @@ class Pose:
     in `device_start` and `target_start`; left out, the identity, and in a study the device aligned with the model.
 
     `device_per_session`, `target_per_session`: each session has such a frame of its own, "T.device.t in s[0]" where
-    there are several; `device_starts` by session, before `device_start`. `sag`: the end-effector deflects by k times
-    the load, a force [N] in the robot's frame, values "load(T)" (N, 3) or (N, 1) downwards; parameter "T.sag" = k
+    there are several; `device_starts` by session, before `device_start`. `sag`: the end-effector is displaced by k
+    times the load, a force [N] in the robot's frame, values "load(T)" (N, 3) or (N, 1) downwards; parameter "T.sag" = k
     [m/N], from `sag_start`: what the model calls T is the measured position less k load.
     """
 

@@ -28,9 +28,8 @@ class Choice:
     `free`: those to move, empty for all; `fixed`: those to leave, stronger than free (turns of quaternions too).
     `tied`: name -> name of the same shape, which it follows. `unit`: quaternions (4), scalar first, that are turned and
     keep the length 1 (three unknowns each, "u1_2 turned about x" [rad], in the quaternion's own frame). `priors` by
-    scalar name of an unknown. `sizes`: expected error of a parameter, the scale in which rank and observability are
-    told; default 1e-3, of
-    compliances 1e-6 m/N.
+    scalar name of an unknown. `sizes`: expected error of a parameter, the scale in which rank and observability
+    are computed; default 1e-3, of compliances 1e-6 m/N.
     """
 
     free: Sequence[str] = ()

@@ -46,12 +46,27 @@ class Signal:
 
 
 class CausalFunction:
-    """values + status for a choice of known variables and targets.
+    """The answer of `Model.causal`: values and a status, for a choice of known variables and targets.
 
     Call it with one argument per entry of `inputs` (states first, then the known variables and their
     derivatives as far as needed), each of the signal's shape or with a leading row axis (n, ...). It returns
     one array per target, then the status: a `Status` for a single call, an int array (n,) of Status codes for
-    rows. It never throws on data: a row without a solution is NaN with a status that says why.
+    rows. It never throws on data: a row without a solution is NaN with a status that says why. Numbers are in SI units.
+
+    `explain()` tells how the values are computed, `diagnose(...)` why a call has no answer, `jacobian(...)` gives exact
+    derivatives, `casadi` the same function for CasADi; gt.cgen makes C of it.
+
+    >>> robot = gt.robots.gantry_tau("l1_tape")
+    >>> fk = robot.causal(known="q", targets="T")
+    >>> T, status = fk([-0.7, -0.8, -0.6])
+    >>> T.round(3).tolist(), status
+    ([0.911, -0.883, 0.463], <Status.OK: 0>)
+    >>> T, status = fk([[-0.7, -0.8, -0.6], [-0.7, 9.0, -0.6]])  # two rows; the second cannot be assembled
+    >>> T.shape, status.tolist()
+    ((2, 3), [0, 1])
+    >>> J, status = fk.jacobian([-0.7, -0.8, -0.6])
+    >>> J.shape
+    (3, 3)
     """
 
     def __init__(
@@ -378,15 +393,26 @@ def compile_causal(
     branches: Mapping[str, int] | None = None,
     name: str | None = None,
 ) -> CausalFunction:
-    """The function that computes `targets` when `known` is prescribed.
+    """The function that computes `targets` when `known` is prescribed: any causality of the model.
 
     Args:
         known: names of variables prescribed with all their derivatives.
         targets: names such as "T", "der(q)", "der(T,2)", "arm[0].rod.tension".
-        prefer: names to keep as states.
-        branches: sign +1 or -1 by declared branch name.
+        prefer: names to keep as states, where what is known does not determine all.
+        branches: sign +1 or -1 by declared branch name, see `gt.branch`; +1 where none is given.
+        name: of the function, in messages and in C; made of targets and known if None.
 
-    Raises ModelError with file and line of the equations concerned.
+    The answer's inputs are the states, then the known variables with their derivatives as far as anything needs them.
+    Raises ModelError with file and line of the equations concerned, where the model is wrong or what is known does not
+    determine the targets.
+
+    >>> robot = gt.robots.gantry_tau("l1_tape")
+    >>> inverse_dynamics = robot.causal(known="T", targets="tau")
+    >>> [signal.name for signal in inverse_dynamics.inputs]
+    ['T', 'der(T)', 'der(T,2)']
+    >>> forward_dynamics = robot.causal(known="tau", targets="der(T,2)", prefer="T")
+    >>> [signal.name for signal in forward_dynamics.inputs]
+    ['T', 'der(T)', 'tau']
     """
     flat = model if isinstance(model, FlatModel) else flat_of(model)
     known, targets, prefer = _names("known", known), _names("targets", targets), _names("prefer", prefer)

@@ -18,7 +18,7 @@ from ..lang.declare import Declaration
 from ..lang.expression import Relation
 from ..lang.model import Model
 from ..lang.scope import Scope, derivative_name
-from ..lang.slips import each_of, persons_code
+from ..lang.slips import each_of, line_of, persons_code
 from ..lang.source import ModelError, SourceLocation, of_frame
 from ..lang.units import rate_unit
 from .connection_graph import check_trees
@@ -147,6 +147,8 @@ class FlatModel:
         names = list(dict.fromkeys([*self.groups, *(v.name for v in self.variables)]))
         close = difflib.get_close_matches(inner, names, n=3)
         hint = f"did you mean {' or '.join(repr(c) for c in close)}?" if close else f"top-level names are {self.top()}"
+        if inner in self.bindings:
+            hint = "that is a parameter, whose value is given when the model is made"
         raise ModelError(f"{self.title} has no variable '{inner}'; {hint}")
 
     def top(self) -> str:
@@ -188,10 +190,10 @@ def flatten(model: Model | Builder) -> FlatModel:
             elif isinstance(item, Energy):
                 energies.append(FlatEnergy(item.kind, path, item.expression.sx))
             else:
-                raise _no_equation(item, component, where)
+                raise _no_equation(item, component, "equations", where)
         for item, where in _items(component, "initial_equations"):
             if not isinstance(item, Relation) or item.op != "==":
-                raise _no_equation(item, component, where)
+                raise _no_equation(item, component, "initial_equations", where)
             for k, residual in enumerate(_scalars(item, path, tree.scope)):
                 initial.append(FlatEquation(residual, f"{_label(path, k + 1, component)} (initial)", path, item.where))
     check_trees([c for c, _ in connections], edges)
@@ -222,15 +224,12 @@ def _label(path: str, count: int, component: Model) -> str:
 def _items(component: Model, method: str) -> Iterable[tuple[Any, SourceLocation | None]]:
     """Items of a component's generator with the line of its current yield."""
     what = f"{method}() of {type(component).__name__}"
-    with persons_code(what):
+    written = getattr(type(component), method)
+    with persons_code(what, written):
         source = getattr(component, method)()
     if source is None or isinstance(source, (Relation, Connection, Branch)):
         found = "nothing" if source is None else f"one {type(source).__name__.lower()}"
-        code = getattr(type(component), method).__code__
-        raise ModelError(
-            f"{what} returned {found}; expected 'yield' in front of each equation",
-            of_frame(code.co_filename, code.co_firstlineno),
-        )
+        raise ModelError(f"{what} returned {found}; expected 'yield' in front of each equation", line_of(written))
     for item in each_of(source, what):
         frame = getattr(source, "gi_frame", None)
         where = of_frame(frame.f_code.co_filename, frame.f_lineno) if frame is not None else None
@@ -238,10 +237,10 @@ def _items(component: Model, method: str) -> Iterable[tuple[Any, SourceLocation 
             yield single, where
 
 
-def _no_equation(item: Any, component: Model, where: SourceLocation | None) -> ModelError:
+def _no_equation(item: Any, component: Model, method: str, where: SourceLocation | None) -> ModelError:
     shown = item if isinstance(item, (bool, int, float, str)) else type(item).__name__
     return ModelError(
-        f"{type(component).__name__}.equations() yielded {shown}, which is no equation; expected 'a == b' on "
+        f"{type(component).__name__}.{method}() yielded {shown}, which is no equation; expected 'a == b' on "
         "expressions of the model, gt.connect or gt.branch",
         where,
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 from dataclasses import dataclass
 
 import numpy as np
@@ -112,6 +113,8 @@ def _unbalanced(
         inputs = [v for v in (flat.variables[unknowns[j]] for j in cols) if v.role == "input"]
         if inputs and not rows:
             text += f"; inputs are known where they are named: known=[{', '.join(repr(v.name) for v in inputs[:6])}]"
+    if not equations and (slips := difflib.get_close_matches("equations", vars(type(flat.root)), n=1)):
+        text += f"; {type(flat.root).__name__}.{slips[0]}() is not asked for any: its name has to be equations"
     if rows:
         text += f"; too many equations or knowns among: {_listed([equations[i] for i in rows])}"
     if loose := _unconnected(flat):

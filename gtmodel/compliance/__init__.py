@@ -4,20 +4,20 @@ study                stiffness, deflection and frequencies over a section: `Comp
 Springs, Links, Carts, Frame, Arm, Load, Map   what it is asked for
 stiffness_study      joint stiffness of an arm from static load tests: `StiffnessStudy`; see `load_tests`
 Setup, Noise, GravityCompensator   what it is asked for
-MeasuredTests, read_load_tests, LoadTests, Column, made_load_tests, SyntheticTests   its tests, read or synthetic
+MeasuredTests, read_load_tests, LoadTests, Column, made_load_tests, SyntheticTests   its tests, measured or synthetic
 
-arm_poses            places and Jacobians of an arm, from its equations
-StaticTests          poses, loads and what the tool moved by
+arm_poses            poses and Jacobians of an arm, from its equations
+StaticTests          poses, loads and the displacement of the tool
 complete_pose        joint compliances from all six rows of the pose
 decoupled            arm from the wrist centre, then wrist from the tool centre point
-cartesian_stiffness, softest_and_stiffest   what joint compliances mean at the tool
+cartesian_stiffness, translational_compliance, softest_and_stiffest   what joint compliances mean at the tool
 complementary_stiffness, Compensator        what a load and a spring on joint 2 add
 with_compensator     joint compliances and the rate of that spring
-select               tests that tell the compliances best
+select               the tests that determine the compliances best
 synthetic_tests      synthetic tests, with or without bearings that tilt
-LinkGeometry, LinkPoses      where a parallel robot's links stand, and what its axes move, from its equations
+LinkGeometry, LinkPoses      where the links of a parallel robot are, and how its axes move them, from its equations
 LinkSprings, tube    its springs in series: links, ball joints, drives, carts, frame
-LinkStructure        compliance at the tool, link forces, deflection, and what takes the work
+LinkStructure        compliance at the tool, link forces, deflection, and the share of the work of each group of springs
 LinkMasses           weights and lowest natural frequencies on these springs
 """
 

@@ -1,4 +1,4 @@
-"""Where a serial arm stands and how it moves there, from its own equations."""
+"""Poses of a serial arm and its Jacobians there, from its own equations."""
 
 from __future__ import annotations
 
@@ -14,8 +14,12 @@ from .static_tests import StaticTests, at_tool
 
 @dataclass(frozen=True, eq=False)
 class ArmPoses:
-    """n poses q (n, k) [rad]: tool centre point T (n, 3) [m], its Jacobian J (n, 6, k), wrist centre W (n, 3) with
-    J_wrist (n, 3, k), origins of the joints (n, k, 3), rotation R (n, 3, 3) of the flange; world coordinates."""
+    """n poses of an arm with k joints, world coordinates.
+
+    q (n, k) [rad]; tool centre point T (n, 3) [m] and its geometric Jacobian J (n, 6, k), linear rows [m] before
+    angular ones; wrist centre W (n, 3) [m] with J_wrist (n, 3, k); origins of the joints (n, k, 3) [m]; rotation R (n,
+    3, 3) of the flange.
+    """
 
     q: np.ndarray
     T: np.ndarray
@@ -54,10 +58,15 @@ class ArmPoses:
 
 
 def arm_poses(model: Any, q: ArrayLike, tool: ArrayLike = (0.0, 0.0, 0.0)) -> ArmPoses:
-    """Of a model with angles q and variables T, R, v, w, W, v_W and parts link, as `robots.SphericalWristArm`.
+    """Tool centre point, Jacobians and wrist centre of a serial arm at joint angles q (n, k) [rad]: `ArmPoses`.
 
-    q (n, k) [rad]; tool (3) [m]: tool centre point in flange coordinates. Raises ValueError for a pose that the model
-    cannot be evaluated at.
+    model: an arm with angles q, variables T, R, v, w, W, v_W and parts link, as `robots.SphericalWristArm`.
+    tool (3,) [m]: tool centre point in flange coordinates. Raises ValueError for a pose at which the model cannot be
+    evaluated.
+
+    >>> poses = gt.compliance.arm_poses(gt.robots.kr500(), np.deg2rad([[0, -90, 90, 0, -60, 0]]), tool=[0.1, 0, 0.4])
+    >>> poses.T.round(3), poses.J.shape
+    (array([[1.957, 0.   , 2.838]]), (1, 6, 6))
     """
     q = np.atleast_2d(np.asarray(q, float))
     n, k = q.shape

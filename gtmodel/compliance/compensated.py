@@ -17,12 +17,24 @@ JOINT = 1  # the spring is on joint 2
 
 
 def with_compensator(tests: StaticTests, spring: Compensator, q: Array) -> StiffnessFit:
-    """Complete poses with the spring's rate among the unknowns, in `estimate` as "rate" [N/m]; its other dimensions are
-    taken from `spring`, and its rate as the start. q (n, k) [rad]: joints of each test.
+    """Complete poses with the rate of the spring on joint 2 among the unknowns, in `estimate` as "rate" [N/m].
 
-    The spring's torque is there with and without the load; only how it changes as joint 2 moves is seen,
-    K_c = rate * slope(q2) beside K_q (Cvitanic 2021, eq. (2)): some per cent of it, so expect a wide interval. Raises
+    `spring` gives the other dimensions, and the rate where the iteration starts. q (n, k) [rad]: joints of each test.
+    The spring's torque is there with and without the load; only its change as joint 2 moves is seen. That is K_c = rate
+    * d(torque per rate)/dq2 beside K_q (Cvitanic 2021, eq. (2)), some per cent of it, so expect a wide interval. Raises
     ValueError for what the tests do not determine.
+
+    >>> from gtmodel.compliance import Compensator, arm_poses, complementary_stiffness, synthetic_tests
+    >>> q = np.deg2rad(gt.robots.kr500_tables()["static_stiffness"]["poses_deg"])
+    >>> wrench = np.tile([[2000.0, 0, 0, 0, 0, 0], [0, 500.0, -4000, 0, 0, 0]], (5, 1))
+    >>> poses = arm_poses(gt.robots.kr500(), q, [0.1, 0.05, 0.4])
+    >>> K_c = complementary_stiffness(poses.J, wrench)
+    >>> spring = Compensator(base=0.3, lever=0.25, rate=8e5, rest=0.2)
+    >>> loaded = poses.tests(wrench, sigma=[2e-5] * 3 + [1e-4] * 3, K_c=spring.added(K_c, q))
+    >>> tests = synthetic_tests(loaded, [1e-6] * 6, None).with_(K_c=K_c)
+    >>> start = Compensator(base=0.3, lever=0.25, rate=5e5, rest=0.2)
+    >>> gt.compliance.with_compensator(tests, start, q).estimate.values[6].round(3) == 8e5  # N/m
+    np.True_
     """
     n, _, k = tests.J.shape
     y = tests.displacement.reshape(-1)

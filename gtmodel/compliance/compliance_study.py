@@ -1,4 +1,4 @@
-"""The compliance study: how a robot deflects under load and weight, and its lowest frequencies, over its workspace."""
+"""The compliance study: deflection of a robot under load and weight, and its lowest frequencies, over its workspace."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ MAPPED = {"softest_N_m": ("stiffness along the softest direction", 1e-6, "N/µm"
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class ComplianceStudy(Study):
-    """How a robot deflects: at one pose, and over a section of its workspace."""
+    """Stiffness, deflection and natural frequencies of a robot: at one pose, and over a section of its workspace."""
 
     pose: Annotated[Array, Quantity("m", "tool centre point that the next numbers are about")]
     compliance: Annotated[Array, "at the tool, displacement by load: m/N, and rad/N, rad/(N.m) where the plate turns"]
@@ -115,14 +115,16 @@ def study(
         frequencies: how many natural frequencies are reported, of a robot with masses.
         progress, max_seconds, stop: see `gtmodel.results.Work`.
 
-    Interrupted, it holds the reported pose and no map. Raises ArgumentError.
+    Interrupted, it holds the reported pose and no map. Raises ArgumentError for what cannot be used, as a pose that is
+    out of reach.
 
-    >>> import gtmodel as gt
-    >>> from gtmodel.compliance import Links, Load, Springs, study
+    >>> from gtmodel.compliance import Links, Load, Map, Springs, study
     >>> robot = gt.robots.gantry_tau("l1_tape")
-    >>> s = study(robot, Springs(Links(stiffness=2e7)), Load(force=[0, 0, 100.0]))
-    >>> round(float(s.stiffness[0]) / 1e6, 1) > 0
-    True
+    >>> s = study(robot, Springs(Links(stiffness=2e7)), Load(force=[0, 0, -100.0]), map=Map(step=0.3))
+    >>> (s.stiffness / 1e6).round(1)  # N/um, softest direction first
+    array([ 4.1, 28.2, 87.7])
+    >>> (1e6 * s.deflection).round(1)  # um
+    array([  1.7, -10.1, -11.5])
     """
     work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
     work.progress("equations", 0.05)

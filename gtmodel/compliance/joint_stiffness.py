@@ -19,10 +19,11 @@ UNIT = "rad/(N.m)"
 
 @dataclass(frozen=True, eq=False)
 class StiffnessFit:
-    """Compliances c[0].. [rad/(N.m)] as an Estimate, what the tests tell of each, and whether residuals are noise.
+    """Joint compliances as an Estimate, how well the tests determine each, and whether the residuals are noise.
 
-    `derivatives` (rows, k) of the measured rows by c, `assumed` the covariance by which they were weighted, as blocks
-    or whole.
+    `estimate`: c[0], c[1], ... [rad/(N.m)]. `told`: the identifiability of each. `adequacy`: the chi-squared test of
+    the residuals. `slopes` (rows, k): Jacobian of the measured rows in c; `assumed`: the covariance by which they were
+    weighted, as blocks or whole.
     """
 
     method: str
@@ -34,6 +35,7 @@ class StiffnessFit:
 
     @property
     def compliance(self) -> np.ndarray:
+        """(k,) [rad/(N.m)]."""
         return self.estimate.values[[name.startswith("c[") for name in self.estimate.names]]
 
     @property
@@ -42,8 +44,12 @@ class StiffnessFit:
         return 1 / self.compliance
 
     def interval(self, joint: int, level: float = 0.95) -> tuple[float, float]:
-        """Of K: the ends of the interval of c, inverted, which no linearisation touches; without an upper end where
-        the compliance may be zero. NaN where it is negative altogether."""
+        """The interval of K of a joint (counted from 0) [N.m/rad]: the ends of that of c, inverted, without
+        linearisation.
+
+        The upper end is infinite where the compliance may be zero. Both are NaN where the whole interval of c is
+        negative.
+        """
         low, high = self.estimate.interval(f"c[{joint}]", level)
         if high <= 0:
             return np.nan, np.nan
@@ -55,12 +61,20 @@ def names_of(joints: Sequence[int]) -> list[str]:
 
 
 def complete_pose(tests: StaticTests, *, rotation_weight: float = 1.0) -> StiffnessFit:
-    """All six rows of the displacement: dX = J diag(J'F) c, or (2) with K_c where the tests have one.
+    """Joint compliances from all six rows of the displacement: dX = J diag(J'F) c, or eq. (2) where the tests have K_c.
 
     Rows are whitened by the tests' covariance. `rotation_weight` w counts rotations w times as much as their noise
-    says, as the thesis scales its rotations by 10: without model error it only widens the intervals, which are those
-    of the stated noise; the chi-squared test is that of w = 1. Raises ValueError for compliances that the tests do not
-    determine.
+    justifies, as the thesis scales its rotations by 10: without model error it only widens the intervals, which are
+    those of the stated noise; the chi-squared test is that of w = 1. Raises ValueError for compliances that the tests
+    do not determine. Source: Cvitanic 2021, eqs. (2), (3), (6).
+
+    >>> q = np.deg2rad(gt.robots.kr500_tables()["static_stiffness"]["poses_deg"])
+    >>> wrench = np.tile([[2000.0, 0, 0, 0, 0, 0], [0, 500.0, -4000, 0, 0, 0]], (5, 1))
+    >>> poses = gt.compliance.arm_poses(gt.robots.kr500(), q, tool=[0.1, 0.05, 0.4])
+    >>> planned = poses.tests(wrench, sigma=[2e-5] * 3 + [1e-4] * 3)
+    >>> tests = gt.compliance.synthetic_tests(planned, 1e-6 / np.array([4, 3, 3, 2, 0.2, 0.2]), rng=None)
+    >>> (gt.compliance.complete_pose(tests).stiffness / 1e6).round(3)  # MN.m/rad
+    array([4. , 3. , 3. , 2. , 0.2, 0.2])
     """
     fit = _complete(tests, tests.covariance)
     if rotation_weight == 1.0:
@@ -89,14 +103,24 @@ def _complete(tests: StaticTests, covariance: np.ndarray) -> StiffnessFit:
 
 
 def decoupled(tests: StaticTests, *, moment: bool = True) -> StiffnessFit:
-    """Arm from the linear motion of the wrist centre, then wrist from that of the tool with the arm's part taken off.
+    """Joint compliances of the arm from the linear motion of the wrist centre, then of the wrist from that of the tool.
 
     The arm's torque is (J'F)_123, the moment of the force about the wrist centre included; with `moment=False` it is
-    J_wrist' f, as the text of the thesis has it, which biases the arm and stiffens the wrist. Intervals of the wrist
-    hold the error of the arm. Raises ValueError for tests with K_c without the moment, and for what the tests do not
-    determine.
+    J_wrist' f, as the text of the thesis (Cvitanic 2021) has it, which biases the arm and stiffens the wrist. Intervals
+    of the wrist hold the error of the arm. Raises ValueError for tests with K_c without the moment, and for what the
+    tests do not determine.
+
+    >>> q = np.deg2rad(gt.robots.kr500_tables()["static_stiffness"]["poses_deg"])
+    >>> wrench = np.tile([[2000.0, 0, 0, 0, 0, 0], [0, 500.0, -4000, 0, 0, 0]], (5, 1))
+    >>> poses = gt.compliance.arm_poses(gt.robots.kr500(), q, tool=[0.1, 0.05, 0.4])
+    >>> planned = poses.tests(wrench, sigma=[2e-5] * 3 + [1e-4] * 3)
+    >>> c = 1e-6 / np.array([4, 3, 3, 2, 0.2, 0.2])  # rad/(N.m)
+    >>> tests = gt.compliance.synthetic_tests(planned, c, np.random.default_rng(1))
+    >>> without = gt.compliance.decoupled(tests, moment=False)
+    >>> gt.compliance.decoupled(tests).adequacy.passed, without.adequacy.passed
+    (True, False)
     """
-    # three rows fit the arm with nothing over, and leave the wrist's rows no noise of their own
+    # one test has three rows for three compliances of the arm: no residual is left, and none of the wrist's either
     if len(tests.J) < 2:
         raise ValueError(f"found {len(tests.J)} test; expected at least 2 for six joints, in different poses or loads")
     if tests.K_c is not None and not moment:
@@ -178,8 +202,8 @@ def without_noise(tests: StaticTests, c: np.ndarray) -> StaticTests:
     )
 
 
-def stiffness_fit(method: str, e: Estimate, A: np.ndarray, covariance: np.ndarray, poses: int) -> StiffnessFit:
-    """What the rows tell of each unknown, in units of itself, and whether residuals are noise."""
+def concluded(method: str, e: Estimate, A: np.ndarray, covariance: np.ndarray, poses: int) -> StiffnessFit:
+    """How well the rows determine each unknown, in units of itself, and whether the residuals are noise."""
     # in whitened rows, each compliance in units of itself
     blocks = covariance if covariance.ndim == 3 else covariance[None]
     L = np.linalg.cholesky(blocks)

@@ -15,8 +15,18 @@ GRAVITY = (0.0, 0.0, -9.81)
 
 @dataclass(frozen=True, eq=False)
 class LinkMasses:
-    """Masses as the models of the catalogue carry them: of the plate m_p at c_p from T with inertia I_p about it (plate
-    coordinates), of each cart m_c, of each link m_a at its middle, and inertias J of rotary axes; SI."""
+    """Masses of a parallel robot as the models of the catalogue carry them, SI units.
+
+    m_p [kg] of the plate, with its centre of mass c_p (3,) [m] from T and inertia I_p (3, 3) [kg.m2] about that, both
+    in plate coordinates; m_c (k,) [kg] of the carts; m_a (m,) [kg] of the links, each at its middle; J [kg.m2] of
+    rotary axes.
+
+    >>> robot = gt.robots.gantry_tau("l1_tape")
+    >>> springs = gt.compliance.LinkSprings(link=5e-8, drive=1e-7)
+    >>> s = gt.compliance.LinkStructure(gt.compliance.LinkGeometry(robot)(robot.home), springs)
+    >>> gt.compliance.LinkMasses.of(robot).frequencies(s, 2).shape  # Hz
+    (1, 2)
+    """
 
     m_p: float
     m_c: Array
@@ -37,7 +47,7 @@ class LinkMasses:
         return cls(float(model.m_p), np.asarray(model.m_c, float), np.asarray(model.m_a, float), **optional)
 
     def matrix(self, s: LinkStructure) -> Array:
-        """M (n, d + s, d + s) in the coordinates of the structure."""
+        """Mass matrix (n, d + s, d + s) in the coordinates of the structure."""
         plate, mid, carts = self._motions(s)
         d = s.degrees_of_freedom
         M = self.m_p * np.swapaxes(plate, 1, 2) @ plate

@@ -1,4 +1,4 @@
-"""Where the links of a parallel robot stand, and how its axes move their cart joints, from its own equations."""
+"""Where the links of a parallel robot are, and how its axes move their cart joints, from its own equations."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ STANDS = 1e-6  # of the greatest motion of a cart joint by an axis: less is none
 class LinkPoses(Poses):
     """n poses of a plate on m links, with p driven axes q on k carts. World coordinates.
 
-    R (n, 3, 3) of the plate, None where it has no orientation of its own; moved (n, m, 3, p) motion of each cart joint
-    per axis [m per unit]; stands_on (m,) the cart of each link. The first k axes move the carts, all others turn joint
-    plates on them.
+    R (n, 3, 3) of the plate, None where it has no orientation of its own; moved (n, m, 3, p): Jacobian of each cart
+    joint in the axes [m per unit of the axis]; stands_on (m,) the cart of each link. The first k axes move the carts,
+    all others turn joint plates on them.
     """
 
     R: Array | None
@@ -36,7 +36,7 @@ class LinkPoses(Poses):
 
     @property
     def lengths(self) -> Array:
-        """(n, m) [m]."""
+        """Lengths of the links (n, m) [m]."""
         return np.linalg.norm(self.b - self.a, axis=2)
 
     @property
@@ -57,11 +57,16 @@ class LinkPoses(Poses):
 
 
 class LinkGeometry:
-    """The functions of a robot that LinkPoses come from; compiled once.
+    """The functions of a robot from which `LinkPoses` are computed, compiled once.
 
     model: links are parts with L, ends a and b and a `tension`, as mechanics.Rod; axes are `q`, the tool centre point
     is `T`, and where the plate has an orientation of its own, `R`. Raises ModelError for a robot without these, and
     for a link that stands on no cart.
+
+    >>> robot = gt.robots.gantry_tau("l1_tape")
+    >>> poses = gt.compliance.LinkGeometry(robot)(robot.home)
+    >>> poses.directions.shape, poses.stands_on
+    ((1, 3, 3), (0, 1, 2))
     """
 
     def __init__(self, model: Model) -> None:

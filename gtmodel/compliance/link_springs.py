@@ -13,13 +13,17 @@ GROUPS = ("links", "joints", "drives", "carts", "frame")
 
 @dataclass(frozen=True, eq=False)
 class LinkSprings:
-    """Compliances, zero where something is rigid; in series along and across the guideway.
+    """Compliances of a parallel robot, zero where something is rigid. Springs at the same place are in series.
 
-    link: rods, L/(E A), one or one each [m/N]; joint: a ball joint along its link [m/N], two to a link; `parallel`:
-    how many rods with joints of their own stand side by side in each link of the model, three for arm 3 of the
-    three-link model (Dressler 2012, section 4.3). drive: along the guideway, drive train and servo loop, one or one
-    each [m/N], carts first, then rotary axes [rad/(N.m)]. cart: bearings across the guideway [m/N]. frame_along,
-    frame_across: of the machine frame at each cart [m/N].
+    Each is one number, or one for each link, cart or axis. link: rods, L/(E A) [m/N]; joint: one ball joint along its
+    link [m/N], of which a link has two; `parallel`: how many rods with joints of their own lie side by side in each
+    link of the model, three for arm 3 of the three-link model (Dressler 2012, section 4.3). drive: along the guideway,
+    drive train and servo loop [m/N]. axis: rotary axes on the carts [rad/(N.m)]. cart: bearings across the guideway
+    [m/N]. frame_along, frame_across: of the machine frame at each cart [m/N]. Raises ValueError for negative numbers.
+
+    >>> gt.compliance.LinkSprings(link=-5e-8)
+    Traceback (most recent call last):
+    ValueError: link must be a compliance of zero or more; found -5e-08
     """
 
     link: ArrayLike
@@ -40,8 +44,11 @@ class LinkSprings:
             raise ValueError(f"parallel counts rods side by side, 1 or more; found {self.parallel}")
 
     def by_group(self, links: int, carts: int, axes: int) -> dict[str, Array]:
-        """Compliances (links + 3 carts + axes,) by what is compliant: links, then along, across and across each cart's
-        guideway, then rotary axes. Their sum is the compliance of each coordinate."""
+        """Compliances (links + 3 carts + axes,) of each group of springs.
+
+        The order is: links, then along, across and across each cart's guideway, then rotary axes. The sum over the
+        groups is the compliance of each coordinate.
+        """
         sizes = (links, 3 * carts, axes)
         found = {name: [np.zeros(size) for size in sizes] for name in GROUPS}
         parallel = _each(self.parallel, links, "parallel")
@@ -56,7 +63,13 @@ class LinkSprings:
 
 
 def tube(modulus: float, outer: float, inner: float, length: ArrayLike) -> Array:
-    """L/(E A) [m/N] of a tube: modulus [Pa], diameters [m], lengths [m]. Raises ValueError for a tube without wall."""
+    """Compliance L/(E A) [m/N] of a tube along itself: modulus [Pa], diameters [m], lengths [m].
+
+    Raises ValueError for a tube without wall.
+
+    >>> gt.compliance.tube(70e9, outer=0.040, inner=0.036, length=[1.0, 2.0]).round(10)
+    array([5.980e-08, 1.197e-07])
+    """
     if not (modulus > 0 and 0 <= inner < outer):
         raise ValueError(
             f"a tube needs a modulus above 0 and an outer diameter above the inner; found {outer}, {inner}"

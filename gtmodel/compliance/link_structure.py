@@ -1,4 +1,4 @@
-"""How a plate on links deflects: from springs of links, joints, drives, carts and frame to compliance at the tool."""
+"""Stiffness of a plate on links: from springs of links, joints, drives, carts and frame to compliance at the tool."""
 
 from __future__ import annotations
 
@@ -17,17 +17,23 @@ SINGULAR = 1e-9  # least to greatest singular value of U below which a pose hold
 
 @dataclass(frozen=True, eq=False)
 class LinkStructure:
-    """n poses of a robot whose plate hangs on as many links as it has degrees of freedom d: 3 for a point mass, 6 with
-    moments.
+    """n poses of a robot whose plate hangs on as many links as it has degrees of freedom d: 3 for a point mass, else 6.
 
     With the unit link vectors as rows of U (d, d), link forces n balance a load F on the plate, U'n = F, and links
-    yield by n/k: C = U^-1 diag(1/k) U^-T. What a cart yields by moves the ends of its links, which adds
-    U^-1 G diag(1/k) G' U^-T with G (d, s) the lengthening of links per motion of a support. First order, about the
-    unloaded pose: the turning of links under their own force, n/L beside k, is left out. Axes hold still.
+    lengthen by n/k: C = U^-1 diag(1/k) U^-T. The displacement of a cart on its springs moves the ends of its links,
+    which adds U^-1 G diag(1/k) G' U^-T with G (d, s) the lengthening of links per motion of a support. First order,
+    about the unloaded pose: the turning of links under their own force, n/L beside k, is left out. Axes hold still.
 
     Coordinates: of the plate [m, rad], then along, across and across each guideway [m], then rotary axes [rad].
-    Poses without a solution, and singular ones, are NaN. Raises ValueError where links and degrees of freedom differ
-    in number.
+    Poses without a solution, and singular ones, are NaN. Raises ValueError where the numbers of links and of degrees of
+    freedom differ.
+
+    >>> robot = gt.robots.gantry_tau("l1_tape")
+    >>> poses = gt.compliance.LinkGeometry(robot)(robot.home)
+    >>> s = gt.compliance.LinkStructure(poses, gt.compliance.LinkSprings(link=5e-8, drive=1e-7))
+    >>> C = s.compliance()[0]  # m/N
+    >>> np.allclose(s.deflection([0, 0, -100.0])[0], C @ [0, 0, -100.0])
+    True
     """
 
     poses: LinkPoses
@@ -60,7 +66,8 @@ class LinkStructure:
             object.__setattr__(self, name, value)
 
     @property
-    def degrees_of_freedom(self) -> int:
+    def freedoms(self) -> int:
+        """d, degrees of freedom of the plate."""
         return self.plate.shape[3]
 
     @cached_property
@@ -81,7 +88,7 @@ class LinkStructure:
 
     @cached_property
     def by_group(self) -> dict[str, Array]:
-        """Compliances by what is compliant; one for each link and support."""
+        """Compliances of each group of springs; one for each link and support."""
         p = self.poses
         return self.springs.by_group(p.a.shape[1], p.carts, p.q.shape[1] - p.carts)
 
@@ -122,8 +129,10 @@ class LinkStructure:
         return np.einsum("nds,ns->nd", self.carried, self.total * self.spring_forces(wrench, on_supports))
 
     def shares(self, wrench: ArrayLike) -> dict[str, Array]:
-        """Which part of the work of that load (n,) each group of springs takes; they sum to 1, and are NaN where
-        nothing is compliant."""
+        """Share of the work of a load (n,) that each group of springs takes.
+
+        The shares sum to 1, and are NaN where everything is rigid.
+        """
         f = self.spring_forces(wrench) ** 2
         whole = f @ self.total
         return {name: f @ self.by_group[name] / whole for name in GROUPS}

@@ -14,7 +14,14 @@ Three = Annotated[list[float], Long(3)]
 
 @dataclass(frozen=True)
 class Links(Options):
-    """Rods and their ball joints. The rod is a tube, or has a stiffness of its own."""
+    """Rods of a parallel robot and their ball joints.
+
+    Give either a stiffness of the rod, or modulus and diameters of a tube, whose stiffness is E A / L.
+
+    >>> gt.compliance.Links(stiffness=0.0)
+    Traceback (most recent call last):
+    gtmodel.results.refusal.ArgumentError: stiffness: must be more than 0; found 0
+    """
 
     stiffness: Annotated[
         float | list[float] | None, Unit("N/m"), Within(above=0.0), "of a rod along itself, one or one each"
@@ -35,7 +42,12 @@ class Links(Options):
 
 @dataclass(frozen=True)
 class Carts(Options):
-    """What holds the carts on their guideways; rigid where left out."""
+    """What holds the carts on their guideways. A spring that is left out is rigid.
+
+    >>> gt.compliance.Carts(drive=-1e7)
+    Traceback (most recent call last):
+    gtmodel.results.refusal.ArgumentError: drive: must be more than 0; found -1e+07
+    """
 
     drive: Annotated[
         float | list[float] | None, Unit("N/m"), Within(above=0.0),
@@ -51,7 +63,11 @@ class Carts(Options):
 
 @dataclass(frozen=True)
 class Frame(Options):
-    """The machine frame at each guideway; rigid where left out."""
+    """The machine frame at each guideway. A direction that is left out is rigid.
+
+    >>> gt.compliance.Frame(along=[2e7, 2e7, 3e7]).across is None
+    True
+    """
 
     along: Annotated[float | list[float] | None, Unit("N/m"), Within(above=0.0), "along the guideway"] = None
     across: Annotated[float | list[float] | None, Unit("N/m"), Within(above=0.0), "across it"] = None
@@ -59,7 +75,13 @@ class Frame(Options):
 
 @dataclass(frozen=True)
 class Springs(Options):
-    """What is compliant in a parallel robot."""
+    """The springs of a parallel robot: links, carts and frame.
+
+    >>> links = gt.compliance.Links(modulus=70e9, outer_diameter=0.040, inner_diameter=0.036)
+    >>> springs = gt.compliance.Springs(links, gt.compliance.Carts(drive=1e7))
+    >>> springs.carts.drive, springs.frame
+    (10000000.0, Frame(along=None, across=None))
+    """
 
     links: Links
     carts: Carts = Carts()
@@ -68,7 +90,15 @@ class Springs(Options):
 
 @dataclass(frozen=True)
 class Arm(Options):
-    """A serial arm: its joints, and the poses of the map."""
+    """The joint springs of a serial arm, and the pose whose orientation and branch its map keeps.
+
+    >>> q = np.deg2rad([0.0, -90.0, 90.0, 0.0, -60.0, 0.0]).tolist()
+    >>> arm = gt.compliance.Arm(joint=[3.93e6, 3.46e6, 2.77e6, 1.57e6, 0.24e6, 0.17e6], pose=q)
+    >>> load, coarse = gt.compliance.Load([0, 0, -4000.0]), gt.compliance.Map(step=0.5)
+    >>> s = gt.compliance.study(gt.robots.kr500(), arm, load, map=coarse)
+    >>> round(float(1e3 * s.deflection[2]), 2)  # mm
+    -3.91
+    """
 
     joint: Annotated[list[float], Unit("N.m/rad"), Within(above=0.0), "stiffness by joint"]
     pose: Annotated[
@@ -82,7 +112,12 @@ class Arm(Options):
 
 @dataclass(frozen=True)
 class Load(Options):
-    """Process force at the tool centre point, world coordinates."""
+    """Process force and moment on the tool centre point, world coordinates.
+
+    >>> gt.compliance.Load(force=[0, -100.0])
+    Traceback (most recent call last):
+    gtmodel.results.refusal.ArgumentError: force: expected 3 numbers; found 2
+    """
 
     force: Annotated[list[float], Unit("N"), Long(3), "on the tool"] = field(default_factory=lambda: [0.0] * 3)
     moment: Annotated[list[float], Unit("N.m"), Long(3), "about the tool centre point"] = field(
@@ -92,7 +127,14 @@ class Load(Options):
 
 @dataclass(frozen=True)
 class Map(CrossSection):
-    """The cross-section that is mapped: across the guideways, or the vertical plane in which an arm stands."""
+    """The cross-section that is mapped: across the guideways, or the vertical plane in which an arm stands.
+
+    Coordinates in it are (u, v) [m]: (y, z) for guideways along x; away from the first axis and up for an arm.
+
+    >>> gt.compliance.Map(step=0.1, cone=np.deg2rad(200))
+    Traceback (most recent call last):
+    gtmodel.results.refusal.ArgumentError: cone: must be more than 0 and at most 1.5708; found 3.49066
+    """
 
     along: Annotated[
         float | None, Unit("m"), "position along the guideways; through the reported pose if left out"

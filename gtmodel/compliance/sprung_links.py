@@ -1,4 +1,4 @@
-"""A parallel robot on its springs: how it deflects at rows of tool centre points."""
+"""A parallel robot on its springs: its deflection at rows of tool centre points."""
 
 from __future__ import annotations
 
@@ -27,9 +27,12 @@ SINGULAR = Status.SINGULAR.sentence
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """Of n poses: C (n, d, d), displacement under the load (n, d) [m, rad], the reason why there is none ("" where
-    there is one); natural frequencies (n, k) [Hz], displacement by weights (n, d) and shares of the load's work, None
-    where they are not asked for or the robot has no masses."""
+    """What was computed for n poses with d degrees of freedom of the plate.
+
+    C (n, d, d): compliance. moved (n, d) [m, rad]: displacement under the load. reason: why a pose has no result, ""
+    where it has one. frequencies (n, k) [Hz]: natural frequencies; sag (n, d) [m, rad]: displacement by weights; None
+    for robots without masses. shares: parts of the load's work by group of springs, None without a load.
+    """
 
     C: Array
     moved: Array
@@ -40,8 +43,11 @@ class Found:
 
 
 class Sprung(Protocol):
-    """A robot on its springs: home (3,) [m], the section that is mapped, where guideways pierce it (marks), its window
-    of (u, v) [m], what is assumed, and what it does at tool centre points (n, 3)."""
+    """A robot on its springs.
+
+    home (3,) [m]; section: the plane that is mapped; marks: where guideways pierce it; window: its least and greatest
+    (u, v) [m]; assumptions: sentences. Called with tool centre points (n, 3) [m] it returns `Found`.
+    """
 
     @property
     def home(self) -> Array: ...

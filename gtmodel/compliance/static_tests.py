@@ -1,4 +1,4 @@
-"""Static load tests of a serial arm: where it stood, what pulled, what moved."""
+"""Static load tests of a serial arm: its poses, the loads, and the displacements."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from numpy.typing import ArrayLike
 
 @dataclass(frozen=True, eq=False)
 class StaticTests:
-    """n tests of an arm with k joints; world coordinates, moments and rotations about and of the tool centre point.
+    """n tests of an arm with k joints, in world coordinates. Raises ValueError for wrong shapes and for NaN.
 
-    J (n, 6, k): geometric Jacobian there, rows linear [m] then angular [1]; J_wrist (n, 3, k): linear, of the wrist
-    centre. wrench (n, 6) [N, N.m] acts on the tool; displacement (n, 6) [m, rad] is the pose with it less that
-    without. covariance (n, 6, 6) of the displacement's noise. wrist_displacement (n, 3) [m] with wrist_covariance
-    (n, 3, 3) where a target at the wrist centre was measured too, independently; else it follows from the pose by
-    `lever` (n, 3) [m], from the tool centre point to the wrist centre. K_c (n, k, k) [N.m/rad]: complementary
-    stiffness, zero if left out (eq. (3)).
+    J (n, 6, k): geometric Jacobian at the tool centre point, rows linear [m] then angular [1]; J_wrist (n, 3, k):
+    linear, of the wrist centre. wrench (n, 6) [N, N.m] acts at the tool centre point; displacement (n, 6) [m, rad] is
+    the pose with it less that without. covariance (n, 6, 6) of the displacement's noise. wrist_displacement (n, 3) [m]
+    with wrist_covariance (n, 3, 3) where a target at the wrist centre was measured too, independently; else it follows
+    from the pose by `lever` (n, 3) [m], from the tool centre point to the wrist centre. K_c (n, k, k) [N.m/rad]:
+    complementary stiffness, zero if left out (Cvitanic 2021, eq. (3)).
     """
 
     J: np.ndarray
@@ -66,7 +66,12 @@ class StaticTests:
 
 
 def at_tool(J: ArrayLike, arm: ArrayLike) -> np.ndarray:
-    """Jacobians (n, 6, k) of a point displaced by `arm` (n, 3) [m], world coordinates, from that of J."""
+    """Jacobians (n, 6, k) of a point displaced by `arm` (n, 3) [m], world coordinates, from J (n, 6, k).
+
+    >>> J = np.array([[[0], [0], [0], [0], [0], [1.0]]])  # one joint about z through the point
+    >>> gt.compliance.at_tool(J, [[0.5, 0, 0]])[0, :, 0]
+    array([0. , 0.5, 0. , 0. , 0. , 1. ])
+    """
     J, arm = np.asarray(J, float), np.asarray(arm, float)
     linear = J[:, :3] + np.cross(J[:, 3:], arm[:, :, None], axis=1)
     return np.concatenate([linear, J[:, 3:]], axis=1)

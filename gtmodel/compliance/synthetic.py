@@ -20,11 +20,17 @@ def synthetic_tests(
     origins: ArrayLike | None = None,
     point: ArrayLike | None = None,
 ) -> StaticTests:
-    """The tests with displacements by joint compliances (k,) [rad/(N.m)], and noise of their covariances from `rng`;
-    None: no noise.
+    """The tests with displacements by joint compliances (k,) [rad/(N.m)], and noise of their covariances from `rng`.
 
-    `tilt` (k,) [rad/(N.m)]: compliance of each bearing about both directions across its axis, at `origins` (n, k, 3)
-    with the tool at `point` (n, 3) [m]: what the model of identification does not have.
+    Without noise where `rng` is None. `tilt` (k,) [rad/(N.m)]: compliance of each bearing about both directions across
+    its axis, at `origins` (n, k, 3) with the tool at `point` (n, 3) [m]; the model of the identification lacks it.
+    Raises ValueError for a tilt without these.
+
+    >>> poses = gt.compliance.arm_poses(gt.robots.kr500(), [[0.3, -0.9, 2.0, 0.2, -1.1, -0.1]])
+    >>> planned = poses.tests([[0, 0, -4000.0, 0, 0, 0]], sigma=[2e-5] * 3 + [1e-4] * 3)
+    >>> tests = gt.compliance.synthetic_tests(planned, [1e-6] * 6, rng=None)
+    >>> np.allclose(tests.displacement[0], poses.J[0] @ (1e-6 * planned.torque[0]))
+    True
     """
     made = without_noise(tests, np.asarray(compliance, float))
     moved, wrist = made.displacement.copy(), made.wrist_displacement

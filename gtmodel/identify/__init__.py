@@ -20,10 +20,10 @@ Motion
     exchanged_efforts      whether another order or sign of the efforts' columns fits far better
 Excitation
     excitation_study, ExcitationStudy      of a robot; options Family, Experiment, Search, RandomMotions, MonteCarloFits
-    optimise_excitation    the motion that tells most of an ExcitationTask within its limits
+    optimise_excitation    the most informative motion of an ExcitationTask within its limits
     FourierSeries, ClosedSpline   families of motions at rest at both ends
     random_excitations     feasible motions to compare with and to start from
-    condition, singular_values, predicted_deviations   what a stacked regressor tells
+    condition, singular_values, predicted_deviations   what a stacked regressor determines, and how well
 Synthetic
     LogSimulator, Sensors  logs of a motion, by seed; multisine and Tracking make the motion
     repeat_identification  many of them: unbiased, and do intervals hold?

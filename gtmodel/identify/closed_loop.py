@@ -28,22 +28,27 @@ class ClosedLoopRun:
 
     @property
     def errors(self) -> np.ndarray:
+        """Simulated minus measured position (n, ...) [its unit]."""
         return self.trajectory["simulated"] - self.trajectory["measured"]
 
     @property
     def rms(self) -> float:
+        """Root mean square of the errors [unit of the position]."""
         return float(np.sqrt(np.mean(self.errors**2)))
 
     @property
     def maximum(self) -> float:
+        """Largest error by size [unit of the position]."""
         return float(np.max(np.abs(self.errors)))
 
     @property
     def relative(self) -> float:
+        """rms error over the standard deviation of the measured position."""
         return self.rms / float(np.std(self.trajectory["measured"]))
 
     @property
     def effort(self) -> float:
+        """rms error of the effort over the rms of the measured one."""
         off = self.trajectory["simulated_effort"] - self.trajectory["measured_effort"]
         return float(np.linalg.norm(off) / np.linalg.norm(self.trajectory["measured_effort"]))
 

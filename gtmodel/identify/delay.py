@@ -1,4 +1,4 @@
-"""Whether the efforts of a log come later than its positions: estimated from what is left over, and tested."""
+"""Whether the efforts of a log come later than its positions: estimated from the residuals, and tested."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ MATTERS = 1.0
 class Delay:
     """How much later than the positions the efforts of a log come, with what it would do.
 
-    seconds: the estimate, negative where the positions come later; std [s]; p: of there being none; moved: the free
-    parameter that it moves farthest, by `moves` of its standard deviations, and `bound` on that: one, or what chance
-    moves it by.
+    `seconds` is the estimate [s], negative where the positions come later, with its standard deviation `std` [s]; `p`
+    is the p-value of there being no delay. `moved` is the free parameter that it moves farthest, by `moves` of its
+    standard deviations; `bound` is what `moves` may be: one, or what chance moves it by.
     """
 
     seconds: float
@@ -51,11 +51,24 @@ class Delay:
 
 
 def delay_of(found: Identification) -> Delay | None:
-    """The delay that the rows of a fit show, to the first order: effort(t) = model(t - delay) - rate delay.
+    """The delay of the efforts that the rows of a fit show, to the first order: effort(t) = model(t) - delay rate(t).
 
-    Its column, the measured efforts' rate, joins the free parameters; its variance is that of white or coloured
-    residuals as the fit has it. None where the rows hold no rates, or these are nothing but what the free parameters
-    explain, as at one frequency.
+    Its column, the measured efforts' rate with a minus sign, joins those of the free parameters; its variance is that
+    of white or coloured residuals, as the fit has it. None where the rows hold no rates, where these are nothing but
+    what the free parameters explain, as at one frequency, and where the efforts have no noise.
+
+    >>> class Axis(gt.Model):  # a cart with viscous and Coulomb friction
+    ...     m, d, c = gt.parameter(2.0, unit="kg"), gt.parameter(5.0, unit="kg/s"), gt.parameter(3.0, unit="N")
+    ...     q, tau = gt.variable(unit="m"), gt.variable(unit="N")
+    ...     def equations(self):
+    ...         v = gt.der(self.q)
+    ...         yield self.tau == self.m * gt.der(v) + self.d * v + self.c * gt.sign(v)
+    >>> options = gt.identify.SyntheticLog(
+    ...     duration=16.0, reference="q", centre=[0.0], half_range=0.2, tracking="exact", effort_noise=0.5
+    ... )
+    >>> s = gt.identify.synthetic_study(Axis(), options, ["m", "d", "c"])
+    >>> gt.identify.delay_of(s.fit).sentence
+    'no delay between efforts and positions is seen (... ms +- ... ms, p = ...)'
     """
     from scipy import stats  # here: it alone takes as long to import as all of gtmodel
 

@@ -20,8 +20,11 @@ ROUND_OFF = 1e-9  # of the efforts: what is left is nothing
 
 
 class Exchanged(NamedTuple):
-    """What is left of the efforts [rms, their unit] as given and as best read otherwise, `order[k]` with the
-    sign `signs[k]` for the k-th, round-off at least; beyond `bound` times the other the given is not believed.
+    """How the columns of efforts as given compare with the best other reading of them.
+
+    `given` and `other` are the residuals, rms in the unit of the efforts, of the columns as they are and of column
+    `order[k]` with the sign `signs[k]` in place of the k-th; both are at least round-off. The columns as given are not
+    believed where they leave more than `bound` times what the other reading leaves.
     """
 
     order: list[int]
@@ -32,10 +35,12 @@ class Exchanged(NamedTuple):
 
     @property
     def ratio(self) -> float:
+        """Residuals as given over those of the other reading."""
         return self.given / self.other
 
     @property
     def passed(self) -> bool:
+        """Whether the columns are believed as they are given."""
         return self.ratio <= self.bound
 
     @property
@@ -60,8 +65,8 @@ def exchanged(
 ) -> Exchanged | None:
     """Compare columns as given with all other orders, and with one of them reversed; None for a single column.
 
-    left: sum of squares that is left with an order and signs. degrees_of_freedom: of the residuals. size: rms of the
-    efforts.
+    `left` is the sum of squares that is left with an order and signs, `freedom` the residuals' degrees of freedom,
+    `size` the rms of the efforts.
     """
     if columns < 2 or degrees_of_freedom < 1:
         return None
@@ -80,7 +85,25 @@ def exchanged(
 
 
 def exchanged_efforts(found: Identification) -> Exchanged | None:
-    """Of the columns of efforts of an identification, with the parameters that were free; None for one column."""
+    """Whether another order or sign of the columns of efforts would fit far better; None for a single column.
+
+    The parameters that were free in the identification are free in every reading.
+
+    >>> class Stage(gt.Model):  # two axes with viscous friction
+    ...     m, d = gt.parameter([2.0, 6.0], unit="kg"), gt.parameter([5.0, 20.0], unit="kg/s")
+    ...     q, tau = gt.variable(2, unit="m"), gt.variable(2, unit="N")
+    ...     def equations(self):
+    ...         v = gt.der(self.q)
+    ...         yield self.tau == self.m * gt.der(v) + self.d * v
+    >>> time = 0.004 * np.arange(2000)
+    >>> q = gt.identify.multisine(time, np.zeros(2), np.full(2, 0.2), np.array([0.5, 1.1]), seed=1)
+    >>> log = gt.identify.LogSimulator(Stage(), q).draw(1, gt.identify.Sensors(effort_noise=0.5))
+    >>> exchanged = {"q": log["q"], "tau": log["tau"][:, ::-1]}
+    >>> s = gt.identify.study(Stage(), gt.Trajectory(time, exchanged, {"q": "m", "tau": "N"}), ["m", "d"])
+    >>> order = gt.identify.exchanged_efforts(s.fit)
+    >>> order.passed, order.order, order.sentence(["tau[0]", "tau[1]"], "N")
+    (False, [1, 0], 'tau[0] and tau[1] look exchanged: as given the model leaves 13.4 N rms of the efforts, and ...')
+    """
     rows, e = found.rows, found.estimate
     n, m = rows.effort.shape
     free = [rows.names.index(name) for name in e.names]

@@ -43,7 +43,7 @@ def study(
     max_seconds: float | None = None,
     stop: Callable[[], bool] = never,
 ) -> IdentificationStudy:
-    """Masses and friction, or any parameters in which the efforts are linear, from a measured motion.
+    """Identify masses and friction, or any parameters in which the efforts are linear, from a measured motion.
 
     Args:
         robot: the model, with friction by the sign of the velocity or smoothed.
@@ -59,14 +59,21 @@ def study(
         closed_loop: the controlled model, simulated with what was found.
         progress, max_seconds, stop: see `gtmodel.results.Work`.
 
-    Raises ArgumentError.
+    Raises ArgumentError for what does not fit the robot or each other, for a log that cannot be used, and where the
+    motion does not determine the parameters.
 
-    >>> import gtmodel as gt
-    >>> from gtmodel.identify import SyntheticLog, study, synthetic_study
-    >>> robot = gt.robots.inertia_variant("model_2").robot
-    >>> made = synthetic_study(robot, SyntheticLog(duration=8.0), ["m_p", "m_c", "coulomb", "viscous"])
-    >>> made.truth["m_p"]
-    9.13
+    >>> class Axis(gt.Model):  # a cart with viscous and Coulomb friction
+    ...     m, d, c = gt.parameter(2.0, unit="kg"), gt.parameter(5.0, unit="kg/s"), gt.parameter(3.0, unit="N")
+    ...     q, tau = gt.variable(unit="m"), gt.variable(unit="N")
+    ...     def equations(self):
+    ...         v = gt.der(self.q)
+    ...         yield self.tau == self.m * gt.der(v) + self.d * v + self.c * gt.sign(v)
+    >>> time = 0.004 * np.arange(2000)
+    >>> q = gt.identify.multisine(time, np.zeros(1), np.array([0.2]), np.array([0.5, 1.1]), seed=1)[:, 0]
+    >>> log = gt.identify.LogSimulator(Axis(), q).draw(1, gt.identify.Sensors(effort_noise=0.5))
+    >>> s = gt.identify.study(Axis(), log, ["m", "d", "c"])
+    >>> s.status.ok, {name: round(value, 1) for name, value in s.parameters.items()}
+    (True, {'m': 2.0, 'd': 4.9, 'c': 3.0})
     """
     work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
     asked = asked_for(robot, free, fitting, processing, published, title, work)
@@ -97,18 +104,32 @@ def synthetic_study(
     max_seconds: float | None = None,
     stop: Callable[[], bool] = never,
 ) -> IdentificationStudy:
-    """What `study` gives back from a synthetic log: values against the truth, and with runs its coverage.
+    """What `study` gives back from a synthetic log: values against the truth, and with `runs` their coverage.
 
     Args:
         robot: the model that is fitted.
         synthetic: motion, sensors and noise.
         free, fitting, processing, published: as of `study`.
-        plant: the model that makes the log, where it is another.
+        plant: the model that makes the log, where it is not the robot itself.
         motion: (n, ...) of the reference variable at the sample times, such as an excitation's, in place of sines; the
             motion held out is of sines still.
         progress, max_seconds, stop: see `gtmodel.results.Work`.
 
-    Interrupted while it repeats, it keeps the runs that ended. Raises ArgumentError.
+    Interrupted while it repeats, it keeps the runs that ended. Raises ArgumentError as `study` does, and for a motion
+    that leaves the reach of the robot.
+
+    >>> class Axis(gt.Model):  # a cart with viscous and Coulomb friction
+    ...     m, d, c = gt.parameter(2.0, unit="kg"), gt.parameter(5.0, unit="kg/s"), gt.parameter(3.0, unit="N")
+    ...     q, tau = gt.variable(unit="m"), gt.variable(unit="N")
+    ...     def equations(self):
+    ...         v = gt.der(self.q)
+    ...         yield self.tau == self.m * gt.der(v) + self.d * v + self.c * gt.sign(v)
+    >>> options = gt.identify.SyntheticLog(
+    ...     duration=8.0, reference="q", centre=[0.0], half_range=0.2, tracking="exact", effort_noise=0.5
+    ... )
+    >>> s = gt.identify.synthetic_study(Axis(), options, ["m", "d", "c"])
+    >>> s.truth, round(s.parameters["m"], 1)
+    ({'m': 2.0, 'd': 5.0, 'c': 3.0}, 2.0)
     """
     work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
     asked = asked_for(robot, free, fitting, processing, published, title, work)

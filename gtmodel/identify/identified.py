@@ -21,8 +21,8 @@ LOOP = "null without a closed loop"
 class IdentificationStudy(Study):
     """Masses and friction, or whatever was free; all None where it was stopped before the fit.
 
-    fit: the fit itself, its rows, residuals and tests. numbers: published ones of what was estimated. closed_loop: the
-    simulated recordings.
+    `fit` is the fit itself with its rows, residuals and tests; `numbers` are the published ones of what was estimated;
+    `closed_loop` holds the simulated recordings.
     """
 
     parameters: Annotated[Numbers | None, "estimates by name, in SI units"] = None
@@ -63,7 +63,7 @@ class IdentificationStudy(Study):
     delay: Annotated[
         Sequence[float] | None,
         Quantity(
-            "s", "by how much efforts look later than positions, and its standard deviation; null where not told",
+            "s", "by how much efforts look later than positions, and its standard deviation; null where undetermined",
             written="ms",
         ),
     ] = None  # fmt: skip

@@ -39,7 +39,9 @@ WEIGHTINGS = 2  # rounds of noise per target and fit; a third one changes no dig
 class LeftOut:
     """Whether the residuals hold what a parameter that was left out would explain: F statistic and p-value.
 
-    `tests`: how many groups are tried together, each with its part of the false alarms."""
+    `names` are the parameters of the group; `tests` says how many groups are tried together, each with its part of the
+    false alarms.
+    """
 
     names: tuple[str, ...]
     F: float
@@ -65,10 +67,12 @@ class LeftOut:
 class Identification:
     """An identified model.
 
-    estimate: values, covariance, intervals [SI]; what ended at its bound is `estimate.held`. unbounded: the fit without
-    bounds (the same object where no bound acted). noise (m,): standard deviation of the residuals of each target.
-    residuals (n, m). whiteness: one verdict per target. confidence: "white" or "newey_west", what the covariance
-    assumes. identifiability: of the scaled, weighted regressor. left_out: the tests of what was fixed.
+    `rows` are those that were fitted, n of them with m targets; `fixed` the parameters that kept their nominal values.
+    `estimate` has values, covariance and intervals [SI]; what ended at its bound is `estimate.held`. `unbounded` is the
+    fit without bounds (the same object where no bound acted). `residuals` (n, m) are measured minus modelled efforts,
+    `noise` (m,) is their standard deviation by target. `whiteness` has one verdict per target. `confidence` says what
+    the covariance assumes, "white" or "newey_west". `identifiability` is that of the scaled, weighted regressor,
+    `left_out` has the tests of what was fixed.
     """
 
     rows: Rows
@@ -101,7 +105,7 @@ class Identification:
         return rows.Y @ self.parameters + rows.y0
 
     def validate(self, rows: Rows) -> Validation:
-        """Errors on a motion that the fit has not seen."""
+        """Errors on the rows of a motion that the fit has not seen. Raises ModelError for another regressor's rows."""
         if rows.names != self.rows.names:
             raise ModelError("the other motion was prepared with another regressor; use the same one")
         return Validation(rows, rows.effort - self.modelled(rows), self.noise, self._judged(rows))
@@ -151,9 +155,10 @@ class Identification:
 
 @dataclass(frozen=True, eq=False)
 class Validation:
-    """Errors (n, m) on the `rows` of another motion, beside the fit's noise.
+    """Errors (n, m) on the `rows` of another motion, measured minus modelled, beside the fit's `noise` (m,).
 
-    judged (m,): their size over the fit's noise, against what a sound model has."""
+    `judged` (m,): their size over the fit's noise, against what a sound model has.
+    """
 
     rows: Rows
     errors: Array
@@ -162,7 +167,7 @@ class Validation:
 
     @property
     def rms(self) -> Array:
-        """(m,)"""
+        """rms error of each target (m,), in the unit of the efforts."""
         return np.sqrt(np.mean(self.errors**2, axis=0))
 
     @property
@@ -188,20 +193,36 @@ def identify(
     noise: Array | None = None,
     test: Sequence[Sequence[str]] | None = None,
 ) -> Identification:
-    """Weighted least squares on the rows: each target weighs by its own noise, which the residuals tell.
+    """Weighted least squares on the rows: each target weighs by its own noise, which the residuals determine.
 
     Args:
+        rows: from `rows_of`.
         free: parameters of the rows to be estimated, an array's name for all its entries; the others keep their
             nominal values. All if left out.
         nonnegative: masses and friction are nonnegative: all free parameters, none, or these. What would be negative is
-            held at zero and said so; the least-squares optimum under bounds, found by its active set.
+            held at zero, and the result says so; it is the least-squares optimum under bounds, by its active set.
         confidence: what the covariance assumes of the residuals: "white", "newey_west" (coloured, sandwich), or "auto",
             which takes the second where a target's residuals are not white.
-        noise: known standard deviation of the filtered efforts (m,); None: told by the residuals.
+        noise: known standard deviation of the filtered efforts (m,), or None for that of the residuals.
         test: groups of fixed parameters whose traces the residuals are searched for; each array of those by default.
 
-    Raises ModelError for an unknown name, and where the motion does not determine the parameters (saying which move
-    together).
+    Raises ModelError for an unknown name, for efforts that are zero all the time, where every parameter would be
+    negative, and where the motion does not determine the parameters (saying which move together).
+
+    >>> class Axis(gt.Model):  # a cart with viscous and Coulomb friction
+    ...     m, d, c = gt.parameter(2.0, unit="kg"), gt.parameter(5.0, unit="kg/s"), gt.parameter(3.0, unit="N")
+    ...     q, tau = gt.variable(unit="m"), gt.variable(unit="N")
+    ...     def equations(self):
+    ...         v = gt.der(self.q)
+    ...         yield self.tau == self.m * gt.der(v) + self.d * v + self.c * gt.sign(v)
+    >>> time = 0.004 * np.arange(2000)
+    >>> q = gt.identify.multisine(time, np.zeros(1), np.array([0.2]), np.array([0.5, 1.1]), seed=1)[:, 0]
+    >>> log = gt.identify.LogSimulator(Axis(), q).draw(1, gt.identify.Sensors(effort_noise=0.5))
+    >>> regressor = gt.identify.Regressor(Axis(), ["m", "d", "c"])
+    >>> rows = gt.identify.rows_of(gt.measurements.session_of(log), regressor)
+    >>> found = gt.identify.identify(rows)
+    >>> found.estimate.values.round(1), found.estimate.std.round(2)  # true are 2 kg, 5 kg/s, 3 N
+    (array([2. , 4.9, 3. ]), array([0.01, 0.06, 0.03]))
     """
     at = among(rows.names, rows.names if free is None else free)
     names = [rows.names[k] for k in at]
@@ -293,9 +314,26 @@ def _bounded(rows: Rows, names: Sequence[str], nonnegative: bool | Sequence[str]
 
 
 def bias_of(rows: Rows, free: Sequence[str], truth: dict[str, float], noise: Array | None = None) -> dict[str, float]:
-    """By how much each free parameter is off when the others of `truth` are held at their nominal values instead.
+    """By how much each free parameter is off when others are held at nominal values that differ from their `truth`.
 
-    Omitted-variable bias of weighted least squares, (A'A)^-1 A'B (truth - nominal), with B the columns held.
+    `free` are the parameters that are fitted, by name; `truth` has the true values of the ones that are held [SI];
+    `noise` (m,) weighs the targets. The result, estimate minus truth by name, is the omitted-variable bias of weighted
+    least squares, (A'A)^-1 A'B (truth - nominal), with A the columns of the free and B those of the held parameters.
+
+    >>> class Axis(gt.Model):  # a cart with viscous and Coulomb friction
+    ...     m, d, c = gt.parameter(2.0, unit="kg"), gt.parameter(5.0, unit="kg/s"), gt.parameter(3.0, unit="N")
+    ...     q, tau = gt.variable(unit="m"), gt.variable(unit="N")
+    ...     def equations(self):
+    ...         v = gt.der(self.q)
+    ...         yield self.tau == self.m * gt.der(v) + self.d * v + self.c * gt.sign(v)
+    >>> time = 0.004 * np.arange(2000)
+    >>> q = gt.identify.multisine(time, np.zeros(1), np.array([0.2]), np.array([0.5, 1.1]), seed=1)[:, 0]
+    >>> log = gt.identify.LogSimulator(Axis(), q).draw(1, gt.identify.Sensors(effort_noise=0.5))
+    >>> regressor = gt.identify.Regressor(Axis(), ["m", "d", "c"])
+    >>> rows = gt.identify.rows_of(gt.measurements.session_of(log), regressor)
+    >>> bias = gt.identify.bias_of(rows, ["m", "d"], {"c": 4.0})  # held at 3 N
+    >>> {name: round(value, 1) for name, value in bias.items()}  # viscous friction takes up what is missing
+    {'m': 0.0, 'd': 1.8}
     """
     at, out = among(rows.names, free), among(rows.names, list(truth))
     size = np.ones(rows.effort.shape[1]) if noise is None else noise

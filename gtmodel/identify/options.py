@@ -1,5 +1,4 @@
-"""What an identification asks for: what is measured and free, a synthetic log, the controlled model to validate
-with."""
+"""What an identification asks for: what is measured and free, a synthetic log, the loop to validate with."""
 
 from __future__ import annotations
 
@@ -13,7 +12,12 @@ from ..results.options import Options, Unit, Within
 
 @dataclass(frozen=True)
 class Fitting(Options):
-    """What is measured, what is looked for in the residuals, and how intervals are computed."""
+    """What is measured, what is looked for in the residuals, and how intervals are computed.
+
+    >>> gt.identify.Fitting(confidence="robust")
+    Traceback (most recent call last):
+    gtmodel.results.agreement.WrongKind: confidence: expected one of auto, white, newey_west; found 'robust'
+    """
 
     known: Annotated[str, "the measured position, by the model's name"] = "q"
     targets: Annotated[str, "the measured efforts"] = "tau"
@@ -29,7 +33,15 @@ class Fitting(Options):
 
 @dataclass(frozen=True)
 class SyntheticLog(Options):
-    """A synthetic log of a plant, to see what identification gives back: sines, tracking, sensors, noise."""
+    """A synthetic log of a plant, to see what identification gives back: sines, tracking, sensors, noise.
+
+    >>> options = gt.identify.SyntheticLog(duration=20.0, effort_noise=[30.0, 30.0, 50.0])
+    >>> round(options.duration / options.sample_time)  # samples of each motion
+    5000
+    >>> gt.identify.SyntheticLog(effort_colour=1.0)
+    Traceback (most recent call last):
+    gtmodel.results.refusal.ArgumentError: effort_colour: must be at least 0 and less than 1; found 1
+    """
 
     seed: Annotated[int, Within(least=0), "of the noise"] = 0
     motion_seed: Annotated[
@@ -66,7 +78,12 @@ class SyntheticLog(Options):
 
 @dataclass(frozen=True)
 class ClosedLoop(Options):
-    """Simulation of the controlled model from the measured reference, with the identified parameters."""
+    """Simulation of the controlled model from the measured reference, with the identified parameters.
+
+    >>> gt.identify.ClosedLoop("models/emps.py", inputs=["qg"])
+    Traceback (most recent call last):
+    gtmodel.results.agreement.WrongKind: model: expected gtmodel.Model or a function; found 'models/emps.py'
+    """
 
     model: Annotated[
         Model | Callable[..., Model],

@@ -53,7 +53,7 @@ def measured(
 ) -> Recordings:
     """Recordings with their columns corrected; those without signals hold the quantities already.
 
-    Raises ArgumentError: a quantity that is missing or of another width, corrections that cannot be told.
+    Raises ArgumentError for a quantity that is missing or of another width, and corrections that are undetermined.
     """
     if not raw:
         raise ArgumentError("is empty; expected a recording or more", "log")

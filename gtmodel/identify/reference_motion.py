@@ -24,13 +24,19 @@ def multisine(
     seed: int,
     ramp: float = 1.0,
 ) -> Array:
-    """Sums of sines about `centre` (k,), (n, k), which begin and end at rest there.
+    """Sums of sines (n, k) at the instants `time` (n,) [s] about `centre` (k,), which begin and end at rest there.
 
     Dressler 2012, section 6.2, combines fast and slow motion in one experiment: here all `frequencies` [Hz] have the
-    same velocity amplitude, random phases by `seed`, and the sum stays within `half_range` (k,) of the centre. Over the
-    first and last `ramp` seconds it grows and fades with three continuous derivatives.
+    same velocity amplitude, random phases by `seed`, and the sum stays within `half_range` (k,) of the centre. Each
+    coordinate has frequencies that differ a little from those of the others. Over the first and last `ramp` seconds the
+    motion grows and fades with three continuous derivatives.
 
     Raises ArgumentError for a ramp that is longer than half of the time.
+
+    >>> time = np.arange(0.0, 8.0, 0.004)
+    >>> q = gt.identify.multisine(time, np.array([1.0, 2.0]), np.array([0.4, 0.1]), np.array([0.5, 1.1]), seed=1)
+    >>> q.shape, q[0], np.abs(q - q[0]).max(axis=0).round(3)
+    ((2000, 2), array([1., 2.]), array([0.4, 0.1]))
     """
     time, f = np.asarray(time, dtype=float), np.asarray(frequencies, dtype=float)
     length = float(time[-1] - time[0])
@@ -53,8 +59,19 @@ def _rise(x: Array) -> Array:
 
 
 def read_motion(path: PathLike, robot: Model, synthetic: SyntheticLog) -> Array:
-    """The rows (n, ...) of the reference variable from a CSV or MATLAB file with its columns in SI, such as the
-    trajectory.csv of an excitation. Raises ArgumentError: no such variable, no such column, another sample time."""
+    """The rows (n, ...) of the reference variable from a CSV or MATLAB file, for the `motion` of `synthetic_study`.
+
+    The file has the variable's columns in SI, as the trajectory.csv of an excitation has; `synthetic` names the
+    variable and the sample time. Raises ArgumentError for a variable that the robot has not, a column that the file has
+    not, and another sample time.
+
+    >>> robot = gt.robots.gantry_tau("l1_tape")
+    >>> time = 0.004 * np.arange(1000)
+    >>> T = gt.identify.multisine(time, robot.home, np.full(3, 0.1), np.array([0.5, 1.1]), seed=1)
+    >>> gt.Trajectory(time, {"T": T}, {"T": "m"}).to_csv("trajectory.csv")
+    >>> gt.identify.read_motion("trajectory.csv", robot, gt.identify.SyntheticLog()).shape
+    (1000, 3)
+    """
     _, unit = _reference(robot, synthetic)
     columns = {synthetic.reference: Column(synthetic.reference, unit)}
     with naming("motion", ValueError):  # the log's, or that of a unit

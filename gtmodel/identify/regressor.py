@@ -27,9 +27,9 @@ DRAWS, SEED = 4, 0  # parameter vectors at which the linearity is tried, in each
 
 
 class RegressorRows(NamedTuple):
-    """Rows of a regressor: effort = Y p + y0 at each row, NaN where the status (n,) is not OK.
+    """Rows of a regressor: effort = Y p + y0 at each row, NaN where the status is not OK.
 
-    Y (n, targets, p), y0 (n, targets), status int codes of `Status`.
+    Y (n, targets, p), y0 (n, targets), status (n,) of int codes of `Status`.
     """
 
     Y: Array
@@ -47,11 +47,12 @@ class Regressor:
 
     `Regressor(robot, ["m_p", "m_c", "coulomb", "viscous"], known="q", targets="tau")` is that of Dressler 2012,
     eqs. (6.7) and (6.8), for measured carts. All other parameters keep the model's numbers. Called with rows in the
-    order of `inputs` (known variables and their derivatives, (n, ...) each), it gives `RegressorRows`.
+    order of `inputs` (known variables and their derivatives, (n, ...) each), it returns `RegressorRows`.
 
     Args:
         parameters: names; an array's name stands for all its entries, "m_c[1]" for one.
-        known: variables prescribed by the motion. targets: measured efforts.
+        known: variables prescribed by the motion.
+        targets: measured efforts.
         prefer, branches: as for `Model.causal`.
 
     Attributes: names (p,) of the parameters, nominal (p,) their values in the model [SI], units (p,), inputs and
@@ -59,6 +60,19 @@ class Regressor:
 
     Raises ModelError for an unknown parameter, for one in which a target is not linear, for one that enters no target,
     and where the motion does not determine the targets.
+
+    >>> class Axis(gt.Model):  # a cart with viscous and Coulomb friction
+    ...     m, d, c = gt.parameter(2.0, unit="kg"), gt.parameter(5.0, unit="kg/s"), gt.parameter(3.0, unit="N")
+    ...     q, tau = gt.variable(unit="m"), gt.variable(unit="N")
+    ...     def equations(self):
+    ...         v = gt.der(self.q)
+    ...         yield self.tau == self.m * gt.der(v) + self.d * v + self.c * gt.sign(v)
+    >>> regressor = gt.identify.Regressor(Axis(), ["m", "d"])
+    >>> [signal.name for signal in regressor.inputs]
+    ['q', 'der(q)', 'der(q,2)']
+    >>> rows = regressor([0.1], [0.5], [4.0])  # one row: position, velocity, acceleration
+    >>> rows.Y.tolist(), rows.y0.tolist()  # Coulomb friction keeps its number
+    ([[[4.0, 0.5]]], [[3.0]])
     """
 
     def __init__(

@@ -46,10 +46,32 @@ def repeat_identification(
     progress: Callable[[int, int], object] | None = None,
     interrupted: Callable[[], bool] | None = None,
 ) -> Repeated:
-    """Draw, prepare and fit `runs` logs with generators spawned from `seed`, in parallel processes.
+    """Draw, prepare and fit `runs` synthetic logs with generators spawned from `seed`, in parallel processes.
 
-    truth: name -> true value, of the parameters whose intervals are judged. Fits are without bounds: an interval at a
-    bound has no coverage. Arguments beyond: as of `identify`, `rows_of` and `monte_carlo`.
+    Args:
+        simulator, sensors: the motion of the plant, and the noise that each log has of its own.
+        regressor: of the parameters that are fitted.
+        truth: name -> true value [SI] of the parameters whose intervals are judged.
+        level: of the intervals.
+        free, processing, confidence, processes, progress, interrupted: as of `identify`, `rows_of` and `monte_carlo`.
+
+    Fits are without bounds: an interval at a bound has no coverage.
+
+    >>> class Axis(gt.Model):  # a cart with viscous and Coulomb friction
+    ...     m, d, c = gt.parameter(2.0, unit="kg"), gt.parameter(5.0, unit="kg/s"), gt.parameter(3.0, unit="N")
+    ...     q, tau = gt.variable(unit="m"), gt.variable(unit="N")
+    ...     def equations(self):
+    ...         v = gt.der(self.q)
+    ...         yield self.tau == self.m * gt.der(v) + self.d * v + self.c * gt.sign(v)
+    >>> time = 0.004 * np.arange(2000)
+    >>> q = gt.identify.multisine(time, np.zeros(1), np.array([0.2]), np.array([0.5, 1.1]), seed=1)[:, 0]
+    >>> simulator = gt.identify.LogSimulator(Axis(), q)
+    >>> regressor = gt.identify.Regressor(Axis(), ["m", "d", "c"])
+    >>> truth = {"m": 2.0, "d": 5.0, "c": 3.0}
+    >>> noisy = gt.identify.Sensors(effort_noise=0.5)
+    >>> seen = gt.identify.repeat_identification(simulator, regressor, truth, noisy, 20, seed=1, processes=0)
+    >>> seen.coverage.band, seen.coverage.outside  # hits of 20 that chance allows; names with others
+    ((15, 20), ())
     """
     task = partial(_run, simulator, regressor, sensors, processing or Processing(), free, confidence)
     found = monte_carlo(task, runs, seed, processes=processes, progress=progress, interrupted=interrupted)

@@ -33,7 +33,7 @@ Array = np.ndarray
 # of the cut-off's period: there white noise behind the filter has lost its correlation (first zero, at any sampling)
 INDEPENDENT = 0.57
 # cut-off of the prefilter over that of the filter: at a quarter of its cut-off it takes 1.5e-5, so that the sign of a
-# velocity behind it is as sharp as the filter can tell
+# velocity behind it is as sharp as the filter allows
 WIDER = 4.0
 NOISE_STEPS = 4 / 3  # three such steps are four standard deviations of the velocity
 DISTINCT = 0.5  # of a stretch of efforts that is taken for a copy: a coarse reading repeats itself
@@ -42,7 +42,12 @@ MASK_STEPS = 3.0  # quantisation steps per sample: below, the sign of a velocity
 
 @dataclass(frozen=True)
 class Processing(Options):
-    """How logs become rows: the zero-phase low pass on position, efforts and regressor, and which rows are used."""
+    """How logs become rows: the zero-phase low pass on position, efforts and regressor, and which rows are used.
+
+    >>> gt.identify.Processing(cutoff=0.0)
+    Traceback (most recent call last):
+    gtmodel.results.refusal.ArgumentError: cutoff: must be more than 0; found 0
+    """
 
     cutoff: Annotated[
         float | None, Unit("Hz"), Within(above=0.0), "2.5 times the excitation band if left out"
@@ -64,11 +69,12 @@ class Processing(Options):
 class Rows:
     """Rows for a fit: efforts (n, m) beside Y p + y0 with Y (n, m, p) and y0 (n, m), filtered alike.
 
-    names, nominal (p,), units of the parameters; targets (m,) and effort_unit; time (n,) [s]; position and velocity
-    (n, k); effort_rate (n, m): the efforts' rates, filtered alike, of which a delay adds a share; `starts`: where
-    recordings begin; `cutoff_Hz`, `every`, `interval` [s] between rows; `dropped`: share of samples left out as too
-    slow, and the `threshold` of velocity; synthetic: the log's own note; signed: names that may be negative although
-    masses and friction may not.
+    Of the parameters there are `names`, `nominal` (p,) and `units`, of the efforts `targets` (m,) and `effort_unit`; of
+    each row `time` (n,) [s], `position` and `velocity` (n, k) and the efforts' rates `effort_rate` (n, m), filtered
+    alike, of which a delay adds a share. `starts` are the rows where recordings begin. The processing had the cut-off
+    `cutoff_Hz`, took `every` how many-th sample, with the `interval` [s] between rows, and left out the share `dropped`
+    of the samples, those slower than `threshold` [`velocity_unit`]. `synthetic` is the log's own note; `signed` are
+    names that may be negative although masses and friction may not.
     """
 
     names: tuple[str, ...]
@@ -122,11 +128,31 @@ def rows_of(
     Position and efforts pass the same wide zero-phase filter (four times the cut-off; none where the sampling cannot
     carry it), the regressor is evaluated on that position and its five-point differences, and its columns and the
     efforts are low-passed by the same filter: what stands on both sides was filtered equally often, and the sign of a
-    velocity was not shifted by the narrow one. The ends that the filters disturb are cut, and so is what lies beside a
-    standstill, where friction is not the law's.
+    velocity was not shifted by the narrow one. The ends that the filters disturb are cut, and so are rows beside a
+    standstill, where friction does not follow its law.
+
+    Args:
+        sessions: recordings, evenly sampled, with position and efforts in the units of the model.
+        regressor: of the parameters to be fitted.
+        processing: filter and selection of rows.
+        known, targets: the measured position and efforts, by the model's names.
 
     Raises ModelError where the regressor has no value (naming the time) or all rows are too slow; TrajectoryError where
     a recording is too short for the filter, or holds a copy of what another or itself has held before.
+
+    >>> class Axis(gt.Model):  # a cart with viscous and Coulomb friction
+    ...     m, d, c = gt.parameter(2.0, unit="kg"), gt.parameter(5.0, unit="kg/s"), gt.parameter(3.0, unit="N")
+    ...     q, tau = gt.variable(unit="m"), gt.variable(unit="N")
+    ...     def equations(self):
+    ...         v = gt.der(self.q)
+    ...         yield self.tau == self.m * gt.der(v) + self.d * v + self.c * gt.sign(v)
+    >>> time = 0.004 * np.arange(2000)
+    >>> q = gt.identify.multisine(time, np.zeros(1), np.array([0.2]), np.array([0.5, 1.1]), seed=1)[:, 0]
+    >>> log = gt.identify.LogSimulator(Axis(), q).draw(1, gt.identify.Sensors(effort_noise=0.5))
+    >>> regressor = gt.identify.Regressor(Axis(), ["m", "d", "c"])
+    >>> rows = gt.identify.rows_of(gt.measurements.session_of(log), regressor)
+    >>> rows.Y.shape, rows.effort.shape, round(rows.cutoff_Hz, 1), rows.every  # independent rows only
+    ((58, 1, 3), (58, 1), 5.0, 28)
     """
     sessions = [sessions] if isinstance(sessions, Session) else list(sessions)
     refuse_copies(sessions, (known, targets))
@@ -186,8 +212,23 @@ def _copied(sessions: Sequence[Session], signals: Sequence[str], distinct: float
 def with_offsets(rows: Rows, signal: str, *, per_session: bool = True) -> Rows:
     """The rows with offsets of the measured efforts as further parameters, each recording's own or one for all.
 
-    Named as by `Corrections`: "tau.offset[0] of session 2". What a motion with gravity and friction tells of them is in
-    their intervals, and what they cost in those of the others.
+    They are named as by `Corrections`, "tau.offset[0] of session 2", and may be negative. An offset is what the reading
+    shows when the effort is zero. How well the motion determines them is in their intervals, and what they cost is in
+    the intervals of the others.
+
+    >>> class Axis(gt.Model):  # a cart with viscous and Coulomb friction
+    ...     m, d, c = gt.parameter(2.0, unit="kg"), gt.parameter(5.0, unit="kg/s"), gt.parameter(3.0, unit="N")
+    ...     q, tau = gt.variable(unit="m"), gt.variable(unit="N")
+    ...     def equations(self):
+    ...         v = gt.der(self.q)
+    ...         yield self.tau == self.m * gt.der(v) + self.d * v + self.c * gt.sign(v)
+    >>> time = 0.004 * np.arange(2000)
+    >>> q = gt.identify.multisine(time, np.zeros(1), np.array([0.2]), np.array([0.5, 1.1]), seed=1)[:, 0]
+    >>> log = gt.identify.LogSimulator(Axis(), q).draw(1, gt.identify.Sensors(effort_noise=0.5))
+    >>> regressor = gt.identify.Regressor(Axis(), ["m", "d", "c"])
+    >>> rows = gt.identify.rows_of(gt.measurements.session_of(log), regressor)
+    >>> gt.identify.identify(gt.identify.with_offsets(rows, "tau")).estimate.names
+    ('m', 'd', 'c', 'tau.offset')
     """
     n, m = rows.effort.shape
     lengths = np.diff([*rows.starts, n])

@@ -24,9 +24,13 @@ Array = np.ndarray
 class Sensors:
     """What comes between a motion and its log.
 
-    position_step: quantisation of the known variable [its unit]; effort_step: of the targets; effort_noise: standard
-    deviation of the noise of each target, one number or one each; effort_colour: correlation of neighbouring samples of
-    that noise, a first-order autoregression (0: white, the same standard deviation).
+    `position_step` is the quantisation of the known variable [its unit], `effort_step` that of the targets, 0 for none.
+    `effort_noise` is the standard deviation of the noise of each target, one number or one each; `effort_colour` the
+    correlation of neighbouring samples of that noise, a first-order autoregression (0: white, the same standard
+    deviation). Raises ArgumentError for negative sizes and a colour outside [0, 1).
+
+    >>> gt.identify.Sensors(effort_noise=30.0, effort_colour=0.8).note
+    'effort noise 30 (AR(1) 0.8), position step 1e-06, effort step 0, SI units'
     """
 
     position_step: float = 1e-6
@@ -56,12 +60,25 @@ class LogSimulator:
     Args:
         model: the plant, with its true parameters.
         reference: (n, *shape) of the known variable at multiples of sample_time.
+        sample_time: of the log [s].
         known, targets: the measured position and the measured efforts, by name.
         tracking: how the axes follow the reference; None: exactly.
         branches: as for `Model.causal`.
 
     `truth` is a Trajectory with the exact position, its two derivatives and the efforts; it can be pickled and so can
-    this object. Raises ModelError where the motion leaves the reach of the robot, with the time.
+    this object. Raises ModelError where the motion leaves the reach of the robot, with the time, and ArgumentError for
+    a tracking of another sample time.
+
+    >>> class Axis(gt.Model):  # a cart with viscous and Coulomb friction
+    ...     m, d, c = gt.parameter(2.0, unit="kg"), gt.parameter(5.0, unit="kg/s"), gt.parameter(3.0, unit="N")
+    ...     q, tau = gt.variable(unit="m"), gt.variable(unit="N")
+    ...     def equations(self):
+    ...         v = gt.der(self.q)
+    ...         yield self.tau == self.m * gt.der(v) + self.d * v + self.c * gt.sign(v)
+    >>> q = 0.1 * np.sin(2 * np.pi * np.arange(0.0, 2.0, 0.004))
+    >>> simulator = gt.identify.LogSimulator(Axis(), q)
+    >>> simulator.draw(1, gt.identify.Sensors(effort_noise=0.5)).synthetic
+    'seed 1, effort noise 0.5 (white), position step 1e-06, effort step 0, SI units'
     """
 
     def __init__(
@@ -99,7 +116,7 @@ class LogSimulator:
         self.truth = Trajectory(time, {**given, targets: efforts}, units, synthetic="exact motion, no noise")
 
     def draw(self, seed: int | np.random.Generator, sensors: Sensors) -> Trajectory:
-        """A log: quantised position and noisy efforts, marked as synthetic with seed and noise."""
+        """A log: quantised position and noisy efforts, marked as synthetic with seed and noise. Same seed, same log."""
         rng = np.random.default_rng(seed)
         position, efforts = self.truth[self.known], self.truth[self.targets]
         noise = _noise(rng, efforts.reshape(len(efforts), -1).shape, sensors).reshape(efforts.shape)

@@ -14,10 +14,15 @@ Array = np.ndarray
 
 @dataclass(frozen=True)
 class Tracking:
-    """q_m = b z^-delay / (1 - a z^-1) q_r for each axis (Dressler 2012, eqs. (6.10) and (6.11)).
+    """How axes follow their references: q_m = b z^-delay / (1 - a z^-1) q_r (Dressler 2012, eqs. (6.10) and (6.11)).
 
-    b, a: one each per axis; delay in samples; sample_time [s]. It acts on the deviation from the first reference: the
-    printed gains b / (1 - a) are 0.999, 0.996 and 1.010, and a robot at rest does not move for that.
+    `b` and `a` have one number per axis; `delay` is in samples of `sample_time` [s]. The filter acts on the deviation
+    from the first reference: the printed gains b / (1 - a) are 0.999, 0.996 and 1.010, and a robot at rest does not
+    move for that. Raises ArgumentError for an unstable filter, other numbers of a than of b, and a negative delay.
+
+    >>> tracking = gt.identify.Tracking(b=(0.5,), a=(0.5,), delay=1)
+    >>> tracking.follow(np.array([[1.0], [2.0], [2.0], [2.0]]))[:, 0]
+    array([1.  , 1.  , 1.5 , 1.75])
     """
 
     b: tuple[float, ...]

@@ -1,4 +1,4 @@
-"""The work of an identified model: friction must take energy, and what is left over must take none."""
+"""The work of an identified model: friction must take energy, and the residuals must take none."""
 
 from __future__ import annotations
 
@@ -20,10 +20,11 @@ ONE_SIGN = 0.98  # of a column's work to and fro: then it is friction's, up to w
 
 @dataclass(frozen=True)
 class Work:
-    """Work over the rows [J]: friction (m,) by target, of the fit without bounds; left: of what the model leaves.
+    """Work over the rows [J], positive where a drive gives it.
 
-    friction_noise (m,): standard deviations of `friction`. to_and_fro: integral of the sizes of the measured power;
-    noise: standard deviation of `left` by the noise of the rows and the errors of the parameters.
+    `friction` (m,) is what friction takes, by target, of the fit without bounds, and `friction_noise` (m,) its standard
+    deviation. `left` is the work of the residuals, `noise` its standard deviation by the noise of the rows and the
+    errors of the parameters. `to_and_fro` is the integral of the size of the measured power.
     """
 
     friction: Array
@@ -34,21 +35,22 @@ class Work:
 
     @property
     def drives(self) -> Array:
-        """Where friction gives energy beyond its noise (m,)."""
+        """Where friction would give energy, beyond its noise (m,)."""
         return np.asarray(self.friction < -DEVIATIONS * self.friction_noise)
 
     @property
     def balance(self) -> float:
-        """What is left over the work to and fro."""
+        """Size of `left` over the work to and fro."""
         return abs(self.left) / self.to_and_fro
 
     @property
     def bound(self) -> float:
-        """Of the balance: what the notion of a closed balance allows, or what the noise explains."""
+        """What `balance` may be: a thousandth, or what the noise explains."""
         return max(BALANCE, DEVIATIONS * self.noise / self.to_and_fro)
 
     @property
     def balanced(self) -> bool:
+        """Whether the energy balance closes within its bound."""
         return self.balance <= self.bound
 
     def driving(self, targets: tuple[str, ...]) -> list[str]:
@@ -61,7 +63,7 @@ class Work:
         ]
 
     def unbalanced(self) -> list[str]:
-        """What is left over beyond the noise, in words."""
+        """What the residuals take beyond the noise, in words."""
         if self.balanced:
             return []
         return [
@@ -71,7 +73,25 @@ class Work:
 
 
 def work_of(found: Identification, rows: Rows | None = None) -> Work | None:
-    """Of the fit's own rows, or of others; None where the targets are not the efforts along the known coordinates."""
+    """The work of an identified model over the fit's own rows, or over others.
+
+    None where the targets are not the efforts along the known coordinates, so that their product is no power.
+
+    >>> class Axis(gt.Model):  # a cart with viscous and Coulomb friction
+    ...     m, d, c = gt.parameter(2.0, unit="kg"), gt.parameter(5.0, unit="kg/s"), gt.parameter(3.0, unit="N")
+    ...     q, tau = gt.variable(unit="m"), gt.variable(unit="N")
+    ...     def equations(self):
+    ...         v = gt.der(self.q)
+    ...         yield self.tau == self.m * gt.der(v) + self.d * v + self.c * gt.sign(v)
+    >>> time = 0.004 * np.arange(2000)
+    >>> q = gt.identify.multisine(time, np.zeros(1), np.array([0.2]), np.array([0.5, 1.1]), seed=1)[:, 0]
+    >>> log = gt.identify.LogSimulator(Axis(), q).draw(1, gt.identify.Sensors(effort_noise=0.5))
+    >>> regressor = gt.identify.Regressor(Axis(), ["m", "d", "c"])
+    >>> rows = gt.identify.rows_of(gt.measurements.session_of(log), regressor)
+    >>> work = gt.identify.work_of(gt.identify.identify(rows))
+    >>> work.friction.round(), round(work.to_and_fro), work.balanced  # friction takes 13 J of 15 J to and fro
+    (array([13.]), 15, True)
+    """
     rows = found.rows if rows is None else rows
     v = rows.velocity
     if v.shape != rows.effort.shape:

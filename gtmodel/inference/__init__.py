@@ -1,4 +1,6 @@
-"""What data say of parameters, for every engine that fits: numbers in, an Estimate and its worth out. Knows no model.
+"""What data say of parameters, for every engine that fits: numbers in, an Estimate and its worth out.
+
+Nothing here knows a model: functions take arrays, and names only to speak of them.
 
 Fits
     linear_fit, nonlinear_fit   least squares with weights, bounds or losses, priors -> Estimate
@@ -7,8 +9,8 @@ Worth
     identifiability             rank, null space in words, dependencies, standard deviations, O1 to O5
     dependencies, observability its parts
     newey_west, decimated, block_bootstrap   covariance under coloured residuals
-    whiteness, normality, noise_size, cross_validation   what residuals say
-    held_out_ratio, freedom_of  what a sound model has of held-out over fitted errors; FALSE_ALARM of verdicts
+    whiteness, normality, noise_size, cross_validation   what residuals say of a model
+    held_out_ratio, freedom_of  how much larger than fitted errors held-out ones are by chance; FALSE_ALARM of verdicts
 Proof
     monte_carlo                 runs by seed in parallel processes
     coverage, binomial_band     do intervals hold the truth as often as they say

@@ -12,7 +12,15 @@ LONGEST = 4
 
 
 def white(J: np.ndarray, sigma2: float, *, scale: np.ndarray | None = None) -> np.ndarray:
-    """sigma2 (J'J)^-1 (n, n) of whitened derivatives (rows, n); columns in units of `scale` while inverting."""
+    """Covariance sigma2 (J'J)^-1 (n, n) of a least-squares fit whose residuals are independent and of one size.
+
+    J (rows, n) is the Jacobian, its rows divided by their standard deviations; `sigma2` is the variance that is left
+    then, 1 where the noise is known. While inverting, columns are in units of `scale` (n,), which only helps rounding.
+
+    >>> J = np.ones((100, 1))  # the mean of 100 values with a standard deviation of 2
+    >>> np.sqrt(gt.inference.white(J, 2.0**2))
+    array([[0.2]])
+    """
     n = J.shape[1]
     s = np.ones(n) if scale is None else np.abs(scale)
     R = np.linalg.qr(J * s, mode="r")
@@ -21,11 +29,17 @@ def white(J: np.ndarray, sigma2: float, *, scale: np.ndarray | None = None) -> n
 
 
 def automatic_lag(residuals: np.ndarray) -> int:
-    """Bartlett bandwidth for residuals (T,) or (T, channels): the largest of the channels.
+    """Bandwidth in samples for the Bartlett weights of newey_west().
+
+    Residuals are (T,), or (T, channels), where the largest bandwidth of the channels counts.
 
     Andrews' plug-in value for a first-order autoregression, 1.1447 (a T)^(1/3), a = 4 rho^2 / (1 - rho^2)^2, and not
     less than twice the lag at which the autocorrelation is last significant before it first is not.
     Source: Andrews 1991, Econometrica 59, eq. (6.2) and (6.4).
+
+    >>> noise = np.random.default_rng(1).normal(size=400)
+    >>> gt.inference.automatic_lag(noise), gt.inference.automatic_lag(np.repeat(noise, 5))
+    (4, 34)
     """
     lags = 0
     for r in _channels(residuals).T:
@@ -38,12 +52,20 @@ def automatic_lag(residuals: np.ndarray) -> int:
 def newey_west(
     J: np.ndarray, residuals: np.ndarray, *, lags: int | None = None, starts: tuple[int, ...] = (0,)
 ) -> np.ndarray:
-    """Sandwich covariance (n, n) with Bartlett weights: true under coloured and heteroscedastic residuals.
+    """Sandwich covariance (n, n) with Bartlett weights: valid under coloured and heteroscedastic residuals.
 
-    J (T, n) with residuals (T,), or J (T, channels, n) with (T, channels) sampled together, in the order of time;
-    `starts`: where recordings begin, across which nothing is correlated. `lags`: None for automatic_lag().
-    Source: Newey and West 1987, Econometrica 55; with the factor T / (T - n) for few samples, and wider by what a
-    bandwidth b = (lags + 1) / T that is no small share of the log costs: see fixed_b().
+    J (T, n) is the Jacobian with residuals (T,), or J (T, channels, n) with residuals (T, channels) that are sampled
+    together, in the order of time. `starts` are the rows where recordings begin: nothing is correlated across them.
+    `lags` is the bandwidth in samples, automatic_lag() where it is None.
+
+    Source: Newey and West 1987, Econometrica 55. The covariance is multiplied by N / (N - n) for N residuals
+    in all, and by the square of fixed_b() for a bandwidth b = (lags + 1) / T that is no small share of the log.
+
+    >>> noise = np.repeat(np.random.default_rng(1).normal(size=100), 4)  # four equal neighbours each
+    >>> J = np.ones((400, 1))  # the fitted parameter is a mean
+    >>> coloured, white = gt.inference.newey_west(J, noise), gt.inference.white(J, noise.var())
+    >>> round(float(np.sqrt(coloured / white)[0, 0]), 1)  # two are expected of a long series
+    1.8
     """
     r = _channels(residuals)
     J = J.reshape(*r.shape, -1)
@@ -66,15 +88,24 @@ def newey_west(
 def fixed_b(b: float) -> float:
     """By how much wider than normal a 95 % interval must be when Bartlett's bandwidth is the share b of the samples.
 
-    The sandwich is then itself uncertain, and too small on average; 1 for b = 0. Source: Kiefer and Vogelsang 2005,
-    Econometric Theory 21, table 1, the quantile 97.5 % over the normal one.
+    The sandwich covariance is then itself uncertain, and too small on average. The factor is 1 for b = 0.
+    Source: Kiefer and Vogelsang 2005, Econometric Theory 21, table 1: the quantile 97.5 % over the normal one.
+
+    >>> round(gt.inference.fixed_b(0.1), 3)
+    1.153
     """
     return 1.0 + (2.9694 * b + 0.4160 * b**2 - 0.5324 * b**3) / 1.9600
 
 
 def correlation_time(residuals: np.ndarray) -> int:
-    """Samples after which residuals (T,) or (T, channels) are as good as independent: 1 + 2 sum of the significant
-    autocorrelations, rounded up, the largest of the channels."""
+    """Number of samples after which residuals (T,) or (T, channels) are as good as independent.
+
+    It is 1 + 2 times the sum of the significant autocorrelations, rounded up; the largest of the channels counts.
+
+    >>> noise = np.random.default_rng(2).normal(size=400)
+    >>> gt.inference.correlation_time(noise), gt.inference.correlation_time(np.repeat(noise, 5))
+    (1, 5)
+    """
     longest = 1.0
     for r in _channels(residuals).T:
         last = insignificant(r)
@@ -83,9 +114,15 @@ def correlation_time(residuals: np.ndarray) -> int:
 
 
 def decimated(J: np.ndarray, residuals: np.ndarray, *, every: int | None = None) -> np.ndarray:
-    """Covariance (n, n) of a fit on every k-th sample only (default: the correlation time), taken as white.
+    """Covariance (n, n) of a fit on every k-th sample only, whose residuals are taken as independent.
 
-    J (T, n), residuals (T,), or with channels as in newey_west(). Wider than need be, never too narrow.
+    J (T, n) and residuals (T,), or with channels as in newey_west(). `every` is k, by default the correlation time.
+    Intervals are wider than those of a fit on all samples need be. Raises ArgumentError where too few samples are left.
+
+    >>> J, noise = np.ones((400, 1)), np.random.default_rng(1).normal(size=400)
+    >>> every, fourth = (np.sqrt(gt.inference.decimated(J, noise, every=k)[0, 0]) for k in (1, 4))
+    >>> round(float(fourth / every), 2)
+    2.0
     """
     r = _channels(residuals)
     k = correlation_time(residuals) if every is None else int(every)
@@ -102,10 +139,15 @@ def decimated(J: np.ndarray, residuals: np.ndarray, *, every: int | None = None)
 def block_bootstrap(
     J: np.ndarray, residuals: np.ndarray, *, seed: int, block: int | None = None, draws: int = 400
 ) -> np.ndarray:
-    """Covariance (n, n) of the linearised fit when blocks of residuals are dealt out anew.
+    """Covariance (n, n) of the linearised fit over `draws` series made of blocks of its residuals in a new order.
 
-    J and residuals as in newey_west(). `block`: samples, default ten correlation times; blocks wrap round the end
-    (circular block bootstrap, Politis and Romano 1992). The same seed gives the same result.
+    J and residuals as in newey_west(). `block` is the length in samples, by default ten correlation times; blocks wrap
+    round the end (circular block bootstrap, Politis and Romano 1992). The same seed gives the same result.
+
+    >>> J, noise = np.ones((400, 1)), np.random.default_rng(1).normal(size=400)
+    >>> std = np.sqrt(gt.inference.block_bootstrap(J, noise, seed=1, block=1)[0, 0])
+    >>> round(float(std / noise.std()), 2)  # one over the root of 400
+    0.05
     """
     r = _channels(residuals)
     T, channels = r.shape

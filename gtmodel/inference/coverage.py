@@ -15,8 +15,13 @@ POOLED = (0.94, 0.96)
 
 
 def binomial_band(runs: int, level: float = 0.95, band: float = BAND) -> tuple[int, int]:
-    """Smallest and largest number of hits of `runs` that an interval of true coverage `level` has with probability
-    `band`: no more than (1 - band) / 2 lies beyond either end. 179..198 of 200, 458..489 of 500."""
+    """Smallest and largest number of hits that an interval of true coverage `level` has in `runs` runs.
+
+    The hits lie within both numbers with probability `band`: no more than (1 - band) / 2 lies beyond either end.
+
+    >>> gt.inference.binomial_band(200), gt.inference.binomial_band(500)
+    ((179, 198), (458, 489))
+    """
     from scipy import stats  # here: it alone takes as long to import as all of gtmodel
 
     tail = (1 - band) / 2
@@ -25,7 +30,10 @@ def binomial_band(runs: int, level: float = 0.95, band: float = BAND) -> tuple[i
 
 @dataclass(frozen=True, eq=False)
 class Coverage:
-    """Hits of each name's intervals in `runs` runs, mean error over its standard error (`bias`), and the verdict."""
+    """How often the intervals of each name held the truth.
+
+    `hits` (n,) of `runs` runs at confidence `level`; `bias` (n,) is the mean error over its standard error.
+    """
 
     names: tuple[str, ...]
     hits: np.ndarray
@@ -35,6 +43,7 @@ class Coverage:
 
     @property
     def band(self) -> tuple[int, int]:
+        """Smallest and largest number of hits that chance allows, see binomial_band()."""
         return binomial_band(self.runs, self.level)
 
     @property
@@ -50,7 +59,7 @@ class Coverage:
 
     @property
     def biased(self) -> tuple[str, ...]:
-        """Names whose mean error is beyond what `runs` runs would make of none, at the band's level for all names."""
+        """Names whose mean error is larger than chance makes it in so many runs, at the band's level for all names."""
         from scipy import stats  # here: it alone takes as long to import as all of gtmodel
 
         limit = float(stats.norm.ppf(1 - (1 - BAND) / 2 / len(self.names)))
@@ -70,7 +79,17 @@ class Coverage:
 
 
 def coverage(estimates: Sequence[Estimate], truth: Mapping[str, float], *, level: float = 0.95) -> Coverage:
-    """Of the names in `truth`. Raises ArgumentError for no runs, ValueError for a name that was not estimated."""
+    """How often the intervals of repeated fits hold the `truth`, name -> true value, for the names in it.
+
+    Raises ArgumentError for no runs, ValueError for a name that was not estimated.
+
+    >>> def run(rng, k):  # the mean of ten synthetic values
+    ...     return gt.inference.linear_fit(np.ones((10, 1)), 3 + 0.2 * rng.normal(size=10), ["m"])
+    >>> runs = gt.inference.monte_carlo(run, 100, seed=1, processes=0)
+    >>> seen = gt.inference.coverage(runs.results, {"m": 3.0})
+    >>> seen.band, seen.outside, seen.biased
+    ((87, 100), (), ())
+    """
     if not estimates:
         raise ArgumentError("coverage needs runs; found none", "estimates")
     hits, errors = np.zeros(len(truth), int), np.zeros((len(estimates), len(truth)))

@@ -19,10 +19,11 @@ SHOWN = 0.01  # of the largest: smaller ones are not named in a sentence
 
 @dataclass(frozen=True, eq=False)
 class Dependencies:
-    """`independent` names, in the order of the pivots, and for each other name its coefficients in terms of these.
+    """Which columns of a Jacobian depend on which others.
 
-    column(d) = sum coefficients[d][i] * column(i), in the parameters' own units: the data tell the base parameters
-    p_i + sum_d coefficients[d][i] * p_d and nothing else.
+    `independent` are the names in the order of the pivots; `coefficients` has for each other name d those of its column
+    in terms of these, column(d) = sum coefficients[d][i] * column(i), in the parameters' own units. The data determine
+    the base parameters p_i + sum_d coefficients[d][i] * p_d and nothing else.
     """
 
     independent: tuple[str, ...]
@@ -38,7 +39,7 @@ class Dependencies:
         return {name: 1.0, **more}
 
     def sentences(self) -> list[str]:
-        """One per dependent name."""
+        """One sentence per dependent name: what it moves with."""
         return [
             f"{d} moves with {listed(_largest(c))}: measure {d}, or fix one of them"
             if c
@@ -60,11 +61,21 @@ def dependencies(
     tolerance: float = 1e-9,
     keep: Sequence[str] = (),
 ) -> Dependencies:
-    """Of derivatives J (rows, n), rows whitened, columns in units of `scale` (n,).
+    """Which columns of the Jacobian J (rows, n) depend on others, by QR with pivots.
 
-    Pivots: first the names in `keep` in that order as far as they are independent, then always the column with the
-    longest remainder; lengths within 1e-6 of it tie, and the name that sorts first wins. A column depends whose
-    remainder is below `tolerance` of the longest column. Columns are worked on in the order of their names.
+    Rows are whitened; columns are compared in units of `scale` (n,), the expected sizes of the parameters.
+
+    Pivots are first the names in `keep`, in that order, as far as they are independent, then always the column with the
+    longest remainder; lengths within 1e-6 of it tie, and the name that sorts first wins. A column depends on others
+    when its remainder is below `tolerance` of the longest column. The order of the columns changes nothing.
+
+    >>> a, b = np.array([1.0, 0.0, 1.0]), np.array([0.0, 1.0, 2.0])
+    >>> J = np.column_stack([a, b, a + b])
+    >>> found = gt.inference.dependencies(J, ["a", "b", "sum"], keep=["a", "b"])
+    >>> {name: round(x, 6) for name, x in found.coefficients["sum"].items()}
+    {'a': 1.0, 'b': 1.0}
+    >>> found.sentences()
+    ['sum moves with a and b: measure sum, or fix one of them']
     """
     names = tuple(names)
     by_name = sorted(range(len(names)), key=lambda k: names[k])

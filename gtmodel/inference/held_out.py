@@ -16,7 +16,7 @@ MATTERS = 1.5
 class HeldOut:
     """Held-out over fitted rms error: `ratio`, what a sound model has on average (`expected`), and the `bound`.
 
-    bound: the larger of `MATTERS` and of the ratio that a sound model passes with probability `false_alarm`.
+    The bound is the larger of 1.5 and of the ratio that a sound model exceeds with probability `false_alarm`.
     """
 
     ratio: float
@@ -53,14 +53,23 @@ def held_out_ratio(
 
     Args:
         ratio: of the rms errors as they are.
-        growth: of their expected mean squares, for a sound model: (1 + leverage held out) / (1 - leverage fitted). With
-            p parameters, N fitted and as many held-out equations alike about (N + p) / (N - p).
-        fitted_freedom, held_out_freedom: of the two mean squares: as many independent normal errors of one size have
-            their relative spread; fewer where errors are coloured or of different sizes, see `freedom_of`.
+        growth: ratio of the expected mean squares, held out over fitted, for a sound model: (1 + leverage held out) /
+            (1 - leverage fitted). With p parameters, N fitted and as many alike held-out equations it is about
+            (N + p) / (N - p).
+        fitted_freedom, held_out_freedom: degrees of freedom of the two mean squares, the number of independent normal
+            errors of one size whose mean square has the same relative spread; fewer where errors are coloured or of
+            different sizes, see `freedom_of`.
         tests: how many such ratios are judged together, each getting its part of the false alarms.
+        false_alarm: probability that a sound model fails any of them.
+        matters: ratio below which nothing is reported, however certain it is.
 
     The fit and the errors it has not seen are independent, so that ratio^2 / growth has the F distribution; exact for
     linear models and white normal noise. With no degrees of freedom left the bound is infinite: nothing can be judged.
+
+    >>> many = gt.inference.held_out_ratio(1.6, 1.1, 200.0, 200.0)
+    >>> few = gt.inference.held_out_ratio(1.6, 1.1, 10.0, 10.0)
+    >>> many.passed, few.passed, round(few.bound, 1)
+    (False, True, 3.1)
     """
     from scipy import stats  # here: it alone takes as long to import as all of gtmodel
 
@@ -71,8 +80,12 @@ def held_out_ratio(
 
 
 def freedom_of(trace: float, trace_of_square: float) -> float:
-    """Independent normal errors whose mean square spreads as that of errors with covariance S does: tr(S)^2 / tr(S^2).
+    """Effective degrees of freedom of the mean square of errors with covariance S: tr(S)^2 / tr(S^2).
 
+    So many independent normal errors of one size have a mean square of the same relative spread.
     Source: Satterthwaite 1946, Biometrics Bulletin 2.
+
+    >>> round(gt.inference.freedom_of(3.1, 3.01), 2)  # three errors of variance 1 and one of 0.1
+    3.19
     """
     return trace**2 / trace_of_square if trace_of_square > 0 else 0.0

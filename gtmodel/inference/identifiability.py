@@ -1,4 +1,4 @@
-"""What a set of measurements can tell of each parameter, before or after it is taken."""
+"""Which parameters a set of measurements determines, and how well, before or after it is taken."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .observability import Observability, observability
 from .words import listed
 
 TOLERANCES = (1e-12, 1e-10, 1e-8, 1e-6, 1e-4, 1e-2)
-# a direction whose standard deviation, in units of the scales, is above this is told no better than it was known
+# a direction whose standard deviation, in units of the scales, is above this is determined no better than it was known
 NEAR = 1.0
 SHOWN = 0.05  # of a direction's largest entry: smaller ones are not named
 CORRELATED = 0.95
@@ -25,7 +25,8 @@ CORRELATED = 0.95
 class Direction:
     """A combination of parameters: `weights` by name in their own units, largest first, one for the largest.
 
-    `singular`: its singular value over the largest. `std`: of the whole combination, in units of the scales.
+    `singular` is its singular value over the largest; `std` the standard deviation of the whole combination, in units
+    of the scales.
     """
 
     weights: dict[str, float]
@@ -40,8 +41,12 @@ class Direction:
 class Identifiability:
     """Rank, null and near-null directions, dependencies, and a standard deviation per parameter.
 
-    `std` (n,) for the stated noise: infinite for what moves along the null space. `ranks`: tolerance -> rank.
-    `told_by` (n,): share of each parameter's direction that lies in the identifiable space, 0..1.
+    `singular` are the singular values of the scaled, whitened Jacobian, largest first; `rank` counts those above
+    `tolerance` of the largest, `ranks` has the count for other tolerances. `null` are the directions that the data do
+    not determine, `near` those that they determine no better than the scales did. `std` (n,) and `covariance` (n, n)
+    hold for the stated noise, in the parameters' units; `std` is infinite for what moves along the null space.
+    `told_by` (n,) is the share of each parameter's direction that lies in the identifiable space, 0..1. `indices` are
+    the observability indices.
     """
 
     names: tuple[str, ...]
@@ -61,18 +66,18 @@ class Identifiability:
 
     @property
     def redundant(self) -> int:
-        """How many parameters, or combinations of them, the measurements cannot tell."""
+        """How many parameters, or combinations of them, the measurements do not determine."""
         return len(self.names) - self.rank
 
     @property
     def told(self) -> int:
-        """How many parameters, or combinations of them, are told better than they were known: those within the rank
-        that are not `near`."""
+        """How many parameters, or combinations of them, are determined better than they were known: those within the
+        rank that are not `near`."""
         return self.rank - len(self.near)
 
     @property
     def counts(self) -> str:
-        """All of them in words, each counted once: told, no better than known, not at all."""
+        """All parameters in words, each counted once: determined, no better than known, not at all."""
         n, said = len(self.names), []
         if self.near:
             said.append(f"{len(self.near)} no better than they were known")
@@ -101,7 +106,7 @@ class Identifiability:
         return [(self.names[a], self.names[b], float(c[a, b])) for a, b in pairs]
 
     def sentences(self) -> list[str]:
-        """In words: the rank, what moves with what, what is told badly."""
+        """In words: the rank, what moves with what, what is determined badly."""
         by_tolerance = ", ".join(f"{r} at {t:.0e}" for t, r in self.ranks.items())
         lines = [f"{self.counts} (rank {by_tolerance})"]
         lines += self.dependencies.sentences()
@@ -134,13 +139,24 @@ def identifiability(
     near: float = NEAR,
     keep: Sequence[str] = (),
 ) -> Identifiability:
-    """Of derivatives J (rows, n) whose rows are whitened (divided by the noise), priors included as rows where wanted.
+    """What measurements with the Jacobian J (rows, n) determine of the parameters `names`.
 
-    `scale` (n,): expected size of each parameter's error, or its nominal value; ranks and indices refer to columns in
-    these units (missing or zero: the column's norm). `poses`: for the observability indices, default the rows.
-    `keep`: names that are preferred as independent ones. With `known_noise` False rows are in units of an unknown
-    noise: `std` is then per unit of it, and nothing is called near. The order of the columns changes nothing.
-    Raises ArgumentError for a wrong shape, values that are not finite, or derivatives that are all zero.
+    Rows of J are whitened: divided by the standard deviation of the noise. Priors may be among them, as further rows.
+
+    `scale` (n,) is the expected size of each parameter's error, or its nominal value; ranks and indices refer to
+    columns in these units (missing or zero: in units that give the column length one). `poses` counts for the
+    observability indices, by default the rows. `keep` names parameters that are preferred as independent ones. With
+    `known_noise` False rows are in units of an unknown noise: `std` is then per unit of it, and nothing is called near.
+    `near` is the standard deviation in units of the scales above which a direction is. The order of the columns changes
+    nothing. Raises ArgumentError for a wrong shape, values that are not finite, or a Jacobian that is all zero.
+
+    >>> time = np.linspace(0.0, 1.0, 20)  # y = offset + drift * time + bias, noise 0.1
+    >>> J = np.column_stack([np.ones(20), time, np.ones(20)]) / 0.1
+    >>> found = gt.inference.identifiability(J, ["offset", "drift", "bias"])
+    >>> found.rank, found.redundant, found.std.round(3)
+    (2, 1, array([  inf, 0.074,   inf]))
+    >>> str(found.null[0])
+    '+1 bias -1 offset'
     """
     J, names = np.asarray(J, float), tuple(names)
     if J.ndim != 2 or J.shape[1] != len(names):

@@ -36,16 +36,26 @@ def linear_fit(
     hold_undetermined: bool = False,
     rank_tolerance: float = RANK,
 ) -> Estimate:
-    """x that makes A x nearest to b (rows whitened), as an Estimate.
+    """Linear least squares: the x that makes A x nearest to b, as an Estimate with its covariance.
 
-    A (rows, n), b (rows,), names n. `scale` (n,): nominal or expected size of each parameter; it decides what counts
-    as rank, not the result (missing or zero: the column's own norm). Noise by one of sigma, weights, covariance: see
-    weighting(); with weights or none of them, the residuals tell it. `bounds`: name -> (low, high); what ends at a
-    bound is `held` there and leaves the covariance. `priors` act as further measurements.
+    A (rows, n), b (rows,), and n `names`. The noise is given by one of sigma, weights and covariance, see weighting();
+    with weights, or none of the three, the residuals determine it. `scale` (n,) is the nominal or expected size of each
+    parameter; it decides what counts as rank, not the result (missing or zero: from the column's own norm). `bounds`
+    has name -> (low, high); what ends at a bound is `held` there and leaves the covariance. `priors` act as further
+    measurements. `units`, one per name, are for printing.
 
     What the data do not determine is refused and named; with `hold_undetermined` it stays nearest to zero in units of
     the scales, and the Estimate says so. Raises ArgumentError for that, wrong shapes, values that are not finite, or
     too few rows.
+
+    >>> time, position = np.array([0.0, 1.0, 2.0, 3.0]), np.array([1.0, 3.0, 5.1, 6.9])
+    >>> A = np.column_stack([np.ones(4), time])
+    >>> e = gt.inference.linear_fit(A, position, ["start", "speed"], sigma=0.1, units=["m", "m/s"])
+    >>> e.values.round(3), e.std.round(3)
+    (array([1.03, 1.98]), array([0.084, 0.045]))
+    >>> known = gt.inference.Prior("start", 1.0, std=0.01)
+    >>> gt.inference.linear_fit(A, position, ["start", "speed"], sigma=0.1, priors=[known]).std.round(3)
+    array([0.01 , 0.027])
     """
     A, b = np.asarray(A, float), np.asarray(b, float).reshape(-1)
     names, priors = tuple(names), tuple(priors)
@@ -87,9 +97,9 @@ def make_estimate(
     hold_undetermined: bool = False,
     rank_tolerance: float = RANK,
 ) -> Estimate:
-    """The Estimate at an optimum x (n,) with whitened residuals r (rows,) and derivatives J (rows, n).
+    """The Estimate at an optimum x (n,) with whitened residuals r (rows,) and Jacobian J (rows, n).
 
-    `free` (n,) tells which are not held; P (k, n) whitened prior rows, times `prior_noise` in units of r.
+    `free` (n,) says which parameters are not held; P (k, n) are whitened prior rows, times `prior_noise` in units of r.
     Raises ArgumentError for too few rows, and for what is not determined unless `hold_undetermined`.
     """
     kept = np.flatnonzero(free)

@@ -12,7 +12,10 @@ from ..results.refusal import ArgumentError
 
 @dataclass(frozen=True)
 class Loss:
-    """`rho`, `slope` = rho' and `bend` = rho'' of z >= 0; rho'(0) = 1, so that small residuals count as squares."""
+    """`rho` and its derivatives `slope` = rho' and `bend` = rho'' for z >= 0.
+
+    rho'(0) = 1, so that small residuals count as squares.
+    """
 
     rho: Callable[[np.ndarray], np.ndarray]
     slope: Callable[[np.ndarray], np.ndarray]
@@ -26,8 +29,8 @@ class Loss:
         """What r is multiplied by so that its square has the loss's gradient."""
         return np.sqrt(self.slope((r / width) ** 2))
 
-    def variance_factor(self, r: np.ndarray, width: float, degrees_of_freedom: float) -> float:
-        """Huber's variance of a unit slope: sum psi^2 / degrees_of_freedom / (mean psi')^2, psi = r rho'."""
+    def variance_factor(self, r: np.ndarray, width: float, freedom: float) -> float:
+        """Huber's variance for a Jacobian of one: sum psi^2 / degrees of freedom / (mean psi')^2, psi = r rho'."""
         z = (r / width) ** 2
         psi = r * self.slope(z)
         sharp = float(np.mean(self.slope(z) + 2 * z * self.bend(z)))

@@ -1,5 +1,4 @@
-"""From whitened residuals and derivatives at the optimum to an Estimate: covariance, degrees of freedom, noise, what
-is not told."""
+"""Parts of an Estimate from whitened residuals and the Jacobian at the optimum: covariance, rank, null space."""
 
 from __future__ import annotations
 
@@ -10,13 +9,13 @@ import numpy as np
 from ..results.refusal import ArgumentError
 from .words import listed
 
-# of the largest singular value of the scaled derivatives: directions below are in the null space
+# of the largest singular value of the scaled Jacobian: directions below are in the null space
 RANK = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
 class Spectrum:
-    """Singular values and right vectors of whitened, scaled derivatives (priors included), split at the rank."""
+    """Singular values and right vectors of a whitened, scaled Jacobian (priors included), split at the rank."""
 
     singular: np.ndarray
     V: np.ndarray
@@ -34,7 +33,7 @@ class Spectrum:
 
 
 def spectrum(scaled: np.ndarray, tolerance: float = RANK) -> Spectrum:
-    """Of derivatives (rows, n) with columns in units of the scales; linear in the rows (QR first)."""
+    """Of a Jacobian (rows, n) with columns in units of the scales; the work is linear in the rows (QR first)."""
     n = scaled.shape[1]
     R = np.linalg.qr(scaled, mode="r") if scaled.shape[0] > n else scaled
     _, s, Vt = np.linalg.svd(R, full_matrices=True)

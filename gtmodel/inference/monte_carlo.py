@@ -44,15 +44,22 @@ def monte_carlo(
     interrupted: Callable[[], bool] | None = None,
     executor: Any = None,
 ) -> MonteCarlo:
-    """task(rng, k) for k = 0..runs-1, each with its own generator spawned from `seed`: the same results for any number
-    of processes.
+    """Call task(rng, k) for k = 0..runs-1, each with its own generator spawned from `seed`.
 
-    `processes`: default one per core; 0 runs in this process (and its BLAS threads), for looking inside. The task must
-    be importable: a function of a module, or functools.partial of one. `executor`: another one to hand the runs to,
-    with submit() as concurrent.futures.Executor has it, or a Dask client, whose get_executor() is asked.
-    `progress(done, runs)` after each. Ctrl-C, or `interrupted()` telling True, ends the workers and returns what is
-    done; workers leave Ctrl-C and SIGTERM to this process, and end with it. Raises RuntimeError naming the run in which
-    the task failed.
+    The results are the same for any number of `processes`: by default one per core; 0 runs all in this process (and
+    its BLAS threads), for looking inside. For other processes the task must be importable: a function of a module, or
+    functools.partial of one. `executor` is something else to hand the runs to, with submit() as
+    concurrent.futures.Executor has it, or a Dask client, whose get_executor() is called. `progress(done, runs)` is
+    called after each run. Ctrl-C, or `interrupted()` returning True, ends the workers and returns what is done; workers
+    leave Ctrl-C and SIGTERM to this process, and end with it.
+
+    Raises ArgumentError for fewer than one run, RuntimeError naming the run in which the task failed.
+
+    >>> def run(rng, k):
+    ...     return rng.normal()
+    >>> found = gt.inference.monte_carlo(run, 3, seed=1, processes=0)
+    >>> found.indices, np.round(found.results, 2)
+    ((0, 1, 2), array([-0.64,  2.49,  1.44]))
     """
     if runs < 1:
         raise ArgumentError(f"a Monte Carlo needs at least one run; found {runs}")

@@ -1,4 +1,4 @@
-"""Nonlinear least squares by Gauss-Newton steps on exact derivatives, damped as Levenberg and Marquardt did."""
+"""Nonlinear least squares by Gauss-Newton steps on the exact Jacobian, damped as Levenberg and Marquardt did."""
 
 from __future__ import annotations
 
@@ -20,16 +20,15 @@ Residuals = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 STEP = 1e-13  # the norm of a full step in units of the scales: the iteration has arrived
 ROUNDING = 1e-8  # likewise: a step that the rounding of the residuals alone may ask for
-LEVEL = 1e-5  # cosine of the residuals with the derivatives: below, the cost is level to 1e-10 and cannot judge a step
-# damping begins below what the data tell least, or weak directions would creep; all relative to the largest
+LEVEL = 1e-5  # cosine of residuals and Jacobian: below, the cost is level to 1e-10 and cannot judge a step
+# damping begins below the smallest singular value, or weak directions would creep; all relative to the largest
 DAMPING, EASIER, HARDER, STUCK = 0.1, 0.1, 10.0, 1e16
 QUIET = 1e-3  # a full step that changes the cost by less than this part is taken undamped
 
 
 @dataclass(frozen=True, eq=False)
 class Descent:
-    """Where the iteration ended: x (n,), whitened residuals and derivatives there, and how it went (`status`,
-    `message`)."""
+    """Where the iteration ended: x (n,), whitened residuals `r` and Jacobian `J` there, and how it went."""
 
     x: np.ndarray
     r: np.ndarray
@@ -65,11 +64,24 @@ def nonlinear_fit(
     rank_tolerance: float = RANK,
     limit: int = 200,
 ) -> NonlinearFit:
-    """x that minimises half the squares of residuals(x) -> (r (rows,), dr/dx (rows, n)), rows whitened.
+    """Nonlinear least squares: the x (n,) that minimises half the sum of squares of the whitened residuals.
 
-    Noise, priors, scales and what is not determined as in linear_fit(); priors need a known noise (sigma or
-    covariance). `loss` of whitened residuals: linear, huber, soft_l1 or cauchy as in scipy, with its `width`; the
-    covariance is then Huber's. Raises ArgumentError for bad shapes; a failing iteration is a status.
+    `residuals(x)` returns r (rows,), in their own unit and not whitened, and the Jacobian dr/dx (rows, n). `start` (n,)
+    is where the iteration begins, `limit` how many steps it may take. Noise, priors, scales and what is not determined
+    are treated as in linear_fit(); priors need a known noise (sigma or covariance). `loss` of the whitened residuals is
+    linear, huber, soft_l1 or cauchy as in scipy, with its `width`; the covariance is then Huber's.
+
+    The sign of r does not matter as long as its Jacobian has the same. Raises ArgumentError for shapes that do not fit;
+    an iteration that fails is a `status`, and `estimate` is then None.
+
+    >>> time = np.linspace(0.0, 1.0, 50)
+    >>> measured = 2.0 * np.exp(-3.0 * time)
+    >>> def residuals(x):
+    ...     decay = np.exp(-x[1] * time)
+    ...     return x[0] * decay - measured, np.column_stack([decay, -x[0] * time * decay])
+    >>> fit = gt.inference.nonlinear_fit(residuals, [1.0, 1.0], ["size", "rate"], sigma=0.05)
+    >>> fit.status.ok, fit.estimate.values.round(6), fit.estimate.std.round(2)
+    (True, array([2., 3.]), array([0.02, 0.05]))
     """
     x, names, priors = np.asarray(start, float).reshape(-1), tuple(names), tuple(priors)
     if len(names) != len(x):

@@ -15,7 +15,10 @@ SMALL_P = 0.01  # a test with a smaller p-value speaks against its hypothesis
 
 @dataclass(frozen=True)
 class Verdict:
-    """A test: its statistic, its p-value under the hypothesis, whether that stands at 1 %, and a sentence."""
+    """A statistical test: its statistic, the p-value `p` under the hypothesis, and a sentence.
+
+    `passed` says that the hypothesis stands: p is 1 % or more.
+    """
 
     statistic: float
     p: float
@@ -24,7 +27,13 @@ class Verdict:
 
 
 def autocorrelation(r: np.ndarray, lags: int) -> np.ndarray:
-    """Coefficients at lags 0..lags (lags + 1,) of r (T,), mean removed, divided by T (positive definite)."""
+    """Autocorrelation coefficients (lags + 1,) of r (T,) at lags 0..lags, which must be less than T.
+
+    The mean is removed, and sums at every lag are divided by T, which makes the coefficients positive definite.
+
+    >>> gt.inference.autocorrelation(np.array([1.0, -1.0, 1.0, -1.0]), 2).round(2)
+    array([ 1.  , -0.75,  0.5 ])
+    """
     d = np.asarray(r, float) - np.mean(r)
     size = 1 << int(np.ceil(np.log2(2 * len(d))))
     power = np.abs(np.fft.rfft(d, size)) ** 2
@@ -41,9 +50,19 @@ def insignificant(r: np.ndarray) -> int:
 
 
 def whiteness(r: np.ndarray, *, lags: int | None = None, parameters: int = 0) -> Verdict:
-    """Ljung-Box test of r (T,) in the order of time; `lags` default min(20, T / 5), `parameters` of the noise's model.
+    """Ljung-Box test of whether residuals r (T,), in the order of time, are uncorrelated.
 
-    Source: Ljung and Box 1978, Biometrika 65: Q = T (T + 2) sum c_k^2 / (T - k), chi-squared of lags - parameters.
+    `lags` is how many autocorrelations are summed, by default min(20, T / 5); `parameters` how many a model of the
+    noise has that was fitted to r before. Raises ArgumentError where the lags are not more than these.
+
+    Source: Ljung and Box 1978, Biometrika 65: Q = T (T + 2) sum c_k^2 / (T - k), chi-squared with lags - parameters
+    degrees of freedom.
+
+    >>> noise = np.random.default_rng(1).normal(size=400)
+    >>> gt.inference.whiteness(noise).passed
+    True
+    >>> gt.inference.whiteness(np.repeat(noise, 2)).sentence
+    'residuals are coloured (correlation 0.42 at lag 1): intervals for white noise are too narrow (Ljung-Box p = ...'
     """
     from scipy import stats  # here: it alone takes as long to import as all of gtmodel
 
@@ -68,7 +87,14 @@ def whiteness(r: np.ndarray, *, lags: int | None = None, parameters: int = 0) ->
 
 
 def normality(r: np.ndarray) -> Verdict:
-    """Jarque-Bera test of skewness and kurtosis: a hint, since least squares needs no normal noise, intervals do."""
+    """Jarque-Bera test of whether residuals r (T,) are normal, by their skewness and kurtosis.
+
+    A hint only: least squares needs no normal noise, its intervals do.
+
+    >>> noise = np.random.default_rng(1).normal(size=400)
+    >>> gt.inference.normality(noise).passed, gt.inference.normality(noise**3).passed
+    (True, False)
+    """
     from scipy import stats  # here: it alone takes as long to import as all of gtmodel
 
     skew, tail = float(stats.skew(r)), float(stats.kurtosis(r))
@@ -84,9 +110,14 @@ def normality(r: np.ndarray) -> Verdict:
 
 
 def noise_size(estimate: Estimate) -> Verdict:
-    """Chi-squared test of whitened residuals against a known noise, both sides.
+    """Chi-squared test of whether the residuals of a fit are as large as the stated noise, neither more nor less.
 
-    Raises ArgumentError if that is unknown.
+    Raises ArgumentError where the fit was not given the noise (sigma or covariance).
+
+    >>> values = 3.0 + 0.2 * np.random.default_rng(1).normal(size=50)
+    >>> e = gt.inference.linear_fit(np.ones((50, 1)), values, ["mean"], sigma=0.1)
+    >>> gt.inference.noise_size(e).sentence
+    'residuals are 1.78 times the stated noise: the model lacks an effect, or the noise was stated too small ...'
     """
     from scipy import stats  # here: it alone takes as long to import as all of gtmodel
 
@@ -112,7 +143,7 @@ def noise_size(estimate: Estimate) -> Verdict:
 
 @dataclass(frozen=True, eq=False)
 class CrossValidation:
-    """Errors (rows,) of rows that the fit had not seen; `rms` of them, and `inside`, that of fits that saw all rows."""
+    """Errors (rows,) of rows that the fit had not seen; `rms` is theirs, and `inside` that of the fit on all rows."""
 
     errors: np.ndarray
     inside: float
@@ -132,8 +163,21 @@ class CrossValidation:
 def cross_validation(
     fit: Callable[[np.ndarray], object], errors: Callable[[object, np.ndarray], np.ndarray], parts: Sequence[np.ndarray]
 ) -> CrossValidation:
-    """`fit(rows)` fits on some rows (indices), `errors(fitted, rows)` tells its errors on others; `parts` are held out
-    in turn: see contiguous() and alternate(). Raises ArgumentError for fewer than two parts."""
+    """Errors of a fit on rows that it has not seen, each part of the rows being held out in turn.
+
+    `fit(rows)` fits on some rows, given as indices; `errors(fitted, rows)` returns its errors on others; `parts` are
+    arrays of indices, see contiguous() and alternate(). Raises ArgumentError for fewer than two parts.
+
+    >>> time = np.linspace(0.0, 1.0, 40)
+    >>> y = time**2  # fitted with a straight line
+    >>> seen = gt.inference.cross_validation(
+    ...     lambda rows: np.polyfit(time[rows], y[rows], 1),
+    ...     lambda line, rows: y[rows] - np.polyval(line, time[rows]),
+    ...     gt.inference.contiguous(40, 2),
+    ... )
+    >>> seen.sentence
+    'held-out error 0.30... rms over 2 parts, 0.078... on the data that were fitted'
+    """
     if len(parts) < 2:
         raise ArgumentError("cross-validation needs at least two parts: one to fit and one to hold out")
     every = np.sort(np.concatenate(parts))
@@ -143,10 +187,18 @@ def cross_validation(
 
 
 def contiguous(n: int, folds: int) -> list[np.ndarray]:
-    """Indices 0..n-1 in `folds` stretches: for series, where neighbours are alike."""
+    """Indices 0..n-1 in `folds` stretches, to hold out in turn: for series, where neighbours are alike.
+
+    >>> gt.inference.contiguous(5, 2)
+    [array([0, 1, 2]), array([3, 4])]
+    """
     return list(np.array_split(np.arange(n), folds))
 
 
 def alternate(n: int, folds: int = 2) -> list[np.ndarray]:
-    """Indices 0..n-1 dealt out in turn: alternate grid points, Dressler 2012, section 5.5."""
+    """Indices 0..n-1 dealt out in turn to `folds` parts: alternate grid points, Dressler 2012, section 5.5.
+
+    >>> gt.inference.alternate(5)
+    [array([0, 2, 4]), array([1, 3])]
+    """
     return [np.arange(k, n, folds) for k in range(folds)]

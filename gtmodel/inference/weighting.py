@@ -13,7 +13,13 @@ from ..results.refusal import ArgumentError
 
 @dataclass(frozen=True)
 class Prior:
-    """Knowledge of one parameter before the data: a value and its standard deviation, in the parameter's unit."""
+    """Knowledge of one parameter before the data: a value and its standard deviation, in the parameter's unit.
+
+    Raises ArgumentError for a value that is not finite or a standard deviation that is not positive.
+
+    >>> gt.inference.Prior("m_p", 9.0, std=0.5)
+    Prior(name='m_p', value=9.0, std=0.5)
+    """
 
     name: str
     value: float
@@ -29,9 +35,9 @@ class Prior:
 
 @dataclass(frozen=True, eq=False)
 class Weighting:
-    """Rows whitened: (rows, ...) -> (rows, ...) of unit variance (`known`), or of equal unknown variance.
+    """Whitens rows when called: (rows, ...) -> (rows, ...) of unit variance (`known`), or of equal unknown variance.
 
-    `factor`: None, one number, one per row, or inverse Cholesky factors (blocks, k, k) of blocks of k rows.
+    `factor` is None, one number, one per row, or inverse Cholesky factors (blocks, k, k) of blocks of k rows.
     """
 
     factor: np.ndarray | None
@@ -54,10 +60,17 @@ def weighting(
     weights: ArrayLike | None = None,
     covariance: ArrayLike | None = None,
 ) -> Weighting:
-    """From at most one of: `sigma`, standard deviations (one or per row); `weights`, inverse variances up to a common
-    factor that the residuals tell; `covariance` (rows, rows), or (blocks, k, k) for independent blocks of k rows.
+    """What is known of the noise of so many rows, as a Weighting that divides rows by it.
+
+    At most one is given: `sigma`, standard deviations, one or one per row; `weights`, inverse variances up to a common
+    factor that the residuals determine; `covariance` (rows, rows), or (blocks, k, k) for independent blocks of k rows.
+    With none all rows weigh alike, and the residuals determine the noise.
 
     Raises ArgumentError for more than one, a wrong shape, or what is not positive.
+
+    >>> whitened = gt.inference.weighting(3, sigma=[1.0, 2.0, 4.0])
+    >>> whitened(np.ones(3)), whitened.known
+    (array([1.  , 0.5 , 0.25]), True)
     """
     given = [n for n, v in (("sigma", sigma), ("weights", weights), ("covariance", covariance)) if v is not None]
     if len(given) > 1:

@@ -23,7 +23,7 @@ Orientation of the plate
     grid                points of a box about a tool centre point
     orientation_map     orientation at every point: an OrientationMap
     zyz                 ZYZ Euler angles of quaternions or matrices
-    rotation_vector     small turns from a reference
+    rotation_vector     rotations from a reference, as vectors
 """
 
 from . import (

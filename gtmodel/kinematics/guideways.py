@@ -22,10 +22,10 @@ class MeasurementError(ValueError):
 
 @dataclass(frozen=True, eq=False)
 class GuidewayFit:
-    """Cart points P(q) = P0 + q v + e (Dressler 2012, eq. (4.10)), lengths in m.
+    """A guideway as measured: cart points P(q) = P0 + q v + e (Dressler 2012, eq. (4.10)), lengths in m.
 
-    P0 (3,) and v (3,) minimise the sum of e.e. |v| is a transmission scale, no unit vector. `q` (n,) and the residuals
-    `e` (n, 3) are in the order of the measurements.
+    P0 (3,) and v (3,) minimise the sum of e.e. v points towards rising q; its length is a transmission scale [m per m],
+    so it is no unit vector. `q` (n,) and the residuals `e` (n, 3) are in the order of the measurements.
     """
 
     P0: np.ndarray
@@ -87,7 +87,7 @@ class GuidewayFit:
 
 
 def fit_guideway(q: Any, P: Any, *, longest: float = LONGEST) -> GuidewayFit:
-    """Line through cart points measured along one guideway (Dressler 2012, eqs. (4.10)-(4.12)).
+    """Fit a line to cart points that were measured along one guideway (Dressler 2012, eqs. (4.10)-(4.12)).
 
     Args:
         q: commanded cart coordinates (n,) [m], in any order, n >= 3.
@@ -96,6 +96,13 @@ def fit_guideway(q: Any, P: Any, *, longest: float = LONGEST) -> GuidewayFit:
 
     Raises MeasurementError: too few points, numbers that are not finite, a cart that does not move, lengths that
     look like millimetres.
+
+    >>> q = np.linspace(0.0, 2.0, 21)
+    >>> straight = np.outer(q, [0.99, 0.0, 0.0]) + [0.0, 0.0, 1.0]
+    >>> bent = straight + np.outer(np.sin(np.pi * q), [0.0, 0.0, 1e-4])  # 0.1 mm up and down
+    >>> fit = gt.kinematics.fit_guideway(q, bent)
+    >>> np.linalg.norm(fit.v).round(3), round(1e3 * fit.statistics()["across_max"], 3)  # transmission scale; mm
+    (np.float64(0.99), 0.082)
     """
     q, P = checked(q, P, longest)
     design = np.column_stack([np.ones(len(q)), q - np.mean(q)])

@@ -14,11 +14,21 @@ Array = np.ndarray
 
 
 class MotionMaps:
-    """y' = J x' and y'' = J x'' + b for y = `target` as a function of x = `known`, b(x, x') quadratic in x'.
+    """Velocity and acceleration maps of a position causality: y' = J x' and y'' = J x'' + b.
+
+    y is `target` as a function of x, `known`; J is its Jacobian, and b(x, x') is quadratic in x'.
 
     Forward maps of a robot are MotionMaps(robot, "q", "T"), inverse ones MotionMaps(robot, "T", "q") (Dressler 2012,
-    eqs. (6.5), (6.6)). J by implicit differentiation, b from the twice differentiated equations. Raises ModelError
-    where y needs more than x.
+    eqs. (6.5), (6.6)). J comes from implicit differentiation, b from the twice differentiated equations.
+
+    branches: as for `causal`. Raises ModelError where y does not follow from x alone.
+
+    >>> robot = gt.robots.gantry_tau("l1_tape")
+    >>> J, status = gt.kinematics.MotionMaps(robot, "T", "q").velocity([0.0, -0.9, 0.1])  # carts per tool centre point
+    >>> J.round(2)
+    array([[ 1.  , -0.71, -1.06],
+           [ 1.  ,  0.36, -1.2 ],
+           [ 1.  , -0.57,  0.06]])
     """
 
     def __init__(self, model: Model, known: str, target: str, branches: Mapping[str, int] | None = None) -> None:

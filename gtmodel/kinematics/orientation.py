@@ -24,6 +24,13 @@ def grid(center: Any, half_width: Any, counts: Sequence[int], directions: Any = 
         directions: (3, 3), one row each, normalised here; the axes by default. They need not be orthogonal.
 
     Raises ValueError for another shape, a count below 1, or directions in one plane.
+
+    >>> points = gt.kinematics.grid(center=[0.0, -0.9, 0.2], half_width=[0.1, 0.0, 0.05], counts=[3, 1, 2])
+    >>> points.shape
+    (3, 1, 2, 3)
+    >>> points[0, 0]
+    array([[-0.1 , -0.9 ,  0.15],
+           [-0.1 , -0.9 ,  0.25]])
     """
     center, half = np.asarray(center, dtype=float), np.asarray(half_width, dtype=float)
     d = np.eye(3) if directions is None else np.asarray(directions, dtype=float)
@@ -80,23 +87,23 @@ class OrientationMap:
 
     @cached_property
     def rotation_vector(self) -> np.ndarray:
-        """Turn from the reference (..., 3), world coordinates."""
+        """Rotation vectors (..., 3) [rad] from the reference, world coordinates."""
         return rotation_vector(self.R, self.reference)
 
     def range(self) -> np.ndarray:
-        """Largest minus smallest ZYZ angle (3,) over the ok points; NaN if there is none."""
+        """Largest minus smallest ZYZ angle (3,) [rad] over the ok points; NaN if there is none."""
         return _range(self.zyz[self.ok])
 
     def layer_range(self) -> np.ndarray:
-        """The same for each layer (layers, 3)."""
+        """Largest minus smallest ZYZ angle of each layer (layers, 3) [rad]."""
         return np.array([_range(a[ok]) for a, ok in zip(self.zyz, self.ok, strict=True)])
 
     def layer_difference(self) -> np.ndarray:
         """How far the layers are from one pattern (3,), as a fraction of `range`.
 
-        It is the largest deviation of an angle, minus its layer's mean, from the mean over the layers. Small where
-        links cause the errors, for a motion along the guideways turns none of them (Dressler 2012, section 4.2).
-        Places that are ok in all layers count; NaN if there is none.
+        It is the largest deviation of an angle, minus its layer's mean, from the mean over the layers. It is small
+        where the links cause the orientation errors, because a motion along the guideways turns no link (Dressler 2012,
+        section 4.2). Places that are ok in all layers count; NaN if there is none.
         """
         everywhere = np.all(self.ok, axis=0)
         if not np.any(everywhere):
@@ -119,12 +126,19 @@ def orientation_map(
 
     Args:
         model: with the position `known` and the unit quaternion or rotation matrix `orientation`.
-        T: (..., 3) [m], e.g. from `grid`.
-        joints: what must have a solution as well: arm 1 has no say in the orientation, but in what can be reached.
+        T: (..., 3) [m], for example from `grid`; with two axes or more.
+        joints: variables that must have a solution too. The orientation alone may not depend on an arm whose reach
+            nevertheless limits where the tool centre point can be.
         branches: as for `causal`.
 
     A point out of reach has a status, and NaN for R. Raises ModelError for a name that the model lacks or a causality
     that needs more than positions, ValueError for T of another shape.
+
+    >>> robot = gt.robots.make("d1_six_link")
+    >>> box = gt.kinematics.grid(center=[-1.6, -4.4, -0.1], half_width=[0.2, 0.2, 0.0], counts=[2, 2, 1])
+    >>> found = gt.kinematics.orientation_map(robot, box)
+    >>> found.ok.all(), np.degrees(found.range()).round(1)  # how far the plate turns, as ZYZ angles [deg]
+    (np.True_, array([0. , 0.1, 0. ]))
     """
     T = np.asarray(T, dtype=float)
     if T.ndim < 2 or T.shape[-1] != 3:

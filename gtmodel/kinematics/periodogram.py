@@ -23,8 +23,8 @@ def strongest(q: Array, e: Array, frequencies: Array) -> tuple[int, float]:
     At each frequency sine, cosine, offset and slope are fitted; explained is the part of the sum of squares left by the
     line alone. The frequencies searched are neither independent nor at a known number of them, so the chance is found
     by synthetic noise at the same places (seed 20080, Gaussian, 300 to 2000 rows); below 2 per cent it is extrapolated
-    by the law of one frequency, (1 - power)^((n - 4) / 2), times a number of frequencies that the noise tells and that
-    grows as in R. B. Davies, Biometrika 74 (1987).
+    by the law of one frequency, (1 - power)^((n - 4) / 2), times a number of frequencies that is taken from the noise
+    and grows as in R. B. Davies, Biometrika 74 (1987).
 
     Args:
         q: (n,) places [m], n > 4. e: (n,) [m], not all on a line. frequencies: [1/m].

@@ -35,11 +35,20 @@ def matrices(orientation: Any) -> np.ndarray:
 def zyz(orientation: Any, about: Any = None) -> tuple[np.ndarray, np.ndarray]:
     """ZYZ Euler angles (..., 3) [rad], R = Rz(alpha) Ry(beta) Rz(gamma), and where they are singular (...).
 
+    `orientation`: rotation matrices (..., 3, 3), or quaternions (..., 4), scalar first, of any length but zero.
+
     beta is in [0, pi], alpha and gamma within pi of those in `about` (3,), zero by default: a reference keeps a small
     range from being torn apart at +-pi. Singular at beta = 0 and pi: there only alpha + gamma or alpha - gamma is
     determined; gamma is set to 0 and the row is flagged (sin beta < 1e-6).
 
     Raises ValueError for a shape that is no orientation. Rows that are not finite become NaN, unflagged.
+
+    >>> angle = np.radians(30.0)
+    >>> angles, singular = gt.kinematics.zyz([np.cos(angle / 2), 0.0, np.sin(angle / 2), 0.0])  # about y
+    >>> np.degrees(angles).round(6), singular
+    (array([ 0., 30.,  0.]), np.False_)
+    >>> gt.kinematics.zyz(np.eye(3))[1]  # beta = 0
+    np.True_
     """
     R = matrices(orientation)
     sine = np.hypot(R[..., 0, 2], R[..., 1, 2])
@@ -61,8 +70,14 @@ def rotation_vector(orientation: Any, reference: Any) -> np.ndarray:
     """Rotation vectors (..., 3) [rad], world coordinates, that turn the reference into each orientation.
 
     Nowhere singular for turns below pi; for small ones the three numbers are turns about x, y and z. A half turn has
-    two axes: within round-off of it the one is taken whose first component that is not zero is positive. `reference` is
-    one orientation. Raises ValueError for a shape that is no orientation.
+    two axes: within round-off of it the one is taken whose first component that is not zero is positive. Orientations
+    are matrices (..., 3, 3) or quaternions (..., 4), scalar first; `reference` is a single one. Raises ValueError for a
+    shape that is no orientation.
+
+    >>> angle = np.radians(30.0)
+    >>> turned = [np.cos(angle / 2), 0.0, 0.0, np.sin(angle / 2)]  # about z
+    >>> np.degrees(gt.kinematics.rotation_vector(turned, np.eye(3))).round(6)
+    array([ 0.,  0., 30.])
     """
     scalar, vector = _quaternions(matrices(orientation) @ matrices(reference).T)
     length = np.linalg.norm(vector, axis=-1)

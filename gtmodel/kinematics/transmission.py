@@ -53,7 +53,15 @@ def backlash(q_forward: Any, P_forward: Any, q_backward: Any, P_backward: Any, *
         P_forward, P_backward: (n, 3) and (m, 3) [m].
         longest: as for `fit_guideway`.
 
-    Raises MeasurementError: as `fit_guideway`; a run that does not go its way; fewer than three common places.
+    Raises MeasurementError: as `fit_guideway`; a forward run whose q does not rise, or a backward run whose q does not
+    fall, from each point to the next; runs along different lines; fewer than three common places.
+
+    >>> q = np.linspace(0.0, 1.0, 11)
+    >>> there = np.outer(q, [1.0, 0.0, 0.0])
+    >>> back = there[::-1] + [5e-5, 0.0, 0.0]  # on the way back the cart lags by 0.05 mm
+    >>> play = gt.kinematics.backlash(q, there, q[::-1], back)
+    >>> round(1e3 * play.width, 3), play.significant
+    (0.05, True)
     """
     fit, back_fit = (fit_guideway(*run, longest=longest) for run in ((q_forward, P_forward), (q_backward, P_backward)))
     q_b, P_b = checked(q_backward, P_backward, longest)
@@ -93,7 +101,7 @@ def backlash(q_forward: Any, P_forward: Any, q_backward: Any, P_backward: Any, *
 
 @dataclass(frozen=True)
 class CyclicTerm:
-    """offset = sine sin(2 pi q / period) + cosine cos(2 pi q / period) along the guideway, all in m.
+    """A periodic error along the guideway: sine sin(2 pi q / period) + cosine cos(2 pi q / period), all in m.
 
     `false_alarm` is the chance that white noise alone, measured at the same places, shows as much in the range searched
     (see `strongest`). `aliases` are other periods [m] that fit points so far apart equally well, the longest ones;
@@ -121,7 +129,7 @@ class CyclicTerm:
 
 
 def cyclic_term(fit: GuidewayFit, periods: tuple[float, float] | None = None) -> CyclicTerm:
-    """The strongest sinusoid in the residuals along the guideway, with period and amplitude and their standard errors.
+    """Find the strongest sinusoid in the residuals along the guideway: period, amplitude, and their standard errors.
 
     A periodogram (sinusoid, offset and slope at every frequency) finds it, a least-squares fit refines it.
 
@@ -131,6 +139,13 @@ def cyclic_term(fit: GuidewayFit, periods: tuple[float, float] | None = None) ->
             between points, teeth much closer): ask for shorter ones only with that in mind.
 
     Raises MeasurementError: fewer than eight places, or a range of periods that cannot be searched.
+
+    >>> q = np.linspace(0.0, 1.0, 101)
+    >>> points = np.outer(q, [1.0, 0.0, 0.0])
+    >>> points[:, 0] += 2e-5 * np.sin(2 * np.pi * q / 0.08)  # 0.02 mm, every 80 mm
+    >>> found = gt.kinematics.cyclic_term(gt.kinematics.fit_guideway(q, points))
+    >>> round(found.period, 4), round(1e3 * found.amplitude, 4), found.significant
+    (0.08, 0.02, True)
     """
     order = np.argsort(fit.q, kind="stable")
     q, e = fit.q[order], fit.along[order]

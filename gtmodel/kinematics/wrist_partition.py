@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from ..results import Status
 
-# sines and relative distances below this keep fewer than ten digits of the angle they tell
+# sines and relative distances below this keep fewer than ten digits of the angle that they determine
 SINGULAR = 1e-6
 # a straight elbow misses its own reach by rounding of a few metres
 EDGE = 1e-12
@@ -22,7 +22,7 @@ SIDES = np.array([[s, e, w] for s in (1, -1) for e in (1, -1) for w in (1, -1)])
 
 @dataclass(frozen=True, eq=False)
 class InverseBranches:
-    """The eight branches of n poses: q (n, 8, 6) [rad], NaN where there is none, and status (n, 8).
+    """Joint angles on the eight branches of n poses: q (n, 8, 6) [rad], NaN where there is none, and status (n, 8).
 
     SINGULAR: the branch exists, but there the shoulder (wrist centre on axis 1), the elbow (arm straight or folded)
     or the wrist (axes 4 and 6 in line) lets joints move with the pose at rest, or two branches meet; q is one of its
@@ -53,10 +53,18 @@ class InverseBranches:
 
 @dataclass(frozen=True)
 class WristPartition:
-    """Lengths of an arm with axes -z, y, y, -x, y, -x at q = 0 and a flange that looks along x there, Ry(90 deg).
+    """Inverse kinematics of a six-axis arm with a spherical wrist, from its lengths [m].
 
-    `base` (offset, height) of axis 2 [m], `upper` from axis 2 to 3, `fore` (2) from axis 3 to the wrist centre, along
-    x and z, `flange` from the wrist centre to the flange.
+    At q = 0 the axes point along -z, y, y, -x, y, -x, and the flange looks along x, Ry(90 deg).
+
+    `base` is where axis 2 stands (offset along x, height), `upper` the distance from axis 2 to axis 3, `fore` (2,) the
+    way from axis 3 to the wrist centre along x and z, `flange` the distance from the wrist centre to the flange.
+
+    >>> robot = gt.robots.kr500()
+    >>> arm = gt.kinematics.WristPartition.of(robot.origins, robot.axes)
+    >>> found = arm.inverse([1.5, 0.4, 1.2], np.diag([1.0, -1.0, -1.0]))  # flange looks down
+    >>> np.degrees(found.q[0, 0, :3]).round(1), (found.status == gt.Status.OK).all()  # all eight branches exist
+    (array([-14.9, -72.1, 119.5]), np.True_)
     """
 
     base: tuple[float, float]
@@ -129,7 +137,7 @@ class WristPartition:
         sine = np.hypot(M[:, 0, 1], M[:, 0, 2])
         q4 = np.arctan2(-side * M[:, 1, 0], -side * M[:, 2, 0])
         q5 = np.arctan2(side * sine, M[:, 0, 0])
-        # q6 after q4 and not from M alone: with axes 4 and 6 in line, only their sum is told
+        # q6 after q4 and not from M alone: with axes 4 and 6 in line, only their sum is determined
         across = np.cos(q4)[:, None] * M[:, 1] - np.sin(q4)[:, None] * M[:, 2]
         q6 = np.arctan2(across[:, 2], across[:, 1])
         return np.stack([q4, q5, q6], axis=1), sine < SINGULAR

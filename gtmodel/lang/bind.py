@@ -107,6 +107,11 @@ def _bind(
 ) -> Model:
     """`given_at`: where modifiers were written, of those whose line is known."""
     cls, places = type(config), given_at or {}
+    for item in (item for base in cls.__mro__ for item in vars(base).values()):
+        if isinstance(item, Declaration) and item.name == Declaration.name:
+            raise ModelError(
+                f"a declaration was given to {cls.__name__} after its body; write it in the body", item.where
+            )
     bound = object.__new__(cls)
     values: dict[str, Any] = {}
     bound.__dict__.update(_path=path, _parent=parent, _values=values, _scope=tree.scope)
@@ -220,6 +225,8 @@ def _variable(item: Variable, given: dict[str, Any], full: str, path: str, bound
             value = getattr(bound, value.name)
         elif callable(value):
             value = value(bound)
+        if isinstance(value, str):
+            raise ModelError(f"attribute {key} of '{full}' takes numbers; found {value!r}", item.where)
         sx, shape = operand(value, scope)
         if shape != item.shape and shape != ():
             raise ModelError(f"attribute {key} of '{full}' has shape {shape}; expected {item.shape}", item.where)

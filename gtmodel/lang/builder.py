@@ -14,16 +14,18 @@ from .source import ModelError, here
 
 
 class Builder:
-    """A model written line by line.
-
-        m = gt.Builder("oscillator")
-        k = m.parameter("k", 100.0, unit="N/m")
-        x = m.variable("x", unit="m", start=1.0)
-        m.add(gt.der(x, 2) * m.parameter("m", 1.0, unit="kg") == -k * x)
-        m.causal(targets="der(x,2)", prefer="x")
+    """A model written line by line, without a class, for scripts and notebooks.
 
     Names are declared once; expressions are usable at once; parts are configured models whose ports and
-    variables are attributes of what `part` returns.
+    variables are attributes of what `part` returns. `causal` and `simulate` are those of a Model.
+
+    >>> m = gt.Builder("oscillator")
+    >>> k, mass = m.parameter("k", 100.0, unit="N/m"), m.parameter("mass", 1.0, unit="kg")
+    >>> x = m.variable("x", unit="m", start=1.0)
+    >>> m.add(mass * gt.der(x, 2) == -k * x)
+    >>> acceleration = m.causal(targets="der(x,2)", prefer="x")
+    >>> acceleration(0.5)
+    (-50.0, <Status.OK: 0>)
     """
 
     # bound by the package, as for Model

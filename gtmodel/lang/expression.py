@@ -11,6 +11,7 @@ import casadi as ca
 import numpy as np
 
 from .scope import Scope
+from .slips import floats
 from .source import ModelError, SourceLocation, here
 from .units import Dimension, UnitError
 
@@ -33,10 +34,23 @@ class IndexRangeError(ModelError, IndexError):
 
 
 class Expr:
-    """A scalar (shape ()), vector (n,) or matrix (n, m) expression.
+    """A scalar (shape ()), vector (n,) or matrix (n, m) expression of a model.
 
-    `dimension` is None where it is unknown (a variable declared without a unit). Plain numbers and arrays
-    adopt the other side's dimension in sums and equations and count as dimensionless in products.
+    Inside `equations()` every `self.name` of a variable, an input or a parameter is one. It is calculated with as with
+    an array of NumPy (+ - * / ** @, indices, slices, np.sin), and ==, <= and >= of two make a `Relation`, an equation
+    or a constraint. `dimension` is None where it is unknown (a variable declared without a unit). Plain numbers and
+    arrays adopt the other side's dimension in sums and equations and count as dimensionless in products.
+
+    Raises ModelError, with file and line, for shapes or units that do not fit.
+
+    >>> m = gt.Builder()
+    >>> x, force = m.variable("x", 3, unit="m"), m.variable("force", unit="N")
+    >>> force * x[2]
+    Expr((force*x[2]), shape=(), unit=J)
+    >>> force + x[2]
+    Traceback (most recent call last):
+        ...
+    gtmodel.lang.expression.DimensionError: ...
     """
 
     __slots__ = ("dimension", "scope", "shape", "sx")
@@ -137,6 +151,9 @@ class Expr:
         dim = None if self.dimension is None else self.dimension**power
         return Expr(self.sx**power, self.shape, dim, self.scope)
 
+    def __xor__(self, power: Any) -> Expr:
+        raise ModelError("'^' is no power; write **", here())
+
     def __matmul__(self, other: Any) -> Expr:
         return matmul(self, other)
 
@@ -160,7 +177,10 @@ class Expr:
     __hash__ = object.__hash__
 
     def at(self, instant: Any) -> Expr:
-        """The value at an instant, a number [s], `self.start_time` or `self.final_time`: `x.at(0.5)`."""
+        """The value at an instant, a number [s], `self.start_time` or `self.final_time`: `x.at(0.5)`.
+
+        For objectives and constraints of an Optimization. Raises ModelError for an instant that is no scalar.
+        """
         time, shape = operand(instant, self.scope)
         if shape != ():
             raise ModelError(f"an instant is a scalar time; found shape {shape}", here())
@@ -185,7 +205,8 @@ class Relation:
     def __bool__(self) -> bool:
         raise ModelError(
             f"an equation or inequality ('{self.op}') has no truth value while a model is being built; "
-            "expected it to be yielded; for a <= x <= b use gt.between(a, x, b)",
+            "expected it to be yielded; for a <= x <= b use gt.between(a, x, b), in place of if, and, or gt.branch or "
+            "gt.maximum",
             self.where,
         )
 
@@ -247,7 +268,18 @@ def scope_of(*values: Any) -> Any:
 
 
 def vector(parts: Sequence[Any]) -> Expr:
-    """A vector from scalars, or a matrix (one row each) from vectors of equal length."""
+    """A vector (n,) from n scalars, or a matrix (n, m), one row each, from n vectors of length m.
+
+    All have one unit; numbers adopt it. Raises ModelError for parts of different shapes or units, and for numbers alone
+    (use numpy.array).
+
+    >>> m = gt.Builder()
+    >>> x, y = m.variable("x", unit="m"), m.variable("y", unit="m")
+    >>> gt.vector([x, y, 0.0])
+    Expr([x, y, 0], shape=(3,), unit=m)
+    >>> gt.vector([[x, y], [y, x]]).shape
+    (2, 2)
+    """
     parts = [gathered(p) for p in parts]
     scope = scope_of(*parts)
     if scope is None:
@@ -272,7 +304,7 @@ def operand(value: Any, scope: Scope) -> tuple[ca.SX, Shape]:
             raise ModelError("expressions of two different models were combined; connect them as parts", here())
         return value.sx, value.shape
     try:
-        array = np.asarray(value, dtype=float)
+        array = floats(value)
     except (TypeError, ValueError):
         kind = type(value).__name__
         raise ModelError(f"expected an expression, a number or an array; found {kind} {value!r}", here()) from None

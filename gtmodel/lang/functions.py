@@ -14,12 +14,23 @@ from .units import SECOND
 
 
 def der(x: Any, order: int = 1) -> Expr:
-    """Time derivative of any expression, `order` times; unit divided by s each time.
+    """Time derivative of any expression, `order` times; its unit is divided by s each time.
 
+    It follows the rules of differentiation: der(x**2) is 2 x der(x). A parameter and a function of parameters have the
+    derivative 0. Which derivatives are states, and which equations have to be differentiated, the compiler finds.
     Raises ModelError for a plain number (its derivative is zero: write 0) or a negative order.
+
+    >>> m = gt.Builder()
+    >>> x = m.variable("x", unit="m")
+    >>> gt.der(x, 2)
+    Expr(der(x,2), shape=(), unit=m/s2)
+    >>> gt.der(x**2)
+    Expr(((2.*x)*der(x)), shape=(), unit=m2/s)
     """
     if not isinstance(x, Expr):
         raise ModelError(f"der() takes an expression of the model; found {x!r}", here())
+    if isinstance(order, bool) or not isinstance(order, (int, np.integer)):
+        raise ModelError(f"der() takes an order that is a whole number; found {order!r}", here())
     if order < 0:
         raise ModelError(f"der() takes an order of 0 or more; found {order}", here())
     for _ in range(order):
@@ -42,17 +53,44 @@ def _product(name: str, a: Any, b: Any, shape: tuple[int, ...]) -> Expr:
 
 
 def dot(a: Any, b: Any) -> Expr:
-    """Scalar product of two vectors of equal length."""
+    """Scalar product of two vectors of equal length; its unit is the product of both.
+
+    Raises ModelError for other shapes, and for two arrays of numbers (use numpy.dot).
+
+    >>> m = gt.Builder()
+    >>> force = m.variable("force", 3, unit="N")
+    >>> gt.dot(force, force).shape
+    ()
+    >>> gt.dot([0, 0, 1], force)  # the z component
+    Expr(force[2], shape=(), unit=N)
+    """
     return _product("dot", a, b, ())
 
 
 def cross(a: Any, b: Any) -> Expr:
-    """Vector product of two vectors of length 3."""
+    """Vector product of two vectors of length 3; its unit is the product of both.
+
+    Raises ModelError for other shapes, and for two arrays of numbers (use numpy.cross).
+
+    >>> m = gt.Builder()
+    >>> arm, force = m.variable("arm", 3, unit="m"), m.variable("force", 3, unit="N")
+    >>> torque = gt.cross(arm, force)
+    >>> torque[2]
+    Expr(((arm[0]*force[1])-(arm[1]*force[0])), shape=(), unit=J)
+    """
     return _product("cross", a, b, (3,))
 
 
 def sqrt(x: Any) -> Any:
-    """Square root; the unit is halved."""
+    """Square root, elementwise; of an expression in m2 it is in m. Of numbers, numpy.sqrt.
+
+    >>> m = gt.Builder()
+    >>> x, y = m.variable("x", unit="m"), m.variable("y", unit="m")
+    >>> gt.sqrt(x**2 + y**2)
+    Expr(sqrt((sq(x)+sq(y))), shape=(), unit=m)
+    >>> float(gt.sqrt(2.25))
+    1.5
+    """
     if not isinstance(x, Expr):
         return np.sqrt(x)
     dim = None if x.dimension is None else x.dimension ** (1 / 2)
@@ -60,23 +98,48 @@ def sqrt(x: Any) -> Any:
 
 
 def norm(x: Any) -> Any:
-    """Euclidean length of a vector."""
+    """Euclidean length of a vector, in its unit. Its derivative is singular where the vector is zero.
+
+    >>> m = gt.Builder()
+    >>> gt.norm(m.variable("r", 2, unit="m"))
+    Expr(sqrt((sq(r[0])+sq(r[1]))), shape=(), unit=m)
+    >>> gt.norm([3.0, 4.0])
+    5.0
+    """
     if not isinstance(x, Expr):
         return float(np.linalg.norm(x))
     return sqrt(dot(x, x))
 
 
 def absolute(x: Any) -> Any:
-    """Absolute value."""
+    """Absolute value, elementwise, in the same unit. Its derivative jumps at zero.
+
+    >>> m = gt.Builder()
+    >>> gt.absolute(m.variable("x", unit="m"))
+    Expr(fabs(x), shape=(), unit=m)
+    >>> gt.absolute([-2.0, 1.5]).tolist()
+    [2.0, 1.5]
+    """
     return Expr(ca.fabs(x.sx), x.shape, x.dimension, x.scope) if isinstance(x, Expr) else np.abs(x)
 
 
 def sign(x: Any) -> Any:
-    """Sign, dimensionless: for identification away from zero; simulation refuses it."""
+    """Sign, elementwise and without a unit: -1, 0 or 1.
+
+    It is for identification with data away from zero. Simulation refuses the sign of a variable, because it cannot
+    stick at zero; gt.tanh(x / width) is smooth.
+
+    >>> m = gt.Builder()
+    >>> speed = m.variable("speed", unit="m/s")
+    >>> 20.0 * gt.sign(speed)  # Coulomb friction
+    Expr((20*sign(speed)), shape=(), unit=1)
+    """
     return Expr(ca.sign(x.sx), x.shape, ONE, x.scope) if isinstance(x, Expr) else np.sign(x)
 
 
-def _pure(name: str, fun: Callable[[ca.SX], ca.SX], numeric: Callable[[Any], Any]) -> Callable[[Any], Any]:
+def _pure(name: str, fun: Callable[[ca.SX], ca.SX], numeric: Callable[[Any], Any], doc: str) -> Callable[[Any], Any]:
+    """An elementwise function of what has no unit; `doc`: its first sentence, and an example."""
+
     def apply(x: Any) -> Any:
         if not isinstance(x, Expr):
             return numeric(x)
@@ -84,20 +147,111 @@ def _pure(name: str, fun: Callable[[ca.SX], ca.SX], numeric: Callable[[Any], Any
             raise ModelError(f"{name}() takes a dimensionless number or radians; found {x.dimension}", here())
         return Expr(fun(x.sx), x.shape, ONE, x.scope)
 
-    apply.__name__ = name
-    apply.__doc__ = f"{name} of a dimensionless expression (angles in rad), elementwise."
+    meaning, example = doc.split("\n", 1)
+    apply.__name__ = apply.__qualname__ = name
+    apply.__doc__ = f"""{meaning}
+
+    Takes a scalar, vector or matrix expression, or numbers as NumPy does. Raises ModelError for an expression with a
+    unit; angles are in rad.
+
+{example.rstrip()}
+    """
     return apply
 
 
-sin = _pure("sin", ca.sin, np.sin)
-cos = _pure("cos", ca.cos, np.cos)
-tan = _pure("tan", ca.tan, np.tan)
-asin = _pure("asin", ca.asin, np.arcsin)
-acos = _pure("acos", ca.acos, np.arccos)
-atan = _pure("atan", ca.atan, np.arctan)
-exp = _pure("exp", ca.exp, np.exp)
-log = _pure("log", ca.log, np.log)
-tanh = _pure("tanh", ca.tanh, np.tanh)
+sin = _pure(
+    "sin",
+    ca.sin,
+    np.sin,
+    """Sine of an angle [rad], elementwise.
+    >>> m = gt.Builder()
+    >>> phi = m.variable("phi", unit="rad")
+    >>> gt.sin(phi)
+    Expr(sin(phi), shape=(), unit=1)
+    >>> gt.sin(m.variable("x", unit="m"))
+    Traceback (most recent call last):
+        ...
+    gtmodel.lang.source.ModelError: sin() takes a dimensionless number or radians; found m (...)
+    """,
+)
+cos = _pure(
+    "cos",
+    ca.cos,
+    np.cos,
+    """Cosine of an angle [rad], elementwise.
+    >>> m = gt.Builder()
+    >>> phi, length = m.variable("phi", unit="rad"), m.parameter("length", 0.3, unit="m")
+    >>> length * gt.cos(phi)
+    Expr((length*cos(phi)), shape=(), unit=m)
+    """,
+)
+tan = _pure(
+    "tan",
+    ca.tan,
+    np.tan,
+    """Tangent of an angle [rad], elementwise; infinite at right angles.
+    >>> float(gt.tan(np.radians(45.0)).round(9))
+    1.0
+    """,
+)
+asin = _pure(
+    "asin",
+    ca.asin,
+    np.arcsin,
+    """Angle [rad] from -pi/2 to pi/2 whose sine is given, from -1 to 1, elementwise.
+    >>> float(np.degrees(gt.asin(0.5)).round(9))
+    30.0
+    """,
+)
+acos = _pure(
+    "acos",
+    ca.acos,
+    np.arccos,
+    """Angle [rad] from 0 to pi whose cosine is given, from -1 to 1, elementwise.
+    >>> float(np.degrees(gt.acos(0.5)).round(9))
+    60.0
+    """,
+)
+atan = _pure(
+    "atan",
+    ca.atan,
+    np.arctan,
+    """Angle [rad] from -pi/2 to pi/2 whose tangent is given, elementwise; atan2 knows the quadrant.
+    >>> float(np.degrees(gt.atan(1.0)).round(9))
+    45.0
+    """,
+)
+exp = _pure(
+    "exp",
+    ca.exp,
+    np.exp,
+    """Exponential function of a number without a unit, elementwise.
+    >>> m = gt.Builder()
+    >>> decay_time = m.parameter("decay_time", 0.2, unit="s")
+    >>> gt.exp(-m.time / decay_time)  # a time alone has a unit, and is refused
+    Expr(exp((-(time/decay_time))), shape=(), unit=1)
+    """,
+)
+log = _pure(
+    "log",
+    ca.log,
+    np.log,
+    """Natural logarithm of a positive number without a unit, elementwise.
+    >>> float(gt.log(np.e))
+    1.0
+    """,
+)
+tanh = _pure(
+    "tanh",
+    ca.tanh,
+    np.tanh,
+    """Hyperbolic tangent, elementwise: a smooth step from -1 to 1.
+    >>> m = gt.Builder()
+    >>> speed, width = m.variable("speed", unit="m/s"), m.parameter("width", 0.01, unit="m/s")
+    >>> gt.tanh(speed / width)  # in place of gt.sign(speed), smooth
+    Expr(tanh((speed/width)), shape=(), unit=1)
+    """,
+)
 
 
 def _pair(a: Any, b: Any, fun: Callable[[Any, Any], Any], numeric: Any, name: str) -> Any:
@@ -112,23 +266,55 @@ def _pair(a: Any, b: Any, fun: Callable[[Any, Any], Any], numeric: Any, name: st
 
 
 def minimum(a: Any, b: Any) -> Any:
-    """Smaller of two expressions of equal unit, elementwise."""
+    """Smaller of two expressions of equal unit, elementwise. Its derivative jumps where both are equal.
+
+    Raises ModelError for other units or shapes.
+
+    >>> m = gt.Builder()
+    >>> gt.minimum(m.variable("x", unit="m"), 0.5)  # the number counts in m
+    Expr(fmin(x,0.5), shape=(), unit=m)
+    """
     return _pair(a, b, ca.fmin, np.minimum, "minimum")
 
 
 def maximum(a: Any, b: Any) -> Any:
-    """Larger of two expressions of equal unit, elementwise."""
+    """Larger of two expressions of equal unit, elementwise. Its derivative jumps where both are equal.
+
+    Raises ModelError for other units or shapes.
+
+    >>> m = gt.Builder()
+    >>> gap = m.variable("gap", unit="m")
+    >>> 1e5 * gt.maximum(-gap, 0)  # a contact pushes, and never pulls
+    Expr((100000*fmax((-gap),0)), shape=(), unit=m)
+    """
     return _pair(a, b, ca.fmax, np.maximum, "maximum")
 
 
 def atan2(y: Any, x: Any) -> Any:
-    """Angle of the point (x, y) in rad; both of equal unit."""
+    """Angle [rad] of the point (x, y) about the origin, from -pi to pi; x and y have the same unit.
+
+    The order of the arguments is y, then x, as in C and NumPy. Raises ModelError for two units.
+
+    >>> m = gt.Builder()
+    >>> x, y = m.variable("x", unit="m"), m.variable("y", unit="m")
+    >>> gt.atan2(y, x)
+    Expr(atan2(y,x), shape=(), unit=1)
+    >>> round(float(gt.atan2(1.0, -1.0)), 4)  # 135 degrees
+    2.3562
+    """
     e = _pair(y, x, ca.atan2, np.arctan2, "atan2")
     return Expr(e.sx, e.shape, ONE, e.scope) if isinstance(e, Expr) else e
 
 
 def clip(x: Any, low: float, high: float) -> Any:
-    """x limited to [low, high]: piecewise linear."""
+    """x limited to [low, high], elementwise and in the unit of x: a saturation. Its derivative jumps at both limits.
+
+    >>> m = gt.Builder()
+    >>> gt.clip(m.variable("force", unit="N"), -700, 700)
+    Expr(fmin(fmax(force,-700),700), shape=(), unit=N)
+    >>> int(gt.clip(3, -1, 1))
+    1
+    """
     return minimum(maximum(x, low), high)
 
 

@@ -15,20 +15,31 @@ from .steps import chosen, steps_of
 def interpolate(
     x: Any, at: Any, values: Any, method: Literal["linear", "cubic"] = "linear", derivative: Literal[0, 1] = 0
 ) -> Expr:
-    """The curve through the points (at, values), evaluated at x; or its slope.
+    """The curve through the points (at, values), evaluated at x; or its derivative.
 
     Args:
         x: scalar expression, with the unit of `at`.
         at: abscissae (n,), strictly increasing, n >= 2; numbers or parameters (declare these `increasing`).
-        values: (n,) or (n, m).
+        values: (n,) or (n, m); plain numbers make a curve without a unit.
         method: "linear": straight pieces, continuous; "cubic": natural spline, two continuous derivatives.
-        derivative: 0 the value, 1 its slope d/dx, in the unit of values per unit of x.
+        derivative: 0 the value, 1 its derivative d/dx, in the unit of values per unit of x.
 
-    Beyond the first and the last point the curve goes on straight: "linear" with its end pieces, "cubic" with its end
-    slopes, which keeps the second derivative continuous. At a point the piece to its right counts, so the slope of
+    Beyond the first and the last point the curve goes on straight: "linear" with its end pieces, "cubic" tangentially,
+    which keeps the second derivative continuous. At a point the piece to its right counts, so the derivative of
     straight pieces is defined there too; time derivatives of it take the pieces as they are, without impulses.
 
     Raises ModelError for shapes and units that do not fit, and for numbers in `at` that do not increase.
+
+    >>> class Rail(gt.Model):
+    ...     at = gt.parameter([0.0, 1.0, 2.0], unit="m", increasing=True)
+    ...     heights = gt.parameter([0.0, 0.0, 3e-4], unit="m")
+    ...     s = gt.variable(unit="m")
+    ...     height = gt.variable(unit="m")
+    ...     def equations(self):
+    ...         yield self.height == gt.interpolate(self.s, self.at, self.heights)
+    >>> height, status = Rail().causal(known="s", targets="height")(1.5)
+    >>> round(height, 6)
+    0.00015
     """
     at, values = gathered(at), gathered(values)
     scope = next((e.scope for e in (x, at, values) if isinstance(e, Expr)), None)
@@ -68,7 +79,7 @@ def interpolate(
 
 
 def _linear(at: ca.SX, values: ca.SX) -> list[list[ca.SX]]:
-    """Per piece: where it begins, value there, slope. The end pieces go on for ever."""
+    """Per piece: where it begins, value there, derivative. The end pieces go on for ever."""
     n = at.numel()
     rows = [values[k, :].T for k in range(n)]
     jacobian = [(rows[k + 1] - rows[k]) / (at[k + 1] - at[k]) for k in range(n - 1)]
@@ -76,7 +87,7 @@ def _linear(at: ca.SX, values: ca.SX) -> list[list[ca.SX]]:
 
 
 def _cubic(at: ca.SX, values: ca.SX) -> list[list[ca.SX]]:
-    """Per piece: where it begins, value, slope, quadratic and cubic coefficient; straight pieces at both ends."""
+    """Per piece: where it begins, value, derivative, quadratic and cubic coefficient; straight pieces at both ends."""
     n = at.numel()
     y = [values[k, :].T for k in range(n)]
     h = [at[k + 1] - at[k] for k in range(n - 1)]

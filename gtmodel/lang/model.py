@@ -16,10 +16,42 @@ from .values import check_parameter
 
 
 class Model:
-    """Base class of all components.
+    """Base class of all components and of whole models: declarations in the class body, physics in `equations()`.
 
-    `Rod(L=2.0)` is an immutable configuration: a class and its modifiers. While the compiler flattens it,
-    `self.name` inside `equations()` is the expression, part or port of that name.
+    The body declares with gt.variable, input, parameter, part, parts, port, ports and outer. `equations()` yields
+    equations `a == b` in any order and solved for nothing, connections, branches and energies; there `self.name` is the
+    expression, part or port of that name.
+
+    `Rod(L=2.0)` is an immutable configuration: a class and its modifiers, which are values of parameters, attributes of
+    variables (`x={"start": 0.2}`) and modifiers of parts (`arm={"L": 2.0}`). Ask it `causal` for what follows from
+    what, `simulate` for its motion, `with_` for a variant. All errors of a model are ModelError, with file and line.
+
+    >>> class Pendulum(gt.Model):  # a point mass on a rod, in Cartesian coordinates, y upwards
+    ...     L = gt.parameter(1.0, unit="m", positive=True)
+    ...     m = gt.parameter(1.0, unit="kg", positive=True)
+    ...     g = gt.parameter(9.81, unit="m/s2")
+    ...     x = gt.variable(unit="m", start=0.6)
+    ...     y = gt.variable(unit="m", start=-0.8)
+    ...     pull = gt.variable(unit="N/m", description="of the rod, per length")
+    ...     torque = gt.input(unit="N.m", description="of the motor, counter-clockwise")
+    ...     def equations(self):
+    ...         drive = self.torque / self.L**2
+    ...         yield self.x**2 + self.y**2 == self.L**2
+    ...         yield self.m * gt.der(self.x, 2) == -self.pull * self.x - drive * self.y
+    ...         yield self.m * gt.der(self.y, 2) == -self.pull * self.y + drive * self.x - self.m * self.g
+    >>> pendulum = Pendulum(m=2.0)
+    >>> pendulum.causal(known="x", targets="y")(0.6)
+    (-0.8, <Status.OK: 0>)
+    >>> hold = pendulum.causal(known="x", targets="torque")  # of x, der(x), der(x,2)
+    >>> torque, status = hold(0.6, 0.0, 0.0)
+    >>> round(torque, 3)  # m g x
+    11.772
+    >>> swing = pendulum.causal(known="torque", targets="der(x,2)", prefer="x")
+    >>> [signal.name for signal in swing.inputs]  # the states, then what is known
+    ['x', 'der(x)', 'torque']
+    >>> run = pendulum.simulate(1.0, inputs={"torque": 0.0}, start={"x": 0.6, "der(x)": 0.0})
+    >>> run.status.ok
+    True
     """
 
     _declared: ClassVar[dict[str, Declaration]] = {}
@@ -40,6 +72,12 @@ class Model:
                     del declared[name]
                 elif name in declared:
                     raise ModelError(f"'{name}' in {cls.__name__} hides a declaration of the same name")
+        for name, item in vars(cls).items():
+            if isinstance(item, Model) and "where" in item.__dict__:
+                made = type(item).__name__
+                raise ModelError(
+                    f"'{name}' is no part yet; write {name} = gt.part({made}, ...)", item.__dict__["where"]
+                )
         for name, item in declared.items():
             if name.startswith("_"):
                 raise ModelError(f"declared names may not start with an underscore; found '{name}'", item.where)
@@ -82,15 +120,21 @@ class Model:
         """A new model with some modifiers replaced; the old one stays as it is.
 
         A dictionary, of a part or of a variable's attributes, replaces the entries it names and keeps the others.
+
+        >>> class Rod(gt.Model):
+        ...     L = gt.parameter(1.0, unit="m")
+        ...     x = gt.variable(unit="m", start=0.6)
+        >>> Rod(L=2.0, x={"min": 0.0}).with_(L=3.0, x={"max": 1.0})
+        Rod(L=3.0, x={'min': 0.0, 'max': 1.0})
         """
         return type(self)(**_merged(self.__dict__["_modifiers"], modifiers))
 
     def equations(self) -> Iterable[Any]:
-        """Yield equations (`a == b`), connections and branches."""
+        """Yield equations (`a == b`), connections, branches and energies; `super().equations()` has a base class's."""
         return ()
 
     def initial_equations(self) -> Iterable[Any]:
-        """Yield equations that hold at the start time only."""
+        """Yield equations that hold at the start time only, such as `der(self.x) == 0` for a start at equilibrium."""
         return ()
 
     def __repr__(self) -> str:
@@ -99,11 +143,44 @@ class Model:
 
 
 class Connector(Model):
-    """A set of potentials and flows at which components are joined.
+    """A set of potentials and flows at which components are joined; declare it once, use it as `gt.port(Pin)`.
 
-    `overdetermined` is the reason, told in errors, why such connectors may not be joined in a loop: a potential with
-    more numbers than degrees of freedom, such as a rotation matrix. Components tell with gt.tree_edge and gt.tree_root
-    which port follows from which. Empty: loops are fine.
+    Potentials of connected ports are equal and their flows sum to zero; a flow counts positive into its component.
+
+    A class may set `overdetermined` to the reason, quoted in errors, why its connectors may not be joined in a loop: a
+    potential with more numbers than degrees of freedom, such as a rotation matrix. Components then say with
+    gt.tree_edge and gt.tree_root which port follows from which. Where it is empty, loops are fine.
+
+    >>> class Flange(gt.Connector):
+    ...     s = gt.potential(unit="m")
+    ...     f = gt.flow(unit="N")
+    >>> class Spring(gt.Model):
+    ...     k = gt.parameter(unit="N/m", positive=True)
+    ...     a = gt.port(Flange)
+    ...     b = gt.port(Flange)
+    ...     def equations(self):
+    ...         yield self.b.f == self.k * (self.b.s - self.a.s)
+    ...         yield self.a.f + self.b.f == 0
+    >>> class Wall(gt.Model):
+    ...     flange = gt.port(Flange)
+    ...     def equations(self):
+    ...         yield self.flange.s == 0
+    >>> class Hand(gt.Model):
+    ...     flange = gt.port(Flange)
+    ...     force = gt.variable(unit="N")
+    ...     def equations(self):
+    ...         yield self.flange.f == -self.force
+    >>> class Row(gt.Model):  # two springs, one behind the other
+    ...     wall = gt.part(Wall)
+    ...     springs = gt.parts(2, Spring, k=[100.0, 300.0])
+    ...     hand = gt.part(Hand)
+    ...     def equations(self):
+    ...         yield gt.connect(self.wall.flange, self.springs[0].a)
+    ...         yield gt.connect(self.springs[0].b, self.springs[1].a)
+    ...         yield gt.connect(self.springs[1].b, self.hand.flange)
+    >>> stretch = Row().causal(known="hand.force", targets="hand.flange.s")
+    >>> stretch(75.0)  # 75/100 + 75/300
+    (1.0, <Status.OK: 0>)
     """
 
     overdetermined: ClassVar[str] = ""

@@ -17,11 +17,29 @@ from .units import SECOND
 
 
 class Optimization(Model):
-    """A dynamic optimisation problem.
+    """A dynamic optimisation problem: a Model with an objective, constraints and a horizon. `gt.solve` solves it.
 
-    Class attributes `start_time` and `final_time` are numbers [s] or `gt.free(guess=..., min=...)`.
-    Inputs that no equation determines are the controls. `constraints()` yields `==`, `<=`, `>=` and
-    `gt.between`; an expression with `.at(t)` is a point constraint, any other holds along the whole path.
+    Class attributes `start_time` and `final_time` are numbers [s], 0 and 1 if left out, or
+    `gt.free(guess=..., min=...)`. Inputs that no equation determines are the controls. `objective()` returns the scalar
+    to minimise. `constraints()` yields `==`, `<=`, `>=` and `gt.between`; an expression with `.at(t)` is a point
+    constraint, any other holds along the whole path. Bounds of variables, `min` and `max`, hold along it too.
+
+    >>> class Fastest(gt.Optimization):  # a cart from x = 1 m to 0, from rest to rest
+    ...     final_time = gt.free(1.0, min=0.1, unit="s")
+    ...     x = gt.variable(unit="m", start=1.0, fixed=True)
+    ...     v = gt.variable(unit="m/s", start=0.0, fixed=True)
+    ...     a = gt.input(unit="m/s2", min=-1.0, max=1.0)
+    ...     def equations(self):
+    ...         yield gt.der(self.x) == self.v
+    ...         yield gt.der(self.v) == self.a
+    ...     def objective(self):
+    ...         return self.final_time
+    ...     def constraints(self):
+    ...         yield self.x.at(self.final_time) == 0
+    ...         yield self.v.at(self.final_time) == 0
+    >>> solution = gt.solve(Fastest(), gt.Mesh(10, control="constant"))
+    >>> round(solution.final_time, 4)  # 2 sqrt(x / a): full thrust, full brake
+    2.0
     """
 
     start_time: Any = 0.0
@@ -40,16 +58,29 @@ class Optimization(Model):
                 del cls._declared[name]
 
     def objective(self) -> Any:
-        """The scalar to minimise: built from `x.at(t)`, `gt.integral(...)`, `self.final_time`, free constants."""
+        """The scalar to minimise: built from `x.at(t)`, `gt.integral(...)`, `self.final_time` and free constants."""
         raise ModelError(f"{type(self).__name__} has no objective; define objective(self)", self.__dict__.get("where"))
 
     def constraints(self) -> Iterable[Any]:
-        """Yield relations."""
+        """Yield relations: point constraints with `.at(t)`, all others along the whole path."""
         return ()
 
 
 def integral(integrand: Any) -> Expr:
-    """Integral over the horizon (Lagrange cost); unit times s."""
+    """Integral of a scalar over the horizon, for objectives and constraints (Lagrange cost); its unit is times s.
+
+    Raises ModelError for what is no scalar expression.
+
+    >>> class Regulator(gt.Optimization):
+    ...     x = gt.variable(start=1.0, fixed=True)
+    ...     u = gt.input()
+    ...     def equations(self):
+    ...         yield gt.der(self.x) == self.u
+    ...     def objective(self):
+    ...         return gt.integral(self.x**2 + self.u**2)
+    >>> round(gt.solve(Regulator(), gt.Mesh(5)).objective, 4)  # tanh(1)
+    0.7616
+    """
     if not isinstance(integrand, Expr) or integrand.shape != ():
         raise ModelError("gt.integral takes a scalar expression", here())
     scope = integrand.scope
@@ -84,9 +115,25 @@ class Delayed(Variable):
 def delayed(source: Any, tau: float, *, history: Any) -> Any:
     """The input `source` of the same class as it was `tau` seconds ago: `late = gt.delayed(u, 0.1, history=0.0)`.
 
-    A constant delay of a scalar input on a given horizon, where every mesh edge is an edge `tau` earlier and
-    later, too. A part may delay its own input.
-    `history` is its value before the start: a number or a function of time [s]. Raises ModelError for another source.
+    Args:
+        source: a scalar gt.input of the same class. A part may delay its own input.
+        tau: constant delay [s], above zero.
+        history: the value of the source before the start: a number or a function of time [s].
+
+    It is for optimisation on a given horizon, on a mesh where the instant `tau` before and `tau` after each edge is an
+    edge too. Raises ModelError for another source or a delay that is not positive.
+
+    >>> class Late(gt.Optimization):  # x' = u(t - 0.5); until 0.5 s nothing can be done
+    ...     x = gt.variable(start=1.0, fixed=True)
+    ...     u = gt.input()
+    ...     late = gt.delayed(u, 0.5, history=0.0)
+    ...     final_time = 2.0
+    ...     def equations(self):
+    ...         yield gt.der(self.x) == self.late
+    ...     def objective(self):
+    ...         return gt.integral(self.x**2 + self.u**2)
+    >>> round(gt.solve(Late(), gt.Mesh(4)).objective, 3)  # 0.5 + tanh(1.5)
+    1.405
     """
     if not isinstance(source, Variable) or source.role != "input" or source.shape != ():
         raise ModelError(f"gt.delayed takes a scalar gt.input of the same class; found {source!r}", here())
@@ -103,9 +150,19 @@ def misfit(expression: Any, times: Any, measured: Any, *, sigma: Any = None) -> 
         times: instants (n,) [s] within the horizon.
         measured: values (n,) or (n, k), in the expression's SI unit.
         sigma: standard deviation of the noise, a number or (k,), in the same unit; None: one unknown number for all
-            measured values, told by what is left over. See gt.estimate for the covariance.
+            measured values, estimated from the residuals. See gt.estimate for the covariance.
 
     Raises ModelError for shapes that do not fit and numbers that are not finite.
+
+    >>> class Decay(gt.Optimization):
+    ...     rate = gt.free(1.0, min=0.0, unit="1/s")
+    ...     x = gt.variable(start=1.0, fixed=True)
+    ...     def equations(self):
+    ...         yield gt.der(self.x) == -self.rate * self.x
+    ...     def objective(self):
+    ...         return gt.misfit(self.x, times=[0.5, 1.0], measured=[0.37, 0.13], sigma=0.01)
+    >>> round(gt.solve(Decay(), gt.Mesh(4)).free["rate"], 2)  # exp(-2 t), with noise
+    2.01
     """
     if not isinstance(expression, Expr) or len(expression.shape) > 1:
         raise ModelError(f"gt.misfit takes a scalar or a vector expression; found {expression!r}", here())

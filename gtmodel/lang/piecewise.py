@@ -17,12 +17,21 @@ def piecewise(x: Any, breaks: Any, coefficients: Any) -> Expr:
 
     Args:
         x: scalar expression.
-        breaks: (pieces + 1,) numbers, strictly increasing.
+        breaks: (pieces + 1,) numbers, strictly increasing, in the unit of x.
         coefficients: (order + 1, pieces) or (order + 1, pieces, m), highest power first, as scipy's PPoly has them.
 
     Its unit is that of what it is compared with. Beyond both ends the end pieces go on; at a break the piece on its
     right counts. Time derivatives take the pieces as they are, so the curve should be as smooth as the model
     differentiates it. Raises ModelError for wrong shapes.
+
+    >>> class Cam(gt.Model):
+    ...     phi = gt.variable(unit="rad")
+    ...     lift = gt.variable(unit="m")
+    ...     def equations(self):  # at rest up to 1 rad, then 0.02 m/rad^2 (phi - 1)^2
+    ...         yield self.lift == gt.piecewise(self.phi, [0, 1, 2], [[0, 0.02], [0, 0], [0, 0]])
+    >>> lift, status = Cam().causal(known="phi", targets="lift")([0.5, 1.5])
+    >>> lift.round(6).tolist()
+    [0.0, 0.005]
     """
     breaks, c = np.asarray(breaks, float), np.asarray(coefficients, float)
     if not isinstance(x, Expr) or x.shape != ():

@@ -5,6 +5,8 @@ from __future__ import annotations
 import difflib
 import functools
 import inspect
+import re
+import sys
 import sysconfig
 import traceback
 from collections.abc import Callable, Iterable, Iterator
@@ -12,13 +14,18 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
+import numpy as np
+
 from .source import LANG, ModelError, SourceLocation, here, of_frame
 
 P = ParamSpec("P")
 T = TypeVar("T")
+_PACKAGE = Path(LANG).parent
 _NOBODYS = (
     LANG,
-    str(Path(LANG).parent / "__init__.py"),
+    str(_PACKAGE / "__init__.py"),
+    str(_PACKAGE / "compiler"),
+    str(_PACKAGE / "optimize"),
     sysconfig.get_path("stdlib"),
     sysconfig.get_path("purelib"),
     "<frozen",
@@ -42,41 +49,94 @@ def near(name: str, known: Any) -> str:
 
 
 def named(function: Callable[P, T]) -> Callable[P, T]:
-    """The same function, which refuses an unknown, a missing or a surplus argument with the caller's line."""
+    """The same function, which refuses an unknown, a missing or a surplus argument with the caller's line.
+
+    An error of a model that says no place gets the caller's line too, where the caller is a person.
+    """
 
     @functools.wraps(function)
     def called(*args: P.args, **kwargs: P.kwargs) -> T:
         try:
             return function(*args, **kwargs)
+        except ModelError as error:
+            error.placed(_persons_line())
+            raise
         except TypeError as error:
             # raised by the call itself, before any line of the function ran
-            if isinstance(error, ModelError) or error.__traceback__ is None or error.__traceback__.tb_next is not None:
+            if error.__traceback__ is None or error.__traceback__.tb_next is not None:
                 raise
-            raise CallError(_unfit(function, error, kwargs), here()) from None
+            raise CallError(_unfit(function, error, args, kwargs), here()) from None
 
     return called
 
 
-def _unfit(function: Callable[..., Any], error: TypeError, given: dict[str, Any]) -> str:
-    names = [n for n, p in inspect.signature(function).parameters.items() if p.kind is not p.VAR_KEYWORD]
+def floats(value: Any) -> np.ndarray:
+    """Numbers as an array of floats. Raises TypeError for a text, also one that looks like a number, and for none."""
+    if isinstance(value, (float, int)):
+        return np.asarray(value, dtype=float)
+    found = np.asarray(value)
+    if found.dtype.kind in "USMm" or (found.dtype.kind == "O" and any(isinstance(x, str) for x in found.flat)):
+        raise TypeError("a text is no number")
+    return np.asarray(value, dtype=float)
+
+
+def _persons_line() -> SourceLocation | None:
+    """Line of the innermost call from outside the package; None where a library or the command line called."""
+    frame: Any = sys._getframe(1)
+    while frame is not None and frame.f_code.co_filename.startswith(str(_PACKAGE)):
+        frame = frame.f_back
+    if frame is None or frame.f_code.co_filename.startswith(_NOBODYS):
+        return None
+    return of_frame(frame.f_code.co_filename, frame.f_lineno)
+
+
+def _unfit(function: Callable[..., Any], error: TypeError, args: tuple[Any, ...], given: dict[str, Any]) -> str:
+    parameters = inspect.signature(function).parameters.values()
+    names = [p.name for p in parameters if p.kind is not p.VAR_KEYWORD]
     shown = function.__name__.removeprefix("compile_")
     if unknown := [n for n in given if n not in names]:
         hint = near(unknown[0], names) or f"; it takes {', '.join(names)}"
         return f"{shown}() has no argument '{unknown[0]}'{hint}"
-    if "missing" in str(error) and "'model'" in str(error):
+    if "missing" in str(error) and names[0] == "model" and not hasattr(args[0] if args else None, "equations"):
         return f"{shown} is asked of a configured model; write Robot().{shown}(...), with parentheses after the class"
+    places = [p for p in parameters if p.kind is p.POSITIONAL_OR_KEYWORD]
+    if "positional" in str(error) and len(args) > len(places) and "missing" not in str(error):
+        meant = (
+            "unit"
+            if "unit" in names and isinstance(args[len(places)], str)
+            else names[min(len(places), len(names) - 1)]
+        )
+        return (
+            f"{shown}() takes {len(places) or 'no'} argument{'s' if len(places) != 1 else ''} without a name; found "
+            f"{len(args)}: write {meant}={shortened(args[len(places)])}"
+        )
     return f"{shown}() {str(error).partition(') ')[2] or error}"
 
 
 @contextmanager
-def persons_code(what: str) -> Iterator[None]:
-    """A fault in a method that a person wrote becomes a ModelError with the line where it happened."""
+def persons_code(what: str, method: Callable[..., Any] | None = None) -> Iterator[None]:
+    """A fault in a method that a person wrote becomes a ModelError with the line where it happened.
+
+    method: the one that is called; its first line where no line of it ran.
+    """
     try:
         yield
-    except (ModelError, RecursionError, MemoryError):
+    except (ModelError, MemoryError):
         raise
+    except RecursionError as error:
+        frames = _persons_frames(error)
+        names = [f.name for f in frames]
+        if not names or names.count(names[-1]) < 50:  # too deep an expression
+            raise
+        raise ModelError(f"{what}: {names[-1]}() calls itself without an end", _line(error)) from None
     except Exception as error:
-        raise ModelError(f"{what}: {_explained(error)}", _line(error)) from error
+        raise ModelError(f"{what}: {_explained(error)}", _line(error) or line_of(method)) from error
+
+
+def line_of(method: Any) -> SourceLocation | None:
+    """The line on which a function or method begins; None for anything else."""
+    code = getattr(method, "__code__", None)
+    return None if code is None else of_frame(code.co_filename, code.co_firstlineno)
 
 
 def each_of(source: Iterable[Any], what: str) -> Iterator[Any]:
@@ -92,12 +152,30 @@ def each_of(source: Iterable[Any], what: str) -> Iterator[Any]:
 
 
 def _line(error: BaseException) -> SourceLocation | None:
-    frames = [f for f in traceback.extract_tb(error.__traceback__) if not f.filename.startswith(_NOBODYS)]
+    frames = _persons_frames(error)
     return of_frame(frames[-1].filename, frames[-1].lineno or 0) if frames else None
+
+
+def _persons_frames(error: BaseException) -> list[traceback.FrameSummary]:
+    return [f for f in traceback.extract_tb(error.__traceback__) if not f.filename.startswith(_NOBODYS)]
+
+
+def _of_self(error: BaseException) -> dict[str, Any]:
+    """What the model declares in whose method the fault is."""
+    found: dict[str, Any] = {}
+    for frame, _ in traceback.walk_tb(error.__traceback__):
+        found = getattr(type(frame.f_locals.get("self")), "_declared", found)
+    return found
 
 
 def _explained(error: Exception) -> str:
     text = str(error)
+    if isinstance(error, NameError) and error.name in _of_self(error):
+        return f"there is no '{error.name}' by itself; write self.{error.name}"
+    if isinstance(error, TypeError) and (bare := re.search(r"(\w+)\(\) takes 0 positional arguments but 1 was", text)):
+        return f"it lacks its first argument; write def {bare[1]}(self)"
+    if isinstance(error, TypeError) and "'method'" in text:
+        return f"{text}; call the method, with parentheses behind its name"
     if isinstance(error, NotImplementedError) and "overloaded function" in text:  # CasADi, given an Expr
         name = text.partition("overloaded function '")[2].partition("'")[0]
         if name == "Function_call":

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import sys
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -60,3 +61,8 @@ class ModelError(ValueError):
     def __init__(self, sentence: str, where: SourceLocation | None = None) -> None:
         super().__init__(f"{sentence} ({where})" if where is not None else sentence)
         self.where = where
+
+    def placed(self, where: SourceLocation | None) -> None:
+        """Say a place where the sentence names none."""
+        if self.where is None and where is not None and not re.search(r"\.py:\d+|\]:\d+", str(self)):
+            self.args, self.where = (f"{self} ({where})",), where

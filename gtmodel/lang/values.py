@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from .declare import Declaration, Kind, Parameter
+from .slips import floats
 from .source import ModelError, SourceLocation
 
 # of squared lengths and scalar products: four printed digits, 0.7071 for sqrt(1/2), are off by 1.8e-4 at the most
@@ -34,7 +35,9 @@ def check_parameter(
     where = where or item.where
     shape = shape_text(item.shape)
     try:
-        array = np.asarray(value, dtype=float)
+        if isinstance(value, (bool, np.bool_)):
+            raise TypeError
+        array = floats(value)
     except (TypeError, ValueError):
         raise ModelError(f"parameter '{name}' takes numbers of shape {shape}; found {value!r}", where) from None
     if not fits(array.shape, item.shape):

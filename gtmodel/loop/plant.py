@@ -133,7 +133,7 @@ class ElasticPlant:
         before = self.plant.arm_m.copy()
         self.plant.step(position_m, speed_m_s)
         slope = (self.plant.arm_m - before) / self.cycle_s
-        self._deflection[1] -= slope - self._slope  # m'' of a polygon is a step of its slope
+        self._deflection[1] -= slope - self._slope  # m'' of a polygon is a step of its rate
         self._deflection = self._passes @ self._deflection
         self._slope = slope
 

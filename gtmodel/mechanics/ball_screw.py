@@ -9,13 +9,25 @@ from .frames import Flange, Shaft
 
 
 class BallScrew(gt.Model):
-    """A ball screw between a bearing at distance a from an axis and a lever of length b on what turns about it.
+    """A ball screw between a bearing at distance a [m] from an axis and a lever of length b [m] that turns about it.
 
     Law of cosines, (length_0 + s)^2 = a^2 + b^2 - 2 a b cos(angle_0 + phi): the travel s [m] of `flange` and the angle
     phi [rad] of `shaft` vanish together, a longer screw turns to positive phi. No losses. As on the rotary axes of the
-    F1, whose ball screws Dressler 2012, section 5.4, names without an equation or dimensions: both are OURS, the
-    defaults an EXAMPLE. Branch `extended`: length_0 + s > 0, the only side that means anything. phi from s is a Newton
-    block in one unknown, singular where the lever points along the screw.
+    F1, whose ball screws Dressler 2012, section 5.4, names without an equation or dimensions: both are OURS, and
+    the defaults are an EXAMPLE. Branch `extended`: length_0 + s > 0, the only side with a meaning. phi from s is a
+    Newton block in one unknown, singular where the lever points along the screw.
+
+    A lever at a right angle to the bearing's direction: 10 mm of travel turn it by 6.3 degrees.
+
+    >>> bench = gt.Builder("bench")
+    >>> screw = bench.part("screw", gt.mechanics.BallScrew(a=0.25, b=0.10))
+    >>> motor = bench.part("motor", gt.mechanics.ForceMotor())
+    >>> load = bench.part("load", gt.mechanics.TorqueMotor())
+    >>> bench.add(gt.connect(motor.flange, screw.flange), gt.connect(screw.shaft, load.shaft))
+    >>> turn = bench.causal(known="motor.flange.s", targets="load.shaft.phi")
+    >>> phi, status = turn(0.010)
+    >>> print(round(np.degrees(phi), 2))
+    6.3
     """
 
     a = gt.parameter(0.25, unit="m", positive=True, description="from the axis to the screw's bearing")

@@ -1,5 +1,8 @@
 """Connectors of mechanics, and the world with its gravity.
 
+One sign convention holds for all of them: the flow of a port (force, torque) acts on the component that owns the port,
+so that the flows of connected ports sum to zero, and flow times velocity is power into the component.
+
 As states, coordinates of joints come before those of connectors: angles and travels 0, w -1, quaternions -2,
 positions -3, rotation matrices -4.
 """
@@ -12,7 +15,25 @@ from .. import lang as gt
 
 
 class PointFrame(gt.Connector):
-    """A point in the world frame: position r [m]; force f [N] acting on the component at that point."""
+    """A point: its position r [m] and the force f [N] that acts on the component there, both in world coordinates.
+
+    A part of one's own with a point, a buoy that lifts what is connected with a constant force along z:
+
+    >>> class Buoy(gt.Model):
+    ...     lift = gt.parameter(unit="N")
+    ...     point = gt.port(gt.mechanics.PointFrame)
+    ...
+    ...     def equations(self):
+    ...         yield self.point.f == gt.vector([0.0, 0.0, -self.lift])
+    ...
+    >>> bench = gt.Builder("bench")
+    >>> buoy = bench.part("buoy", Buoy(lift=50.0))
+    >>> mass = bench.part("mass", gt.mechanics.PointMass(m=4.0))
+    >>> bench.add(gt.connect(buoy.point, mass.frame))
+    >>> acceleration, status = bench.causal(targets="der(mass.frame.r,2)")()
+    >>> acceleration.round(6)
+    array([0.  , 0.  , 2.69])
+    """
 
     r = gt.potential(3, unit="m", prefer=-3, description="position in the world frame")
     f = gt.flow(3, unit="N", description="force on the component")
@@ -23,6 +44,19 @@ class Frame(gt.Connector):
 
     R (3, 3) takes frame coordinates to world coordinates (its columns are the frame's axes) and w is its angular
     velocity, der(R) = w x R. The force f acts on the component at the frame's origin, the torque t is taken about it.
+
+    An arm of 0.5 m along x with a load of 10 N downwards at its end. The flows f and t at its mount act on the arm:
+    they hold it up.
+
+    >>> bench = gt.Builder("bench")
+    >>> ground = bench.part("ground", gt.mechanics.Ground())
+    >>> arm = bench.part("arm", gt.mechanics.FixedTranslation(d=[0.5, 0.0, 0.0]))
+    >>> load = bench.part("load", gt.mechanics.FrameLoad())
+    >>> bench.add(gt.connect(ground.frame, arm.a), gt.connect(arm.b, load.frame))
+    >>> f = bench.causal(known=["load.force", "load.torque"], targets=["arm.a.f", "arm.a.t"])
+    >>> force, torque, status = f([0.0, 0.0, -10.0], np.zeros(3))
+    >>> print(force + 0.0, torque + 0.0)
+    [ 0.  0. 10.] [ 0. -5.  0.]
     """
 
     overdetermined: ClassVar[str] = (
@@ -37,20 +71,67 @@ class Frame(gt.Connector):
 
 
 class Flange(gt.Connector):
-    """A translational flange: coordinate s [m]; force f [N] acting on the component along it."""
+    """A translational flange: coordinate s [m], and the force f [N] that acts on the component towards positive s.
+
+    A part of one's own with a flange, which pulls towards positive s; the flow on itself is the opposite.
+
+    >>> class Pull(gt.Model):
+    ...     force = gt.parameter(unit="N", description="force on what is connected, along positive s")
+    ...     flange = gt.port(gt.mechanics.Flange)
+    ...
+    ...     def equations(self):
+    ...         yield self.flange.f == -self.force
+    ...
+    >>> bench = gt.Builder("bench")
+    >>> mass = bench.part("mass", gt.mechanics.Mass(m=4.0))
+    >>> pull = bench.part("pull", Pull(force=20.0))
+    >>> bench.add(gt.connect(mass.flange, pull.flange))
+    >>> acceleration, status = bench.causal(targets="der(mass.flange.s,2)")()
+    >>> print(acceleration)
+    5.0
+    """
 
     s = gt.potential(unit="m", description="coordinate along the axis")
     f = gt.flow(unit="N", description="force on the component")
 
 
 class Shaft(gt.Connector):
-    """A rotational flange: angle phi [rad]; torque t [N.m] acting on the component along it."""
+    """A rotational flange: angle phi [rad], and the torque t [N.m] that acts on the component towards positive phi.
+
+    A part of one's own with a shaft, an eccentric weight that hangs down at phi = 0 and needs a positive torque at a
+    positive angle:
+
+    >>> class Eccentric(gt.Model):
+    ...     moment = gt.parameter(unit="N.m", description="weight times distance from the axis")
+    ...     shaft = gt.port(gt.mechanics.Shaft)
+    ...
+    ...     def equations(self):
+    ...         yield self.shaft.t == self.moment * gt.sin(self.shaft.phi)
+    ...
+    >>> bench = gt.Builder("bench")
+    >>> eccentric = bench.part("eccentric", Eccentric(moment=3.0))
+    >>> motor = bench.part("motor", gt.mechanics.TorqueMotor())
+    >>> bench.add(gt.connect(eccentric.shaft, motor.shaft))
+    >>> torque, status = bench.causal(known="motor.shaft.phi", targets="motor.torque")(np.pi / 6, 0.0, 0.0)
+    >>> print(round(torque, 6))
+    1.5
+    """
 
     phi = gt.potential(unit="rad", description="angle about the axis")
     t = gt.flow(unit="N.m", description="torque on the component")
 
 
 class World(gt.Model):
-    """Gravity; the default points along -z."""
+    """The gravitational acceleration g [m/s2] in world coordinates; the default points along -z.
+
+    Declared as a part of a model, it is the gravity of all bodies in it; a model without one has the default.
+
+    >>> bench = gt.Builder("on_the_moon")
+    >>> world = bench.part("world", gt.mechanics.World(g=[0.0, 0.0, -1.62]))
+    >>> mass = bench.part("mass", gt.mechanics.PointMass(m=3.0))
+    >>> acceleration, status = bench.causal(targets="der(mass.frame.r,2)")()
+    >>> acceleration
+    array([ 0.  ,  0.  , -1.62])
+    """
 
     g = gt.parameter([0.0, 0.0, -9.81], unit="m/s2", description="gravitational acceleration")

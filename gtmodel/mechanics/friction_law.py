@@ -26,7 +26,7 @@ class PiecewiseLinearSign:
 
 
 class ExactSign:
-    """The sign itself, 0 at standstill; velocity_scale has no say."""
+    """The sign itself, 0 at standstill; velocity_scale is not used."""
 
     def smooth_sign(self, ratio: Any) -> Any:
         return gt.sign(ratio)

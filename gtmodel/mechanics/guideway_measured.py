@@ -12,8 +12,28 @@ class MeasuredGuideway(Guideway):
     and 4): r(q) = t + R(u) p(q), p(q) through (at, points).
 
     t and u bring the frame of that recording into the robot's; they are what a calibration moves, not A and v, which
-    only tell branches and start values. u is a unit quaternion, scalar first: calibrate it as `unit`. Points close to a
-    straight line hardly tell the turn about it.
+    determine branches and start values only. u is a unit quaternion, scalar first: calibrate it as `unit`. Points close
+    to a straight line hardly determine the rotation about that line.
+
+    Points recorded by a tracker whose y axis is the robot's x axis, with its origin at (0, 0.5, 1) m:
+
+    >>> bench = gt.Builder("bench")
+    >>> u = [np.cos(np.pi / 4), 0.0, 0.0, -np.sin(np.pi / 4)]  # minus 90 degrees about z
+    >>> guideway = gt.mechanics.MeasuredGuideway(
+    ...     A=[0.0, 0.5, 1.0],
+    ...     v=[1.0, 0.0, 0.0],
+    ...     at=[0.0, 1.0, 2.0],
+    ...     points=[[0.0, 0.0, 0.0], [0.0, 0.999, 1e-4], [0.0, 1.998, 0.0]],
+    ...     t=[0.0, 0.5, 1.0],
+    ...     u=u,
+    ... )
+    >>> cart = bench.part("cart", guideway)
+    >>> mass = bench.part("mass", gt.mechanics.PointMass(m=10.0))
+    >>> motor = bench.part("motor", gt.mechanics.ForceMotor())
+    >>> bench.add(gt.connect(cart.frame, mass.frame), gt.connect(motor.flange, cart.flange))
+    >>> r, status = bench.causal(known="cart.flange.s", targets="cart.frame.r")(1.5)
+    >>> r.round(6)
+    array([1.4985 , 0.5    , 1.00005])
     """
 
     at = gt.parameter(shape=(None,), unit="m", increasing=True, description="coordinates q of the points")

@@ -1,4 +1,4 @@
-"""Rods between spherical joints: rigid ones of length L, and one compliant along itself."""
+"""Rods between spherical joints: rigid ones of length L, and one that is compliant along its axis."""
 
 from __future__ import annotations
 
@@ -10,10 +10,30 @@ from .frames import PointFrame, World
 
 
 class Rod(gt.Model):
-    """Massless-inertia base of all rods: two joints at distance L [m], total mass m [kg].
+    """Base of all rods between two spherical joints at distance L [m], with the total mass m [kg].
 
-    `tension` [N/m] times the vector from a to b is the internal force that pulls the ends together.
-    Subclasses say how the mass is spread.
+    `tension` [N/m] times the vector from a to b is the internal force [N] that pulls the ends together:
+    positive in tension, negative in compression. Subclasses define how the mass is spread.
+
+    A rod of one's own whose mass sits at its end b. Held at a and let go level, b falls like a point mass:
+
+    >>> class EndRod(gt.mechanics.Rod):
+    ...     def inertial_forces(self):
+    ...         at_b = self.m * (gt.der(self.b.r, 2) - self.world.g)
+    ...         return 0.0 * at_b, at_b
+    ...
+    ...     def kinetic_energy(self):
+    ...         v = gt.der(self.b.r)
+    ...         return self.m / 2 * gt.dot(v, v)
+    ...
+    >>> bench = gt.Builder("bench")
+    >>> anchor = bench.part("anchor", gt.mechanics.Anchor())
+    >>> rod = bench.part("rod", EndRod(L=1.0, m=2.0))
+    >>> bench.add(gt.connect(anchor.point, rod.a), gt.branch("along_x", rod.b.r[0]))
+    >>> swing = bench.causal(targets="der(rod.b.r,2)", prefer=["rod.b.r[1]", "rod.b.r[2]"])
+    >>> acceleration, status = swing(0.0, 0.0, 0.0, 0.0)  # positions y and z, velocities
+    >>> acceleration.round(6) + 0.0
+    array([ 0.  ,  0.  , -9.81])
     """
 
     L = gt.parameter(unit="m", positive=True, description="length between joint centres")
@@ -46,7 +66,21 @@ class Rod(gt.Model):
 
 
 class MidpointRod(Rod):
-    """Mass as a point at mid-length (Dressler 2012, eq. (6.7): m/4 and m/4)."""
+    """A rod whose mass is a point at mid-length (Dressler 2012, eq. (6.7): m/4 and m/4).
+
+    A pendulum that hangs still: `tension` times the length is the weight of the mass and of half the rod.
+
+    >>> bench = gt.Builder("bench")
+    >>> anchor = bench.part("anchor", gt.mechanics.Anchor(r=[0.0, 0.0, 2.0]))
+    >>> rod = bench.part("rod", gt.mechanics.MidpointRod(L=0.5, m=1.0))
+    >>> mass = bench.part("mass", gt.mechanics.PointMass(m=3.0))
+    >>> bench.add(gt.connect(anchor.point, rod.a), gt.connect(rod.b, mass.frame))
+    >>> bench.add(gt.branch("below", rod.a.r[2] - rod.b.r[2]))
+    >>> swing = bench.causal(targets="rod.tension", prefer=["rod.b.r[0]", "rod.b.r[1]"])
+    >>> tension, status = swing(0.0, 0.0, 0.0, 0.0)  # positions x and y, velocities
+    >>> print(round(tension * 0.5, 6), round(3.5 * 9.81, 6))
+    34.335 34.335
+    """
 
     def inertial_forces(self):
         half = self.m / 2 * (gt.der((self.a.r + self.b.r) / 2, 2) - self.world.g)
@@ -58,10 +92,22 @@ class MidpointRod(Rod):
 
 
 class ElasticRod(MidpointRod):
-    """A MidpointRod compliant along itself: length = L + n/k under the pull n = tension * length [N].
+    """A MidpointRod that is compliant along its axis: length = L + n/k under the pull n = tension * length [N].
 
-    k [N/m]: of the rod and the joints at its ends in series, 1/k = L/(E A) + 1/k_a + 1/k_b. It bends no more than a
-    rigid one: its joints pass no moment.
+    k [N/m]: of the rod and the joints at its ends in series, 1/k = L/(E A) + 1/k_a + 1/k_b. It does not
+    bend, since its joints pass no moment.
+
+    A load of 1000 N along a rod of 1e7 N/m stretches it by 0.1 mm:
+
+    >>> bench = gt.Builder("bench")
+    >>> anchor = bench.part("anchor", gt.mechanics.Anchor())
+    >>> rod = bench.part("rod", gt.mechanics.ElasticRod(L=1.5, k=1e7))
+    >>> load = bench.part("load", gt.mechanics.PointLoad())
+    >>> bench.add(gt.connect(anchor.point, rod.a), gt.connect(rod.b, load.frame))
+    >>> pull = bench.causal(known="rod.b.r", targets=["rod.stretch", "load.force"])
+    >>> stretch, force, status = pull([1.5001, 0.0, 0.0], np.zeros(3), np.zeros(3))
+    >>> print(round(stretch, 9), force.round(3))
+    0.0001 [1000.    0.    0.]
     """
 
     k = gt.parameter(unit="N/m", positive=True, description="stiffness along the rod, joints included")
@@ -75,7 +121,19 @@ class ElasticRod(MidpointRod):
 
 
 class UniformRod(Rod):
-    """Mass spread evenly along a thin rod: consistent masses m/3 and m/6."""
+    """A thin rod whose mass is spread evenly: consistent masses m/3 and m/6.
+
+    Held at a and let go level, its end b falls with 3/2 g, where a MidpointRod has 2 g:
+
+    >>> bench = gt.Builder("bench")
+    >>> anchor = bench.part("anchor", gt.mechanics.Anchor())
+    >>> rod = bench.part("rod", gt.mechanics.UniformRod(L=1.0, m=2.0))
+    >>> bench.add(gt.connect(anchor.point, rod.a), gt.branch("along_x", rod.b.r[0]))
+    >>> swing = bench.causal(targets="der(rod.b.r,2)", prefer=["rod.b.r[1]", "rod.b.r[2]"])
+    >>> acceleration, status = swing(0.0, 0.0, 0.0, 0.0)  # positions y and z, velocities
+    >>> acceleration.round(6) + 0.0
+    array([  0.   ,   0.   , -14.715])
+    """
 
     def inertial_forces(self):
         acc_a, acc_b = gt.der(self.a.r, 2), gt.der(self.b.r, 2)

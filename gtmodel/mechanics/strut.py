@@ -9,7 +9,22 @@ from .frames import PointFrame
 class Strut(gt.Model):
     """Massless linear actuator between two spherical joints, e.g. a leg of a hexapod.
 
-    `force` [N] pushes the ends apart. Branch `extended`: length > 0, the only side that means anything.
+    `force` [N] pushes the ends apart where it is positive. Branch `extended`: length > 0, the only side that means
+    anything.
+
+    A leg of 2 m that bears a mass of 5 kg above it: `force` pushes its ends apart.
+
+    >>> bench = gt.Builder("bench")
+    >>> anchor = bench.part("anchor", gt.mechanics.Anchor())
+    >>> leg = bench.part("leg", gt.mechanics.Strut())
+    >>> mass = bench.part("mass", gt.mechanics.PointMass(m=5.0))
+    >>> bench.add(gt.connect(anchor.point, leg.a), gt.connect(leg.b, mass.frame))
+    >>> bench.add(gt.branch("above", leg.b.r[2] - leg.a.r[2]))
+    >>> sideways = ["leg.b.r[0]", "leg.b.r[1]"]
+    >>> inverse = bench.causal(known="leg.length", targets=["leg.force", "leg.b.r"], prefer=sideways)
+    >>> force, r, status = inverse(0.0, 0.0, 0.0, 0.0, 2.0, 0.0, 0.0)  # x, y, their rates; length, its rates
+    >>> print(round(force, 6), r)
+    49.05 [0. 0. 2.]
     """
 
     a = gt.port(PointFrame)

@@ -1,4 +1,4 @@
-"""When a motion fails a check that a finer mesh can mend: how fine, for how long, and how it is told."""
+"""When a motion fails a check that a finer mesh can mend: how fine, for how long, and what the message says."""
 
 from __future__ import annotations
 

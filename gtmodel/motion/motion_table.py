@@ -20,7 +20,16 @@ MEASURED = ("final_time_s", "energy", "saturation", "optima", "exported_final_ti
 
 @dataclass(frozen=True)
 class Published(Options):
-    """What a source prints for a row; compared by eye, never a check: its poses and limits are unpublished."""
+    """Numbers that a source prints for a row of the table. They stand beside the computed ones and are never a check,
+    because the poses and limits of the source are unpublished.
+
+    >>> printed = gt.motion.Published(final_time=0.89, energy=27.0, iterations=36)
+    >>> ends = {"start": gt.motion.End([0.0, -0.9, 0.1]), "goal": gt.motion.End([0.9, -0.9, 0.45])}
+    >>> robot, limits = gt.robots.gantry_tau("l1_tape"), gt.motion.Limits(force=700.0)
+    >>> problem = gt.motion.MotionProblem(robot=robot, limits=limits, **ends)
+    >>> gt.motion.TableRow("time-optimal", problem, published=printed).published.final_time
+    0.89
+    """
 
     final_time: Annotated[float, Unit("s"), "final time"]
     energy: Annotated[float, "energy, in the source's own unit"]
@@ -32,7 +41,7 @@ class TableRow:
     """One motion of a table.
 
     name: what the row is called. problem: the motion. most_iterations: bound on the iterations of the attempt that
-    found it. published: what a source prints.
+    found the motion; a check fails where it takes more. published: what a source prints.
     """
 
     name: str
@@ -43,7 +52,7 @@ class TableRow:
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class MotionTable(Study):
-    """Several optimal motions; `motions` are their studies, as far as they were solved."""
+    """Several optimal motions beside each other; `motions` are their studies up to the first that was not solved."""
 
     asked: Sequence[TableRow]
     motions: Sequence[MotionStudy]

@@ -16,7 +16,13 @@ At = Literal["velocity", "acceleration"]
 
 @dataclass(frozen=True)
 class End(Options):
-    """An end of the motion."""
+    """An end of the motion: where the tool centre point is, and which of its derivatives vanish there.
+
+    >>> gt.motion.End([0.9, -0.9, 0.45], rest=["speed"])
+    Traceback (most recent call last):
+        ...
+    gtmodel.results.agreement.WrongKind: rest: expected one of velocity, acceleration; found 'speed'
+    """
 
     tcp: Annotated[list[float], Unit("m"), Long(3), "tool centre point, three coordinates in the robot's frame"]
     rest: Annotated[list[At], "what vanishes there: velocity, acceleration"] = field(
@@ -26,7 +32,15 @@ class End(Options):
 
 @dataclass(frozen=True)
 class JointCone(Options):
-    """How far a link may lean in the ball joint at one of its ends."""
+    """How far a link may lean in the ball joint at one of its ends.
+
+    >>> cone = gt.motion.JointCone(arm=0, end="plate", axis=[0.0, 0.0, 1.0], half_angle=np.radians(35.0))
+    >>> limits = gt.motion.Limits(force=700.0, joint_cones=[cone])
+    >>> gt.motion.JointCone(0, "plate", [0.0, 0.0, 1.0], half_angle=35.0)  # degrees
+    Traceback (most recent call last):
+        ...
+    gtmodel.results.refusal.ArgumentError: half_angle: must be more than 0 and at most 1.5708; found 35
+    """
 
     arm: Annotated[int, Within(least=0), "number of the arm, from 0"]
     end: Annotated[Literal["cart", "plate"], "the end of the link at which the joint sits"]
@@ -43,7 +57,15 @@ class JointCone(Options):
 
 @dataclass(frozen=True)
 class Obstacle(Options):
-    """A box, parallel to the axes, that the tool centre point and all links stay out of."""
+    """A box, parallel to the axes, that the tool centre point and all links stay out of.
+
+    >>> box = gt.motion.Obstacle(center=[0.45, -0.9, 0.3], size=[0.2, 0.2, 0.2], clearance=0.05)
+    >>> limits = gt.motion.Limits(force=700.0, obstacles=[box])
+    >>> gt.motion.Obstacle([0.45, -0.9, 0.3], [0.2, 0.2, 0.0])
+    Traceback (most recent call last):
+        ...
+    gtmodel.results.refusal.ArgumentError: size: must be more than 0; found 0
+    """
 
     center: Annotated[list[float], Unit("m"), Long(3), "its centre in the robot's frame"]
     size: Annotated[list[float], Unit("m"), Within(above=0.0), Long(3), "its edge lengths"]
@@ -88,7 +110,16 @@ class MotionLimits(Options):
 
 @dataclass(frozen=True)
 class Limits(MotionLimits):
-    """What the motion must keep; what is left out is unlimited."""
+    """What the motion of a robot on three carts must keep; what is left out is unlimited.
+
+    >>> limits = gt.motion.Limits(force=700.0, tcp_velocity=2.0, cart_low=[-1.0, -1.0, -1.0])
+    >>> limits.link_along_guideway
+    0.02
+    >>> gt.motion.Limits(force=-700.0)
+    Traceback (most recent call last):
+        ...
+    gtmodel.results.refusal.ArgumentError: force: must be more than 0; found -700
+    """
 
     link_along_guideway: Annotated[
         float, Unit("m"), Within(least=0.0),
@@ -98,7 +129,14 @@ class Limits(MotionLimits):
 
 @dataclass(frozen=True)
 class AxisLimits(MotionLimits):
-    """What the motion of a robot with three carts and three rotary axes must keep; what is left out is unlimited."""
+    """What the motion of a robot with three carts and three rotary axes must keep; what is left out is unlimited.
+
+    >>> limits = gt.motion.AxisLimits(force=1000.0, torque=40.0, axis_velocity=np.radians(180.0))
+    >>> gt.motion.AxisLimits(force=1000.0, torque=0.0)
+    Traceback (most recent call last):
+        ...
+    gtmodel.results.refusal.ArgumentError: torque: must be more than 0; found 0
+    """
 
     torque: Annotated[
         float, Unit("N.m"), Within(above=0.0), "largest motor torque of each rotary axis"
@@ -119,7 +157,14 @@ class AxisLimits(MotionLimits):
 
 @dataclass(frozen=True)
 class Shape(Options):
-    """Base of the paths to follow, from start to goal."""
+    """Base of the paths that a motion can follow from its start to its goal: `Line`, `Polyline`, `Arc`, `Spline`,
+    `Taught`.
+
+    >>> gt.motion.Line(intervals=0)
+    Traceback (most recent call last):
+        ...
+    gtmodel.results.refusal.ArgumentError: intervals: must be more than 0; found 0
+    """
 
     intervals: Annotated[
         int, Within(above=0),
@@ -129,12 +174,27 @@ class Shape(Options):
 
 @dataclass(frozen=True)
 class Line(Shape):
-    """The straight line."""
+    """The straight line from start to goal.
+
+    >>> start, goal = np.array([0.0, -0.9, 0.1]), np.array([0.2, -0.9, 0.1])
+    >>> line = gt.motion.Line()
+    >>> round(gt.motion.paths.path_of(line, start, goal).length, 4)  # [m]
+    0.2
+    """
 
 
 @dataclass(frozen=True)
 class Polyline(Shape):
-    """Straight pieces with blended corners. via: its corners (n, 3) between start and goal [m]."""
+    """Straight pieces whose corners are rounded by curves of continuous curvature.
+
+    via: its corners (n, 3) [m] between start and goal. The length that a study gives is that of its polygon, before the
+    corners are rounded.
+
+    >>> start, goal = np.array([0.0, -0.9, 0.1]), np.array([0.2, -0.9, 0.1])
+    >>> path = gt.motion.Polyline(via=[[0.1, -0.9, 0.3]], blend=0.05)
+    >>> gt.motion.paths.path_of(path, start, goal)(np.array([0.5]))[0].round(3)  # the corner is cut by 17 mm
+    array([[ 0.1 , -0.9 ,  0.283]])
+    """
 
     via: Annotated[list[list[float]], Unit("m"), Long(3), "its corners between start and goal"] = field(
         default_factory=list
@@ -146,21 +206,45 @@ class Polyline(Shape):
 
 @dataclass(frozen=True)
 class Arc(Shape):
-    """The arc of a circle."""
+    """The arc of a circle from start to goal through a third point. Raises ArgumentError where the three lie on a line.
+
+    >>> start, goal = np.array([0.0, -0.9, 0.1]), np.array([0.2, -0.9, 0.1])
+    >>> half = gt.motion.Arc(through=[0.1, -0.9, 0.2])
+    >>> round(gt.motion.paths.path_of(half, start, goal).length, 4)  # [m]: half a circle of radius 0.1 m
+    0.3142
+    """
 
     through: Annotated[list[float], Unit("m"), Long(3), "a third point between start and goal"]
 
 
 @dataclass(frozen=True)
 class Spline(Shape):
-    """The smooth curve through points (n, 3) [m], the first and the last of them start and goal."""
+    """The smooth curve through points (n, 3) [m], n >= 3; the first and the last of them are start and goal.
+
+    It is the natural cubic spline over the length of their polygon, and this is the length that a study gives.
+
+    >>> start, goal = np.array([0.0, -0.9, 0.1]), np.array([0.2, -0.9, 0.1])
+    >>> curve = gt.motion.Spline(points=np.array([start, [0.1, -0.85, 0.2], goal]))
+    >>> gt.motion.paths.path_of(curve, start, goal)(np.array([0.5]))[0]
+    array([[ 0.1 , -0.85,  0.2 ]])
+    """
 
     points: Annotated[np.ndarray, Unit("m"), Long(3), "on the path, three coordinates each"]
 
 
 @dataclass(frozen=True)
 class Taught(Shape):
-    """A recorded path, points (n, 3) [m], smoothed."""
+    """A recorded path, points (n, 3) [m] with at least six different ones, which is smoothed.
+
+    The path may miss start and goal by three times the tolerance.
+
+    >>> start, goal = np.array([0.0, -0.9, 0.1]), np.array([0.2, -0.9, 0.1])
+    >>> s = np.linspace(0.0, 1.0, 50)[:, None]
+    >>> noise = 2e-4 * np.random.default_rng(1).normal(size=(50, 3))  # synthetic, 0.2 mm
+    >>> path = gt.motion.Taught(points=start + s * (goal - start) + noise, tolerance=5e-4)
+    >>> round(gt.motion.paths.path_of(path, start, goal).length, 3)  # [m]
+    0.2
+    """
 
     points: Annotated[np.ndarray, Unit("m"), Long(3), "as they were recorded, three coordinates each"]
     tolerance: Annotated[
@@ -170,7 +254,16 @@ class Taught(Shape):
 
 @dataclass(frozen=True)
 class Cost(Options):
-    """What is minimised: time * T + energy * sum int (F / force_unit_N)^2 dt."""
+    """What is minimised: time * T + energy * sum int (F / force_unit_N)^2 dt, the sum over the motors, T the final
+    time.
+
+    >>> gt.motion.Cost(energy=0.01, force_unit=112.9).time  # time and energy together
+    1.0
+    >>> gt.motion.Cost(time=-1.0)
+    Traceback (most recent call last):
+        ...
+    gtmodel.results.refusal.ArgumentError: time: must be at least 0; found -1
+    """
 
     time: Annotated[float, Within(least=0.0), "weight of the final time"] = 1.0
     energy: Annotated[float, Within(least=0.0), "weight of the energy"] = 0.0
@@ -179,7 +272,11 @@ class Cost(Options):
 
 @dataclass(frozen=True)
 class Starts(Options):
-    """Further starts of the search, from bent lines; of all optima the best counts."""
+    """Further starts of the search, from lines that are bent sideways; of all optima found the best one counts.
+
+    >>> gt.motion.Starts(count=4).bend  # [m]
+    0.15
+    """
 
     count: Annotated[int, Within(least=0), "number of further starts"] = 0
     seed: Annotated[int, "seed of their drawing"] = 1
@@ -188,7 +285,15 @@ class Starts(Options):
 
 @dataclass(frozen=True)
 class Mesh(Options):
-    """Where the equations are collocated (Radau)."""
+    """Where the equations are collocated (Radau).
+
+    A polynomial force may exceed its limit between collocation points; the exported motion does not.
+
+    >>> gt.motion.Mesh(elements=50, points=12)
+    Traceback (most recent call last):
+        ...
+    gtmodel.results.refusal.ArgumentError: points: must be at least 1 and at most 9; found 12
+    """
 
     elements: Annotated[int, Within(above=0, most=10000), "number of elements of the horizon"] = 50
     most_elements: MostElements = 400
@@ -201,7 +306,13 @@ class Mesh(Options):
 
 @dataclass(frozen=True)
 class Solver(Options):
-    """When the solver stops."""
+    """When the solver stops, and which equations it is given.
+
+    >>> gt.motion.Solver(barrier="mehrotra")
+    Traceback (most recent call last):
+        ...
+    gtmodel.results.agreement.WrongKind: barrier: expected one of auto, adaptive, monotone; found 'mehrotra'
+    """
 
     tolerance: Annotated[float, Within(above=0.0), "on the scaled optimality conditions"] = 1e-8
     max_iterations: Annotated[
@@ -217,7 +328,11 @@ class Solver(Options):
 
 @dataclass(frozen=True)
 class Export(Options):
-    """The files for a controller."""
+    """Sampling of the files for a controller: reference.csv, and the RAPID module motion.mod.
+
+    >>> gt.motion.Export().sample, gt.motion.Export().target  # [s]
+    (0.004, 0.04)
+    """
 
     sample: Annotated[float, Unit("s"), Within(least=1e-5), "interval of reference.csv"] = 0.004
     target: Annotated[float, Unit("s"), Within(least=1e-4), "interval of the targets in motion.mod"] = 0.04

@@ -17,8 +17,8 @@ MIDDLE = np.array([0.5])
 def rows_along(f: CausalFunction, curve: Curve) -> tuple[ca.Function, Curve]:
     """(x, x', x'') and Newton's unknowns -> the targets of f, and the curve with those unknowns beside it.
 
-    f: a function of one known variable and its derivatives up to the second. curve: s -> that variable, slope and
-    second derivative, (n, d) each. Positions need Newton where the robot has no closed form; they are solved once at
+    f: a function of one known variable and its derivatives up to the second. curve: s -> that variable and its
+    two derivatives, (n, d) each. Positions need Newton where the robot has no closed form; they are solved once at
     each node, and all that is left is explicit: exact derivatives, and no root finder inside the optimisation.
 
     Raises ArgumentError for a model whose Newton blocks depend on velocities.
@@ -61,7 +61,7 @@ def task_along(
 
 
 def _unknowns(f: CausalFunction, curve: Curve, s: np.ndarray, moving: bool) -> tuple[list[np.ndarray], np.ndarray]:
-    """At rest, or with the path's slope as velocity."""
+    """At rest, or with the path's derivative as velocity."""
     x, slope, _ = curve(s)
     arguments = f.arguments_along(*((x, slope) if moving else (x,)))
     shaped = [a if signal.shape else a[:, 0] for a, signal in zip(arguments, f.inputs, strict=True)]

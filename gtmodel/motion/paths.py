@@ -21,7 +21,11 @@ Sampled = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 class Path(Protocol):
-    """A curve with two continuous derivatives."""
+    """A curve x(s) (3,) [m] with two continuous derivatives, s from 0 to 1.
+
+    Called with s (n,) it gives x and its first and second derivative, (n, 3) each; `expression` is x in a model's
+    equations. length [m]: of a polyline or a spline that of its polygon.
+    """
 
     @property
     def length(self) -> float: ...
@@ -110,7 +114,12 @@ def _points(shape: Spline | Taught) -> np.ndarray:
 def read_points(file: str | FilePath) -> np.ndarray:
     """Points (n, 3) [m] of a CSV file with the columns x_m, y_m and z_m; lines that begin with # are comments.
 
-    Raises ArgumentError: not to be read, a column missing, a cell that is no finite number.
+    Raises ArgumentError where the file cannot be read, lacks a column, or has a cell that is no finite number.
+
+    >>> with open("points.csv", "w") as file:
+    ...     file.write("# taught on Monday\\nx_m,y_m,z_m\\n0.0,-0.9,0.1\\n0.1,-0.9,0.2\\n0.2,-0.9,0.1\\n") and None
+    >>> gt.motion.read_points("points.csv").shape
+    (3, 3)
     """
     try:
         return read_table(file, _coordinates).values

@@ -20,6 +20,13 @@ class MotionProblem(Options):
     cost, mesh, starts, solver: what is minimised, and how it is searched. export: of the files for a controller.
 
     Raises ArgumentError for objects of other classes.
+
+    >>> problem = gt.motion.MotionProblem(
+    ...     robot=gt.robots.gantry_tau("l1_tape"), limits=gt.motion.Limits(force=700.0),
+    ...     start=gt.motion.End([0.0, -0.9, 0.1]), goal=gt.motion.End([0.2, -0.9, 0.2]),
+    ... )
+    >>> problem.order is None  # a free motion: the motor forces are its control
+    True
     """
 
     robot: Model

@@ -21,7 +21,7 @@ from .task import motion
 # attempts that ended in an optimum one waited longer, those that ended in none mostly never came back
 PATIENCE = 60
 RESERVE = 200  # iterations that further starts leave to the exported motion; it takes 10 to 70
-EXPORT_LOSS = 0.05  # a constant force per element costs less than this; more tells of another, worse optimum
+EXPORT_LOSS = 0.05  # a constant force per element costs less than this; more is a sign of another, worse optimum
 TIGHTENINGS = 3
 TIGHTENED = 1e-4  # relative, beyond what was seen
 CONTINUATION = (0.01, 0.001)  # weights of the energy, in units of the time's, on the way to the problem's own

@@ -17,14 +17,24 @@ SHORTEST_TIME_S = 0.05  # a free final time needs a lower bound; no motion of th
 def motion(
     problem: MotionProblem, guard: MotionConstraints = NO_GUARD, path: Path | None = None, *, guarded: bool = False
 ) -> gt.Optimization:
-    """The optimal motion as an Optimization, within the margins of `guard` and along `path`, or free; guarded: with the
-    bound that keeps links off the edge of reach.
+    """The optimal motion as an Optimization, along `path` or free, with the margins of `guard` as constraints.
+
+    guarded: with the bound that keeps the links off the edge of reach as well.
 
     The robot must declare T (TCP position, m) and tau (motor forces, N). `along_guideway` are the components [m] of the
     links along their guideways, from cart to plate: at 0 the robot stands at the edge of its reach; `margin` those of
-    the guard. Free, the control is tau. Along a path the model itself is restricted: T == path(s), and the one control
-    `drive` is the second or third derivative of the path coordinate s (Dressler 2012, section 3.5); all forces follow.
-    They also follow where the problem has an order without a path: `drive` is that derivative of T then.
+    the guard. The control of a free motion is tau. Along a path the model is restricted to T == path(s), and its one
+    control `drive` is the second or third derivative of the path coordinate s (Dressler 2012, section 3.5); the motor
+    forces are dependent variables. They are dependent as well in a free motion whose problem has an `order`: then
+    `drive` is that derivative of T.
+
+    >>> problem = gt.motion.MotionProblem(
+    ...     robot=gt.robots.gantry_tau("l1_tape"), limits=gt.motion.Limits(force=700.0),
+    ...     start=gt.motion.End([0.0, -0.9, 0.1]), goal=gt.motion.End([0.2, -0.9, 0.2]),
+    ... )
+    >>> solution = gt.solve(gt.motion.motion(problem), gt.Mesh(10))
+    >>> round(solution.final_time, 2)  # [s]
+    0.31
     """
     robot, limits, cost, order = problem.robot, problem.limits, problem.cost, problem.order
     links = links_of(robot)

@@ -20,8 +20,8 @@ SEED, TRIALS = 0, 2
 
 
 def objective_scale(program: Program, x0: np.ndarray, misfits: Iterable[Misfit]) -> float:
-    """What the objective is to be multiplied by: 1, or more where all its derivatives are small about a nominal away
-    from the guess, or where it holds measured values of unknown noise and these scatter little."""
+    """What the objective is to be multiplied by: 1, or more where all its derivatives are small about a nominal
+    away from the guess, or where it holds measured values of unknown noise and these scatter little."""
     slope = program.functions["grad_f"]
 
     def largest(x: np.ndarray) -> float:

@@ -1,4 +1,4 @@
-"""Multiple shooting with CVODES: a cross-check to an optimum, for cross-checks of collocation.
+"""Multiple shooting with CVODES: another way to an optimum, for cross-checks of collocation.
 
 Its unknowns are states at the element edges, controls and constants; what collocation has at the points between comes
 from the integrator, with its sensitivities. Bounds and path constraints hold at the same points as in collocation.

@@ -130,7 +130,8 @@ def solve(
     """Solve an optimisation by direct collocation, or by multiple shooting as a cross-check.
 
     Each solution estimates by how much its states miss the model's on this mesh. Above the options' `error_bound` its
-    status is check_failed, which does not raise: the solution is whole, but not the model's.
+    status is check_failed, which does not raise: the solution is whole, but not the model's; take a finer mesh, or
+    `gt.refine`.
 
     Args:
         model: an Optimization with values for its parameters.
@@ -140,13 +141,33 @@ def solve(
             variables that it holds, in the solver and wherever "in nominals" is said; constants of a solution too.
         branches: sign +1 or -1 by the name of a declared branch, +1 by default; a solution that leaves it at any
             point has status failed.
+        solver: tolerance, limits and methods, see `SolverOptions`.
         progress: called with (iteration, objective, constraint violation); returning True stops the solve,
             keeping the iterate (status interrupted).
         method: "shooting" integrates the equations with CVODES on each element instead (explicit form, Radau points,
             L-BFGS): slower, but without collocation's error.
+        throw: raise NotSolved for a problem that was not solved; False: return the best iterate, with its status.
 
     Raises ModelError for a wrong problem, NotSolved (with the best iterate) unless throw is False, and CompilerMissing
     where machine code is wanted and cannot be made.
+
+    >>> class Move(gt.Optimization):  # 1 m in 1 s from rest to rest, with the least squared acceleration
+    ...     x = gt.variable(unit="m", start=0.0, fixed=True)
+    ...     v = gt.variable(unit="m/s", start=0.0, fixed=True)
+    ...     a = gt.input(unit="m/s2")
+    ...     def equations(self):
+    ...         yield gt.der(self.x) == self.v
+    ...         yield gt.der(self.v) == self.a
+    ...     def objective(self):
+    ...         return gt.integral(self.a**2)
+    ...     def constraints(self):
+    ...         yield self.x.at(self.final_time) == 1.0
+    ...         yield self.v.at(self.final_time) == 0.0
+    >>> solution = gt.solve(Move(), gt.Mesh(5))
+    >>> round(solution.objective, 6)  # of a = 6 - 12 t
+    12.0
+    >>> round(float(solution.trajectory["x"][-1]), 6)
+    1.0
     """
     if not isinstance(model, Model) and not isinstance(model, type):
         raise ModelError(

@@ -195,9 +195,30 @@ def transcribe(
 ) -> Transcription:
     """Transcribe a model once, to be solved for many values of its parameters.
 
-    parameters: names, of the model's own class, that may change between solves; by default all of them. What stands
-    fixed is folded into the equations, where zeros vanish. scaling: as for gt.solve. Raises ModelError for a wrong
+    Args:
+        mesh: as for `solve`.
+        parameters: names, of the model's own class, that may change between solves; by default all of them. The others
+            are folded into the equations, where zeros vanish.
+        scaling, branches, solver: as for `solve`.
+
+    Returns a `Transcription`, whose `solve({"name": value})` builds nothing again. Raises ModelError for a wrong
     model or an unknown name.
+
+    >>> class Fastest(gt.Optimization):
+    ...     limit = gt.parameter(1.0, positive=True)
+    ...     final_time = gt.free(1.0, min=0.1, unit="s")
+    ...     x = gt.variable(start=1.0, fixed=True)
+    ...     u = gt.input()
+    ...     def equations(self):
+    ...         yield gt.der(self.x) == self.u
+    ...     def objective(self):
+    ...         return self.final_time
+    ...     def constraints(self):
+    ...         yield self.x.at(self.final_time) == 0
+    ...         yield gt.between(-self.limit, self.u, self.limit)
+    >>> problem = gt.transcribe(Fastest(), gt.Mesh(3))
+    >>> [round(problem.solve({"limit": value}).final_time, 4) for value in (1.0, 2.0, 4.0)]
+    [1.0, 0.5, 0.25]
     """
     flat, options = flat_of(model), solver or SolverOptions()
     own = [n for n, item in type(model)._declared.items() if isinstance(item, Parameter)]

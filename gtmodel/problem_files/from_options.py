@@ -89,12 +89,17 @@ def made_from(options: type[Options], *left_out: str) -> Callable[[type[S]], typ
             fields[key] = (_hint(hints[f.name], marks), _field(f, marks))
         found = pydantic.create_model(
             cls.__name__, __base__=cls, __module__=cls.__module__,
-            __doc__=inspect.cleandoc(cls.__doc__ or options.__doc__ or ""), **fields,
+            __doc__=_without_example(cls.__doc__ or options.__doc__ or ""), **fields,
         )  # fmt: skip
         found.made_of, found.attributes = options, attributes
         return found
 
     return made
+
+
+def _without_example(doc: str) -> str:
+    """A docstring up to its example in Python, which helps nobody who writes a file."""
+    return inspect.cleandoc(doc).partition(">>>")[0].rstrip()
 
 
 def _field(f: dataclasses.Field[Any], marks: tuple[Any, ...]) -> Any:

@@ -27,7 +27,11 @@ _NUMBERS: dict[Any, Any] = {float: numbers.Real, int: numbers.Integral}
 
 @dataclass(frozen=True)
 class Within:
-    """Bounds of a number, or of each number of a list: > above, >= least, <= most, < below."""
+    """Bounds of a number, or of each number of a list: > above, >= least, <= most, < below.
+
+    >>> print(gt.results.Within(above=0.0, most=1.0))
+    more than 0 and at most 1
+    """
 
     above: float | None = None
     least: float | None = None

@@ -104,13 +104,21 @@ class ModesStatus(_Word):
 
 
 def c_enum() -> str:
-    """`Status` as a C99 enumeration, for a header; the same text at every call, ending in a newline."""
+    """`Status` as a C99 enumeration, for a header; the same text at every call, ending in a newline.
+
+    >>> print(gt.results.c_enum().splitlines()[1])
+        GT_OK = 0, /* the value was computed */
+    """
     last = len(Status) - 1
     lines = [f"    {s.c_name} = {s.value}{',' if s < last else ''} /* {s.sentence} */" for s in Status]
     return "\n".join(["typedef enum gt_status {", *lines, "} gt_status;", ""])
 
 
 def c_sentences() -> str:
-    """The sentences of `Status` as a C99 table indexed by its value, for one .c file; ends in a newline."""
+    """The sentences of `Status` as a C99 table indexed by its value, for one .c file; ends in a newline.
+
+    >>> print(gt.results.c_sentences().splitlines()[0])
+    static const char *const gt_status_sentences[] = {
+    """
     lines = [f'    "{s.sentence}"{"," if s < len(Status) - 1 else ""} /* {s.c_name} */' for s in Status]
     return "\n".join(["static const char *const gt_status_sentences[] = {", *lines, "};", ""])

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from ..lang.slips import floats
 from ..lang.source import ModelError
 
 # rows of a trajectory: more fill the memory before anybody looks at them
@@ -25,7 +26,7 @@ def number(what: str, value: Any) -> float:
 def numbers(what: str, value: Any) -> np.ndarray:
     """Numbers as one column. Raises ModelError naming what they are for."""
     try:
-        return np.asarray(value, dtype=float).reshape(-1)
+        return floats(value).reshape(-1)
     except (TypeError, ValueError):
         raise ModelError(f"{what} takes numbers; found {value!r}") from None
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from ..compiler.flat import FlatModel
 from ..lang.expression import Expr, gathered
+from ..lang.slips import floats, line_of, shortened
 from ..lang.source import ModelError
 from ..lang.units import si_unit
 from ..results.trajectory import Trajectory, UnknownNameError
@@ -166,11 +167,11 @@ def _columns(name: str, shape: Shape, size: int, times: np.ndarray, values: np.n
 
 def _constant(name: str, value: Any) -> list[ca.SX]:
     try:
-        array = np.asarray(value, dtype=float).reshape(-1)
+        array = floats(value).reshape(-1)
     except (TypeError, ValueError):
         raise ModelError(
             f"input '{name}' takes a number, an array, a function of time, (times, values) or a Trajectory; "
-            f"found {type(value).__name__}"
+            f"found {type(value).__name__} {shortened(value)}"
         ) from None
     if not np.all(np.isfinite(array)):
         raise ModelError(f"input '{name}' must be finite; found {value}")
@@ -180,19 +181,20 @@ def _constant(name: str, value: Any) -> list[ca.SX]:
 def _symbolic(flat: FlatModel, name: str, function: Callable[[Any], Any], t: ca.SX) -> list[ca.SX]:
     try:
         value = gathered(function(Expr(t, (), None, flat.scope)))
-        entries = (
-            ca.vec(value.sx.T) if isinstance(value, Expr) else ca.SX(ca.DM(np.asarray(value, dtype=float).ravel()))
-        )
+        entries = ca.vec(value.sx.T) if isinstance(value, Expr) else ca.SX(ca.DM(floats(value).ravel()))
     except Exception as error:
         raise ModelError(
             f"input '{name}' cannot be written as an expression of time ({type(error).__name__}: {error}); use "
-            "functions such as np.sin, or give (times, values)"
+            "functions such as np.sin, or give (times, values)",
+            line_of(function),
         ) from None
     if value is None:
-        raise ModelError(f"the function of input '{name}' returns nothing; expected a number or an array")
+        raise ModelError(
+            f"the function of input '{name}' returns nothing; expected a number or an array", line_of(function)
+        )
     if not ca.symvar(entries) and not np.all(np.isfinite(np.asarray(ca.DM(entries)))):
-        raise ModelError(f"the function of input '{name}' returns {value}, which is not finite")
+        raise ModelError(f"the function of input '{name}' returns {entries}, which is not finite", line_of(function))
     foreign = [s.name() for s in ca.symvar(entries) if s.element_hash() != t.element_hash()]
     if foreign:
-        raise ModelError(f"input '{name}' must be a function of time alone; it holds {foreign[0]}")
+        raise ModelError(f"input '{name}' must be a function of time alone; it holds {foreign[0]}", line_of(function))
     return ca.vertsplit(entries)

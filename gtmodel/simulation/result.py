@@ -28,7 +28,7 @@ class Switch:
 
 @dataclass(frozen=True, eq=False)
 class Simulation:
-    """Result of simulate().
+    """What `simulate` returns.
 
     trajectory: every quantity declared at the top or one level below, the first derivative of what moves, and
         with declared energies `energy.stored`, `energy.supplied`, `energy.dissipated` [J].
@@ -40,6 +40,17 @@ class Simulation:
     residual: largest |left - right| of any equation as written, at any row, in SI units.
     states: names of the states at the end. switches: their changes on the way.
     chosen: start values that nobody prescribed, by state; the initialisation chose them.
+
+    >>> class Ball(gt.Model):
+    ...     height = gt.variable(unit="m", start=2.0, fixed=True)
+    ...     speed = gt.variable(unit="m/s")
+    ...     g = gt.parameter(9.81, unit="m/s2")
+    ...     def equations(self):
+    ...         yield gt.der(self.height) == self.speed
+    ...         yield gt.der(self.speed) == -self.g
+    >>> run = gt.simulate(Ball(), 0.5)
+    >>> run.status.ok, run.states, run.chosen
+    (True, ('height', 'der(height)'), {'der(height)': 0.0})
     """
 
     status: SolveStatus

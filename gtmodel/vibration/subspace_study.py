@@ -48,7 +48,7 @@ class SubspaceStudy(VibrationStudy):
     fit: OutputErrorFit | None = None
 
     def _said(self) -> list[str]:
-        return list(self.words or ())[1:]  # the first is told with the order
+        return list(self.words or ())[1:]  # the first stands with the order
 
     def _found(self) -> list[Row]:
         m = self.model

@@ -102,7 +102,7 @@ def interval(ends: tuple[float, float] | None, form: str = ".5g") -> str:
 
 
 def entitled(title: str, synthetic: str | None) -> str:
-    """A picture's title, with the word where the data are synthetic."""
+    """A picture's title, with the word SYNTHETIC where the data are."""
     return f"{title}\n(synthetic: {synthetic})" if synthetic else title
 
 

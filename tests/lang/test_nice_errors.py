@@ -136,7 +136,7 @@ SENTENCES = [
     (LENGTH_AND_FORCE, has_a_bare_number_with_a_unit, r"units do not fit in '==': left is N, right is m; a bare "
      r"number in a product has no unit: declare it as a parameter with its unit"),
     (ONE, has_a_chain, r"an equation or inequality \('>='\) has no truth value while a model is being built; expected "
-     r"it to be yielded; for a <= x <= b use gt\.between\(a, x, b\)"),
+     r"it to be yielded; for a <= x <= b use gt\.between\(a, x, b\), in place of if, and, or gt\.branch or .*"),
     (ONE, asks_for_truth, r"an equation or inequality \('=='\) has no truth value while a model is being built; .*"),
     (ONE, assigns, r"models are immutable: 'x' cannot be assigned; .*"),
     (TWO, connects_a_variable, r"connect\(\) takes ports; found Expr"),
@@ -203,11 +203,17 @@ class TestWholeSystems:
             Rod().causal((), "length")
 
     def test_unknown_target(self):
-        with pytest.raises(gt.ModelError, match=r"^Rod has no variable 'lenght'; did you mean 'length'\?$"):
+        with pytest.raises(
+            gt.ModelError,
+            match=r"^Rod has no variable 'lenght'; did you mean 'length'\? \(lang/test_nice_errors\.py:\d+\)$",
+        ):
             Rod(L=1.0).causal((), "lenght")
 
     def test_unknown_target_without_a_close_name(self):
-        with pytest.raises(gt.ModelError, match=r"^Rod has no variable 'tau'; top-level names are length$"):
+        with pytest.raises(
+            gt.ModelError,
+            match=r"^Rod has no variable 'tau'; top-level names are length \(lang/test_nice_errors\.py:\d+\)$",
+        ):
             Rod(L=1.0).causal((), "tau")
 
     def test_too_many_knowns(self):
@@ -224,8 +230,10 @@ class TestWholeSystems:
 
         with pytest.raises(gt.ModelError) as error:
             model(TWO, one).causal((), "x")
+        where = f"lang/test_nice_errors.py:{line_of(type(self).test_too_few_equations, 'causal')}"
         assert str(error.value) == (
-            "Wrong: 1 equation for 2 unknowns; not determined: x, y (too few equations or too few known variables)"
+            "Wrong: 1 equation for 2 unknowns; not determined: x, y (too few equations or too few known variables) "
+            f"({where})"
         )
 
     def test_conflicting_fixed_starts(self):
@@ -246,7 +254,9 @@ class TestWholeSystems:
             yield self.x**2 == self.y
             yield gt.branch("right", self.x)
 
-        with pytest.raises(gt.ModelError, match=r"^Wrong has no branch 'rihgt'; it has right$"):
+        with pytest.raises(
+            gt.ModelError, match=r"^Wrong has no branch 'rihgt'; it has right \(lang/test_nice_errors\.py:\d+\)$"
+        ):
             model(TWO, equations).causal("y", "x", branches={"rihgt": 1})
 
     def test_wrong_arguments(self):

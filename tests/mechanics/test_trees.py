@@ -44,7 +44,7 @@ def test_a_loop_of_orientation_is_named_with_its_line_and_the_remedy():
     loop = text.split(" (")[0]
     for name in ("crank", "arm", "elbow", "coupler", "rocker", "lever", "wrist", "base", "ground"):
         assert name in loop
-    assert "nine numbers for three freedoms" in text
+    assert "nine numbers for three degrees of freedom" in text
     assert "rods or spherical joints" in text
 
 

@@ -270,6 +270,19 @@ class _Schema(Problem):
     several: list[_Table]
 
 
+def test_what_a_table_says_of_itself_leaves_out_the_python_examples_of_its_options() -> None:
+    @dataclass(frozen=True)
+    class Force(Options):
+        """What a motor must keep.
+
+        >>> Force(newtons=700.0)
+        """
+
+        newtons: float
+
+    assert section_of(Force).model_json_schema()["description"] == "What a motor must keep."
+
+
 @pytest.mark.parametrize(
     ("argument", "key"),
     [

@@ -24,7 +24,7 @@ class Poses:
     lines: (N,) of their files; numbered from 1 if left out. held_out: (N,) those that no fit sees; None leaves the
         choice to the study. columns: signal -> names and units in the file.
     known: parameters of the measurement that are given, such as "T.sag", which no fit moves.
-    synthetic: what a synthetic file says of itself. truth: the synthetic robot. files: texts made with it.
+    synthetic: seed and noise of a synthetic file. truth: the robot with known errors. files: texts made with it.
     """
 
     measurements: Measurements

@@ -25,7 +25,7 @@ Pair = tuple[int, int]
 
 @dataclass(frozen=True)
 class Moved:
-    """A start value that gave way: scalar variable by name, from where to where."""
+    """A start value that was moved: scalar variable by name, from where to where."""
 
     name: str
     start: float
@@ -57,7 +57,7 @@ def moved(flat: FlatModel, sampler: Sampler, w: np.ndarray, starts: dict[Pair, f
 
 
 def said(flat: FlatModel, changes: list[Moved]) -> str:
-    """One sentence on start values that gave way; empty if none did."""
+    """One sentence on start values that were moved; empty if none was."""
     if not changes:
         return ""
     shown = ", ".join(f"{m.name} from {m.start:.4g} to {m.home:.4g}" for m in changes[:SHOWN])

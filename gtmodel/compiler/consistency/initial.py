@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from ...lang.slips import floats
 from ...lang.source import ModelError
 from ..differentiation import condition_order
 from ..pivoted import pivoted_qr
@@ -21,13 +22,13 @@ STEPS = 80
 TOLERANCE = 1e-10
 # singular values below this fraction of the largest are directions that the equations leave free
 RANK = 1e-9
-# what an earlier stage settled yields this much less than what comes up now
+# what an earlier stage settled is moved this much less than what comes up now
 SETTLED = 1e-4
 # a correction that leaves more than this part of the residual makes no progress
 STALLED = 0.999
 # a symbol that moves less than this in every unit direction that the equations leave free does not move
 FREE = 1e-6
-# values that were guessed yield this much less than those that were not
+# values that were guessed are moved this much less than those that were not
 SOFT = 1e-3
 # corrections this small, in nominals, no longer tell whether Newton converges
 ROUND_OFF = 1e-8
@@ -326,7 +327,7 @@ def start_values(
     for name, value in (given or {}).items():
         _, indices, order = flat.lookup(name)
         try:
-            array = np.asarray(value, dtype=float).reshape(-1)
+            array = floats(value).reshape(-1)
         except (TypeError, ValueError):
             raise ModelError(f"the start of '{name}' takes numbers; found {value!r}") from None
         if array.size not in (1, len(indices)):

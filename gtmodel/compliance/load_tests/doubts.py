@@ -10,7 +10,7 @@ from ..static_tests import StaticTests
 
 
 def negative(fit: StiffnessFit) -> list[str]:
-    """On joints with a compliance below zero: beyond noise, or within it."""
+    """Sentences on joints with a compliance below zero: beyond noise, or within it."""
     said: list[str] = []
     beyond: list[int] = []
     inside: list[int] = []
@@ -34,7 +34,7 @@ def negative(fit: StiffnessFit) -> list[str]:
 
 
 def repeated(tests: StaticTests, q: np.ndarray, lines: np.ndarray) -> list[str]:
-    """On lines that repeat an earlier one in every number, noise included."""
+    """Sentences on lines that repeat an earlier one in every number, noise included."""
     again = copies(np.column_stack([q, tests.wrench, tests.displacement]))
     if not len(again):
         return []

@@ -10,7 +10,12 @@ from ...results.options import Long, Options, Unit, Within
 
 @dataclass(frozen=True)
 class Noise(Options):
-    """Standard deviations of the measured displacements."""
+    """Standard deviations of the measured displacements.
+
+    >>> gt.compliance.Noise(position=0.0)
+    Traceback (most recent call last):
+    gtmodel.results.refusal.ArgumentError: position: must be more than 0; found 0
+    """
 
     position: Annotated[float, Unit("m"), Within(above=0), "of each coordinate, at tool and wrist centre"] = 2e-5
     rotation: Annotated[float, Unit("rad"), Within(above=0), "of each rotation; 20 um on a base of 0.25 m"] = 1e-4
@@ -18,7 +23,12 @@ class Noise(Options):
 
 @dataclass(frozen=True)
 class GravityCompensator(Options):
-    """A spring between two hinges at distances base and lever from axis 2; its change of torque adds to K_c."""
+    """A spring between two hinges at distances base and lever from axis 2; its change of torque adds to K_c.
+
+    >>> spring = gt.compliance.GravityCompensator(base=0.3, lever=0.25, rate=8e5, rest=0.2)
+    >>> gt.compliance.Setup(compensator=spring).compensator.estimate_rate
+    False
+    """
 
     base: Annotated[float, Unit("m"), Within(above=0), "from axis 2 to the hinge on the link before"]
     lever: Annotated[float, Unit("m"), Within(above=0), "from axis 2 to the hinge on the link after"]
@@ -30,7 +40,12 @@ class GravityCompensator(Options):
 
 @dataclass(frozen=True)
 class Setup(Options):
-    """How joint stiffness is told from static load tests."""
+    """How joint stiffness is identified from static load tests.
+
+    >>> gt.compliance.Setup(method="complete")
+    Traceback (most recent call last):
+    gtmodel...: method: expected one of complete_pose, decoupled; found 'complete'; did you mean complete_pose?
+    """
 
     tool: Annotated[list[float], Unit("m"), Long(3), "tool centre point in flange coordinates"] = field(
         default_factory=lambda: [0.0] * 3
@@ -44,7 +59,13 @@ class Setup(Options):
 
 @dataclass(frozen=True)
 class Column(Options):
-    """Columns of a quantity."""
+    """The columns of one quantity in a file, with their unit.
+
+    >>> gt.compliance.Column("q", "deg")  # q[0], q[1], ... of the file
+    Column(column='q', unit='deg')
+    >>> gt.compliance.Column(["Fx", "Fy", "Fz"], ["N", "N", "kN"]).unit
+    ['N', 'N', 'kN']
+    """
 
     column: Annotated[str | list[str], 'names in the file; "q" means "q[0]", "q[1]", ... too']
     unit: Annotated[str | list[str], "unit of the columns, or one each"]
@@ -52,7 +73,15 @@ class Column(Options):
 
 @dataclass(frozen=True, kw_only=True)
 class LoadTests(Options):
-    """Measured tests, one a row: where the arm stood, what pulled, what moved. World coordinates."""
+    """The columns of measured tests: joint angles, loads and displacements, one test in each row. World coordinates.
+
+    >>> from gtmodel.compliance import Column, LoadTests
+    >>> tests = LoadTests(
+    ...     q=Column("q", "deg"), force=Column("F", "N"), displacement=Column("d", "mm"), rotation=Column("r", "rad")
+    ... )
+    >>> tests.moment is None  # the load was a force alone
+    True
+    """
 
     q: Annotated[Column, "joint angles"]
     force: Annotated[Column, "on the tool centre point"]
@@ -64,7 +93,12 @@ class LoadTests(Options):
 
 @dataclass(frozen=True, kw_only=True)
 class SyntheticTests(Options):
-    """Synthetic tests from known stiffness, to see what identification gives back."""
+    """Synthetic tests of known stiffness, to see what identification gives back.
+
+    >>> gt.compliance.SyntheticTests(stiffness=[2e6, 2e6, 2e6, 1e6, 0.0, 2e5], seed=1)
+    Traceback (most recent call last):
+    gtmodel...: stiffness: must be more than 0; found 0
+    """
 
     stiffness: Annotated[list[float], Unit("N.m/rad", written="MN.m/rad"), Within(above=0), "by joint"]
     tilt: Annotated[

@@ -1,4 +1,4 @@
-"""Static load tests for a study: read from a file or synthetic."""
+"""Static load tests for a study: read from a file, or synthetic."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ SCALE = {"q": 180 / np.pi, "force": 1.0, "moment": 1.0, "displacement": 1e3, "ro
 
 @dataclass(frozen=True, eq=False)
 class MeasuredTests:
-    """n load tests, world coordinates: where the arm stood, what pulled, what moved.
+    """n load tests, world coordinates: poses of the arm, loads, displacements.
 
     q: (n, 6) joint angles [rad]. wrench: (n, 6) on the tool centre point [N, N.m]. displacement: (n, 6) of it with the
-        load less without [m, rad]. wrist: (n, 3) displacement of a target at the wrist centre [m]; by the pose if None.
-    lines: (n,) of their file; numbered from 1 if left out. synthetic: what synthetic tests say of themselves. truth:
-    the
-        stiffness of synthetic joints [N.m/rad].
+        load less without [m, rad]. wrist: (n, 3) displacement of a target at the wrist centre [m]; if None, it follows
+        from the pose.
+    lines: (n,) of their file; numbered from 1 if left out. synthetic: seed and noise of synthetic tests. truth: their
+        joint stiffness [N.m/rad].
     """
 
     q: Array
@@ -50,7 +50,7 @@ class MeasuredTests:
 
     @property
     def text(self) -> str:
-        """The tests as a file that can be measurements."""
+        """The tests as the text of a CSV file, which `read_load_tests` reads."""
         parts = {
             "q": self.q, "force": self.wrench[:, :3], "moment": self.wrench[:, 3:],
             "displacement": self.displacement[:, :3], "rotation": self.displacement[:, 3:],
@@ -65,7 +65,20 @@ class MeasuredTests:
 
 
 def read_load_tests(path: Path | str, tests: LoadTests) -> MeasuredTests:
-    """Tests of a CSV file, one a row. Raises ArgumentError with the line, or "tests.q.column" of a wrong column."""
+    r"""Tests of a CSV file, one in each row, in SI units.
+
+    Raises ArgumentError with the line of a wrong cell, or with the argument "tests.q.column" for a wrong column.
+
+    >>> from pathlib import Path
+    >>> from gtmodel.compliance import Column, LoadTests, read_load_tests
+    >>> head = [f"{name}[{i}]" for name, n in (("q", 6), ("F", 3), ("d", 3), ("r", 3)) for i in range(n)]
+    >>> _ = Path("tests.csv").write_text(",".join(head) + "\n" + "90," * 6 + "0,0,-4000,0,0,-2.5,0,0,0.001\n")
+    >>> tests = LoadTests(
+    ...     q=Column("q", "deg"), force=Column("F", "N"), displacement=Column("d", "mm"), rotation=Column("r", "rad")
+    ... )
+    >>> read_load_tests("tests.csv", tests).displacement  # m, rad
+    array([[ 0.    ,  0.    , -0.0025,  0.    ,  0.    ,  0.001 ]])
+    """
     wanted = {n: (c.column, c.unit) for n in UNITS if (c := getattr(tests, n)) is not None}
     try:
         table = signal_table.read(Path(path), wanted)
@@ -85,7 +98,15 @@ def read_load_tests(path: Path | str, tests: LoadTests) -> MeasuredTests:
 def made_load_tests(
     robot: Model, truth: SyntheticTests, poses: Sequence[Sequence[float]], loads: Sequence[Load], setup: Setup
 ) -> MeasuredTests:
-    """Tests of an arm with known stiffness, every load in each of the poses [rad]. Raises ArgumentError."""
+    """Synthetic tests of an arm with known stiffness, with every load in each of the poses [rad]. Raises ArgumentError.
+
+    >>> from gtmodel.compliance import Load, Setup, SyntheticTests, made_load_tests
+    >>> truth = SyntheticTests(stiffness=[2e6] * 6, seed=1)
+    >>> loads = [Load([2000.0, 0, 0]), Load([0, 0, -4000.0])]
+    >>> tests = made_load_tests(gt.robots.kr500(), truth, [[0.3, -0.9, 2.0, 0.2, -1.1, -0.1]], loads, Setup())
+    >>> tests.displacement.shape, tests.synthetic
+    ((2, 6), 'seed 1, noise 2e-05 m and 0.0001 rad')
+    """
     if not len(poses) or not loads:
         raise ArgumentError("expected at least one pose and one load", "poses" if not len(poses) else "load")
     if len(truth.stiffness) != 6:

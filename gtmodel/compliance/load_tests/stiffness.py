@@ -90,7 +90,7 @@ def stiffness_study(
     max_seconds: float | None = None,
     stop: Callable[[], bool] = never,
 ) -> StiffnessStudy:
-    """Joint stiffness of a serial arm from static load tests: dX = J diag(J'F) c with c = 1/K (Cvitanic 2021).
+    """Joint stiffness of a serial arm from static load tests: dX = J diag(J'F) c with c = 1/K (Cvitanic 2021, (2)-(6)).
 
     Args:
         robot: a serial arm with a wrist in one point.

@@ -1,4 +1,4 @@
-"""One case of errors on a robot: its numbers, and its corners in other ways."""
+"""One case of errors on a robot: its numbers, and cross-checks of its corners."""
 
 from __future__ import annotations
 

@@ -28,7 +28,7 @@ DIAGONAL = 101  # points of the rectangle's diagonal along which the faces are d
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class AccuracyStudy(Study):
-    """Greatest positioning errors over a rectangle of a section, and over all that is reached in it."""
+    """Greatest positioning errors over a rectangle of a cross-section, and over all that the robot reaches in it."""
 
     cases: Annotated[
         Sequence[Mapping[str, Any]],
@@ -92,8 +92,8 @@ def accuracy_study(
         monte_carlo: synthetic draws beside the corners.
         progress, max_seconds, stop: see `gtmodel.results.Work`.
 
-    Every case is tested in other ways: corners by the robot's equations, by Newton, and by the draws. Interrupted, it
-    holds the cases that are done. Raises ArgumentError.
+    Every case is cross-checked: the corners by the robot's own equations, by Newton's method, and by the draws.
+    Interrupted, it holds the cases that are done. Raises ArgumentError.
 
     >>> import gtmodel as gt
     >>> from gtmodel.kinematics.accuracy import ErrorSection, LinkErrors
@@ -164,7 +164,7 @@ def _study_of(region: ErrorRegion, title: str, found: list[JudgedCase]) -> Accur
     status, message = SolveStatus.SOLVED, SolveStatus.SOLVED.sentence
     lost = [f.values["name"] for f in found if any(not math.isfinite(check.value) for check in f.checks.values())]
     if lost:
-        # the numbers of the first order stand, but no other way leads to them
+        # the numbers of the first order stand, but no cross-check reaches them
         status = SolveStatus.FAILED
         message = (
             f"{' and '.join(lost)}: at some points of the rectangle a robot with the greatest errors cannot be "

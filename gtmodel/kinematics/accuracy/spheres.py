@@ -1,4 +1,4 @@
-"""The common point of three spheres by Newton: another way than the model's forward kinematics."""
+"""The common point of three spheres by Newton's method: a cross-check of the model's forward kinematics."""
 
 from __future__ import annotations
 

@@ -26,7 +26,7 @@ from .solve import assembly_modes_batch
 RESIDUAL = 1e-12
 # leg lengths over the size: rounding too, larger by the condition near a singularity
 LEG_ERROR = 1e-12
-# numbers of a pose that are those of its certificate, and of which the least, or the greatest, is told of many
+# numbers of a pose that are those of its certificate, and of which the least, or the greatest, is reported of many
 LEAST = ("found", "distinct", "certified", "real", "conjugate_pairs")
 GREATEST = ("infinite", "multiple", "lost")
 CERTIFIED = (*LEAST, *GREATEST, "retries", "worst_residual")
@@ -49,8 +49,8 @@ def modes_study(
         poses: of the robot, one or many that give the same quantities; its home if left out.
         progress, max_seconds, stop: see `gtmodel.results.Work`.
 
-    A pose whose legs cannot be had has a status and harms no other. Interrupted, it holds the poses that were
-    searched. Raises ArgumentError.
+    A pose at which the leg lengths do not exist has a status, and the other poses are computed all the same.
+    Interrupted, it holds the poses that were searched. Raises ArgumentError.
 
     >>> import gtmodel as gt
     >>> from gtmodel.kinematics.assembly_modes import Pose

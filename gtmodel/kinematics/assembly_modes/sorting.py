@@ -1,4 +1,4 @@
-"""Tell endpoints apart: regular finite modes, modes at infinity, singular finite ones, lost paths."""
+"""Sort endpoints: regular finite modes, modes at infinity, singular finite ones, lost paths."""
 
 from __future__ import annotations
 

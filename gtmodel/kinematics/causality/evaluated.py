@@ -43,7 +43,7 @@ def causality_study(
     max_seconds: float | None = None,
     stop: Callable[[], bool] = never,
 ) -> CausalityStudy:
-    """Evaluate a causality on many points; those without a solution have a status and harm no other.
+    """Evaluate a causality on many points; a point without a solution has a status and does not stop the others.
 
     Args:
         model: any model; quantities go by its own names, such as T, q, e or "arm[0].rod.tension".
@@ -54,7 +54,7 @@ def causality_study(
         orientation: of the plate, with angles in the table.
         progress, max_seconds, stop: see `gtmodel.results.Work`.
 
-    Interrupted, the rows that are left say so. Raises ArgumentError.
+    Interrupted, the rows that were not computed have the code -1. Raises ArgumentError.
 
     >>> import gtmodel as gt
     >>> robot = gt.robots.gantry_tau("l1_tape")

@@ -18,7 +18,7 @@ OWN = {-1: NOT_COMPUTED, -2: INCONSISTENT}  # codes beside those of Status
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class CausalityStudy(Study):
-    """A causality on n points.
+    """Values of a causality on n points.
 
     known, targets: by name, (n, *shape) in SI units; NaN where a row has no solution. codes: (n,) of `Status`, -1 where
     the row was not computed, -2 where its known values contradict each other. orientation: an `OrientationMap`, or

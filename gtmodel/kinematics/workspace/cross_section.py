@@ -37,7 +37,7 @@ class Region:
 
     @property
     def area_within_loops(self) -> float:
-        """[m2] by the polygons of the boundary, holes taken off: another way to `area`."""
+        """Area [m2] by the polygons of the boundary, holes taken off: a cross-check of `area`."""
         return sum(_shoelace(p) for p in self.loops)
 
     @property

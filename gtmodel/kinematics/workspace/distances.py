@@ -40,7 +40,7 @@ def segment_to_box(p1: Array, p2: Array, low: Array, high: Array) -> Array:
     n = len(p1)
     t = np.sort(np.concatenate([np.zeros((n, 1)), cuts, np.ones((n, 1))], axis=1), axis=1)
     slope = np.einsum("nki,ni->nk", _outside(p1[:, None] + t[..., None] * d[:, None], low, high), d)
-    # the slope is increasing and piecewise linear: its root lies in the interval where the sign changes
+    # the derivative is increasing and piecewise linear: its root lies in the interval where the sign changes
     k = np.clip((slope < 0).sum(axis=1), 1, t.shape[1] - 1)
     row = np.arange(n)
     t0, t1, s0, s1 = t[row, k - 1], t[row, k], slope[row, k - 1], slope[row, k]

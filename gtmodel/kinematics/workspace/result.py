@@ -11,7 +11,7 @@ from ...results import Quantity, Row, Study
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class WorkspaceStudy(Study):
-    """Which tool centre points a robot reaches; interrupted, what was mapped until then."""
+    """Which tool centre points a robot reaches. Of a study that was interrupted it holds what was mapped until then."""
 
     area: Annotated[float | None, Quantity("m2", "area of the cross-section that is reached under all limits")] = None
     width: Annotated[float | None, Quantity("m", "its width")] = None
@@ -36,7 +36,7 @@ class WorkspaceStudy(Study):
     ] = None
     volume_error: Annotated[
         float | None,
-        Quantity("m3", "its error as the sections tell it; null without [volume], and where none is reached"),
+        Quantity("m3", "its error, estimated from the sections; null without [volume], and where none is reached"),
     ] = None
     volume_sections: Annotated[int | None, "number of sections that were mapped for it"] = None
     volume_ratio: Annotated[

@@ -41,7 +41,7 @@ class Volume:
     Attributes:
         along: positions of the sections along the guideways [m]. areas: of the sections [m2].
         volume: [m3], by the trapezoidal rule.
-        error: of the volume [m3], as far as sections tell: by how much it changed when the sections between were added;
+        error: of the volume [m3], estimated by how much it changed when the sections between were added;
             infinite with fewer than three sections, where none of them is reached, and where `most` leave wide gaps.
         coarse: the volume of the same sections on a grid of the double step [m3]; NaN where it was not asked for.
         on_edge: the workspace reaches the first or last section, or the edge of one: the volume is that of a part.

@@ -52,7 +52,7 @@ def free_run(
             return np.concatenate([y[AXES:], a])
 
         span = (run.time[first], run.time[first + rows_per_element])
-        with np.errstate(invalid="ignore"):  # a failed row is nan, and told below
+        with np.errstate(invalid="ignore"):  # a failed row is nan, and reported below
             done = solve_ivp(rates, span, y, method="DOP853", rtol=TOLERANCE, atol=TOLERANCE)
         if interrupted():
             trouble.append("interrupted")

@@ -11,7 +11,14 @@ from ..solver_options import Barrier, MostElements
 
 @dataclass(frozen=True)
 class AxisEnd(Options):
-    """Where the robot stands at rest: the positions of its axes, or, on a path, its tool centre point."""
+    """Where the robot stands at rest: the positions of its axes, or, on a path, its tool centre point.
+
+    >>> goal = gt.motion.AxisEnd(carts=[0.9, 0.5, 0.35], axes=np.radians([10.0, -10.0, -5.0]).tolist())
+    >>> gt.motion.AxisEnd(carts=[0.9, 0.5])
+    Traceback (most recent call last):
+        ...
+    gtmodel.results.refusal.ArgumentError: carts: expected 3 numbers; found 2
+    """
 
     carts: Annotated[list[float] | None, Unit("m", key="q_m"), Long(3), "carts q1, q2, q3"] = None
     axes: Annotated[
@@ -30,7 +37,14 @@ class AxisEnd(Options):
 
 @dataclass(frozen=True)
 class ToolDirection(Options):
-    """A tool direction on the way."""
+    """A direction that the tool has somewhere on its way along the path.
+
+    >>> upright = gt.motion.ToolDirection(at=0.5, direction=[0.0, 0.0, 1.0])
+    >>> gt.motion.ToolDirection(at=1.0, direction=[0.0, 0.0, 1.0])
+    Traceback (most recent call last):
+        ...
+    gtmodel.results.refusal.ArgumentError: at: must be more than 0 and less than 1; found 1
+    """
 
     at: Annotated[float, Within(above=0.0, below=1.0), "fraction of the way"]
     direction: Annotated[list[float], Long(3), "tool direction there, in the robot's frame"]
@@ -38,7 +52,13 @@ class ToolDirection(Options):
 
 @dataclass(frozen=True)
 class ToolCourse(Options):
-    """How the tool is held along a path."""
+    """How the tool is held along a path: its axis in the plate, and directions between start and goal.
+
+    >>> upright = gt.motion.ToolDirection(at=0.5, direction=[0.0, 0.0, 1.0])
+    >>> course = gt.motion.ToolCourse(axis=[0.0, 0.0, 1.0], through=[upright])
+    >>> [d.at for d in course.through]
+    [0.5]
+    """
 
     axis: Annotated[list[float], Long(3), "direction of the tool in plate coordinates"] = field(
         default_factory=lambda: [1.0, 0.0, 0.0]
@@ -51,7 +71,15 @@ class ToolCourse(Options):
 
 @dataclass(frozen=True)
 class AxisCost(Options):
-    """What is minimised: time * T + energy * sum over the motors of int (tau / limit)^2 dt."""
+    """What is minimised: time * T + energy * sum over the motors of int (tau / limit)^2 dt, T the final time.
+
+    >>> gt.motion.AxisCost(energy=0.1).time
+    1.0
+    >>> gt.motion.AxisCost(energy=-0.1)
+    Traceback (most recent call last):
+        ...
+    gtmodel.results.refusal.ArgumentError: energy: must be at least 0; found -0.1
+    """
 
     time: Annotated[float, Within(least=0.0), "weight of the final time"] = 1.0
     energy: Annotated[float, Within(least=0.0), "weight of the energy"] = 0.0
@@ -59,7 +87,13 @@ class AxisCost(Options):
 
 @dataclass(frozen=True)
 class AxisMesh(Options):
-    """Where the equations are collocated (Radau)."""
+    """Where the equations are collocated (Radau).
+
+    >>> gt.motion.AxisMesh(control="cubic")
+    Traceback (most recent call last):
+        ...
+    gtmodel.results.agreement.WrongKind: control: expected one of linear, constant, polynomial; found 'cubic'
+    """
 
     elements: Annotated[int, Within(above=0, most=10000), "number of elements of the horizon"] = 20
     most_elements: MostElements = 80
@@ -73,7 +107,11 @@ class AxisMesh(Options):
 
 @dataclass(frozen=True)
 class AxisSolver(Options):
-    """When the solver stops."""
+    """When the solver stops, and which equations it is given.
+
+    >>> gt.motion.AxisSolver(barrier="monotone").max_iterations
+    300
+    """
 
     tolerance: Annotated[float, Within(above=0.0), "on the scaled optimality conditions"] = 1e-8
     max_iterations: Annotated[int, Within(above=0), "limit of iterations, of all attempts together"] = 300

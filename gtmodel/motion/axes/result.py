@@ -15,8 +15,11 @@ Array = np.ndarray
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class AxisStudy(Study):
-    """An optimal motion of six axes, re-simulated and tried with all of them free; without an optimum the final time
-    alone. refined: on a finer mesh than the given one."""
+    """An optimal motion of six axes, re-simulated and tried with all of them free; where no optimum was found, only the
+    final time has a value.
+
+    refined: whether the mesh is finer than the given one.
+    """
 
     final_time: Annotated[float | None, Quantity("s", "final time of the optimum")] = None
     elements: Annotated[int | None, "elements of the mesh: those of the file, or more where a check failed on them"] = (

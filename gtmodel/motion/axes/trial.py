@@ -195,7 +195,7 @@ def _tried(
 
 
 def _along(plan: AxisPlan, run: Trajectory, work: Work) -> dict[str, Any]:
-    """How the path was followed, and how long it takes by the other way; empty for a free motion."""
+    """How the path was followed, and its time by squared speeds as a cross-check; empty for a free motion."""
     path, second = plan.problem.path, None
     if path is None or plan.course is None:
         return {}

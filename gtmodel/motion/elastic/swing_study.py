@@ -32,10 +32,10 @@ ASSUMED = (
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class ElasticStudy(Study):
-    """What an elastic tool swings by after each motion; no values where a plan was not found.
+    """How an elastic tool swings after each of several motions; where a plan was not found there are no values.
 
-    force: the motors' limit [N]. coarse: sentences on a mesh too coarse for the swing. refined: the mesh is finer than
-    the given one.
+    force: limit of the motors [N]. coarse: sentences on a mesh that is too coarse for the oscillation. refined: whether
+    the mesh is finer than the given one.
     """
 
     motions: Annotated[

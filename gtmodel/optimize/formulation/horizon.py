@@ -24,8 +24,8 @@ SHORTEST = 1e-3
 class PointValue:
     """An expression needed at one instant, s in [0, 1] of the horizon, known there as `symbol`.
 
-    `off`: the same by the model's equations alone, where derivatives of states and algebraic variables stand in it:
-    off the collocation points the polynomials do not keep the equations.
+    `off`: the same by the model's equations alone, where rates of states and algebraic variables stand in it: off the
+    collocation points the polynomials do not keep the equations.
     """
 
     symbol: ca.SX
@@ -167,7 +167,8 @@ def point_values(flat: FlatModel, h: Horizon, instants: Sequence[Instant], param
             hint = f", or leave {', '.join(tuned)} out of transcribe(parameters=...)" if tuned else ""
             raise ModelError(f"{flat.title}: an instant of .at() moves within the horizon; use its ends{hint}")
         if not -ROUND_OFF <= first <= 1 + ROUND_OFF:
-            raise ModelError(f"{flat.title}: an instant of .at() lies outside the horizon")
+            at = f"the instant {float(time):g} s" if time.is_constant() else "an instant"
+            raise ModelError(f"{flat.title}: {at} of .at() lies outside the horizon")
         place = min(1.0, max(0.0, first))
         for k in range(instant.symbol.numel()):
             result.append(PointValue(instant.symbol[k], instant.expression[k], place))

@@ -12,7 +12,7 @@ from ...compiler.flat import FlatModel
 from ...compiler.plan import Plan, make_plan
 from ...lang.expression import Expr
 from ...lang.optimization import Optimization
-from ...lang.slips import persons_code
+from ...lang.slips import line_of, persons_code
 from ...lang.source import ModelError
 from .assembled import assembled
 from .attributes import Pair
@@ -128,10 +128,13 @@ def _stated(flat: FlatModel) -> tuple[Expr, list[Row]]:
         raise ModelError(f"{flat.title} is no Optimization; give it an objective and a horizon")
     flat.scope.instants.clear()  # those of another formulation of the same model
     flat.scope.misfits.clear()
-    with persons_code(f"objective() of {flat.title}"):
+    with persons_code(f"objective() of {flat.title}", type(root).objective):
         objective = root.objective()
     if not isinstance(objective, Expr) or objective.shape != ():
-        raise ModelError(f"{flat.title}.objective() must return a scalar expression; found {objective!r}")
+        raise ModelError(
+            f"{flat.title}.objective() must return a scalar expression; found {objective!r}",
+            line_of(type(root).objective),
+        )
     if not flat.variables:
         raise ModelError(f"{flat.title} has no variable, so there is no trajectory to optimise; declare one")
     return objective, relations(root.constraints(), flat) + initial_rows(flat)

@@ -12,7 +12,7 @@ import numpy as np
 from ...compiler.flat import FlatModel
 from ...lang.connect import flatten_items
 from ...lang.expression import Relation
-from ...lang.slips import each_of
+from ...lang.slips import each_of, line_of
 from ...lang.source import ModelError, SourceLocation
 
 
@@ -30,23 +30,30 @@ class Row:
 
 def relations(source: Iterable[Any] | None, flat: FlatModel) -> list[Row]:
     """Rows of everything that constraints() yields. Raises ModelError for what is no relation."""
+    written = line_of(getattr(type(flat.root), "constraints", None))
     if source is None:
-        raise ModelError(f"constraints() of {flat.title} returned nothing; expected 'yield' in front of each relation")
+        raise ModelError(
+            f"constraints() of {flat.title} returned nothing; expected 'yield' in front of each relation", written
+        )
     if not isinstance(source, Iterable):
         raise ModelError(
             f"constraints() of {flat.title} returned one {type(source).__name__}; expected 'yield' in front of each "
-            "relation"
+            "relation",
+            written,
         )
-    return relation_rows(source, f"{flat.title}.constraints()")
+    return relation_rows(source, f"{flat.title}.constraints()", written=written)
 
 
-def relation_rows(source: Iterable[Any], title: str, word: str = "constraint") -> list[Row]:
+def relation_rows(
+    source: Iterable[Any], title: str, word: str = "constraint", *, written: SourceLocation | None = None
+) -> list[Row]:
     """Rows of relations. Raises ModelError for what is no relation."""
     rows: list[Row] = []
     for count, item in enumerate(flatten_items(list(each_of(source, title))), 1):
         if not isinstance(item, Relation):
             raise ModelError(
-                f"{title} yielded {type(item).__name__}, which is no relation; expected '==', '<=', '>=' or gt.between"
+                f"{title} yielded {type(item).__name__}, which is no relation; expected '==', '<=', '>=' or gt.between",
+                written,
             )
         low, high = {"==": (0.0, 0.0), "<=": (-np.inf, 0.0), ">=": (0.0, np.inf)}[item.op]
         residual = item.residual

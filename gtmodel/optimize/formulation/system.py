@@ -1,4 +1,4 @@
-"""The equations of a problem as an ordinary differential one, whatever form was transcribed: values and derivatives."""
+"""The equations of a problem as an ordinary differential one, whatever form was transcribed: values and Jacobian."""
 
 from __future__ import annotations
 
@@ -69,8 +69,8 @@ class System:
                 z[:, n] = rows[:, column]
         return z
 
-    def jacobian(self, x: np.ndarray, given: np.ndarray, z: np.ndarray, P: np.ndarray, t: np.ndarray) -> np.ndarray:
-        """Derivatives (n, nx, nx) of the rates by the states, the unknowns following; NaN where they cannot."""
+    def slopes(self, x: np.ndarray, given: np.ndarray, z: np.ndarray, P: np.ndarray, t: np.ndarray) -> np.ndarray:
+        """Jacobian (n, nx, nx) of the rates by the states, the unknowns following; NaN where they cannot."""
         n, nx = x.shape
         direct, moved, through = on_rows(self.slope, (x, given, z), P, t)
         jacobian = _stacked(direct, n, nx)

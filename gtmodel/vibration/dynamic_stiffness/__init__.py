@@ -7,7 +7,7 @@ Synthetic, synthetic_experiments   synthetic experiments, `SyntheticExperiments`
 
 Frequency responses
     FrequencyResponse, frequency_response   receptance with its noise from records of an impact hammer
-    command_force                           what a commanded step stands for
+    command_force                           force that is equivalent to a commanded step
     fit_modes -> ModalFit                   mass, damping and stiffness of one or several modes, with intervals
     receptance, synthetic_hits, synthetic_receptance   the model itself, and synthetic data
 Over the pose

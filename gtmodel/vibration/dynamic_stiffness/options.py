@@ -1,4 +1,4 @@
-"""What a study of dynamic stiffness is asked for, and what synthetic experiments are made of."""
+"""What a study of dynamic stiffness is asked for, and what synthetic experiments consist of."""
 
 from __future__ import annotations
 

@@ -47,7 +47,7 @@ def dynamic_stiffness_study(
     """Mass, damping and stiffness of an arm in x, y and z over its poses, from frequency responses.
 
     Args:
-        experiments: from `read_experiments`, or synthetic by `synthetic_experiments`, which are judged by their truth.
+        experiments: from `read_experiments`, or synthetic ones of `synthetic_experiments`, judged by their truth.
         fit: how modes are fitted to each response. process: the Gaussian processes of log m, log c and log k.
         map: the picture of the lowest frequency.
         repeatability: mean relative change of m, c and k between experiments at one pose.

@@ -21,8 +21,7 @@ CHANGE = 2 / np.sqrt(np.pi)  # mean size of the difference of two values of unit
 
 
 class Printed(Protocol):
-    """Known oscillators near which a synthetic field is made: poses (n, 4), m, c, k (n, 3), and what is to be said of
-    them."""
+    """Known oscillators near which a synthetic field lies: poses (n, 4), m, c, k (n, 3), and words on them."""
 
     @property
     def poses(self) -> np.ndarray: ...
