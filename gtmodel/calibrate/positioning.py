@@ -112,9 +112,9 @@ def positioning(
     return Positioning(tuple(chosen), moved[:, :, [every.index(n) for n in chosen]])
 
 
-def pose_slopes(problem: Problem, signal: str = "T", x: ArrayLike | None = None) -> dict[str, np.ndarray]:
+def pose_jacobians(problem: Problem, signal: str = "T", x: ArrayLike | None = None) -> dict[str, np.ndarray]:
     """Jacobian of each signal of the pose in the unknowns (N, k, n), actuators held. Raises as positioning()."""
-    J, B, pose = closure_slopes(problem, signal, x)
+    J, B, pose = closure_jacobians(problem, signal, x)
     try:
         moved = -np.linalg.solve(B, J)
     except np.linalg.LinAlgError:

@@ -93,7 +93,7 @@ class Problem:
             r[:, b.rows] = b.residuals(self.reading.data, x[b.columns])
         return r
 
-    def slopes(self, x: ArrayLike | None = None) -> np.ndarray:
+    def jacobian(self, x: ArrayLike | None = None) -> np.ndarray:
         """Jacobian of the residuals in x (N, m, n).
 
         With nz latent values it is (N, m - nz, n), of combinations of the lengths that do not depend on these.
@@ -103,7 +103,7 @@ class Problem:
         nz = Bz.shape[2]
         return np.linalg.qr(Bz, mode="complete")[0][:, :, nz:].transpose(0, 2, 1) @ J if nz else J
 
-    def all_slopes(self, cost: str, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def all_jacobians(self, cost: str, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Jacobians of the closures in unknowns (N, m, n), noise (N, m, ny) and latent values (N, m, nz)."""
         N, m, read = len(self.measurements), len(self.labels), self.reading
         J, By, Bz = (np.zeros((N, m, k)) for k in (len(x), read.noise.numel(), read.latent.numel()))

@@ -210,7 +210,7 @@ def follow(plan: Plan, sampler: Sampler) -> Plan:
     return _with_roots(plan, [replace(r, value=1 if x >= 0 else -1) for r, x in zip(roots, found, strict=True)])
 
 
-def root_slopes(plan: Plan, sampler: Sampler) -> ca.Function:
+def root_derivatives(plan: Plan, sampler: Sampler) -> ca.Function:
     """(point over the plan's pairs, parameters, time) -> derivatives, which give the signs of the roots there."""
     column = _column([r.slope for b in plan.blocks for r in b.roots])
     return ca.Function("derivatives", [sampler.w, plan.flat.p, plan.flat.scope.time], [column])

@@ -202,7 +202,7 @@ def without_noise(tests: StaticTests, c: np.ndarray) -> StaticTests:
     )
 
 
-def concluded(method: str, e: Estimate, A: np.ndarray, covariance: np.ndarray, poses: int) -> StiffnessFit:
+def stiffness_fit(method: str, e: Estimate, A: np.ndarray, covariance: np.ndarray, poses: int) -> StiffnessFit:
     """How well the rows determine each unknown, in units of itself, and whether the residuals are noise."""
     # in whitened rows, each compliance in units of itself
     blocks = covariance if covariance.ndim == 3 else covariance[None]

@@ -66,7 +66,7 @@ class LinkStructure:
             object.__setattr__(self, name, value)
 
     @property
-    def freedoms(self) -> int:
+    def degrees_of_freedom(self) -> int:
         """d, degrees of freedom of the plate."""
         return self.plate.shape[3]
 

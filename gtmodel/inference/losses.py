@@ -29,7 +29,7 @@ class Loss:
         """What r is multiplied by so that its square has the loss's gradient."""
         return np.sqrt(self.slope((r / width) ** 2))
 
-    def variance_factor(self, r: np.ndarray, width: float, freedom: float) -> float:
+    def variance_factor(self, r: np.ndarray, width: float, degrees_of_freedom: float) -> float:
         """Huber's variance for a Jacobian of one: sum psi^2 / degrees of freedom / (mean psi')^2, psi = r rho'."""
         z = (r / width) ** 2
         psi = r * self.slope(z)

@@ -200,7 +200,7 @@ class Builder:
         """Sizes of several."""
         return np.array([self.nominal(p) for p in pairs])
 
-    def slopes(self, x_scale: np.ndarray, u_scale: np.ndarray, P: np.ndarray) -> Slopes:
+    def jacobian(self, x_scale: np.ndarray, u_scale: np.ndarray, P: np.ndarray) -> Jacobians:
         """Derivatives of rows per size of the states, their rates and the inputs."""
         tops = [(i, k + 1) for i, k in self.states]
         inputs = self.input_pairs

@@ -56,7 +56,7 @@ def scale_of(size: float) -> float:
 
 
 @dataclass(eq=False)
-class Slopes:
+class Jacobians:
     """Derivatives of expressions in x, xd, u, P and t, per nominal of x, xd and u, at consistent points of a plan."""
 
     plan: Plan

@@ -69,7 +69,7 @@ class System:
                 z[:, n] = rows[:, column]
         return z
 
-    def slopes(self, x: np.ndarray, given: np.ndarray, z: np.ndarray, P: np.ndarray, t: np.ndarray) -> np.ndarray:
+    def jacobian(self, x: np.ndarray, given: np.ndarray, z: np.ndarray, P: np.ndarray, t: np.ndarray) -> np.ndarray:
         """Jacobian (n, nx, nx) of the rates by the states, the unknowns following; NaN where they cannot."""
         n, nx = x.shape
         direct, moved, through = on_rows(self.slope, (x, given, z), P, t)

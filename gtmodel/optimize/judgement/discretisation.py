@@ -251,7 +251,7 @@ def _integrands(problem: DynamicProblem) -> ca.Function:
     return ca.Function("integrals", problem.arguments, [ca.vertcat(ca.SX(0, 1), *[e for _, e, _ in problem.integrals])])
 
 
-def _errors(fine: Table, missed: np.ndarray, slopes: np.ndarray) -> _Grid | None:
+def _errors(fine: Table, missed: np.ndarray, jacobian: np.ndarray) -> _Grid | None:
     """One Newton step of the finer rule from what is missed (N, M, nx), with Jacobians (N, M, nx, nx) per element."""
     N, M, nx = missed.shape
     matrix = np.einsum("ji,xy->ixjy", fine.derivative[1:], np.eye(nx))[None].repeat(N, 0)

@@ -205,7 +205,7 @@ def _ordered(e: Estimate, theta: np.ndarray, lines: FrequencyResponse, stated: b
 
 def _adequacy(e: Estimate, lines: FrequencyResponse, stated: bool) -> Verdict:
     """Residuals against the noise, which repeated hits estimate with few degrees of freedom themselves."""
-    if stated or not np.isfinite(lines.freedom):
+    if stated or not np.isfinite(lines.degrees_of_freedom):
         return noise_size(e)
     # correlated lines are fewer than they look
     ratio, own = float(e.residuals @ e.residuals) / e.degrees_of_freedom, e.degrees_of_freedom / lines.wider**2
