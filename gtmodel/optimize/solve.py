@@ -44,8 +44,8 @@ class SolverOptions:
         max_iterations: limit; reached means status iteration_limit with the iterate nearest to its constraints.
         max_seconds: wall-clock limit [s]; reached means status interrupted with the iterate nearest to its constraints.
         formulation: "inverse": controls as functions of the motion, for fully actuated models; "explicit": explicit
-            rates; "torn": unknowns without a closed form are kept, with their equations as constraints; "dae": nothing is
-            eliminated. "auto" chooses; see optimize.formulation.problem.build.
+            rates; "torn": unknowns without a closed form are kept, with their equations as constraints; "dae": nothing
+            is eliminated. "auto" chooses; see optimize.formulation.problem.build.
         prefer: names to keep as states.
         hessian: "exact", or "lbfgs" from gradients alone.
         barrier: how IPOPT lowers its barrier, "adaptive" or "monotone": where one fails, the other may solve in a tenth
