@@ -68,7 +68,7 @@ class AngleTable:
         return Oscillators(values[:, :3], values[:, 3:6], values[:, 6:])
 
     def casadi_function(self) -> Any:
-        """CasADi function A [rad] -> m, c, k (3 each), the same curve; its ends go on as their last cubic."""
+        """The same curve as a CasADi function A [rad] -> m, c, k (3 each); beyond its ends the last cubics continue."""
         A = ca.SX.sym("A")
         pieces = []
         for i, knot in enumerate(self.angles[:-1]):

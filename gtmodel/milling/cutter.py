@@ -37,12 +37,12 @@ class Coefficients(Options):
 
     @property
     def edge(self) -> np.ndarray:
-        """(3,) tangential, radial, axial [N/m]."""
+        """Edge coefficients (3,), tangential, radial, axial [N/m]."""
         return np.array([self.K_te, self.K_re, self.K_ae])
 
     @property
     def cutting(self) -> np.ndarray:
-        """(3,) tangential, radial, axial [N/m2]."""
+        """Cutting coefficients (3,), tangential, radial, axial [N/m2]."""
         return np.array([self.K_tc, self.K_rc, self.K_ac])
 
 
@@ -63,16 +63,16 @@ class Cutter(Options):
     gtmodel.results.refusal.ArgumentError: helix: must be at least 0 and less than 1.5708; found 30
     """
 
-    diameter: Annotated[float, Unit("m"), Within(above=0.0), "of the cutter"]
-    teeth: Annotated[int, Within(least=1), "how many"]
+    diameter: Annotated[float, Unit("m"), Within(above=0.0), "diameter of the cutter"]
+    teeth: Annotated[int, Within(least=1), "number of teeth"]
     coefficients: Coefficients
     helix: Annotated[
         float, Unit("rad", written="deg"), Within(least=0.0, below=np.pi / 2), "helix angle; 0 for straight teeth"
     ] = 0.0  # fmt: skip
     tooth_angles: Annotated[
-        list[float] | None, Unit("rad", written="deg"), "of uneven pitch, rising; even if left out"
+        list[float] | None, Unit("rad", written="deg"), "rising angles of the teeth at the tip; even if left out"
     ] = None  # fmt: skip
-    runout: Annotated[list[float] | None, Unit("m"), "by how much each tooth stands out"] = None
+    runout: Annotated[list[float] | None, Unit("m"), "radial runout of each tooth, positive outwards"] = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -87,19 +87,19 @@ class Cutter(Options):
 
     @property
     def radius(self) -> float:
-        """[m]"""
+        """Radius of the cutter [m]."""
         return self.diameter / 2
 
     @property
     def angles(self) -> np.ndarray:
-        """(teeth,) angle of each tooth at the tip [rad]."""
+        """Angle of each tooth at the tip (teeth,) [rad]."""
         if self.tooth_angles is None:
             return 2 * np.pi * np.arange(self.teeth) / self.teeth
         return np.asarray(self.tooth_angles, float)
 
     @property
     def pitch(self) -> np.ndarray:
-        """(teeth,) angle from each tooth to the one that cuts before it [rad]."""
+        """Angle from each tooth to the one that cuts before it (teeth,) [rad]."""
         return np.diff(np.append(self.angles, self.angles[0] + 2 * np.pi))
 
     def lag(self, depth: float) -> float:
@@ -122,7 +122,7 @@ class Cut(Options):
 
     mode: Annotated[Mode, "climb is also called down milling"]
     radial_depth: Annotated[
-        float, Unit("m"), Within(above=0.0), "width of the cut; at most the diameter; a slot does not read it"
+        float, Unit("m"), Within(above=0.0), "width of the cut, at most the diameter; a slot does not use it"
     ]
     axial_depth: Annotated[float, Unit("m"), Within(above=0.0), "depth of the cut along the tool"]
     feed_per_tooth: Annotated[
@@ -131,7 +131,7 @@ class Cut(Options):
 
 
 class Teeth(NamedTuple):
-    """What teeth meet, a row for each stretch of a tooth's way on which its chip is left by the same tooth before it.
+    """Engagement, a row for each stretch of a tooth's way on which its chip is left by the same tooth before it.
 
     The tooth at angle [rad] of the cutter cuts from `start` to `end` [rad] with force (K_e + K_c offset) + K_c feed
     sin(phi): chip thickness feed sin(phi) + offset, feed and offset [m]. All (rows,).

@@ -30,12 +30,12 @@ class NearMode:
 
     @property
     def distance(self) -> float:
-        """[Hz]"""
+        """Frequency of the harmonic minus that of the mode [Hz]."""
         return self.harmonic * self.tooth_frequency - self.mode
 
     @property
     def sentence(self) -> str:
-        """In words."""
+        """Harmonic, distance and mode in words."""
         named = "the tooth frequency" if self.harmonic == 1 else f"{self.harmonic} times the tooth frequency"
         side = "above" if self.distance >= 0 else "below"
         return (f"{named}, {self.harmonic * self.tooth_frequency:.4g} Hz, is {abs(self.distance):.3g} Hz {side} the "

@@ -24,7 +24,7 @@ class Tool(Options):
     spindle: Annotated[list[float], Long(3), "direction from spindle to tip, flange coordinates"] = field(
         default_factory=lambda: [0.0, 0.0, 1.0]
     )
-    axis: Annotated[list[float], Long(3), "the same direction in world coordinates"] = field(
+    axis: Annotated[list[float], Long(3), "direction from spindle to tip, world coordinates"] = field(
         default_factory=lambda: [0.0, 0.0, -1.0]
     )
     zero: Annotated[
@@ -43,8 +43,8 @@ class Modal(Options):
     gtmodel.results.refusal.ArgumentError: mass: expected 3 numbers; found 2
     """
 
-    mass: Annotated[list[float], Unit("kg"), Long(3), "along x, y, z, in every pose"]
-    damping_ratio: Annotated[list[float], Long(3), "along x, y, z, in every pose"]
+    mass: Annotated[list[float], Unit("kg"), Long(3), "masses along x, y, z, the same in every pose"]
+    damping_ratio: Annotated[list[float], Long(3), "damping ratios along x, y, z, the same in every pose"]
 
 
 @dataclass(frozen=True)
@@ -57,14 +57,14 @@ class Search(Options):
     """
 
     step: Annotated[
-        float, Unit("rad", written="deg"), Within(above=0.0), "of the angle's grid over 360 degrees"
+        float, Unit("rad", written="deg"), Within(above=0.0), "step of the grid of angles over 360 degrees"
     ] = math.radians(1.0)  # fmt: skip
     speeds: Annotated[list[float], "spindle speeds [1/s] to compare with the given one"] = field(default_factory=list)
-    feed_directions: Annotated[list[list[float]], Long(3), "to compare with the given one"] = field(
+    feed_directions: Annotated[list[list[float]], Long(3), "feed directions to compare with the given one"] = field(
         default_factory=list
     )
     places: Annotated[
-        list[list[float]], Unit("m"), Long(3), "of the tool centre point, to compare with the given one"
+        list[list[float]], Unit("m"), Long(3), "places of the tool centre point to compare with the given one"
     ] = field(default_factory=list)
     static_choice: Annotated[
         float | None, Unit("rad", written="deg"),
@@ -87,7 +87,7 @@ class PathOffset(Options):
     gtmodel.results.refusal.ArgumentError: bandwidth: must be more than 0; found 0
     """
 
-    bandwidth: Annotated[float, Unit("Hz"), Within(above=0.0), "of offsets that the robot can follow"] = 5.0
-    seconds: Annotated[float, Within(above=0.0), "of cutting"] = 2.0
-    entry: Annotated[float, Unit("s"), Within(above=0.0), "from the first chip to the full cut"] = 0.5
-    cycle: Annotated[float, Unit("s"), Within(above=0.0), "between the rows of compensation.csv"] = 0.004
+    bandwidth: Annotated[float, Unit("Hz"), Within(above=0.0), "bandwidth of offsets that the robot can follow"] = 5.0
+    seconds: Annotated[float, Within(above=0.0), "duration of the simulated cut [s]"] = 2.0
+    entry: Annotated[float, Unit("s"), Within(above=0.0), "time from the first chip to the full cut"] = 0.5
+    cycle: Annotated[float, Unit("s"), Within(above=0.0), "time between the rows of compensation.csv"] = 0.004

@@ -41,7 +41,7 @@ class Oscillators:
 
     @classmethod
     def with_damping_ratio(cls, m: ArrayLike, k: ArrayLike, zeta: ArrayLike) -> Oscillators:
-        """From damping ratios (n, 3) [1] in place of c."""
+        """Oscillators from m [kg], k [N/m] and damping ratios zeta [1], each (n, 3), in place of c."""
         m, k = np.asarray(m, float), np.asarray(k, float)
         return cls(m, 2 * np.asarray(zeta, float) * np.sqrt(m * k), k)
 
@@ -53,12 +53,12 @@ class Oscillators:
 
     @property
     def frequency(self) -> np.ndarray:
-        """(n, 3) undamped natural frequency sqrt(k/m)/2pi [Hz]."""
+        """Undamped natural frequencies sqrt(k/m)/2pi (n, 3) [Hz]."""
         return np.sqrt(self.k / self.m) / (2 * np.pi)
 
     @property
     def damping_ratio(self) -> np.ndarray:
-        """(n, 3) c / (2 sqrt(k m)) [1]."""
+        """Damping ratios c / (2 sqrt(k m)) (n, 3) [1]."""
         return self.c / (2 * np.sqrt(self.k * self.m))
 
     def shifted(self, hertz: float) -> Oscillators:
@@ -72,7 +72,7 @@ class Oscillators:
         return Oscillators.with_damping_ratio(self.k / (2 * np.pi * f) ** 2, self.k, self.damping_ratio)
 
     def receptance(self, omega: ArrayLike) -> np.ndarray:
-        """H (n, w, 3) [m/N] at angular frequencies omega (w,) [rad/s]: 1/(k - m w^2 + j c w)."""
+        """Receptance H = 1 / (k - m w^2 + j c w) (n, w, 3) [m/N] at angular frequencies omega (w,) [rad/s]."""
         w = np.asarray(omega, float).reshape(1, -1, 1)
         m, c, k = (x[:, None, :] for x in (self.m, self.c, self.k))
         return 1 / (k - m * w**2 + 1j * c * w)

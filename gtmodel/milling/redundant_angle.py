@@ -17,8 +17,9 @@ ANGLES = np.deg2rad(np.arange(-180.0, 181.0))  # 361, one degree apart
 class AngleSweep:
     """All ways in which an arm can hold the tool at one place, over the angle about the spindle.
 
-    angles (n,) [rad]. q (s, 6) [rad]: solutions; solution i belongs to angle number row[i] and branch branch[i], and
-    each branch has one at most. in_reach (n,): whether the geometry allows the angle, though joint limits may not.
+    angles (n,) [rad]. q (s, 6) [rad]: solutions; solution i belongs to angle number row[i] and branch branch[i], and at
+    each angle a branch has one solution at most. in_reach (n,): whether the geometry allows the angle, though joint
+    limits may not.
     """
 
     angles: np.ndarray

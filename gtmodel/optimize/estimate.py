@@ -25,7 +25,7 @@ UNTOLD = 1e-3
 AT_BOUND = 1e-6  # of a scaled unknown: it stands at its bound, where it is held
 LEAST_SQUARES = 1e-6  # relative: the objective is the misfit and nothing else
 ROUNDING = 1e-24  # of the data's squares: more than the squared rounding of a residual that vanishes
-# at random values of all that the objective holds, the rest besides misfits has no slopes beyond rounding
+# at random values of all that the objective holds, the rest besides misfits has no derivatives beyond rounding
 SAME, SEED, TRIALS = 1e-9, 0, 2
 
 
@@ -136,7 +136,7 @@ def _data(misfits: list[Misfit]) -> np.ndarray:
 
 
 def _holds_more(solution: Solution) -> bool:
-    """Does the objective bend or slope otherwise than the misfits anywhere, though it may be theirs at the optimum?"""
+    """Does the objective differ from the misfits anywhere in its derivatives, though it may agree at the optimum?"""
     problem, blocks = solution.problem, solution.nlp.mesh.blocks
     if any(weight != 0.0 for _, _, weight in problem.integrals):
         return True
@@ -161,7 +161,7 @@ def _holds_more(solution: Solution) -> bool:
 
 
 def _residuals(fit: _Fit) -> tuple[np.ndarray, csc_matrix]:
-    """Residuals, and their slopes in all unknowns."""
+    """Residuals, and their Jacobian in all unknowns."""
     values: list[np.ndarray] = []
     blocks: list[csc_matrix] = []
     for _, s, _ in fit.parts:
@@ -181,7 +181,7 @@ def _residuals(fit: _Fit) -> tuple[np.ndarray, csc_matrix]:
 
 
 def _active(fit: _Fit) -> tuple[csc_matrix, np.ndarray]:
-    """Slopes of all rows that hold with equality, in the unknowns that are free to move."""
+    """Jacobian of all rows that hold with equality, in the unknowns that are free to move."""
     nlp, solution, x = fit.program, fit.whole, fit.whole.x
     g, jacobian = nlp.functions["jac_g"](x, [])
     g = np.asarray(g).reshape(-1)

@@ -70,7 +70,7 @@ class Solution:
 
     @property
     def sensitivity(self) -> dict[str, float]:
-        """Slope of the optimal cost with respect to each tunable parameter, in SI units (envelope theorem)."""
+        """Derivative of the optimal cost with respect to each tunable parameter, in SI units (envelope theorem)."""
         nlp = self.nlp
         first = nlp.free.stop
         slope = np.asarray(nlp.functions["grad_f"](self.x, [])[1]).reshape(-1)[first:]
@@ -243,7 +243,7 @@ def states_and_controls(
 
 
 def evaluate(nlp: Nlp, x: np.ndarray, s: np.ndarray) -> Trajectory:
-    """All top-level names at fractions s: states and controls by their polynomials; off the collocation points slopes
+    """All top-level names at fractions s: states and controls by their polynomials; off the collocation points rates
     of states and algebraic variables by the model's equations, where these give a number there."""
     problem, P = nlp.problem, constants(nlp, x)
     xs, rates, us, times = states_and_controls(nlp, x, s)
