@@ -66,7 +66,7 @@ class VibrationStudy(Study):
     bandwidth: Annotated[
         Sequence[float | None] | None, Quantity("Hz", "-3 dB of the step response, with its interval")
     ] = None
-    synthetic: Annotated[str | None, "seed and noise of made-up recordings; null for measured ones"] = None
+    synthetic: Annotated[str | None, "seed and noise of synthetic recordings; null for measured ones"] = None
 
     @property
     def rows(self) -> list[Row]:
