@@ -65,7 +65,8 @@ def exchanged(
 ) -> Exchanged | None:
     """Compare columns as given with all other orders, and with one of them reversed; None for a single column.
 
-    left: sum of squares that is left with an order and signs. freedom: of the residuals. size: rms of the efforts.
+    `left` is the sum of squares that is left with an order and signs, `freedom` the residuals' degrees of freedom,
+    `size` the rms of the efforts.
     """
     if columns < 2 or freedom < 1:
         return None

@@ -37,7 +37,7 @@ class F1(gt.Model):
     R = R(e) with e of length 1, scalar first. z is vertical, along the guideways, and v is upwards: the plate hangs
     below the carts (branch `below` of link 1, which selects the root of the one closed form of the inverse kinematics).
     Forward kinematics and arms 2 and 3 of the inverse are Newton blocks that continue the home pose; where an arm has
-    several inverse solutions, that is the one on the straight way from there, or the one near a guess.
+    several inverse solutions, that is the one on the straight line from there, or the one near a guess.
 
     The axes for the home pose moved down by 0.1 m; carts move along z:
 
@@ -170,12 +170,12 @@ def f1_gantry_tau(name: str = "f1", parallel: bool = False, **modifiers: Any) ->
 
     Raises ModelError for another name.
 
-    Carts [m] and rotary axes [rad] to the pose:
+    Link lengths [m] as printed and of the parallel geometry:
 
-    >>> robot = gt.robots.f1_gantry_tau()
-    >>> T, e, status = robot.causal(known="q", targets=["T", "e"])([0.72, 0.26, 0.21, 0.1, -0.1, 0.0])
-    >>> print(T.round(3), e.round(3), status)
-    [-0.199  2.284 -0.011] [ 0.49   0.526  0.515 -0.468] 0
+    >>> print(gt.robots.f1_gantry_tau().L.round(4))
+    [1.9226 1.5019 1.5043 1.502  1.5012 1.5052]
+    >>> print(gt.robots.f1_gantry_tau(parallel=True).L.round(4))
+    [1.9226 1.5031 1.5031 1.5028 1.5028 1.5028]
     """
     geometry = _geometry(name, parallel)
     home_e = clusters.quaternion_of(f1_geometry.home_rotation(geometry)[0])

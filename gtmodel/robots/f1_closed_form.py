@@ -79,7 +79,7 @@ class F1Rotation(gt.Model):
 
     Known R (3, 3), a rotation; angles (q4, q6) [rad] follow by two arc tangents. `twist` [1] is 0 for an R that
     q4 = -q5 reaches, and otherwise measures how far R is from that: of the unit vector along the axis of q6, the y
-    component in 1S_3, which q4 cannot change, minus the one that R asks for.
+    component in 1S_3, which q4 cannot change, minus that of the given R.
 
     The plate turned from its home by 0.1 rad about the world's z, which q4 = -q5 and q6 cannot do:
 

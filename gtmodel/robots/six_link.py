@@ -170,12 +170,11 @@ def six_link_gantry_tau(name: str = "d1_six_link", **modifiers: Any) -> SixLink:
     The plate is ahead of the carts, side c = -1, where six-link and three-link tool centre point agree; e is near
     ZYZ = (85.0, 100.9, -88.6) deg. Modifiers: any parameter of SixLink. Raises ModelError for another name.
 
-    Carts [m] to the pose, the tool centre point [m] and the quaternion of the plate:
+    A heavier plate [kg] on the links of the table [m]:
 
-    >>> robot = gt.robots.six_link_gantry_tau()
-    >>> T, e, status = robot.causal(known="q", targets=["T", "e"])([-0.2, 0.0, -0.2])
-    >>> print(T.round(3), e.round(3))
-    [-1.44  -4.505  0.015] [ 0.636 -0.77   0.043 -0.02 ]
+    >>> robot = gt.robots.six_link_gantry_tau(m_p=20.0)
+    >>> print(robot.m_p, robot.L)
+    20.0 [2.04422 2.04291 2.04294 2.04351 2.04352 2.04352]
     """
     if name != "d1_six_link":
         raise gt.ModelError(f"there is no six-link robot '{name}'; there is d1_six_link")

@@ -33,15 +33,12 @@ def queensland_gantry_tau(name: str = "d1_six_link", **modifiers: Any) -> SixLin
 
     modifiers: any parameter of SixLink. Raises ModelError for an unknown name.
 
-    How far the plate turns over 0.3 m [degrees], and that of the six-link D1, which nearly keeps its orientation:
+    How far the plate turns over 0.3 m [degrees]; that of the six-link D1 turns by 0.09 degrees:
 
-    >>> angles = []
-    >>> for robot in (gt.robots.queensland_gantry_tau(), gt.robots.six_link_gantry_tau()):
-    ...     R, status = robot.causal(known="T", targets="R")([robot.home, robot.home + [0.0, 0.0, 0.3]])
-    ...     angles.append(np.degrees(np.arccos((np.trace(R[0].T @ R[1]) - 1) / 2)))
-    ...
-    >>> np.round(angles, 2)
-    array([6.1 , 0.09])
+    >>> robot = gt.robots.queensland_gantry_tau()
+    >>> R, status = robot.causal(known="T", targets="R")([robot.home, robot.home + [0.0, 0.0, 0.3]])
+    >>> print(round(np.degrees(np.arccos((np.trace(R[0].T @ R[1]) - 1) / 2)), 2))
+    6.1
     """
     robot = six_link_gantry_tau(name)
     return robot.with_(**{**triangular(robot), **modifiers})

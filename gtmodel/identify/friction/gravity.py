@@ -10,7 +10,7 @@ from scipy.optimize import linprog
 from ...results.trajectory_errors import Array
 
 Gravity = Literal["most_symmetric", "poses"]  # how the mass is found beside friction by direction
-PARALLEL = 1e-6  # patterns closer to parallel than this: the difference of gravity between poses tells no mass
+PARALLEL = 1e-6  # patterns closer to parallel than this: the difference of gravity between poses determines no mass
 TIE = 1e-9  # of the sum of weights: two sides of a median that weigh the same
 
 

@@ -40,7 +40,7 @@ class Steady(Options):
 
     cutoff: Annotated[
         float, Unit("Hz"), Within(above=0.0),
-        "of the low pass that tells steady from unsteady rows; means are of raw ones",
+        "of the low pass that separates steady from unsteady rows; means are of raw ones",
     ] = CUTOFF_HZ  # fmt: skip
     slowest: Annotated[float, Unit("m/s"), Within(least=0.0), "slower runs are left out"] = 0.0
     steady_acceleration: Annotated[

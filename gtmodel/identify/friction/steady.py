@@ -11,7 +11,7 @@ from ...measurements import Session, ZeroPhase, motion
 from ...results.trajectory import Trajectory
 from ...results.trajectory_errors import Array, TrajectoryError
 
-CUTOFF_HZ = 10.0  # of what tells steady from unsteady rows; the means are taken of unfiltered ones
+CUTOFF_HZ = 10.0  # of the low pass that separates steady from unsteady rows; means are taken of unfiltered ones
 STEADY = 0.2  # m/s2
 SHORTEST = 0.2  # s
 

@@ -64,9 +64,9 @@ class FrictionStudy(Study):
     pattern: Annotated[Array | None, Quantity("N/kg", "force of each cart that holds one kilogram, by pose")] = None
     residual: Annotated[Array | None, Quantity("N", "rms of the fitted lines, by cart")] = None
     runs: Annotated[int | None, Quantity("", "number of runs at constant velocity")] = None
-    undetermined: Annotated[Sequence[str] | None, Quantity("", "what the runs cannot tell, in words")] = None
+    undetermined: Annotated[Sequence[str] | None, Quantity("", "what the runs leave open, in words")] = None
     synthetic: Annotated[
-        str | None, Quantity("", "seed and noise of made-up logs; null for measured ones")
+        str | None, Quantity("", "seed and noise of synthetic logs; null for measured ones")
     ] = None  # fmt: skip
 
     @property
@@ -175,7 +175,7 @@ def friction_study(
 
 
 def check_widths(given: Coefficients, carts: int, argument: str) -> None:
-    """Raises ArgumentError for coefficients of another number of carts."""
+    """Raise ArgumentError for coefficients of another number of carts."""
     for name in LABELS:
         count = len(getattr(given, name))
         if count != carts:
