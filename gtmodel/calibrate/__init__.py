@@ -3,20 +3,20 @@
 study, CalibrationStudy   a robot on measured poses: were they read right, fit, held-out errors, intervals, verdict
 Fit, Known                which parameters move, what is known of them before
 Poses, read_poses, Measured, MeasuredSignal, FrameStart, Sag   measured poses, and how they stand in a CSV file
-Synthetic, made_poses     made-up measurements of a robot with known errors
+Synthetic, made_poses     synthetic measurements of a robot with known errors
 CartPoints, read_cart_points   guideways through measured points
 Origin                    where a robot comes from, for its calibrated file
 
 Measurements, Pose, Correction   measured poses, their noise, and what lies between sensor and model
 Choice                           which parameters are free, fixed, tied, unit quaternions, with priors
-prepare, Problem                 equations, unknowns and slopes; identifiability before anything is measured
+prepare, Problem                 equations, unknowns and Jacobians; identifiability before anything is measured
 calibrate, Calibration           parameters with confidence, residuals per link and pose, errors on other poses
 judge_held_out                   held-out errors against what a sound model has of them
 closure_equations                what closes, as symbols
 
 Before anything is measured
-    pose_information                 what each pose would tell; covariance, O1 to O5 of any selection
-    positioning                      slopes of the tool centre point: predicted errors over the workspace
+    pose_information                 information of each pose; covariance, O1 to O5 of any selection
+    positioning                      Jacobian of the tool centre point: predicted errors over the workspace
     exchange, condition_removal, spread   which poses to measure
     error_curve, grid_point, sufficient_number   how many
     candidates                       a grid in what the robot reaches and the device sees

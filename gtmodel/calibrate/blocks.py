@@ -1,4 +1,4 @@
-"""Functions of a calibration: residuals and exact slopes per pose, in blocks that share no unknown."""
+"""Functions of a calibration: residuals and exact Jacobians per pose, in blocks that share no unknown."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from ..compiler.rows import map_columns
 class Block:
     """Rows of the closure and unknowns that have nothing to do with the others.
 
-    `rows`, `columns`: their indices. `function`: (d, noise, latent, x) -> r (m,), slopes in x (m, n), in the noise
+    `rows`, `columns`: their indices. `function`: (d, noise, latent, x) -> r (m,), Jacobians in x (m, n), in the noise
     (m, ny), in the latent values (m, nz); `plain` (d, x) computes the first two, `alone` r only, both without noise.
     """
 
@@ -54,7 +54,7 @@ class Block:
 def blocks(
     residuals: ca.SX, d: ca.SX, noise: ca.SX, latent: ca.SX, x: ca.SX, joined: Sequence[int] = ()
 ) -> tuple[Block, ...]:
-    """Split by the sparsity of the slopes: rows that share an unknown, a latent value, or one of the noises `joined`.
+    """Split by the sparsity of the Jacobian: rows that share an unknown, a latent value, or one of the noises `joined`.
 
     Blocks come in the order of their first row; an unknown that no row holds is in the first block.
     """

@@ -29,9 +29,11 @@ from .unknowns import Choice
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """What calibrate() found. `estimate` of the unknowns, None unless solved and asked for; `values` of all parameters
-    in the closure equations; `residuals` (N, m) [m] of `labels`, none with latent variables; `start` those before.
-    `blocks`: names of unknowns solved together.
+    """The result of calibrate().
+
+    `estimate` of the unknowns, None unless solved and asked for; `values` of all parameters in the closure equations;
+    `residuals` (N, m) [m] of `labels`, none with latent variables; `start`: the residuals before. `blocks`: names of
+    unknowns that were solved together.
     """
 
     problem: Problem
@@ -74,8 +76,10 @@ class Calibration:
         return self.problem.on(measurements).residuals(self.x)
 
     def positioning_errors(self, measurements: Measurements | None = None) -> dict[str, np.ndarray]:
-        """What the forward kinematics of the measured actuators misses, model less measured, per signal of the pose:
-        (N, 3) [m], and for quaternions a turn (N, 3) [rad]. NaN where a pose cannot be closed."""
+        """Errors of the forward kinematics of the measured actuators, model less measured, by signal of the pose.
+
+        (N, 3) [m] for positions, and for quaternions a rotation vector (N, 3) [rad]. NaN where a pose cannot be closed.
+        """
         p = self.problem if measurements is None else self.problem.on(measurements)
         found = np.full((len(p.measurements), p.reading.noise.numel()), np.nan)
         S = noise_covariance(p, "forward", unit=True)
@@ -102,17 +106,27 @@ def calibrate(
     limit: int = 100,
     stop: Callable[[], bool] | None = None,
 ) -> Calibration:
-    """Parameters that bring the model nearest to measured poses, by Gauss-Newton on exact slopes, arm by arm where arms
-    share nothing.
+    """Parameters that bring the model nearest to measured poses, by Gauss-Newton on exact Jacobians.
 
-    `cost`: see Problem. `loss` and its `width` as in gtmodel.inference.nonlinear_fit(), in units of the noise where it
-    is known and of the residual otherwise. `start`: other start values by unknown. With noise for all measured signals
-    the confidence is propagated from it; otherwise the residuals tell it, poses taken as independent. What the poses
-    cannot tell stays at its start, and the estimate says so, unless `hold_undetermined` is False: ModelError then.
-    `stop` is asked once per iteration: True ends with the best x so far and the status INTERRUPTED.
-    Without `confidence` neither estimate nor identifiability are worked out, which takes its time where poses are few.
+    Arms that share no unknown are solved one by one. `cost`: see Problem. `loss` and its `width` as in
+    gtmodel.inference.nonlinear_fit(), in units of the noise where it is known and of the residual otherwise. `start`:
+    other start values by unknown. With noise for all measured signals the confidence is propagated from it; otherwise
+    it is estimated from the residuals, with poses taken as independent. What the poses do not determine stays at its
+    start, and the estimate says so, unless `hold_undetermined` is False: ModelError then. `stop` is asked once per
+    iteration: True ends with the best x so far and the status INTERRUPTED. Without `confidence` neither estimate nor
+    identifiability are computed.
 
-    Raises ModelError for what does not fit; a failing iteration is a status.
+    Raises ModelError for what does not fit the model; an iteration that fails is a status.
+
+    >>> robot = gt.robots.gantry_tau("l1_tape")
+    >>> T = np.array([[x, y, z] for x in (0.0, 0.5, 1.0) for y in (-1.0, -0.5, 0.0) for z in (0.2, 0.5, 0.8)])
+    >>> q, _ = robot.causal(known="T", targets="q")(T)
+    >>> true = robot.with_(L=np.array(robot.L) + [1e-3, -2e-3, 0.0])
+    >>> q, _ = true.causal(known="T", targets="q")(T)
+    >>> poses = gt.calibrate.Measurements({"q": q, "T": T})
+    >>> c = gt.calibrate.calibrate(robot, poses, gt.calibrate.Choice(free=["L"]))
+    >>> (1e3 * (c.parameters()["L"] - np.array(robot.L))).round(3) + 0.0  # mm
+    array([ 1., -2., 0.])
     """
     if isinstance(model, Problem):
         problem = model

@@ -42,7 +42,7 @@ def study(
     max_seconds: float | None = None,
     stop: Callable[[], bool] = never,
 ) -> CalibrationStudy:
-    """Calibrate a robot on measured poses: look whether they were read right, fit, predict the held-out ones, judge.
+    """Calibrate a robot on measured poses: check that they were read right, fit, predict the held-out ones, judge.
 
     Args:
         robot: with its parameters as known before.
@@ -56,7 +56,6 @@ def study(
     Interrupted, it holds the best parameters so far and claims nothing. Raises ArgumentError, also for poses that were
     read wrong: other units, exchanged columns, swapped axes.
 
-    >>> import gtmodel as gt
     >>> from gtmodel.calibrate import Fit, Synthetic, made_poses, study
     >>> robot = gt.robots.gantry_tau("l1_tape")
     >>> poses = made_poses(robot, Synthetic(low=[0.0, -1.0, 0.2], high=[1.5, 0.5, 0.8], counts=[4, 4, 3]))
@@ -95,7 +94,7 @@ def study(
 def explained(
     robot: Model, poses: Poses | Measurements, fit: Fit, held_out: int = 2, carts: CartPoints | None = None
 ) -> list[str]:
-    """What is free, what stays, and what the poses can tell before anything is fitted, in lines of text."""
+    """What is free, what stays, and what the poses can determine before anything is fitted, in lines of text."""
     robot, on_points = on_cart_points(robot, carts)
     data = split(poses, robot, held_out)
     ready = prepared(fit, robot, data, carts, on_points)

@@ -17,7 +17,7 @@ AROUND = _AROUND / np.linalg.norm(_AROUND, axis=1, keepdims=True)
 
 @dataclass(frozen=True, eq=False)
 class Candidates:
-    """Points of a grid (N, 3) [m] and what became of them: `stages` name -> (N,) booleans, each within the former.
+    """Points of a grid (N, 3) [m], and which of them passed each of the `stages`: name -> (N,), each within the former.
 
     `complete`: False after a stop.
     """
@@ -44,11 +44,20 @@ def candidates(
     *,
     stop: Callable[[str, float], bool] | None = None,
 ) -> Candidates:
-    """The points of a grid through the stages in their order, such as workspace, obstacles, device.
+    """The points of a grid that pass all stages in their order, such as workspace, obstacles, device.
 
-    `safety` [m]: at the end points stay that have all their neighbours, at that distance in 26 directions, within the
-    last stage too: so far is the edge of the working range (Dressler 2012, section 5.6). `stop(stage, fraction)`: True
-    ends with what was found. Raises ModelError for a negative distance.
+    `safety` [m]: in the end those points remain of which all neighbours, at that distance in 26 directions, are within
+    the last stage too, so that the edge of the working range is that far away (Dressler 2012, section 5.6).
+    `stop(stage, fraction)`: True ends with what was found. Raises ModelError for a negative distance.
+
+    >>> from gtmodel.kinematics.mechanism import mechanism_of
+    >>> from gtmodel.kinematics.workspace import CartesianBox, Reach
+    >>> inverse = mechanism_of(gt.robots.gantry_tau("l1_tape")).inverse
+    >>> reach = Reach(inverse, [CartesianBox(np.array([0.0, -1.0, 0.2]), np.array([1.0, 0.0, 0.8]))])
+    >>> grid = gt.calibrate.regular_grid(np.array([0.0, -1.0, 0.2]), np.array([1.0, 0.0, 0.8]), volume=0.6, number=200)
+    >>> found = gt.calibrate.candidates(grid, {"workspace": reach}, safety=0.1)
+    >>> found.counts["workspace"] > found.counts["safety distance"] == len(found.chosen)
+    True
     """
     if not safety >= 0:
         raise ModelError(f"the safety distance is {safety:g} m; it must not be negative")
@@ -77,9 +86,15 @@ def candidates(
 
 
 def regular_grid(low: np.ndarray, high: np.ndarray, volume: float, number: int) -> Grid:
-    """A grid in the middle of the box low..high (3,) [m] with some `number` of its points in a `volume` [m3] inside.
+    """A grid in the middle of the box low..high (3,) [m] with about `number` of its points in a `volume` [m3] inside
+    it.
 
-    The grid constant is (volume / number)^(1/3), as Dressler 2012, section 5.6, takes it.
+    The grid constant is (volume / number)^(1/3), as Dressler 2012, section 5.6, takes it. Raises ModelError for a
+    volume or a number that is not positive.
+
+    >>> grid = gt.calibrate.regular_grid(np.zeros(3), np.array([1.0, 1.0, 0.5]), volume=0.5, number=32)
+    >>> grid.points().shape, round(float(grid.coordinates[0][1] - grid.coordinates[0][0]), 3)  # m
+    ((75, 3), 0.25)
     """
     if not volume > 0 or number < 1:
         raise ModelError(f"{number} poses of a volume of {volume:g} m3 make no grid; both must be positive")

@@ -8,8 +8,11 @@ from dataclasses import dataclass
 import casadi as ca
 
 from ..compiler.alias import AliasResult, eliminate
+from ..compiler.causal import flat_of
 from ..compiler.flat import FlatEquation, FlatModel
 from ..compiler.structure import overdetermined_and_underdetermined
+from ..lang.builder import Builder
+from ..lang.model import Model
 from ..lang.source import ModelError
 
 
@@ -35,15 +38,21 @@ class Closure:
     unit: tuple[str, ...] = ()
 
 
-def closure_equations(flat: FlatModel, known: Sequence[str], latent: Sequence[str] = ()) -> Closure:
+def closure_equations(model: Model | Builder | FlatModel, known: Sequence[str], latent: Sequence[str] = ()) -> Closure:
     """Equations that hold nothing but parameters, `known` and `latent` variables once all else is eliminated.
 
-    Unknowns go that stand alone in an equation with a number as their factor, step by step, as frames, joints and plate
-    points do. Equations with derivatives (forces) take no part; conditions on known values alone, and the unit length
-    of a latent quaternion, are left out. `latent` are variables that nobody measured, one value per pose.
+    Unknowns that stand alone in an equation, with a number as their factor, are eliminated step by step, as those of
+    frames, joints and plate points. Equations with derivatives (forces) take no part; conditions on known values alone,
+    and the unit length of a latent quaternion, are left out. `latent` are variables that nobody measured, one value per
+    pose.
 
-    Raises ModelError for an unknown name, a derivative, or when nothing closes: with what to measure besides.
+    Raises ModelError for an unknown name, a derivative, or when nothing closes; it says what to measure besides.
+
+    >>> closure = gt.calibrate.closure_equations(gt.robots.gantry_tau("l1_tape"), known=["q", "T"])
+    >>> closure.labels, closure.lengths.shape
+    (('arm[0].rod', 'arm[1].rod', 'arm[2].rod'), (3, 1))
     """
+    flat = model if isinstance(model, FlatModel) else flat_of(model)
     names = (*known, *latent)
     groups = {name: _indices(flat, name) for name in names}
     given = [i for name in names for i in groups[name]]

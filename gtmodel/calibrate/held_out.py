@@ -31,11 +31,21 @@ def judge_held_out(
 ) -> HeldOut:
     """Rms positioning error of the poses `kept`, held out, over that of the fitted ones, against chance.
 
-    fitted, held_out: errors as of Calibration.positioning_errors(), rows of NaN left out. At a held-out pose the errors
-    of the parameters come on top of the noise of the pose; from a fitted one the fit has taken as much away: to the
-    first order, for noise of one covariance at all poses, whose shape the fitted errors tell and whose size falls out
-    of the ratio. `correlated`: so many poses have about one error, where residuals are coloured. Where a pose does not
-    follow from the equations alone, parameters are counted instead.
+    fitted, held_out: errors as of Calibration.positioning_errors(); rows of NaN are left out. At a held-out pose the
+    errors of the parameters come on top of the noise of the pose; from a fitted one the fit has taken as much away.
+    That holds to the first order, for noise of one covariance at all poses; its shape is that of the fitted errors, and
+    its size cancels in the ratio. `correlated`: the number of poses that have about one error, where residuals are
+    coloured. Where a pose does not follow from the equations alone, parameters are counted instead.
+
+    >>> robot = gt.robots.gantry_tau("l1_tape")
+    >>> grid = gt.calibrate.Synthetic(low=[0.0, -1.0, 0.2], high=[1.5, 0.5, 0.8], counts=[4, 4, 3])
+    >>> poses = gt.calibrate.made_poses(robot, grid).measurements
+    >>> third = np.arange(len(poses)) % 3 == 2
+    >>> c = gt.calibrate.calibrate(robot, poses.part(~third))
+    >>> kept = poses.part(third)
+    >>> judged = gt.calibrate.judge_held_out(c, kept, c.positioning_errors(), c.positioning_errors(kept))
+    >>> bool(judged.ratio < judged.bound)
+    True
     """
     inside, outside = (e[signal][np.all(np.isfinite(e[signal]), axis=1)] for e in (fitted, held_out))
     N, M = len(inside), len(outside)

@@ -36,7 +36,7 @@ class Adjustment:
         self.z = np.zeros((n, self.latent))
 
     def __call__(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Whitened residuals (N * k,) and slopes (N * k, n); infinite where a pose cannot be closed."""
+        """Whitened residuals (N * k,) and their Jacobian (N * k, n); infinite where a pose cannot be closed."""
         e, J = self.per_pose(x)
         return e.reshape(-1), J.reshape(-1, J.shape[-1])
 
@@ -78,7 +78,7 @@ class Adjustment:
         return y
 
     def by_noise(self, x: np.ndarray) -> np.ndarray:
-        """Slopes of the whitened residuals in the noise of all signals (N, k, ny), where the iteration ended."""
+        """Jacobian of the whitened residuals in the noise of all signals (N, k, ny), where the iteration ended."""
         _, _, By, Bz = self.block.evaluate_all(self.data, x, self.y, self.z)
         W = _whitening(By, Bz, np.broadcast_to(self.covariance, (len(self.y), *self.covariance.shape[1:])))
         if W is None:

@@ -22,8 +22,8 @@ class Pose:
     in `device_start` and `target_start`; left out, the identity, and in a study the device aligned with the model.
 
     `device_per_session`, `target_per_session`: each session has such a frame of its own, "T.device.t in s[0]" where
-    there are several; `device_starts` by session, before `device_start`. `sag`: the end-effector gives way by k times
-    the load, a force [N] in the robot's frame, values "load(T)" (N, 3) or (N, 1) downwards; parameter "T.sag" = k
+    there are several; `device_starts` by session, before `device_start`. `sag`: the end-effector is displaced by k
+    times the load, a force [N] in the robot's frame, values "load(T)" (N, 3) or (N, 1) downwards; parameter "T.sag" = k
     [m/N], from `sag_start`: what the model calls T is the measured position less k load.
     """
 
@@ -62,6 +62,13 @@ class Measurements:
     `noise` by name: a standard deviation, one per component (k,), a covariance (k, k), or one per pose (N, k, k); of a
     quaternion in rad, about the axes of what was measured. `sessions` (N,): names of recordings. `poses` and
     `corrections` say what lies between sensor and model. Raises ModelError for shapes and values that cannot be.
+
+    >>> poses = gt.calibrate.Measurements({"q": np.zeros((4, 3)), "T": np.ones((4, 3))}, noise={"T": 1e-5})
+    >>> len(poses), len(poses.part([0, 2])), poses.covariance("T", 3).shape
+    (4, 2, (1, 3, 3))
+    >>> gt.calibrate.Measurements({"q": np.zeros((4, 3)), "T": np.ones((3, 3))})
+    Traceback (most recent call last):
+    gtmodel...ModelError: 'T' has 3 rows and 'q' 4; give one per pose
     """
 
     values: Mapping[str, ArrayLike]

@@ -14,7 +14,12 @@ COST_WORDS: dict[str, Cost] = {"closure": "squared", "linear": "length", "invers
 
 @dataclass(frozen=True, kw_only=True)
 class Known(Options):
-    """Knowledge of one parameter before the measurement."""
+    """What is known of one parameter before the measurement: its prior.
+
+    >>> gt.calibrate.Known(std=0.0)
+    Traceback (most recent call last):
+    gtmodel.results.refusal.ArgumentError: std: must be more than 0; found 0
+    """
 
     value: Annotated[float | None, "in SI; the robot's own if left out"] = None
     std: Annotated[float, Within(above=0), "its standard deviation in SI"]
@@ -22,7 +27,15 @@ class Known(Options):
 
 @dataclass(frozen=True)
 class Fit(Options):
-    """Which parameters move, what is known of them before, and what is made small."""
+    """Which parameters move, what is known of them before, and what is minimised.
+
+    >>> fit = gt.calibrate.Fit(free=["L"], priors={"L[0]": gt.calibrate.Known(std=1e-3)})
+    >>> fit.cost, fit.variant
+    ('linear', None)
+    >>> gt.calibrate.Fit(cost="closed")
+    Traceback (most recent call last):
+    gtmodel...: cost: expected one of closure, linear, inverse, forward, orthogonal; found 'closed'...
+    """
 
     variant: Annotated[
         Literal["ideal", "modified", "six_link", "f1_unit", "f1_raw"] | None,

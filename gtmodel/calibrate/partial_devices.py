@@ -42,12 +42,28 @@ class SeenByPlane(Model):
 
 
 def seen_by_distance(robot: Model, at: ArrayLike) -> Model:
-    """The robot with the variable `distance` from a device at (3,) [m]. Raises ModelError without a position T."""
+    """The robot with the variable `distance` [m] of T from a device at (3,) [m]. Raises ModelError without a position
+    T.
+
+    >>> robot = gt.calibrate.seen_by_distance(gt.robots.gantry_tau("l1_tape"), at=[0.0, 0.0, 3.0])
+    >>> distance, status = robot.causal(known="T", targets="distance")(np.array([0.5, -0.6, 0.5]))
+    >>> round(float(distance), 4)
+    2.6192
+    """
     return _extended(SeenByDistance, robot, device_at=np.asarray(at, float))
 
 
 def seen_by_plane(robot: Model, normal: ArrayLike, point: ArrayLike = (0.0, 0.0, 0.0)) -> Model:
-    """The robot with the variable `height` over a plane. Raises ModelError for a zero normal or without a T."""
+    """The robot with the variable `height` [m] of T over a plane, positive along the normal.
+
+    normal (3,): of any length. point (3,) [m]: of the plane. Raises ModelError for a zero normal or without a position
+    T.
+
+    >>> robot = gt.calibrate.seen_by_plane(gt.robots.gantry_tau("l1_tape"), normal=[0, 0, 1], point=[0, 0, 0.1])
+    >>> height, status = robot.causal(known="T", targets="height")(np.array([0.5, -0.6, 0.5]))
+    >>> round(float(height), 4)
+    0.4
+    """
     n = np.asarray(normal, float)
     length = float(np.linalg.norm(n))
     if not length > 0:

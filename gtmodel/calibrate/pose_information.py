@@ -1,4 +1,4 @@
-"""What each pose would tell of the unknowns, before anything is measured: whitened slopes, pose by pose."""
+"""Information of each pose on the unknowns, before anything is measured: whitened Jacobians, pose by pose."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from ..lang.source import ModelError
 from .implicit import Adjustment, require_noise_enough
 from .problem import Problem, noise_covariance
 
-# of a prediction's slopes along what no pose tells, relative: more means that it cannot be predicted
+# part of a prediction's Jacobian along what no pose determines, relative: more means that it cannot be predicted
 LEAK = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
 class PoseInformation:
-    """Of N candidate poses and n unknowns `names`, in units of `sizes`, their expected errors.
+    """Information of N candidate poses on n unknowns `names`, in units of `sizes`, their expected errors.
 
-    `rows` (N, k, n): slopes of what a pose tells, divided by the noise; `priors` (p, n) likewise. `told` (n, r): an
-    orthonormal basis of the combinations that all poses together tell. The information of poses is the sum of
-    rows' rows: J' (B S B')^-1 J with slopes J in the unknowns and B in the noise, whose covariance is S.
+    `rows` (N, k, n): Jacobian of what is measured at a pose, divided by the noise; `priors` (p, n) likewise. `told` (n,
+    r): an orthonormal basis of the combinations that all poses together determine. The information of poses is the sum
+    of rows' rows: J' (B S B')^-1 J with Jacobians J in the unknowns and B in the noise, whose covariance is S.
     """
 
     names: tuple[str, ...]
@@ -39,23 +39,24 @@ class PoseInformation:
 
     @property
     def rank(self) -> int:
-        """How many combinations of unknowns all poses together tell."""
+        """How many combinations of unknowns all poses together determine."""
         return self.told.shape[1]
 
     @property
     def reduced(self) -> np.ndarray:
-        """Rows (N, k, r) in the combinations that are told."""
+        """Rows (N, k, r) in the combinations that are determined."""
         return self.rows @ self.told
 
     def matrix(self, selection: ArrayLike | None = None) -> np.ndarray:
-        """Information (r, r) of some poses (default all) and the priors, in the combinations that are told."""
+        """Information (r, r) of some poses (default all) and the priors, in the combinations that are determined."""
         rows = self._stacked(selection)
         return rows.T @ rows
 
     def covariance(self, selection: ArrayLike | None = None) -> np.ndarray:
-        """Predicted covariance (n, n) of the unknowns, in their own units, from some poses, within what all poses tell.
+        """Predicted covariance (n, n) of the unknowns, in their own units, from some poses (default all).
 
-        It is that of the fit with cost "orthogonal", the best one. Raises ModelError where the poses tell less.
+        It is that within the combinations that all poses determine, of the fit with cost "orthogonal", the best one.
+        Raises ModelError where the selected poses determine fewer.
         """
         told = spectrum(self._stacked(selection))
         if told.rank < self.rank:
@@ -66,13 +67,13 @@ class PoseInformation:
         return self.sizes[:, None] * (self.told @ told.inverse @ self.told.T) * self.sizes
 
     def std(self, selection: ArrayLike | None = None) -> dict[str, float]:
-        """Predicted standard deviation by unknown; infinite for what moves with others without any pose's notice."""
+        """Predicted standard deviation by unknown; infinite for one that no pose separates from others."""
         std = np.sqrt(np.diag(self.covariance(selection)))
         lost = 1 - np.sum(self.told**2, axis=1) > LEAK
         return dict(zip(self.names, np.where(lost, np.inf, std).tolist(), strict=True))
 
     def identifiability(self, selection: ArrayLike | None = None) -> Identifiability:
-        """What some poses (default all) tell of each unknown, with the observability indices O1 to O5."""
+        """How well some poses (default all) determine each unknown, with the observability indices O1 to O5."""
         own = self.rows if selection is None else self.rows[np.asarray(selection)]
         rows = np.vstack([own.reshape(-1, len(self.names)), self.priors]) / self.sizes
         return identifiability(rows, self.names, scale=self.sizes, poses=len(own))
@@ -83,10 +84,20 @@ class PoseInformation:
 
 
 def pose_information(problem: Problem) -> PoseInformation:
-    """Of the poses of a problem, which need not have been measured: commanded ones, with the device's noise.
+    """Information of the poses of a problem, which need not have been measured: commanded ones, with the device's
+    noise.
 
     The noise of every signal counts, that of the actuators where it is given. Raises ModelError where the noise cannot
-    close the equations.
+    close the equations, and for a pose that the model does not reach.
+
+    >>> robot = gt.robots.gantry_tau("l1_tape")
+    >>> T = np.array([[x, y, z] for x in (0.0, 0.5, 1.0) for y in (-1.0, -0.5, 0.0) for z in (0.2, 0.5, 0.8)])
+    >>> q, _ = robot.causal(known="T", targets="q")(T)
+    >>> poses = gt.calibrate.Measurements({"q": q, "T": T}, noise={"T": 2e-5})
+    >>> problem = gt.calibrate.prepare(robot, poses)
+    >>> info = gt.calibrate.pose_information(problem)
+    >>> info.rank, round(1e6 * info.std()["L[0]"])  # um
+    (21, 182)
     """
     u, read = problem.unknowns, problem.reading
     S = noise_covariance(problem, "orthogonal")

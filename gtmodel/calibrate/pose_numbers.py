@@ -41,7 +41,22 @@ def error_curve(
     starts: int = 3,
     seed: int = 0,
 ) -> ErrorCurve:
-    """Predicted errors with selected poses, for each of `numbers`. `stop(fraction)`: True ends with what is done."""
+    """Predicted errors over the workspace with selected poses, for each of `numbers` of poses.
+
+    `criterion`, `repeats`, `starts`, `seed`: as of exchange(). `stop(fraction)`: True ends with what is done.
+
+    >>> robot = gt.robots.gantry_tau("l1_tape")
+    >>> T = np.array([[x, y, z] for x in (0.0, 0.5, 1.0) for y in (-1.0, -0.5, 0.0) for z in (0.2, 0.5, 0.8)])
+    >>> q, _ = robot.causal(known="T", targets="q")(T)
+    >>> poses = gt.calibrate.Measurements({"q": q, "T": T}, noise={"T": 2e-5})
+    >>> problem = gt.calibrate.prepare(robot, poses)
+    >>> info = gt.calibrate.pose_information(problem)
+    >>> target = gt.calibrate.positioning(problem)
+    >>> for p in gt.calibrate.error_curve(info, target, [8, 16], starts=1).points:
+    ...     print(p.poses, round(1e6 * p.rms))  # um
+    8 32
+    16 21
+    """
     moment = target.moment(info)
     points, wanted = [], sorted(set(numbers))
     for k, number in enumerate(wanted):
@@ -54,7 +69,18 @@ def error_curve(
 
 
 def grid_point(info: PoseInformation, target: Positioning) -> Point:
-    """The predicted errors with all poses of `info`, such as those of a regular grid."""
+    """The predicted errors with all poses of `info`, such as those of a regular grid.
+
+    >>> robot = gt.robots.gantry_tau("l1_tape")
+    >>> T = np.array([[x, y, z] for x in (0.0, 0.5, 1.0) for y in (-1.0, -0.5, 0.0) for z in (0.2, 0.5, 0.8)])
+    >>> q, _ = robot.causal(known="T", targets="q")(T)
+    >>> poses = gt.calibrate.Measurements({"q": q, "T": T}, noise={"T": 2e-5})
+    >>> problem = gt.calibrate.prepare(robot, poses)
+    >>> info = gt.calibrate.pose_information(problem)
+    >>> point = gt.calibrate.grid_point(info, gt.calibrate.positioning(problem))
+    >>> point.poses, round(1e6 * point.rms), round(1e6 * point.greatest)  # um
+    (27, 18, 23)
+    """
     e = target.errors(info)
     return Point(len(info), e.rms, e.greatest)
 
@@ -70,10 +96,22 @@ def sufficient_number(
     starts: int = 3,
     seed: int = 0,
 ) -> int | None:
-    """The least number of selected poses whose predicted rms error is at most `accuracy` [m]; None if `most` (default
-    all candidates, each once) are too few.
+    """The least number of selected poses whose predicted rms error is at most `accuracy` [m].
 
-    By doubling and bisection: more poses never tell less. Raises ModelError for an accuracy that is not positive.
+    None if `most` (default all candidates, each once) are too few. It is found by doubling and bisection: the error
+    never grows with the number of poses. Raises ModelError for an accuracy that is not positive.
+
+    >>> robot = gt.robots.gantry_tau("l1_tape")
+    >>> T = np.array([[x, y, z] for x in (0.0, 0.5, 1.0) for y in (-1.0, -0.5, 0.0) for z in (0.2, 0.5, 0.8)])
+    >>> q, _ = robot.causal(known="T", targets="q")(T)
+    >>> poses = gt.calibrate.Measurements({"q": q, "T": T}, noise={"T": 2e-5})
+    >>> problem = gt.calibrate.prepare(robot, poses)
+    >>> info = gt.calibrate.pose_information(problem)
+    >>> target = gt.calibrate.positioning(problem)
+    >>> gt.calibrate.sufficient_number(info, target, accuracy=25e-6, starts=1)
+    11
+    >>> gt.calibrate.sufficient_number(info, target, accuracy=1e-6, starts=1) is None
+    True
     """
     if not accuracy > 0:
         raise ModelError(f"the accuracy is {accuracy:g} m; it must be positive")
@@ -86,7 +124,7 @@ def sufficient_number(
         s = exchange(info, number, criterion, moment, repeats=repeats, starts=starts, seed=seed)
         try:
             return target.errors(info, s.indices).rms <= accuracy
-        except ModelError:  # so few poses need not tell all
+        except ModelError:  # so few poses need not determine all
             return False
 
     if high < low:

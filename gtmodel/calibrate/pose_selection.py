@@ -51,14 +51,25 @@ def exchange(
     seed: int = 0,
     stop: Callable[[float], bool] | None = None,
 ) -> Selection:
-    """`number` of the poses, by swapping one pose for the best candidate while the score falls by 1e-4.
+    """`number` of the poses, by swapping one pose for the best candidate while the score falls by 1e-4 of itself.
 
-    Each pose may be chosen up to `repeats` times: the far corners tell most, and a pose measured again tells of drift.
-    "D": determinant of the information; "E": its least eigenvalue; "I": trace(information^-1 moment), the mean square
-    error of the tool centre point, with `moment` from Positioning.moment(). The best of `starts` random starts; the
-    same seed gives the same poses. `stop(fraction)`: asked before each sweep; True ends with the best so far.
+    Each pose may be chosen up to `repeats` times: the far corners contribute most, and a pose measured again shows
+    drift. "D": determinant of the information; "E": its least eigenvalue; "I": trace(information^-1 moment), the mean
+    square error of the tool centre point, with `moment` from Positioning.moment(). The best of `starts` random starts;
+    the same seed gives the same poses. `stop(fraction)`: asked before each sweep; True ends with the best so far.
 
-    Raises ModelError for a wrong criterion, and numbers of poses that are more than there are or tell too little.
+    Raises ModelError for a wrong criterion, for more poses than there are, and for too few to determine the unknowns.
+
+    >>> robot = gt.robots.gantry_tau("l1_tape")
+    >>> T = np.array([[x, y, z] for x in (0.0, 0.5, 1.0) for y in (-1.0, -0.5, 0.0) for z in (0.2, 0.5, 0.8)])
+    >>> q, _ = robot.causal(known="T", targets="q")(T)
+    >>> poses = gt.calibrate.Measurements({"q": q, "T": T}, noise={"T": 2e-5})
+    >>> problem = gt.calibrate.prepare(robot, poses)
+    >>> info = gt.calibrate.pose_information(problem)
+    >>> moment = gt.calibrate.positioning(problem).moment(info)
+    >>> chosen = gt.calibrate.exchange(info, 9, "I", moment)
+    >>> len(chosen), bool(chosen.score < gt.calibrate.exchange(info, 8, "I", moment).score)
+    (9, True)
     """
     _require(info, number)
     if criterion not in CRITERIA:
@@ -89,11 +100,21 @@ def exchange(
 def condition_removal(
     info: PoseInformation, number: int, *, one_by_one: bool = False, stop: Callable[[float], bool] | None = None
 ) -> Selection:
-    """The `number` of poses without which the condition number of the slopes is worst (Dressler 2012, eq. (5.9)).
+    """The `number` of poses without which the condition number of the Jacobian is worst (Dressler 2012, eq. (5.9)).
 
     C_k is the condition number, in units of the expected errors, without pose k; poses with the largest C_k stay.
-    `one_by_one`: after each removal all C_k are taken anew. `stop(fraction)`: True ends with more poses than wanted.
+    `one_by_one`: all C_k are computed anew after each removal. `stop(fraction)`: True ends with more poses than wanted.
     Raises ModelError as exchange().
+
+    >>> robot = gt.robots.gantry_tau("l1_tape")
+    >>> T = np.array([[x, y, z] for x in (0.0, 0.5, 1.0) for y in (-1.0, -0.5, 0.0) for z in (0.2, 0.5, 0.8)])
+    >>> q, _ = robot.causal(known="T", targets="q")(T)
+    >>> poses = gt.calibrate.Measurements({"q": q, "T": T}, noise={"T": 2e-5})
+    >>> problem = gt.calibrate.prepare(robot, poses)
+    >>> info = gt.calibrate.pose_information(problem)
+    >>> at_once = gt.calibrate.condition_removal(info, 12)
+    >>> bool(gt.calibrate.condition_removal(info, 12, one_by_one=True).score <= at_once.score)
+    True
     """
     _require(info, number)
     rows = info.reduced
@@ -114,7 +135,17 @@ def condition_removal(
 
 
 def spread(info: PoseInformation, number: int) -> Selection:
-    """`number` of the poses evenly by their order, in which a grid's neighbours stand: what a grid would be."""
+    """`number` of the poses, evenly by their order, in which neighbours of a grid follow each other: a coarser grid.
+
+    >>> robot = gt.robots.gantry_tau("l1_tape")
+    >>> T = np.array([[x, y, z] for x in (0.0, 0.5, 1.0) for y in (-1.0, -0.5, 0.0) for z in (0.2, 0.5, 0.8)])
+    >>> q, _ = robot.causal(known="T", targets="q")(T)
+    >>> poses = gt.calibrate.Measurements({"q": q, "T": T}, noise={"T": 2e-5})
+    >>> problem = gt.calibrate.prepare(robot, poses)
+    >>> info = gt.calibrate.pose_information(problem)
+    >>> gt.calibrate.spread(info, 9).indices
+    array([ 0, 3, 6, 10, 13, 16, 20, 23, 26])
+    """
     _require(info, number)
     return Selection(np.round(np.linspace(0, len(info) - 1, number)).astype(int), "grid", np.nan)
 
@@ -171,7 +202,7 @@ def _swept(chosen: np.ndarray, rows: np.ndarray, constant: np.ndarray, score: _S
 
 
 def _conditions(information: np.ndarray) -> np.ndarray:
-    """Condition numbers (k,) of slopes whose information is given (k, r, r)."""
+    """Condition numbers (k,) of Jacobians whose information is given (k, r, r)."""
     values = np.linalg.eigvalsh(information)
     with np.errstate(divide="ignore"):
         return np.sqrt(values[:, -1] / np.maximum(values[:, 0], 0.0))

@@ -57,14 +57,17 @@ class Problem:
 
     @property
     def squared(self) -> tuple[Block, ...]:
+        """The blocks of the squared closures."""
         return self.blocks_of("squared")
 
     @property
     def lengths(self) -> tuple[Block, ...]:
+        """The blocks of the length errors."""
         return self.blocks_of("length")
 
     @property
     def joined(self) -> tuple[Block, ...]:
+        """The blocks in which the noise of all signals counts."""
         return self.blocks_of("orthogonal")
 
     def noisy(self, cost: str) -> list[str]:
@@ -94,14 +97,17 @@ class Problem:
         return r
 
     def slopes(self, x: ArrayLike | None = None) -> np.ndarray:
-        """d residuals / d x (N, m, n); of latent variables (N, m - nz, n), combinations of lengths blind to these."""
+        """Jacobian of the residuals in x (N, m, n).
+
+        With nz latent values it is (N, m - nz, n), of combinations of the lengths that do not depend on these.
+        """
         x = self.unknowns.start if x is None else np.asarray(x, float)
         J, _, Bz = self.all_slopes("length", x)
         nz = Bz.shape[2]
         return np.linalg.qr(Bz, mode="complete")[0][:, :, nz:].transpose(0, 2, 1) @ J if nz else J
 
     def all_slopes(self, cost: str, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Slopes of the closures in the unknowns (N, m, n), in the noise (N, m, ny) and in latent values (N, m, nz)."""
+        """Jacobians of the closures in unknowns (N, m, n), noise (N, m, ny) and latent values (N, m, nz)."""
         N, m, read = len(self.measurements), len(self.labels), self.reading
         J, By, Bz = (np.zeros((N, m, k)) for k in (len(x), read.noise.numel(), read.latent.numel()))
         for b in self.blocks_of(cost):
@@ -111,7 +117,7 @@ class Problem:
         return J, By, Bz
 
     def identifiability(self, x: ArrayLike | None = None, sigma: float = 1.0, **more: Any) -> Identifiability:
-        """What these poses tell of each unknown, before or after they are measured: sigma [m] of a length's error.
+        """How well these poses determine each unknown, before or after measuring; sigma [m] of a length's error.
 
         Priors count as rows. Further arguments as for gtmodel.inference.identifiability().
         """
@@ -150,8 +156,21 @@ def prepare(
     actuators: str = "q",
     latent: Sequence[str] = (),
 ) -> Problem:
-    """The problem of a model and measured poses. All values but rates and loads count as known; `latent`: see
-    closure_equations(). Raises ModelError for what does not fit."""
+    """The calibration problem of a model and measured poses: closure equations, unknowns, Jacobians. Nothing is solved.
+
+    All measured values but rates and loads count as known; `actuators`: the variable that the drives measure; `latent`:
+    see closure_equations(). Raises ModelError for what does not fit the model.
+
+    >>> robot = gt.robots.gantry_tau("l1_tape")
+    >>> T = np.array([[x, y, z] for x in (0.0, 0.5, 1.0) for y in (-1.0, -0.5, 0.0) for z in (0.2, 0.5, 0.8)])
+    >>> q, _ = robot.causal(known="T", targets="q")(T)
+    >>> poses = gt.calibrate.Measurements({"q": q, "T": T}, noise={"T": 2e-5})
+    >>> problem = gt.calibrate.prepare(robot, poses)
+    >>> problem.labels
+    ('arm[0].rod', 'arm[1].rod', 'arm[2].rod')
+    >>> len(problem.unknowns.names), float(np.abs(problem.residuals()).max()) < 1e-9  # m
+    (21, True)
+    """
     flat = model if isinstance(model, FlatModel) else flat_of(model)
     known = [n for n in measurements.values if not n.startswith(("der(", "load("))]
     if actuators not in known:

@@ -28,7 +28,7 @@ def sensitivity(problem: Problem, x: np.ndarray, step: float = 5e-5) -> Sensitiv
     """At the unknowns x, on the measured poses; poses to the first order in the step, the cost as it is.
 
     The thesis changes ZYZ angles, whose sum depends on the frame; here an orientation changes by the angle of its turn.
-    Raises ModelError where the pose is not told by the closure equations, and where it is singular.
+    Raises ModelError where the closure equations do not determine the pose, and where it is singular.
     """
     position = next((n for n in problem.reading.places if n != problem.actuators), "T")
     moves = pose_slopes(problem, position, x)

@@ -75,14 +75,16 @@ def _of_link(c: Calibration, b: Block, position: str) -> SmoothErrors | None:
 def smooth_errors(
     J: np.ndarray, residuals: np.ndarray, normals: np.ndarray, q: np.ndarray, v: np.ndarray
 ) -> SmoothErrors | None:
-    """Of a link: slopes J (N, n) and residuals (N,) [m] at the least-squares solution, their slopes in the place of the
-    link's end, normals (N, 3), the actuator q (N,) and its guideway v (3,).
+    """Smooth errors of a link's end, from residuals at the least-squares solution.
+
+    J (N, n): Jacobian of the residuals (N,) [m] in the unknowns; normals (N, 3): that in the place of the link's end;
+    q (N,): the actuator; v (3,): its guideway.
 
     The end is off by e(q), along and across the guideway a Gaussian process with a squared exponential covariance of
     which no straight line over the range of q is left: a straight guideway, A and v, is the line through its errors.
     Sizes, length and noise by restricted maximum likelihood on a grid. None where the unknowns do not take up shifts of
     the end that are constant or linear in q, as a link on a straight guideway does with A and v free: the line would
-    not be told.
+    be undetermined.
     Source: Patterson and Thompson 1971, Biometrika 58 (REML); Solin and Sarkka 2020, Statistics and Computing 30 (waves
     for the process).
     """

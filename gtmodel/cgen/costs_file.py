@@ -17,11 +17,20 @@ _FORMAT = "gtmodel-c-costs-1"
 
 
 def write_costs(out: Path | Held, costs: Costs) -> Path:
-    """Write code size, stack and instructions by C name into the generated folder `out`; the file.
+    """Write code size, stack and instructions by C name into the generated folder `out`; returns the file's path.
 
-    They depend on compiler and machine, so that they stand beside the manifest, named by its hash of the bodies;
-    generating again takes them away. Raises GenerationError for a folder that is not generated, and for a file of
+    They depend on compiler and machine, so that they stand beside the manifest, in a file named by its hash of the
+    bodies; generating again takes it away. Raises GenerationError for a folder that is not generated, and for a file of
     another origin.
+
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> robot = gt.robots.gantry_tau("l1_tape")
+    >>> with tempfile.TemporaryDirectory() as place:
+    ...     made = gt.cgen.generate({"fk": robot.causal(known="q", targets="T")}, place, name="l1")
+    ...     file = gt.cgen.write_costs(Path(place), gt.cgen.Costs(stack_bytes={"gt_l1_fk": 480}))
+    >>> file.suffix
+    '.json'
     """
     path = (out if isinstance(out, Path) else out.path) / COSTS
     content = read(path.parent)

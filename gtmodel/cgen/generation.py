@@ -39,7 +39,7 @@ _IN_FLOAT = (
 
 @dataclass(frozen=True)
 class Generated:
-    """A generated folder: its files, the C names of its functions by their names, and operations by C name."""
+    """A generated folder: its files, the C names of its functions by their Python names, and operations by C name."""
 
     folder: Path
     name: str
@@ -66,7 +66,8 @@ def generate(
     box: Mapping[str, Sequence[Sequence[float]]] | None = None,
     mark: Callable[[str, str], str] | None = None,
 ) -> Generated:
-    """Write a folder of C99 that compiles as delivered: `cc *.c -lm`.
+    """Write a folder of C99 that compiles as delivered: `cc *.c -lm`. `study` also compiles it and compares it with
+    Python.
 
     Args:
         functions: causal functions by the name they get in C, `gt_<name>_<function>`. Parameters are folded in.
@@ -74,15 +75,22 @@ def generate(
         name: of the whole, part of every file name and symbol: several folders link into one program.
         overwrite: replace also files of ours that were changed by hand.
         provenance: what header and manifest say about the origin, e.g. robot, problem file and its hash.
+        problem: the whole problem as JSON data, for the manifest: other tools rebuild the model from it.
         along: names of functions that get a second face, `gt_<name>_<function>_at`, along a sampled reference.
         real: "double" or "float", the numbers that C computes with.
         box: intervals [least, greatest] by name of an input such as "der(T)", one for each of its numbers or one for
             all; inside, every function whose inputs all have one must answer. It goes into the manifest.
-        problem: the whole problem as JSON data, for the manifest: other tools rebuild the model from it.
         mark: (file name, text) -> the text to write, for code that failed a check and must say so.
 
     Raises GenerationError for a name that is no C identifier or is taken, and for a folder that is not ours;
     ModelError for a parameter without a value.
+
+    >>> import tempfile
+    >>> robot = gt.robots.gantry_tau("l1_tape")
+    >>> with tempfile.TemporaryDirectory() as place:
+    ...     made = gt.cgen.generate({"fk": robot.causal(known="q", targets="T")}, place, name="l1")
+    >>> made.functions
+    {'fk': 'gt_l1_fk'}
     """
     faces = interfaces(functions, name, along, real_of(real), box)
     texts = contents(faces, name, dict(provenance or {}))

@@ -1,7 +1,7 @@
 """What each generated body computes by itself, for the self-test.
 
-A guard sees only on which side of its limit a margin lies, and Newton's method forgives a slope that is a little wrong:
-compared bit for bit, every constant of a body shows.
+A guard sees only on which side of its limit a margin lies, and Newton's method forgives a derivative that is a
+little wrong: compared bit for bit, every constant of a body shows.
 """
 
 from __future__ import annotations

@@ -27,7 +27,7 @@ MIRROR_SPREADS = (0.002, 0.02, 0.05)
 # change with a branch stays as it is
 AS_NEAR = 0.1
 CROSSINGS = 4
-STILL = 1e-3  # how readily a known variable gives way, or one that need not move
+STILL = 1e-3  # how readily a known variable is moved, or one that need not move
 
 
 def check_branches(flat: FlatModel, wanted: Mapping[str, int]) -> None:
@@ -131,7 +131,7 @@ def _with_moved_home(plan: Plan, sampler: Sampler, wanted: Mapping[str, int]) ->
         bent = ca.which_depends(sampler.stages[0], across, 2, True)
         straight = [row for row, b in zip(ca.vertsplit(sampler.stages[0]), bent, strict=True) if not b]
         wrong = ca.DM((now * signs < 0).astype(float))
-        # each on its own, and where that asks for more than there is freedom: all wrong ones on average
+        # each on its own, and where that asks for more than the degrees of freedom allow: all wrong ones on average
         goals = (column - signs * np.abs(now), ca.dot(wrong * signs, column - signs * np.abs(now)))
         overs = [replace(sampler, stages=[ca.vertcat(*straight, goal)]) for goal in goals]
         nominal = np.array([flat.variables[index].nominal for index, _ in sampler.pairs])
@@ -211,7 +211,7 @@ def follow(plan: Plan, sampler: Sampler) -> Plan:
 
 
 def root_slopes(plan: Plan, sampler: Sampler) -> ca.Function:
-    """(point over the plan's pairs, parameters, time) -> slopes, which tell the signs of the roots there."""
+    """(point over the plan's pairs, parameters, time) -> derivatives, which give the signs of the roots there."""
     column = _column([r.slope for b in plan.blocks for r in b.roots])
     return ca.Function("slopes", [sampler.w, plan.flat.p, plan.flat.scope.time], [column])
 

@@ -182,7 +182,7 @@ def _posed(
 
 
 def _located(posed: _Posed, at: tuple[np.ndarray, float] | None) -> tuple[Sampler, np.ndarray, list[Moved]]:
-    """Consistent points, or the one given; with the start values that gave way."""
+    """Consistent points, or the one given; with the start values that were moved."""
     flat = posed.flat
     residuals = stage_residuals(flat, posed.structure, posed.derivatives, posed.conditions, posed.pairs)
     sampler = Sampler(flat, posed.pairs, residuals, starts_of(flat, posed.alias), posed.known)
@@ -265,8 +265,8 @@ def differentiated(plan: Plan) -> list[tuple[str, ca.SX]]:
 
 
 def _points(sampler: Sampler, alias: AliasResult) -> tuple[Sampler, np.ndarray, list[Moved]]:
-    """Consistent points of a causality, and which start values gave way. If some do the points are about the home pose
-    that all causalities of the model share."""
+    """Consistent points of a causality, and which start values were moved. If some were, the points are about the home
+    pose that all causalities of the model share."""
     flat, declared = sampler.flat, dict(sampler.starts)
     try:
         samples = sampler.points(SAMPLE_POINTS)

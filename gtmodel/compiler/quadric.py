@@ -169,7 +169,7 @@ def _pencil(
     value, slope = ca.substitute([row, ca.gradient(row, v)], [v], [centre])
     slope = ca.vertcat(*[ca.SX(0) if central[k] else slope[k] for k in range(n)])
     qc = value + ca.dot(slope, start) + ca.dot(start, hessian @ start) / 2
-    # a sphere's slope at the foot of a perpendicular is perpendicular to the line
+    # a sphere's gradient at the foot of a perpendicular is perpendicular to the line
     round_one = all(central) and all((hessian[k, k] - hessian[0, 0]).is_zero() for k in range(n))
     qb = ca.SX(0) if round_one else ca.dot(slope + hessian @ start, normal)
     qa = ca.dot(normal, hessian @ normal) / 2

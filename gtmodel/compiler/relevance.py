@@ -111,7 +111,7 @@ def conditions_on(
 
 
 def _own_size(flat: FlatModel, residual: ca.SX, sampler: Sampler, samples: np.ndarray) -> float:
-    """The size of an equation among values: its constant; without one, half of its slope times the typical values."""
+    """The size of an equation among values: its constant; else half of its derivative times the typical values."""
     x = ca.vertcat(*[flat.scope.symbol(*p) for p in flat.scope.symbols_in(residual)])
     at = [sampler.position[p] for p in flat.scope.symbols_in(residual)]
     f = ca.Function("size", [x, flat.p, flat.scope.time], [residual, ca.gradient(residual, x)])

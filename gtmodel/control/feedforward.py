@@ -29,7 +29,10 @@ Gain = float | tuple[float, ...]
 
 
 class Law(Protocol):
-    """What a loop needs of its law: forces as an expression of the reference and the state."""
+    """What a loop needs of its law: forces as an expression of the reference and the state.
+
+    Any object with such a `forces` is one; `Feedforward`, `ComputedTorque` and `Feedback` are three of them.
+    """
 
     def forces(self, reference: list[ca.SX], position: ca.SX, velocity: ca.SX) -> ca.SX:
         """(n,) from the reference with its first two derivatives, the position and the velocity, (n,) each."""
@@ -38,7 +41,16 @@ class Law(Protocol):
 
 @dataclass(frozen=True)
 class Feedback:
-    """Proportional and derivative feedback, alike for all actuators or one number for each."""
+    """Proportional and derivative feedback alone: stiffness (r - q) + damping (r' - q') on the reference r.
+
+    stiffness [N/m], damping [N.s/m]: one number for all actuators, or one for each. Raises ValueError for a gain that
+    is negative or no number.
+
+    >>> gt.control.Feedback(4e4, -2e3)
+    Traceback (most recent call last):
+        ...
+    ValueError: damping must not be negative; found -2000.0
+    """
 
     stiffness: Gain
     damping: Gain
@@ -114,12 +126,24 @@ class _InverseDynamics:
 
 
 class Feedforward(_InverseDynamics):
-    """Forces of the model for the reference, and feedback.
+    """Forces of the model for the reference (inverse dynamics), and feedback.
 
     Args:
         model: with the parameters that were identified, or their nominal values.
-        stiffness, damping: gains of the feedback, alike for all actuators or one number for each; none if left out.
+        stiffness, damping: gains of the feedback [N/m, N.s/m], alike for all actuators or one number for each; none if
+            left out.
         known, targets: the actuators' positions and forces, by name.
+
+    Raises ValueError for a gain that is negative or no number, and ModelError where the motion does not determine the
+    targets.
+
+    >>> robot = gt.robots.gantry_tau("l1_tape")
+    >>> law = gt.control.Feedforward(robot, stiffness=4e4, damping=2e3)
+    >>> q = np.array([-0.7, -0.8, -0.6])
+    >>> rest = np.zeros(3)
+    >>> forces, status = law.needed(q, rest, rest)
+    >>> forces.shape, status
+    ((3,), <Status.OK: 0>)
     """
 
     def forces(self, reference: list[ca.SX], position: ca.SX, velocity: ca.SX) -> ca.SX:
@@ -128,10 +152,15 @@ class Feedforward(_InverseDynamics):
 
 
 class ComputedTorque(_InverseDynamics):
-    """Forces of the model at the measured state for the acceleration that brings it back to the reference.
+    """Forces of the model at the measured state, for the acceleration that brings it back to the reference.
 
-    With the plant's own parameters e'' + D e' + K e = 0, whatever the motion. Args as of `Feedforward`, the gains in
-    1/s2 and 1/s.
+    Where the plant has the model's own parameters the error obeys e'' + D e' + K e = 0, whatever the motion. Args and
+    errors as of `Feedforward`; the gains K are in 1/s2 and D in 1/s.
+
+    >>> robot = gt.robots.gantry_tau("l1_tape")
+    >>> law = gt.control.ComputedTorque(robot, stiffness=400.0, damping=40.0)  # critically damped, 20 rad/s
+    >>> law.stiffness
+    400.0
     """
 
     def forces(self, reference: list[ca.SX], position: ca.SX, velocity: ca.SX) -> ca.SX:

@@ -19,8 +19,16 @@ ON_SPHERE = 1e-6  # of the length: recorded directions are this exact
 class Shaper:
     """Impulses of `amplitudes` (n,), which sum to 1, at `times` (n,) [s], the first at 0.
 
-    A shaped motion stays in the convex hull of the path, ends as much later as the last impulse, and is no faster than
-    the motion. Singer and Seering 1990, "Preshaping command inputs to reduce system vibration".
+    Called with a trajectory and names of signals it gives the shaped motion: that of the sum of delayed parts. It stays
+    in the convex hull of the path, ends later by the time of the last impulse, and is no faster than the motion. Raises
+    ValueError for times that do not ascend from 0 and for amplitudes that are negative or do not sum to 1. Singer and
+    Seering 1990, "Preshaping command inputs to reduce system vibration".
+
+    >>> shaper = gt.control.zero_vibration(5.0)  # Hz
+    >>> motion = gt.Trajectory([0.0, 0.5, 1.0], {"der(T)": [0.0, 1.0, 0.0]}, {"der(T)": "m/s"})
+    >>> shaped = shaper(motion, ["der(T)"])
+    >>> round(shaped.duration, 3)  # half a period of the mode longer
+    1.1
     """
 
     times: Array
@@ -70,12 +78,32 @@ class Shaper:
 
 
 def zero_vibration(frequency_Hz: float, damping: float = 0.0) -> Shaper:
-    """ZV: two impulses half a damped period apart cancel the mode. Its slope in the frequency is not zero."""
+    """ZV shaper: two impulses, half a damped period apart, cancel a mode of this frequency [Hz] and damping ratio.
+
+    What is left grows in proportion to an error of the frequency. Raises ValueError for a frequency that is not
+    positive and for a damping ratio outside [0, 1).
+
+    >>> shaper = gt.control.zero_vibration(5.0)
+    >>> shaper.times.tolist(), shaper.amplitudes.tolist()
+    ([0.0, 0.1], [0.5, 0.5])
+    >>> shaper.residual([5.0, 5.5]).round(3).tolist()  # parts of the unshaped vibration
+    [0.0, 0.156]
+    """
     return _shaper(frequency_Hz, damping, (1.0, 1.0))
 
 
 def zero_vibration_derivative(frequency_Hz: float, damping: float = 0.0) -> Shaper:
-    """ZVD: three impulses over a damped period; what is left is flat in the frequency, at the price of the time."""
+    """ZVD shaper: three impulses over a damped period cancel a mode of this frequency [Hz] and damping ratio.
+
+    What is left grows with the square of an error of the frequency; in return the motion ends half a period later than
+    with `zero_vibration`. Raises ValueError as that does.
+
+    >>> shaper = gt.control.zero_vibration_derivative(5.0)
+    >>> shaper.amplitudes.tolist()
+    [0.25, 0.5, 0.25]
+    >>> shaper.residual([5.0, 5.5]).round(3).tolist()
+    [0.0, 0.024]
+    """
     return _shaper(frequency_Hz, damping, (1.0, 2.0, 1.0))
 
 
@@ -84,10 +112,19 @@ def residual_vibration(
 ) -> Array:
     """Amplitude [m] at which a mass on a spring, carried along a motion from rest to rest, swings when this ends.
 
-    x'' + 2 zeta w x' + w^2 x = -dv/dt, at rest at first; velocity (n,) or (n, d) [m/s], linear between the times (n,)
-    [s]. Frequencies [Hz] and dampings (f,) or scalars: answer (f, d), without axes that were not given. The
-    envelope |mu integral v exp(-mu (t - t_end)) dt| / w_d at the end, exact for what is linear between times.
-    Raises ValueError for a motion that does not begin and end at rest, and for other shapes.
+    Args:
+        time: (n,) [s], ascending.
+        velocity: (n,) or (n, d) [m/s] of what carries the spring, linear between the times.
+        frequency_Hz, damping: natural frequency [Hz] and damping ratio of the mode, scalars or (f,).
+
+    Returns (f, d), without the axes that were not given. The deflection x obeys x'' + 2 zeta w x' + w^2 x = -dv/dt and
+    is at rest at first; the answer is its envelope at the end, |mu integral v exp(-mu (t - t_end)) dt| / w_d, exact for
+    what is linear between times. Raises ValueError for a motion that does not begin and end at rest, and for other
+    shapes.
+
+    >>> time, velocity = [0.0, 0.2, 0.6, 0.8], [0.0, 1.0, 1.0, 0.0]  # a trapezoid
+    >>> gt.control.residual_vibration(time, velocity, [4.0, 5.0]).round(5).tolist()  # none at 5 Hz: ramps of one period
+    [0.0177, 0.0]
     """
     t, v = np.asarray(time, float), np.asarray(velocity, float)
     if not (np.all(np.isfinite(t)) and np.all(np.isfinite(v))):

@@ -63,7 +63,7 @@ class IdentificationStudy(Study):
     delay: Annotated[
         Sequence[float] | None,
         Quantity(
-            "s", "by how much efforts look later than positions, and its standard deviation; null where not told",
+            "s", "by how much efforts look later than positions, and its standard deviation; null where undetermined",
             written="ms",
         ),
     ] = None  # fmt: skip
@@ -74,7 +74,7 @@ class IdentificationStudy(Study):
     ] = None
     sentences: Annotated[Sequence[str] | None, "what limits the numbers, in words"] = None
     synthetic: Annotated[
-        str | None, "seed and noise of a made-up log; null for a measured one"
+        str | None, "seed and noise of a synthetic log; null for a measured one"
     ] = None  # fmt: skip
     published: Annotated[
         Numbers | None,

@@ -69,8 +69,8 @@ class Section:
 class CrossSection(Options):
     """The cross-section, a plane orthogonal to the mean guideway direction; (u, v) = (y, z) for guideways along x."""
 
-    along: Annotated[float | None, Unit("m"), "its position along the guideways; through home if left out"] = None
-    step: Annotated[float, Unit("m"), Within(above=0.0), "of the grid"] = 0.02
+    along: Annotated[float | None, Unit("m"), "position along the guideways; through home if left out"] = None
+    step: Annotated[float, Unit("m"), Within(above=0.0), "step of the grid"] = 0.02
     low: Annotated[
         list[float] | None, Unit("m"), Long(2), "least (u, v); all that the links may reach if left out"
     ] = None  # fmt: skip

@@ -24,8 +24,8 @@ def interpolate(
         method: "linear": straight pieces, continuous; "cubic": natural spline, two continuous derivatives.
         derivative: 0 the value, 1 its derivative d/dx, in the unit of values per unit of x.
 
-    Beyond the first and the last point the curve goes on straight: "linear" with its end pieces, "cubic" with its end
-    slopes, which keeps the second derivative continuous. At a point the piece to its right counts, so the slope of
+    Beyond the first and the last point the curve goes on straight: "linear" with its end pieces, "cubic" tangentially,
+    which keeps the second derivative continuous. At a point the piece to its right counts, so the derivative of
     straight pieces is defined there too; time derivatives of it take the pieces as they are, without impulses.
 
     Raises ModelError for shapes and units that do not fit, and for numbers in `at` that do not increase.
@@ -79,7 +79,7 @@ def interpolate(
 
 
 def _linear(at: ca.SX, values: ca.SX) -> list[list[ca.SX]]:
-    """Per piece: where it begins, value there, slope. The end pieces go on for ever."""
+    """Per piece: where it begins, value there, derivative. The end pieces go on for ever."""
     n = at.numel()
     rows = [values[k, :].T for k in range(n)]
     slopes = [(rows[k + 1] - rows[k]) / (at[k + 1] - at[k]) for k in range(n - 1)]
@@ -87,7 +87,7 @@ def _linear(at: ca.SX, values: ca.SX) -> list[list[ca.SX]]:
 
 
 def _cubic(at: ca.SX, values: ca.SX) -> list[list[ca.SX]]:
-    """Per piece: where it begins, value, slope, quadratic and cubic coefficient; straight pieces at both ends."""
+    """Per piece: where it begins, value, derivative, quadratic and cubic coefficient; straight pieces at both ends."""
     n = at.numel()
     y = [values[k, :].T for k in range(n)]
     h = [at[k + 1] - at[k] for k in range(n - 1)]

@@ -73,11 +73,22 @@ def sources(content: Mapping[str, Any], axes: int) -> dict[str, str]:
 
 
 def build(folder: Path, place: Path, axes: int) -> Path:
-    """Write the loop's files into `place`, compile them with the generated `folder`, and return the program.
+    """Write the loop's files into `place` and compile them with the generated `folder`; returns the program's path.
+
+    Args:
+        folder: as `gtmodel.cgen` wrote it, with the functions of a robot.
+        place: a folder of its own.
+        axes: number of carts.
 
     A program that was built there from the same files is used again, unless it was changed since or another user may
     change it. Every warning is an error. Raises GenerationError for a folder that is not generated or was changed,
     without a compiler, and for code that does not compile.
+
+    >>> from pathlib import Path
+    >>> gt.loop.build(Path("no_such_folder"), Path("loop"), axes=3)
+    Traceback (most recent call last):
+        ...
+    gtmodel.cgen.errors.GenerationError: ...
     """
     content = manifest_of(folder)
     tools = find()

@@ -9,7 +9,10 @@ from dataclasses import dataclass, field
 
 @dataclass(frozen=True)
 class Faults:
-    """Shares of the datagrams, each drawn on its own; a delay is 1 to `longest_delay` cycles."""
+    """What a channel does to datagrams: shares from 0 to 1 that are lost, delayed, repeated or joined by garbage.
+
+    Each fault is drawn on its own, with the seed; a delay is 1 to `longest_delay` cycles.
+    """
 
     lost: float = 0.0
     delayed: float = 0.0
@@ -21,7 +24,16 @@ class Faults:
 
 @dataclass
 class Channel:
-    """One direction. `put` takes a datagram in its cycle, `due` gives what arrives in a cycle, oldest sending first."""
+    """One direction of a connection with faults.
+
+    `put` takes a datagram in its cycle; `due` gives the datagrams that arrive in a cycle, those sent first before
+    others. `history` keeps their numbers, cycle by cycle, for `expected_counters`.
+
+    >>> channel = gt.loop.Channel(gt.loop.Faults(lost=1.0))
+    >>> channel.put(0, 7, b"datagram")
+    >>> channel.due(0)
+    []
+    """
 
     faults: Faults = field(default_factory=Faults)
     history: list[list[int | None]] = field(default_factory=list)
@@ -57,7 +69,16 @@ class Channel:
 
 
 def expected_counters(history: Iterable[list[int | None]]) -> dict[str, int]:
-    """What a loop has to count, from the numbers that arrived in each cycle: by sets, not by its window."""
+    """What a loop has to count, from the numbers of the datagrams that arrived in each cycle; None stands for garbage.
+
+    An independent count by sets, for comparison with the loop's own, which keeps a window of numbers. A cycle in which
+    no newer datagram arrives counts as late; numbers before the first one as stale; numbers never seen as lost.
+
+    >>> history = [[1], [2, 2], [], [5], [4, None]]
+    >>> counted = gt.loop.expected_counters(history)
+    >>> counted["lost"], counted["repeated"], counted["reordered"], counted["garbage"], counted["late"]
+    (1, 1, 1, 1, 2)
+    """
     seen: set[int] = set()
     count = dict.fromkeys(("late", "repeated", "reordered", "stale", "garbage"), 0)
     newest = first = None

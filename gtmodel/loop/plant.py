@@ -55,7 +55,10 @@ class DrivePlant:
 
 @dataclass(frozen=True)
 class Servo:
-    """F = kp (u - q) + kd (du - dq) on every cart [N/m, N s/m], in every substep of a cycle."""
+    """Position servo of every cart: F = kp (u - q) + kd (du - dq) in every substep of a cycle.
+
+    u, du: commanded position and speed; q, dq: the cart's; gains in N/m and N s/m.
+    """
 
     kp_N_m: float = 40_000.0
     kd_N_s_m: float = 1_500.0
@@ -133,7 +136,7 @@ class ElasticPlant:
         before = self.plant.arm_m.copy()
         self.plant.step(position_m, speed_m_s)
         slope = (self.plant.arm_m - before) / self.cycle_s
-        self._deflection[1] -= slope - self._slope  # m'' of a polygon is a step of its slope
+        self._deflection[1] -= slope - self._slope  # m'' of a polygon is a step of its rate
         self._deflection = self._passes @ self._deflection
         self._slope = slope
 

@@ -22,8 +22,13 @@ def _never(share: float) -> bool:
 
 @dataclass
 class Run:
-    """Carts (cycles, n) [m] before each cycle's step, `arm_m` where they move the tool, the channels with what arrived,
-    and the longest time between two datagrams of the robot, in real time [s]."""
+    """What a run gives: the carts (cycles, n) [m] before each cycle's step.
+
+    `measured_m` is what the motors measure, `arm_m` where the carts move the tool, `planned_m` what the robot planned.
+
+    `to_loop` and `to_robot` are the channels with what arrived, `longest_gap_s` the longest time between two datagrams
+    of the robot, in real time [s].
+    """
 
     measured_m: np.ndarray
     arm_m: np.ndarray
@@ -41,7 +46,23 @@ def lockstep(
     to_robot: Channel | None = None,
     stopped: Stopped = _never,
 ) -> Run:
-    """Cycle by cycle: the robot sends, the loop (`exchange` of a LoopProcess or of a Twin) answers, the robot moves."""
+    """Run a simulated controller against a loop cycle by cycle, as fast as it goes.
+
+    In each cycle the robot sends, the loop answers and the robot moves.
+
+    Args:
+        robot: the controller, with its plant.
+        answering: from the datagrams of a cycle to the answers: `exchange` of a `LoopProcess` or of a `Twin`.
+        cycles: their number.
+        to_loop, to_robot: channels with faults; faultless ones if None.
+        stopped: asked in every cycle with the share done; True ends the run there.
+
+    >>> plant = gt.loop.DrivePlant([0.0, 0.1, 0.2], a=[0.9] * 3, b=[0.1] * 3, delay=0)
+    >>> robot = gt.loop.RobotSide("egm", plant)
+    >>> run = gt.loop.lockstep(robot, lambda datagrams: [], cycles=5)  # a loop that never answers
+    >>> run.measured_m[-1].tolist()  # the robot stays where it is
+    [0.0, 0.1, 0.2]
+    """
     out, back = to_loop or Channel(), to_robot or Channel()
     seen = []
     for cycle in range(cycles):
@@ -56,9 +77,21 @@ def lockstep(
 
 
 def real_time(robot: RobotSide, loop: LoopProcess, cycles: int, stopped: Stopped = _never) -> Run:
-    """The robot sends every cycle_ms by the clock; answers count that have come when the next cycle begins.
+    """Run a simulated controller against a loop program by the clock: the robot sends every cycle_ms.
 
-    Then the loop is asked to end, and the robot, no longer measured, follows it to its stop.
+    Answers count that have come when the next cycle begins. Then the loop is asked to end, and the robot, no longer
+    measured, follows it to its stop. robot, cycles, stopped: as of `lockstep`. loop: a running `LoopProcess`, as in
+    `with LoopProcess(build(...), options) as loop:`. `study` runs it for a whole folder.
+
+    >>> plant = gt.loop.DrivePlant([0.0, 0.1, 0.2], a=[0.9] * 3, b=[0.1] * 3, delay=0)
+    >>> class Quiet:  # stands for a loop that never answers
+    ...     ended = True
+    ...     def send(self, datagram): pass
+    ...     def received(self): return []
+    ...     def end(self): pass
+    >>> run = gt.loop.real_time(gt.loop.RobotSide("egm", plant), Quiet(), cycles=5)
+    >>> run.measured_m.shape
+    (5, 3)
     """
     seen = []
     begin, step = time.monotonic(), robot.cycle_ms / 1000.0

@@ -26,9 +26,16 @@ class Stretch(NamedTuple):
 
 
 def copies(rows: Array, same: float = 0.0) -> Array:
-    """Pairs (k, 2): a row that equals an earlier one, and that one.
+    """Rows that equal an earlier one, as pairs (k, 2): the row, and the earlier one.
 
-    `same`: how far numbers may differ, as a share of their column's spread; 0: in no digit.
+    No sensor gives the same noise twice, so that equal rows are one measurement that was counted twice.
+
+    Args:
+        rows: (n, k).
+        same: how far numbers may differ, as a share of their column's spread; 0: in no digit.
+
+    >>> gt.measurements.copies(np.array([[1.0, 2.0], [3.0, 4.0], [1.0, 2.0]])).tolist()
+    [[2, 0]]
     """
     rows = np.asarray(rows, dtype=float)
     if same > 0 and len(rows):
@@ -43,9 +50,14 @@ def copies(rows: Array, same: float = 0.0) -> Array:
 def copied_stretch(recordings: Sequence[Array], stretch: int = STRETCH, distinct: float = 0.0) -> Stretch | None:
     """The first stretch of evenly sampled recordings (n, k) that repeats an earlier one in every digit; None for none.
 
-    Within a recording or between two. At least `stretch` samples long, or as long as the shortest recording, and most
-    of its samples differ from the one before: a reading at rest may stand still. At least a share `distinct` of them
-    differ from each other: a coarse reading may go to and fro between a few numbers.
+    Within a recording or between two. A stretch is at least `stretch` samples long, or as long as the shortest
+    recording, and most of its samples differ from the one before: a reading at rest may stand still. At least a share
+    `distinct` of them differ from each other: a coarse reading may go to and fro between a few numbers.
+
+    >>> noise = np.random.default_rng(1).standard_normal((200, 2))  # synthetic: seed 1
+    >>> pasted = np.vstack([noise, noise[50:100]])
+    >>> gt.measurements.copied_stretch([pasted])
+    Stretch(again=0, at=200, first=0, of=50, rows=50)
     """
     recordings = [np.asarray(r, dtype=float).reshape(len(r), -1) for r in recordings]
     length = min(stretch, *(len(r) for r in recordings))

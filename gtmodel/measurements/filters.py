@@ -28,9 +28,17 @@ SETTLING_PERIODS = 3.0
 
 @dataclass(frozen=True)
 class ZeroPhase:
-    """Butterworth low pass, run forth and back: no phase, amplitude |H|^2, so -6 dB at the cut-off.
+    """Butterworth low pass, run forth and back: no phase, amplitude |H|^2, which is one half at the cut-off.
 
-    cutoff_Hz : of one pass. order : of one pass.
+    Args:
+        cutoff_Hz: of one pass [Hz].
+        order: of one pass.
+
+    Called with rows (n,) or (n, k) and their sample time [s] it returns them filtered.
+
+    >>> low_pass = gt.measurements.ZeroPhase(20.0)
+    >>> low_pass.amplitude(np.array([5.0, 20.0, 60.0]), sample_time=0.004).round(3).tolist()
+    [1.0, 0.5, 0.0]
     """
 
     cutoff_Hz: float
@@ -96,10 +104,20 @@ def _butterworth(order: int, cutoff_Hz: float, rate_Hz: float) -> Array:
 
 
 def excitation_band(position: Array, sample_time: float, share: float = BAND_SHARE) -> float:
-    """Frequency [Hz] below which the velocity has that share of its power; position (n,) or (n, k).
+    """Frequency [Hz] below which the velocity has that share of its power.
+
+    Args:
+        position: (n,) or (n, k), evenly sampled.
+        sample_time: [s].
+        share: of the power of the velocity.
 
     White noise of the position is left out of the power: its floor is what the upper frequencies show. Raises
     TrajectoryError where nothing moves, or nothing beyond the noise.
+
+    >>> t = 0.004 * np.arange(1000)
+    >>> q = np.sin(2 * np.pi * 0.5 * t) + 0.1 * np.sin(2 * np.pi * 3.0 * t)
+    >>> gt.measurements.excitation_band(q, 0.004)
+    3.0
     """
     velocity = derivative(position, sample_time)
     power = np.abs(np.fft.rfft(velocity - velocity.mean(axis=0), axis=0)) ** 2
@@ -117,8 +135,16 @@ def excitation_band(position: Array, sample_time: float, share: float = BAND_SHA
 
 
 def position_noise(position: Array) -> float:
-    """Standard deviation of white noise on a smooth motion (n,) or (n, k), the largest of the columns; from sixth
-    differences, which leave nothing of the motion, by their median, which does not see single events."""
+    """Standard deviation of white noise on a smooth motion (n,) or (n, k), in its unit; of columns the largest.
+
+    It comes from sixth differences, in which nothing of a smooth motion is left, by their median, which single events
+    do not move. Fewer than seven rows give 0.
+
+    >>> t = 0.004 * np.arange(2000)
+    >>> noise = 1e-4 * np.random.default_rng(2).standard_normal(2000)  # synthetic: seed 2
+    >>> round(gt.measurements.position_noise(np.sin(3 * t) + noise), 5)
+    0.0001
+    """
     if len(position) <= DIFFERENCES:
         return 0.0
     left = np.abs(np.diff(np.asarray(position, dtype=float), n=DIFFERENCES, axis=0)).reshape(
@@ -128,19 +154,41 @@ def position_noise(position: Array) -> float:
 
 
 def cutoff_for(position: Array, sample_time: float, factor: float = BAND_FACTOR) -> float:
-    """Cut-off [Hz]: 2.5 times the excitation band, at most four fifths of half the sampling rate."""
+    """Cut-off [Hz] of a low pass for a motion: `factor` times its excitation band, at most 0.4 times the sampling rate.
+
+    position: (n,) or (n, k), evenly sampled at sample_time [s]. Raises TrajectoryError as `excitation_band` does.
+
+    >>> t = 0.004 * np.arange(1000)
+    >>> q = np.sin(2 * np.pi * 0.5 * t) + 0.1 * np.sin(2 * np.pi * 3.0 * t)
+    >>> gt.measurements.cutoff_for(q, 0.004)
+    7.5
+    """
     return min(factor * excitation_band(position, sample_time), WIDEST / sample_time)
 
 
 def derivative(rows: Array, sample_time: float) -> Array:
-    """Central differences of rows (n,) or (n, k), one-sided at the ends; all of second order in the sample time."""
+    """Central differences of rows (n,) or (n, k) at sample_time [s]; one-sided at the ends, all of second order.
+
+    Raises TrajectoryError for fewer than three rows.
+
+    >>> t = 0.1 * np.arange(5)
+    >>> gt.measurements.derivative(t**2, 0.1).round(9).tolist()  # 2 t
+    [0.0, 0.2, 0.4, 0.6, 0.8]
+    """
     if len(rows) < 3:
         raise TrajectoryError(f"there are {len(rows)} rows to differentiate; expected at least 3")
     return np.gradient(np.asarray(rows, dtype=float), sample_time, axis=0, edge_order=2)
 
 
 def second_derivative(rows: Array, sample_time: float) -> Array:
-    """Central second differences on three rows, of second order; the end rows repeat their neighbours."""
+    """Central second differences of rows (n,) or (n, k), sampled at sample_time [s], of second order.
+
+    The end rows repeat their neighbours. Raises TrajectoryError for fewer than three rows.
+
+    >>> t = 0.1 * np.arange(5)
+    >>> gt.measurements.second_derivative(t**3, 0.1).round(9).tolist()  # 6 t inside
+    [0.6, 0.6, 1.2, 1.8, 1.8]
+    """
     if len(rows) < 3:
         raise TrajectoryError(f"there are {len(rows)} rows to differentiate; expected at least 3")
     inner = np.diff(np.asarray(rows, dtype=float), n=2, axis=0) / sample_time**2
@@ -148,11 +196,23 @@ def second_derivative(rows: Array, sample_time: float) -> Array:
 
 
 def motion(session: Session, position: str, low_pass: ZeroPhase | None) -> Trajectory:
-    """The session with "der(POSITION)" and "der(POSITION,2)" beside its signals, the filter's ends cut.
+    """The session as a motion: its signals with "der(POSITION)" and "der(POSITION,2)", the filter's ends cut off.
 
-    low_pass : acts on every signal alike, position and forces, so that no phase or amplitude comes between them; None
-        leaves the rows as they are, for regressors that are filtered together with the force afterwards: exact for
-        columns linear in velocity and acceleration, and right for the sign of a velocity.
+    Args:
+        session: as `read_log` or `session_of` gives it.
+        position: name of the signal to differentiate.
+        low_pass: acts on every signal alike, position and forces, so that no phase or amplitude comes between them.
+            None leaves the rows as they are, for regressors that are filtered together with the force afterwards: exact
+            for columns linear in velocity and acceleration, and right for the sign of a velocity.
+
+    Raises TrajectoryError for a recording that is too short for the filter.
+
+    >>> t = 0.004 * np.arange(1000)
+    >>> log = gt.Trajectory(t, {"q": np.sin(2 * t)}, {"q": "m"})
+    >>> session = gt.measurements.session_of(log)
+    >>> moved = gt.measurements.motion(session, "q", gt.measurements.ZeroPhase(20.0))
+    >>> moved.names, moved.unit("der(q,2)"), len(moved)
+    (('q', 'der(q)', 'der(q,2)'), 'm/s2', 924)
     """
     raw, step = session.trajectory, session.sample_time
     rows = {name: raw[name] if low_pass is None else low_pass(raw[name], step) for name in raw.names}
@@ -181,6 +241,10 @@ def decimate(trajectory: Trajectory, every: int) -> Trajectory:
     """Every n-th row of signals that are low-passed already.
 
     Raises TrajectoryError where fewer than three rows would be left.
+
+    >>> log = gt.Trajectory(0.004 * np.arange(101), {"q": np.arange(101.0)}, {"q": "m"})
+    >>> len(gt.measurements.decimate(log, 10))
+    11
     """
     left = len(trajectory) // max(every, 1)
     if every < 1 or left < 3:
@@ -197,9 +261,18 @@ class Moving(NamedTuple):
 
 
 def moving(velocity: Array, sample_time: float, step: float, steps: float = 3.0) -> Moving:
-    """Rows whose velocity, (n,) or (n, k), is at least `steps` quantisation steps per sample in every column.
+    """Rows in which every velocity is so large that its sign is known: at least `steps` quantisation steps per sample.
 
-    step : quantisation of the position. There the sign of the velocity is known.
+    Args:
+        velocity: (n,) or (n, k).
+        sample_time: [s].
+        step: quantisation of the position, in its unit.
+
+    Returns `Moving`: the rows (n,) as booleans, the threshold, and the share that is dropped.
+
+    >>> found = gt.measurements.moving(np.array([0.0, 0.01, -0.2]), sample_time=0.004, step=1e-5)
+    >>> found.rows.tolist(), round(found.threshold, 6)  # m/s
+    ([False, True, True], 0.0075)
     """
     threshold = steps * step / sample_time
     fast = np.abs(np.asarray(velocity).reshape(len(velocity), -1)) >= threshold

@@ -29,7 +29,8 @@ class LogError(TrajectoryError):
 class Column(NamedTuple):
     """Where a quantity stands in a log: the column's name, and its unit there.
 
-    "q" means also the columns "q[0]", "q[1]" and so on, where there is no "q"; several names make a vector too.
+    "q" means also the columns "q[0]", "q[1]" and so on, where there is no "q"; several names make a vector too:
+    `Column(("x", "y", "z"), "mm")`.
     """
 
     name: str | Sequence[str]
@@ -40,7 +41,7 @@ TIME = Column("time", "s")
 
 
 class Session(NamedTuple):
-    """Rows of one recording, evenly sampled: a name for messages, the quantities in SI units, sample time [s]."""
+    """One evenly sampled recording: a name for messages, the quantities in SI units, and the sample time [s]."""
 
     name: str
     trajectory: Trajectory
@@ -48,7 +49,15 @@ class Session(NamedTuple):
 
 
 def session_of(trajectory: Trajectory, name: str = "log", *, jitter: float = JITTER) -> Session:
-    """A recording in memory: its rows as a session. Raises LogError where they are not evenly sampled."""
+    """A recording in memory as a session.
+
+    jitter: how far a step may be from the sample time, as a share of it. Raises LogError where the rows are not evenly
+    sampled.
+
+    >>> log = gt.Trajectory([0.0, 0.1, 0.2], {"q": [0.0, 0.1, 0.4]}, {"q": "m"})
+    >>> round(gt.measurements.session_of(log).sample_time, 6)  # s
+    0.1
+    """
     rows = np.arange(1, len(trajectory.time) + 1)
     return Session(name, trajectory, _sample_time(trajectory.time, f"'{name}'", "row", rows, None, jitter))
 
@@ -62,7 +71,7 @@ def read_log(
     sample_time: float | None = None,
     jitter: float = JITTER,
 ) -> tuple[Session, ...]:
-    """Read a CSV or MATLAB file.
+    r"""Read a CSV or MATLAB file; returns a session for each recording in it, in SI units.
 
     Args:
         columns: quantity -> where it stands. Further columns of the file are left alone. A header cell may repeat the
@@ -76,6 +85,13 @@ def read_log(
     trajectories. Raises LogError or TrajectoryError in one sentence with file and line (or sample): a column missing or
     of another unit, a cell that is no finite number, a row of another length, a time going back, a gap, jitter.
     FileNotFoundError passes through.
+
+    >>> from pathlib import Path
+    >>> Column = gt.measurements.Column
+    >>> written = Path("run.csv").write_text("t [ms],pos [mm]\n0,10\n4,12\n8,15\n")
+    >>> (session,) = gt.measurements.read_log("run.csv", {"q": Column("pos", "mm")}, time=Column("t", "ms"))
+    >>> session.trajectory["q"].tolist(), session.sample_time
+    ([0.01, 0.012, 0.015], 0.004)
     """
     _check_units(columns, time)
     wanted = {"time": time, **columns}

@@ -24,15 +24,23 @@ LONGEST_DELAY = 0.05  # s; what a bus, a filter and a servo cycle add up to, not
 
 @dataclass(frozen=True)
 class Signal:
-    """A column and how the quantity follows from it: quantity(t) = scale column(t + delay) - offset.
+    """A column of a log, and how the quantity follows from it: quantity(t) = scale column(t + delay) - offset.
 
-    column, unit : where it stands, see `Column`.
-    quantity_unit : SI unit of the quantity; that of the column when empty.
-    scale : quantity per column, [quantity_unit / unit]; offset : what the reading shows, times scale, when the quantity
-    is zero [quantity_unit]; delay : how late the column is [s]. A number fixes one, ESTIMATE frees it.
-    per_session : which of the free ones differ from session to session.
+    Args:
+        column, unit: where it stands, see `Column`.
+        scale: quantity per column [quantity_unit / unit].
+        offset: what the reading shows, times scale, when the quantity is zero [quantity_unit].
+        delay: how late the column is [s].
+        quantity_unit: SI unit of the quantity; that of the column when empty.
+        per_session: which of the free ones differ from session to session.
 
-    Raises LogError where column and quantity have different dimensions and no scale is given.
+    A number fixes scale, offset or delay; ESTIMATE leaves it to be estimated, see `Corrections`. Raises LogError where
+    column and quantity have different dimensions and no scale is given.
+
+    >>> gt.measurements.Signal("volts", "V", quantity_unit="N")
+    Traceback (most recent call last):
+        ...
+    gtmodel.measurements.log.LogError: ...give the scale in N per V, or scale = "estimate"
     """
 
     column: str | tuple[str, ...]
@@ -68,12 +76,22 @@ class Free(NamedTuple):
 
 
 class Corrections:
-    """Delays, scales and offsets of the signals of some sessions.
+    """Delays, scales and offsets of the signals of some sessions, fixed or to be estimated.
 
-    signals : quantity -> `Signal`. sessions : as `read_log` gave them, columns not yet corrected.
-    longest_delay : bound on a free delay [s].
+    Args:
+        signals: quantity -> `Signal`.
+        sessions: as `read_log` gave them, columns not yet corrected.
+        longest_delay: bound on a free delay [s].
 
-    free : what is to be estimated, in the order of the arguments of `apply`. start : where an estimation begins.
+    `free` is what is to be estimated, in the order of the arguments of `apply`; `start` is where an estimation begins.
+
+    >>> t = 0.002 * np.arange(500)
+    >>> log = gt.Trajectory(t, {"force": np.sin(5 * t)}, {"force": "V"})
+    >>> signal = gt.measurements.Signal("volts", "V", scale=35.0, offset=2.0, quantity_unit="N")
+    >>> corrections = gt.measurements.Corrections({"force": signal}, [gt.measurements.session_of(log)])
+    >>> (session,) = corrections.apply()
+    >>> session.trajectory.unit("force"), float(session.trajectory["force"].max().round(2))  # 35 - 2
+    ('N', 33.0)
     """
 
     def __init__(
@@ -191,9 +209,17 @@ def read_signals(
     sample_time: float | None = None,
     jitter: float = JITTER,
 ) -> tuple[Session, ...]:
-    """The columns of the signals from one or several files, one after the other, as sessions; not yet corrected.
+    r"""The columns of the signals from one or several files, one after the other, as sessions; not yet corrected.
 
-    Arguments and errors as of `read_log`.
+    signals: by quantity, which `Signal` shows it; `Corrections` then applies scale, offset and delay. Other arguments
+    and errors as of `read_log`.
+
+    >>> from pathlib import Path
+    >>> written = Path("run.csv").write_text("time,volts\n0.0,1.0\n0.1,1.5\n0.2,1.0\n")
+    >>> force = gt.measurements.Signal("volts", "V", scale=35.0, quantity_unit="N")
+    >>> (session,) = gt.measurements.read_signals(["run.csv"], {"force": force})
+    >>> session.trajectory["force"].tolist(), session.trajectory.unit("force")
+    ([1.0, 1.5, 1.0], 'V')
     """
     columns = {name: Column(signal.column, signal.unit) for name, signal in signals.items()}
     return tuple(
@@ -204,11 +230,19 @@ def read_signals(
 
 
 def offset_columns(rows: Sequence[int], width: int = 1, *, per_session: bool = True) -> Array:
-    """Regressor of a measured force's offsets: (sum(rows) * width, parameters), zeros and ones.
+    """Regressor columns of a measured force's offsets: (sum(rows) * width, parameters), zeros and ones.
 
-    rows : rows of each session, stacked one after the other, with the `width` components of a row side by side. The
-    parameters are the components of the first session, of the second and so on; those of all sessions together where
-    per_session is False. The measured force is regressor @ parameters + these columns @ offsets.
+    Args:
+        rows: number of rows of each session, stacked one after the other, with the `width` components of a row side by
+            side.
+        width: components of the force.
+        per_session: each session has offsets of its own; False: one set for all.
+
+    The parameters are the components of the first session, of the second and so on. The measured force is
+    regressor @ parameters + these columns @ offsets.
+
+    >>> gt.measurements.offset_columns([2, 1]).tolist()  # two sessions, a scalar force
+    [[1.0, 0.0], [1.0, 0.0], [0.0, 1.0]]
     """
     sessions = np.repeat(np.arange(len(rows)), rows) if per_session else np.zeros(sum(rows), dtype=int)
     count = len(rows) if per_session else 1

@@ -50,8 +50,8 @@ class Attitude(gt.Model):
 class UnitQuaternion(Attitude):
     """Quaternion e (4), scalar first; e.e = 1 is an ordinary equation. No orientation is singular.
 
-    The coordinates of a free body unless its `attitude` says otherwise. A turn about z; e[0] = 0.8 follows from
-    the other three, on the side of its start value 1:
+    A FreeBody takes it unless another `attitude` is given. A rotation about z by 73.7 degrees: e[0] = 0.8 follows from
+    the other three, on the side of its start value 1.
 
     >>> body = gt.mechanics.FreeBody(m=2.0, I=np.eye(3), attitude=gt.mechanics.UnitQuaternion)
     >>> turn = body.causal(targets="frame.R", prefer=["frame.r", "attitude.e[1]", "attitude.e[2]", "attitude.e[3]"])

@@ -37,8 +37,8 @@ class RigidBody(gt.Model):
 
     c and I are given in frame coordinates, I about the centre of mass; its off-diagonal entries are the negative
     products of inertia, as in pinocchio and MuJoCo. Newton and Euler for the frame's origin. I must be symmetric and
-    positive semidefinite; that no principal moment exceeds the sum of the others is not asked for: planar models leave
-    moments 0 that no motion needs, identified ones scatter, and the equations are passive all the same.
+    positive semidefinite; a principal moment may exceed the sum of the others: planar models leave moments 0
+    that no motion needs, identified ones scatter, and the equations are passive all the same.
 
     A body of 2 kg whose centre of mass is 0.25 m from an axis along y, held level: by the right-hand rule a negative
     torque lifts what stands out along x.

@@ -78,7 +78,7 @@ class Gear(gt.Model):
 class RackAndPinion(gt.Model):
     """Pinion, belt or spindle: the flange moves by `radius` [m] per radian of the shaft; no losses.
 
-    A pinion of 50 mm radius: 0.2 rad are 10 mm of travel, and a carriage of 12 kg at 1 m/s2 asks for 0.6 N.m.
+    A pinion of 50 mm radius: 0.2 rad are 10 mm of travel, and a carriage of 12 kg at 1 m/s2 takes 0.6 N.m.
 
     >>> bench = gt.Builder("bench")
     >>> motor = bench.part("motor", gt.mechanics.TorqueMotor())

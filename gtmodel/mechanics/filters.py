@@ -8,7 +8,7 @@ from .. import lang as gt
 class LowPass(gt.Model):
     """Three equal first-order lags in a row: y follows u with unit gain and can be differentiated three times.
 
-    An inverse model asks for the acceleration of its reference; behind this filter it is a function of the
+    An inverse model needs the acceleration of its reference; behind this filter it is a function of the
     filter's states, and u needs no derivative (Dressler 2012, Fig. 3.2).
     """
 

@@ -13,7 +13,7 @@ class Guideway(gt.Model):
     is q. Power passes without loss: the force on the flange plus dot(force on the frame, v) is zero.
 
     At q = 2 m under a load of 100 N along x. The motor holds it with 98 N towards negative q: 1 m of q is 0.98 m of
-    travel, and the force across the guideway asks nothing of it.
+    travel, and the force across the guideway does not load it.
 
     >>> bench = gt.Builder("bench")
     >>> guideway = bench.part("guideway", gt.mechanics.Guideway(A=[0.0, 0.5, 1.0], v=[0.98, 0.0, 0.0]))

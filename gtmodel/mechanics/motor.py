@@ -30,7 +30,7 @@ class ForceMotor(gt.Model):
 
 
 class GearedMotor(ForceMotor):
-    """A motor that turns: its rotor's inertia J [kg m2] rides on the flange through an ideal gear and spindle.
+    """A rotary motor on a flange: its rotor's inertia J [kg m2] acts there through an ideal gear and spindle.
 
     `force` [N] is the motor's torque as a force on the flange, torque / radius, with `radius` [m] the travel per radian
     of the motor. The rotor adds J / radius^2 to the mass moved along the flange, and no weight: on a level guideway

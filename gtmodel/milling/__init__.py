@@ -1,4 +1,4 @@
-"""Milling by a robot that gives way: forces, deflection, where to put the work. Knows no robot; SI units and rad.
+"""Milling by a compliant robot: forces, deflection, where to put the work. Knows no robot; SI units and rad.
 
 study                                         where to mill, by both indices over the angle: `MillingStudy`
 Tool, Search, Modal, PathOffset               what it is asked for besides cutter and cut

@@ -15,10 +15,17 @@ ROUNDING = 1e-9  # rad, of an angle given in degrees
 
 
 class AngleTable:
-    """Oscillators known at angles (n,) [rad], between them by monotone cubics through log m, log c, log k.
+    """Oscillators that are known at angles (n,) [rad]; between these, monotone cubics through log m, log c and log k.
 
-    Angles are the same after whole turns.
-    Beyond the first and last angle nothing is known. Raises ValueError for fewer than two angles or unequal numbers.
+    Angles are the same after whole turns. Beyond the first and last angle nothing is known. Raises ValueError for fewer
+    than two angles or unequal numbers.
+
+    >>> robots = gt.milling.Oscillators.with_damping_ratio([[350] * 3] * 2, [[2e6] * 3, [1.5e6] * 3], [[0.03] * 3] * 2)
+    >>> table = gt.milling.AngleTable(np.radians([0.0, 60.0]), robots)
+    >>> table.at(np.radians(30.0)).k.round(-3)
+    array([[1732000., 1732000., 1732000.]])
+    >>> table.covers(np.radians([30.0, 90.0]))
+    array([ True, False])
     """
 
     def __init__(self, angles: ArrayLike, oscillators: Oscillators) -> None:
@@ -38,7 +45,7 @@ class AngleTable:
         self._curve = PchipInterpolator(self.angles, np.log(np.hstack([o.m, o.c, o.k])), extrapolate=False)
 
     def covers(self, angles: ArrayLike) -> np.ndarray:
-        """(n,) whether the table tells anything at these angles [rad]."""
+        """(n,) whether these angles [rad] lie within the table."""
         return self.turned(angles) <= self.angles[-1] + ROUNDING
 
     def turned(self, angles: ArrayLike) -> np.ndarray:
@@ -51,7 +58,7 @@ class AngleTable:
         return (a >= self.angles[0] - ROUNDING) & (a <= self.angles[-1] + ROUNDING)
 
     def at(self, angles: ArrayLike) -> Oscillators:
-        """At angles (n,) [rad]. Raises ValueError beyond the table."""
+        """The oscillators at angles (n,) [rad]. Raises ValueError beyond the table."""
         a = np.asarray(angles, float).ravel()
         if not np.all(self.covers(a)):
             worst = a[~self.covers(a)][0]
@@ -61,7 +68,7 @@ class AngleTable:
         return Oscillators(values[:, :3], values[:, 3:6], values[:, 6:])
 
     def casadi_function(self) -> Any:
-        """CasADi function A [rad] -> m, c, k (3 each), the same curve; its ends go on as their last cubic."""
+        """The same curve as a CasADi function A [rad] -> m, c, k (3 each); beyond its ends the last cubics continue."""
         A = ca.SX.sym("A")
         pieces = []
         for i, knot in enumerate(self.angles[:-1]):

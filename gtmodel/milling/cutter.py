@@ -17,9 +17,15 @@ PER_CHIP = "cutting force per depth and chip thickness"
 
 @dataclass(frozen=True)
 class Coefficients(Options):
-    """Edge (e) [N/m] and cutting (c) [N/m2] coefficients, tangential, radial and axial (Cvitanic 2021, Table 3).
+    """Cutting coefficients of a material: edge (e) [N/m] and cutting (c) [N/m2] ones, tangential, radial and axial
+    (Cvitanic 2021, Table 3).
 
-    A chip brakes the tooth and does not drive it: the tangential ones are not negative.
+    A chip brakes the tooth and does not drive it, so the tangential ones are not negative. Raises ArgumentError for a
+    negative one.
+
+    >>> K = gt.milling.Coefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8)  # 900 N/mm2 = 9e8 Pa
+    >>> K.cutting / 1e6  # tangential, radial, axial [N/mm2]
+    array([900., 300.,   0.])
     """
 
     K_te: Annotated[float, Unit("N/m"), Within(least=0.0), f"{PER_DEPTH}, tangential"]
@@ -31,12 +37,12 @@ class Coefficients(Options):
 
     @property
     def edge(self) -> np.ndarray:
-        """(3,) tangential, radial, axial [N/m]."""
+        """Edge coefficients (3,), tangential, radial, axial [N/m]."""
         return np.array([self.K_te, self.K_re, self.K_ae])
 
     @property
     def cutting(self) -> np.ndarray:
-        """(3,) tangential, radial, axial [N/m2]."""
+        """Cutting coefficients (3,), tangential, radial, axial [N/m2]."""
         return np.array([self.K_tc, self.K_rc, self.K_ac])
 
 
@@ -44,19 +50,29 @@ class Coefficients(Options):
 class Cutter(Options):
     """A helical end mill, right-handed, with cutting coefficients for the material.
 
-    tooth_angles, runout (teeth,): of the teeth at the tip. Raises ArgumentError for impossible values.
+    tooth_angles (teeth,) [rad] and runout (teeth,) [m] are those of the teeth at the tip; runout is positive for a
+    tooth that stands out. Raises ArgumentError for impossible values.
+
+    >>> K = gt.milling.Coefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8)
+    >>> cutter = gt.milling.Cutter(diameter=0.02, teeth=2, coefficients=K, helix=np.radians(30.0))
+    >>> round(np.degrees(cutter.lag(0.002)), 1)  # by which the helix trails at a depth of 2 mm
+    np.float64(6.6)
+    >>> gt.milling.Cutter(0.02, 2, K, helix=30.0)  # degrees
+    Traceback (most recent call last):
+        ...
+    gtmodel.results.refusal.ArgumentError: helix: must be at least 0 and less than 1.5708; found 30
     """
 
-    diameter: Annotated[float, Unit("m"), Within(above=0.0), "of the cutter"]
-    teeth: Annotated[int, Within(least=1), "how many"]
+    diameter: Annotated[float, Unit("m"), Within(above=0.0), "diameter of the cutter"]
+    teeth: Annotated[int, Within(least=1), "number of teeth"]
     coefficients: Coefficients
     helix: Annotated[
         float, Unit("rad", written="deg"), Within(least=0.0, below=np.pi / 2), "helix angle; 0 for straight teeth"
     ] = 0.0  # fmt: skip
     tooth_angles: Annotated[
-        list[float] | None, Unit("rad", written="deg"), "of uneven pitch, rising; even if left out"
+        list[float] | None, Unit("rad", written="deg"), "rising angles of the teeth at the tip; even if left out"
     ] = None  # fmt: skip
-    runout: Annotated[list[float] | None, Unit("m"), "by how much each tooth stands out"] = None
+    runout: Annotated[list[float] | None, Unit("m"), "radial runout of each tooth, positive outwards"] = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -71,19 +87,19 @@ class Cutter(Options):
 
     @property
     def radius(self) -> float:
-        """[m]"""
+        """Radius of the cutter [m]."""
         return self.diameter / 2
 
     @property
     def angles(self) -> np.ndarray:
-        """(teeth,) angle of each tooth at the tip [rad]."""
+        """Angle of each tooth at the tip (teeth,) [rad]."""
         if self.tooth_angles is None:
             return 2 * np.pi * np.arange(self.teeth) / self.teeth
         return np.asarray(self.tooth_angles, float)
 
     @property
     def pitch(self) -> np.ndarray:
-        """(teeth,) angle from each tooth to the one that cuts before it [rad]."""
+        """Angle from each tooth to the one that cuts before it (teeth,) [rad]."""
         return np.diff(np.append(self.angles, self.angles[0] + 2 * np.pi))
 
     def lag(self, depth: float) -> float:
@@ -93,20 +109,29 @@ class Cutter(Options):
 
 @dataclass(frozen=True)
 class Cut(Options):
-    """The cut. A slot takes the whole diameter. Raises ArgumentError for impossible values."""
+    """The engagement of the cutter: sense of the cut, depths and feed. A slot takes the whole diameter.
+
+    Raises ArgumentError for impossible values.
+
+    >>> cut = gt.milling.Cut("climb", radial_depth=0.006, axial_depth=0.002, feed_per_tooth=1e-4)
+    >>> gt.milling.Cut("conventional", 0.006, 0.002, 1e-4)
+    Traceback (most recent call last):
+        ...
+    gtmodel.results.agreement.WrongKind: mode: expected one of climb, up, slot; found 'conventional'
+    """
 
     mode: Annotated[Mode, "climb is also called down milling"]
     radial_depth: Annotated[
-        float, Unit("m"), Within(above=0.0), "width of the cut; at most the diameter; a slot does not read it"
+        float, Unit("m"), Within(above=0.0), "width of the cut, at most the diameter; a slot does not use it"
     ]
     axial_depth: Annotated[float, Unit("m"), Within(above=0.0), "depth of the cut along the tool"]
     feed_per_tooth: Annotated[
-        float, Unit("m"), Within(above=0.0), "more than 0; where to is told by the direction of feed"
+        float, Unit("m"), Within(above=0.0), "way of the cutter while one tooth follows another; more than 0"
     ]
 
 
 class Teeth(NamedTuple):
-    """What teeth meet, a row for each stretch of a tooth's way on which its chip is left by the same tooth before it.
+    """Engagement, a row for each stretch of a tooth's way on which its chip is left by the same tooth before it.
 
     The tooth at angle [rad] of the cutter cuts from `start` to `end` [rad] with force (K_e + K_c offset) + K_c feed
     sin(phi): chip thickness feed sin(phi) + offset, feed and offset [m]. All (rows,).
@@ -120,10 +145,14 @@ class Teeth(NamedTuple):
 
 
 def immersion(mode: str, radial_depth: float, diameter: float) -> tuple[float, float]:
-    """Angles phi_st, phi_ex [rad] between which a tooth cuts, from the transverse axis in its sense of turning.
+    """Angles phi_st, phi_ex [rad] between which a tooth cuts, measured from the transverse axis in its sense of
+    rotation.
 
     Climb: pi - acos(1 - a_e/R) to pi; up: 0 to acos(1 - a_e/R); slot: 0 to pi. Raises ValueError for a radial depth
     beyond the diameter.
+
+    >>> np.degrees(gt.milling.immersion("climb", radial_depth=0.005, diameter=0.02)).round(6)
+    array([120., 180.])
     """
     if mode == "slot":
         return 0.0, np.pi
@@ -179,7 +208,13 @@ def _stretches(
 
 
 def tooth_frequency(speed: float, teeth: int) -> float:
-    """Tooth passing frequency [Hz] of a spindle speed [1/s], eq. (20). Raises ValueError unless that is positive."""
+    """Tooth passing frequency [Hz] of a spindle speed [1/s] (Cvitanic 2021, eq. (20)).
+
+    Raises ValueError unless the speed is positive.
+
+    >>> gt.milling.tooth_frequency(speed=1800 / 60, teeth=2)
+    60.0
+    """
     if not speed > 0 or not np.isfinite(speed):
         raise ValueError(f"the spindle speed is {60 * speed:g} rpm; expected more than 0")
     return speed * teeth

@@ -1,4 +1,4 @@
-"""How far the tool gives way while it cuts: the static index (18) and the dynamic one (19)."""
+"""How far the tool is deflected while it cuts: the static index (18) and the dynamic one (19)."""
 
 from __future__ import annotations
 
@@ -21,8 +21,11 @@ MOST = 3_000_000  # samples of a force: more is a speed or a duration in another
 
 @dataclass(frozen=True, eq=False)
 class Deflection:
-    """Norm of the tool's displacement over time, by pose (n,) [m]: largest of all times, (19); mean and standard
-    deviation once transients are gone; largest then."""
+    """Norm of the tool's displacement while it cuts, by pose (n,) [m].
+
+    peak: its largest value from the first chip on, the dynamic index (Cvitanic 2021, eq. (19)). mean, std, steady_peak:
+    its mean, standard deviation and largest value once transients are gone.
+    """
 
     peak: np.ndarray
     mean: np.ndarray
@@ -56,8 +59,15 @@ def cutting_force(
 ) -> tuple[np.ndarray, float]:  # fmt: skip
     """Force (t, 3) [N], world coordinates, and its step [s]: whole samples per turn, `rate` per second or more.
 
-    Each sample is the mean over one step about it: no impulse is lost between samples, nor counted twice.
-    speed [1/s]; feed (3), up (3): see `to_world`. Raises ValueError for impossible values.
+    Each sample is the mean over one step about it: no impulse is lost between samples, nor counted twice. speed [1/s]
+    of the spindle; feed (3,) and up (3,): see `to_world`. Raises ValueError for impossible values.
+
+    >>> from gtmodel.milling import Coefficients, Cut, Cutter
+    >>> cutter = Cutter(0.02, 2, Coefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))  # diameter [m], teeth
+    >>> cut = Cut("climb", radial_depth=0.006, axial_depth=0.002, feed_per_tooth=1e-4)
+    >>> F, step = gt.milling.cutting_force(cutter, cut, speed=25.0, feed=[1.0, 0.0, 0.0], seconds=0.1)
+    >>> F.shape, round(step, 6)
+    ((2001, 3), 5e-05)
     """
     if not (seconds > 0 and rate > 0):
         raise ValueError(f"found {seconds:g} s at {rate:g} samples per second; expected more than 0")
@@ -72,10 +82,19 @@ def deflections(
     up: ArrayLike = (0.0, 0.0, 1.0), seconds: float = SECONDS, settle: float = SETTLE, rate: float = RATE,
     hold: str = "linear",
 ) -> Deflection:  # fmt: skip
-    """Of every pose of the oscillators, from rest; the dynamic index (19) is `peak`.
+    """Deflection of the tool in every pose of the oscillators, from rest; its `peak` is the dynamic index (Cvitanic
+    2021, eq. (19)).
 
     speed [1/s] of the spindle; settle [s] is left out of means, which are of whole turns. A spindle so slow that no
     turn follows is given the time of one turn more. Raises ValueError for impossible values.
+
+    >>> from gtmodel.milling import Coefficients, Cut, Cutter
+    >>> cutter = Cutter(0.02, 2, Coefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))  # diameter [m], teeth
+    >>> cut = Cut("climb", radial_depth=0.006, axial_depth=0.002, feed_per_tooth=1e-4)
+    >>> robot = gt.milling.Oscillators.with_damping_ratio(m=[350, 350, 250], k=[2e6, 1.5e6, 3e6], zeta=[0.03] * 3)
+    >>> found = gt.milling.deflections(robot, cutter, cut, speed=25.0, feed=[1.0, 0.0, 0.0])
+    >>> (1e3 * found.peak).round(3), (1e3 * found.mean).round(3)  # [mm]
+    (array([0.052]), array([0.026]))
     """
     if not 0 <= settle < seconds:
         raise ValueError(f"{settle:g} s of {seconds:g} s are left out; expected fewer")
@@ -95,9 +114,18 @@ def deflections(
 def static_index(
     compliance: ArrayLike, cutter: Cutter, cut: Cut, feed: ArrayLike, *, up: ArrayLike = (0.0, 0.0, 1.0)
 ) -> np.ndarray:
-    """|K^-1 F_peak| (n,) [m], eq. (18), of translational compliances (n, 3, 3) [m/N] under the largest force.
+    """Static index |K^-1 F_peak| (n,) [m] of poses with translational compliances (n, 3, 3) [m/N] (Cvitanic 2021, eq.
+    (18)).
 
-    It knows no speed. Joint stiffness over-predicts measured deflections several times: for ranking poses.
+    It does not depend on the speed. Computed from joint stiffness it is several times as large as measured deflections,
+    so it is for ranking poses only.
+
+    >>> from gtmodel.milling import Coefficients, Cut, Cutter
+    >>> cutter = Cutter(0.02, 2, Coefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))  # diameter [m], teeth
+    >>> cut = Cut("climb", radial_depth=0.006, axial_depth=0.002, feed_per_tooth=1e-4)
+    >>> compliance = np.diag([5e-7, 6e-7, 3e-7])[None]  # of one pose [m/N]
+    >>> 1e3 * gt.milling.static_index(compliance, cutter, cut, feed=[1.0, 0.0, 0.0]).round(6)  # [mm]
+    array([0.114])
     """
     F = to_world(peak_force(cutter, cut), feed, up)
     return np.linalg.norm(np.asarray(compliance, float) @ F, axis=-1)

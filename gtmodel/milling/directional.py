@@ -29,7 +29,18 @@ def directional_antiderivative(cutter: Cutter, angle: np.ndarray, span: tuple[fl
 
 
 def mean_directional_matrix(cutter: Cutter, mode: str, radial_depth: float) -> np.ndarray:
-    """D (2, 2) [N/m2] averaged over a turn, all teeth together, in closed form."""
+    """Directional matrix D (2, 2) [N/m2] averaged over a turn, all teeth together, in closed form (Altintas and Budak
+    1995).
+
+    D times axial depth times displacement of the tool is the change of the force, both in feed and transverse
+    direction.
+
+    >>> from gtmodel.milling import Coefficients, Cutter
+    >>> cutter = Cutter(0.02, 2, Coefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))  # diameter [m], teeth
+    >>> gt.milling.mean_directional_matrix(cutter, "climb", radial_depth=0.006).round(-6) / 1e6  # [N/mm2]
+    array([[  82., -178.],
+           [ 154., -193.]])
+    """
     start, end = immersion(mode, radial_depth, cutter.diameter)
     at = _integral(cutter, np.array([start, end]))
     return cutter.teeth / (2 * np.pi) * (at[1] - at[0])

@@ -15,10 +15,20 @@ BESIDE = 1e-9  # rad, within an edge of the cut
 
 
 def forces(cutter: Cutter, cut: Cut, phi: ArrayLike, discs: int = DISCS) -> np.ndarray:
-    """(n, 3) forces on the cutter [N], feed, transverse, axial, at spindle angles phi (n,) [rad], by a sum over discs.
+    """Forces (n, 3) on the cutter [N] at spindle angles phi (n,) [rad], by a sum over discs (Cvitanic 2021, eqs.
+    (12)-(17)).
+
+    Their directions are feed, transverse and axial; `to_world` turns them into world coordinates.
 
     phi is measured from the transverse axis in the sense of turning; tooth i stands at phi + its angle, at height z
     behind by z tan(helix)/R. Raises ValueError for a depth beyond the diameter or less than one disc.
+
+    >>> from gtmodel.milling import Coefficients, Cut, Cutter
+    >>> cutter = Cutter(0.02, 2, Coefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))  # diameter [m], teeth
+    >>> cut = Cut("climb", radial_depth=0.006, axial_depth=0.002, feed_per_tooth=1e-4)
+    >>> gt.milling.forces(cutter, cut, np.radians([90.0, 150.0])).round(1)  # before the cut, and in it
+    array([[ 0. ,  0. ,  0. ],
+           [66.3, 89.1,  0. ]])
     """
     if discs < 1:
         raise ValueError(f"found {discs} discs; expected at least one")
@@ -33,7 +43,18 @@ def forces(cutter: Cutter, cut: Cut, phi: ArrayLike, discs: int = DISCS) -> np.n
 
 
 def integrated_forces(cutter: Cutter, cut: Cut, phi: ArrayLike) -> np.ndarray:
-    """The same (n, 3) [N] by closed-form integration over the helix, exact at any helix angle."""
+    """Forces (n, 3) on the cutter [N], as `forces`, by closed-form integration over the helix: exact at any helix
+    angle.
+
+    >>> from gtmodel.milling import Coefficients, Cut, Cutter
+    >>> cutter = Cutter(0.02, 2, Coefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8), helix=0.5)
+    >>> cut = Cut("climb", radial_depth=0.006, axial_depth=0.002, feed_per_tooth=1e-4)
+    >>> phi = np.radians([117.0])  # a tooth enters
+    >>> gt.milling.integrated_forces(cutter, cut, phi).round(2)
+    array([[  7.06, 102.27,   0.  ]])
+    >>> gt.milling.forces(cutter, cut, phi, discs=20).round(2)
+    array([[  7.08, 102.92,   0.  ]])
+    """
     phi = np.asarray(phi, float).ravel()
     teeth, lag = teeth_in_cut(cutter, cut), cutter.lag(cut.axial_depth)
     found = np.zeros((len(phi), 3))
@@ -50,8 +71,17 @@ def integrated_forces(cutter: Cutter, cut: Cut, phi: ArrayLike) -> np.ndarray:
 def mean_forces(cutter: Cutter, cut: Cut, phi: ArrayLike, width: float) -> np.ndarray:
     """`integrated_forces` (n, 3) [N] averaged from phi - width/2 to phi + width/2 [rad], in closed form.
 
-    Samples a width apart carry the whole impulse then, however short the cut of a tooth. Raises ValueError for a width
-    that is not positive.
+    Samples that are one width apart then carry the whole impulse, however short the cut of a tooth. Raises ValueError
+    for a width that is not positive.
+
+    >>> from gtmodel.milling import Coefficients, Cut, Cutter
+    >>> cutter = Cutter(0.02, 2, Coefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))  # diameter [m], teeth
+    >>> cut = Cut("climb", radial_depth=0.006, axial_depth=0.002, feed_per_tooth=1e-4)
+    >>> phi = 2 * np.pi * np.arange(8) / 8
+    >>> gt.milling.mean_forces(cutter, cut, phi, width=2 * np.pi / 8).mean(axis=0).round(2)  # [N]
+    array([17.32, 37.11,  0.  ])
+    >>> gt.milling.force_spectrum(cutter, cut, 0)[0].real.round(2)
+    array([17.32, 37.11,  0.  ])
     """
     if not width > 0:
         raise ValueError(f"the width is {width:g} rad; expected more than 0")
@@ -74,9 +104,17 @@ def mean_forces(cutter: Cutter, cut: Cut, phi: ArrayLike, width: float) -> np.nd
 
 
 def peak_force(cutter: Cutter, cut: Cut, samples: int = 3600) -> np.ndarray:
-    """(3,) forces [N] at the angle where their norm is largest over a turn; input of the static index, eq. (18).
+    """Force (3,) [N], feed, transverse, axial, at the spindle angle where its norm is largest.
+
+    It is the input of the static index (Cvitanic 2021, eq. (18)).
 
     Tried at `samples` angles and wherever a tooth enters or leaves with its tip or its upper end.
+
+    >>> from gtmodel.milling import Coefficients, Cut, Cutter
+    >>> cutter = Cutter(0.02, 2, Coefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))  # diameter [m], teeth
+    >>> cut = Cut("climb", radial_depth=0.006, axial_depth=0.002, feed_per_tooth=1e-4)
+    >>> gt.milling.peak_force(cutter, cut).round(1)
+    array([  7.6, 189.8,   0. ])
     """
     teeth, lag = teeth_in_cut(cutter, cut), cutter.lag(cut.axial_depth)
     ends = (teeth.start + BESIDE, teeth.end - BESIDE)
@@ -87,10 +125,13 @@ def peak_force(cutter: Cutter, cut: Cut, samples: int = 3600) -> np.ndarray:
 
 
 def to_world(F: ArrayLike, feed: ArrayLike, up: ArrayLike = (0.0, 0.0, 1.0)) -> np.ndarray:
-    """Forces (..., 3) feed, transverse, axial in world coordinates.
+    """Forces (..., 3), given along feed, transverse and axial direction, in world coordinates.
 
     feed (3): direction of the cutter over the workpiece; up (3): along the tool axis, from tip to spindle. The
     transverse axis is up x feed. Raises ValueError where feed has a part along the tool axis or no length.
+
+    >>> gt.milling.to_world([10.0, 1.0, 0.0], feed=[0.0, 1.0, 0.0])  # transverse: up x feed = -x
+    array([-1., 10.,  0.])
     """
     f, u = np.asarray(feed, float), np.asarray(up, float)
     f_length, u_length = np.linalg.norm(f), np.linalg.norm(u)

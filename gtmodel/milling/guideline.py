@@ -17,8 +17,11 @@ NEAR_HZ = 5.0  # a mode nearer than this to a tooth harmonic decides the deflect
 
 @dataclass(frozen=True)
 class NearMode:
-    """The mode nearest to a harmonic of the tooth frequency, relative to the mode. distance [Hz]: of the harmonic,
-    positive above the mode."""
+    """The natural mode nearest to a harmonic of the tooth frequency, by the distance relative to the mode.
+
+    axis: 0 to 2 for x to z. mode, tooth_frequency, distance [Hz]; the distance is positive for a harmonic above the
+    mode.
+    """
 
     axis: int
     mode: float
@@ -27,12 +30,12 @@ class NearMode:
 
     @property
     def distance(self) -> float:
-        """[Hz]"""
+        """Frequency of the harmonic minus that of the mode [Hz]."""
         return self.harmonic * self.tooth_frequency - self.mode
 
     @property
     def sentence(self) -> str:
-        """In words."""
+        """Harmonic, distance and mode in words."""
         named = "the tooth frequency" if self.harmonic == 1 else f"{self.harmonic} times the tooth frequency"
         side = "above" if self.distance >= 0 else "below"
         return (f"{named}, {self.harmonic * self.tooth_frequency:.4g} Hz, is {abs(self.distance):.3g} Hz {side} the "
@@ -40,7 +43,13 @@ class NearMode:
 
 
 def nearest_mode(oscillators: Oscillators, tooth_frequency: float, harmonics: int = HARMONICS) -> NearMode:
-    """Of the first pose; harmonics 1 to `harmonics` of the tooth frequency [Hz] are compared."""
+    """The natural mode of the first pose that is nearest to one of the harmonics 1 to `harmonics` of the tooth
+    frequency [Hz].
+
+    >>> robot = gt.milling.Oscillators.with_damping_ratio(m=[350, 350, 250], k=[2e6, 1.5e6, 3e6], zeta=[0.03] * 3)
+    >>> print(gt.milling.nearest_mode(robot, tooth_frequency=5.0).sentence)
+    2 times the tooth frequency, 10 Hz, is 0.419 Hz below the mode along y at 10.4 Hz
+    """
     f = oscillators.frequency[0]
     order = np.arange(1, harmonics + 1)
     gap = np.abs(order[:, None] * tooth_frequency - f) / f
@@ -51,17 +60,32 @@ def nearest_mode(oscillators: Oscillators, tooth_frequency: float, harmonics: in
 def frequency_sensitivity(
     oscillators: Oscillators, index: Callable[[Oscillators], np.ndarray], hertz: float = 1.0
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Relative change (n,) of an index where all natural frequencies are `hertz` lower, and higher."""
+    """Relative change (n,) of an index of the poses where all natural frequencies are `hertz` lower, and higher.
+
+    >>> from gtmodel.milling import Coefficients, Cut, Cutter
+    >>> cutter = Cutter(0.02, 2, Coefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))  # diameter [m], teeth
+    >>> cut = Cut("climb", radial_depth=0.006, axial_depth=0.002, feed_per_tooth=1e-4)
+    >>> robot = gt.milling.Oscillators.with_damping_ratio(m=[350, 350, 250], k=[2e6, 1.5e6, 3e6], zeta=[0.03] * 3)
+    >>> def index(robot):
+    ...     return gt.milling.deflections(robot, cutter, cut, speed=6.5, feed=[1.0, 0.0, 0.0]).peak
+    >>> lower, higher = gt.milling.frequency_sensitivity(robot, index)
+    >>> lower.round(1), higher.round(1)
+    (array([-0.2]), array([0.6]))
+    """
     now = index(oscillators)
     return index(oscillators.shifted(-hertz)) / now - 1, index(oscillators.shifted(hertz)) / now - 1
 
 
 @dataclass(frozen=True, eq=False)
 class Findings:
-    """What a search found at the given speed: static and dynamic index (n,) [m] by angle (n,) [rad], NaN where there
-    is none; oscillators of the static and of the dynamic choice; relative change of the index of the dynamic and of
-    the static choice with all modes 1 Hz lower and higher; by speed [1/s] tried, the given one among them, the best
-    index [m] and that of the static choice; row that a static model chose elsewhere."""
+    """What a search found at the given speed.
+
+    angles (n,) [rad]; static, dynamic (n,) [m]: the indices at these angles, NaN where there is none. at_static,
+    at_dynamic: oscillators of the static and of the dynamic choice. speed [1/s] and teeth: as given. change,
+    change_static: relative change of the index of the dynamic and of the static choice with all modes 1 Hz lower and
+    higher. speeds [1/s]: all that were tried, the given one among them; best_by_speed, static_by_speed [m]: at each of
+    them the best index and that of the static choice. static_row: the row that a static model chose elsewhere.
+    """
 
     angles: np.ndarray
     static: np.ndarray
@@ -91,7 +115,11 @@ class Findings:
 
 
 def choices(static: ArrayLike, dynamic: ArrayLike) -> tuple[int, int]:
-    """Rows of the least static and of the least dynamic index where both are known. ValueError where none is."""
+    """Rows of the least static and of the least dynamic index where both are known. Raises ValueError where none is.
+
+    >>> gt.milling.choices(static=[3e-3, 1e-3, 2e-3, np.nan], dynamic=[2e-4, 3e-4, np.nan, 1e-4])
+    (1, 0)
+    """
     static, dynamic = np.asarray(static, float), np.asarray(dynamic, float)
     both = np.isfinite(static) & np.isfinite(dynamic)
     if not both.any():
@@ -100,7 +128,19 @@ def choices(static: ArrayLike, dynamic: ArrayLike) -> tuple[int, int]:
 
 
 def guideline(f: Findings) -> list[str]:
-    """One sentence each: model, distance to a mode at both choices, sensitivity, speed."""
+    """What to do, a sentence each: which model to use, how far the teeth are from a mode at both choices, how sensitive
+    the deflection is to the natural frequencies, what another speed would gain.
+
+    >>> robot = gt.milling.Oscillators.with_damping_ratio(m=[350, 350, 250], k=[2e6, 1.5e6, 3e6], zeta=[0.03] * 3)
+    >>> found = gt.milling.Findings(
+    ...     angles=np.radians([50.0, 110.0]), static=np.array([2e-3, 1e-3]), dynamic=np.array([1e-4, 3e-4]),
+    ...     at_static=robot, at_dynamic=robot, speed=30.0, teeth=2, change=(0.1, -0.04), change_static=(0.3, 0.2),
+    ...     speeds=np.array([30.0]), best_by_speed=np.array([1e-4]), static_by_speed=np.array([3e-4]),
+    ... )
+    >>> print(gt.milling.guideline(found)[0])
+    use the dynamic model: at 60 Hz its angle 50 deg deflects 0.1 mm, that of the static model, 110 deg, 0.3 mm, 3.00
+    times as much
+    """
     s, d = f.choices
     tooth = f.speed * f.teeth
     a_s, a_d = np.rad2deg(f.angles[[s, d]])

@@ -22,9 +22,12 @@ ROUNDS = 12  # of halving
 
 @dataclass(frozen=True, eq=False)
 class Lobes:
-    """Limits of stability: spindle speed [1/s], axial depth [m], chatter frequency [Hz], lobe number and branch, one
-    point each; neighbours of the same lobe and branch are joined. `proven` (speed [1/s], depth [m]): how far up to
-    that depth the spectral radius is found below 1."""
+    """Limits of stability, one point each: spindle speed [1/s], axial depth [m], chatter frequency [Hz], number of the
+    lobe and branch.
+
+    Neighbours of the same lobe and branch are joined. `proven` (speed [1/s], depth [m]) is the depth, that one at most,
+    up to which the spectral radius is found below 1.
+    """
 
     speed: np.ndarray
     depth: np.ndarray
@@ -73,13 +76,20 @@ def stability_lobes(
     oscillators: Oscillators, cutter: Cutter, mode: str, radial_depth: float, feed: ArrayLike, *,
     up: ArrayLike = (0.0, 0.0, 1.0), lobes: int = LOBES, frequencies: ArrayLike | None = None,
 ) -> Lobes:  # fmt: skip
-    """Lobes 0 to `lobes` of one pose. Curves: zeroth order, where helix and uneven pitch do not enter; the check at a
-    speed knows both.
+    """Stability lobes 0 to `lobes` of the first pose. Their curves are of zeroth order, so helix and uneven pitch do
+    not enter them; the check at a speed, `Lobes.depth_at`, includes both.
 
     a (1 - exp(-j w T)) must be the inverse of an eigenvalue of the receptance times the mean directional matrix.
     frequencies [Hz]: of chatter, rising; if left out, halved around the modes until eigenvalues and depths change
     little from one to the next. Raises ValueError for a radial depth beyond the diameter, or frequencies that do not
     rise from above 0.
+
+    >>> from gtmodel.milling import Coefficients, Cutter
+    >>> cutter = Cutter(0.02, 2, Coefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))  # diameter [m], teeth
+    >>> robot = gt.milling.Oscillators.with_damping_ratio(m=[350, 350, 250], k=[2e6, 1.5e6, 3e6], zeta=[0.03] * 3)
+    >>> lobes = gt.milling.stability_lobes(robot, cutter, "climb", radial_depth=0.006, feed=[1.0, 0.0, 0.0])
+    >>> (1e3 * lobes.zeroth_order_at([20.0, 25.0, 40.0])).round(2)  # [mm] at 1200, 1500 and 2400 rpm
+    array([0.62, 0.78, 1.43])
     """
     D, P = mean_directional_matrix(cutter, mode, radial_depth), plane(feed, up)
 

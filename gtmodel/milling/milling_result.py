@@ -15,7 +15,11 @@ Array = np.ndarray
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class MillingStudy(Study):
-    """Where to mill. What needs dynamics is None without them; all is in one stopped early. `table` is for people."""
+    """Where to mill: the best angles about the spindle, and their deflections.
+
+    What needs dynamics is None without them, and in a study that was stopped before its search was complete; one that
+    was stopped before the static index has no values at all. `table` holds the rows for people.
+    """
 
     reachable: Annotated[
         Array | None,

@@ -22,9 +22,13 @@ DEEPEST = 1.0  # m; beyond it no cut is looked for
 
 @dataclass(frozen=True)
 class ModeCoupling:
-    """Of one pose and cut. pair: axes of the nearest two modes, apart [1]: their distance relative to the higher one;
-    angle [deg]: of the mean force between their axes, 0 to 90; critical_depth [m]: axial depth at which the linear
-    model turns unstable without regeneration, infinite if none below 1 m; warn: whether to say something."""
+    """Mode coupling of one pose and cut.
+
+    pair: axes (0 to 2 for x to z) of the two modes that are judged. apart: their distance relative to the higher one.
+    angle [deg]: of the mean force between their axes, 0 to 90. critical_depth [m]: axial depth at which the linear
+    model turns unstable without regeneration, infinite if there is none below 1 m. warn: whether chatter is possible or
+    to be expected. sentence: the verdict in words.
+    """
 
     pair: tuple[int, int]
     apart: float
@@ -37,10 +41,19 @@ class ModeCoupling:
 def mode_coupling(
     oscillators: Oscillators, cutter: Cutter, cut: Cut, feed: ArrayLike, *, up: ArrayLike = (0.0, 0.0, 1.0)
 ) -> ModeCoupling:
-    """Of the first pose. The two modes that the force's plane excites are judged; Cvitanic 2021, section 3.3.3.
+    """Whether the first pose chatters by mode coupling. The two modes that the plane of the force excites are judged
+    (Cvitanic 2021, section 3.3.3).
 
     m x'' + c x' + (k - a D) x = 0 with the mean directional matrix D turns unstable at the critical depth. Warns where
     that is less than the depth of the cut, or where the modes are close and the mean force points between them.
+
+    >>> from gtmodel.milling import Coefficients, Cut, Cutter
+    >>> cutter = Cutter(0.02, 2, Coefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))  # diameter [m], teeth
+    >>> cut = Cut("climb", radial_depth=0.006, axial_depth=0.002, feed_per_tooth=1e-4)
+    >>> robot = gt.milling.Oscillators.with_damping_ratio(m=[350, 350, 250], k=[2e6, 1.5e6, 3e6], zeta=[0.03] * 3)
+    >>> found = gt.milling.mode_coupling(robot, cutter, cut, feed=[1.0, 0.0, 0.0])
+    >>> round(1e3 * found.critical_depth, 2), found.warn  # [mm]; deeper than that it chatters
+    (0.96, True)
     """
     F = to_world(force_spectrum(cutter, cut, 0)[0].real, feed, up)
     f = oscillators.frequency[0]
@@ -63,7 +76,16 @@ def mode_coupling(
 def critical_depth(
     oscillators: Oscillators, cutter: Cutter, cut: Cut, feed: ArrayLike, *, up: ArrayLike = (0.0, 0.0, 1.0)
 ) -> float:
-    """Least axial depth [m] at which the first pose turns unstable by mode coupling alone; infinite if none."""
+    """Least axial depth [m] at which the first pose turns unstable by mode coupling alone; infinite if there is none
+    below 1 m.
+
+    >>> from gtmodel.milling import Coefficients, Cut, Cutter
+    >>> cutter = Cutter(0.02, 2, Coefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))  # diameter [m], teeth
+    >>> cut = Cut("climb", radial_depth=0.006, axial_depth=0.002, feed_per_tooth=1e-4)
+    >>> robot = gt.milling.Oscillators.with_damping_ratio(m=[350, 350, 250], k=[2e6, 1.5e6, 3e6], zeta=[0.03] * 3)
+    >>> round(1e3 * gt.milling.critical_depth(robot, cutter, cut, feed=[1.0, 0.0, 0.0]), 2)  # [mm]
+    0.96
+    """
     P = plane(feed, up)
     D = P.T @ mean_directional_matrix(cutter, cut.mode, cut.radial_depth) @ P
     m, c, k = oscillators.m[0], oscillators.c[0], oscillators.k[0]

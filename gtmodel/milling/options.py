@@ -11,7 +11,12 @@ from ..results.options import Long, Options, Unit, Within
 
 @dataclass(frozen=True)
 class Tool(Options):
-    """Where the tool sits on the flange, and how it is held over the work."""
+    """Where the tool is mounted on the flange, and how it is held over the work.
+
+    >>> tool = gt.milling.Tool(tcp=[0.3, 0.0, 0.25], spindle=[1.0, 0.0, 0.0])  # spindle along x of the flange
+    >>> tool.axis  # and downwards over the work
+    [0.0, 0.0, -1.0]
+    """
 
     tcp: Annotated[list[float], Unit("m"), Long(3), "tool centre point in flange coordinates"] = field(
         default_factory=lambda: [0.0] * 3
@@ -19,7 +24,7 @@ class Tool(Options):
     spindle: Annotated[list[float], Long(3), "direction from spindle to tip, flange coordinates"] = field(
         default_factory=lambda: [0.0, 0.0, 1.0]
     )
-    axis: Annotated[list[float], Long(3), "the same direction in world coordinates"] = field(
+    axis: Annotated[list[float], Long(3), "direction from spindle to tip, world coordinates"] = field(
         default_factory=lambda: [0.0, 0.0, -1.0]
     )
     zero: Annotated[
@@ -30,25 +35,36 @@ class Tool(Options):
 
 @dataclass(frozen=True)
 class Modal(Options):
-    """Dynamics made from joint stiffness: k along x, y, z from the pose's compliance, with these masses."""
+    """Dynamics made from joint stiffness: k along x, y, z from the compliance of each pose, with these declared masses.
 
-    mass: Annotated[list[float], Unit("kg"), Long(3), "along x, y, z, in every pose"]
-    damping_ratio: Annotated[list[float], Long(3), "along x, y, z, in every pose"]
+    >>> gt.milling.Modal(mass=[350.0, 350.0], damping_ratio=[0.03, 0.03, 0.03])
+    Traceback (most recent call last):
+        ...
+    gtmodel.results.refusal.ArgumentError: mass: expected 3 numbers; found 2
+    """
+
+    mass: Annotated[list[float], Unit("kg"), Long(3), "masses along x, y, z, the same in every pose"]
+    damping_ratio: Annotated[list[float], Long(3), "damping ratios along x, y, z, the same in every pose"]
 
 
 @dataclass(frozen=True)
 class Search(Options):
-    """What may be chosen besides the angle. Speeds are turns per second."""
+    """What may be chosen besides the angle. Speeds are turns per second.
+
+    >>> search = gt.milling.Search(step=np.radians(2.0), speeds=[25.0, 30.0])  # 1500 and 1800 rpm
+    >>> search.refine
+    3
+    """
 
     step: Annotated[
-        float, Unit("rad", written="deg"), Within(above=0.0), "of the angle's grid over 360 degrees"
+        float, Unit("rad", written="deg"), Within(above=0.0), "step of the grid of angles over 360 degrees"
     ] = math.radians(1.0)  # fmt: skip
     speeds: Annotated[list[float], "spindle speeds [1/s] to compare with the given one"] = field(default_factory=list)
-    feed_directions: Annotated[list[list[float]], Long(3), "to compare with the given one"] = field(
+    feed_directions: Annotated[list[list[float]], Long(3), "feed directions to compare with the given one"] = field(
         default_factory=list
     )
     places: Annotated[
-        list[list[float]], Unit("m"), Long(3), "of the tool centre point, to compare with the given one"
+        list[list[float]], Unit("m"), Long(3), "places of the tool centre point to compare with the given one"
     ] = field(default_factory=list)
     static_choice: Annotated[
         float | None, Unit("rad", written="deg"),
@@ -63,9 +79,15 @@ class Search(Options):
 
 @dataclass(frozen=True)
 class PathOffset(Options):
-    """A path offset against the deflection in the chosen pose, the force rising over `entry`."""
+    """A path offset against the deflection in the chosen pose, while the force rises over the time `entry`.
 
-    bandwidth: Annotated[float, Unit("Hz"), Within(above=0.0), "of offsets that the robot can follow"] = 5.0
-    seconds: Annotated[float, Within(above=0.0), "of cutting"] = 2.0
-    entry: Annotated[float, Unit("s"), Within(above=0.0), "from the first chip to the full cut"] = 0.5
-    cycle: Annotated[float, Unit("s"), Within(above=0.0), "between the rows of compensation.csv"] = 0.004
+    >>> gt.milling.PathOffset(bandwidth=0.0)
+    Traceback (most recent call last):
+        ...
+    gtmodel.results.refusal.ArgumentError: bandwidth: must be more than 0; found 0
+    """
+
+    bandwidth: Annotated[float, Unit("Hz"), Within(above=0.0), "bandwidth of offsets that the robot can follow"] = 5.0
+    seconds: Annotated[float, Within(above=0.0), "duration of the simulated cut [s]"] = 2.0
+    entry: Annotated[float, Unit("s"), Within(above=0.0), "time from the first chip to the full cut"] = 0.5
+    cycle: Annotated[float, Unit("s"), Within(above=0.0), "time between the rows of compensation.csv"] = 0.004

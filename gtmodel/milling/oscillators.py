@@ -12,9 +12,14 @@ from ..results import ArgumentError
 
 @dataclass(frozen=True, eq=False)
 class Oscillators:
-    """n poses: m [kg], c [N.s/m], k [N/m], each (n, 3) along x, y, z of the world. All positive.
+    """Dynamics of the tool in n poses: m [kg], c [N.s/m], k [N/m], each (n, 3) along x, y, z of the world, all
+    positive.
 
     One pose may be given as (3,). Raises ArgumentError for what is not positive or has another shape.
+
+    >>> robot = gt.milling.Oscillators(m=[350, 350, 250], c=[1500, 1500, 1000], k=[2e6, 1.5e6, 3e6])
+    >>> robot.frequency.round(1), robot.damping_ratio.round(3)  # [Hz], [1]
+    (array([[12. , 10.4, 17.4]]), array([[0.028, 0.033, 0.018]]))
     """
 
     m: np.ndarray
@@ -36,7 +41,7 @@ class Oscillators:
 
     @classmethod
     def with_damping_ratio(cls, m: ArrayLike, k: ArrayLike, zeta: ArrayLike) -> Oscillators:
-        """From damping ratios (n, 3) [1] in place of c."""
+        """Oscillators from m [kg], k [N/m] and damping ratios zeta [1], each (n, 3), in place of c."""
         m, k = np.asarray(m, float), np.asarray(k, float)
         return cls(m, 2 * np.asarray(zeta, float) * np.sqrt(m * k), k)
 
@@ -48,16 +53,18 @@ class Oscillators:
 
     @property
     def frequency(self) -> np.ndarray:
-        """(n, 3) undamped natural frequency sqrt(k/m)/2pi [Hz]."""
+        """Undamped natural frequencies sqrt(k/m)/2pi (n, 3) [Hz]."""
         return np.sqrt(self.k / self.m) / (2 * np.pi)
 
     @property
     def damping_ratio(self) -> np.ndarray:
-        """(n, 3) c / (2 sqrt(k m)) [1]."""
+        """Damping ratios c / (2 sqrt(k m)) (n, 3) [1]."""
         return self.c / (2 * np.sqrt(self.k * self.m))
 
     def shifted(self, hertz: float) -> Oscillators:
-        """The same stiffness and damping ratio with all natural frequencies changed by `hertz`."""
+        """The same stiffness and damping ratio with all natural frequencies changed by `hertz`. ValueError where none
+        is left.
+        """
         f = self.frequency + hertz
         if np.any(f <= 0):
             raise ValueError(f"a shift of {hertz:g} Hz leaves no positive natural frequency; the lowest is "
@@ -65,7 +72,7 @@ class Oscillators:
         return Oscillators.with_damping_ratio(self.k / (2 * np.pi * f) ** 2, self.k, self.damping_ratio)
 
     def receptance(self, omega: ArrayLike) -> np.ndarray:
-        """H (n, w, 3) [m/N] at angular frequencies omega (w,) [rad/s]: 1/(k - m w^2 + j c w)."""
+        """Receptance H = 1 / (k - m w^2 + j c w) (n, w, 3) [m/N] at angular frequencies omega (w,) [rad/s]."""
         w = np.asarray(omega, float).reshape(1, -1, 1)
         m, c, k = (x[:, None, :] for x in (self.m, self.c, self.k))
         return 1 / (k - m * w**2 + 1j * c * w)
@@ -77,7 +84,13 @@ class Oscillators:
 
 
 def missing_z(m: ArrayLike, c: ArrayLike, k: ArrayLike) -> Oscillators:
-    """Oscillators (n, 3) whose c_z is missing (Table 16): zeta_z becomes the mean of zeta_x and zeta_y."""
+    """Oscillators (n, 3) whose c_z is missing, as in Cvitanic 2021, Table 16: zeta_z becomes the mean of zeta_x and
+    zeta_y.
+
+    >>> robot = gt.milling.missing_z(m=[350, 350, 250], c=[1000, 1500, 0], k=[2e6, 1.5e6, 3e6])
+    >>> robot.damping_ratio.round(3)
+    array([[0.019, 0.033, 0.026]])
+    """
     m, c, k = (np.atleast_2d(np.asarray(x, float)) for x in (m, c, k))
     zeta = c / (2 * np.sqrt(m * k))
     zeta = np.column_stack([zeta[:, :2], zeta[:, :2].mean(axis=1)])

@@ -15,8 +15,12 @@ ANGLES = np.deg2rad(np.arange(-180.0, 181.0))  # 361, one degree apart
 
 @dataclass(frozen=True, eq=False)
 class AngleSweep:
-    """All ways to hold the tool at one place: angles (n,) [rad]; solutions q (s, 6) [rad] of angle number `row` (s,)
-    on branch `branch` (s,), one for each branch; in_reach (n,): geometry allows the angle, joint limits may not."""
+    """All ways in which an arm can hold the tool at one place, over the angle about the spindle.
+
+    angles (n,) [rad]. q (s, 6) [rad]: solutions; solution i belongs to angle number row[i] and branch branch[i], and at
+    each angle a branch has one solution at most. in_reach (n,): whether the geometry allows the angle, though joint
+    limits may not.
+    """
 
     angles: np.ndarray
     q: np.ndarray
@@ -48,12 +52,19 @@ def runs_of(there: np.ndarray) -> np.ndarray:
 
 
 def tool_rotations(angles: ArrayLike, axis: ArrayLike, spindle: ArrayLike, zero: float = 0.0) -> np.ndarray:
-    """Flange orientations (n, 3, 3) that point the spindle along `axis` (3), world, turned about it by angles (n,).
+    """Flange orientations (n, 3, 3) that point the spindle along `axis` (3), world, turned about it by angles (n,)
+    [rad].
 
     spindle (3): from spindle to tip, flange coordinates. The angle turns about -axis, as about the vertical for a
     tool that points down. At the turn 0 the part of the flange's z axis (of its x axis where the spindle lies along
     z) across the spindle points towards world x (y where the tool lies along x); at angle 0 the turn is `zero` [rad].
     The thesis does not print its own. Raises ValueError for a direction without length.
+
+    >>> R = gt.milling.tool_rotations(np.radians([0.0, 90.0]), axis=[0.0, 0.0, -1.0], spindle=[0.0, 0.0, 1.0])
+    >>> R[0].round(6) + 0.0
+    array([[ 1.,  0.,  0.],
+           [ 0., -1.,  0.],
+           [ 0.,  0., -1.]])
     """
     frame_world, frame_flange = _frame(axis, (1, 0, 0), (0, 1, 0)), _frame(spindle, (0, 0, 1), (1, 0, 0))
     start = frame_world @ frame_flange.T
@@ -66,11 +77,18 @@ def angle_sweep(
     tool: ArrayLike = (0.0, 0.0, 0.0), spindle: ArrayLike = (0.0, 0.0, 1.0), angles: ArrayLike = ANGLES,
     zero: float = 0.0,
 ) -> AngleSweep:  # fmt: skip
-    """Joint angles for the tool centre point at `place` (3) [m] over the angles (n,) [rad], all branches in limits.
+    """Joint angles that hold the tool centre point at `place` (3) [m] over the angles (n,) [rad]: all branches within
+    limits.
 
     limits (6, 2) [rad]; tool (3) [m]: tool centre point in flange coordinates; axis, spindle, zero: see
     `tool_rotations`.
     Of a branch's whole turns the one farthest from its limits is kept. Raises ValueError for wrong shapes.
+
+    >>> robot = gt.robots.kr500()
+    >>> arm = gt.kinematics.WristPartition.of(robot.origins, robot.axes)
+    >>> found = gt.milling.angle_sweep(arm, robot.joint_limits, place=[1.2, 0.0, 0.3], angles=[0.0, 1.5, 3.0])
+    >>> found.reachable, found.q.shape
+    (array([ True,  True,  True]), (6, 6))
     """
     angles = np.asarray(angles, float).ravel()
     low, high = np.asarray(limits, float).reshape(6, 2).T

@@ -16,7 +16,7 @@ QUIET = {"print_time": False, "ipopt.print_level": 0, "ipopt.sb": "yes", "ipopt.
 
 @dataclass(frozen=True)
 class Start:
-    """angle between low and high [rad], speed [1/s]."""
+    """Where a refinement begins: angle, between low and high [rad], and speed of the spindle [1/s]."""
 
     angle: float
     low: float
@@ -26,8 +26,11 @@ class Start:
 
 @dataclass(frozen=True)
 class Refined:
-    """angle [rad], speed [1/s] and largest norm of the steady deflection there [m]; whether the solver converged; peak:
-    dynamic index there [m], where it was computed."""
+    """A refined angle [rad] and speed of the spindle [1/s].
+
+    steady_peak: largest norm of the steady deflection there [m]. converged: whether the solver did. peak: dynamic index
+    there [m], NaN where it was not computed.
+    """
 
     angle: float
     speed: float
@@ -42,9 +45,20 @@ def refine(
     """Minimise the largest norm of the periodic deflection over the angle, and over the speed where it is free.
 
     field: CasADi function A -> m, c, k (3 each), world axes; spectrum (h + 1, 3): force by harmonics of the spindle,
-    world coordinates; starts: where to begin and between which angles to stay; speed: least and greatest [1/s], each
-    start's own if left out. The norm is bounded at SAMPLES angles by one variable (epigraph), and that is minimised.
-    Raises ValueError for a start outside its ends or a speed that is not positive.
+    world coordinates; starts: where to begin and between which angles to stay, a result for each; speed: least and
+    greatest [1/s], each start's own if left out. The norm is bounded at SAMPLES angles by one variable (epigraph), and
+    that is minimised. Raises ValueError for a start outside its ends or a speed that is not positive.
+
+    >>> from gtmodel.milling import Coefficients, Cut, Cutter
+    >>> cutter = Cutter(0.02, 2, Coefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))  # diameter [m], teeth
+    >>> cut = Cut("climb", radial_depth=0.006, axial_depth=0.002, feed_per_tooth=1e-4)
+    >>> robots = gt.milling.Oscillators.with_damping_ratio([[350] * 3] * 2, [[2e6] * 3, [3e6] * 3], [[0.03] * 3] * 2)
+    >>> table = gt.milling.AngleTable(np.radians([0.0, 60.0]), robots)
+    >>> spectrum = gt.milling.force_spectrum(cutter, cut, 16) @ gt.milling.to_world(np.eye(3), feed=[1.0, 0.0, 0.0])
+    >>> start = gt.milling.Start(angle=np.radians(30.0), low=0.0, high=np.radians(60.0), speed=25.0)
+    >>> (best,) = gt.milling.refine(table.casadi_function(), spectrum, [start])
+    >>> round(np.degrees(best.angle), 1), best.converged  # the stiffer end
+    (np.float64(60.0), True)
     """
     for start in starts:
         low, high = speed or (start.speed, start.speed)

@@ -16,11 +16,18 @@ HOLDS = ("zero", "linear")
 
 
 def responses(oscillators: Oscillators, F: ArrayLike, step: float, *, hold: str = "linear") -> Iterator[np.ndarray]:
-    """x (t, 3) [m] of each pose at the times of F (t, 3) [N], world coordinates, `step` [s] apart; from rest.
+    """Displacements x (t, 3) [m] of each pose under a force F (t, 3) [N], world coordinates, sampled every `step` [s];
+    from rest.
 
     Exact for a force that is constant ("zero") or straight ("linear") between its samples: errors are of first and
     of second order in the step for other forces. Raises ValueError for another hold, shape or step, and for a force
     that is not finite.
+
+    >>> robot = gt.milling.Oscillators.with_damping_ratio(m=[350, 350, 250], k=[2e6, 1.5e6, 3e6], zeta=[0.03] * 3)
+    >>> F = np.tile([100.0, 0.0, 0.0], (4001, 1))  # a step of 100 N
+    >>> x = next(iter(gt.milling.responses(robot, F, step=1e-3)))  # of the first pose
+    >>> (1e6 * x[-1]).round(1)  # [um]: F / k once it is at rest
+    array([50.,  0.,  0.])
     """
     if hold not in HOLDS:
         raise ValueError(f"the hold is '{hold}'; expected one of {', '.join(HOLDS)}")
@@ -53,7 +60,7 @@ def checked_force(F: ArrayLike, step: float) -> np.ndarray:
 def recursion(A: np.ndarray, B: np.ndarray, step: float, hold: str = "linear") -> tuple[np.ndarray, ...]:
     """Of s' = A s + B u, A (..., 2, 2), B (..., 2): coefficients b, a (..., 3) of the first state's recursion in u,
     and the initial state (..., 2) of the filter per first input for which s starts at zero."""
-    M = np.zeros((*A.shape[:-2], 4, 4))  # state; input u and its slope over the step
+    M = np.zeros((*A.shape[:-2], 4, 4))  # state; input u and its rate over the step
     M[..., :2, :2], M[..., :2, 2], M[..., 2, 3] = A, B, 1 / step
     E = expm(M * step)
     D, now, later = E[..., :2, :2], E[..., :2, 2], np.zeros_like(E[..., :2, 3])
@@ -71,11 +78,21 @@ def recursion(A: np.ndarray, B: np.ndarray, step: float, hold: str = "linear") -
 
 
 def steady_state(oscillators: Oscillators, spectrum: np.ndarray, speed: float, samples: int = 512) -> np.ndarray:
-    """(n, samples, 3) x [m] over one turn of the spindle at `speed` [1/s], all transients gone.
+    """Displacements (n, samples, 3) [m] over one turn of the spindle at `speed` [1/s], all transients gone.
 
     spectrum (h + 1, 3): Fourier coefficients of the force in world coordinates by harmonics of the spindle. Raises
     ValueError for a speed that is not positive, a spectrum that is not finite, or fewer samples than twice the
     harmonics.
+
+    >>> from gtmodel.milling import Coefficients, Cut, Cutter
+    >>> cutter = Cutter(0.02, 2, Coefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))  # diameter [m], teeth
+    >>> cut = Cut("climb", radial_depth=0.006, axial_depth=0.002, feed_per_tooth=1e-4)
+    >>> robot = gt.milling.Oscillators.with_damping_ratio(m=[350, 350, 250], k=[2e6, 1.5e6, 3e6], zeta=[0.03] * 3)
+    >>> axes = gt.milling.to_world(np.eye(3), feed=[1.0, 0.0, 0.0])
+    >>> spectrum = gt.milling.force_spectrum(cutter, cut, harmonics=100) @ axes
+    >>> x = gt.milling.steady_state(robot, spectrum, speed=25.0)
+    >>> x.shape, round(1e3 * np.linalg.norm(x, axis=2).max(), 3)  # [mm]
+    ((1, 512, 3), np.float64(0.028))
     """
     tooth_frequency(speed, 1)
     if not np.all(np.isfinite(spectrum)):

@@ -16,9 +16,15 @@ def smooth_force_function(cutter: Cutter, mode: str, *, width: float = WIDTH, di
     """CasADi function (phi [rad], a_e [m], a_p [m], f_t [m]) -> F (3) [N] in feed, transverse and axial direction.
 
     The gate of each tooth is a logistic function of cos(phi_i - middle) - cos(half the immersion), which is periodic
-    and has derivatives everywhere; as `width` goes to zero it becomes that of `forces`. a_e must stay between 0 and
-    the diameter (a slot reads no a_e). Runout is left out, chips are not clipped. Raises ValueError for an unknown
+    and has derivatives everywhere; as `width` goes to zero the force becomes that of `forces`. a_e must stay between 0
+    and the diameter (a slot reads no a_e). Runout is left out, chips are not clipped. Raises ValueError for an unknown
     mode, a width that is not positive, or a cutter with runout.
+
+    >>> from gtmodel.milling import Coefficients, Cutter
+    >>> cutter = Cutter(0.02, 2, Coefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))  # diameter [m], teeth
+    >>> F = gt.milling.smooth_force_function(cutter, "climb")
+    >>> np.array(F(np.radians(150.0), 0.006, 0.002, 1e-4)).ravel().round(1)  # [N]
+    array([66.3, 89.1,  0. ])
     """
     if mode not in get_args(Mode):
         raise ValueError(f"the mode is '{mode}'; expected one of {', '.join(get_args(Mode))}")

@@ -15,10 +15,19 @@ _EXPONENTIALS = np.array(
 
 
 def force_spectrum(cutter: Cutter, cut: Cut, harmonics: int = 200) -> np.ndarray:
-    """(harmonics + 1, 3) complex F_n [N]: F(phi) = Re(F_0 + 2 sum F_n exp(j n phi)), n counts turns of the spindle.
+    """Fourier coefficients (harmonics + 1, 3) [N], complex: F(phi) = Re(F_0 + 2 sum F_n exp(j n phi)).
 
-    With even teeth and no runout only multiples of the number of teeth are not zero. F_0 is the mean force.
+    The directions are feed, transverse and axial; n counts harmonics of the spindle.
+
+    With evenly spaced teeth and no runout only multiples of the number of teeth are not zero. F_0 is the mean force.
     Raises ValueError for a negative number of harmonics.
+
+    >>> from gtmodel.milling import Coefficients, Cut, Cutter
+    >>> cutter = Cutter(0.02, 2, Coefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))  # diameter [m], teeth
+    >>> cut = Cut("climb", radial_depth=0.006, axial_depth=0.002, feed_per_tooth=1e-4)
+    >>> F = gt.milling.force_spectrum(cutter, cut, harmonics=4)
+    >>> np.abs(F[:, 1]).round(1)  # [N], transverse; two teeth: even harmonics of the spindle only
+    array([37.1,  0. , 31.7,  0. , 19.5])
     """
     if harmonics < 0:
         raise ValueError(f"found {harmonics} harmonics; expected none or more")
@@ -37,7 +46,16 @@ def force_spectrum(cutter: Cutter, cut: Cut, harmonics: int = 200) -> np.ndarray
 
 
 def at_angles(spectrum: np.ndarray, phi: np.ndarray) -> np.ndarray:
-    """(n, 3) the truncated series at angles phi (n,) [rad]."""
+    """Forces (n, 3) [N] of a truncated Fourier series, as `force_spectrum` gives it, at spindle angles phi (n,) [rad].
+
+    >>> from gtmodel.milling import Coefficients, Cut, Cutter
+    >>> cutter = Cutter(0.02, 2, Coefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))  # diameter [m], teeth
+    >>> cut = Cut("climb", radial_depth=0.006, axial_depth=0.002, feed_per_tooth=1e-4)
+    >>> phi = np.radians([150.0])
+    >>> series = gt.milling.at_angles(gt.milling.force_spectrum(cutter, cut, 200), phi)
+    >>> np.abs(series - gt.milling.integrated_forces(cutter, cut, phi)).max() < 1.0  # [N]
+    np.True_
+    """
     n = np.arange(len(spectrum))
     waves = np.exp(1j * np.outer(phi, n)) * np.where(n, 2, 1)
     return np.real(waves @ spectrum)

@@ -32,9 +32,18 @@ def spectral_radius(
 ) -> float:  # fmt: skip
     """Largest modulus of the Floquet multipliers over one tooth period: below 1 the cut is stable.
 
-    One pose, helix and pitch included (uneven pitch: the growth over a turn, per tooth), runout not; speed [1/s].
-    By Gauss collocation, good to some 1e-6; with `intervals` by semi-discretisation instead, even pitch only. Raises
-    ValueError for impossible values, and for a spindle so slow that more than 300 nodes are needed.
+    The first pose counts. Helix and pitch are included (with uneven pitch it is the growth over a turn, per tooth),
+    runout is not; speed [1/s] of the spindle. The method is Gauss collocation, good to some 1e-6; with `intervals` it
+    is semi-discretisation, for even pitch only. Raises ValueError for impossible values, and for a spindle so slow that
+    more than 300 nodes are needed.
+
+    >>> from gtmodel.milling import Coefficients, Cut, Cutter
+    >>> cutter = Cutter(0.02, 2, Coefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))  # diameter [m], teeth
+    >>> cut = Cut("climb", radial_depth=0.006, axial_depth=0.002, feed_per_tooth=1e-4)
+    >>> robot = gt.milling.Oscillators.with_damping_ratio(m=[350, 350, 250], k=[2e6, 1.5e6, 3e6], zeta=[0.03] * 3)
+    >>> radius = gt.milling.spectral_radius(robot, cutter, cut, speed=25.0, feed=[1.0, 0.0, 0.0])
+    >>> round(radius, 3)  # above 1: it chatters
+    1.059
     """
     if intervals is not None:
         return semi_discretised_radius(oscillators, cutter, cut, speed, feed, up=up, intervals=intervals)
@@ -51,6 +60,14 @@ def stable_depth(
     """Greatest axial depth [m] between low and high found stable, by bisection to a relative tolerance.
 
     Raises ValueError unless `low` is stable and `high` is not.
+
+    >>> from gtmodel.milling import Coefficients, Cut, Cutter
+    >>> cutter = Cutter(0.02, 2, Coefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))  # diameter [m], teeth
+    >>> cut = Cut("climb", radial_depth=0.006, axial_depth=0.002, feed_per_tooth=1e-4)
+    >>> robot = gt.milling.Oscillators.with_damping_ratio(m=[350, 350, 250], k=[2e6, 1.5e6, 3e6], zeta=[0.03] * 3)
+    >>> depth = gt.milling.stable_depth(robot, cutter, cut, speed=25.0, feed=[1.0, 0.0, 0.0], low=1e-4, high=5e-3)
+    >>> round(1e3 * depth, 2)  # [mm]
+    0.77
     """
 
     def radius(depth: float) -> float:
@@ -72,9 +89,16 @@ def certain_depth(
 ) -> float:  # fmt: skip
     """Axial depth [m] below which the first pose is stable at every speed: 1 / (2 sup |D| sup |H|).
 
-    By the small-gain theorem: |x - x before| is at most twice |x| over all time, so what goes round the loop of tool
-    and cut shrinks. It holds for any helix and any pitch, and lies below the true limit by a factor of some 3 to 30.
-    Raises ValueError for a radial depth beyond the diameter.
+    It follows from the small-gain theorem: |x - x before| is at most twice |x| over all time, so a deflection shrinks
+    each time that it goes round the loop of tool and cut. It holds for any helix and any pitch, and lies below the true
+    limit by a factor of some 3 to 30. Raises ValueError for a radial depth beyond the diameter.
+
+    >>> from gtmodel.milling import Coefficients, Cutter
+    >>> cutter = Cutter(0.02, 2, Coefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))  # diameter [m], teeth
+    >>> robot = gt.milling.Oscillators.with_damping_ratio(m=[350, 350, 250], k=[2e6, 1.5e6, 3e6], zeta=[0.03] * 3)
+    >>> depth = gt.milling.certain_depth(robot, cutter, "climb", radial_depth=0.006, feed=[1.0, 0.0, 0.0])
+    >>> round(1e3 * depth, 3)  # [mm]
+    0.047
     """
     start, end = immersion(mode, radial_depth, cutter.diameter)
     angles = cutter.angles
@@ -99,7 +123,15 @@ def proven_depth(
 
     Depths are tried by their spectral radius from `certain_depth` on, each a fifth or, with a helix, a 16th of the
     teeth's axial pitch deeper than the one before, and between them where the radius peaks near 1; the first that is
-    unstable is bisected. A spindle too slow for that has `certain_depth`. Raises ValueError for impossible values.
+    unstable is bisected. For a spindle too slow for that it is `certain_depth`. Raises ValueError for impossible
+    values.
+
+    >>> from gtmodel.milling import Coefficients, Cutter
+    >>> cutter = Cutter(0.02, 2, Coefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))  # diameter [m], teeth
+    >>> robot = gt.milling.Oscillators.with_damping_ratio(m=[350, 350, 250], k=[2e6, 1.5e6, 3e6], zeta=[0.03] * 3)
+    >>> depth = gt.milling.proven_depth(robot, cutter, "climb", radial_depth=0.006, speed=25.0, feed=[1.0, 0.0, 0.0])
+    >>> round(1e3 * depth, 2)  # [mm]
+    0.77
     """
     tooth_frequency(speed, cutter.teeth)
     low = certain_depth(oscillators, cutter, mode, radial_depth, feed, up=up)

@@ -49,12 +49,12 @@ class Task:
 
     @property
     def up(self) -> np.ndarray:
-        """Against the tool axis."""
+        """Direction (3,) against the tool axis, world coordinates."""
         return -np.array(self.tool.axis)
 
     @property
     def heading(self) -> str:
-        """For pictures; says where dynamics are made up."""
+        """The title of pictures, with a remark where the dynamics are synthetic."""
         made_up = self.whence and self.whence.partition("synthetic: ")[2]
         return (self.title or "milling") + (f"\n(synthetic dynamics: {made_up})" if made_up else "")
 

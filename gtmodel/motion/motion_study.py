@@ -176,8 +176,8 @@ def study(
     >>> from gtmodel.motion import Limits, Mesh, study
     >>> robot = gt.robots.gantry_tau("l1_tape")
     >>> s = study(robot, [0.0, -0.9, 0.1], [0.2, -0.9, 0.2], limits=Limits(force=700.0), mesh=Mesh(elements=10))
-    >>> s.exported_final_time < 1.0
-    True
+    >>> round(s.exported_final_time, 2)  # [s]
+    0.31
     """
     problem = MotionProblem(
         robot=robot, start=start if isinstance(start, End) else End(list(start)),

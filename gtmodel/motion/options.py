@@ -187,7 +187,8 @@ class Line(Shape):
 class Polyline(Shape):
     """Straight pieces whose corners are rounded by curves of continuous curvature.
 
-    via: its corners (n, 3) [m] between start and goal.
+    via: its corners (n, 3) [m] between start and goal. The length that a study gives is that of its polygon, before the
+    corners are rounded.
 
     >>> start, goal = np.array([0.0, -0.9, 0.1]), np.array([0.2, -0.9, 0.1])
     >>> path = gt.motion.Polyline(via=[[0.1, -0.9, 0.3]], blend=0.05)
@@ -220,7 +221,7 @@ class Arc(Shape):
 class Spline(Shape):
     """The smooth curve through points (n, 3) [m], n >= 3; the first and the last of them are start and goal.
 
-    It is the natural cubic spline over the length of their polygon.
+    It is the natural cubic spline over the length of their polygon, and this is the length that a study gives.
 
     >>> start, goal = np.array([0.0, -0.9, 0.1]), np.array([0.2, -0.9, 0.1])
     >>> curve = gt.motion.Spline(points=np.array([start, [0.1, -0.85, 0.2], goal]))

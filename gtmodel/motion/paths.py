@@ -21,7 +21,11 @@ Sampled = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 class Path(Protocol):
-    """A curve with two continuous derivatives."""
+    """A curve x(s) (3,) [m] with two continuous derivatives, s from 0 to 1.
+
+    Called with s (n,) it gives x and its first and second derivative, (n, 3) each; `expression` is x in a model's
+    equations. length [m]: of a polyline or a spline that of its polygon.
+    """
 
     @property
     def length(self) -> float: ...

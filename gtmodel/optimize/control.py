@@ -17,7 +17,7 @@ CONTROLS = ("polynomial", "bernstein", "linear", "constant")
 
 @dataclass(frozen=True, kw_only=True)
 class Blocks:
-    """Blocking factors: the control is constant over given numbers of elements.
+    """Move blocking: the control is constant over given numbers of elements.
 
     Args:
         sizes: elements of each block; they sum to the mesh's.
@@ -26,6 +26,10 @@ class Blocks:
 
     Raises ValueError for a size that is no whole number of at least one, a bound that is not positive or a negative
     weight.
+
+    >>> blocks = gt.Blocks(sizes=(2, 3), step_max={"force": 200.0})
+    >>> gt.Mesh(5, control="constant", blocks=blocks).elements
+    5
     """
 
     sizes: tuple[int, ...]

@@ -25,7 +25,7 @@ UNTOLD = 1e-3
 AT_BOUND = 1e-6  # of a scaled unknown: it stands at its bound, where it is held
 LEAST_SQUARES = 1e-6  # relative: the objective is the misfit and nothing else
 ROUNDING = 1e-24  # of the data's squares: more than the squared rounding of a residual that vanishes
-# at random values of all that the objective holds, the rest besides misfits has no slopes beyond rounding
+# at random values of all that the objective holds, the rest besides misfits has no derivatives beyond rounding
 SAME, SEED, TRIALS = 1e-9, 0, 2
 
 
@@ -60,11 +60,30 @@ class _Fit:
 
 
 def estimate(solution: Solution | PhasesSolution) -> Estimate:
-    """Covariance of what an Optimization with gt.misfit(...) as its objective has estimated, or linked phases together.
+    """What the data say of the constants that an Optimization has estimated: values with their covariance.
 
-    In phases, names are "phase: name"; a shared constant stands under the first of its phases. Raises ModelError if
-    the solve failed, the objective is no misfit or holds more, too few values were measured, or the data do not
-    determine some of the quantities; these are named. So it does for a single one of linked phases.
+    solution: of an Optimization whose objective is gt.misfit(...) and nothing else, or of linked phases together. In
+    phases, names are "phase: name"; a shared constant stands under the first of its phases.
+
+    Raises ModelError if the solve failed, the objective is no misfit or holds more, too few values were measured, or
+    the data do not determine some of the quantities; these are named. So it does for a single one of linked phases.
+
+    >>> times = np.linspace(0.1, 1.0, 10)
+    >>> rng = np.random.default_rng(3)
+    >>> measured = np.exp(-2.0 * times) + 0.01 * rng.standard_normal(10)  # synthetic: seed 3
+    >>> class Decay(gt.Optimization):
+    ...     rate = gt.free(1.0, min=0.0, unit="1/s")
+    ...     x = gt.variable(start=1.0, fixed=True)
+    ...     def equations(self):
+    ...         yield gt.der(self.x) == -self.rate * self.x
+    ...     def objective(self):
+    ...         return gt.misfit(self.x, times, measured)
+    >>> found = gt.estimate(gt.solve(Decay(), gt.Mesh(4)))
+    >>> found.names, found.values.shape, found.covariance.shape
+    (('rate',), (1,), (1, 1))
+    >>> low, high = found.interval("rate")  # of 95 %
+    >>> bool(low < 2.0 < high)
+    True
     """
     fit = _Fit.of(solution)
     title = fit.title
@@ -117,7 +136,7 @@ def _data(misfits: list[Misfit]) -> np.ndarray:
 
 
 def _holds_more(solution: Solution) -> bool:
-    """Does the objective bend or slope otherwise than the misfits anywhere, though it may be theirs at the optimum?"""
+    """Does the objective differ from the misfits anywhere in its derivatives, though it may agree at the optimum?"""
     problem, blocks = solution.problem, solution.nlp.mesh.blocks
     if any(weight != 0.0 for _, _, weight in problem.integrals):
         return True
@@ -142,7 +161,7 @@ def _holds_more(solution: Solution) -> bool:
 
 
 def _residuals(fit: _Fit) -> tuple[np.ndarray, csc_matrix]:
-    """Residuals, and their slopes in all unknowns."""
+    """Residuals, and their Jacobian in all unknowns."""
     values: list[np.ndarray] = []
     blocks: list[csc_matrix] = []
     for _, s, _ in fit.parts:
@@ -162,7 +181,7 @@ def _residuals(fit: _Fit) -> tuple[np.ndarray, csc_matrix]:
 
 
 def _active(fit: _Fit) -> tuple[csc_matrix, np.ndarray]:
-    """Slopes of all rows that hold with equality, in the unknowns that are free to move."""
+    """Jacobian of all rows that hold with equality, in the unknowns that are free to move."""
     nlp, solution, x = fit.program, fit.whole, fit.whole.x
     g, jacobian = nlp.functions["jac_g"](x, [])
     g = np.asarray(g).reshape(-1)

@@ -17,7 +17,7 @@ Step = tuple[str, ca.SX]  # something that is computed at a point: its name, and
 
 
 def not_finite(nlp: Nlp, x: np.ndarray) -> str:
-    """A sentence on the first operation without a finite value, or else without a finite slope, at any collocation
+    """A sentence on the first operation without a finite value, or else without a finite derivative, at any collocation
     point; nothing where all is finite."""
     if not np.all(np.isfinite(x)):
         return ""
@@ -100,7 +100,7 @@ def _computed(nlp: Nlp) -> tuple[list[Step], list[ca.SX], ca.SX]:
 
 
 def _first(expression: ca.SX, given: dict[int, float], infinite_slope: bool) -> str:
-    """The first operation of an expression whose arguments are finite, but not its value (or its slope)."""
+    """The first operation of an expression whose arguments are finite, but not its value (or its derivative)."""
     read, free = of_expression(expression)
     memory: list[float] = []
     for op, reads, place, constant in read:

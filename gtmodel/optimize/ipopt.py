@@ -206,7 +206,7 @@ def _curved(stats: dict[str, Any]) -> bool | None:
 
 
 def _miss(program: Program, x: np.ndarray, g: np.ndarray) -> float:
-    """Largest violation of a row, divided by the sum of its slopes times the unknowns where that is above 1."""
+    """Largest violation of a row, divided by the sum of its derivatives times the unknowns where that is above 1."""
     excess = np.maximum(program.lbg - g, g - program.ubg)
     worst = float(np.max(excess, initial=0.0))
     if worst <= FEASIBLE or "jac_g" not in program.functions:

@@ -1,6 +1,6 @@
 """The size of an objective, by which it is scaled up for the solver where its units make it tiny.
 
-IPOPT ends where slopes are below its tolerance: an objective in micrometres squared would be optimal everywhere.
+IPOPT ends where derivatives are below its tolerance: an objective in micrometres squared would be optimal everywhere.
 """
 
 from __future__ import annotations
@@ -13,15 +13,15 @@ import numpy as np
 from ..lang.scope import Misfit
 from .watch import Program
 
-SMALL = 1e-4  # slopes per nominal below this are scaled up; IPOPT itself scales down those above LARGE
+SMALL = 1e-4  # derivatives per nominal below this are scaled up; IPOPT itself scales down those above LARGE
 LARGE = 100.0
 MOST = 1e20  # more says that the objective is none
 SEED, TRIALS = 0, 2
 
 
 def objective_scale(program: Program, x0: np.ndarray, misfits: Iterable[Misfit]) -> float:
-    """What the objective is to be multiplied by: 1, or more where all its slopes are small about a nominal away from
-    the guess, or where it holds measured values of unknown noise and these scatter little."""
+    """What the objective is to be multiplied by: 1, or more where all its derivatives are small about a nominal
+    away from the guess, or where it holds measured values of unknown noise and these scatter little."""
     slope = program.functions["grad_f"]
 
     def largest(x: np.ndarray) -> float:

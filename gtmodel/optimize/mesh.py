@@ -16,7 +16,7 @@ ROUND_OFF = 1e-9  # of fractions of the horizon: sums of lengths and times over 
 
 @dataclass(frozen=True)
 class Mesh:
-    """Direct collocation on `elements` elements with `points` points each.
+    """Mesh of a direct collocation: `elements` elements with `points` points each.
 
     Args:
         elements: number of elements.
@@ -28,6 +28,12 @@ class Mesh:
         length_ratio: (low, high) makes the lengths free: each lies between low and high times its given length, and
             they still fill the horizon. A control "polynomial" would use its overshoots then: take another one.
         blocks: the control is constant over several elements; with control "constant".
+
+    Raises ValueError for numbers and words that make no mesh.
+
+    >>> mesh = gt.Mesh(20, control="linear", length_ratio=(0.2, 3.0))
+    >>> mesh.elements, mesh.points, mesh.scheme
+    (20, 3, 'radau')
     """
 
     elements: int = 50

@@ -23,7 +23,11 @@ NOTHING = 1e-3  # of its room: a constant below this has no size of its own
 
 @dataclass(frozen=True, eq=False)
 class Optimum:
-    """One of the optima found: how many starts led there, and how far it is from the best one: see distance()."""
+    """One of the optima that `multi_start` found.
+
+    count: starts that led there. distance: from the best one, the largest of the root mean square differences of states
+    and of controls over the horizon, in nominals, and of the relative differences of free constants.
+    """
 
     solution: Solution
     count: int
@@ -36,7 +40,10 @@ class Optimum:
 
 @dataclass(frozen=True, eq=False)
 class MultiStart:
-    """Distinct optima, the best first; `failures` are the messages of the starts that led nowhere."""
+    """What `multi_start` returns: distinct optima, the best first.
+
+    `failures` are the messages of the starts that led nowhere; print the object for a table.
+    """
 
     optima: tuple[Optimum, ...]
     failures: tuple[str, ...]
@@ -68,11 +75,29 @@ def multi_start(
     guess: Trajectory | Solution | None = None,
     solver: SolverOptions | None = None,
 ) -> MultiStart:
-    """Solve from the guess and from count - 1 perturbations of it.
+    """Solve from the guess and from count - 1 perturbations of it: does another start lead to another optimum?
 
-    spread: size of the smooth random change of states and controls, as a part of the room between their bounds (of
-    the nominal where there are none); free constants change by about this part of their value, or of the room between
-    their bounds where these have two signs, or of 1 where the guess is 0. Raises NotSolved if no start arrives.
+    Args:
+        problem: as `transcribe` makes it.
+        count: number of starts.
+        seed: of the perturbations.
+        spread: size of the smooth random change of states and controls, as a part of the room between their bounds (of
+            the nominal where there are none). Free constants change by about this part of their value, or of the room
+            between their bounds where these have two signs, or of 1 where the guess is 0.
+        parameters: values by name, as for `Transcription.solve`. guess, solver: as for `solve`.
+
+    Raises NotSolved if no start arrives, and ValueError for no start or a spread that is not positive.
+
+    >>> class Wells(gt.Optimization):  # two places to rest, x = -1 and x = 1; the right one costs less
+    ...     x = gt.free(-0.2, min=-2.0, max=2.0)
+    ...     y = gt.variable(start=0.0, fixed=True)
+    ...     def equations(self):
+    ...         yield gt.der(self.y) == (self.x**2 - 1.0) ** 2 - 0.1 * self.x
+    ...     def objective(self):
+    ...         return self.y.at(self.final_time)
+    >>> found = gt.multi_start(gt.transcribe(Wells(), gt.Mesh(1, 1)), 6)
+    >>> [round(optimum.solution.free["x"], 2) for optimum in found.optima]
+    [1.01, -0.99]
     """
     if count < 1 or not spread > 0:
         raise ValueError(f"multi_start takes at least one start and a positive spread; found {count} and {spread:g}")

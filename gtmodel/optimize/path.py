@@ -21,7 +21,7 @@ from .nlp import functions_of, scatter
 from .solve import SolverOptions
 from .watch import Program, Progress
 
-ROOT = 1e-12  # added under the root: its slope at rest stays finite
+ROOT = 1e-12  # added under the root: its derivative at rest stays finite
 LEAST_GUESS = 1e-3  # of b, in squares of the path per second
 Curve = Callable[[np.ndarray], tuple[np.ndarray, ...]]
 
@@ -31,7 +31,7 @@ class PathTask:
     """What is moved, along what, within what.
 
     Args:
-        curve: fractions s (n,) in [0, 1] -> path x(s), its slope and second derivative, (n, d) each; and, where the
+        curve: fractions s (n,) in [0, 1] -> path x(s), its first and second derivative, (n, d) each; and, where the
             quantities take them, further numbers (n, k) that depend on s alone.
         quantities: (x, x', x'') in time, and the further numbers -> bounded rows (m,).
         low, high: (m,) bounds of the rows.

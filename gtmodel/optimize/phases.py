@@ -30,7 +30,7 @@ from .watch import Multipliers, Progress
 
 
 class Phases:
-    """Phases in their order, by name; the objective is the sum of theirs.
+    """Several Optimizations in a row that are solved as one: the objective is the sum of theirs.
 
     Args:
         phases: configured Optimizations by name, in order.
@@ -42,7 +42,7 @@ class Phases:
         shared: free constants that have one value in all phases that declare them.
 
     A phase whose start_time is free begins when the one before ends; one whose start_time is a number has a clock of
-    its own. Raises ModelError for fewer than two phases and for names that no phase has.
+    its own. Raises ModelError for fewer than two phases and for names that no phase has. Example: see `solve_phases`.
     """
 
     def __init__(
@@ -110,7 +110,46 @@ def solve_phases(
     progress: Progress | None = None,
     throw: bool = True,
 ) -> PhasesSolution:
-    """Solve linked phases; mesh and guess for each by its name, or one mesh for all. See gt.solve."""
+    """Solve linked phases as one problem; returns a `PhasesSolution`, with a Solution for each phase.
+
+    Args:
+        model: see `Phases`.
+        mesh: one for all phases, or one for each by its name; default 50 x 3 Radau.
+        guess: by the name of a phase a trajectory or a solution; or an earlier result.
+        branches, solver, progress, throw: as of `solve`.
+
+    Raises ModelError for a wrong problem and NotSolved unless throw is False.
+
+    >>> class Fall(gt.Optimization):  # from 2 m to the ground
+    ...     g = gt.parameter(9.81, unit="m/s2")
+    ...     q = gt.variable(unit="m", start=2.0, fixed=True)
+    ...     v = gt.variable(unit="m/s", start=0.0, fixed=True)
+    ...     final_time = gt.free(0.5, min=0.1, unit="s")
+    ...     def equations(self):
+    ...         yield gt.der(self.q) == self.v
+    ...         yield gt.der(self.v) == -self.g
+    ...     def objective(self):
+    ...         return self.final_time - self.start_time
+    ...     def constraints(self):
+    ...         yield self.q.at(self.final_time) == 0
+    >>> class Rise(Fall):  # and up again until it rests
+    ...     q = gt.variable(unit="m")
+    ...     v = gt.variable(unit="m/s")
+    ...     start_time = gt.free(0.5, unit="s")
+    ...     final_time = gt.free(1.0, unit="s")
+    ...     def constraints(self):
+    ...         yield self.final_time - self.start_time >= 0.1
+    ...         yield self.v.at(self.final_time) == 0
+    >>> bounce = gt.Phases(
+    ...     {"fall": Fall(), "rise": Rise()},
+    ...     free={"rise": ["v"]},
+    ...     links={"rise": lambda before, after: [after.v == -0.8 * before.v]},
+    ... )
+    >>> found = gt.solve_phases(bounce, gt.Mesh(4))
+    >>> rise = found.phases["rise"].trajectory
+    >>> round(float(rise["q"][-1]), 4)  # 2 m * 0.8^2
+    1.28
+    """
     if not isinstance(model, Phases):
         raise ModelError(
             f"gt.solve_phases takes gt.Phases; found {type(model).__name__}; one phase is solved by gt.solve"

@@ -1,4 +1,4 @@
-"""Multiple shooting with CVODES: a second road to an optimum, for cross-checks of collocation.
+"""Multiple shooting with CVODES: another way to an optimum, for cross-checks of collocation.
 
 Its unknowns are states at the element edges, controls and constants; what collocation has at the points between comes
 from the integrator, with its sensitivities. Bounds and path constraints hold at the same points as in collocation.
@@ -37,7 +37,7 @@ class _Shooting(Program):
 def run_shooting(nlp: Nlp, x0: np.ndarray, options: SolverOptions, progress: Progress | None) -> Run:
     """Optimise by multiple shooting, and answer in the unknowns and rows of collocation.
 
-    Raises ModelError for what this road does not take: Gauss points, algebraic unknowns, delays.
+    Raises ModelError for what this method does not take: Gauss points, algebraic unknowns, delays.
     """
     problem, mesh = nlp.problem, nlp.mesh
     title = problem.flat.title

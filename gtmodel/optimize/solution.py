@@ -28,11 +28,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """Result of solve().
+    """What `solve` returns.
 
-    `trajectory` holds every top-level quantity at the mesh edges and collocation points; a control polynomial
-    is extrapolated to the start. `free` are the constants the optimisation chose; `seconds` is wall time.
-    `reservation`: what a solved problem leaves open, such as whether a stationary point is a minimum; empty for none.
+    `trajectory` holds every top-level quantity at the mesh edges and collocation points, in SI units; a control
+    polynomial is extrapolated to the start. `free` are the constants the optimisation chose, by name; `seconds` is wall
+    time. `status` and `message` say how it ended, `checks` what was tested. `reservation`: what a solved problem leaves
+    open, such as whether a stationary point is a minimum; empty for none.
     """
 
     status: SolveStatus
@@ -69,7 +70,7 @@ class Solution:
 
     @property
     def sensitivity(self) -> dict[str, float]:
-        """Slope of the optimal cost with respect to each tunable parameter, in SI units (envelope theorem)."""
+        """Derivative of the optimal cost with respect to each tunable parameter, in SI units (envelope theorem)."""
         nlp = self.nlp
         first = nlp.free.stop
         slope = np.asarray(nlp.functions["grad_f"](self.x, [])[1]).reshape(-1)[first:]
@@ -242,7 +243,7 @@ def states_and_controls(
 
 
 def evaluate(nlp: Nlp, x: np.ndarray, s: np.ndarray) -> Trajectory:
-    """All top-level names at fractions s: states and controls by their polynomials; off the collocation points slopes
+    """All top-level names at fractions s: states and controls by their polynomials; off the collocation points rates
     of states and algebraic variables by the model's equations, where these give a number there."""
     problem, P = nlp.problem, constants(nlp, x)
     xs, rates, us, times = states_and_controls(nlp, x, s)

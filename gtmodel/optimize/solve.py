@@ -37,13 +37,15 @@ METHODS = ("collocation", "shooting")
 
 @dataclass(frozen=True)
 class SolverOptions:
-    """How to solve.
+    """How `solve` is to solve.
 
     Args:
         tolerance: IPOPT's overall tolerance on the scaled problem.
         max_iterations: limit; reached means status iteration_limit with the iterate nearest to its constraints.
-        max_seconds: wall-clock limit; reached means status interrupted with the iterate nearest to its constraints.
-        formulation: "auto", "inverse", "explicit", "torn" or "dae" (see optimize.problem.build).
+        max_seconds: wall-clock limit [s]; reached means status interrupted with the iterate nearest to its constraints.
+        formulation: "inverse": controls as functions of the motion, for fully actuated models; "explicit": explicit
+            rates; "torn": unknowns without a closed form are kept, with their equations as constraints; "dae": nothing
+            is eliminated. "auto" chooses; see optimize.formulation.problem.build.
         prefer: names to keep as states.
         hessian: "exact", or "lbfgs" from gradients alone.
         barrier: how IPOPT lowers its barrier, "adaptive" or "monotone": where one fails, the other may solve in a tenth
@@ -62,6 +64,13 @@ class SolverOptions:
             in $GTMODEL_CACHE, by default ~/.cache/gtmodel. For problems that are solved again and again.
 
     Raises ModelError, which is a ValueError, for a number out of range or an unknown word.
+
+    >>> gt.SolverOptions(tolerance=1e-10, max_seconds=60.0).barrier
+    'auto'
+    >>> gt.SolverOptions(solver="snopt")
+    Traceback (most recent call last):
+        ...
+    gtmodel.lang.source.ModelError: solver is one of ipopt, fatrop; found 'snopt'
     """
 
     tolerance: float = 1e-8
@@ -107,7 +116,23 @@ class SolverOptions:
 
 
 class NotSolved(RuntimeError):
-    """Raised by solve() when the problem was not solved; `.solution` holds the best iterate."""
+    """Raised by solve() when the problem was not solved; the message says why, and `.solution` holds the best iterate.
+
+    >>> class Unreachable(gt.Optimization):
+    ...     x = gt.variable(start=0.0, fixed=True)
+    ...     u = gt.input(min=-1.0, max=1.0)
+    ...     def equations(self):
+    ...         yield gt.der(self.x) == self.u
+    ...     def objective(self):
+    ...         return gt.integral(self.u**2)
+    ...     def constraints(self):
+    ...         yield self.x.at(self.final_time) == 5.0  # in 1 s at a rate of at most 1
+    >>> try:
+    ...     gt.solve(Unreachable(), gt.Mesh(2))
+    ... except gt.NotSolved as error:
+    ...     print(error.solution.status.value)
+    infeasible
+    """
 
     def __init__(self, solution: Any) -> None:
         super().__init__(solution.message)
@@ -130,7 +155,8 @@ def solve(
     """Solve an optimisation by direct collocation, or by multiple shooting as a cross-check.
 
     Each solution estimates by how much its states miss the model's on this mesh. Above the options' `error_bound` its
-    status is check_failed, which does not raise: the solution is whole, but not the model's.
+    status is check_failed, which does not raise: the solution is whole, but not the model's; take a finer mesh, or
+    `gt.refine`.
 
     Args:
         model: an Optimization with values for its parameters.
@@ -140,13 +166,33 @@ def solve(
             variables that it holds, in the solver and wherever "in nominals" is said; constants of a solution too.
         branches: sign +1 or -1 by the name of a declared branch, +1 by default; a solution that leaves it at any
             point has status failed.
+        solver: tolerance, limits and methods, see `SolverOptions`.
         progress: called with (iteration, objective, constraint violation); returning True stops the solve,
             keeping the iterate (status interrupted).
         method: "shooting" integrates the equations with CVODES on each element instead (explicit form, Radau points,
             L-BFGS): slower, but without collocation's error.
+        throw: raise NotSolved for a problem that was not solved; False: return the best iterate, with its status.
 
     Raises ModelError for a wrong problem, NotSolved (with the best iterate) unless throw is False, and CompilerMissing
     where machine code is wanted and cannot be made.
+
+    >>> class Move(gt.Optimization):  # 1 m in 1 s from rest to rest, with the least squared acceleration
+    ...     x = gt.variable(unit="m", start=0.0, fixed=True)
+    ...     v = gt.variable(unit="m/s", start=0.0, fixed=True)
+    ...     a = gt.input(unit="m/s2")
+    ...     def equations(self):
+    ...         yield gt.der(self.x) == self.v
+    ...         yield gt.der(self.v) == self.a
+    ...     def objective(self):
+    ...         return gt.integral(self.a**2)
+    ...     def constraints(self):
+    ...         yield self.x.at(self.final_time) == 1.0
+    ...         yield self.v.at(self.final_time) == 0.0
+    >>> solution = gt.solve(Move(), gt.Mesh(5))
+    >>> round(solution.objective, 6)  # of a = 6 - 12 t
+    12.0
+    >>> round(float(solution.trajectory["x"][-1]), 6)
+    1.0
     """
     if not isinstance(model, Model) and not isinstance(model, type):
         raise ModelError(

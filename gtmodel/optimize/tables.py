@@ -18,7 +18,7 @@ SCHEMES = ("radau", "gauss")
 class Table:
     """Collocation on one element scaled to [0, 1] with K points.
 
-    `points` (K,); `derivative` (K + 1, K): slope at point c of the state polynomial through node 0 and the
+    `points` (K,); `derivative` (K + 1, K): derivative at point c of the state polynomial through node 0 and the
     points; `weights` (K,): quadrature; `end` (K + 1,): value at 1 of that polynomial.
     """
 

@@ -32,7 +32,11 @@ HALVINGS = 4  # a step of a continuation is halved so often before it is given u
 
 @dataclass(frozen=True, eq=False)
 class Continuation:
-    """Solutions of a continuation in order, halved steps among them, with the parameters of each."""
+    """What `Transcription.continuation` returns: the solutions in order, halved steps among them, with the parameters
+    of each.
+
+    `message` says where and why it ended early; empty where it did not.
+    """
 
     steps: tuple[tuple[dict[str, Any], Solution], ...]
     message: str = ""
@@ -55,7 +59,10 @@ class Continuation:
 
 
 class Transcription:
-    """A model on a mesh with derivatives ready; made by transcribe()."""
+    """A model on a mesh with derivatives ready, made by `transcribe`: solve it again and again with other parameters.
+
+    `solve` takes one set of parameters, `continuation` a sequence of them, each started from the last solution.
+    """
 
     def __init__(self, model: Optimization, nlp: Nlp, names: Mapping[str, list[str]], options: SolverOptions) -> None:
         self.model, self.nlp, self.options = model, nlp, options
@@ -195,9 +202,30 @@ def transcribe(
 ) -> Transcription:
     """Transcribe a model once, to be solved for many values of its parameters.
 
-    parameters: names, of the model's own class, that may change between solves; by default all of them. What stands
-    fixed is folded into the equations, where zeros vanish. scaling: as for gt.solve. Raises ModelError for a wrong
+    Args:
+        mesh: as for `solve`.
+        parameters: names, of the model's own class, that may change between solves; by default all of them. The others
+            are folded into the equations, where zeros vanish.
+        scaling, branches, solver: as for `solve`.
+
+    Returns a `Transcription`, whose `solve({"name": value})` builds nothing again. Raises ModelError for a wrong
     model or an unknown name.
+
+    >>> class Fastest(gt.Optimization):
+    ...     limit = gt.parameter(1.0, positive=True)
+    ...     final_time = gt.free(1.0, min=0.1, unit="s")
+    ...     x = gt.variable(start=1.0, fixed=True)
+    ...     u = gt.input()
+    ...     def equations(self):
+    ...         yield gt.der(self.x) == self.u
+    ...     def objective(self):
+    ...         return self.final_time
+    ...     def constraints(self):
+    ...         yield self.x.at(self.final_time) == 0
+    ...         yield gt.between(-self.limit, self.u, self.limit)
+    >>> problem = gt.transcribe(Fastest(), gt.Mesh(3))
+    >>> [round(problem.solve({"limit": value}).final_time, 4) for value in (1.0, 2.0, 4.0)]
+    [1.0, 0.5, 0.25]
     """
     flat, options = flat_of(model), solver or SolverOptions()
     own = [n for n, item in type(model)._declared.items() if isinstance(item, Parameter)]

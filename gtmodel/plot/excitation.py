@@ -1,4 +1,4 @@
-"""Excitation: how much a motion tells of each parameter, and where it goes."""
+"""Excitation: how well a motion determines each parameter, and where it goes."""
 
 from __future__ import annotations
 

@@ -27,7 +27,11 @@ _NUMBERS: dict[Any, Any] = {float: numbers.Real, int: numbers.Integral}
 
 @dataclass(frozen=True)
 class Within:
-    """Bounds of a number, or of each number of a list: > above, >= least, <= most, < below."""
+    """Bounds of a number, or of each number of a list: > above, >= least, <= most, < below.
+
+    >>> print(gt.results.Within(above=0.0, most=1.0))
+    more than 0 and at most 1
+    """
 
     above: float | None = None
     least: float | None = None
@@ -51,7 +55,7 @@ class Within:
 
 @dataclass(frozen=True)
 class Long:
-    """How many entries a list has, of lists in a list each; one number for all of them is no list."""
+    """Number of entries that a list must have; of lists in a list, each. One number in place of the list is refused."""
 
     count: int
 

@@ -13,11 +13,19 @@ _DIGITS, _ALL = 6, 17  # of a number in a sentence; that tell any two numbers ap
 
 @dataclass(frozen=True)
 class Check:
-    """A number that was tested, and the verdict on the whole result: where it fails, nobody is to rely on it.
+    """A number that was tested, and the verdict on the whole result: where it fails, nobody is to rely on the result.
 
-    What only informs is no check but a value. bound: what the value must not exceed, or must reach where `least` is
-    set; None without a bound. advice: what a person does when it fails, such as "use a smaller tolerance". judged: the
-    verdict where it is no comparison with the bound.
+    What only informs is no check but a value.
+
+    Args:
+        value: the number.
+        bound: what the value must not exceed, or must reach where `least` is set; None without a bound.
+        advice: what a person does when it fails, such as "use a smaller tolerance".
+        least: the bound is a lower one.
+        judged: the verdict where it is no comparison with the bound.
+
+    >>> gt.results.Check(0.2, bound=0.1, advice="refine the mesh").passed
+    False
     """
 
     value: float
@@ -44,12 +52,20 @@ class Check:
 
 
 def at_most(value: float, bound: float, advice: str = "") -> Check:
-    """The check value <= bound."""
+    """The check value <= bound. A value that is no number fails.
+
+    >>> gt.results.at_most(2e-3, 1e-3, "refine the mesh").passed
+    False
+    """
     return Check(value, bound, advice)
 
 
 def at_least(value: float, bound: float, advice: str = "") -> Check:
-    """The check value >= bound."""
+    """The check value >= bound. A value that is no number fails.
+
+    >>> gt.results.at_least(12, 10).passed
+    True
+    """
     return Check(value, bound, advice, least=True)
 
 

@@ -15,13 +15,18 @@ INSIDE = 1e-6
 class Estimate:
     """Estimated quantities with their covariance, in SI units.
 
-    `names`: free constants, and states at the start as "x at the start". `covariance` (n, n) is that of linearised
-    least squares (Gauss-Newton), `freedom` the number of measured values beyond the estimated quantities, `noise` the
-    standard deviation of the residuals (1 expected where sigma was given). `held` stand at a bound, at `held_values`:
-    no covariance. `null_space` (n, k), one column per direction in which the data say nothing, zero where a name has
-    no part: values stand where the fit was told to leave them, `covariance` is that of the rest, and intervals of
-    names that move along one are infinite. `units` per name (empty: not told); `notes`: sentences on what limits the
-    numbers.
+    names: free constants, and states at the start as "x at the start"; `values` (n,) in the same order.
+    covariance: (n, n), that of linearised least squares (Gauss-Newton).
+    freedom: degrees of freedom, the number of measured values beyond the estimated quantities.
+    noise: standard deviation of the residuals, 1 expected where sigma was given (`known_noise`).
+    held: names that stand at a bound, at `held_values`; they have no covariance.
+    null_space: (n, k), one column per direction in which the data determine nothing, zero where a name has no part.
+        There the values stay where the fit left them, `covariance` is that of the rest, and intervals of names that
+        move along such a direction are infinite.
+    units: per name; empty where they are unknown.
+    notes: sentences on what limits the numbers.
+
+    `interval(name)` gives confidence limits, `combination(...)` those of a weighted sum. Example: see `gt.estimate`.
     """
 
     names: tuple[str, ...]

@@ -21,8 +21,11 @@ from .unit_names import named
 
 @dataclass(frozen=True)
 class Unit:
-    """Unit of a field, SI; `written`: that of the key in a file where people write another, as "deg" for rad; `key`:
-    the whole key, if not the field's name with the unit."""
+    """Unit of a field of `Options`, SI, and how its key in a file is called.
+
+    written: unit of the key where people write another, as "deg" for rad. key: the whole key, if not the field's name
+    with the unit.
+    """
 
     text: str
     written: str = ""
@@ -30,7 +33,23 @@ class Unit:
 
 
 class Options:
-    """Base of the options of studies: checked when made, whoever makes them. Raises ArgumentError."""
+    """Base of the options of studies: frozen dataclasses whose fields are checked when an object is made, whoever makes
+    it.
+
+    A field says in its annotation what may be given: kind, `Unit`, `Within`, `Long`, and a description. Raises
+    ArgumentError, which names the field.
+
+    >>> from dataclasses import dataclass
+    >>> from typing import Annotated
+    >>> from gtmodel.results import Unit, Within
+    >>> @dataclass(frozen=True)
+    ... class Limits(gt.results.Options):
+    ...     force: Annotated[float, Unit("N"), Within(above=0.0), "largest motor force"] = 700.0
+    >>> Limits(force=-5.0)
+    Traceback (most recent call last):
+        ...
+    gtmodel.results.refusal.ArgumentError: force: ...
+    """
 
     def __post_init__(self) -> None:
         for name, hint in hints(type(self)).items():

@@ -15,7 +15,7 @@ from .unit_names import named
 
 
 class Row(NamedTuple):
-    """One row of the table that people see."""
+    """One row of the table that people see: label, value and unit."""
 
     label: str
     value: Any
@@ -93,7 +93,11 @@ def marks_of(hint: Any) -> tuple[Any, ...]:
 
 
 def listed(numbers: Iterable[float]) -> str:
-    """The numbers of a vector, such as "1, 0.25, 0"."""
+    """The numbers of a vector as text, with four digits.
+
+    >>> gt.results.listed([1.0, 0.25, -0.0])
+    '1, 0.25, 0'
+    """
     return ", ".join(f"{x + 0.0:.4g}" for x in numbers)  # -0 is 0
 
 

@@ -42,7 +42,17 @@ class Stored(Study):
 def read(folder: str | Path) -> Stored:
     """The study in a folder that `Study.write` or ``--out`` wrote, or of a result.json itself.
 
-    Raises ArgumentError for what is no result of gtmodel.
+    Its status, checks and trajectory are as they were; its quantities are attributes again. Raises ArgumentError for
+    what is no result of gtmodel.
+
+    >>> import tempfile
+    >>> solved = {"residual": gt.results.at_most(1e-9, 1e-6)}
+    >>> study = gt.results.Study(status=gt.SolveStatus.SOLVED, checks=solved)
+    >>> with tempfile.TemporaryDirectory() as place:
+    ...     written = study.write(place + "/out")
+    ...     again = gt.results.read(place + "/out")
+    >>> again.status.ok, again.checks["residual"].value
+    (True, 1e-09)
     """
     path = Path(folder)
     file = path / "result.json" if path.is_dir() else path

@@ -11,6 +11,11 @@ class ArgumentError(ValueError):
 
     sentence: what was found, what was expected, what to do; without the argument's name.
     argument: its name, dotted where it is an entry of an options object ("limits.force"); "" where it is none alone.
+
+    It is a ValueError.
+
+    >>> print(gt.results.ArgumentError("expected at least 1; found 0", "map.step"))
+    map.step: expected at least 1; found 0
     """
 
     def __init__(self, sentence: str, argument: str = "") -> None:
@@ -24,7 +29,16 @@ class ArgumentError(ValueError):
 
 @contextmanager
 def naming(argument: str, *kinds: type[Exception]) -> Iterator[None]:
-    """What is refused inside by errors of these kinds is refused as this argument, in the same sentence."""
+    """A block in which errors of these kinds are refused as this argument, in the same sentence.
+
+    kinds: exception classes; all others pass.
+
+    >>> with gt.results.naming("guess", KeyError, ValueError):
+    ...     float("fast")
+    Traceback (most recent call last):
+        ...
+    gtmodel.results.refusal.ArgumentError: guess: could not convert string to float: 'fast'
+    """
     try:
         yield
     except kinds as error:

@@ -38,6 +38,8 @@ def never() -> bool:
 class Work:
     """Progress and end of one run; made of the arguments `progress`, `max_seconds` and `stop` that every study takes.
 
+    progress: called as progress(stage, fraction, numbers): what is being done, the fraction done from 0 to 1 or None,
+        and numbers by name or None.
     max_seconds: time limit [s] from the making of this object on; None for none.
     stop: asked once per step of the work; True ends it with what there is.
     """

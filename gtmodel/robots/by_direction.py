@@ -20,7 +20,13 @@ class GantryTauViscousByDirection(GantryTau):
     """Viscous friction by direction, Coulomb friction symmetric (model 4 of Table 6.3).
 
     `viscous` and `viscous_minus` are those at positive and at negative velocity, both positive numbers. The friction of
-    the arms must be one by direction: arm=dict(friction=DirectionalSignFriction).
+    the arms must be a part by direction: arm=dict(friction=DirectionalSignFriction).
+
+    Viscous friction [kg/s] at positive and at negative velocity, one value per cart:
+
+    >>> robot = gt.robots.inertia_variant("model_4").robot
+    >>> print(robot.viscous, robot.viscous_minus)
+    [205.03 190.   185.94] [158.01 133.76 197.52]
     """
 
     viscous_minus = gt.parameter([0.0] * 3, unit="kg/s", min=0.0, description="viscous friction at negative velocity")
@@ -46,7 +52,19 @@ class GantryTauViscousByDirection(GantryTau):
 
 
 class GantryTauByDirection(GantryTauViscousByDirection):
-    """Friction by direction, as in Dressler 2012, Table 6.1; see GantryTauViscousByDirection."""
+    """Viscous and Coulomb friction by direction, as in Dressler 2012, Table 6.1; see GantryTauViscousByDirection.
+
+    Friction force of cart 1 of the L1 at 0.3 m/s both ways:
+
+    >>> robot = gt.robots.inertia_variant("model_3", smoothing="tanh").robot
+    >>> friction = robot.causal(known="q", targets="arm[0].friction.force")
+    >>> for velocity in (0.3, -0.3):
+    ...     force, status = friction(np.zeros(3), [velocity, 0.0, 0.0])
+    ...     print(round(force, 2))
+    ...
+    249.55
+    -192.51
+    """
 
     coulomb_minus = gt.parameter(
         [0.0] * 3, unit="N", min=0.0, description="Coulomb friction at negative velocity, positive"
@@ -58,7 +76,11 @@ class GantryTauByDirection(GantryTauViscousByDirection):
 
 @dataclass(frozen=True)
 class InertiaVariant:
-    """One way to ask for masses and friction: which parameters are free, the robot with the others fixed, in words."""
+    """A choice of the masses and frictions to identify.
+
+    robot: the model with all other parameters fixed. free: names of the parameters to identify. description: the choice
+    in words.
+    """
 
     robot: GantryTau
     free: tuple[str, ...]
@@ -75,12 +97,18 @@ VARIANTS = {
 
 
 def inertia_variant(name: str, geometry: str = "l1_tape", smoothing: str = "sign", **modifiers: Any) -> InertiaVariant:
-    """A model of Dressler 2012, Table 6.3, or "links", as a variant of a three-link robot: what is free, what is fixed.
+    """A model of Dressler 2012, Table 6.3, or "links", for a three-link robot.
 
-    Link masses are neglected but in "links". The numbers of what is free (m_p, m_c, friction) are those of model 2, as
-    nominal values. smoothing: "sign", for identification, or "tanh". modifiers: any parameter of GantryTau.
+    Link masses are neglected but in "links". The values of the free parameters (m_p, m_c, friction) are those of model
+    2, as nominal values. smoothing: "sign", for identification, or "tanh". modifiers: any parameter of GantryTau.
 
-    Raises ModelError for another name.
+    Raises ModelError for another name or smoothing.
+
+    Model 4 of Table 6.3: which parameters are to be identified, and in words.
+
+    >>> variant = gt.robots.inertia_variant("model_4")
+    >>> print(variant.free, variant.description)
+    ('m_p', 'm_c', 'coulomb') symmetric Coulomb friction, viscous friction fixed to Table 6.1
     """
     if name not in VARIANTS or smoothing not in LAWS:
         known = VARIANTS if name not in VARIANTS else LAWS
@@ -102,7 +130,14 @@ def inertia_variant(name: str, geometry: str = "l1_tape", smoothing: str = "sign
 
 
 def friction_by_direction() -> dict[str, np.ndarray]:
-    """Coulomb [N] and viscous [kg/s] friction of the L1 carts by direction (Dressler 2012, Table 6.1)."""
+    """Coulomb [N] and viscous [kg/s] friction of the L1 carts by direction (Dressler 2012, Table 6.1).
+
+    One value per cart:
+
+    >>> friction = gt.robots.friction_by_direction()
+    >>> print(friction["coulomb"], friction["coulomb_minus"])
+    [189.12 262.59 239.06] [145.69 119.23 177.22]
+    """
     table = catalogue.dynamics_table()["friction_constant_velocity"]
     keys = {"coulomb": "coulomb_plus_N", "coulomb_minus": "coulomb_minus_N"}
     keys |= {"viscous": "viscous_plus_kg_s", "viscous_minus": "viscous_minus_kg_s"}
@@ -110,7 +145,17 @@ def friction_by_direction() -> dict[str, np.ndarray]:
 
 
 def actuator_closed_loop() -> dict[str, Any]:
-    """b, a, delay [samples] and sample_time [s] of the position-controlled L1 carts (Dressler 2012, eq. (6.11))."""
+    """The position-controlled L1 carts as first-order lags (Dressler 2012, eq. (6.11)).
+
+    b and a (3,) are the coefficients of b z^-delay / (1 - a z^-1) of each cart, from reference to position; delay
+    [samples], sample_time [s].
+
+    A first-order lag per cart, with a delay of five samples of 4 ms:
+
+    >>> loop = gt.robots.actuator_closed_loop()
+    >>> print(loop["a"], loop["delay"], loop["sample_time"])
+    (0.9647, 0.9656, 0.9728) 5 0.004
+    """
     table = catalogue.dynamics_table()["actuator_closed_loop"]
     return dict(
         b=tuple(table["b"]), a=tuple(table["a"]), delay=int(table["delay_samples"]), sample_time=table["sample_time_s"]

@@ -25,7 +25,7 @@ IDENTIFIED_MASSES = "Dressler 2012, Table 6.3"
 
 
 class Entry(NamedTuple):
-    """A robot of the catalogue: its family, degrees of freedom, where geometry and where masses come from."""
+    """A robot of the catalogue: its family, degrees of freedom, source of its geometry and origin of its masses."""
 
     family: str
     degrees_of_freedom: int
@@ -63,7 +63,21 @@ def _inertias() -> dict[str, dict[str, Any]]:
 
 
 def entries() -> dict[str, Entry]:
-    """The catalogue by name."""
+    """The robots of the catalogue by name: family, degrees of freedom, source of the geometry, origin of the masses.
+
+    >>> for name, entry in gt.robots.entries().items():
+    ...     print(f"{name:16s} {entry.family:11s} {entry.degrees_of_freedom}")
+    ...
+    d1_nominal       three_link  3
+    d1_six_link      six_link    3
+    f1               f1          6
+    kr500            serial      6
+    l1_camera        three_link  3
+    l1_tape          three_link  3
+    l1_tracker       three_link  3
+    l1_tracker_2008  three_link  3
+    l1_vision        three_link  3
+    """
     found = {}
     for name, table in sorted(_geometries().items()):
         family = _family(table)
@@ -74,12 +88,20 @@ def entries() -> dict[str, Entry]:
 
 
 def names() -> dict[str, str]:
-    """Catalogue names with their sources."""
+    """Names of the robots of the catalogue, with the source of the geometry of each.
+
+    >>> gt.robots.names()["l1_tape"]
+    'Dressler 2012, Table 5.7 manually measured'
+    """
     return {name: entry.source for name, entry in entries().items()}
 
 
 def inertia_names() -> list[str]:
-    """Names of the identified inertia and friction models (Dressler 2012, Table 6.3)."""
+    """Names of the identified inertia and friction models (Dressler 2012, Table 6.3).
+
+    >>> gt.robots.inertia_names()
+    ['model_1', 'model_2']
+    """
     return sorted(_inertias())
 
 
@@ -89,6 +111,16 @@ def make(name: str, **options: Any) -> Model:
     options: parameters of the model, and payload [kg], smoothing, velocity_scale [m/s] and, for three links, inertia as
     for `gantry_tau`. Raises ModelError for an unknown name, a payload below 0, and for options that the family does not
     take.
+
+    Any robot of `names`, of whatever family; what a family does not take is refused:
+
+    >>> robot = gt.robots.make("f1", payload=2.0)
+    >>> print(type(robot).__name__, robot.m_p)
+    F1 14.0
+    >>> gt.robots.make("l1_tap")
+    Traceback (most recent call last):
+        ...
+    gtmodel.lang.source.ModelError: there is no robot 'l1_tap'; did you mean l1_tape or l1_tracker?
     """
     return family_member(_pick(name, entries(), "robot").family, name, **options)
 
@@ -164,6 +196,14 @@ def gantry_tau(
         modifiers: any parameter of GantryTau, e.g. m_a=[...].
 
     Raises ModelError for an unknown name, with close matches, and a payload below 0.
+
+    Forward kinematics of the L1, carts to tool centre point [m]; many rows at once have a status each:
+
+    >>> robot = gt.robots.gantry_tau("l1_tape", payload=5.0)
+    >>> fk = robot.causal(known="q", targets="T")
+    >>> T, status = fk([[-0.7, -0.8, -0.6], [-0.7, -0.8, 5.0]])
+    >>> print(T[0].round(3), [gt.Status(s).name for s in status])
+    [ 0.911 -0.883  0.463] ['OK', 'OUT_OF_RANGE']
     """
     geometry = _pick(name, _sets(), "three-link robot" if name in _geometries() else "robot")
     friction = _pick(smoothing, SMOOTHINGS, "friction smoothing")

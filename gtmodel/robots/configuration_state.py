@@ -30,6 +30,17 @@ def configuration(robot: gt.Model, inverse: Sequence[int] | None = None, forward
             three links and the 5-DOF F1, whose forward kinematics has two solutions. Independent of `inverse`.
 
     Raises ModelError for a robot without a configuration, a wrong number of signs, or signs other than +1 and -1.
+
+    Carts of the L1 with the second one ahead of its plate joint, where the default has all behind:
+
+    >>> robot = gt.robots.gantry_tau("l1_tape")
+    >>> branches = gt.robots.configuration(robot, inverse=(1, -1, 1))
+    >>> print(branches)
+    {'arm[0].ahead': 1, 'arm[1].ahead': -1, 'arm[2].ahead': 1}
+    >>> q, status = robot.causal(known="T", targets="q")(robot.home)
+    >>> other, status = robot.causal(known="T", targets="q", branches=branches)(robot.home)
+    >>> print(q.round(3), other.round(3))
+    [-0.564 -0.347 -0.045] [-0.564  2.691 -0.045]
     """
     found = next((signs for cls, signs in _SIGNS.items() if isinstance(robot, cls)), None)
     if found is None:

@@ -35,9 +35,17 @@ class F1(gt.Model):
     [N.m]. Dressler 2012, eqs. (4.16)-(4.24) and (4.34): link (i, j) closes |T + R B_ij - A_ij(q)| = L_ij, rows of A, B
     and L in the order 1, 2a, 2b, 3a, 3b, 3c. Quaternions u are raw: their lengths scale what they turn. The plate's
     R = R(e) with e of length 1, scalar first. z is vertical, along the guideways, and v is upwards: the plate hangs
-    below the carts (branch `below` of link 1, which tells the root of the one closed form of the inverse kinematics).
+    below the carts (branch `below` of link 1, which selects the root of the one closed form of the inverse kinematics).
     Forward kinematics and arms 2 and 3 of the inverse are Newton blocks that continue the home pose; where an arm has
-    several inverse solutions, that is the one on the straight way from there, or the one near a guess.
+    several inverse solutions, that is the one on the straight line from there, or the one near a guess.
+
+    The axes for the home pose moved down by 0.1 m; carts move along z:
+
+    >>> robot = gt.robots.f1_gantry_tau()
+    >>> ik = robot.causal(known=["T", "e"], targets="q")
+    >>> q, status = ik([robot.home, robot.home - [0.0, 0.0, 0.1]], [robot.home_e] * 2)
+    >>> print((q[1] - q[0]).round(3) + 0.0)
+    [-0.101 -0.101 -0.101  0.     0.     0.   ]
     """
 
     A0 = gt.parameter(shape=(3, 3), unit="m", description="reference points of the carts at q = 0")
@@ -161,6 +169,13 @@ def f1_gantry_tau(name: str = "f1", parallel: bool = False, **modifiers: Any) ->
         modifiers: any parameter of F1.
 
     Raises ModelError for another name.
+
+    Link lengths [m] as printed and of the parallel geometry:
+
+    >>> print(gt.robots.f1_gantry_tau().L.round(4))
+    [1.9226 1.5019 1.5043 1.502  1.5012 1.5052]
+    >>> print(gt.robots.f1_gantry_tau(parallel=True).L.round(4))
+    [1.9226 1.5031 1.5031 1.5028 1.5028 1.5028]
     """
     geometry = _geometry(name, parallel)
     home_e = clusters.quaternion_of(f1_geometry.home_rotation(geometry)[0])
@@ -168,12 +183,30 @@ def f1_gantry_tau(name: str = "f1", parallel: bool = False, **modifiers: Any) ->
 
 
 def f1_five_dof(name: str = "f1", parallel: bool = False, **modifiers: Any) -> F1FiveDof:
-    """Closed-form kinematics of the F1 with q4 = -q5; arguments as for `f1_gantry_tau`, modifiers of F1FiveDof."""
+    """Closed-form kinematics of the F1 with q4 = -q5; arguments as for `f1_gantry_tau`, modifiers of F1FiveDof.
+
+    Axes to position, and back:
+
+    >>> robot = gt.robots.f1_five_dof(parallel=True)
+    >>> T, status = robot.causal(known="q", targets="T")([0.72, 0.26, 0.21, 0.1, 0.0])
+    >>> q, status = robot.causal(known=["T", "angles"], targets="q")(T, [0.1, 0.0])
+    >>> print(T.round(3), q.round(6))
+    [-0.212  2.28  -0.016] [0.72 0.26 0.21 0.1  0.  ]
+    """
     return F1FiveDof(**{**f1_geometry.five_dof(_geometry(name, parallel)), "home": np.array(HOME), **modifiers})
 
 
 def f1_rotation(name: str = "f1", parallel: bool = False) -> F1Rotation:
-    """Rotary axes of the 5-DOF F1 from the plate's orientation; arguments as for `f1_gantry_tau`."""
+    """Rotary axes of the 5-DOF F1 from the plate's orientation; arguments as for `f1_gantry_tau`.
+
+    The angles that gave an orientation:
+
+    >>> five, rotation = gt.robots.f1_five_dof(), gt.robots.f1_rotation()
+    >>> R, status = five.causal(known=["T", "angles"], targets="R")([0.2, -0.1])
+    >>> angles, status = rotation.causal(known="R", targets="angles")(R)
+    >>> print(angles.round(6))
+    [ 0.2 -0.1]
+    """
     geometry = _geometry(name, parallel)
     five = f1_geometry.five_dof(geometry)
     values = {k: five[k] for k in ("u1_3", "u2_3", "e_c")}

@@ -18,8 +18,15 @@ class F1FiveDof(gt.Model):
     of its quaternion, so that R is a rotation; e is a unit quaternion of it. Exact where clusters are parallelograms
     (`f1_geometry.parallel`). On the printed set it is a start value for the 6-DOF Newton: up to 15 mm and 4 degrees off
     for angles of 17 degrees (eq. (4.32)) where q4 = -q5, up to 12 cm where these differ by 30 degrees. Branches as for
-    three links: `arm_below[i]`, the plate joint below cart i,
-    and `plate_below`, the plate below the plane through the three virtual cart joints.
+    three links: `arm_below[i]`, the plate joint below cart i, and `plate_below`, the plate below the plane through the
+    three virtual cart joints.
+
+    Known q4 and q6, the carts follow in closed form; q is q1, q2, q3 [m], q4, q6 [rad]:
+
+    >>> robot = gt.robots.f1_five_dof()
+    >>> q, status = robot.causal(known=["T", "angles"], targets="q")(robot.home, [0.1, -0.05])
+    >>> print(q.round(3))
+    [ 0.744  0.278  0.229  0.1   -0.05 ]
     """
 
     A0 = gt.parameter(shape=(3, 3), unit="m", description="reference points of the carts at q = 0")
@@ -70,9 +77,18 @@ class F1FiveDof(gt.Model):
 class F1Rotation(gt.Model):
     """Rotary axes of the 5-DOF F1 from the plate's orientation (Dressler 2012, f_ik,rot of eq. (4.25)).
 
-    Known R (3, 3), a rotation; angles (q4, q6) [rad] follow by two arc tangents. `twist` (1) is what the 5-DOF
-    kinematics cannot do: along y, the part of the inner axis that q4 does not move, as it should be minus as it is; 0
-    for an R that q4 = -q5 reaches.
+    Known R (3, 3), a rotation; angles (q4, q6) [rad] follow by two arc tangents. `twist` [1] is 0 for an R that
+    q4 = -q5 reaches, and otherwise measures how far R is from that: of the unit vector along the axis of q6, the y
+    component in 1S_3, which q4 cannot change, minus that of the given R.
+
+    The plate turned from its home by 0.1 rad about the world's z, which q4 = -q5 and q6 cannot do:
+
+    >>> rotation = gt.robots.f1_rotation()
+    >>> c, s = np.cos(0.1), np.sin(0.1)
+    >>> R = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]) @ rotation.home_R
+    >>> angles, twist, status = rotation.causal(known="R", targets=["angles", "twist"])(R)
+    >>> print(angles.round(3), round(twist, 3))
+    [-0.001  0.001] 0.1
     """
 
     u1_3 = gt.parameter(shape=4, unit="1", kind="direction", description="raw quaternion of 1S_3, scalar first")
@@ -83,7 +99,7 @@ class F1Rotation(gt.Model):
     home_R = gt.parameter(np.eye(3), unit="1", kind="rotation", description="the plate's R at q4 = q6 = 0")
     R = gt.variable((3, 3), unit="1", start=home_R, description="rotation from plate to world coordinates")
     angles = gt.variable(2, unit="rad", start=[0.0, 0.0], description="q4 and q6")
-    twist = gt.variable(unit="1", description="what an R out of reach lacks")
+    twist = gt.variable(unit="1", description="how far R is out of reach")
 
     def equations(self):
         R13, R23, C = (quaternion_matrix(u) / gt.dot(u, u) for u in (self.u1_3, self.u2_3, self.e_c))

@@ -10,8 +10,8 @@ from .three_link import GantryTau
 class InverseModel(gt.Model):
     """Motor forces that move the carts along filtered references (Dressler 2012, Fig. 3.2 and section 3.4).
 
-    The forward model turned round: `reference` [m] is the input, `tau` [N] the output, the filters' outputs
-    are the states. `causal(known="reference", targets=["tau", "der(filter[0].x)", ...])` is the block.
+    The forward model with inputs and outputs exchanged: `reference` [m] is the input, `tau` [N] the output, the
+    filters' outputs are the states. `causal(known="reference", targets=["tau", "der(filter[0].x)", ...])` is the block.
     """
 
     reference = gt.input(3, unit="m", description="cart positions to follow")

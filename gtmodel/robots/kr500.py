@@ -39,9 +39,19 @@ class SphericalWristArm(gt.Model):
 
     T [m] and R are origin and orientation of the flange (its z axis points out of it), v [m/s] and w [rad/s] their
     rates, W [m] the wrist centre with its velocity v_W. The flange carries `load.force` [N] and `load.torque` [N.m],
-    world coordinates; `tau` [N.m] holds it, tau = -J'F (the motors' part; joints give way by +J'F). Links are
+    world coordinates; `tau` [N.m] are the motor torques that hold it, tau = -J'F, where F is the load at
+    the flange (compliant joints deflect under its opposite, +J'F). Links are
     massless: no masses are printed. `known="q"` with targets v and w at der(q) gives the geometric Jacobian. All
     branches of the inverse: `kinematics.WristPartition`.
+
+    Motor torques [N.m] that hold 100 N downwards at the flange of a KR 500-3, in its pose with the forearm level:
+
+    >>> robot = gt.robots.kr500()
+    >>> f = robot.causal(known=["q", "load.force", "load.torque"], targets=["T", "tau"])
+    >>> q, rest = np.radians([0.0, -90.0, 90.0, 0.0, 0.0, 0.0]), np.zeros(6)
+    >>> T, tau, status = f(q, rest, rest, [0.0, 0.0, -100.0], np.zeros(3))
+    >>> print(T.round(3), tau.round(1) + 0.0)
+    [1.815 0.    2.29 ] [   0.  -131.5 -131.5    0.   -29.     0. ]
     """
 
     origins = gt.parameter(shape=(6, 3), unit="m", description="axis origins, each in the frame before, at q = 0")
@@ -97,6 +107,13 @@ def kr500(**modifiers: Any) -> KR500:
     """The KR 500-3 of the printed geometry. modifiers: any parameter of SphericalWristArm.
 
     Raises ModelError for an unknown parameter.
+
+    Flange and wrist centre [m] with the arm stretched out, all angles 0:
+
+    >>> robot = gt.robots.kr500()
+    >>> T, W, status = robot.causal(known="q", targets=["T", "W"])(np.zeros(6))
+    >>> print(T.round(3), W.round(3))
+    [3.115 0.    0.99 ] [2.825 0.    0.99 ]
     """
     geometry = kr500_tables()["geometry"]
     values = {"origins": np.array(geometry["joint_origins_m"], float), "axes": np.array(geometry["joint_axes"], float)}
@@ -104,10 +121,30 @@ def kr500(**modifiers: Any) -> KR500:
 
 
 def kr500_limits() -> np.ndarray:
-    """Joint limits (6, 2) of the KR 500-3, lower and upper [rad]."""
+    """Joint limits (6, 2) of the KR 500-3, lower and upper [rad], from its data sheet.
+
+    In degrees, as on the data sheet:
+
+    >>> np.degrees(gt.robots.kr500_limits()).round()
+    array([[-185.,  185.],
+           [-130.,   20.],
+           [-100.,  144.],
+           [-350.,  350.],
+           [-120.,  120.],
+           [-350.,  350.]])
+    """
     return np.deg2rad(np.array(kr500_tables()["geometry"]["limits_deg"], float))
 
 
 def kr500_tables() -> dict[str, Any]:
-    """The printed figures of the KR 500-3 (Cvitanic 2021) as tables; c_z of the milling tests is missing in print."""
+    """The printed figures of the KR 500-3 (Cvitanic 2021) as nested tables, with the unit at the end of each key.
+
+    The damping c_z of the milling tests is missing in print. The tables are shared: leave them as they are.
+
+    >>> tables = gt.robots.kr500_tables()
+    >>> print(*sorted(tables))
+    appendix_a closed_loop cutting fusion geometry milling_tests static_stiffness
+    >>> print(tables["geometry"]["limits_deg"][0])
+    [-185, 185]
+    """
     return printed("kr500.toml")

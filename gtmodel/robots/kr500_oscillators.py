@@ -23,7 +23,7 @@ class PrintedOscillators:
     c: np.ndarray
     k: np.ndarray
     tests: tuple[tuple[int, ...], ...]
-    note: str = NOTE  # what is to be said of them
+    note: str = NOTE  # what a reader of the values must know
     name: str = "table_16"
 
     @property

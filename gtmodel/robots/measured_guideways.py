@@ -15,7 +15,7 @@ from ..mechanics.rotation import quaternion_matrix
 D1_MODELS = {1: (), 2: (0, 1, 2), 3: (), 4: (0, 1, 2), 5: (1,)}
 
 
-LEAST = 0.5  # of the way along the guideway per way of the cart, and the inverse of the most
+LEAST = 0.5  # least travel along the guideway per travel of the cart; its inverse is the most
 
 
 class OnPoints(NamedTuple):

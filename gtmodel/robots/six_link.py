@@ -43,12 +43,20 @@ class SixLink(gt.Model):
 
     Link (i, j) closes |T + R B_ij - A_ij - q_i v_ij| = L_ij (Dressler 2012, section 4.4). The rows of A, v, L, B and
     m_a are the links in the order of LINKS. The reference point of a cart, where its mass counts, moves with the mean
-    of its links' v. R = R(e), e a unit quaternion, scalar first; e and -e are the same pose. A wrist may hang on
-    plate.frame. Of the assembly modes Newton takes the one that continues the home pose, with carts behind the plate
-    unless branches ask for another.
+    of its links' v. A positive force of tau pushes its cart along +v. R = R(e), e a unit quaternion, scalar first; e
+    and -e are the same pose. A wrist may hang on plate.frame. Of the assembly modes Newton takes the one that continues
+    the home pose, with carts behind the plate unless branches ask for another.
 
     Attributes:
         stands_on: the cart of each link.
+
+    The plate's orientation follows from its position, here over half a metre along the guideways [degrees]:
+
+    >>> robot = gt.robots.six_link_gantry_tau()
+    >>> R, status = robot.causal(known="T", targets="R")([robot.home, robot.home + [0.5, 0.0, 0.0]])
+    >>> angle = np.arccos((np.trace(R[0].T @ R[1]) - 1) / 2)
+    >>> print(round(np.degrees(angle), 3))
+    0.027
     """
 
     stands_on: ClassVar[tuple[int, ...]] = ARM
@@ -107,6 +115,19 @@ def on_guideways(guideways: Sequence[Any]) -> dict[str, list[dict[str, Any]]]:
     `arm=[dict(guideway=g) for g in guideways]`.
 
     Raises ModelError for another number than three.
+
+    Arm 2 of the six-link D1 on a curve that is 0.1 mm high in its middle, the others straight:
+
+    >>> straight = gt.mechanics.Guideway
+    >>> bent = gt.mechanics.SplineGuideway(at=[-1.0, 0.0, 1.0], deviation=[[0, 0, 0], [0, 0, 1e-4], [0, 0, 0]])
+    >>> modifiers = gt.robots.on_guideways([straight, bent, straight])
+    >>> robot = gt.robots.six_link_gantry_tau(**modifiers)
+    >>> print({part: len(each) for part, each in modifiers.items()})
+    {'cart': 3, 'link': 6}
+    >>> gt.robots.on_guideways([straight, bent])
+    Traceback (most recent call last):
+        ...
+    gtmodel.lang.source.ModelError: on_guideways takes one guideway per arm, three; found 2
     """
     if len(guideways) != 3:
         raise gt.ModelError(f"on_guideways takes one guideway per arm, three; found {len(guideways)}")
@@ -148,6 +169,12 @@ def six_link_gantry_tau(name: str = "d1_six_link", **modifiers: Any) -> SixLink:
 
     The plate is ahead of the carts, side c = -1, where six-link and three-link tool centre point agree; e is near
     ZYZ = (85.0, 100.9, -88.6) deg. Modifiers: any parameter of SixLink. Raises ModelError for another name.
+
+    A heavier plate [kg] on the links of the table [m]:
+
+    >>> robot = gt.robots.six_link_gantry_tau(m_p=20.0)
+    >>> print(robot.m_p, robot.L)
+    20.0 [2.04422 2.04291 2.04294 2.04351 2.04352 2.04352]
     """
     if name != "d1_six_link":
         raise gt.ModelError(f"there is no six-link robot '{name}'; there is d1_six_link")

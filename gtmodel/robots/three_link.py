@@ -33,10 +33,25 @@ class Arm(gt.Model):
 
 
 class GantryTau(gt.Model):
-    """Three-link Gantry-Tau: carts q [m], tool centre point T [m], motor forces tau [N].
+    """Three-link Gantry-Tau: carts q [m], tool centre point T [m], motor forces tau [N], positive along +v.
 
     Dressler 2012, eqs. (6.3)-(6.8), from components. Branch `plate_ahead`: the plate lies ahead of the plane
     through the three cart joints, seen along the guideways; `arm[i].ahead` likewise for each cart alone.
+
+    A machine of one's own, with three guideways along x and links of 2 m: carts [m] and motor forces [N] at rest for a
+    pose of the plate. A positive force pushes its cart along +v.
+
+    >>> robot = gt.robots.GantryTau(
+    ...     A=[[0.0, 0.0, 1.4], [0.0, -1.3, 1.4], [0.0, 0.0, 0.0]],
+    ...     v=[[1.0, 0.0, 0.0]] * 3,
+    ...     L=[2.0, 2.0, 2.0],
+    ...     m_p=9.0,
+    ...     m_c=[14.0, 14.0, 38.0],
+    ...     home=[1.4, -0.5, 0.8],
+    ... )
+    >>> q, tau, status = robot.causal(known="T", targets=["q", "tau"])(robot.home, np.zeros(3), np.zeros(3))
+    >>> print(q.round(3), tau.round(2))
+    [-0.441 -0.332 -0.364] [-115.16    1.85  113.31]
     """
 
     A = gt.parameter(shape=(3, 3), unit="m", description="cart joints at q = 0, one row per arm")

@@ -31,7 +31,14 @@ def triangular(robot: SixLink) -> dict[str, np.ndarray]:
 def queensland_gantry_tau(name: str = "d1_six_link", **modifiers: Any) -> SixLink:
     """The six-link D1 with a triangular arm 3: an EXAMPLE OF OURS for the Queensland Gantry-Tau's structure.
 
-    Modifiers: any parameter of SixLink. Raises ModelError for an unknown name.
+    modifiers: any parameter of SixLink. Raises ModelError for an unknown name.
+
+    How far the plate turns over 0.3 m [degrees]; that of the six-link D1 turns by 0.09 degrees:
+
+    >>> robot = gt.robots.queensland_gantry_tau()
+    >>> R, status = robot.causal(known="T", targets="R")([robot.home, robot.home + [0.0, 0.0, 0.3]])
+    >>> print(round(np.degrees(np.arccos((np.trace(R[0].T @ R[1]) - 1) / 2)), 2))
+    6.1
     """
     robot = six_link_gantry_tau(name)
     return robot.with_(**{**triangular(robot), **modifiers})

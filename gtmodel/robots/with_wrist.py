@@ -11,13 +11,13 @@ from ..mechanics import Frame, PointFrame, Wrist
 from . import catalogue
 from .three_link import GantryTau
 
-WRIST_START = (0.0, 0.5)  # off the pole of the first axis, where its angle has no say
+WRIST_START = (0.0, 0.5)  # off the pole of the first axis, where its angle has no effect
 
 
 class HeldPlate(gt.Model):
     """A massless plate that link clusters keep at the orientation R: what hangs on `frame` moves with `point`.
 
-    Clusters take up the torque, so that nothing is said about it.
+    The clusters take up any torque, so that there is no equation for it.
     """
 
     R = gt.parameter(np.eye(3), unit="1", kind="rotation", description="rotation from plate to world coordinates")
@@ -40,6 +40,14 @@ class GantryTauWrist(GantryTau):
     dimensions are printed: those of Wrist are an EXAMPLE OF OURS. Inverse kinematics: known P and the wrist's angles
     in closed form, or P, direction[0] and direction[1], with Newton in the two angles (singular where the tool points
     along the first axis).
+
+    Axes that put the tool at a point with its z axis at 30 degrees to the vertical:
+
+    >>> robot = gt.robots.gantry_tau_wrist("l1_tape")
+    >>> ik = robot.causal(known=["P", "direction[0]", "direction[1]"], targets="axes")
+    >>> axes, status = ik([0.9, -0.9, 0.3], 0.5, 0.0)
+    >>> print(axes.round(3), status)
+    [-0.678 -0.794 -0.552  0.     0.524] 0
     """
 
     R_plate = gt.parameter(np.eye(3), unit="1", kind="rotation", description="the plate's constant orientation")
@@ -68,6 +76,14 @@ def gantry_tau_wrist(name: str = "l1_tape", **modifiers: Any) -> GantryTauWrist:
     """A three-link robot of the catalogue with the wrist; wrist dimensions are an example of ours (see Wrist).
 
     modifiers: any parameter of GantryTauWrist. Raises ModelError for an unknown name.
+
+    Carts [m] and wrist angles [rad] to the tool's point and its z axis:
+
+    >>> robot = gt.robots.gantry_tau_wrist("l1_tape")
+    >>> fk = robot.causal(known="axes", targets=["P", "direction"])
+    >>> P, direction, status = fk([-0.7, -0.8, -0.6, 0.0, np.pi / 6])
+    >>> print(P.round(3), direction.round(3) + 0.0)
+    [ 0.871 -0.883  0.273] [0.5   0.    0.866]
     """
     robot = catalogue.gantry_tau(name)
     return GantryTauWrist(**{**robot.__dict__["_modifiers"], **modifiers})

@@ -20,7 +20,21 @@ def explain_simulation(
     tolerance: float = 1e-9,
     method: str = "bdf",
 ) -> str:
-    """States with their start values, what chose them, how their rates are computed. Arguments as for `simulate`."""
+    """How `simulate` runs a model: its states, their start values and what chose them, how their rates are computed.
+
+    Arguments as for `simulate`. Returns a text for people. Raises ModelError as `simulate` does.
+
+    >>> class Ball(gt.Model):
+    ...     height = gt.variable(unit="m", start=2.0, fixed=True)
+    ...     speed = gt.variable(unit="m/s", start=0.0, fixed=True)
+    ...     g = gt.parameter(9.81, unit="m/s2")
+    ...     def equations(self):
+    ...         yield gt.der(self.height) == self.speed
+    ...         yield gt.der(self.speed) == -self.g
+    >>> text = gt.simulation.explain_simulation(Ball())
+    >>> "height" in text
+    True
+    """
     ready = prepare(model, inputs, start, start_time, (), prefer, tolerance, method)
     plan, flat, system = ready.systems.plan, ready.systems.plan.flat, ready.system
     x, z = system.reduced.from_point(ready.initial.w)

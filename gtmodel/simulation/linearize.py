@@ -25,7 +25,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Mode:
-    """An eigenvalue of a linear model: natural frequency [Hz] and damping ratio; `states` move most in it."""
+    """A mode of a linear model: eigenvalue [1/s], natural frequency [Hz], damping ratio, and the states that move most
+    in it.
+    """
 
     eigenvalue: complex
     frequency_Hz: float
@@ -51,10 +53,24 @@ def linearize(
         input_values: values of the inputs at the point, 0 where none is given.
         prefer: names to keep as states, as long as they are good for it at the point.
 
-    State, input and output names are the model's scalar names, with ":" for "." ("capacitor:v"), which control
-    keeps for itself. The point need not be an equilibrium; its rates are in `.params["rates"]`, by the model's names.
+    Returns a `control.StateSpace` of python-control, in SI units. State, input and output names are the model's scalar
+    names, with ":" for "." ("capacitor:v"), which control keeps for itself. The point need not be an equilibrium; its
+    rates are in `.params["rates"]`, by the model's names.
 
     Raises ModelError for a wrong name, an input whose derivative is needed, sign() of a variable, or a singular point.
+
+    >>> class Oscillator(gt.Model):
+    ...     m = gt.parameter(2.0, unit="kg")
+    ...     k = gt.parameter(50.0, unit="N/m")
+    ...     x = gt.variable(unit="m")
+    ...     v = gt.variable(unit="m/s")
+    ...     force = gt.input(unit="N")
+    ...     def equations(self):
+    ...         yield gt.der(self.x) == self.v
+    ...         yield self.m * gt.der(self.v) == self.force - self.k * self.x
+    >>> linear = gt.linearize(Oscillator(), "force", "x", start={"x": 0.0, "v": 0.0})
+    >>> linear.state_labels, linear.A.tolist(), linear.B.tolist()
+    (['x', 'der(x)'], [[0.0, 1.0], [-25.0, 0.0]], [[0.0], [0.5]])
     """
     flat = flat_of(model)
     refuse_jumps(flat)
@@ -140,7 +156,22 @@ def _values(flat: FlatModel, known: list[int], given: Mapping[str, Any]) -> dict
 
 
 def modes(system: control.StateSpace) -> list[Mode]:
-    """Modes by rising frequency; of a conjugate pair the one with positive imaginary part."""
+    """Modes of a linear model by rising frequency; of a conjugate pair the one with positive imaginary part.
+
+    system: as `linearize` returns it. Each `Mode` has its eigenvalue [1/s], natural frequency [Hz], damping ratio (1
+    for a real eigenvalue that decays) and the states that move most in it.
+
+    >>> class Oscillator(gt.Model):
+    ...     x = gt.variable(unit="m")
+    ...     v = gt.variable(unit="m/s")
+    ...     stiffness = gt.parameter(25.0, unit="1/s2")
+    ...     def equations(self):
+    ...         yield gt.der(self.x) == self.v
+    ...         yield gt.der(self.v) == -self.stiffness * self.x
+    >>> (mode,) = gt.modes(gt.linearize(Oscillator(), [], ["x", "v"], start={"x": 0.0, "v": 0.0}))
+    >>> round(mode.frequency_Hz, 4)  # 5 rad/s
+    0.7958
+    """
     values, vectors = np.linalg.eig(np.asarray(system.A))
     result = []
     for value, vector in zip(values, vectors.T, strict=True):

@@ -19,7 +19,7 @@ Progress = Callable[[float], bool]
 
 @dataclass(frozen=True)
 class Switch:
-    """A change of states on the way, at a time [s]."""
+    """A change of the states that a simulation integrates, at a time [s]: their names before and after."""
 
     time: float
     before: tuple[str, ...]
@@ -28,7 +28,7 @@ class Switch:
 
 @dataclass(frozen=True, eq=False)
 class Simulation:
-    """Result of simulate().
+    """What `simulate` returns.
 
     trajectory: every quantity declared at the top or one level below, the first derivative of what moves, and
         with declared energies `energy.stored`, `energy.supplied`, `energy.dissipated` [J].
@@ -40,6 +40,17 @@ class Simulation:
     residual: largest |left - right| of any equation as written, at any row, in SI units.
     states: names of the states at the end. switches: their changes on the way.
     chosen: start values that nobody prescribed, by state; the initialisation chose them.
+
+    >>> class Ball(gt.Model):
+    ...     height = gt.variable(unit="m", start=2.0, fixed=True)
+    ...     speed = gt.variable(unit="m/s")
+    ...     g = gt.parameter(9.81, unit="m/s2")
+    ...     def equations(self):
+    ...         yield gt.der(self.height) == self.speed
+    ...         yield gt.der(self.speed) == -self.g
+    >>> run = gt.simulate(Ball(), 0.5)
+    >>> run.status.ok, run.states, run.chosen
+    (True, ('height', 'der(height)'), {'der(height)': 0.0})
     """
 
     status: SolveStatus
@@ -59,7 +70,18 @@ class Simulation:
 
 
 class NotSimulated(RuntimeError):
-    """Raised by simulate() when the run ended early; `.simulation` holds what was reached."""
+    """Raised by simulate() when the run ended early; the message says why, and `.simulation` holds what was reached.
+
+    >>> class Escape(gt.Model):  # x' = x^2 from 1: infinite at 1 s
+    ...     x = gt.variable(start=1.0, fixed=True)
+    ...     def equations(self):
+    ...         yield gt.der(self.x) == self.x**2
+    >>> try:
+    ...     gt.simulate(Escape(), 2.0)
+    ... except gt.NotSimulated as error:
+    ...     print(round(error.simulation.trajectory.time[-1], 1))
+    1.0
+    """
 
     def __init__(self, simulation: Simulation) -> None:
         super().__init__(simulation.message)

@@ -67,15 +67,31 @@ def simulate(
         method: "bdf" for anything, "adams" for smooth motion at tight tolerances; models with Newton unknowns
             are integrated by BDF.
         progress: called with the time reached; returning True stops the run, keeping what there is.
+        throw: raise NotSimulated for a run that ends early; False: return what was reached, with its status.
+
+    Returns a `Simulation`: `trajectory["x"]` has a row for each of `trajectory.time`, in SI units.
 
     Where the model declares its energies, their balance is checked: a run that reaches its end with an error of more
-    than a ten-thousandth of the energy that moved has the status CHECK_FAILED, and holds everything. So has one whose
-    states all stay below a thousand times the tolerance, in nominals: that motion is smaller than its own error. Where
-    only some of them do, a second run at a hundredth of the tolerance tells their errors; above a hundredth of the
-    largest value of one the status is CHECK_FAILED too.
+    than a ten-thousandth of the energy that moved has the status CHECK_FAILED, and holds everything. The same status
+    has a run whose states all stay below a thousand times the tolerance, in nominals: that motion is smaller than its
+    own error. Where only some of them do, a second run at a hundredth of the tolerance measures their errors; above a
+    hundredth of the largest value of one the status is CHECK_FAILED too.
 
     Raises ModelError for a wrong model, input or start, and NotSimulated for a run that ends early, unless throw is
     False.
+
+    >>> class Motor(gt.Model):  # a coil: L di/dt + R i = u
+    ...     L = gt.parameter(0.02, unit="V.s/A")
+    ...     R = gt.parameter(2.0, unit="V/A")
+    ...     i = gt.variable(unit="A", start=0.0, fixed=True)
+    ...     u = gt.input(unit="V")
+    ...     def equations(self):
+    ...         yield self.L * gt.der(self.i) + self.R * self.i == self.u
+    >>> run = gt.simulate(Motor(), 0.02, inputs={"u": 24.0}, step=0.01)
+    >>> run.trajectory.time.tolist()
+    [0.0, 0.01, 0.02]
+    >>> run.trajectory["i"].round(3).tolist()  # 12 A (1 - exp(-t / 0.01 s))
+    [0.0, 7.585, 10.376]
     """
     start_time, final_time = span(final_time, start_time)
     step = output_step(step, final_time - start_time)

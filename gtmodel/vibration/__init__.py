@@ -4,10 +4,10 @@ Studies
     study                the model of a recording that is asked for: `VibrationStudy`
     Subspace, StepResponse, Impulse, Physical     which model, and what is known beside the recording
     matrices_study, Matrices    modes and signs of printed matrices
-    synthetic_records    made-up recordings of a Structure, Steps or a Hit, with their Sampling
+    synthetic_records    synthetic recordings of a Structure, Steps or a Hit, with their Sampling
 Recordings
     Record, Stopped      one evenly sampled recording; a fit that was stopped
-    structure_record, hammer_record, step_record   made-up recordings with seed and noise
+    structure_record, hammer_record, step_record   synthetic recordings with seed and noise
 Black boxes (Dressler 2012, section 6.3)
     identify_step        delayed first-order model, eq. (6.11) -> control.TransferFunction
     identify_subspace    N4SID, MOESP, CVA with order and held-out prediction -> control.StateSpace

@@ -12,15 +12,17 @@ from ..results import ArgumentError
 from .record import check_sample_time
 from .response import held
 
-NEAR = 0.8  # of the Nyquist frequency: above, an alias cannot be told from the mode by these samples alone
+NEAR = 0.8  # of the Nyquist frequency: above, these samples alone do not distinguish an alias from the mode
 ON_AXIS = 1e-6  # rad: a pole this near the negative real axis has no real logarithm
 EXACT = 1e-8  # relative difference allowed between A and the exponential of what was found
 ZERO = 1e-12  # modulus of a pole whose logarithm has no meaning
 
 
 class Continuous(NamedTuple):
-    """x' = A x + B u that gives the discrete model under held inputs; `said` in words where its fastest pole is near
-    the Nyquist frequency (empty: far)."""
+    """x' = A x + B u that gives the discrete model under held inputs.
+
+    `said`: a sentence where its fastest pole is near the Nyquist frequency, else empty.
+    """
 
     A: np.ndarray
     B: np.ndarray
@@ -31,7 +33,12 @@ def continuous(A: np.ndarray, B: np.ndarray, sample_time: float) -> Continuous:
     """A_c = logm(A) / T_s on the principal branch, and B_c of a held input (no approximate inverse of c2d).
 
     A (n, n), B (n, m), sample_time [s]. The branch takes every pole to lie below the Nyquist frequency; near it `said`
-    warns. Raises ArgumentError: a pole at zero or on the negative real axis, a logarithm that is not real or exact.
+    warns. Raises ArgumentError for a pole at zero or on the negative real axis, and a logarithm that is not real or
+    exact.
+
+    >>> found = gt.vibration.continuous(np.array([[0.9]]), np.array([[0.1]]), sample_time=0.004)
+    >>> found.A.round(2), found.B.round(2)  # 1/s
+    (array([[-26.34]]), array([[26.34]]))
     """
     check_sample_time(sample_time)
     poles = np.linalg.eigvals(A)

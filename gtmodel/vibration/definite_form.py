@@ -34,8 +34,18 @@ def definite_form(M: ArrayLike, D: ArrayLike, K: ArrayLike) -> DefiniteForm:
 
     With M^-1 K = V diag(w^2) V^-1, M = V^-T S V^-1 and K = V^-T S diag(w^2) V^-1 are symmetric positive definite for
     every diagonal S > 0; S makes D = M (M^-1 D) as symmetric as it gets, in modal coordinates of unit mass, where its
-    symmetric part is then projected on the positive semidefinite ones. Raises ArgumentError: shapes, a singular M, and
-    M^-1 K with an eigenvalue that is not real and positive: no such structure has those modes.
+    symmetric part is then projected on the positive semidefinite ones. Raises ArgumentError for other shapes, a
+    singular M, and M^-1 K with an eigenvalue that is not real and positive: no such structure has those modes.
+
+    >>> M, D = np.diag([30.0, 12.0]), np.array([[210.0, -60.0], [-60.0, 60.0]])
+    >>> K = np.array([[150e3, -80e3], [-90e3, 90e3]])  # not symmetric, as printed or measured
+    >>> found = gt.vibration.definite_form(M, D, K)
+    >>> np.allclose(found.K, found.K.T)
+    True
+    >>> gt.vibration.modes(found.M, found.D, found.K).frequency_Hz.round(3)
+    array([ 6.379, 16.611])
+    >>> gt.vibration.modes(M, D, K).frequency_Hz.round(3)
+    array([ 6.379, 16.611])
     """
     M0, D0, K0 = matrices(M, D, K)
     p = len(M0)

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 LARGEST = 4  # resonances tried when their number is not given
 ROWS = 3  # the Hankel matrix has one row of blocks to this many columns
-MOST_ROWS = 200  # more cost time and tell no more
+MOST_ROWS = 200  # more cost time and determine no more
 REST = 10  # the last share of samples, one in so many, gives the rest position from which the realisation starts
 OVERLAP = 1.0  # distance over half-power widths: nearer peaks are one to the eye
 
@@ -42,6 +42,7 @@ class Resonance:
 
     @property
     def damped_Hz(self) -> float:
+        """Frequency of the decaying vibration [Hz]: the undamped one times sqrt(1 - damping^2)."""
         return self.frequency_Hz * float(np.sqrt(1 - self.damping**2))
 
 
@@ -83,6 +84,13 @@ def identify_impulse(
     The eigensystem realisation gives starts, least squares on damped sines about a rest position the values
     (amplitudes eliminated, variable projection); intervals are for white noise, of an unknown size at each output.
     Raises ArgumentError: too few samples, inputs that are not zero, nothing that vibrates.
+
+    >>> record = gt.vibration.hammer_record(
+    ...     [7.4], [0.03], [[5e-4]], samples=500, sample_time=0.004, noise=1e-6, seed=1
+    ... )
+    >>> (mode,) = gt.vibration.identify_impulse(record, modes=1).resonances
+    >>> round(mode.frequency_Hz, 2), round(mode.damping, 3)
+    (7.4, 0.03)
     """
     if np.any(record.u):
         k = int(np.flatnonzero(np.any(record.u != 0, axis=1))[0])
@@ -153,7 +161,8 @@ class _Sines:
     def fit(cls, record: Record, s: np.ndarray) -> _Sines | None:
         """From starting poles [1/s]; None where the iteration does not arrive or leaves decaying sines.
 
-        Every output counts by its own noise, which the fit before told: maximum likelihood for noises of unknown sizes.
+        Every output counts by its own noise, as the previous fit estimates it: maximum likelihood for noises of unknown
+        sizes.
         """
         weights, live = np.ones(record.y.shape[1]), _live(record.y)
         found = cls._fit(record, s, weights)
@@ -196,7 +205,7 @@ class _Sines:
         F = _columns(t, fit.x)
         amplitudes = np.linalg.lstsq(F, record.y, rcond=None)[0]
         fitted = F @ amplitudes
-        # amplitudes take freedom too
+        # amplitudes take degrees of freedom too
         e = fit.estimate
         unknowns = len(fit.x) + amplitudes[:, live].size
         freedom = max(y.size - unknowns, 1)
@@ -258,7 +267,7 @@ def _at_rest(record: Record) -> float:
 
 
 def _live(y: np.ndarray) -> np.ndarray:
-    """(p,) which outputs move at all: a dead one has no noise, and its samples are no freedom."""
+    """(p,) which outputs move at all: a dead one has no noise, and its samples are no degrees of freedom."""
     return np.ptp(y, axis=0) > 0
 
 

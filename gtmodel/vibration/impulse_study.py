@@ -1,4 +1,4 @@
-"""Resonances of a decay: table, checks against a made-up hit, picture and file."""
+"""Resonances of a decay: table, checks against a synthetic hit, picture and file."""
 
 from __future__ import annotations
 

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from ..results import ArgumentError
 from .physical_form import UNIDENTIFIED, PhysicalForm
 
-RANK = 1e-8  # of the largest singular value of the scaled equations: below, a mass is not told
+RANK = 1e-8  # of the largest singular value of the scaled equations: below, a mass is not determined
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,16 +36,28 @@ def from_known(
     force: ArrayLike | None = None,
     masses: Mapping[int, float] | None = None,
 ) -> SecondOrder:
-    """M, D, K with symmetric M and K.
+    """M, D, K with symmetric M and K, from what is known of forces or masses.
 
     Args:
+        form: M^-1 K, M^-1 D and M^-1 F.
         force: F (p, m), newtons on each coordinate per unit of each input; e1 for a force on the first. Then M times
             M_inv_F is F.
         masses: diagonal entries of M that are known [kg], by coordinate from 0; D is then taken to be symmetric too.
 
-    Equations are scaled by their sizes and solved by least squares. Raises ArgumentError: neither is given, they do
-    not determine M, with the number of entries that stay open, or M is not positive definite, which no masses are. A K
-    that is not positive definite is said in `words`.
+    Equations are scaled by their sizes and solved by least squares. Raises ArgumentError where neither is given, where
+    they do not determine M, with the number of entries that stay open, and where M is not positive definite, which no
+    masses are. A K that is not positive definite is said in `words`.
+
+    >>> M, D = np.diag([30.0, 12.0]), np.array([[210.0, -60.0], [-60.0, 60.0]])
+    >>> K = np.array([[150e3, -90e3], [-90e3, 90e3]])
+    >>> record = gt.vibration.structure_record(
+    ...     M, D, K, force=50.0, hold=8, samples=2000, sample_time=0.004, noise=1e-6, seed=1
+    ... )
+    >>> form = gt.vibration.physical_form(gt.vibration.identify_subspace(record, order=4).system)
+    >>> np.diag(gt.vibration.from_known(form, force=[1.0, 0.0]).M).round(1)  # kg
+    array([30., 12.])
+    >>> np.diag(gt.vibration.from_known(form, masses={0: 30.0, 1: 12.0}).K / 1e3).round()  # N/mm
+    array([150., 90.])
     """
     p = len(form.M_inv_K)
     if force is None and not masses:

@@ -37,23 +37,32 @@ class Modes:
 
     @property
     def pole_Hz(self) -> np.ndarray:
+        """Moduli of the poles over 2 pi (2p,) [Hz]."""
         return np.abs(self.poles) / (2 * np.pi)
 
     @property
     def damping(self) -> np.ndarray:
+        """Damping ratios of the poles (2p,), 0 on the imaginary axis, negative for poles that grow."""
         size = np.abs(self.poles)
         return np.where(on_axis(self.poles), 0.0, -np.real(self.poles) / np.where(size > 0, size, 1.0))
 
     @property
     def stable(self) -> bool:
+        """Whether all poles are left of the imaginary axis by more than rounding."""
         return bool(np.all((np.real(self.poles) < 0) & ~on_axis(self.poles)))
 
 
 def modes(M: ArrayLike, D: ArrayLike, K: ArrayLike) -> Modes:
-    """Modes of M x'' + D x' + K x = 0; M, D, K (p, p) [kg, N.s/m, N/m], any sign, symmetric or not.
+    """Modes of M x'' + D x' + K x = 0; M, D, K (p, p) [kg, N.s/m, N/m], of any sign, symmetric or not.
 
-    Nothing is repaired: what is not symmetric, not positive definite or unstable is said in `words`. Raises
-    ArgumentError: shapes that differ, numbers that are not finite, a singular M.
+    Nothing is repaired: `words` say what is not symmetric, not positive definite or unstable. Raises ArgumentError for
+    shapes that differ, numbers that are not finite, and a singular M.
+
+    >>> M, D = np.diag([30.0, 12.0]), np.array([[210.0, -60.0], [-60.0, 60.0]])
+    >>> K = np.array([[150e3, -90e3], [-90e3, 90e3]])
+    >>> m = gt.vibration.modes(M, D, K)
+    >>> m.frequency_Hz.round(2), m.stable
+    (array([ 5.84, 16.81]), True)
     """
     M, D, K = matrices(M, D, K)
     found: Any = eig(K, M)
@@ -143,7 +152,15 @@ def _signs(values: np.ndarray, poles: np.ndarray) -> list[str]:
 
 
 def sign_question(M: ArrayLike, D: ArrayLike, K: ArrayLike) -> tuple[str, ...]:
-    """Which of the changes of sign of D, K or both make M s^2 + D s + K stable, each in a sentence with its poles."""
+    """Which changes of sign of D, K or both make M s^2 + D s + K stable: one sentence for each, with the poles.
+
+    Source of the question: the printed K of Dressler 2012, eq. (6.15).
+
+    >>> M, D = np.diag([30.0, 12.0]), np.array([[210.0, -60.0], [-60.0, 60.0]])
+    >>> K = np.array([[150e3, -90e3], [-90e3, 90e3]])
+    >>> gt.vibration.sign_question(M, D, -K)[1]
+    'K flipped: stable, poles at 5.837, 16.81 Hz'
+    """
     M, D, K = matrices(M, D, K)
     said = []
     for name, (d, k) in SIGNS.items():

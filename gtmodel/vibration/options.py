@@ -1,4 +1,4 @@
-"""What a vibration study is asked for: which model, what is known beside the recording, made-up data."""
+"""What a vibration study is asked for: which model, what is known beside the recording, synthetic data."""
 
 from __future__ import annotations
 
@@ -13,7 +13,12 @@ from .subspace import BLOCK_ROWS, HELD_OUT, LARGEST
 
 @dataclass(frozen=True)
 class Subspace(Options):
-    """How the state-space model is found."""
+    """How a state-space model is identified from a recording.
+
+    >>> gt.vibration.Subspace(method="arx")
+    Traceback (most recent call last):
+    gtmodel...: method: expected one of moesp, n4sid, cva; found 'arx'
+    """
 
     method: Annotated[Literal["moesp", "n4sid", "cva"], "how past and future are weighted"] = "moesp"
     order: Annotated[int | None, Within(least=1), "number of states; by held-out error if left out"] = None
@@ -25,7 +30,12 @@ class Subspace(Options):
 
 @dataclass(frozen=True)
 class KnownMass(Options):
-    """A mass that is known."""
+    """A mass that is known.
+
+    >>> gt.vibration.KnownMass(coordinate=0, mass=30.0)  # coordinates count from 1
+    Traceback (most recent call last):
+    gtmodel.results.refusal.ArgumentError: coordinate: must be at least 1; found 0
+    """
 
     coordinate: Annotated[int, Within(least=1), "from 1"]
     mass: Annotated[float, Unit("kg"), Within(above=0.0), "its mass"]
@@ -33,7 +43,13 @@ class KnownMass(Options):
 
 @dataclass(frozen=True)
 class Physical(Options):
-    """The physical form: what is known beside the recording."""
+    """The physical form M, D, K of a state-space model: what is known beside the recording.
+
+    >>> by_force = gt.vibration.Physical(force_coordinates=[1])  # the input is a force [N] on the first position
+    >>> by_mass = gt.vibration.Physical(mass=[gt.vibration.KnownMass(coordinate=1, mass=30.0)], refine=False)
+    >>> by_mass.form
+    'symmetric'
+    """
 
     force_coordinates: Annotated[
         list[int], "coordinate on which each input acts in newtons, from 1; with force_N only"
@@ -49,7 +65,12 @@ class Physical(Options):
 
 @dataclass(frozen=True)
 class StepResponse(Options):
-    """How the step response is fitted."""
+    """How a delayed first-order model is fitted to step responses.
+
+    >>> gt.vibration.StepResponse(delay_samples=-1)
+    Traceback (most recent call last):
+    gtmodel.results.refusal.ArgumentError: delay_samples: must be at least 0; found -1
+    """
 
     delay_samples: Annotated[int | None, Within(least=0), "by least residual if left out"] = None
     longest_samples: Annotated[int, Within(least=0), "delay tried at most"] = LONGEST
@@ -57,7 +78,12 @@ class StepResponse(Options):
 
 @dataclass(frozen=True)
 class Impulse(Options):
-    """How the decay is fitted."""
+    """How the resonances of a decay are fitted.
+
+    >>> gt.vibration.Impulse(modes=0)
+    Traceback (most recent call last):
+    gtmodel.results.refusal.ArgumentError: modes: must be at least 1; found 0
+    """
 
     modes: Annotated[
         int | None, Within(least=1), "number of resonances; by information criterion if left out"
@@ -67,7 +93,12 @@ class Impulse(Options):
 
 @dataclass(frozen=True)
 class Matrices(Options):
-    """Printed matrices of M x'' + D x' + K x = f."""
+    """Printed matrices of M x'' + D x' + K x = f.
+
+    >>> printed = gt.vibration.Matrices(M=[[2.0]], D=[[0.4]], K=[[200.0]], published=[1.6], published_digits=0.05)
+    >>> [check.passed for check in gt.vibration.matrices_study(printed).checks.values()]
+    [True]
+    """
 
     M: Annotated[list[list[float]], Unit("kg"), "masses, row by row"]
     D: Annotated[list[list[float]], Unit("kg/s"), "damping"]
@@ -80,7 +111,12 @@ class Matrices(Options):
 
 @dataclass(frozen=True)
 class Sampling(Options):
-    """A made-up recording of a known system, to see what identification gives back."""
+    """How a synthetic recording of a known system is sampled, with its noise.
+
+    >>> gt.vibration.Sampling(seed=1, noise=1e-6, samples=1)
+    Traceback (most recent call last):
+    gtmodel.results.refusal.ArgumentError: samples: must be at least 2; found 1
+    """
 
     seed: Annotated[int, Within(least=0), "of the noise, and of the pseudo-random force"]
     noise: Annotated[float, Unit("m"), Within(least=0.0), "white noise on the positions, standard deviation"]
@@ -90,7 +126,14 @@ class Sampling(Options):
 
 @dataclass(frozen=True)
 class Structure(Options):
-    """Masses, dampers and springs under a pseudo-random force."""
+    """Masses, dampers and springs under a pseudo-random force.
+
+    >>> from gtmodel.vibration import Sampling, Structure, synthetic_records
+    >>> structure = Structure(M=[[2.0]], D=[[0.4]], K=[[200.0]], force=10.0)
+    >>> (record,) = synthetic_records(structure, Sampling(seed=1, noise=1e-6, samples=100))
+    >>> np.abs(record.u).max()  # N
+    np.float64(10.0)
+    """
 
     M: Annotated[list[list[float]], Unit("kg"), "masses, row by row"]
     D: Annotated[list[list[float]], Unit("kg/s"), "damping"]
@@ -102,7 +145,12 @@ class Structure(Options):
 
 @dataclass(frozen=True)
 class Steps(Options):
-    """Steps of the reference through b q^-delay / (1 - a q^-1), each a recording of its own."""
+    """Steps of the reference through b q^-delay / (1 - a q^-1), each a recording of its own.
+
+    >>> gt.vibration.Steps(a=1.0, b=0.1, delay_samples=2, amplitudes=[1e-3])  # would never come to rest
+    Traceback (most recent call last):
+    gtmodel.results.refusal.ArgumentError: a: must be more than -1 and less than 1; found 1
+    """
 
     a: Annotated[float, Within(above=-1.0, below=1.0), "pole"]
     b: Annotated[float, "numerator"]
@@ -113,7 +161,13 @@ class Steps(Options):
 
 @dataclass(frozen=True)
 class Hit(Options):
-    """Free decay after the hit of a hammer."""
+    """Free decay after the hit of a hammer.
+
+    >>> hit = gt.vibration.Hit(frequency=[7.4, 11.4], damping=[0.03, 0.03], amplitude=[[5e-4], [1e-4]])
+    >>> (record,) = gt.vibration.synthetic_records(hit, gt.vibration.Sampling(seed=1, noise=0.0, samples=100))
+    >>> record.y.shape, np.any(record.u)  # the force of a hit is not recorded
+    ((100, 1), np.False_)
+    """
 
     frequency: Annotated[list[float], Unit("Hz"), Within(above=0.0), "undamped, by mode"]
     damping: Annotated[list[float], Within(least=0.0), "ratio, by mode"]

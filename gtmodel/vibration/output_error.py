@@ -50,13 +50,24 @@ def output_error(
     Args:
         start: from `from_known`; its F is kept.
         form: "symmetric": M, D and K are L L' with their Cholesky factors as unknowns, so positive definite whatever
-            the data say; "free": D may be any matrix, M and K symmetric of any sign (without that one force does not
-            tell them).
+            the data say; "free": D may be any matrix, M and K symmetric of any sign (without that, one force does not
+            determine them).
         interrupted: asked at each iteration; True ends the fit with Stopped.
 
     The initial state is eliminated in each evaluation (variable projection). Gauss-Newton on central differences; the
     covariance is for white noise of unknown size on the positions, and `words` says whether the residuals are white.
     Raises ArgumentError: an unknown form, a start that is not positive definite for "symmetric", no convergence.
+
+    >>> M, D = np.diag([30.0, 12.0]), np.array([[210.0, -60.0], [-60.0, 60.0]])
+    >>> K = np.array([[150e3, -90e3], [-90e3, 90e3]])
+    >>> record = gt.vibration.structure_record(
+    ...     M, D, K, force=50.0, hold=8, samples=2000, sample_time=0.004, noise=1e-6, seed=1
+    ... )
+    >>> form = gt.vibration.physical_form(gt.vibration.identify_subspace(record, order=4).system)
+    >>> fit = gt.vibration.output_error(record, gt.vibration.from_known(form, force=[1.0, 0.0]))
+    >>> low, high = fit.estimate.interval("M[0,0]")  # kg
+    >>> bool(29.9 < low < 30.0 < high < 30.1)
+    True
     """
     if form not in get_args(Form):
         raise ArgumentError(f"there is no form '{form}'; expected {' or '.join(get_args(Form))}")
@@ -118,7 +129,7 @@ def output_error(
 
 
 def central(function: Callable[[np.ndarray], np.ndarray], x: np.ndarray, step: float = SLOPE) -> np.ndarray:
-    """Slopes (rows, n) of a function of x (n,) by central differences of a relative step (of 1 where x is 0)."""
+    """Jacobian (rows, n) of a function of x (n,) by central differences of a relative step (of 1 where x is 0)."""
     found = []
     for k in range(len(x)):
         e = np.zeros(len(x))
@@ -128,7 +139,7 @@ def central(function: Callable[[np.ndarray], np.ndarray], x: np.ndarray, step: f
 
 
 def too_far(rows: int, n: int) -> tuple[np.ndarray, np.ndarray]:
-    """Residuals and slopes of a trial far off: the iteration takes a shorter step."""
+    """Residuals and Jacobian of a trial far off: the iteration takes a shorter step."""
     return np.full(rows, np.inf), np.full((rows, n), np.inf)
 
 

@@ -36,9 +36,19 @@ class PhysicalForm:
 def physical_form(system: control.StateSpace) -> PhysicalForm:
     """M^-1 K and M^-1 D of a discrete model of order 2 p whose p outputs are positions.
 
-    A_c = logm(A) / T_s, T = [C; C A_c]; T A_c T^-1 = [[0, I], [-M^-1 K, -M^-1 D]]. Printed eq. (6.14) lacks an
-    inverse; what is meant is X = (M s^2 + D s + K)^-1 B U. Raises ArgumentError: another order, a model in continuous
-    time, no real logarithm, outputs that are not independent positions.
+    A_c = logm(A) / T_s, T = [C; C A_c]; T A_c T^-1 = [[0, I], [-M^-1 K, -M^-1 D]]. The printed eq. (6.14) of Dressler
+    2012 lacks an inverse; what is meant is X = (M s^2 + D s + K)^-1 B U. Raises ArgumentError for another order, a
+    model in continuous time, no real logarithm, and outputs that are not independent positions.
+
+    >>> M, D = np.diag([30.0, 12.0]), np.array([[210.0, -60.0], [-60.0, 60.0]])
+    >>> K = np.array([[150e3, -90e3], [-90e3, 90e3]])
+    >>> record = gt.vibration.structure_record(
+    ...     M, D, K, force=50.0, hold=8, samples=2000, sample_time=0.004, noise=1e-6, seed=1
+    ... )
+    >>> form = gt.vibration.physical_form(gt.vibration.identify_subspace(record, order=4).system)
+    >>> (form.M_inv_K / 100).round()  # 1/s2
+    array([[ 50., -30.],
+           [-75., 75.]])
     """
     A, B, C = (np.asarray(X) for X in (system.A, system.B, system.C))
     n, p = len(A), len(C)

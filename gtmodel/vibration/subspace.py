@@ -87,6 +87,15 @@ def identify_subspace(
     outputs; offsets of inputs and outputs do not count. Sources:
     Verhaegen and Verdult 2007, chapter 9; Van Overschee and De Moor 1996, chapter 4. Raises ArgumentError: too few
     samples, inputs too poor, an order too high, an unstable model.
+
+    >>> M, D = np.diag([30.0, 12.0]), np.array([[210.0, -60.0], [-60.0, 60.0]])
+    >>> K = np.array([[150e3, -90e3], [-90e3, 90e3]])
+    >>> record = gt.vibration.structure_record(
+    ...     M, D, K, force=50.0, hold=8, samples=2000, sample_time=0.004, noise=1e-6, seed=1
+    ... )
+    >>> model = gt.vibration.identify_subspace(record, order=4)
+    >>> model.system.nstates, bool(model.held_out_fit.min() > 99)  # percent
+    (4, True)
     """
     if method not in get_args(Method):
         raise ArgumentError(f"there is no method '{method}'; expected {', '.join(get_args(Method))}")

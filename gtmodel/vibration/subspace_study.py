@@ -35,7 +35,7 @@ class _Structure(NamedTuple):
 
     @property
     def best(self) -> SecondOrder | None:
-        """M, D, K fitted to the recording, else those that a force or a mass tells."""
+        """M, D, K fitted to the recording, else those that a force or a mass determines."""
         return self.fit.model if self.fit else self.known
 
 
@@ -48,7 +48,7 @@ class SubspaceStudy(VibrationStudy):
     fit: OutputErrorFit | None = None
 
     def _said(self) -> list[str]:
-        return list(self.words or ())[1:]  # the first is told with the order
+        return list(self.words or ())[1:]  # the first stands with the order
 
     def _found(self) -> list[Row]:
         m = self.model

@@ -1,4 +1,4 @@
-"""Made-up recordings of known structures: pseudo-random force, steps, hammer hits. Every one carries seed and noise."""
+"""Synthetic records of known structures: pseudo-random force, steps, hammer hits. Every one carries seed and noise."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from .response import held, simulate
 
 
 def synthetic_records(known: Structure | Steps | Hit, sampling: Sampling) -> list[Record]:
-    """Made-up recordings of a known system: one, or of steps one each. Raises ArgumentError.
+    """Synthetic recordings of a known system: one, or of steps one each. Raises ArgumentError.
 
     >>> from gtmodel.vibration import Sampling, Steps, synthetic_records
     >>> steps = Steps(a=0.9, b=0.1, delay_samples=2, amplitudes=[1e-3, 2e-3])
@@ -69,8 +69,16 @@ def structure_record(
 ) -> Record:
     """Positions of M x'' + D x' + K x = e u under u = +-force [N], drawn anew every `hold` samples.
 
-    noise [m]: standard deviation, white, on every position. The structure starts at rest; the response is exact between
-    samples. Raises ArgumentError.
+    noise [m]: standard deviation, white, on every position. coordinate: on which the force acts, from 0. The structure
+    starts at rest; the response is exact between samples. Raises ArgumentError.
+
+    >>> M, D = np.diag([30.0, 12.0]), np.array([[210.0, -60.0], [-60.0, 60.0]])
+    >>> K = np.array([[150e3, -90e3], [-90e3, 90e3]])
+    >>> record = gt.vibration.structure_record(
+    ...     M, D, K, force=50.0, hold=8, samples=2000, sample_time=0.004, noise=1e-6, seed=1
+    ... )
+    >>> record.y.shape, record.synthetic
+    ((2000, 2), 'seed 1, noise 1e-06 m')
     """
     M, D, K = matrices(M, D, K)
     p = len(M)
@@ -102,8 +110,14 @@ def hammer_record(
 ) -> Record:
     """Positions after a hit at time 0: sines of the damped frequencies that begin at zero, decaying.
 
-    frequency_Hz: undamped, by mode; amplitude (modes, p) [m]. The input is a column of zeros: the force of a hit is not
-    recorded. Raises ArgumentError.
+    frequency_Hz: undamped, by mode; damping: ratio, by mode; amplitude (modes, p) [m]. The input is a column of zeros:
+    the force of a hit is not recorded. Raises ArgumentError.
+
+    >>> record = gt.vibration.hammer_record(
+    ...     [7.4], [0.03], [[5e-4]], samples=500, sample_time=0.004, noise=1e-6, seed=1
+    ... )
+    >>> record.y.shape, bool(np.abs(record.y).max() < 5e-4)
+    ((500, 1), True)
     """
     f, zeta, a = np.array(frequency_Hz, float), np.array(damping, float), np.atleast_2d(np.asarray(amplitude, float))
     if not len(f) == len(zeta) == len(a):
@@ -133,7 +147,13 @@ def step_record(
 ) -> Record:
     """A step of the reference [m] after `before` samples at rest, through b q^-delay / (1 - a q^-1).
 
-    noise [m]: standard deviation, white, on the position.
+    delay in samples. noise [m]: standard deviation, white, on the position.
+
+    >>> record = gt.vibration.step_record(
+    ...     0.9, 0.1, 2, 1e-3, samples=100, before=10, sample_time=0.004, noise=0.0, seed=1
+    ... )
+    >>> np.flatnonzero(record.y)[0], round(1e3 * float(record.y[-1, 0]), 3)  # mm
+    (np.int64(12), 1.0)
     """
     u = np.where(np.arange(samples) >= before, amplitude, 0.0)
     late = np.concatenate([np.zeros(delay), u[: samples - delay]])

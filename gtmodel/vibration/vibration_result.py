@@ -16,7 +16,7 @@ Array = np.ndarray
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class VibrationStudy(Study):
-    """How a structure vibrates. What this model does not tell is None."""
+    """The model of a vibrating structure. What this model does not determine is None."""
 
     words: Annotated[
         Sequence[str] | None, "what limits the result: identifiability, residuals, signs, in sentences"
@@ -66,7 +66,7 @@ class VibrationStudy(Study):
     bandwidth: Annotated[
         Sequence[float | None] | None, Quantity("Hz", "-3 dB of the step response, with its interval")
     ] = None
-    synthetic: Annotated[str | None, "seed and noise of made-up recordings; null for measured ones"] = None
+    synthetic: Annotated[str | None, "seed and noise of synthetic recordings; null for measured ones"] = None
 
     @property
     def rows(self) -> list[Row]:
@@ -102,12 +102,12 @@ def interval(ends: tuple[float, float] | None, form: str = ".5g") -> str:
 
 
 def entitled(title: str, synthetic: str | None) -> str:
-    """A picture's title, with the word where the data are made up."""
+    """A picture's title, with the word SYNTHETIC where the data are."""
     return f"{title}\n(synthetic: {synthetic})" if synthetic else title
 
 
 def commented(text: str, synthetic: str | None) -> str:
-    """A TOML file, which says in its first line where the data are made up."""
+    """A TOML file, which says in its first line where the data are synthetic."""
     return (f"# synthetic: {synthetic}\n" if synthetic else "") + text
 
 

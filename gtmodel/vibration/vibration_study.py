@@ -1,4 +1,4 @@
-"""The vibration study: the model of a recording that is asked for, and what it does not tell."""
+"""The vibration study: the model of a recording that is asked for, and what it leaves undetermined."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def study(
             resonances of a decay.
         physical: what is known beside the recording, which makes M, D, K of a state-space model.
         input_unit: what the inputs are in: "N" for forces, "m" for references.
-        truth: what made-up recordings were made of (`synthetic_records`), to judge the result by.
+        truth: the system behind synthetic recordings (`synthetic_records`), to judge the result by.
         progress, max_seconds, stop: see `gtmodel.results.Work`.
 
     Interrupted, there is no model. Raises ArgumentError.

@@ -72,7 +72,7 @@ def test_slopes_are_those_of_finite_differences(kind):
 
 
 def test_a_users_own_mechanism_closes_by_propagation():
-    c = closure_equations(flat_of(Slider()), ("phi", "s"))
+    c = closure_equations(Slider(), ("phi", "s"))
     assert c.labels == ("Slider",) and len(c.touched) == 3
     f = ca.Function("r", [c.symbols["phi"], c.symbols["s"], c.flat.p], [c.residuals])
     expected = (1.5 - 0.4 * np.cos(0.3)) ** 2 + (0.1 - 0.4 * np.sin(0.3)) ** 2 - 1.2**2

@@ -23,6 +23,11 @@ class CartPoints(Options):
     """Points of each cart along its guideway, measured in another set-up of the device (Dressler 2012, eq. (5.7)).
 
     at: (n,) coordinates of the carts [m], increasing. points: arm from 1 -> (n, 3) [m]; all other arms stay straight.
+
+    >>> at = np.linspace(0.0, 2.0, 5)
+    >>> carts = gt.calibrate.CartPoints(at, {1: np.column_stack([at, 1e-4 * at**2, 0 * at])})  # arm 1 bends
+    >>> carts.points[1].shape, carts.quaternion
+    ((5, 3), [1.0, 0.0, 0.0, 0.0])
     """
 
     at: np.ndarray
@@ -54,9 +59,15 @@ def on_cart_points(robot: Model, carts: CartPoints | None) -> tuple[Model, list[
 
 
 def read_cart_points(path: Path, arms: Sequence[int], unit: str = "mm") -> tuple[np.ndarray, dict[int, np.ndarray]]:
-    """Coordinates (n,) [m], increasing, and points by arm (n, 3) [m] of a CSV file with the columns q and P1, P2, P3.
+    r"""Coordinates (n,) [m], increasing, and points by arm (n, 3) [m] of a CSV file with the columns q and P1, P2, P3.
 
     Raises ArgumentError with the line of what is wrong.
+
+    >>> from pathlib import Path
+    >>> _ = Path("carts.csv").write_text("q,P1[0],P1[1],P1[2]\n0,0.1,0,900\n500,500.1,0.05,900\n")
+    >>> at, points = gt.calibrate.read_cart_points(Path("carts.csv"), arms=[1])  # a file in mm
+    >>> at, points[1].shape
+    (array([0. , 0.5]), (2, 3))
     """
     wanted = {"q": ("q", unit)} | {f"P{arm}": (f"P{arm}", unit) for arm in sorted(set(arms))}
     table = signal_table.read(path, wanted)

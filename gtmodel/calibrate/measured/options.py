@@ -13,7 +13,13 @@ ESTIMATE: Free = "estimate"
 
 @dataclass(frozen=True)
 class MeasuredSignal(Options):
-    """Columns of a measured variable: quantity = scale (column + delay rate) - offset, as of a log's signals."""
+    """Columns of a measured variable: quantity = scale (column + delay rate) - offset, as of the signals of a log.
+
+    >>> gt.calibrate.MeasuredSignal("T", "mm", noise=1e-5).offset  # T[0], T[1], ... of the file; noise in m
+    0.0
+    >>> gt.calibrate.MeasuredSignal(["q1", "q2", "q3"], "mm", offset="estimate").offset
+    'estimate'
+    """
 
     column: Annotated[str | list[str], 'names in the file; "q" means "q[0]", "q[1]", ... too']
     unit: Annotated[str | list[str], "unit of the columns, or one each"]
@@ -33,7 +39,12 @@ class MeasuredSignal(Options):
 
 @dataclass(frozen=True)
 class FrameStart(Options):
-    """Where an unknown frame is thought to be."""
+    """Start values of an unknown frame: where the iteration begins.
+
+    >>> gt.calibrate.FrameStart(t=[2.0, -1.0, 0.5], quaternion=[0.0, 0.0, 1.0])
+    Traceback (most recent call last):
+    gtmodel.results.refusal.ArgumentError: quaternion: expected 4 numbers; found 3
+    """
 
     t: Annotated[list[float], Unit("m"), Long(3), "its origin"] = field(default_factory=lambda: [0.0, 0.0, 0.0])
     quaternion: Annotated[list[float], Long(4), "its turn, scalar first"] = field(
@@ -43,7 +54,11 @@ class FrameStart(Options):
 
 @dataclass(frozen=True)
 class Sag(Options):
-    """How far the tool gives way under a payload: k times its weight, along it."""
+    """Displacement of the tool under a payload: k times its weight, along it.
+
+    >>> gt.calibrate.Sag(payload="m", compliance=2e-7).payload  # the column "m" of the file, in kg
+    'm'
+    """
 
     payload: Annotated[
         float | str, Unit("kg"), Within(least=0), "mass at the tool, one, or the column of each pose's"
@@ -59,7 +74,13 @@ class Sag(Options):
 
 @dataclass(frozen=True)
 class Measured(Options):
-    """Measured poses in a CSV file."""
+    """Measured poses in a CSV file: its columns, and what lies between the device and the robot.
+
+    >>> from gtmodel.calibrate import Measured, MeasuredSignal
+    >>> measured = Measured({"q": MeasuredSignal("q", "mm"), "T": MeasuredSignal("T", "mm")}, frame="device")
+    >>> measured.actuators, measured.position
+    ('q', 'T')
+    """
 
     signals: Annotated[dict[str, MeasuredSignal], "by the model's variables: q, T, e"]
     session: Annotated[str | None, "column that names the recording of a row"] = None

@@ -24,7 +24,7 @@ class Poses:
     lines: (N,) of their files; numbered from 1 if left out. held_out: (N,) those that no fit sees; None leaves the
         choice to the study. columns: signal -> names and units in the file.
     known: parameters of the measurement that are given, such as "T.sag", which no fit moves.
-    synthetic: what a made-up file says of itself. truth: the robot that was made up. files: texts made with it.
+    synthetic: seed and noise of a synthetic file. truth: the robot with known errors. files: texts made with it.
     """
 
     measurements: Measurements
@@ -150,7 +150,7 @@ def _fit_the_model(m: Measurements, poses: Poses, model: Model) -> dict[str, Col
 
 
 def _refuse_unknown_sessions(m: Measurements, held: np.ndarray) -> None:
-    """Raises ArgumentError for sessions that only held-out poses have, and whose offsets no fitted pose tells."""
+    """Raises ArgumentError for sessions that only held-out poses have, and whose offsets no fitted pose determines."""
     offsets = [c.signal for c in m.corrections if c.offset]
     frames = any(p.device_per_session or p.target_per_session for p in m.poses)
     if m.sessions is None or not (offsets or frames):

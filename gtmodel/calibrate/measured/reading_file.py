@@ -21,10 +21,18 @@ IDENTITY = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
 
 
 def read_poses(path: Path | str, measured: Measured, held_out: Path | str | None = None) -> Poses:
-    """Measured poses of a CSV file, one a row; `held_out`: another file of the same columns that no fit sees.
+    r"""Measured poses of a CSV file, one in each row; `held_out`: another file of the same columns that no fit sees.
 
-    A number as scale, offset or delay is applied here, "estimate" is left to the calibration. Raises ArgumentError with
-    file and line, "measured.signals.q.column" where a column is wrong.
+    A number as scale, offset or delay is applied here; "estimate" is left to the calibration. Raises ArgumentError with
+    file and line, or with the argument "measured.signals.q.column" where a column is wrong.
+
+    >>> from pathlib import Path
+    >>> from gtmodel.calibrate import Measured, MeasuredSignal, read_poses
+    >>> _ = Path("poses.csv").write_text("q[0],q[1],q[2],x,y,z\n0,0,0,500,-600,500\n10,0,0,503,-601,502\n")
+    >>> signals = {"q": MeasuredSignal("q", "mm"), "T": MeasuredSignal(["x", "y", "z"], "mm")}
+    >>> read_poses("poses.csv", Measured(signals)).measurements.values["T"]  # m
+    array([[ 0.5 , -0.6 , 0.5 ],
+           [ 0.503, -0.601, 0.502]])
     """
     tables = [_table(Path(path), measured)]
     held = None

@@ -1,4 +1,4 @@
-"""Measurements that were read wrong, told before the fit by the robot's own forward kinematics."""
+"""Measurements that were read wrong, recognised before the fit by the robot's own forward kinematics."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ from .recognition import (
     unit_sentence,
 )  # fmt: skip
 
-MOST = 150  # poses that are looked at: enough to tell a metre from a millimetre
+MOST = 150  # poses that are looked at: enough to distinguish a metre from a millimetre
 REACHED = 0.5  # share of the poses that the model must reach to be a witness
 MISFIT = 2e-4  # of the robot's size: length errors of a fit above this are worth a look at other orders
 TRIALS = 25  # iterations of a fit with other columns

@@ -1,7 +1,7 @@
-"""Made-up measurements: a robot with known errors put to poses of a grid and measured with noise.
+"""Synthetic measurements: a robot with known errors put to poses of a grid and measured with noise.
 
 Synthetic      seed, grid, sizes of the errors, device
-made_poses     the poses as a study takes them, with the texts of the files and the robot that was made up
+made_poses     the poses as a study takes them, with the texts of the files and the robot with the errors
 make, Made     the texts alone
 disturbed      the robot that is measured
 """

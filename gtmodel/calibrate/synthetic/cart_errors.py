@@ -1,4 +1,4 @@
-"""What synthetic carts do besides wandering: they tilt, and a reflector on each is measured in another set-up."""
+"""Synthetic errors of the carts themselves: they tilt, and a reflector on each is measured in another set-up."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What made-up calibration measurements are asked for: a robot with known errors, a grid, a device."""
+"""What synthetic calibration measurements are asked for: a robot with known errors, a grid, a device."""
 
 from __future__ import annotations
 
@@ -17,7 +17,12 @@ def _zeros() -> list[float]:
 
 @dataclass(frozen=True, kw_only=True)
 class Synthetic(Options):
-    """A robot with known errors, measured at poses that its model reaches: a file to try the calibration on."""
+    """A robot with known errors, measured at poses that its model reaches: a file to try the calibration on.
+
+    >>> gt.calibrate.Synthetic(low=[0.0, -1.0, 0.2], high=[1.5, 0.5, 0.8], counts=[4, 4, 0])
+    Traceback (most recent call last):
+    gtmodel.results.refusal.ArgumentError: counts: must be more than 0; found 0
+    """
 
     seed: Annotated[int, Within(least=0), "of all that is random"] = 0
     low: Annotated[list[float], Unit("m"), Long(3), "least corner of the grid of tool centre points"]

@@ -1,4 +1,4 @@
-"""Made-up poses read back from their own text, as a person would read the file."""
+"""Synthetic poses read back from their own text, as a person would read the file."""
 
 from __future__ import annotations
 
@@ -18,9 +18,15 @@ FILE, CARTS = "measurements.csv", "carts.csv"
 
 
 def made_poses(robot: Model, synthetic: Synthetic, held_out: Path | str | None = None) -> Poses:
-    """Poses that the robot's model reaches, where a robot with known errors stands there, and what a device says.
+    """Synthetic poses: where a robot with known errors stands when it is commanded to a grid, as a device measures it.
 
-    robot: a Gantry-Tau of the library. held_out: a file of the same columns that no fit sees. Raises ArgumentError.
+    robot: a Gantry-Tau of the library. held_out: a file of the same columns that no fit sees. The result holds the text
+    of the file and the robot with the errors. Raises ArgumentError.
+
+    >>> grid = gt.calibrate.Synthetic(low=[0.0, -1.0, 0.2], high=[1.5, 0.5, 0.8], counts=[3, 3, 2], seed=1)
+    >>> poses = gt.calibrate.made_poses(gt.robots.gantry_tau("l1_tape"), grid)
+    >>> poses.measurements.values["T"].shape[1], list(poses.files)
+    (3, ['measurements.csv'])
     """
     made = make(robot, synthetic)
     signals = {

@@ -1,4 +1,4 @@
-"""How a cart leaves its straight guideway, made up: smooth bends, a cyclic error of the transmission."""
+"""Synthetic deviations of a cart from its straight guideway: smooth bends, a cyclic error of the transmission."""
 
 from __future__ import annotations
 

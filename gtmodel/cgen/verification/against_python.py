@@ -31,11 +31,26 @@ def check(folder: Path, functions: Mapping[str, CausalFunction], *, points: int 
     Without a compiler the report has not passed and says why.
 
     Args:
+        folder: as `generate` wrote it.
         functions: what the folder was generated from, under the same names.
         points: random points per function, near consistent ones and far from them.
         seed: of the random points.
 
     Raises GenerationError if the folder was not generated, or from functions of other names or shapes.
+
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> class Square(gt.Model):
+    ...     x = gt.variable(unit="m")
+    ...     area = gt.variable(unit="m2")
+    ...     def equations(self):
+    ...         yield self.area == self.x**2
+    >>> functions = {"area": Square().causal(known="x", targets="area")}
+    >>> with tempfile.TemporaryDirectory() as place:
+    ...     made = gt.cgen.generate(functions, place, name="square")
+    ...     report = gt.cgen.check(Path(place), functions, points=20)
+    >>> report.passed
+    True
     """
     folder = Path(folder)
     content = read(folder)

@@ -124,7 +124,7 @@ def _jumps(step: Callable[[Any], Any]) -> tuple[Callable[[Bounds], Bounds], Call
 
 
 _SQRT_PI = float(np.sqrt(np.pi))
-# operation -> (bounds of the value, bounds of the slope) over bounds of its argument
+# operation -> (bounds of the value, bounds of the derivative) over bounds of its argument
 UNARY: dict[int, tuple[Callable[[Bounds], Bounds], Callable[[Bounds], Bounds]]] = {
     ca.OP_ASSIGN: (lambda a: a, lambda a: (1.0, 1.0)),
     ca.OP_NEG: (_negative, lambda a: (-1.0, -1.0)),

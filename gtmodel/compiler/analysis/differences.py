@@ -1,9 +1,9 @@
-"""What a quadratic left behind is used again: the difference that it was made of, and its root as its slope.
+"""What a quadratic left behind is used again: the difference that it was made of, and its root as its derivative.
 
 x - (y + z) is (x - y) - z where x - y is there already and z was computed from it: |T - A - q v| = L solved for q
 leaves T - (A + q v) beside T - A. Elsewhere the two orders of summation would differ in accuracy: here z carries the
-rounding of x - y already, so that nothing is lost. And with q = (d.v - s) / v.v the slope (d - q v).v, by which the
-velocity is divided, is s.
+rounding of x - y already, so that nothing is lost. And with q = (d.v - s) / v.v the derivative (d - q v).v, by which
+the velocity is divided, is s.
 """
 
 from __future__ import annotations

@@ -16,7 +16,7 @@ from .points import RESIDUAL_TOLERANCE, Sampler
 
 # what lies farther from its start value than this, in nominals, was moved: the points about it spread less
 MOVED = 0.1
-# one variable alone gives way, from its start value and from others drawn about it, this far off in nominals
+# one variable alone is moved, from its start value and from others drawn about it, this far off in nominals
 SPREADS = (0.0, 0.3, 0.3, 1.0, 1.0, 3.0, 3.0)
 SHOWN = 6
 
@@ -25,7 +25,7 @@ Pair = tuple[int, int]
 
 @dataclass(frozen=True)
 class Moved:
-    """A start value that gave way: scalar variable by name, from where to where."""
+    """A start value that was moved: scalar variable by name, from where to where."""
 
     name: str
     start: float
@@ -57,7 +57,7 @@ def moved(flat: FlatModel, sampler: Sampler, w: np.ndarray, starts: dict[Pair, f
 
 
 def said(flat: FlatModel, changes: list[Moved]) -> str:
-    """One sentence on start values that gave way; empty if none did."""
+    """One sentence on start values that were moved; empty if none was."""
     if not changes:
         return ""
     shown = ", ".join(f"{m.name} from {m.start:.4g} to {m.home:.4g}" for m in changes[:SHOWN])
@@ -69,10 +69,10 @@ def said(flat: FlatModel, changes: list[Moved]) -> str:
 
 
 def home_of(flat: FlatModel) -> dict[int, float]:
-    """Values of variables, by index, at a consistent pose in which as few start values as possible give way.
+    """Values of variables, by index, at a consistent pose in which as few start values as possible are moved.
 
     If one declared variable alone can, it does: a wrong guess for passive joints does not move the actuated ones.
-    Else all give way, as little as it takes. Empty where no pose is found.
+    Else all are moved, as little as it takes. Empty where no pose is found.
     """
     if "home" not in flat.cache:
         flat.cache["home"] = _home_of(flat)

@@ -22,13 +22,13 @@ STEPS = 80
 TOLERANCE = 1e-10
 # singular values below this fraction of the largest are directions that the equations leave free
 RANK = 1e-9
-# what an earlier stage settled gives way this much less than what comes up now
+# what an earlier stage settled is moved this much less than what comes up now
 SETTLED = 1e-4
 # a correction that leaves more than this part of the residual makes no progress
 STALLED = 0.999
 # a symbol that moves less than this in every unit direction that the equations leave free does not move
 FREE = 1e-6
-# values that were guessed give way this much less than those that were not
+# values that were guessed are moved this much less than those that were not
 SOFT = 1e-3
 # corrections this small, in nominals, no longer tell whether Newton converges
 ROUND_OFF = 1e-8

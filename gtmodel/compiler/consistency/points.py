@@ -26,7 +26,7 @@ RESIDUAL_TOLERANCE = 1e-11
 SPREAD = 0.05
 # every second one: where constraints are stiff, start values far from consistent lead to another assembly mode
 NARROW = 0.005
-# what has a start value gives way this much less than what has none: the points stay near the home pose
+# what has a start value is moved this much less than what has none: the points stay near the home pose
 HELD = 0.1
 # steps in which what has none follows what has one or is known, which waits
 FOLLOWING_STEPS = 10
@@ -104,7 +104,7 @@ class Sampler:
 
     `pairs` are the chain symbols in order; `stages` the residuals of each stage, positions first; `starts`
     the declared start values by chain symbol; `known` the variables that are prescribed; `time` [s] of the points;
-    `ease` (one for each symbol) how readily it gives way beside the others, 1 if left out.
+    `ease` (one for each symbol) how readily it is moved beside the others, 1 if left out.
     """
 
     flat: FlatModel

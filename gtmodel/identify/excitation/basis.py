@@ -28,7 +28,7 @@ class Basis(Protocol):
 
     @property
     def size(self) -> int:
-        """Unknowns per coordinate."""
+        """Number of unknowns per coordinate."""
         ...
 
     @property
@@ -51,7 +51,15 @@ class FourierSeries:
 
     Rest at the ends asks for sum k b_k = 0 and sum k^2 a_k = 0. The unknowns are x0 and the weights of differences of
     neighbouring harmonics, cos(k w t)/k^2 - cos((k + 1) w t)/(k + 1)^2 and sin(k w t)/k - sin((k + 1) w t)/(k + 1),
-    each of which rests there by itself. Raises ArgumentError for a period that is not positive or harmonics below 2.
+    each of which rests there by itself. The period is in s. Raises ArgumentError for a period that is not positive or
+    harmonics below 2.
+
+    >>> series = gt.identify.FourierSeries(period=4.0, harmonics=3)
+    >>> c = np.array([[1.0], [0.2], [0.0], [0.0], [0.1]])  # x0, two weights of cosines, two of sines
+    >>> (series.rows([0.0, 1.0, 4.0]) @ c)[:, 0].round(3)  # position at three instants
+    array([1.15 , 1.083, 1.15 ])
+    >>> (np.abs(series.rows([0.0, 4.0], order=1) @ c) < 1e-12).tolist()  # at rest at both ends
+    [[True], [True]]
     """
 
     period: float
@@ -94,9 +102,16 @@ class FourierSeries:
 
 @dataclass(frozen=True)
 class ClosedSpline:
-    """B-spline of degree 5 on `intervals` equal intervals; its first and last three control points are one unknown.
+    """B-spline of degree 5 on `intervals` equal intervals of the period [s].
 
-    Raises ArgumentError for a period that is not positive or fewer than 2 intervals.
+    Its first and last three control points are one unknown: the motion rests where it begins and ends. Raises
+    ArgumentError for a period that is not positive or fewer than 2 intervals.
+
+    >>> spline = gt.identify.ClosedSpline(period=4.0, intervals=6)
+    >>> spline.size, spline.rows([0.0, 2.0, 4.0]).shape
+    (6, (3, 6))
+    >>> spline.rows([0.0, 4.0])[:, 0]  # at both ends the first unknown is the place
+    array([1., 1.])
     """
 
     period: float

@@ -1,4 +1,4 @@
-"""From the motions found to the study: what they tell, checks, trajectory and pictures."""
+"""From the motions found to the study: their information, checks, trajectory and pictures."""
 
 from __future__ import annotations
 

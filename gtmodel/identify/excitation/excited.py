@@ -1,4 +1,4 @@
-"""What an excitation study gives: the motion found, and how much more it tells than random ones."""
+"""What an excitation study gives: the motion found, and how much more informative it is than random ones."""
 
 from __future__ import annotations
 

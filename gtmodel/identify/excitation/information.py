@@ -1,4 +1,4 @@
-"""How much a regressor says about its parameters: condition number, determinant, predicted standard deviations.
+"""How much information a regressor has on its parameters: condition number, determinant, standard deviations.
 
 W (samples, p) are the stacked rows of the regressor. Columns are scaled by nominal values first: the parameters
 are then relative ones, and kilograms beside newtons compare. The information matrix is M = (W s)'(W s) / samples.
@@ -19,22 +19,42 @@ DOUBLINGS = 2  # the surrogate takes the 4-norm of the eigenvalues: within p^(1/
 
 
 def condition(W: Array, nominal: npt.ArrayLike) -> float:
-    """Condition number of the scaled columns: largest over smallest singular value; infinite where a column is lost."""
+    """Condition number of a stacked regressor W (samples, p), its columns scaled by `nominal` values (p,).
+
+    It is the largest over the smallest singular value, and infinite where columns are dependent exactly.
+
+    >>> time = np.linspace(0.0, 1.0, 101)
+    >>> W = np.column_stack([np.ones(101), time])
+    >>> round(gt.identify.condition(W, [1.0, 1.0]), 2), round(gt.identify.condition(W, [1.0, 2.0]), 2)
+    (4.35, 3.75)
+    """
     s = singular_values(W, nominal)
     return float(s[0] / s[-1]) if s[-1] > 0 else float("inf")
 
 
 def singular_values(W: Array, nominal: npt.ArrayLike) -> Array:
-    """(p,) of the scaled columns over the root of the number of samples, largest first."""
+    """Singular values (p,) of a stacked regressor W (samples, p) over the root of its samples, largest first.
+
+    Columns are scaled by `nominal` values (p,), so that the singular values are in the unit of the efforts.
+
+    >>> W = np.column_stack([np.ones(4), [1.0, -1.0, 1.0, -1.0]])
+    >>> gt.identify.singular_values(W, [3.0, 0.5])
+    array([3. , 0.5])
+    """
     scaled = W * np.asarray(nominal, float)
     found = np.linalg.svd(scaled, compute_uv=False) / np.sqrt(len(W))
     return np.concatenate([found, np.zeros(W.shape[1] - len(found))])
 
 
 def predicted_deviations(W: Array, noise: float) -> Array:
-    """(p,) standard deviations of the parameters for white noise of `noise` on every row, sigma^2 (W'W)^-1.
+    """Standard deviations (p,) of the parameters fitted to the rows of W (samples, p), each with independent noise.
 
-    Infinite for all where the columns are dependent.
+    `noise` is its standard deviation; the covariance is noise^2 (W'W)^-1. All are infinite where the columns are
+    dependent.
+
+    >>> W = np.column_stack([np.ones(100), np.linspace(-1.0, 1.0, 100)])
+    >>> gt.identify.predicted_deviations(W, noise=30.0).round(2)
+    array([3.  , 5.14])
     """
     size = np.linalg.norm(W, axis=0)
     if np.any(size == 0):

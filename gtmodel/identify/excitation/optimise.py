@@ -1,4 +1,4 @@
-"""Excitation: the motion from which a regressor's parameters are found best, within all limits.
+"""Excitation: the motion from which a regressor's parameters are identified best, within all limits.
 
 The unknowns are those of a `Basis`; information and limits are sampled at equal steps of one period. Between the
 samples the limits are looked at again, and tightened by what was seen there until they hold.
@@ -33,7 +33,7 @@ SHARES = (0.99, 0.97, 0.9, 0.75, 0.5)
 
 @dataclass(frozen=True, eq=False)
 class ExcitationTask:
-    """What is moved, what is to be learnt, within what.
+    """What an excitation moves, which parameters it is for, and which limits it keeps.
 
     Args:
         basis: the family of motions of the d coordinates x.
@@ -44,6 +44,19 @@ class ExcitationTask:
         criterion: "condition", "determinant" or "variance".
 
     Raises ArgumentError for shapes that do not fit and for a nominal value of zero.
+
+    >>> import casadi as ca
+    >>> x, v, a = (ca.SX.sym(name) for name in "xva")  # a pendulum m x'' + d x' + c sin x
+    >>> task = gt.identify.ExcitationTask(
+    ...     basis=gt.identify.FourierSeries(period=4.0, harmonics=3),
+    ...     rows=ca.Function("rows", [x, v, a], [ca.vertcat(x, v)]),
+    ...     low=np.array([-1.0, -2.0]),
+    ...     high=np.array([1.0, 2.0]),
+    ...     regressor=ca.Function("Y", [x, v, a], [ca.horzcat(a, v, ca.sin(x))]),
+    ...     nominal=np.array([2.0, 1.0, 5.0]),
+    ... )
+    >>> task.dimension, task.basis.size, task.points  # coordinates, unknowns of each, samples of a period
+    (1, 5, 48)
     """
 
     basis: Basis
@@ -109,9 +122,10 @@ class ExcitationTask:
 
 @dataclass(frozen=True, eq=False)
 class Excitation:
-    """The motion found: unknowns c (size, d) of the basis, and how the search ended.
+    """The motion found: unknowns `c` (size, d) of the basis, and how the search ended.
 
-    excess: (m,) of each row over a grid FINER times as fine as the optimisation's, in the row's size; kept where <= 0.
+    `objective` is the logarithmic cost of the criterion, `seconds` the time that the search took. `excess` (m,) is the
+    violation of each row on a grid FINER times as fine as the optimisation's, in the row's size: kept where <= 0.
     """
 
     status: SolveStatus
@@ -137,13 +151,34 @@ def optimise_excitation(
     max_seconds: float | None = None,
     progress: Progress | None = None,
 ) -> Excitation:
-    """The best motion near a start c (size, d), which should keep the limits: a random feasible draw.
+    """The best motion near a start, by IPOPT.
 
-    max_iterations: of all tightenings together.
-    tolerance: of IPOPT, on the cost's logarithm: 1e-2 gives the condition number to about a hundredth.
-    progress: called with (iteration, cost, violation); True stops, keeping the best iterate. Never worse than the
-    start: where the search does not lead to a better motion that keeps all limits, the start itself comes back, and the
-    message says so.
+    Args:
+        task: what is moved and within which limits.
+        start: unknowns c (size, d), which should keep the limits: a random feasible draw.
+        max_iterations: of all tightenings together.
+        tolerance: of IPOPT, on the cost's logarithm: 1e-2 gives the condition number to about a hundredth.
+        max_seconds: the search ends then with its best motion.
+        progress: called with (iteration, cost, violation); True stops, keeping the best iterate.
+
+    The result is never worse than the start: where the search does not lead to a better motion that keeps all limits,
+    the start itself comes back, and the message says so.
+
+    >>> import casadi as ca
+    >>> x, v, a = (ca.SX.sym(name) for name in "xva")  # a pendulum m x'' + d x' + c sin x
+    >>> task = gt.identify.ExcitationTask(
+    ...     basis=gt.identify.FourierSeries(period=4.0, harmonics=3),
+    ...     rows=ca.Function("rows", [x, v, a], [ca.vertcat(x, v)]),
+    ...     low=np.array([-1.0, -2.0]),
+    ...     high=np.array([1.0, 2.0]),
+    ...     regressor=ca.Function("Y", [x, v, a], [ca.horzcat(a, v, ca.sin(x))]),
+    ...     nominal=np.array([2.0, 1.0, 5.0]),
+    ... )
+    >>> (start,) = gt.identify.random_excitations(task, (np.array([-0.5]), np.array([0.5])), 1, seed=1)
+    >>> best = gt.identify.optimise_excitation(task, start)
+    >>> before, after = (gt.identify.condition(task.stacked(c, task.times()), task.nominal) for c in (start, best.c))
+    >>> best.status.ok, best.feasible, after < before
+    (True, True, True)
     """
     begin = time.perf_counter()
     nlp = _assemble(task)

@@ -10,7 +10,12 @@ from ...results.options import Long, Options, Unit, Within
 
 @dataclass(frozen=True)
 class Family(Options):
-    """The family of motions of the tool centre point, each from rest to rest at one place."""
+    """The family of motions of the tool centre point, each from rest to rest at one place.
+
+    >>> gt.identify.Family(period=2.0, place_low=[0.9, -0.9], place_high=[1.1, -0.7, 0.6])
+    Traceback (most recent call last):
+    gtmodel.results.refusal.ArgumentError: place_low: expected 3 numbers; found 2
+    """
 
     family: Annotated[Literal["fourier", "spline"], "finite Fourier series or spline"] = "fourier"
     period: Annotated[float, Unit("s"), Within(above=0.0), "of the motion; it may be repeated"] = field(kw_only=True)
@@ -24,7 +29,11 @@ class Family(Options):
 
 @dataclass(frozen=True)
 class Experiment(Options):
-    """What is identified, and how it will be measured."""
+    """What is identified, and how it will be measured.
+
+    >>> gt.identify.Experiment(noise=50.0, periods=4).identified
+    ['m_p', 'm_c', 'coulomb', 'viscous']
+    """
 
     identified: Annotated[list[str], "parameters to find; arrays by name"] = field(
         default_factory=lambda: ["m_p", "m_c", "coulomb", "viscous"]
@@ -44,7 +53,12 @@ class Experiment(Options):
 
 @dataclass(frozen=True)
 class Search(Options):
-    """The optimisation."""
+    """The optimisation: what it minimises, from how many starts, for how long.
+
+    >>> gt.identify.Search(criterion="best")
+    Traceback (most recent call last):
+    gtmodel.results.agreement.WrongKind: criterion: expected one of condition, determinant, variance; found 'best'
+    """
 
     criterion: Annotated[
         Literal["condition", "determinant", "variance"],
@@ -57,7 +71,12 @@ class Search(Options):
 
 @dataclass(frozen=True)
 class RandomMotions(Options):
-    """Random feasible motions to compare with, and to start from."""
+    """Random feasible motions to compare with, and to start from.
+
+    >>> gt.identify.RandomMotions(draws=0)
+    Traceback (most recent call last):
+    gtmodel.results.refusal.ArgumentError: draws: must be at least 1; found 0
+    """
 
     draws: Annotated[int, Within(least=1), "number of motions"] = 100
     seed: Annotated[int, Within(least=0), "of their drawing"] = 1
@@ -65,7 +84,12 @@ class RandomMotions(Options):
 
 @dataclass(frozen=True)
 class MonteCarloFits(Options):
-    """Synthetic identifications along the optimised and the best random motion."""
+    """Synthetic identifications along the optimised and the best random motion.
+
+    >>> gt.identify.MonteCarloFits(runs=10_000)
+    Traceback (most recent call last):
+    gtmodel.results.refusal.ArgumentError: runs: must be at least 0 and at most 5000; found 10000
+    """
 
     runs: Annotated[int, Within(least=0, most=5000), "number of runs; none if 0"] = 0
     seed: Annotated[int, Within(least=0), "of the noise"] = 0

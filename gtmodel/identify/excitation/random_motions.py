@@ -28,8 +28,22 @@ def random_excitations(
     the weights are then scaled up, by bisection, to the largest amplitude that keeps every row on the fine grid. Draws
     whose place itself breaks a limit are dropped. Same seed, same motions.
 
-    centre: (low, high), each (d,). progress: called with the fraction done; True stops, keeping what there is.
+    `centre` is (low, high), each (d,). `progress` is called with the fraction done; True stops, keeping what there is.
     Raises ArgumentError where hardly any draw is feasible.
+
+    >>> import casadi as ca
+    >>> x, v, a = (ca.SX.sym(name) for name in "xva")  # a pendulum m x'' + d x' + c sin x
+    >>> task = gt.identify.ExcitationTask(
+    ...     basis=gt.identify.FourierSeries(period=4.0, harmonics=3),
+    ...     rows=ca.Function("rows", [x, v, a], [ca.vertcat(x, v)]),
+    ...     low=np.array([-1.0, -2.0]),
+    ...     high=np.array([1.0, 2.0]),
+    ...     regressor=ca.Function("Y", [x, v, a], [ca.horzcat(a, v, ca.sin(x))]),
+    ...     nominal=np.array([2.0, 1.0, 5.0]),
+    ... )
+    >>> draws = gt.identify.random_excitations(task, (np.array([-0.5]), np.array([0.5])), 3, seed=1)
+    >>> len(draws), all(task.excess(c, task.times()).max() <= 0 for c in draws)
+    (3, True)
     """
     rng = np.random.default_rng(seed)
     coarse, fine = task.times(), task.times(FINER)

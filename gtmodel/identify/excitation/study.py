@@ -39,7 +39,7 @@ def excitation_study(
     max_seconds: float | None = None,
     stop: Callable[[], bool] = never,
 ) -> ExcitationStudy:
-    """Draw random motions, optimise from the best of them, and compare.
+    """The motion for an identification: draw random ones, optimise from the best of them, and compare.
 
     Args:
         robot: declares its tool centre point T, carts q and forces tau as vectors of 3; a parameter `velocity_scale` of
@@ -53,15 +53,18 @@ def excitation_study(
         start: (size, 3) unknowns of an earlier study, a further start.
         progress, max_seconds, stop: see `gtmodel.results.Work`.
 
-    Interrupted, it holds the best motion so far, which keeps all limits. Raises ArgumentError.
+    Interrupted, it holds the best motion so far, which keeps all limits. Raises ArgumentError for a robot of another
+    kind, for limits that hardly any random motion keeps, and for a start that does not fit or breaks a limit.
 
-    >>> import gtmodel as gt
-    >>> from gtmodel.identify import Family, RandomMotions, excitation_study
-    >>> from gtmodel.motion import Limits
-    >>> motion = Family(period=2.0, harmonics=2, place_low=[0.9, -0.9, 0.4], place_high=[1.1, -0.7, 0.6])
-    >>> limits = Limits(force=700.0, tcp_low=[0.5, -1.1, 0.2], tcp_high=[1.5, -0.5, 0.8])
-    >>> s = excitation_study(gt.robots.gantry_tau("l1_tape"), motion, limits, random=RandomMotions(draws=2))
-    >>> bool(s.improvement > 1)
+    >>> motion = gt.identify.Family(
+    ...     period=2.0, harmonics=2, place_low=[0.9, -0.9, 0.4], place_high=[1.1, -0.7, 0.6]
+    ... )
+    >>> limits = gt.motion.Limits(force=700.0, tcp_low=[0.5, -1.1, 0.2], tcp_high=[1.5, -0.5, 0.8])
+    >>> masses = gt.identify.Experiment(identified=["m_p", "m_c"])
+    >>> two = gt.identify.RandomMotions(draws=2)
+    >>> robot = gt.robots.gantry_tau("l1_tape")
+    >>> s = gt.identify.excitation_study(robot, motion, limits, experiment=masses, random=two)
+    >>> bool(s.improvement > 1)  # condition number of the best random motion over the optimised one
     True
     """
     work = Work(progress=progress, max_seconds=max_seconds, stop=stop)

@@ -10,13 +10,16 @@ from scipy.optimize import linprog
 from ...results.trajectory_errors import Array
 
 Gravity = Literal["most_symmetric", "poses"]  # how the mass is found beside friction by direction
-PARALLEL = 1e-6  # patterns closer to parallel than this: the difference of gravity between poses tells no mass
+PARALLEL = 1e-6  # patterns closer to parallel than this: the difference of gravity between poses determines no mass
 TIE = 1e-9  # of the sum of weights: two sides of a median that weigh the same
 
 
 class MassByNorm(NamedTuple):
-    """Masses [kg] that make the asymmetry middle - m pattern least: `two` in the 2-norm, `one` the interval in which
-    the 1-norm is least (both ends equal where it is a point), `maximum` in the maximum norm."""
+    """Masses [kg] that make the asymmetry middle - m pattern least, by norm.
+
+    `two` is that of the 2-norm, `one` the interval in which the 1-norm is least (both ends equal where it is a point),
+    `maximum` that of the maximum norm.
+    """
 
     two: float
     one: tuple[float, float]
@@ -26,8 +29,14 @@ class MassByNorm(NamedTuple):
 def mass_by_norm(middle: Array, pattern: Array) -> MassByNorm:
     """Masses from the middle levels [N] and the forces that hold one kilogram [N/kg], both of any one shape.
 
-    middle = (c+ + c-)/2 = m pattern + (fc+ - fc-)/2: the asymmetric part of Coulomb friction is what is left. The
-    2-norm gives m = middle.pattern / pattern.pattern.
+    The middle level is the mean of the forces that the lines forwards and backwards reach at velocity zero:
+    middle = m pattern + (fc+ - fc-)/2, with the magnitudes fc+ and fc- of Coulomb friction, whose asymmetric part is
+    what is left. The 2-norm gives m = middle.pattern / pattern.pattern.
+
+    >>> pattern = np.array([-7.9, -0.7, 8.6])
+    >>> masses = gt.identify.mass_by_norm(20.0 * pattern + np.array([10.0, 0.0, 0.0]), pattern)
+    >>> round(masses.two, 2), round(masses.one[0], 2), round(masses.maximum, 2)  # the 1-norm leaves an outlier alone
+    (19.42, 20.0, 19.39)
     """
     c, g = np.asarray(middle, float).ravel(), np.asarray(pattern, float).ravel()
     return MassByNorm(float(c @ g / (g @ g)), _weighted_median(c, g), _minimax(c, g))

@@ -23,11 +23,12 @@ COLUMNS = (
 class FrictionFit:
     """Friction by actuator and direction, and the mass.
 
-    coulomb_plus, coulomb_minus (carts,) [N], viscous_plus, viscous_minus (carts,) [kg/s]: tau = m pattern + fc+ + fv+ v
-    forwards and m pattern - fc- + fv- v backwards. mass [kg]. estimate : all of these with their covariance, named
-    "m", "coulomb_plus[0]" and so on. lines : the straight lines by actuator, as fitted. middle (poses, carts): levels
-    between the two directions [N]. by_norm : the mass by three norms. undetermined : in words. sizes of residuals
-    (carts,) [N] rms.
+    `coulomb_plus` and `coulomb_minus` (carts,) [N], both positive, with `viscous_plus` and `viscous_minus` (carts,)
+    [kg/s]: tau = m pattern + fc+ + fv+ v forwards and m pattern - fc- + fv- v backwards, v < 0. `mass` is m [kg].
+    `estimate` has all of these with their covariance, named "m", "coulomb_plus[0]" and so on. `lines` are the straight
+    lines by actuator, as fitted; `middle` (poses, carts) the levels between the two directions [N]; `pattern` (poses,
+    carts) the forces that hold one kilogram [N/kg]; `by_norm` the mass by three norms; `undetermined` says in words
+    what the runs leave open; `residual_rms` (carts,) is that of the lines [N].
     """
 
     mass: float
@@ -44,8 +45,11 @@ class FrictionFit:
     residual_rms: Array
 
     def against_motion(self, runs: Runs, level: float) -> tuple[float, float]:
-        """Friction force [N] against the motion, of the cart, direction and speed where it is least beyond its noise,
-        and the upper limit of its confidence interval: negative, it drives."""
+        """Friction force [N] against the motion where it is least, and the upper limit of its confidence interval.
+
+        It is that of the cart, direction and speed for which this limit is least; a negative limit says that friction
+        drives.
+        """
         least = (np.inf, np.inf)
         for cart in range(len(self.lines)):
             for way, sign in (("plus", 1), ("minus", -1)):
@@ -67,7 +71,7 @@ class FrictionFit:
 def identify_friction(
     runs: Runs, pattern: Array, *, symmetric: bool = False, gravity: Gravity = "most_symmetric"
 ) -> FrictionFit:
-    """Friction and mass from constant-velocity runs.
+    """Friction of each actuator and the mass they hold, from runs at constant velocity (Dressler 2012, eq. (6.9)).
 
     Args:
         runs: velocities and mean forces.
@@ -78,9 +82,16 @@ def identify_friction(
             levels between poses, friction being the same in all; it needs poses of different patterns.
 
     Every actuator's line is a least-squares fit of its own, its noise its own; the rest is a linear function of the
-    lines. Raises ArgumentError where a direction has too few velocities, where poses do not tell the mass, where runs
-    are copies of others, where forces in other columns or with another sign fit far better, and where no drive can be
-    so: friction that gives energy, or a negative mass, beyond noise.
+    lines. Raises ArgumentError where a direction has too few velocities, where poses do not determine the mass, where
+    runs are copies of others, where forces in other columns or with another sign fit far better, and for what no drive
+    has: friction that gives energy, or a negative mass, beyond noise.
+
+    >>> velocity = np.array([[0.2], [0.6], [1.0], [-0.2], [-0.6], [-1.0]])  # one cart, m/s
+    >>> force = np.array([[180.0], [257.0], [330.0], [-95.0], [-159.0], [-224.0]])  # N
+    >>> runs = gt.identify.Runs(velocity, force, np.zeros(6, int), np.ones(6), np.zeros((6, 1)))
+    >>> fit = gt.identify.identify_friction(runs, np.array([[1.0]]))
+    >>> fit.coulomb_plus.round(), fit.viscous_plus.round(), fit.viscous_minus.round()
+    (array([103.]), array([187.]), array([161.]))
     """
     pattern = np.atleast_2d(np.asarray(pattern, dtype=float))
     poses, carts = pattern.shape
@@ -148,8 +159,10 @@ def identify_friction(
 
 
 def _line(runs: Runs, cart: int, poses: int, symmetric: bool) -> Estimate:
-    """Levels by pose and slopes of one actuator. Names: "plus 0", "minus 0", .. "viscous plus", "viscous minus";
-    symmetric: "middle 0", .., "coulomb", "viscous"."""
+    """Levels by pose and viscous coefficients of one actuator.
+
+    Names: "plus 0", "minus 0", .. "viscous plus", "viscous minus"; symmetric: "middle 0", .., "coulomb", "viscous".
+    """
     v, tau = runs.velocity[:, cart], runs.force[:, cart]
     columns: dict[str, Array] = {}
     for p in range(poses):

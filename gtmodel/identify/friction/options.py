@@ -1,4 +1,4 @@
-"""What a friction study asks for: where the tool was held, what counts as steady, friction known or made up."""
+"""What a friction study asks for: where the tool was held, what counts as steady, friction known or synthetic."""
 
 from __future__ import annotations
 
@@ -11,7 +11,12 @@ from .steady import CUTOFF_HZ, SHORTEST, STEADY
 
 @dataclass(frozen=True)
 class HeldPose(Options):
-    """Where the tool centre point was held in the cross-section while the carts ran."""
+    """Where the tool centre point was held in the cross-section while the carts ran.
+
+    >>> pose = gt.identify.HeldPose(holding=[-177.0, -15.0, 191.0], holding_mass=22.4)
+    >>> gt.identify.gravity_pattern(gt.robots.gantry_tau("l1_tape"), [pose]).round(2)  # N/kg
+    array([[-7.9 , -0.67,  8.53]])
+    """
 
     name: Annotated[str, "one word for pictures"] = ""
     tcp: Annotated[
@@ -26,11 +31,16 @@ class HeldPose(Options):
 
 @dataclass(frozen=True)
 class Steady(Options):
-    """Which stretches of a log count as runs at constant velocity."""
+    """Which stretches of a log count as runs at constant velocity.
+
+    >>> gt.identify.Steady(slowest=-0.1)
+    Traceback (most recent call last):
+    gtmodel.results.refusal.ArgumentError: slowest: must be at least 0; found -0.1
+    """
 
     cutoff: Annotated[
         float, Unit("Hz"), Within(above=0.0),
-        "of the low pass that tells steady from unsteady rows; means are of raw ones",
+        "of the low pass that separates steady from unsteady rows; means are of raw ones",
     ] = CUTOFF_HZ  # fmt: skip
     slowest: Annotated[float, Unit("m/s"), Within(least=0.0), "slower runs are left out"] = 0.0
     steady_acceleration: Annotated[
@@ -42,7 +52,12 @@ class Steady(Options):
 
 @dataclass(frozen=True)
 class Coefficients(Options):
-    """Friction by cart."""
+    """Friction by cart: it takes the force fc+ + fv+ v forwards and -fc- + fv- v backwards, v < 0, and the mass held.
+
+    >>> gt.identify.Coefficients([189.0], [145.0], [205.0], [158.0], mass=0.0)
+    Traceback (most recent call last):
+    gtmodel.results.refusal.ArgumentError: mass: must be more than 0; found 0
+    """
 
     coulomb_plus: Annotated[list[float], Unit("N"), "Coulomb friction forwards"]
     coulomb_minus: Annotated[list[float], Unit("N"), "Coulomb friction backwards, positive"]
@@ -53,7 +68,16 @@ class Coefficients(Options):
 
 @dataclass(frozen=True)
 class SyntheticRuns(Coefficients):
-    """Logs made up from known friction, to see what identification gives back."""
+    """Synthetic logs of known friction, to see what identification gives back.
+
+    >>> known = gt.identify.SyntheticRuns(
+    ...     [150.0] * 3, [140.0] * 3, [190.0] * 3, [180.0] * 3, mass=22.0, velocities=[0.2, 0.5, 1.0], noise=5.0
+    ... )
+    >>> pose = gt.identify.HeldPose(holding=[-177.0, -15.0, 191.0], holding_mass=22.4)
+    >>> s = gt.identify.friction_study(gt.robots.gantry_tau("l1_tape"), known, [pose])
+    >>> s.runs, s.synthetic
+    (6, 'seed 0, white force noise 5 N, positions in steps of 1e-06 m')
+    """
 
     velocities: Annotated[list[float], Unit("m/s"), Within(above=0.0), "two or more; each is run forth and back"]
     moved_mass: Annotated[

@@ -17,10 +17,15 @@ PLATE = "m_p"  # mass of the plate, payload included, in all robots of the libra
 
 
 def gravity_pattern(robot: Model, poses: Sequence[HeldPose]) -> np.ndarray:
-    """(poses, carts) force of each cart that holds one kilogram [N/kg], by geometry or as printed.
+    """Force of each cart that holds one kilogram at the tool (poses, carts) [N/kg], by geometry or as printed.
 
+    A pose gives its tool centre point, for which the robot's model is asked, or printed forces with the mass they hold.
     Raises ArgumentError for a pose that says neither or both, or cannot be reached, and for a robot that its tool
     centre point does not place or whose plate has no mass.
+
+    >>> pose = gt.identify.HeldPose(tcp=[0.5, -0.9, 0.3])
+    >>> gt.identify.gravity_pattern(gt.robots.gantry_tau("l1_tape"), [pose]).round(2)
+    array([[-9.54, -0.41,  9.95]])
     """
     if not poses:
         raise ArgumentError("is empty; expected one or more", "poses")

@@ -25,8 +25,9 @@ WARNING = "the runs do not tell the mass while friction may differ by direction;
 class PublishedFriction(FrictionStudy):
     """Friction of published lines with the mass that makes it most symmetric.
 
-    chosen: the published mass [kg]. asymmetry: the size of what it leaves between the directions, 2-norm [N];
-    `objective` is the least."""
+    `chosen` is the published mass [kg]; `asymmetry` the size of what it leaves between the directions, 2-norm [N], of
+    which `objective` is the least.
+    """
 
     chosen: float
     asymmetry: float
@@ -66,14 +67,15 @@ def published_friction_study(
         pose: where the tool was held.
         progress, max_seconds, stop: see `gtmodel.results.Work`; the work is done at once.
 
-    Raises ArgumentError.
+    Raises ArgumentError for coefficients of another number of carts, and for a pose as `gravity_pattern` does.
 
-    >>> import gtmodel as gt
-    >>> from gtmodel.identify import Coefficients, HeldPose, published_friction_study
-    >>> lines = Coefficients([189.0, 262.0, 239.0], [145.0, 119.0, 177.0], [205.0] * 3, [158.0] * 3, 22.4)
-    >>> pose = HeldPose(holding=[-177.0, -15.0, 191.0], holding_mass=22.4)
-    >>> round(published_friction_study(gt.robots.gantry_tau("l1_tape"), lines, pose).mass, 1)
-    22.7
+    >>> lines = gt.identify.Coefficients(
+    ...     [189.0, 262.0, 239.0], [145.0, 119.0, 177.0], [205.0] * 3, [158.0] * 3, mass=22.4
+    ... )
+    >>> pose = gt.identify.HeldPose(holding=[-177.0, -15.0, 191.0], holding_mass=22.4)
+    >>> s = gt.identify.published_friction_study(gt.robots.gantry_tau("l1_tape"), lines, pose)
+    >>> round(s.mass, 1), s.asymmetry > s.objective
+    (22.7, True)
     """
     Work(progress=progress, max_seconds=max_seconds, stop=stop).progress("reading", 0.2)
     pattern = gravity_pattern(robot, [pose])

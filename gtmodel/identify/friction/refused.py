@@ -64,7 +64,7 @@ def _rounded(values: Array) -> Array:
 
 def refuse_exchanged(runs: Runs, pattern: Array, symmetric: bool) -> bool:
     """Raises ArgumentError where the forces in another order of columns, or one of them reversed, follow motion and
-    gravity far better; False where nothing tells."""
+    gravity far better; False where nothing decides."""
     count, carts = runs.force.shape
     bases = []
     for v in runs.velocity.T:

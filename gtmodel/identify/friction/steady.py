@@ -11,14 +11,17 @@ from ...measurements import Session, ZeroPhase, motion
 from ...results.trajectory import Trajectory
 from ...results.trajectory_errors import Array, TrajectoryError
 
-CUTOFF_HZ = 10.0  # of what tells steady from unsteady rows; the means are taken of unfiltered ones
+CUTOFF_HZ = 10.0  # of the low pass that separates steady from unsteady rows; means are taken of unfiltered ones
 STEADY = 0.2  # m/s2
 SHORTEST = 0.2  # s
 
 
 class Runs(NamedTuple):
-    """Constant-velocity runs: velocity (runs, carts) [m/s], mean force (runs, carts) [N], pose (runs,) index from 0,
-    seconds (runs,) that each lasted, position (runs, carts) at its middle [m]."""
+    """Constant-velocity runs.
+
+    `velocity` (runs, carts) [m/s], mean `force` (runs, carts) [N], `pose` (runs,) index from 0, `seconds` (runs,) that
+    each lasted, `position` (runs, carts) at its middle [m].
+    """
 
     velocity: Array
     force: Array
@@ -38,14 +41,22 @@ def steady_runs(
     slow: float = 0.0,
     shortest: float = SHORTEST,
 ) -> Runs:
-    """The stretches in which no cart accelerates and all move.
+    """The runs of a log: stretches in which no cart accelerates and all move.
 
-    position [m], force [N]: names of the signals, (n,) or (n, carts). Rows count as steady while every acceleration
-    behind a low pass of cutoff_Hz is below `steady` [m/s2] and every velocity above `slow` [m/s] in size; a stretch
-    lasts at least `shortest` [s] after the filter's settling time is cut off its ends. The velocity of a run is the
-    slope of a straight line through its positions, its force the mean, both of unfiltered rows.
+    `position` [m] and `force` [N] are names of the signals, (n,) or (n, carts); `pose` is the index of the pose in
+    which the log was recorded. Rows count as steady while every acceleration behind a low pass of `cutoff_Hz` is
+    below `steady` [m/s2] and every velocity above `slow` [m/s] in size; a stretch lasts at least `shortest` [s] after
+    the filter's settling time is cut off its ends. The velocity of a run is that of a straight line through its
+    positions, its force the mean, both of unfiltered rows.
 
     Raises TrajectoryError where there is none.
+
+    >>> log = gt.identify.constant_velocity_log(
+    ...     [0.2, 0.4], lambda v: 150.0 * np.sign(v) + 190.0 * v, np.array([30.0]), seed=1, noise=5.0
+    ... )
+    >>> runs = gt.identify.steady_runs(log)
+    >>> runs.velocity[:, 0].round(3), runs.force[:, 0].round(-1)
+    (array([ 0.2, -0.2,  0.4, -0.4]), array([ 190., -190.,  230., -230.]))
     """
     low_pass = ZeroPhase(cutoff_Hz)
     smooth, step = motion(session, position, low_pass), session.sample_time
@@ -80,7 +91,12 @@ def steady_runs(
 
 
 def joined(runs: Sequence[Runs]) -> Runs:
-    """Runs of several recordings as one."""
+    """Runs of several recordings as one, in their order.
+
+    >>> one = gt.identify.Runs(np.array([[0.2]]), np.array([[190.0]]), np.array([0]), np.ones(1), np.zeros((1, 1)))
+    >>> gt.identify.joined([one, one._replace(pose=np.array([1]))]).pose
+    array([0, 1])
+    """
     return Runs(*(np.concatenate(parts) for parts in zip(*runs, strict=True)))
 
 
@@ -100,11 +116,22 @@ def constant_velocity_log(
 ) -> Session:
     """A SYNTHETIC log: all carts run forth and back at each velocity [m/s], between ramps.
 
-    law : velocity (rows, 1) [m/s] -> force (rows, carts) [N] at constant velocity, gravity included. mass : (carts,)
-    felt while accelerating [kg]. noise : white, standard deviation [N], drawn from `seed`. quantisation [m] of the
-    positions. A run is `travel` [m] long, but no longer than `longest` [s].
+    Args:
+        law: velocity (rows, 1) [m/s] -> force (rows, carts) [N] at constant velocity, gravity included.
+        mass: (carts,) felt while accelerating [kg].
+        noise: standard deviation of the white noise of the forces [N], drawn from `seed`.
+        quantisation: of the positions [m].
+        sample_time: of the log [s].
+        acceleration: of the ramps [m/s2].
+        travel, longest: a run is so many metres long, but takes no longer than so many seconds.
 
     The trajectory has q [m] and force [N] and carries seed and noise in its `synthetic`.
+
+    >>> log = gt.identify.constant_velocity_log(
+    ...     [0.2, 0.4], lambda v: 150.0 * np.sign(v) + 190.0 * v, np.array([30.0]), seed=1, noise=5.0
+    ... )
+    >>> log.trajectory.synthetic, log.trajectory["force"].shape
+    ('seed 1, white force noise 5 N, positions in steps of 1e-06 m', (1904, 1))
     """
     pieces = []
     for speed in velocities:

@@ -64,9 +64,9 @@ class FrictionStudy(Study):
     pattern: Annotated[Array | None, Quantity("N/kg", "force of each cart that holds one kilogram, by pose")] = None
     residual: Annotated[Array | None, Quantity("N", "rms of the fitted lines, by cart")] = None
     runs: Annotated[int | None, Quantity("", "number of runs at constant velocity")] = None
-    undetermined: Annotated[Sequence[str] | None, Quantity("", "what the runs cannot tell, in words")] = None
+    undetermined: Annotated[Sequence[str] | None, Quantity("", "what the runs leave open, in words")] = None
     synthetic: Annotated[
-        str | None, Quantity("", "seed and noise of made-up logs; null for measured ones")
+        str | None, Quantity("", "seed and noise of synthetic logs; null for measured ones")
     ] = None  # fmt: skip
 
     @property
@@ -107,7 +107,9 @@ def friction_study(
     max_seconds: float | None = None,
     stop: Callable[[], bool] = never,
 ) -> FrictionStudy:
-    """Find the runs, fit the lines, share the levels between gravity and friction.
+    """Friction of the actuators and the mass they hold, from logs of runs at constant velocity.
+
+    The runs are found, lines are fitted, and their levels are divided into gravity and friction.
 
     Args:
         robot: a robot that its tool centre point `T` places, with efforts `tau`; not asked where all poses say what
@@ -120,14 +122,15 @@ def friction_study(
         gravity: how the mass is found beside them, see `identify_friction`.
         progress, max_seconds, stop: see `gtmodel.results.Work`.
 
-    Raises ArgumentError.
+    Raises ArgumentError for logs that do not fit the poses or hold no runs, and as `identify_friction` does.
 
-    >>> import gtmodel as gt
-    >>> from gtmodel.identify import HeldPose, SyntheticRuns, friction_study
-    >>> known = SyntheticRuns([150.0] * 3, [140.0] * 3, [190.0] * 3, [180.0] * 3, 22.0, velocities=[0.2, 0.5, 1.0])
-    >>> s = friction_study(gt.robots.gantry_tau("l1_tape"), known, [HeldPose(tcp=[0.5, -0.9, 0.3])])
-    >>> abs(float(s.viscous_plus[0]) - 190.0) < 5
-    True
+    >>> known = gt.identify.SyntheticRuns(
+    ...     [150.0] * 3, [140.0] * 3, [190.0] * 3, [180.0] * 3, mass=22.0, velocities=[0.2, 0.5, 1.0]
+    ... )
+    >>> pose = gt.identify.HeldPose(tcp=[0.5, -0.9, 0.3])
+    >>> s = gt.identify.friction_study(gt.robots.gantry_tau("l1_tape"), known, [pose])
+    >>> s.runs, round(s.mass), s.viscous_plus.round(-1)
+    (6, 22, array([190., 190., 190.]))
     """
     work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
     work.progress("equations", 0.1)
@@ -172,7 +175,7 @@ def friction_study(
 
 
 def check_widths(given: Coefficients, carts: int, argument: str) -> None:
-    """Raises ArgumentError for coefficients of another number of carts."""
+    """Raise ArgumentError for coefficients of another number of carts."""
     for name in LABELS:
         count = len(getattr(given, name))
         if count != carts:

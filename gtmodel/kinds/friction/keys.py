@@ -39,7 +39,7 @@ class Schema(RobotProblem):
     )
     pose: list[Pose] = Field(min_length=1, description="one table for each; the first is the picture's")
     log: Log | None = Field(default=None, description="measured logs")
-    synthetic: Made[options.SyntheticRuns] | None = Field(default=None, description="made-up logs")
+    synthetic: Made[options.SyntheticRuns] | None = Field(default=None, description="synthetic logs")
     printed: Made[options.Coefficients] | None = Field(
         default=None, description="published lines; their mass is the one that was chosen, and is found anew"
     )

@@ -24,7 +24,7 @@ ARGUMENTS = {
 
 
 def call(problem: Schema, context: Context) -> Call:
-    """The study of the logs, read or made up, or of the published lines."""
+    """The study of the logs, read or synthetic, or of the published lines."""
     given = [k for k in ("log", "synthetic", "printed") if getattr(problem, k) is not None]
     if len(given) != 1:
         raise InputError(
@@ -46,7 +46,7 @@ def call(problem: Schema, context: Context) -> Call:
 
 
 def explain(problem: Schema, context: Context) -> str:
-    """The gravity pattern by pose, and what can be told from it."""
+    """The gravity pattern by pose, and how forces follow from it."""
     poses = [pose.options() for pose in problem.pose]
     pattern = gravity_pattern(problem.model(context), poses)
     lines = [f"{problem.title or NAME}: {pattern.shape[1]} carts in {len(pattern)} poses"]

@@ -95,7 +95,7 @@ class Schema(RobotProblem, Made):
     friction: SharpFriction = SharpFriction()  # pyright: ignore[reportIncompatibleVariableOverride]
     filter: Made[Processing] = Made[Processing]()
     log: Log | None = Field(default=None, description="measured logs")
-    synthetic: Synthetic | None = Field(default=None, description="or a log made up")
+    synthetic: Synthetic | None = Field(default=None, description="or a synthetic log")
     published: dict[str, float] = Field(default={}, description="numbers to compare with, by parameter, in SI")
     closed_loop: ClosedLoop | None = Field(default=None, description="validation by simulating the controlled model")
 

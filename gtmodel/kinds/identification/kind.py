@@ -30,7 +30,7 @@ ARGUMENTS = {
 
 
 def call(problem: Schema, context: Context) -> Call:
-    """The study of the logs, or of a log made up."""
+    """The study of the logs, or of a synthetic log."""
     model, free = problem.fitted(context)
     common: dict[str, Any] = {
         "fitting": problem.options(),

@@ -12,9 +12,9 @@ from .error_map import Method
 
 @dataclass(frozen=True)
 class LinkErrors(Options):
-    """Errors of the three links: of their lengths, or of the cart joints, in ellipsoids about them; some may be 0."""
+    """Errors of the three links: of their lengths, or of their cart joints' positions, in ellipsoids; some may be 0."""
 
-    name: Annotated[str, "of the case"]
+    name: Annotated[str, "name of the case"]
     length: Annotated[
         list[float] | None, Unit("m", written="um"), Within(least=0.0), Long(3), "greatest error of each link length"
     ] = None  # fmt: skip
@@ -23,22 +23,23 @@ class LinkErrors(Options):
         "half-axis of each cart joint's ellipsoid along its guideway",
     ] = None  # fmt: skip
     across: Annotated[
-        list[float] | None, Unit("m", written="um"), Within(least=0.0), Long(3), "half-axes across it"
+        list[float] | None, Unit("m", written="um"), Within(least=0.0), Long(3),
+        "half-axes of the ellipsoids across the guideways",
     ] = None  # fmt: skip
-    method: Annotated[Method | None, "for this case another one"] = None
+    method: Annotated[Method | None, "method of this case; that of the study if left out"] = None
 
 
 @dataclass(frozen=True)
 class ErrorSection(CrossSection):
     """The cross-section, a plane orthogonal to the mean guideway direction; (u, v) = (y, z) for guideways along x."""
 
-    step: Annotated[float, Unit("m"), Within(above=0.0), "of the grid"] = 0.05
+    step: Annotated[float, Unit("m"), Within(above=0.0), "step of the grid"] = 0.05
     low: Annotated[list[float] | None, Unit("m"), Long(2), "least (u, v); of the guideways if left out"] = None
 
 
 @dataclass(frozen=True)
 class MonteCarlo(Options):
-    """Synthetic errors beside the corners."""
+    """Synthetic draws of the errors, beside their corners."""
 
     samples: Annotated[int, Within(least=100, most=1000000), "draws for each case"] = 20000
-    seed: Annotated[int, Within(least=0), "of the random numbers"] = 1
+    seed: Annotated[int, Within(least=0), "seed of the random numbers"] = 1

@@ -16,7 +16,7 @@ DEGREE = math.pi / 180
 
 @dataclass(frozen=True)
 class Limits(Options):
-    """What the workspace must keep."""
+    """Limits that the workspace must keep; what is left out is unlimited."""
 
     actuators: Annotated[list[Pair] | None, Unit("m"), "least and greatest q of every cart"] = None
     cone: Annotated[
@@ -35,11 +35,11 @@ class Limits(Options):
 
 @dataclass(frozen=True)
 class Bodies(Options):
-    """Sizes of links and plate, for clearances. Lengths from the simplified to the real joints may be given."""
+    """Sizes of links and plate, for clearances. The way from the simplified to the real joints may be given."""
 
-    link_radius: Annotated[float, Unit("m"), Within(least=0.0), "of every link"] = 0.0
+    link_radius: Annotated[float, Unit("m"), Within(least=0.0), "radius of every link"] = 0.0
     plate_radius: Annotated[
-        float, Unit("m"), Within(least=0.0), "of a sphere about the TCP that holds the plate"
+        float, Unit("m"), Within(least=0.0), "radius of a sphere about the TCP that contains the plate"
     ] = 0.0  # fmt: skip
     plate_joints: Annotated[
         list[Point] | None, Unit("m"),
@@ -52,14 +52,14 @@ class Bodies(Options):
 class Box(Options):
     """An obstacle with sides along the axes."""
 
-    name: Annotated[str, "for messages"] = ""
+    name: Annotated[str, "name of the obstacle in messages"] = ""
     low: Annotated[list[float], Unit("m"), Long(3), "its least corner"]
     high: Annotated[list[float], Unit("m"), Long(3), "its greatest corner"]
 
 
 @dataclass(frozen=True)
 class Beam(Options):
-    """A beam of the frame."""
+    """A straight beam of the frame, from which the links must keep clear."""
 
     from_: Annotated[list[float], Unit("m"), Long(3), "one end"]
     to: Annotated[list[float], Unit("m"), Long(3), "the other end"]
@@ -75,6 +75,6 @@ class Sections(Options):
     high: Annotated[float, Unit("m"), "last position along the guideways"]
     sections: Annotated[int, Within(least=2, most=10000), "number of sections to begin with"] = 21
     tolerance: Annotated[
-        float, Within(above=0.0, below=1.0), "of the volume; sections are added until their error is below"
+        float, Within(above=0.0, below=1.0), "relative error of the volume below which no more sections are added"
     ] = 0.01  # fmt: skip
     most_sections: Annotated[int, Within(least=3, most=10000), "number of sections at most"] = MOST

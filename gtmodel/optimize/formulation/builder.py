@@ -109,7 +109,7 @@ class Builder:
         return symbol in {s.element_hash() for b in self.plan.blocks for s, _ in b.assignments}
 
     def off_points(self, written: list[ca.SX], values: list[ca.SX]) -> list[ca.SX | None]:
-        """What expressions of original names are between the collocation points, where slopes of states and algebraic
+        """What expressions of original names are between the collocation points, where rates of states and algebraic
         variables follow from the equations; None for those that hold neither. `values` are they at the points."""
         loose = {s.element_hash() for s in ca.vertsplit(ca.vertcat(self.xd, self.u[self.given.numel() :]))}
         needed = [n for n, e in enumerate(values) if loose & {s.element_hash() for s in ca.symvar(e)}]
@@ -201,7 +201,7 @@ class Builder:
         return np.array([self.nominal(p) for p in pairs])
 
     def slopes(self, x_scale: np.ndarray, u_scale: np.ndarray, P: np.ndarray) -> Slopes:
-        """Slopes of rows per size of the states, their rates and the inputs."""
+        """Derivatives of rows per size of the states, their rates and the inputs."""
         tops = [(i, k + 1) for i, k in self.states]
         inputs = self.input_pairs
         arguments = [self.x, self.xd, self.u, self.P, self.flat.scope.time]

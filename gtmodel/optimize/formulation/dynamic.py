@@ -100,7 +100,7 @@ class DynamicProblem:
 
     @property
     def loose(self) -> bool:
-        """Do slopes of states or algebraic variables stand for themselves, held by equations at collocation points?"""
+        """Do rates of states or algebraic variables stand for themselves, held by equations at collocation points?"""
         return any(r is None for r in self.rates) or bool(self.z_pairs)
 
     @property

@@ -24,7 +24,7 @@ SHORTEST = 1e-3
 class PointValue:
     """An expression needed at one instant, s in [0, 1] of the horizon, known there as `symbol`.
 
-    `off`: the same by the model's equations alone, where slopes of states and algebraic variables stand in it: off the
+    `off`: the same by the model's equations alone, where rates of states and algebraic variables stand in it: off the
     collocation points the polynomials do not keep the equations.
     """
 

@@ -1,4 +1,4 @@
-"""How large unknowns and rows are: nominals, bounds far smaller than these, and slopes of rows per nominal."""
+"""How large unknowns and rows are: nominals, bounds far smaller than these, and derivatives of rows per nominal."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def scale_of(size: float) -> float:
 
 @dataclass(eq=False)
 class Slopes:
-    """Slopes of expressions in x, xd, u, P and t, per nominal of x, xd and u, at consistent points of a plan."""
+    """Derivatives of expressions in x, xd, u, P and t, per nominal of x, xd and u, at consistent points of a plan."""
 
     plan: Plan
     arguments: list[ca.SX]
@@ -74,7 +74,7 @@ class Slopes:
         return found
 
     def largest(self, rows: ca.SX, count: int | None = None) -> np.ndarray:
-        """Largest slope of each row, (samples, rows); 0 where none is finite."""
+        """Largest derivative of each row, (samples, rows); 0 where none is finite."""
         f = ca.Function("slopes", self.arguments, [ca.jacobian(rows, ca.vertcat(*self.arguments[:3]))])
         found = []
         for point in self._points(count):
@@ -83,7 +83,7 @@ class Slopes:
         return np.array(found)
 
     def typical(self, rows: list[ca.SX]) -> np.ndarray:
-        """Median over the points of each row's largest slope; 1 where that is none."""
+        """Median over the points of each row's largest derivative; 1 where that is none."""
         if not rows:
             return np.ones(0)
         size = np.median(self.largest(ca.vertcat(*rows)), axis=0)
@@ -97,7 +97,7 @@ class Slopes:
         return np.where(size > 0, size, 1.0)
 
     def of_points(self, rows: list[ca.SX], symbols: ca.SX, values: list[ca.SX], P: ca.SX, p_size: np.ndarray):
-        """Sizes of rows in `symbols`, which stand for `values` at instants: the largest slope in any of these, per
+        """Sizes of rows in `symbols`, which stand for `values` at instants: the largest derivative in any of these, per
         size of the value, or in a constant; at the values of a consistent point and one size away from it."""
         if not rows:
             return np.ones(0)

@@ -1,4 +1,4 @@
-"""The equations of a problem as an ordinary differential one, whatever form was transcribed: values and slopes."""
+"""The equations of a problem as an ordinary differential one, whatever form was transcribed: values and Jacobian."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ class System:
         return z
 
     def slopes(self, x: np.ndarray, given: np.ndarray, z: np.ndarray, P: np.ndarray, t: np.ndarray) -> np.ndarray:
-        """Slopes (n, nx, nx) of the rates by the states, the unknowns following; NaN where they cannot."""
+        """Jacobian (n, nx, nx) of the rates by the states, the unknowns following; NaN where they cannot."""
         n, nx = x.shape
         direct, moved, through = on_rows(self.slope, (x, given, z), P, t)
         slopes = _stacked(direct, n, nx)

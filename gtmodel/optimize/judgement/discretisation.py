@@ -186,7 +186,7 @@ def ranges(problem: DynamicProblem, xs: np.ndarray) -> np.ndarray:
 class _Along:
     """What the model gives along a solution, at the mesh's points, the elements' left ends and the nodes of the finer
     rule (P = K + 1 + M places): states and the model's rates (N, P, nx), integrands (N, P, integrals), and at the nodes
-    the slopes of the rates by the states (N, M, nx, nx). length: of the elements [s]. unseen: by element, what the
+    the Jacobian of the rates by the states (N, M, nx, nx). length: of the elements [s]. unseen: by element, what the
     finer rule passes over of functions of time in the states at its nodes (M, nx), and the whole integrals (q,)."""
 
     fine: Table
@@ -252,7 +252,7 @@ def _integrands(problem: DynamicProblem) -> ca.Function:
 
 
 def _errors(fine: Table, missed: np.ndarray, slopes: np.ndarray) -> _Grid | None:
-    """One Newton step of the finer rule from what is missed (N, M, nx), with slopes (N, M, nx, nx) per element."""
+    """One Newton step of the finer rule from what is missed (N, M, nx), with Jacobians (N, M, nx, nx) per element."""
     N, M, nx = missed.shape
     matrix = np.einsum("ji,xy->ixjy", fine.derivative[1:], np.eye(nx))[None].repeat(N, 0)
     for j in range(M):

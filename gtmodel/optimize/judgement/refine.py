@@ -43,8 +43,9 @@ class Pass:
 
 @dataclass(frozen=True, eq=False)
 class Refinement:
-    """The last solution with its error estimate per element, and how it came about.
+    """What `refine` returns: the last solution with its error estimate per element, and how it came about.
 
+    errors: (elements,), in nominals. passes: one for each solve; print the object for their table.
     excess: per element, by what a limit on states is passed between the points, as a part of its range.
     """
 
@@ -131,15 +132,33 @@ def refine(
     merge: bool = True,
     **options: Any,
 ) -> Refinement:
-    """Solve on meshes that follow the error estimate until it is below the tolerance (in nominals) everywhere, and
-    limits on states alone are passed between the points by at most 1e-4 of their range, and the solution's own checks
-    of its mesh hold.
+    """Solve on meshes that follow the error estimate until the solution is accurate everywhere.
 
-    Each pass starts from the last solution; `options` are those of solve(). Elements are split into up to four,
-    and neighbours far below the tolerance are merged. It ends after `passes` solves or at `most_elements` too; see
-    `reached`. With throw=False a pass that fails ends it too, with the last solution of all and a message that names
-    the pass. A model with a delayed input is refused: its mesh edges follow the delay. Raises what solve() raises, and
-    ValueError for a tolerance that is not positive or a mesh with blocks.
+    It is accurate where the estimated error of each element is below the tolerance (in nominals), limits on states
+    alone are passed between the points by at most 1e-4 of their range, and the solution's own checks of its mesh hold.
+
+    Args:
+        tolerance: of the error estimate, in nominals.
+        passes: most solves.
+        most_elements: ends it too; see `reached` of what is returned.
+        merge: neighbours with an estimate far below the tolerance become one element.
+        options: those of `solve`.
+
+    Each pass starts from the last solution; elements are split into up to four. With throw=False a pass that fails ends
+    it too, with the last solution of all and a message that names the pass. A model with a delayed input is refused:
+    its mesh edges follow the delay. Raises what solve() raises, and ValueError for a tolerance that is not positive or
+    a mesh with blocks.
+
+    >>> class Stiff(gt.Optimization):  # a fast decay, then hardly anything
+    ...     x = gt.variable(start=1.0, fixed=True)
+    ...     u = gt.input(min=-1.0, max=1.0)
+    ...     def equations(self):
+    ...         yield gt.der(self.x) == -50.0 * self.x + self.u
+    ...     def objective(self):
+    ...         return gt.integral(self.x**2 + self.u**2)
+    >>> found = gt.refine(Stiff(), gt.Mesh(4), tolerance=1e-4)
+    >>> found.reached, bool(found.errors.max() < 1e-4)
+    (True, True)
     """
     if not tolerance > 0:
         raise ValueError(f"the tolerance of refine() is positive; found {tolerance:g}")

@@ -3,18 +3,18 @@
 dynamic_stiffness_study      oscillators by experiment and over the pose: `DynamicStiffnessStudy`
 Fit, Process, Map            how modes and processes are fitted, and what the picture shows
 Experiment, read_experiments a frequency response at a pose; all that an index file names
-Synthetic, synthetic_experiments   made-up experiments, `SyntheticExperiments`
+Synthetic, synthetic_experiments   synthetic experiments, `SyntheticExperiments`
 
 Frequency responses
     FrequencyResponse, frequency_response   receptance with its noise from records of an impact hammer
-    command_force                           what a commanded step stands for
+    command_force                           force that is equivalent to a commanded step
     fit_modes -> ModalFit                   mass, damping and stiffness of one or several modes, with intervals
-    receptance, synthetic_hits, synthetic_receptance   the model itself, and made-up data
+    receptance, synthetic_hits, synthetic_receptance   the model itself, and synthetic data
 Over the pose
     GaussianProcess, fit_gaussian_processes, held_out  exact regression, hyperparameters, honest errors
     OscillatorField, fit_oscillator_field   m, c, k in x, y, z at any pose; as CasADi function and C
     oscillator_text, load_oscillator_field  its file
-    SyntheticField, synthetic_field         a made-up truth through given poses
+    SyntheticField, synthetic_field         a synthetic truth through given poses
 """
 
 from .experiments import Experiment as Experiment, read_experiments as read_experiments

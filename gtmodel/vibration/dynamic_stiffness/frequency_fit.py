@@ -51,14 +51,22 @@ def fit_modes(
     noise: float | None = None,
     most: int = MOST,
 ) -> ModalFit:
-    """Least squares on the receptance in log parameters, from a linear start.
+    """Masses, damping and stiffness of modes by least squares on the receptance in log parameters, from a linear start.
 
     `modes`: how many; None takes as many as the Bayesian information criterion asks for, `most` at most. `band` [Hz]:
     the lines fitted, by default 0.7 to 1.3 times the frequency of the largest receptance within `search`. `noise`:
     relative standard deviation of H, E|error|^2 = (noise |H|)^2; without it the variance of the response counts, and
-    where there is none either, noise is level and the residuals tell it.
+    where there is none either, noise is level and estimated from the residuals. Source: Cvitanic 2021, eq. (8).
 
     Raises ValueError where no mode is found, or for what the lines do not determine.
+
+    >>> m, c, k = np.array([200.0]), np.array([4000.0]), np.array([3e6])  # kg, N.s/m, N/m
+    >>> force, acceleration = gt.vibration.synthetic_hits(
+    ...     m, c, k, sample_rate=1000.0, duration=4.0, hits=4, noise=0.01, seed=1
+    ... )
+    >>> fit = gt.vibration.fit_modes(gt.vibration.frequency_response(force, acceleration, 1000.0), modes=1)
+    >>> (fit.fn.round(2), fit.m.round(), (fit.k / 1e6).round(2))  # Hz, kg, N/um
+    (array([19.49]), array([200.]), array([3.]))
     """
     if modes is not None and modes < 1:
         raise ValueError(f"found {modes} modes; expected one or more, or None to let the data tell")
@@ -89,7 +97,7 @@ def fit_modes(
 
 
 def _separate(fit: ModalFit, band: tuple[float, float]) -> bool:
-    """Whether every mode is told by the data: by its covariance, and not far outside of the lines."""
+    """Whether the data determine every mode: by its covariance, and not far outside of the lines."""
     told = all(fit.log_std("k", j) < 1 and fit.log_std("fn", j) < 0.2 for j in range(len(fit.m)))
     return told and bool(np.all((fit.fn > 0.5 * band[0]) & (fit.fn < 2 * band[1])))
 
@@ -97,7 +105,7 @@ def _separate(fit: ModalFit, band: tuple[float, float]) -> bool:
 def _judged(fit: ModalFit, one: ModalFit | None) -> ModalFit:
     """With its warnings: a mode close by, and residuals that the model does not explain.
 
-    Raises ValueError for a mode that lies beside the lines, as noise on a slope without a peak makes it.
+    Raises ValueError for a mode that lies beside the lines, as noise on a flank without a peak makes it.
     """
     f = fit.response.frequency
     if not f[0] <= fit.fn[0] <= f[-1]:
@@ -129,7 +137,7 @@ def _fit(lines: FrequencyResponse, modes: int, noise: float | None) -> ModalFit:
     fitted = None
     for _ in range(ROUNDS if noise is not None else 1):
         sigma = _sigma(lines, noise, receptance(s, *_split(theta)))
-        # level noise: the residuals tell its size, in units of the largest receptance
+        # level noise: the residuals give its size, in units of the largest receptance
         residuals = _residuals(lines, 1.0 if sigma is not None else float(np.abs(H).max()))
         with np.errstate(all="ignore"):  # a step too far is not finite and is taken back
             fitted = nonlinear_fit(residuals, theta, names, sigma=sigma, limit=LIMIT)
@@ -196,7 +204,7 @@ def _ordered(e: Estimate, theta: np.ndarray, lines: FrequencyResponse, stated: b
 
 
 def _adequacy(e: Estimate, lines: FrequencyResponse, stated: bool) -> Verdict:
-    """Residuals against the noise, which repeated hits tell with few degrees of freedom themselves."""
+    """Residuals against the noise, which repeated hits estimate with few degrees of freedom themselves."""
     if stated or not np.isfinite(lines.freedom):
         return noise_size(e)
     # correlated lines are fewer than they look

@@ -1,4 +1,4 @@
-"""Sums of second-order receptances: their values, slopes in log parameters, and a linear start."""
+"""Sums of second-order receptances: their values, Jacobian in log parameters, and a linear start."""
 
 from __future__ import annotations
 
@@ -18,6 +18,11 @@ def receptance(s: np.ndarray, m: np.ndarray, c: np.ndarray, k: np.ndarray) -> np
     """H (n,) [m/N] at s (n,) [1/s] of modes with m (modes,) [kg], c [N.s/m], k [N/m] in parallel.
 
     Each mode is m x'' + c x' + k x = F, Cvitanic 2021, eq. (8); displacements add.
+
+    >>> m, c, k = np.array([200.0]), np.array([4000.0]), np.array([3e6])  # kg, N.s/m, N/m
+    >>> H = gt.vibration.receptance(2j * np.pi * np.array([0.0, 19.5]), m, c, k)  # static, near resonance
+    >>> (1e6 * np.abs(H)).round(2)  # um/N
+    array([0.33, 2.04])
     """
     return parts(s, m, c, k).sum(axis=1)
 

@@ -25,10 +25,10 @@ POOL = 41  # lines over which the noise of the response is taken as level
 class FrequencyResponse:
     """Receptance H (n,) [m/N] at rising frequencies (n,) [Hz], complex, x = H F.
 
-    `variance` (n,): expected squared size of the error of H [m2/N2], None where nothing tells it; `coherence` (n,).
+    `variance` (n,): expected squared size of the error of H [m2/N2], None where it is unknown; `coherence` (n,).
     `decay` [1/s]: of an exponential window on force and response, H is then that at s = j omega + decay, exactly.
     `wider`: by how much standard errors grow since that window correlates neighbouring lines. `hits`: averaged ones.
-    `freedom`: how many numbers told each variance. `synthetic`: seed and noise of made-up data.
+    `freedom`: degrees of freedom of each variance. `synthetic`: seed and noise of synthetic data.
     """
 
     frequency: np.ndarray
@@ -86,15 +86,27 @@ def frequency_response(
     decay: float = 0.0,
     synthetic: str | None = None,
 ) -> FrequencyResponse:
-    """Averaged over hits: force [N] and response (hits, T) or (T,), sampled together at `sample_rate` [Hz].
+    """Receptance, averaged over hits: force [N] and response (hits, T) or (T,), sampled together at `sample_rate` [Hz].
 
     `measures`: acceleration [m/s2], velocity [m/s] or displacement [m]. H1 = G_xF / G_FF is unbiased for noise on the
-    response, H2 = G_xx / G_Fx for noise on the force; lines without force tell nothing and are left out.
+    response, H2 = G_xx / G_Fx for noise on the force; lines without force hold no information and are left out.
     `force_window` [s]: the force is set to zero that long after each hit; `decay` [1/s]: exponential window on both,
-    for records in which the response has not died away. With two hits or more the coherence tells the noise, of the
-    response (H1) or of the force (H2), as level over 41 lines.
+    for records in which the response has not died away. With two hits or more the coherence gives the noise, of the
+    response (H1) or of the force (H2), taken as level over 41 lines.
 
     Raises ValueError: wrong shapes, a window that cuts off a second hit, a response that has not died away.
+
+    >>> m, c, k = np.array([200.0]), np.array([4000.0]), np.array([3e6])  # kg, N.s/m, N/m
+    >>> force, acceleration = gt.vibration.synthetic_hits(
+    ...     m, c, k, sample_rate=1000.0, duration=4.0, hits=4, noise=0.01, seed=1
+    ... )
+    >>> measured = gt.vibration.frequency_response(force, acceleration, sample_rate=1000.0)
+    >>> measured.hits, float(measured.frequency[0])  # Hz
+    (4, 0.25)
+    >>> near = np.searchsorted(measured.frequency, 15.0)
+    >>> exact = gt.vibration.receptance(measured.s, m, c, k)
+    >>> bool(abs(measured.receptance[near] / exact[near] - 1) < 0.01)
+    True
     """
     from scipy import signal
 
@@ -121,7 +133,7 @@ def frequency_response(
     for what, power in (("force", GFF), ("response", Gxx)):
         if power.max() <= 0:
             raise ValueError(f"the {what} is zero throughout; look at the column of the record")
-    # a line without force tells nothing; H2 divides by the response's part of it
+    # a line without force holds no information; H2 divides by the response's part of it
     told = GFF > SILENT * GFF.max()
     if estimator == "H2":
         told &= np.abs(GFx) ** 2 > SILENT * GFF.max() * Gxx.max()
@@ -147,9 +159,12 @@ def frequency_response(
 def command_force(command: ArrayLike, cycle: float) -> np.ndarray:
     """Equivalent force per unit of mass [m/s2] of position commands (T,) [m] at cycles of `cycle` s.
 
-    F = step / cycle^2 for one cycle (Cvitanic 2021, eq. (30)). Masses and stiffnesses fitted to it are scaled
-    (m without unit, c in 1/s, k in 1/s2); frequency and damping ratio are those of the arm. Put the deviation from the
-    delayed command in as response.
+    F = step / cycle^2 for one cycle (Cvitanic 2021, eq. (30)). Masses and stiffnesses fitted to it are scaled (m
+    without unit, c in 1/s, k in 1/s2); frequency and damping ratio are those of the arm. The response that belongs to
+    it is the deviation from the delayed command. Raises ValueError for another shape and a cycle that is not positive.
+
+    >>> gt.vibration.command_force([0.0, 0.0, 1e-3, 1e-3], cycle=0.004)
+    array([ 0. , 0. , 62.5, 0. ])
     """
     u = np.asarray(command, float)
     if u.ndim != 1 or not cycle > 0:
@@ -187,7 +202,7 @@ def _check_end(x: np.ndarray, decay: float) -> None:
     last = x[:, -max(x.shape[1] // 20, 8) :]
     parts = np.array_split(last, 4, axis=1)
     size = np.array([np.abs(np.mean(part, axis=1)) for part in parts]).max(axis=0)
-    # what white noise may leave in such a mean, told by the differences of neighbours
+    # what white noise may leave in such a mean, estimated from the differences of neighbours
     noise = SEEN * np.sqrt(np.mean(np.diff(last, axis=1) ** 2, axis=1) / 2 / parts[0].shape[1])
     left = np.where(size > noise, size, 0.0) / np.abs(x).max(axis=1)
     k = int(np.argmax(left))

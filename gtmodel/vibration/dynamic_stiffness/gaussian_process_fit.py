@@ -68,6 +68,13 @@ def fit_gaussian_processes(
     Lengths, amplitudes and noises maximise the sum of the log marginal likelihoods, from `starts` starts of which the
     first has lengths of one scale; `start`: log of a known optimum instead, as parameters_of() gives it.
     Raises ValueError for wrong shapes, or fewer different poses than inputs and two more.
+
+    >>> poses = np.linspace(0.0, 3.0, 12)[:, None]
+    >>> inputs = gt.vibration.Inputs(scale=(1.0,), periodic=(False,))
+    >>> (process,) = gt.vibration.fit_gaussian_processes(poses, np.sin(poses[:, 0]), inputs)
+    >>> mean, std = process.predict(np.array([[1.6]]))
+    >>> round(float(mean[0]), 2)  # sin(1.6)
+    1.0
     """
     X, Y = np.asarray(X, float), np.atleast_2d(np.asarray(Y, float))
     d = len(inputs.scale)
@@ -112,9 +119,16 @@ def held_out(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Errors and standard deviations (p, n) of measurements from processes fitted without them.
 
-    Unlike leave_one_out() the hyperparameters have not seen them either: fitted anew from those of all data. What was
-    measured at one pose is held out together: its repetitions would tell the answer. Raises ValueError where so few
-    different poses were measured that none can be spared.
+    Unlike leave_one_out() the hyperparameters have not seen them either: they are fitted anew, from those of all data.
+    What was measured at one pose is held out together: a repetition would give the answer away. Raises ValueError where
+    so few different poses were measured that none can be spared.
+
+    >>> poses = np.linspace(0.0, 3.0, 12)[:, None]
+    >>> inputs = gt.vibration.Inputs(scale=(1.0,), periodic=(False,))
+    >>> (process,) = gt.vibration.fit_gaussian_processes(poses, np.sin(poses[:, 0]), inputs)
+    >>> errors, stds = gt.vibration.held_out([process])
+    >>> errors.shape, bool(np.abs(errors).max() < 0.01)
+    ((1, 12), True)
     """
     first = processes[0]
     n = len(first.y)

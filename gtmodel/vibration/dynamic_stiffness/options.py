@@ -1,4 +1,4 @@
-"""What a study of dynamic stiffness is asked for, and what made-up experiments are made of."""
+"""What a study of dynamic stiffness is asked for, and what synthetic experiments consist of."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ class Map(Options):
 
 @dataclass(frozen=True)
 class Synthetic(Options):
-    """Made-up experiments on a smooth field near printed oscillators."""
+    """Synthetic experiments on a smooth field near printed oscillators."""
 
     seed: Annotated[int, "of field, poses and noise"]
     lengths: Annotated[

@@ -15,7 +15,7 @@ from .gaussian_process_kernel import Inputs, Shape
 
 DIRECTIONS, QUANTITIES = ("x", "y", "z"), ("m", "c", "k")
 SCALES = (0.5, 0.5, 0.5, 1.0)  # m, m, m, rad: over which an arm of three metres changes
-UNTOLD = 0.5  # share of the variance of measured values: where more is left, they tell too little
+UNTOLD = 0.5  # share of the variance of measured values: where more is left, they determine too little
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,7 +23,7 @@ class OscillatorField:
     """m x'' + c x' + k x = F in x, y, z with m, c, k the exponentials of nine Gaussian processes over the pose.
 
     A pose is (x, y, z, A): tool centre point [m] and rotation about the spindle [rad] (Cvitanic 2021, section 3.2.2).
-    `processes`: (direction, quantity) -> process of the logarithm. `synthetic`: seed and noise of made-up data.
+    `processes`: (direction, quantity) -> process of the logarithm. `synthetic`: seed and noise of synthetic data.
     """
 
     processes: Mapping[tuple[str, str], GaussianProcess]
@@ -48,7 +48,7 @@ class OscillatorField:
         return np.exp(np.stack([log - q * std, log + q * std], axis=-1))
 
     def covers(self, pose: Any) -> Any:
-        """Whether the measurements tell the oscillators at a pose (4,), or at each of poses (n, 4) -> (n,).
+        """Whether the measurements determine the oscillators at a pose (4,), or at each of poses (n, 4) -> (n,).
 
         No where the variance that some process leaves, not widened, is more than half that of its measured logarithms:
         far from them a prediction is little more than their mean. casadi_function() does not ask this.
@@ -125,6 +125,15 @@ def fit_oscillator_field(
     intervals more honest and the C code three times shorter. `calibrate`: widen intervals by held-out errors, see
     held_out(); the errors (2, n) returned are in logarithms, with the standard deviations before widening.
     Raises ValueError for wrong shapes and for values that are not positive or infinite.
+
+    >>> rng = np.random.default_rng(1)
+    >>> poses = rng.uniform([-0.3, -3.1, 0.2, 0.0], [0.9, -2.1, 0.4, 2.0], (12, 4))  # x, y, z [m], A [rad]
+    >>> m, c, k = (size * np.exp(0.1 * rng.standard_normal((12, 3))) for size in (200.0, 4000.0, 3e6))
+    >>> field, _ = gt.vibration.fit_oscillator_field(poses, m, c, k, starts=1, calibrate=False)
+    >>> [value.shape for value in field.at(poses[0])]  # m [kg], c [N.s/m], k [N/m] in x, y, z
+    [(3,), (3,), (3,)]
+    >>> field.covers([5.0, 5.0, 5.0, 0.0])  # far from all measured poses
+    False
     """
     poses = np.asarray(poses, float)
     values = {q: np.asarray(v, float) for q, v in zip(QUANTITIES, (m, c, k), strict=True)}
@@ -164,6 +173,6 @@ def _generated(f: Any, name: str) -> str:
     with tempfile.TemporaryDirectory() as folder:
         generator.generate(f"{folder}/")
         text = (Path(folder) / f"{name}.c").read_text(encoding="utf-8")
-    if not text.endswith("#endif\n"):  # CasADi does not tell of a disk that is full
+    if not text.endswith("#endif\n"):  # CasADi does not report a disk that is full
         raise OSError(f"the temporary folder {folder} does not take the code; free space, or set TMPDIR")
     return text

@@ -18,7 +18,15 @@ _UNITS = {"m": "kg", "c": "N.s/m", "k": "N/m"}
 
 
 def oscillator_text(field: OscillatorField) -> str:
-    """The field as TOML, every number to its last bit: training poses, logarithms and hyperparameters."""
+    """The field as TOML, every number to its last bit: training poses, logarithms and hyperparameters.
+
+    >>> rng = np.random.default_rng(1)
+    >>> poses = rng.uniform([-0.3, -3.1, 0.2, 0.0], [0.9, -2.1, 0.4, 2.0], (12, 4))  # x, y, z [m], A [rad]
+    >>> m, c, k = (size * np.exp(0.1 * rng.standard_normal((12, 3))) for size in (200.0, 4000.0, 3e6))
+    >>> field, _ = gt.vibration.fit_oscillator_field(poses, m, c, k, starts=1, calibrate=False)
+    >>> gt.vibration.oscillator_text(field).splitlines()[1]
+    'format = "gtmodel oscillator field 1"'
+    """
     first = field.processes[DIRECTIONS[0], QUANTITIES[0]]
     content: dict[str, Any] = {
         "format": FORMAT,
@@ -47,7 +55,18 @@ def oscillator_text(field: OscillatorField) -> str:
 
 
 def load_oscillator_field(path: str | Path) -> OscillatorField:
-    """The field that oscillator_text() wrote: the same answers, bit for bit. Raises ValueError for another file."""
+    """The field that oscillator_text() wrote: the same answers, bit for bit. Raises ValueError for another file.
+
+    >>> rng = np.random.default_rng(1)
+    >>> poses = rng.uniform([-0.3, -3.1, 0.2, 0.0], [0.9, -2.1, 0.4, 2.0], (12, 4))  # x, y, z [m], A [rad]
+    >>> m, c, k = (size * np.exp(0.1 * rng.standard_normal((12, 3))) for size in (200.0, 4000.0, 3e6))
+    >>> field, _ = gt.vibration.fit_oscillator_field(poses, m, c, k, starts=1, calibrate=False)
+    >>> from pathlib import Path
+    >>> _ = Path("field.toml").write_text(gt.vibration.oscillator_text(field))
+    >>> again = gt.vibration.load_oscillator_field("field.toml")
+    >>> np.array_equal(again.at(poses[0]), field.at(poses[0]))
+    True
+    """
     name = Path(path).name
     try:
         content = tomllib.loads(Path(path).read_text(encoding="utf-8"))

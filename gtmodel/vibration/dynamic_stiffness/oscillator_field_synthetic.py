@@ -1,4 +1,4 @@
-"""A made-up oscillator field near given values, smooth between them: a truth for fields identified from samples."""
+"""A synthetic oscillator field near given values, smooth between them: a truth for fields identified from samples."""
 
 from __future__ import annotations
 
@@ -44,10 +44,18 @@ class SyntheticField:
 def synthetic_field(
     poses: np.ndarray, m: np.ndarray, c: np.ndarray, k: np.ndarray, inputs: Inputs, lengths: np.ndarray, *, seed: int
 ) -> SyntheticField:
-    """Near m, c, k (n, 3) at poses (n, 4), with `lengths` (4,) in units of the scales of `inputs`.
+    """A synthetic field near m, c, k (n, 3) at poses (n, 4), with `lengths` (4,) in units of the scales of `inputs`.
 
     The spread between the given poses is that of the given values. Sampling by Matheron's rule: a draw of random
     cosines, corrected towards what is given (Wilson et al. 2020, ICML).
+
+    >>> rng = np.random.default_rng(1)
+    >>> poses = rng.uniform([-0.3, -3.1, 0.2, 0.0], [0.9, -2.1, 0.4, 2.0], (12, 4))  # x, y, z [m], A [rad]
+    >>> m, c, k = (size * np.exp(0.1 * rng.standard_normal((12, 3))) for size in (200.0, 4000.0, 3e6))
+    >>> inputs = gt.vibration.Inputs(scale=(0.5, 0.5, 0.5, 1.0), periodic=(False, False, False, True))
+    >>> truth = gt.vibration.synthetic_field(poses, m, c, k, inputs, np.array([2.0, 0.8, 2.0, 0.8]), seed=4)
+    >>> bool(np.abs(truth.at(poses)[2] / k - 1).max() < 0.1)  # stiffness at the given poses
+    True
     """
     rng = np.random.default_rng(seed)
     logs = np.log(np.hstack([m, c, k]))

@@ -47,7 +47,7 @@ def dynamic_stiffness_study(
     """Mass, damping and stiffness of an arm in x, y and z over its poses, from frequency responses.
 
     Args:
-        experiments: from `read_experiments`, or made up by `synthetic_experiments`, which are judged by their truth.
+        experiments: from `read_experiments`, or synthetic ones of `synthetic_experiments`, judged by their truth.
         fit: how modes are fitted to each response. process: the Gaussian processes of log m, log c and log k.
         map: the picture of the lowest frequency.
         repeatability: mean relative change of m, c and k between experiments at one pose.
@@ -158,7 +158,7 @@ def _fitted(experiment: Experiment, f: Fit, relative_noise: float | None) -> tup
 
 
 def _rows_of(given: Sequence[Experiment], fits: Fits) -> dict[str, Array]:
-    """m, c, k (n, 3) with one row per experiment, NaN where it tells nothing."""
+    """m, c, k (n, 3) with one row per experiment, NaN where it determines nothing."""
     rows = {q: np.full((len(given), 3), np.nan) for q in "mck"}
     for n, (experiment, fit) in enumerate(zip(given, fits, strict=True)):
         if fit is not None:

@@ -1,4 +1,4 @@
-"""Made-up experiments: poses, hits with noise, and the truth behind them."""
+"""Synthetic experiments: poses, hits with noise, and the truth behind them."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from .gaussian_process_kernel import Inputs
 from .options import Fit, Process, Synthetic
 from .oscillator_field_synthetic import SyntheticField, synthetic_field
 
-LOWEST_HZ = 1.0  # of made-up receptances
-NEW_POSES = 200  # of made-up fields, where their truth is compared
+LOWEST_HZ = 1.0  # of synthetic receptances
+NEW_POSES = 200  # of synthetic fields, where their truth is compared
 CHANGE = 2 / np.sqrt(np.pi)  # mean size of the difference of two values of unit standard deviation
 
 
 class Printed(Protocol):
-    """Known oscillators near which a field is made up: poses (n, 4), m, c, k (n, 3), and what is to be said of them."""
+    """Known oscillators near which a synthetic field lies: poses (n, 4), m, c, k (n, 3), and words on them."""
 
     @property
     def poses(self) -> np.ndarray: ...
