@@ -16,7 +16,7 @@ Array = np.ndarray
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class VibrationStudy(Study):
-    """How a structure vibrates. What this model does not tell is None."""
+    """The model of a vibrating structure. What this model does not determine is None."""
 
     words: Annotated[
         Sequence[str] | None, "what limits the result: identifiability, residuals, signs, in sentences"
@@ -66,7 +66,7 @@ class VibrationStudy(Study):
     bandwidth: Annotated[
         Sequence[float | None] | None, Quantity("Hz", "-3 dB of the step response, with its interval")
     ] = None
-    synthetic: Annotated[str | None, "seed and noise of made-up recordings; null for measured ones"] = None
+    synthetic: Annotated[str | None, "seed and noise of synthetic recordings; null for measured ones"] = None
 
     @property
     def rows(self) -> list[Row]:

@@ -71,7 +71,7 @@ class StiffnessStudy(Study):
         Sequence[str],
         "doubts about the tests, and what the print claims and the model does not support",
     ] = ()
-    synthetic: Annotated[str | None, "seed and noise of made-up tests; null for measured ones"] = None
+    synthetic: Annotated[str | None, "seed and noise of synthetic tests; null for measured ones"] = None
 
     @property
     def rows(self) -> list[Row]:

@@ -85,7 +85,7 @@ class DynamicStiffnessStudy(Study):
         str | None, "what is said of printed oscillators; null where none are used"
     ] = None  # fmt: skip
     synthetic: Annotated[
-        str | None, "seed and noise of made-up records; null for measured ones"
+        str | None, "seed and noise of synthetic records; null for measured ones"
     ] = None  # fmt: skip
     field: OscillatorField | None = None
     experiments: Sequence[Experiment] = ()
