@@ -94,7 +94,7 @@ def study(
 def explained(
     robot: Model, poses: Poses | Measurements, fit: Fit, held_out: int = 2, carts: CartPoints | None = None
 ) -> list[str]:
-    """What is free, what stays, and what the poses can tell before anything is fitted, in lines of text."""
+    """What is free, what stays, and what the poses can determine before anything is fitted, in lines of text."""
     robot, on_points = on_cart_points(robot, carts)
     data = split(poses, robot, held_out)
     ready = prepared(fit, robot, data, carts, on_points)

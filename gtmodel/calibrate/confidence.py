@@ -33,8 +33,7 @@ class Fitted:
 @dataclass(frozen=True, eq=False)
 class _Share:
     """What one block adds: `gain` (N, k, n) moves of all unknowns per unit of its residuals, psi (N, k) these with the
-    loss's slope, `by_prior` (n, p) moves per unit of its priors, null directions (n, z), the data's degrees of
-    freedom."""
+    loss's derivative, `by_prior` (n, p) moves per unit of its priors, null directions (n, z), degrees of freedom."""
 
     gain: np.ndarray
     psi: np.ndarray
@@ -47,10 +46,10 @@ class _Share:
 def estimated(
     problem: Problem, fits: Sequence[Fitted], loss: Loss, width: float, hold: bool
 ) -> tuple[Estimate, Identifiability]:
-    """The Estimate of all unknowns and what the data tell of each.
+    """The Estimate of all unknowns and how well the data determine each.
 
     Where all measured signals have a stated noise, it is carried to the residuals of each pose and from there to the
-    unknowns: right whatever weights the cost used. Else the residuals tell their covariance within a pose, the same for
+    unknowns: right whatever weights the cost used. Else the residuals give their covariance within a pose, the same for
     all poses, which are independent. Raises ValueError for too few poses, and for what is not determined unless `hold`.
     """
     u = problem.unknowns
@@ -70,7 +69,7 @@ def estimated(
         omega = B @ S @ B.transpose(0, 2, 1)
     else:
         # residuals of a row have lost the part of the degrees of freedom that its block's unknowns took
-        part = np.concatenate([np.full(s.psi.shape[1], s.degrees_of_freedom / s.psi.shape[1]) for s in shares])
+        part = np.concatenate([np.full(s.psi.shape[1], s.freedom / s.psi.shape[1]) for s in shares])
         omega = (psi.T @ psi / np.sqrt(np.outer(part, part)))[None]
     cov = np.einsum("kci,kcj->ij", gain, np.broadcast_to(omega, (N, *omega.shape[1:])) @ gain)
     by_prior = np.hstack([s.by_prior for s in shares])

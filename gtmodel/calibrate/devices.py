@@ -55,6 +55,7 @@ class LaserTracker:
 
     @property
     def parts(self) -> Sequence[str]:
+        """Names of the margins, in their order."""
         return ["nearest distance", "farthest distance", "elevation"]
 
     def margins(self, poses: Poses) -> Array:
@@ -66,6 +67,7 @@ class LaserTracker:
         return np.stack([r - self.nearest, self.farthest - r, r * np.sin(self.elevation - angle)], axis=1)
 
     def covariance(self, T: Array) -> Array:
+        """(n, 3, 3) [m2] of the measured position at T (n, 3) [m], in the robot's frame."""
         ray = np.asarray(T, float) - np.asarray(self.at, float)
         r = np.linalg.norm(ray, axis=1)
         u = ray / r[:, None]
@@ -104,6 +106,7 @@ class Camera:
 
     @property
     def parts(self) -> Sequence[str]:
+        """Names of the margins, in their order."""
         return ["in front of the camera", "across the picture", "up the picture"]
 
     @property
@@ -117,6 +120,7 @@ class Camera:
         return rows / np.linalg.norm(rows, axis=1, keepdims=True)
 
     def margins(self, poses: Poses) -> Array:
+        """(n, 2) [pixel]: in front of the camera, and inside the picture; negative where the pattern is not seen."""
         p = self._marks(poses.T)
         with np.errstate(divide="ignore", invalid="ignore"):
             seen = self.focal * p[..., :2] / p[..., 2:]
@@ -126,6 +130,7 @@ class Camera:
         return np.column_stack([front, inside])
 
     def covariance(self, T: Array) -> Array:
+        """(n, 3, 3) [m2] of the measured position at T (n, 3) [m], in the robot's frame."""
         p = self._marks(T)
         x, y, z = np.moveaxis(p, 2, 0)
         centre = p.mean(axis=1, keepdims=True)
@@ -169,9 +174,11 @@ class LineOfSight:
 
     @property
     def parts(self) -> Sequence[str]:
+        """Names of the margins, in their order."""
         return [f"behind {name}" for name in self.names or [f"box {k + 1}" for k in range(len(self.low))]]
 
     def margins(self, poses: Poses) -> Array:
+        """(n, boxes) [m]: distance of the line from each box less the clearance; negative behind a box."""
         start = np.broadcast_to(np.asarray(self.at, float), poses.T.shape)
         boxes = zip(np.asarray(self.low, float), np.asarray(self.high, float), strict=True)
         return np.stack([segment_to_box(start, poses.T, a, b) for a, b in boxes], axis=1) - self.clearance

@@ -62,6 +62,13 @@ class Measurements:
     `noise` by name: a standard deviation, one per component (k,), a covariance (k, k), or one per pose (N, k, k); of a
     quaternion in rad, about the axes of what was measured. `sessions` (N,): names of recordings. `poses` and
     `corrections` say what lies between sensor and model. Raises ModelError for shapes and values that cannot be.
+
+    >>> poses = gt.calibrate.Measurements({"q": np.zeros((4, 3)), "T": np.ones((4, 3))}, noise={"T": 1e-5})
+    >>> len(poses), len(poses.part([0, 2])), poses.covariance("T", 3).shape
+    (4, 2, (1, 3, 3))
+    >>> gt.calibrate.Measurements({"q": np.zeros((4, 3)), "T": np.ones((3, 3))})
+    Traceback (most recent call last):
+    gtmodel...ModelError: 'T' has 3 rows and 'q' 4; give one per pose
     """
 
     values: Mapping[str, ArrayLike]

@@ -67,7 +67,7 @@ class PoseInformation:
         return self.sizes[:, None] * (self.told @ told.inverse @ self.told.T) * self.sizes
 
     def std(self, selection: ArrayLike | None = None) -> dict[str, float]:
-        """Predicted standard deviation by unknown; infinite for one that no pose tells apart from others."""
+        """Predicted standard deviation by unknown; infinite for one that no pose separates from others."""
         std = np.sqrt(np.diag(self.covariance(selection)))
         lost = 1 - np.sum(self.told**2, axis=1) > LEAK
         return dict(zip(self.names, np.where(lost, np.inf, std).tolist(), strict=True))

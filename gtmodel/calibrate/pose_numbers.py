@@ -124,7 +124,7 @@ def sufficient_number(
         s = exchange(info, number, criterion, moment, repeats=repeats, starts=starts, seed=seed)
         try:
             return target.errors(info, s.indices).rms <= accuracy
-        except ModelError:  # so few poses need not tell all
+        except ModelError:  # so few poses need not determine all
             return False
 
     if high < low:

@@ -43,7 +43,7 @@ class Positioning:
     jacobian: np.ndarray
 
     def moment(self, info: PoseInformation) -> np.ndarray:
-        """Mean over the poses of slopes' slopes (r, r) in the combinations that `info` has.
+        """Mean over the poses of J'J (r, r), with the Jacobian J in the combinations that `info` has.
 
         trace(C moment) is the mean square error for their covariance C.
         """

@@ -57,14 +57,17 @@ class Problem:
 
     @property
     def squared(self) -> tuple[Block, ...]:
+        """The blocks of the squared closures."""
         return self.blocks_of("squared")
 
     @property
     def lengths(self) -> tuple[Block, ...]:
+        """The blocks of the length errors."""
         return self.blocks_of("length")
 
     @property
     def joined(self) -> tuple[Block, ...]:
+        """The blocks in which the noise of all signals counts."""
         return self.blocks_of("orthogonal")
 
     def noisy(self, cost: str) -> list[str]:

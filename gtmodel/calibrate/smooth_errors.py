@@ -86,7 +86,7 @@ def smooth_errors(
     which no straight line over the range of q is left: a straight guideway, A and v, is the line through its errors.
     Sizes, length and noise by restricted maximum likelihood on a grid. None where the unknowns do not take up shifts of
     the end that are constant or linear in q, as a link on a straight guideway does with A and v free: the line would
-    not be told.
+    be undetermined.
     Source: Patterson and Thompson 1971, Biometrika 58 (REML); Solin and Sarkka 2020, Statistics and Computing 30 (waves
     for the process).
     """

@@ -30,6 +30,13 @@ class Choice:
     keep the length 1 (three unknowns each, "u1_2 turned about x" [rad], in the quaternion's own frame). `priors` by
     scalar name of an unknown. `sizes`: expected error of a parameter, the scale in which rank and observability
     are computed; default 1e-3, of compliances 1e-6 m/N.
+
+    >>> robot = gt.robots.gantry_tau("l1_tape")
+    >>> q, _ = robot.causal(known="T", targets="q")(np.array([robot.home]))
+    >>> poses = gt.calibrate.Measurements({"q": q, "T": [robot.home]})
+    >>> choice = gt.calibrate.Choice(free=["A", "L"], fixed=["A[2]"])
+    >>> gt.calibrate.prepare(robot, poses, choice).unknowns.names[-4:]
+    ('A[1,2]', 'L[0]', 'L[1]', 'L[2]')
     """
 
     free: Sequence[str] = ()

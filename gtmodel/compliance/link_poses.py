@@ -32,6 +32,7 @@ class LinkPoses(Poses):
 
     @property
     def carts(self) -> int:
+        """Number k of carts."""
         return max(self.stands_on) + 1
 
     @property

@@ -29,7 +29,10 @@ Gain = float | tuple[float, ...]
 
 
 class Law(Protocol):
-    """What a loop needs of its law: forces as an expression of the reference and the state."""
+    """What a loop needs of its law: forces as an expression of the reference and the state.
+
+    Any object with such a `forces` is one; `Feedforward`, `ComputedTorque` and `Feedback` are three of them.
+    """
 
     def forces(self, reference: list[ca.SX], position: ca.SX, velocity: ca.SX) -> ca.SX:
         """(n,) from the reference with its first two derivatives, the position and the velocity, (n,) each."""

@@ -64,7 +64,11 @@ def tracking_loop(plant: gt.Model, law: Law, known: str = "q", targets: str = "t
 
 @dataclass(frozen=True, eq=False)
 class Tracked:
-    """A motion under a law: reference, position and forces on the reference's rows, and the simulation behind it."""
+    """What `track` returns: a motion under a law.
+
+    trajectory: "reference", "position" and "forces" on the reference's rows, in SI units. simulation: the run behind
+    it. `error` (n, k) is reference less position, `rms` (k,) its root mean square.
+    """
 
     trajectory: Trajectory
     simulation: Simulation

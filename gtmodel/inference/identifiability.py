@@ -168,7 +168,9 @@ def identifiability(
     back = np.argsort(order)
     J = J[:, order]
     own = tuple(names[k] for k in order)
-    given = None if scale is None else np.asarray(scale, float)[order]
+    given = None if scale is None else np.asarray(scale, float).reshape(-1)
+    if given is not None and len(given) == len(names):  # another length is refused by scales()
+        given = given[order]
     size = scales(given, len(names), J)
     s = spectrum(J * size, tolerance)
     if s.rank == 0:

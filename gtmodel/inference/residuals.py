@@ -53,7 +53,8 @@ def whiteness(r: np.ndarray, *, lags: int | None = None, parameters: int = 0) ->
     """Ljung-Box test of whether residuals r (T,), in the order of time, are uncorrelated.
 
     `lags` is how many autocorrelations are summed, by default min(20, T / 5); `parameters` how many a model of the
-    noise has that was fitted to r before. Raises ArgumentError where the lags are not more than these.
+    noise has that was fitted to r before. Raises ArgumentError where the lags are not more than these, or not fewer
+    than the residuals.
 
     Source: Ljung and Box 1978, Biometrika 65: Q = T (T + 2) sum c_k^2 / (T - k), chi-squared with lags - parameters
     degrees of freedom.
@@ -72,6 +73,8 @@ def whiteness(r: np.ndarray, *, lags: int | None = None, parameters: int = 0) ->
         raise ArgumentError(
             f"{T} residuals and {K} lags are too few to test whiteness; take at least {parameters + 1} lags"
         )
+    if K >= T:
+        raise ArgumentError(f"{T} residuals are too few to test whiteness at {K} lags; take fewer lags")
     c = autocorrelation(r, K)[1:]
     if np.ptp(r) == 0 and np.any(np.asarray(r) != 0):
         return Verdict(np.inf, 0.0, False, f"all residuals are {float(np.asarray(r)[0]):.3g}: an offset is left out")
@@ -112,7 +115,8 @@ def normality(r: np.ndarray) -> Verdict:
 def noise_size(estimate: Estimate) -> Verdict:
     """Chi-squared test of whether the residuals of a fit are as large as the stated noise, neither more nor less.
 
-    Raises ArgumentError where the fit was not given the noise (sigma or covariance).
+    The verdict of a fit with as many parameters as measured values does not pass, its p is NaN. Raises ArgumentError
+    where the fit was not given the noise (sigma or covariance).
 
     >>> values = 3.0 + 0.2 * np.random.default_rng(1).normal(size=50)
     >>> e = gt.inference.linear_fit(np.ones((50, 1)), values, ["mean"], sigma=0.1)
@@ -123,6 +127,8 @@ def noise_size(estimate: Estimate) -> Verdict:
 
     if not estimate.known_noise:
         raise ArgumentError("the noise was not given, so that the residuals cannot be compared with it; give sigma")
+    if estimate.freedom <= 0:
+        return Verdict(0.0, np.nan, False, "as many parameters as measured values: residuals say nothing of the noise")
     chi2 = float(estimate.residuals @ estimate.residuals)
     p = 2 * float(
         min(stats.chi2.sf(chi2, estimate.degrees_of_freedom), stats.chi2.cdf(chi2, estimate.degrees_of_freedom))

@@ -61,7 +61,7 @@ class InverseKinematics:
         self._offsets = None if offsets is None else np.asarray(offsets, dtype=float)
 
     def diagnose(self, T: Array) -> str:
-        """One sentence on T (3,) [m]: ok, or why there is no pose; with the variable where the function can tell."""
+        """One sentence on T (3,) [m]: ok, or why there is no pose; with the variable where it is known."""
         if self._causal is not None and np.isfinite(T).all():
             return self._causal.diagnose(T)
         return Status(int(self(np.asarray(T)[None]).status[0])).sentence

@@ -23,7 +23,7 @@ TINY = 1e-300
 class InverseMeasure(NamedTuple):
     """Per link: component along its guideway [m] and angle to the plane across it [rad]; 0 is singular.
 
-    The sign tells the side: positive where the platform joint is ahead of the cart.
+    The sign gives the side: positive where the platform joint is ahead of the cart.
     """
 
     along_m: Array

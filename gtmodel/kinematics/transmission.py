@@ -134,9 +134,11 @@ def cyclic_term(fit: GuidewayFit, periods: tuple[float, float] | None = None) ->
     A periodogram (sinusoid, offset and slope at every frequency) finds it, a least-squares fit refines it.
 
     Args:
+        fit: line and residuals of the guideway, from `fit_guideway`.
         periods: shortest and longest period [m]; by default from twice the median distance of the points to half the
-            length measured. Points d apart cannot tell 1/period from k/d +- 1/period (Dressler 2012, section 4.2: 50 mm
-            between points, teeth much closer): ask for shorter ones only with that in mind.
+            length measured. Points d apart cannot distinguish the frequency 1/period from k/d +- 1/period, k a whole
+            number (Dressler 2012, section 4.2: 50 mm between points, teeth much closer): such `aliases` fit equally
+            well, so shorter periods need points that are closer or uneven.
 
     Raises MeasurementError: fewer than eight places, or a range of periods that cannot be searched.
 

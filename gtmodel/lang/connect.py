@@ -16,7 +16,7 @@ from .units import si_unit
 
 @dataclass(frozen=True, eq=False)
 class Connection:
-    """Two connectors joined, and the line that joins them."""
+    """Two connectors that are joined, and the line that joins them. Made by `gt.connect`."""
 
     a: Connector
     b: Connector
@@ -25,7 +25,7 @@ class Connection:
 
 @dataclass(frozen=True, eq=False)
 class Branch:
-    """A geometric name for one of several solutions: the sign of `expression`."""
+    """A geometric name for one of several solutions: the sign of `expression`. Made by `gt.branch`."""
 
     name: str
     expression: Expr
@@ -34,7 +34,7 @@ class Branch:
 
 @dataclass(frozen=True, eq=False)
 class Energy:
-    """A term of the energy balance: "stored" [J], "supplied" [W] or "dissipated" [W]."""
+    """A term of the energy balance: "stored" [J], "supplied" [W] or "dissipated" [W]. Made by `gt.energy`."""
 
     kind: str
     expression: Expr
@@ -43,7 +43,10 @@ class Energy:
 
 @dataclass(frozen=True, eq=False)
 class TreeEdge:
-    """What is overdetermined in port b follows from port a; a None: from the component itself, b is a root."""
+    """The orientation of port b follows from port a's; where a is None, from the component itself, and b is a root.
+
+    Made by `gt.tree_edge` and `gt.tree_root`.
+    """
 
     a: Connector | None
     b: Connector

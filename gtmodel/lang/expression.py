@@ -189,7 +189,10 @@ class Expr:
 
 @dataclass(frozen=True, eq=False)
 class Relation:
-    """`lhs == rhs`, `lhs <= rhs` or `lhs >= rhs` with the line where it was written."""
+    """An equation or a constraint: `lhs == rhs`, `lhs <= rhs` or `lhs >= rhs`, with the line where it was written.
+
+    Comparing expressions makes it. It has no truth value: yield it.
+    """
 
     lhs: ca.SX
     rhs: ca.SX

@@ -56,7 +56,21 @@ def of_frame(filename: str, line: int) -> SourceLocation:
 
 
 class ModelError(ValueError):
-    """A model is wrong: the sentence says what was found, what was expected and where it was written."""
+    """A model is wrong: the sentence says what was found, what was expected and where it was written.
+
+    It is a ValueError; `where` is the `SourceLocation` of the line concerned, or None.
+
+    >>> class Wrong(gt.Model):
+    ...     x = gt.variable(unit="m")
+    ...     t = gt.variable(unit="s")
+    ...     def equations(self):
+    ...         yield self.x == self.t
+    >>> try:
+    ...     Wrong().causal(known="t", targets="x")
+    ... except gt.ModelError as error:
+    ...     print(error, "| line", error.where.line)
+    units do not fit in '==': left is m, right is s; ... | line 5
+    """
 
     def __init__(self, sentence: str, where: SourceLocation | None = None) -> None:
         super().__init__(f"{sentence} ({where})" if where is not None else sentence)

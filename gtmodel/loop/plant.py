@@ -55,7 +55,10 @@ class DrivePlant:
 
 @dataclass(frozen=True)
 class Servo:
-    """F = kp (u - q) + kd (du - dq) on every cart [N/m, N s/m], in every substep of a cycle."""
+    """Position servo of every cart: F = kp (u - q) + kd (du - dq) in every substep of a cycle.
+
+    u, du: commanded position and speed; q, dq: the cart's; gains in N/m and N s/m.
+    """
 
     kp_N_m: float = 40_000.0
     kd_N_s_m: float = 1_500.0
@@ -63,12 +66,15 @@ class Servo:
 
 
 class RigidBodyPlant:
-    """The rigid-body robot, its motors under a servo; the reference goes on with the commanded speed in a cycle.
+    """The robot as rigid bodies, its motors under a servo; within a cycle the reference goes on at the commanded speed.
 
     Args:
         forward_dynamics: CausalFunction of (T, der(T), tau) -> der(T,2), inputs in any order.
         velocity: CausalFunction of (T, der(T)) -> q, der(q).
-        tcp_m: where the robot stands at rest when it begins; it sags until its servo makes the holding force.
+        tcp_m: where the tool centre point is at rest when it begins [m]; the robot sags until its servo makes the
+            holding force.
+        servo: gains and substeps.
+        cycle_s: [s].
     """
 
     def __init__(

@@ -76,12 +76,22 @@ class Free(NamedTuple):
 
 
 class Corrections:
-    """Delays, scales and offsets of the signals of some sessions.
+    """Delays, scales and offsets of the signals of some sessions, fixed or to be estimated.
 
-    signals : quantity -> `Signal`. sessions : as `read_log` gave them, columns not yet corrected.
-    longest_delay : bound on a free delay [s].
+    Args:
+        signals: quantity -> `Signal`.
+        sessions: as `read_log` gave them, columns not yet corrected.
+        longest_delay: bound on a free delay [s].
 
-    free : what is to be estimated, in the order of the arguments of `apply`. start : where an estimation begins.
+    `free` is what is to be estimated, in the order of the arguments of `apply`; `start` is where an estimation begins.
+
+    >>> t = 0.002 * np.arange(500)
+    >>> log = gt.Trajectory(t, {"force": np.sin(5 * t)}, {"force": "V"})
+    >>> signal = gt.measurements.Signal("volts", "V", scale=35.0, offset=2.0, quantity_unit="N")
+    >>> corrections = gt.measurements.Corrections({"force": signal}, [gt.measurements.session_of(log)])
+    >>> (session,) = corrections.apply()
+    >>> session.trajectory.unit("force"), float(session.trajectory["force"].max().round(2))  # 35 - 2
+    ('N', 33.0)
     """
 
     def __init__(

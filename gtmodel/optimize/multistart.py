@@ -23,7 +23,11 @@ NOTHING = 1e-3  # of its room: a constant below this has no size of its own
 
 @dataclass(frozen=True, eq=False)
 class Optimum:
-    """One of the optima found: how many starts led there, and how far it is from the best one: see distance()."""
+    """One of the optima that `multi_start` found.
+
+    count: starts that led there. distance: from the best one, the largest of the root mean square differences of states
+    and of controls over the horizon, in nominals, and of the relative differences of free constants.
+    """
 
     solution: Solution
     count: int
@@ -36,7 +40,10 @@ class Optimum:
 
 @dataclass(frozen=True, eq=False)
 class MultiStart:
-    """Distinct optima, the best first; `failures` are the messages of the starts that led nowhere."""
+    """What `multi_start` returns: distinct optima, the best first.
+
+    `failures` are the messages of the starts that led nowhere; print the object for a table.
+    """
 
     optima: tuple[Optimum, ...]
     failures: tuple[str, ...]

@@ -37,13 +37,15 @@ METHODS = ("collocation", "shooting")
 
 @dataclass(frozen=True)
 class SolverOptions:
-    """How to solve.
+    """How `solve` is to solve.
 
     Args:
         tolerance: IPOPT's overall tolerance on the scaled problem.
         max_iterations: limit; reached means status iteration_limit with the iterate nearest to its constraints.
-        max_seconds: wall-clock limit; reached means status interrupted with the iterate nearest to its constraints.
-        formulation: "auto", "inverse", "explicit", "torn" or "dae" (see optimize.problem.build).
+        max_seconds: wall-clock limit [s]; reached means status interrupted with the iterate nearest to its constraints.
+        formulation: "inverse": controls as functions of the motion, for fully actuated models; "explicit": explicit
+            rates; "torn": unknowns without a closed form are kept, with their equations as constraints; "dae": nothing
+            is eliminated. "auto" chooses; see optimize.formulation.problem.build.
         prefer: names to keep as states.
         hessian: "exact", or "lbfgs" from gradients alone.
         barrier: how IPOPT lowers its barrier, "adaptive" or "monotone": where one fails, the other may solve in a tenth
@@ -62,6 +64,13 @@ class SolverOptions:
             in $GTMODEL_CACHE, by default ~/.cache/gtmodel. For problems that are solved again and again.
 
     Raises ModelError, which is a ValueError, for a number out of range or an unknown word.
+
+    >>> gt.SolverOptions(tolerance=1e-10, max_seconds=60.0).barrier
+    'auto'
+    >>> gt.SolverOptions(solver="snopt")
+    Traceback (most recent call last):
+        ...
+    gtmodel.lang.source.ModelError: solver is one of ipopt, fatrop; found 'snopt'
     """
 
     tolerance: float = 1e-8
@@ -107,7 +116,23 @@ class SolverOptions:
 
 
 class NotSolved(RuntimeError):
-    """Raised by solve() when the problem was not solved; `.solution` holds the best iterate."""
+    """Raised by solve() when the problem was not solved; the message says why, and `.solution` holds the best iterate.
+
+    >>> class Unreachable(gt.Optimization):
+    ...     x = gt.variable(start=0.0, fixed=True)
+    ...     u = gt.input(min=-1.0, max=1.0)
+    ...     def equations(self):
+    ...         yield gt.der(self.x) == self.u
+    ...     def objective(self):
+    ...         return gt.integral(self.u**2)
+    ...     def constraints(self):
+    ...         yield self.x.at(self.final_time) == 5.0  # in 1 s at a rate of at most 1
+    >>> try:
+    ...     gt.solve(Unreachable(), gt.Mesh(2))
+    ... except gt.NotSolved as error:
+    ...     print(error.solution.status.value)
+    infeasible
+    """
 
     def __init__(self, solution: Any) -> None:
         super().__init__(solution.message)

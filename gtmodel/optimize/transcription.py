@@ -32,7 +32,11 @@ HALVINGS = 4  # a step of a continuation is halved so often before it is given u
 
 @dataclass(frozen=True, eq=False)
 class Continuation:
-    """Solutions of a continuation in order, halved steps among them, with the parameters of each."""
+    """What `Transcription.continuation` returns: the solutions in order, halved steps among them, with the parameters
+    of each.
+
+    `message` says where and why it ended early; empty where it did not.
+    """
 
     steps: tuple[tuple[dict[str, Any], Solution], ...]
     message: str = ""
@@ -55,7 +59,10 @@ class Continuation:
 
 
 class Transcription:
-    """A model on a mesh with derivatives ready; made by transcribe()."""
+    """A model on a mesh with derivatives ready, made by `transcribe`: solve it again and again with other parameters.
+
+    `solve` takes one set of parameters, `continuation` a sequence of them, each started from the last solution.
+    """
 
     def __init__(self, model: Optimization, nlp: Nlp, names: Mapping[str, list[str]], options: SolverOptions) -> None:
         self.model, self.nlp, self.options = model, nlp, options

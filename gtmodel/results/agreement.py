@@ -55,7 +55,7 @@ class Within:
 
 @dataclass(frozen=True)
 class Long:
-    """How many entries a list has, of lists in a list each; one number for all of them is no list."""
+    """Number of entries that a list must have; of lists in a list, each. One number in place of the list is refused."""
 
     count: int
 

@@ -13,10 +13,16 @@ from typing import Self
 
 
 class Status(enum.IntEnum):
-    """What one evaluation of a function on data ended with; zero is good.
+    """What one evaluation of a function on data ended with; OK is 0, all others say why there is no value.
 
-    The integer is shared with C: `c_enum` and `c_sentences` write the C side from this table, so that there
-    is no second list to keep in step. ``sentence`` is the plain English shown to people.
+    A single call of a `CausalFunction` returns one; rows return an int array of its codes. The integer is shared with
+    C: `c_enum` and `c_sentences` write the C side from this table, so that there is no second list to keep in step.
+    `sentence` is the plain English shown to people.
+
+    >>> gt.Status(1)
+    <Status.OUT_OF_RANGE: 1>
+    >>> gt.Status.OUT_OF_RANGE.sentence
+    'the input lies outside the range where a solution exists'
     """
 
     sentence: str
@@ -59,6 +65,10 @@ class SolveStatus(_Word):
     ``sentence`` is the plain English shown to people; ``ok`` is True only for a solved problem whose checks
     passed: an interrupted run, or one at its iteration limit, holds its best iterate, but is not to be relied on.
     ``converged`` is True for a whole solution, whatever its checks say: what a search may go on from.
+
+    >>> status = gt.SolveStatus.CHECK_FAILED
+    >>> status.value, status.ok, status.converged
+    ('check_failed', False, True)
     """
 
     SOLVED = "solved", "a solution was found to the requested tolerance"

@@ -34,6 +34,13 @@ class Study:
         other studies it is written, and marked.
 
     Solved with a failed check is no state of a study: it becomes CHECK_FAILED, with a message that names the checks.
+
+    >>> checks = {"residual_m": gt.results.at_most(2e-3, 1e-3, "measure again")}
+    >>> study = gt.results.Study(status=gt.SolveStatus.SOLVED, checks=checks)
+    >>> study.status.value
+    'check_failed'
+    >>> study.message
+    '1 of 1 checks failed: residual_m (0.002 m, at most 0.001 m); measure again'
     """
 
     status: SolveStatus

@@ -32,20 +32,27 @@ REPR_SIGNALS = 6  # signals shown by repr
 class Trajectory:
     """Named signals over one time grid, in SI units; immutable.
 
-    time : (n,) finite and strictly increasing [s], n >= 1; copied.
-    values : name -> (n,) for a scalar signal or (n, k) for a vector one, finite; copied. Names are printable
-        and hold no blank or quote; "time" is reserved. The order of the names is kept.
-    units : name -> SI unit text; a signal without one is dimensionless ("1").
-    title : one line for plots and files.
-    provenance : where the data came from (inputs, versions, hashes), JSON data.
-    synthetic : None for measured or computed data; for data made to look like a measurement one line with
-        seed and noise. It is carried into every file, repr and derived trajectory.
+    Args:
+        time: (n,) finite and strictly increasing [s], n >= 1; copied.
+        values: name -> (n,) for a scalar signal or (n, k) for a vector one, finite; copied. Names are printable
+            and hold no blank or quote; "time" is reserved. The order of the names is kept.
+        units: name -> SI unit text; a signal without one is dimensionless ("1").
+        title: one line for plots and files.
+        provenance: where the data came from (inputs, versions, hashes), JSON data.
+        synthetic: None for measured or computed data; for data made to look like a measurement one line with
+            seed and noise. It is carried into every file, repr and derived trajectory.
 
     Component i of a vector signal "T" can be asked for as "T[i]" wherever a name is read. A scalar signal may
     be called "x[0]" too, but never like a component of a vector signal next to it.
 
     Raises TrajectoryError naming the signal and row of the first fault, UnknownNameError for a unit of a
     signal that is not there. Two trajectories are equal when all of the above is.
+
+    >>> motion = gt.Trajectory([0.0, 0.1, 0.2], {"T": [[0.0, 0.0], [0.1, 0.0], [0.4, 0.1]]}, {"T": "m"})
+    >>> motion["T[0]"].tolist(), motion.unit("T"), motion.duration
+    ([0.0, 0.1, 0.4], 'm', 0.2)
+    >>> motion(0.15, "T").round(6).tolist()  # linear between two rows
+    [0.25, 0.05]
     """
 
     __slots__ = ("_provenance", "_synthetic", "_time", "_title", "_units", "_values")

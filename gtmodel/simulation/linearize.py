@@ -25,7 +25,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Mode:
-    """An eigenvalue of a linear model: natural frequency [Hz] and damping ratio; `states` move most in it."""
+    """A mode of a linear model: eigenvalue [1/s], natural frequency [Hz], damping ratio, and the states that move most
+    in it.
+    """
 
     eigenvalue: complex
     frequency_Hz: float

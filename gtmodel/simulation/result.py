@@ -19,7 +19,7 @@ Progress = Callable[[float], bool]
 
 @dataclass(frozen=True)
 class Switch:
-    """A change of states on the way, at a time [s]."""
+    """A change of the states that a simulation integrates, at a time [s]: their names before and after."""
 
     time: float
     before: tuple[str, ...]
@@ -70,7 +70,18 @@ class Simulation:
 
 
 class NotSimulated(RuntimeError):
-    """Raised by simulate() when the run ended early; `.simulation` holds what was reached."""
+    """Raised by simulate() when the run ended early; the message says why, and `.simulation` holds what was reached.
+
+    >>> class Escape(gt.Model):  # x' = x^2 from 1: infinite at 1 s
+    ...     x = gt.variable(start=1.0, fixed=True)
+    ...     def equations(self):
+    ...         yield gt.der(self.x) == self.x**2
+    >>> try:
+    ...     gt.simulate(Escape(), 2.0)
+    ... except gt.NotSimulated as error:
+    ...     print(round(error.simulation.trajectory.time[-1], 1))
+    1.0
+    """
 
     def __init__(self, simulation: Simulation) -> None:
         super().__init__(simulation.message)

@@ -24,7 +24,7 @@ class OrderTrial(NamedTuple):
 
 
 def largest_order(block_rows: int, outputs: int) -> int:
-    """The largest order that `block_rows` can tell; shift invariance needs one block row. Raises ArgumentError."""
+    """The largest order that `block_rows` can determine; shift invariance needs one block row. Raises ArgumentError."""
     if block_rows < 2:
         raise ArgumentError(f"{block_rows} block rows cannot tell any order; take at least 2")
     return (block_rows - 1) * outputs

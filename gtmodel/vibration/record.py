@@ -29,6 +29,13 @@ class Record:
 
     The input is held between samples (zero-order hold); y[k] is read before u[k] acts. `synthetic`: seed and noise of
     synthetic data, None for measured ones. One-dimensional arrays are one column. Raises ArgumentError.
+
+    >>> record = gt.vibration.Record(u=np.zeros(100), y=np.zeros((100, 2)), sample_time=0.004)
+    >>> record.y.shape, round(float(record.time[-1]), 3)  # s
+    ((100, 2), 0.396)
+    >>> gt.vibration.Record(u=np.zeros(99), y=np.zeros(100), sample_time=0.004)
+    Traceback (most recent call last):
+    gtmodel...ArgumentError: y: 99 samples of the inputs and 100 of the outputs; give one each per sample
     """
 
     u: np.ndarray

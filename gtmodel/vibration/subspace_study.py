@@ -35,7 +35,7 @@ class _Structure(NamedTuple):
 
     @property
     def best(self) -> SecondOrder | None:
-        """M, D, K fitted to the recording, else those that a force or a mass tells."""
+        """M, D, K fitted to the recording, else those that a force or a mass determines."""
         return self.fit.model if self.fit else self.known
 
 

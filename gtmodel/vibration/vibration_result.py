@@ -16,7 +16,7 @@ Array = np.ndarray
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class VibrationStudy(Study):
-    """How a structure vibrates. What this model does not tell is None."""
+    """The model of a vibrating structure. What this model does not determine is None."""
 
     words: Annotated[
         Sequence[str] | None, "what limits the result: identifiability, residuals, signs, in sentences"

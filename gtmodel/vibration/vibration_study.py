@@ -1,4 +1,4 @@
-"""The vibration study: the model of a recording that is asked for, and what it does not tell."""
+"""The vibration study: the model of a recording that is asked for, and what it leaves undetermined."""
 
 from __future__ import annotations
 

@@ -104,6 +104,8 @@ def test_wrong_slopes_get_a_sentence():
         identifiability(np.zeros((3, 2)), "ab")
     with pytest.raises(ValueError, match="the derivatives of 'b' are not finite"):
         identifiability([[1.0, np.nan]], "ab")
+    with pytest.raises(ValueError, match="expected 2 finite numbers, one per parameter"):
+        identifiability(np.ones((3, 2)), "ab", scale=[1.0, 2.0, 3.0])
 
 
 @settings(max_examples=40, deadline=None)

@@ -34,6 +34,8 @@ def test_ljung_box_by_hand_and_on_both_kinds_of_noise():
     assert not coloured.passed and "coloured (correlation 0." in coloured.sentence and "lag 1" in coloured.sentence
     with pytest.raises(ValueError, match="too few to test whiteness"):
         whiteness(r, lags=1, parameters=1)
+    with pytest.raises(ValueError, match="5 residuals are too few to test whiteness at 5 lags"):
+        whiteness(r, lags=5)
 
 
 def test_normality_is_scipys_jarque_bera():
@@ -82,3 +84,8 @@ def test_an_offset_is_not_white() -> None:
     assert whiteness(np.zeros(50)).passed
     verdict = whiteness(np.full(50, 0.3))
     assert not verdict.passed and "an offset is left out" in verdict.sentence
+
+
+def test_a_fit_without_degrees_of_freedom_says_nothing_of_the_noise():
+    found = noise_size(linear_fit(np.eye(2), [1.0, 2.0], ["a", "b"], sigma=0.1))
+    assert not found.passed and found.sentence.endswith("residuals say nothing of the noise")

@@ -131,9 +131,9 @@ def other_columns(
 def swapped_axes(
     name: str, measured: np.ndarray, predicted: np.ndarray, size: float, free_frame: bool = False
 ) -> Reading | None:
-    """Positions (N, 3) whose axes are exchanged or reversed against the model's, as the cart directions tell.
+    """Positions (N, 3) whose axes are exchanged or reversed against the model's, as the cart directions show.
 
-    With a frame that is unknown (`free_frame`) only the handedness can be told.
+    With a frame that is unknown (`free_frame`) only the handedness can be found.
     """
     if free_frame:
         proper, mirrored = (_aligned(measured, predicted, hand)[2] for hand in (1, -1))

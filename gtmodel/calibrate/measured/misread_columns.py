@@ -1,4 +1,4 @@
-"""Columns read wrong, told by the closure equations alone: wrong units, quaternions or actuators in another order."""
+"""Columns read wrong, recognised by the closure equations: wrong units, quaternions or actuators in another order."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from .column_checks import NEARER, exchanged, length
 
 THOUSANDS = ((1e-3, "large", "divided", "in millimetres"), (1e3, "small", "multiplied", "in metres"))
 STEPS = 20  # of each fit: a few unknowns near their start need fewer
-POSES = 40  # that are looked at: enough to tell an order from another
+POSES = 40  # that are looked at: enough to distinguish one order from another
 
 
 def misread_columns(problem: Problem, lengths: Sequence[str] = (), columns: Sequence[str] = ()) -> str | None:

@@ -150,7 +150,7 @@ def _fit_the_model(m: Measurements, poses: Poses, model: Model) -> dict[str, Col
 
 
 def _refuse_unknown_sessions(m: Measurements, held: np.ndarray) -> None:
-    """Raises ArgumentError for sessions that only held-out poses have, and whose offsets no fitted pose tells."""
+    """Raises ArgumentError for sessions that only held-out poses have, and whose offsets no fitted pose determines."""
     offsets = [c.signal for c in m.corrections if c.offset]
     frames = any(p.device_per_session or p.target_per_session for p in m.poses)
     if m.sessions is None or not (offsets or frames):

@@ -1,4 +1,4 @@
-"""Measurements that were read wrong, told before the fit by the robot's own forward kinematics."""
+"""Measurements that were read wrong, recognised before the fit by the robot's own forward kinematics."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ from .column_checks import (
 from .misread_columns import misread_columns
 from .poses import SplitPoses
 
-MOST = 150  # poses that are looked at: enough to tell a metre from a millimetre
+MOST = 150  # poses that are looked at: enough to distinguish a metre from a millimetre
 REACHED = 0.5  # share of the poses that the model must reach to be a witness
 MISFIT = 2e-4  # of the robot's size: length errors of a fit above this are worth a look at other orders
 TRIALS = 25  # iterations of a fit with other columns
@@ -101,6 +101,10 @@ def recognise(data: SplitPoses, witness: Witness) -> tuple[np.ndarray, np.ndarra
         columns = other_columns(names, groups, q, before, lambda trial: misfit(*witness.positions(trial)))
     if len(good) < max(4, REACHED * len(q)):
         _refuse(None if columns is None else columns.sentence, data.actuators)
+        if len(q) < 4:
+            raise ArgumentError(
+                f"found {len(q)} poses; expected at least 4, better several tens", f"poses.values.{data.actuators}"
+            )
         raise ArgumentError(
             f"the robot's model reaches {len(good)} of {len(q)} poses with these actuators; check their units, order "
             "and zero, or the robot",

@@ -151,7 +151,7 @@ def measuring(task: Task) -> Measuring:
                 at, np.array(asked.looks_at), asked.focal_pixel, asked.width_pixel, asked.height_pixel, asked.pattern,
                 asked.marks, asked.pixel_noise,
             )  # fmt: skip
-            _ = device.axes  # a wrong direction is told here
+            _ = device.axes  # a wrong direction is refused here
         return Measuring(task, robot, "T", tuple(latent), (device, *_sight(task, at)), at, device)
     except ModelError as error:
         raise ArgumentError(str(error), "device") from error

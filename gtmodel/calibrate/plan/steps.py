@@ -121,7 +121,7 @@ def _empty(name: str, before: str | None, counts: dict[str, int]) -> str:
 
 
 def prepare_information(plan: Plan) -> None:
-    """What each candidate would tell, and how the position depends on it. Raises ArgumentError."""
+    """Information of each candidate, and how the position depends on the unknowns. Raises ArgumentError."""
     plan.evaluation = _evaluation(plan)
     try:
         plan.info = pose_information(plan.measuring.prepared(plan.pool))
@@ -186,7 +186,7 @@ def draw_curve(plan: Plan, stop: Stop) -> None:
         if len(T):
             try:
                 grids[len(T)] = grid_point(pose_information(plan.measuring.prepared(T)), plan.target)
-            except ModelError:  # a small grid need not tell all
+            except ModelError:  # a small grid need not determine all
                 continue
     plan.grids = tuple(grids[n] for n in sorted(grids))
     plan.enough = sufficient_number(
@@ -218,7 +218,7 @@ def select(plan: Plan, number: int, stop: Stop) -> None:
             plan.poses = plan.pool[taken]
         plan.chosen = pose_information(plan.measuring.prepared(plan.poses))
         if not plan.unpredicted:
-            plan.target.moment(plan.chosen)  # few poses of a grid may tell too little
+            plan.target.moment(plan.chosen)  # few poses of a grid may determine too little
     except ModelError as error:
         raise ArgumentError(str(error), "poses.number") from error
     rest = np.setdiff1d(np.arange(len(plan.pool)), taken)
@@ -240,7 +240,7 @@ def select(plan: Plan, number: int, stop: Stop) -> None:
 def simulate(plan: Plan, stop: Stop) -> None:
     """Synthetic calibrations of the robot as it is thought to be: noise of the device, wrong start values.
 
-    Start errors are of what the poses tell: the rest is a choice of coordinates that no calibration moves.
+    Start errors are of what the poses determine: the rest is a choice of coordinates that no calibration moves.
     """
     assert plan.chosen is not None
     told, sizes = plan.chosen.told, plan.chosen.sizes

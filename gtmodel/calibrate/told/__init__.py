@@ -1,1 +1,1 @@
-"""What a calibration tells: findings, intervals, the verdict, the table, pictures and files."""
+"""What a calibration reports: findings, intervals, the verdict, the table, pictures and files."""

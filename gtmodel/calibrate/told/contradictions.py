@@ -12,12 +12,12 @@ from ..calibration import Calibration, calibrate
 
 FAR = 5.0  # standard deviations of prior and fit together
 MOST = 3  # are named
-STEPS = 40  # of the fit without priors, from the one with them: what needs more is not told without
+STEPS = 40  # of the fit without priors, from the one with them: what needs more is not determined without
 
 
 def contradicted_priors(c: Calibration) -> list[str]:
     """Sentences on priors far from what the poses say without any, the farthest first; none where residuals are as
-    large as the noise, or the poses alone tell nothing of them."""
+    large as the noise, or the poses alone do not determine them."""
     u = c.problem.unknowns
     if not u.priors or (c.estimate is not None and (c.estimate.noise <= 1 or noise_size(c.estimate).passed)):
         return []

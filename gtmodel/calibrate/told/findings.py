@@ -1,4 +1,4 @@
-"""All that a calibration has found, put together before it is told: fit, held-out poses, verdict."""
+"""All that a calibration has found, put together before it is reported: fit, held-out poses, verdict."""
 
 from __future__ import annotations
 

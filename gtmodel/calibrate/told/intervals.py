@@ -15,20 +15,20 @@ from .movement import moved_too_far
 
 LEAST_POSES = 30  # for a test of whiteness
 MEASURED = "as measured"
-# of its expected error: an unknown that is told no better is too far off for derivatives at the solution, and noise in
-# them is no small part of what tells it. Synthetic D1 with plate joints free, 500 seeds: arm 1, at 10, holds; arms 2
-# and 3, at 50, have 57 to 477 hits.
+# of its expected error: an unknown that is determined no better is too far off for a Jacobian at the solution, and
+# noise in it is no small part of what determines it. Synthetic D1 with plate joints free, 500 seeds: arm 1, at 10,
+# holds; arms 2 and 3, at 50, have 57 to 477 hits.
 WEAK = 15.0
 
 
 class Confidence:
-    """The estimate that intervals rest on, and reasons in words where none can be told.
+    """The estimate that intervals rest on, and reasons in words where none can be given.
 
     Residuals of each link are tested for whiteness in the order of the poses (drift) and of each actuator's position: a
-    guideway's wandering is the same wherever the cart comes by again, and shows in no other order. Where links run on
+    guideway error is the same wherever the cart comes by again, and shows in no other order. Where links run on
     straight guideways such an effect is counted as a smooth error of each link's end (see with_smooth_errors()), if
     what it leaves is white. Coverages of 95 % intervals on synthetic L1 robots, by seeds fixed beforehand, are in
-    docs/calibration.md, "Intervals": with wandering carts these held; sandwich covariances did not, neither there nor
+    docs/calibration.md, "Intervals": with guideway errors these held; sandwich covariances did not, neither there nor
     for drift over poses in the order of a grid.
     """
 
@@ -39,7 +39,7 @@ class Confidence:
 
     @property
     def holds(self) -> bool:
-        """Whether intervals can be told."""
+        """Whether intervals can be given."""
         return not self.reasons
 
     @property
@@ -49,7 +49,7 @@ class Confidence:
 
     @cached_property
     def reasons(self) -> tuple[str, ...]:
-        """Why no interval is told, in sentences; none where they are."""
+        """Why no interval is given, in sentences; none where they are."""
         found = [] if self._smooth is not None else self._wrong
         if not found and self._weak:
             return (self._weak,)
@@ -66,7 +66,7 @@ class Confidence:
 
     @cached_property
     def remarks(self) -> tuple[str, ...]:
-        """What intervals that are told rest on, where it is not plain noise, in sentences."""
+        """What intervals that are given rest on, where it is not plain noise, in sentences."""
         if self.calibration.estimate is None or not self.holds:
             return ()
         said = []

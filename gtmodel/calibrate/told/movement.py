@@ -7,7 +7,7 @@ import numpy as np
 from ...inference import Identifiability
 from ..calibration import Calibration
 
-OPEN = 1e-6  # share of a parameter's direction in what is not told; below is round-off
+OPEN = 1e-6  # share of a parameter's direction in what is undetermined; below is round-off
 FAR = 0.1  # of the largest length: a tape measure does not err by that
 
 

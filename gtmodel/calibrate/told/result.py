@@ -95,7 +95,7 @@ class CalibrationStudy(Study):
     )] = None  # fmt: skip
     verdict: Annotated[Lines, Quantity("", "in words, with what it covers")] = None
     limits: Annotated[Lines, Quantity("", "what limits the numbers, in words", key="notes")] = None
-    truth: Annotated[Numbers, Quantity("", "parameters of the synthetic robot; null for measured poses")] = None
+    truth: Annotated[Numbers, Quantity("", "true parameters of a synthetic robot; null for measured poses")] = None
     synthetic: Annotated[str | None, Quantity("", "seed and noise of synthetic poses; null for measured ones")] = None
     joint_stiffness: Annotated[Study | None, Quantity("", STIFFNESS)] = None
 

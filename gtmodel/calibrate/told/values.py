@@ -1,4 +1,4 @@
-"""What a calibration tells, by name; and its checks."""
+"""What a calibration reports, by name; and its checks."""
 
 from __future__ import annotations
 

@@ -35,7 +35,7 @@ class Limits(Options):
 
 @dataclass(frozen=True)
 class Bodies(Options):
-    """Sizes of links and plate, for clearances. Lengths from the simplified to the real joints may be given."""
+    """Sizes of links and plate, for clearances. The way from the simplified to the real joints may be given."""
 
     link_radius: Annotated[float, Unit("m"), Within(least=0.0), "radius of every link"] = 0.0
     plate_radius: Annotated[
@@ -59,7 +59,7 @@ class Box(Options):
 
 @dataclass(frozen=True)
 class Beam(Options):
-    """A beam of the frame."""
+    """A straight beam of the frame, from which the links must keep clear."""
 
     from_: Annotated[list[float], Unit("m"), Long(3), "one end"]
     to: Annotated[list[float], Unit("m"), Long(3), "the other end"]

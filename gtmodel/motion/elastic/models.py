@@ -10,7 +10,7 @@ from ...robots import GantryTau
 
 
 class RigidMotion(GantryTau, gt.Optimization):
-    """From rest to rest between two points: time plus energy, forces of the motors within +-F_max."""
+    """The optimal motion from rest to rest between two points: time plus energy, motor forces within +-F_max."""
 
     final_time = gt.free(guess=1.2, min=0.2, unit="s")
     F_max = gt.parameter(unit="N", positive=True, description="largest force of a motor")
@@ -30,7 +30,9 @@ class RigidMotion(GantryTau, gt.Optimization):
 
 
 class ElasticMotion(RigidMotion):
-    """The same with a mass on a spring at the plate, which hangs at rest at first and in the end."""
+    """The motion of `RigidMotion` with a mass on a spring at the plate; the mass hangs at rest at the start and at the
+    end.
+    """
 
     mass = gt.parameter(unit="kg", positive=True, description="mass on the spring")
     K = gt.parameter(shape=(3, 3), unit="N/m", kind="semidefinite", description="its stiffness, world axes")

@@ -16,28 +16,28 @@ GRAVITY = 9.81
 
 @dataclass(frozen=True)
 class Tool(Options):
-    """A mass on a spring at the plate, alike in all directions."""
+    """A tool as a mass on a spring at the plate, equally stiff in all directions."""
 
     mass: Annotated[
-        float, Unit("kg"), Within(above=0.0), "of what swings; the plans with a rigid tool carry it as payload"
+        float, Unit("kg"), Within(above=0.0), "mass of what swings; the plans with a rigid tool carry it as payload"
     ]
-    frequency: Annotated[float, Unit("Hz"), Within(above=0.0), "with the plate held"]
+    frequency: Annotated[float, Unit("Hz"), Within(above=0.0), "natural frequency with the plate held"]
     damping: Annotated[float, Within(least=0.0, below=1.0), "damping ratio"] = 0.0
 
     @property
     def stiffness(self) -> float:
-        """Of the spring [N/m]."""
+        """Stiffness of the spring [N/m]."""
         return self.mass * (2 * np.pi * self.frequency) ** 2
 
     @property
     def sag(self) -> float:
-        """By which the tool hangs [m]."""
+        """Static deflection of the tool under its weight [m]."""
         return GRAVITY * self.mass / self.stiffness
 
 
 @dataclass(frozen=True)
 class Cost(Options):
-    """Final time plus weighted energy."""
+    """What is minimised: final time plus weighted energy."""
 
     energy: Annotated[float, Within(least=0.0), "weight w of sum int (F / force_unit_N)^2"] = 0.01
     force_unit: Annotated[float, Unit("N"), Within(above=0.0), "unit of force in the energy"] = 112.90322580645162
@@ -45,9 +45,9 @@ class Cost(Options):
 
 @dataclass(frozen=True)
 class Mesh(Options):
-    """Where the equations are collocated."""
+    """Where the equations are collocated (Radau, three points per element)."""
 
-    elements: Annotated[int, Within(above=0, most=MOST_ELEMENTS), "of the horizon, three points each"] = 40
+    elements: Annotated[int, Within(above=0, most=MOST_ELEMENTS), "number of elements of the horizon"] = 40
     most_elements: MostElements = 160
 
 

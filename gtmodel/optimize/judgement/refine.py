@@ -43,8 +43,9 @@ class Pass:
 
 @dataclass(frozen=True, eq=False)
 class Refinement:
-    """The last solution with its error estimate per element, and how it came about.
+    """What `refine` returns: the last solution with its error estimate per element, and how it came about.
 
+    errors: (elements,), in nominals. passes: one for each solve; print the object for their table.
     excess: per element, by what a limit on states is passed between the points, as a part of its range.
     """
 

@@ -28,8 +28,9 @@ SUBSTEPS = 8  # reported points per element: overshoots of a cubic control are s
 
 @dataclass(frozen=True, eq=False)
 class Resimulation:
-    """What the input really does.
+    """What `resimulate` returns: what the solution's input really does.
 
+    trajectory: of the integrator; None where it did not reach the end.
     end_error: by state name, integrated minus collocated value at the end (SI units).
     defect: largest difference at any mesh edge, in nominals.
     violation: largest excess over a bound or path constraint anywhere between the nodes (SI units), and

@@ -40,7 +40,7 @@ def read_experiments(index: str | Path, fit: Fit | None = None) -> list[Experime
     """All experiments of an index file, in the order in which they first stand there.
 
     index: CSV file with the columns x [m], y [m], z [m], A [deg], direction and file; rows of the same pose and
-    direction are hits of one experiment, unless a column experiment tells them apart. Files are looked for beside it,
+    direction are hits of one experiment, unless a column experiment separates them. Files are looked for beside it,
     then in the working directory. fit: estimator and windows of hits. Raises ArgumentError.
     """
     path, fit = Path(index), fit or Fit()

@@ -137,7 +137,7 @@ def _fit(lines: FrequencyResponse, modes: int, noise: float | None) -> ModalFit:
     fitted = None
     for _ in range(ROUNDS if noise is not None else 1):
         sigma = _sigma(lines, noise, receptance(s, *_split(theta)))
-        # level noise: the residuals tell its size, in units of the largest receptance
+        # level noise: the residuals give its size, in units of the largest receptance
         residuals = _residuals(lines, 1.0 if sigma is not None else float(np.abs(H).max()))
         with np.errstate(all="ignore"):  # a step too far is not finite and is taken back
             fitted = nonlinear_fit(residuals, theta, names, sigma=sigma, limit=LIMIT)

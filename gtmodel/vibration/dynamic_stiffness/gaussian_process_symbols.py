@@ -11,7 +11,7 @@ from scipy.linalg import solve_triangular
 
 from .gaussian_process import GaussianProcess
 
-NEAR = 1e-20  # added to a squared distance before its root: the slope at a training pose is then zero and not NaN
+NEAR = 1e-20  # added to a squared distance before its root: the derivative at a training pose is then zero and not NaN
 
 
 def predictions(processes: Sequence[GaussianProcess], pose: Any, *, std: bool = False) -> tuple[list[Any], list[Any]]:

@@ -173,6 +173,6 @@ def _generated(f: Any, name: str) -> str:
     with tempfile.TemporaryDirectory() as folder:
         generator.generate(f"{folder}/")
         text = (Path(folder) / f"{name}.c").read_text(encoding="utf-8")
-    if not text.endswith("#endif\n"):  # CasADi does not tell of a disk that is full
+    if not text.endswith("#endif\n"):  # CasADi does not report a disk that is full
         raise OSError(f"the temporary folder {folder} does not take the code; free space, or set TMPDIR")
     return text

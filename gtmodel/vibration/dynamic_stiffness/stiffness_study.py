@@ -158,7 +158,7 @@ def _fitted(experiment: Experiment, f: Fit, relative_noise: float | None) -> tup
 
 
 def _rows_of(given: Sequence[Experiment], fits: Fits) -> dict[str, Array]:
-    """m, c, k (n, 3) with one row per experiment, NaN where it tells nothing."""
+    """m, c, k (n, 3) with one row per experiment, NaN where it determines nothing."""
     rows = {q: np.full((len(given), 3), np.nan) for q in "mck"}
     for n, (experiment, fit) in enumerate(zip(given, fits, strict=True)):
         if fit is not None:
