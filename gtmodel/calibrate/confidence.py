@@ -69,7 +69,7 @@ def estimated(
         omega = B @ S @ B.transpose(0, 2, 1)
     else:
         # residuals of a row have lost the part of the degrees of freedom that its block's unknowns took
-        part = np.concatenate([np.full(s.psi.shape[1], s.freedom / s.psi.shape[1]) for s in shares])
+        part = np.concatenate([np.full(s.psi.shape[1], s.degrees_of_freedom / s.psi.shape[1]) for s in shares])
         omega = (psi.T @ psi / np.sqrt(np.outer(part, part)))[None]
     cov = np.einsum("kci,kcj->ij", gain, np.broadcast_to(omega, (N, *omega.shape[1:])) @ gain)
     by_prior = np.hstack([s.by_prior for s in shares])

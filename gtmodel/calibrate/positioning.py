@@ -103,7 +103,7 @@ def positioning(
     >>> problem = gt.calibrate.prepare(robot, poses)
     >>> info = gt.calibrate.pose_information(problem)
     >>> target = gt.calibrate.positioning(problem)
-    >>> target.slopes.shape, round(1e6 * target.errors(info).rms)  # um, after a calibration with these poses
+    >>> target.jacobian.shape, round(1e6 * target.errors(info).rms)  # um, after a calibration with these poses
     ((27, 3, 21), 18)
     """
     every = problem.unknowns.names

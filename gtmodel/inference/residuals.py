@@ -127,7 +127,7 @@ def noise_size(estimate: Estimate) -> Verdict:
 
     if not estimate.known_noise:
         raise ArgumentError("the noise was not given, so that the residuals cannot be compared with it; give sigma")
-    if estimate.freedom <= 0:
+    if estimate.degrees_of_freedom <= 0:
         return Verdict(0.0, np.nan, False, "as many parameters as measured values: residuals say nothing of the noise")
     chi2 = float(estimate.residuals @ estimate.residuals)
     p = 2 * float(
