@@ -247,6 +247,24 @@ def _commands() -> set[str]:
     return {c.name or c.callback.__name__ for c in app.registered_commands if c.callback is not None}
 
 
+def _plain(sentence: str, words: list[str]) -> str:
+    """What the command line says of its words, and what a person likely meant by them."""
+    sentence = sentence.replace(
+        "Input should be a valid number, unable to parse string as a number", "expected a number"
+    )
+    if "extra argument" in sentence and "=" in words:
+        place = words.index("=")
+        return f"{sentence}; write {''.join(words[max(0, place - 1) : place + 2])}, without blanks around ="
+    if "No such option" not in sentence:
+        return sentence
+    if words[0].startswith("-") and (asked := next((w for w in words if w in _commands()), None)):
+        return f"{sentence.partition(' (')[0]} here; options stand behind the command: gtmodel {asked} ... {words[0]}"
+    single = next(
+        (w for w in words if len(w) > 2 and w[0] == "-" and w[1:].replace("-", "").isalpha() and w[1] != "-"), None
+    )
+    return f"{sentence}; an option has two dashes: -{single}" if single else sentence
+
+
 def _load(problem: str, settings: Sequence[str] | None, answer: Answer) -> Any:
     from gtmodel.problem_files.load import load
     from gtmodel.problem_files.settings import refuse_twice
@@ -269,7 +287,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         code = app(args=words, prog_name="gtmodel", standalone_mode=False)
         sys.stdout.flush()
     except TyperException as error:  # a wrong option, or no command at all
-        sentence = error.format_message().rstrip(".")
+        sentence = _plain(error.format_message().rstrip("."), words)
         if not words:
             print(sentence)
             return error.exit_code

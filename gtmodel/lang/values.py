@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from .declare import Declaration, Kind, Parameter
-from .slips import floats
+from .slips import floats, shortened
 from .source import ModelError, SourceLocation
 
 # of squared lengths and scalar products: four printed digits, 0.7071 for sqrt(1/2), are off by 1.8e-4 at the most
@@ -39,7 +39,11 @@ def check_parameter(
             raise TypeError
         array = floats(value)
     except (TypeError, ValueError):
-        raise ModelError(f"parameter '{name}' takes numbers of shape {shape}; found {value!r}", where) from None
+        numbers = f"numbers of shape {shape}" if item.shape else "a number"
+        raise ModelError(
+            f"parameter '{name}' takes {numbers}; found {shortened(value)}",
+            where,
+        ) from None
     if not fits(array.shape, item.shape):
         raise ModelError(f"parameter '{name}' has shape {shape}; found a value of shape {array.shape}", where)
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from ..results.refusal import ArgumentError
 
 Line = tuple[int, list[str]]
+_NO_CSV = (".mat", ".xlsx", ".xls", ".ods", ".mdf", ".mf4", ".parquet")
 
 
 def lines_of(path: Path, header: str) -> tuple[Line, list[Line]]:
@@ -26,6 +27,8 @@ def lines_of(path: Path, header: str) -> tuple[Line, list[Line]]:
         raise ArgumentError(f"{path.name} is no UTF-8 text; save it as CSV with commas") from error
     except OSError as error:
         raise ArgumentError(f"{path.name} cannot be read: {error.strerror}") from error
+    if any("\0" in line for line in lines) or path.suffix.lower() in _NO_CSV:
+        raise ArgumentError(f"{path.name} is no CSV file but of another program; save the table as CSV with commas")
     kept = [(n, line) for n, line in enumerate(lines, 1) if line.strip() and not line.startswith("#")]
     if not kept:
         raise ArgumentError(f"{path.name} is empty; expected a header such as '{header}' and rows")

@@ -133,6 +133,9 @@ class Context:
         if path is None:
             if any(p.is_dir() for p in (self.folder / name, Path(name))):
                 raise InputError(f"'{name}' is a folder; expected a {what}", key)
+            if not str(name).isprintable():  # in double quotes TOML reads \n and \t as line and tab
+                sign = "a backslash is a sign of its own in double quotes, write / in its place"
+                raise InputError(f"there is no {what} {str(name)!r}; {sign}", key)
             raise InputError(f"there is no {what} '{name}' in {self.folder} or here", key)
         self.take(entered or key, path)
         return path

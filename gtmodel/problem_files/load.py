@@ -16,11 +16,13 @@ import pydantic
 from gtmodel._files import problems_dir
 
 from .base import InputError, Kind, Problem
-from .registry import get, names
+from .registry import get
 from .sentences import sentence_for, shown
 from .settings import apply
+from .toml_slips import shown_line, slip
 
 _TOO_DEEP = "holds arrays or tables inside one another, hundreds deep; no key of any kind goes deeper than five"
+_KINDS = 'write kind = "trajectory", or another that gtmodel schema lists'
 S = TypeVar("S", bound=pydantic.BaseModel)
 
 
@@ -75,8 +77,10 @@ def find(path: str | Path) -> tuple[Path, bool]:
         for name in (asked.name, f"{asked.name}.toml"):
             if (folder / name).is_file():
                 return folder / name, True
+    beside = difflib.get_close_matches(asked.name, [p.name for p in asked.parent.glob("*.toml")], n=1)
     close = difflib.get_close_matches(asked.stem, shipped_names(), n=1)
     hint = f"did you mean the shipped '{close[0]}'?" if close else "gtmodel list problems shows the shipped ones"
+    hint = f"did you mean '{beside[0]}'?" if beside else hint
     raise InputError(f"there is no such file; {hint}", file=str(path))
 
 
@@ -106,16 +110,18 @@ def parse(content: bytes) -> dict[str, Any]:
     except tomllib.TOMLDecodeError as error:
         reason = str(error).partition(" (at ")[0]
         place = re.search(r"at line (\d+)", str(error))  # else at the end
-        line = place[1] if place else content.count(b"\n", 0, len(content.rstrip())) + 1
-        raise InputError(f"line {line}: not TOML: {reason[:1].lower()}{reason[1:]}") from error
+        line = int(place[1]) if place else content.count(b"\n", 0, len(content.rstrip())) + 1
+        written = [*content.decode("utf-8-sig").splitlines(), ""][line - 1].strip()
+        found = f"; found {shown_line(written)}" if written else ""
+        raise InputError(f"line {line}: not TOML: {slip(written, reason)}{found}") from error
 
 
 def check(data: Mapping[str, Any]) -> tuple[Kind, Problem]:
     """The kind that the data name and the checked problem. Raises InputError for the first fault."""
     if "kind" not in data:
-        raise InputError(f"is missing; expected one of {', '.join(names())}", "kind")
+        raise InputError(f"is missing; {_KINDS}", "kind")
     if not isinstance(data["kind"], str):
-        raise InputError(f"expected a text, one of {', '.join(names())}; found {shown(data['kind'])}", "kind")
+        raise InputError(f"expected a text; found {shown(data['kind'])}; {_KINDS}", "kind")
     try:
         kind = get(data["kind"])
     except InputError as error:

@@ -29,7 +29,7 @@ def is_reference(text: str) -> bool:
 
 def hint(text: str) -> str:
     """What to write for a text that looks like Python but names no class; "" for any other."""
-    if text.endswith(".py") or ("." in text and not text.endswith(".toml")):
+    if text.endswith(".py") or ("." in text and not text.endswith((".toml", ".csv", ".json", ".urdf", ".xml"))):
         return f"for a model in Python name its class too, as in '{text}:Robot'"
     return ""
 

@@ -188,6 +188,8 @@ def shown(value: Any) -> str:
         return f"the text {text}" if len(value) <= 60 else f"a text of {len(value)} characters"
     if isinstance(value, dict):
         return "a table"
+    if isinstance(value, list) and any(isinstance(entry, dict) for entry in value):
+        return f"a list of {len(value)} table{'s' if len(value) > 1 else ''}"
     if isinstance(value, list):
         return f"a list of {len(value)}" if len(repr(value)) > 60 else f"{value!r}"
     return f"{value}"

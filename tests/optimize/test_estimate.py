@@ -207,7 +207,7 @@ class TestRefused:
             ({"objective": lambda self: gt.misfit(self.x, [0.5], [np.nan])}, "at least one measured value, and finite"),
             ({"objective": lambda self: gt.misfit(self.x, [0.5], [1.0], sigma=0.0)}, "sigma is a standard deviation"),
             ({"objective": lambda self: gt.misfit(3.0, [0.5], [1.0])}, "takes a scalar or a vector expression; found"),
-            ({"objective": lambda self: gt.misfit(self.x, [3.0], [1.0])}, "an instant of .at.. lies outside"),
+            ({"objective": lambda self: gt.misfit(self.x, [3.0], [1.0])}, "the instant 3 s of .at.. lies outside"),
         ],
     )  # fmt: skip
     def test_wrong_problems(self, changes, sentence):

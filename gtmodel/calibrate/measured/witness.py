@@ -101,6 +101,10 @@ def recognise(data: SplitPoses, witness: Witness) -> tuple[np.ndarray, np.ndarra
         columns = other_columns(names, groups, q, before, lambda trial: misfit(*witness.positions(trial)))
     if len(good) < max(4, REACHED * len(q)):
         _refuse(None if columns is None else columns.sentence, data.actuators)
+        if len(q) < 4:
+            raise ArgumentError(
+                f"found {len(q)} poses; expected at least 4, better several tens", f"poses.values.{data.actuators}"
+            )
         raise ArgumentError(
             f"the robot's model reaches {len(good)} of {len(q)} poses with these actuators; check their units, order "
             "and zero, or the robot",
