@@ -15,7 +15,11 @@ Protocol = Literal["egm", "rsi"]
 
 @dataclass
 class Feedback:
-    """What the thesis calls the submit state: carts [m] measured and planned, the robot's clock [ms]."""
+    """What a robot reports in a datagram; the thesis calls it the submit state.
+
+    position_m, planned_m: carts [m] as measured and as planned, the latter where `has_planned`. joints_deg: joints
+    [deg]. time_ms: the robot's clock [ms]. sequence: number of the datagram. running: whether it follows commands.
+    """
 
     sequence: int
     time_ms: int
@@ -30,7 +34,11 @@ class Feedback:
 
 @dataclass
 class Command:
-    """What the thesis calls the obtain state: carts [m] with their speeds [m/s], or an offset of the path [m]."""
+    """What the loop answers; the thesis calls it the obtain state.
+
+    position_m, speed_m_s: carts [m] with their speeds [m/s]. path_m: an offset of the tool centre point's path [m],
+    which counts in their place where `along_path`.
+    """
 
     position_m: list[float] = field(default_factory=lambda: [0.0] * AXES)
     speed_m_s: list[float] = field(default_factory=lambda: [0.0] * AXES)
@@ -42,7 +50,13 @@ class Command:
 
 
 class Exchange:
-    """Reads and answers datagrams of one protocol for `axes` carts."""
+    """Reads and answers datagrams of one protocol, "egm" or "rsi", for `axes` carts.
+
+    cycle_ms: of the robot. `read` gives a `Feedback`, or None for what cannot be read.
+
+    >>> gt.loop.Exchange("egm", axes=3).read(b"no datagram") is None
+    True
+    """
 
     def __init__(self, protocol: Protocol, axes: int, cycle_ms: int = 4) -> None:
         self.protocol, self.axes, self.cycle_ms = protocol, axes, cycle_ms

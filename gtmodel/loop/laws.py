@@ -31,7 +31,11 @@ class Law(Protocol):
 
 @dataclass
 class TrajectoryLaw:
-    """The carts of an optimised motion; with `feedforward` the drives b q^-d / (1 - a q^-1) of eq. (6.11) inverted."""
+    """Law that moves the carts along an optimised motion.
+
+    reference: q, der(q), der(q,2) of the carts, then T, der(T), der(T,2) in the columns. With `feedforward` the drives
+    b q^-d / (1 - a q^-1) of Dressler 2012, eq. (6.11), are inverted: a and b for each cart, `delay_ms` their delay d.
+    """
 
     reference: Table
     axes: int
@@ -71,7 +75,11 @@ class TrajectoryLaw:
 
 @dataclass
 class DynamicsLaw:
-    """Inverse-dynamics feedforward for carts under a servo F = kp (u - q) + kd (du - dq); see gt_law_dynamics.h."""
+    """Law that feeds the inverse dynamics forward to carts under a servo F = kp (u - q) + kd (du - dq).
+
+    reference: as of `TrajectoryLaw`. kp_N_m, kd_N_s_m: the servo's gains for each cart; `sends_speed`: du goes to the
+    servo as well; `lead_ms`: how far ahead the reference is read [ms]. The same in C is gt_law_dynamics.h.
+    """
 
     reference: Table
     axes: int
@@ -109,7 +117,7 @@ class DynamicsLaw:
 
 @dataclass
 class ReplayLaw:
-    """A reference and a stored table of corrections, one column per cart [m]."""
+    """Law that adds a stored table of corrections, a column for each cart [m], to a reference as of `TrajectoryLaw`."""
 
     reference: Table
     corrections: Table
@@ -136,7 +144,11 @@ class ReplayLaw:
 
 @dataclass
 class PathLaw:
-    """The robot runs its own programme; the loop moves the tool centre point by an integral of its deviation."""
+    """Law for a robot that runs its own programme: the loop shifts the tool centre point by an integral of its error.
+
+    forward: forward kinematics, carts -> tool centre point [m]. gain_per_s: of the integral [1/s]. limit_m: the
+    correction stays within it in each direction [m].
+    """
 
     axes: int
     forward: Forward | None

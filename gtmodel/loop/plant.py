@@ -66,12 +66,15 @@ class Servo:
 
 
 class RigidBodyPlant:
-    """The rigid-body robot, its motors under a servo; the reference goes on with the commanded speed in a cycle.
+    """The robot as rigid bodies, its motors under a servo; within a cycle the reference goes on at the commanded speed.
 
     Args:
         forward_dynamics: CausalFunction of (T, der(T), tau) -> der(T,2), inputs in any order.
         velocity: CausalFunction of (T, der(T)) -> q, der(q).
-        tcp_m: where the robot stands at rest when it begins; it sags until its servo makes the holding force.
+        tcp_m: where the tool centre point is at rest when it begins [m]; the robot sags until its servo makes the
+            holding force.
+        servo: gains and substeps.
+        cycle_s: [s].
     """
 
     def __init__(

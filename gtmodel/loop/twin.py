@@ -29,9 +29,12 @@ class Limits:
 
 @dataclass
 class Settings:
-    """dry: commands are logged, not sent. Without a command the last speed is held for hold_cycles, then it is ramped
-    to zero, the fastest cart at deceleration_m_s2 or, where that is 0, over ramp_cycles, and the loop stays stopped; a
-    command outside the limits, and a robot that runs no more, start the ramp at once."""
+    """How the loop runs, and how it stops.
+
+    dry: commands are logged, not sent. Without a command the last speed is held for hold_cycles; then it is ramped to
+    zero, the fastest cart at deceleration_m_s2 [m/s2] or, where that is 0, over ramp_cycles, and the loop stays
+    stopped. A command outside the limits, and a robot that runs no more, start the ramp at once.
+    """
 
     dry: bool = True
     hold_cycles: int = 5

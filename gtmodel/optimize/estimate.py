@@ -20,7 +20,7 @@ from .solution import Solution
 
 # added to the information, relative to its largest entry: what the data do not determine shows as this alone
 REGULAR = 1e-13
-# variances that this part of the regularisation makes up are not told by the data
+# variances that this part of the regularisation gives are not determined by the data
 UNTOLD = 1e-3
 AT_BOUND = 1e-6  # of a scaled unknown: it stands at its bound, where it is held
 LEAST_SQUARES = 1e-6  # relative: the objective is the misfit and nothing else

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-# what a combination's terms sum to along a null direction, of the sum of their sizes: more is not told by the data
+# of the sum of their sizes, what a combination's terms may sum to along a null direction; more is undetermined
 INSIDE = 1e-6
 
 
@@ -73,7 +73,7 @@ class Estimate:
         return float(self.values[k] - q * self.std[k]), float(self.values[k] + q * self.std[k])
 
     def combination(self, weights: Mapping[str, float], level: float = 0.95) -> tuple[float, float, float]:
-        """Value and confidence limits of sum weights[name] * name; infinite where the data do not tell it.
+        """Value and confidence limits of sum weights[name] * name; infinite where the data do not determine it.
 
         Raises ValueError for a name that was not estimated.
         """
