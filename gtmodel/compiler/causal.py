@@ -329,7 +329,8 @@ class CausalFunction:
             wanted.append(("time", ()))
         if len(arguments) != len(wanted):
             names = ", ".join(n for n, _ in wanted)
-            raise TypeError(f"{self.name} takes {len(wanted)} arguments ({names}); found {len(arguments)}")
+            plural = "" if len(wanted) == 1 else "s"
+            raise TypeError(f"{self.name} takes {len(wanted)} argument{plural} ({names}); found {len(arguments)}")
         rows: int | None = None
         arrays = []
         for (name, shape), value in zip(wanted, arguments, strict=True):

@@ -126,8 +126,8 @@ def absolute(x: Any) -> Any:
 def sign(x: Any) -> Any:
     """Sign, elementwise and without a unit: -1, 0 or 1.
 
-    It is for identification with data away from zero. Simulation refuses the sign of a variable, because it cannot
-    stick at zero; gt.tanh(x / width) is smooth.
+    It is for identification with data away from zero. Simulation refuses the sign of what moves, because its jump makes
+    integrators fail or return wrong answers; gt.tanh(x / width) is smooth.
 
     >>> m = gt.Builder()
     >>> speed = m.variable("speed", unit="m/s")

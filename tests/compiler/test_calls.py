@@ -119,8 +119,8 @@ class TestWrongArguments:
     @pytest.mark.parametrize(
         "arguments, sentence",
         [
-            ((), r"q_from_T takes 1 arguments \(T\); found 0"),
-            ((T, T), r"takes 1 arguments \(T\); found 2"),
+            ((), r"q_from_T takes 1 argument \(T\); found 0"),
+            ((T, T), r"takes 1 argument \(T\); found 2"),
             (([1.0, 2.0],), r"'T' takes shape \(3,\) or \(n, ...\); found \(2,\)"),
             ((np.zeros((4, 2)),), r"'T' takes shape \(3,\) or \(n, ...\); found \(4, 2\)"),
             ((1.0,), r"'T' takes shape \(3,\) or \(n, ...\); found \(\)"),

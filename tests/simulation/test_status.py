@@ -182,7 +182,7 @@ def test_wrong_arguments(arguments, sentence):
 
 
 def test_a_misspelt_keyword():
-    with pytest.raises(TypeError, match="unexpected keyword argument 'input'"):
+    with pytest.raises(TypeError, match="has no argument 'input'; did you mean 'inputs'"):
         simulate(Pendulum(), 1.0, input={})  # type: ignore[call-arg]
 
 
