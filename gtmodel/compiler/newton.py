@@ -18,8 +18,8 @@ CONVERGED = 1e-13
 REACH = 0.5
 # the way gone agrees with the mean of the tangents at its ends to this part of it: beyond a fold they differ widely
 TRUST = 0.1
-# a way shorter than this, in nominals, may hold a kink, as of piecewise linear friction
-KINK = 1e-3
+# a way shorter than this, in nominals, may hold a corner, as of piecewise linear friction
+CORNER = 1e-3
 SHORTEST_STEP = 1.0 / 4096
 MOST_STEPS = 2000
 # smallest over largest singular value below which a solution is called singular: half of the digits are lost
@@ -93,7 +93,7 @@ class NewtonKernel:
             gone = (found - z[:, rows]) / self.scale[:, None]
             off = gone - h / 2 * (tangent[:, rows] + behind) / self.scale[:, None]
             with np.errstate(invalid="ignore"):
-                good &= np.max(np.abs(off), axis=0) <= TRUST * np.max(np.abs(gone), axis=0) + KINK
+                good &= np.max(np.abs(off), axis=0) <= TRUST * np.max(np.abs(gone), axis=0) + CORNER
             z[:, rows[good]] = found[:, good]
             tangent[:, rows[good]] = behind[:, good]
             done[rows[good]] = target[good]

@@ -57,7 +57,7 @@ def eliminate_explicit(
     """Take out unknowns that stand linearly, with an allowed pivot, in some row.
 
     Rows nonlinear in other unknowns are spared unless `nonlinear_rows`: they may hold a quadric. `kinked`: what stands
-    inside a kink of a row is not taken from it. Returns the residuals and unknowns left, and what was taken out, last
+    inside a corner of a row is not taken from it. Returns the residuals and unknowns left, and what was taken out, last
     first in order of computation.
     """
     residuals, unknowns = list(residuals), list(unknowns)

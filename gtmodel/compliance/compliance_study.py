@@ -214,7 +214,7 @@ def _study_of(
         message=SolveStatus.SOLVED.sentence if there.any() else _empty(reasons),
         title=title,
         checks={
-            "work_by_two_roads": at_most(abs(work - by_C) / by_C if by_C else 0.0, WORK),
+            "work_cross_check": at_most(abs(work - by_C) / by_C if by_C else 0.0, WORK),
             "asymmetry": at_most(float(np.abs(pose.C[0] - pose.C[0].T).max() / np.abs(pose.C[0]).max()), WORK),
         },
         **own,

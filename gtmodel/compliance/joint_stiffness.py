@@ -22,8 +22,8 @@ class StiffnessFit:
     """Joint compliances as an Estimate, how well the tests determine each, and whether the residuals are noise.
 
     `estimate`: c[0], c[1], ... [rad/(N.m)]. `told`: the identifiability of each. `adequacy`: the chi-squared test of
-    the residuals. `slopes` (rows, k): Jacobian of the measured rows in c; `assumed`: the covariance by which they were
-    weighted, as blocks or whole.
+    the residuals. `jacobian` (rows, k): Jacobian of the measured rows in c; `assumed`: the covariance by which they
+    were weighted, as blocks or whole.
     """
 
     method: str

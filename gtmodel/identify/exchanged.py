@@ -65,8 +65,8 @@ def exchanged(
 ) -> Exchanged | None:
     """Compare columns as given with all other orders, and with one of them reversed; None for a single column.
 
-    `left` is the sum of squares that is left with an order and signs, `freedom` the residuals' degrees of freedom,
-    `size` the rms of the efforts.
+    `left` is the sum of squares that is left with an order and signs, `degrees_of_freedom` the residuals' degrees of
+    freedom, `size` the rms of the efforts.
     """
     if columns < 2 or degrees_of_freedom < 1:
         return None

@@ -19,7 +19,7 @@ from .identified import IdentificationStudy
 from .inertia import Identification, Validation, identify
 from .options import ClosedLoop, Fitting, SyntheticLog
 from .parameter_names import among
-from .recordings import Log, Recordings, made_up, measured, sessions_of
+from .recordings import Log, Recordings, measured, sessions_of, synthetic_recordings
 from .repeated import Repeated, repeat_identification
 from .rows import Processing, Rows, rows_of, with_offsets
 
@@ -133,7 +133,7 @@ def synthetic_study(
     """
     work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
     asked = asked_for(robot, free, fitting, processing, published, title, work)
-    data = made_up(asked, plant or robot, synthetic, motion)
+    data = synthetic_recordings(asked, plant or robot, synthetic, motion)
     if work.interrupted():
         return _stopped(title)
     found, validation = _fitted(asked, data, "synthetic")

@@ -103,7 +103,7 @@ def _by_session(what: str, signal: str) -> ArgumentError:
     )
 
 
-def made_up(asked: Asked, plant: Model, s: SyntheticLog, motion: Array | None) -> Recordings:
+def synthetic_recordings(asked: Asked, plant: Model, s: SyntheticLog, motion: Array | None) -> Recordings:
     """A log of the plant to fit and one of another motion to hold out. Raises ArgumentError."""
     noise = tuple(s.effort_noise) if isinstance(s.effort_noise, list) else float(s.effort_noise)
     wanted = len(asked.regressor.columns)

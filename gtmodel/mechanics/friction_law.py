@@ -43,7 +43,7 @@ class DirectionalLaw:
     """Coulomb and viscous friction with coefficients by direction (Dressler 2012, section 6.2 and Table 6.1).
 
     Both coefficients pass from one value to the other with the same smoothed sign that smooths the Coulomb friction:
-    no kink is added, and the law is that of the plus (minus) side wherever the sign is 1 (-1).
+    no corner is added, and the law is that of the plus (minus) side wherever the sign is 1 (-1).
     """
 
     def law(self: Any, velocity: Any) -> Any:

@@ -118,8 +118,8 @@ def peak_force(cutter: Cutter, cut: Cut, samples: int = 3600) -> np.ndarray:
     """
     teeth, lag = teeth_in_cut(cutter, cut), cutter.lag(cut.axial_depth)
     ends = (teeth.start + BESIDE, teeth.end - BESIDE)
-    kinks = [edge + late - teeth.angle for edge in ends for late in (0.0, lag)]
-    phi = np.concatenate([2 * np.pi * np.arange(samples) / samples, *kinks])
+    corners = [edge + late - teeth.angle for edge in ends for late in (0.0, lag)]
+    phi = np.concatenate([2 * np.pi * np.arange(samples) / samples, *corners])
     F = integrated_forces(cutter, cut, phi)
     return F[np.argmax(np.linalg.norm(F, axis=1))]
 

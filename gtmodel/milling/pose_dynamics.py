@@ -42,8 +42,8 @@ def dynamics_of(given: Given | None, where: str) -> tuple[Callable[..., Dynamics
     if isinstance(given, Modal):
         said = "made from joint stiffness with declared masses: an example, not a measurement"
         return _of_modal(given.mass, given.damping_ratio), said
-    made_up = f"; synthetic: {given.synthetic}" if given.synthetic else ""
-    return _of_field(given), f"Gaussian processes over the pose{where and ', '}{where}{made_up}"
+    said = f"; synthetic: {given.synthetic}" if given.synthetic else ""
+    return _of_field(given), f"Gaussian processes over the pose{where and ', '}{where}{said}"
 
 
 def _of_table(table: AngleTable) -> Callable[..., Dynamics]:

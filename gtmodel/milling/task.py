@@ -55,8 +55,8 @@ class Task:
     @property
     def heading(self) -> str:
         """The title of pictures, with a remark where the dynamics are synthetic."""
-        made_up = self.whence and self.whence.partition("synthetic: ")[2]
-        return (self.title or "milling") + (f"\n(synthetic dynamics: {made_up})" if made_up else "")
+        said = self.whence and self.whence.partition("synthetic: ")[2]
+        return (self.title or "milling") + (f"\n(synthetic dynamics: {said})" if said else "")
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,7 +21,7 @@ from .solution import Solution
 # added to the information, relative to its largest entry: what the data do not determine shows as this alone
 REGULAR = 1e-13
 # variances that this part of the regularisation gives are not determined by the data
-UNTOLD = 1e-3
+UNDETERMINED = 1e-3
 AT_BOUND = 1e-6  # of a scaled unknown: it stands at its bound, where it is held
 LEAST_SQUARES = 1e-6  # relative: the objective is the misfit and nothing else
 ROUNDING = 1e-24  # of the data's squares: more than the squared rounding of a residual that vanishes
@@ -227,7 +227,7 @@ def _quantities(fit: _Fit, variables: np.ndarray) -> tuple[list[str], np.ndarray
 def _require_told(title: str, covariance: np.ndarray, small: float, names: list[str]) -> None:
     """Raises ModelError naming the quantities whose variance is the regularisation's."""
     values, vectors = np.linalg.eigh((covariance + covariance.T) / 2)
-    if small > 0 and values[-1] * small < UNTOLD:
+    if small > 0 and values[-1] * small < UNDETERMINED:
         return
     weight = np.abs(vectors[:, -1])
     shown = [n for n, w in zip(names, weight, strict=True) if w > 0.05 * weight.max()]

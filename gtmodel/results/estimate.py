@@ -17,7 +17,7 @@ class Estimate:
 
     names: free constants, and states at the start as "x at the start"; `values` (n,) in the same order.
     covariance: (n, n), that of linearised least squares (Gauss-Newton).
-    freedom: degrees of freedom, the number of measured values beyond the estimated quantities.
+    degrees_of_freedom: the number of measured values beyond the estimated quantities.
     noise: standard deviation of the residuals, 1 expected where sigma was given (`known_noise`).
     held: names that stand at a bound, at `held_values`; they have no covariance.
     null_space: (n, k), one column per direction in which the data determine nothing, zero where a name has no part.

@@ -71,8 +71,8 @@ class VibrationStudy(Study):
     @property
     def rows(self) -> list[Row]:
         """The table for people."""
-        made_up = [Row("SYNTHETIC", self.synthetic)] if self.synthetic else []
-        return [*self._found(), *(Row("said", w) for w in self._said()), *made_up]
+        synthetic = [Row("SYNTHETIC", self.synthetic)] if self.synthetic else []
+        return [*self._found(), *(Row("said", w) for w in self._said()), *synthetic]
 
     def _found(self) -> list[Row]:
         return []

@@ -92,7 +92,7 @@ def test_what_is_not_told_is_said_with_the_movement_that_was_found() -> None:
         unknowns = SimpleNamespace(names=names, start=start, units=("m", "m", "rad"))
         c = SimpleNamespace(x=start + moved, problem=SimpleNamespace(unknowns=unknowns))
         found = identifiability(1e3 * J, names, scale=np.ones(3))
-        sentence = movement.untold(c, found)  # type: ignore[arg-type]
+        sentence = movement.undetermined(c, found)  # type: ignore[arg-type]
         farthest = int(np.argmax(moved[:2]))
         assert (
             f"{names[farthest]} moved farthest, by {moved[farthest]:.3g} m" in sentence

@@ -8,7 +8,7 @@ from gtmodel.calibrate.measured.column_checks import aligned
 from gtmodel.calibrate.perturbed_kinematics import rows_of, true_poses
 from gtmodel.calibrate.prediction import Prediction, outliers
 from gtmodel.calibrate.sensitivity import sensitivity
-from gtmodel.calibrate.synthetic.guideway_errors import Wandering
+from gtmodel.calibrate.synthetic.guideway_errors import GuidewayError
 from gtmodel.mechanics.rotation import quaternion_matrix
 from tests.calibrate.synthetic import poses, true_robot
 
@@ -46,7 +46,7 @@ def test_a_pose_out_of_reach_is_no_number() -> None:
 
 def test_wandering_has_the_sizes_that_it_says_and_no_line_in_it() -> None:
     v, q = np.array([0.998, -0.03, 0.01]), np.linspace(-0.7, 1.1, 4001)
-    make = lambda seed, cyclic: Wandering(v, -0.7, 1.1, 4e-5, 1e-4, cyclic, 0.05, np.random.SeedSequence(seed))  # noqa: E731
+    make = lambda seed, cyclic: GuidewayError(v, -0.7, 1.1, 4e-5, 1e-4, cyclic, 0.05, np.random.SeedSequence(seed))  # noqa: E731
     e, again, other = (make(s, 0.0)(q) for s in (5, 5, 6))
     u = v / np.linalg.norm(v)
     along = e @ u

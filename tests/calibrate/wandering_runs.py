@@ -10,7 +10,7 @@ import numpy as np
 from gtmodel.calibrate import Calibration, Measurements, calibrate, prepare
 from gtmodel.calibrate.problem import Problem
 from gtmodel.calibrate.smooth_errors import with_smooth_errors
-from gtmodel.calibrate.synthetic.guideway_errors import Wandering
+from gtmodel.calibrate.synthetic.guideway_errors import GuidewayError
 from gtmodel.inference.covariance import automatic_lag, fixed_b
 from gtmodel.results import Estimate
 from tests.calibrate.synthetic import poses, true_robot
@@ -52,7 +52,7 @@ def wandered(number: int, k: int, rng: np.random.Generator, size: float = 1.0) -
     q = straight.copy()
     for i, (along, across) in enumerate(SIZES_UM):
         low, high = straight[:, i].min() - 0.01, straight[:, i].max() + 0.01
-        curve = Wandering(
+        curve = GuidewayError(
             v[i], low, high, 1e-6 * size * along, 1e-6 * size * across, size * CYCLIC[0], CYCLIC[1],
             np.random.SeedSequence([k, 3, i]),
         )  # fmt: skip

@@ -16,8 +16,8 @@ def checks_of(plan: Plan) -> dict[str, Check]:
     assert plan.told is not None and plan.chosen is not None
     criteria, told = plan.task.criteria, plan.told
     # what moves no tool centre point is a choice of coordinates, such as a frame inside an F1's joint plate
-    untold = float(max(1, told.redundant)) if plan.unpredicted else 0.0
-    checks = {"parameters_not_told": at_most(untold, 0.0)}
+    undetermined = float(max(1, told.redundant)) if plan.unpredicted else 0.0
+    checks = {"parameters_undetermined": at_most(undetermined, 0.0)}
     if criteria.condition is not None:
         checks["condition"] = at_most(told.condition, criteria.condition)
     if criteria.noise_amplification is not None:

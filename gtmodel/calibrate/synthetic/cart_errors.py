@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from .guideway_errors import Wandering
+from .guideway_errors import GuidewayError
 from .options import Synthetic
 
 REFLECTOR = np.array([0.03, 0.03, 0.03])  # m from the last joint of its cart; ours
@@ -15,11 +15,11 @@ MARGIN = 0.01  # m beyond the poses, as guideway errors are made
 STREAM = 5  # of the seed's children
 
 
-def tilts(s: Synthetic, curves: Sequence[Wandering]) -> list[Wandering]:
+def tilts(s: Synthetic, curves: Sequence[GuidewayError]) -> list[GuidewayError]:
     """Small turns [rad] of each cart along its guideway, with the mean angle that is stated."""
     size = s.cart_tilt / np.sqrt(2.0)
     return [
-        Wandering(c.direction, c.low, c.high, size, size, 0.0, 1.0, np.random.SeedSequence([s.seed, STREAM, i]))
+        GuidewayError(c.direction, c.low, c.high, size, size, 0.0, 1.0, np.random.SeedSequence([s.seed, STREAM, i]))
         for i, c in enumerate(curves)
     ]
 
@@ -31,7 +31,7 @@ def levers(points: np.ndarray, rows: Sequence[int]) -> np.ndarray:
 
 def cart_points(
     s: Synthetic, number: int, points: np.ndarray, v: np.ndarray, rows: Sequence[Sequence[int]],
-    curves: Sequence[Wandering], q: np.ndarray,
+    curves: Sequence[GuidewayError], q: np.ndarray,
 ) -> tuple[np.ndarray, list[np.ndarray]]:  # fmt: skip
     """Coordinates (n,) [m] over the range of the poses and, per cart, reflector positions (n, 3) [m] in a frame of
     their own, with the device's noise. The tool centre point keeps its place across the guideways: the load of the
@@ -44,7 +44,7 @@ def cart_points(
     for i, (cart, curve) in enumerate(zip(rows, curves, strict=True)):
         k, size = cart[-1], s.cart_drift[i] / np.sqrt(2.0)
         seeds = np.random.SeedSequence([s.seed, STREAM + 2, i])
-        drift = Wandering(curve.direction, curve.low, curve.high, size, size, 0.0, 1.0, seeds)
+        drift = GuidewayError(curve.direction, curve.low, curve.high, size, size, 0.0, 1.0, seeds)
         world = points[k] + REFLECTOR + at[:, None] * v[k] + curve(at) + drift(at)
         found.append(R.inv().apply(world - np.array(s.cart_device_t)) + sigma * rng.standard_normal(world.shape))
     return at, found

@@ -11,7 +11,7 @@ FINE = 2001  # points over the range at which sizes are set
 
 
 @dataclass(frozen=True, eq=False)
-class Wandering:
+class GuidewayError:
     """Deviation e(q) (n, 3) [m] of a point from A + q v, in world coordinates: a synthetic guideway error.
 
     Smooth random waves across and along `direction`, of which no straight line is left over `low`..`high`, with the

@@ -16,7 +16,7 @@ from ...results.tables import csv_text
 from ...robots import clusters
 from ..perturbed_kinematics import moved, rows_of, true_poses
 from .cart_errors import cart_points, levers, tilts
-from .guideway_errors import Wandering
+from .guideway_errors import GuidewayError
 from .options import Synthetic
 
 KEY = "synthetic"
@@ -91,10 +91,10 @@ def make(model: Model, s: Synthetic) -> Made:
     names = ["mm"] * 3 + ["deg"] * (q.shape[1] - 3)
     shown = {"q": (_in_units(q, names), names)}
     q = shown["q"][0] / np.array([PER_SI[u] for u in names])
-    wandering = _wanderings(truth, carts, s, q)
-    tilting, points = tilts(s, wandering), np.array(getattr(truth, carts.points), float)
+    errors = _guideway_errors(truth, carts, s, q)
+    tilting, points = tilts(s, errors), np.array(getattr(truth, carts.points), float)
     deviations: dict[str, np.ndarray] = {}
-    for i, curve in enumerate(wandering):
+    for i, curve in enumerate(errors):
         off = curve(q[:, i]) + _by_load(near["T"], curve, s, i)
         for k, lever in zip(carts.rows[i], levers(points, carts.rows[i]), strict=True):
             deviations |= rows_of(off + np.cross(tilting[i](q[:, i]), lever), carts.points, [k])
@@ -116,7 +116,7 @@ def make(model: Model, s: Synthetic) -> Made:
     seen_carts = None
     if s.cart_points is not None:
         v = np.broadcast_to(np.array(_any(truth).v, float), points.shape)
-        at, found = cart_points(s, s.cart_points, points, v, carts.rows, wandering, q)
+        at, found = cart_points(s, s.cart_points, points, v, carts.rows, errors, q)
         columns = {"q": at[:, None]} | {f"P{i + 1}": rows for i, rows in enumerate(found)}
         tables = {n: (_in_units(a, ["mm"] * a.shape[1]), ["mm"] * a.shape[1]) for n, a in columns.items()}
         seen_carts = _text(tables, note, "cart points")
@@ -161,14 +161,14 @@ def _commanded(model: Model, s: Synthetic, rng: np.random.Generator) -> tuple[np
     return q[reached], {n: rows[reached] for n, rows in near.items()}
 
 
-def _wanderings(truth: Model, carts: Carts, s: Synthetic, q: np.ndarray) -> list[Wandering]:
+def _guideway_errors(truth: Model, carts: Carts, s: Synthetic, q: np.ndarray) -> list[GuidewayError]:
     v = np.array(_any(truth).v, float)
     found, cyclic = [], np.broadcast_to(np.asarray(s.cyclic, float), 3)
     for i in range(3):
         low, high = float(q[:, i].min()), float(q[:, i].max())
         direction = v[carts.rows[i][0] if len(v) == 6 else i]
         found.append(
-            Wandering(
+            GuidewayError(
                 direction, low - 0.01, high + 0.01, s.along[i], s.across[i], float(cyclic[i]),
                 s.cyclic_period, np.random.SeedSequence([s.seed, 3, i]),
             )
@@ -176,7 +176,7 @@ def _wanderings(truth: Model, carts: Carts, s: Synthetic, q: np.ndarray) -> list
     return found
 
 
-def _by_load(T: np.ndarray, curve: Wandering, s: Synthetic, i: int) -> np.ndarray:
+def _by_load(T: np.ndarray, curve: GuidewayError, s: Synthetic, i: int) -> np.ndarray:
     """Shift (N, 3) of a cart with the plate's place across its guideway."""
     load = np.broadcast_to(s.load, 3)[i]
     if load == 0:
@@ -185,7 +185,7 @@ def _by_load(T: np.ndarray, curve: Wandering, s: Synthetic, i: int) -> np.ndarra
     way = np.cross(curve.direction, np.random.default_rng(seeds).standard_normal(3))
     place = T @ (way / np.linalg.norm(way))
     size = load / np.sqrt(2.0)
-    return Wandering(curve.direction, place.min() - 0.01, place.max() + 0.01, size, size, 0.0, 1.0, seeds)(place)
+    return GuidewayError(curve.direction, place.min() - 0.01, place.max() + 0.01, size, size, 0.0, 1.0, seeds)(place)
 
 
 def _seen(stands: dict[str, np.ndarray], s: Synthetic, rng: np.random.Generator) -> dict[str, np.ndarray]:

@@ -21,7 +21,7 @@ from ..problem import Problem as Prepared
 from ..sensitivity import Sensitivity, sensitivity
 from .contradictions import contradicted_priors
 from .intervals import Confidence
-from .movement import moved_too_far, untold
+from .movement import moved_too_far, undetermined
 
 HUBER = 1.345  # standard deviations: 95 % as sharp as least squares where there are no outliers
 
@@ -133,7 +133,7 @@ def verdict(found: Found, accuracy: float | None) -> tuple[bool, bool | None, li
     assert c.estimate is not None and found.after is not None
     sentences.append(f"numerics sound: {c.message}, {found.after.counts}")
     if found.after.redundant:
-        sentences.append(untold(c, found.after))
+        sentences.append(undetermined(c, found.after))
     if c.estimate.known_noise:
         size = noise_size(c.estimate)
         sentences.append(size.sentence)

@@ -75,7 +75,8 @@ class Confidence:
                 f"{len(self.calibration.residuals)} fitted poses are too few to test whether residuals are coloured "
                 f"({LEAST_POSES} are needed): "
                 + ("intervals allow for smooth errors of the carts" if self._smooth is not None else
-                   "intervals take them for independent noise and are too narrow if carts wander or the device drifts")
+                   "intervals take them for independent noise and are too narrow if guideways are not straight or "
+                   "the device drifts")
             )  # fmt: skip
         elif self._smooth is not None:
             sizes = ", ".join(

@@ -39,7 +39,7 @@ def moved_too_far(c: Calibration) -> list[str]:
     return said
 
 
-def untold(c: Calibration, found: Identifiability) -> str:
+def undetermined(c: Calibration, found: Identifiability) -> str:
     """What the poses leave open, and the parameter among it that moved farthest beside its expected size."""
     u = c.problem.unknowns
     names = [n for n, told in zip(found.names, found.told_by, strict=True) if told < 1 - OPEN]

@@ -40,7 +40,7 @@ class CalibrationStudy(Study):
         "whether 95 % intervals are told; the notes say why not, or what they rest on beside noise",
     )] = None  # fmt: skip
     colour_tested: Annotated[bool | None, Quantity("",
-        "whether the poses are enough to test residuals for colour (wandering carts, drift)",
+        "whether the poses are enough to test residuals for colour (guideway errors, drift)",
     )] = None  # fmt: skip
     measurement: Annotated[Numbers, Quantity("",
         "estimated frames, scales, offsets and delays of the measurement by name, in SI units",

@@ -1,4 +1,4 @@
-"""Operations whose jumps and kinks a derivative does not show: sign, absolute value, minimum, comparisons."""
+"""Operations whose jumps and corners a derivative does not show: sign, absolute value, minimum, comparisons."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from ..flat import FlatModel
 from ..rewriting import of_expression
 
 # CasADi takes the first or second derivative of these as zero wherever it exists
-KINKED = frozenset(
+NONSMOOTH = frozenset(
     getattr(ca, f"OP_{name}")
     for name in (
         "SIGN", "FABS", "FLOOR", "CEIL", "FMIN", "FMAX", "FMOD", "REMAINDER", "COPYSIGN",
@@ -21,19 +21,19 @@ KINKED = frozenset(
 
 def is_nonsmooth(flat: FlatModel) -> bool:
     """True if some equation holds such an operation; most models have none, and all else here is then skipped."""
-    if "kinks" not in flat.cache:
+    if "nonsmooth" not in flat.cache:
         column = ca.vertcat(*[e.residual for e in flat.equations]) if flat.equations else ca.SX(0, 1)
-        flat.cache["kinks"] = any(i.op in KINKED for i in of_expression(column)[0])
-    return flat.cache["kinks"]
+        flat.cache["nonsmooth"] = any(i.op in NONSMOOTH for i in of_expression(column)[0])
+    return flat.cache["nonsmooth"]
 
 
-def kinked_in(rows: Sequence[ca.SX], symbols: Sequence[ca.SX], only: frozenset[int] = KINKED) -> list[set[int]]:
+def kinked_in(rows: Sequence[ca.SX], symbols: Sequence[ca.SX], only: frozenset[int] = NONSMOOTH) -> list[set[int]]:
     """For each row the places of the symbols that stand inside such an operation."""
     given = {s.element_hash(): n for n, s in enumerate(symbols)}
     column = ca.vertcat(*rows)
     read, free = of_expression(column)
     inside: list[frozenset[int]] = []  # symbols that an instruction depends on
-    within: list[frozenset[int]] = []  # those of them that went through a kink
+    within: list[frozenset[int]] = []  # those of them that went through a nonsmooth operation
     found: list[set[int]] = [set() for _ in rows]
     nothing: frozenset[int] = frozenset()
     for op, reads, place, _ in read:

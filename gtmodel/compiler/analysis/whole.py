@@ -10,7 +10,7 @@ import casadi as ca
 
 from ...results.status import Status
 from ..blocks import VERDICTS, Margin
-from ..newton import CORRECTIONS, KINK, REACH, SINGULAR, TRUST, NewtonKernel
+from ..newton import CORNER, CORRECTIONS, REACH, SINGULAR, TRUST, NewtonKernel
 from ..rows import PIVOT_TOLERANCE
 from .sizes import Sizes
 
@@ -113,7 +113,7 @@ def _followed(kernel: NewtonKernel, a: Any, name: str) -> tuple[Any, Any]:
         off = gone - h / 2 * (tangent + behind) / scale
         # written so that NaN fails
         near = ca.mmax(ca.fabs(ahead / scale)) <= REACH
-        straight = ca.mmax(ca.fabs(off)) <= TRUST * ca.mmax(ca.fabs(gone)) + KINK
+        straight = ca.mmax(ca.fabs(off)) <= TRUST * ca.mmax(ca.fabs(gone)) + CORNER
         converged = ca.sum1(ca.fabs(left / scale)) <= LEFT
         good = good * near * straight * converged
         here, tangent, singular = found, behind, ca.logic_not(least_here > SINGULAR)

@@ -69,8 +69,8 @@ def cost(criterion: Criterion, size: int) -> ca.Function:
     """M (size, size) -> what to minimise, smooth.
 
     condition: log of the ratio of 4-norms of the eigenvalues of M and of its inverse, an upper bound of 2 log of the
-    condition number that is at most log(size)/2 above it; the condition number itself has kinks. determinant: -log det
-    M / size, log of the mean relative variance in the geometric sense. variance: log of the trace of the inverse.
+    condition number that is at most log(size)/2 above it; the condition number itself is not smooth. determinant: -log
+    det M / size, log of the mean relative variance in the geometric sense. variance: log of the trace of the inverse.
     """
     M = ca.SX.sym("M", size, size)
     R = ca.chol(M)

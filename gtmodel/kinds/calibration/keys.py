@@ -8,7 +8,7 @@ from pydantic import Field
 
 from gtmodel.calibrate.measured import cart_points as carts, options as measured
 from gtmodel.calibrate.options import Fit
-from gtmodel.calibrate.synthetic import options as made_up
+from gtmodel.calibrate.synthetic import options as synthetic_options
 from gtmodel.compliance.load_tests import options as load_tests
 from gtmodel.compliance.options import Load
 from gtmodel.problem_files.base import Section
@@ -80,7 +80,7 @@ class Schema(_Fitted):
     """Geometric parameters of a robot from measured poses."""
 
     measurements: Measured | None = Field(default=None, description="measured poses")
-    synthetic: Made[made_up.Synthetic] | None = Field(default=None, description="synthetic poses instead")
+    synthetic: Made[synthetic_options.Synthetic] | None = Field(default=None, description="synthetic poses instead")
     cart_points: CartPoints | None = Field(default=None, description="guideways through measured points")
     held_out: HeldOut = HeldOut()
     joint_stiffness: JointStiffness | None = Field(

@@ -75,7 +75,7 @@ class Jacobians:
 
     def largest(self, rows: ca.SX, count: int | None = None) -> np.ndarray:
         """Largest derivative of each row, (samples, rows); 0 where none is finite."""
-        f = ca.Function("slopes", self.arguments, [ca.jacobian(rows, ca.vertcat(*self.arguments[:3]))])
+        f = ca.Function("derivatives", self.arguments, [ca.jacobian(rows, ca.vertcat(*self.arguments[:3]))])
         found = []
         for point in self._points(count):
             jacobian = np.abs(np.asarray(f(*point).full())) * self.nominal

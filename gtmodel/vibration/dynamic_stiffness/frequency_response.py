@@ -28,7 +28,7 @@ class FrequencyResponse:
     `variance` (n,): expected squared size of the error of H [m2/N2], None where it is unknown; `coherence` (n,).
     `decay` [1/s]: of an exponential window on force and response, H is then that at s = j omega + decay, exactly.
     `wider`: by how much standard errors grow since that window correlates neighbouring lines. `hits`: averaged ones.
-    `freedom`: degrees of freedom of each variance. `synthetic`: seed and noise of synthetic data.
+    `degrees_of_freedom`: those of each variance. `synthetic`: seed and noise of synthetic data.
     """
 
     frequency: np.ndarray

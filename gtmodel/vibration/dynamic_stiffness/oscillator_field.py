@@ -15,7 +15,7 @@ from .gaussian_process_kernel import Inputs, Shape
 
 DIRECTIONS, QUANTITIES = ("x", "y", "z"), ("m", "c", "k")
 SCALES = (0.5, 0.5, 0.5, 1.0)  # m, m, m, rad: over which an arm of three metres changes
-UNTOLD = 0.5  # share of the variance of measured values: where more is left, they determine too little
+UNDETERMINED = 0.5  # share of the variance of measured values: where more is left, they determine too little
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +56,7 @@ class OscillatorField:
         poses = np.atleast_2d(np.asarray(pose, float))
         told = np.ones(len(poses), bool)
         for g in self.processes.values():
-            told &= (g.predict(poses)[1] / g.inflation) ** 2 <= UNTOLD * np.var(g.y)
+            told &= (g.predict(poses)[1] / g.inflation) ** 2 <= UNDETERMINED * np.var(g.y)
         return told if np.ndim(pose) > 1 else bool(told[0])
 
     def casadi_function(self, *, std: bool = False, name: str = "oscillators") -> Any:

@@ -1,0 +1,42 @@
+"""Words that the field does not use are gone from names, texts and documents; the changelog keeps the old names."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+CLONE = Path(__file__).parents[1]
+TEXTS = sorted(
+    path
+    for path in [CLONE / "README.md", CLONE / "ARCHITECTURE.md", *(CLONE / "docs").rglob("*.md"),
+                 *(CLONE / "gtmodel").rglob("*.py")]
+    if "conformance" not in path.name
+)  # fmt: skip
+RETIRED = {
+    r"\bfreedoms\b": "degrees of freedom",
+    r"(?<!of )(?<!of_)(?<!of-)\bfreedom\b(?!_)": "degrees of freedom",
+    r"\bmade[-_ ]up\b": "synthetic",
+    r"\bg[ia]ves? way\b|\bgiving way\b": "is compliant, deflects, yields",
+    r"\b\w*roads?\b": "way, method, cross-check",
+    r"\bwander\w*|\bWander\w*": "guideway errors",
+    r"\bkinks?\b|\bKINK\w*": "corner, nonsmooth",
+    r"\bmisreading\b": "misread columns",
+    r"\b\w*_slopes\b": "jacobian, derivatives",
+    r"\b[uU]ntold\b|\bUNTOLD\b": "undetermined",
+}
+MEANT = re.compile(r"^\s*(# )?freedom\b|\bbroads?\b|\bbroadcast\w*|slopes within 1 %")
+"""What the patterns catch besides; "degrees of" may stand on the line before."""
+
+
+@pytest.mark.parametrize("word", RETIRED)
+def test_a_retired_word_is_not_used(word: str) -> None:
+    pattern = re.compile(word)
+    found = [
+        f"{path.relative_to(CLONE)}:{n}: {line.strip()[:80]}"
+        for path in TEXTS
+        for n, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1)
+        if pattern.search(MEANT.sub("", line))
+    ]
+    assert not found, f"say {RETIRED[word]}: {found[:5]}"
