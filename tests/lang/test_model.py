@@ -358,7 +358,7 @@ class TestRefusals:
             (lambda: Gain(zzz=1.0), "Gain has no declaration 'zzz'; it has k, y"),
             (lambda: Gain(k=[1.0, 2.0]), r"parameter 'k' has shape \(\); found a value of shape \(2,\)"),
             (lambda: Gain(k=np.inf), "parameter 'k' must be finite"),
-            (lambda: Gain(k="three"), r"parameter 'k' takes numbers of shape \(\); found 'three'"),
+            (lambda: Gain(k="three"), r"parameter 'k' takes a number; found 'three'"),
             (lambda: Gain(y=3.0), "'y' is a variable: a modifier is a dictionary with keys of nominal, min"),
             (lambda: Gain(y=dict(begin=3.0)), "'y' is a variable: a modifier is a dictionary"),
             (lambda: PointMass(frame=1.0), "'frame' of PointMass is a port and takes no modifier"),

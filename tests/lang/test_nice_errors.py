@@ -179,7 +179,7 @@ CONFIGURATIONS = [
     (unknown_modifier, r"Rod has no declaration 'LL'; did you mean 'L'\?"),
     (negative_length, r"parameter 'L' is declared positive; found -2\.0"),
     (negative_mass_by_name, r"parameter 'm' is declared positive; found -3\.0"),
-    (text_for_a_number, r"parameter 'L' takes numbers of shape \(\); found '2 m'"),
+    (text_for_a_number, r"parameter 'L' takes a number; found '2 m'"),
     (assigned_afterwards, r"models are immutable: 'L' cannot be assigned; .*use model\.with_\(L=\.\.\.\)"),
 ]
 

@@ -326,7 +326,7 @@ class TestOriginalEquations:
         assert len(residuals) == 129
         assert np.max(np.abs(residuals)) < self.HOLDS
 
-    @pytest.mark.parametrize("known, freedom", [("q", 0), ("T", 0), ("tau", 6)])
+    @pytest.mark.parametrize("known, degrees_of_freedom", [("q", 0), ("T", 0), ("tau", 6)])
     def test_structure(self, known, degrees_of_freedom):
         flat = flat_of(robot())
         given_ = set(flat.lookup(known)[1])
