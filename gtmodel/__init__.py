@@ -7,7 +7,6 @@ measurements, mechanics, milling, motion, optimize, plot, results, robots, simul
 load("problem.toml") gives the study that a problem file means, as a call on objects.
 """
 
-import difflib
 import importlib
 import os as _os
 import signal as _signal
@@ -25,6 +24,7 @@ from . import lang as _lang
 from ._version import __version__ as __version__
 from .compiler.causal import CausalFunction, compile_causal
 from .lang import *  # noqa: F403
+from .lang.slips import near as _near
 from .optimize import (
     Blocks,
     Mesh,
@@ -107,9 +107,7 @@ def load(path: str | Path, *settings: str) -> Any:
 def __getattr__(name: str) -> Any:
     if name in _LIBRARIES:
         return importlib.import_module(f".{name}", __name__)
-    close = difflib.get_close_matches(name, __dir__(), n=1)
-    hint = f"; did you mean '{close[0]}'?" if close else ""
-    raise AttributeError(f"module '{__name__}' has no attribute '{name}'{hint}")
+    raise AttributeError(f"module '{__name__}' has no attribute '{name}'{_near(name, __dir__())}")
 
 
 def __dir__() -> list[str]:

@@ -26,7 +26,7 @@ RETIRED = {
     r"\b\w*_slopes\b": "jacobian, derivatives",
     r"\b[uU]ntold\b|\bUNTOLD\b": "undetermined",
 }
-MEANT = re.compile(r"^\s*(# )?freedom\b|\bbroads?\b|\bbroadcast\w*|slopes within 1 %")
+MEANT = re.compile(r"^\s*(# )?freedom\b|\bbroads?\b")
 """What the patterns catch besides; "degrees of" may stand on the line before."""
 
 

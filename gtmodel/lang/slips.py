@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import functools
 import inspect
+import os
 import re
 import sys
 import sysconfig
@@ -20,16 +21,10 @@ from .source import LANG, ModelError, SourceLocation, here, of_frame
 
 P = ParamSpec("P")
 T = TypeVar("T")
-_PACKAGE = Path(LANG).parent
-_NOBODYS = (
-    LANG,
-    str(_PACKAGE / "__init__.py"),
-    str(_PACKAGE / "compiler"),
-    str(_PACKAGE / "optimize"),
-    sysconfig.get_path("stdlib"),
-    sysconfig.get_path("purelib"),
-    "<frozen",
-)
+# with the separator: a person's folder may be called gtmodel_robots
+_PACKAGE = str(Path(LANG).parent) + os.sep
+_FOLDERS = (LANG, _PACKAGE + "compiler", _PACKAGE + "optimize", *map(sysconfig.get_path, ("stdlib", "purelib")))
+_NOBODYS = (*(folder + os.sep for folder in _FOLDERS), _PACKAGE + "__init__.py", "<frozen")
 
 
 class CallError(ModelError, TypeError):
@@ -83,7 +78,7 @@ def floats(value: Any) -> np.ndarray:
 def _persons_line() -> SourceLocation | None:
     """Line of the innermost call from outside the package; None where a library or the command line called."""
     frame: Any = sys._getframe(1)
-    while frame is not None and frame.f_code.co_filename.startswith(str(_PACKAGE)):
+    while frame is not None and frame.f_code.co_filename.startswith(_PACKAGE):
         frame = frame.f_back
     if frame is None or frame.f_code.co_filename.startswith(_NOBODYS):
         return None

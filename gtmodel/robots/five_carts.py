@@ -16,7 +16,7 @@ class ExtraCarts(SixLink):
 
     Dressler 2012, Fig. 2.3; of each cluster the last link stands on the extra cart, 2b on that of q[3] and 3c on that
     of q[4], a choice of ours. With q[3] = q[1] and q[4] = q[2] it is the six-link robot. Known q gives the pose by
-    Newton; of the pose, T and two elements of e can be prescribed. A reorientation of about 5 degrees is reported.
+    Newton; of the pose, T and two elements of e can be prescribed.
 
     The carts for the home pose, two elements of the quaternion among what is known:
 

@@ -14,6 +14,7 @@ from gtmodel.cgen import toolchain
 from gtmodel.cgen.interface import interfaces
 from gtmodel.cgen.points import HELD, draw, evaluate
 from gtmodel.cgen.verification.comparison import call
+from gtmodel.results import SolveStatus
 from gtmodel.results.check import failed_of
 from tests.cgen.conftest import Functions, SliderCrank, c_files, copy, run, succeed
 
@@ -158,6 +159,8 @@ def test_missing_compiler_is_one_sentence(
     report = cgen.check(small_folder, small)
     assert not report.passed
     assert report.message.startswith("there is no C compiler 'no-such-compiler' on this machine")
+    study = cgen.study(small, tmp_path / "y", name="small", check=cgen.Verification(points=10))
+    assert study.status is SolveStatus.CHECK_FAILED and "no-such-compiler" in study.message
     monkeypatch.setattr(toolchain.shutil, "which", lambda name: None if name == "nm" else name)
     assert "binutils" in cgen.check(small_folder, small).message
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import Any
 
 import casadi as ca
@@ -161,3 +162,15 @@ def test_a_correct_part_of_equations_goes_on_working_with_arrays() -> None:
 
     values, status = Pair().causal(known="u", targets="x")(np.array([1.0, 1.0]))
     assert status is gt.Status.OK and np.allclose(values, [-1.0, 1.0])
+
+
+def test_a_folder_beside_the_package_whose_name_begins_like_it_is_a_persons() -> None:
+    path = f"{Path(gt.__file__).parent}_robots/mine.py"  # never written: a name for the code
+    space: dict[str, Any] = {"Pendulum": Pendulum}
+    exec(compile("def asked():\n    return Pendulum().causal(known='nothing', targets='tau')\n", path, "exec"), space)
+    with pytest.raises(gt.ModelError) as caught:
+        space["asked"]()
+    assert caught.value.where is not None and (caught.value.where.file, caught.value.where.line) == (
+        "gtmodel_robots/mine.py",
+        2,
+    )

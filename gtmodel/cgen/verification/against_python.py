@@ -79,7 +79,7 @@ def check(folder: Path, functions: Mapping[str, CausalFunction], *, points: int 
         return check_report(checks, {}, {})
     tools = find()
     if isinstance(tools, str):
-        return CheckReport(checks | {"compiler_found": at_least(0, 1)}, tools, {}, {})
+        return CheckReport(checks | {"compiler_found": at_least(0, 1, tools)}, tools, {}, {})
     rows: dict[str, int] = {}
     rows_ok: dict[str, int] = {}
     with tempfile.TemporaryDirectory() as place:
