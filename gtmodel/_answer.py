@@ -70,7 +70,7 @@ def answering(context: typer.Context, as_json: bool, asked: str) -> Iterator[Ans
         for path in answer.finished.files:
             print(f"wrote {path}")
     if not outcome.status.ok:
-        print(f"{asked}: {outcome.message or outcome.status.sentence}", file=sys.stderr)
+        print(f"{asked}: {outcome.message}", file=sys.stderr)
     code = _EXIT.get(outcome.status, 1)
     if answer.finished.unwritten:
         print(answer.finished.unwritten, file=sys.stderr)

@@ -212,7 +212,7 @@ assert "too many" in refusal
 # %%
 _, _, _, status = accelerations(np.array([0.6, 1.0, 1.2]), np.zeros(3), np.zeros(3))
 for code in status:
-    print(gt.Status(code).name, "-", gt.Status(code).sentence)
+    print(gt.Status(code).name, "-", gt.Status(code).message)
 print(accelerations.diagnose(1.2, 0.0, 0.0))
 assert list(status) == [gt.Status.OK, gt.Status.SINGULAR, gt.Status.OUT_OF_RANGE]
 

@@ -156,7 +156,7 @@ assert np.all(ratio[masses] > 1.4) and np.exp(np.mean(np.log(ratio[masses]))) > 
 # %%
 identified = models["optimised"]
 held_out = prepared(draws[7], 2)
-print(identified.validate(held_out).sentence)
+print(identified.validate(held_out).message)
 efforts_figure(held_out.time, held_out.effort, identified.modelled(held_out), held_out.targets, "N",
                "measured and modelled force, synthetic log, seed 2")  # fmt: skip
 

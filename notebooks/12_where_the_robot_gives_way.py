@@ -160,7 +160,7 @@ assert np.all(low < high)
 tilting = synthetic_tests(
     plan, 1 / truth, np.random.default_rng(9), tilt=3 / truth, origins=stands.origins, point=stands.T
 )
-print(complete_pose(tilting).adequacy.sentence)
+print(complete_pose(tilting).adequacy.message)
 assert fits[0].adequacy.passed and not complete_pose(tilting).adequacy.passed
 
 # %% [markdown]

@@ -90,7 +90,7 @@ for name, value in mean.items():
 x = [1, 0, 0]
 radius = [milling.spectral_radius(oscillators[i], cutter, cut, hz[i] / 2, x) for i in range(10)]
 print("growth per tooth, feed +x, tests 1 to 10:", " ".join(f"{r:.2f}" for r in radius))
-print(milling.mode_coupling(oscillators[8], cutter, cut, x).sentence)
+print(milling.mode_coupling(oscillators[8], cutter, cut, x).message)
 assert max(radius[:8]) < 1 < 1.2 < min(radius[8:])
 
 # %% [markdown]

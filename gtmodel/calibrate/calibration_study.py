@@ -105,7 +105,7 @@ def explained(
     fixed = [n for n in ready.values(u.start) if n not in u.names]
     if fixed:
         lines.append(f"fixed, tied or turned as a quaternion: {', '.join(fixed)}")
-    return [*lines, *ready.identifiability(sigma=length_noise(ready)).sentences()]
+    return [*lines, *ready.identifiability(sigma=length_noise(ready)).notes]
 
 
 def _told(found: Found, robot: Model, fit: Fit, origin: Origin, title: str) -> CalibrationStudy:

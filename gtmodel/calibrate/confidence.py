@@ -56,7 +56,7 @@ def estimated(
     N, n = len(problem.measurements), len(u.names)
     known = all(name in problem.measurements.noise for name in problem.reading.places)
     shares = [_share(problem, f, loss, width) for f in fits]
-    notes = [s for share in shares for s in share.sentences]
+    notes = [s for share in shares for s in share.notes]
     if notes and not hold:
         raise ValueError("; ".join(notes))
     degrees_of_freedom, least = sum(s.degrees_of_freedom for s in shares), min(s.degrees_of_freedom for s in shares)

@@ -121,7 +121,7 @@ def manifest(
         "problem": dict(problem),
         "compile": {"bit_equal_with": ["-ffp-contract=off"], "never": ["-ffast-math", "-Ofast"], "link": ["-lm"]},
         "pivot_tolerance": faces[0].real.pivot,
-        "statuses": [{"code": int(s), "name": s.c_name, "sentence": s.sentence} for s in Status],
+        "statuses": [{"code": int(s), "name": s.c_name, "sentence": s.message} for s in Status],
         "functions": functions,
         "models": models,
         "files": {file: sha256(text) for file, text in sorted(files.items())},

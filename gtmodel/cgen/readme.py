@@ -150,7 +150,7 @@ def readme(name: str, faces: list[Interface]) -> str:
         given="&state, " if face.newton else "",
         newton=_NEWTON if any(f.newton for f in faces) else "",
         output=f"{first.identifier}[0]" if first.is_array else first.identifier,
-        statuses="\n".join(f"| `{s.c_name}` | {int(s)} | {s.sentence} |" for s in Status),
+        statuses="\n".join(f"| `{s.c_name}` | {int(s)} | {s.message} |" for s in Status),
         contract=(codegen_dir() / "contract.md").read_text(encoding="utf-8"),
         numbers=_NUMBERS[face.real.name].format(pivot=face.real.pivot, residual=face.real.residual),
     )

@@ -293,24 +293,24 @@ class CausalFunction:
         results, codes = self._evaluate(columns)
         status = Status(int(codes[0]))
         if status is Status.OUT_OF_RANGE and (large := self._too_large(columns)):
-            return f"{status.sentence}: {large}"
+            return f"{status.message}: {large}"
         if status is Status.NOT_CONVERGED:
             labels = "; ".join(k.label for k in self._built.kernels)
             why = f"no solution for {labels} was reached on the way from the home pose"
-            return "; ".join([f"{status.sentence}: {why}", *self.notes])
+            return "; ".join([f"{status.message}: {why}", *self.notes])
         for m, row in zip(self.margins, results[-1], strict=True):
             value = float(row[0])
             if m.kind == "condition" and not value >= 0:
-                return f"{status.sentence}: the known values do not satisfy {m.label}"
+                return f"{status.message}: the known values do not satisfy {m.label}"
             if m.kind == "discriminant" and not value >= 0:
                 why = f"{m.label} has no real solution, the number under its square root is {value:.4g}"
-                return f"{status.sentence}: {why}"
+                return f"{status.message}: {why}"
             if m.kind == "branch" and not value > PIVOT_TOLERANCE * m.scale:
                 why = f"{m.label} is wanted, and its expression, so signed, is {value:.4g}, typically {m.scale:.4g}"
-                return f"{status.sentence}: {why}; known values nearer to home keep it, `branches` asks for the other"
+                return f"{status.message}: {why}; known values nearer to home keep it, `branches` asks for the other"
             if m.kind == "pivot" and not abs(value) > PIVOT_TOLERANCE * m.scale:
-                return f"{status.sentence}: the pivot for {m.label} is {abs(value):.4g}, typically {m.scale:.4g}"
-        return status.sentence
+                return f"{status.message}: the pivot for {m.label} is {abs(value):.4g}, typically {m.scale:.4g}"
+        return status.message
 
     def _too_large(self, columns: list[np.ndarray]) -> str:
         """Which argument of a single call is the one that is too large, or ""."""

@@ -79,7 +79,7 @@ def arm_poses(model: Any, q: ArrayLike, tool: ArrayLike = (0.0, 0.0, 0.0)) -> Ar
     status = moving.reshape(n, k).max(axis=1)
     if np.any(status != Status.OK):
         bad = int(np.argmax(status != Status.OK))
-        raise ValueError(f"pose {bad} cannot be evaluated: {Status(int(status[bad])).sentence}")
+        raise ValueError(f"pose {bad} cannot be evaluated: {Status(int(status[bad])).message}")
     columns = [np.swapaxes(x.reshape(n, k, 3), 1, 2) for x in (v, w, v_W)]
     arm = R @ np.asarray(tool, float)
     J = at_tool(np.concatenate(columns[:2], axis=1), arm)

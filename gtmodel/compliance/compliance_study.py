@@ -211,7 +211,7 @@ def _study_of(
     places = {"u_m": uv[:, 0], "v_m": uv[:, 1], "x_m": T[:, 0], "y_m": T[:, 1], "z_m": T[:, 2]}
     return ComplianceStudy(
         status=SolveStatus.SOLVED if there.any() else SolveStatus.INFEASIBLE,
-        message=SolveStatus.SOLVED.sentence if there.any() else _empty(reasons),
+        message=SolveStatus.SOLVED.message if there.any() else _empty(reasons),
         title=title,
         checks={
             "work_cross_check": at_most(abs(work - by_C) / by_C if by_C else 0.0, WORK),

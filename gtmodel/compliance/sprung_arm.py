@@ -63,7 +63,7 @@ class SprungArm:
         n = len(T)
         found = self.partition.inverse(T - self.R @ self.tool, np.tile(self.R, (n, 1, 1)))
         q, status = found.q[:, self.branch], found.status[:, self.branch]
-        reason = ["" if code == Status.OK else Status(int(code)).sentence for code in status]
+        reason = ["" if code == Status.OK else Status(int(code)).message for code in status]
         if self.limits is not None:
             low, high = self.limits.T
             turned = q + 2 * np.pi * np.ceil((low - q - 1e-9) / (2 * np.pi))

@@ -22,7 +22,7 @@ Array = np.ndarray
 VERTICAL = 0.9  # a guideway this near to the vertical: sections are drawn with y upwards
 MARGIN_M = 0.05
 BEYOND = "beyond the cones of the ball joints"
-SINGULAR = Status.SINGULAR.sentence
+SINGULAR = Status.SINGULAR.message
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +79,7 @@ class SprungLinks:
         self.home = np.asarray(home, float)
         self.at_home = self.geometry(self.home)
         if self.at_home.status[0] != Status.OK:
-            raise ArgumentError(f"cannot be reached: {Status(int(self.at_home.status[0])).sentence}", "pose")
+            raise ArgumentError(f"cannot be reached: {Status(int(self.at_home.status[0])).message}", "pose")
         self.springs = _springs(springs, load, self.at_home)
         self.structure(self.at_home)
         self.masses = LinkMasses.of(model) if hasattr(model, "m_p") else None
@@ -128,7 +128,7 @@ class SprungLinks:
                 frequencies, sag = self.masses.frequencies(s, self.count), self.masses.sag(s)
             except ValueError as error:
                 raise ArgumentError(str(error), "robot") from error
-        reason = ["" if code == Status.OK else Status(int(code)).sentence for code in poses.status]
+        reason = ["" if code == Status.OK else Status(int(code)).message for code in poses.status]
         singular = np.asarray(~np.isfinite(s.U).all(axis=(1, 2)))
         margins = np.zeros(len(T)) if self.cones is None else self.cones.margins(poses).min(axis=1)
         reason = [

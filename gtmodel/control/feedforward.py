@@ -109,7 +109,7 @@ class _InverseDynamics:
         bad = np.flatnonzero(status != Status.OK)
         if bad.size:
             raise TrajectoryError(
-                f"at {motion.time[bad[0]]:g} s the model cannot follow: {Status(int(status[bad[0]])).sentence}; keep "
+                f"at {motion.time[bad[0]]:g} s the model cannot follow: {Status(int(status[bad[0]])).message}; keep "
                 "the motion within its reach"
             )
         unit = self.inverse.outputs[0].unit

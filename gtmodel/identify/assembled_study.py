@@ -67,10 +67,10 @@ def assembled_study(
         delay=None if found.delay is None else [found.delay.seconds, found.delay.std],
         truth=data.truth or None,
         coverage=coverage,
-        sentences=[
+        notes=[
             rows.filter_sentence,
             *suspicions,
-            *found.sentences,
+            *found.notes,
             *([f"intervals take the estimated {known} as known"] if known else []),
         ],
         synthetic=rows.synthetic,

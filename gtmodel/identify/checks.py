@@ -49,7 +49,7 @@ def judged(
     ]
     order = exchanged_efforts(found)
     if order is not None and not order.passed:
-        said.append(order.sentence(rows.targets))
+        said.append(order.message(rows.targets))
     work = work_of(found)
     if work is not None:
         if np.any(work.friction):  # some friction is free

@@ -39,7 +39,7 @@ class Delay:
         return self.moves <= self.bound
 
     @property
-    def sentence(self) -> str:
+    def message(self) -> str:
         late, early = ("efforts", "positions") if self.seconds > 0 else ("positions", "efforts")
         size = f"{1e3 * abs(self.seconds):.3g} ms +- {1e3 * self.std:.2g} ms"
         if self.passed:
@@ -67,7 +67,7 @@ def delay_of(found: Identification) -> Delay | None:
     ...     duration=16.0, reference="q", centre=[0.0], half_range=0.2, tracking="exact", effort_noise=0.5
     ... )
     >>> s = gt.identify.synthetic_study(Axis(), options, ["m", "d", "c"])
-    >>> gt.identify.delay_of(s.fit).sentence
+    >>> gt.identify.delay_of(s.fit).message
     'no delay between efforts and positions is seen (... ms +- ... ms, p = ...)'
     """
     from scipy import stats  # here: it alone takes as long to import as all of gtmodel

@@ -48,7 +48,7 @@ class Exchanged(NamedTuple):
         """Whether another reading would have been seen."""
         return self.other > self.bound * self.given
 
-    def sentence(self, names: Sequence[str], unit: str = "") -> str:
+    def message(self, names: Sequence[str], unit: str = "") -> str:
         """How the columns of these names are to be read."""
         given, other = (f"{left:.3g}{unit and f' {unit}'}" for left in (self.given, self.other))
         left = f"as given the model leaves {given} rms of the efforts, and {other}"
@@ -101,7 +101,7 @@ def exchanged_efforts(found: Identification) -> Exchanged | None:
     >>> exchanged = {"q": log["q"], "tau": log["tau"][:, ::-1]}
     >>> s = gt.identify.study(Stage(), gt.Trajectory(time, exchanged, {"q": "m", "tau": "N"}), ["m", "d"])
     >>> order = gt.identify.exchanged_efforts(s.fit)
-    >>> order.passed, order.order, order.sentence(["tau[0]", "tau[1]"], "N")
+    >>> order.passed, order.order, order.message(["tau[0]", "tau[1]"], "N")
     (False, [1, 0], 'tau[0] and tau[1] look exchanged: as given the model leaves 13.4 N rms of the efforts, and ...')
     """
     rows, e = found.rows, found.estimate

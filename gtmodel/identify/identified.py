@@ -72,7 +72,6 @@ class IdentificationStudy(Study):
         Mapping[str, Any] | None,
         "hits of the intervals by name over the repeated runs, pooled, and the band; null without runs",
     ] = None
-    sentences: Annotated[Sequence[str] | None, "what limits the numbers, in words"] = None
     synthetic: Annotated[
         str | None, "seed and noise of a synthetic log; null for a measured one"
     ] = None  # fmt: skip
@@ -106,7 +105,6 @@ class IdentificationStudy(Study):
             return []
         units, published = self.units or {}, self.published or {}
         rows = [*self._parameter_rows(), *self._fit_rows(self.fit)]
-        rows += [Row("note", sentence) for sentence in (self.sentences or [])[1:]]
         if self.synthetic:
             rows.append(Row("synthetic", self.synthetic))
         for name, told in (self.numbers or {}).items():

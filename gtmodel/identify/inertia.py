@@ -53,7 +53,7 @@ class LeftOut:
         return self.p >= FALSE_ALARM / self.tests
 
     @property
-    def sentence(self) -> str:
+    def message(self) -> str:
         names = ", ".join(self.names)
         if self.passed:
             return f"residuals show nothing of {names} (F = {self.F:.3g}, p = {self.p:.2g})"
@@ -139,15 +139,15 @@ class Identification:
         return delay_of(self)
 
     @property
-    def sentences(self) -> list[str]:
+    def notes(self) -> list[str]:
         """What limits the numbers, in words."""
         lines = [f"{n} is at its bound, 0; it has no interval, and the others are as if it were known" for n in
                  self.estimate.held]  # fmt: skip
         lines += list(self.estimate.notes)
-        lines += [f"{t}: {v.sentence}" for t, v in zip(self.rows.targets, self.whiteness, strict=True) if not v.passed]
-        lines += [t.sentence for t in self.left_out if not t.passed]
+        lines += [f"{t}: {v.message}" for t, v in zip(self.rows.targets, self.whiteness, strict=True) if not v.passed]
+        lines += [t.message for t in self.left_out if not t.passed]
         if self.delay is not None and not self.delay.passed:
-            lines.append(self.delay.sentence)
+            lines.append(self.delay.message)
         limits = [(n, *self.estimate.interval(n)) for n in self.estimate.names]
         told = "{} is not told from zero: {:.3g} to {:.3g}"
         return lines + [told.format(n, low, high) for n, low, high in limits if low <= 0 <= high]
@@ -176,7 +176,7 @@ class Validation:
         return self.rms / np.sqrt(np.mean(self.rows.effort**2, axis=0))
 
     @property
-    def sentence(self) -> str:
+    def message(self) -> str:
         each = ", ".join(
             f"{t} {e:.3g} ({100 * r:.2g} %, {e / s:.3g} times the fit's own)"
             for t, e, r, s in zip(self.rows.targets, self.rms, self.relative, self.noise, strict=True)

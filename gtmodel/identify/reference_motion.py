@@ -106,7 +106,7 @@ def reference_motion(known: str, s: SyntheticLog, plant: Model, seed: int, motio
             "synthetic.half_range", "take a smaller half_range, or another centre")  # fmt: skip
         raise ArgumentError(
             f"the motion leaves the reach of the robot at {bad[0] * s.sample_time:g} s "
-            f"({Status(int(status[bad[0]])).sentence}); {hint}",
+            f"({Status(int(status[bad[0]])).message}); {hint}",
             argument,
         )
     return found

@@ -290,7 +290,7 @@ def _rows(
     bad = np.flatnonzero(found.status != Status.OK)
     if bad.size:
         raise ModelError(
-            f"{session.name} at {time[bad[0]]:g} s: {Status(int(found.status[bad[0]])).sentence}; "
+            f"{session.name} at {time[bad[0]]:g} s: {Status(int(found.status[bad[0]])).message}; "
             "check the unit and the sign of the measured position"
         )
     n, m, p = found.Y.shape

@@ -107,7 +107,7 @@ class LogSimulator:
         bad = np.flatnonzero(status != Status.OK)
         if bad.size:
             raise ModelError(
-                f"at {time[bad[0]]:g} s of the motion {Status(int(status[bad[0]])).sentence}; take a smaller range"
+                f"at {time[bad[0]]:g} s of the motion {Status(int(status[bad[0]])).message}; take a smaller range"
             )
         signal = {s.name: s for s in f.inputs}[known]
         units = {known: signal.unit, targets: f.outputs[0].unit}

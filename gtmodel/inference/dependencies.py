@@ -38,7 +38,8 @@ class Dependencies:
         more = {d: c[name] for d, c in self.coefficients.items() if name in c}
         return {name: 1.0, **more}
 
-    def sentences(self) -> list[str]:
+    @property
+    def notes(self) -> list[str]:
         """One sentence per dependent name: what it moves with."""
         return [
             f"{d} moves with {listed(_largest(c))}: measure {d}, or fix one of them"
@@ -74,7 +75,7 @@ def dependencies(
     >>> found = gt.inference.dependencies(J, ["a", "b", "sum"], keep=["a", "b"])
     >>> {name: round(x, 6) for name, x in found.coefficients["sum"].items()}
     {'a': 1.0, 'b': 1.0}
-    >>> found.sentences()
+    >>> found.notes
     ['sum moves with a and b: measure sum, or fix one of them']
     """
     names = tuple(names)

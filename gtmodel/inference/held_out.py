@@ -30,7 +30,7 @@ class HeldOut:
         return bool(np.isfinite(self.bound)) and self.ratio <= self.bound
 
     @property
-    def sentence(self) -> str:
+    def message(self) -> str:
         if not np.isfinite(self.bound):
             return "as many parameters as equations were fitted: held-out errors have nothing to be judged by"
         return (

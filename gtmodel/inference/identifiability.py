@@ -105,11 +105,12 @@ class Identifiability:
         pairs.sort(key=lambda p: (-round(abs(c[p]), 12), self.names[p[0]], self.names[p[1]]))
         return [(self.names[a], self.names[b], float(c[a, b])) for a, b in pairs]
 
-    def sentences(self) -> list[str]:
+    @property
+    def notes(self) -> list[str]:
         """In words: the rank, what moves with what, what is determined badly."""
         by_tolerance = ", ".join(f"{r} at {t:.0e}" for t, r in self.ranks.items())
         lines = [f"{self.counts} (rank {by_tolerance})"]
-        lines += self.dependencies.sentences()
+        lines += self.dependencies.notes
         for d in self.near:
             lines.append(
                 f"{listed(tuple(d.weights))} are told no better than they were known: their combination {d} has a "
@@ -125,7 +126,7 @@ class Identifiability:
         rows = [
             f"{n:{width}s}  {s:10.3g}  {t:6.3f}" for n, s, t in zip(self.names, self.std, self.told_by, strict=True)
         ]
-        return "\n".join([*self.sentences(), str(self.indices), f"{'':{width}s}  {'std':>10s}  {'told':>6s}", *rows])
+        return "\n".join([*self.notes, str(self.indices), f"{'':{width}s}  {'std':>10s}  {'told':>6s}", *rows])
 
 
 def identifiability(

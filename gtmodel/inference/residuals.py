@@ -23,7 +23,7 @@ class Verdict:
     statistic: float
     p: float
     passed: bool
-    sentence: str
+    message: str
 
 
 def autocorrelation(r: np.ndarray, lags: int) -> np.ndarray:
@@ -62,7 +62,7 @@ def whiteness(r: np.ndarray, *, lags: int | None = None, parameters: int = 0) ->
     >>> noise = np.random.default_rng(1).normal(size=400)
     >>> gt.inference.whiteness(noise).passed
     True
-    >>> gt.inference.whiteness(np.repeat(noise, 2)).sentence
+    >>> gt.inference.whiteness(np.repeat(noise, 2)).message
     'residuals are coloured (correlation 0.42 at lag 1): intervals for white noise are too narrow (Ljung-Box p = ...'
     """
     from scipy import stats  # here: it alone takes as long to import as all of gtmodel
@@ -120,7 +120,7 @@ def noise_size(estimate: Estimate) -> Verdict:
 
     >>> values = 3.0 + 0.2 * np.random.default_rng(1).normal(size=50)
     >>> e = gt.inference.linear_fit(np.ones((50, 1)), values, ["mean"], sigma=0.1)
-    >>> gt.inference.noise_size(e).sentence
+    >>> gt.inference.noise_size(e).message
     'residuals are 1.78 times the stated noise: the model lacks an effect, or the noise was stated too small ...'
     """
     from scipy import stats  # here: it alone takes as long to import as all of gtmodel
@@ -160,7 +160,7 @@ class CrossValidation:
         return float(np.sqrt(np.mean(self.errors**2)))
 
     @property
-    def sentence(self) -> str:
+    def message(self) -> str:
         return (
             f"held-out error {self.rms:.4g} rms over {self.folds} parts, {self.inside:.4g} on the data that were fitted"
         )
@@ -181,7 +181,7 @@ def cross_validation(
     ...     lambda line, rows: y[rows] - np.polyval(line, time[rows]),
     ...     gt.inference.contiguous(40, 2),
     ... )
-    >>> seen.sentence
+    >>> seen.message
     'held-out error 0.30... rms over 2 parts, 0.078... on the data that were fitted'
     """
     if len(parts) < 2:

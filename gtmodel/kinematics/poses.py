@@ -64,7 +64,7 @@ class InverseKinematics:
         """One sentence on T (3,) [m]: ok, or why there is no pose; with the variable where it is known."""
         if self._causal is not None and np.isfinite(T).all():
             return self._causal.diagnose(T)
-        return Status(int(self(np.asarray(T)[None]).status[0])).sentence
+        return Status(int(self(np.asarray(T)[None]).status[0])).message
 
     def __getstate__(self) -> dict[str, Any]:
         # symbols stay at home; what is left computes the same numbers

@@ -168,7 +168,7 @@ def _compared(bench: Bench, title: str) -> LoopStudy:
     for name, one in zip(("off", "on"), runs, strict=True):
         log = trajectory_of(one.log, 3, 1e-3 * CYCLE_MS, title=f"{bench.peer}, {one.label}: log of the loop")
         log.to_csv(bench.place / f"loop_{name}.csv")
-        state, why = STATES[one.report["state"]], Status(one.report["status"]).sentence
+        state, why = STATES[one.report["state"]], Status(one.report["status"]).message
         checks[f"{name}_running_at_the_end"] = at_least(float(one.going), 1.0, f"{one.label}: {state}, {why}")
         checks[f"{name}_log_complete"] = at_least(float(bool(one.report["log_complete"])), 1.0, FULL)
     real_time_granted = all(one.report["fifo"] and one.report["memory_locked"] for one in runs)

@@ -43,7 +43,7 @@ def there_and_back(robot: Model, motion: Trajectory, cycles: int, slower: float 
     )
     bad = np.flatnonzero(status != Status.OK)
     if len(bad):
-        raise ArgumentError(f"at {step * bad[0]:g} s: {Status(int(status[bad[0]])).sentence}", "reference")
+        raise ArgumentError(f"at {step * bad[0]:g} s: {Status(int(status[bad[0]])).message}", "reference")
     return Table(np.hstack([q, dq, ddq, rows]), CYCLE_MS)
 
 

@@ -149,7 +149,7 @@ def _columns_of(
                 units.append(column.unit)
                 places.append(heads.place(member))
     except ArgumentError as error:
-        raise LogError(error.sentence) from error
+        raise LogError(error.message) from error
     return found, units, places
 
 

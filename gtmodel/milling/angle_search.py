@@ -93,7 +93,7 @@ def _combinations(work: Work, f: Found, static: int) -> list[tuple[float, float,
                 error.argument == "dynamics" and isinstance(task.given, OscillatorField)
             ):
                 raise
-            f.combinations.append({"place_m": where, "reason": error.sentence})
+            f.combinations.append({"place_m": where, "reason": error.message})
             continue
         dynamics = place.dynamics
         assert dynamics is not None

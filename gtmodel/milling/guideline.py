@@ -34,7 +34,7 @@ class NearMode:
         return self.harmonic * self.tooth_frequency - self.mode
 
     @property
-    def sentence(self) -> str:
+    def message(self) -> str:
         """Harmonic, distance and mode in words."""
         named = "the tooth frequency" if self.harmonic == 1 else f"{self.harmonic} times the tooth frequency"
         side = "above" if self.distance >= 0 else "below"
@@ -47,7 +47,7 @@ def nearest_mode(oscillators: Oscillators, tooth_frequency: float, harmonics: in
     frequency [Hz].
 
     >>> robot = gt.milling.Oscillators.with_damping_ratio(m=[350, 350, 250], k=[2e6, 1.5e6, 3e6], zeta=[0.03] * 3)
-    >>> print(gt.milling.nearest_mode(robot, tooth_frequency=5.0).sentence)
+    >>> print(gt.milling.nearest_mode(robot, tooth_frequency=5.0).message)
     2 times the tooth frequency, 10 Hz, is 0.419 Hz below the mode along y at 10.4 Hz
     """
     f = oscillators.frequency[0]
@@ -154,8 +154,8 @@ def guideline(f: Findings) -> list[str]:
     near_s, near_d = nearest_mode(f.at_static, tooth), nearest_mode(f.at_dynamic, tooth)
     said = [
         model,
-        f"at the static choice {near_s.sentence}",
-        f"at the dynamic choice {near_d.sentence}",
+        f"at the static choice {near_s.message}",
+        f"at the dynamic choice {near_d.message}",
         f"modes 1 Hz lower or higher than modelled change the deflection by {_signed(f.change_static)} at the static "
         f"choice, by {_signed(f.change)} at the dynamic one",
     ]

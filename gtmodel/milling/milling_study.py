@@ -204,7 +204,7 @@ def _dynamic(f: Found) -> tuple[dict[str, Any], list[Row], dict[str, Check]]:
         "free_speed": freed,
         "combinations": f.combinations,
         "change_1_Hz": [100 * x for x in found.change],
-        "mode_coupling": coupling.sentence,
+        "mode_coupling": coupling.message,
         "spectral_radius": radius,
         "guideline": f.said,
     }
@@ -218,7 +218,7 @@ def _dynamic(f: Found) -> tuple[dict[str, Any], list[Row], dict[str, Check]]:
         table.append(Row("with the speed free", f"{freed[2]:.3g} at {freed[0]:.4g} deg and {freed[1]:.4g} rpm", "mm"))
     table += [
         *(Row("guideline", sentence) for sentence in f.said),
-        Row("mode coupling", coupling.sentence),
+        Row("mode coupling", coupling.message),
         Row("regenerative chatter", chatter),
         Row("dynamics", task.whence),
         *_known(found.angles, f),

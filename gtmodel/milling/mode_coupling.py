@@ -35,7 +35,7 @@ class ModeCoupling:
     angle: float
     critical_depth: float
     warn: bool
-    sentence: str
+    message: str
 
 
 def mode_coupling(

@@ -131,7 +131,7 @@ def table_study(
             plan_of(row.problem)
         except ArgumentError as error:
             where = f"rows[{n}].problem.{error.argument}" if error.argument else f"rows[{n}]"
-            raise ArgumentError(error.sentence, where) from error
+            raise ArgumentError(error.message, where) from error
     done: list[MotionStudy] = []
     for n, row in enumerate(rows):
         work.progress(f"row {n + 1} of {len(rows)}: {row.name}", n / len(rows), None)

@@ -126,7 +126,7 @@ def read_points(file: str | FilePath) -> np.ndarray:
     except OSError as error:
         raise ArgumentError(f"{FilePath(file).name} cannot be read: {error.strerror}", "file") from error
     except TrajectoryError as error:
-        raise ArgumentError(error.sentence, "file") from error
+        raise ArgumentError(error.message, "file") from error
 
 
 def _coordinates(cells: Sequence[str], where: str) -> Header:

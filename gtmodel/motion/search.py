@@ -189,7 +189,7 @@ class Search:
         nearest = min(failed, key=lambda s: s.checks["constraint_violation"].value)
         if self.left == 0 and nearest.status is not SolveStatus.ITERATION_LIMIT:
             limit = SolveStatus.ITERATION_LIMIT
-            message = f"{limit.sentence}; the attempt that came nearest: {nearest.message}"
+            message = f"{limit.message}; the attempt that came nearest: {nearest.message}"
             nearest = replace(nearest, status=limit, message=message)
         return nearest
 

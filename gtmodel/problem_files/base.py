@@ -31,16 +31,16 @@ class InputError(ValueError):
 
     def __init__(self, sentence: str, key: str = "", file: str = "") -> None:
         super().__init__(sentence, key, file)
-        self.sentence = sentence
+        self.message = sentence
         self.key = key
         self.file = file
 
     def __str__(self) -> str:
-        return ": ".join(part for part in (self.file, self.key, self.sentence) if part)
+        return ": ".join(part for part in (self.file, self.key, self.message) if part)
 
     def within(self, file: str, key: str = "") -> InputError:
         """The same fault seen from outside: in this file, at this key, unless it says so itself."""
-        return InputError(self.sentence, self.key or key, self.file or file)
+        return InputError(self.message, self.key or key, self.file or file)
 
 
 class Section(pydantic.BaseModel):

@@ -34,7 +34,7 @@ def shortened(text: str, most: int) -> str:
 
 def _described(error: BaseException, path: str) -> tuple[SolveStatus, str]:
     if isinstance(error, InputError):
-        about_an_option = error.sentence.startswith("--") and not error.key
+        about_an_option = error.message.startswith("--") and not error.key
         return SolveStatus.BAD_INPUT, str(error if about_an_option else error.within(path))
     prefix = f"{path}: " if path else ""
     if isinstance(error, ModelError):

@@ -65,7 +65,7 @@ def _objects(value: Any, name: str) -> Any:
         try:
             return value.options()
         except ArgumentError as error:
-            raise ArgumentError(error.sentence, f"{name}.{error.argument}" if error.argument else name) from error
+            raise ArgumentError(error.message, f"{name}.{error.argument}" if error.argument else name) from error
     if isinstance(value, dict):
         return {key: _objects(one, f"{name}.{key}") for key, one in value.items()}
     if isinstance(value, list):

@@ -67,7 +67,7 @@ def run(folder: Path, out: Path, job: Context, *, reference: Path | None = None,
             motion = partial(_motion, problem, reference, job, made)
             found = study(robot, folder, motion, built=mine.path, **asked, **job.work())
         except ArgumentError as error:
-            raise InputError(f"{_SAID.get(error.argument, '')} {error.sentence}".lstrip()) from error
+            raise InputError(f"{_SAID.get(error.argument, '')} {error.message}".lstrip()) from error
         if found.status is SolveStatus.INTERRUPTED:
             return Finished(found, time.monotonic() - job.began)
         wall_s = time.monotonic() - job.began

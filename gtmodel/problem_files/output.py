@@ -31,7 +31,7 @@ def said_of_out() -> Iterator[None]:
     try:
         yield
     except ArgumentError as error:
-        raise InputError(f"--out {error.sentence}" if error.argument == "folder" else str(error)) from error
+        raise InputError(f"--out {error.message}" if error.argument == "folder" else str(error)) from error
 
 
 @contextmanager

@@ -66,4 +66,4 @@ class PathSection(Section):
         try:
             return read_points(file)
         except ArgumentError as error:
-            raise InputError(error.sentence, "path.file") from error
+            raise InputError(error.message, "path.file") from error

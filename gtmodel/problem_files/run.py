@@ -70,7 +70,7 @@ def keyed(loaded: Loaded) -> Iterator[None]:
         renamed = getattr(loaded.kind, "ARGUMENTS", {})
         if of_problem := getattr(loaded.kind, "arguments", None):
             renamed = of_problem(loaded.problem)
-        raise InputError(error.sentence, key_of(loaded.kind.Schema, error.argument, renamed)) from error
+        raise InputError(error.message, key_of(loaded.kind.Schema, error.argument, renamed)) from error
 
 
 def solve(

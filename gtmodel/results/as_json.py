@@ -38,7 +38,7 @@ def _facts(problem: str, kind: str | None, study: Study) -> dict[str, Any]:
         "problem": problem,
         "kind": kind,
         "status": study.status.value,
-        "message": study.message or study.status.sentence,
+        "message": study.message,
         "objective": plain(study.objective),
         "iterations": plain(study.iterations),
     }

@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from .refusal import ArgumentError
+
 # of the sum of their sizes, what a combination's terms may sum to along a null direction; more is undetermined
 INSIDE = 1e-6
 
@@ -61,14 +63,14 @@ class Estimate:
         return self.covariance / np.outer(std, std)
 
     def value(self, name: str) -> float:
-        """The estimate, or the bound at which it is held. Raises ValueError for another name."""
+        """The estimate, or the bound at which it is held. Raises ArgumentError for another name."""
         if name in self.held and self.held_values:
             return self.held_values[self.held.index(name)]
         return float(self.values[self._index(name)])
 
     def interval(self, name: str, level: float = 0.95) -> tuple[float, float]:
         """Confidence interval: normal where sigma was given, else Student's t with `degrees_of_freedom`. Raises
-        ValueError."""
+        ArgumentError."""
         k = self._index(name)
         q = self._quantile(level)
         return float(self.values[k] - q * self.std[k]), float(self.values[k] + q * self.std[k])
@@ -76,7 +78,7 @@ class Estimate:
     def combination(self, weights: Mapping[str, float], level: float = 0.95) -> tuple[float, float, float]:
         """Value and confidence limits of sum weights[name] * name; infinite where the data do not determine it.
 
-        Raises ValueError for a name that was not estimated.
+        Raises ArgumentError for a name that was not estimated.
         """
         w = np.zeros(len(self.names))
         for name, weight in weights.items():
@@ -95,14 +97,14 @@ class Estimate:
 
     def _index(self, name: str) -> int:
         if name not in self.names:
-            raise ValueError(f"'{name}' was not estimated; these were: {', '.join(self.names)}")
+            raise ArgumentError(f"'{name}' was not estimated; these were: {', '.join(self.names)}", "name")
         return self.names.index(name)
 
     def _quantile(self, level: float) -> float:
         from scipy import stats  # here: it alone takes as long to import as all of gtmodel
 
         if not 0 < level < 1:
-            raise ValueError(f"a confidence level lies between 0 and 1; found {level:g}")
+            raise ArgumentError(f"a confidence level lies between 0 and 1; found {level:g}", "level")
         return float(
             stats.norm.ppf((1 + level) / 2)
             if self.known_noise

@@ -20,11 +20,11 @@ class ArgumentError(ValueError):
 
     def __init__(self, sentence: str, argument: str = "") -> None:
         super().__init__(sentence, argument)
-        self.sentence = sentence
+        self.message = sentence
         self.argument = argument
 
     def __str__(self) -> str:
-        return f"{self.argument}: {self.sentence}" if self.argument else self.sentence
+        return f"{self.argument}: {self.message}" if self.argument else self.message
 
 
 @contextmanager
@@ -42,4 +42,4 @@ def naming(argument: str, *kinds: type[Exception]) -> Iterator[None]:
     try:
         yield
     except kinds as error:
-        raise ArgumentError(error.sentence if isinstance(error, ArgumentError) else str(error), argument) from error
+        raise ArgumentError(error.message if isinstance(error, ArgumentError) else str(error), argument) from error

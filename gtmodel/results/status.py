@@ -21,11 +21,11 @@ class Status(enum.IntEnum):
 
     >>> gt.Status(1)
     <Status.OUT_OF_RANGE: 1>
-    >>> gt.Status.OUT_OF_RANGE.sentence
+    >>> gt.Status.OUT_OF_RANGE.message
     'the input lies outside the range where a solution exists'
     """
 
-    sentence: str
+    message: str
 
     OK = 0, "the value was computed"
     OUT_OF_RANGE = 1, "the input lies outside the range where a solution exists"
@@ -38,7 +38,7 @@ class Status(enum.IntEnum):
     def __new__(cls, value: int, sentence: str) -> Status:
         member = int.__new__(cls, value)
         member._value_ = value
-        member.sentence = sentence
+        member.message = sentence
         return member
 
     @property
@@ -50,12 +50,12 @@ class Status(enum.IntEnum):
 class _Word(enum.StrEnum):
     """A machine word with a sentence for people."""
 
-    sentence: str
+    message: str
 
     def __new__(cls, word: str, sentence: str) -> Self:
         member = str.__new__(cls, word)
         member._value_ = word
-        member.sentence = sentence
+        member.message = sentence
         return member
 
 
@@ -120,7 +120,7 @@ def c_enum() -> str:
         GT_OK = 0, /* the value was computed */
     """
     last = len(Status) - 1
-    lines = [f"    {s.c_name} = {s.value}{',' if s < last else ''} /* {s.sentence} */" for s in Status]
+    lines = [f"    {s.c_name} = {s.value}{',' if s < last else ''} /* {s.message} */" for s in Status]
     return "\n".join(["typedef enum gt_status {", *lines, "} gt_status;", ""])
 
 
@@ -130,5 +130,5 @@ def c_sentences() -> str:
     >>> print(gt.results.c_sentences().splitlines()[0])
     static const char *const gt_status_sentences[] = {
     """
-    lines = [f'    "{s.sentence}"{"," if s < len(Status) - 1 else ""} /* {s.c_name} */' for s in Status]
+    lines = [f'    "{s.message}"{"," if s < len(Status) - 1 else ""} /* {s.c_name} */' for s in Status]
     return "\n".join(["static const char *const gt_status_sentences[] = {", *lines, "};", ""])

@@ -9,12 +9,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 from .check import Check, failed_of, verdict
+from .estimate import Estimate
 from .quantity import Quantity, Row, quantities
 from .refusal import ArgumentError
 from .status import SolveStatus
 from .table import html, text
 from .trajectory import Trajectory
 from .written import write
+
+_OWN = frozenset(s.message for s in SolveStatus)
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -24,7 +27,8 @@ if TYPE_CHECKING:
 class Study:
     """What a study of any library returns; a subclass declares its quantities as annotated attributes.
 
-    status, message: how it ended; objective, iterations: where a solver ran.
+    status, message: how it ended, the message in a sentence; objective, iterations: where a solver ran.
+    estimate: fitted quantities with their covariance, where something was fitted; `interval` asks it.
     checks: numbers that were tested, by name. notes: what a person is to know besides.
     trajectory: the motion, where there is one.
     figures: name -> function that draws it, a matplotlib figure; `figure` calls one.
@@ -47,6 +51,7 @@ class Study:
     message: str = ""
     title: str = ""
     notes: Sequence[str] = ()
+    estimate: Estimate | None = None
     objective: float | None = None
     iterations: int | None = None
     checks: Mapping[str, Check] = field(default_factory=dict)
@@ -56,6 +61,8 @@ class Study:
     machine_files: Collection[str] = ()
 
     def __post_init__(self) -> None:
+        if not self.message or self.message in _OWN:
+            object.__setattr__(self, "message", self.status.message)
         if self.status.ok and (failed := failed_of(self.checks)):
             object.__setattr__(self, "status", SolveStatus.CHECK_FAILED)
             object.__setattr__(self, "message", verdict(failed, len(self.checks)))
@@ -78,10 +85,12 @@ class Study:
         found = ((q, getattr(self, attribute)) for attribute, q in self.quantities().items() if q.label)
         return [q.row(value) for q, value in found if value is not None]
 
-    @property
-    def told(self) -> str:
-        """What it says of itself in a sentence."""
-        return str(self.message or self.status.sentence)
+    def interval(self, name: str, level: float = 0.95) -> tuple[float, float]:
+        """Confidence interval of an estimated quantity [SI], infinite where the data do not determine it. Raises
+        ArgumentError where nothing was estimated, or not this."""
+        if self.estimate is None:
+            raise ArgumentError("nothing was estimated here: there are no intervals", "name")
+        return self.estimate.interval(name, level)
 
     def with_(self, **changes: Any) -> Self:
         """The same study with other attributes."""
@@ -94,7 +103,7 @@ class Study:
     def judged(self, more: Mapping[str, Check]) -> Self:
         """The same study with further checks. What was not solved before keeps its message, with their advice."""
         advice = [check.advice for check in failed_of(more).values() if check.advice]
-        message = self.message if self.status.ok or not advice else "; ".join([self.told, *advice])
+        message = self.message if self.status.ok or not advice else "; ".join([self.message, *advice])
         return self.with_(checks={**self.checks, **more}, message=message) if more else self
 
     def figure(self, name: str = "") -> Figure:

@@ -51,8 +51,8 @@ def _of_values(values: Mapping[str, Any]) -> Iterator[tuple[str, Any, str]]:
 
 def text(study: Study) -> str:
     """The whole study as text."""
-    told = [] if study.message in ("", study.status.value) else ["", study.message]
-    return "\n".join([plain(HEAD, cells(study), study.title), *told])
+    said = [] if study.message in (study.status.message, study.status.value) else ["", study.message]
+    return "\n".join([plain(HEAD, cells(study), study.title), *said])
 
 
 def plain(head: Sequence[str], rows: Sequence[Sequence[str]], title: str = "") -> str:
@@ -82,7 +82,8 @@ def html(study: Study) -> str:
     for row in cells(study):
         lines.append("<tr>" + "".join(f"<td>{markup.escape(cell)}</td>" for cell in row) + "</tr>")
     lines.append("</table>")
-    lines += [f"<p>{markup.escape(told)}</p>" for told in (study.message,) if told]
+    if study.message != study.status.message:
+        lines.append(f"<p>{markup.escape(study.message)}</p>")
     return "\n".join([*lines, *_picture(study)])
 
 

@@ -106,7 +106,7 @@ def files_of(study: Study, data: bytes) -> dict[str, bytes]:
     if study.trajectory is not None and study.status.ok:
         files[TRAJECTORY] = csv_bytes(study.trajectory)
     elif study.trajectory is not None and TRAJECTORY not in study.machine_files:
-        files[TRAJECTORY] = marked(TRAJECTORY, csv_bytes(study.trajectory), study.told, by="")
+        files[TRAJECTORY] = marked(TRAJECTORY, csv_bytes(study.trajectory), study.message, by="")
     for name, content in study.files.items():
         files[name] = content.encode() if isinstance(content, str) else content
     return files
@@ -123,7 +123,7 @@ def for_machines(study: Study, asked: str, by: str = "write_failed=True") -> Stu
     kept = [name for name in study.machine_files if name in whole]
     if not kept:
         return study
-    message = study.told
+    message = study.message
     files = {name: content for name, content in study.files.items() if name not in kept}
     if not asked:
         names = " and ".join(sorted(kept)) if len(kept) < 3 else f"{len(kept)} files for machines"
@@ -161,14 +161,14 @@ def put(
 def pictured(study: Study, files: dict[str, bytes]) -> list[str]:
     """Add the pictures to `files`; a sentence on each that cannot be drawn: it must not cost the numbers."""
     faults = []
-    said = "" if study.status.ok else f"{_not_ok(study)}: {study.told}"
+    said = "" if study.status.ok else f"{_not_ok(study)}: {study.message}"
     for name, draw in study.figures.items():
         file = name if name.endswith(".png") else f"{name}.png"
         try:
             files[file] = png(draw, said)
         except Exception as error:
-            said = " ".join(str(error).split())
-            faults.append(f"{file} could not be drawn ({type(error).__name__}: {said}); please report it")
+            fault = " ".join(str(error).split())
+            faults.append(f"{file} could not be drawn ({type(error).__name__}: {fault}); please report it")
     return faults
 
 

@@ -243,7 +243,7 @@ class _Sines:
         half = np.array([r.frequency_Hz * r.damping for r in found])
         distance = np.diff([r.frequency_Hz for r in found]) / (half[:-1] + half[1:]) if len(found) > 1 else np.zeros(0)
         error = self.fitted - record.y
-        words = [f"output {k + 1}: {whiteness(error[:, k]).sentence}" for k in range(error.shape[1])]
+        words = [f"output {k + 1}: {whiteness(error[:, k]).message}" for k in range(error.shape[1])]
         words += [
             f"the peaks at {a.frequency_Hz:.4g} and {b.frequency_Hz:.4g} Hz overlap ({d:.2g} half-power widths apart)"
             for a, b, d in zip(found, found[1:], distance, strict=False)

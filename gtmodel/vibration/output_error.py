@@ -122,7 +122,7 @@ def output_error(
     M, D, K = packing.unpack(fit.x)
     fitted = _predict(record, M, D, K, start.F, weights)
     error = fitted - record.y
-    words = [f"coordinate {k + 1}: {whiteness(error[:, k]).sentence}" for k in range(p)]
+    words = [f"coordinate {k + 1}: {whiteness(error[:, k]).message}" for k in range(p)]
     return OutputErrorFit(
         SecondOrder(M, D, K, start.F, 0.0), form, estimate, np.sqrt(np.mean(error**2, axis=0)), fitted, tuple(words)
     )

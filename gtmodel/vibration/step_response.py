@@ -126,7 +126,7 @@ def identify_step(
     if band_ends is not None and not np.all(np.isfinite(band_ends)):
         band_ends = None
     white = [whiteness(x) for x in np.split(misfit(fit.x), np.cumsum([len(r) for r in given])[:-1])]
-    words = [next((w.sentence for w in white if not w.passed), white[0].sentence)]
+    words = [next((w.message for w in white if not w.passed), white[0].message)]
     above = "" if band is None else f" above {band:.3g} Hz"
     words.append(
         "a model of first order has no resonance and no coupling: the thesis itself found (6.11) too slow for other "

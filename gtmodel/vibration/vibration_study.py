@@ -73,4 +73,4 @@ def study(
     except Stopped as stopped:
         return _STUDIES[type(model)](status=SolveStatus.INTERRUPTED, message=str(stopped), title=title)
     except ArgumentError as error:
-        raise ArgumentError(error.sentence, error.argument or "model") from error
+        raise ArgumentError(error.message, error.argument or "model") from error

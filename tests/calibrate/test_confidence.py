@@ -61,7 +61,7 @@ def test_the_stated_noise_is_judged_and_told_by_the_residuals():
     half = Measurements(m.values, {n: s / 2 for n, s in m.noise.items()})
     judged = calibrate(true_robot("three_link"), half, cost="orthogonal").estimate
     assert judged is not None and judged.noise == pytest.approx(2 * stated.noise, rel=1e-6)
-    assert "times the stated noise: the model lacks" in noise_size(judged).sentence and not noise_size(judged).passed
+    assert "times the stated noise: the model lacks" in noise_size(judged).message and not noise_size(judged).passed
 
 
 @pytest.mark.parametrize("kind", MODELS)

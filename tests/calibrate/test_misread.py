@@ -55,7 +55,7 @@ class TestUnits:
     def test_the_files_header_contradicts(self) -> None:
         with pytest.raises(ArgumentError) as error:
             solved("l1", how=measured("l1", signals={"T": {"unit": "m"}}))
-        assert error.value.sentence == (
+        assert error.value.message == (
             "l1_synthetic.csv line 3: 'T[0]' is in mm here and declared in m; correct one of them"
         )
 

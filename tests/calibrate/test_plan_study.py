@@ -230,7 +230,7 @@ def test_a_stop_keeps_what_is_done(plan: Planner):
 def test_what_cannot_be_used_is_named(plan: Planner, changes: dict[str, Any], argument: str):
     with pytest.raises(ArgumentError) as caught:
         plan(**changes)
-    assert caught.value.argument == argument and caught.value.sentence
+    assert caught.value.argument == argument and caught.value.message
 
 
 def test_an_f1_names_its_own(plan: Planner, f1: Any):

@@ -31,7 +31,7 @@ def test_a_users_folder_is_refused(pendulum: Functions, tmp_path: Path) -> None:
     (tmp_path / "thesis.tex").write_text("ten years of work")
     with pytest.raises(cgen.GenerationError) as caught:
         cgen.generate(pendulum, tmp_path, name="p", overwrite=True)
-    assert caught.value.argument == "folder" and caught.value.sentence == (
+    assert caught.value.argument == "folder" and caught.value.message == (
         f"'{tmp_path}' is not empty and was not written by gtmodel, it holds no manifest.json; "
         "choose a new or an empty folder"
     )

@@ -47,7 +47,7 @@ def test_runtime_headers(tmp_path: Path) -> None:
     assert lines[0] == "1110001 101"
     assert lines[1:5] == ["1 0", "0 0.01", "0 0.01", "0 inf"]
     unknown = "a status that does not exist"
-    assert lines[5:] == [unknown, *[s.sentence for s in Status], unknown]
+    assert lines[5:] == [unknown, *[s.message for s in Status], unknown]
 
 
 def test_hand_written_files_are_small() -> None:

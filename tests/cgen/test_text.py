@@ -129,7 +129,7 @@ def test_a_parameter_without_a_value_is_named(tmp_path: Path) -> None:
 
 def test_manifest_tells_what_it_was_made_from(small_folder: Path, small: Functions, tmp_path: Path) -> None:
     content = json.loads((small_folder / "manifest.json").read_text())
-    assert content["statuses"][3] == {"code": 3, "name": "GT_SINGULAR", "sentence": gt.Status.SINGULAR.sentence}
+    assert content["statuses"][3] == {"code": 3, "name": "GT_SINGULAR", "sentence": gt.Status.SINGULAR.message}
     assert [m["title"] for m in content["models"]] == ["SliderCrank", "Pendulum"]
     assert {"name": "g", "value": 9.81, "unit": "m/s2"} in content["models"][1]["parameters"]
     slider = content["functions"][0]
@@ -155,7 +155,7 @@ def test_one_table_of_statuses() -> None:
     header = (codegen_dir() / "runtime" / "gt_status.h").read_text()
     assert c_enum() in header and textwrap.indent(c_sentences(), "    ") in header
     for status in gt.Status:
-        assert f"{status.c_name} = {int(status)}" in header and f'"{status.sentence}"' in header
+        assert f"{status.c_name} = {int(status)}" in header and f'"{status.message}"' in header
 
 
 def test_numbers_and_comments() -> None:

@@ -74,7 +74,7 @@ class TestStatus:
         assert np.all(np.isnan(q))
         assert "outside the range" in IK.diagnose(FAR)
         assert "no real solution" in IK.diagnose(FAR)
-        assert IK.diagnose(T) == Status.OK.sentence
+        assert IK.diagnose(T) == Status.OK.message
 
     def test_at_the_rim_the_position_is_known_and_the_velocity_not(self):
         crank = SliderCrank()

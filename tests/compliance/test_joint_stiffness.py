@@ -117,7 +117,7 @@ def test_bearing_tilt_is_noticed(method):
     rng = np.random.default_rng(SEED)
     assert method(synthetic_tests(planned(), TRUTH, rng)).adequacy.passed
     seen = method(tilting(planned(), rng)).adequacy
-    assert not seen.passed and "the model lacks an effect" in seen.sentence and seen.p < 1e-6
+    assert not seen.passed and "the model lacks an effect" in seen.message and seen.p < 1e-6
 
 
 def test_complementary_stiffness_is_the_slope_of_the_joint_torques():

@@ -65,7 +65,7 @@ def test_the_shipped_tests_are_recovered_and_say_that_they_are_synthetic(shipped
     s = shipped
     assert s.status is SolveStatus.SOLVED and all(check.passed for check in s.checks.values())
     # six intervals of 95 % for the seed of the file, and the printed values inside
-    assert all(low < 1e6 * k < high for k, (low, high) in zip(TRUTH, s.interval, strict=True))
+    assert all(low < 1e6 * k < high for k, (low, high) in zip(TRUTH, s.stiffness_interval, strict=True))
     assert all(s.agree) and s.adequate
     assert s.synthetic == "seed 9, noise 2e-05 m and 0.0001 rad"
     assert s.files["parameters.toml"].startswith("# synthetic: seed 9")

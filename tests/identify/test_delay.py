@@ -37,7 +37,7 @@ def test_a_shift_is_estimated_and_what_it_moves_is_told(samples: int) -> None:
     # the parameter that it names is off by about as much as it says
     assert off[delay.moved] == pytest.approx(delay.moves, abs=4) and delay.moves > 3
     late = "efforts" if samples > 0 else "positions"
-    assert any(s.startswith(f"the {late} look") and delay.moved in s for s in found.sentences)
+    assert any(s.startswith(f"the {late} look") and delay.moved in s for s in found.notes)
 
 
 def test_logs_without_a_delay_raise_as_many_alarms_as_chance_does() -> None:

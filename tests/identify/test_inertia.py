@@ -60,7 +60,7 @@ def test_estimates_lie_within_their_intervals_and_predict_another_motion():
     other = short_rows(seed=2, motion=2, how=Processing(cutoff=found.rows.cutoff_Hz))
     validation = found.validate(other)
     assert np.all(validation.rms < 1.3 * found.noise)
-    assert "held-out error" in validation.sentence
+    assert "held-out error" in validation.message
     assert np.max(np.abs(found.modelled(other) - (other.effort - validation.errors))) < 1e-9
 
 
@@ -115,7 +115,7 @@ def test_leaving_out_links_moves_the_plate_mass_as_theory_says_and_is_reported()
         assert abs(found.estimate.values[k] - truth()[name] - moved) < 4.0 * found.estimate.std[k]
     (test,) = found.left_out
     assert test.names == tuple(links) and not test.passed and test.p < 1e-12
-    assert any("m_a[0], m_a[1], m_a[2] would explain" in s for s in found.sentences)
+    assert any("m_a[0], m_a[1], m_a[2] would explain" in s for s in found.notes)
 
 
 def test_where_nothing_is_left_out_the_residuals_show_nothing():
@@ -134,7 +134,7 @@ def test_a_negative_mass_is_held_at_zero_and_said_so():
     free = feasible.unbounded
     assert feasible.estimate.held and all(free.value(n) < 0 for n in feasible.estimate.held[:1])
     assert all(feasible.estimate.value(n) >= 0 for n in rows.names)
-    assert any("at its bound, 0" in s for s in feasible.sentences)
+    assert any("at its bound, 0" in s for s in feasible.notes)
     with pytest.raises(ValueError, match="was not estimated"):
         feasible.estimate.interval(feasible.estimate.held[0])
     # the same as a nonlinear programme, by an interior point

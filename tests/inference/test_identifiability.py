@@ -21,7 +21,7 @@ def test_the_gauge_and_the_unseen_are_named():
     found = identifiability(jacobian(), NAMES, keep=("A_2.y", "A_2a.y"))
     assert found.rank == 4 and found.redundant == 2
     assert set(found.ranks.values()) == {4}
-    said = found.sentences()
+    said = found.notes
     assert said[1] == "A_2b.y moves with A_2.y and A_2a.y: measure A_2b.y, or fix one of them"
     assert said[2] == "v_1 moves nothing that is measured: fix it"
     assert dict(zip(NAMES, np.isinf(found.std), strict=True)) == {
@@ -51,7 +51,7 @@ def test_the_order_of_columns_and_the_signs_of_rows_change_nothing(order, turned
     other = identifiability((Q @ J)[:, order], names, scale=np.ones(6))
     assert other.dependencies.independent == first.dependencies.independent
     assert list(other.dependencies.coefficients) == list(first.dependencies.coefficients)
-    assert other.sentences()[1:] == first.sentences()[1:]
+    assert other.notes[1:] == first.notes[1:]
     np.testing.assert_allclose(other.std, first.std[list(order)], rtol=1e-9)
 
 
@@ -77,7 +77,7 @@ def test_a_direction_that_is_barely_seen_is_named_with_its_deviation():
     assert found.rank == 3 and found.redundant == 0
     (near,) = found.near
     assert near.weights == pytest.approx({"b": 1.0, "c": -1.0}) and near.std == pytest.approx(25.0)
-    assert "b and c are told no better than they were known" in found.sentences()[-1]
+    assert "b and c are told no better than they were known" in found.notes[-1]
     assert found.correlated[0][:2] == ("b", "c") and found.correlated[0][2] < -0.99
 
 
@@ -119,7 +119,7 @@ def test_every_combination_is_counted_once_by_the_number_that_decides(sizes, see
     found = identifiability(U @ np.diag(sizes) @ V.T, [f"p{k}" for k in range(n)], scale=np.ones(n))
     wanted = [sum(s > 1 for s in sizes), sum(0 < s < 1 for s in sizes), sum(s == 0 for s in sizes)]
     assert [found.told, len(found.near), found.redundant] == wanted
-    first, *others = found.sentences()
+    first, *others = found.notes
     assert first.startswith(f"{wanted[0]} of {n} parameters or combinations are told")
     assert ("no better than they were known" in first) == (wanted[1] > 0) == any("no better" in s for s in others)
     numbers = [int(w) for w in first.partition(" (rank")[0].replace(",", "").split() if w.isdigit()]

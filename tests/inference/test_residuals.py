@@ -31,7 +31,7 @@ def test_ljung_box_by_hand_and_on_both_kinds_of_noise():
     p = [whiteness(rng.standard_normal(400)).p for _ in range(200)]
     assert stats.kstest(p, "uniform").pvalue > 0.001
     coloured = whiteness(np.convolve(rng.standard_normal(500), [1, 1, 1], "valid"))
-    assert not coloured.passed and "coloured (correlation 0." in coloured.sentence and "lag 1" in coloured.sentence
+    assert not coloured.passed and "coloured (correlation 0." in coloured.message and "lag 1" in coloured.message
     with pytest.raises(ValueError, match="too few to test whiteness"):
         whiteness(r, lags=1, parameters=1)
     with pytest.raises(ValueError, match="5 residuals are too few to test whiteness at 5 lags"):
@@ -43,14 +43,14 @@ def test_normality_is_scipys_jarque_bera():
     good, bad = rng.standard_normal(500), rng.standard_t(2, 500)
     assert normality(good).passed and not normality(bad).passed
     assert normality(bad).statistic == pytest.approx(float(stats.jarque_bera(bad)[0]), rel=1e-9)
-    assert "outliers" in normality(bad).sentence
+    assert "outliers" in normality(bad).message
 
 
 @pytest.mark.parametrize(("stated", "said"), [(1.0, "as large as"), (0.5, "lacks an effect"), (2.0, "too large")])
 def test_the_size_of_the_noise_is_judged(stated, said):
     b = np.random.default_rng(2).standard_normal(300)
     found = noise_size(linear_fit(np.ones((300, 1)), b, "m", sigma=stated))
-    assert said in found.sentence and found.passed == (stated == 1.0)
+    assert said in found.message and found.passed == (stated == 1.0)
 
 
 def test_an_unknown_noise_cannot_be_judged():
@@ -69,7 +69,7 @@ def test_leave_one_out_is_the_hat_matrix_formula():
     H = A @ np.linalg.solve(A.T @ A, A.T)
     expected = (b - H @ b) / (1 - np.diag(H))
     np.testing.assert_allclose(found.errors, expected, rtol=1e-10)
-    assert found.rms > found.inside and "held-out error" in found.sentence
+    assert found.rms > found.inside and "held-out error" in found.message
     with pytest.raises(ValueError, match="at least two parts"):
         cross_validation(fit, lambda x, rows: b[rows], [np.arange(25)])
 
@@ -83,9 +83,9 @@ def test_parts_hold_every_row_once():
 def test_an_offset_is_not_white() -> None:
     assert whiteness(np.zeros(50)).passed
     verdict = whiteness(np.full(50, 0.3))
-    assert not verdict.passed and "an offset is left out" in verdict.sentence
+    assert not verdict.passed and "an offset is left out" in verdict.message
 
 
 def test_a_fit_without_degrees_of_freedom_says_nothing_of_the_noise():
     found = noise_size(linear_fit(np.eye(2), [1.0, 2.0], ["a", "b"], sigma=0.1))
-    assert not found.passed and found.sentence.endswith("residuals say nothing of the noise")
+    assert not found.passed and found.message.endswith("residuals say nothing of the noise")

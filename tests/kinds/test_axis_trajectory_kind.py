@@ -72,7 +72,7 @@ def test_the_shipped_problems_are_solved(problem) -> None:
 def test_wrong_inputs_name_their_key(problem, settings, key) -> None:
     with pytest.raises(InputError) as caught:
         answer(load(problem, settings), Context())
-    assert caught.value.key == key and caught.value.sentence
+    assert caught.value.key == key and caught.value.message
 
 
 def test_explain_says_what_is_optimised() -> None:

@@ -164,7 +164,7 @@ SPRING = "joint_stiffness.compensator={base_m=0.3, lever_m=0.25, rate_N_m=8e5, r
 def test_wrong_inputs_name_their_key(name: str, change: str, key: str) -> None:
     with pytest.raises(InputError) as caught:
         solved(name, change)
-    assert caught.value.key == key and caught.value.sentence
+    assert caught.value.key == key and caught.value.message
 
 
 def test_the_rate_of_a_compensator_is_for_complete_poses() -> None:

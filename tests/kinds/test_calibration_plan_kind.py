@@ -111,7 +111,7 @@ def test_the_call_on_objects_gives_the_values_of_the_file():
 def test_wrong_input_names_its_key(setting, key):
     with pytest.raises(InputError) as caught:
         answer(load(FILE, [setting]), Context())
-    assert caught.value.key == key and caught.value.sentence
+    assert caught.value.key == key and caught.value.message
 
 
 def test_a_start_is_refused():

@@ -43,7 +43,7 @@ def test_shipped_problems_are_solved(name) -> None:
 def test_wrong_inputs_name_their_key(name, change, key) -> None:
     with pytest.raises(InputError) as caught:
         solved(name, change)
-    assert caught.value.key == key and caught.value.sentence
+    assert caught.value.key == key and caught.value.message
 
 
 @pytest.mark.parametrize("change", ['robot="kr500"'])
@@ -68,4 +68,4 @@ def test_explain_names_the_springs() -> None:
 def test_a_stiffness_about_an_axis_is_refused_in_its_own_unit(problem, setting, unit) -> None:
     with pytest.raises(InputError) as caught:
         load(f"problems/{problem}.toml", [setting])
-    assert f" {unit};" in caught.value.sentence
+    assert f" {unit};" in caught.value.message

@@ -76,7 +76,7 @@ CONE = 'limits.joint_cones=[{arm = 5, end = "cart", axis = [1.0, 0.0, 0.0], half
 def test_wrong_input_names_its_key(settings: list[str], key: str) -> None:
     with pytest.raises(InputError) as caught:
         answer(load(L1, [*FEW, *settings]), Context())
-    assert caught.value.key == key and caught.value.sentence
+    assert caught.value.key == key and caught.value.message
 
 
 def test_another_problems_result_is_refused() -> None:

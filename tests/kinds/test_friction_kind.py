@@ -79,7 +79,7 @@ def test_measured_logs_with_a_drive_gain(tmp_path: Path) -> None:
     ):
         with pytest.raises(InputError) as caught:
             solved(Context(folder=tmp_path), log={**keys, **change}, **given)
-        assert caught.value.key == key and caught.value.sentence
+        assert caught.value.key == key and caught.value.message
 
 
 @pytest.mark.parametrize(

@@ -66,7 +66,7 @@ REFUSED = [
 def test_wrong_inputs_name_their_key(keys: dict, key: str) -> None:
     with pytest.raises(InputError) as caught:
         solve(**keys)
-    assert caught.value.key == key and caught.value.sentence
+    assert caught.value.key == key and caught.value.message
 
 
 def test_command_line_and_explain(capsys: pytest.CaptureFixture[str]) -> None:

@@ -179,7 +179,7 @@ def test_a_person_who_wrote_a_file_hears_of_no_place_in_gtmodel(context: Context
     for parameters in ({"m_p": -1.0}, {"m_q": 1.0}, {"L": [1.0, 2.0]}):
         with pytest.raises(InputError) as caught:
             resolve("l1_tape", context, parameters=parameters)
-        assert caught.value.key == "parameters" and ".py:" not in caught.value.sentence
+        assert caught.value.key == "parameters" and ".py:" not in caught.value.message
 
 
 def test_a_place_is_told_where_it_is_in_a_persons_file() -> None:

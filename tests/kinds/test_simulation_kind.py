@@ -85,7 +85,7 @@ class TestInputs:
         self.csv(here)
         with pytest.raises(InputError) as caught:
             solve(Context(folder=here), inputs=inputs)
-        assert caught.value.key == key and caught.value.sentence
+        assert caught.value.key == key and caught.value.message
 
     def test_a_file_in_another_unit(self, here: Path) -> None:
         from gtmodel import ModelError
@@ -113,7 +113,7 @@ class TestInputs:
 def test_wrong_problems(changes: dict[str, object], key: str) -> None:
     with pytest.raises(InputError) as caught:
         solve(**changes)
-    assert caught.value.key == key and caught.value.sentence
+    assert caught.value.key == key and caught.value.message
 
 
 def test_there_is_nothing_to_start_from() -> None:

@@ -162,11 +162,11 @@ class TestTable:
 
     def test_a_wrong_row(self):
         error = refused('row.1.set={"cost.power"=1.0}', file=TABLE)
-        assert error.key == "row[1].set" and "cost.power" in error.sentence
+        assert error.key == "row[1].set" and "cost.power" in error.message
         loaded = load(TABLE, ['row.2.set={"limits.force_N"=20.0}'])
         with pytest.raises(InputError) as caught:
             answer(loaded, context_of(loaded))
-        assert caught.value.key == "limits.force_N" and "20 N is not enough" in caught.value.sentence
+        assert caught.value.key == "limits.force_N" and "20 N is not enough" in caught.value.message
 
     def test_explain(self):
         loaded = load(TABLE)

@@ -43,7 +43,7 @@ def test_the_shipped_problem(capsys: pytest.CaptureFixture[str], tmp_path: Path)
 def test_wrong_inputs_name_their_key(change: str, key: str) -> None:
     with pytest.raises(InputError) as caught:
         answer(load("problems/l1_workspace.toml", [change]), Context())
-    assert caught.value.key == key and caught.value.sentence
+    assert caught.value.key == key and caught.value.message
 
 
 def test_a_start_is_refused_and_a_misspelt_key_named(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:

@@ -175,4 +175,4 @@ def test_words_of_the_status_are_fixed() -> None:
     words = ["complete", "fewer_finite", "multiple", "self_motion", "incomplete", "interrupted", "bad_input"]
     assert [s.value for s in ModesStatus] == words
     assert [s for s in ModesStatus if s.ok] == [ModesStatus.COMPLETE, ModesStatus.FEWER_FINITE]
-    assert all(s.sentence for s in ModesStatus)
+    assert all(s.message for s in ModesStatus)

@@ -118,7 +118,7 @@ class TestFile:
         file.write_text(text)
         with pytest.raises(ArgumentError) as caught:
             causality_study(l1, "T", "q", file)
-        assert caught.value.argument == "points" and "p.csv" in caught.value.sentence
+        assert caught.value.argument == "points" and "p.csv" in caught.value.message
 
 
 class TestKnownValues:

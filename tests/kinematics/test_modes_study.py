@@ -219,7 +219,7 @@ T0, Q0, E0 = [0.0] * 3, [0.0] * 3, [1.0, 0.0, 0.0, 0.0]
 def test_what_cannot_be_used_is_named(make, poses, argument: str) -> None:
     with pytest.raises(ArgumentError) as caught:
         modes_study(make(), poses)
-    assert caught.value.argument == argument and caught.value.sentence
+    assert caught.value.argument == argument and caught.value.message
 
 
 @pytest.mark.parametrize(
@@ -243,7 +243,7 @@ def test_wrong_files_get_a_sentence(text: str, tmp_path: Path) -> None:
     (tmp_path / "p.csv").write_text(text, encoding="utf-8")
     with pytest.raises(ArgumentError) as caught:
         read_poses(tmp_path / "p.csv")
-    assert "p.csv" in caught.value.sentence and caught.value.argument == "poses"
+    assert "p.csv" in caught.value.message and caught.value.argument == "poses"
 
 
 def test_a_file_of_a_spreadsheet_begins_with_a_mark(tmp_path: Path) -> None:

@@ -113,7 +113,7 @@ class TestCodes:
             text = reach.diagnose(T[codes == code][0])
             assert text.endswith(" m can be reached") if code == 0 else ") m cannot be reached: " in text
         assert "leaves the ball-joint cones of 40 deg by" in reach.diagnose(T[codes == FIRST_LIMIT + 3][0])
-        assert Status.NOT_FINITE.sentence in reach.diagnose(T[0])
+        assert Status.NOT_FINITE.message in reach.diagnose(T[0])
 
     def test_singular_poses_are_out_of_the_workspace(self) -> None:
         reach = Reach(INVERSE, [Singularities(L1.v, 1e-6)])

@@ -82,7 +82,7 @@ def test_what_a_caller_gave_wrong_is_named(
     given = {"peer": "egm", "seconds": 1.0, "in_lockstep": True, "built": built, "reference": motion} | keys
     with pytest.raises(ArgumentError) as caught:
         study(robot, generated, given.pop("reference"), **given)
-    assert caught.value.argument == argument and "\n" not in caught.value.sentence
+    assert caught.value.argument == argument and "\n" not in caught.value.message
 
 
 def test_a_reference_beyond_reach_is_refused(robot: Model, generated: Path, motion: Trajectory, built: Path) -> None:
@@ -90,7 +90,7 @@ def test_a_reference_beyond_reach_is_refused(robot: Model, generated: Path, moti
     far = Trajectory(motion.time, values | {"T": motion["T"] + 9.0}, {name: motion.unit(name) for name in motion.names})
     with pytest.raises(ArgumentError) as caught:
         study(robot, generated, far, peer="egm", seconds=1.0, in_lockstep=True, built=built)
-    assert caught.value.argument == "reference" and "at 0 s" in caught.value.sentence
+    assert caught.value.argument == "reference" and "at 0 s" in caught.value.message
 
 
 def test_a_robot_of_other_axes_is_refused(generated: Path, motion: Trajectory) -> None:

@@ -81,7 +81,7 @@ def test_guideline_in_words() -> None:
     assert "by +30 % or +20 % at the static choice, by +10 % or -4 % at the dynamic one" in said[3]
     assert "the speed gains 50 %" in said[4] and said[5].endswith("deflects least, 0.2 mm, at 3000 rpm")
     near = nearest_mode(OSCILLATORS[4], 30.0)
-    assert (near.harmonic, near.axis) == (2, 1) and "2 times the tooth frequency" in near.sentence
+    assert (near.harmonic, near.axis) == (2, 1) and "2 times the tooth frequency" in near.message
     calm = replace(f, dynamic=np.full(3, 1e-4), speeds=f.speeds[:1], best_by_speed=f.best_by_speed[:1])
     assert "the static model will do" in guideline(calm)[0] and guideline(calm)[-1] == "no other speed was tried"
     none_better = replace(

@@ -127,15 +127,15 @@ def test_critical_depth_of_two_equal_modes_by_hand() -> None:
             limits.append(2e6 / value.real)  # divergence
     assert critical_depth(o, CUTTER, CUT, X) == pytest.approx(min(limits), rel=1e-6)
     found = mode_coupling(o, CUTTER, replace(CUT, axial_depth=1e-3), X)
-    assert found.warn and found.apart == 0 and found.pair == (0, 1) and "mode coupling is possible" in found.sentence
+    assert found.warn and found.apart == 0 and found.pair == (0, 1) and "mode coupling is possible" in found.message
 
 
 def test_words_of_mode_coupling() -> None:
     far, near = mode_coupling(OSCILLATORS[0], CUTTER, CUT, X), mode_coupling(OSCILLATORS[8], CUTTER, CUT, X)
     assert (
-        not far.warn and far.sentence.startswith("no sign of mode coupling") and "at no depth below 1 m" in far.sentence
+        not far.warn and far.message.startswith("no sign of mode coupling") and "at no depth below 1 m" in far.message
     )
-    assert near.warn and "mode-coupling chatter is to be expected" in near.sentence
+    assert near.warn and "mode-coupling chatter is to be expected" in near.message
     assert mode_coupling(OSCILLATORS[0], CUTTER, CUT, Y).angle != pytest.approx(far.angle)
     with pytest.raises(ValueError, match="expected a stable depth and an unstable one"):
         stable_depth(OSCILLATORS[0], CUTTER, CUT, 30.0, X, low=1e-6, high=2e-6)

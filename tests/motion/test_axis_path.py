@@ -114,7 +114,7 @@ def through(*at: float) -> ToolCourse:
 def test_what_cannot_be_used_is_named(changes: dict[str, Any], argument: str):
     with pytest.raises(ArgumentError) as caught:
         planned(along(**changes))
-    assert caught.value.argument == argument and caught.value.sentence
+    assert caught.value.argument == argument and caught.value.message
 
 
 @pytest.mark.proof

@@ -71,7 +71,7 @@ def turned(*degrees: float) -> AxisEnd:
 def test_what_cannot_be_used_is_named(changes: dict[str, Any], argument: str):
     with pytest.raises(ArgumentError) as caught:
         studied(free(**changes))
-    assert caught.value.argument == argument and caught.value.sentence
+    assert caught.value.argument == argument and caught.value.message
 
 
 def test_strokes_may_be_arrays():

@@ -161,7 +161,7 @@ class TestRefusals:
     def test_force_below_the_weight(self):
         error = refused(limits__force=20.0)
         assert error.argument == "limits.force"
-        assert error.sentence.startswith("20 N is not enough: the weight alone needs ")
+        assert error.message.startswith("20 N is not enough: the weight alone needs ")
 
     @pytest.mark.parametrize(
         ("changes", "argument", "words"),
@@ -178,7 +178,7 @@ class TestRefusals:
     )  # fmt: skip
     def test_one_sentence(self, changes, argument, words):
         error = refused(**changes)
-        assert error.argument == argument and words in error.sentence
+        assert error.argument == argument and words in error.message
 
     def test_too_little_force_to_move(self):
         """150 N hold the weight and overcome friction at a creep only: a hint, and the nearest iterate is kept."""

@@ -188,7 +188,7 @@ class TestSearch:
         for values in ({"T": [[0.0, 1.0]] * 3}, {"x": [1.0] * 3}):
             with pytest.raises(ArgumentError) as caught:
                 plan_of(asked(**LIGHT), gt.Trajectory([0.0, 0.5, 1.0], values))
-            assert caught.value.argument == "earlier" and "expected three coordinates" in caught.value.sentence
+            assert caught.value.argument == "earlier" and "expected three coordinates" in caught.value.message
 
     def test_a_stop_keeps_the_iterate(self):
         seen = []
@@ -230,8 +230,8 @@ class TestRefusals:
     def test_out_of_reach(self, end):
         error = refused(**{f"{end}__tcp": [0.9, -3.0, 0.45]})
         assert error.argument == f"{end}.tcp"
-        assert error.sentence.startswith("the pose (0.9, -3, 0.45) m cannot be reached: the input lies outside")
-        assert "no real solution" in error.sentence
+        assert error.message.startswith("the pose (0.9, -3, 0.45) m cannot be reached: the input lies outside")
+        assert "no real solution" in error.message
 
     def test_edge_of_reach(self):
         """The pose exists, but a link stands nearly across its guideway: 10 mm along it."""
@@ -246,7 +246,7 @@ class TestRefusals:
         error = refused(goal__tcp=[0.5, y, 0.45])
         link = f"arm[{np.argmin(nearest(y))}]"
         assert error.argument == "goal.tcp"
-        assert f"lies at the edge of reach: {link} stands 0.01 m along its guideway" in error.sentence
+        assert f"lies at the edge of reach: {link} stands 0.01 m along its guideway" in error.message
 
     def test_goal_is_start(self):
         assert refused(goal__tcp=START).argument == "goal.tcp"

@@ -136,7 +136,7 @@ class TestSquaredSpeeds:
         f = ca.Function("f", [x, v, a], [a + 9.81])
         curve = lambda s: (s[:, None], 1 + 0 * s[:, None], 0 * s[:, None])  # noqa: E731
         motion = solve_path(PathTask(curve, f, np.array([-5.0]), np.array([5.0]), np.zeros(1)), 20, max_iterations=100)
-        assert not motion.status.ok and motion.message.startswith(motion.status.sentence)
+        assert not motion.status.ok and motion.message.startswith(motion.status.message)
 
     def test_wrong_shapes(self):
         x = ca.SX.sym("x")
@@ -198,13 +198,13 @@ class TestOtherPaths:
 class TestRefusals:
     def test_a_path_that_leaves_the_workspace(self):
         error = refused(path=Polyline([[0.4, -3.0, 0.3]]))
-        assert error.argument == "path" and error.sentence.startswith("the path leaves the workspace at (")
-        assert error.sentence.endswith("% of the way")
+        assert error.argument == "path" and error.message.startswith("the path leaves the workspace at (")
+        assert error.message.endswith("% of the way")
 
     def test_an_obstacle_on_the_path(self):
         error = refused(path=Line(), limits__obstacles=[Obstacle([0.45, -0.9, 0.275], [0.1, 0.1, 0.1])])
-        assert error.argument == "path" and error.sentence.startswith("the path breaks limits.obstacles[0] by ")
-        assert error.sentence.endswith("% of the way")
+        assert error.argument == "path" and error.message.startswith("the path breaks limits.obstacles[0] by ")
+        assert error.message.endswith("% of the way")
 
     @pytest.mark.parametrize(
         ("path", "argument"),
@@ -234,4 +234,4 @@ class TestRefusals:
         (tmp_path / "points.csv").write_bytes(text.encode("latin-1"))
         with pytest.raises(ArgumentError) as caught:
             read_points(tmp_path / "points.csv")
-        assert caught.value.argument == "file" and words in caught.value.sentence
+        assert caught.value.argument == "file" and words in caught.value.message

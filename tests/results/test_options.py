@@ -97,7 +97,7 @@ def test_what_agrees_is_taken(given: dict[str, Any]) -> None:
 def test_what_does_not_agree_is_refused_with_found_and_expected(argument: str, bad: Any, told: str) -> None:
     with pytest.raises(ArgumentError) as caught:
         Everything(**{argument.split("[")[0].split(".")[0]: bad})
-    assert caught.value.argument == argument and told in caught.value.sentence
+    assert caught.value.argument == argument and told in caught.value.message
 
 
 def test_a_word_is_told_with_the_one_that_was_meant() -> None:

@@ -66,15 +66,15 @@ def test_only_solved_is_ok() -> None:
 
 @pytest.mark.parametrize("member", [*Status, *SolveStatus])
 def test_sentences_are_plain_and_fit_into_c(member: Status | SolveStatus) -> None:
-    assert member.sentence.isascii() and member.sentence.isprintable()
-    assert not set('"\\') & set(member.sentence) and "*/" not in member.sentence
-    assert member.sentence[0].islower() and not member.sentence.endswith(".")
+    assert member.message.isascii() and member.message.isprintable()
+    assert not set('"\\') & set(member.message) and "*/" not in member.message
+    assert member.message[0].islower() and not member.message.endswith(".")
     assert pickle.loads(pickle.dumps(member)) is member
 
 
 def test_no_sentence_is_used_twice() -> None:
     for table in (Status, SolveStatus):
-        assert len({s.sentence for s in table}) == len(table)
+        assert len({s.message for s in table}) == len(table)
 
 
 def test_text_of_the_c_enumeration() -> None:
@@ -93,4 +93,4 @@ def test_c_agrees_with_python(tmp_path: Path) -> None:
     program = tmp_path / "status"
     subprocess.run(["gcc", "-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-o", program, source], check=True)
     printed = subprocess.run([program], check=True, capture_output=True, text=True).stdout
-    assert printed == "".join(f"{s.value} {s.sentence}\n" for s in Status) + f"{len(Status)}\n"
+    assert printed == "".join(f"{s.value} {s.message}\n" for s in Status) + f"{len(Status)}\n"

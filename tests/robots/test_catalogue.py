@@ -193,4 +193,4 @@ class TestStatus:
             assert one == status[n] and np.array_equal(alone, found[n], equal_nan=True)
             assert np.isfinite(alone).all() == (one == Status.OK)
         sentence = f.diagnose(rows[2])
-        assert sentence.startswith(verdict.sentence) and len(sentence) > len(verdict.sentence)
+        assert sentence.startswith(verdict.message) and len(sentence) > len(verdict.message)

@@ -14,7 +14,7 @@ def key_of_refusal(run: Callable[[], object]) -> str:
     """The key at which a problem is refused."""
     with pytest.raises(InputError) as caught:
         run()
-    assert caught.value.sentence
+    assert caught.value.message
     return caught.value.key
 
 
@@ -22,5 +22,5 @@ def argument_of_refusal(run: Callable[[], object]) -> str:
     """The argument at which a call is refused."""
     with pytest.raises(ArgumentError) as caught:
         run()
-    assert caught.value.sentence
+    assert caught.value.message
     return caught.value.argument

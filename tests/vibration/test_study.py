@@ -191,7 +191,7 @@ STEP = step_record(0.9656, 0.03425, 5, 1e-3, samples=200, before=20, sample_time
 def test_what_cannot_be_used_is_named(records, model, more, argument) -> None:
     with pytest.raises(ArgumentError) as caught:
         study(records, model, **more)
-    assert caught.value.argument == argument and caught.value.sentence
+    assert caught.value.argument == argument and caught.value.message
 
 
 @pytest.mark.parametrize(

@@ -26,7 +26,7 @@ LARGER = {"um": "mm", "mm": "m", "m": "km"}
 class Reading(NamedTuple):
     """Another reading of the columns: what to say, and the rms distance [m] from the model's positions that is left."""
 
-    sentence: str
+    message: str
     left: float
 
 

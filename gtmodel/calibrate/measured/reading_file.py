@@ -76,7 +76,7 @@ def _table(path: Path, measured: Measured, key: str = "measured.file") -> Signal
     try:
         return signal_table.read(path, wanted, measured.session)
     except ArgumentError as error:
-        raise ArgumentError(error.sentence, f"measured.{error.argument}" if error.argument else key) from error
+        raise ArgumentError(error.message, f"measured.{error.argument}" if error.argument else key) from error
 
 
 def _measurements(tables: Sequence[SignalTable], measured: Measured) -> Measurements:

@@ -100,7 +100,7 @@ def recognise(data: SplitPoses, witness: Witness) -> tuple[np.ndarray, np.ndarra
     if before > CLOSE * witness.size:
         columns = other_columns(names, groups, q, before, lambda trial: misfit(*witness.positions(trial)))
     if len(good) < max(4, REACHED * len(q)):
-        _refuse(None if columns is None else columns.sentence, data.actuators)
+        _refuse(None if columns is None else columns.message, data.actuators)
         if len(q) < 4:
             raise ArgumentError(
                 f"found {len(q)} poses; expected at least 4, better several tens", f"poses.values.{data.actuators}"
@@ -112,9 +112,9 @@ def recognise(data: SplitPoses, witness: Witness) -> tuple[np.ndarray, np.ndarra
         )
     axes = swapped_axes(pose.position, T[good], predicted, witness.size, pose.device)
     if columns is not None and (axes is None or columns.left < axes.left):
-        _refuse(columns.sentence, data.actuators)
+        _refuse(columns.message, data.actuators)
     elif axes is not None:
-        _refuse(axes.sentence, pose.position)
+        _refuse(axes.message, pose.position)
     if pose.device:
         t, R, _ = aligned(T[good], predicted)
         return t, Rotation.from_matrix(R).as_quat(scalar_first=True)

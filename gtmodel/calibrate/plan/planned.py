@@ -153,7 +153,7 @@ def _known(plan: Plan) -> dict[str, Any]:
     if told is not None:
         found |= {f"o{k}": getattr(told.indices, f"o{k}") for k in range(1, 6)}
         found |= {"rank": told.rank, "told_no_better": len(told.near), "condition": told.condition,
-                  "identifiability": told.sentences()}  # fmt: skip
+                  "identifiability": told.notes}  # fmt: skip
     if info is not None:
         std = {name: s if np.isfinite(s) else None for name, s in info.std().items()}
         found |= {"parameters": len(info.names), "parameter_std": std}

@@ -136,7 +136,7 @@ def verdict(found: Found, accuracy: float | None) -> tuple[bool, bool | None, li
         sentences.append(undetermined(c, found.after))
     if c.estimate.known_noise:
         size = noise_size(c.estimate)
-        sentences.append(size.sentence)
+        sentences.append(size.message)
     if c.estimate.degrees_of_freedom > 0:
         sentences.append(found.confidence.scope)
     lost = found.lost
@@ -174,7 +174,7 @@ def verdict(found: Found, accuracy: float | None) -> tuple[bool, bool | None, li
         sentences.append(f"prediction misses the wanted {1e3 * accuracy:.3g} mm on {kept} held-out poses: {sizes}")
     else:
         sentences.append(
-            f"prediction not proven on {kept} held-out poses ({sizes}): {judged.sentence}; measure more poses or free "
+            f"prediction not proven on {kept} held-out poses ({sizes}): {judged.message}; measure more poses or free "
             "fewer parameters"
         )
     return True, proven, sentences

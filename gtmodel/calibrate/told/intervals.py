@@ -143,7 +143,7 @@ class Confidence:
         if c.estimate.known_noise and c.estimate.degrees_of_freedom > 0:
             size = noise_size(c.estimate)
             if not size.passed and c.estimate.noise > 1:
-                found.append(size.sentence)
+                found.append(size.message)
         return found
 
     @cached_property
@@ -187,7 +187,7 @@ class Confidence:
             tests = {name: whiteness(r[order]) for name, order in orders.items()}
             name = min(tests, key=lambda n: tests[n].p)
             if tests[name].p < SMALL_P / (len(orders) * len(labels)):  # Bonferroni: a false alarm in 1 % of all fits
-                found.append((label, name, tests[name].sentence))
+                found.append((label, name, tests[name].message))
         return found
 
     def _orders(self, poses: int) -> dict[str, np.ndarray]:

@@ -147,7 +147,7 @@ def _told(i: Identifiability) -> dict[str, Any]:
         "condition": i.condition,
         "observability": {f"O{k}": getattr(i.indices, f"o{k}") for k in range(1, 6)},
         "scaling": i.indices.scaling,
-        "sentences": i.sentences(),
+        "sentences": i.notes,
     }
 
 

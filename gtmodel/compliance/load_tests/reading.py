@@ -84,7 +84,7 @@ def read_load_tests(path: Path | str, tests: LoadTests) -> MeasuredTests:
         table = signal_table.read(Path(path), wanted)
     except ArgumentError as error:
         at = error.argument.removeprefix("signals.") if error.argument else "file"
-        raise ArgumentError(error.sentence, f"tests.{at}") from error
+        raise ArgumentError(error.message, f"tests.{at}") from error
     for name, rows in table.values.items():
         size = 6 if name == "q" else 3
         if rows.shape[1] != size:

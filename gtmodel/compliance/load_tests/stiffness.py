@@ -47,9 +47,14 @@ class StiffnessStudy(Study):
 
     method: Annotated[str | None, "the one whose stiffness is told first"] = None
     stiffness: Annotated[Array | None, Quantity("N.m/rad", "by joint", written="MN.m/rad")] = None
-    interval: Annotated[
+    stiffness_interval: Annotated[
         Array | None,
-        Quantity("N.m/rad", "95 % of each; null: no upper end, or a negative compliance", written="MN.m/rad"),
+        Quantity(
+            "N.m/rad",
+            "95 % of each; null: no upper end, or a negative compliance",
+            key="interval_MNm_rad",
+            written="MN.m/rad",
+        ),
     ] = None
     compliance: Annotated[Array | None, Quantity("", "by joint, rad/(N.m)", key="compliance_rad_Nm")] = None
     other_method: Annotated[Array | None, Quantity("N.m/rad", "stiffness by the other method", written="MN.m/rad")] = (
@@ -63,7 +68,6 @@ class StiffnessStudy(Study):
     adequacy: Annotated[str | None, "the same in words"] = None
     adequate: Annotated[bool | None, "whether the residuals are noise of the stated size"] = None
     observability: Annotated[float | None, Quantity("", "O1 of the tests", key="observability_O1")] = None
-    sentences: Annotated[Sequence[str], Quantity("", "what the tests tell, in sentences", key="told")] = ()
     best_tests: Annotated[Sequence[int], "lines of those that tell most"] = ()
     softest: Annotated[Array | None, Quantity("N/m", "of the tool by test; null for a negative compliance")] = None
     stiffest: Annotated[Array | None, Quantity("N/m", "the same of the stiffest direction")] = None
@@ -207,16 +211,16 @@ def _values(
     return {
         "method": fit.method,
         "stiffness": fit.stiffness,
-        "interval": np.array([fit.interval(j) for j in joints]),
+        "stiffness_interval": np.array([fit.interval(j) for j in joints]),
         "compliance": fit.compliance,
         "other_method": None if other is None else other.stiffness,
         "agree": None if other is None else [_overlap(fit.interval(j), other.interval(j)) for j in joints],
         "compensator_rate": rate,
         "chi_squared_p": fit.adequacy.p,
-        "adequacy": fit.adequacy.sentence,
+        "adequacy": fit.adequacy.message,
         "adequate": bool(fit.adequacy.passed),
         "observability": fit.told.indices.o1,
-        "sentences": fit.told.sentences(),
+        "notes": fit.told.notes,
         "best_tests": [int(tests.numbered[i]) for i in best],
         "softest": stiffness[:, 0] if sound else None,
         "stiffest": stiffness[:, -1] if sound else None,
@@ -242,7 +246,6 @@ def _rows(v: Mapping[str, Any], adequacy: str, note: str | None) -> list[Row]:
             Row("softest direction of the tool, over the tests", f"{min(v['softest_N_m']) / 1e6:.4g} to "
                 f"{max(v['softest_N_m']) / 1e6:.4g}", "N/um")]),
         Row("tests that tell most, lines of the file", ", ".join(map(str, v["best_tests"]))),
-        *(Row("told", sentence) for sentence in v["told"]),
         *(Row("beside the print" if sentence in SAID else "look at this", sentence) for sentence in v["said"]),
     ]  # fmt: skip
     return [*rows, Row("SYNTHETIC", note)] if note else rows

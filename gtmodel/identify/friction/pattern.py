@@ -74,7 +74,7 @@ def _by_geometry(robot: Model) -> Weighed:
         for function in inverse:
             tau, status = function(tcp, *at_rest)
             if status is not Status.OK:
-                raise ValueError(f"{tcp} m cannot be reached: {status.sentence}")
+                raise ValueError(f"{tcp} m cannot be reached: {status.message}")
             forces.append(np.asarray(tau))
         return forces[1] - forces[0]
 

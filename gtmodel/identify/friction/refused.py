@@ -86,7 +86,7 @@ def refuse_exchanged(runs: Runs, pattern: Array, symmetric: bool) -> bool:
     found = exchanged(left, carts, degrees_of_freedom, float(np.sqrt(np.mean(runs.force**2))))
     if found is not None and not found.passed:
         names = [f"force {k + 1}" for k in range(carts)]
-        raise ArgumentError(f"{found.sentence(names, 'N')}; check order and signs of the columns", "runs")
+        raise ArgumentError(f"{found.message(names, 'N')}; check order and signs of the columns", "runs")
     return found is None or found.told
 
 

@@ -149,7 +149,7 @@ def friction_study(
     try:
         fit = identify_friction(found, pattern, symmetric=directions == "symmetric", gravity=gravity)
     except ArgumentError as error:
-        raise ArgumentError(error.sentence, "poses" if error.argument == "pattern" else "runs") from error
+        raise ArgumentError(error.message, "poses" if error.argument == "pattern" else "runs") from error
     e = fit.estimate
     coefficients: dict[str, Any] = {name: getattr(fit, name) for name in LABELS}
     return FrictionStudy(

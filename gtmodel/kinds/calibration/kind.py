@@ -84,7 +84,7 @@ def _carts(problem: Schema, context: Context) -> CartPoints | None:
     try:
         at, points = calibrate.read_cart_points(context.file(keys.file, "cart_points.file"), keys.arms, keys.unit)
     except ArgumentError as error:
-        raise InputError(error.sentence, "cart_points.file") from error
+        raise InputError(error.message, "cart_points.file") from error
     return CartPoints(at, points, **keys.given())
 
 

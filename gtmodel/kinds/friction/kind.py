@@ -68,7 +68,7 @@ def _logs(problem: Schema, context: Context) -> list[tuple[Session, ...]]:
         try:
             found.append(Corrections(signals, raw).apply())
         except ArgumentError as error:
-            raise InputError(error.sentence, "log") from error
+            raise InputError(error.message, "log") from error
     return found
 
 

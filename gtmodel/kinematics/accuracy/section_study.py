@@ -112,7 +112,7 @@ def accuracy_study(
     for case, error in zip(resolved, errors, strict=True):
         mapped = map_errors(error, region.base_points, region.T, progress=work.told(case.name))
         if not mapped.complete or work.interrupted():
-            return _study(region, title, found, SolveStatus.INTERRUPTED, SolveStatus.INTERRUPTED.sentence)
+            return _study(region, title, found, SolveStatus.INTERRUPTED, SolveStatus.INTERRUPTED.message)
         good = region.window & (mapped.status == Status.OK)
         if not good.any():
             reasons = _reasons(mapped.status[region.window])
@@ -161,7 +161,7 @@ def _through(low: float, high: float, outer_low: float, outer_high: float, step:
 
 
 def _study_of(region: ErrorRegion, title: str, found: list[JudgedCase]) -> AccuracyStudy:
-    status, message = SolveStatus.SOLVED, SolveStatus.SOLVED.sentence
+    status, message = SolveStatus.SOLVED, SolveStatus.SOLVED.message
     lost = [f.values["name"] for f in found if any(not math.isfinite(check.value) for check in f.checks.values())]
     if lost:
         # the numbers of the first order stand, but no cross-check reaches them
@@ -203,7 +203,7 @@ def _word(name: str) -> str:
 
 def _reasons(status: Array) -> dict[str, int]:
     found = np.bincount(np.asarray(status, dtype=int))
-    return {Status(code).sentence: int(n) for code, n in enumerate(found) if n and code != Status.OK}
+    return {Status(code).message: int(n) for code, n in enumerate(found) if n and code != Status.OK}
 
 
 def _table(region: ErrorRegion, maps: list[ErrorMap]) -> str:

@@ -217,7 +217,7 @@ def _checks(judged: Judged, done: list[int]) -> dict[str, Check]:
 def _message(judged: Judged, status: SolveStatus, checks: dict[str, Check]) -> str:
     n = len(judged.hands)
     if status is SolveStatus.INTERRUPTED:
-        return f"{status.sentence}; {sum(map(judged.done, range(n)))} of {n} poses were searched"
+        return f"{status.message}; {sum(map(judged.done, range(n)))} of {n} poses were searched"
     if status is SolveStatus.FAILED:
         bad = [i for i in range(n) if not judged.results[i].status.ok]
         head = f"pose {bad[0] + 1}: " if n > 1 else ""

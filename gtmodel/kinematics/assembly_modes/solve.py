@@ -81,7 +81,7 @@ def _solve(legs: Legs, systems: tuple[StartSystem, ...] | None, progress: Progre
         results += _solve_some(legs[first : first + POSES_AT_ONCE], chosen)
         if progress is not None and progress(len(results), len(legs)):
             break
-    stopped = without_modes(ModesStatus.INTERRUPTED, ModesStatus.INTERRUPTED.sentence, np.nan, Certificate())
+    stopped = without_modes(ModesStatus.INTERRUPTED, ModesStatus.INTERRUPTED.message, np.nan, Certificate())
     return results + [stopped] * (len(legs) - len(results))
 
 

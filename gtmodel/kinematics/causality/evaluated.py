@@ -137,7 +137,7 @@ def _inputs(
         try:
             return point_table.read(Path(points), function.inputs)
         except ArgumentError as error:
-            raise ArgumentError(error.sentence, "points") from error
+            raise ArgumentError(error.message, "points") from error
     if not isinstance(points, Mapping):
         if len(function.inputs) > 1:
             names = ", ".join(s.name for s in function.inputs)
@@ -197,7 +197,7 @@ def _center(box: PointGrid, model: Model, known: list[str], branches: Mapping[st
         raise ArgumentError(str(error), argument) from error
     center, status = f(*[_sized(given, s, argument) for s in f.inputs])
     if status != Status.OK:
-        raise ArgumentError(f"{known[0]} cannot be computed there: {status.sentence}", argument)
+        raise ArgumentError(f"{known[0]} cannot be computed there: {status.message}", argument)
     return np.asarray(center)
 
 

@@ -66,12 +66,12 @@ class Reach:
         """True for reachable rows of T (n, 3) [m]."""
         return self(T) == REACHABLE
 
-    def sentence(self, code: int) -> str:
+    def message(self, code: int) -> str:
         """What a code means."""
         if code == REACHABLE:
             return "reachable"
         if code < FIRST_LIMIT:
-            return Status(code).sentence
+            return Status(code).message
         return f"outside the {self.limits[code - FIRST_LIMIT].name}"
 
     def diagnose(self, T: Array) -> str:
@@ -93,7 +93,7 @@ class Reach:
     def counts(self, codes: Array) -> dict[str, int]:
         """Number of points by reason, in the order of the tests; reasons without points are left out."""
         found = np.bincount(np.asarray(codes, dtype=int).ravel())
-        return {self.sentence(code): int(n) for code, n in enumerate(found) if n}
+        return {self.message(code): int(n) for code, n in enumerate(found) if n}
 
 
 @dataclass(frozen=True)

@@ -191,7 +191,7 @@ def _study_of(
     if empty:
         return found.with_(status=SolveStatus.INFEASIBLE, message=_nothing(main, reasons))
     return found.with_(
-        message="; ".join(found.cuts) or SolveStatus.SOLVED.sentence,
+        message="; ".join(found.cuts) or SolveStatus.SOLVED.message,
         checks=_checks(main, coarse, volume, solid),
         files={"boundary.csv": _boundary(main)},
     )

@@ -35,7 +35,7 @@ def failure(run: Run, more: list[str]) -> str:
     if run.other is not None:
         other, word = run.other
         tries = f"{tries} with the {run.barrier} barrier strategy, {_word(word)} with the {other} one"
-    said = f"{run.status.sentence} ({tries})"
+    said = f"{run.status.message} ({tries})"
     kept = f"kept is iterate {run.best.number}, the nearest to its constraints" if run.best else ""
     return "; ".join([said, *[m for m in [kept, *more] if m]])
 

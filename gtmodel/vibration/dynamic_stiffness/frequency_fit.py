@@ -122,9 +122,9 @@ def _judged(fit: ModalFit, one: ModalFit | None) -> ModalFit:
         )
         notes.append(f"a second mode lies {apart:.2g} Hz from the first, closer than {CLOSE:g} Hz{bias}")  # fmt: skip
     if fit.adequacy is not None and not fit.adequacy.passed and fit.estimate.noise > 1:
-        notes.append(f"{fit.adequacy.sentence}: intervals are too narrow")
+        notes.append(f"{fit.adequacy.message}: intervals are too narrow")
     elif fit.adequacy is None and not fit.whiteness.passed and fit.response.wider == 1.0:
-        notes.append(f"along the frequency {fit.whiteness.sentence}; another mode may lie in the band")
+        notes.append(f"along the frequency {fit.whiteness.message}; another mode may lie in the band")
     return replace(fit, notes=tuple(notes))
 
 
