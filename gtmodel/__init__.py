@@ -7,7 +7,6 @@ measurements, mechanics, milling, motion, optimize, plot, results, robots, simul
 load("problem.toml") gives the study that a problem file means, as a call on objects.
 """
 
-import importlib
 import os as _os
 import signal as _signal
 import sys as _sys
@@ -20,71 +19,59 @@ if _sys.argv and _os.path.basename(_sys.argv[0]) in ("-m", "gtmodel", "gtmodel.e
     with _suppress(ValueError):  # not the main thread
         _signal.signal(_signal.SIGINT, _signal.SIG_DFL)
 
-from . import lang as _lang
+from ._lazy import public as _public
 from ._version import __version__ as __version__
-from .compiler.causal import CausalFunction, compile_causal
-from .lang import *  # noqa: F403
-from .lang.slips import near as _near
-from .optimize import (
-    Blocks,
-    Mesh,
-    NotSolved,
-    Phases,
-    Refinement,
-    Resimulation,
-    Solution,
-    SolverOptions,
-    estimate,
-    multi_start,
-    refine,
-    resimulate,
-    solve,
-    solve_phases,
-    transcribe,
-)
-from .results import Estimate, SolveStatus, Status, Trajectory
-from .simulation import NotSimulated, Simulation, linearize, modes, simulate
 
 if TYPE_CHECKING:
     from . import (
-        calibrate,
-        cgen,
-        compliance,
-        control,
-        identify,
-        inference,
-        kinematics,
-        loop,
-        measurements,
-        mechanics,
-        milling,
-        motion,
-        optimize,
-        plot,
-        results,
-        robots,
-        simulation,
-        vibration,
+        calibrate as calibrate,
+        cgen as cgen,
+        compliance as compliance,
+        control as control,
+        identify as identify,
+        inference as inference,
+        kinematics as kinematics,
+        loop as loop,
+        measurements as measurements,
+        mechanics as mechanics,
+        milling as milling,
+        motion as motion,
+        optimize as optimize,
+        plot as plot,
+        results as results,
+        robots as robots,
+        simulation as simulation,
+        vibration as vibration,
+    )
+    from .compiler.causal import CausalFunction as CausalFunction
+    from .lang import *  # noqa: F403
+    from .optimize import (
+        Blocks as Blocks,
+        Mesh as Mesh,
+        NotSolved as NotSolved,
+        Phases as Phases,
+        Refinement as Refinement,
+        Resimulation as Resimulation,
+        Solution as Solution,
+        SolverOptions as SolverOptions,
+        estimate as estimate,
+        multi_start as multi_start,
+        refine as refine,
+        resimulate as resimulate,
+        solve as solve,
+        solve_phases as solve_phases,
+        transcribe as transcribe,
+    )
+    from .results import Estimate as Estimate, SolveStatus as SolveStatus, Status as Status, Trajectory as Trajectory
+    from .simulation import (
+        NotSimulated as NotSimulated,
+        Simulation as Simulation,
+        linearize as linearize,
+        modes as modes,
+        simulate as simulate,
     )
 
-# imported when first asked for: the core stands without them (a test deletes the robots), and starts sooner
-_LIBRARIES = [
-    "calibrate", "cgen", "compliance", "control", "identify", "inference", "kinematics", "loop", "measurements",
-    "mechanics", "milling", "motion", "optimize", "plot", "results", "robots", "simulation", "vibration",
-]  # fmt: skip
-# what a person calls on a model lives in the engines; bound here so that the language imports none of them
-for _cls in (_lang.Model, _lang.Builder):
-    _cls.causal = compile_causal
-    _cls.simulate = simulate
-
-__all__ = [
-    "Blocks", "CausalFunction", "Estimate", "Mesh", "NotSimulated", "NotSolved", "Phases", "Refinement", "Resimulation",
-    "Simulation", "Solution", "SolveStatus", "SolverOptions", "Status", "Trajectory", "calibrate", "cgen", "compliance",
-    "control", "estimate", "identify", "inference", "kinematics", "linearize", "load", "loop", "measurements",
-    "mechanics", "milling", "modes", "motion", "multi_start", "optimize", "plot", "refine", "resimulate", "results",
-    "robots", "simulate", "simulation", "solve", "solve_phases", "transcribe", "vibration",
-]  # fmt: skip
-__all__ += _lang.__all__
+__all__ = ["load"]
 
 
 def load(path: str | Path, *settings: str) -> Any:
@@ -104,11 +91,4 @@ def load(path: str | Path, *settings: str) -> Any:
     return call_of(path, settings)
 
 
-def __getattr__(name: str) -> Any:
-    if name in _LIBRARIES:
-        return importlib.import_module(f".{name}", __name__)
-    raise AttributeError(f"module '{__name__}' has no attribute '{name}'{_near(name, __dir__())}")
-
-
-def __dir__() -> list[str]:
-    return sorted({*globals(), *_LIBRARIES})
+_public(__name__)

@@ -26,43 +26,50 @@ Before anything is measured
                                      for in `plan`
 """
 
-from .calibration import Calibration as Calibration, calibrate as calibrate
-from .calibration_study import study as study
-from .candidates import Candidates as Candidates, candidates as candidates, regular_grid as regular_grid
-from .closure import Closure as Closure, closure_equations as closure_equations
-from .devices import Camera as Camera, Device as Device, LaserTracker as LaserTracker, LineOfSight as LineOfSight
-from .held_out import judge_held_out as judge_held_out
-from .measured import (
-    CartPoints as CartPoints,
-    FrameStart as FrameStart,
-    Measured as Measured,
-    MeasuredSignal as MeasuredSignal,
-    Poses as Poses,
-    Sag as Sag,
-    read_cart_points as read_cart_points,
-    read_poses as read_poses,
-)
-from .measurements import Correction as Correction, Measurements as Measurements, Pose as Pose
-from .options import Fit as Fit, Known as Known
-from .partial_devices import seen_by_distance as seen_by_distance, seen_by_plane as seen_by_plane
-from .plan import PlanStudy as PlanStudy, plan_study as plan_study
-from .pose_information import PoseInformation as PoseInformation, pose_information as pose_information
-from .pose_numbers import (
-    ErrorCurve as ErrorCurve,
-    Point as Point,
-    error_curve as error_curve,
-    grid_point as grid_point,
-    sufficient_number as sufficient_number,
-)
-from .pose_selection import (
-    Selection as Selection,
-    condition_removal as condition_removal,
-    exchange as exchange,
-    spread as spread,
-)
-from .positioning import Positioning as Positioning, PredictedErrors as PredictedErrors, positioning as positioning
-from .problem import COSTS as COSTS, Cost as Cost, Problem as Problem, prepare as prepare
-from .synthetic import Synthetic as Synthetic, made_poses as made_poses
-from .told.result import CalibrationStudy as CalibrationStudy
-from .told.robot_file import Origin as Origin
-from .unknowns import Choice as Choice
+from typing import TYPE_CHECKING
+
+from .._lazy import public
+
+if TYPE_CHECKING:
+    from .calibration import Calibration as Calibration, calibrate as calibrate
+    from .calibration_study import study as study
+    from .candidates import Candidates as Candidates, candidates as candidates, regular_grid as regular_grid
+    from .closure import Closure as Closure, closure_equations as closure_equations
+    from .devices import Camera as Camera, Device as Device, LaserTracker as LaserTracker, LineOfSight as LineOfSight
+    from .held_out import judge_held_out as judge_held_out
+    from .measured import (
+        CartPoints as CartPoints,
+        FrameStart as FrameStart,
+        Measured as Measured,
+        MeasuredSignal as MeasuredSignal,
+        Poses as Poses,
+        Sag as Sag,
+        read_cart_points as read_cart_points,
+        read_poses as read_poses,
+    )
+    from .measurements import Correction as Correction, Measurements as Measurements, Pose as Pose
+    from .options import Fit as Fit, Known as Known
+    from .partial_devices import seen_by_distance as seen_by_distance, seen_by_plane as seen_by_plane
+    from .plan import PlanStudy as PlanStudy, plan_study as plan_study
+    from .pose_information import PoseInformation as PoseInformation, pose_information as pose_information
+    from .pose_numbers import (
+        ErrorCurve as ErrorCurve,
+        Point as Point,
+        error_curve as error_curve,
+        grid_point as grid_point,
+        sufficient_number as sufficient_number,
+    )
+    from .pose_selection import (
+        Selection as Selection,
+        condition_removal as condition_removal,
+        exchange as exchange,
+        spread as spread,
+    )
+    from .positioning import Positioning as Positioning, PredictedErrors as PredictedErrors, positioning as positioning
+    from .problem import COSTS as COSTS, Cost as Cost, Problem as Problem, prepare as prepare
+    from .synthetic import Synthetic as Synthetic, made_poses as made_poses
+    from .told.result import CalibrationStudy as CalibrationStudy
+    from .told.robot_file import Origin as Origin
+    from .unknowns import Choice as Choice
+
+public(__name__)

@@ -8,8 +8,7 @@ from dataclasses import dataclass, field
 
 import casadi as ca
 import numpy as np
-from scipy.sparse import csr_matrix
-from scipy.sparse.csgraph import connected_components
+import scipy
 
 from ..compiler.rows import map_columns
 
@@ -62,8 +61,8 @@ def blocks(
     pattern = ca.jacobian_sparsity(residuals, shared)
     m, n = residuals.numel(), shared.numel()
     r, c = pattern.get_triplet()
-    graph = csr_matrix((np.ones(len(r)), (r, np.array(c, int) + m)), shape=(m + n, m + n))
-    _, label = connected_components(graph, directed=False)
+    graph = scipy.sparse.csr_matrix((np.ones(len(r)), (r, np.array(c, int) + m)), shape=(m + n, m + n))
+    _, label = scipy.sparse.csgraph.connected_components(graph, directed=False)
     found = []
     order = list(dict.fromkeys(label[:m]))
     for k in order:

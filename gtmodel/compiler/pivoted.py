@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import cast
 
 import numpy as np
-from scipy.linalg import qr
+import scipy
 
 
 def pivoted_qr(a: np.ndarray, mode: str = "full") -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Q, R and the column order, largest remaining column first; mode "full" or "economic"."""
-    return cast("tuple[np.ndarray, np.ndarray, np.ndarray]", qr(a, mode=mode, pivoting=True))
+    return cast("tuple[np.ndarray, np.ndarray, np.ndarray]", scipy.linalg.qr(a, mode=mode, pivoting=True))

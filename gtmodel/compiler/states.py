@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import csr_matrix
-from scipy.sparse.csgraph import maximum_bipartite_matching
+import scipy
 
 from ..lang.source import ModelError
 from .flat import FlatModel
@@ -175,9 +174,9 @@ def _match(rows: list[int], chosen: list[int], pattern: set[tuple[int, int]], st
         for b, j in enumerate(chosen)
         if (i, j) in pattern and structure.d[j] - structure.c[i] == structure.sigma[(i, j)]
     ]
-    matrix = csr_matrix(
+    matrix = scipy.sparse.csr_matrix(
         (np.ones(len(entries)), ([e[0] for e in entries], [e[1] for e in entries])), shape=(len(rows), len(chosen))
     )
-    match = maximum_bipartite_matching(matrix, perm_type="column")
+    match = scipy.sparse.csgraph.maximum_bipartite_matching(matrix, perm_type="column")
     assert np.all(match >= 0), "a nonsingular matrix has a transversal"
     return {i: chosen[int(match[a])] for a, i in enumerate(rows)}

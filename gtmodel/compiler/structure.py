@@ -6,8 +6,7 @@ import difflib
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import csr_matrix
-from scipy.sparse.csgraph import maximum_bipartite_matching, min_weight_full_bipartite_matching
+import scipy
 
 from ..lang.source import ModelError, SourceLocation
 from .flat import FlatEquation, FlatModel
@@ -76,9 +75,9 @@ def _transversal(
     top = max(sigma.values(), default=0) + 1
     keys = sorted(sigma)
     weights = [float(top - sigma[k]) for k in keys]
-    matrix = csr_matrix((weights, ([k[0] for k in keys], [k[1] for k in keys])), shape=(n, n))
+    matrix = scipy.sparse.csr_matrix((weights, ([k[0] for k in keys], [k[1] for k in keys])), shape=(n, n))
     try:
-        rows, cols = min_weight_full_bipartite_matching(matrix)
+        rows, cols = scipy.sparse.csgraph.min_weight_full_bipartite_matching(matrix)
     except ValueError:
         raise ModelError(_unbalanced(flat, equations, unknowns, sigma)) from None
     match = np.empty(n, dtype=int)
@@ -149,8 +148,10 @@ def overdetermined_and_underdetermined(
 ) -> tuple[list[int], list[int]]:
     """Dulmage-Mendelsohn: rows of the overdetermined part, columns of the underdetermined part."""
     keys = sorted(sigma)
-    matrix = csr_matrix((np.ones(len(keys)), ([k[0] for k in keys], [k[1] for k in keys])), shape=(rows, cols))
-    col_of_row = maximum_bipartite_matching(matrix, perm_type="column")
+    matrix = scipy.sparse.csr_matrix(
+        (np.ones(len(keys)), ([k[0] for k in keys], [k[1] for k in keys])), shape=(rows, cols)
+    )
+    col_of_row = scipy.sparse.csgraph.maximum_bipartite_matching(matrix, perm_type="column")
     row_of_col = np.full(cols, -1)
     for i, j in enumerate(col_of_row):
         if j >= 0:

@@ -21,42 +21,49 @@ LinkStructure        compliance at the tool, link forces, deflection, and the sh
 LinkMasses           weights and lowest natural frequencies on these springs
 """
 
-from .arm_poses import ArmPoses as ArmPoses, arm_poses as arm_poses
-from .cartesian import (
-    cartesian_stiffness as cartesian_stiffness,
-    softest_and_stiffest as softest_and_stiffest,
-    translational_compliance as translational_compliance,
-)
-from .compensated import with_compensator as with_compensator
-from .complementary import Compensator as Compensator, complementary_stiffness as complementary_stiffness
-from .compliance_study import ComplianceStudy as ComplianceStudy, study as study
-from .joint_stiffness import StiffnessFit as StiffnessFit, complete_pose as complete_pose, decoupled as decoupled
-from .link_masses import LinkMasses as LinkMasses
-from .link_poses import LinkGeometry as LinkGeometry, LinkPoses as LinkPoses
-from .link_springs import GROUPS as GROUPS, LinkSprings as LinkSprings, tube as tube
-from .link_structure import LinkStructure as LinkStructure
-from .load_tests import (
-    Column as Column,
-    GravityCompensator as GravityCompensator,
-    LoadTests as LoadTests,
-    MeasuredTests as MeasuredTests,
-    Noise as Noise,
-    Setup as Setup,
-    StiffnessStudy as StiffnessStudy,
-    SyntheticTests as SyntheticTests,
-    made_load_tests as made_load_tests,
-    read_load_tests as read_load_tests,
-    stiffness_study as stiffness_study,
-)
-from .options import (
-    Arm as Arm,
-    Carts as Carts,
-    Frame as Frame,
-    Links as Links,
-    Load as Load,
-    Map as Map,
-    Springs as Springs,
-)
-from .selection import Selection as Selection, select as select
-from .static_tests import StaticTests as StaticTests, at_tool as at_tool
-from .synthetic import synthetic_tests as synthetic_tests
+from typing import TYPE_CHECKING
+
+from .._lazy import public
+
+if TYPE_CHECKING:
+    from .arm_poses import ArmPoses as ArmPoses, arm_poses as arm_poses
+    from .cartesian import (
+        cartesian_stiffness as cartesian_stiffness,
+        softest_and_stiffest as softest_and_stiffest,
+        translational_compliance as translational_compliance,
+    )
+    from .compensated import with_compensator as with_compensator
+    from .complementary import Compensator as Compensator, complementary_stiffness as complementary_stiffness
+    from .compliance_study import ComplianceStudy as ComplianceStudy, study as study
+    from .joint_stiffness import StiffnessFit as StiffnessFit, complete_pose as complete_pose, decoupled as decoupled
+    from .link_masses import LinkMasses as LinkMasses
+    from .link_poses import LinkGeometry as LinkGeometry, LinkPoses as LinkPoses
+    from .link_springs import GROUPS as GROUPS, LinkSprings as LinkSprings, tube as tube
+    from .link_structure import LinkStructure as LinkStructure
+    from .load_tests import (
+        Column as Column,
+        GravityCompensator as GravityCompensator,
+        LoadTests as LoadTests,
+        MeasuredTests as MeasuredTests,
+        Noise as Noise,
+        Setup as Setup,
+        StiffnessStudy as StiffnessStudy,
+        SyntheticTests as SyntheticTests,
+        made_load_tests as made_load_tests,
+        read_load_tests as read_load_tests,
+        stiffness_study as stiffness_study,
+    )
+    from .options import (
+        Arm as Arm,
+        Carts as Carts,
+        Frame as Frame,
+        Links as Links,
+        Load as Load,
+        Map as Map,
+        Springs as Springs,
+    )
+    from .selection import Selection as Selection, select as select
+    from .static_tests import StaticTests as StaticTests, at_tool as at_tool
+    from .synthetic import synthetic_tests as synthetic_tests
+
+public(__name__)

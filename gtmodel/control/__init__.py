@@ -9,11 +9,23 @@ zero_vibration, zero_vibration_derivative, Shaper   motions shaped so that a fle
 residual_vibration    how far a mass on a spring swings after a motion
 """
 
-from .feedforward import ComputedTorque as ComputedTorque, Feedback as Feedback, Feedforward as Feedforward, Law as Law
-from .input_shaping import (
-    Shaper as Shaper,
-    residual_vibration as residual_vibration,
-    zero_vibration as zero_vibration,
-    zero_vibration_derivative as zero_vibration_derivative,
-)
-from .tracking_loop import Tracked as Tracked, track as track, tracking_loop as tracking_loop
+from typing import TYPE_CHECKING
+
+from .._lazy import public
+
+if TYPE_CHECKING:
+    from .feedforward import (
+        ComputedTorque as ComputedTorque,
+        Feedback as Feedback,
+        Feedforward as Feedforward,
+        Law as Law,
+    )
+    from .input_shaping import (
+        Shaper as Shaper,
+        residual_vibration as residual_vibration,
+        zero_vibration as zero_vibration,
+        zero_vibration_derivative as zero_vibration_derivative,
+    )
+    from .tracking_loop import Tracked as Tracked, track as track, tracking_loop as tracking_loop
+
+public(__name__)

@@ -29,60 +29,67 @@ Synthetic
     repeat_identification  many of them: unbiased, and do intervals hold?
 """
 
-from .corrected import corrected as corrected
-from .delay import Delay as Delay, delay_of as delay_of
-from .exchanged import Exchanged as Exchanged, exchanged_efforts as exchanged_efforts
-from .excitation import (
-    ClosedSpline as ClosedSpline,
-    Excitation as Excitation,
-    ExcitationStudy as ExcitationStudy,
-    ExcitationTask as ExcitationTask,
-    Experiment as Experiment,
-    Family as Family,
-    FourierSeries as FourierSeries,
-    MonteCarloFits as MonteCarloFits,
-    RandomMotions as RandomMotions,
-    Search as Search,
-    condition as condition,
-    excitation_study as excitation_study,
-    optimise_excitation as optimise_excitation,
-    predicted_deviations as predicted_deviations,
-    random_excitations as random_excitations,
-    singular_values as singular_values,
-)
-from .friction import (
-    Coefficients as Coefficients,
-    FrictionFit as FrictionFit,
-    FrictionStudy as FrictionStudy,
-    HeldPose as HeldPose,
-    MassByNorm as MassByNorm,
-    PublishedFriction as PublishedFriction,
-    Runs as Runs,
-    Steady as Steady,
-    SyntheticRuns as SyntheticRuns,
-    constant_velocity_log as constant_velocity_log,
-    friction_study as friction_study,
-    gravity_pattern as gravity_pattern,
-    identify_friction as identify_friction,
-    joined as joined,
-    mass_by_norm as mass_by_norm,
-    published_friction_study as published_friction_study,
-    steady_runs as steady_runs,
-)
-from .identification_study import study as study, synthetic_study as synthetic_study
-from .identified import IdentificationStudy as IdentificationStudy
-from .inertia import (
-    Identification as Identification,
-    LeftOut as LeftOut,
-    Validation as Validation,
-    bias_of as bias_of,
-    identify as identify,
-)
-from .options import ClosedLoop as ClosedLoop, Fitting as Fitting, SyntheticLog as SyntheticLog
-from .reference_motion import multisine as multisine, read_motion as read_motion
-from .regressor import Regressor as Regressor, RegressorRows as RegressorRows
-from .repeated import Repeated as Repeated, repeat_identification as repeat_identification
-from .rows import Processing as Processing, Rows as Rows, rows_of as rows_of, with_offsets as with_offsets
-from .simulated_log import LogSimulator as LogSimulator, Sensors as Sensors
-from .tracking import Tracking as Tracking
-from .work import Work as Work, work_of as work_of
+from typing import TYPE_CHECKING
+
+from .._lazy import public
+
+if TYPE_CHECKING:
+    from .corrected import corrected as corrected
+    from .delay import Delay as Delay, delay_of as delay_of
+    from .exchanged import Exchanged as Exchanged, exchanged_efforts as exchanged_efforts
+    from .excitation import (
+        ClosedSpline as ClosedSpline,
+        Excitation as Excitation,
+        ExcitationStudy as ExcitationStudy,
+        ExcitationTask as ExcitationTask,
+        Experiment as Experiment,
+        Family as Family,
+        FourierSeries as FourierSeries,
+        MonteCarloFits as MonteCarloFits,
+        RandomMotions as RandomMotions,
+        Search as Search,
+        condition as condition,
+        excitation_study as excitation_study,
+        optimise_excitation as optimise_excitation,
+        predicted_deviations as predicted_deviations,
+        random_excitations as random_excitations,
+        singular_values as singular_values,
+    )
+    from .friction import (
+        Coefficients as Coefficients,
+        FrictionFit as FrictionFit,
+        FrictionStudy as FrictionStudy,
+        HeldPose as HeldPose,
+        MassByNorm as MassByNorm,
+        PublishedFriction as PublishedFriction,
+        Runs as Runs,
+        Steady as Steady,
+        SyntheticRuns as SyntheticRuns,
+        constant_velocity_log as constant_velocity_log,
+        friction_study as friction_study,
+        gravity_pattern as gravity_pattern,
+        identify_friction as identify_friction,
+        joined as joined,
+        mass_by_norm as mass_by_norm,
+        published_friction_study as published_friction_study,
+        steady_runs as steady_runs,
+    )
+    from .identification_study import study as study, synthetic_study as synthetic_study
+    from .identified import IdentificationStudy as IdentificationStudy
+    from .inertia import (
+        Identification as Identification,
+        LeftOut as LeftOut,
+        Validation as Validation,
+        bias_of as bias_of,
+        identify as identify,
+    )
+    from .options import ClosedLoop as ClosedLoop, Fitting as Fitting, SyntheticLog as SyntheticLog
+    from .reference_motion import multisine as multisine, read_motion as read_motion
+    from .regressor import Regressor as Regressor, RegressorRows as RegressorRows
+    from .repeated import Repeated as Repeated, repeat_identification as repeat_identification
+    from .rows import Processing as Processing, Rows as Rows, rows_of as rows_of, with_offsets as with_offsets
+    from .simulated_log import LogSimulator as LogSimulator, Sensors as Sensors
+    from .tracking import Tracking as Tracking
+    from .work import Work as Work, work_of as work_of
+
+public(__name__)

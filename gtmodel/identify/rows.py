@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Annotated, Any
 
 import numpy as np
-from scipy.ndimage import binary_dilation, binary_opening
+import scipy
 
 from gtmodel.lang import ModelError
 from gtmodel.lang.units import rate_unit
@@ -297,7 +297,10 @@ def _rows(
     velocity = given[f"der({known})"].reshape(n, -1)
     fast = moving(velocity, step, quantum if np.isfinite(quantum) else 0.0, how.mask_steps)
     # slower for longer than a period of the cut-off: standing still, not turning round
-    still = np.asarray(binary_dilation(binary_opening(~fast.rows, np.ones(reach)), iterations=reach), dtype=bool)
+    still = np.asarray(
+        scipy.ndimage.binary_dilation(scipy.ndimage.binary_opening(~fast.rows, np.ones(reach)), iterations=reach),
+        dtype=bool,
+    )
     rows = np.arange(cut, n - cut, every)
     kept = (fast.rows & ~still)[rows]
     columns = found.Y.reshape(n, m * p)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.signal import lfilter
+import scipy
 
 from gtmodel.compiler.causal import compile_causal
 from gtmodel.lang import Model, ModelError
@@ -139,4 +139,4 @@ def _noise(rng: np.random.Generator, shape: Sequence[int], sensors: Sensors) -> 
     if not c:
         return size * white
     white[1:] *= np.sqrt(1 - c**2)  # the first row is drawn from the stationary distribution
-    return size * np.asarray(lfilter([1.0], [1.0, -c], white, axis=0))
+    return size * np.asarray(scipy.signal.lfilter([1.0], [1.0, -c], white, axis=0))

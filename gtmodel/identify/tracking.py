@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import lfilter
+import scipy
 
 from ..results import ArgumentError
 
@@ -46,5 +46,8 @@ class Tracking:
             )
         moved = reference - reference[0]
         late = np.vstack([np.zeros((self.delay, len(self.a))), moved])[: len(moved)]
-        columns = [lfilter([b], [1.0, -a], late[:, k]) for k, (a, b) in enumerate(zip(self.a, self.b, strict=True))]
+        columns = [
+            scipy.signal.lfilter([b], [1.0, -a], late[:, k])
+            for k, (a, b) in enumerate(zip(self.a, self.b, strict=True))
+        ]
         return np.stack(columns, axis=1) + reference[0]

@@ -16,41 +16,48 @@ Proof
     coverage, binomial_band     do intervals hold the truth as often as they say
 """
 
-from .covariance import (
-    automatic_lag as automatic_lag,
-    block_bootstrap as block_bootstrap,
-    correlation_time as correlation_time,
-    decimated as decimated,
-    fixed_b as fixed_b,
-    newey_west as newey_west,
-    white as white,
-)
-from .coverage import Coverage as Coverage, binomial_band as binomial_band, coverage as coverage
-from .dependencies import Dependencies as Dependencies, dependencies as dependencies
-from .held_out import (
-    FALSE_ALARM as FALSE_ALARM,
-    HeldOut as HeldOut,
-    freedom_of as freedom_of,
-    held_out_ratio as held_out_ratio,
-)
-from .identifiability import (
-    Direction as Direction,
-    Identifiability as Identifiability,
-    identifiability as identifiability,
-)
-from .least_squares import linear_fit as linear_fit
-from .monte_carlo import MonteCarlo as MonteCarlo, monte_carlo as monte_carlo
-from .nonlinear import NonlinearFit as NonlinearFit, nonlinear_fit as nonlinear_fit
-from .observability import Observability as Observability, observability as observability
-from .residuals import (
-    CrossValidation as CrossValidation,
-    Verdict as Verdict,
-    alternate as alternate,
-    autocorrelation as autocorrelation,
-    contiguous as contiguous,
-    cross_validation as cross_validation,
-    noise_size as noise_size,
-    normality as normality,
-    whiteness as whiteness,
-)
-from .weighting import Prior as Prior, Weighting as Weighting, weighting as weighting
+from typing import TYPE_CHECKING
+
+from .._lazy import public
+
+if TYPE_CHECKING:
+    from .covariance import (
+        automatic_lag as automatic_lag,
+        block_bootstrap as block_bootstrap,
+        correlation_time as correlation_time,
+        decimated as decimated,
+        fixed_b as fixed_b,
+        newey_west as newey_west,
+        white as white,
+    )
+    from .coverage import Coverage as Coverage, binomial_band as binomial_band, coverage as coverage
+    from .dependencies import Dependencies as Dependencies, dependencies as dependencies
+    from .held_out import (
+        FALSE_ALARM as FALSE_ALARM,
+        HeldOut as HeldOut,
+        freedom_of as freedom_of,
+        held_out_ratio as held_out_ratio,
+    )
+    from .identifiability import (
+        Direction as Direction,
+        Identifiability as Identifiability,
+        identifiability as identifiability,
+    )
+    from .least_squares import linear_fit as linear_fit
+    from .monte_carlo import MonteCarlo as MonteCarlo, monte_carlo as monte_carlo
+    from .nonlinear import NonlinearFit as NonlinearFit, nonlinear_fit as nonlinear_fit
+    from .observability import Observability as Observability, observability as observability
+    from .residuals import (
+        CrossValidation as CrossValidation,
+        Verdict as Verdict,
+        alternate as alternate,
+        autocorrelation as autocorrelation,
+        contiguous as contiguous,
+        cross_validation as cross_validation,
+        noise_size as noise_size,
+        normality as normality,
+        whiteness as whiteness,
+    )
+    from .weighting import Prior as Prior, Weighting as Weighting, weighting as weighting
+
+public(__name__)

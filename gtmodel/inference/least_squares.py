@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy.optimize import lsq_linear
 
 from ..results.estimate import Estimate
 from ..results.refusal import ArgumentError
@@ -144,7 +144,7 @@ def _solve(A: np.ndarray, b: np.ndarray, low: np.ndarray, high: np.ndarray, tole
         if len(rest) > rest.shape[1]:
             Q, R = np.linalg.qr(rest)
             rest, right = R, Q.T @ right
-        x[~fixed] = lsq_linear(rest, right, (low[~fixed], high[~fixed]), method="bvls", tol=BVLS).x
+        x[~fixed] = scipy.optimize.lsq_linear(rest, right, (low[~fixed], high[~fixed]), method="bvls", tol=BVLS).x
     return x
 
 

@@ -26,26 +26,37 @@ Orientation of the plate
     rotation_vector     rotations from a reference, as vectors
 """
 
-from . import (
-    accuracy as accuracy,
-    assembly_modes as assembly_modes,
-    causality as causality,
-    section as section,
-    singularity as singularity,
-    workspace as workspace,
-)
-from .accuracy import AccuracyStudy as AccuracyStudy, accuracy_study as accuracy_study
-from .assembly_modes import ModesStudy as ModesStudy, modes_study as modes_study
-from .causality import CausalityStudy as CausalityStudy, causality_study as causality_study
-from .guideways import GuidewayFit as GuidewayFit, MeasurementError as MeasurementError, fit_guideway as fit_guideway
-from .maps import MotionMaps as MotionMaps
-from .orientation import OrientationMap as OrientationMap, grid as grid, orientation_map as orientation_map
-from .rotations import rotation_vector as rotation_vector, zyz as zyz
-from .transmission import (
-    Backlash as Backlash,
-    CyclicTerm as CyclicTerm,
-    backlash as backlash,
-    cyclic_term as cyclic_term,
-)
-from .workspace import WorkspaceStudy as WorkspaceStudy, workspace_study as workspace_study
-from .wrist_partition import InverseBranches as InverseBranches, WristPartition as WristPartition
+from typing import TYPE_CHECKING
+
+from .._lazy import public
+
+if TYPE_CHECKING:
+    from . import (
+        accuracy as accuracy,
+        assembly_modes as assembly_modes,
+        causality as causality,
+        section as section,
+        singularity as singularity,
+        workspace as workspace,
+    )
+    from .accuracy import AccuracyStudy as AccuracyStudy, accuracy_study as accuracy_study
+    from .assembly_modes import ModesStudy as ModesStudy, modes_study as modes_study
+    from .causality import CausalityStudy as CausalityStudy, causality_study as causality_study
+    from .guideways import (
+        GuidewayFit as GuidewayFit,
+        MeasurementError as MeasurementError,
+        fit_guideway as fit_guideway,
+    )
+    from .maps import MotionMaps as MotionMaps
+    from .orientation import OrientationMap as OrientationMap, grid as grid, orientation_map as orientation_map
+    from .rotations import rotation_vector as rotation_vector, zyz as zyz
+    from .transmission import (
+        Backlash as Backlash,
+        CyclicTerm as CyclicTerm,
+        backlash as backlash,
+        cyclic_term as cyclic_term,
+    )
+    from .workspace import WorkspaceStudy as WorkspaceStudy, workspace_study as workspace_study
+    from .wrist_partition import InverseBranches as InverseBranches, WristPartition as WristPartition
+
+public(__name__)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.optimize import curve_fit
+import scipy
 
 from .guideways import LONGEST, GuidewayFit, MeasurementError, checked, fit_guideway
 from .periodogram import strongest
@@ -179,7 +179,9 @@ def cyclic_term(fit: GuidewayFit, periods: tuple[float, float] | None = None) ->
     reach = 1 / span
     low, high = [-np.inf] * 4 + [f0 - reach], [np.inf] * 4 + [f0 + reach]
     try:
-        found, covariance = curve_fit(model, q, e / size, [*start, f0], bounds=(low, high), x_scale=[1, 1, 1, 1, reach])
+        found, covariance = scipy.optimize.curve_fit(
+            model, q, e / size, [*start, f0], bounds=(low, high), x_scale=[1, 1, 1, 1, reach]
+        )
     except RuntimeError:  # sine and cosine grow against each other: few points, about two per period
         found, covariance = np.array([*start, f0]), np.diag(np.full(5, np.inf))
     sine, cosine, f = size * found[2], size * found[3], found[4]

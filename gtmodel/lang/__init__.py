@@ -1,107 +1,65 @@
 """The language: models, variables, equations, connections and optimisations, as a person writes them."""
 
-from .builder import Builder
-from .connect import Branch, Connection, Energy, TreeEdge, between, branch, connect, energy, tree_edge, tree_root
-from .declare import (
-    each,
-    flow,
-    free,
-    input,
-    outer,
-    parameter,
-    part,
-    parts,
-    port,
-    ports,
-    potential,
-    variable,
-)
-from .expression import Expr, Relation, vector
-from .functions import (
-    absolute,
-    acos,
-    asin,
-    atan,
-    atan2,
-    clip,
-    cos,
-    cross,
-    der,
-    dot,
-    exp,
-    log,
-    maximum,
-    minimum,
-    norm,
-    sign,
-    sin,
-    sqrt,
-    tan,
-    tanh,
-)
-from .interpolation import interpolate
-from .model import Connector, Model
-from .optimization import Optimization, delayed, integral, misfit
-from .piecewise import piecewise
-from .source import ModelError, SourceLocation
-from .units import UnitError
+from typing import TYPE_CHECKING
 
-__all__ = [
-    "Branch",
-    "Builder",
-    "Connection",
-    "Connector",
-    "Energy",
-    "Expr",
-    "Model",
-    "ModelError",
-    "Optimization",
-    "Relation",
-    "SourceLocation",
-    "TreeEdge",
-    "UnitError",
-    "absolute",
-    "acos",
-    "asin",
-    "atan",
-    "atan2",
-    "between",
-    "branch",
-    "clip",
-    "connect",
-    "cos",
-    "cross",
-    "delayed",
-    "der",
-    "dot",
-    "each",
-    "energy",
-    "exp",
-    "flow",
-    "free",
-    "input",
-    "integral",
-    "interpolate",
-    "log",
-    "maximum",
-    "minimum",
-    "misfit",
-    "norm",
-    "outer",
-    "parameter",
-    "part",
-    "parts",
-    "piecewise",
-    "port",
-    "ports",
-    "potential",
-    "sign",
-    "sin",
-    "sqrt",
-    "tan",
-    "tanh",
-    "tree_edge",
-    "tree_root",
-    "variable",
-    "vector",
-]
+from .._lazy import public
+
+if TYPE_CHECKING:
+    from .builder import Builder as Builder
+    from .connect import (
+        Branch as Branch,
+        Connection as Connection,
+        Energy as Energy,
+        TreeEdge as TreeEdge,
+        between as between,
+        branch as branch,
+        connect as connect,
+        energy as energy,
+        tree_edge as tree_edge,
+        tree_root as tree_root,
+    )
+    from .declare import (
+        each as each,
+        flow as flow,
+        free as free,
+        input as input,
+        outer as outer,
+        parameter as parameter,
+        part as part,
+        parts as parts,
+        port as port,
+        ports as ports,
+        potential as potential,
+        variable as variable,
+    )
+    from .expression import Expr as Expr, Relation as Relation, vector as vector
+    from .functions import (
+        absolute as absolute,
+        acos as acos,
+        asin as asin,
+        atan as atan,
+        atan2 as atan2,
+        clip as clip,
+        cos as cos,
+        cross as cross,
+        der as der,
+        dot as dot,
+        exp as exp,
+        log as log,
+        maximum as maximum,
+        minimum as minimum,
+        norm as norm,
+        sign as sign,
+        sin as sin,
+        sqrt as sqrt,
+        tan as tan,
+        tanh as tanh,
+    )
+    from .interpolation import interpolate as interpolate
+    from .model import Connector as Connector, Model as Model
+    from .optimization import Optimization as Optimization, delayed as delayed, integral as integral, misfit as misfit
+    from .piecewise import piecewise as piecewise
+    from .source import ModelError as ModelError, SourceLocation as SourceLocation
+    from .units import UnitError as UnitError
+
+public(__name__)

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from typing import Any, ClassVar
+from typing import Any
 
 from . import declare
 from .bind import Tree, bind_parameter, bind_part, bind_variable, empty_tree
 from .connect import flatten_items
+from .engine_method import EngineMethod
 from .expression import Expr
 from .model import Model
 from .source import ModelError, here
@@ -28,9 +29,8 @@ class Builder:
     (-50.0, <Status.OK: 0>)
     """
 
-    # bound by the package, as for Model
-    causal: ClassVar[Callable[..., Any]]
-    simulate: ClassVar[Callable[..., Any]]
+    causal = EngineMethod("gtmodel.compiler.causal", "compile_causal")
+    simulate = EngineMethod("gtmodel.simulation.run", "simulate")
 
     def __init__(self, title: str = "Builder") -> None:
         self.title = title

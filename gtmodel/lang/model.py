@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any, ClassVar
 
 import numpy as np
 
 from .declare import ATTRIBUTES, Declaration, Each, Free, Outer, Parameter, Part, Port, Variable
+from .engine_method import EngineMethod
 from .expression import Expr
 from .slips import near
 from .source import ModelError, SourceLocation, here
@@ -57,9 +58,8 @@ class Model:
     _declared: ClassVar[dict[str, Declaration]] = {}
     _path: str
     _values: dict[str, Any]
-    # bound by the package: see compiler.causal.compile_causal and simulate.simulate
-    causal: ClassVar[Callable[..., Any]]
-    simulate: ClassVar[Callable[..., Any]]
+    causal = EngineMethod("gtmodel.compiler.causal", "compile_causal")
+    simulate = EngineMethod("gtmodel.simulation.run", "simulate")
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)

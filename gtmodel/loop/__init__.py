@@ -7,20 +7,32 @@ RigidBodyPlant, either in an ElasticPlant; Channel with Faults. The loop in Pyth
 was tested against simulators only.
 """
 
-from .build import build as build
-from .exchange import Command as Command, Exchange as Exchange, Feedback as Feedback
-from .faults import Channel as Channel, Faults as Faults, expected_counters as expected_counters
-from .laws import DynamicsLaw as DynamicsLaw, PathLaw as PathLaw, ReplayLaw as ReplayLaw, TrajectoryLaw as TrajectoryLaw
-from .loop_study import LoopStudy as LoopStudy, study as study
-from .plant import (
-    DrivePlant as DrivePlant,
-    ElasticPlant as ElasticPlant,
-    RigidBodyPlant as RigidBodyPlant,
-    Servo as Servo,
-)
-from .process import LoopError as LoopError, LoopProcess as LoopProcess
-from .python_loop import Limits as Limits, Settings as Settings, Twin as Twin
-from .robot_side import RobotSide as RobotSide
-from .rsi_configuration import rsi_configuration as rsi_configuration
-from .run import Run as Run, lockstep as lockstep, real_time as real_time
-from .table import Table as Table
+from typing import TYPE_CHECKING
+
+from .._lazy import public
+
+if TYPE_CHECKING:
+    from .build import build as build
+    from .exchange import Command as Command, Exchange as Exchange, Feedback as Feedback
+    from .faults import Channel as Channel, Faults as Faults, expected_counters as expected_counters
+    from .laws import (
+        DynamicsLaw as DynamicsLaw,
+        PathLaw as PathLaw,
+        ReplayLaw as ReplayLaw,
+        TrajectoryLaw as TrajectoryLaw,
+    )
+    from .loop_study import LoopStudy as LoopStudy, study as study
+    from .plant import (
+        DrivePlant as DrivePlant,
+        ElasticPlant as ElasticPlant,
+        RigidBodyPlant as RigidBodyPlant,
+        Servo as Servo,
+    )
+    from .process import LoopError as LoopError, LoopProcess as LoopProcess
+    from .python_loop import Limits as Limits, Settings as Settings, Twin as Twin
+    from .robot_side import RobotSide as RobotSide
+    from .rsi_configuration import rsi_configuration as rsi_configuration
+    from .run import Run as Run, lockstep as lockstep, real_time as real_time
+    from .table import Table as Table
+
+public(__name__)

@@ -11,7 +11,7 @@ from typing import Protocol
 
 import casadi as ca
 import numpy as np
-from scipy.linalg import expm
+import scipy
 
 from ..compiler.causal import CausalFunction
 
@@ -121,7 +121,7 @@ class ElasticPlant:
             raise ValueError(f"expected a frequency above zero and a damping; found {frequency_Hz} Hz, {damping}")
         w = 2 * np.pi * frequency_Hz
         self.plant, self.cycle_s = plant, cycle_s
-        self._passes = expm(cycle_s * np.array([[0.0, 1.0], [-(w**2), -2 * damping * w]]))
+        self._passes = scipy.linalg.expm(cycle_s * np.array([[0.0, 1.0], [-(w**2), -2 * damping * w]]))
         self._deflection = np.zeros((2, len(plant.position_m)))  # e and e'
         self._slope = np.zeros(len(plant.position_m))
 

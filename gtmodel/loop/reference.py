@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.interpolate import CubicHermiteSpline
+import scipy
 
 from ..compiler.causal import compile_causal
 from ..lang import Model
@@ -53,7 +53,7 @@ def _resting(row: np.ndarray) -> np.ndarray:
 
 def _back(motion: Trajectory, slower: float) -> np.ndarray:
     """The motion backwards, `slower` times as long, to where it began."""
-    curve = CubicHermiteSpline(motion.time, motion["T"], motion["der(T)"])
+    curve = scipy.interpolate.CubicHermiteSpline(motion.time, motion["T"], motion["der(T)"])
     end = float(motion.time[-1])
     times = np.maximum(0.0, end - 1e-3 * CYCLE_MS / slower * np.arange(int(np.ceil(slower * len(motion))) + 1))
     acceleration = [np.interp(times, motion.time, column) for column in motion["der(T,2)"].T]

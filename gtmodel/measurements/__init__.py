@@ -31,31 +31,38 @@ Filters
     moving            where a velocity is far from zero, and the share dropped
 """
 
-from .copies import Stretch as Stretch, copied_stretch as copied_stretch, copies as copies
-from .filters import (
-    Moving as Moving,
-    ZeroPhase as ZeroPhase,
-    cutoff_for as cutoff_for,
-    decimate as decimate,
-    derivative as derivative,
-    excitation_band as excitation_band,
-    motion as motion,
-    moving as moving,
-    position_noise as position_noise,
-    second_derivative as second_derivative,
-)
-from .log import (
-    Column as Column,
-    LogError as LogError,
-    Session as Session,
-    read_log as read_log,
-    session_of as session_of,
-)
-from .signals import (
-    ESTIMATE as ESTIMATE,
-    Corrections as Corrections,
-    Signal as Signal,
-    offset_columns as offset_columns,
-    read_signals as read_signals,
-)
-from .smooth import smooth_motion as smooth_motion
+from typing import TYPE_CHECKING
+
+from .._lazy import public
+
+if TYPE_CHECKING:
+    from .copies import Stretch as Stretch, copied_stretch as copied_stretch, copies as copies
+    from .filters import (
+        Moving as Moving,
+        ZeroPhase as ZeroPhase,
+        cutoff_for as cutoff_for,
+        decimate as decimate,
+        derivative as derivative,
+        excitation_band as excitation_band,
+        motion as motion,
+        moving as moving,
+        position_noise as position_noise,
+        second_derivative as second_derivative,
+    )
+    from .log import (
+        Column as Column,
+        LogError as LogError,
+        Session as Session,
+        read_log as read_log,
+        session_of as session_of,
+    )
+    from .signals import (
+        ESTIMATE as ESTIMATE,
+        Corrections as Corrections,
+        Signal as Signal,
+        offset_columns as offset_columns,
+        read_signals as read_signals,
+    )
+    from .smooth import smooth_motion as smooth_motion
+
+public(__name__)

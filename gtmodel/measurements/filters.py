@@ -8,7 +8,7 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from scipy.signal import butter, sosfiltfilt, sosfreqz, upfirdn
+import scipy
 
 from ..lang.units import rate_unit
 from ..results.trajectory import Trajectory
@@ -53,12 +53,12 @@ class ZeroPhase:
         need = 3 * (2 * math.ceil(self.order / 2) + 1)
         if len(rows) <= need:
             raise TrajectoryError(f"there are {len(rows)} rows to filter; expected more than {need}")
-        return np.asarray(sosfiltfilt(self._sections(sample_time), rows, axis=0))
+        return np.asarray(scipy.signal.sosfiltfilt(self._sections(sample_time), rows, axis=0))
 
     def amplitude(self, frequency_Hz: float | Array, sample_time: float) -> Array:
         """By how much a sine of that frequency comes out smaller (both passes)."""
         turn = 2 * np.pi * np.atleast_1d(frequency_Hz) * sample_time
-        _, response = sosfreqz(self._sections(sample_time), worN=turn)
+        _, response = scipy.signal.sosfreqz(self._sections(sample_time), worN=turn)
         return np.square(np.abs(np.asarray(response)), dtype=float)
 
     def end_rows(self, sample_time: float) -> int:
@@ -85,7 +85,7 @@ class ZeroPhase:
             return np.zeros((0, *rows.shape[1:]))
         first = len(weights) - 1  # of the full convolution without missing rows; upfirdn gives multiples of `every`
         late = -first % every
-        found = upfirdn(np.concatenate([np.zeros(late), weights]), rows, 1, every, axis=0)
+        found = scipy.signal.upfirdn(np.concatenate([np.zeros(late), weights]), rows, 1, every, axis=0)
         begin = (first + late) // every
         return np.asarray(found[begin : begin + count])
 
@@ -100,7 +100,7 @@ class ZeroPhase:
 
 @lru_cache(maxsize=32)
 def _butterworth(order: int, cutoff_Hz: float, rate_Hz: float) -> Array:
-    return np.asarray(butter(order, cutoff_Hz, fs=rate_Hz, output="sos"), dtype=float)
+    return np.asarray(scipy.signal.butter(order, cutoff_Hz, fs=rate_Hz, output="sos"), dtype=float)
 
 
 def excitation_band(position: Array, sample_time: float, share: float = BAND_SHARE) -> float:

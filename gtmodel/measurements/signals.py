@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 import numpy as np
-from scipy.interpolate import CubicSpline
-from scipy.optimize import least_squares
+import scipy
 
 from ..lang.units import convert, parse_unit
 from ..results.trajectory import Trajectory
@@ -129,7 +128,7 @@ class Corrections:
             return np.zeros(0)
         size = np.array([self._size(free) for free in self.free])
         low, high = self.bounds()
-        found = least_squares(
+        found = scipy.optimize.least_squares(
             lambda z: residual(self.apply(z * size)),
             self.start / size,
             jac="3-point",
@@ -264,7 +263,7 @@ def _free(signals: Mapping[str, Signal], sessions: Sequence[Session]) -> list[Fr
 def _at(time: Array, rows: Array, wanted: Array, cut: int, delay: float) -> Array:
     if delay == 0.0:
         return rows[cut : len(rows) - cut]
-    return CubicSpline(time, rows)(wanted + delay)
+    return scipy.interpolate.CubicSpline(time, rows)(wanted + delay)
 
 
 def _per_si(signal: Signal) -> float:

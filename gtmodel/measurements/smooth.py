@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.interpolate import make_interp_spline
+import scipy
 
 Array = np.ndarray
 
@@ -24,5 +24,5 @@ def smooth_motion(time: Array, position: Array) -> tuple[Array, Array, Array]:
     >>> ddq[[10, 25, 50], 0].round(6).tolist()  # 6 t
     [1.2, 3.0, 6.0]
     """
-    spline = make_interp_spline(time, position, k=SMOOTH)
+    spline = scipy.interpolate.make_interp_spline(time, position, k=SMOOTH)
     return position, spline.derivative(1)(time), spline.derivative(2)(time)

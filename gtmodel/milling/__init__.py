@@ -17,65 +17,72 @@ stability_lobes, spectral_radius, stable_depth, proven_depth, certain_depth   re
 compensate, tool_error                        a path offset against the deflection
 """
 
-from .angle_table import AngleTable as AngleTable
-from .compensation import (
-    Compensation as Compensation,
-    compensate as compensate,
-    path_offset as path_offset,
-    tool_error as tool_error,
-)
-from .cutter import (
-    Coefficients as Coefficients,
-    Cut as Cut,
-    Cutter as Cutter,
-    immersion as immersion,
-    tooth_frequency as tooth_frequency,
-)
-from .deflection import (
-    Deflection as Deflection,
-    cutting_force as cutting_force,
-    deflections as deflections,
-    static_index as static_index,
-)
-from .directional import mean_directional_matrix as mean_directional_matrix
-from .forces import (
-    forces as forces,
-    integrated_forces as integrated_forces,
-    mean_forces as mean_forces,
-    peak_force as peak_force,
-    to_world as to_world,
-)
-from .guideline import (
-    Findings as Findings,
-    NearMode as NearMode,
-    choices as choices,
-    frequency_sensitivity as frequency_sensitivity,
-    guideline as guideline,
-    nearest_mode as nearest_mode,
-)
-from .lobes import Lobes as Lobes, stability_lobes as stability_lobes
-from .milling_result import MillingStudy as MillingStudy
-from .milling_study import study as study
-from .mode_coupling import (
-    ModeCoupling as ModeCoupling,
-    critical_depth as critical_depth,
-    mode_coupling as mode_coupling,
-)
-from .options import Modal as Modal, PathOffset as PathOffset, Search as Search, Tool as Tool
-from .oscillators import Oscillators as Oscillators, missing_z as missing_z
-from .redundant_angle import (
-    ANGLES as ANGLES,
-    AngleSweep as AngleSweep,
-    angle_sweep as angle_sweep,
-    tool_rotations as tool_rotations,
-)
-from .refine import Refined as Refined, Start as Start, refine as refine
-from .response import responses as responses, steady_state as steady_state
-from .smooth import smooth_force_function as smooth_force_function
-from .spectrum import at_angles as at_angles, force_spectrum as force_spectrum
-from .stability import (
-    certain_depth as certain_depth,
-    proven_depth as proven_depth,
-    spectral_radius as spectral_radius,
-    stable_depth as stable_depth,
-)
+from typing import TYPE_CHECKING
+
+from .._lazy import public
+
+if TYPE_CHECKING:
+    from .angle_table import AngleTable as AngleTable
+    from .compensation import (
+        Compensation as Compensation,
+        compensate as compensate,
+        path_offset as path_offset,
+        tool_error as tool_error,
+    )
+    from .cutter import (
+        Coefficients as Coefficients,
+        Cut as Cut,
+        Cutter as Cutter,
+        immersion as immersion,
+        tooth_frequency as tooth_frequency,
+    )
+    from .deflection import (
+        Deflection as Deflection,
+        cutting_force as cutting_force,
+        deflections as deflections,
+        static_index as static_index,
+    )
+    from .directional import mean_directional_matrix as mean_directional_matrix
+    from .forces import (
+        forces as forces,
+        integrated_forces as integrated_forces,
+        mean_forces as mean_forces,
+        peak_force as peak_force,
+        to_world as to_world,
+    )
+    from .guideline import (
+        Findings as Findings,
+        NearMode as NearMode,
+        choices as choices,
+        frequency_sensitivity as frequency_sensitivity,
+        guideline as guideline,
+        nearest_mode as nearest_mode,
+    )
+    from .lobes import Lobes as Lobes, stability_lobes as stability_lobes
+    from .milling_result import MillingStudy as MillingStudy
+    from .milling_study import study as study
+    from .mode_coupling import (
+        ModeCoupling as ModeCoupling,
+        critical_depth as critical_depth,
+        mode_coupling as mode_coupling,
+    )
+    from .options import Modal as Modal, PathOffset as PathOffset, Search as Search, Tool as Tool
+    from .oscillators import Oscillators as Oscillators, missing_z as missing_z
+    from .redundant_angle import (
+        ANGLES as ANGLES,
+        AngleSweep as AngleSweep,
+        angle_sweep as angle_sweep,
+        tool_rotations as tool_rotations,
+    )
+    from .refine import Refined as Refined, Start as Start, refine as refine
+    from .response import responses as responses, steady_state as steady_state
+    from .smooth import smooth_force_function as smooth_force_function
+    from .spectrum import at_angles as at_angles, force_spectrum as force_spectrum
+    from .stability import (
+        certain_depth as certain_depth,
+        proven_depth as proven_depth,
+        spectral_radius as spectral_radius,
+        stable_depth as stable_depth,
+    )
+
+public(__name__)

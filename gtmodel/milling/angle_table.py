@@ -6,8 +6,8 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy.interpolate import PchipInterpolator
 
 from .oscillators import Oscillators
 
@@ -42,7 +42,9 @@ class AngleTable:
             raise ValueError(f"the angles run from {low:g} to {high:g} deg; expected one turn of 360 deg at most")
         self.angles = angles[order]
         o = oscillators[order]
-        self._curve = PchipInterpolator(self.angles, np.log(np.hstack([o.m, o.c, o.k])), extrapolate=False)
+        self._curve = scipy.interpolate.PchipInterpolator(
+            self.angles, np.log(np.hstack([o.m, o.c, o.k])), extrapolate=False
+        )
 
     def covers(self, angles: ArrayLike) -> np.ndarray:
         """(n,) whether these angles [rad] lie within the table."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy.signal import butter, lfilter, sosfiltfilt
 
 from .oscillators import Oscillators
 from .response import checked_force, recursion, responses
@@ -53,7 +53,9 @@ def path_offset(
     if bandwidth is not None:
         if not 0 < bandwidth < 0.5 / step:
             raise ValueError(f"the bandwidth is {bandwidth:g} Hz; expected between 0 and {0.5 / step:g} Hz")
-        force = np.asarray(sosfiltfilt(butter(2, bandwidth, fs=1 / step, output="sos"), force, axis=0))
+        force = np.asarray(
+            scipy.signal.sosfiltfilt(scipy.signal.butter(2, bandwidth, fs=1 / step, output="sos"), force, axis=0)
+        )
     c, k = oscillators.c[0], oscillators.k[0]
     b = -force / k
     if model == "dynamic":
@@ -61,7 +63,7 @@ def path_offset(
             rate = k[j] / c[j] * step
             keep = np.exp(-rate)
             now = (1 - keep) / rate  # exact for a force that is straight between samples
-            b[:, j] = lfilter([1 - now, now - keep], [1, -keep], b[:, j], zi=[b[0, j] * now])[0]
+            b[:, j] = scipy.signal.lfilter([1 - now, now - keep], [1, -keep], b[:, j], zi=[b[0, j] * now])[0]
     return b
 
 
@@ -87,7 +89,7 @@ def tool_error(oscillators: Oscillators, F: ArrayLike, step: float, b: ArrayLike
         # second state y' - (c/m) b: no derivative of the offset is needed
         A, B = np.array([[0, 1], [-k / m, -c / m]]), np.array([c / m, k / m - (c / m) ** 2])
         b1, a1, _ = recursion(A, B, step)
-        y[:, j] += lfilter(b1, a1, moved[:, j] - moved[0, j])
+        y[:, j] += scipy.signal.lfilter(b1, a1, moved[:, j] - moved[0, j])
     return y
 
 

@@ -11,9 +11,9 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from numpy.polynomial import Polynomial
 from numpy.polynomial.legendre import leggauss
-from scipy.linalg import expm
 
 from .cutter import Cutter, immersion, tooth_frequency
 from .directional import directional_antiderivative, directional_matrix
@@ -144,7 +144,9 @@ def _step(o: Oscillators, length: float, P: np.ndarray) -> _Step:
     last = np.stack([_B @ (h * v), _B @ (-h * (x + damped * v))], axis=1)
     last[:, 1, 2:] += h[:, 0] * _B
     over = np.zeros((3, 2, 3, 2))
-    over[np.arange(3), :, np.arange(3)] = expm(np.block([[0 * h, h], [-h, -damped * h]]))  # also where nothing cuts
+    over[np.arange(3), :, np.arange(3)] = scipy.linalg.expm(
+        np.block([[0 * h, h], [-h, -damped * h]])
+    )  # also where nothing cuts
     end = np.einsum("aij,ra->airj", last[..., 2:], P / k)
     K = np.einsum("ra,sa,aij->risj", P, P / k, x[..., 2:])
     free = np.einsum("ra,aij->riaj", P, x[..., :2])

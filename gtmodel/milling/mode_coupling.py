@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy.optimize import brentq
 
 from .cutter import Cut, Cutter
 from .directional import mean_directional_matrix, plane
@@ -105,5 +105,5 @@ def critical_depth(
     i = int(unstable[0])
     if i == 0:
         return float(depths[0])
-    root: Any = brentq(lambda a: float(growth(a)[0]), depths[i - 1], depths[i], xtol=1e-12)
+    root: Any = scipy.optimize.brentq(lambda a: float(growth(a)[0]), depths[i - 1], depths[i], xtol=1e-12)
     return float(root)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy.spatial.transform import Rotation
 
 from ..kinematics.wrist_partition import WristPartition
 
@@ -69,7 +69,7 @@ def tool_rotations(angles: ArrayLike, axis: ArrayLike, spindle: ArrayLike, zero:
     frame_world, frame_flange = _frame(axis, (1, 0, 0), (0, 1, 0)), _frame(spindle, (0, 0, 1), (1, 0, 0))
     start = frame_world @ frame_flange.T
     turns = (np.asarray(angles, float).reshape(-1, 1) + zero) * -frame_world[:, 0]
-    return Rotation.from_rotvec(turns).as_matrix() @ start
+    return scipy.spatial.transform.Rotation.from_rotvec(turns).as_matrix() @ start
 
 
 def angle_sweep(

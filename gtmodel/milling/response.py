@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy.linalg import expm
-from scipy.signal import lfilter
 
 from .cutter import tooth_frequency
 from .oscillators import Oscillators
@@ -41,7 +40,7 @@ def responses(oscillators: Oscillators, F: ArrayLike, step: float, *, hold: str 
     for pose in range(len(oscillators)):
         x = np.empty_like(rows)
         for j in range(3):
-            x[j], _ = lfilter(b[pose, j], a[pose, j], rows[j], zi=start[pose, j] * rows[j, 0])
+            x[j], _ = scipy.signal.lfilter(b[pose, j], a[pose, j], rows[j], zi=start[pose, j] * rows[j, 0])
         yield x.T
 
 
@@ -62,7 +61,7 @@ def recursion(A: np.ndarray, B: np.ndarray, step: float, hold: str = "linear") -
     and the initial state (..., 2) of the filter per first input for which s starts at zero."""
     M = np.zeros((*A.shape[:-2], 4, 4))  # state; input u and its rate over the step
     M[..., :2, :2], M[..., :2, 2], M[..., 2, 3] = A, B, 1 / step
-    E = expm(M * step)
+    E = scipy.linalg.expm(M * step)
     D, now, later = E[..., :2, :2], E[..., :2, 2], np.zeros_like(E[..., :2, 3])
     if hold == "linear":
         later = E[..., :2, 3]

@@ -4,8 +4,8 @@ and independent of the collocation."""
 from __future__ import annotations
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy.linalg import expm
 
 from .cutter import Cut, Cutter, immersion, tooth_frequency
 from .directional import directional_matrix, plane
@@ -40,7 +40,7 @@ def semi_discretised_radius(
     system[:, 3:6, :3] = inverse @ (W - k)
     system[:, 3:6, 3:6] = -inverse @ c
     system[:, 3:6, 6:] = -inverse @ W
-    E = expm(system * step)
+    E = scipy.linalg.expm(system * step)
     # columns: what the state now and x at the last `intervals` grid times becomes
     size = 6 + 3 * intervals
     now = np.eye(6, size)

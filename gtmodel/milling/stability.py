@@ -7,8 +7,8 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy.optimize import minimize_scalar
 
 from .cutter import Cut, Cutter, immersion, tooth_frequency
 from .directional import directional_matrix, plane
@@ -201,6 +201,6 @@ def _unstable(tried: list[tuple[float, float]], radius: Callable[[float], float]
     # a peak rises above its middle by less than the steeper side does
     if not (r1 > r0 and r1 > r2 and 2 * r1 - min(r0, r2) >= 1):
         return None
-    peak: Any = minimize_scalar(lambda x: -radius(float(x)), bounds=(a, b), method="bounded",
+    peak: Any = scipy.optimize.minimize_scalar(lambda x: -radius(float(x)), bounds=(a, b), method="bounded",
                                 options={"xatol": TOLERANCE * a, "maxiter": PROBES})  # fmt: skip
     return (float(peak.x), float(-peak.fun)) if -peak.fun >= 1 else None

@@ -11,43 +11,50 @@ elastic_study   how an elastic tool swings after motions planned rigid, shaped, 
 motion          the motion of a `MotionProblem` as an Optimization
 """
 
-from . import axes as axes, elastic as elastic
-from .axes import (
-    AxisCost as AxisCost,
-    AxisEnd as AxisEnd,
-    AxisMesh as AxisMesh,
-    AxisSolver as AxisSolver,
-    AxisStudy as AxisStudy,
-    ToolCourse as ToolCourse,
-    ToolDirection as ToolDirection,
-    axis_study as axis_study,
-)
-from .elastic import ElasticStudy as ElasticStudy, elastic_study as elastic_study
-from .motion_study import MotionStudy as MotionStudy, study as study
-from .motion_table import (
-    MotionTable as MotionTable,
-    Published as Published,
-    TableRow as TableRow,
-    table_study as table_study,
-)
-from .options import (
-    Arc as Arc,
-    AxisLimits as AxisLimits,
-    Cost as Cost,
-    End as End,
-    Export as Export,
-    JointCone as JointCone,
-    Limits as Limits,
-    Line as Line,
-    Mesh as Mesh,
-    Obstacle as Obstacle,
-    Polyline as Polyline,
-    Shape as Shape,
-    Solver as Solver,
-    Spline as Spline,
-    Starts as Starts,
-    Taught as Taught,
-)
-from .paths import read_points as read_points
-from .problem import MotionProblem as MotionProblem
-from .task import motion as motion
+from typing import TYPE_CHECKING
+
+from .._lazy import public
+
+if TYPE_CHECKING:
+    from . import axes as axes, elastic as elastic
+    from .axes import (
+        AxisCost as AxisCost,
+        AxisEnd as AxisEnd,
+        AxisMesh as AxisMesh,
+        AxisSolver as AxisSolver,
+        AxisStudy as AxisStudy,
+        ToolCourse as ToolCourse,
+        ToolDirection as ToolDirection,
+        axis_study as axis_study,
+    )
+    from .elastic import ElasticStudy as ElasticStudy, elastic_study as elastic_study
+    from .motion_study import MotionStudy as MotionStudy, study as study
+    from .motion_table import (
+        MotionTable as MotionTable,
+        Published as Published,
+        TableRow as TableRow,
+        table_study as table_study,
+    )
+    from .options import (
+        Arc as Arc,
+        AxisLimits as AxisLimits,
+        Cost as Cost,
+        End as End,
+        Export as Export,
+        JointCone as JointCone,
+        Limits as Limits,
+        Line as Line,
+        Mesh as Mesh,
+        Obstacle as Obstacle,
+        Polyline as Polyline,
+        Shape as Shape,
+        Solver as Solver,
+        Spline as Spline,
+        Starts as Starts,
+        Taught as Taught,
+    )
+    from .paths import read_points as read_points
+    from .problem import MotionProblem as MotionProblem
+    from .task import motion as motion
+
+public(__name__)

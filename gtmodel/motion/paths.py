@@ -8,7 +8,7 @@ from pathlib import Path as FilePath
 from typing import Any, Protocol
 
 import numpy as np
-from scipy.interpolate import CubicSpline, PPoly, make_splprep
+import scipy
 
 from .. import lang as gt
 from ..results import ArgumentError, TrajectoryError
@@ -39,7 +39,7 @@ class Path(Protocol):
 class Pieces:
     """A curve of polynomial pieces on [0, 1]."""
 
-    poly: PPoly
+    poly: scipy.interpolate.PPoly
     length: float
 
     def __call__(self, s: np.ndarray) -> Sampled:
@@ -139,7 +139,9 @@ def _coordinates(cells: Sequence[str], where: str) -> Header:
 def line(start: np.ndarray, goal: np.ndarray) -> Path:
     """The straight line."""
     step = goal - start
-    return Pieces(PPoly(np.array([[step], [start]]), np.array([0.0, 1.0])), float(np.linalg.norm(step)))
+    return Pieces(
+        scipy.interpolate.PPoly(np.array([[step], [start]]), np.array([0.0, 1.0])), float(np.linalg.norm(step))
+    )
 
 
 def polyline(points: np.ndarray, blend: float) -> Path:
@@ -176,7 +178,7 @@ def _powers(bezier: np.ndarray) -> np.ndarray:
     """Power coefficients (6, 3), highest first, of a quintic with these control points."""
     from scipy.interpolate import BPoly
 
-    return PPoly.from_bernstein_basis(BPoly(bezier[:, None, :], [0.0, 1.0])).c[:, 0]
+    return scipy.interpolate.PPoly.from_bernstein_basis(BPoly(bezier[:, None, :], [0.0, 1.0])).c[:, 0]
 
 
 def _scaled(breaks: np.ndarray, coefficients: np.ndarray) -> Pieces:
@@ -185,7 +187,7 @@ def _scaled(breaks: np.ndarray, coefficients: np.ndarray) -> Pieces:
     powers = total ** np.arange(len(coefficients) - 1, -1, -1)
     x = breaks / total
     x[-1] = 1.0
-    return Pieces(PPoly(coefficients * powers[:, None, None], x), total)
+    return Pieces(scipy.interpolate.PPoly(coefficients * powers[:, None, None], x), total)
 
 
 def arc(start: np.ndarray, through: np.ndarray, goal: np.ndarray) -> Path:
@@ -205,7 +207,7 @@ def arc(start: np.ndarray, through: np.ndarray, goal: np.ndarray) -> Path:
 def spline(points: np.ndarray) -> Path:
     """The natural cubic spline through the points, over the length of their polygon."""
     at = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
-    curve = CubicSpline(at, points, bc_type="natural")
+    curve = scipy.interpolate.CubicSpline(at, points, bc_type="natural")
     return _scaled(at, curve.c)
 
 
@@ -215,9 +217,9 @@ def taught(points: np.ndarray, tolerance: float) -> Path:
     points = points[moved]  # a robot led by hand stands still at times
     if len(points) < 6:
         raise ArgumentError(f"a taught path needs at least 6 different points; found {len(points)}", "path.points")
-    (curve, _) = make_splprep(points.T, k=3, s=len(points) * tolerance**2)  # type: ignore[arg-type]
+    (curve, _) = scipy.interpolate.make_splprep(points.T, k=3, s=len(points) * tolerance**2)  # type: ignore[arg-type]
     at = np.unique(np.clip(curve.t, 0.0, 1.0))
     c = [curve(at[:-1], nu).T / factor for nu, factor in ((3, 6.0), (2, 2.0), (1, 1.0), (0, 1.0))]
-    pieces = PPoly(np.array(c), at)
+    pieces = scipy.interpolate.PPoly(np.array(c), at)
     slope = np.linalg.norm(pieces(np.linspace(0, 1, 2001), 1), axis=1)
     return Pieces(pieces, float(np.mean(slope)))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from scipy.interpolate import CubicHermiteSpline
+import scipy
 
 from ..compiler.causal import compile_causal
 from ..lang import Model
@@ -47,7 +47,7 @@ def between_rows(
     order: of the derivative of the motion that is the control, None where forces are.
     """
     T, dT = run["T"], run["der(T)"]
-    curve = CubicHermiteSpline(run.time, T, dT)
+    curve = scipy.interpolate.CubicHermiteSpline(run.time, T, dT)
     forward = compile_causal(robot, known="tau", targets="der(T,2)", prefer="T")
 
     def moving(times: np.ndarray) -> Trajectory:

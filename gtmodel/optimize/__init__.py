@@ -3,15 +3,22 @@
 solve gives a Solution; optimization_study tries it in an integrator too: an OptimizationStudy.
 """
 
-from .compiled import CompilerMissing as CompilerMissing
-from .control import Blocks as Blocks
-from .estimate import Estimate as Estimate, estimate as estimate
-from .judgement.refine import Refinement as Refinement, refine as refine
-from .judgement.resimulate import Resimulation as Resimulation, resimulate as resimulate
-from .mesh import Mesh as Mesh
-from .multistart import MultiStart as MultiStart, Optimum as Optimum, multi_start as multi_start
-from .phases import Phases as Phases, PhasesSolution as PhasesSolution, solve_phases as solve_phases
-from .solution import Check as Check, Solution as Solution
-from .solve import NotSolved as NotSolved, SolverOptions as SolverOptions, solve as solve
-from .study import OptimizationStudy as OptimizationStudy, optimization_study as optimization_study
-from .transcription import Continuation as Continuation, Transcription as Transcription, transcribe as transcribe
+from typing import TYPE_CHECKING
+
+from .._lazy import public
+
+if TYPE_CHECKING:
+    from .compiled import CompilerMissing as CompilerMissing
+    from .control import Blocks as Blocks
+    from .estimate import Estimate as Estimate, estimate as estimate
+    from .judgement.refine import Refinement as Refinement, refine as refine
+    from .judgement.resimulate import Resimulation as Resimulation, resimulate as resimulate
+    from .mesh import Mesh as Mesh
+    from .multistart import MultiStart as MultiStart, Optimum as Optimum, multi_start as multi_start
+    from .phases import Phases as Phases, PhasesSolution as PhasesSolution, solve_phases as solve_phases
+    from .solution import Check as Check, Solution as Solution
+    from .solve import NotSolved as NotSolved, SolverOptions as SolverOptions, solve as solve
+    from .study import OptimizationStudy as OptimizationStudy, optimization_study as optimization_study
+    from .transcription import Continuation as Continuation, Transcription as Transcription, transcribe as transcribe
+
+public(__name__)

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
-from scipy.sparse import block_diag, bmat, csc_matrix, identity
-from scipy.sparse.linalg import splu
+import scipy
 
 from ..lang.scope import Misfit
 from ..lang.source import ModelError
@@ -102,7 +101,7 @@ def estimate(solution: Solution | PhasesSolution) -> Estimate:
             f"{title}: the objective holds more than misfits; the covariance is that of least squares only"
         )
     A, variables = _active(fit)
-    J, n = csc_matrix(J[:, variables]), len(variables)
+    J, n = scipy.sparse.csc_matrix(J[:, variables]), len(variables)
     held_rows = A.get_shape()[0]
     degrees_of_freedom = len(r) - (n - held_rows)
     known = fit.misfits[0].known
@@ -113,11 +112,11 @@ def estimate(solution: Solution | PhasesSolution) -> Estimate:
         raise ModelError(f"{title}: nothing is free to be estimated; declare gt.free constants or leave a start free")
     information = (J.T @ J).tocsc()
     small = REGULAR * float(information.diagonal().max(initial=0.0))
-    kkt = bmat([[information + small * identity(n), A.T], [A, None]], format="csc")
+    kkt = scipy.sparse.bmat([[information + small * scipy.sparse.identity(n), A.T], [A, None]], format="csc")
     chosen = np.zeros((n + held_rows, len(columns)))
     chosen[columns, np.arange(len(columns))] = 1.0
     try:
-        covariance = splu(kkt).solve(chosen)[columns]
+        covariance = scipy.sparse.linalg.splu(kkt).solve(chosen)[columns]
     except RuntimeError:
         raise ModelError(
             f"{title}: the constraints are redundant at the solution; remove those that repeat others"
@@ -160,10 +159,10 @@ def _holds_more(solution: Solution) -> bool:
     return False
 
 
-def _residuals(fit: _Fit) -> tuple[np.ndarray, csc_matrix]:
+def _residuals(fit: _Fit) -> tuple[np.ndarray, scipy.sparse.csc_matrix]:
     """Residuals, and their Jacobian in all unknowns."""
     values: list[np.ndarray] = []
-    blocks: list[csc_matrix] = []
+    blocks: list[scipy.sparse.csc_matrix] = []
     for _, s, _ in fit.parts:
         nlp, problem = s.nlp, s.problem
         held = instants(problem, placed(nlp, s.x), nlp.element.layout, nlp.p_scale, [])
@@ -176,11 +175,11 @@ def _residuals(fit: _Fit) -> tuple[np.ndarray, csc_matrix]:
         values.append(value.reshape(-1))
         n = len(values[-1])
         row, column = np.repeat(np.arange(n), len(touched)), np.tile(held.index[touched], n)
-        blocks.append(csc_matrix((slope[:, touched].ravel(), (row, column)), shape=(n, nlp.size)))
-    return np.concatenate(values), csc_matrix(block_diag(blocks))
+        blocks.append(scipy.sparse.csc_matrix((slope[:, touched].ravel(), (row, column)), shape=(n, nlp.size)))
+    return np.concatenate(values), scipy.sparse.csc_matrix(scipy.sparse.block_diag(blocks))
 
 
-def _active(fit: _Fit) -> tuple[csc_matrix, np.ndarray]:
+def _active(fit: _Fit) -> tuple[scipy.sparse.csc_matrix, np.ndarray]:
     """Jacobian of all rows that hold with equality, in the unknowns that are free to move."""
     nlp, solution, x = fit.program, fit.whole, fit.whole.x
     g, jacobian = nlp.functions["jac_g"](x, [])
@@ -192,10 +191,10 @@ def _active(fit: _Fit) -> tuple[csc_matrix, np.ndarray]:
     at_bound = (np.minimum(x - nlp.lbx, nlp.ubx - x) <= AT_BOUND) & (np.abs(solution.bound_multipliers) > slight)
     variables = np.flatnonzero(~((nlp.lbx == nlp.ubx) | at_bound))
     sparsity = jacobian.sparsity()
-    matrix = csc_matrix(
+    matrix = scipy.sparse.csc_matrix(
         (np.array(jacobian.nonzeros()), np.array(sparsity.row()), np.array(sparsity.colind())), shape=sparsity.shape
     )
-    return csc_matrix(matrix[rows][:, variables]), variables
+    return scipy.sparse.csc_matrix(matrix[rows][:, variables]), variables
 
 
 def _quantities(fit: _Fit, variables: np.ndarray) -> tuple[list[str], np.ndarray, np.ndarray, np.ndarray, list[str]]:

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+import scipy
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
-from scipy.spatial import ConvexHull
 
 from .colours import COLOURS
 
@@ -134,8 +134,8 @@ def plate_faces(joints: np.ndarray) -> np.ndarray:
     _, extent, axes = np.linalg.svd(centred, full_matrices=False)
     extent = np.pad(extent, (0, 3 - len(extent)))  # fewer than three joints span no plane
     if extent[2] > FLAT * extent[0]:
-        return ConvexHull(joints).simplices
+        return scipy.spatial.ConvexHull(joints).simplices
     if not extent[1] > FLAT * extent[0]:
         return np.zeros((0, 3), dtype=int)
-    around = ConvexHull(centred @ axes[:2].T).vertices
+    around = scipy.spatial.ConvexHull(centred @ axes[:2].T).vertices
     return np.array([[around[0], around[i], around[i + 1]] for i in range(1, len(around) - 1)])

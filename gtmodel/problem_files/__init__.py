@@ -1,11 +1,18 @@
 """Problems in TOML files: loading, keys, sentences, settings, running, schema, listing."""
 
-from .base import (
-    Check as Check,
-    Context as Context,
-    InputError as InputError,
-    Kind as Kind,
-    Problem as Problem,
-    Section as Section,
-)
-from .registry import get as get, names as names
+from typing import TYPE_CHECKING
+
+from .._lazy import public
+
+if TYPE_CHECKING:
+    from .base import (
+        Check as Check,
+        Context as Context,
+        InputError as InputError,
+        Kind as Kind,
+        Problem as Problem,
+        Section as Section,
+    )
+    from .registry import get as get, names as names
+
+public(__name__)

@@ -29,23 +29,30 @@ Time series
     UnknownNameError  a signal name that is not there
 """
 
-from gtmodel.results.check import Check as Check, at_least as at_least, at_most as at_most
-from gtmodel.results.estimate import Estimate as Estimate
-from gtmodel.results.options import Long as Long, Options as Options, Unit as Unit, Within as Within
-from gtmodel.results.quantity import Quantity as Quantity, Row as Row, listed as listed
-from gtmodel.results.reading import Stored as Stored, read as read
-from gtmodel.results.refusal import ArgumentError as ArgumentError, naming as naming
-from gtmodel.results.status import (
-    ModesStatus as ModesStatus,
-    SolveStatus as SolveStatus,
-    Status as Status,
-    c_enum as c_enum,
-    c_sentences as c_sentences,
-)
-from gtmodel.results.study import Study as Study
-from gtmodel.results.trajectory import (
-    Trajectory as Trajectory,
-    TrajectoryError as TrajectoryError,
-    UnknownNameError as UnknownNameError,
-)
-from gtmodel.results.work import Work as Work
+from typing import TYPE_CHECKING
+
+from .._lazy import public
+
+if TYPE_CHECKING:
+    from gtmodel.results.check import Check as Check, at_least as at_least, at_most as at_most
+    from gtmodel.results.estimate import Estimate as Estimate
+    from gtmodel.results.options import Long as Long, Options as Options, Unit as Unit, Within as Within
+    from gtmodel.results.quantity import Quantity as Quantity, Row as Row, listed as listed
+    from gtmodel.results.reading import Stored as Stored, read as read
+    from gtmodel.results.refusal import ArgumentError as ArgumentError, naming as naming
+    from gtmodel.results.status import (
+        ModesStatus as ModesStatus,
+        SolveStatus as SolveStatus,
+        Status as Status,
+        c_enum as c_enum,
+        c_sentences as c_sentences,
+    )
+    from gtmodel.results.study import Study as Study
+    from gtmodel.results.trajectory import (
+        Trajectory as Trajectory,
+        TrajectoryError as TrajectoryError,
+        UnknownNameError as UnknownNameError,
+    )
+    from gtmodel.results.work import Work as Work
+
+public(__name__)

@@ -1,32 +1,39 @@
 """Robots written in the language, and the catalogue of printed parameter sets."""
 
-from .by_direction import (
-    GantryTauByDirection as GantryTauByDirection,
-    GantryTauViscousByDirection as GantryTauViscousByDirection,
-    InertiaVariant as InertiaVariant,
-    actuator_closed_loop as actuator_closed_loop,
-    friction_by_direction as friction_by_direction,
-    inertia_variant as inertia_variant,
-)
-from .catalogue import (
-    entries as entries,
-    gantry_tau as gantry_tau,
-    inertia_names as inertia_names,
-    make as make,
-    names as names,
-)
-from .configuration_state import configuration as configuration
-from .f1 import F1 as F1, f1_five_dof as f1_five_dof, f1_gantry_tau as f1_gantry_tau, f1_rotation as f1_rotation
-from .f1_closed_form import F1FiveDof as F1FiveDof, F1Rotation as F1Rotation
-from .f1_screws import F1BallScrews as F1BallScrews
-from .five_carts import ExtraCarts as ExtraCarts, extra_carts as extra_carts
-from .kr500 import (
-    SphericalWristArm as SphericalWristArm,
-    kr500 as kr500,
-    kr500_limits as kr500_limits,
-    kr500_tables as kr500_tables,
-)
-from .six_link import SixLink as SixLink, on_guideways as on_guideways, six_link_gantry_tau as six_link_gantry_tau
-from .three_link import GantryTau as GantryTau
-from .triangular_link import queensland_gantry_tau as queensland_gantry_tau
-from .with_wrist import GantryTauWrist as GantryTauWrist, gantry_tau_wrist as gantry_tau_wrist
+from typing import TYPE_CHECKING
+
+from .._lazy import public
+
+if TYPE_CHECKING:
+    from .by_direction import (
+        GantryTauByDirection as GantryTauByDirection,
+        GantryTauViscousByDirection as GantryTauViscousByDirection,
+        InertiaVariant as InertiaVariant,
+        actuator_closed_loop as actuator_closed_loop,
+        friction_by_direction as friction_by_direction,
+        inertia_variant as inertia_variant,
+    )
+    from .catalogue import (
+        entries as entries,
+        gantry_tau as gantry_tau,
+        inertia_names as inertia_names,
+        make as make,
+        names as names,
+    )
+    from .configuration_state import configuration as configuration
+    from .f1 import F1 as F1, f1_five_dof as f1_five_dof, f1_gantry_tau as f1_gantry_tau, f1_rotation as f1_rotation
+    from .f1_closed_form import F1FiveDof as F1FiveDof, F1Rotation as F1Rotation
+    from .f1_screws import F1BallScrews as F1BallScrews
+    from .five_carts import ExtraCarts as ExtraCarts, extra_carts as extra_carts
+    from .kr500 import (
+        SphericalWristArm as SphericalWristArm,
+        kr500 as kr500,
+        kr500_limits as kr500_limits,
+        kr500_tables as kr500_tables,
+    )
+    from .six_link import SixLink as SixLink, on_guideways as on_guideways, six_link_gantry_tau as six_link_gantry_tau
+    from .three_link import GantryTau as GantryTau
+    from .triangular_link import queensland_gantry_tau as queensland_gantry_tau
+    from .with_wrist import GantryTauWrist as GantryTauWrist, gantry_tau_wrist as gantry_tau_wrist
+
+public(__name__)

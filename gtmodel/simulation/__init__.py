@@ -3,9 +3,16 @@
 simulate gives a Simulation; simulation_study adds checks, table and pictures: a SimulationStudy.
 """
 
-from .arguments import MOST_ROWS as MOST_ROWS, MOST_STEPS as MOST_STEPS
-from .certificate import explain_simulation as explain_simulation
-from .linearize import Mode as Mode, linearize as linearize, modes as modes
-from .result import NotSimulated as NotSimulated, Simulation as Simulation, Switch as Switch
-from .run import simulate as simulate
-from .study import SimulationStudy as SimulationStudy, simulation_study as simulation_study
+from typing import TYPE_CHECKING
+
+from .._lazy import public
+
+if TYPE_CHECKING:
+    from .arguments import MOST_ROWS as MOST_ROWS, MOST_STEPS as MOST_STEPS
+    from .certificate import explain_simulation as explain_simulation
+    from .linearize import Mode as Mode, linearize as linearize, modes as modes
+    from .result import NotSimulated as NotSimulated, Simulation as Simulation, Switch as Switch
+    from .run import simulate as simulate
+    from .study import SimulationStudy as SimulationStudy, simulation_study as simulation_study
+
+public(__name__)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+import scipy
 
 # polynomial coefficients of one piece: with two, the first derivative is known too, and so on
 INTERPOLATIONS = {"previous": 1, "linear": 2, "cubic": 4}
@@ -35,7 +35,9 @@ class Table:
         if n > 1 and self.interpolation == "linear":
             rows[:-1, 1] = np.diff(self.values) / np.diff(self.times)
         elif n > 1 and self.interpolation == "cubic":
-            rows[:-1] = CubicSpline(self.times, self.values).c[::-1].T * [math.factorial(k) for k in range(4)]
+            rows[:-1] = scipy.interpolate.CubicSpline(self.times, self.values).c[::-1].T * [
+                math.factorial(k) for k in range(4)
+            ]
         return rows
 
     def largest(self, order: int) -> float:

@@ -24,60 +24,67 @@ Oscillators of frequency responses, and their field over the pose
     dynamic_stiffness_study, and all of `gtmodel.vibration.dynamic_stiffness` but its options
 """
 
-from .continuous import Continuous as Continuous, continuous as continuous
-from .definite_form import DefiniteForm as DefiniteForm, definite_form as definite_form
-from .dynamic_stiffness import (
-    DynamicStiffnessStudy as DynamicStiffnessStudy,
-    FrequencyResponse as FrequencyResponse,
-    GaussianProcess as GaussianProcess,
-    Inputs as Inputs,
-    ModalFit as ModalFit,
-    OscillatorField as OscillatorField,
-    SyntheticField as SyntheticField,
-    command_force as command_force,
-    dynamic_stiffness_study as dynamic_stiffness_study,
-    fit_gaussian_processes as fit_gaussian_processes,
-    fit_modes as fit_modes,
-    fit_oscillator_field as fit_oscillator_field,
-    frequency_response as frequency_response,
-    held_out as held_out,
-    load_oscillator_field as load_oscillator_field,
-    oscillator_text as oscillator_text,
-    receptance as receptance,
-    synthetic_field as synthetic_field,
-    synthetic_hits as synthetic_hits,
-    synthetic_receptance as synthetic_receptance,
-)
-from .impulse import ImpulseModel as ImpulseModel, Resonance as Resonance, identify_impulse as identify_impulse
-from .impulse_study import ImpulseStudy as ImpulseStudy
-from .known_force import SecondOrder as SecondOrder, from_known as from_known
-from .matrices_study import MatricesStudy as MatricesStudy, matrices_study as matrices_study
-from .modes import Modes as Modes, modes as modes, sign_question as sign_question
-from .options import (
-    Hit as Hit,
-    Impulse as Impulse,
-    KnownMass as KnownMass,
-    Matrices as Matrices,
-    Physical as Physical,
-    Sampling as Sampling,
-    StepResponse as StepResponse,
-    Steps as Steps,
-    Structure as Structure,
-    Subspace as Subspace,
-)
-from .order import OrderTrial as OrderTrial
-from .output_error import OutputErrorFit as OutputErrorFit, output_error as output_error
-from .physical_form import PhysicalForm as PhysicalForm, physical_form as physical_form
-from .record import Record as Record, Stopped as Stopped
-from .step_response import StepModel as StepModel, bandwidth as bandwidth, identify_step as identify_step
-from .step_study import StepStudy as StepStudy
-from .subspace import SubspaceModel as SubspaceModel, identify_subspace as identify_subspace
-from .subspace_study import SubspaceStudy as SubspaceStudy
-from .synthetic import (
-    hammer_record as hammer_record,
-    step_record as step_record,
-    structure_record as structure_record,
-    synthetic_records as synthetic_records,
-)
-from .vibration_result import VibrationStudy as VibrationStudy
-from .vibration_study import study as study
+from typing import TYPE_CHECKING
+
+from .._lazy import public
+
+if TYPE_CHECKING:
+    from .continuous import Continuous as Continuous, continuous as continuous
+    from .definite_form import DefiniteForm as DefiniteForm, definite_form as definite_form
+    from .dynamic_stiffness import (
+        DynamicStiffnessStudy as DynamicStiffnessStudy,
+        FrequencyResponse as FrequencyResponse,
+        GaussianProcess as GaussianProcess,
+        Inputs as Inputs,
+        ModalFit as ModalFit,
+        OscillatorField as OscillatorField,
+        SyntheticField as SyntheticField,
+        command_force as command_force,
+        dynamic_stiffness_study as dynamic_stiffness_study,
+        fit_gaussian_processes as fit_gaussian_processes,
+        fit_modes as fit_modes,
+        fit_oscillator_field as fit_oscillator_field,
+        frequency_response as frequency_response,
+        held_out as held_out,
+        load_oscillator_field as load_oscillator_field,
+        oscillator_text as oscillator_text,
+        receptance as receptance,
+        synthetic_field as synthetic_field,
+        synthetic_hits as synthetic_hits,
+        synthetic_receptance as synthetic_receptance,
+    )
+    from .impulse import ImpulseModel as ImpulseModel, Resonance as Resonance, identify_impulse as identify_impulse
+    from .impulse_study import ImpulseStudy as ImpulseStudy
+    from .known_force import SecondOrder as SecondOrder, from_known as from_known
+    from .matrices_study import MatricesStudy as MatricesStudy, matrices_study as matrices_study
+    from .modes import Modes as Modes, modes as modes, sign_question as sign_question
+    from .options import (
+        Hit as Hit,
+        Impulse as Impulse,
+        KnownMass as KnownMass,
+        Matrices as Matrices,
+        Physical as Physical,
+        Sampling as Sampling,
+        StepResponse as StepResponse,
+        Steps as Steps,
+        Structure as Structure,
+        Subspace as Subspace,
+    )
+    from .order import OrderTrial as OrderTrial
+    from .output_error import OutputErrorFit as OutputErrorFit, output_error as output_error
+    from .physical_form import PhysicalForm as PhysicalForm, physical_form as physical_form
+    from .record import Record as Record, Stopped as Stopped
+    from .step_response import StepModel as StepModel, bandwidth as bandwidth, identify_step as identify_step
+    from .step_study import StepStudy as StepStudy
+    from .subspace import SubspaceModel as SubspaceModel, identify_subspace as identify_subspace
+    from .subspace_study import SubspaceStudy as SubspaceStudy
+    from .synthetic import (
+        hammer_record as hammer_record,
+        step_record as step_record,
+        structure_record as structure_record,
+        synthetic_records as synthetic_records,
+    )
+    from .vibration_result import VibrationStudy as VibrationStudy
+    from .vibration_study import study as study
+
+public(__name__)

@@ -6,7 +6,7 @@ import warnings
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import logm
+import scipy
 
 from ..results import ArgumentError
 from .record import check_sample_time
@@ -55,9 +55,9 @@ def continuous(A: np.ndarray, B: np.ndarray, sample_time: float) -> Continuous:
     with warnings.catch_warnings():
         # its own estimate of the error; what is found is judged below
         warnings.simplefilter("ignore", RuntimeWarning)
-        L = np.asarray(logm(A))
+        L = np.asarray(scipy.linalg.logm(A))
         # the same logarithm, of the matrix that also holds the input
-        whole = np.asarray(logm(np.block([[A, B], [np.zeros((m, n)), np.eye(m)]])))
+        whole = np.asarray(scipy.linalg.logm(np.block([[A, B], [np.zeros((m, n)), np.eye(m)]])))
     if np.abs(np.imag(L)).max() > EXACT * np.abs(L).max():
         raise ArgumentError("the matrix logarithm is not real; lower the order or sample faster")
     A_c = np.real(L) / sample_time

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy.optimize import least_squares
 
 from ..results import ArgumentError
 from .modes import REAL, matrices
@@ -68,7 +68,7 @@ def definite_form(M: ArrayLike, D: ArrayLike, K: ArrayLike) -> DefiniteForm:
 
     x = np.zeros(p - 1)
     if p > 1 and np.any(C[upper]):
-        x = least_squares(lambda x: (scaled(x) - scaled(x).T)[upper] / size, x).x
+        x = scipy.optimize.least_squares(lambda x: (scaled(x) - scaled(x).T)[upper] / size, x).x
     S = scaled(x)
     asymmetry = float(np.linalg.norm(S - S.T) / 2 / max(float(np.linalg.norm(S)), 1e-300))
     w, Q = np.linalg.eigh((S + S.T) / 2)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import block_diag
+import scipy
 
 from gtmodel.inference import nonlinear_fit, whiteness
 from gtmodel.results import Estimate
@@ -238,7 +238,7 @@ class _Sines:
             C += [cosine, sine]
         C = np.array(C).T
         # h[k] = C A^(k-1) B: the decay begins one sample after the impulse
-        A = block_diag(*blocks)
+        A = scipy.linalg.block_diag(*blocks)
         system = control.StateSpace(A, np.array(B)[:, None], C, np.zeros((len(C), 1)), record.sample_time)
         half = np.array([r.frequency_Hz * r.damping for r in found])
         distance = np.diff([r.frequency_Hz for r in found]) / (half[:-1] + half[1:]) if len(found) > 1 else np.zeros(0)

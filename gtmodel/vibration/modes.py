@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy.linalg import eig
 
 from ..results import ArgumentError
 
@@ -65,7 +65,7 @@ def modes(M: ArrayLike, D: ArrayLike, K: ArrayLike) -> Modes:
     (array([ 5.84, 16.81]), True)
     """
     M, D, K = matrices(M, D, K)
-    found: Any = eig(K, M)
+    found: Any = scipy.linalg.eig(K, M)
     values, shapes = found
     if np.abs(np.imag(values)).max() <= REAL * np.abs(values).max():
         values, shapes = np.real(values), np.real(shapes)

@@ -5,8 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from scipy.linalg import expm, schur
-from scipy.signal import lfilter
+import scipy
 
 
 def states(A: np.ndarray, drive: np.ndarray, x0: np.ndarray) -> np.ndarray:
@@ -26,7 +25,7 @@ def simulate(
 
 
 def _schur(A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    found: Any = schur(A, "complex")
+    found: Any = scipy.linalg.schur(A, "complex")
     return found
 
 
@@ -35,7 +34,7 @@ def _schur_states(T: np.ndarray, drive: np.ndarray, z0: np.ndarray) -> np.ndarra
     z = np.empty(drive.shape, complex)
     for i in range(len(T) - 1, -1, -1):
         into = drive[:, i] + z[:, i + 1 :] @ T[i, i + 1 :]
-        z[:, i] = lfilter([0.0, 1.0], [1.0, -T[i, i]], into, zi=[z0[i]])[0]
+        z[:, i] = scipy.signal.lfilter([0.0, 1.0], [1.0, -T[i, i]], into, zi=[z0[i]])[0]
     return z
 
 
@@ -52,5 +51,5 @@ def free_responses(A: np.ndarray, C: np.ndarray, samples: int) -> np.ndarray:
 def held(A: np.ndarray, B: np.ndarray, sample_time: float) -> tuple[np.ndarray, np.ndarray]:
     """Discrete (A, B) of x' = A x + B u with u held over each sample, exactly (zero-order hold)."""
     n, m = B.shape
-    E = expm(np.block([[A, B], [np.zeros((m, n + m))]]) * sample_time)
+    E = scipy.linalg.expm(np.block([[A, B], [np.zeros((m, n + m))]]) * sample_time)
     return E[:n, :n], E[:n, n:]

@@ -7,9 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy import stats
-from scipy.optimize import minimize_scalar
-from scipy.signal import lfilter
+import scipy
 
 from gtmodel.inference import nonlinear_fit, whiteness
 from gtmodel.measurements import copied_stretch
@@ -102,7 +100,7 @@ def identify_step(
     near = [scans[d][1] for d in (best - 1, best + 1) if d in scans]
     ratio = count * np.log((min(near) + floor) / (scans[best][1] + floor)) if near else np.inf
     at_end = delay is None and best == longest
-    sure = bool(ratio > stats.chi2.isf(SURE, 1)) and not at_end
+    sure = bool(ratio > scipy.stats.chi2.isf(SURE, 1)) and not at_end
 
     def misfit(x: np.ndarray) -> np.ndarray:
         return np.concatenate([_without_mean(x[1] * _unit(r, x[0], best) - r.y[:, 0]) for r in given])
@@ -205,7 +203,7 @@ def _unit(r: Record, a: float, delay: int) -> np.ndarray:
     """Response (N,) for b = 1, from rest."""
     u = r.u[:, 0] - r.u[0, 0]
     late = np.concatenate([np.zeros(delay), u[: len(u) - delay]])
-    return np.asarray(lfilter([1.0], [1.0, -a], late))
+    return np.asarray(scipy.signal.lfilter([1.0], [1.0, -a], late))
 
 
 def _without_mean(x: np.ndarray) -> np.ndarray:
@@ -231,7 +229,7 @@ def _scan(given: Sequence[Record], delay: int) -> tuple[float, float]:
     grid = np.linspace(slow, -1e-9, 15)
     at = int(np.argmin([loss(x) for x in grid]))
     ends = grid[max(at - 1, 0)], grid[min(at + 1, len(grid) - 1)]
-    found: Any = minimize_scalar(loss, bounds=ends, method="bounded", options={"xatol": 1e-8})
+    found: Any = scipy.optimize.minimize_scalar(loss, bounds=ends, method="bounded", options={"xatol": 1e-8})
     return 1 - float(np.exp(found.x)), float(found.fun)
 
 
@@ -239,5 +237,5 @@ def _through(e: Estimate, function) -> tuple[float, tuple[float, float]]:
     """A function of (a, b) and its 95 % interval by its derivatives."""
     value = float(function(e.values))
     slope = central(lambda x: np.array([function(x)]), e.values)[0]
-    half = float(stats.t.ppf(0.975, e.degrees_of_freedom) * np.sqrt(slope @ e.covariance @ slope))
+    half = float(scipy.stats.t.ppf(0.975, e.degrees_of_freedom) * np.sqrt(slope @ e.covariance @ slope))
     return value, (value - half, value + half)

@@ -8,7 +8,7 @@ from itertools import combinations
 from operator import itemgetter
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
+import scipy
 
 from ...lang.source import ModelError
 from ..calibration import calibrate
@@ -89,7 +89,7 @@ def _assigned(problem: Problem, m: Measurements) -> list[int]:
             read[:, k] = columns[:, j]
             other = replace(m, values={**m.values, problem.actuators: read})
             varied[k, j] = np.sum(np.var(problem.on(other).residuals(), axis=0))
-    return [int(j) for j in linear_sum_assignment(varied)[1]]
+    return [int(j) for j in scipy.optimize.linear_sum_assignment(varied)[1]]
 
 
 def _misfit(problem: Problem, m: Measurements, read: dict[str, np.ndarray]) -> float:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+import scipy
 
 from ...compiler.causal import CausalFunction, compile_causal, flat_of
 from ...lang import Model, ModelError
@@ -117,7 +117,7 @@ def recognise(data: SplitPoses, witness: Witness) -> tuple[np.ndarray, np.ndarra
         _refuse(axes.message, pose.position)
     if pose.device:
         t, R, _ = aligned(T[good], predicted)
-        return t, Rotation.from_matrix(R).as_quat(scalar_first=True)
+        return t, scipy.spatial.transform.Rotation.from_matrix(R).as_quat(scalar_first=True)
     return None
 
 
@@ -146,7 +146,7 @@ def a_priori(
     T = np.array(T)
     for s, (t, u) in placed.items():
         rows = sessions == s if s else np.ones(len(T), bool)
-        T[rows] = t + Rotation.from_quat(u, scalar_first=True).apply(T[rows])
+        T[rows] = t + scipy.spatial.transform.Rotation.from_quat(u, scalar_first=True).apply(T[rows])
     predicted, _, good = witness.positions(q)
     errors = np.full(T.shape, np.nan)
     errors[good] = predicted - T[good]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+import scipy
 
 from ...compiler.causal import compile_causal
 from ...kinematics.mechanism import Mechanism
@@ -65,8 +65,8 @@ def turns_of(task: Task) -> list[Turn]:
     if task.bodies.plate_joints is not None:
         raise ArgumentError("is for simplified joints; an F1 has its own", "bodies.plate_joints")
     f1: Any = model
-    home = Rotation.from_quat(np.array(f1.home_e, float), scalar_first=True)
-    turned = [home * Rotation.from_rotvec(turn) for turn in np.array(turns, float)]
+    home = scipy.spatial.transform.Rotation.from_quat(np.array(f1.home_e, float), scalar_first=True)
+    turned = [home * scipy.spatial.transform.Rotation.from_rotvec(turn) for turn in np.array(turns, float)]
     return [Turn(_mechanism(f1, task.home, e), e) for e in (R.as_quat(scalar_first=True) for R in turned)]
 
 
@@ -75,7 +75,11 @@ def facing(task: Task, turn: Turn) -> list[Limit]:
     device = task.device
     if not isinstance(device, Tracker) or device.target_axis is None:
         return []
-    plate = Rotation.identity() if turn.e is None else Rotation.from_quat(turn.e, scalar_first=True)
+    plate = (
+        scipy.spatial.transform.Rotation.identity()
+        if turn.e is None
+        else scipy.spatial.transform.Rotation.from_quat(turn.e, scalar_first=True)
+    )
     return [Facing(np.array(device.at), plate.apply(device.target_axis), device.acceptance)]
 
 

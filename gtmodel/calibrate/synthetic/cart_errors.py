@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+import scipy
 
 from .guideway_errors import GuidewayError
 from .options import Synthetic
@@ -37,7 +37,7 @@ def cart_points(
     their own, with the device's noise. The tool centre point keeps its place across the guideways: the load of the
     poses shifts no cart, another one that is stated does."""
     at = np.round(np.linspace(q[:, :3].min() - MARGIN, q[:, :3].max() + MARGIN, number), 7)
-    R = Rotation.from_euler("ZYZ", s.cart_device_zyz)
+    R = scipy.spatial.transform.Rotation.from_euler("ZYZ", s.cart_device_zyz)
     rng = np.random.default_rng(np.random.SeedSequence([s.seed, STREAM + 1]))
     sigma = np.broadcast_to(np.asarray(s.position_noise, float), 3)
     found = []

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+import scipy
 
 from ...compiler.causal import compile_causal
 from ...lang import Model, ModelError
@@ -72,7 +72,7 @@ def disturbed(model: Model, s: Synthetic) -> Model:
     for cart in rows:
         u = v[cart[0]] / np.linalg.norm(v[cart[0]])
         axis = np.cross(u, rng.standard_normal(3))
-        turn = Rotation.from_rotvec(s.misalignment / np.sqrt(2.0) * axis / np.linalg.norm(axis))
+        turn = scipy.spatial.transform.Rotation.from_rotvec(s.misalignment / np.sqrt(2.0) * axis / np.linalg.norm(axis))
         v[cart] = turn.apply(v[cart]) * (1 + s.scale_error * rng.standard_normal())
     return robot.with_(**changed, v=v)
 
@@ -193,10 +193,10 @@ def _seen(stands: dict[str, np.ndarray], s: Synthetic, rng: np.random.Generator)
     T = stands["T"]
     sigma = np.broadcast_to(np.asarray(s.position_noise, float), 3)
     T = T + s.repeatability / MEAN_DISTANCE * rng.standard_normal(T.shape)
-    R = Rotation.from_euler("ZYZ", s.device_zyz)
+    R = scipy.spatial.transform.Rotation.from_euler("ZYZ", s.device_zyz)
     seen = {"T": R.inv().apply(T - np.array(s.device_t)) + sigma * rng.standard_normal(T.shape)}
     if "e" in stands:
-        turns = R.inv() * Rotation.from_quat(stands["e"], scalar_first=True)
+        turns = R.inv() * scipy.spatial.transform.Rotation.from_quat(stands["e"], scalar_first=True)
         noise = s.orientation_noise * rng.standard_normal(T.shape)
         e = moved(turns.as_quat(scalar_first=True), noise)
         seen["e"] = e * np.where(np.sum(e * e[0], axis=1, keepdims=True) < 0, -1.0, 1.0)

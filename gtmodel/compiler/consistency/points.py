@@ -5,12 +5,11 @@ from __future__ import annotations
 import warnings
 from collections.abc import Collection
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, TypeAlias
 
 import casadi as ca
 import numpy as np
-from scipy.sparse import csc_matrix, diags
-from scipy.sparse.linalg import splu
+import scipy
 
 from ...lang.source import ModelError
 from ..flat import FlatModel
@@ -42,7 +41,7 @@ OTHER_TIMES = (1.1, 11.3, 0.13, 97.0)
 # rows or columns up to which a dense matrix costs less than the sparse one's bookkeeping
 DENSE = 200
 
-Jacobian = np.ndarray | csc_matrix
+Jacobian: TypeAlias = "np.ndarray | scipy.sparse.csc_matrix"
 
 
 class _Stage:
@@ -61,7 +60,7 @@ class _Stage:
             jacobian = np.zeros(self._shape)
             jacobian[self._indices, self._columns] = values
             return r, jacobian
-        return r, csc_matrix((values, self._indices, self._pointers), shape=self._shape)
+        return r, scipy.sparse.csc_matrix((values, self._indices, self._pointers), shape=self._shape)
 
     def outside(self, w: np.ndarray, p: np.ndarray, time: float) -> np.ndarray:
         """Which columns stand in a row that is not finite, or whose derivatives are not."""
@@ -74,7 +73,7 @@ class _Stage:
 
 
 def _least_norm(jacobian: Jacobian, reach: np.ndarray, r: np.ndarray) -> np.ndarray:
-    scaled: Any = jacobian * reach if isinstance(jacobian, np.ndarray) else jacobian @ diags(reach)
+    scaled: Any = jacobian * reach if isinstance(jacobian, np.ndarray) else jacobian @ scipy.sparse.diags(reach)
     rows = np.flatnonzero(abs(scaled).sum(axis=1))
     if len(rows) < len(r):  # equations among what stays where it is
         scaled, r = (scaled if isinstance(scaled, np.ndarray) else scaled.tocsr())[rows], r[rows]
@@ -93,7 +92,7 @@ def _through_normal_equations(scaled: Any, r: np.ndarray) -> np.ndarray:
             return scaled.T @ np.linalg.solve(scaled @ scaled.T, -r)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            return scaled.T @ splu((scaled @ scaled.T).tocsc()).solve(-r)
+            return scaled.T @ scipy.sparse.linalg.splu((scaled @ scaled.T).tocsc()).solve(-r)
     except (RuntimeError, np.linalg.LinAlgError):
         return np.full(scaled.shape[1], np.nan)
 

@@ -11,7 +11,7 @@ from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
-from scipy.interpolate import BSpline
+import scipy
 
 from ...results import ArgumentError
 
@@ -138,7 +138,7 @@ class ClosedSpline:
         tied[:AT_REST, 0] = tied[-AT_REST:, 0] = 1.0
         tied[AT_REST:-AT_REST, 1:] = np.eye(self.size - 1)
         inside = np.clip(np.asarray(times, float), 0.0, self.period)  # 3 * 0.1 may ask for the end of 0.3
-        return BSpline(knots, np.eye(controls), DEGREE)(inside, nu=order) @ tied
+        return scipy.interpolate.BSpline(knots, np.eye(controls), DEGREE)(inside, nu=order) @ tied
 
     def still(self) -> Array:
         return np.ones(self.size)

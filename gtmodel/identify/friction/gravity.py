@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Literal, NamedTuple
 
 import numpy as np
-from scipy.optimize import linprog
+import scipy
 
 from ...results.trajectory_errors import Array
 
@@ -56,5 +56,5 @@ def _minimax(c: Array, g: Array) -> float:
     """Least e with -e <= c - m g <= e, as a linear program in (m, e)."""
     ones = np.ones_like(g)
     upper = np.vstack([np.column_stack([-g, -ones]), np.column_stack([g, -ones])])
-    found = linprog([0, 1], A_ub=upper, b_ub=np.concatenate([-c, c]), bounds=[(None, None), (0, None)])
+    found = scipy.optimize.linprog([0, 1], A_ub=upper, b_ub=np.concatenate([-c, c]), bounds=[(None, None), (0, None)])
     return float(found.x[0])

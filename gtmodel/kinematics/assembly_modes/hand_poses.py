@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+import scipy
 
 from ...measurements.csv_table import CsvTable
 from ...results import ArgumentError, naming
@@ -106,7 +106,7 @@ def _orientation(pose: Pose, left_out: np.ndarray, argument: str, head: str) -> 
             )
         return e / length
     if pose.zyz is not None:
-        return Rotation.from_euler("ZYZ", pose.zyz).as_quat(scalar_first=True)
+        return scipy.spatial.transform.Rotation.from_euler("ZYZ", pose.zyz).as_quat(scalar_first=True)
     return left_out
 
 

@@ -9,7 +9,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+import scipy
 
 from ...lang import Model, ModelError
 from ...results import ArgumentError, Check, SolveStatus, Work, at_most
@@ -155,7 +155,7 @@ def _quaternion(R: np.ndarray) -> np.ndarray:
     """Scalar first, that one positive; NaN for a rotation that is not known."""
     if not np.isfinite(R).all():
         return np.full(4, np.nan)
-    return Rotation.from_matrix(R).as_quat(canonical=True, scalar_first=True)
+    return scipy.spatial.transform.Rotation.from_matrix(R).as_quat(canonical=True, scalar_first=True)
 
 
 def _summary(judged: Judged, each: list[dict[str, Any]], done: list[int]) -> dict[str, Any]:

@@ -7,7 +7,7 @@ from functools import cached_property
 
 import casadi as ca
 import numpy as np
-from scipy.spatial.transform import Rotation
+import scipy
 
 from ...compiler.causal import CausalFunction, compile_causal, flat_of
 from ...lang import Model, ModelError
@@ -146,4 +146,4 @@ def bare(A: Array, B: Array, L: Array, T: Array | None = None, e: Array | None =
 
 def _rotations(e: Array) -> Array:
     """Rotation matrices (n, 3, 3) of quaternions (n, 4), scalar first, of any length but zero."""
-    return np.asarray(Rotation.from_quat(e, scalar_first=True).as_matrix())
+    return np.asarray(scipy.spatial.transform.Rotation.from_quat(e, scalar_first=True).as_matrix())

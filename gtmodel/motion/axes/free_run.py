@@ -6,8 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.integrate import solve_ivp
-from scipy.interpolate import CubicSpline
+import scipy
 
 from ...compiler.causal import compile_causal
 from ...lang import Model
@@ -42,10 +41,12 @@ def free_run(
     worst = abs(y[3] + y[4])
     for first in range(0, len(run) - 1, rows_per_element):
         own = slice(first + 1, first + rows_per_element + 1)
-        force = CubicSpline(run.time[own], run["tau"][own])
+        force = scipy.interpolate.CubicSpline(run.time[own], run["tau"][own])
         trouble: list[str] = []
 
-        def rates(t: float, y: Array, force: CubicSpline = force, trouble: list[str] = trouble) -> Array:
+        def rates(
+            t: float, y: Array, force: scipy.interpolate.CubicSpline = force, trouble: list[str] = trouble
+        ) -> Array:
             a, status = forward(y[:AXES], y[AXES:], force(t))
             if status != Status.OK and not trouble:
                 trouble.append(f"the dynamics fail after {t:.4g} s: {Status(int(status)).name.lower()}")
@@ -53,7 +54,7 @@ def free_run(
 
         span = (run.time[first], run.time[first + rows_per_element])
         with np.errstate(invalid="ignore"):  # a failed row is nan, and reported below
-            done = solve_ivp(rates, span, y, method="DOP853", rtol=TOLERANCE, atol=TOLERANCE)
+            done = scipy.integrate.solve_ivp(rates, span, y, method="DOP853", rtol=TOLERANCE, atol=TOLERANCE)
         if interrupted():
             trouble.append("interrupted")
         if trouble or not done.success:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.interpolate import CubicSpline, PPoly
+import scipy
 
 from ... import lang as gt
 from ...compiler.causal import CausalFunction, compile_causal
@@ -29,7 +29,7 @@ class PathOrientation:
     """
 
     path: Path
-    turning: PPoly
+    turning: scipy.interpolate.PPoly
     tool: Array | None
 
     def equations(self, robot: Any, s: Any, metre: Any) -> Iterator[Any]:
@@ -67,7 +67,7 @@ class PathOrientation:
         return compile_causal(model, known="s", targets=targets)
 
 
-def turning(at: Array, through: Array, argument: str) -> PPoly:
+def turning(at: Array, through: Array, argument: str) -> scipy.interpolate.PPoly:
     """A smooth course through directions or quaternions (n, d) at fractions (n,) of the way; equal ones: a constant.
 
     Raises ArgumentError where two that follow one another are too far apart, or opposite.
@@ -85,6 +85,6 @@ def turning(at: Array, through: Array, argument: str) -> PPoly:
             argument,
         )
     if np.all(np.ptp(through, axis=0) < 1e-12):
-        return PPoly(through[:1][None], np.array([0.0, 1.0]))
-    curve = CubicSpline(at, through, bc_type="natural")
-    return PPoly(curve.c, curve.x)
+        return scipy.interpolate.PPoly(through[:1][None], np.array([0.0, 1.0]))
+    curve = scipy.interpolate.CubicSpline(at, through, bc_type="natural")
+    return scipy.interpolate.PPoly(curve.c, curve.x)

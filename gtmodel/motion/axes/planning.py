@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+import scipy
 
 from ...compiler.causal import CausalFunction, compile_causal
 from ...mechanics.rotation import quaternion_matrix, rotation_about
@@ -121,7 +121,7 @@ def _course(problem: AxisProblem, robot: F1) -> PathOrientation:
             )
         R = [place.R if end.tcp is None else other.R for place, end, other in
              ((start, problem.start, goal), (goal, problem.goal, start))]  # fmt: skip
-        e = Rotation.from_matrix(np.array(R)).as_quat(scalar_first=True)
+        e = scipy.spatial.transform.Rotation.from_matrix(np.array(R)).as_quat(scalar_first=True)
         return PathOrientation(path_of(shape, start.T, goal.T), turning(np.array([0.0, 1.0]), e, "goal"), None)
     ends = [place.direction if end.tcp is not None else place.R @ tool for place, end in
             ((start, problem.start), (goal, problem.goal))]  # fmt: skip

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
-from scipy.sparse import coo_matrix
+import scipy
 
 from ...compiler.flat import FlatModel
 from ...lang.bind import join
@@ -26,7 +26,7 @@ ROUND_OFF = 1e-9  # of fractions of the horizon
 class DelayRows:
     """Rows matrix @ [y_0, ..., y_(N-1)] == value."""
 
-    matrix: coo_matrix
+    matrix: scipy.sparse.coo_matrix
     value: np.ndarray
     names: list[str]
 
@@ -64,7 +64,7 @@ def delay_rows(problem: DynamicProblem, mesh: Mesh, layout: Layout) -> DelayRows
     """Rows for every delayed input at every point. Raises ModelError for a horizon or mesh that delays do not fit."""
     N, n, K = mesh.elements, layout.size, mesh.points
     if not problem.delayed:
-        return DelayRows(coo_matrix((0, N * n)), np.zeros(0), [])
+        return DelayRows(scipy.sparse.coo_matrix((0, N * n)), np.zeros(0), [])
     title, horizon = problem.flat.title, ca.Function("ends", [problem.P], [problem.t0, problem.tf])
     if not (problem.t0.is_constant() and problem.tf.is_constant()) or mesh.length_ratio is not None:
         raise ModelError(f"{title}: a delayed input needs a horizon and element lengths that are given, not chosen")
@@ -111,4 +111,6 @@ def delay_rows(problem: DynamicProblem, mesh: Mesh, layout: Layout) -> DelayRows
                     rows.append(row)
                     cols.append(e * n + int(i))
                     weights.append(-float(weight) * other / own)
-    return DelayRows(coo_matrix((weights, (rows, cols)), shape=(len(value), N * n)), np.array(value), names)
+    return DelayRows(
+        scipy.sparse.coo_matrix((weights, (rows, cols)), shape=(len(value), N * n)), np.array(value), names
+    )

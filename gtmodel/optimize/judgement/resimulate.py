@@ -8,7 +8,7 @@ from math import comb
 
 import casadi as ca
 import numpy as np
-from scipy.interpolate import CubicHermiteSpline
+import scipy
 
 from ...results.status import SolveStatus
 from ...results.trajectory import Trajectory
@@ -90,7 +90,7 @@ def resimulate(solution: Solution, tolerance: float = INTEGRATOR_TOLERANCE) -> R
     system, zs = System.of(problem), np.vstack(unknowns)
     rates, us = system.at(xs, us, zs, P, times)
     rows = [slice(k * len(fine), (k + 1) * len(fine)) for k in range(mesh.elements)]
-    paths = [CubicHermiteSpline(times[r], xs[r], rates[r]) for r in rows]
+    paths = [scipy.interpolate.CubicHermiteSpline(times[r], xs[r], rates[r]) for r in rows]
 
     def integrated(s: float) -> tuple[np.ndarray, ...]:
         """State, rate, control and time at a fraction of the horizon."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy import stats
+import scipy
 
 from ...inference import Verdict, noise_size, nonlinear_fit, whiteness
 from ...inference.nonlinear import Residuals
@@ -209,7 +209,7 @@ def _adequacy(e: Estimate, lines: FrequencyResponse, stated: bool) -> Verdict:
         return noise_size(e)
     # correlated lines are fewer than they look
     ratio, own = float(e.residuals @ e.residuals) / e.degrees_of_freedom, e.degrees_of_freedom / lines.wider**2
-    p = float(stats.f.sf(ratio, own, lines.degrees_of_freedom))
+    p = float(scipy.stats.f.sf(ratio, own, lines.degrees_of_freedom))
     said = (
         "are as large as the hits' own noise"
         if p >= SMALL_P

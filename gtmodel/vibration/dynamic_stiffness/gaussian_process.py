@@ -6,8 +6,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy import stats
-from scipy.linalg import cho_factor, cho_solve, solve_triangular
+import scipy
 
 from .gaussian_process_kernel import Inputs, Shape, correlation, square_distances
 
@@ -43,12 +42,12 @@ class GaussianProcess:
     def factor(self) -> np.ndarray:
         """Lower Cholesky factor of the covariance of y (n, n)."""
         K = self._covariance(self.X) + self.noise**2 * np.eye(len(self.y))
-        return np.tril(cho_factor(K, lower=True)[0])
+        return np.tril(scipy.linalg.cho_factor(K, lower=True)[0])
 
     @cached_property
     def weights(self) -> np.ndarray:
         """alpha = K^-1 (y - mean) (n,): the prediction is mean + k(pose)' alpha."""
-        return cho_solve((self.factor, True), self.y - self.mean)
+        return scipy.linalg.cho_solve((self.factor, True), self.y - self.mean)
 
     @property
     def likelihood(self) -> float:
@@ -64,7 +63,7 @@ class GaussianProcess:
         if of not in ("field", "measurement"):
             raise ValueError(f"found of='{of}'; expected 'field' or 'measurement'")
         k = self._covariance(poses)
-        v = solve_triangular(self.factor, k, lower=True)
+        v = scipy.linalg.solve_triangular(self.factor, k, lower=True)
         variance = self.level**2 + self.amplitude**2 - (v * v).sum(axis=0)
         variance = np.maximum(variance, 0.0) + (self.noise**2 if of == "measurement" else 0.0)
         return self.mean + k.T @ self.weights, self.inflation * np.sqrt(variance)
@@ -80,7 +79,7 @@ class GaussianProcess:
 
         Hyperparameters stay those of all. Source: Rasmussen and Williams 2006, eqs. (5.10)-(5.12).
         """
-        inverse = np.diag(cho_solve((self.factor, True), np.eye(len(self.y))))
+        inverse = np.diag(scipy.linalg.cho_solve((self.factor, True), np.eye(len(self.y))))
         return self.weights / inverse, self.inflation / np.sqrt(inverse)
 
     def calibrated(self, errors: np.ndarray, stds: np.ndarray) -> GaussianProcess:
@@ -109,7 +108,7 @@ def quantile(level: float) -> float:
     """Standard deviations on either side of the mean that hold it with probability `level`. Raises ValueError."""
     if not 0 < level < 1:
         raise ValueError(f"the level is {level:g}; expected a probability between 0 and 1, such as 0.95")
-    return float(stats.norm.ppf((1 + level) / 2))
+    return float(scipy.stats.norm.ppf((1 + level) / 2))
 
 
 def level_of(y: np.ndarray) -> tuple[float, float]:

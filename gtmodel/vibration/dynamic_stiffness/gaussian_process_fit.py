@@ -6,8 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import LinAlgError, cho_factor, cho_solve
-from scipy.optimize import minimize
+import scipy
 
 from .gaussian_process import GaussianProcess, level_of
 from .gaussian_process_kernel import Inputs, Shape, correlation, slope, square_distances
@@ -40,10 +39,10 @@ class _Problem:
         for j, y in enumerate(self.Y):
             a2, s2 = np.exp(2 * theta[d + j]), np.exp(2 * theta[d + p + j])
             try:
-                L = cho_factor(self.level**2 + a2 * C + s2 * eye, lower=True)
-            except LinAlgError:
+                L = scipy.linalg.cho_factor(self.level**2 + a2 * C + s2 * eye, lower=True)
+            except scipy.linalg.LinAlgError:
                 return 1e25, np.zeros_like(theta)
-            inverse = cho_solve(L, eye)
+            inverse = scipy.linalg.cho_solve(L, eye)
             alpha = inverse @ y
             total += y @ alpha / 2 + np.log(np.diag(L[0])).sum() + n * np.log(2 * np.pi) / 2
             W = (inverse - np.outer(alpha, alpha)) / 2  # d cost / dK
@@ -177,7 +176,7 @@ def _starts(d: int, p: int, count: int, seed: int) -> list[np.ndarray]:
 def _best(problem: _Problem, starts: Sequence[np.ndarray], bounds: list[tuple[float, float]]) -> np.ndarray:
     low, high = np.array(bounds).T
     found = [
-        minimize(problem.cost, np.clip(start, low, high), jac=True, bounds=bounds, method="L-BFGS-B",
+        scipy.optimize.minimize(problem.cost, np.clip(start, low, high), jac=True, bounds=bounds, method="L-BFGS-B",
                  options={"maxiter": 200, "ftol": STILL})
         for start in starts
     ]  # fmt: skip

@@ -7,7 +7,7 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from scipy.linalg import solve_triangular
+import scipy
 
 from .gaussian_process import GaussianProcess
 
@@ -30,7 +30,7 @@ def predictions(processes: Sequence[GaussianProcess], pose: Any, *, std: bool = 
         means.append(constant + ca.dot(ca.DM(g.amplitude**2 * g.weights), C))
         if std:
             k = g.level**2 + g.amplitude**2 * C
-            inverse = solve_triangular(g.factor, np.eye(len(g.y)), lower=True)
+            inverse = scipy.linalg.solve_triangular(g.factor, np.eye(len(g.y)), lower=True)
             v = ca.mtimes(ca.DM(inverse), k)
             stds.append(g.inflation * ca.sqrt(ca.fmax(g.level**2 + g.amplitude**2 - ca.dot(v, v), 0.0)))
     return means, stds

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
+import scipy
 
 from .gaussian_process_kernel import Inputs, correlation, square_distances
 
@@ -67,7 +67,16 @@ def synthetic_field(
     shares = rng.standard_normal((WAVES, logs.shape[1])) * spread
     K = _between(given, given) + NEAR * np.eye(len(given))
     missing = logs - mean - _waves(given, frequencies, phases) @ shares
-    return SyntheticField(inputs, frequencies, phases, shares, given, cho_solve(cho_factor(K), missing), mean, lengths)
+    return SyntheticField(
+        inputs,
+        frequencies,
+        phases,
+        shares,
+        given,
+        scipy.linalg.cho_solve(scipy.linalg.cho_factor(K), missing),
+        mean,
+        lengths,
+    )
 
 
 def _waves(c: np.ndarray, frequencies: np.ndarray, phases: np.ndarray) -> np.ndarray:
