@@ -67,7 +67,7 @@ if TYPE_CHECKING:
         NotSimulated as NotSimulated,
         Simulation as Simulation,
         linearize as linearize,
-        modes as modes,
+        natural_modes as natural_modes,
         simulate as simulate,
     )
 

@@ -14,12 +14,11 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from gtmodel import _terminal as terminal
-from gtmodel.results import SolveStatus
 
 if TYPE_CHECKING:
     from gtmodel.problem_files.run import Finished
 
-_EXIT = {SolveStatus.SOLVED: 0, SolveStatus.BAD_INPUT: 2}
+_EXIT = {"solved": 0, "bad_input": 2}
 
 
 class Answer:
@@ -36,10 +35,6 @@ class Answer:
 @contextmanager
 def answering(context: typer.Context, as_json: bool, asked: str) -> Iterator[Answer]:
     """Whatever happens inside becomes a table or one JSON object, a sentence on stderr, and the exit code."""
-    from gtmodel.problem_files import faults
-    from gtmodel.results import Study
-    from gtmodel.results.as_json import summary
-
     began = time.monotonic()
     answer = Answer(Path(asked).name)
     try:
@@ -52,9 +47,14 @@ def answering(context: typer.Context, as_json: bool, asked: str) -> Iterator[Ans
     except BaseException as error:
         if context.obj:
             traceback.print_exc()
+        from gtmodel.problem_files import faults
+
         status, sentence = faults.describe(error, asked)
         print(sentence, file=sys.stderr)
         if as_json:
+            from gtmodel.results import Study
+            from gtmodel.results.as_json import summary
+
             failed = Study(status=status, message=sentence)
             print_json(summary(answer.problem, answer.kind, failed, time.monotonic() - began))
         raise typer.Exit(_EXIT.get(status, 1)) from None
@@ -64,6 +64,8 @@ def answering(context: typer.Context, as_json: bool, asked: str) -> Iterator[Ans
         return
     outcome, wall_s = answer.finished.outcome, answer.finished.wall_s
     if as_json:
+        from gtmodel.results.as_json import summary
+
         print_json(summary(answer.problem, answer.kind, outcome, wall_s))
     else:
         terminal.outcome_table(answer.title, outcome)

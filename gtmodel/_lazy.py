@@ -11,6 +11,15 @@ from types import ModuleType
 from typing import Any
 
 
+class _NoSuchName(AttributeError):
+    """Python asks a package for its submodules too, and expects this; near names are looked for when a person reads."""
+
+    def __str__(self) -> str:
+        from .lang.slips import near
+
+        return f"module '{self.obj.__name__}' has no attribute '{self.name}'{near(self.name, dir(self.obj))}"
+
+
 class _Package(ModuleType):
     """A package that looks its public names up in `_public`: name -> module and attribute, "" for a module itself."""
 
@@ -18,7 +27,7 @@ class _Package(ModuleType):
 
     def __getattr__(self, name: str) -> Any:
         if name not in self._public:
-            raise AttributeError(f"module '{self.__name__}' has no attribute '{name}'{_near(name, dir(self))}")
+            raise _NoSuchName(name=name, obj=self)
         module, attribute = self._public[name]
         value = getattr(import_module(module), attribute) if attribute else import_module(module)
         self.__dict__[name] = value
@@ -60,11 +69,3 @@ def _names(package: str, file: Path) -> dict[str, tuple[str, str]]:
                 else:
                     names[entry.asname or entry.name] = (module, entry.name)
     return names
-
-
-def _near(name: str, names: list[str]) -> str:
-    if name.startswith("_"):
-        return ""
-    from .lang.slips import near
-
-    return near(name, names)

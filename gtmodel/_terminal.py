@@ -11,17 +11,13 @@ import sys
 import unicodedata
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stdout, suppress
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from rich.box import SIMPLE_HEAD
-from rich.console import Console
-from rich.status import Status
-from rich.table import Table
-from rich.text import Text
+if TYPE_CHECKING:
+    from rich.status import Status
 
-from gtmodel.problem_files import Context
-from gtmodel.results import Study
-from gtmodel.results.table import HEAD, cells, number, plain
+    from gtmodel.problem_files import Context
+    from gtmodel.results import Study
 
 _SPELLING = {"─": "-", "│": "|", "µ": "u", "μ": "u", "°": "deg", "·": "*", "×": "x", "√": "sqrt", "≤": "<=", "≥": ">="}
 _STOPS = ("SIGINT", "SIGTERM", "SIGHUP")
@@ -61,8 +57,15 @@ def hush() -> None:
 def table(head: Sequence[str], rows: Iterable[Sequence[str]], title: str = "") -> None:
     """Print one table. Texts are shown as they are: a bracket is no markup."""
     if not sys.stdout.isatty():
+        from gtmodel.results.plain_table import plain
+
         print(plain(head, [list(row) for row in rows], title))
         return
+    from rich.box import SIMPLE_HEAD
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
     shown = Table(box=SIMPLE_HEAD, title=Text(title) if title else None, title_justify="left", pad_edge=False)
     for name in head:
         shown.add_column(name, overflow="fold")
@@ -77,8 +80,10 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]], title: str = "") -
 
 def outcome_table(title: str, outcome: Study) -> None:
     """Print one study: its status, its rows, its checks; the message below. A failure's goes to stderr."""
+    from gtmodel.results.table import HEAD, cells
+
     table(HEAD, cells(outcome), title)
-    if outcome.status.ok and outcome.message not in ("", outcome.status.value):
+    if outcome.status.ok and outcome.message not in (outcome.status.message, outcome.status.value):
         print(f"\n{outcome.message}")
 
 
@@ -135,6 +140,8 @@ def watching(context: Context, stopping: str = "stopping at the best iterate") -
         if not sys.stderr.isatty():
             yield
             return
+        from rich.console import Console
+
         with Console(stderr=True).status("working") as status:
             context.progress = _Shown(status)
             yield
@@ -156,6 +163,10 @@ class _Shown:
         fraction: float | None = None,
         numbers: Mapping[str, float] | None = None,
     ) -> None:
+        from rich.text import Text
+
+        from gtmodel.results.table import number
+
         self._stage = stage or self._stage
         parts = [self._stage if fraction is None else f"{self._stage} {fraction:.0%}"]
         parts += [f"{name} {number(value)}" for name, value in (numbers or {}).items()]

@@ -19,7 +19,6 @@ from typer.exceptions import TyperException
 
 from gtmodel import _terminal as terminal
 from gtmodel._answer import Answer, answering, print_json
-from gtmodel.results import SolveStatus
 
 app = typer.Typer(
     help="Kinematics, dynamics, optimal motions and C code of parallel robots, from one set of equations.",
@@ -31,7 +30,7 @@ app = typer.Typer(
 
 def _problems(begun: str) -> list[str]:
     """What a shell completes a problem to: TOML files here, and the shipped names."""
-    from gtmodel.problem_files.load import shipped_names
+    from gtmodel.problem_files.files import shipped_names
 
     here = sorted(str(path) for path in Path().glob(f"{begun}*.toml"))
     return here + [name for name in shipped_names() if name.startswith(begun)]
@@ -295,7 +294,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         helped = asked if words[0] in _commands() else "gtmodel"
         print(f"{asked}: {sentence}; '{helped} --help' shows the options.", file=sys.stderr)
         if "--json" in words:
-            from gtmodel.results import Study
+            from gtmodel.results import SolveStatus, Study
             from gtmodel.results.as_json import summary
 
             print_json(summary("", None, Study(status=SolveStatus.BAD_INPUT, message=sentence), 0.0))

@@ -6,6 +6,7 @@ import os
 import re
 import sys
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 
 LANG = str(Path(__file__).resolve().parent)
@@ -24,14 +25,14 @@ class SourceLocation:
         return f"{self.file}:{self.line}"
 
 
+@cache
 def _short(filename: str) -> str:
     """The last two parts of a path: enough to find the file, the same on every machine."""
     if filename.startswith("<"):
         return filename
     if "ipykernel" in filename and (cell := _notebook_cell(filename)) is not None:
         return cell
-    parts = Path(filename).parts
-    return "/".join(parts[-2:])
+    return "/".join(filename.replace("\\", "/").rsplit("/", 2)[-2:])
 
 
 def _notebook_cell(filename: str) -> str | None:

@@ -16,6 +16,7 @@ from gtmodel.results.trajectory_files import TRAJECTORY
 from gtmodel.results.work import Progress, silent
 
 from .call import Call
+from .input_error import InputError
 
 __all__ = [
     "TRAJECTORY", "Check", "Context", "Generating", "InputError", "Kind", "Problem", "Progress",
@@ -26,27 +27,10 @@ __all__ = [
 SOON = 1e-9  # s: what is left of a time limit that reading the file took
 
 
-class InputError(ValueError):
-    """What a person gave is wrong: one plain sentence, with the file and its key where they are known."""
-
-    def __init__(self, sentence: str, key: str = "", file: str = "") -> None:
-        super().__init__(sentence, key, file)
-        self.message = sentence
-        self.key = key
-        self.file = file
-
-    def __str__(self) -> str:
-        return ": ".join(part for part in (self.file, self.key, self.message) if part)
-
-    def within(self, file: str, key: str = "") -> InputError:
-        """The same fault seen from outside: in this file, at this key, unless it says so itself."""
-        return InputError(self.message, self.key or key, self.file or file)
-
-
 class Section(pydantic.BaseModel):
     """A table of a problem file. Unknown keys are errors, numbers are finite and not written as text."""
 
-    model_config = pydantic.ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True)
+    model_config = pydantic.ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True, defer_build=True)
 
 
 class Problem(Section):

@@ -9,7 +9,8 @@ from gtmodel.compiler.causal import compile_causal, flat_of
 
 from . import run
 from .base import Context, InputError
-from .load import load, parse, read, shipped_names
+from .files import parse, read, shipped_names
+from .load import load
 from .robot_file import is_robot_file
 from .robots import resolve
 

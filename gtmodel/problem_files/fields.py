@@ -45,9 +45,15 @@ class Key(NamedTuple):
 
 
 @cache
+def json_schema(schema: type[pydantic.BaseModel]) -> dict[str, Any]:
+    """The JSON schema; made once, so leave it as it is."""
+    return schema.model_json_schema()
+
+
+@cache
 def keys_of(schema: type[pydantic.BaseModel]) -> tuple[Key, ...]:
     """All keys of a schema, tables opened, in the order of the schema."""
-    document = schema.model_json_schema()
+    document = json_schema(schema)
     return tuple(_keys(document, document, "", True))
 
 

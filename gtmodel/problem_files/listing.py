@@ -6,10 +6,10 @@ import difflib
 from typing import Any
 
 from gtmodel._files import problems_dir
-from gtmodel.robots import catalogue
+from gtmodel.robots.entries import entries
 
-from .base import InputError
-from .load import parse, read, shipped_names
+from .files import parse, read, shipped_names
+from .input_error import InputError
 
 HEADS = {"robots": ("family", "degrees of freedom", "source", "masses"), "problems": ("kind", "title")}
 
@@ -25,7 +25,7 @@ def of(what: str = "all") -> dict[str, Any]:
 
 
 def _robots() -> dict[str, dict[str, Any]]:
-    return {name: entry._asdict() for name, entry in catalogue.entries().items()}
+    return {name: entry._asdict() for name, entry in entries().items()}
 
 
 def _problems() -> dict[str, dict[str, str]]:

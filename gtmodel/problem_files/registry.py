@@ -18,8 +18,12 @@ from __future__ import annotations
 
 import difflib
 from importlib import import_module
+from typing import TYPE_CHECKING
 
-from .base import InputError, Kind
+from .input_error import InputError
+
+if TYPE_CHECKING:
+    from .base import Kind
 
 _KINDS = {
     "trajectory": "time- or energy-optimal motion of a robot between two poses",

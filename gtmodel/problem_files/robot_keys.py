@@ -8,7 +8,6 @@ from pydantic import Field, PositiveFloat
 
 from gtmodel.lang import Model
 
-from . import robots
 from .base import Context, Problem, Section
 
 
@@ -40,6 +39,8 @@ class RobotProblem(Problem):
 
     def model(self, context: Context) -> Model:
         """The robot, configured. Raises InputError."""
+        from . import robots  # here: the keys alone need no robot
+
         return robots.resolve(
             self.robot,
             context,

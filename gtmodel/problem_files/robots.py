@@ -9,11 +9,11 @@ from typing import Any
 
 from gtmodel.calibrate.modifiers import merged
 from gtmodel.lang import Model, ModelError
-from gtmodel.robots import catalogue
+from gtmodel.robots import entries, names
 
 from . import python_models
 from .base import Context, InputError
-from .load import parse, read
+from .files import parse, read
 from .robot_file import checked, is_python_robot
 
 _WORDS = {
@@ -68,11 +68,13 @@ def resolve(
         if is_python_robot(data):
             return _calibrated(reference, data, context, key, given, modifiers)
         family, modifiers = _from_file(reference, data, context, key, modifiers)
-    elif reference in catalogue.names():
-        name, family = reference, catalogue.entries()[reference].family
+    elif reference in names():
+        name, family = reference, entries()[reference].family
     else:
         raise InputError(_unknown(reference), key)
     _refuse_options(modifiers, given)
+    from gtmodel.robots import catalogue  # here: the keys of a kind need no robot
+
     try:
         model = catalogue.family_member(family, name, **given, **modifiers)
     except ModelError as error:
@@ -140,7 +142,7 @@ def in_python(reference: str, context: Context) -> tuple[str, dict[str, Any]]:
 
 
 def _unknown(reference: str) -> str:
-    close = difflib.get_close_matches(reference, catalogue.names(), n=1)
-    hint = f"did you mean '{close[0]}'?" if close else f"there are {', '.join(catalogue.names())}"
+    close = difflib.get_close_matches(reference, names(), n=1)
+    hint = f"did you mean '{close[0]}'?" if close else f"there are {', '.join(names())}"
     python = python_models.hint(reference)
     return f"there is no robot '{reference}'; {python or hint}"

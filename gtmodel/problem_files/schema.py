@@ -8,7 +8,7 @@ from typing import Any
 from gtmodel.results.quantity import described
 from gtmodel.results.unit_names import unit_of
 
-from .fields import keys_of
+from .fields import json_schema, keys_of
 from .noted import DESCRIPTION, NOTES
 from .registry import get, names
 
@@ -21,7 +21,7 @@ def document(kind: str) -> dict[str, Any]:
         "description": names()[kind],
         "keys": [{**key._asdict()} for key in keys_of(found.Schema)],
         "values": values(kind),
-        "schema": found.Schema.model_json_schema(),
+        "schema": json_schema(found.Schema),
     }
 
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import base64
 import html as markup
 import math
-import unicodedata
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 from .check import Check, bound_in_words
+from .plain_table import plain
 from .unit_names import split
 from .written import png
 
@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from .study import Study
 
 HEAD = ("quantity", "value", "unit", "")
-_SHORT = 32  # characters; a longer text that ends its row sets no column's width
 
 
 def cells(study: Study) -> list[tuple[str, str, str, str]]:
@@ -53,26 +52,6 @@ def text(study: Study) -> str:
     """The whole study as text."""
     said = [] if study.message in (study.status.message, study.status.value) else ["", study.message]
     return "\n".join([plain(HEAD, cells(study), study.title), *said])
-
-
-def plain(head: Sequence[str], rows: Sequence[Sequence[str]], title: str = "") -> str:
-    """A table as text: no line is broken. A sentence that ends its row, as a note does, runs on and does not push the
-    columns behind it apart."""
-    widths = [width(name) for name in head]
-    for row in rows:
-        for k, cell in enumerate(row):
-            if any(row[k + 1 :]) or width(cell) <= _SHORT:
-                widths[k] = max(widths[k], width(cell))
-    lines = [
-        "   ".join(cell + " " * (w - width(cell)) for cell, w in zip(r, widths, strict=True)) for r in (head, *rows)
-    ]
-    lines.insert(1, "─" * max(sum(widths) + 3 * (len(widths) - 1), 1))
-    return "\n".join([*([title, ""] if title else []), *(f" {line}".rstrip() for line in lines)])
-
-
-def width(cell: str) -> int:
-    """How many places a text takes on a terminal."""
-    return sum(0 if unicodedata.combining(c) else 2 if unicodedata.east_asian_width(c) in "WF" else 1 for c in cell)
 
 
 def html(study: Study) -> str:

@@ -13,14 +13,9 @@ if TYPE_CHECKING:
         friction_by_direction as friction_by_direction,
         inertia_variant as inertia_variant,
     )
-    from .catalogue import (
-        entries as entries,
-        gantry_tau as gantry_tau,
-        inertia_names as inertia_names,
-        make as make,
-        names as names,
-    )
+    from .catalogue import gantry_tau as gantry_tau, inertia_names as inertia_names, make as make
     from .configuration_state import configuration as configuration
+    from .entries import entries as entries, names as names
     from .f1 import F1 as F1, f1_five_dof as f1_five_dof, f1_gantry_tau as f1_gantry_tau, f1_rotation as f1_rotation
     from .f1_closed_form import F1FiveDof as F1FiveDof, F1Rotation as F1Rotation
     from .f1_screws import F1BallScrews as F1BallScrews

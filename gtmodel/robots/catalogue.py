@@ -4,36 +4,22 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from ..lang import Model, ModelError
 from ..mechanics import PiecewiseLinearFriction, SignFriction, TanhFriction
 from . import clusters
+from .entries import entries, family_in, geometries
 from .f1 import EXAMPLE as F1_EXAMPLE, f1_gantry_tau
-from .kr500 import MASSES, SOURCE, kr500
+from .kr500 import kr500
 from .six_link import EXAMPLE as SIX_LINK_EXAMPLE, six_link_gantry_tau
 from .tables import printed
 from .three_link import GantryTau
 
 SMOOTHINGS = {"tanh": TanhFriction, "piecewise_linear": PiecewiseLinearFriction, "sign": SignFriction}
 VELOCITY_SCALE = 0.1  # of friction [m/s]
-# of masses and friction
-EXAMPLE_MASSES = "an example of ours"
-IDENTIFIED_MASSES = "Dressler 2012, Table 6.3"
-
-
-class Entry(NamedTuple):
-    """A robot of the catalogue: its family, degrees of freedom, source of its geometry and origin of its masses."""
-
-    family: str
-    degrees_of_freedom: int
-    source: str
-    masses: str
-
-
-FAMILIES = {"three_link": 3, "six_link": 3, "f1": 6, "serial": 6}  # with their degrees of freedom
 
 
 def dynamics_table() -> dict[str, Any]:
@@ -41,59 +27,15 @@ def dynamics_table() -> dict[str, Any]:
     return printed("gantry_tau_dynamics.toml")
 
 
-def _geometries() -> dict[str, dict[str, Any]]:
-    return {name: table for name, table in printed("gantry_tau.toml").items() if "prototype" in table}
-
-
-def _family(table: dict[str, Any]) -> str:
-    if table["prototype"] == "F1":
-        return "f1"
-    return "six_link" if "B_m" in table else "three_link"
-
-
 def _sets() -> dict[str, dict[str, Any]]:
     """Three-link sets by name."""
-    return {name: table for name, table in _geometries().items() if _family(table) == "three_link"}
+    return {name: table for name, table in geometries().items() if family_in(table) == "three_link"}
 
 
 def _inertias() -> dict[str, dict[str, Any]]:
     """Identified inertia models whose friction is symmetric and printed in full."""
     table = dynamics_table()["inertia"]
     return {k: v for k, v in table.items() if "*" not in (v["coulomb_N"], v["viscous_kg_s"])}
-
-
-def entries() -> dict[str, Entry]:
-    """The robots of the catalogue by name: family, degrees of freedom, source of the geometry, origin of the masses.
-
-    >>> for name, entry in gt.robots.entries().items():
-    ...     print(f"{name:16s} {entry.family:11s} {entry.degrees_of_freedom}")
-    ...
-    d1_nominal       three_link  3
-    d1_six_link      six_link    3
-    f1               f1          6
-    kr500            serial      6
-    l1_camera        three_link  3
-    l1_tape          three_link  3
-    l1_tracker       three_link  3
-    l1_tracker_2008  three_link  3
-    l1_vision        three_link  3
-    """
-    found = {}
-    for name, table in sorted(_geometries().items()):
-        family = _family(table)
-        masses = IDENTIFIED_MASSES if table["prototype"] == "L1" else EXAMPLE_MASSES
-        found[name] = Entry(family, FAMILIES[family], table["source"], masses)
-    found["kr500"] = Entry("serial", FAMILIES["serial"], SOURCE, MASSES)
-    return dict(sorted(found.items()))
-
-
-def names() -> dict[str, str]:
-    """Names of the robots of the catalogue, with the source of the geometry of each.
-
-    >>> gt.robots.names()["l1_tape"]
-    'Dressler 2012, Table 5.7 manually measured'
-    """
-    return {name: entry.source for name, entry in entries().items()}
 
 
 def inertia_names() -> list[str]:
@@ -205,7 +147,7 @@ def gantry_tau(
     >>> print(T[0].round(3), [gt.Status(s).name for s in status])
     [ 0.911 -0.883  0.463] ['OK', 'OUT_OF_RANGE']
     """
-    geometry = _pick(name, _sets(), "three-link robot" if name in _geometries() else "robot")
+    geometry = _pick(name, _sets(), "three-link robot" if name in geometries() else "robot")
     friction = _pick(smoothing, SMOOTHINGS, "friction smoothing")
     A, v, L = (np.array(geometry[k], dtype=float) for k in ("A_m", "v", "L_m"))
     parts: dict[str, Any] = {"friction": friction} | ({} if rod is None else {"rod": rod})
@@ -244,9 +186,9 @@ def _masses(geometry: dict[str, Any], inertia: str | None) -> dict[str, Any]:
         example: dict[str, Any] = SIX_LINK_EXAMPLE
         m_a = [float(example["m_a"][rows].sum()) for rows in clusters.ROWS]
         return {k: example[k] for k in ("m_p", "m_c", "coulomb", "viscous")} | {"m_a": m_a}
-    found = _pick(inertia or "model_2", _inertias(), "inertia model")
+    model = _pick(inertia or "model_2", _inertias(), "inertia model")
     keys = {"m_p": "m_p_kg", "m_c": "m_c_kg", "coulomb": "coulomb_N", "viscous": "viscous_kg_s"}
-    return {name: found[key] for name, key in keys.items()}
+    return {name: model[key] for name, key in keys.items()}
 
 
 def _pick(name: str, table: dict[str, Any], what: str) -> Any:

@@ -10,8 +10,6 @@ from .. import lang as gt
 from ..mechanics import Fixed, FixedTranslation, Frame, FrameLoad, Ground, Revolute, TorqueMotor
 from .tables import printed
 
-SOURCE = "maker's data sheet; Cvitanic 2021, Tables 1 and 2, Fig. 42"
-MASSES = "none printed"
 FLANGE = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])  # Ry(90 deg)
 WRIST = 3  # axes from this one on meet in the wrist centre
 

@@ -8,7 +8,8 @@ from pydantic import Field
 
 from gtmodel.problem_files import InputError, Problem, Section, load
 from gtmodel.problem_files.fields import keys_of
-from gtmodel.problem_files.load import check, parse, validate
+from gtmodel.problem_files.files import parse
+from gtmodel.problem_files.load import check, validate
 from gtmodel.problem_files.settings import apply
 from gtmodel.results.unit_names import split
 

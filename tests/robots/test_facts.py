@@ -15,7 +15,7 @@ from gtmodel import robots
 from gtmodel.problem_files import Context
 from gtmodel.problem_files.load import load
 from gtmodel.problem_files.run import answer
-from gtmodel.robots import catalogue
+from gtmodel.robots.entries import FAMILIES
 from tests.support.commands import Commands
 
 PACKAGE = Path(gtmodel.__file__).parent
@@ -34,7 +34,7 @@ def bare():
 
 
 def test_nothing_outside_robots_compares_a_robot_by_its_name() -> None:
-    names = set(catalogue.names()) - set(catalogue.FAMILIES)
+    names = set(robots.names()) - set(FAMILIES)
     found = []
     for path in sorted(PACKAGE.rglob("*.py")):
         if "robots" in path.relative_to(PACKAGE).parts[:-1]:

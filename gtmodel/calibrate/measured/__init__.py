@@ -6,7 +6,14 @@ Poses             poses with what is known of their file
 CartPoints, read_cart_points   guideways through measured points of the carts
 """
 
-from .cart_points import CartPoints as CartPoints, read_cart_points as read_cart_points
-from .options import FrameStart as FrameStart, Measured as Measured, MeasuredSignal as MeasuredSignal, Sag as Sag
-from .poses import Poses as Poses
-from .reading_file import read_poses as read_poses
+from typing import TYPE_CHECKING
+
+from ..._lazy import public
+
+if TYPE_CHECKING:
+    from .cart_points import CartPoints as CartPoints, read_cart_points as read_cart_points
+    from .options import FrameStart as FrameStart, Measured as Measured, MeasuredSignal as MeasuredSignal, Sag as Sag
+    from .poses import Poses as Poses
+    from .reading_file import read_poses as read_poses
+
+public(__name__)

@@ -6,18 +6,25 @@ Tracker, PatternCamera, Wire, Gauge      what measures
 PosesToMeasure, Evaluation, Simulation, Criteria   how many poses, where the robot must be accurate, and how much
 """
 
-from .options import (
-    Criteria as Criteria,
-    Evaluation as Evaluation,
-    Gauge as Gauge,
-    PatternCamera as PatternCamera,
-    PlanLimits as PlanLimits,
-    PosesToMeasure as PosesToMeasure,
-    Room as Room,
-    Safety as Safety,
-    Simulation as Simulation,
-    Tracker as Tracker,
-    Wire as Wire,
-)
-from .planned import plan_study as plan_study
-from .result import PlanStudy as PlanStudy
+from typing import TYPE_CHECKING
+
+from ..._lazy import public
+
+if TYPE_CHECKING:
+    from .options import (
+        Criteria as Criteria,
+        Evaluation as Evaluation,
+        Gauge as Gauge,
+        PatternCamera as PatternCamera,
+        PlanLimits as PlanLimits,
+        PosesToMeasure as PosesToMeasure,
+        Room as Room,
+        Safety as Safety,
+        Simulation as Simulation,
+        Tracker as Tracker,
+        Wire as Wire,
+    )
+    from .planned import plan_study as plan_study
+    from .result import PlanStudy as PlanStudy
+
+public(__name__)

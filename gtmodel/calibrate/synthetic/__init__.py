@@ -6,6 +6,13 @@ make, Made     the texts alone
 disturbed      the robot that is measured
 """
 
-from .making import Made as Made, disturbed as disturbed, make as make
-from .options import Synthetic as Synthetic
-from .poses import made_poses as made_poses
+from typing import TYPE_CHECKING
+
+from ..._lazy import public
+
+if TYPE_CHECKING:
+    from .making import Made as Made, disturbed as disturbed, make as make
+    from .options import Synthetic as Synthetic
+    from .poses import made_poses as made_poses
+
+public(__name__)

@@ -6,17 +6,24 @@ MeasuredTests, read_load_tests, LoadTests, Column   tests in memory, and from a 
 made_load_tests, SyntheticTests   synthetic tests of an arm with known stiffness
 """
 
-from .options import (
-    Column as Column,
-    GravityCompensator as GravityCompensator,
-    LoadTests as LoadTests,
-    Noise as Noise,
-    Setup as Setup,
-    SyntheticTests as SyntheticTests,
-)
-from .reading import (
-    MeasuredTests as MeasuredTests,
-    made_load_tests as made_load_tests,
-    read_load_tests as read_load_tests,
-)
-from .stiffness import StiffnessStudy as StiffnessStudy, stiffness_study as stiffness_study
+from typing import TYPE_CHECKING
+
+from ..._lazy import public
+
+if TYPE_CHECKING:
+    from .options import (
+        Column as Column,
+        GravityCompensator as GravityCompensator,
+        LoadTests as LoadTests,
+        Noise as Noise,
+        Setup as Setup,
+        SyntheticTests as SyntheticTests,
+    )
+    from .reading import (
+        MeasuredTests as MeasuredTests,
+        made_load_tests as made_load_tests,
+        read_load_tests as read_load_tests,
+    )
+    from .stiffness import StiffnessStudy as StiffnessStudy, stiffness_study as stiffness_study
+
+public(__name__)

@@ -16,7 +16,7 @@ from gtmodel.problem_files.base import Context, InputError, Section
 from gtmodel.problem_files.from_options import Made, made_from
 from gtmodel.problem_files.log_keys import LogFiles, MeasuredSignal
 from gtmodel.problem_files.robot_keys import RobotProblem
-from gtmodel.robots import catalogue
+from gtmodel.robots import entries
 from gtmodel.robots.by_direction import VARIANTS, inertia_variant
 
 
@@ -130,7 +130,7 @@ class Schema(RobotProblem, Made):
         )
 
     def _check_variant(self) -> None:
-        entry = catalogue.entries().get(self.robot)
+        entry = entries().get(self.robot)
         if self.variant not in VARIANTS:
             raise InputError(f"there is no variant '{self.variant}'; there are {', '.join(VARIANTS)}", "variant")
         if entry is None or entry.family != "three_link":

@@ -16,12 +16,19 @@ Start systems
     StartSystem           one of them; ``make_start_systems``, run as a module, makes them anew
 """
 
-from .certificate import Certificate as Certificate
-from .hand_poses import Pose as Pose, read_poses as read_poses
-from .modes_of_poses import modes_study as modes_study
-from .modes_result import ModesStudy as ModesStudy
-from .platform_draw import draw as draw
-from .result import AssemblyModes as AssemblyModes
-from .six_links import Hands as Hands, bare as bare
-from .solve import assembly_modes as assembly_modes, assembly_modes_batch as assembly_modes_batch
-from .start_system import StartSystem as StartSystem, start_systems as start_systems
+from typing import TYPE_CHECKING
+
+from ..._lazy import public
+
+if TYPE_CHECKING:
+    from .certificate import Certificate as Certificate
+    from .hand_poses import Pose as Pose, read_poses as read_poses
+    from .modes_of_poses import modes_study as modes_study
+    from .modes_result import ModesStudy as ModesStudy
+    from .platform_draw import draw as draw
+    from .result import AssemblyModes as AssemblyModes
+    from .six_links import Hands as Hands, bare as bare
+    from .solve import assembly_modes as assembly_modes, assembly_modes_batch as assembly_modes_batch
+    from .start_system import StartSystem as StartSystem, start_systems as start_systems
+
+public(__name__)

@@ -4,8 +4,15 @@ The study: causality_study, a CausalityStudy; points may be a PointGrid, Orienta
 Conditions: which rows of known values keep them. point_table: points as a CSV file.
 """
 
-from . import point_table as point_table
-from .conditions import UNIT_LENGTH as UNIT_LENGTH, Conditions as Conditions
-from .evaluated import causality_of as causality_of, causality_study as causality_study
-from .options import Orientation as Orientation, PointGrid as PointGrid
-from .result import CausalityStudy as CausalityStudy
+from typing import TYPE_CHECKING
+
+from ..._lazy import public
+
+if TYPE_CHECKING:
+    from . import point_table as point_table
+    from .conditions import UNIT_LENGTH as UNIT_LENGTH, Conditions as Conditions
+    from .evaluated import causality_of as causality_of, causality_study as causality_study
+    from .options import Orientation as Orientation, PointGrid as PointGrid
+    from .result import CausalityStudy as CausalityStudy
+
+public(__name__)

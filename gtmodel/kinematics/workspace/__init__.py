@@ -6,28 +6,35 @@ CartesianBox, Singularities, Obstacles, LinkClearance, FrameClearance. Maps: Rea
 Shapes: Region, region. Robots under limits: limited_mechanism, limits_of.
 """
 
-from ..poses import InverseKinematics as InverseKinematics, Poses as Poses
-from ..section import CrossSection as CrossSection
-from .clearance import FrameClearance as FrameClearance, LinkClearance as LinkClearance, Obstacles as Obstacles
-from .cross_section import Region as Region, region as region
-from .grid import Grid as Grid, box_grid as box_grid, section_grid as section_grid
-from .limited import limited_mechanism as limited_mechanism, limits_of as limits_of
-from .limits import (
-    ActuatorLimits as ActuatorLimits,
-    BallJointCones as BallJointCones,
-    CartesianBox as CartesianBox,
-    Limit as Limit,
-    Singularities as Singularities,
-)
-from .options import Beam as Beam, Bodies as Bodies, Box as Box, Limits as Limits, Sections as Sections
-from .reach import (
-    FIRST_LIMIT as FIRST_LIMIT,
-    NOT_LOOKED_AT as NOT_LOOKED_AT,
-    REACHABLE as REACHABLE,
-    Reach as Reach,
-    ReachMap as ReachMap,
-    map_grid as map_grid,
-)
-from .reached import workspace_study as workspace_study
-from .result import WorkspaceStudy as WorkspaceStudy
-from .volume import SectionMap as SectionMap, Volume as Volume, map_section as map_section, map_volume as map_volume
+from typing import TYPE_CHECKING
+
+from ..._lazy import public
+
+if TYPE_CHECKING:
+    from ..poses import InverseKinematics as InverseKinematics, Poses as Poses
+    from ..section import CrossSection as CrossSection
+    from .clearance import FrameClearance as FrameClearance, LinkClearance as LinkClearance, Obstacles as Obstacles
+    from .cross_section import Region as Region, region as region
+    from .grid import Grid as Grid, box_grid as box_grid, section_grid as section_grid
+    from .limited import limited_mechanism as limited_mechanism, limits_of as limits_of
+    from .limits import (
+        ActuatorLimits as ActuatorLimits,
+        BallJointCones as BallJointCones,
+        CartesianBox as CartesianBox,
+        Limit as Limit,
+        Singularities as Singularities,
+    )
+    from .options import Beam as Beam, Bodies as Bodies, Box as Box, Limits as Limits, Sections as Sections
+    from .reach import (
+        FIRST_LIMIT as FIRST_LIMIT,
+        NOT_LOOKED_AT as NOT_LOOKED_AT,
+        REACHABLE as REACHABLE,
+        Reach as Reach,
+        ReachMap as ReachMap,
+        map_grid as map_grid,
+    )
+    from .reached import workspace_study as workspace_study
+    from .result import WorkspaceStudy as WorkspaceStudy
+    from .volume import SectionMap as SectionMap, Volume as Volume, map_section as map_section, map_volume as map_volume
+
+public(__name__)

@@ -8,18 +8,25 @@ PathOrientation, turning      the way of a plate along a path, as equations
 free_run             forces of a motion applied with all axes free
 """
 
-from .free_run import FreeRun as FreeRun, free_run as free_run
-from .motion_study import axis_study as axis_study
-from .options import (
-    AxisCost as AxisCost,
-    AxisEnd as AxisEnd,
-    AxisMesh as AxisMesh,
-    AxisSolver as AxisSolver,
-    ToolCourse as ToolCourse,
-    ToolDirection as ToolDirection,
-)
-from .path_orientation import PathOrientation as PathOrientation, turning as turning
-from .plan import AxisPlan as AxisPlan
-from .planning import plan_of as plan_of
-from .problem import AxisProblem as AxisProblem
-from .result import AxisStudy as AxisStudy
+from typing import TYPE_CHECKING
+
+from ..._lazy import public
+
+if TYPE_CHECKING:
+    from .free_run import FreeRun as FreeRun, free_run as free_run
+    from .motion_study import axis_study as axis_study
+    from .options import (
+        AxisCost as AxisCost,
+        AxisEnd as AxisEnd,
+        AxisMesh as AxisMesh,
+        AxisSolver as AxisSolver,
+        ToolCourse as ToolCourse,
+        ToolDirection as ToolDirection,
+    )
+    from .path_orientation import PathOrientation as PathOrientation, turning as turning
+    from .plan import AxisPlan as AxisPlan
+    from .planning import plan_of as plan_of
+    from .problem import AxisProblem as AxisProblem
+    from .result import AxisStudy as AxisStudy
+
+public(__name__)

@@ -8,8 +8,15 @@ ElasticTask, plans_on        what is planned, and the plans on one mesh
 PlateMotion, swing           a motion of the plate, and how the tool swings after it
 """
 
-from .models import ElasticMotion as ElasticMotion, RigidMotion as RigidMotion
-from .options import Cost as Cost, Mesh as Mesh, Solver as Solver, Tool as Tool
-from .plans import ElasticTask as ElasticTask, NoPlan as NoPlan, Plans as Plans, plans_on as plans_on
-from .plate_motion import PlateMotion as PlateMotion, swing as swing
-from .swing_study import ElasticStudy as ElasticStudy, elastic_study as elastic_study
+from typing import TYPE_CHECKING
+
+from ..._lazy import public
+
+if TYPE_CHECKING:
+    from .models import ElasticMotion as ElasticMotion, RigidMotion as RigidMotion
+    from .options import Cost as Cost, Mesh as Mesh, Solver as Solver, Tool as Tool
+    from .plans import ElasticTask as ElasticTask, NoPlan as NoPlan, Plans as Plans, plans_on as plans_on
+    from .plate_motion import PlateMotion as PlateMotion, swing as swing
+    from .swing_study import ElasticStudy as ElasticStudy, elastic_study as elastic_study
+
+public(__name__)

@@ -17,25 +17,35 @@ Over the pose
     SyntheticField, synthetic_field         a synthetic truth through given poses
 """
 
-from .experiments import Experiment as Experiment, read_experiments as read_experiments
-from .frequency_fit import ModalFit as ModalFit, fit_modes as fit_modes
-from .frequency_modes import receptance as receptance
-from .frequency_response import (
-    FrequencyResponse as FrequencyResponse,
-    command_force as command_force,
-    frequency_response as frequency_response,
-)
-from .frequency_synthetic import synthetic_hits as synthetic_hits, synthetic_receptance as synthetic_receptance
-from .gaussian_process import GaussianProcess as GaussianProcess
-from .gaussian_process_fit import fit_gaussian_processes as fit_gaussian_processes, held_out as held_out
-from .gaussian_process_kernel import Inputs as Inputs
-from .options import Fit as Fit, Map as Map, Process as Process, Synthetic as Synthetic
-from .oscillator_field import OscillatorField as OscillatorField, fit_oscillator_field as fit_oscillator_field
-from .oscillator_field_file import load_oscillator_field as load_oscillator_field, oscillator_text as oscillator_text
-from .oscillator_field_synthetic import SyntheticField as SyntheticField, synthetic_field as synthetic_field
-from .stiffness_result import DynamicStiffnessStudy as DynamicStiffnessStudy
-from .stiffness_study import dynamic_stiffness_study as dynamic_stiffness_study
-from .synthetic_experiments import (
-    SyntheticExperiments as SyntheticExperiments,
-    synthetic_experiments as synthetic_experiments,
-)
+from typing import TYPE_CHECKING
+
+from ..._lazy import public
+
+if TYPE_CHECKING:
+    from .experiments import Experiment as Experiment, read_experiments as read_experiments
+    from .frequency_fit import ModalFit as ModalFit, fit_modes as fit_modes
+    from .frequency_modes import receptance as receptance
+    from .frequency_response import (
+        FrequencyResponse as FrequencyResponse,
+        command_force as command_force,
+        frequency_response as frequency_response,
+    )
+    from .frequency_synthetic import synthetic_hits as synthetic_hits, synthetic_receptance as synthetic_receptance
+    from .gaussian_process import GaussianProcess as GaussianProcess
+    from .gaussian_process_fit import fit_gaussian_processes as fit_gaussian_processes, held_out as held_out
+    from .gaussian_process_kernel import Inputs as Inputs
+    from .options import Fit as Fit, Map as Map, Process as Process, Synthetic as Synthetic
+    from .oscillator_field import OscillatorField as OscillatorField, fit_oscillator_field as fit_oscillator_field
+    from .oscillator_field_file import (
+        load_oscillator_field as load_oscillator_field,
+        oscillator_text as oscillator_text,
+    )
+    from .oscillator_field_synthetic import SyntheticField as SyntheticField, synthetic_field as synthetic_field
+    from .stiffness_result import DynamicStiffnessStudy as DynamicStiffnessStudy
+    from .stiffness_study import dynamic_stiffness_study as dynamic_stiffness_study
+    from .synthetic_experiments import (
+        SyntheticExperiments as SyntheticExperiments,
+        synthetic_experiments as synthetic_experiments,
+    )
+
+public(__name__)

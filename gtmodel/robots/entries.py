@@ -1,0 +1,71 @@
+"""What the catalogue holds, by name; read from the printed tables alone, no robot is made."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from .tables import printed
+
+KR500_SOURCE = "maker's data sheet; Cvitanic 2021, Tables 1 and 2, Fig. 42"
+NO_MASSES = "none printed"
+# of masses and friction
+EXAMPLE_MASSES = "an example of ours"
+IDENTIFIED_MASSES = "Dressler 2012, Table 6.3"
+
+
+class Entry(NamedTuple):
+    """A robot of the catalogue: its family, degrees of freedom, source of its geometry and origin of its masses."""
+
+    family: str
+    degrees_of_freedom: int
+    source: str
+    masses: str
+
+
+FAMILIES = {"three_link": 3, "six_link": 3, "f1": 6, "serial": 6}  # with their degrees of freedom
+
+
+def geometries() -> dict[str, dict[str, Any]]:
+    """The printed geometries of Gantry-Taus by name."""
+    return {name: table for name, table in printed("gantry_tau.toml").items() if "prototype" in table}
+
+
+def family_in(table: dict[str, Any]) -> str:
+    """The family that a printed geometry is of."""
+    if table["prototype"] == "F1":
+        return "f1"
+    return "six_link" if "B_m" in table else "three_link"
+
+
+def entries() -> dict[str, Entry]:
+    """The robots of the catalogue by name: family, degrees of freedom, source of the geometry, origin of the masses.
+
+    >>> for name, entry in gt.robots.entries().items():
+    ...     print(f"{name:16s} {entry.family:11s} {entry.degrees_of_freedom}")
+    ...
+    d1_nominal       three_link  3
+    d1_six_link      six_link    3
+    f1               f1          6
+    kr500            serial      6
+    l1_camera        three_link  3
+    l1_tape          three_link  3
+    l1_tracker       three_link  3
+    l1_tracker_2008  three_link  3
+    l1_vision        three_link  3
+    """
+    by_name = {}
+    for name, table in sorted(geometries().items()):
+        family = family_in(table)
+        masses = IDENTIFIED_MASSES if table["prototype"] == "L1" else EXAMPLE_MASSES
+        by_name[name] = Entry(family, FAMILIES[family], table["source"], masses)
+    by_name["kr500"] = Entry("serial", FAMILIES["serial"], KR500_SOURCE, NO_MASSES)
+    return dict(sorted(by_name.items()))
+
+
+def names() -> dict[str, str]:
+    """Names of the robots of the catalogue, with the source of the geometry of each.
+
+    >>> gt.robots.names()["l1_tape"]
+    'Dressler 2012, Table 5.7 manually measured'
+    """
+    return {name: entry.source for name, entry in entries().items()}
