@@ -110,7 +110,7 @@ def accuracy_study(
     errors = [errors_of(case, k, region.robot) for k, case in enumerate(resolved)]
     found: list[JudgedCase] = []
     for case, error in zip(resolved, errors, strict=True):
-        mapped = map_errors(error, region.base_points, region.T, progress=work.told(case.name))
+        mapped = map_errors(error, region.base_points, region.T, progress=work.fractions(case.name))
         if not mapped.complete or work.interrupted():
             return _study(region, title, found, SolveStatus.INTERRUPTED, SolveStatus.INTERRUPTED.message)
         good = region.window & (mapped.status == Status.OK)

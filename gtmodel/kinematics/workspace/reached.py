@@ -119,7 +119,7 @@ class _Maps:
 
     def __call__(self, reach: Reach, stage: str, step: float | None = None) -> SectionMap:
         t = self.task
-        found = map_section(reach, t.section, t.low, t.high, step or self.step, progress=self.work.told(stage))
+        found = map_section(reach, t.section, t.low, t.high, step or self.step, progress=self.work.fractions(stage))
         if not found.complete or self.work.interrupted():
             raise _Stopped
         return found
@@ -129,7 +129,7 @@ class _Maps:
         along = np.linspace(given.low, given.high, count) - float(t.section.origin @ t.section.normal)
         found = map_volume(
             t.reach, t.section, t.low, t.high, along, self.step, tolerance=given.tolerance / 2,
-            most=given.most_sections, coarse=True, progress=self.work.told("sections"),
+            most=given.most_sections, coarse=True, progress=self.work.fractions("sections"),
         )  # fmt: skip
         if not found.complete:
             raise _Stopped
