@@ -78,7 +78,7 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]], title: str = "") -
 def outcome_table(title: str, outcome: Study) -> None:
     """Print one study: its status, its rows, its checks; the message below. A failure's goes to stderr."""
     table(HEAD, cells(outcome), title)
-    if outcome.status.ok and outcome.message not in ("", outcome.status.value):
+    if outcome.status.ok and outcome.message not in (outcome.status.message, outcome.status.value):
         print(f"\n{outcome.message}")
 
 

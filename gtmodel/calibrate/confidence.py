@@ -40,7 +40,7 @@ class _Share:
     by_prior: np.ndarray
     null: np.ndarray
     degrees_of_freedom: float
-    sentences: list[str]
+    notes: list[str]
 
 
 def estimated(
@@ -100,8 +100,8 @@ def _share(problem: Problem, f: Fitted, loss: Loss, width: float) -> _Share:
     degrees_of_freedom = len(d.r) - effective_parameters(weighted, s.inverse)
     if abs(degrees_of_freedom - round(degrees_of_freedom)) < 1e-6:  # a whole number but for rounding
         degrees_of_freedom = float(round(degrees_of_freedom))
-    sentences = moved_together(s.null, tuple(u.names[k] for k in columns))
-    return _Share(gain, (d.r * loss.slope(z)).reshape(N, -1), by_prior, null, degrees_of_freedom, sentences)
+    notes = moved_together(s.null, tuple(u.names[k] for k in columns))
+    return _Share(gain, (d.r * loss.slope(z)).reshape(N, -1), by_prior, null, degrees_of_freedom, notes)
 
 
 def _by_noise(problem: Problem, f: Fitted) -> np.ndarray:

@@ -8,12 +8,13 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, get_type_hints
 
 from gtmodel._files import problems_dir
 from gtmodel.loop import study
 from gtmodel.loop.build import PROGRAM, manifest_of
 from gtmodel.results import ArgumentError, SolveStatus, Study, Trajectory, as_json, written
+from gtmodel.results.agreement import agree
 from gtmodel.results.folder import Held, unfinished
 from gtmodel.results.marks import is_marked
 
@@ -45,6 +46,12 @@ def run(folder: Path, out: Path, job: Context, *, reference: Path | None = None,
 
     Raises InputError, one sentence.
     """
+    try:
+        for name, hint in get_type_hints(study, include_extras=True).items():
+            if name in asked:  # before the folders: a slip of the pen costs nothing
+                agree(asked[name], hint, name)
+    except ArgumentError as error:
+        raise _by_option(error) from error
     if reference is not None and not reference.is_file():
         raise InputError(f"--reference {reference}: there is no such file")
     if (out / MARK).exists() and not (out / written.RUN).exists() and not unfinished(out):
@@ -67,13 +74,18 @@ def run(folder: Path, out: Path, job: Context, *, reference: Path | None = None,
             motion = partial(_motion, problem, reference, job, made)
             result = study(robot, folder, motion, built=mine.path, **asked, **job.work())
         except ArgumentError as error:
-            raise InputError(f"{_SAID.get(error.argument, '')} {error.message}".lstrip()) from error
+            raise _by_option(error) from error
         if result.status is SolveStatus.INTERRUPTED:
             return Finished(result, time.monotonic() - job.began)
         wall_s = time.monotonic() - job.began
         result = noted(result.with_(files=made | dict(result.files)), job)
         inputs = {"folder": str(folder), "seconds": asked["seconds"], "peer": asked["peer"]}
         return _written(mine, result, job, wall_s, inputs | {"law": asked["law"], "lockstep": asked["in_lockstep"]})
+
+
+def _by_option(error: ArgumentError) -> InputError:
+    """What the study says of an argument, by the option of the command that gave it."""
+    return InputError(f"{_SAID.get(error.argument, '')} {error.message}".lstrip())
 
 
 def _warned(path: Path, job: Context) -> bool:

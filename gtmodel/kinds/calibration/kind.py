@@ -126,6 +126,6 @@ def _in_the_file(found: StiffnessStudy, problem: Schema, context: Context) -> Ca
     study = CalibrationStudy(
         status=found.status, message=found.message, title=found.title, objective=found.objective, checks=found.checks,
         figures=found.figures, files=found.files, machine_files=found.machine_files, synthetic=found.synthetic,
-        joint_stiffness=found if found.method else None,
+        joint_stiffness=found if found.method else None, notes=found.notes, estimate=found.estimate,
     )  # fmt: skip
     return page.added(study, problem, context)
