@@ -81,7 +81,7 @@ def status_codes(
     tolerance: float = PIVOT_TOLERANCE,
     sizes: Sizes | None = None,
 ) -> np.ndarray:
-    """Status code of each column from inputs, iterations (`iteration`), margins (last of results) and outputs; the first
+    """Status code of each column from inputs, `iteration` codes, margins (last of results) and outputs; the first
     cause wins. `tolerance`: below which part of its typical size a pivot means singular, or a branch is left; limits
     have the precision of the margins. `sizes`: how large the inputs may be."""
     n = results[-1].shape[1]

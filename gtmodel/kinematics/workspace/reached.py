@@ -119,7 +119,9 @@ class _Maps:
 
     def __call__(self, reach: Reach, stage: str, step: float | None = None) -> SectionMap:
         t = self.task
-        section_map = map_section(reach, t.section, t.low, t.high, step or self.step, progress=self.work.fractions(stage))
+        section_map = map_section(
+            reach, t.section, t.low, t.high, step or self.step, progress=self.work.fractions(stage)
+        )
         if not section_map.complete or self.work.interrupted():
             raise _Stopped
         return section_map
