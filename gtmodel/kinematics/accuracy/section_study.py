@@ -14,7 +14,7 @@ import numpy as np
 from ...lang import Model
 from ...results import ArgumentError, Quantity, Row, SolveStatus, Status, Study, Work, listed
 from ...results.door import study_function
-from ...results.tables import csv_text
+from ...results.table import csv_text
 from ...results.work import Progress, never, silent
 from ..mechanism import home_figure, mechanism_of
 from .corners import Array

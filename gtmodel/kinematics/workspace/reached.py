@@ -13,7 +13,7 @@ from ...lang import Model
 from ...results import ArgumentError, Check, SolveStatus, Work, at_most
 from ...results.door import study_function
 from ...results.options import Long, Within
-from ...results.tables import csv_text
+from ...results.table import csv_text
 from ...results.work import Progress, never, silent
 from ..mechanism import home_figure
 from ..section import CrossSection
