@@ -1,4 +1,4 @@
-"""Which poses to measure: what they tell before they are taken, and whether calibrations then behave so."""
+"""Which poses to measure: what they determine before they are taken, and whether calibrations then behave so."""
 
 import itertools
 
@@ -187,7 +187,7 @@ def test_priors_count_as_what_is_told():
 
 def test_wrong_calls_get_a_sentence():
     info = grid_information((4, 3, 3))
-    with pytest.raises(gt.ModelError, match=r"5 poses with 3 equations each cannot tell 21 .*take at least 7"):
+    with pytest.raises(gt.ModelError, match=r"5 poses with 3 equations each cannot determine 21 .*take at least 7"):
         exchange(info, 5, "D")
     with pytest.raises(gt.ModelError, match="40 poses are asked for of 36 candidates"):
         condition_removal(info, 40)
@@ -197,7 +197,7 @@ def test_wrong_calls_get_a_sentence():
         exchange(info, 10, "I")
     with pytest.raises(gt.ModelError, match="must be positive"):
         sufficient_number(info, workspace(), 0.0)
-    with pytest.raises(gt.ModelError, match="3 poses tell fewer than the 21"):
+    with pytest.raises(gt.ModelError, match="3 poses determine fewer than the 21"):
         info.covariance([0, 1, 2])
     with pytest.raises(gt.ModelError, match="normal of the plane is zero"):
         seen_by_plane(l1(), [0, 0, 0])
@@ -207,7 +207,7 @@ def test_wrong_calls_get_a_sentence():
 
 
 def test_the_f1_is_planned_within_what_its_poses_tell():
-    """69 unknowns with unit quaternions, of which six combinations are told by no pose (Table 5.4)."""
+    """69 unknowns with unit quaternions, of which six combinations are determined by no pose (Table 5.4)."""
     choice = Choice(unit=("u1_2", "u1_3", "u2_3"))
     robot = true_robot("f1_unit")
     info = pose_information(prepare(robot, Measurements(poses("f1_unit", 185), {"T": 5e-5, "e": 1e-4}), choice))
