@@ -42,7 +42,7 @@ def moved_too_far(c: Calibration) -> list[str]:
 def undetermined(c: Calibration, found: Identifiability) -> str:
     """What the poses leave open, and the parameter among it that moved farthest beside its expected size."""
     u = c.problem.unknowns
-    names = [n for n, told in zip(found.names, found.told_by, strict=True) if told < 1 - OPEN]
+    names = [n for n, told in zip(found.names, found.determined_by, strict=True) if told < 1 - OPEN]
     size = dict(zip(found.names, found.scale, strict=True))
     moved = {n: float(x - x0) for n, x, x0 in zip(u.names, c.x, u.start, strict=True) if n in names}
     sentence = "what is not told has a value that is one of many that fit alike"

@@ -8,7 +8,7 @@ from typing import Any
 from ...results import Row
 
 WORST_ROWS = 5
-WEAK = "told no better than"  # of a combination, in words
+WEAK = "determined no better than"  # of a combination, in words
 
 
 def rows_of(values: Mapping[str, Any], notes: Sequence[str]) -> list[Row]:
