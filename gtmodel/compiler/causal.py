@@ -130,8 +130,8 @@ class CausalFunction:
         """Unknowns of each Newton block as rows (n, m), for the further inputs of `closed`, and a Status code per row;
         empty where there is no such block. Arguments as for a call of this object."""
         columns, _ = self._columns(arguments)
-        found, status = self._unknowns(columns)
-        return [z.T for z in found], status
+        zs, status = self._unknowns(columns)
+        return [z.T for z in zs], status
 
     @cached_property
     def casadi_parametric(self) -> ca.Function:
@@ -205,7 +205,7 @@ class CausalFunction:
         """d targets / d inputs, (outputs, inputs) or (n, outputs, inputs), and the status."""
         columns, rows = self._columns(arguments)
         n = columns[0].shape[1] if columns else 1
-        zs, found = self._unknowns(columns)
+        zs, iteration = self._unknowns(columns)
         by_input, by_z, margins = map_columns(self._jacobian, [*columns, *zs])
         full = _stack(by_input, n, sum(c.shape[0] for c in columns))
         given = np.vstack(columns) if columns else np.zeros((0, n))
@@ -221,7 +221,7 @@ class CausalFunction:
             given = np.vstack([given, z])
         if sensitivities:
             full = full + _stack(by_z, n, sum(z.shape[0] for z in zs)) @ np.concatenate(sensitivities, axis=1)
-        status = self.status(columns, [full.reshape(n, full.shape[1] * full.shape[2]).T, margins], found)
+        status = self.status(columns, [full.reshape(n, full.shape[1] * full.shape[2]).T, margins], iteration)
         full[status != Status.OK] = np.nan
         return (full[0], Status(int(status[0]))) if rows is None else (full, status)
 
@@ -242,12 +242,12 @@ class CausalFunction:
                 given[kept, m] = sign * flat[:, k]
         unknowns = [[p for p in map(self.flat.scope.owner, b.unknowns) if p is not None] for b in self.plan.newton]
         lacking = [p for pairs in unknowns for p in pairs if p not in given]
-        told = {p: g for p, g in given.items() if self._completion.knows(p)}
-        if lacking and not told:
+        usable = {p: g for p, g in given.items() if self._completion.knows(p)}
+        if lacking and not usable:
             return [None] * len(unknowns)
         if lacking:
             rows = np.vstack(columns) if columns else np.zeros((0, n))
-            given |= dict(zip(lacking, self._completion(rows, told, lacking), strict=True))
+            given |= dict(zip(lacking, self._completion(rows, usable, lacking), strict=True))
         return [np.array([given[p] for p in pairs]) for pairs in unknowns]
 
     @cached_property
@@ -276,16 +276,16 @@ class CausalFunction:
         self, columns: list[np.ndarray], guesses: Sequence[np.ndarray | None] | None = None
     ) -> tuple[list[np.ndarray], np.ndarray]:
         """Targets and margins as columns, and the status of each column."""
-        zs, found = self._unknowns(columns, guesses)
+        zs, iteration = self._unknowns(columns, guesses)
         results = map_columns(self._built.closed, [*columns, *zs])
-        return results, self.status(columns, results, found)
+        return results, self.status(columns, results, iteration)
 
     def status(
-        self, columns: list[np.ndarray], results: list[np.ndarray], found: np.ndarray | None = None
+        self, columns: list[np.ndarray], results: list[np.ndarray], iteration: np.ndarray | None = None
     ) -> np.ndarray:
-        """Status code of each evaluated column from inputs, iterations (`found`), margins and outputs; the first
+        """Status code of each evaluated column from inputs, iterations (`iteration`), margins and outputs; the first
         cause wins."""
-        return status_codes(self.margins, columns, results, found, sizes=self.sizes)
+        return status_codes(self.margins, columns, results, iteration, sizes=self.sizes)
 
     def diagnose(self, *arguments: Any) -> str:
         """One sentence on a single call: ok, or which root or pivot failed and by how much."""

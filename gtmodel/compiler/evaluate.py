@@ -84,14 +84,14 @@ def build(
 
 def _distinct(names: Sequence[str], taken: Sequence[str] = ()) -> list[str]:
     """The names with a number behind those that are taken: `a.b` and `a_b` are both a_b in C."""
-    found: list[str] = []
+    distinct: list[str] = []
     for name in names:
         k, new = 1, name
-        while new in found or new in taken:
+        while new in distinct or new in taken:
             k += 1
             new = f"{name}_{k}"
-        found.append(new)
-    return found
+        distinct.append(new)
+    return distinct
 
 
 def _sample(plan: Plan, column: ca.SX, parametric: bool = False) -> np.ndarray:

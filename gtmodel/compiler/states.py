@@ -146,8 +146,8 @@ def _redundant(flat: FlatModel, structure: Structure, k: int, rows: list[int], s
     """Names the equations in the left null vector."""
     ranks = [int(np.linalg.matrix_rank(a, tol=RANK_TOLERANCE)) for a in scaled]
     # singular at some points only, as max(u, 0) is where u < 0: these tell what vanishes
-    told = max if max(ranks) < len(rows) else min
-    m = scaled[ranks.index(told(ranks))]
+    picked = max if max(ranks) < len(rows) else min
+    m = scaled[ranks.index(picked(ranks))]
     u, s, _ = np.linalg.svd(m)
     rank = int(np.sum(s > RANK_TOLERANCE * max(s[0], 1e-300)))
     null = u[:, rank:]

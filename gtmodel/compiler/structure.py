@@ -165,10 +165,10 @@ def overdetermined_and_underdetermined(
 
 def _alternating(match: np.ndarray, neighbours: dict[int, list[int]], back: np.ndarray) -> list[int]:
     """What alternating paths reach from the unmatched; `back` leads from the other side over to this one."""
-    found = set(np.flatnonzero(match < 0).tolist())
-    stack = sorted(found)
+    reached = set(np.flatnonzero(match < 0).tolist())
+    stack = sorted(reached)
     while stack:
-        fresh = {int(back[j]) for j in neighbours.get(stack.pop(), []) if back[j] >= 0} - found
-        found |= fresh
+        fresh = {int(back[j]) for j in neighbours.get(stack.pop(), []) if back[j] >= 0} - reached
+        reached |= fresh
         stack += fresh
-    return sorted(found)
+    return sorted(reached)

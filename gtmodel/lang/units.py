@@ -184,7 +184,7 @@ class Unit:
         """The same unit with every scaled symbol replaced by its SI symbol: ``"N.mm"`` -> ``"N.m"``."""
         if self.text in _SCALED:
             return _SCALED[self.text].si
-        return re.sub(r"[A-Za-z]+", lambda found: _si_symbol(found.group()), self.text)
+        return re.sub(r"[A-Za-z]+", lambda match: _si_symbol(match.group()), self.text)
 
 
 def _si_symbol(symbol: str) -> str:
@@ -248,16 +248,16 @@ class _Reader:
 
     def factor(self) -> _Value:
         self.skip_spaces()
-        if found := _SYMBOL.match(self.text, self.at):
-            value = self.symbol(found.group())
-            self.at = found.end()
-        elif found := _NUMBER.match(self.text, self.at):
-            if found.group() != "1":
+        if match := _SYMBOL.match(self.text, self.at):
+            value = self.symbol(match.group())
+            self.at = match.end()
+        elif match := _NUMBER.match(self.text, self.at):
+            if match.group() != "1":
                 raise UnitError(
-                    f"unit {self.text!r} holds the number {found.group()}; the only number that may stand "
+                    f"unit {self.text!r} holds the number {match.group()}; the only number that may stand "
                     "alone is 1, as in '1/s': put factors into the value"
                 )
-            self.at = found.end()
+            self.at = match.end()
             return _Value(DIMENSIONLESS)
         elif self.text.startswith("(", self.at):
             self.at += 1
@@ -267,12 +267,12 @@ class _Reader:
             self.at += 1
         else:
             self.fail_here()
-        if found := _POWER.match(self.text, self.at):
-            self.at = found.end()
-            below = int(found["below"] or 1)
+        if match := _POWER.match(self.text, self.at):
+            self.at = match.end()
+            below = int(match["below"] or 1)
             if below == 0:
                 raise UnitError(f"unit {self.text!r} has a power with denominator 0; write a fraction such as '^(1/2)'")
-            value = self.power(value, Fraction(int(found["whole"] or found["above"]), below))
+            value = self.power(value, Fraction(int(match["whole"] or match["above"]), below))
         return value
 
     def symbol(self, symbol: str) -> _Value:

@@ -187,13 +187,14 @@ class Line(Shape):
 class Polyline(Shape):
     """Straight pieces whose corners are rounded by curves of continuous curvature.
 
-    via: its corners (n, 3) [m] between start and goal. The length that a study gives is that of its polygon, before the
-    corners are rounded.
+    via: its corners (n, 3) [m] between start and goal. The length that a study gives is that of the rounded path.
 
     >>> start, goal = np.array([0.0, -0.9, 0.1]), np.array([0.2, -0.9, 0.1])
     >>> path = gt.motion.Polyline(via=[[0.1, -0.9, 0.3]], blend=0.05)
     >>> gt.motion.paths.path_of(path, start, goal)(np.array([0.5]))[0].round(3)  # the corner is cut by 17 mm
     array([[ 0.1 , -0.9 ,  0.283]])
+    >>> round(gt.motion.paths.path_of(path, start, goal).length, 4)  # [m]; the polygon through the corner has 0.4472
+    0.4215
     """
 
     via: Annotated[list[list[float]], Unit("m"), Long(3), "its corners between start and goal"] = field(
@@ -221,7 +222,7 @@ class Arc(Shape):
 class Spline(Shape):
     """The smooth curve through points (n, 3) [m], n >= 3; the first and the last of them are start and goal.
 
-    It is the natural cubic spline over the length of their polygon, and this is the length that a study gives.
+    It is the natural cubic spline over the length of their polygon. The length that a study gives is that of the curve.
 
     >>> start, goal = np.array([0.0, -0.9, 0.1]), np.array([0.2, -0.9, 0.1])
     >>> curve = gt.motion.Spline(points=np.array([start, [0.1, -0.85, 0.2], goal]))

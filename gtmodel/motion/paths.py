@@ -17,6 +17,7 @@ from .options import Arc, Line, Polyline, Shape, Spline, Taught
 
 SAME_M = 1e-6  # a path that begins further from the start is another path
 COLUMNS = ("x_m", "y_m", "z_m")
+NODES = 32  # of the quadrature of the speed along one piece: the length of a piece that bends sharply to round-off
 Sampled = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
@@ -24,7 +25,7 @@ class Path(Protocol):
     """A curve x(s) (3,) [m] with two continuous derivatives, s from 0 to 1.
 
     Called with s (n,) it gives x and its first and second derivative, (n, 3) each; `expression` is x in a model's
-    equations. length [m]: of a polyline or a spline that of its polygon.
+    equations. length: of the curve itself [m], so of a polyline with its corners rounded.
     """
 
     @property
@@ -179,13 +180,22 @@ def _powers(bezier: np.ndarray) -> np.ndarray:
     return PPoly.from_bernstein_basis(BPoly(bezier[:, None, :], [0.0, 1.0])).c[:, 0]
 
 
+def _arc_length(curve: PPoly) -> float:
+    """Length of a curve [m]: the integral of its speed, by Gauss-Legendre quadrature on each piece."""
+    at, weights = np.polynomial.legendre.leggauss(NODES)
+    half = np.diff(curve.x)[:, None] / 2
+    speed = np.linalg.norm(curve(curve.x[:-1, None] + half * (1 + at), 1), axis=-1)
+    return float(np.sum(half * weights * speed))
+
+
 def _scaled(breaks: np.ndarray, coefficients: np.ndarray) -> Pieces:
-    """The curve over its length brought to s in [0, 1]."""
+    """The curve over the length of its polygon brought to s in [0, 1]."""
     total = float(breaks[-1])
     powers = total ** np.arange(len(coefficients) - 1, -1, -1)
     x = breaks / total
     x[-1] = 1.0
-    return Pieces(PPoly(coefficients * powers[:, None, None], x), total)
+    curve = PPoly(coefficients * powers[:, None, None], x)
+    return Pieces(curve, _arc_length(curve))
 
 
 def arc(start: np.ndarray, through: np.ndarray, goal: np.ndarray) -> Path:
@@ -215,9 +225,8 @@ def taught(points: np.ndarray, tolerance: float) -> Path:
     points = points[moved]  # a robot led by hand stands still at times
     if len(points) < 6:
         raise ArgumentError(f"a taught path needs at least 6 different points; found {len(points)}", "path.points")
-    (curve, _) = make_splprep(points.T, k=3, s=len(points) * tolerance**2)  # type: ignore[arg-type]
-    at = np.unique(np.clip(curve.t, 0.0, 1.0))
-    c = [curve(at[:-1], nu).T / factor for nu, factor in ((3, 6.0), (2, 2.0), (1, 1.0), (0, 1.0))]
-    pieces = PPoly(np.array(c), at)
-    slope = np.linalg.norm(pieces(np.linspace(0, 1, 2001), 1), axis=1)
-    return Pieces(pieces, float(np.mean(slope)))
+    (fitted, _) = make_splprep(points.T, k=3, s=len(points) * tolerance**2)  # type: ignore[arg-type]
+    at = np.unique(np.clip(fitted.t, 0.0, 1.0))
+    c = [fitted(at[:-1], nu).T / factor for nu, factor in ((3, 6.0), (2, 2.0), (1, 1.0), (0, 1.0))]
+    curve = PPoly(np.array(c), at)
+    return Pieces(curve, _arc_length(curve))

@@ -45,10 +45,10 @@ class Table(NamedTuple):
         wanted = [parse_unit(unit).si_text for unit in self.units]
         if wanted == self.units:
             return self.values
-        found = np.empty(self.values.shape)
+        values = np.empty(self.values.shape)
         for j, (unit, si) in enumerate(zip(self.units, wanted, strict=True)):
-            found[:, j] = convert(self.values[:, j], unit, si)
-        return found
+            values[:, j] = convert(self.values[:, j], unit, si)
+        return values
 
 
 Header = tuple[list[str], list[str], list[int]]
@@ -159,12 +159,12 @@ def _read_header(cells: Sequence[str], where: str) -> Header:
     names: list[str] = []
     units: list[str] = []
     for number, cell in enumerate(cells, 1):
-        found = HEADER_CELL.fullmatch(cell)
-        if not found:
+        match = HEADER_CELL.fullmatch(cell)
+        if not match:
             raise TrajectoryError(
                 f"{where}, column {number}: {cell!r} has no unit; expected 'name [unit]', such as 'q[0] [m]'"
             )
-        name, unit = found["name"], found["unit"].strip()
+        name, unit = match["name"], match["unit"].strip()
         try:
             dimension = parse_unit(unit).dimension
             if number > 1:
@@ -245,9 +245,9 @@ def _grouped(
     """
     places: dict[str, list[int]] = {}
     for j, column in enumerate(columns):
-        found = None if column in scalars else COLUMN.fullmatch(column)
-        if found:
-            places.setdefault(found["base"], []).append(j)
+        match = None if column in scalars else COLUMN.fullmatch(column)
+        if match:
+            places.setdefault(match["base"], []).append(j)
     starts = {}
     for base, at in places.items():
         in_order = columns[at[0] : at[0] + len(at)] == [f"{base}[{i}]" for i in range(len(at))]

@@ -199,15 +199,15 @@ class Course:
         if follower is None:
             return zs
         other = max(OTHER, OTHER_TOLERANCES * self.system.tolerance)
-        found, z, here = [], self._z, follower.place(self._x, self._time, self._p)
+        rows, z, here = [], self._z, follower.place(self._x, self._time, self._p)
         for x, near, t in zip(xs, zs, times, strict=True):
             there = follower.place(x, t, self._p)
             followed = follower.follow(z, here, there)
             if followed is None or not follower.apart(followed, near) <= other:
                 break
-            found.append(followed)
+            rows.append(followed)
             z, here = followed, there
-        return np.array(found).reshape(len(found), zs.shape[1])
+        return np.array(rows).reshape(len(rows), zs.shape[1])
 
     def _resolved(self, times: np.ndarray, xs: np.ndarray, zs: np.ndarray) -> tuple[int, list[str], float]:
         """How many of the intervals tell on which side of its root the motion is, and what touches zero after them

@@ -90,7 +90,7 @@ class Watch:
 
     def _best(self, m: np.ndarray) -> Choice | None:
         """Best conditioned columns, stage by stage; what one stage solved stays solved in the next."""
-        found: list[tuple[int, ...]] = []
+        choice: list[tuple[int, ...]] = []
         solved: list[int] = []
         for stage in self._stages:
             a = self._scaled(m, stage)[1]
@@ -104,8 +104,8 @@ class Watch:
             if count and np.abs(r[count - 1, count - 1]) <= RANK_TOLERANCE * np.abs(r[0, 0]):
                 return None
             solved = sorted(stage.columns[n] for n in [*first, *(rest[k] for k in order[:count])])
-            found.append(tuple(solved))
-        return tuple(found)
+            choice.append(tuple(solved))
+        return tuple(choice)
 
     # -- watching ----------------------------------------------------------------------------------
 

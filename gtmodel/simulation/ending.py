@@ -36,9 +36,9 @@ def wall(system: System, x: np.ndarray, z: np.ndarray, time: float, p: np.ndarra
         size = abs(value) if m.kind == "pivot" else value
         if not size > NEAR_ZERO * m.scale:
             gone[m.kind].append(f"the {m.kind} of {m.label} is {size:.3g}, typically {m.scale:.3g}")
-    found = gone["condition"] or gone["discriminant"] or gone["pivot"]
-    if found:
-        return Ended(SolveStatus.FAILED, f"{at}, where it leads out of the model's range: {'; '.join(found[:3])}")
+    lost = gone["condition"] or gone["discriminant"] or gone["pivot"]
+    if lost:
+        return Ended(SolveStatus.FAILED, f"{at}, where it leads out of the model's range: {'; '.join(lost[:3])}")
     if follower is not None:
         rates = np.asarray(reduced.rate(x, z, time, p).full()).reshape(-1)
         along = shortest * np.concatenate([rates, [1.0], np.zeros(p.size)])

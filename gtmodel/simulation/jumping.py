@@ -28,10 +28,10 @@ def after_jump(
     follower = system.follower
     if follower is None:
         return z
-    found = follower.follow(z, follower.place(x, time, before), follower.place(x, time, after))
-    if found is None:
+    followed = follower.follow(z, follower.place(x, time, before), follower.place(x, time, after))
+    if followed is None:
         raise _lost(time, system.reduced.unknowns)
-    return found
+    return followed
 
 
 def _roots_go_on(

@@ -155,7 +155,7 @@ def _values(flat: FlatModel, known: list[int], given: Mapping[str, Any]) -> dict
     return values
 
 
-def modes(system: control.StateSpace) -> list[Mode]:
+def natural_modes(system: control.StateSpace) -> list[Mode]:
     """Modes of a linear model by rising frequency; of a conjugate pair the one with positive imaginary part.
 
     system: as `linearize` returns it. Each `Mode` has its eigenvalue [1/s], natural frequency [Hz], damping ratio (1
@@ -168,7 +168,7 @@ def modes(system: control.StateSpace) -> list[Mode]:
     ...     def equations(self):
     ...         yield gt.der(self.x) == self.v
     ...         yield gt.der(self.v) == -self.stiffness * self.x
-    >>> (mode,) = gt.modes(gt.linearize(Oscillator(), [], ["x", "v"], start={"x": 0.0, "v": 0.0}))
+    >>> (mode,) = gt.natural_modes(gt.linearize(Oscillator(), [], ["x", "v"], start={"x": 0.0, "v": 0.0}))
     >>> round(mode.frequency_Hz, 4)  # 5 rad/s
     0.7958
     """

@@ -41,9 +41,9 @@ class Reduced:
             "outputs": plan.alias.rewrite_all(flat, [*outputs, stored]),
         }
         values = iter(express(plan, [e for group in groups.values() for e in group], [*given, (scope.time, self.t)]))
-        found = {name: _column([next(values) for _ in group]) for name, group in groups.items()}
-        self.rates, self.powers, self.residuals = found["rates"], found["powers"], found["residuals"]
-        self._margins, self._point, self.outputs = found["margins"], found["point"], found["outputs"]
+        columns = {name: _column([next(values) for _ in group]) for name, group in groups.items()}
+        self.rates, self.powers, self.residuals = columns["rates"], columns["powers"], columns["residuals"]
+        self._margins, self._point, self.outputs = columns["margins"], columns["point"], columns["outputs"]
 
     def _function(self, name: str, *results: ca.SX) -> ca.Function:
         return ca.Function(name, self._arguments, list(results))

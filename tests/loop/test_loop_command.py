@@ -82,6 +82,14 @@ def test_a_wrong_option_is_one_sentence(
     assert said.startswith(sentence.partition(" ")[0]) == sentence.startswith("--") and sentence in said
 
 
+@pytest.mark.parametrize(("option", "value"), [("peer", "abb"), ("seconds", 0.0), ("elastic", float("nan"))])
+def test_options_are_refused_before_any_folder(motion: Path, tmp_path: Path, option: str, value: object) -> None:
+    asked = {"peer": "egm", "seconds": 1.0, "law": "trajectory", "in_lockstep": True} | {option: value}
+    with pytest.raises(InputError, match=f"^--{option} "):
+        loop_run.run(Path("nothing"), tmp_path / "out", Context(), reference=motion, **asked)
+    assert not (tmp_path / "out").exists()
+
+
 def test_a_folder_that_is_not_generated_is_refused(motion: Path, place: Path) -> None:
     with pytest.raises(InputError, match=r"holds no manifest\.json"):
         run(Path("nothing"), place, motion)

@@ -57,7 +57,7 @@ class TestCurves:
         h = s[1]
         assert np.max(np.abs((x[2:] - x[:-2]) / (2 * h) - slope[1:-1])) < 1e-3 * np.max(np.abs(slope))
         assert np.max(np.abs((slope[2:] - slope[:-2]) / (2 * h) - bend[1:-1])) < 0.02 * (1 + np.max(np.abs(bend)))
-        assert path.length == pytest.approx(np.sum(np.linalg.norm(np.diff(x, axis=0), axis=1)), rel=0.02)
+        assert path.length == pytest.approx(np.sum(np.linalg.norm(np.diff(x, axis=0), axis=1)), rel=1e-6)
 
         class Along(gt.Model):
             metre = gt.parameter(1.0, unit="m")
@@ -87,6 +87,10 @@ class TestCurves:
         x = path(np.linspace(0.0, 1.0, 2001))[0]
         least = np.min(np.linalg.norm(x - CORNER, axis=1))
         assert 0.001 < least < 0.05
+
+    def test_a_blended_corner_shortens_the_path(self):
+        path = polyline(np.array([[0.0, -0.9, 0.1], [0.1, -0.9, 0.3], [0.2, -0.9, 0.1]]), 0.05)
+        assert path.length == pytest.approx(0.4215, abs=5e-5)  # the polygon has 0.4472
 
     def test_taught_stays_within_the_tolerance(self):
         path = taught(RECORDED, 5e-4)

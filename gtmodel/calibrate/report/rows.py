@@ -8,7 +8,7 @@ from typing import Any
 from ...results import Row
 
 WORST_ROWS = 5
-WEAK = "no better than"  # of a combination, in words
+WEAK = "determined no better than"  # of a combination, in words
 
 
 def rows_of(values: Mapping[str, Any]) -> list[Row]:
@@ -42,9 +42,7 @@ def rows_of(values: Mapping[str, Any]) -> list[Row]:
         rows += [Row("identifiability", s) for s in sentences if WEAK not in s]
         weak = sum(WEAK in s for s in sentences)
         if weak:
-            rows.append(
-                Row("identifiability", f"{weak} combinations are determined {WEAK} they were known; see result.json")
-            )
+            rows.append(Row("identifiability", f"{weak} combinations are {WEAK} they were known; see result.json"))
     rows += [
         Row("outlier", f"line {o['line']}, {o['link']}: {o['residual_mm']:.3g} mm, {o['times']:.1f} deviations")
         for o in values["outliers"][:WORST_ROWS]

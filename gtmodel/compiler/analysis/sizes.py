@@ -57,10 +57,10 @@ class Sizes:
     @property
     def groups(self) -> list[tuple[float, list[int]]]:
         """(weight of squares, places of the arguments with it) in the order of the sum."""
-        found: dict[float, list[int]] = {}
+        groups: dict[float, list[int]] = {}
         for n, limit in enumerate(self.limits):
-            found.setdefault(self.most / limit**2, []).append(n)
-        return list(found.items())
+            groups.setdefault(self.most / limit**2, []).append(n)
+        return list(groups.items())
 
     def norm(self, columns: Sequence[ca.SX]) -> ca.SX:
         """The weighted sum of squares that is compared with `most`, in symbols."""
@@ -88,8 +88,8 @@ def sizes_of(plan: Plan, arguments: Sequence[Sequence[Pair]], precision: Precisi
     for pairs in arguments:
         symbols = [plan.flat.scope.symbol(*p) for p in pairs] or [plan.flat.scope.time]
         keys = frozenset(s.element_hash() for s in symbols)
-        found = [_limit(plan, reach, k, keys, precision) for k, b in enumerate(plan.blocks) if b.closures]
-        limits.append(min([precision.largest, *found]))
+        of_blocks = [_limit(plan, reach, k, keys, precision) for k, b in enumerate(plan.blocks) if b.closures]
+        limits.append(min([precision.largest, *of_blocks]))
     return Sizes(tuple(limits))
 
 
@@ -114,8 +114,8 @@ class _Reach:
             block = self._block.get(key)
             if block is not None:
                 own = self.unknowns(block)
-                found = self._through(ca.vertcat(*block.closures), own)
-                self._known |= dict.fromkeys(own, found)
+                reached = self._through(ca.vertcat(*block.closures), own)
+                self._known |= dict.fromkeys(own, reached)
             elif key in self._made:
                 self._known[key] = self._through(self._made[key], frozenset())
         return self._known[key]
@@ -137,15 +137,15 @@ def _outside(expression: ca.SX, symbols: Sequence[ca.SX]) -> frozenset[int]:
         return frozenset()
     read, free = of_expression(expression)
     work: list[frozenset[int]] = []
-    found = nothing = frozenset[int]()
+    outside = nothing = frozenset[int]()
     for op, reads, place, _ in read:
         if op == ca.OP_INPUT:
             work.append(frozenset([free[place].element_hash()]))
         else:
             work.append(nothing if op in _PERIODIC else nothing.union(*[work[i] for i in reads]))
         if op == ca.OP_OUTPUT:
-            found |= work[-1]
-    return found & {s.element_hash() for s in symbols}
+            outside |= work[-1]
+    return outside & {s.element_hash() for s in symbols}
 
 
 def _limit(plan: Plan, reach: _Reach, k: int, keys: frozenset[int], precision: Precision) -> float:
@@ -187,12 +187,12 @@ def _errors(
     cancels. What is no sum and no product is taken for the larger of its arguments."""
     work: list[tuple[np.ndarray, np.ndarray]] = []
     none = np.zeros_like(given[0][0])
-    found: dict[int, tuple[np.ndarray, np.ndarray]] = {}
+    outputs: dict[int, tuple[np.ndarray, np.ndarray]] = {}
     with np.errstate(all="ignore"):
         for op, reads, place, constant in read:
             if op == ca.OP_OUTPUT:
                 work.append(work[reads[0]])
-                found[place] = work[-1]
+                outputs[place] = work[-1]
             elif op == ca.OP_INPUT:
                 work.append(given[place])
             elif op == ca.OP_CONST:
@@ -215,7 +215,7 @@ def _errors(
                 else:
                     size, error = np.maximum(a, b), np.maximum(x, y)
                 work.append((size, error + eps * size))
-    each = [found[place] for place in sorted(found)]
+    each = [outputs[place] for place in sorted(outputs)]
     return np.array([size for size, _ in each]), np.array([error for _, error in each])
 
 

@@ -36,7 +36,7 @@ class Completion:
         at = [self._place[p] for p in wanted]
         free = np.ones(len(self._place))
         free[columns] = free[given] = 0.0
-        found = np.full((len(wanted), known.shape[1]), np.nan)
+        values = np.full((len(wanted), known.shape[1]), np.nan)
         for n in range(known.shape[1]):
             w = self._plan.samples[0].copy()
             w[columns], w[given] = known[rows, n], [g[n] for g in guess.values()]
@@ -45,5 +45,5 @@ class Completion:
             if self._plan.uses_time:
                 self._sampler.time = float(known[-1, n])
             self._sampler.follow(w, free, at)
-            found[:, n] = w[at]
-        return found
+            values[:, n] = w[at]
+        return values

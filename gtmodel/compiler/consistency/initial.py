@@ -69,25 +69,25 @@ def initial_point(plan: Plan, held: Mapping[Pair, float], guess: Mapping[Pair, f
     at_rest[[n for n, (_, k) in enumerate(plan.pairs) if k > 0]] = 0.0
     tries = [(w, kept) for w in (at_rest, *plan.samples[:2]) for kept in ([hoped, {}] if hoped else [{}])]
     for w, kept in tries:
-        found = equations.reach(w, fixed | kept, hoped.keys() - kept.keys())
-        if found is not None:
+        point = equations.reach(w, fixed | kept, hoped.keys() - kept.keys())
+        if point is not None:
             break
     else:
         raise ModelError(equations.contradiction(at_rest, fixed))
-    if not on_branch(plan, found, time):  # the way led through a singular pose to the other side of a root
+    if not on_branch(plan, point, time):  # the way led through a singular pose to the other side of a root
         from_starts = at_rest.copy()
         for n, value in (hoped | fixed).items():
             from_starts[n] = value
-        for w in (moved_to_branch(plan, found, time), from_starts):
+        for w in (moved_to_branch(plan, point, time), from_starts):
             other = equations.reach(w, fixed, hoped.keys())
             if other is not None and on_branch(plan, other, time):
-                found, kept = other, {}
+                point, kept = other, {}
                 break
     taken = fixed | kept
     target = {n: x for n, x in (dict.fromkeys([place[s] for s in plan.states], 0.0) | hoped).items() if n not in taken}
-    target |= dict.fromkeys(equations.completing(found, taken.keys(), target.keys()), 0.0)
-    found = equations.approach(found, target, taken.keys())
-    return Initial(found, frozenset(plan.pairs[n] for n in equations.loose(found, fixed.keys())))
+    target |= dict.fromkeys(equations.completing(point, taken.keys(), target.keys()), 0.0)
+    point = equations.approach(point, target, taken.keys())
+    return Initial(point, frozenset(plan.pairs[n] for n in equations.loose(point, fixed.keys())))
 
 
 class _Equations:
@@ -224,7 +224,7 @@ class _Equations:
         top = dict(zip(self._plan.structure.unknowns, self._plan.structure.d.tolist(), strict=True))
         pairs = [self._plan.pairs[n] for n in columns]
         may = np.array([k < top.get(i, 0) for i, k in pairs], dtype=bool)
-        found: list[int] = []
+        chosen: list[int] = []
         for group in (np.isin(columns, list(some)), may):
             while rest.size:
                 sizes = np.where(group, np.linalg.norm(rest, axis=1), 0.0)
@@ -233,8 +233,8 @@ class _Equations:
                     break
                 direction = rest[n] / sizes[n]
                 rest = rest - np.outer(rest @ direction, direction)
-                found.append(int(columns[n]))
-        return [n for n in found if n not in some]
+                chosen.append(int(columns[n]))
+        return [n for n in chosen if n not in some]
 
     def loose(self, w: np.ndarray, fixed: Set[int]) -> list[int]:
         """Positions of the symbols that can move without leaving the equations."""

@@ -124,10 +124,9 @@ def _one_of(keys: Schema | JointStiffness, key: str) -> None:
 def _in_the_file(stiffness: StiffnessStudy, problem: Schema, context: Context) -> CalibrationStudy:
     """The study as this kind writes it, with the report."""
     study = CalibrationStudy(
-        status=stiffness.status, message=stiffness.message, notes=stiffness.notes, title=stiffness.title,
-        objective=stiffness.objective,
+        status=stiffness.status, message=stiffness.message, title=stiffness.title, objective=stiffness.objective,
         checks=stiffness.checks, figures=stiffness.figures, files=stiffness.files,
-        machine_files=stiffness.machine_files, synthetic=stiffness.synthetic,
-        joint_stiffness=stiffness if stiffness.method else None,
+        machine_files=stiffness.machine_files, synthetic=stiffness.synthetic, notes=stiffness.notes,
+        estimate=stiffness.estimate, joint_stiffness=stiffness if stiffness.method else None,
     )  # fmt: skip
     return page.added(study, problem, context)

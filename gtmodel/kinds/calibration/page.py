@@ -78,7 +78,7 @@ def stiffness_text(study: CalibrationStudy, problem: Schema, context: Context) -
     if values["synthetic"]:
         parts.append(f'<p class="made">Synthetic load tests: {escape(values["synthetic"])}</p>')
     sound = bool(v["adequate"]) and all(K > 0 for K in v["stiffness_MNm_rad"])
-    parts.append("<h2>Verdict</h2>" + items((v["adequacy"], *v["said"]), sound))
+    parts.append("<h2>Verdict</h2>" + items((v["adequacy"], *v["notes"]), sound))
     rows = [
         (
             f"joint {j + 1}",
@@ -96,7 +96,7 @@ def stiffness_text(study: CalibrationStudy, problem: Schema, context: Context) -
         parts.append(table(("by the other method", "stiffness [MN m/rad]", "intervals overlap"), rows))
     if v["compensator_rate_N_m"] is not None:
         parts.append(table(("gravity compensator", "rate [N/m]", "std"), [("joint 2", *v["compensator_rate_N_m"])]))
-    parts.append(f"<h2>What the tests determine</h2>{items(v['told'])}<p>O1 = {v['observability_O1']:.4g}.</p>")
+    parts.append(f"<h2>What the tests determine</h2><p>O1 = {v['observability_O1']:.4g}.</p>")
     parts.append(f"<p>The tests that determine most: {', '.join(map(str, v['best_tests']))} (lines of the file).</p>")
     parts += ["<h2>Where this comes from</h2>", _provenance(problem, context)]
     return whole(title, parts)

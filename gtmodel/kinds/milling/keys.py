@@ -116,12 +116,12 @@ def _table(rows: list[OscillatorRow]) -> AngleTable:
     if len(rows) < 2:
         said = f"holds {len(rows)} angles; expected two or more, between which dynamics are known"
         raise InputError(said, "oscillator")
-    found = []
+    oscillators = []
     for n, row in enumerate(rows):
         with naming(f"oscillator[{n}]", ValueError):
-            found.append(row.oscillators())
+            oscillators.append(row.oscillators())
     with naming("oscillator", ValueError):
-        return AngleTable(np.deg2rad([row.angle_deg for row in rows]), Oscillators.joined(found))
+        return AngleTable(np.deg2rad([row.angle_deg for row in rows]), Oscillators.joined(oscillators))
 
 
 def _field(file: str, context: Context) -> Any:

@@ -24,8 +24,8 @@ def read(path: Path, signals: Sequence[Signal]) -> list[np.ndarray]:
     is no number.
     """
     table = CsvTable(path, ",".join(columns(signals[0])))
-    found = [[_in_units_of(signal, table, name) for name in columns(signal)] for signal in signals]
-    return [np.stack(c, axis=1).reshape(-1, *signal.shape) for c, signal in zip(found, signals, strict=True)]
+    parts = [[_in_units_of(signal, table, name) for name in columns(signal)] for signal in signals]
+    return [np.stack(c, axis=1).reshape(-1, *signal.shape) for c, signal in zip(parts, signals, strict=True)]
 
 
 def columns(signal: Signal) -> list[str]:
