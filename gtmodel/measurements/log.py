@@ -95,8 +95,8 @@ def read_log(
     """
     _check_units(columns, time)
     wanted = {"time": time, **columns}
-    found = _from_mat(path, wanted, session) if str(path).lower().endswith(".mat") else _from_csv(path, wanted, session)
-    table, names = found
+    read = _from_mat if str(path).lower().endswith(".mat") else _from_csv
+    table, names = read(path, wanted, session)
     values = table.in_si()
     stops = np.flatnonzero(np.diff(values[:, -1])) + 1 if session else np.array([], dtype=int)
     _refuse_scattered(values, stops, table, path, session)
@@ -139,20 +139,20 @@ def _columns_of(
 ) -> Header:
     """The declared columns of a header; where each quantity stands among them goes into `names`."""
     heads = Heads(cells, where)
-    found, units, places = list[str](), list[str](), list[int]()
+    own, units, places = list[str](), list[str](), list[int]()
     try:
         for quantity, column in {**wanted, **({session: Column(session, "1")} if session else {})}.items():
             members = heads.members(column.name)
             if quantity != "time" and quantity in wanted:
-                names[quantity] = list(range(len(found), len(found) + len(members)))
+                names[quantity] = list(range(len(own), len(own) + len(members)))
             for member in members:
                 heads.refuse_other_unit(member, column.unit)
-                found.append(member)
+                own.append(member)
                 units.append(column.unit)
                 places.append(heads.place(member))
     except ArgumentError as error:
         raise LogError(error.message) from error
-    return found, units, places
+    return own, units, places
 
 
 def _from_mat(
@@ -188,13 +188,13 @@ def _from_mat(
 
 def _by_columns(data: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     """Matrices "q" as columns "q[0]", "q[1]", ..."""
-    found: dict[str, np.ndarray] = {}
+    columns: dict[str, np.ndarray] = {}
     for name, value in data.items():
         if value.ndim == 2 and min(value.shape) > 1:
-            found |= {f"{name}[{j}]": value[:, j] for j in range(value.shape[1])}
+            columns |= {f"{name}[{j}]": value[:, j] for j in range(value.shape[1])}
         else:
-            found[name] = value
-    return found
+            columns[name] = value
+    return columns
 
 
 def _refuse_scattered(

@@ -61,11 +61,11 @@ class _Hung(Made):
 
 @made_from(load_tests.Setup)
 class _SetUp(_Hung):
-    """How joint stiffness is told."""
+    """How joint stiffness is determined."""
 
 
 class JointStiffness(_SetUp):
-    """Joint stiffness of a serial arm from static load tests. One of measurements and synthetic tells what moved."""
+    """Joint stiffness of a serial arm from static load tests. One of measurements and synthetic says what moved."""
 
     measurements: LoadTests | None = Field(default=None, description="measured tests")
     synthetic: Made[load_tests.SyntheticTests] | None = Field(default=None, description="synthetic tests")
