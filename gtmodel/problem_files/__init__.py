@@ -8,10 +8,10 @@ if TYPE_CHECKING:
     from .base import (
         Check as Check,
         Context as Context,
+        FileSection as FileSection,
         InputError as InputError,
         Kind as Kind,
         Problem as Problem,
-        Section as Section,
     )
     from .registry import get as get, names as names
 

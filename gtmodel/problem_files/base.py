@@ -19,21 +19,21 @@ from .call import Call
 from .input_error import InputError
 
 __all__ = [
-    "TRAJECTORY", "Check", "Context", "Generating", "InputError", "Kind", "Problem", "Progress",
-    "Row", "Section", "at_least", "at_most", "silent", "unheard",
+    "TRAJECTORY", "Check", "Context", "FileSection", "Generating", "InputError", "Kind", "Problem", "Progress",
+    "Row", "at_least", "at_most", "silent", "unheard",
 ]  # fmt: skip
 
 
 SOON = 1e-9  # s: what is left of a time limit that reading the file took
 
 
-class Section(pydantic.BaseModel):
+class FileSection(pydantic.BaseModel):
     """A table of a problem file. Unknown keys are errors, numbers are finite and not written as text."""
 
     model_config = pydantic.ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True, defer_build=True)
 
 
-class Problem(Section):
+class Problem(FileSection):
     """A problem file. A kind's schema adds its keys, each with a description; names carry their units."""
 
     kind: str = pydantic.Field(description="kind of the problem; gtmodel schema lists the kinds")

@@ -67,5 +67,5 @@ def parse(content: bytes) -> dict[str, Any]:
         place = re.search(r"at line (\d+)", str(error))  # else at the end
         line = int(place[1]) if place else content.count(b"\n", 0, len(content.rstrip())) + 1
         written = [*content.decode("utf-8-sig").splitlines(), ""][line - 1].strip()
-        found = f"; found {shown_line(written)}" if written else ""
-        raise InputError(f"line {line}: not TOML: {slip(written, reason)}{found}") from error
+        line_text = f"; found {shown_line(written)}" if written else ""
+        raise InputError(f"line {line}: not TOML: {slip(written, reason)}{line_text}") from error

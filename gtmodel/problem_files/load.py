@@ -42,17 +42,17 @@ def load(path: str | Path, settings: Iterable[str] = ()) -> Loaded:
 
     settings: texts "key=value" as in `--set`. Raises InputError; its sentence names the file and the key.
     """
-    found, shipped = find(path)
+    file, shipped = find(path)
     settings = tuple(settings)
     try:
-        content = read(found)
+        content = read(file)
         data = apply(parse(content), settings)
         kind, problem = check(data)
     except InputError as error:
         raise error.within(str(path)) from None
     except RecursionError:
         raise InputError(TOO_DEEP, file=str(path)) from None
-    return Loaded(found, content, settings, kind, problem, shipped)
+    return Loaded(file, content, settings, kind, problem, shipped)
 
 
 def check(data: Mapping[str, Any]) -> tuple[Kind, Problem]:

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 import scipy
 
-from .gaussian_process_kernel import Inputs, Shape, correlation, square_distances
+from .gaussian_process_kernel import KernelInputs, Shape, correlation, square_distances
 
 VAGUE = 10.0  # standard deviations of the data: how far the level of the process may lie from their mean
 
@@ -24,7 +24,7 @@ class GaussianProcess:
 
     X: np.ndarray
     y: np.ndarray
-    inputs: Inputs
+    inputs: KernelInputs
     shape: Shape
     lengths: np.ndarray
     amplitude: float
