@@ -14,10 +14,14 @@ from typing import Any
 class _NoSuchName(AttributeError):
     """Python asks a package for its submodules too, and expects this; near names are looked for when a person reads."""
 
+    def __init__(self, package: ModuleType, name: str) -> None:
+        super().__init__(name=name, obj=package)
+        self.package, self.asked = package, name
+
     def __str__(self) -> str:
         from .lang.slips import near
 
-        return f"module '{self.obj.__name__}' has no attribute '{self.name}'{near(self.name, dir(self.obj))}"
+        return f"module '{self.package.__name__}' has no attribute '{self.asked}'{near(self.asked, dir(self.package))}"
 
 
 class _Package(ModuleType):
@@ -27,7 +31,7 @@ class _Package(ModuleType):
 
     def __getattr__(self, name: str) -> Any:
         if name not in self._public:
-            raise _NoSuchName(name=name, obj=self)
+            raise _NoSuchName(self, name)
         module, attribute = self._public[name]
         value = getattr(import_module(module), attribute) if attribute else import_module(module)
         self.__dict__[name] = value

@@ -48,7 +48,7 @@ if TYPE_CHECKING:
         read_poses as read_poses,
     )
     from .measurements import Correction as Correction, Measurements as Measurements, Pose as Pose
-    from .options import Fit as Fit, Known as Known
+    from .options import COSTS as COSTS, Cost as Cost, Fit as Fit, Known as Known
     from .partial_devices import seen_by_distance as seen_by_distance, seen_by_plane as seen_by_plane
     from .plan import PlanStudy as PlanStudy, plan_study as plan_study
     from .pose_information import PoseInformation as PoseInformation, pose_information as pose_information
@@ -66,7 +66,7 @@ if TYPE_CHECKING:
         spread as spread,
     )
     from .positioning import Positioning as Positioning, PredictedErrors as PredictedErrors, positioning as positioning
-    from .problem import COSTS as COSTS, Cost as Cost, Problem as Problem, prepare as prepare
+    from .problem import Problem as Problem, prepare as prepare
     from .report.result import CalibrationStudy as CalibrationStudy
     from .report.robot_file import Origin as Origin
     from .synthetic import Synthetic as Synthetic, made_poses as made_poses

@@ -24,7 +24,8 @@ from .confidence import Fitted, estimated
 from .implicit import Adjustment, require_noise_enough
 from .measurements import Measurements
 from .modifiers import modifiers
-from .problem import COSTS, Cost, Problem, noise_covariance, prepare
+from .options import COSTS, Cost
+from .problem import Problem, noise_covariance, prepare
 from .unknowns import Choice
 
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Annotated, Literal
+from typing import Annotated, Literal, get_args
 
 from ..results.options import Options, Unit, Within
-from .problem import Cost
 
+Cost = Literal["squared", "length", "inverse", "forward", "orthogonal"]
+COSTS = get_args(Cost)
 COST_WORDS: dict[str, Cost] = {"closure": "squared", "linear": "length", "inverse": "inverse", "forward": "forward",
          "orthogonal": "orthogonal"}  # fmt: skip
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal, get_args
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -22,9 +22,6 @@ from .closure import Closure, closure_equations
 from .measurements import Measurements
 from .reading import Reading, reading
 from .unknowns import Choice, Parameters, Unknowns, unknowns
-
-Cost = Literal["squared", "length", "inverse", "forward", "orthogonal"]
-COSTS = get_args(Cost)
 
 
 @dataclass(frozen=True, eq=False)

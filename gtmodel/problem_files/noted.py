@@ -16,9 +16,9 @@ def noted(outcome: Study, context: Context) -> Study:
 
     A machine must not follow what rests on a file that is not to be used: there that is a check, and it fails.
     """
-    if context.models:
-        from gtmodel.compiler.causal import notes_of  # here: a schema needs no compiler
     for model in context.models:
+        from gtmodel.compiler.causal import notes_of  # here: a schema needs no compiler
+
         for sentence in notes_of(model):
             context.note(sentence)
     if not context.notes:

@@ -71,7 +71,7 @@ def class_name(cls: type) -> str:
     parts = cls.__module__.split(".")
     for n in range(1, len(parts) + 1):
         package = ".".join(parts[:n])
-        if vars(sys.modules.get(package, object)).get(cls.__name__) is cls:
+        if getattr(sys.modules.get(package), cls.__name__, None) is cls:
             return cls.__name__ if package == "builtins" else f"{package}.{cls.__name__}"
     return f"{cls.__module__}.{cls.__qualname__}"
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import html as markup
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np

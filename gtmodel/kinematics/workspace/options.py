@@ -7,11 +7,11 @@ from dataclasses import dataclass, field
 from typing import Annotated
 
 from ...results.options import Long, Options, Unit, Within
-from .volume import MOST
 
 Pair = Annotated[list[float], Long(2)]
 Point = Annotated[list[float], Long(3)]
 DEGREE = math.pi / 180
+MOST_SECTIONS = 200  # of one volume: each maps a whole grid
 
 
 @dataclass(frozen=True)
@@ -77,4 +77,4 @@ class Sections(Options):
     tolerance: Annotated[
         float, Within(above=0.0, below=1.0), "relative error of the volume below which no more sections are added"
     ] = 0.01  # fmt: skip
-    most_sections: Annotated[int, Within(least=3, most=10000), "number of sections at most"] = MOST
+    most_sections: Annotated[int, Within(least=3, most=10000), "number of sections at most"] = MOST_SECTIONS

@@ -11,11 +11,10 @@ import numpy as np
 from ..section import Section
 from .cross_section import Region, region
 from .grid import section_grid
+from .options import MOST_SECTIONS
 from .reach import CHUNK, Reach, ReachMap, map_grid
 
 Array = np.ndarray
-# sections of one volume: each maps a whole grid
-MOST = 200
 # widest gaps with a tolerance, as shares of the length reached so far: beside a section that is reached, and where none
 # is; a part narrower than that and apart from the others may stay unseen
 BESIDE, APART = 1 / 16, 1 / 2
@@ -91,7 +90,7 @@ def map_volume(
     step: float,
     *,
     tolerance: float | None = None,
-    most: int = MOST,
+    most: int = MOST_SECTIONS,
     coarse: bool = False,
     chunk: int = CHUNK,
     client: Any = None,

@@ -1,0 +1,81 @@
+"""What a command imports before it starts: nothing that it does not need. Times are in tests/bench."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+import gtmodel as gt
+from gtmodel import calibrate, optimize
+
+HEAVY = {"numpy", "casadi", "scipy", "matplotlib", "rich"}
+PARTS_OF_SCIPY = {
+    f"scipy.{name}" for name in ("sparse", "linalg", "optimize", "interpolate", "signal", "stats", "spatial")
+}
+RUN = """
+import json, os, sys
+from gtmodel.cli import main
+shown, sys.stdout = sys.stdout, open(os.devnull, "w")
+try:
+    main({words})
+except SystemExit:
+    pass
+print(json.dumps(sorted(sys.modules)), file=shown)
+"""
+
+
+def imported(program: str) -> set[str]:
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    return set(json.loads(done.stdout))
+
+
+@pytest.mark.parametrize("words", [["--help"], ["--version"], ["solve", "--help"], ["list"], ["list", "robots"]])
+def test_a_command_that_computes_nothing_imports_nothing_heavy(words: list[str]) -> None:
+    modules = imported(RUN.format(words=words))
+    assert "gtmodel.cli" in modules and not modules & HEAVY
+    assert not {m for m in modules if m.startswith(("gtmodel.compiler", "gtmodel.mechanics", "gtmodel.kinds"))}
+
+
+def test_help_of_the_command_line_reads_five_files_of_ours() -> None:
+    ours = {m for m in imported(RUN.format(words=["--help"])) if m.startswith("gtmodel")}
+    assert ours == {
+        "gtmodel",
+        "gtmodel._answer",
+        "gtmodel._lazy",
+        "gtmodel._terminal",
+        "gtmodel._version",
+        "gtmodel.cli",
+    }
+
+
+@pytest.mark.parametrize("kind", ["calibration", "kinematics", "trajectory", "vibration"])
+def test_a_schema_needs_no_part_of_scipy_and_no_robot(kind: str) -> None:
+    modules = imported(RUN.format(words=["schema", kind]))
+    assert f"gtmodel.kinds.{kind}.keys" in modules and not modules & {*PARTS_OF_SCIPY, "matplotlib", "rich"}
+    assert "gtmodel.robots.f1" not in modules
+
+
+def test_the_package_alone_imports_nothing_until_a_name_is_used() -> None:
+    modules = imported("import json, sys, gtmodel; print(json.dumps(sorted(sys.modules)))")
+    assert not modules & HEAVY and {m for m in modules if m.startswith("gtmodel.")} == {
+        "gtmodel._lazy",
+        "gtmodel._version",
+    }
+
+
+def test_a_function_is_not_hidden_by_the_module_of_its_name() -> None:
+    import gtmodel.calibrate.candidates
+    import gtmodel.optimize.estimate
+    import gtmodel.optimize.solve  # noqa: F401
+
+    assert callable(optimize.solve) and callable(optimize.estimate) and callable(calibrate.candidates)
+    assert optimize.solve is gt.solve and optimize.estimate is gt.estimate
+
+
+def test_a_misspelt_name_is_answered_with_near_ones() -> None:
+    with pytest.raises(AttributeError, match=r"'gtmodel\.calibrate' has no attribute 'stdy'; did you mean 'study'"):
+        calibrate.stdy  # noqa: B018
+    assert not hasattr(gt, "no_such_thing") and getattr(gt, "no_such_thing", 1) == 1
