@@ -10,6 +10,8 @@ from ..kinematics.section import CrossSection
 from ..results.options import Long, Options, Unit, Within
 
 Three = Annotated[list[float], Long(3)]
+WIDEST_M = 1.0  # of a tube: wider is a diameter in millimetres
+METRES = "give it in metres"
 
 
 @dataclass(frozen=True)
@@ -27,8 +29,10 @@ class RodSprings(Options):
         float | list[float] | None, Unit("N/m"), Within(above=0.0), "of a rod along itself, one or one each"
     ] = None
     modulus: Annotated[float | None, Unit("Pa"), Within(above=0.0), "Young's modulus of a tube along itself"] = None
-    outer_diameter: Annotated[float | None, Unit("m"), Within(above=0.0), "of the tube"] = None
-    inner_diameter: Annotated[float, Unit("m"), Within(least=0.0), "of the tube"] = 0.0
+    outer_diameter: Annotated[
+        float | None, Unit("m"), Within(above=0.0, most=WIDEST_M, advice=METRES), "of the tube"
+    ] = None
+    inner_diameter: Annotated[float, Unit("m"), Within(least=0.0, most=WIDEST_M, advice=METRES), "of the tube"] = 0.0
     parallel: Annotated[
         list[int] | None,
         Within(least=1),

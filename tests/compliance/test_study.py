@@ -113,6 +113,12 @@ def test_what_cannot_be_used_is_named(l1, springs, options, argument):
     assert caught.value.argument == argument
 
 
+def test_a_diameter_in_millimetres_is_refused():
+    for name in ("outer_diameter", "inner_diameter"):
+        with pytest.raises(ArgumentError, match=f"{name}: must be .* at most 1; found 40; give it in metres"):
+            RodSprings(modulus=7e10, **{"outer_diameter": 0.04, name: 40.0})
+
+
 def test_an_arm_names_its_own():
     robot = gt.robots.kr500()
     for springs, options, argument in (

@@ -201,6 +201,8 @@ T0, Q0, E0 = [0.0] * 3, [0.0] * 3, [1.0, 0.0, 0.0, 0.0]
     [
         (lambda: gt.robots.gantry_tau("l1_tape"), None, "robot"),
         (robots.SixLink, None, "robot"),
+        (robots.extra_carts, None, "robot"),
+        (robots.extra_carts, CommandedPose(q=Q0), "robot"),
         (robots.f1_gantry_tau, CommandedPose(q=Q0, tcp=T0), "pose"),
         (robots.f1_gantry_tau, CommandedPose(axes=Q0), "pose.axes"),
         (robots.f1_gantry_tau, CommandedPose(quaternion=E0), "pose.quaternion"),
