@@ -15,7 +15,7 @@ from ..lang import Model
 from ..results import ArgumentError, Quantity, Row, SolveStatus, Study, Work, at_most, listed
 from ..results.door import study_function
 from ..results.options import Long, Within
-from ..results.tables import csv_text
+from ..results.table import csv_text
 from ..results.work import Progress, never, silent
 from .cartesian import softest_and_stiffest
 from .link_springs import GROUPS

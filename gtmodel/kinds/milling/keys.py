@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field, PositiveFloat
 
 from gtmodel.milling import AngleTable, Cut, Cutter, CuttingCoefficients, Oscillators, missing_z, options
-from gtmodel.problem_files.base import Context, InputError, Section
+from gtmodel.problem_files.base import Context, FileSection, InputError
 from gtmodel.problem_files.from_options import Made, made_from
 from gtmodel.problem_files.robot_keys import RobotProblem
 from gtmodel.results.refusal import naming
@@ -35,7 +35,7 @@ class CutKeys(Made):
     feed_direction: Three = Field(default=[1.0, 0.0, 0.0], description="across the tool axis, world coordinates")
 
 
-class OscillatorRow(Section):
+class OscillatorRow(FileSection):
     """Measured dynamics of the tool at one angle."""
 
     angle_deg: float = Field(description="redundant angle A")
@@ -69,7 +69,7 @@ class SearchSection(Made):
         return options.MillingSearch(**self.given(), speeds=[rpm / 60 for rpm in self.speeds_rpm], speed_range=between)
 
 
-class LobesSection(Section):
+class LobesSection(FileSection):
     """Stability lobes in the chosen pose."""
 
     from_rpm: PositiveFloat = Field(description="lowest spindle speed")

@@ -14,7 +14,7 @@ import numpy as np
 from ...lang import Model
 from ...results import ArgumentError, Quantity, Row, SolveStatus, Status, Study, Work, listed
 from ...results.door import study_function
-from ...results.tables import csv_text
+from ...results.table import csv_text
 from ...results.work import Progress, never, silent
 from ..mechanism import home_figure, mechanism_of
 from .corners import Array
@@ -110,7 +110,7 @@ def accuracy_study(
     errors = [errors_of(case, k, region.robot) for k, case in enumerate(resolved)]
     cases_judged: list[JudgedCase] = []
     for case, error in zip(resolved, errors, strict=True):
-        mapped = map_errors(error, region.base_points, region.T, progress=work.told(case.name))
+        mapped = map_errors(error, region.base_points, region.T, progress=work.fractions(case.name))
         if not mapped.complete or work.interrupted():
             return _study(region, title, cases_judged, SolveStatus.INTERRUPTED, SolveStatus.INTERRUPTED.message)
         good = region.window & (mapped.status == Status.OK)

@@ -13,7 +13,7 @@ from ...lang import Model
 from ...results import ArgumentError, Check, SolveStatus, Work, at_most
 from ...results.door import study_function
 from ...results.options import Long, Within
-from ...results.tables import csv_text
+from ...results.table import csv_text
 from ...results.work import Progress, never, silent
 from ..mechanism import home_figure
 from ..section import CrossSection
@@ -119,7 +119,9 @@ class _Maps:
 
     def __call__(self, reach: Reach, stage: str, step: float | None = None) -> SectionMap:
         t = self.task
-        section_map = map_section(reach, t.section, t.low, t.high, step or self.step, progress=self.work.told(stage))
+        section_map = map_section(
+            reach, t.section, t.low, t.high, step or self.step, progress=self.work.fractions(stage)
+        )
         if not section_map.complete or self.work.interrupted():
             raise _Stopped
         return section_map
@@ -129,7 +131,7 @@ class _Maps:
         along = np.linspace(given.low, given.high, count) - float(t.section.origin @ t.section.normal)
         solid = map_volume(
             t.reach, t.section, t.low, t.high, along, self.step, tolerance=given.tolerance / 2,
-            most=given.most_sections, coarse=True, progress=self.work.told("sections"),
+            most=given.most_sections, coarse=True, progress=self.work.fractions("sections"),
         )  # fmt: skip
         if not solid.complete:
             raise _Stopped
