@@ -14,6 +14,11 @@ def draw(count: int, seed: int) -> Hands:
 
     T is normal with standard deviation 1 m, attitudes are uniform over all. The drawn pose is the commanded one.
     The first platforms of a larger count are those of a smaller one.
+
+    >>> from gtmodel.kinematics.assembly_modes import draw
+    >>> hands = draw(3, seed=1)
+    >>> len(hands), hands.L.shape, hands.synthetic
+    (3, (3, 6), 'synthetic platforms, seed 1')
     """
     random = np.random.default_rng(seed)
     A, B, T, e = (np.zeros((count, *shape)) for shape in ((LINKS, 3), (LINKS, 3), (3,), (4,)))

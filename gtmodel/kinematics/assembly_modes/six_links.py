@@ -147,7 +147,18 @@ def _coordinates(model: Model) -> int:
 
 
 def bare(A: Array, B: Array, L: Array, T: Array | None = None, e: Array | None = None) -> Hands:
-    """Legs given as they are: A, B (n, 6, 3) or (6, 3), L (n, 6) or (6,); commanded poses T (n, 3), e (n, 4)."""
+    """Legs given as they are: A, B (n, 6, 3) or (6, 3), L (n, 6) or (6,); commanded poses T (n, 3), e (n, 4).
+
+    A hexapod at rest 1 m above its base:
+
+    >>> from gtmodel.kinematics.assembly_modes import bare
+    >>> angle = np.radians([0, 60, 120, 180, 240, 300])
+    >>> A = np.column_stack([np.cos(angle), np.sin(angle), 0 * angle])
+    >>> B = 0.5 * np.roll(A, 1, axis=0)
+    >>> hands = bare(A, B, np.linalg.norm(A - B - [0, 0, 1.0], axis=1), T=np.array([0, 0, 1.0]))
+    >>> hands.A.shape, hands.L.round(3)
+    ((1, 6, 3), array([[1.323, 1.323, 1.323, 1.323, 1.323, 1.323]]))
+    """
     A, B, L = A.reshape(-1, LINKS, 3), B.reshape(-1, LINKS, 3), L.reshape(-1, LINKS)
     n = len(L)
     positions = np.full((n, 3), np.nan) if T is None else T.reshape(n, 3)
