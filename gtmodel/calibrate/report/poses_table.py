@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...results.tables import csv_text
+from ...results.table import csv_text
 from .findings import CalibrationFindings
 
 

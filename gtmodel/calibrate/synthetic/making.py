@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from ...compiler.causal import compile_causal
 from ...lang import Model, ModelError
 from ...results import ArgumentError
-from ...results.tables import csv_text
+from ...results.table import csv_text
 from ...robots import clusters
 from ..perturbed_kinematics import moved, rows_of, true_poses
 from .cart_errors import cart_points, levers, tilts
