@@ -24,7 +24,7 @@ def white(J: np.ndarray, sigma2: float, *, scale: np.ndarray | None = None) -> n
     """
     n = J.shape[1]
     s = np.ones(n) if scale is None else np.abs(scale)
-    R = np.linalg.qr(J * s, mode="r")
+    R = np.asarray(np.linalg.qr(J * s, mode="r"))
     _refuse_dependent(R, len(J))
     inverse = np.linalg.inv(R)
     return sigma2 * (inverse @ inverse.T) * np.outer(s, s)

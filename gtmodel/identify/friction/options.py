@@ -1,4 +1,4 @@
-"""Options of a friction study: where the tool was held, what counts as constant velocity, known or synthetic friction."""
+"""Options of a friction study: where the tool was held, what counts as constant velocity, known friction."""
 
 from __future__ import annotations
 
