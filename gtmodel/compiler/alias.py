@@ -9,7 +9,7 @@ import casadi as ca
 from ..lang.source import ModelError
 from .analysis.nonsmooth import is_nonsmooth, kinked_in
 from .flat import FlatEquation, FlatModel
-from .sparse import triplets
+from .matrices import triplets
 
 Terms = tuple[tuple[tuple[int, int], float], tuple[tuple[int, int], float]]  # (symbol, coefficient), twice
 

@@ -15,7 +15,7 @@ from .consistency.points import RESIDUAL_TOLERANCE, Sampler
 from .flat import FlatModel
 
 if TYPE_CHECKING:
-    from .plan import Plan
+    from .plan import CausalPlan
 
 # a branch expression that only changes its sign with the root is the root's own name, up to round-off
 OWN = 1e-9
@@ -40,7 +40,7 @@ def check_branches(flat: FlatModel, wanted: Mapping[str, int]) -> None:
             raise ModelError(f"branch '{name}' takes +1 or -1; found {sign}")
 
 
-def settle(plan: Plan, sampler: Sampler, wanted: Mapping[str, int]) -> Plan:
+def settle(plan: CausalPlan, sampler: Sampler, wanted: Mapping[str, int]) -> CausalPlan:
     """The plan with a sign for every root, and with samples on the chosen branches.
 
     A branch tells the solutions of a root apart if its expression changes sign, in the same sense at every
@@ -55,13 +55,13 @@ def settle(plan: Plan, sampler: Sampler, wanted: Mapping[str, int]) -> Plan:
     return plan
 
 
-def _with_roots(plan: Plan, roots: list[Root]) -> Plan:
+def _with_roots(plan: CausalPlan, roots: list[Root]) -> CausalPlan:
     """The plan with these roots, in the order of its blocks."""
     given = iter(roots)
     return replace(plan, blocks=[replace(b, roots=[next(given) for _ in b.roots]) for b in plan.blocks])
 
 
-def _with_settled_roots(plan: Plan, sampler: Sampler, wanted: Mapping[str, int]) -> Plan:
+def _with_settled_roots(plan: CausalPlan, sampler: Sampler, wanted: Mapping[str, int]) -> CausalPlan:
     roots = [r for b in plan.blocks for r in b.roots]
     if not roots:
         return plan
@@ -105,7 +105,7 @@ def _with_settled_roots(plan: Plan, sampler: Sampler, wanted: Mapping[str, int])
     return replace(_with_roots(plan, settled), samples=np.array(samples))
 
 
-def _with_moved_home(plan: Plan, sampler: Sampler, wanted: Mapping[str, int]) -> Plan:
+def _with_moved_home(plan: CausalPlan, sampler: Sampler, wanted: Mapping[str, int]) -> CausalPlan:
     """The plan with samples where the wanted branches have their signs; mirrored there if they have not."""
     flat, p = plan.flat, plan.flat.p0
     expressions = {b.name: plan.alias.rewrite(flat, b.expression) for b in flat.branches}
@@ -170,7 +170,7 @@ def _cross(over: Sampler, start: np.ndarray, nominal: np.ndarray, ease: np.ndarr
     return w
 
 
-def sides(plan: Plan, sampler: Sampler) -> list[Margin]:
+def sides(plan: CausalPlan, sampler: Sampler) -> list[Margin]:
     """Margins that are positive where Newton's answer lies on the branches of the home pose.
 
     Those that no root takes care of: they depend on the unknowns of a Newton block, and on nothing that the plan does
@@ -201,7 +201,7 @@ def sides(plan: Plan, sampler: Sampler) -> list[Margin]:
     return margins
 
 
-def follow(plan: Plan, sampler: Sampler) -> Plan:
+def follow(plan: CausalPlan, sampler: Sampler) -> CausalPlan:
     """The plan with every root's sign as it is at its one sample and its time."""
     roots = [r for b in plan.blocks for r in b.roots]
     if not roots:
@@ -210,14 +210,14 @@ def follow(plan: Plan, sampler: Sampler) -> Plan:
     return _with_roots(plan, [replace(r, value=1 if x >= 0 else -1) for r, x in zip(roots, derivatives, strict=True)])
 
 
-def root_derivatives(plan: Plan, sampler: Sampler) -> ca.Function:
+def root_derivatives(plan: CausalPlan, sampler: Sampler) -> ca.Function:
     """(point over the plan's pairs, parameters, time) -> derivatives, which give the signs of the roots there."""
     column = _column([r.slope for b in plan.blocks for r in b.roots])
     return ca.Function("derivatives", [sampler.w, plan.flat.p, plan.flat.scope.time], [column])
 
 
 def _functions(
-    plan: Plan, sampler: Sampler, roots: list[Root]
+    plan: CausalPlan, sampler: Sampler, roots: list[Root]
 ) -> tuple[list[str], ca.Function, tuple[list[int], ca.Function]]:
     """Names and values of the branch expressions that this causality computes, and the computed symbols' values."""
     flat = plan.flat

@@ -24,7 +24,7 @@ from .explain import explain
 from .flat import FlatModel
 from .flat_cache import flat_of
 from .newton import NewtonKernel
-from .plan import Plan, make_plan
+from .plan import CausalPlan, make_plan
 from .rows import PIVOT_TOLERANCE, map_columns, status_codes
 
 Pair = tuple[int, int]
@@ -32,7 +32,7 @@ Group = tuple[str, tuple[int, ...], list[int]]
 
 
 @dataclass(frozen=True)
-class Signal:
+class CausalSignal:
     """A named input or output: shape () or (n,), unit, and the scalar chain symbols it is made of."""
 
     name: str
@@ -71,9 +71,9 @@ class CausalFunction:
 
     def __init__(
         self,
-        plan: Plan,
-        inputs: list[Signal],
-        outputs: list[Signal],
+        plan: CausalPlan,
+        inputs: list[CausalSignal],
+        outputs: list[CausalSignal],
         name: str,
         groups: Sequence[Group] = (),
         preferred: Sequence[int] = (),
@@ -473,7 +473,7 @@ def _compile(
     return CausalFunction(plan, signals, outputs, name or _function_name(outputs, groups), groups, preferred, branches)
 
 
-def input_signals(plan: Plan, groups: list[Group]) -> list[Signal]:
+def input_signals(plan: CausalPlan, groups: list[Group]) -> list[CausalSignal]:
     """States first, then the known variables with their derivatives as far as anything reads them."""
     flat = plan.flat
     known = {i for _, _, g in groups for i in g}
@@ -485,13 +485,13 @@ def input_signals(plan: Plan, groups: list[Group]) -> list[Signal]:
     return signals
 
 
-def _signal(flat: FlatModel, name: str, shape: tuple[int, ...], indices: list[int], order: int) -> Signal:
+def _signal(flat: FlatModel, name: str, shape: tuple[int, ...], indices: list[int], order: int) -> CausalSignal:
     """Of the variables of that name, differentiated."""
     unit = flat.unit_of(indices[0], order)
-    return Signal(derivative_name(name, order), shape, unit, tuple((i, order) for i in indices))
+    return CausalSignal(derivative_name(name, order), shape, unit, tuple((i, order) for i in indices))
 
 
-def _state_groups(plan: Plan, states: list[Pair]) -> list[tuple[int, str, tuple[int, ...], list[int]]]:
+def _state_groups(plan: CausalPlan, states: list[Pair]) -> list[tuple[int, str, tuple[int, ...], list[int]]]:
     """State symbols gathered into declared vectors where they are complete."""
     flat = plan.flat
     left = set(states)
@@ -513,6 +513,6 @@ def _base(flat: FlatModel, group: list[int], shape: tuple[int, ...]) -> str:
     return next(n for n, (s, g) in flat.groups.items() if g == group and s == shape)
 
 
-def _function_name(outputs: list[Signal], groups: list[Group]) -> str:
+def _function_name(outputs: list[CausalSignal], groups: list[Group]) -> str:
     out = "_".join(c_name(s.name) for s in outputs)
     return f"{out}_from_{'_'.join(c_name(n) for n, _, _ in groups)}" if groups else out

@@ -12,7 +12,7 @@ from .analysis.sizes import sizes_of
 from .analysis.whole import judged, whole as followed
 from .emit import express
 from .newton import NewtonKernel
-from .plan import Plan
+from .plan import CausalPlan
 
 Pair = tuple[int, int]
 
@@ -28,7 +28,7 @@ class Built:
 
 
 def build(
-    plan: Plan,
+    plan: CausalPlan,
     inputs: Sequence[tuple[str, Sequence[Pair]]],
     outputs: Sequence[tuple[str, Sequence[Pair]]],
     name: str,
@@ -94,7 +94,7 @@ def _distinct(names: Sequence[str], taken: Sequence[str] = ()) -> list[str]:
     return distinct
 
 
-def _sample(plan: Plan, column: ca.SX, parametric: bool = False) -> np.ndarray:
+def _sample(plan: CausalPlan, column: ca.SX, parametric: bool = False) -> np.ndarray:
     """Values of a column of symbols at the first sample point and its time; parameters at their values."""
     flat = plan.flat
     known = {pair: n for n, pair in enumerate(plan.pairs)}

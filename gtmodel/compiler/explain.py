@@ -8,7 +8,7 @@ from .analysis.sizes import DOUBLE
 
 if TYPE_CHECKING:
     from .causal import CausalFunction
-    from .plan import Plan
+    from .plan import CausalPlan
 
 
 def explain(f: CausalFunction) -> str:
@@ -65,7 +65,7 @@ def explain(f: CausalFunction) -> str:
     return "\n".join(lines)
 
 
-def _home(plan: Plan) -> list[str]:
+def _home(plan: CausalPlan) -> list[str]:
     """The pose that roots and Newton continue: what is declared at the top, as far as the equations hold it."""
     flat, place = plan.flat, {pair: n for n, pair in enumerate(plan.pairs)}
     parts = []

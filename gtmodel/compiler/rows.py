@@ -102,7 +102,7 @@ def status_codes(
     return np.where(inputs, code, Status.NOT_FINITE)
 
 
-class Margin(NamedTuple):
+class PlainMargin(NamedTuple):
     """What the status of a row needs of a margin; its symbols stay with the model."""
 
     kind: str
@@ -123,7 +123,7 @@ class RowFunction:
                 f"{function.name} holds {len(newton)} Newton block(s) and cannot leave its model; call it as it is"
             )
         self._function = function.closed
-        self._margins = [Margin(m.kind, m.scale) for m in function.margins]
+        self._margins = [PlainMargin(m.kind, m.scale) for m in function.margins]
         self._sizes = function.sizes
         self._shapes = [s.shape for s in function.outputs]
 

@@ -12,14 +12,14 @@ from .linear import solve_linear
 from .newton import NewtonBlock
 from .pivots import SignAnalysis
 from .quadric import NoClosedForm, eliminate_explicit, solve_nonlinear
-from .structure import Structure
+from .structure import EquationStructure
 
 Pair = tuple[int, int]
 
 
 def solve_block(
     flat: FlatModel,
-    structure: Structure,
+    structure: EquationStructure,
     derivatives: list[list[ca.SX]],
     nodes: list[Pair],
     unknown_of: dict[Pair, Pair],

@@ -12,8 +12,8 @@ import numpy as np
 
 from gtmodel.compiler.causal import CausalFunction, c_name, compile_causal, flat_of
 from gtmodel.compiler.evaluate import Built, build
-from gtmodel.compiler.plan import Plan, make_plan
-from gtmodel.compiler.rows import Margin, map_columns, status_codes
+from gtmodel.compiler.plan import CausalPlan, make_plan
+from gtmodel.compiler.rows import PlainMargin, map_columns, status_codes
 from gtmodel.lang import Model, ModelError
 from gtmodel.results import Status
 
@@ -99,7 +99,7 @@ class Regressor:
         plan = _partly_folded(causal, self._chosen)
         self._uses_time = plan.uses_time
         self._plan, self._p0 = plan, flat.p0
-        self._margins = [Margin(m.kind, m.scale) for m in plan.margins]
+        self._margins = [PlainMargin(m.kind, m.scale) for m in plan.margins]
         self._sizes = causal.sizes
         self._built = self._build([(c_name(s.name), s.pairs) for s in self.outputs])
         self._kernels = self._built.kernels
@@ -292,7 +292,7 @@ class Regressor:
         return f"Regressor({', '.join(self.columns)} linear in {', '.join(self.names)})"
 
 
-def _partly_folded(causal: CausalFunction, chosen: Sequence[int]) -> Plan:
+def _partly_folded(causal: CausalFunction, chosen: Sequence[int]) -> CausalPlan:
     """The causality worked out again with symbols for the chosen parameters and numbers for the others."""
     flat = causal.flat
     fold = ca.SX(ca.DM(flat.require_values()))

@@ -153,7 +153,7 @@ _RADIAN_SYMBOLS = {"rad", "deg", "urad", "rpm"}
 
 
 @dataclass(frozen=True)
-class Unit:
+class ParsedUnit:
     """What `parse_unit` read.
 
     text      : the text as written, stripped; ``"1"`` when it was empty.
@@ -329,15 +329,15 @@ SECOND = _BASE["s"]
 
 
 @functools.lru_cache(maxsize=1024)
-def _parse(text: str) -> Unit:
+def _parse(text: str) -> ParsedUnit:
     value = _Reader(text).read() if text else _Value(DIMENSIONLESS)
     bits = max(value.factor.numerator.bit_length(), value.factor.denominator.bit_length()) + 2 * abs(value.pi_power)
     if bits > MAX_SCALE_BITS:
         raise UnitError(f"unit {text!r} has a scale outside the range of a double; use smaller powers")
-    return Unit(text or "1", value.dimension, value.factor, value.pi_power)
+    return ParsedUnit(text or "1", value.dimension, value.factor, value.pi_power)
 
 
-def parse_unit(text: str) -> Unit:
+def parse_unit(text: str) -> ParsedUnit:
     """Read a unit text, SI or scaled.
 
     Symbols: kg m s A K mol cd rad, N Pa J W V Ohm F H Hz C Wb T, and with a scale um mm km us ms min g deg
@@ -355,7 +355,7 @@ def parse_unit(text: str) -> Unit:
     return _parse(text)
 
 
-def si_unit(text: str) -> Unit:
+def si_unit(text: str) -> ParsedUnit:
     """Read a unit text that must be SI, as declarations of the language do.
 
     Raises UnitError as `parse_unit` does, and when the scale is not one, naming the SI unit to use instead.
@@ -405,7 +405,7 @@ def convert(value: Any, from_unit: str, to_unit: str) -> Any:
     return value * math.pi**pi_power if pi_power else value
 
 
-def _counts_cycles(unit: Unit, other: Unit) -> bool:
+def _counts_cycles(unit: ParsedUnit, other: ParsedUnit) -> bool:
     if _holds(unit, {"Hz"}):
         return True
     kg, m, seconds, *others = unit.dimension.exponents
@@ -413,5 +413,5 @@ def _counts_cycles(unit: Unit, other: Unit) -> bool:
     return frequency and (not unit.is_si or _holds(other, {"rpm"}))
 
 
-def _holds(unit: Unit, symbols: set[str]) -> bool:
+def _holds(unit: ParsedUnit, symbols: set[str]) -> bool:
     return not symbols.isdisjoint(_SYMBOL.findall(unit.text))

@@ -13,7 +13,7 @@ import numpy as np
 from ..lang.units import UnitError, convert, parse_unit
 from ..results.refusal import ArgumentError
 from ..results.trajectory import Trajectory
-from ..results.trajectory_csv import Header, Table, check_increasing, read_table
+from ..results.trajectory_csv import Header, TrajectoryCsv, check_increasing, read_table
 from ..results.trajectory_errors import Array, TrajectoryError
 from ..results.trajectory_files import PathLike
 from .csv_table import Heads
@@ -103,7 +103,7 @@ def read_log(
     sessions = []
     for begin, end in pairwise([0, *stops.tolist(), len(values)]):
         rows = slice(begin, end)  # views: logs are large
-        part = Table(table.columns, table.units, table.values[rows], table.lines[rows], table.notes)
+        part = TrajectoryCsv(table.columns, table.units, table.values[rows], table.lines[rows], table.notes)
         label = f"{Path(path).name} {session} {values[begin, -1]:g}" if session else Path(path).name
         check_increasing(values[rows, 0], part, path)
         step = _sample_time(values[rows, 0], str(path), "line", part.lines, sample_time, jitter)
@@ -127,7 +127,9 @@ def _check_units(columns: Mapping[str, Column], time: Column) -> None:
             raise LogError(f"the time is declared in {column.unit}; expected a unit of time such as s or ms")
 
 
-def _from_csv(path: PathLike, wanted: Mapping[str, Column], session: str | None) -> tuple[Table, dict[str, list[int]]]:
+def _from_csv(
+    path: PathLike, wanted: Mapping[str, Column], session: str | None
+) -> tuple[TrajectoryCsv, dict[str, list[int]]]:
     names: dict[str, list[int]] = {}
     return read_table(path, partial(_columns_of, wanted=wanted, session=session, names=names)), names
 
@@ -153,7 +155,9 @@ def _columns_of(
     return own, units, places
 
 
-def _from_mat(path: PathLike, wanted: Mapping[str, Column], session: str | None) -> tuple[Table, dict[str, list[int]]]:
+def _from_mat(
+    path: PathLike, wanted: Mapping[str, Column], session: str | None
+) -> tuple[TrajectoryCsv, dict[str, list[int]]]:
     from scipy.io import loadmat
 
     try:
@@ -179,7 +183,7 @@ def _from_mat(path: PathLike, wanted: Mapping[str, Column], session: str | None)
                 "number, so cut the log there or repair it"
             )
         arrays.append(value.astype(float))
-    return Table(columns, units, np.column_stack(arrays), np.arange(1, rows + 1), {}), names
+    return TrajectoryCsv(columns, units, np.column_stack(arrays), np.arange(1, rows + 1), {}), names
 
 
 def _by_columns(data: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -193,7 +197,9 @@ def _by_columns(data: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     return columns
 
 
-def _refuse_scattered(values: Array, stops: np.ndarray, table: Table, path: PathLike, session: str | None) -> None:
+def _refuse_scattered(
+    values: Array, stops: np.ndarray, table: TrajectoryCsv, path: PathLike, session: str | None
+) -> None:
     seen: list[float] = []
     for k in [0, *stops] if session else []:
         number = float(values[k, -1])

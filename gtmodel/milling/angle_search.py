@@ -13,14 +13,14 @@ from .deflection import Deflection
 from .guideline import Findings, choices, frequency_sensitivity, guideline
 from .oscillators import Oscillators
 from .refine import Refined
-from .task import Place, Task, deflections_of, place_of, refined
+from .task import MillingTask, Place, deflections_of, place_of, refined
 
 
 @dataclass
 class AngleSearch:
     """Everything that the report needs."""
 
-    task: Task
+    task: MillingTask
     place: Place
     deflection: Deflection | None = None
     peak: np.ndarray = field(default_factory=lambda: np.zeros(0))

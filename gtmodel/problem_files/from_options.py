@@ -16,13 +16,13 @@ from gtmodel.results.options import Long, Options, Unit, Within, declared, writt
 from gtmodel.results.quantity import converted
 from gtmodel.results.refusal import ArgumentError
 
-from .base import Section
+from .base import FileSection
 
 S = TypeVar("S", bound="Made[Any]")
 O = TypeVar("O")
 
 
-class Made(Section, Generic[O]):
+class Made(FileSection, Generic[O]):
     """A table whose keys are the fields of an options class, as `Made[Limits]`; `options` gives the object back.
 
     A table with keys of its own besides is a subclass, decorated with `made_from`.
@@ -43,7 +43,7 @@ class Made(Section, Generic[O]):
         return {self.attributes[key]: _given(self, key) for key in self.attributes}
 
 
-def options_of(problem: Section, *names: str) -> dict[str, Any]:
+def options_of(problem: FileSection, *names: str) -> dict[str, Any]:
     """The options that tables of a problem say, by the names of these; all of its tables where none are named. Raises
     ArgumentError, with the table before the name of a field."""
     tables = {name: getattr(problem, name) for name in names or type(problem).model_fields}

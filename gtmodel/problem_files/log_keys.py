@@ -14,19 +14,19 @@ from gtmodel.measurements.signals import read_signals
 from gtmodel.results import TrajectoryError
 from gtmodel.results.unit_names import unit_of
 
-from .base import Context, InputError, Section
+from .base import Context, FileSection, InputError
 
 Free = Literal["estimate"]
 
 
-class TimeColumn(Section):
+class TimeColumn(FileSection):
     """The column of time."""
 
     column: str = Field(default="time", description="its name in the log")
     unit: str = Field(default="s", description="its unit there")
 
 
-class MeasuredSignal(Section):
+class MeasuredSignalSection(FileSection):
     """A measured signal: quantity(t) = scale column(t + delay) - offset. A number fixes, "estimate" frees."""
 
     column: str | list[str] = Field(description='its name in the log; "q" means "q[0]", "q[1]", ... too')
@@ -53,7 +53,7 @@ class MeasuredSignal(Section):
             raise InputError(str(error), key) from error
 
 
-class LogSampling(Section):
+class LogSampling(FileSection):
     """How logs are sampled; a kind adds its files and signals."""
 
     time: TimeColumn = TimeColumn()

@@ -12,7 +12,7 @@ from pydantic import Field, PositiveFloat
 
 from gtmodel.robots import clusters, f1_geometry
 
-from .base import InputError, Section
+from .base import FileSection, InputError
 from .load import validate
 from .plausible_lengths import refuse_other_units
 from .python_models import is_reference
@@ -33,7 +33,7 @@ MISFIT = 0.05
 PYTHON_KEYS = {"title", "source", "note", "robot", "parameters"}  # of a model in Python with parameters
 
 
-class _Robot(Section):
+class _Robot(FileSection):
     """What the files of all families say; masses and friction left out are the catalogue's own."""
 
     title: str = Field(default="", description="name of the robot")

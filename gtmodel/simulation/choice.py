@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from ..compiler.pivoted import pivoted_qr
-from ..compiler.plan import Plan
+from ..compiler.matrices import pivoted_qr
+from ..compiler.plan import CausalPlan
 from ..compiler.states import Stage, choose, stage_choices
 from ..lang.source import ModelError
 
@@ -43,10 +43,10 @@ class Reference:
     matrices: list[np.ndarray]
 
 
-class Watch:
+class StateSelection:
     """The system Jacobian of a model at any point over `plan.pairs`; knows how good a choice of states is."""
 
-    def __init__(self, plan: Plan, prefer: frozenset[int]) -> None:
+    def __init__(self, plan: CausalPlan, prefer: frozenset[int]) -> None:
         self._plan, self._prefer = plan, prefer
         flat, structure = plan.flat, plan.structure
         system = ca.densify(plan.system)

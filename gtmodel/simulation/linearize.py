@@ -15,8 +15,8 @@ from ..compiler.flat import FlatModel
 from ..lang.model import Model
 from ..lang.source import ModelError
 from .arguments import by_name, names, numbers
-from .inputs import Inputs
-from .jumps import refuse_discontinuities
+from .discontinuities import refuse_discontinuities
+from .inputs import SimulationInputs
 from .systems import Systems
 
 if TYPE_CHECKING:
@@ -83,7 +83,7 @@ def linearize(
         raise ModelError(f"output '{twice[0]}' is named twice; name it once")
     values = _values(flat, known, input_values)
     u = {i: ca.SX.sym(flat.variables[i].name) for i in known}
-    given = Inputs(flat, ca.SX.sym("t"), dict(u), {})
+    given = SimulationInputs(flat, ca.SX.sym("t"), dict(u), {})
     preferred = [i for name in prefer for i in flat.lookup(name)[1]]
     systems = Systems(flat, given, [flat.scope.symbol(*p) for p in asked], preferred)
     held, guess = start_values(systems.plan, start, known)

@@ -10,8 +10,8 @@ import numpy as np
 from ..compiler.blocks import Margin
 from ..compiler.emit import express
 from ..compiler.flat import FlatModel
-from ..compiler.plan import Plan
-from .inputs import Inputs
+from ..compiler.plan import CausalPlan
+from .inputs import SimulationInputs
 
 Pair = tuple[int, int]
 
@@ -22,7 +22,7 @@ class Reduced:
     `outputs` are expressions of original symbols, as the energies are.
     """
 
-    def __init__(self, plan: Plan, inputs: Inputs, outputs: list[ca.SX]) -> None:
+    def __init__(self, plan: CausalPlan, inputs: SimulationInputs, outputs: list[ca.SX]) -> None:
         flat, scope = plan.flat, plan.flat.scope
         self.plan = plan
         self.x = _column([scope.symbol(*s) for s in plan.states])

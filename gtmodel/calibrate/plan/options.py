@@ -42,7 +42,7 @@ class Safety(Options):
 
 
 @dataclass(frozen=True)
-class PlanLimits(options.Limits):
+class PlanLimits(options.WorkspaceLimits):
     """What poses must keep."""
 
     axes: Annotated[

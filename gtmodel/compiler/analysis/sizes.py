@@ -13,7 +13,7 @@ import casadi as ca
 import numpy as np
 
 from ..blocks import SolvedBlock
-from ..plan import Plan
+from ..plan import CausalPlan
 from ..rewriting import Instruction, of_expression
 
 Pair = tuple[int, int]
@@ -81,7 +81,7 @@ class Sizes:
             return total <= number(self.most)
 
 
-def sizes_of(plan: Plan, arguments: Sequence[Sequence[Pair]], precision: Precision = DOUBLE) -> Sizes:
+def sizes_of(plan: CausalPlan, arguments: Sequence[Sequence[Pair]], precision: Precision = DOUBLE) -> Sizes:
     """Limits for arguments that consist of these chain symbols; one without symbols is the time."""
     reach = _Reach(plan)
     limits = []
@@ -96,7 +96,7 @@ def sizes_of(plan: Plan, arguments: Sequence[Sequence[Pair]], precision: Precisi
 class _Reach:
     """What each symbol of a plan depends on: inputs anywhere, and inputs not through a periodic function."""
 
-    def __init__(self, plan: Plan) -> None:
+    def __init__(self, plan: CausalPlan) -> None:
         self._plan = plan
         self._made = {u.element_hash(): e for b in plan.blocks for u, e in b.assignments}
         self._block: dict[int, SolvedBlock] = {}
@@ -148,7 +148,7 @@ def _outside(expression: ca.SX, symbols: Sequence[ca.SX]) -> frozenset[int]:
     return outside & {s.element_hash() for s in symbols}
 
 
-def _limit(plan: Plan, reach: _Reach, k: int, keys: frozenset[int], precision: Precision) -> float:
+def _limit(plan: CausalPlan, reach: _Reach, k: int, keys: frozenset[int], precision: Precision) -> float:
     """The largest size of inputs at which the closures of block k keep their lengths."""
     block = plan.blocks[k]
     own = reach.unknowns(block)
@@ -219,12 +219,12 @@ def _errors(
     return np.array([size for size, _ in each]), np.array([error for _, error in each])
 
 
-def _unit(plan: Plan, symbol: ca.SX) -> str:
+def _unit(plan: CausalPlan, symbol: ca.SX) -> str:
     pair = plan.flat.scope.owner(symbol)
     return "s" if pair is None else plan.flat.unit_of(*pair)
 
 
-def _home(plan: Plan, symbol: ca.SX) -> float:
+def _home(plan: CausalPlan, symbol: ca.SX) -> float:
     """Size of a symbol at the home pose, to so many digits that another linear algebra library finds the same."""
     pair = plan.flat.scope.owner(symbol)
     if pair is None or pair not in plan.pairs:

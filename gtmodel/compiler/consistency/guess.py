@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..plan import Plan
+from ..plan import CausalPlan
 
 Pair = tuple[int, int]
 
@@ -18,7 +18,7 @@ class Completion:
     `read` are the symbols that stand in the rows of known values, in their order.
     """
 
-    def __init__(self, plan: Plan, read: Sequence[Pair]) -> None:
+    def __init__(self, plan: CausalPlan, read: Sequence[Pair]) -> None:
         self._plan = plan
         self._sampler = replace(plan.sampler)  # its time changes with the rows
         self._place = {pair: n for n, pair in enumerate(plan.pairs)}

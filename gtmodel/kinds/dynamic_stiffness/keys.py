@@ -6,12 +6,12 @@ from typing import Literal
 
 from pydantic import Field, NonNegativeFloat
 
-from gtmodel.problem_files.base import Problem, Section
+from gtmodel.problem_files.base import FileSection, Problem
 from gtmodel.problem_files.from_options import Made, made_from
 from gtmodel.vibration.dynamic_stiffness import options
 
 
-class MeasuredExperimentsSection(Section):
+class MeasuredExperimentsSection(FileSection):
     """Measured records, listed in a CSV file."""
 
     index: str = Field(

@@ -8,7 +8,7 @@ from pydantic import Field
 
 from gtmodel.identify.friction import options
 from gtmodel.problem_files.from_options import Made, made_from
-from gtmodel.problem_files.log_keys import LogSampling, MeasuredSignal
+from gtmodel.problem_files.log_keys import LogSampling, MeasuredSignalSection
 from gtmodel.problem_files.robot_keys import RobotProblem
 
 
@@ -23,8 +23,8 @@ class HeldPoseSection(Made):
 class FrictionLogSection(LogSampling, Made):
     """Measured logs; each pose names its own files."""
 
-    position_m: MeasuredSignal = Field(description="positions of the carts")
-    force_N: MeasuredSignal = Field(description="forces of the motors")
+    position_m: MeasuredSignalSection = Field(description="positions of the carts")
+    force_N: MeasuredSignalSection = Field(description="forces of the motors")
 
 
 class Schema(RobotProblem):

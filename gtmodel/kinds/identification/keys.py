@@ -12,15 +12,15 @@ from gtmodel.identify import Processing, options
 from gtmodel.lang import Model, ModelError
 from gtmodel.measurements import Signal
 from gtmodel.problem_files import python_models, robots
-from gtmodel.problem_files.base import Context, InputError, Section
+from gtmodel.problem_files.base import Context, FileSection, InputError
 from gtmodel.problem_files.from_options import Made, made_from
-from gtmodel.problem_files.log_keys import LogFiles, MeasuredSignal
+from gtmodel.problem_files.log_keys import LogFiles, MeasuredSignalSection
 from gtmodel.problem_files.robot_keys import RobotProblem
 from gtmodel.robots import catalogue
 from gtmodel.robots.by_direction import VARIANTS, inertia_variant
 
 
-class SharpFriction(Section):
+class SharpFriction(FileSection):
     """Friction of the model that is fitted."""
 
     smoothing: Literal["sign", "tanh", "piecewise_linear"] | None = Field(
@@ -34,8 +34,8 @@ class SharpFriction(Section):
 class IdentificationLogSection(LogFiles):
     """Measured logs."""
 
-    position: MeasuredSignal = Field(description="the known variable; scale and offset in its SI unit")
-    effort: MeasuredSignal = Field(description="the measured efforts; scale and offset in their SI unit")
+    position: MeasuredSignalSection = Field(description="the known variable; scale and offset in its SI unit")
+    effort: MeasuredSignalSection = Field(description="the measured efforts; scale and offset in their SI unit")
     held_out: list[str] = Field(default=[], description="logs of other motions, for validation only")
 
 
@@ -56,7 +56,7 @@ class ClosedLoopSection(Made):
     """Simulation of the controlled model from the measured reference, with the identified parameters."""
 
     model: str = Field(description="controlled model in Python, file.py:Class; takes [parameters] and what was found")
-    inputs: dict[str, MeasuredSignal] = Field(description="its inputs by name, such as the reference")
+    inputs: dict[str, MeasuredSignalSection] = Field(description="its inputs by name, such as the reference")
 
     def loop(self, parameters: Mapping[str, Any], context: Context) -> options.ClosedLoop:
         """As the study takes it; the model with these parameters and what is found."""

@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field, PositiveFloat
 
 from gtmodel.kinematics.assembly_modes import hand_poses
-from gtmodel.problem_files.base import InputError, Problem, Section
+from gtmodel.problem_files.base import FileSection, InputError, Problem
 from gtmodel.problem_files.from_options import Made, made_from
 from gtmodel.problem_files.robot_file import Points
 
@@ -16,22 +16,22 @@ Three = Annotated[list[float], Field(min_length=3, max_length=3)]
 Lengths = Annotated[list[PositiveFloat], Field(min_length=6, max_length=6)]
 
 
-@made_from(hand_poses.Pose, "axes")
-class Pose(Made):
+@made_from(hand_poses.CommandedPose, "axes")
+class PoseSection(Made):
     """Carts and rotary axes, or a tool pose."""
 
     q_rad: Three | None = Field(default=None, description="rotary axes q4, q5, q6 of an F1; zero if left out")
     q_deg: Three | None = Field(default=None, description="the same in degrees")
 
-    def options(self) -> hand_poses.Pose:
+    def options(self) -> hand_poses.CommandedPose:
         """The pose in SI. Raises InputError for angles in both units."""
         if self.q_rad is not None and self.q_deg is not None:
             raise InputError("give either q_rad or q_deg", "pose")
         axes = self.q_rad if self.q_deg is None else np.radians(self.q_deg).tolist()
-        return hand_poses.Pose(axes=axes, **self.given())
+        return hand_poses.CommandedPose(axes=axes, **self.given())
 
 
-class Platform(Section):
+class Platform(FileSection):
     """Six legs without a robot."""
 
     A_m: Points = Field(description="joints at the base or at the carts")
@@ -39,7 +39,7 @@ class Platform(Section):
     L_m: Lengths = Field(description="lengths of the legs, not their squares")
 
 
-class Draw(Section):
+class Draw(FileSection):
     """Random platforms, synthetic: base joints in a cube of side 2 m, plate joints in one of side 1 m."""
 
     platforms: int = Field(default=20, ge=1, le=100000, description="how many")
@@ -57,7 +57,7 @@ class Schema(Problem):
     parameters: dict[str, Any] = Field(
         default={}, description="modifiers of the model, by its own parameter names, in SI"
     )
-    pose: Pose | None = Field(default=None)
+    pose: PoseSection | None = Field(default=None)
     poses: str | None = Field(
         default=None,
         description="CSV file of many poses; columns q1_m, q2_m, q3_m, with q4_deg ... or q4_rad ... for an F1, or "

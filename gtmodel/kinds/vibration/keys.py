@@ -10,7 +10,7 @@ from pydantic import Field, NonNegativeFloat
 from gtmodel.measurements import Corrections
 from gtmodel.problem_files.base import Context, InputError, Problem
 from gtmodel.problem_files.from_options import Made, made_from
-from gtmodel.problem_files.log_keys import LogFiles, MeasuredSignal
+from gtmodel.problem_files.log_keys import LogFiles, MeasuredSignalSection
 from gtmodel.results import ArgumentError, TrajectoryError
 from gtmodel.vibration import Record, options, synthetic_records
 
@@ -24,9 +24,11 @@ KNOWN = {
 class MeasurementsSection(LogFiles):
     """A measured log. Step responses may be several recordings; the other models take one."""
 
-    position_m: MeasuredSignal = Field(description="measured positions, one column or several")
-    force_N: MeasuredSignal | None = Field(default=None, description="forces as inputs; or reference_m")
-    reference_m: MeasuredSignal | None = Field(default=None, description="position references as inputs; or force_N")
+    position_m: MeasuredSignalSection = Field(description="measured positions, one column or several")
+    force_N: MeasuredSignalSection | None = Field(default=None, description="forces as inputs; or reference_m")
+    reference_m: MeasuredSignalSection | None = Field(
+        default=None, description="position references as inputs; or force_N"
+    )
     after_s: NonNegativeFloat = Field(
         default=0.0, description="what lies before, counted from the log's first row, is left out"
     )

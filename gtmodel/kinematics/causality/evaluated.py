@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from ...compiler.causal import CausalFunction, Signal, compile_causal, flat_of
+from ...compiler.causal import CausalFunction, CausalSignal, compile_causal, flat_of
 from ...lang import Model, ModelError
 from ...results import ArgumentError, SolveStatus, Status, Work
 from ...results.agreement import AnyNumber
@@ -151,7 +151,7 @@ def _inputs(
     return arrays
 
 
-def _rows_of(points: Mapping[str, Any], signal: Signal) -> Array:
+def _rows_of(points: Mapping[str, Any], signal: CausalSignal) -> Array:
     if signal.name not in points:
         raise ArgumentError(f"'{signal.name}' is missing; found {', '.join(points) or 'none'}", "points")
     values = np.asarray(points[signal.name], dtype=float)
@@ -201,7 +201,7 @@ def _center(box: PointGrid, model: Model, known: list[str], branches: Mapping[st
     return np.asarray(center)
 
 
-def _sized(given: Mapping[str, Sequence[float]], signal: Signal, argument: str) -> Array:
+def _sized(given: Mapping[str, Sequence[float]], signal: CausalSignal, argument: str) -> Array:
     value = np.asarray(given.get(signal.name, []), dtype=float)
     if value.shape != signal.shape:
         raise ArgumentError(f"'{signal.name}' takes {signal.size} numbers; found {value.size}", argument)

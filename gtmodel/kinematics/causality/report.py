@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ...compiler.causal import Signal
+from ...compiler.causal import CausalSignal
 from ..orientation import OrientationMap
 from . import point_table
 from .options import Orientation, PointGrid
@@ -17,7 +17,7 @@ from .result import CausalityStudy
 Array = np.ndarray
 
 
-def csv_of(pairs: Sequence[tuple[Signal, Array]], study: CausalityStudy, orientation: Orientation | None) -> str:
+def csv_of(pairs: Sequence[tuple[CausalSignal, Array]], study: CausalityStudy, orientation: Orientation | None) -> str:
     """The table of all points as CSV."""
     columns = [(point_table.columns(s), s.unit, values) for s, values in pairs]
     if orientation is not None:
@@ -29,7 +29,7 @@ def csv_of(pairs: Sequence[tuple[Signal, Array]], study: CausalityStudy, orienta
 
 
 def figures_of(
-    pairs: Sequence[tuple[Signal, Array]], study: CausalityStudy, box: PointGrid | None, title: str
+    pairs: Sequence[tuple[CausalSignal, Array]], study: CausalityStudy, box: PointGrid | None, title: str
 ) -> dict[str, Any]:
     """Pictures by name."""
     shown = [(s.name, s.unit, values) for s, values in pairs]

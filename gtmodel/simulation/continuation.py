@@ -20,7 +20,7 @@ SHORTEST = 1.0 / 4096
 MOST_STEPS = 2000
 
 
-class Follower:
+class NewtonContinuation:
     """Follows r(z, a) == 0, where a holds states, time and tables' pieces (x, t, p)."""
 
     def __init__(self, reduced: Reduced, scale: np.ndarray) -> None:
