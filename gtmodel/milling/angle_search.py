@@ -69,7 +69,7 @@ def search(work: Work, f: AngleSearch) -> None:
     work.progress("speeds", 0.6)
     by_speed = _combinations(work, f, int(np.flatnonzero(dynamics.rows == s_row)[0]))
     at_static, at_dynamic = dynamics.at(float(angles[s_row])), dynamics.at(f.angle)
-    both = Oscillators.joined([at_dynamic, at_static])
+    both = Oscillators.concatenate([at_dynamic, at_static])
     lower, higher = frequency_sensitivity(both, lambda oscillators: deflections_of(task, oscillators).peak)
     speeds, best, static = np.array(by_speed).reshape(-1, 3).T
     f.findings = Findings(

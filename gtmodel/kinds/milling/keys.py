@@ -121,7 +121,7 @@ def _table(rows: list[OscillatorRow]) -> AngleTable:
         with naming(f"oscillator[{n}]", ValueError):
             oscillators.append(row.oscillators())
     with naming("oscillator", ValueError):
-        return AngleTable(np.deg2rad([row.angle_deg for row in rows]), Oscillators.joined(oscillators))
+        return AngleTable(np.deg2rad([row.angle_deg for row in rows]), Oscillators.concatenate(oscillators))
 
 
 def _field(file: str, context: Context) -> Any:
