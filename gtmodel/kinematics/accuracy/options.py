@@ -38,7 +38,7 @@ class ErrorSection(CrossSection):
 
 
 @dataclass(frozen=True)
-class MonteCarlo(Options):
+class MonteCarloDraws(Options):
     """Synthetic draws of the errors, beside their corners."""
 
     samples: Annotated[int, Within(least=100, most=1000000), "draws for each case"] = 20000

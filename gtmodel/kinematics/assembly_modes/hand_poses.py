@@ -28,7 +28,7 @@ COLUMNS = {
 
 
 @dataclass(frozen=True)
-class Pose(Options):
+class CommandedPose(Options):
     """Carts and rotary axes, or a tool pose; home where nothing is given."""
 
     q: Annotated[list[float] | None, Unit("m"), Long(3), "coordinates of the three carts"] = None
@@ -47,7 +47,7 @@ class Pose(Options):
         return tuple(name for name in COLUMNS if getattr(self, name) is not None)
 
 
-def read_poses(path: str | Path) -> list[Pose]:
+def read_poses(path: str | Path) -> list[CommandedPose]:
     """The poses of a CSV file, one row each, named columns as in COLUMNS. Raises ArgumentError."""
     path = Path(path)
     with naming("poses", ArgumentError):
@@ -70,12 +70,12 @@ def read_poses(path: str | Path) -> list[Pose]:
     with naming("poses", ArgumentError):
         numbers = {c: table.numbers(c).tolist() for c in known}
     return [
-        Pose(**{name: [f * numbers[c][k] for c in columns] for name, columns, f in wanted})
+        CommandedPose(**{name: [f * numbers[c][k] for c in columns] for name, columns, f in wanted})
         for k in range(len(table.lines))
     ]
 
 
-def hands_of(robot: SixLinks, poses: Sequence[Pose], argument: str) -> Hands:
+def hands_of(robot: SixLinks, poses: Sequence[CommandedPose], argument: str) -> Hands:
     """Legs of the robot in poses that give the same quantities. Raises ArgumentError at `argument`."""
     given = poses[0].given()
     _check(robot, given, argument)
@@ -90,13 +90,13 @@ def hands_of(robot: SixLinks, poses: Sequence[Pose], argument: str) -> Hands:
     return robot.at_poses(T[None], e[None])
 
 
-def orientations(poses: Sequence[Pose], left_out: np.ndarray, argument: str) -> np.ndarray:
+def orientations(poses: Sequence[CommandedPose], left_out: np.ndarray, argument: str) -> np.ndarray:
     """Quaternions (n, 4) of length 1 of the poses, `left_out` where they say nothing."""
     heads = [f"pose {i + 1} " if len(poses) > 1 else "" for i in range(len(poses))]
     return np.array([_orientation(pose, left_out, argument, head) for pose, head in zip(poses, heads, strict=True)])
 
 
-def _orientation(pose: Pose, left_out: np.ndarray, argument: str, head: str) -> np.ndarray:
+def _orientation(pose: CommandedPose, left_out: np.ndarray, argument: str, head: str) -> np.ndarray:
     if pose.quaternion is not None:
         e = np.array(pose.quaternion)
         length = float(np.linalg.norm(e))

@@ -56,8 +56,7 @@ class SixLinks:
     @cached_property
     def carts_and_axes(self) -> tuple[int, int]:
         """How many of the coordinates q are carts [m] and how many are rotary axes [rad]."""
-        (count,), _ = flat_of(self.model).groups["q"]
-        return 3, count - 3
+        return 3, _coordinates(self.model) - 3
 
     @property
     def turns(self) -> bool:
@@ -132,7 +131,19 @@ def six_links_of(model: Model) -> SixLinks:
             f"{type(model).__name__} with {len(rods)} of them",
             "robot",
         )
+    count = _coordinates(model)
+    if count not in (3, 6):
+        raise ArgumentError(
+            f"assembly modes are those of three carts, or of three carts and three rotary axes; {type(model).__name__} "
+            f"has {count} coordinates q",
+            "robot",
+        )
     return SixLinks(model, rods)
+
+
+def _coordinates(model: Model) -> int:
+    (count,), _ = flat_of(model).groups["q"]
+    return count
 
 
 def bare(A: Array, B: Array, L: Array, T: Array | None = None, e: Array | None = None) -> Hands:

@@ -15,7 +15,7 @@ from .homotopy import straight_line
 from .modes import modes_of
 from .platform import Legs, ScaledLegs, fault, read_legs, scale
 from .result import AssemblyModes, without_modes
-from .search import Search
+from .search import ModesSearch
 from .sorting import sort_endpoints
 from .start_system import StartSystem, start_systems
 from .tracker import track
@@ -103,7 +103,7 @@ def _solve_some(legs: Legs, systems: tuple[StartSystem, ...]) -> list[AssemblyMo
 def _solve_scaled(scaled: ScaledLegs, systems: tuple[StartSystem, ...]) -> list[AssemblyModes]:
     parameters = scaled.parameters()
     C = parameters.system()
-    searches = [Search(C[i]) for i in range(len(C))]
+    searches = [ModesSearch(C[i]) for i in range(len(C))]
     singular = architecturally_singular(scaled)
     pending = np.flatnonzero(~singular)
     for start in systems:

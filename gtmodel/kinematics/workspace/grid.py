@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..section import Section
+from ..section import SectionPlane
 
 Array = np.ndarray
 
@@ -47,7 +47,7 @@ def box_grid(low: Array, high: Array, step: float) -> Grid:
     return Grid(np.zeros(3), np.eye(3), tuple(spaced(a, b, step) for a, b in zip(low, high, strict=True)))
 
 
-def section_grid(section: Section, low: Array, high: Array, step: float) -> Grid:
+def section_grid(section: SectionPlane, low: Array, high: Array, step: float) -> Grid:
     """Points of a section within low <= (u, v) <= high [m], at most `step` [m] apart."""
     directions = np.stack([section.across, section.up])
     return Grid(section.origin, directions, tuple(spaced(a, b, step) for a, b in zip(low, high, strict=True)))

@@ -10,10 +10,10 @@ import numpy as np
 from ...lang import Model
 from ...results import ArgumentError
 from ..mechanism import Mechanism, mechanism_of
-from ..section import CrossSection, Section, refuse_disordered
+from ..section import CrossSection, SectionPlane, refuse_disordered
 from .clearance import FrameClearance, LinkClearance, Obstacles
 from .limits import ActuatorLimits, BallJointCones, CartesianBox, Limit, Singularities
-from .options import Beam, Bodies, Box, Limits
+from .options import Beam, Bodies, Box, WorkspaceLimits
 from .reach import Reach
 
 Array = np.ndarray
@@ -35,7 +35,7 @@ def limited_mechanism(model: Model, home: Sequence[float] | Array | None, bodies
 
 
 def limits_of(
-    limits: Limits, bodies: Bodies, boxes: Sequence[Box], beams: Sequence[Beam], robot: Mechanism
+    limits: WorkspaceLimits, bodies: Bodies, boxes: Sequence[Box], beams: Sequence[Beam], robot: Mechanism
 ) -> list[Limit]:
     """Limits in the order of their cost and of their certainty. Raises ArgumentError."""
     all_limits: list[Limit] = [Singularities(robot.directions, limits.singularity)]
@@ -96,25 +96,25 @@ def _frame(beams: Sequence[Beam], radius: Array) -> FrameClearance:
 
 
 @dataclass(frozen=True)
-class Task:
+class WorkspaceTask:
     """What is looked at: the robot, its tests, and the part low <= (u, v) <= high [m] of the section."""
 
     robot: Mechanism
     reach: Reach
-    section: Section
+    section: SectionPlane
     low: Array
     high: Array
 
 
 def task_of(
     robot: Model,
-    limits: Limits,
+    limits: WorkspaceLimits,
     home: Sequence[float] | None,
     section: CrossSection,
     bodies: Bodies,
     obstacles: Sequence[Box],
     beams: Sequence[Beam],
-) -> Task:
+) -> WorkspaceTask:
     """The section is what all links can reach at most, unless it is given. Raises ArgumentError."""
     mechanism = limited_mechanism(robot, home, bodies)
     reach = Reach(mechanism.inverse, limits_of(limits, bodies, obstacles, beams, mechanism))
@@ -129,4 +129,4 @@ def task_of(
     size = np.prod((high - low) / section.step)
     if size > MOST_POINTS:
         raise ArgumentError(f"the grid would have {size:.1e} points; take a larger step", "section.step")
-    return Task(mechanism, reach, plane, low, high)
+    return WorkspaceTask(mechanism, reach, plane, low, high)

@@ -15,7 +15,7 @@ DEGREE = math.pi / 180
 
 
 @dataclass(frozen=True)
-class Limits(Options):
+class WorkspaceLimits(Options):
     """Limits that the workspace must keep; what is left out is unlimited."""
 
     actuators: Annotated[list[Pair] | None, Unit("m"), "least and greatest q of every cart"] = None

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..section import Section
+from ..section import SectionPlane
 from .cross_section import Region, region
 from .grid import section_grid
 from .reach import CHUNK, Reach, ReachMap, map_grid
@@ -26,7 +26,7 @@ Progress = Callable[[float], bool]
 class SectionMap:
     """The workspace in one section: codes of a grid with coordinates u and v [m], and the region reached."""
 
-    section: Section
+    section: SectionPlane
     u: Array
     v: Array
     codes: Array
@@ -65,7 +65,7 @@ class Volume:
 
 def map_section(
     reach: Reach,
-    section: Section,
+    section: SectionPlane,
     low: Array,
     high: Array,
     step: float,
@@ -84,7 +84,7 @@ def map_section(
 
 def map_volume(
     reach: Reach,
-    section: Section,
+    section: SectionPlane,
     low: Array,
     high: Array,
     along: Array,
