@@ -100,8 +100,8 @@ def trimmed(text: str, prefix: str, wanted: set[str]) -> str:
         raise GenerationError(f"CasADi {ca.CasadiMeta.version()} writes C in a form that gtmodel does not know")
     text = text.replace(include, f'#include "gt_float.h"\n#include "{prefix}.h"\n\n{include}')
     for name, (definition, inline) in _INLINE.items():
-        text, found = definition.subn(inline, text)
-        if found != (f" casadi_{name}(" in text):
+        text, replaced = definition.subn(inline, text)
+        if replaced != (f" casadi_{name}(" in text):
             raise GenerationError(f"CasADi {ca.CasadiMeta.version()} writes {name} in a form that is not known")
     if any(returned != "0" and not returned.startswith("casadi_f") for returned in _RETURNED.findall(text)):
         raise GenerationError(

@@ -79,7 +79,7 @@ class CodeStudy(Study):
 
     def _cost(self, name: str) -> str:
         text, stack, instructions = (
-            (found or {}).get(name) for found in (self.text_bytes, self.stack_bytes, self.instructions)
+            (costs or {}).get(name) for costs in (self.text_bytes, self.stack_bytes, self.instructions)
         )
         counted = "" if instructions is None else f", {instructions} instructions"
         return f"{text} bytes of code, {stack} of stack{counted}"
@@ -145,20 +145,20 @@ def study(
         work.progress("generating")
         cost = None
         if check is None:
-            found = CodeStudy(status=SolveStatus.SOLVED, title=title, real=real)
+            outcome = CodeStudy(status=SolveStatus.SOLVED, title=title, real=real)
         else:
             with tempfile.TemporaryDirectory(prefix=_PREFIX) as place:
                 scratch = Path(place) / "code"
-                found, cost = _compared(make(scratch), scratch, functions, check, work)
-            found = found.with_(folder=str(mine.path))
-        found = found.judged(checks)
-        if not found.status.ok and not write_failed:
+                outcome, cost = _compared(make(scratch), scratch, functions, check, work)
+            outcome = outcome.with_(folder=str(mine.path))
+        outcome = outcome.judged(checks)
+        if not outcome.status.ok and not write_failed:
             kept = "; what an earlier run wrote there stays" if others(mine.path) else ""
-            return found.with_(message=f"{found.message}; the code is not written; {by} writes it, marked{kept}")
-        made = make(mine, "" if found.status.ok else found.message)
+            return outcome.with_(message=f"{outcome.message}; the code is not written; {by} writes it, marked{kept}")
+        made = make(mine, "" if outcome.status.ok else outcome.message)
         if cost is not None:
             write_costs(mine, cost)
-        return made.judged(checks) if check is None else found
+        return made.judged(checks) if check is None else outcome
 
 
 def _study_of(made: Generated, functions: Mapping[str, CausalFunction], real: str, title: str) -> CodeStudy:
@@ -185,7 +185,7 @@ def _compared(
         return _stopped(made, "generated and compared with Python, but costs were not counted"), None
     work.progress("counting")
     cost = measurement.costs(scratch, functions)
-    found = made.with_(
+    compared = made.with_(
         status=SolveStatus.SOLVED if report.passed or report.checks else SolveStatus.FAILED,
         message=report.message,
         checks=report.checks,
@@ -193,7 +193,7 @@ def _compared(
         points=check.points,
         **vars(cost),
     )
-    return found, cost
+    return compared, cost
 
 
 def _stopped(made: CodeStudy, done: str) -> CodeStudy:

@@ -155,11 +155,11 @@ def interfaces(
 
 def places(members: Iterable[Member], first: int = 0) -> list[tuple[slice, Member]]:
     """Where the numbers of each member stand in a row of all, from `first` on."""
-    found = []
+    slices = []
     for m in members:
-        found.append((slice(first, first + m.size), m))
+        slices.append((slice(first, first + m.size), m))
         first += m.size
-    return found
+    return slices
 
 
 def macro(symbol: str) -> str:
@@ -196,8 +196,8 @@ def _members(function: CausalFunction, signals: Iterable[Signal]) -> tuple[Membe
             n += 1
             identifier = f"{base}_{n}"
         taken.add(identifier)
-        told = (v.description, str(v.where)) if v else ("", "")
-        result.append(Member(identifier, max(len(s.pairs), 1), bool(s.shape), s.name, s.shape, s.unit, *told))
+        about = (v.description, str(v.where)) if v else ("", "")
+        result.append(Member(identifier, max(len(s.pairs), 1), bool(s.shape), s.name, s.shape, s.unit, *about))
     return tuple(result)
 
 

@@ -20,9 +20,9 @@ def exposed(path: Path) -> str:
         return ""
     whole = path.resolve(strict=True)
     for place in (whole, *whole.parents):
-        found = place.stat()
-        if found.st_uid not in (os.getuid(), 0):
+        entry = place.stat()
+        if entry.st_uid not in (os.getuid(), 0):
             return f"{place} belongs to another user"
-        if found.st_mode & _OTHERS and not (place != whole and found.st_mode & stat.S_ISVTX):
+        if entry.st_mode & _OTHERS and not (place != whole and entry.st_mode & stat.S_ISVTX):
             return f"{place} can be written by other users"
     return ""

@@ -135,7 +135,7 @@ def residual_vibration(
         )
     rows = v.reshape(len(t), -1)
     if np.abs(rows[[0, -1]]).max() > AT_REST * max(np.abs(rows).max(), 1e-300):
-        raise ValueError("the motion does not begin and end at rest; residual vibration is told of motions that do")
+        raise ValueError("the motion does not begin and end at rest; residual vibration is defined for motions that do")
     w_d, mu = _mode(frequency_Hz, damping)
     flat = mu.reshape(-1, 1)
     h = np.diff(t)
@@ -144,8 +144,8 @@ def residual_vibration(
     constant = (1 - grown) / flat
     linear = (constant - h * grown) / flat / h
     integral = (at * (constant - linear)) @ rows[:-1] + (at * linear) @ rows[1:]
-    found = np.abs(flat * integral) / w_d.reshape(-1, 1)
-    return found.reshape((*mu.shape, *v.shape[1:]))
+    amplitude = np.abs(flat * integral) / w_d.reshape(-1, 1)
+    return amplitude.reshape((*mu.shape, *v.shape[1:]))
 
 
 def _ascending(t: Array) -> bool:

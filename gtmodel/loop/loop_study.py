@@ -144,13 +144,13 @@ def study(
         lost = Stop.of(table.rows[:cycles], deceleration)
         bench = Bench(peer, law, robot, forward, program, place, table, cycles, in_lockstep, elastic, lost, work)
         try:
-            found = _compared(bench, title)
+            outcome = _compared(bench, title)
         except LoopError as error:
-            found = LoopStudy(status=SolveStatus.FAILED, message=str(error), title=title)
-        if found.status is SolveStatus.INTERRUPTED:
-            return found
+            outcome = LoopStudy(status=SolveStatus.FAILED, message=str(error), title=title)
+        if outcome.status is SolveStatus.INTERRUPTED:
+            return outcome
         files = {"rsi_configuration.xml": rsi_configuration("127.0.0.1", 49152)} if peer == "rsi" else {}
-        return found.with_(files=files | {path.name: path.read_bytes() for path in sorted(place.iterdir())})
+        return outcome.with_(files=files | {path.name: path.read_bytes() for path in sorted(place.iterdir())})
 
 
 def _compared(bench: Bench, title: str) -> LoopStudy:

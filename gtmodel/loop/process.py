@@ -59,13 +59,13 @@ class LoopProcess:
 
     def received(self) -> list[bytes]:
         """Answers that are there, without waiting."""
-        found: list[bytes] = []
+        datagrams: list[bytes] = []
         while select.select([self._socket], [], [], 0.0)[0]:
             try:
-                found.append(self._socket.recv(DATAGRAM_MAX))
+                datagrams.append(self._socket.recv(DATAGRAM_MAX))
             except ConnectionRefusedError:
                 break
-        return found
+        return datagrams
 
     def exchange(self, datagrams: list[bytes]) -> list[bytes]:
         """One cycle in lock step: its datagrams and an empty one; the answers up to an empty one.

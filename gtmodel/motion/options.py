@@ -285,12 +285,12 @@ class Starts(Options):
 
 
 @dataclass(frozen=True)
-class Mesh(Options):
+class MotionMesh(Options):
     """Where the equations are collocated (Radau).
 
     A polynomial force may exceed its limit between collocation points; the exported motion does not.
 
-    >>> gt.motion.Mesh(elements=50, points=12)
+    >>> gt.motion.MotionMesh(elements=50, points=12)
     Traceback (most recent call last):
         ...
     gtmodel.results.refusal.ArgumentError: points: must be at least 1 and at most 9; found 12

@@ -89,8 +89,8 @@ def check(folder: Path, functions: Mapping[str, CausalFunction], *, points: int 
             failures = int(library[f"gt_{content['name']}_selftest"]())
             checks["selftest_failures"] = at_most(failures, 0, "stored vectors compared by ==")
             for face in faces:
-                found, rows[face.key], rows_ok[face.key] = compare(library, face, points, seed)
-                checks |= found
+                compared, rows[face.key], rows_ok[face.key] = compare(library, face, points, seed)
+                checks |= compared
     return check_report(checks, rows, rows_ok)
 
 

@@ -10,7 +10,7 @@ from gtmodel.problem_files.base import Problem, Section
 from gtmodel.problem_files.solver_keys import Barrier
 
 
-class Mesh(Section):
+class MeshSection(Section):
     """Where the equations are collocated."""
 
     elements: PositiveInt = Field(default=50, le=10000, description="number of elements of the horizon")
@@ -23,7 +23,7 @@ class Mesh(Section):
     )
 
 
-class Solver(Section):
+class SolverSection(Section):
     """In which form the problem is solved, and when the solver stops."""
 
     formulation: Literal["auto", "inverse", "explicit", "torn", "dae"] = Field(
@@ -49,5 +49,5 @@ class Schema(Problem):
     parameters: dict[str, Any] = Field(
         default={}, description="modifiers of the model, by its own parameter names, in SI"
     )
-    mesh: Mesh = Mesh()
-    solver: Solver = Solver()
+    mesh: MeshSection = MeshSection()
+    solver: SolverSection = SolverSection()

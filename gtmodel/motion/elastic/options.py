@@ -15,7 +15,7 @@ GRAVITY = 9.81
 
 
 @dataclass(frozen=True)
-class Tool(Options):
+class ElasticTool(Options):
     """A tool as a mass on a spring at the plate, equally stiff in all directions."""
 
     mass: Annotated[
@@ -36,7 +36,7 @@ class Tool(Options):
 
 
 @dataclass(frozen=True)
-class Cost(Options):
+class ElasticCost(Options):
     """What is minimised: final time plus weighted energy."""
 
     energy: Annotated[float, Within(least=0.0), "weight w of sum int (F / force_unit_N)^2"] = 0.01
@@ -44,7 +44,7 @@ class Cost(Options):
 
 
 @dataclass(frozen=True)
-class Mesh(Options):
+class ElasticMesh(Options):
     """Where the equations are collocated (Radau, three points per element)."""
 
     elements: Annotated[int, Within(above=0, most=MOST_ELEMENTS), "number of elements of the horizon"] = 40
@@ -52,7 +52,7 @@ class Mesh(Options):
 
 
 @dataclass(frozen=True)
-class Solver(Options):
+class ElasticSolver(Options):
     """How the plans are found."""
 
     barrier: Barrier = "auto"
