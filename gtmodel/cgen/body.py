@@ -9,9 +9,8 @@ from pathlib import Path
 import casadi as ca
 
 from ..compiler.causal import CausalFunction
-from .errors import GenerationError
 from .interface import Interface, macro
-from .text import comment
+from .text import GenerationError, comment
 
 _EXPORTED = re.compile(r"^CASADI_SYMBOL_EXPORT [^\n]*?(\w+)\([^\n]*\{(?:[^\n]*\}\n|.*?^\}\n)\n?", re.M | re.S)
 _CONSTANT = re.compile(r"^static const casadi_int (casadi_s\d+)\[[^\n]*;\n", re.M)

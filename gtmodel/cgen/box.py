@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ..compiler.causal import CausalFunction
-from .errors import GenerationError
+from .text import GenerationError
 
 Intervals = tuple[tuple[float, float], ...]
 

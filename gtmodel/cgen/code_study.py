@@ -15,29 +15,44 @@ from ..results import Check, Quantity, Row, SolveStatus, Study, Work
 from ..results.door import study_function
 from ..results.folder import Held, others
 from ..results.marks import marked
+from ..results.options import Options, Within
 from ..results.work import Progress, never, silent
 from . import measurement
 from .costs_file import COSTS, write_costs
-from .errors import GenerationError
 from .folder import held
 from .generation import Generated, generate
 from .measurement import Costs
-from .options import Verification
+from .text import GenerationError
 from .verification import against_python
 
 Counts = Mapping[str, int]
 _PREFIX = "gtmodel-codegen-"
 
 
+@dataclass(frozen=True)
+class Verification(Options):
+    """How generated C is compared: it is compiled, and computes the same random inputs as Python.
+
+    >>> gt.cgen.Verification(points=200, seed=3)
+    Verification(points=200, seed=3)
+    >>> gt.cgen.Verification(points=0)
+    Traceback (most recent call last):
+        ...
+    gtmodel.results.refusal.ArgumentError: points: ...
+    """
+
+    points: Annotated[int, Within(above=0), "random inputs per function"] = 1000
+    seed: Annotated[int, Within(least=0), "of the random inputs"] = 0
+
+
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class CodeStudy(Study):
     """What was generated, and what it costs; where nothing was compared, nothing was counted.
 
-    real: the numbers that C computes with. missing: one sentence on what could not be counted, or "".
+    real: the numbers that C computes with. notes: what of the costs could not be counted.
     """
 
     real: str = "double"
-    missing: str = ""
     folder: Annotated[str | None, Quantity("", "where the code was written")] = None
     functions: Annotated[
         Mapping[str, Mapping[str, Sequence[str]]] | None,
@@ -68,14 +83,13 @@ class CodeStudy(Study):
         """The table for people."""
         if self.functions is None:
             return []
-        rows = [
+        return [
             Row("folder", self.folder),
             Row("files", sum(file != COSTS for file in self.written or ())),
             Row("numbers", self.real),
             *(Row(name, _in_words(signature)) for name, signature in self.functions.items()),
             *(Row(f"{name} costs", self._cost(name)) for name in self.text_bytes or ()),
         ]
-        return rows + ([Row("costs", self.missing)] if self.missing else [])
 
     def _cost(self, name: str) -> str:
         text, stack, instructions = (
@@ -94,7 +108,7 @@ def study(
     real: Literal["double", "float"] = "double",
     box: Mapping[str, Sequence[Sequence[float]]] | None = None,
     along: Collection[str] = (),
-    check: Verification | None = Verification(),  # noqa: B008  # frozen
+    check: Verification | None = Verification(),  # frozen
     provenance: Mapping[str, str] | None = None,
     problem: Mapping[str, Any] | None = None,
     also: Mapping[str, Check] | None = None,
@@ -191,7 +205,8 @@ def _compared(
         checks=report.checks,
         written=sorted([*(made.written or ()), COSTS]),
         points=check.points,
-        **vars(cost),
+        notes=[cost.missing] if cost.missing else [],
+        **{name: value for name, value in vars(cost).items() if name != "missing"},
     )
     return compared, cost
 

@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from ..results.folder import FolderError, Held, holding
-from .errors import GenerationError
 from .manifest import read
 from .measurement import Costs
+from .text import GenerationError
 from .toolchain import STANDARD
 
 COSTS = "costs.json"

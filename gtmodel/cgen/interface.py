@@ -10,9 +10,9 @@ from functools import cached_property
 from ..compiler.analysis.sizes import Sizes
 from ..compiler.causal import CausalFunction, Signal, c_name
 from .box import Intervals, box_of, check_names
-from .errors import GenerationError
 from .newton_stages import NewtonStage, Stages, stages
 from .real import DOUBLE, Real
+from .text import GenerationError
 
 _IDENTIFIER = re.compile(r"[A-Za-z][A-Za-z0-9]*(_[A-Za-z0-9]+)*")
 _UNITLESS = {"", "1", "?"}

@@ -11,10 +11,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ..compiler.causal import CausalFunction
-from .errors import GenerationError
 from .interface import Interface, interfaces
 from .manifest import read
-from .text import decimal
+from .text import GenerationError, decimal
 from .toolchain import SECONDS
 from .wrapper import elements
 

@@ -5,10 +5,9 @@ from __future__ import annotations
 from ..compiler.blocks import Margin
 from ..compiler.emit import express
 from ..results.status import Status
-from .errors import GenerationError
 from .interface import Interface, Member, macro, places
 from .newton_stages import NewtonStage
-from .text import comment, decimal
+from .text import GenerationError, comment, decimal
 
 _EACH_FINITE = """\
 /* 1 if all numbers at n places of so many numbers are finite. It is asked where a sum of them is not. */

@@ -13,8 +13,7 @@ from typing import Any
 from .._files import codegen_dir
 from ..cgen import GenerationError
 from ..cgen.manifest import changed_files, lacks, read, sha256
-from ..cgen.private import exposed
-from ..cgen.toolchain import STANDARD, WARNINGS, find
+from ..cgen.toolchain import STANDARD, WARNINGS, exposed, find
 from ..results.folder import unfinished
 
 ADAPTER = "gt_loop_model.c"
@@ -88,7 +87,7 @@ def build(folder: Path, place: Path, axes: int) -> Path:
     >>> gt.loop.build(Path("no_such_folder"), Path("loop"), axes=3)
     Traceback (most recent call last):
         ...
-    gtmodel.cgen.errors.GenerationError: ...
+    gtmodel.cgen.text.GenerationError: ...
     """
     content = manifest_of(folder)
     tools = find()

@@ -36,11 +36,11 @@ GAINS = {"trajectory": 0.5, "dynamics": 0.5, "replay": 0.5, "path": 1.0}
 class LoopStudy(Study):
     """Two runs of the loop, its law off and on; without quantities where they were not both made.
 
-    in_lockstep: whether they went cycle by cycle, as fast as it goes. said: what the loop said.
+    in_lockstep: whether they went cycle by cycle, as fast as it goes. notes: what the loop printed
+    for a person.
     """
 
     in_lockstep: bool = False
-    said: Sequence[str] = ()
     peer: Annotated[str, Quantity("", "protocol of the simulated controller")] = ""
     law: Annotated[str, Quantity("", "of the second run")] = ""
     plant: Annotated[str, Quantity("", "what moves the robot")] = ""
@@ -67,7 +67,6 @@ class LoopStudy(Study):
             return []
         return [
             *rows_of(self.runs, self.in_lockstep),
-            *(Row("the loop says", line) for line in self.said),
             Row("greatest speed of a cart", self.greatest_speed, "m/s"),
             Row(f"a lost robot: held for {self.hold_cycles} cycles, then braked at", self.deceleration, "m/s2"),
             Row("a lost robot: way to the stop from that speed", self.stopping_distance, "m"),
@@ -180,7 +179,7 @@ def _compared(bench: Bench, title: str) -> LoopStudy:
         title=title,
         checks=checks,
         in_lockstep=bench.in_lockstep,
-        said=list(dict.fromkeys(line for one in runs for line in one.said.splitlines())),
+        notes=list(dict.fromkeys(line for one in runs for line in one.printed.splitlines())),
         peer=bench.peer,
         law=bench.law,
         plant="rigid body under a servo" if bench.law == "dynamics" else "drives of eq. (6.11)",

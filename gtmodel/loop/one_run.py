@@ -33,12 +33,12 @@ GOING = (STATES.index("running"), STATES.index("holding"))
 
 @dataclass(frozen=True)
 class OneRun:
-    """One run: its log, the loop's report, what it said; carts and tool centre point measured (cycles, 3) [m]."""
+    """One run: its log, the loop's report, what it printed; carts and tool centre point measured (cycles, 3) [m]."""
 
     label: str
     log: bytes
     report: dict[str, Any]
-    said: str
+    printed: str
     carts_m: np.ndarray
     tcp_m: np.ndarray
 
@@ -83,11 +83,11 @@ def _once(bench: Bench, label: str, *, active: bool) -> tuple[OneRun, float]:
         else:
             done = real_time(robot, process, bench.cycles, stopped)
         report = process.finish()
-        said = process.said
+        printed = process.printed
     tcp, status = bench.forward(done.arm_m)
     if np.any(status != Status.OK):
         raise LoopError(f"{label}: the simulated robot left its workspace")
-    return OneRun(label, log.read_bytes(), report, said, done.measured_m, tcp), done.longest_gap_s
+    return OneRun(label, log.read_bytes(), report, printed, done.measured_m, tcp), done.longest_gap_s
 
 
 def _plant(bench: Bench) -> Plant:

@@ -1,4 +1,4 @@
-"""What is found on one mesh: the collocation optimum, the motion that is exported, and the checks of both."""
+"""What comes of one mesh: the collocation optimum, the motion that is exported, and the checks of both."""
 
 from __future__ import annotations
 
@@ -23,6 +23,7 @@ from .search import MotionSearch
 # the printed accuracy of these robots is a fraction of a millimetre; an input that misses by more is no plan
 END_ERROR_BOUND_M = 5e-3
 FINER = "use more mesh.elements"
+NO_EXPORT = "the optimum was found, but not the exportable motion"
 FORCE_TOLERANCE = 1e-9  # relative: the exported force keeps its limit at every instant
 SATURATED = 0.99  # of its limit: a motor is at it
 CROSS_CHECK_TOLERANCE = 1e-3  # relative: of the final time along a path, by collocation and by squared speeds
@@ -43,22 +44,17 @@ class Exported:
     defect: float
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class MotionFailure:
-    """There is no motion to export: the solution that comes nearest, and what was missed, in words before its own."""
+    """There is no motion to export: the solution that comes nearest, and what was missed."""
 
     solution: Solution
-    lead: str = ""
-    hint: str = ""
-
-    @property
-    def message(self) -> str:
-        return self.lead + self.solution.message + self.hint
+    message: str
 
 
 @dataclass(frozen=True, kw_only=True)
 class MotionOutcome:
-    """What was found on one mesh. optima: costs of the different optima, best first. second: final time along the path
+    """What came of one mesh. optima: costs of the different optima, best first. second: final time along the path
     by squared speeds [s]."""
 
     plan: MotionPlan
@@ -91,21 +87,23 @@ def on_this_mesh(
     """The optimum re-simulated, and the exported motion."""
     tried = resimulate(solution)
     if tried.trajectory is None:
-        return MotionFailure(solution=solution, lead=f"the optimum cannot be re-simulated: {tried.message}; ")
+        message = f"the optimum cannot be re-simulated: {tried.message}; {solution.message}"
+        return MotionFailure(solution, message)
     second = None
     if plan.path is not None and not plan.smooth:
         motion, second = plan.followed(search.work), plan.cross_check(CROSS_CHECK_INTERVALS)
         search.iterations += motion.iterations
         if not motion.status.converged:
-            lead = f"the optimum was found, but not the exportable motion: {motion.message}; "
-            return MotionFailure(solution=solution, lead=lead)
+            message = f"{NO_EXPORT}: {motion.message}; {solution.message}"
+            return MotionFailure(solution, message)
         exported = _followed(plan, motion)
     else:
         constant, run = search.exportable_tried(solution, tried)
         if not constant.status.converged:
-            return MotionFailure(solution=constant, lead="the optimum was found, but not the exportable motion: ")
+            return MotionFailure(constant, f"{NO_EXPORT}: {constant.message}")
         if run.trajectory is None:
-            return MotionFailure(solution=constant, lead=f"the exported motion cannot be re-simulated: {run.message}; ")
+            message = f"the exported motion cannot be re-simulated: {run.message}; {constant.message}"
+            return MotionFailure(constant, message)
         exported = _resimulated(plan, constant, run)
     checks = _checks(plan, solution, tried, exported, second)
     return MotionOutcome(

@@ -204,7 +204,7 @@ def solved(problem: MotionProblem, work: Work, earlier: Trajectory | None = None
     solution = search.optimum()
     if not solution.status.converged:
         stopped = solution.status is SolveStatus.INTERRUPTED
-        return _failed(search, MotionFailure(solution=solution, hint="" if stopped else plan.hint()))
+        return _failed(search, MotionFailure(solution, solution.message + ("" if stopped else plan.likely_cause())))
     guesses = plan.further_guesses()
     others = search.from_starts(guesses)
     optima = _different([solution, *others])

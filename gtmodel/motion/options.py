@@ -9,9 +9,15 @@ from typing import Annotated, Literal
 import numpy as np
 
 from ..results.options import Long, Options, Unit, Within
-from .solver_options import Barrier, MostElements
 
 At = Literal["velocity", "acceleration"]
+Barrier = Annotated[
+    Literal["auto", "adaptive", "monotone"],
+    "how IPOPT lowers its barrier; auto: adaptive, and monotone where that fails",
+]
+MostElements = Annotated[
+    int, Within(above=0, most=10000), "where a check fails the mesh is refined, to at most so many elements"
+]
 
 
 @dataclass(frozen=True)

@@ -69,7 +69,7 @@ class MotionPlan:
         guess = self.earlier or line_guess(inverse, self.start, self.goal, self.problem.limits.force)
         return MotionSearch(self.problem, work, guess, bare_guess(self.start, self.goal), self.guard)
 
-    def hint(self) -> str:
+    def likely_cause(self) -> str:
         """What may be wrong with a problem that was not solved; empty where nothing shows."""
         limit = self.problem.limits.force
         _, s, _, _ = trapezoid(21)

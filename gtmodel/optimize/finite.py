@@ -6,8 +6,8 @@ import casadi as ca
 import numpy as np
 
 from ..compiler.rewriting import of_expression
+from .formulation.system import on_rows
 from .nlp import Nlp, instants, placed
-from .rows import on_rows
 from .solution import constants, mesh_fractions, states_and_controls
 
 SIGNS = {ca.OP_DIV: "/", ca.OP_MUL: "*", ca.OP_ADD: "+", ca.OP_SUB: "-", ca.OP_POW: "**", ca.OP_CONSTPOW: "**"}

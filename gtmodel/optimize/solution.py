@@ -15,11 +15,10 @@ from ..results.status import SolveStatus
 from ..results.trajectory import Trajectory
 from .formulation.dynamic import DynamicProblem
 from .formulation.quadratures import summed
-from .formulation.system import RateSystem
+from .formulation.system import RateSystem, on_rows
 from .ipopt import SolverRun
 from .mesh import ROUND_OFF, Mesh
 from .nlp import Nlp, placed
-from .rows import on_rows
 from .tables import basis, basis_slope
 
 if TYPE_CHECKING:

@@ -160,7 +160,7 @@ def test_stopped_before_a_plan_it_says_so(l1) -> None:
 
 def test_a_mesh_too_coarse_for_the_swing_is_named(found, coarse) -> None:
     # 24 elements in 1.1 s leave 3 % of the swing to the plan; 40 follow it
-    assert len(coarse.coarse) == 1 and coarse.coarse[0] in [row.value for row in coarse.rows]
-    assert "24" in coarse.coarse[0] and "34" in coarse.coarse[0] and not found.coarse
+    assert len(coarse.notes) == 1 and coarse.notes[0] in str(coarse)
+    assert "24" in coarse.notes[0] and "34" in coarse.notes[0] and not found.notes
     (stiff,) = plans.too_coarse(replace(TOOL, frequency=1000.0), ElasticMesh(40), 1.1)
     assert "so stiff" in stiff and plans.too_coarse(TOOL, ElasticMesh(40), 1.1) == []

@@ -40,7 +40,7 @@ PATH_M = 1e-6  # round-off of the same equations
 
 @dataclass(frozen=True)
 class AxisOutcome:
-    """What was found on one mesh."""
+    """What came of one mesh."""
 
     mesh: AxisMesh
     solution: Solution

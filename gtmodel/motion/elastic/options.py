@@ -8,7 +8,7 @@ from typing import Annotated
 import numpy as np
 
 from ...results import Options, Unit, Within
-from ..solver_options import Barrier, MostElements
+from ..options import Barrier, MostElements
 
 MOST_ELEMENTS = 1000
 GRAVITY = 9.81

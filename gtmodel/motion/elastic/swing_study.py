@@ -34,8 +34,8 @@ ASSUMED = (
 class ElasticStudy(Study):
     """How an elastic tool swings after each of several motions; where a plan was not found there are no values.
 
-    force: limit of the motors [N]. coarse: sentences on a mesh that is too coarse for the oscillation. refined: whether
-    the mesh is finer than the given one.
+    force: limit of the motors [N]. notes: where a mesh is too coarse for the oscillation. refined: whether the mesh is
+    finer than the given one.
     """
 
     motions: Annotated[
@@ -62,7 +62,6 @@ class ElasticStudy(Study):
         ),
     ] = None
     force: float = np.inf
-    coarse: Sequence[str] = ()
     refined: bool = False
 
     @property
@@ -79,7 +78,6 @@ class ElasticStudy(Study):
             Row("the tool hangs by", 1e3 * self.static, "mm"),
             Row("elastic plan, re-simulated: tool off", 1e3 * self.resimulated_end, "mm"),
         ]
-        rows += [Row("look at this", sentence) for sentence in self.coarse]
         if self.refined:
             rows.append(Row("elements of the mesh, refined", self.elements))
         for name, m in self.motions.items():
@@ -171,7 +169,7 @@ def _study_of(outcome: Plans, iterations: int, mended: str, trouble: str, title:
         elements=outcome.mesh.elements,
         resimulated_end=outcome.left,
         force=task.force,
-        coarse=too_coarse(tool, outcome.mesh, elastic.final_time),
+        notes=too_coarse(tool, outcome.mesh, elastic.final_time),
         refined=bool(mended),
         trajectory=elastic.trajectory,
         machine_files=(TRAJECTORY,),

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 
-from ..rows import on_rows
 from .dynamic import DynamicProblem
 
 STEPS = 20
@@ -116,3 +116,12 @@ class RateSystem:
 def _stacked(side_by_side: np.ndarray, n: int, width: int) -> np.ndarray:
     """Matrices (r, n * width) as (n, r, width)."""
     return side_by_side.reshape(len(side_by_side), n, width).transpose(1, 0, 2)
+
+
+def on_rows(
+    f: ca.Function, rows: Sequence[np.ndarray], P: np.ndarray, times: np.ndarray, *more: np.ndarray
+) -> list[np.ndarray]:
+    """Results (r, n) of f for n instants side by side; `rows` and `more` (n, ...) stand before and behind P and t."""
+    n = len(times)
+    before, behind = ([ca.DM(a.T) for a in arguments] for arguments in (rows, more))
+    return [v.full() for v in f.map(n).call([*before, ca.repmat(ca.DM(P), 1, n), ca.DM(times).T, *behind])]

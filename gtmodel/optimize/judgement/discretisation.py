@@ -15,10 +15,9 @@ import numpy as np
 
 from ...results.status import SolveStatus
 from ..formulation.dynamic import DynamicProblem
-from ..formulation.system import RateSystem
+from ..formulation.system import RateSystem, on_rows
 from ..mesh import Mesh
 from ..nlp import Nlp, placed
-from ..rows import on_rows
 from ..shooting import TOLERANCE
 from ..solution import Check, Solution, constants, horizon
 from ..tables import CollocationTable, basis, basis_slope, table

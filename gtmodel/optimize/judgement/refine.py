@@ -12,10 +12,9 @@ from numpy.polynomial import legendre
 from ...lang.optimization import Delayed, Optimization
 from ...lang.source import ModelError
 from ..element import of_states
-from ..formulation.system import RateSystem
+from ..formulation.system import RateSystem, on_rows
 from ..mesh import Mesh, given_mesh
 from ..nlp import placed
-from ..rows import on_rows
 from ..solution import Solution, constants, states_and_controls
 from ..solve import NotSolved, solve
 from .discretisation import COST, NAME, discretisation

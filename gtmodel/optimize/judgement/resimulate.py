@@ -14,10 +14,9 @@ from ...results.status import SolveStatus
 from ...results.trajectory import Trajectory
 from ..element import pointwise
 from ..formulation.dynamic import DynamicProblem
-from ..formulation.system import RateSystem
+from ..formulation.system import RateSystem, on_rows
 from ..mesh import Mesh
 from ..nlp import Nlp, placed
-from ..rows import on_rows
 from ..solution import Solution, constants, horizon, named, states_and_controls, totals
 from .overshoot import control_range
 
