@@ -38,7 +38,18 @@ class _Place:
 
 
 def plan_of(problem: AxisProblem) -> AxisPlan:
-    """The plan of a problem. Raises ArgumentError."""
+    """The plan of a problem. Raises ArgumentError.
+
+    >>> end = gt.motion.AxisEnd([0.72, 0.26, 0.21], [0.1, 0.0, 0.0])
+    >>> problem = gt.motion.axes.AxisProblem(
+    ...     robot=gt.robots.catalogue.make("f1"), start=end, goal=end,
+    ...     limits=gt.motion.AxisLimits(force=1000.0, torque=40.0),
+    ... )
+    >>> gt.motion.axes.plan_of(problem)
+    Traceback (most recent call last):
+        ...
+    gtmodel.results.refusal.ArgumentError: start.axes: q5 = 0 is not -q4 = -5.72958 degrees; ...
+    """
     robot = problem.robot
     if not isinstance(robot, F1):
         raise ArgumentError(

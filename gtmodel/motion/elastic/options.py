@@ -16,7 +16,12 @@ GRAVITY = 9.81
 
 @dataclass(frozen=True)
 class ElasticTool(Options):
-    """A tool as a mass on a spring at the plate, equally stiff in all directions."""
+    """A tool as a mass on a spring at the plate, equally stiff in all directions.
+
+    >>> tool = gt.motion.elastic.ElasticTool(mass=5.0, frequency=6.0, damping=0.02)
+    >>> round(tool.stiffness), round(1e3 * tool.sag, 1)  # [N/m], [mm]
+    (7106, 6.9)
+    """
 
     mass: Annotated[
         float, Unit("kg"), Within(above=0.0), "mass of what swings; the plans with a rigid tool carry it as payload"
@@ -37,7 +42,13 @@ class ElasticTool(Options):
 
 @dataclass(frozen=True)
 class ElasticCost(Options):
-    """What is minimised: final time plus weighted energy."""
+    """What is minimised: final time plus weighted energy.
+
+    >>> gt.motion.elastic.ElasticCost(energy=-1.0)
+    Traceback (most recent call last):
+        ...
+    gtmodel.results.refusal.ArgumentError: energy: must be at least 0; found -1
+    """
 
     energy: Annotated[float, Within(least=0.0), "weight w of sum int (F / force_unit_N)^2"] = 0.01
     force_unit: Annotated[float, Unit("N"), Within(above=0.0), "unit of force in the energy"] = 112.90322580645162
@@ -45,7 +56,13 @@ class ElasticCost(Options):
 
 @dataclass(frozen=True)
 class ElasticMesh(Options):
-    """Where the equations are collocated (Radau, three points per element)."""
+    """Where the equations are collocated (Radau, three points per element).
+
+    >>> gt.motion.elastic.ElasticMesh(elements=2000)
+    Traceback (most recent call last):
+        ...
+    gtmodel.results.refusal.ArgumentError: elements: must be more than 0 and at most 1000; found 2000
+    """
 
     elements: Annotated[int, Within(above=0, most=MOST_ELEMENTS), "number of elements of the horizon"] = 40
     most_elements: MostElements = 160
@@ -53,6 +70,12 @@ class ElasticMesh(Options):
 
 @dataclass(frozen=True)
 class ElasticSolver(Options):
-    """How the plans are found."""
+    """How the plans are searched.
+
+    >>> gt.motion.elastic.ElasticSolver(barrier="slow")
+    Traceback (most recent call last):
+        ...
+    gtmodel.results.agreement.WrongKind: barrier: expected one of auto, adaptive, monotone; found 'slow'
+    """
 
     barrier: Barrier = "auto"

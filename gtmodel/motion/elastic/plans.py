@@ -120,7 +120,7 @@ class Plans:
 
 @dataclass(frozen=True)
 class PlansFailure:
-    """Why one of the plans was not found, and the iterations of all."""
+    """Why one of the plans was not solved, and the iterations of all."""
 
     status: SolveStatus
     message: str
@@ -128,7 +128,18 @@ class PlansFailure:
 
 
 def plans_on(mesh: ElasticMesh, task: ElasticTask, before: Plans | None, work: Work) -> Plans | PlansFailure:
-    """The plans on a mesh, from those before, and what they leave; why not where one is not found."""
+    """The plans on a mesh, begun from those before, and what they leave; why not where one of them is not solved.
+
+    >>> from gtmodel.motion.elastic import ElasticCost, ElasticMesh, ElasticSolver, ElasticTask, ElasticTool, plans_on
+    >>> tool = ElasticTool(mass=5.0, frequency=6.0, damping=0.02)
+    >>> task = ElasticTask(
+    ...     robot=gt.robots.gantry_tau("l1_tape"), start=[0.0, -0.9, 0.1], goal=[0.2, -0.9, 0.2],
+    ...     tool=tool, force=700.0, cost=ElasticCost(), solver=ElasticSolver(),
+    ... )
+    >>> plans = plans_on(ElasticMesh(elements=8), task, None, gt.results.Work())
+    >>> plans.table["ZV"]["residual_mm"] < 1e-3 * plans.table["rigid"]["residual_mm"]
+    True
+    """
 
     def planned(model: Optimization, stage: str, guess: Any) -> Solution:
         # forces keep their limit at every instant; the plan is judged by its re-simulation

@@ -45,7 +45,18 @@ def sampled(solution: Solution, tool: ElasticTool) -> Trajectory:
 
 def swing(plate: Trajectory, tool: ElasticTool) -> tuple[Array, Array]:
     """Times and offsets (n, 3) [m] of the tool during the motion and AFTER periods after it, integrated exactly for
-    velocities linear between samples."""
+    velocities linear between samples.
+
+    plate: its velocity "der(T)" (n, 3) [m/s] at least, from rest to rest.
+
+    >>> t = np.linspace(0.0, 0.5, 101)
+    >>> velocity = np.outer(np.sin(np.pi * t / 0.5), [0.2, 0.0, 0.0])
+    >>> plate = gt.Trajectory(t, {"der(T)": velocity}, {"der(T)": "m/s"})
+    >>> tool = gt.motion.elastic.ElasticTool(mass=5.0, frequency=6.0)
+    >>> time, offset = gt.motion.elastic.swing(plate, tool)
+    >>> (1e3 * np.abs(offset[time > 0.5]).max(axis=0)).round(2)  # [mm], undamped
+    array([1.82, 0.  , 0.  ])
+    """
     from scipy.signal import StateSpace, lsim
 
     w = 2 * np.pi * tool.frequency
